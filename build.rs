@@ -1,0 +1,4 @@
+//! Compiles the shaders.
+fn main() {
+    let _ = shaderc::Compiler::new();
+}

@@ -1,0 +1,11 @@
+//! ashfall: a Vulkan-native 3D Gaussian splatting engine.
+//!
+//! It trains scenes from photographs and renders them on any Vulkan 1.3 device, a software one
+//! included: [`io`] reads data sets into [`scene`], `train` fits splats to them, `render` draws them.
+
+#![deny(unsafe_code)]
+
+pub mod error;
+pub mod scene;
+
+pub use error::{Error, Result};

@@ -1,0 +1,3 @@
+//! The `ashfall` binary.
+
+fn main() {}
