@@ -7,5 +7,6 @@
 
 pub mod error;
 pub mod scene;
+pub mod shader;
 
 pub use error::{Error, Result};
