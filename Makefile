@@ -1,0 +1,19 @@
+# The two commands are `make demo` and `make test`; both first install what is missing.
+
+.PHONY: demo test bench setup
+
+# Trains the built-in scene, renders its test views and says which pictures to look at.
+demo: setup
+	cargo run --release -- demo
+
+# Everything that is checked before a change is merged.
+test: setup
+	cargo fmt --check
+	cargo clippy --all-targets -- -D warnings
+	cargo test
+
+bench: setup
+	cargo bench
+
+setup:
+	@scripts/setup
