@@ -1,6 +1,7 @@
 //! A data set: views with cameras and photographs, and a sparse point set.
 
 use super::Camera;
+use glam::DVec3;
 use std::path::PathBuf;
 
 /// A coloured point of the sparse reconstruction.
@@ -94,6 +95,11 @@ pub struct Dataset {
     pub points: Vec<Point>,
     /// Every `test_every`-th view, from the first, is a test view; 0: none is.
     pub test_every: usize,
+    /// Indices of the test views where the data set itself names them (Blender's
+    /// `transforms_test.json`), ascending; `test_every` is then not used.
+    pub held_out: Vec<usize>,
+    /// What the photographs' alpha channels mean.
+    pub alpha: AlphaMode,
     /// What was repaired or left out on loading, one sentence each.
     pub warnings: Vec<String>,
 }
@@ -101,7 +107,43 @@ pub struct Dataset {
 impl Dataset {
     /// Whether view `index` is held out.
     pub fn is_test(&self, index: usize) -> bool {
-        self.test_every > 0 && index.is_multiple_of(self.test_every)
+        if self.held_out.is_empty() {
+            self.test_every > 0 && index.is_multiple_of(self.test_every)
+        } else {
+            self.held_out.binary_search(&index).is_ok()
+        }
+    }
+
+    /// The size of the scene in world units, for step sizes and the near plane: 1.1 times the
+    /// largest distance of a training camera from their mean (3DGS, `getNerfppNorm`). Where all
+    /// cameras stand in one place it is 1.1 times the median distance of the points from there,
+    /// and 1 if there are no points either.
+    pub fn extent(&self) -> f64 {
+        let centers: Vec<DVec3> = self
+            .split(Split::Train)
+            .into_iter()
+            .map(|i| self.views[i].camera.position)
+            .collect();
+        if centers.is_empty() {
+            return 1.0;
+        }
+        let mean = centers.iter().sum::<DVec3>() / centers.len() as f64;
+        let radius = centers.iter().map(|c| c.distance(mean)).fold(0.0, f64::max);
+        // Rounding of the mean leaves a little distance between equal centres.
+        if radius > 1e-9 * (1.0 + mean.length()) {
+            return 1.1 * radius;
+        }
+        let mut distances: Vec<f64> = self
+            .points
+            .iter()
+            .map(|p| DVec3::from(p.position.map(f64::from)).distance(mean))
+            .filter(|d| *d > 0.0)
+            .collect();
+        if distances.is_empty() {
+            return 1.0;
+        }
+        let middle = distances.len() / 2;
+        1.1 * *distances.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
     /// Indices of the views of a split, ascending.

@@ -6,8 +6,10 @@
 
 mod camera;
 mod dataset;
+mod mesh;
 mod splats;
 
 pub use camera::Camera;
 pub use dataset::{AlphaMode, Dataset, Distortion, Photo, PhotoSource, Point, Split, View};
+pub use mesh::Mesh;
 pub use splats::{RenderMode, SH_C0, Splats, sh_coefficient_count};
