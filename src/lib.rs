@@ -6,6 +6,7 @@
 #![deny(unsafe_code)]
 
 pub mod error;
+pub mod metrics;
 pub mod scene;
 pub mod shader;
 

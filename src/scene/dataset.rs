@@ -58,6 +58,34 @@ pub struct Photo {
     pub rgba: Vec<[u8; 4]>,
 }
 
+impl Photo {
+    /// The 8-bit level that stands for a colour value of 0 to 1: rounded half up, never truncated, so
+    /// that no half level is lost on average. What is below, above or not a number becomes 0, 255, 0.
+    pub fn level(value: f32) -> u8 {
+        (value.clamp(0.0, 1.0) * 255.0).round() as u8
+    }
+
+    /// An opaque photograph of `width * height` colours, rows from the top.
+    pub fn from_rgb(width: u32, height: u32, rgb: &[[f32; 3]]) -> Photo {
+        assert_eq!(rgb.len(), width as usize * height as usize);
+        let opaque = |c: &[f32; 3]| {
+            let [r, g, b] = c.map(Photo::level);
+            [r, g, b, 255]
+        };
+        Photo {
+            width,
+            height,
+            rgba: rgb.iter().map(opaque).collect(),
+        }
+    }
+
+    /// Colours as values of 0 to 1, alpha left aside.
+    pub fn rgb(&self) -> Vec<[f32; 3]> {
+        let value = |c: &[u8; 4]| [c[0], c[1], c[2]].map(|level| f32::from(level) / 255.0);
+        self.rgba.iter().map(value).collect()
+    }
+}
+
 /// Where a photograph comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhotoSource {

@@ -1,0 +1,122 @@
+//! How near a rendering comes to a photograph: PSNR and SSIM, on float images and on 8-bit ones.
+//!
+//! Both figures are taken over the three colour channels of display-referred values, as they stand
+//! in the photograph (0 to 1, not linearised). All sums are `f64`, in an order that does not depend
+//! on the number of threads.
+//!
+//! The float figures judge what was rendered, unclamped; the 8-bit figures judge what a viewer or a
+//! PNG file shows of it, each channel clamped and rounded half up to one of 256 levels. A pixel that
+//! is not a number makes the figures not a number: a broken rendering has no score.
+//!
+//! **Invariant:** works on plain images; knows of no file and no device.
+
+mod psnr;
+mod ssim;
+
+#[cfg(test)]
+mod tests;
+
+pub use psnr::{mean_squared_error, psnr_db};
+pub use ssim::{SSIM_RADIUS, SSIM_SIGMA, ssim, ssim_window};
+
+use crate::scene::Photo;
+
+/// A borrowed RGB image.
+#[derive(Clone, Copy, Debug)]
+pub struct Image<'a> {
+    width: usize,
+    height: usize,
+    rgb: &'a [[f32; 3]],
+}
+
+impl<'a> Image<'a> {
+    /// `width * height` colours, `[row][column]`, rows from the top.
+    pub fn new(width: u32, height: u32, rgb: &'a [[f32; 3]]) -> Image<'a> {
+        let (width, height) = (width as usize, height as usize);
+        assert_eq!(rgb.len(), width * height, "{width} × {height} colours");
+        Image { width, height, rgb }
+    }
+
+    /// The image as 8 bits a channel show it, as values of 0 to 1 again; what is not a number stays so.
+    fn rounded(&self) -> Vec<[f32; 3]> {
+        let round = |value: f32| match value.is_nan() {
+            true => value,
+            false => f32::from(Photo::level(value)) / 255.0,
+        };
+        self.rgb.iter().map(|c| c.map(round)).collect()
+    }
+}
+
+/// Two images to be compared and the weight of each pixel.
+fn check(a: Image<'_>, b: Image<'_>, weights: Option<&[f32]>) {
+    assert_eq!((a.width, a.height), (b.width, b.height), "image sizes");
+    if let Some(weights) = weights {
+        assert_eq!(weights.len(), a.rgb.len(), "one weight a pixel");
+    }
+}
+
+/// PSNR and SSIM of one image or the mean over several.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Score {
+    /// Peak signal-to-noise ratio in decibels, peak 1; infinite for equal images.
+    pub psnr_db: f64,
+    /// Structural similarity, 1 for equal images.
+    pub ssim: f64,
+}
+
+/// The score of an image as rendered, and as 8 bits show it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scores {
+    /// Of the float values, unclamped.
+    pub float: Score,
+    /// Of both images rounded to 8 bits a channel.
+    pub rounded: Score,
+}
+
+/// Scores `rendered` against `photo`. `weights` is a mask or a coverage of each pixel, 0 to 1: it
+/// weighs the squared errors and the values of the SSIM map, whose windows still see every pixel.
+pub fn compare(rendered: Image<'_>, photo: Image<'_>, weights: Option<&[f32]>) -> Scores {
+    let score = |a, b| Score {
+        psnr_db: psnr_db(a, b, weights),
+        ssim: ssim(a, b, weights),
+    };
+    let (a, b) = (rendered.rounded(), photo.rounded());
+    let rounded = |rgb| Image { rgb, ..rendered };
+    Scores {
+        float: score(rendered, photo),
+        rounded: score(rounded(&a), rounded(&b)),
+    }
+}
+
+/// The mean over views of each figure (of decibels, not of errors), as papers report it. Zeros for
+/// no views.
+pub fn mean(scores: &[Scores]) -> Scores {
+    let count = scores.len().max(1) as f64;
+    let over = |figure: fn(&Scores) -> f64| scores.iter().map(figure).sum::<f64>() / count;
+    Scores {
+        float: Score {
+            psnr_db: over(|s| s.float.psnr_db),
+            ssim: over(|s| s.float.ssim),
+        },
+        rounded: Score {
+            psnr_db: over(|s| s.rounded.psnr_db),
+            ssim: over(|s| s.rounded.ssim),
+        },
+    }
+}
+
+/// Σ weight · value / Σ weight over pixels, in pixel order; NaN where no pixel has weight. A pixel
+/// without weight does not count, whatever its value.
+fn weighted_mean(values: &[f64], weights: Option<&[f32]>) -> f64 {
+    let Some(weights) = weights else {
+        return values.iter().sum::<f64>() / values.len() as f64;
+    };
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (value, &weight) in values.iter().zip(weights) {
+        if weight > 0.0 {
+            sum += f64::from(weight) * value;
+            total += f64::from(weight);
+        }
+    }
+    sum / total
+}
