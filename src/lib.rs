@@ -6,6 +6,8 @@
 #![deny(unsafe_code)]
 
 pub mod error;
+pub mod kernels;
+pub mod layout;
 pub mod metrics;
 pub mod scene;
 pub mod shader;

@@ -1,0 +1,83 @@
+//! The generator behind `build.rs`: shaders declare, the host is derived.
+//!
+//! `compile` makes SPIR-V, `reflect` reads a `model` out of it, `kernel` checks what variants must share,
+//! `emit_*` write Rust. `source` supplies what SPIR-V forgets: line numbers for the messages, comments
+//! for the documentation.
+
+mod compile;
+mod constants;
+mod emit_kernels;
+mod emit_layout;
+mod kernel;
+mod model;
+mod reflect;
+#[path = "../src/shader/mod.rs"]
+#[allow(
+    dead_code,
+    unreachable_pub,
+    reason = "the crate's own module; here only its small enums are used"
+)]
+mod shader;
+mod source;
+mod spirv;
+
+use kernel::Kernel;
+use std::path::Path;
+
+/// Compiles every `*.comp` in `glsl` and writes `layout.rs`, `kernels.rs` and the modules into `out`.
+///
+/// # Errors
+///
+/// All that is wrong, one `file:line: message` each.
+pub(crate) fn generate(glsl: &Path, out: &Path) -> Result<(), Vec<String>> {
+    let lone = |error: std::io::Error| vec![format!("{}: {error}", glsl.display())];
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(glsl).map_err(lone)? {
+        files.push(
+            entry
+                .map_err(lone)?
+                .file_name()
+                .to_string_lossy()
+                .into_owned(),
+        );
+    }
+    let mut kernels = Vec::new();
+    let mut faults = Vec::new();
+    for (name, variants) in kernel::group(files)? {
+        match Kernel::build(glsl, &name, &variants) {
+            Ok(kernel) => kernels.push(kernel),
+            Err(more) => faults.extend(more),
+        }
+    }
+    let layout = layout(glsl, &kernels, &mut faults)?;
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let write = |name: &str, bytes: &[u8]| {
+        let path = out.join(name);
+        std::fs::write(&path, bytes).map_err(|error| vec![format!("{}: {error}", path.display())])
+    };
+    for kernel in &kernels {
+        for variant in &kernel.variants {
+            let bytes: Vec<u8> = variant.spirv.iter().flat_map(|w| w.to_le_bytes()).collect();
+            write(&emit_kernels::spirv_file(kernel, variant), &bytes)?;
+        }
+    }
+    write("layout.rs", layout.as_bytes())?;
+    write("kernels.rs", emit_kernels::kernels(&kernels).as_bytes())
+}
+
+fn layout(
+    glsl: &Path,
+    kernels: &[Kernel],
+    faults: &mut Vec<String>,
+) -> Result<String, Vec<String>> {
+    const CONSTANTS: &str = "shared/constants.glsl";
+    let constants = match std::fs::read_to_string(glsl.join(CONSTANTS)) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+        Err(error) => return Err(vec![format!("glsl/{CONSTANTS}: {error}")]),
+    };
+    let constants = source::File::new(&format!("glsl/{CONSTANTS}"), &constants);
+    Ok(constants::emit(&constants, faults) + "\n" + &emit_layout::structs(kernels, faults))
+}
