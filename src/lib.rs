@@ -11,5 +11,6 @@ pub mod layout;
 pub mod metrics;
 pub mod scene;
 pub mod shader;
+pub mod train;
 
 pub use error::{Error, Result};

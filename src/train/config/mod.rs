@@ -1,0 +1,306 @@
+//! Every constant of training, with its unit and where it comes from; nothing else in `train` has one.
+//!
+//! "3DGS" is Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023, whose
+//! timetables are for 30,000 iterations; "MCMC" is Kheradmand et al., "3D Gaussian Splatting as Markov
+//! Chain Monte Carlo", 2024. [`TrainConfig::for_iterations`] says how the timetables follow the length.
+
+mod validate;
+
+use serde::{Deserialize, Serialize};
+
+/// How splats are added and removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StrategyKind {
+    /// Adaptive density control of 3DGS: clone, split, prune, reset opacities.
+    #[default]
+    Adc,
+    /// MCMC: dead splats move to live ones, the count grows to a cap, positions are perturbed.
+    Mcmc,
+}
+
+/// What is behind the splats while training.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Background {
+    /// One colour, 0 to 1.
+    Fixed([f32; 3]),
+    /// Another colour each step: punishes holes, for photographs with alpha.
+    Random,
+}
+
+/// Everything that decides a training run but the data set and the device.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainConfig {
+    /// Optimisation steps, one photograph each. 30,000 in 3DGS.
+    pub iterations: u32,
+    /// Key of all random numbers.
+    pub seed: u64,
+    /// How splats are added and removed.
+    pub strategy: StrategyKind,
+    /// No more splats than this. `None`: as many as density control asks for (3DGS); with MCMC
+    /// [`McmcConfig::default_cap`].
+    pub max_splats: Option<u32>,
+    /// Highest spherical-harmonic degree trained, 0 to 3 (3DGS: 3).
+    pub sh_degree: u32,
+    /// The iterations from which degrees 1, 2 and 3 are trained, of a run of 30,000: 1,000, 5,000 and
+    /// 10,000 (METHODS of the project's design; the 3DGS code: every 1,000).
+    pub sh_degree_from: [u32; 3],
+    /// Weight λ of 1 − SSIM in the loss (1 − λ) L1 + λ (1 − SSIM); 0.2, 3DGS section 5.
+    pub lambda_dssim: f32,
+    /// Step sizes of the optimiser.
+    pub rates: LearningRates,
+    /// Constants of the optimiser.
+    pub adam: AdamConfig,
+    /// When splats are added and removed.
+    pub refine: RefineTimes,
+    /// Constants of adaptive density control.
+    pub adc: AdcConfig,
+    /// Constants of MCMC.
+    pub mcmc: McmcConfig,
+    /// What training starts from.
+    pub init: InitConfig,
+    /// What is behind the splats.
+    pub background: Background,
+    /// Splats nearer than this share of the scene extent are not drawn; 0.01 (3DGS: 0.2 world units,
+    /// which is a hidden assumption on the world's unit).
+    pub near_factor: f32,
+}
+
+/// Step sizes of Adam, one per parameter group (3DGS, its code's defaults).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LearningRates {
+    /// Of the means at the first iteration, in scene extents: 1.6e-4.
+    pub mean_start: f32,
+    /// Of the means at the last iteration, in scene extents: 1.6e-6; between them exponential.
+    pub mean_end: f32,
+    /// Of the quaternions: 1e-3.
+    pub quaternion: f32,
+    /// Of the log-scales: 5e-3.
+    pub log_scale: f32,
+    /// Of the opacity logits: 0.05 (0.025 in later versions of the 3DGS code).
+    pub opacity: f32,
+    /// Of the constant colour coefficient: 2.5e-3.
+    pub sh_dc: f32,
+    /// Of the other colour coefficients: `sh_dc` / 20.
+    pub sh_rest: f32,
+}
+
+/// Constants of Adam (Kingma and Ba 2014; epsilon after 3DGS).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AdamConfig {
+    /// Decay of the first moment a step: 0.9.
+    pub beta1: f32,
+    /// Decay of the second moment a step: 0.999.
+    pub beta2: f32,
+    /// Added to the root of the second moment: 1e-15, because gradients of single splats are tiny.
+    pub epsilon: f32,
+}
+
+/// When splats are added and removed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RefineTimes {
+    /// Not at or before this iteration: 500 of 30,000.
+    pub from: u32,
+    /// Not at or after this iteration: half of the run (ADC), 25,000 of 30,000 (MCMC).
+    pub until: u32,
+    /// Every so many iterations: 100.
+    pub every: u32,
+}
+
+/// Adaptive density control (3DGS section 5.2 and its code).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AdcConfig {
+    /// Mean norm of the loss gradient on a splat's screen position, per normalised device coordinate
+    /// (pixel gradient × half the image size), from which it is cloned or split: 2e-4.
+    pub grad_threshold: f32,
+    /// Cloned up to this largest standard deviation in scene extents, split above: 0.01.
+    pub dense_fraction: f32,
+    /// A split splat's standard deviations are divided by this: 1.6 = 0.8 · 2 children.
+    pub split_factor: f32,
+    /// Removed below this opacity: 0.005.
+    pub prune_opacity: f32,
+    /// Removed above this standard deviation in scene extents: 0.1.
+    pub prune_scale: f32,
+    /// Removed where it ever covered more than this radius in pixels since the last refinement; 0:
+    /// never. 3DGS names 20, but its code forgets the radii before the test, so its results are
+    /// those of never.
+    pub prune_radius_px: f32,
+    /// `prune_scale` and `prune_radius_px` act after this iteration: 3,000, the first opacity reset.
+    pub prune_big_from: u32,
+    /// Opacities are lowered every so many iterations while refining, 0: never; 3,000.
+    pub opacity_reset_every: u32,
+    /// The opacity they are lowered to: 0.01.
+    pub opacity_reset_value: f32,
+}
+
+/// Markov chain Monte Carlo (MCMC and its code).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct McmcConfig {
+    /// Splats at most where [`TrainConfig::max_splats`] is not given: 1,000,000.
+    pub default_cap: u32,
+    /// Noise on the means in units of their learning rate, at the reference extent: 5e5.
+    pub noise_rate: f32,
+    /// Weight of the mean opacity in the loss: 0.01.
+    pub opacity_regularization: f32,
+    /// Weight of the mean standard deviation in the loss, at the reference extent: 0.01.
+    pub scale_regularization: f32,
+    /// World units of scene extent for which the published noise and scale weights were chosen: 5, that
+    /// of the Mip-NeRF 360 scenes. At other extents both follow the unit, so that a scene and its
+    /// scaled copy train alike.
+    pub reference_extent: f32,
+    /// The count grows by this factor a refinement, up to the cap: 1.05.
+    pub growth: f32,
+    /// A splat up to this opacity is dead and moves: 0.005.
+    pub min_opacity: f32,
+}
+
+/// What training starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InitConfig {
+    /// Opacity of the first splats: 0.1 (3DGS), 0.5 (MCMC).
+    pub opacity: f32,
+    /// Their standard deviation in mean distances to the three nearest points: 1 (3DGS), 0.1 (MCMC).
+    pub scale_factor: f32,
+    /// How many are placed in the cameras' frusta where the data set has no points: 100,000 (3DGS for
+    /// Blender scenes).
+    pub random_count: u32,
+}
+
+/// The length of run that the published timetables are for.
+const PUBLISHED_ITERATIONS: u64 = 30_000;
+
+impl Default for TrainConfig {
+    fn default() -> TrainConfig {
+        TrainConfig::for_iterations(PUBLISHED_ITERATIONS as u32)
+    }
+}
+
+impl TrainConfig {
+    /// Adaptive density control with timetables for a run of `iterations`.
+    ///
+    /// The colour degrees and the position rate's decay scale with the length. Refinement starts after
+    /// a tenth of the run, at most 500 iterations, and ends at half of it, but short runs, which have
+    /// no time to waste, refine up to three quarters (at most 7,500). The interval is never scaled
+    /// below 50: the statistics have to have seen most views. Opacity resets stay 3,000 iterations
+    /// apart, so that short runs have none: recovery from a reset takes as long as in a long one.
+    pub fn for_iterations(iterations: u32) -> TrainConfig {
+        let share = |published: u64| {
+            let scaled = published * u64::from(iterations) / PUBLISHED_ITERATIONS;
+            u32::try_from(scaled).unwrap_or(u32::MAX)
+        };
+        TrainConfig {
+            iterations,
+            seed: 0,
+            strategy: StrategyKind::Adc,
+            max_splats: None,
+            sh_degree: 3,
+            sh_degree_from: [share(1_000), share(5_000), share(10_000)],
+            lambda_dssim: 0.2,
+            rates: LearningRates::default(),
+            adam: AdamConfig::default(),
+            refine: RefineTimes {
+                from: (iterations / 10).min(500),
+                until: (iterations / 2).max(share(22_500).min(7_500)),
+                every: (iterations / 40).clamp(50, 100),
+            },
+            adc: AdcConfig::default(),
+            mcmc: McmcConfig::default(),
+            init: InitConfig::default(),
+            background: Background::Fixed([0.0; 3]),
+            near_factor: 0.01,
+        }
+    }
+
+    /// The same run with another strategy, and with what that strategy is published to start from.
+    pub fn with_strategy(mut self, strategy: StrategyKind) -> TrainConfig {
+        self.strategy = strategy;
+        if strategy == StrategyKind::Mcmc {
+            self.init.opacity = 0.5;
+            self.init.scale_factor = 0.1;
+            self.refine.until = (u64::from(self.iterations) * 25_000 / PUBLISHED_ITERATIONS) as u32;
+        }
+        self
+    }
+
+    /// Splats at most, whatever the strategy.
+    pub fn splat_limit(&self) -> usize {
+        let limit = match (self.max_splats, self.strategy) {
+            (Some(limit), _) => limit,
+            (None, StrategyKind::Mcmc) => self.mcmc.default_cap,
+            (None, StrategyKind::Adc) => u32::MAX,
+        };
+        limit as usize
+    }
+}
+
+impl Default for LearningRates {
+    fn default() -> LearningRates {
+        LearningRates {
+            mean_start: 1.6e-4,
+            mean_end: 1.6e-6,
+            quaternion: 1e-3,
+            log_scale: 5e-3,
+            opacity: 0.05,
+            sh_dc: 2.5e-3,
+            sh_rest: 2.5e-3 / 20.0,
+        }
+    }
+}
+
+impl Default for AdamConfig {
+    fn default() -> AdamConfig {
+        AdamConfig {
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-15,
+        }
+    }
+}
+
+impl Default for AdcConfig {
+    fn default() -> AdcConfig {
+        AdcConfig {
+            grad_threshold: 2e-4,
+            dense_fraction: 0.01,
+            split_factor: 1.6,
+            prune_opacity: 0.005,
+            prune_scale: 0.1,
+            prune_radius_px: 0.0,
+            prune_big_from: 3_000,
+            opacity_reset_every: 3_000,
+            opacity_reset_value: 0.01,
+        }
+    }
+}
+
+impl Default for McmcConfig {
+    fn default() -> McmcConfig {
+        McmcConfig {
+            default_cap: 1_000_000,
+            noise_rate: 5e5,
+            opacity_regularization: 0.01,
+            scale_regularization: 0.01,
+            reference_extent: 5.0,
+            growth: 1.05,
+            min_opacity: 0.005,
+        }
+    }
+}
+
+impl Default for InitConfig {
+    fn default() -> InitConfig {
+        InitConfig {
+            opacity: 0.1,
+            scale_factor: 1.0,
+            random_count: 100_000,
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Points where cameras look, for data sets without points.
+
+use crate::scene::{Camera, Point};
+use crate::train::rng::{self, Stream};
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Candidates drawn for a point, of which the one seen by the most cameras is taken: what only one
+/// camera sees has no parallax to be placed by.
+const CANDIDATES: u32 = 4;
+
+/// Depths drawn, in distances from the camera to where the cameras look.
+const DEPTH_RANGE: [f64; 2] = [0.2, 2.0];
+
+/// Cameras asked whether they see a candidate, at most.
+const JURY: usize = 32;
+
+/// `count` grey points inside the cameras' frusta, most of them in the view of many cameras. They lie
+/// around the place the cameras look at or, where their axes meet nowhere, within the scene extent.
+///
+/// Panics if there are no cameras.
+pub fn points_in_frusta(cameras: &[Camera], count: usize, extent: f64, seed: u64) -> Vec<Point> {
+    assert!(!cameras.is_empty(), "points in frusta need a camera");
+    let depths: Vec<f64> = match focus(cameras) {
+        Some(focus) => cameras.iter().map(|c| c.position.distance(focus)).collect(),
+        None => vec![extent; cameras.len()],
+    };
+    let jury: Vec<&Camera> = cameras
+        .iter()
+        .step_by(cameras.len().div_ceil(JURY))
+        .collect();
+    let point = |i: usize| {
+        let (camera, depth) = (&cameras[i % cameras.len()], depths[i % cameras.len()]);
+        let candidate = |draw: u32| {
+            let position = draw_position(camera, depth, seed, i as u32, draw);
+            let votes = jury.iter().filter(|c| sees(c, position)).count();
+            (votes, position)
+        };
+        // The first of equals is kept.
+        let best = (1..CANDIDATES)
+            .map(candidate)
+            .fold(
+                candidate(0),
+                |best, next| {
+                    if next.0 > best.0 { next } else { best }
+                },
+            );
+        Point {
+            position: best.1.as_vec3().to_array(),
+            color: [0.5; 3],
+        }
+    };
+    (0..count).into_par_iter().map(point).collect()
+}
+
+/// Uniform over the picture, and over depth.
+fn draw_position(camera: &Camera, depth: f64, seed: u64, index: u32, draw: u32) -> DVec3 {
+    let [u, v, w, _] = rng::uniform(seed, draw, index, Stream::RandomInit).map(f64::from);
+    let pixel = DVec2::new(u * f64::from(camera.width), v * f64::from(camera.height));
+    let [near, far] = DEPTH_RANGE;
+    camera.position + camera.ray_from_pixel(pixel) * (depth * (near + (far - near) * w))
+}
+
+fn sees(camera: &Camera, point: DVec3) -> bool {
+    camera.pixel_from_world(point).is_some_and(|pixel| {
+        (0.0..f64::from(camera.width)).contains(&pixel.x)
+            && (0.0..f64::from(camera.height)).contains(&pixel.y)
+    })
+}
+
+/// The point nearest to all optical axes (least squares), if it lies in front of most cameras.
+fn focus(cameras: &[Camera]) -> Option<DVec3> {
+    let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+    for camera in cameras {
+        let axis = camera.rotation.row(2);
+        let across =
+            DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        normal += across;
+        right += across * camera.position;
+    }
+    // Parallel axes leave the depth undetermined; the matrix has trace 2 per camera.
+    let scale = cameras.len() as f64;
+    if (normal * (1.0 / scale)).determinant() < 1e-4 {
+        return None;
+    }
+    let focus = normal.inverse() * right;
+    let ahead = cameras
+        .iter()
+        .filter(|c| c.view_from_world(focus).z > 0.0)
+        .count();
+    (focus.is_finite() && ahead * 2 > cameras.len()).then_some(focus)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(position: DVec3, target: DVec3) -> Camera {
+        let camera = Camera {
+            width: 80,
+            height: 60,
+            focal: DVec2::splat(70.0),
+            center: DVec2::new(40.0, 30.0),
+            rotation: DMat3::IDENTITY,
+            position,
+        };
+        camera.look_at(position, target, DVec3::Y)
+    }
+
+    fn ring(target: DVec3) -> Vec<Camera> {
+        let at = |i: u32| {
+            let angle = f64::from(i) * 0.7;
+            camera(
+                DVec3::new(angle.cos() * 4.0, 1.0, angle.sin() * 4.0),
+                target,
+            )
+        };
+        (0..9).map(at).collect()
+    }
+
+    #[test]
+    fn points_lie_where_many_cameras_look() {
+        let cameras = ring(DVec3::ZERO);
+        assert!(focus(&cameras).is_some_and(|f| f.length() < 1e-9));
+        let points = points_in_frusta(&cameras, 500, 4.4, 1);
+        assert_eq!(points.len(), 500);
+        assert_eq!(points, points_in_frusta(&cameras, 500, 4.4, 1));
+        let votes = |p: &Point| {
+            let position = DVec3::from(p.position.map(f64::from));
+            cameras.iter().filter(|c| sees(c, position)).count()
+        };
+        assert!(points.iter().all(|p| votes(p) > 0));
+        let total: usize = points.iter().map(votes).sum();
+        assert!(total > 500 * 4, "{total}");
+    }
+
+    #[test]
+    fn parallel_and_diverging_cameras_use_the_extent() {
+        let one = [camera(DVec3::ZERO, DVec3::Z)];
+        assert_eq!(focus(&one), None);
+        let points = points_in_frusta(&one, 100, 3.0, 1);
+        assert!(
+            points
+                .iter()
+                .all(|p| (0.59..=6.01).contains(&p.position[2]))
+        );
+        let outward: Vec<Camera> = ring(DVec3::ZERO)
+            .iter()
+            .map(|c| camera(c.position, c.position * 2.0))
+            .collect();
+        assert_eq!(focus(&outward), None);
+    }
+}

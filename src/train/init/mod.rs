@@ -1,0 +1,163 @@
+//! The splats that training starts from: one per point, as large as its neighbours are far.
+
+mod frusta;
+mod mesh;
+
+use super::config::TrainConfig;
+use super::knn::mean_neighbor_distance;
+use super::rng::{self, Stream};
+use super::state::logit;
+use crate::scene::{Dataset, Point, SH_C0, Splats, Split, sh_coefficient_count};
+use crate::{Error, Result};
+
+pub use frusta::points_in_frusta;
+pub use mesh::points_on_mesh;
+
+/// Least and most standard deviation of a first splat, in scene extents: points in one place have no
+/// spacing (its logarithm is −∞), and a lone point far outside would cover every picture.
+const SCALE_RANGE: [f64; 2] = [1e-5, 0.1];
+
+/// Standard deviation of a splat that has no neighbour at all, in scene extents.
+const LONE_SCALE: f64 = 0.01;
+
+/// The first splats of a data set: from its points or, where it has none that are finite, from random
+/// ones inside its cameras' frusta; `extent` is the scene extent in world units.
+///
+/// Errors if there is nothing to start from: neither points nor training views.
+pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> Result<Splats> {
+    let finite = |p: &&Point| p.position.iter().chain(&p.color).all(|x| x.is_finite());
+    let points: Vec<Point> = dataset.points.iter().filter(finite).copied().collect();
+    if !points.is_empty() {
+        return Ok(splats_from_points(&points, extent, config));
+    }
+    let training = dataset.split(Split::Train);
+    if training.is_empty() {
+        let what = "the data set has neither points nor training views to start from";
+        return Err(Error::Config(what.into()));
+    }
+    let cameras: Vec<_> = training.iter().map(|&i| dataset.views[i].camera).collect();
+    let count = config.splat_limit().min(config.init.random_count as usize);
+    let points = points_in_frusta(&cameras, count, extent, config.seed);
+    Ok(splats_from_points(&points, extent, config))
+}
+
+/// One splat per point, or per point of a random subset where there are more than splats allowed.
+/// All points must be finite.
+pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -> Splats {
+    let points = subsample(points, config.splat_limit(), config.seed);
+    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position).collect();
+    let factor = f64::from(config.init.scale_factor);
+    let log_scale = |distance: &f64| {
+        let spacing = if *distance > 0.0 {
+            *distance
+        } else {
+            LONE_SCALE * extent
+        };
+        let [least, most] = SCALE_RANGE.map(|share| share * extent);
+        [(spacing * factor).clamp(least, most).ln() as f32; 3]
+    };
+    let stride = sh_coefficient_count(config.sh_degree) * 3;
+    let mut sh = vec![0.0; points.len() * stride];
+    for (coefficients, point) in sh.chunks_exact_mut(stride).zip(&points) {
+        for (constant, color) in coefficients.iter_mut().zip(point.color) {
+            *constant = (color - 0.5) / SH_C0;
+        }
+    }
+    Splats {
+        log_scale: mean_neighbor_distance(&positions)
+            .iter()
+            .map(log_scale)
+            .collect(),
+        quaternion: vec![[1.0, 0.0, 0.0, 0.0]; points.len()],
+        opacity_logit: vec![logit(f64::from(config.init.opacity)) as f32; points.len()],
+        mean: positions,
+        sh,
+        sh_degree: config.sh_degree,
+        mode: Default::default(),
+    }
+}
+
+/// `count` of the points in their order, each subset as likely as any other (up to equal hashes).
+fn subsample(points: &[Point], count: usize, seed: u64) -> Vec<Point> {
+    if points.len() <= count {
+        return points.to_vec();
+    }
+    let key = |i: u32| (rng::bits(seed, 0, i, Stream::Subsample)[0], i);
+    let mut keyed: Vec<(u32, u32)> = (0..points.len() as u32).map(key).collect();
+    keyed.select_nth_unstable(count);
+    let mut chosen: Vec<u32> = keyed[..count].iter().map(|&(_, i)| i).collect();
+    chosen.sort_unstable();
+    chosen.into_iter().map(|i| points[i as usize]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config() -> TrainConfig {
+        TrainConfig::for_iterations(100)
+    }
+
+    fn points(positions: &[[f32; 3]]) -> Vec<Point> {
+        let point = |&position: &[f32; 3]| Point {
+            position,
+            color: [0.5, 1.0, 0.0],
+        };
+        positions.iter().map(point).collect()
+    }
+
+    #[test]
+    fn splats_are_as_large_as_their_neighbours_are_far() {
+        let square = points(&[[0.0; 3], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]]);
+        let splats = splats_from_points(&square, 1e3, &config());
+        assert!((splats.log_scale[0][1] - 3.0_f32.ln()).abs() < 1e-6);
+        assert!((splats.opacity_logit[0] - logit(0.1) as f32).abs() < 1e-6);
+        assert_eq!(splats.sh_degree, 3);
+        assert_eq!(splats.sh.len(), 4 * 48);
+        assert_eq!(splats.sh[48], 0.0);
+        assert!((0.5 + SH_C0 * splats.sh[49] - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn none_one_two_and_equal_points_give_finite_splats() {
+        for set in [
+            vec![],
+            vec![[1.0; 3]],
+            vec![[1.0; 3], [2.0; 3]],
+            vec![[1.0; 3]; 50],
+            vec![[0.0; 3], [1e-30, 0.0, 0.0], [1e30, 0.0, 0.0]],
+        ] {
+            let splats = splats_from_points(&points(&set), 2.0, &config());
+            assert_eq!(splats.len(), set.len());
+            let [least, most] = SCALE_RANGE.map(|share| (share * 2.0).ln() as f32);
+            for scale in splats.log_scale.iter().flatten() {
+                assert!((least..=most).contains(scale), "{scale} of {set:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn broken_points_are_left_out_and_nothing_at_all_is_an_error() {
+        let mut dataset = Dataset {
+            points: points(&[[f32::NAN, 0.0, 0.0], [1.0; 3], [f32::INFINITY; 3]]),
+            ..Dataset::default()
+        };
+        let splats = initial_splats(&dataset, 1.0, &config());
+        assert_eq!(splats.map(|s| s.mean).ok(), Some(vec![[1.0; 3]]));
+        dataset.points.clear();
+        assert!(initial_splats(&dataset, 1.0, &config()).is_err());
+    }
+
+    #[test]
+    fn a_cap_takes_a_repeatable_subset() {
+        let many: Vec<[f32; 3]> = (0..1_000).map(|i| [i as f32, 0.0, 0.0]).collect();
+        let mut config = config();
+        config.max_splats = Some(100);
+        let splats = splats_from_points(&points(&many), 1e4, &config);
+        assert_eq!(splats.len(), 100);
+        assert!(splats.mean.is_sorted());
+        let mean = splats.mean.iter().map(|m| m[0]).sum::<f32>() / 100.0;
+        assert!((mean - 500.0).abs() < 120.0, "{mean}");
+        assert_eq!(splats, splats_from_points(&points(&many), 1e4, &config));
+    }
+}

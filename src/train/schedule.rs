@@ -1,0 +1,216 @@
+//! What happens at which iteration, as pure functions of the configuration: nothing here has a state,
+//! so a resumed run cannot be out of step.
+//!
+//! Iterations count from 1 to `config.iterations`, as in the 3DGS code.
+
+use super::config::{Background, StrategyKind, TrainConfig};
+use super::rng::{self, Stream};
+
+/// The step sizes of one iteration, per parameter group.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Of the means, world units.
+    pub mean: f32,
+    /// Of the quaternions.
+    pub quaternion: f32,
+    /// Of the log-scales.
+    pub log_scale: f32,
+    /// Of the opacity logits.
+    pub opacity: f32,
+    /// Of the constant colour coefficient.
+    pub sh_dc: f32,
+    /// Of the other colour coefficients.
+    pub sh_rest: f32,
+}
+
+/// The step sizes at an iteration; `extent` is the scene extent in world units.
+pub fn rates(config: &TrainConfig, extent: f64, iteration: u32) -> Rates {
+    let rates = &config.rates;
+    let (start, end) = (f64::from(rates.mean_start), f64::from(rates.mean_end));
+    let mean = if start > 0.0 {
+        let progress = f64::from(iteration.saturating_sub(1)) / f64::from(last_interval(config));
+        start * (end / start).powf(progress.min(1.0)) * extent
+    } else {
+        0.0
+    };
+    Rates {
+        mean: mean as f32,
+        quaternion: rates.quaternion,
+        log_scale: rates.log_scale,
+        opacity: rates.opacity,
+        sh_dc: rates.sh_dc,
+        sh_rest: rates.sh_rest,
+    }
+}
+
+fn last_interval(config: &TrainConfig) -> u32 {
+    config.iterations.saturating_sub(1).max(1)
+}
+
+/// Adam's bias corrections 1 / (1 − β₁ᵗ) and 1 / (1 − β₂ᵗ) at an iteration, in `f64` because the
+/// second loses all digits in `f32` at the first iterations.
+pub fn bias_corrections(config: &TrainConfig, iteration: u32) -> [f32; 2] {
+    [config.adam.beta1, config.adam.beta2].map(|beta| {
+        let remaining = f64::from(beta).powf(f64::from(iteration.max(1)));
+        (1.0 / (1.0 - remaining)) as f32
+    })
+}
+
+/// The colour degree trained and drawn at an iteration.
+pub fn sh_degree(config: &TrainConfig, iteration: u32) -> u32 {
+    let reached = config
+        .sh_degree_from
+        .iter()
+        .filter(|&&from| iteration >= from);
+    (reached.count() as u32).min(config.sh_degree)
+}
+
+/// Whether splats are added and removed after an iteration's update.
+pub fn is_refine(config: &TrainConfig, iteration: u32) -> bool {
+    let times = &config.refine;
+    iteration > times.from && iteration < times.until && iteration.is_multiple_of(times.every)
+}
+
+/// Whether opacities are lowered after an iteration's update (and after its refinement, if any).
+pub fn is_reset(config: &TrainConfig, iteration: u32) -> bool {
+    let every = config.adc.opacity_reset_every;
+    config.strategy == StrategyKind::Adc
+        && every > 0
+        && iteration > 0
+        && iteration < config.refine.until
+        && iteration.is_multiple_of(every)
+}
+
+/// Which of `view_count` training views an iteration uses: each once an epoch, in an order that is a
+/// function of (seed, epoch).
+///
+/// Panics if there are no views.
+pub fn view(config: &TrainConfig, view_count: usize, iteration: u32) -> usize {
+    assert!(view_count > 0, "a training step needs a view");
+    let ordinal = iteration.saturating_sub(1) as usize;
+    view_order(config.seed, view_count, (ordinal / view_count) as u32)[ordinal % view_count]
+}
+
+/// The permutation of the training views in an epoch (Fisher–Yates).
+pub fn view_order(seed: u64, view_count: usize, epoch: u32) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..view_count).collect();
+    for i in (1..view_count).rev() {
+        let words = rng::bits(seed, epoch, i as u32, Stream::ViewOrder);
+        order.swap(i, rng::below(words, i as u64 + 1) as usize);
+    }
+    order
+}
+
+/// The background colour of an iteration.
+pub fn background(config: &TrainConfig, iteration: u32) -> [f32; 3] {
+    match config.background {
+        Background::Fixed(color) => color,
+        Background::Random => {
+            let [r, g, b, _] = rng::uniform(config.seed, iteration, 0, Stream::Background);
+            [r, g, b]
+        }
+    }
+}
+
+/// The factor of Σ ξ w(opacity) that MCMC adds to a mean at an iteration, ξ standard normal, in 1 /
+/// world units; 0 with other strategies.
+///
+/// The published factor is `noise_rate` times the means' rate, which grows with the third power of the
+/// world's unit (Σ with its square); dividing by the square of the extent makes it a length again.
+pub fn noise_scale(config: &TrainConfig, extent: f64, iteration: u32) -> f32 {
+    if config.strategy != StrategyKind::Mcmc {
+        return 0.0;
+    }
+    let unit = f64::from(config.mcmc.reference_extent) / extent;
+    let rate = f64::from(rates(config, extent, iteration).mean);
+    (f64::from(config.mcmc.noise_rate) * rate * unit * unit) as f32
+}
+
+/// Weights of the mean opacity and of the mean standard deviation (per world unit) in the loss; 0 with
+/// strategies other than MCMC.
+pub fn regularization(config: &TrainConfig, extent: f64) -> [f32; 2] {
+    if config.strategy != StrategyKind::Mcmc {
+        return [0.0; 2];
+    }
+    let unit = f64::from(config.mcmc.reference_extent) / extent;
+    let scale = f64::from(config.mcmc.scale_regularization) * unit;
+    [config.mcmc.opacity_regularization, scale as f32]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_rate_decays_exponentially_from_start_to_end() {
+        let config = TrainConfig::for_iterations(1_001);
+        let at = |i| f64::from(rates(&config, 2.0, i).mean);
+        assert!((at(1) / 3.2e-4 - 1.0).abs() < 1e-6);
+        assert!((at(1_001) / 3.2e-6 - 1.0).abs() < 1e-6);
+        assert!((at(501) / 3.2e-5 - 1.0).abs() < 1e-6);
+        assert_eq!(at(5_000), at(1_001));
+        let single = rates(&TrainConfig::for_iterations(1), 1.0, 1);
+        assert!(single.mean.is_finite());
+    }
+
+    #[test]
+    fn the_first_bias_correction_undoes_the_first_decay() {
+        let [first, second] = bias_corrections(&TrainConfig::default(), 1);
+        assert!((first - 10.0).abs() < 1e-4 && (second - 1000.0).abs() < 0.1);
+        let late = bias_corrections(&TrainConfig::default(), 1_000_000);
+        assert_eq!(late, [1.0, 1.0]);
+    }
+
+    #[test]
+    fn degrees_rise_on_time_and_stop_at_the_highest() {
+        let mut config = TrainConfig::for_iterations(30_000);
+        let degrees = [999, 1_000, 5_000, 10_000].map(|i| sh_degree(&config, i));
+        assert_eq!(degrees, [0, 1, 2, 3]);
+        config.sh_degree = 1;
+        assert_eq!(sh_degree(&config, 20_000), 1);
+    }
+
+    #[test]
+    fn refinement_and_resets_keep_to_the_published_times() {
+        let config = TrainConfig::for_iterations(30_000);
+        assert!(!is_refine(&config, 500) && is_refine(&config, 600) && !is_refine(&config, 650));
+        assert!(is_refine(&config, 14_900) && !is_refine(&config, 15_000));
+        let resets: Vec<u32> = (0..=30_000).filter(|&i| is_reset(&config, i)).collect();
+        assert_eq!(resets, [3_000, 6_000, 9_000, 12_000]);
+        let mcmc = config.with_strategy(StrategyKind::Mcmc);
+        assert!((0..=30_000).all(|i| !is_reset(&mcmc, i)));
+        assert!(is_refine(&mcmc, 24_900) && !is_refine(&mcmc, 25_000));
+    }
+
+    #[test]
+    fn every_epoch_visits_each_view_once_in_its_own_order() {
+        let config = TrainConfig::for_iterations(1_000);
+        let epoch =
+            |e: u32| -> Vec<usize> { (1..=43).map(|i| view(&config, 43, e * 43 + i)).collect() };
+        let mut sorted = epoch(3);
+        assert_eq!(sorted, view_order(config.seed, 43, 3));
+        assert_ne!(sorted, epoch(4));
+        sorted.sort_unstable();
+        assert_eq!(sorted, (0..43).collect::<Vec<_>>());
+        assert_eq!(view(&config, 1, 77), 0);
+    }
+
+    #[test]
+    fn a_random_background_changes_each_step_and_repeats_with_the_seed() {
+        let mut config = TrainConfig::for_iterations(10);
+        assert_eq!(background(&config, 1), [0.0; 3]);
+        config.background = Background::Random;
+        assert_ne!(background(&config, 1), background(&config, 2));
+        assert_eq!(background(&config, 2), background(&config, 2));
+    }
+
+    #[test]
+    fn noise_follows_the_world_unit() {
+        let config = TrainConfig::for_iterations(100).with_strategy(StrategyKind::Mcmc);
+        let published = f64::from(noise_scale(&config, 5.0, 1));
+        assert!((published / (5e5 * 1.6e-4 * 5.0) - 1.0).abs() < 1e-5);
+        // A mean moves by scale × Σ: Σ grows fourfold with a doubled unit, the move must double.
+        let doubled = f64::from(noise_scale(&config, 10.0, 1));
+        assert!((doubled * 4.0 / published - 2.0).abs() < 1e-5);
+    }
+}

@@ -1,0 +1,226 @@
+//! The optimiser's state on the CPU: parameters and both Adam moments, in the planes the device keeps.
+//!
+//! A row is one splat: its parameters, first and second moments, moved together or not at all
+//! ([`HostState::select`]); that is what keeps moments with their splat through every refinement.
+
+use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+
+/// `[plane][splat]`: plane 0 is mean x, y, z and opacity logit; 1 the quaternion w, x, y, z; 2 log-scale
+/// x, y, z and 0; from 3 on the colour coefficients, `[coefficient][rgb]` flattened, four a plane, zero
+/// padded.
+pub type Planes = Vec<Vec<[f32; 4]>>;
+
+/// First plane of the colour coefficients.
+pub const SH_PLANE: usize = 3;
+
+/// Planes of a splat with colour coefficients up to `sh_degree`: 4, 6, 10 or 15.
+pub const fn plane_count(sh_degree: u32) -> usize {
+    SH_PLANE + (sh_coefficient_count(sh_degree) * 3).div_ceil(4)
+}
+
+/// Parameters and Adam moments of all splats.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HostState {
+    /// Highest spherical-harmonic degree stored, 0 to 3.
+    pub sh_degree: u32,
+    /// Parameters.
+    pub params: Planes,
+    /// First moments, laid out as the parameters.
+    pub m: Planes,
+    /// Second moments, laid out as the parameters.
+    pub v: Planes,
+}
+
+impl HostState {
+    /// `count` rows of zeros.
+    pub fn zeros(count: usize, sh_degree: u32) -> HostState {
+        let planes = || vec![vec![[0.0; 4]; count]; plane_count(sh_degree)];
+        HostState {
+            sh_degree,
+            params: planes(),
+            m: planes(),
+            v: planes(),
+        }
+    }
+
+    /// A state with zero moments, its colour degree raised with zeros or cut to `sh_degree`.
+    pub fn from_splats(splats: &Splats, sh_degree: u32) -> HostState {
+        let mut state = HostState::zeros(splats.len(), sh_degree);
+        let stride = splats.sh_stride();
+        let kept = stride.min(sh_coefficient_count(sh_degree) * 3);
+        for i in 0..splats.len() {
+            let [x, y, z] = splats.mean[i];
+            let [sx, sy, sz] = splats.log_scale[i];
+            state.params[0][i] = [x, y, z, splats.opacity_logit[i]];
+            state.params[1][i] = splats.quaternion[i];
+            state.params[2][i] = [sx, sy, sz, 0.0];
+            let coefficients = &splats.sh[i * stride..][..kept];
+            for (plane, four) in coefficients.chunks(4).enumerate() {
+                state.params[SH_PLANE + plane][i][..four.len()].copy_from_slice(four);
+            }
+        }
+        state
+    }
+
+    /// The parameters as splats.
+    pub fn to_splats(&self, mode: RenderMode) -> Splats {
+        let stride = sh_coefficient_count(self.sh_degree) * 3;
+        let mut sh = Vec::with_capacity(self.len() * stride);
+        for i in 0..self.len() {
+            let fours = self.params[SH_PLANE..].iter().flat_map(|plane| plane[i]);
+            sh.extend(fours.take(stride));
+        }
+        let xyz = |four: &[f32; 4]| [four[0], four[1], four[2]];
+        Splats {
+            mean: self.params[0].iter().map(xyz).collect(),
+            quaternion: self.params[1].clone(),
+            log_scale: self.params[2].iter().map(xyz).collect(),
+            opacity_logit: self.params[0].iter().map(|four| four[3]).collect(),
+            sh,
+            sh_degree: self.sh_degree,
+            mode,
+        }
+    }
+
+    /// Number of splats.
+    pub fn len(&self) -> usize {
+        self.params[0].len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Row `i` of the result is row `sources[i]` of this state, parameters and moments alike.
+    ///
+    /// Panics if a source is not below [`HostState::len`].
+    pub fn select(&self, sources: &[u32]) -> HostState {
+        let gather = |planes: &Planes| -> Planes {
+            let rows = |plane: &Vec<[f32; 4]>| sources.iter().map(|&s| plane[s as usize]).collect();
+            planes.iter().map(rows).collect()
+        };
+        HostState {
+            sh_degree: self.sh_degree,
+            params: gather(&self.params),
+            m: gather(&self.m),
+            v: gather(&self.v),
+        }
+    }
+
+    /// Adds another state's rows behind this one's.
+    ///
+    /// Panics if the colour degrees differ.
+    pub fn append(&mut self, other: &HostState) {
+        assert_eq!(self.sh_degree, other.sh_degree, "colour degrees differ");
+        for (into, from) in [
+            (&mut self.params, &other.params),
+            (&mut self.m, &other.m),
+            (&mut self.v, &other.v),
+        ] {
+            for (plane, rows) in into.iter_mut().zip(from) {
+                plane.extend_from_slice(rows);
+            }
+        }
+    }
+
+    /// Forgets the moments of a row: a new or moved splat has no history.
+    pub fn clear_moments(&mut self, row: usize) {
+        for plane in self.m.iter_mut().chain(&mut self.v) {
+            plane[row] = [0.0; 4];
+        }
+    }
+
+    /// Centre of a row, world units.
+    pub fn mean(&self, row: usize) -> [f32; 3] {
+        let [x, y, z, _] = self.params[0][row];
+        [x, y, z]
+    }
+
+    /// Opacity of a row, 0 to 1 (NaN where the logit is).
+    pub fn opacity(&self, row: usize) -> f64 {
+        sigmoid(f64::from(self.params[0][row][3]))
+    }
+
+    /// Largest standard deviation of a row, world units.
+    pub fn max_scale(&self, row: usize) -> f64 {
+        let [x, y, z, _] = self.params[2][row];
+        f64::from(x.max(y).max(z)).exp()
+    }
+
+    /// Whether all that the shape of a row needs is finite; colours may be repaired, shapes may not.
+    pub fn is_finite(&self, row: usize) -> bool {
+        let mut shape = self.params[..SH_PLANE].iter().flat_map(|plane| plane[row]);
+        shape.all(f32::is_finite)
+    }
+}
+
+/// The opacity of a logit.
+pub(crate) fn sigmoid(logit: f64) -> f64 {
+    1.0 / (1.0 + (-logit).exp())
+}
+
+/// The logit of an opacity strictly between 0 and 1.
+pub(crate) fn logit(opacity: f64) -> f64 {
+    (opacity / (1.0 - opacity)).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn splats(count: usize, degree: u32) -> Splats {
+        let number = |i: usize| i as f32 * 0.5 + 1.0;
+        let stride = sh_coefficient_count(degree) * 3;
+        Splats {
+            mean: (0..count).map(|i| [number(i); 3]).collect(),
+            quaternion: (0..count).map(|i| [number(i), 0.0, 1.0, 2.0]).collect(),
+            log_scale: (0..count).map(|i| [-number(i), 0.0, 0.25]).collect(),
+            opacity_logit: (0..count).map(number).collect(),
+            sh: (0..count * stride).map(number).collect(),
+            sh_degree: degree,
+            mode: RenderMode::Default,
+        }
+    }
+
+    #[test]
+    fn planes_hold_splats_of_every_degree_exactly() {
+        assert_eq!([0, 1, 2, 3].map(plane_count), [4, 6, 10, 15]);
+        for degree in 0..4 {
+            for count in [0, 1, 7] {
+                let original = splats(count, degree);
+                let state = HostState::from_splats(&original, degree);
+                assert_eq!(state.len(), count);
+                assert_eq!(state.params.len(), plane_count(degree));
+                assert_eq!(state.to_splats(RenderMode::Default), original);
+            }
+        }
+    }
+
+    #[test]
+    fn a_degree_is_raised_with_zeros_and_cut_from_the_end() {
+        let low = splats(3, 1);
+        let raised = HostState::from_splats(&low, 3).to_splats(RenderMode::Default);
+        assert_eq!(raised.sh[48..60], low.sh[12..24]);
+        assert!(raised.sh[60..96].iter().all(|&x| x == 0.0));
+        let cut = HostState::from_splats(&low, 0).to_splats(RenderMode::Default);
+        assert_eq!(cut.sh[3..6], low.sh[12..15]);
+    }
+
+    #[test]
+    fn rows_move_with_their_moments() {
+        let mut state = HostState::from_splats(&splats(4, 1), 1);
+        for (plane, rows) in state.m.iter_mut().enumerate() {
+            for (i, row) in rows.iter_mut().enumerate() {
+                *row = [(plane * 10 + i) as f32; 4];
+            }
+        }
+        let mut picked = state.select(&[3, 1, 1]);
+        assert_eq!(picked.m[5], vec![[53.0; 4], [51.0; 4], [51.0; 4]]);
+        picked.clear_moments(1);
+        assert_eq!(picked.m[5], vec![[53.0; 4], [0.0; 4], [51.0; 4]]);
+        picked.append(&state);
+        assert_eq!(picked.len(), 7);
+        assert_eq!(picked.mean(3), state.mean(0));
+    }
+}

@@ -1,0 +1,320 @@
+//! Adaptive density control as in 3DGS: where the screen gradient stays large, small splats are cloned
+//! and large ones split in two; transparent and oversized ones are removed.
+
+use super::{Change, RefineContext, RefineReport, Row, SplatStats, Strategy, gather};
+use crate::train::config::AdcConfig;
+use crate::train::rng::{self, Stream};
+use crate::train::state::{HostState, logit};
+use glam::{Quat, Vec3};
+
+/// Adaptive density control.
+#[derive(Clone, Copy, Debug)]
+pub struct Adc;
+
+/// What becomes of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fate {
+    Keep,
+    Prune,
+    Clone,
+    Split,
+}
+
+impl Strategy for Adc {
+    fn refine(
+        &self,
+        state: &mut HostState,
+        stats: &[SplatStats],
+        context: RefineContext<'_>,
+    ) -> RefineReport {
+        assert_eq!(state.len(), stats.len(), "one statistic per splat");
+        let fates = decide(state, stats, context);
+        let mut rows = Vec::with_capacity(state.len() * 2);
+        for (&fate, row) in fates.iter().zip(0..) {
+            let kept = Row {
+                source: row,
+                mean: state.mean(row as usize),
+                change: Change::Kept,
+            };
+            match fate {
+                Fate::Prune => {}
+                Fate::Keep => rows.push(kept),
+                Fate::Clone => {
+                    rows.push(kept);
+                    rows.push(Row {
+                        change: Change::Copied,
+                        ..kept
+                    });
+                }
+                Fate::Split => rows.extend(children(state, row, context)),
+            }
+        }
+        *state = gather(state, &rows);
+        let count = |fate| fates.iter().filter(|&&f| f == fate).count();
+        RefineReport {
+            cloned: count(Fate::Clone),
+            split: count(Fate::Split),
+            pruned: count(Fate::Prune),
+            relocated: 0,
+            count: state.len(),
+        }
+    }
+}
+
+/// Lowers all opacities to at most `value` (strictly between 0 and 1) and forgets their moments, so
+/// that splats have to earn their opacity again.
+///
+/// 3DGS resets to 0.01, where only the inner 1.37 standard deviations stay above the 1/255 cut: a
+/// splat whose visible part lies outside gets no gradient any more and is pruned.
+pub fn reset_opacity(state: &mut HostState, value: f32) {
+    let most = logit(f64::from(value)) as f32;
+    for row in &mut state.params[0] {
+        row[3] = row[3].min(most);
+    }
+    for moment in state.m[0].iter_mut().chain(&mut state.v[0]) {
+        moment[3] = 0.0;
+    }
+}
+
+fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -> Vec<Fate> {
+    let adc = &context.config.adc;
+    let mut fates: Vec<Fate> = (0..state.len())
+        .map(|row| prune_or_keep(state, row, stats[row], context))
+        .collect();
+    let survivors = fates.iter().filter(|&&fate| fate == Fate::Keep).count();
+    let mut wanted: Vec<(f32, usize, Fate)> = (0..state.len())
+        .filter_map(|row| {
+            let fate = grow(state, row, stats[row], fates[row], context)?;
+            Some((mean_gradient(stats[row]), row, fate))
+        })
+        .collect();
+    wanted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut count = survivors;
+    for (_, row, fate) in wanted {
+        // A clone adds a row; a split replaces one by two, which a row meant to be pruned has freed.
+        let added = 1 + usize::from(fates[row] == Fate::Prune);
+        if count + added <= context.config.splat_limit() {
+            fates[row] = fate;
+            count += added;
+        }
+    }
+    debug_assert!(adc.split_factor >= 1.0);
+    fates
+}
+
+/// Whether a row would be removed as it is.
+fn prune_or_keep(
+    state: &HostState,
+    row: usize,
+    stats: SplatStats,
+    context: RefineContext<'_>,
+) -> Fate {
+    let adc = &context.config.adc;
+    let faint = state.opacity(row) < f64::from(adc.prune_opacity);
+    let seen_big = adc.prune_radius_px > 0.0 && stats[2] > adc.prune_radius_px;
+    let big = is_big(state.max_scale(row), context) || seen_big && prunes_big(context);
+    if faint || big || !state.is_finite(row) {
+        Fate::Prune
+    } else {
+        Fate::Keep
+    }
+}
+
+fn prunes_big(context: RefineContext<'_>) -> bool {
+    context.iteration > context.config.adc.prune_big_from
+}
+
+fn is_big(scale: f64, context: RefineContext<'_>) -> bool {
+    prunes_big(context) && scale > f64::from(context.config.adc.prune_scale) * context.extent
+}
+
+/// Whether a row is cloned or split, its fate so far being `fate`. One that is too big in the world
+/// may still be split, if its children are not (3DGS prunes after splitting).
+fn grow(
+    state: &HostState,
+    row: usize,
+    stats: SplatStats,
+    fate: Fate,
+    context: RefineContext<'_>,
+) -> Option<Fate> {
+    let adc: &AdcConfig = &context.config.adc;
+    if !state.is_finite(row) || state.opacity(row) < f64::from(adc.prune_opacity) {
+        return None;
+    }
+    // NaN is not above the threshold, and a splat never seen has no gradient.
+    if mean_gradient(stats) < adc.grad_threshold || stats[1] < 1.0 {
+        return None;
+    }
+    let scale = state.max_scale(row);
+    if scale > f64::from(adc.dense_fraction) * context.extent {
+        let child = scale / f64::from(adc.split_factor);
+        (!is_big(child, context)).then_some(Fate::Split)
+    } else {
+        (fate == Fate::Keep).then_some(Fate::Clone)
+    }
+}
+
+/// Mean over the steps that saw the splat; 0 if none did or the sum is not finite.
+fn mean_gradient(stats: SplatStats) -> f32 {
+    let mean = stats[0] / stats[1];
+    if mean.is_finite() { mean } else { 0.0 }
+}
+
+/// The two halves of a row: centres drawn from its Gaussian, standard deviations divided.
+fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2] {
+    let index = row as usize;
+    let [w, x, y, z] = state.params[1][index];
+    let rotation = Quat::from_xyzw(x, y, z, w);
+    // A quaternion of zeros has no direction; such a splat is not drawn and splits along the axes.
+    let rotation = if rotation.length_squared() > 0.0 {
+        rotation.normalize()
+    } else {
+        Quat::IDENTITY
+    };
+    let [a, b, c, _] = state.params[2][index];
+    let scale = Vec3::new(a, b, c).exp();
+    let less = context.config.adc.split_factor.ln();
+    [0, 1].map(|child| {
+        let key = row.wrapping_mul(2).wrapping_add(child);
+        let [i, j, k, _] = rng::normal(context.config.seed, context.iteration, key, Stream::Split);
+        let offset = rotation * (scale * Vec3::new(i, j, k));
+        Row {
+            source: row,
+            mean: (Vec3::from(state.mean(index)) + offset).to_array(),
+            change: Change::Shrunk(less),
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tracking::state_of;
+    use super::*;
+    use crate::train::TrainConfig;
+
+    const SEEN: SplatStats = [1.0, 1.0, 1.0, 0.0];
+    const QUIET: SplatStats = [0.0, 1.0, 1.0, 0.0];
+
+    fn context(config: &TrainConfig, iteration: u32) -> RefineContext<'_> {
+        RefineContext {
+            iteration,
+            config,
+            extent: 1.0,
+        }
+    }
+
+    fn refine(state: &mut HostState, stats: &[SplatStats], config: &TrainConfig) -> RefineReport {
+        Adc.refine(state, stats, context(config, 100))
+    }
+
+    #[test]
+    fn small_splats_are_cloned_and_large_ones_split() {
+        let config = TrainConfig::for_iterations(1_000);
+        let mut state = state_of(&[(0.5, 0.009), (0.5, 0.011), (0.5, 0.5), (0.004, 0.009)]);
+        let report = refine(&mut state, &[SEEN, SEEN, QUIET, SEEN], &config);
+        let expected = RefineReport {
+            cloned: 1,
+            split: 1,
+            pruned: 1,
+            relocated: 0,
+            count: 5,
+        };
+        assert_eq!(report, expected);
+        let mut scales: Vec<f64> = (0..5).map(|row| state.max_scale(row)).collect();
+        scales.sort_unstable_by(f64::total_cmp);
+        let wanted = [0.011 / 1.6, 0.011 / 1.6, 0.009, 0.009, 0.5];
+        for (scale, wanted) in scales.iter().zip(wanted) {
+            assert!((scale / wanted - 1.0).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn children_have_their_parents_covariance() {
+        let config = TrainConfig::for_iterations(1_000);
+        let count = 20_000;
+        let mut state = state_of(&vec![(0.5, 0.1); count]);
+        for row in 0..count {
+            let half = std::f32::consts::FRAC_PI_8;
+            state.params[0][row][..3].copy_from_slice(&[1.0, 2.0, 3.0]);
+            state.params[1][row] = [half.cos(), 0.0, 0.0, half.sin()];
+            state.params[2][row] = [0.4_f32.ln(), 0.1_f32.ln(), 0.2_f32.ln(), 0.0];
+        }
+        refine(&mut state, &vec![SEEN; count], &config);
+        assert_eq!(state.len(), 2 * count);
+        // Rotated by 45° about z: the covariance of x and y is (0.4² − 0.1²) / 2.
+        let mut sums = [0.0_f64; 4];
+        for row in 0..state.len() {
+            let [x, y, z] = state.mean(row);
+            let (x, y, z) = (f64::from(x) - 1.0, f64::from(y) - 2.0, f64::from(z) - 3.0);
+            for (sum, term) in sums.iter_mut().zip([x, x * x, x * y, z * z]) {
+                *sum += term / state.len() as f64;
+            }
+        }
+        for (found, wanted) in sums.iter().zip([0.0, 0.085, 0.075, 0.04]) {
+            assert!((found - wanted).abs() < 0.003, "{sums:?}");
+        }
+    }
+
+    #[test]
+    fn oversized_splats_are_gone_after_one_refinement_late_enough() {
+        let mut config = TrainConfig::for_iterations(30_000);
+        let sizes = [(0.5, 0.2), (0.5, 0.05), (0.5, 0.005)];
+        let wide = [0.0, 1.0, 21.0, 0.0];
+        let stats = [QUIET, QUIET, wide];
+        let pruned = |config: &TrainConfig, iteration| {
+            let mut state = state_of(&sizes);
+            Adc.refine(&mut state, &stats, context(config, iteration))
+                .pruned
+        };
+        assert_eq!(pruned(&config, 3_000), 0);
+        assert_eq!(pruned(&config, 3_100), 1);
+        config.adc.prune_radius_px = 20.0;
+        assert_eq!(pruned(&config, 3_100), 2);
+        // A big one with a large gradient is split first, and its children are judged.
+        let mut state = state_of(&[(0.5, 0.15), (0.5, 0.3)]);
+        let report = Adc.refine(&mut state, &[SEEN; 2], context(&config, 3_100));
+        assert_eq!((report.split, report.pruned, report.count), (1, 1, 2));
+    }
+
+    #[test]
+    fn a_cap_takes_the_largest_gradients_and_the_first_of_equals() {
+        let mut config = TrainConfig::for_iterations(1_000);
+        config.max_splats = Some(6);
+        let mut state = state_of(&[(0.5, 0.001); 4]);
+        let stats = [[1.0, 1.0, 0.0, 0.0], [2.0, 1.0, 0.0, 0.0], SEEN, SEEN];
+        let report = refine(&mut state, &stats, &config);
+        assert_eq!((report.cloned, report.count), (2, 6));
+        let mut from: Vec<f32> = state.params[3].iter().map(|sh| sh[0]).collect();
+        from.sort_unstable_by(f32::total_cmp);
+        assert_eq!(from, [0.0, 0.0, 1.0, 1.0, 2.0, 3.0]);
+        config.max_splats = Some(3);
+        let report = refine(&mut state, &[SEEN; 6], &config);
+        assert_eq!((report.cloned, report.split, report.count), (0, 0, 6));
+    }
+
+    #[test]
+    fn nothing_one_and_only_dead_splats_are_handled() {
+        let config = TrainConfig::for_iterations(1_000);
+        let mut none = state_of(&[]);
+        assert_eq!(refine(&mut none, &[], &config), RefineReport::default());
+        let mut one = state_of(&[(0.5, 0.001)]);
+        let never_seen = [[f32::NAN, 0.0, 0.0, 0.0]];
+        assert_eq!(refine(&mut one, &never_seen, &config).count, 1);
+        let mut dead = state_of(&[(0.001, 0.001); 9]);
+        assert_eq!(refine(&mut dead, &[SEEN; 9], &config).pruned, 9);
+        assert!(dead.is_empty());
+        let mut broken = state_of(&[(0.5, 0.001); 2]);
+        broken.params[1][0][2] = f32::NAN;
+        assert_eq!(refine(&mut broken, &[SEEN; 2], &config).pruned, 1);
+    }
+
+    #[test]
+    fn a_reset_lowers_opacities_and_forgets_only_their_moments() {
+        let mut state = state_of(&[(0.5, 0.1), (0.006, 0.1)]);
+        state.m[0] = vec![[1.0; 4]; 2];
+        reset_opacity(&mut state, 0.01);
+        assert!((state.opacity(0) - 0.01).abs() < 1e-6);
+        assert!((state.opacity(1) - 0.006).abs() < 1e-6);
+        assert_eq!(state.m[0], vec![[1.0, 1.0, 1.0, 0.0]; 2]);
+    }
+}
