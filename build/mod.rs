@@ -8,8 +8,8 @@ mod compile;
 mod constants;
 mod emit_kernels;
 mod emit_layout;
-mod kernel;
-mod model;
+pub(crate) mod kernel;
+pub(crate) mod model;
 mod reflect;
 #[path = "../src/shader/mod.rs"]
 #[allow(
@@ -17,7 +17,7 @@ mod reflect;
     unreachable_pub,
     reason = "the crate's own module; here only its small enums are used"
 )]
-mod shader;
+pub(crate) mod shader;
 mod source;
 mod spirv;
 
