@@ -1,7 +1,6 @@
 //! The splats that training starts from: one per point, as large as its neighbours are far.
 
 mod frusta;
-mod mesh;
 
 use super::config::TrainConfig;
 use super::knn::mean_neighbor_distance;
@@ -11,7 +10,6 @@ use crate::scene::{Dataset, Point, SH_C0, Splats, Split, sh_coefficient_count};
 use crate::{Error, Result};
 
 pub use frusta::points_in_frusta;
-pub use mesh::points_on_mesh;
 
 /// Least and most standard deviation of a first splat, in scene extents: points in one place have no
 /// spacing (its logarithm is −∞), and a lone point far outside would cover every picture.
