@@ -320,11 +320,8 @@ fn params_and_tunables_have_rules() {
         4,
         "constant 0",
     );
-    refused(
-        &spec("double d() { return data[0] * 2.0lf; }"),
-        1,
-        "capability Float64",
-    );
+    let wide = MAIN.replace("= 1", "= uint(double(data[1]) * 2.0lf)");
+    refused(&format!("{OPEN}{wide}"), 1, "capability Float64");
 }
 
 #[test]
