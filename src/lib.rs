@@ -11,6 +11,7 @@ pub mod layout;
 pub mod metrics;
 pub mod scene;
 pub mod shader;
+pub mod synth;
 pub mod train;
 
 pub use error::{Error, Result};

@@ -1,0 +1,141 @@
+//! The built-in scenes, from trivial to intricate. World: z up, about five units across.
+
+use super::material::{Material, Texture};
+use super::mesh::MeshTree;
+use super::model::{icosphere, knot};
+use super::shape::Shape;
+use super::{Object, Rig, Scene};
+use glam::{DMat3, DVec2, DVec3};
+
+/// A built-in scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// One textured square that fills the pictures, seen from an arc in front of it.
+    Plane,
+    /// One matt sphere with a ripple texture before black.
+    Sphere,
+    /// A box, a cylinder and a sphere, matt, on a disc.
+    Solids,
+    /// The demo: as `Solids`, with highlights and a knot made of triangles.
+    Demo,
+}
+
+impl Kind {
+    /// All of them, simplest first.
+    pub const ALL: [Kind; 4] = [Kind::Plane, Kind::Sphere, Kind::Solids, Kind::Demo];
+}
+
+/// Builds a built-in scene.
+pub fn scene(kind: Kind) -> Scene {
+    match kind {
+        Kind::Plane => plane(),
+        Kind::Sphere => sphere(),
+        Kind::Solids => solids(),
+        Kind::Demo => demo(),
+    }
+}
+
+fn plane() -> Scene {
+    let texture = Texture::ripples([0.55, 0.5, 0.45], 0.5, 0.3, 11).striped(
+        [1.0, 0.4, 0.0],
+        1.1,
+        [0.12, -0.05, 0.1],
+    );
+    // Facing -y, where the cameras are.
+    let upright = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    Scene {
+        objects: vec![
+            Object::new(Shape::Rectangle(DVec2::splat(8.0)), Material::matt(texture))
+                .turned(upright),
+        ],
+        rig: Rig {
+            target: DVec3::ZERO,
+            distance: 4.0,
+            azimuth_degrees: (-120.0, -60.0),
+            elevation_degrees: (-12.0, 20.0),
+        },
+        ..Scene::default()
+    }
+}
+
+fn sphere() -> Scene {
+    let texture = Texture::ripples([0.5, 0.55, 0.6], 0.6, 0.35, 5);
+    Scene {
+        objects: vec![Object::new(Shape::Sphere(1.0), Material::matt(texture))],
+        rig: Rig {
+            target: DVec3::ZERO,
+            distance: 3.2,
+            ..Rig::default()
+        },
+        ..Scene::default()
+    }
+}
+
+/// A round stage with soft rings.
+fn stage() -> Object {
+    let texture = Texture::ripples([0.52, 0.47, 0.42], 0.3, 0.5, 23)
+        .striped([1.0, 0.0, 0.0], 1.3, [0.07, 0.05, 0.02])
+        .striped([0.0, 1.0, 0.0], 1.3, [0.02, 0.05, 0.08]);
+    Object::new(Shape::Disc(2.6), Material::matt(texture))
+}
+
+fn solids() -> Scene {
+    let ball = Texture::ripples([0.7, 0.35, 0.3], 0.4, 0.3, 2);
+    let block = Texture::ripples([0.35, 0.5, 0.7], 0.3, 0.3, 3).striped(
+        [0.0, 0.0, 1.0],
+        0.45,
+        [0.15, 0.15, 0.1],
+    );
+    let drum = Texture::ripples([0.4, 0.6, 0.35], 0.3, 0.3, 4).striped(
+        [0.7, 0.2, 1.0],
+        0.5,
+        [0.15, 0.1, 0.0],
+    );
+    let half = DVec3::new(0.45, 0.45, 0.6);
+    let cylinder = Shape::Cylinder {
+        radius: 0.45,
+        half_height: 0.4,
+    };
+    Scene {
+        objects: vec![
+            stage(),
+            Object::new(Shape::Sphere(0.6), Material::matt(ball))
+                .at(-1.3, -0.9, 0.6)
+                .shading(0.6),
+            Object::new(Shape::Cuboid(half), Material::matt(block))
+                .turned(DMat3::from_rotation_z(0.5))
+                .at(1.3, 0.9, 0.6)
+                .shading(0.55),
+            Object::new(cylinder, Material::matt(drum))
+                .at(1.0, -1.4, 0.4)
+                .shading(0.45),
+        ],
+        ..Scene::default()
+    }
+}
+
+fn demo() -> Scene {
+    let mut scene = solids();
+    // The ball and the drum shine; the block stays matt for comparison.
+    for (index, gloss, shininess) in [(1, 0.45, 14.0), (3, 0.25, 8.0)] {
+        scene.objects[index].material.gloss = gloss;
+        scene.objects[index].material.shininess = shininess;
+    }
+    let brass = Texture::ripples([0.72, 0.55, 0.22], 0.25, 0.35, 7);
+    let tube = Shape::Mesh(MeshTree::new(&knot(0.26, 160, 16)));
+    let pebble = Texture::ripples([0.45, 0.4, 0.5], 0.4, 0.25, 8);
+    let round = Shape::Mesh(MeshTree::new(&icosphere(2)));
+    scene.objects.extend([
+        Object::new(tube, Material::glossy(brass, 0.35, 10.0))
+            // Standing on one of its three lobes.
+            .turned(DMat3::from_rotation_x(1.45))
+            .scaled(0.55)
+            .at(0.0, 0.0, 0.85)
+            .shading(0.35),
+        Object::new(round, Material::matt(pebble))
+            .scaled(0.35)
+            .at(-1.1, 1.4, 0.35)
+            .shading(0.35),
+    ]);
+    scene
+}

@@ -1,0 +1,199 @@
+//! Cameras around a scene, and the data set they bring home.
+
+use super::random::Random;
+use super::{Scene, save::view_name};
+use crate::scene::{AlphaMode, Camera, Dataset, PhotoSource, Point, View};
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Where photographs are taken from: a band of directions around a target. Azimuth goes round once
+/// from view to view; elevation jumps by the golden ratio, so that any stretch of views, and any
+/// regular choice of test views, covers the whole band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rig {
+    /// The point looked at, world units.
+    pub target: DVec3,
+    /// From the target, world units.
+    pub distance: f64,
+    /// First and last direction from the target, counter-clockwise from +x seen from above; 360
+    /// apart: a full ring.
+    pub azimuth_degrees: (f64, f64),
+    /// Lowest and highest, above the horizon.
+    pub elevation_degrees: (f64, f64),
+}
+
+impl Default for Rig {
+    fn default() -> Rig {
+        Rig {
+            target: DVec3::new(0.0, 0.0, 0.5),
+            distance: 5.6,
+            azimuth_degrees: (0.0, 360.0),
+            elevation_degrees: (15.0, 55.0),
+        }
+    }
+}
+
+/// What a made data set holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SynthOptions {
+    /// Number of photographs.
+    pub views: usize,
+    /// Width of each in pixels.
+    pub width: u32,
+    /// Height of each in pixels.
+    pub height: u32,
+    /// Angle of view across the width, degrees.
+    pub fov_degrees: f64,
+    /// The principal point's offset from the middle of the picture, pixels.
+    pub center_offset: DVec2,
+    /// Focal length in y over that in x.
+    pub focal_ratio: f64,
+    /// Rays a pixel, along each axis.
+    pub samples: u32,
+    /// Whether photographs have the background cut out (straight alpha) instead of painted.
+    pub cutout: bool,
+    /// Number of points; fewer come where the cameras see less than that of any surface.
+    pub points: usize,
+    /// Standard deviation of the points' error, world units.
+    pub point_noise: f64,
+    /// Where the points fall.
+    pub seed: u64,
+    /// As `Dataset::test_every`.
+    pub test_every: usize,
+}
+
+impl Default for SynthOptions {
+    /// The demo's: 32 photographs of 192 × 144, 5,000 points without error.
+    fn default() -> SynthOptions {
+        SynthOptions {
+            views: 32,
+            width: 192,
+            height: 144,
+            fov_degrees: 50.0,
+            center_offset: DVec2::ZERO,
+            focal_ratio: 1.0,
+            samples: 3,
+            cutout: false,
+            points: 5_000,
+            point_noise: 0.0,
+            seed: 1,
+            test_every: 8,
+        }
+    }
+}
+
+/// Views that a point's colour is averaged over at most, like the track of a reconstruction.
+const TRACK_VIEWS: usize = 6;
+
+impl Scene {
+    /// Photographs from the scene's rig, with points that at least one of the cameras sees.
+    pub fn dataset(&self, options: &SynthOptions) -> Dataset {
+        let cameras = self.cameras(options);
+        let view = |(index, camera): (usize, &Camera)| View {
+            name: view_name(index),
+            camera: *camera,
+            photo: PhotoSource::Memory(match options.cutout {
+                true => self.cutout(camera, options.samples),
+                false => self.photo(camera, options.samples),
+            }),
+        };
+        Dataset {
+            views: cameras.iter().enumerate().map(view).collect(),
+            points: self.points(&cameras, options),
+            test_every: options.test_every,
+            alpha: AlphaMode::Composite,
+            ..Dataset::default()
+        }
+    }
+
+    /// The cameras of `dataset`, in the order of its views.
+    pub fn cameras(&self, options: &SynthOptions) -> Vec<Camera> {
+        let size = DVec2::new(options.width.into(), options.height.into());
+        let focal = 0.5 * size.x / (0.5 * options.fov_degrees.to_radians()).tan();
+        let blank = Camera {
+            width: options.width,
+            height: options.height,
+            focal: DVec2::new(focal, focal * options.focal_ratio),
+            center: 0.5 * size + options.center_offset,
+            rotation: DMat3::IDENTITY,
+            position: DVec3::ZERO,
+        };
+        let (first, last) = self.rig.azimuth_degrees;
+        let (low, high) = self.rig.elevation_degrees;
+        // The last view of a full ring must not be the first again.
+        let full = (last - first).abs() >= 360.0;
+        let steps = options.views.saturating_sub(usize::from(!full)).max(1);
+        let camera = |index: usize| {
+            let azimuth = first + (last - first) * index as f64 / steps as f64;
+            let golden = (index as f64 * 0.618_033_988_749_895 + 0.5).fract();
+            let elevation = (low + (high - low) * golden).to_radians();
+            let flat = DVec2::from_angle(azimuth.to_radians()) * elevation.cos();
+            let direction = flat.extend(elevation.sin());
+            let position = self.rig.target + self.rig.distance * direction;
+            blank.look_at(position, self.rig.target, DVec3::Z)
+        };
+        (0..options.views).map(camera).collect()
+    }
+
+    /// Where rays through random pixels meet a surface: dense where the cameras look closely, as
+    /// the points of a reconstruction are.
+    fn points(&self, cameras: &[Camera], options: &SynthOptions) -> Vec<Point> {
+        if cameras.is_empty() {
+            return Vec::new();
+        }
+        // Where most rays miss, more of them; where all do, an end.
+        let tries = 20 * options.points as u64;
+        // In blocks, so that no more rays are cast than about the points take.
+        let mut points: Vec<Point> = Vec::with_capacity(options.points);
+        let mut key = 0;
+        while points.len() < options.points && key < tries {
+            let block = key..(key + (options.points - points.len()).max(64) as u64).min(tries);
+            key = block.end;
+            let draw = |key| self.point(cameras, options, &mut Random::new(options.seed, key));
+            points.par_extend(block.into_par_iter().filter_map(draw));
+        }
+        points.truncate(options.points);
+        points
+    }
+
+    fn point(
+        &self,
+        cameras: &[Camera],
+        options: &SynthOptions,
+        random: &mut Random,
+    ) -> Option<Point> {
+        let first = random.index(cameras.len());
+        let camera = &cameras[first];
+        let pixel = DVec2::new(random.uniform(), random.uniform());
+        let size = DVec2::new(camera.width.into(), camera.height.into());
+        let ray = Scene::ray(camera, pixel * size);
+        let (_, hit) = self.hit(&ray, f64::INFINITY)?;
+        let position = ray.at(hit.t);
+        let stride = cameras.len().div_ceil(TRACK_VIEWS);
+        let track = (0..cameras.len())
+            .step_by(stride)
+            .map(|i| &cameras[(first + i) % cameras.len()]);
+        let seen: Vec<DVec3> = track
+            .filter_map(|camera| self.seen(camera, position))
+            .collect();
+        // The first camera sees it but for rounding.
+        let color = seen.iter().sum::<DVec3>() / seen.len().max(1) as f64;
+        let error = DVec3::from_array([(); 3].map(|()| random.normal())) * options.point_noise;
+        (!seen.is_empty()).then(|| Point {
+            position: (position + error).as_vec3().to_array(),
+            color: color.as_vec3().to_array(),
+        })
+    }
+
+    /// The colour of a surface point as the camera sees it, where it does.
+    fn seen(&self, camera: &Camera, point: DVec3) -> Option<DVec3> {
+        let pixel = camera.pixel_from_world(point)?;
+        let size = DVec2::new(camera.width.into(), camera.height.into());
+        let within = pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(size).all();
+        let ray = Scene::ray(camera, pixel);
+        let depth = camera.view_from_world(point).z;
+        // Hidden, if anything is met before it.
+        let free = within && self.hit(&ray, depth * (1.0 - 1e-4)).is_none();
+        free.then(|| self.color(&ray)).flatten()
+    }
+}

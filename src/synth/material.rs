@@ -1,0 +1,152 @@
+//! What surfaces look like: band-limited solid textures, a soft light, highlights.
+//!
+//! Colours are display-referred, as a photograph stores them: light is not linear here, and need
+//! not be. What matters to a trainer is that shading is smooth, and that highlights move with the view.
+
+use super::random::Random;
+use glam::DVec3;
+
+/// A colour, 0 to 1, or light that may exceed 1.
+pub(super) type Color = DVec3;
+
+/// A colour for every point of space: an object is cut out of it. No wave is shorter than it was
+/// asked to be, so that a few samples a pixel show it without aliasing.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    base: Color,
+    waves: Vec<Wave>,
+}
+
+/// One ripple: amplitude · sin(vector · p + phase), its crests flattened towards stripes.
+#[derive(Clone, Copy, Debug)]
+struct Wave {
+    /// Radians per world unit.
+    vector: DVec3,
+    phase: f64,
+    amplitude: Color,
+    /// 0: a sine; 1: its steepest form, s / √(s² + 0.1), which reads as stripes.
+    steepness: f64,
+}
+
+impl Texture {
+    /// One colour everywhere.
+    pub fn plain(color: [f64; 3]) -> Texture {
+        Texture {
+            base: color.into(),
+            waves: Vec::new(),
+        }
+    }
+
+    /// `base` with ripples in random directions and colours, their wavelengths spread from `finest`
+    /// to eight times that. `contrast` is the largest deviation they add up to in a channel.
+    pub fn ripples(base: [f64; 3], contrast: f64, finest: f64, seed: u64) -> Texture {
+        const COUNT: usize = 7;
+        let mut random = Random::new(seed, 0);
+        let wave = |i: usize| {
+            let wavelength = finest * 8.0_f64.powf(i as f64 / (COUNT - 1) as f64);
+            let tint = 0.7 * DVec3::ONE + 0.6 * random.direction();
+            Wave {
+                vector: random.direction() * std::f64::consts::TAU / wavelength,
+                phase: random.between(0.0, std::f64::consts::TAU),
+                amplitude: contrast / COUNT as f64 * tint,
+                steepness: 0.0,
+            }
+        };
+        Texture {
+            base: base.into(),
+            waves: (0..COUNT).map(wave).collect(),
+        }
+    }
+
+    /// With stripes across `axis`, this far apart, that add and subtract `amplitude`; their soft
+    /// edges are about a sixth of the distance wide.
+    pub fn striped(mut self, axis: [f64; 3], distance: f64, amplitude: [f64; 3]) -> Texture {
+        self.waves.push(Wave {
+            vector: DVec3::from(axis).normalize() * std::f64::consts::TAU / distance,
+            phase: 0.0,
+            amplitude: amplitude.into(),
+            steepness: 1.0,
+        });
+        self
+    }
+
+    /// The colour at a point in the object's own coordinates.
+    pub(super) fn at(&self, point: DVec3) -> Color {
+        let mut color = self.base;
+        for wave in &self.waves {
+            let sine = (wave.vector.dot(point) + wave.phase).sin();
+            let steep = sine / (sine * sine + 0.1).sqrt();
+            color += (sine + wave.steepness * (steep - sine)) * wave.amplitude;
+        }
+        color.clamp(DVec3::ZERO, DVec3::ONE)
+    }
+}
+
+/// How a surface answers light.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Colour under full light.
+    pub texture: Texture,
+    /// Light added where the mirrored view meets the lamp; 0: matt.
+    pub gloss: f64,
+    /// Phong's exponent: the highlight falls to half at about 67° / √shininess from its centre.
+    pub shininess: f64,
+}
+
+impl Material {
+    /// A surface that looks the same from everywhere.
+    pub fn matt(texture: Texture) -> Material {
+        Material {
+            texture,
+            gloss: 0.0,
+            shininess: 1.0,
+        }
+    }
+
+    /// A surface with highlights.
+    pub fn glossy(texture: Texture, gloss: f64, shininess: f64) -> Material {
+        Material {
+            texture,
+            gloss,
+            shininess,
+        }
+    }
+}
+
+/// The share of light that comes from everywhere; the lamp gives the rest.
+const AMBIENT: f64 = 0.45;
+
+/// A point to be shaded.
+pub(super) struct Surface<'a> {
+    pub(super) material: &'a Material,
+    /// In the object's own coordinates, for the texture.
+    pub(super) local: DVec3,
+    /// Unit normal in the world, towards the viewer.
+    pub(super) normal: DVec3,
+    /// Unit direction from the viewer in the world.
+    pub(super) incident: DVec3,
+    /// How much of the light from everywhere arrives, 0 to 1.
+    pub(super) openness: f64,
+}
+
+/// The colour of a surface under a wide lamp in the direction `lamp` (unit) and a sky above (+z).
+pub(super) fn shade(surface: &Surface<'_>, lamp: DVec3) -> Color {
+    let Surface {
+        material,
+        normal,
+        incident,
+        ..
+    } = surface;
+    // A wide lamp lights a little beyond the terminator: smooth, where a small one has an edge.
+    let facing = (0.5 + 0.5 * normal.dot(lamp)).powi(2);
+    let sky = 0.7 + 0.3 * normal.z;
+    let light = surface.openness * AMBIENT * sky
+        + (0.5 + 0.5 * surface.openness) * (1.0 - AMBIENT) * facing;
+    let mut color = light * material.texture.at(surface.local);
+    if material.gloss > 0.0 {
+        let mirrored = *incident - 2.0 * incident.dot(*normal) * *normal;
+        let highlight = mirrored.dot(lamp).max(0.0).powf(material.shininess);
+        color += material.gloss * highlight * DVec3::new(1.0, 0.97, 0.9);
+    }
+    color.min(DVec3::ONE)
+}

@@ -1,0 +1,278 @@
+//! Scenes made on the CPU, with exact photographs, depth, normals and points: ground truth that no
+//! photograph of the world comes with, for the demo and for tests.
+//!
+//! Rays are cast with rayon at analytic shapes and at triangle meshes; photographs are averages over
+//! a grid of samples in each pixel. World: z up. A ray that meets nothing sees the background colour.
+//!
+//! **Invariant:** needs no device and no file; the same arguments give the same bytes.
+
+mod composition;
+mod dataset;
+mod material;
+mod mesh;
+mod model;
+mod random;
+mod save;
+mod shape;
+
+#[cfg(test)]
+mod tests;
+
+pub use composition::{Kind, scene};
+pub use dataset::{Rig, SynthOptions};
+pub use material::{Material, Texture};
+pub use mesh::MeshTree;
+pub use model::{icosphere, knot};
+pub use save::save;
+pub use shape::Shape;
+
+use crate::scene::{Camera, Photo};
+use glam::{DMat3, DVec2, DVec3};
+use material::{Color, Surface, shade};
+use rayon::prelude::*;
+use shape::{Hit, Ray};
+
+/// Rays start this far (in their own length) from where they leave, so as not to meet it again.
+const CLEARANCE: f64 = 1e-6;
+
+/// A shape with a place and a look.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// What it is, around its own origin.
+    pub shape: Shape,
+    /// How it looks.
+    pub material: Material,
+    /// `world_from_local`, orthonormal.
+    pub rotation: DMat3,
+    /// World units per local unit.
+    pub scale: f64,
+    /// Where its origin is in the world.
+    pub position: DVec3,
+    /// Radius in world units of the sphere that takes light from the other objects; 0: none.
+    pub shading_radius: f64,
+}
+
+impl Object {
+    /// At the origin, unturned, taking no light from others.
+    pub fn new(shape: Shape, material: Material) -> Object {
+        Object {
+            shape,
+            material,
+            rotation: DMat3::IDENTITY,
+            scale: 1.0,
+            position: DVec3::ZERO,
+            shading_radius: 0.0,
+        }
+    }
+
+    /// With its origin there.
+    pub fn at(self, x: f64, y: f64, z: f64) -> Object {
+        let position = DVec3::new(x, y, z);
+        Object { position, ..self }
+    }
+
+    /// Turned by `world_from_local`.
+    pub fn turned(self, rotation: DMat3) -> Object {
+        Object { rotation, ..self }
+    }
+
+    /// At another size.
+    pub fn scaled(self, scale: f64) -> Object {
+        Object { scale, ..self }
+    }
+
+    /// Taking light from its surroundings like a sphere of this radius.
+    pub fn shading(self, shading_radius: f64) -> Object {
+        Object {
+            shading_radius,
+            ..self
+        }
+    }
+
+    fn local_from_world(&self, point: DVec3) -> DVec3 {
+        self.rotation.transpose() * (point - self.position) / self.scale
+    }
+
+    /// Distances along the ray are the same in local coordinates, as its direction is scaled too.
+    fn hit(&self, ray: &Ray, t_min: f64, t_max: f64) -> Option<Hit> {
+        // Most rays miss most objects: their bounding spheres settle it.
+        let away = self.position - ray.origin;
+        let radius = self.scale * self.shape.bounding_radius();
+        if away.cross(ray.direction).length_squared()
+            > radius * radius * ray.direction.length_squared()
+        {
+            return None;
+        }
+        let local = Ray {
+            origin: self.local_from_world(ray.origin),
+            direction: self.rotation.transpose() * ray.direction / self.scale,
+        };
+        let hit = self.shape.hit(&local, t_min, t_max)?;
+        let towards = |normal: DVec3| {
+            let normal = self.rotation * normal;
+            if normal.dot(ray.direction) > 0.0 {
+                -normal
+            } else {
+                normal
+            }
+        };
+        Some(Hit {
+            t: hit.t,
+            normal: towards(hit.normal),
+            shading_normal: towards(hit.shading_normal),
+        })
+    }
+}
+
+/// Objects under one lamp and a sky.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// What there is.
+    pub objects: Vec<Object>,
+    /// Where the lamp is, very far away; not normalised.
+    pub lamp: DVec3,
+    /// The colour of a ray that meets nothing, 0 to 1.
+    pub background: [f64; 3],
+    /// Where photographs are taken from.
+    pub rig: Rig,
+}
+
+impl Default for Scene {
+    fn default() -> Scene {
+        Scene {
+            objects: Vec::new(),
+            lamp: DVec3::new(-0.5, -0.8, 1.2),
+            background: [0.0; 3],
+            rig: Rig::default(),
+        }
+    }
+}
+
+impl Scene {
+    /// The nearest surface: which object, and where.
+    fn hit(&self, ray: &Ray, t_max: f64) -> Option<(usize, Hit)> {
+        let mut nearest: Option<(usize, Hit)> = None;
+        for (index, object) in self.objects.iter().enumerate() {
+            let limit = nearest.map_or(t_max, |(_, hit)| hit.t);
+            nearest = object
+                .hit(ray, CLEARANCE, limit)
+                .map(|hit| (index, hit))
+                .or(nearest);
+        }
+        nearest
+    }
+
+    /// What the ray sees, or nothing.
+    fn color(&self, ray: &Ray) -> Option<Color> {
+        let (index, hit) = self.hit(ray, f64::INFINITY)?;
+        let (object, point) = (&self.objects[index], ray.at(hit.t));
+        let surface = Surface {
+            material: &object.material,
+            local: object.scale * object.local_from_world(point),
+            normal: hit.shading_normal,
+            incident: ray.direction.normalize(),
+            openness: self.openness(index, point, hit.shading_normal),
+        };
+        Some(shade(&surface, self.lamp.normalize()))
+    }
+
+    /// The share of light from everywhere that the other objects let through: each covers
+    /// (radius / distance)² of a cosine-weighted sky, as a sphere above the horizon does. No shadow
+    /// has an edge then, and none needs a ray.
+    fn openness(&self, index: usize, point: DVec3, normal: DVec3) -> f64 {
+        let mut open = 1.0;
+        for (i, object) in self.objects.iter().enumerate() {
+            if i != index && object.shading_radius > 0.0 {
+                let away = object.position - point;
+                let distance = away.length().max(object.shading_radius);
+                let facing = (away.dot(normal) / distance).max(0.0);
+                open *= 1.0 - 0.85 * facing * (object.shading_radius / distance).powi(2);
+            }
+        }
+        open
+    }
+
+    /// A value for each pixel, rows from the top, rows in parallel.
+    fn per_pixel<T: Send>(camera: &Camera, value: impl Fn(DVec2) -> T + Sync) -> Vec<T> {
+        let row = |y: u32| (0..camera.width).map(move |x| DVec2::new(x.into(), y.into()));
+        let rows = (0..camera.height).into_par_iter();
+        rows.flat_map_iter(|y| row(y).map(&value)).collect()
+    }
+
+    fn ray(camera: &Camera, pixel: DVec2) -> Ray {
+        Ray {
+            origin: camera.position,
+            direction: camera.ray_from_pixel(pixel),
+        }
+    }
+
+    /// Colour before the background and the share of the pixel covered: means over a grid of
+    /// `samples` × `samples` points in each pixel.
+    fn coverage(&self, camera: &Camera, samples: u32) -> Vec<(Color, f64)> {
+        let step = 1.0 / f64::from(samples);
+        Self::per_pixel(camera, |corner| {
+            let (mut sum, mut met) = (DVec3::ZERO, 0.0);
+            for i in 0..samples * samples {
+                let offset = DVec2::new((i % samples).into(), (i / samples).into()) + 0.5;
+                if let Some(color) = self.color(&Self::ray(camera, corner + step * offset)) {
+                    sum += color;
+                    met += 1.0;
+                }
+            }
+            (sum * step * step, met * step * step)
+        })
+    }
+
+    /// The picture before it is rounded to 8 bits, over the background, `[row][column]` from the top:
+    /// each pixel the mean of `samples` × `samples` rays.
+    pub fn image(&self, camera: &Camera, samples: u32) -> Vec<[f32; 3]> {
+        let background = DVec3::from(self.background);
+        let over = |(color, covered): (Color, f64)| color + (1.0 - covered) * background;
+        let pixels = self.coverage(camera, samples).into_iter();
+        pixels
+            .map(|pixel| over(pixel).as_vec3().to_array())
+            .collect()
+    }
+
+    /// An opaque photograph, `samples` × `samples` rays a pixel.
+    pub fn photo(&self, camera: &Camera, samples: u32) -> Photo {
+        Photo::from_rgb(camera.width, camera.height, &self.image(camera, samples))
+    }
+
+    /// A photograph whose alpha is the covered share of each pixel, and whose colours are not
+    /// multiplied by it (as PNG files store them).
+    pub fn cutout(&self, camera: &Camera, samples: u32) -> Photo {
+        let straight = |(color, covered): (Color, f64)| {
+            let [r, g, b] = (color / covered.max(1e-9))
+                .as_vec3()
+                .to_array()
+                .map(Photo::level);
+            [r, g, b, Photo::level(covered as f32)]
+        };
+        let pixels = self.coverage(camera, samples).into_iter();
+        Photo {
+            width: camera.width,
+            height: camera.height,
+            rgba: pixels.map(straight).collect(),
+        }
+    }
+
+    /// View-space z (world units along the optical axis, not along the ray) of the surface at each
+    /// pixel's centre; infinite where there is none.
+    pub fn depth(&self, camera: &Camera) -> Vec<f32> {
+        // Rays have view z = 1, so that distances along them are depths.
+        Self::per_pixel(camera, |corner| {
+            let hit = self.hit(&Self::ray(camera, corner + 0.5), f64::INFINITY);
+            hit.map_or(f32::INFINITY, |(_, hit)| hit.t as f32)
+        })
+    }
+
+    /// The surface's unit normal in the world at each pixel's centre, towards the camera; zero where
+    /// there is none. Of meshes: that of the flat triangle.
+    pub fn normals(&self, camera: &Camera) -> Vec<[f32; 3]> {
+        Self::per_pixel(camera, |corner| {
+            let hit = self.hit(&Self::ray(camera, corner + 0.5), f64::INFINITY);
+            hit.map_or([0.0; 3], |(_, hit)| hit.normal.as_vec3().to_array())
+        })
+    }
+}

@@ -1,0 +1,54 @@
+//! Random numbers keyed by what they are for, so that threads may draw them in any order.
+
+use glam::DVec3;
+
+/// A short stream of numbers, a pure function of `seed` and `key`.
+pub(super) struct Random(u64);
+
+impl Random {
+    /// The stream of item `key` under `seed`.
+    pub(super) fn new(seed: u64, key: u64) -> Random {
+        let mut random = Random(seed);
+        // One round apart, so that neighbouring seeds and keys do not share streams.
+        random.0 = random.next() ^ key.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        random
+    }
+
+    /// SplitMix64 (Steele, Lea, Flood 2014).
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in 0 to 1, 1 excluded.
+    pub(super) fn uniform(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Uniform in `low..high`.
+    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.uniform()
+    }
+
+    /// Uniform in `0..count`.
+    pub(super) fn index(&mut self, count: usize) -> usize {
+        (self.uniform() * count as f64) as usize
+    }
+
+    /// Uniform on the unit sphere.
+    pub(super) fn direction(&mut self) -> DVec3 {
+        let z = self.between(-1.0, 1.0);
+        let (y, x) = self.between(0.0, std::f64::consts::TAU).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        DVec3::new(r * x, r * y, z)
+    }
+
+    /// Normally distributed with mean 0 and deviation 1 (Box and Muller).
+    pub(super) fn normal(&mut self) -> f64 {
+        let r = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        r * self.between(0.0, std::f64::consts::TAU).cos()
+    }
+}
