@@ -1,8 +1,9 @@
 //! `kernels.rs`: for every kernel a module with its variants, tunables, parameters, bindings and wrapper.
 
+use super::emit_choice::{choice, spec, variant_enum};
 use super::emit_layout::structure;
 use super::kernel::{Kernel, Variant};
-use super::model::{Bound, Scalar, Spec};
+use super::model::{Binding, Bound, Spec};
 use super::source::At;
 use std::fmt::Write;
 
@@ -50,170 +51,12 @@ const PRELUDE: &str = r#"    #[allow(unused_imports, reason = "one list for all 
     };
 "#;
 
-/// `subgroup_wide` as `SubgroupWide`; the base variant as `Base`.
-fn camel(variant: &str) -> String {
-    if variant.is_empty() {
-        return "Base".to_owned();
-    }
-    let words = variant.split('_').map(|word| {
-        let (first, rest) = word.split_at(word.len().min(1));
-        first.to_uppercase() + rest
-    });
-    words.collect()
-}
-
 /// The `KernelInfo` of a variant.
-fn static_name(variant: &Variant) -> String {
+pub(crate) fn static_name(variant: &Variant) -> String {
     match variant.name.as_str() {
         "" => "INFO".to_owned(),
         name => format!("INFO_{}", name.to_uppercase()),
     }
-}
-
-fn variant_enum(text: &mut String, kernel: &Kernel) {
-    let mut items = String::new();
-    let mut all = String::new();
-    let mut infos = String::new();
-    for (number, variant) in kernel.variants.iter().enumerate() {
-        let name = camel(&variant.name);
-        let default = if number == 0 {
-            "        #[default]\n"
-        } else {
-            ""
-        };
-        let comment = match variant.name.as_str() {
-            "" => "The portable one.".to_owned(),
-            other => {
-                let opening = variant.sources.opening();
-                opening.unwrap_or_else(|| format!("`{other}`"))
-            }
-        };
-        let _ = writeln!(items, "        /// {comment}\n{default}        {name},");
-        let _ = write!(all, "Variant::{name}, ");
-        let _ = writeln!(
-            infos,
-            "                Variant::{name} => &{},",
-            static_name(variant)
-        );
-    }
-    let _ = write!(
-        text,
-        r#"
-    /// The files that implement this kernel.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-    pub enum Variant {{
-{items}    }}
-
-    impl Variant {{
-        /// Every variant, the portable one first.
-        pub const ALL: &[Variant] = &[{all}];
-
-        /// The part of the file name between the dots; `base` for the portable one.
-        pub fn name(self) -> &'static str {{
-            match self.info().variant {{
-                "" => "base",
-                name => name,
-            }}
-        }}
-
-        /// What reflection found.
-        pub fn info(self) -> &'static KernelInfo {{
-            match self {{
-{infos}            }}
-        }}
-    }}
-"#
-    );
-}
-
-/// `Eq` where all tunables have it.
-fn eq(kernel: &Kernel) -> &'static str {
-    let float = kernel.specs.iter().any(|spec| spec.scalar == Scalar::F32);
-    if float { "" } else { ", Eq" }
-}
-
-fn spec(text: &mut String, kernel: &Kernel) {
-    let comment = |spec: &Spec| {
-        let mut comments = kernel.variants.iter();
-        let found = comments.find_map(|variant| variant.sources.comment(At::Spec(spec.id)));
-        found.unwrap_or_else(|| format!("`{}` of the shader.", spec.name.to_uppercase()))
-    };
-    let eq = eq(kernel);
-    let mut fields = String::new();
-    let mut defaults = String::new();
-    let mut values = String::new();
-    for spec in &kernel.specs {
-        let Spec { name, default, .. } = spec;
-        let ty = spec.scalar.rust();
-        let (default, value) = match spec.scalar {
-            Scalar::U32 => (default.to_string(), format!("self.{name}")),
-            Scalar::I32 => (
-                default.cast_signed().to_string(),
-                format!("self.{name}.cast_unsigned()"),
-            ),
-            Scalar::F32 => (
-                format!("f32::from_bits({default:#x})"),
-                format!("self.{name}.to_bits()"),
-            ),
-        };
-        let _ = writeln!(
-            fields,
-            "        /// {}\n        pub {name}: {ty},",
-            comment(spec)
-        );
-        let _ = writeln!(defaults, "                {name}: {default},");
-        let _ = write!(values, "{value}, ");
-    }
-    let count = kernel.specs.len();
-    let (derive, default) = if count == 0 {
-        ("Default, ", String::new())
-    } else {
-        let default = format!(
-            r#"
-    impl Default for Spec {{
-        fn default() -> Spec {{
-            Spec {{
-{defaults}            }}
-        }}
-    }}
-"#
-        );
-        ("", default)
-    };
-    let _ = write!(
-        text,
-        r#"
-    /// The numbers that tune; their defaults are the shader's own.
-    #[derive(Clone, Copy, Debug, {derive}PartialEq{eq})]
-    pub struct Spec {{
-{fields}    }}
-{default}
-    impl Spec {{
-        /// Their bits, in the order of [`KernelInfo::specs`].
-        pub fn values(&self) -> [u32; {count}] {{
-            [{values}]
-        }}
-    }}
-"#
-    );
-}
-
-fn choice(text: &mut String, kernel: &Kernel) {
-    let _ = write!(
-        text,
-        r#"
-    /// A variant and its tuning.
-    #[derive(Clone, Copy, Debug, Default, PartialEq{eq})]
-    pub struct Choice {{
-        /// Which file.
-        pub variant: Variant,
-        /// Tuned how.
-        pub spec: Spec,
-    }}
-
-"#,
-        eq = eq(kernel)
-    );
 }
 
 fn params(text: &mut String, kernel: &Kernel) {
@@ -286,7 +129,7 @@ fn wrapper(text: &mut String, kernel: &Kernel) {
     );
 }
 
-fn slot(binding: &super::model::Binding) -> String {
+fn slot(binding: &Binding) -> String {
     format!("Slot::from(io.{})", binding.name)
 }
 

@@ -2,8 +2,9 @@
 
 use super::compile::{Compiled, compile};
 use super::model::{Bound, Module, Spec, Type};
-use super::reflect::{reflect, rust_name};
+use super::reflect::reflect;
 use super::source::{At, Sources};
+use super::types::rust_name;
 use std::path::Path;
 
 /// What Vulkan guarantees for push constants, in bytes.

@@ -6,6 +6,7 @@
 
 mod compile;
 mod constants;
+mod emit_choice;
 mod emit_kernels;
 mod emit_layout;
 pub(crate) mod kernel;
@@ -20,6 +21,7 @@ mod reflect;
 pub(crate) mod shader;
 mod source;
 mod spirv;
+mod types;
 
 use kernel::Kernel;
 use std::path::Path;
