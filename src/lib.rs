@@ -9,6 +9,7 @@ pub mod error;
 pub mod kernels;
 pub mod layout;
 pub mod metrics;
+pub mod reference;
 pub mod scene;
 pub mod shader;
 pub mod synth;

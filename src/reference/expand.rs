@@ -1,0 +1,29 @@
+//! Every pair of a splat and a tile that it touches.
+
+use super::frame::depth_order;
+use super::tiles::{Grid, tiles};
+use super::{Cuts, ScreenSplat};
+
+/// A splat in a tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Isect {
+    /// The tile.
+    pub tile: u32,
+    /// The splat's index in the scene.
+    pub splat: u32,
+}
+
+/// All intersections, splats nearest first, each one's tiles ascending.
+pub fn expand(screen: &[Option<ScreenSplat<f64>>], grid: &Grid, cuts: &Cuts) -> Vec<Isect> {
+    let mut list = Vec::new();
+    for index in depth_order(screen) {
+        let touched = screen[index]
+            .iter()
+            .flat_map(|splat| tiles(splat, grid, cuts));
+        list.extend(touched.map(|tile| Isect {
+            tile,
+            splat: index as u32,
+        }));
+    }
+    list
+}

@@ -1,0 +1,114 @@
+//! A whole frame: every pixel over every splat, by depth, ties by index. No tiles.
+
+use super::rasterize::{band, rasterize};
+use super::{Band, Cuts, Options, Pixel, Real, ScreenSplat, Splat, Viewpoint, project};
+use crate::scene::{Camera, Splats};
+use rayon::prelude::*;
+
+/// A drawn frame; rows from the top, `[y * width + x]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame<R> {
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// The pixels.
+    pub pixels: Vec<Pixel<R>>,
+}
+
+impl<R: Real> Frame<R> {
+    /// The colours alone.
+    pub fn colors(&self) -> Vec<[R; 3]> {
+        self.pixels.iter().map(|p| p.color).collect()
+    }
+}
+
+/// Centre of pixel `index` of an image, in pixels.
+pub fn center(index: usize, width: usize) -> [f64; 2] {
+    [(index % width) as f64 + 0.5, (index / width) as f64 + 0.5]
+}
+
+/// The splats on the screen, `None` where they are not drawn.
+pub fn project_all<R: Real>(splats: &[Splat<R>], view: &Viewpoint) -> Vec<Option<ScreenSplat<R>>> {
+    splats
+        .par_iter()
+        .map(|splat| project(splat, view))
+        .collect()
+}
+
+/// Indices of the splats that are drawn, nearest first, ties by index.
+pub fn depth_order<R: Real>(screen: &[Option<ScreenSplat<R>>]) -> Vec<usize> {
+    let depth = |i: usize| screen[i].map_or(f64::NAN, |s| s.depth.value());
+    let mut order: Vec<usize> = (0..screen.len()).filter(|&i| screen[i].is_some()).collect();
+    order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)).then(a.cmp(&b)));
+    order
+}
+
+/// The splats that are drawn, nearest first, and which of the scene's each is.
+pub fn sorted<R: Real>(screen: &[Option<ScreenSplat<R>>]) -> (Vec<ScreenSplat<R>>, Vec<usize>) {
+    let splat_from_rank = depth_order(screen);
+    let list = splat_from_rank.iter().filter_map(|&i| screen[i]).collect();
+    (list, splat_from_rank)
+}
+
+/// Draws splats that are already on the screen.
+pub fn render_screen<R: Real>(
+    screen: &[Option<ScreenSplat<R>>],
+    width: u32,
+    height: u32,
+    background: [f64; 3],
+    cuts: &Cuts,
+) -> Frame<R> {
+    let (list, _) = sorted(screen);
+    let order: Vec<usize> = (0..list.len()).collect();
+    let (width, height) = (width as usize, height as usize);
+    let pixels = (0..width * height)
+        .into_par_iter()
+        .map(|i| rasterize(&list, &order, center(i, width), background, cuts))
+        .collect();
+    Frame {
+        width,
+        height,
+        pixels,
+    }
+}
+
+/// Draws splats given by their parameters.
+pub fn render_splats<R: Real>(
+    splats: &[Splat<R>],
+    view: &Viewpoint,
+    background: [f64; 3],
+    cuts: &Cuts,
+) -> Frame<R> {
+    let screen = project_all(splats, view);
+    render_screen(
+        &screen,
+        view.camera.width,
+        view.camera.height,
+        background,
+        cuts,
+    )
+}
+
+/// Draws a scene.
+pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64> {
+    let view = Viewpoint::new(camera, options, splats.mode);
+    render_splats(
+        &Splat::all(splats),
+        &view,
+        options.background,
+        &options.cuts,
+    )
+}
+
+/// How near every pixel of [`render`] is to flipping.
+pub fn bands(splats: &Splats, camera: &Camera, options: &Options) -> Vec<Band> {
+    let view = Viewpoint::new(camera, options, splats.mode);
+    let (list, _) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
+    let order: Vec<usize> = (0..list.len()).collect();
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    (0..width * height)
+        .into_par_iter()
+        .map(|i| band(&list, &order, center(i, width), &options.cuts))
+        .collect()
+}

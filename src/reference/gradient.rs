@@ -1,0 +1,160 @@
+//! The gradient of the training loss by every raw parameter of every splat.
+//!
+//! Twice: [`loss_gradient`] composes the operations' own backward passes and is fast;
+//! [`loss_derivatives`] sends dual numbers through the whole of projection, compositing and loss at once,
+//! is slow, and has no chain rule written out anywhere. `tests/reference.rs` compares them.
+
+use super::frame::{project_all, render_screen, render_splats};
+use super::loss::{self, Target};
+use super::project_backward::project_backward;
+use super::rasterize_backward::{PixelGradient, ScreenGradient, rasterize_backward};
+use super::{Dual, Frame, Options, Splat, Viewpoint};
+use crate::scene::{Camera, Splats};
+use rayon::prelude::*;
+
+/// Dual variables per pass over the frame.
+const LANES: usize = 8;
+
+/// The gradient of an objective by raw parameters; shapes as in [`Splats`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SplatGradients {
+    /// By the centre.
+    pub mean: Vec<[f64; 3]>,
+    /// By the stored, unnormalised quaternion.
+    pub quaternion: Vec<[f64; 4]>,
+    /// By the log-scale.
+    pub log_scale: Vec<[f64; 3]>,
+    /// By the opacity's logit.
+    pub opacity_logit: Vec<f64>,
+    /// `[splat][coefficient][rgb]`.
+    pub sh: Vec<f64>,
+}
+
+impl SplatGradients {
+    /// From one row per splat, each ordered like [`Splat::parameters`].
+    pub fn from_rows(rows: &[Vec<f64>]) -> SplatGradients {
+        let mut all = SplatGradients::default();
+        for row in rows {
+            let splat = Splat::from_parameters(row);
+            all.mean.push(splat.mean);
+            all.quaternion.push(splat.quaternion);
+            all.log_scale.push(splat.log_scale);
+            all.opacity_logit.push(splat.opacity_logit);
+            all.sh.extend(splat.sh.iter().flatten());
+        }
+        all
+    }
+}
+
+/// Everything one training step ought to know before its optimiser.
+#[derive(Clone, Debug)]
+pub struct LossGradient {
+    /// The loss.
+    pub loss: f64,
+    /// The frame that was drawn.
+    pub frame: Frame<f64>,
+    /// By every pixel's colour.
+    pub d_image: Vec<[f64; 3]>,
+    /// By every splat's numbers on the screen, summed over the pixels.
+    pub d_screen: Vec<ScreenGradient>,
+    /// By every raw parameter.
+    pub d_splats: SplatGradients,
+}
+
+/// Draws the scene, compares it with the target and differentiates the loss.
+pub fn loss_gradient(
+    splats: &Splats,
+    camera: &Camera,
+    options: &Options,
+    target: &Target<'_>,
+) -> LossGradient {
+    let view = Viewpoint::new(camera, options, splats.mode);
+    let screen = project_all(&Splat::<f64>::all(splats), &view);
+    let frame = render_screen(
+        &screen,
+        camera.width,
+        camera.height,
+        options.background,
+        &options.cuts,
+    );
+    let image = frame.colors();
+    let d_image = loss::gradient(&image, target);
+    let upstream: Vec<PixelGradient> = d_image
+        .iter()
+        .map(|&color| PixelGradient {
+            color,
+            ..PixelGradient::default()
+        })
+        .collect();
+    let (d_screen, d_splats) = backward(splats, camera, options, &upstream);
+    LossGradient {
+        loss: loss::loss(&image, target),
+        frame,
+        d_image,
+        d_screen,
+        d_splats,
+    }
+}
+
+/// From any gradient of the frame to those of the splats, on the screen and in the world.
+pub fn backward(
+    splats: &Splats,
+    camera: &Camera,
+    options: &Options,
+    upstream: &[PixelGradient],
+) -> (Vec<ScreenGradient>, SplatGradients) {
+    let view = Viewpoint::new(camera, options, splats.mode);
+    let splats = Splat::<f64>::all(splats);
+    let screen = project_all(&splats, &view);
+    let by_screen = rasterize_backward(
+        &screen,
+        camera.width,
+        options.background,
+        &options.cuts,
+        upstream,
+    );
+    let rows: Vec<Vec<f64>> = splats
+        .par_iter()
+        .zip(&by_screen)
+        .map(|(splat, gradient)| project_backward(splat, &view, &gradient.row))
+        .collect();
+    (by_screen, SplatGradients::from_rows(&rows))
+}
+
+/// The derivative of the loss by each of some parameters, named as (splat, index into
+/// [`Splat::parameters`]), with duals from end to end.
+pub fn loss_derivatives(
+    splats: &Splats,
+    camera: &Camera,
+    options: &Options,
+    target: &Target<'_>,
+    parameters: &[(usize, usize)],
+) -> Vec<f64> {
+    let view = Viewpoint::new(camera, options, splats.mode);
+    let rows: Vec<Vec<f64>> = Splat::<f64>::all(splats)
+        .iter()
+        .map(Splat::parameters)
+        .collect();
+    let mut derivatives = Vec::with_capacity(parameters.len());
+    for chunk in parameters.chunks(LANES) {
+        let mut lifted: Vec<Vec<Dual<LANES>>> = rows
+            .iter()
+            .map(|row| {
+                row.iter()
+                    .map(|&value| Dual::variable(value, None))
+                    .collect()
+            })
+            .collect();
+        for (lane, &(splat, parameter)) in chunk.iter().enumerate() {
+            lifted[splat][parameter] = Dual::variable(rows[splat][parameter], Some(lane));
+        }
+        let lifted: Vec<Splat<Dual<LANES>>> = lifted
+            .iter()
+            .map(|row| Splat::from_parameters(row))
+            .collect();
+        let frame = render_splats(&lifted, &view, options.background, &options.cuts);
+        let loss = loss::loss(&frame.colors(), target);
+        derivatives.extend(&loss.d[..chunk.len()]);
+    }
+    derivatives
+}

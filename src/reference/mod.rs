@@ -1,0 +1,92 @@
+//! The oracle: what every kernel ought to compute, written for obviousness, in `f64`.
+//!
+//! One file per operation, under the operation's name. Nothing here is a transliteration of a shader:
+//! covariances are full matrices, every pixel looks at every splat, spherical harmonics come from the
+//! Legendre recurrence, SSIM is a plain double sum, tiles are found by looking at their pixels. What the
+//! formulas are written over is the trait [`Real`]: `f64` gives values, [`Dual`] gives exact derivatives
+//! without any step size, `f32` shows what plain single precision would do.
+//!
+//! A frame is discontinuous where an alpha crosses 1/255, where a ray is declared finished, where two
+//! splats change order. The oracle says of every pixel how far it is from each of these ([`Band`]), so
+//! that comparisons keep their tight tolerance and excuse only the pixels that have the right to flip.
+//!
+//! **Invariant:** works without a Vulkan driver existing; imports `scene` only.
+
+pub mod adam;
+pub mod expand;
+pub mod frame;
+pub mod gradient;
+pub mod linear;
+pub mod loss;
+pub mod perturb;
+pub mod project;
+pub mod project_backward;
+pub mod ranges;
+pub mod rasterize;
+pub mod rasterize_backward;
+pub mod relocate;
+pub mod scan;
+pub mod sh;
+pub mod sort;
+pub mod tiles;
+
+mod dual;
+mod real;
+
+pub use dual::Dual;
+pub use frame::{Frame, render};
+pub use gradient::{LossGradient, loss_gradient};
+pub use project::{ScreenSplat, Splat, Viewpoint, project};
+pub use rasterize::{Band, Pixel};
+pub use real::Real;
+
+/// Where compositing cuts corners, each cut at a threshold of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cuts {
+    /// A splat whose alpha at a pixel is below this is skipped there.
+    pub alpha_min: f64,
+    /// An alpha is capped at this, with zero gradient beyond.
+    pub alpha_max: f64,
+    /// A splat is blended only where the transmittance before it is at least this.
+    pub transmittance_min: f64,
+}
+
+impl Cuts {
+    /// What the engine does: 1/255 (3DGS paper, appendix C), 1 − 2⁻¹⁶, 1e-4.
+    pub const ENGINE: Cuts = Cuts {
+        alpha_min: 1.0 / 255.0,
+        alpha_max: 1.0 - 1.0 / 65536.0,
+        transmittance_min: 1e-4,
+    };
+
+    /// Nothing skipped, nothing stopped; only the cap remains, which belongs to the model.
+    pub const NONE: Cuts = Cuts {
+        alpha_min: 0.0,
+        transmittance_min: 0.0,
+        ..Cuts::ENGINE
+    };
+}
+
+/// How a frame is to be drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Colour behind everything, rgb.
+    pub background: [f64; 3],
+    /// Splats whose centre is nearer than this along the view's z are not drawn; world units.
+    pub near: f64,
+    /// Highest spherical-harmonic degree that takes part.
+    pub sh_degree: u32,
+    /// Which cuts compositing makes.
+    pub cuts: Cuts,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            background: [0.0; 3],
+            near: 0.01,
+            sh_degree: 3,
+            cuts: Cuts::ENGINE,
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! From a Gaussian in the world to an ellipse on the screen: EWA splatting as the 3DGS paper has it
+//! (section 4), with the whole covariance matrices written out.
+
+use super::linear::{
+    Mat3, Vec3, covariance, matrix, normalize, product, sub, transform, transpose, vector,
+};
+use super::{Options, Real, sh};
+use crate::scene::{Camera, RenderMode, Splats};
+
+/// Floats of [`Splat::parameters`] before the spherical harmonics.
+pub const GEOMETRY_PARAMETERS: usize = 11;
+
+/// A quaternion whose largest component is not above this has no direction: the splat is not drawn.
+pub const QUATERNION_MIN: f64 = 1e-20;
+
+/// The raw parameters of one splat, as they are stored and trained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Splat<R> {
+    /// Centre, world units.
+    pub mean: Vec3<R>,
+    /// w, x, y, z; of any length.
+    pub quaternion: [R; 4],
+    /// Logarithm of the standard deviations.
+    pub log_scale: Vec3<R>,
+    /// Logit of the opacity.
+    pub opacity_logit: R,
+    /// `[coefficient][rgb]`.
+    pub sh: Vec<Vec3<R>>,
+}
+
+impl<R: Real> Splat<R> {
+    /// Splat `index` of a scene, as constants.
+    pub fn of(splats: &Splats, index: usize) -> Splat<R> {
+        let of = |x: f32| R::of(f64::from(x));
+        let stride = splats.sh_stride();
+        Splat {
+            mean: splats.mean[index].map(of),
+            quaternion: splats.quaternion[index].map(of),
+            log_scale: splats.log_scale[index].map(of),
+            opacity_logit: of(splats.opacity_logit[index]),
+            sh: splats.sh[index * stride..][..stride]
+                .chunks_exact(3)
+                .map(|rgb| [of(rgb[0]), of(rgb[1]), of(rgb[2])])
+                .collect(),
+        }
+    }
+
+    /// All splats of a scene, as constants.
+    pub fn all(splats: &Splats) -> Vec<Splat<R>> {
+        (0..splats.len()).map(|i| Splat::of(splats, i)).collect()
+    }
+
+    /// The parameters in one row: mean, quaternion, log-scale, opacity logit, harmonics.
+    pub fn parameters(&self) -> Vec<R> {
+        let mut row = self.mean.to_vec();
+        row.extend(self.quaternion);
+        row.extend(self.log_scale);
+        row.push(self.opacity_logit);
+        row.extend(self.sh.iter().flatten());
+        row
+    }
+
+    /// The inverse of [`Splat::parameters`].
+    pub fn from_parameters(row: &[R]) -> Splat<R> {
+        assert!(row.len() >= GEOMETRY_PARAMETERS, "{} parameters", row.len());
+        Splat {
+            mean: [row[0], row[1], row[2]],
+            quaternion: [row[3], row[4], row[5], row[6]],
+            log_scale: [row[7], row[8], row[9]],
+            opacity_logit: row[10],
+            sh: row[GEOMETRY_PARAMETERS..]
+                .chunks_exact(3)
+                .map(|rgb| [rgb[0], rgb[1], rgb[2]])
+                .collect(),
+        }
+    }
+}
+
+/// What projection needs to know besides the splat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Viewpoint {
+    /// The camera.
+    pub camera: Camera,
+    /// `x_min, x_max, y_min, y_max` of x/z and y/z inside the Jacobian.
+    pub limit: [f64; 4],
+    /// Nearest z that is drawn, world units.
+    pub near: f64,
+    /// Added to both variances on the screen, px².
+    pub dilation: f64,
+    /// Whether the opacity makes up for the dilation (Mip-Splatting, section 5.2).
+    pub compensated: bool,
+    /// Highest spherical-harmonic degree that takes part.
+    pub sh_degree: u32,
+}
+
+impl Viewpoint {
+    /// The view of a camera. The limits lie 15 % of the image beyond each border.
+    pub fn new(camera: &Camera, options: &Options, mode: RenderMode) -> Viewpoint {
+        let width = f64::from(camera.width);
+        let height = f64::from(camera.height);
+        let (focal, center) = (camera.focal, camera.center);
+        Viewpoint {
+            camera: *camera,
+            limit: [
+                -(0.15 * width + center.x) / focal.x,
+                (1.15 * width - center.x) / focal.x,
+                -(0.15 * height + center.y) / focal.y,
+                (1.15 * height - center.y) / focal.y,
+            ],
+            near: options.near,
+            dilation: match mode {
+                RenderMode::Default => 0.3,
+                RenderMode::Mip => 0.1,
+            },
+            compensated: mode == RenderMode::Mip,
+            sh_degree: options.sh_degree,
+        }
+    }
+}
+
+/// A splat on the screen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScreenSplat<R> {
+    /// Centre, pixels.
+    pub mean: [R; 2],
+    /// Covariance xx, xy, yy, dilation included; px².
+    pub covariance: [R; 3],
+    /// Opacity, compensation included.
+    pub opacity: R,
+    /// Colour, not negative.
+    pub color: Vec3<R>,
+    /// z in the view, world units.
+    pub depth: R,
+}
+
+impl<R: Real> ScreenSplat<R> {
+    /// Its numbers in one row: mean, covariance, opacity, colour, depth.
+    pub fn row(&self) -> [R; 10] {
+        let (m, c, rgb) = (self.mean, self.covariance, self.color);
+        [
+            m[0],
+            m[1],
+            c[0],
+            c[1],
+            c[2],
+            self.opacity,
+            rgb[0],
+            rgb[1],
+            rgb[2],
+            self.depth,
+        ]
+    }
+
+    /// The inverse of [`ScreenSplat::row`].
+    pub fn from_row(row: [R; 10]) -> ScreenSplat<R> {
+        ScreenSplat {
+            mean: [row[0], row[1]],
+            covariance: [row[2], row[3], row[4]],
+            opacity: row[5],
+            color: [row[6], row[7], row[8]],
+            depth: row[9],
+        }
+    }
+
+    /// The values alone.
+    pub fn values(&self) -> ScreenSplat<f64> {
+        ScreenSplat::from_row(self.row().map(Real::value))
+    }
+}
+
+/// Where the splat lies on the screen; `None` where it has no place there: in front of the near plane,
+/// without an orientation, or with a number in it that is not finite.
+pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSplat<R>> {
+    let longest = splat
+        .quaternion
+        .iter()
+        .fold(0.0, |m: f64, q| m.max(q.value().abs()));
+    let from_camera = sub(splat.mean, vector(view.camera.position));
+    let mean_view = transform(matrix(view.camera.rotation), from_camera);
+    let finite = splat.parameters().iter().all(|p| p.value().is_finite());
+    if !(finite && mean_view[2].value() >= view.near && longest > QUATERNION_MIN) {
+        return None;
+    }
+    let [x, y, z] = mean_view;
+    let focal = view.camera.focal.to_array().map(R::of);
+    let center = view.camera.center.to_array().map(R::of);
+    let spread = screen_covariance(splat, view, mean_view);
+    let dilation = R::of(view.dilation);
+    let dilated = [spread[0] + dilation, spread[1], spread[2] + dilation];
+    let mut opacity = splat.opacity_logit.sigmoid();
+    if view.compensated {
+        opacity = opacity * compensation(spread, dilated);
+    }
+    let direction = normalize(from_camera);
+    let screen = ScreenSplat {
+        mean: [focal[0] * x / z + center[0], focal[1] * y / z + center[1]],
+        covariance: dilated,
+        opacity,
+        color: sh::unclamped_color(view.sh_degree, &splat.sh, direction).map(|c| c.at_least(0.0)),
+        depth: z,
+    };
+    screen
+        .row()
+        .iter()
+        .all(|x| x.value().is_finite())
+        .then_some(screen)
+}
+
+/// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian is taken where x/z and y/z are clamped to the limits; the
+/// clamped quotients are constants, the remaining 1/z is not.
+fn screen_covariance<R: Real>(splat: &Splat<R>, view: &Viewpoint, mean_view: Vec3<R>) -> Vec3<R> {
+    let [x, y, z] = mean_view;
+    let focal = view.camera.focal.to_array().map(R::of);
+    let slope_x = (x / z).at_least(view.limit[0]).at_most(view.limit[1]);
+    let slope_y = (y / z).at_least(view.limit[2]).at_most(view.limit[3]);
+    let zero = R::of(0.0);
+    let jacobian: Mat3<R> = [
+        [focal[0] / z, zero, -focal[0] * slope_x / z],
+        [zero, focal[1] / z, -focal[1] * slope_y / z],
+        [zero, zero, zero],
+    ];
+    let screen_from_world = product(jacobian, matrix(view.camera.rotation));
+    let world = covariance(splat.quaternion, splat.log_scale);
+    let screen = product(
+        product(screen_from_world, world),
+        transpose(screen_from_world),
+    );
+    [screen[0][0], screen[0][1], screen[1][1]]
+}
+
+/// Determinant of a symmetric 2 × 2 matrix given as xx, xy, yy.
+pub fn determinant<R: Real>([xx, xy, yy]: Vec3<R>) -> R {
+    xx * yy - xy * xy
+}
+
+/// `√(det spread / det dilated)`: keeps a splat's light the same under the dilation.
+fn compensation<R: Real>(spread: Vec3<R>, dilated: Vec3<R>) -> R {
+    let ratio = determinant(spread) / determinant(dilated);
+    if ratio.value() > 0.0 {
+        ratio.sqrt()
+    } else {
+        R::of(0.0)
+    }
+}
+
+/// How far a splat's projection is from its own discontinuities, all relative to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins {
+    /// |z / near − 1|.
+    pub near: f64,
+    /// Distance of x/z and y/z to the nearest limit, over the width of the limits.
+    pub limit: f64,
+    /// Smallest magnitude of a colour channel before it is clamped at 0.
+    pub color: f64,
+}
+
+/// See [`Margins`]. The splat must lie in front of the camera.
+pub fn margins(splat: &Splat<f64>, view: &Viewpoint) -> Margins {
+    let from_camera = sub(splat.mean, vector(view.camera.position));
+    let [x, y, z] = transform(matrix(view.camera.rotation), from_camera);
+    let apart = |slope: f64, low: f64, high: f64| {
+        (slope - low).abs().min((slope - high).abs()) / (high - low)
+    };
+    let [x_min, x_max, y_min, y_max] = view.limit;
+    let color = sh::unclamped_color(view.sh_degree, &splat.sh, normalize(from_camera));
+    Margins {
+        near: (z / view.near - 1.0).abs(),
+        limit: apart(x / z, x_min, x_max).min(apart(y / z, y_min, y_max)),
+        color: color.iter().fold(f64::INFINITY, |m, c| m.min(c.abs())),
+    }
+}

@@ -1,0 +1,185 @@
+//! One pixel: every splat of the scene, front to back, over the background.
+//!
+//! `C = Σ cᵢ αᵢ Tᵢ + T_end · background` with `Tᵢ = Π_{j<i} (1 − αⱼ)`. The splat that takes the
+//! transmittance below the threshold is still blended ("include last"), so that stopping there costs at
+//! most the threshold itself.
+
+use super::linear::{Vec3, add, scale};
+use super::project::determinant;
+use super::{Cuts, Real, ScreenSplat};
+
+/// A splat as one pixel sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layer<R> {
+    /// What it covers of what lies behind.
+    pub alpha: R,
+    /// Its colour.
+    pub color: Vec3<R>,
+    /// Its depth, world units.
+    pub depth: R,
+}
+
+/// What a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pixel<R> {
+    /// Colour, background included.
+    pub color: Vec3<R>,
+    /// What is left of the background.
+    pub transmittance: R,
+    /// `Σ αᵢ Tᵢ zᵢ`, world units; not divided by the coverage.
+    pub depth: R,
+}
+
+/// How far a pixel is from each discontinuity, as the relative change of the quantity that would reach it;
+/// infinite where there is none. A comparison may excuse pixels where this is of the size of its rounding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// min |α / alpha_min − 1| over the splats that are reached.
+    pub alpha_min: f64,
+    /// min |α / alpha_max − 1|: only the gradient jumps there.
+    pub alpha_max: f64,
+    /// min |T / transmittance_min − 1| over the transmittances met.
+    pub transmittance: f64,
+    /// min (zᵢ₊₁ − zᵢ) / zᵢ over neighbours in the blending order.
+    pub order: f64,
+}
+
+impl Band {
+    /// Far from everything.
+    pub const CLEAR: Band = Band {
+        alpha_min: f64::INFINITY,
+        alpha_max: f64::INFINITY,
+        transmittance: f64::INFINITY,
+        order: f64::INFINITY,
+    };
+
+    /// The nearest jump of the colour, as the smallest of the relative distances.
+    pub fn nearest(&self) -> f64 {
+        self.alpha_min.min(self.transmittance).min(self.order)
+    }
+}
+
+/// Half the squared Mahalanobis distance of a position (pixels) from the splat's centre: `½ dᵀ Σ⁻¹ d`.
+pub fn power<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
+    let dx = R::of(position[0]) - splat.mean[0];
+    let dy = R::of(position[1]) - splat.mean[1];
+    let [xx, xy, yy] = splat.covariance;
+    let two = R::of(2.0);
+    (yy * dx * dx - two * xy * dx * dy + xx * dy * dy) / (two * determinant(splat.covariance))
+}
+
+/// `opacity · exp(−power)`, neither cut nor capped.
+pub fn raw_alpha<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
+    let power = power(splat, position);
+    // e⁻⁵⁰ = 2e-22 is lost in the rounding of any sum here: not worth an exponential.
+    if power.value() > 50.0 {
+        return R::of(0.0);
+    }
+    splat.opacity * (-power).exp()
+}
+
+/// The splat at a pixel centre, or `None` where it is cut.
+pub fn layer<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2], cuts: &Cuts) -> Option<Layer<R>> {
+    let alpha = raw_alpha(splat, position);
+    (alpha.value() >= cuts.alpha_min && alpha.value() > 0.0).then(|| Layer {
+        alpha: alpha.at_most(cuts.alpha_max),
+        color: splat.color,
+        depth: splat.depth,
+    })
+}
+
+/// Blends layers, nearest first. Returns the pixel and how many layers took part.
+pub fn composite<R: Real>(
+    layers: impl IntoIterator<Item = Layer<R>>,
+    background: [f64; 3],
+    transmittance_min: f64,
+) -> (Pixel<R>, usize) {
+    let mut color = [R::of(0.0); 3];
+    let mut depth = R::of(0.0);
+    let mut transmittance = R::of(1.0);
+    let mut count = 0;
+    for layer in layers {
+        if transmittance.value() < transmittance_min {
+            break;
+        }
+        let weight = transmittance * layer.alpha;
+        color = add(color, scale(weight, layer.color));
+        depth += weight * layer.depth;
+        transmittance = transmittance * (R::of(1.0) - layer.alpha);
+        count += 1;
+    }
+    let color = add(color, scale(transmittance, background.map(R::of)));
+    let pixel = Pixel {
+        color,
+        transmittance,
+        depth,
+    };
+    (pixel, count)
+}
+
+/// Which splats a pixel blends, among those that are visited in the given order.
+pub fn blended(
+    splats: &[ScreenSplat<f64>],
+    order: &[usize],
+    position: [f64; 2],
+    cuts: &Cuts,
+) -> Vec<usize> {
+    let mut transmittance = 1.0;
+    let mut list = Vec::new();
+    for &index in order {
+        if transmittance < cuts.transmittance_min {
+            break;
+        }
+        if let Some(layer) = layer(&splats[index], position, cuts) {
+            transmittance *= 1.0 - layer.alpha;
+            list.push(index);
+        }
+    }
+    list
+}
+
+/// One pixel over splats that are visited in the given order, nearest first.
+pub fn rasterize<R: Real>(
+    splats: &[ScreenSplat<R>],
+    order: &[usize],
+    position: [f64; 2],
+    background: [f64; 3],
+    cuts: &Cuts,
+) -> Pixel<R> {
+    let layers = order
+        .iter()
+        .filter_map(|&i| layer(&splats[i], position, cuts));
+    composite(layers, background, cuts.transmittance_min).0
+}
+
+/// How near the pixel is to flipping; see [`Band`].
+pub fn band(splats: &[ScreenSplat<f64>], order: &[usize], position: [f64; 2], cuts: &Cuts) -> Band {
+    let distance = |value: f64, threshold: f64| {
+        if threshold > 0.0 {
+            (value / threshold - 1.0).abs()
+        } else {
+            f64::INFINITY
+        }
+    };
+    let mut band = Band::CLEAR;
+    let mut transmittance = 1.0;
+    let mut depth_before = None;
+    for &index in order {
+        band.transmittance = band
+            .transmittance
+            .min(distance(transmittance, cuts.transmittance_min));
+        if transmittance < cuts.transmittance_min {
+            break;
+        }
+        let raw = raw_alpha(&splats[index], position);
+        band.alpha_min = band.alpha_min.min(distance(raw, cuts.alpha_min));
+        band.alpha_max = band.alpha_max.min(distance(raw, cuts.alpha_max));
+        if let Some(layer) = layer(&splats[index], position, cuts) {
+            transmittance *= 1.0 - layer.alpha;
+            if let Some(before) = depth_before.replace(layer.depth) {
+                band.order = band.order.min((layer.depth - before) / before);
+            }
+        }
+    }
+    band
+}

@@ -1,0 +1,348 @@
+//! Seeded random scenes, for the oracle's own tests and for every comparison of a kernel with it.
+//!
+//! All numbers are exact in `f32`, cameras included: what the device gets is what the oracle gets.
+
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "shared by test binaries, each of which uses its own part"
+)]
+
+use ashfall::reference::Options;
+use ashfall::scene::{Camera, RenderMode, SH_C0, Splats, sh_coefficient_count};
+use glam::{DMat3, DVec2, DVec3};
+
+/// A small deterministic generator (SplitMix64).
+#[derive(Clone, Debug)]
+pub struct Random(u64);
+
+impl Random {
+    /// The sequence of a seed.
+    pub fn new(seed: u64) -> Random {
+        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
+    }
+
+    /// 64 random bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform below `count`, which must not be 0.
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.bits() % count as u64) as usize
+    }
+
+    /// Uniform in `[low, high)`, exact in `f32`.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        let unit = (self.bits() >> 11) as f64 / (1u64 << 53) as f64;
+        single(low + (high - low) * unit)
+    }
+
+    /// Uniform in logarithm.
+    pub fn log_between(&mut self, low: f64, high: f64) -> f64 {
+        single(self.between(low.ln(), high.ln()).exp())
+    }
+
+    /// Standard normal, exact in `f32`.
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.between(0.0, 1.0)).max(1e-12).ln()).sqrt();
+        single(radius * self.between(0.0, std::f64::consts::TAU).cos())
+    }
+
+    /// Shuffled indices.
+    pub fn permutation(&mut self, count: usize) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..count).collect();
+        for i in (1..count).rev() {
+            order.swap(i, self.below(i + 1));
+        }
+        order
+    }
+}
+
+/// The nearest number that a device can hold.
+fn single(x: f64) -> f64 {
+    f64::from(x as f32)
+}
+
+/// Splats and how they are looked at.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The splats.
+    pub splats: Splats,
+    /// The camera.
+    pub camera: Camera,
+    /// Background, near plane, degree; the engine's cuts.
+    pub options: Options,
+}
+
+/// A camera that looks at the origin from about four units away, with unequal focal lengths and a principal
+/// point off the centre.
+pub fn camera(random: &mut Random, width: u32, height: u32) -> Camera {
+    let size = f64::from(width.max(height));
+    let focal = DVec2::new(random.between(0.9, 1.2), random.between(0.9, 1.2)) * size;
+    let center = DVec2::new(
+        f64::from(width) * random.between(0.4, 0.6),
+        f64::from(height) * random.between(0.4, 0.6),
+    );
+    let direction = DVec3::new(random.normal(), random.normal(), random.normal());
+    let position = (direction.normalize_or(DVec3::X) * 4.0)
+        .to_array()
+        .map(single);
+    let upright = Camera {
+        width,
+        height,
+        focal: DVec2::new(single(focal.x), single(focal.y)),
+        center: DVec2::new(single(center.x), single(center.y)),
+        rotation: DMat3::IDENTITY,
+        position: DVec3::ZERO,
+    };
+    let aimed = upright.look_at(position.into(), DVec3::ZERO, DVec3::new(0.3, 0.9, 0.2));
+    Camera {
+        rotation: DMat3::from_cols_array(&aimed.rotation.to_cols_array().map(single)),
+        ..aimed
+    }
+}
+
+/// A splat as a scene's author thinks of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Sketch {
+    /// Where the centre appears, pixels; may lie outside the image.
+    pub pixel: DVec2,
+    /// z in the view; may be negative.
+    pub depth: f64,
+    /// Standard deviation along each local axis as it would appear face on, pixels.
+    pub sigma: [f64; 3],
+    /// Opacity's logit.
+    pub opacity_logit: f64,
+    /// Colour of the constant term.
+    pub color: [f64; 3],
+}
+
+/// Appends a splat with a random orientation and random higher harmonics.
+pub fn push(splats: &mut Splats, camera: &Camera, sketch: &Sketch, random: &mut Random) {
+    let ray = ((sketch.pixel - camera.center) / camera.focal).extend(1.0);
+    let mean = camera.position + camera.rotation.transpose() * (ray * sketch.depth);
+    let world_per_pixel = sketch.depth.abs() / camera.focal.x;
+    let length = random.log_between(0.5, 2.0);
+    splats.mean.push(mean.to_array().map(|x| x as f32));
+    splats
+        .quaternion
+        .push([0; 4].map(|_| (random.normal() * length) as f32));
+    splats
+        .log_scale
+        .push(sketch.sigma.map(|s| (s * world_per_pixel).ln() as f32));
+    splats.opacity_logit.push(sketch.opacity_logit as f32);
+    splats
+        .sh
+        .extend(sketch.color.map(|c| (c as f32 - 0.5) / SH_C0));
+    for _ in 3..splats.sh_stride() {
+        splats.sh.push(random.between(-0.06, 0.06) as f32);
+    }
+}
+
+/// Something moderate that is certainly seen; `rank` of `count` orders the depths without ties.
+fn moderate(camera: &Camera, rank: usize, count: usize, random: &mut Random) -> Sketch {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    let pixel = DVec2::new(
+        width * random.between(0.05, 0.95),
+        height * random.between(0.05, 0.95),
+    );
+    let largest = (0.12 * width.min(height)).max(2.0);
+    let sigma = random.log_between(1.0, largest);
+    Sketch {
+        pixel,
+        depth: 2.0 + 4.0 * (rank as f64 + random.between(0.2, 0.8)) / count as f64,
+        sigma: [0; 3].map(|_| sigma * random.log_between(0.6, 1.6)),
+        opacity_logit: random.between(-2.0, 3.0),
+        color: [0; 3].map(|_| random.between(0.25, 0.9)),
+    }
+}
+
+fn empty(random: &mut Random, width: u32, height: u32, sh_degree: u32) -> Scene {
+    let background = [0; 3].map(|_| random.between(0.0, 1.0));
+    Scene {
+        splats: Splats {
+            sh_degree,
+            mode: RenderMode::Default,
+            ..Splats::default()
+        },
+        camera: camera(random, width, height),
+        options: Options {
+            background,
+            near: single(0.05),
+            sh_degree,
+            ..Options::default()
+        },
+    }
+}
+
+/// `count` well-conditioned splats before a camera: rounded, half transparent, no channel near black, no
+/// depths near each other (as far as `count` lets them be apart).
+pub fn gentle(seed: u64, count: usize, width: u32, height: u32, sh_degree: u32) -> Scene {
+    let random = &mut Random::new(seed);
+    let mut scene = empty(random, width, height, sh_degree);
+    for rank in random.permutation(count) {
+        let sketch = moderate(&scene.camera, rank, count, random);
+        push(&mut scene.splats, &scene.camera, &sketch, random);
+    }
+    scene
+}
+
+/// What is difficult about a splat of [`hard`]; splat `i` is of kind `Trouble::ALL[i % ALL.len()]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trouble {
+    /// Nothing.
+    None,
+    /// The centre lies outside the limits of the Jacobian, the tails reach into the image.
+    Clamped,
+    /// Opacity logit up to 12.
+    Saturated,
+    /// One axis a hundred times the others.
+    Needle,
+    /// Behind the camera.
+    Behind,
+    /// Opacity below 1/255.
+    Invisible,
+    /// Covers the whole image, faintly.
+    Huge,
+    /// Much smaller than a pixel.
+    Tiny,
+    /// Two channels negative before they are clamped.
+    Dark,
+}
+
+impl Trouble {
+    /// All kinds.
+    pub const ALL: [Trouble; 9] = [
+        Trouble::None,
+        Trouble::Clamped,
+        Trouble::Saturated,
+        Trouble::Needle,
+        Trouble::Behind,
+        Trouble::Invisible,
+        Trouble::Huge,
+        Trouble::Tiny,
+        Trouble::Dark,
+    ];
+
+    /// The kind of splat `index` of a hard scene.
+    pub fn of(index: usize) -> Trouble {
+        Trouble::ALL[index % Trouble::ALL.len()]
+    }
+
+    fn apply(self, sketch: &mut Sketch, camera: &Camera, random: &mut Random) {
+        let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+        match self {
+            Trouble::None => {}
+            Trouble::Clamped => {
+                // Beyond the right or left limit, which lie 15 % of the width outside the image.
+                let beyond = size.x * random.between(0.2, 0.5);
+                sketch.pixel.x = if random.below(2) == 0 {
+                    size.x + beyond
+                } else {
+                    -beyond
+                };
+                sketch.sigma = [0; 3].map(|_| size.x * random.between(0.2, 0.35));
+            }
+            Trouble::Saturated => sketch.opacity_logit = random.between(6.0, 12.0),
+            Trouble::Needle => {
+                let thin = random.log_between(0.05, 0.3);
+                sketch.sigma = [thin, 100.0 * thin, thin];
+            }
+            Trouble::Behind => sketch.depth = -sketch.depth,
+            Trouble::Invisible => sketch.opacity_logit = random.between(-9.0, -5.7),
+            Trouble::Huge => {
+                sketch.sigma = [0; 3].map(|_| size.max_element() * random.between(0.5, 0.8));
+                sketch.opacity_logit = random.between(-3.0, -1.0);
+            }
+            Trouble::Tiny => sketch.sigma = [0; 3].map(|_| random.log_between(0.01, 0.1)),
+            Trouble::Dark => sketch.color = [random.between(0.3, 0.9), -0.5, -0.3],
+        }
+    }
+}
+
+/// Like [`gentle`], but every splat has the [`Trouble`] of its index.
+pub fn hard(seed: u64, count: usize, width: u32, height: u32, sh_degree: u32) -> Scene {
+    let random = &mut Random::new(seed ^ 0x6861_7264);
+    let mut scene = empty(random, width, height, sh_degree);
+    for (index, rank) in random.permutation(count).into_iter().enumerate() {
+        let mut sketch = moderate(&scene.camera, rank, count, random);
+        Trouble::of(index).apply(&mut sketch, &scene.camera, random);
+        push(&mut scene.splats, &scene.camera, &sketch, random);
+    }
+    scene
+}
+
+/// A photograph of nothing in particular: a gradient with noise, in 256 levels.
+pub fn photo(seed: u64, width: u32, height: u32) -> Vec<[u8; 3]> {
+    let random = &mut Random::new(seed ^ 0x7068_6f74);
+    let slope = [0; 3].map(|_| [random.between(-0.5, 0.5), random.between(-0.5, 0.5)]);
+    let mut pixels = Vec::with_capacity((width * height) as usize);
+    for y in 0..height {
+        for x in 0..width {
+            let (u, v) = (
+                f64::from(x) / f64::from(width),
+                f64::from(y) / f64::from(height),
+            );
+            let shade = slope.map(|[a, b]| 0.5 + a * (u - 0.5) + b * (v - 0.5));
+            pixels.push(shade.map(|s| ((s + random.between(-0.1, 0.1)) * 255.0).round() as u8));
+        }
+    }
+    pixels
+}
+
+/// A photograph's values, 0 to 1.
+pub fn photo_values(photo: &[[u8; 3]]) -> Vec<[f64; 3]> {
+    photo
+        .iter()
+        .map(|rgb| rgb.map(|c| f64::from(c) / 255.0))
+        .collect()
+}
+
+/// Coefficients that a degree has, for tests that index `Splats::sh`.
+pub fn coefficient(splats: &mut Splats, splat: usize, coefficient: usize) -> &mut [f32] {
+    assert!(
+        coefficient < sh_coefficient_count(splats.sh_degree),
+        "no such coefficient"
+    );
+    let stride = splats.sh_stride();
+    &mut splats.sh[splat * stride + coefficient * 3..][..3]
+}
+
+/// Numbers that break things when they stand where a parameter is expected.
+pub const POISON: [f32; 30] = [
+    f32::NAN,
+    -f32::NAN,
+    f32::INFINITY,
+    f32::NEG_INFINITY,
+    0.0,
+    -0.0,
+    f32::MIN_POSITIVE,
+    1e-40,
+    -1e-40,
+    f32::EPSILON,
+    1e38,
+    -1e38,
+    f32::MAX,
+    f32::MIN,
+    1e20,
+    -1e20,
+    1.0,
+    -1.0,
+    0.01,
+    1e10,
+    1.0 / 255.0,
+    16.0,
+    16_777_217.0,
+    2_147_483_648.0,
+    3e9,
+    65_536.0,
+    88.73,
+    -87.34,
+    -104.0,
+    17.4,
+];
