@@ -34,6 +34,7 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
         options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
         options.set_target_spirv(SpirvVersion::V1_6);
         options.set_optimization_level(level);
+        options.set_warnings_as_errors();
         options.set_include_callback(|name, _, from, _| {
             let content = read(glsl, name).map_err(|error| format!("{name}: {error}"))?;
             let resolved_name = format!("glsl/{name}");
@@ -55,8 +56,11 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
             .as_binary()
             .to_vec())
     };
-    let embedded = run(EMBEDDED)?;
     let plain = run(OptimizationLevel::Zero)?;
+    let embedded = match EMBEDDED {
+        OptimizationLevel::Zero => plain.clone(),
+        level => run(level)?,
+    };
     let mut files = vec![File::new(&shown, &text)];
     files.append(&mut included.borrow_mut());
     Ok(Compiled {
