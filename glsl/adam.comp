@@ -1,0 +1,63 @@
+#version 460
+#include "shared/prelude.glsl"
+#include "shared/gaussian.glsl"
+
+// One step of Adam on every parameter.
+//
+// One invocation per vec4 of a plane; workgroups cover plane after plane. Gradients that are not finite
+// leave their four parameters and moments alone and are counted. Quaternions are normalised again, so
+// that their length cannot drift and slow them down.
+
+layout(constant_id = 0) const uint WORKGROUP = 64;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) buffer Counts { uint counts[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Gradients { vec4 d_params[]; };
+layout(set = 0, binding = 2, scalar) buffer ParamsBlock { vec4 params[]; };
+layout(set = 0, binding = 3, scalar) buffer Moments1 { vec4 moment1[]; };
+layout(set = 0, binding = 4, scalar) buffer Moments2 { vec4 moment2[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint splat_count;
+    uint stride;             // elements between two planes
+    uint groups_per_plane;
+    float rate_mean;         // learning rates
+    float rate_opacity;
+    float rate_quaternion;
+    float rate_log_scale;
+    float rate_sh_dc;
+    float rate_sh_rest;
+    float beta1;
+    float beta2;
+    float epsilon;
+    float correction1;       // 1 / (1 - beta1^step), in double precision on the host
+    float correction2;       // 1 / (1 - beta2^step)
+} push;
+
+vec4 rate_of(uint plane) {
+    if (plane == 0) return vec4(vec3(push.rate_mean), push.rate_opacity);
+    if (plane == 1) return vec4(push.rate_quaternion);
+    if (plane == 2) return vec4(vec3(push.rate_log_scale), 0.0);
+    if (plane == 3) return vec4(vec3(push.rate_sh_dc), push.rate_sh_rest);
+    return vec4(push.rate_sh_rest);
+}
+
+void main() {
+    uint plane = group_index() / push.groups_per_plane;
+    uint splat = group_index() % push.groups_per_plane * WORKGROUP + gl_LocalInvocationID.x;
+    if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
+    uint place = plane * push.stride + splat;
+    vec4 g = d_params[place];
+    if (!is_finite(g)) {
+        atomicAdd(counts[COUNT_POISONED], 1);
+        return;
+    }
+    vec4 m = push.beta1 * moment1[place] + (1.0 - push.beta1) * g;
+    vec4 v = push.beta2 * moment2[place] + (1.0 - push.beta2) * g * g;
+    moment1[place] = m;
+    moment2[place] = v;
+    vec4 step = rate_of(plane) * (m * push.correction1) / (sqrt(v * push.correction2) + push.epsilon);
+    vec4 next = params[place] - step;
+    if (plane == 1) next /= quaternion_length(next);
+    params[place] = next;
+}

@@ -1,0 +1,48 @@
+#version 460
+#include "shared/prelude.glsl"
+#include "shared/gaussian.glsl"
+
+// Lists one intersection for every tile that a visible splat touches, in depth order.
+//
+// One invocation per visible splat, nearest first; a splat's intersections are contiguous. What was
+// counted bounds what is written, and slots that rounding should leave over go to no tile.
+
+layout(constant_id = 0) const uint WORKGROUP = 64;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
+layout(set = 0, binding = 1, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Ranks { uint splat_from_rank[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Offsets { uint isect_from_rank[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer TileCounts { uint tile_count_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer SplatsBlock { Splat2d splat2d[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer Tiles { uint tile_from_isect[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer Sources { uint source_from_isect[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer Owners { uint splat_from_source[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer Begins { uint source_from_splat[]; };
+
+void main() {
+    uint rank = global_index();
+    if (rank >= counts[COUNT_VISIBLE]) return;
+    uint splat = splat_from_rank[rank];
+    uint next = isect_from_rank[rank];
+    uint end = next + tile_count_from_splat[splat];
+    source_from_splat[splat] = next;
+
+    Ellipse e = ellipse(splat2d[splat].shape, splat2d[splat].tone.xy);
+    ivec2 rows = tile_rows(e, view.size);
+    for (int row = rows.x; row <= rows.y; ++row) {
+        ivec2 columns = tile_columns(e, row, view.size);
+        for (int column = columns.x; column <= columns.y && next < end; ++column) {
+            tile_from_isect[next] = uint(row) * view.tiles.x + uint(column);
+            source_from_isect[next] = next;
+            splat_from_source[next] = splat;
+            ++next;
+        }
+    }
+    for (; next < end; ++next) {
+        tile_from_isect[next] = view.tiles.x * view.tiles.y;
+        source_from_isect[next] = next;
+        splat_from_source[next] = splat;
+    }
+}

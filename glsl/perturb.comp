@@ -1,0 +1,56 @@
+#version 460
+#include "shared/prelude.glsl"
+#include "shared/gaussian.glsl"
+
+// MCMC's exploration: moves every mean by noise of the splat's own shape, the less the more opaque it is
+// (3DGS as Markov Chain Monte Carlo, equation 9).
+//
+// One invocation per splat. Random numbers are a function of (seed, step, splat) alone.
+
+layout(constant_id = 0) const uint WORKGROUP = 64;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 1, scalar) buffer ParamsBlock { vec4 params[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint splat_count;
+    uint stride;      // elements between two planes
+    uint seed;
+    uint step;
+    float amplitude;  // noise scale times the learning rate of the means
+} push;
+
+// PCG's output permutation on a 32-bit state: every bit of the input reaches every bit of the output.
+uint scramble(uint x) {
+    x = x * 747796405u + 2891336453u;
+    uint word = ((x >> ((x >> 28) + 4)) ^ x) * 277803737u;
+    return (word >> 22) ^ word;
+}
+
+// Uniform in (0, 1): never 0, whose logarithm would be infinite.
+float uniform_of(uint splat, uint draw) {
+    uint word = scramble(scramble(scramble(scramble(push.seed) ^ push.step) ^ splat) ^ draw);
+    return (float(word >> 9) + 0.5) * (1.0 / 8388608.0);
+}
+
+vec3 normals_of(uint splat) {
+    const float TURN = 6.283185307179586;
+    float first = sqrt(-2.0 * log(uniform_of(splat, 0)));
+    float angle = TURN * uniform_of(splat, 1);
+    float second = sqrt(-2.0 * log(uniform_of(splat, 2)));
+    return vec3(first * cos(angle), first * sin(angle), second * cos(TURN * uniform_of(splat, 3)));
+}
+
+void main() {
+    uint splat = global_index();
+    if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
+    vec4 mean = params[splat];
+    vec4 rotation = params[push.stride + splat];
+    vec3 scale = exp(params[2 * push.stride + splat].xyz);
+    mat3 axes = rotation_matrix(rotation / quaternion_length(rotation));
+    float weight = sigmoid(100.0 * (0.005 - sigmoid(mean.w))) * push.amplitude;
+    vec3 local = (normals_of(splat) * axes) * scale * scale;
+    mean.xyz += axes * local * weight;
+    if (is_finite(mean)) params[splat] = mean;
+}

@@ -1,0 +1,85 @@
+#version 460
+#include "shared/prelude.glsl"
+#include "shared/gaussian.glsl"
+#include "shared/sh.glsl"
+
+// Finds each splat's ellipse, colour and depth on the screen, and how many tiles it touches.
+//
+// One invocation per splat. A splat that cannot be seen (behind the near plane, off the screen, too
+// faint, or not finite in any parameter) gets the tile count 0, and nothing reads the rest of it.
+
+layout(constant_id = 0) const uint WORKGROUP = 64;
+layout(constant_id = 1) const uint SH_DEGREE = 3;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
+layout(set = 0, binding = 1, scalar) readonly buffer ParamsBlock { vec4 params[]; };
+layout(set = 0, binding = 2, scalar) writeonly buffer SplatsBlock { Splat2d splat2d[]; };
+layout(set = 0, binding = 3, scalar) writeonly buffer TileCounts { uint tile_count_from_splat[]; };
+
+vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
+    float basis[16];
+    sh_basis(SH_DEGREE, direction, basis);
+    uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
+    float sum[3] = float[](0.5, 0.5, 0.5);
+    [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
+        vec4 four = params[(GEOMETRY_PLANES + plane) * view.stride + splat];
+        [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
+            uint k = plane * 4 + lane;
+            if (k < terms * 3) sum[k % 3] += four[lane] * basis[k / 3];
+        }
+    }
+    vec3 color = vec3(sum[0], sum[1], sum[2]);
+    sound = sound && is_finite(color);
+    return max(color, vec3(0.0));
+}
+
+// Writes the splat's record and returns its number of tiles.
+uint project(uint splat) {
+    vec4 mean = params[splat];
+    vec4 rotation = params[view.stride + splat];
+    vec3 scale = exp(params[2 * view.stride + splat].xyz);
+
+    vec3 offset = mean.xyz - view.position;
+    vec3 mean_view = view.view_from_world * offset;
+    float q_length = quaternion_length(rotation);
+    bool sound = is_finite(mean) && is_finite(rotation) && is_finite(scale) && is_finite(mean_view);
+    sound = sound && mean_view.z >= view.near_plane && q_length > 1e-18;
+
+    Jacobian j = jacobian(view, mean_view);
+    mat3 axes = rotation_matrix(rotation / q_length);
+    Footprint f = footprint((j.row_x * axes) * scale, (j.row_y * axes) * scale, view.dilation);
+    sound = sound && is_finite(f.a) && is_finite(f.det) && f.det > 0.0;
+
+    vec2 mean_pixel = view.focal * mean_view.xy / mean_view.z + view.center;
+    // log2 of the sigmoid; exp(-u) may overflow to infinity, then the splat is invisible as it should.
+    float log_opacity = -log2(1.0 + exp(-mean.w));
+    sound = sound && log_opacity >= -LOG2_255 && is_finite(vec3(mean_pixel, 0.0));
+
+    vec2 whiten = WHITEN * vec2(inversesqrt(f.a), sqrt(f.a / f.det));
+    sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
+
+    float distance = length(offset);
+    vec3 color = color_toward(splat, offset / distance, sound);
+    if (!sound) return 0;
+
+    vec4 shape = vec4(mean_pixel, f.slope, log_opacity);
+    splat2d[splat].shape = shape;
+    splat2d[splat].tone = vec4(whiten, color.rg);
+    splat2d[splat].rest = vec4(color.b, mean_view.z, 0.0, 0.0);
+
+    Ellipse e = ellipse(shape, whiten);
+    uint count = 0;
+    ivec2 rows = tile_rows(e, view.size);
+    for (int row = rows.x; row <= rows.y; ++row) {
+        ivec2 columns = tile_columns(e, row, view.size);
+        count += uint(columns.y - columns.x + 1);
+    }
+    return count;
+}
+
+void main() {
+    uint splat = global_index();
+    if (splat >= view.splat_count) return;
+    tile_count_from_splat[splat] = project(splat);
+}

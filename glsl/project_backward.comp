@@ -1,0 +1,189 @@
+#version 460
+#include "shared/prelude.glsl"
+#include "shared/gaussian.glsl"
+#include "shared/sh.glsl"
+
+// Gradient of every parameter of every splat, from the records that compositing left.
+//
+// One invocation per splat. A splat's records are contiguous and are summed in order, so that the
+// result is the same in every run. The projection is done again rather than stored. Also keeps the
+// statistics that density control reads.
+
+layout(constant_id = 0) const uint WORKGROUP = 64;
+layout(constant_id = 1) const uint SH_DEGREE = 3;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
+layout(set = 0, binding = 1, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer ParamsBlock { vec4 params[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer TileCounts { uint tile_count_from_splat[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Begins { uint source_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer SplatsBlock { Splat2d splat2d[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer ToneGradients { vec4 d_tone_from_source[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer RestGradients { float d_rest_from_source[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer Gradients { vec4 d_params[]; };
+layout(set = 0, binding = 10, scalar) buffer Statistics { vec4 statistics[]; };
+
+layout(push_constant, scalar) uniform Push {
+    float opacity_penalty;  // added to dL/d opacity of every splat
+    float scale_penalty;    // added to dL/d scale of every splat and axis
+} push;
+
+struct Gradient {
+    vec3 mean;
+    float opacity_logit;
+    vec4 quaternion;
+    vec3 log_scale;
+};
+
+// Stores dL/d SH and returns dL/d direction (before the projection on the sphere's tangent).
+vec3 harmonics_backward(uint splat, vec3 direction, vec3 d_color) {
+    float basis[16];
+    sh_basis(SH_DEGREE, direction, basis);
+    vec3 slope[16];
+    sh_basis_gradient(SH_DEGREE, direction, slope);
+    uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
+    vec3 d_direction = vec3(0.0);
+    [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
+        uint place = (GEOMETRY_PLANES + plane) * view.stride + splat;
+        vec4 coefficients = params[place];
+        vec4 d = vec4(0.0);
+        [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
+            uint k = plane * 4 + lane;
+            if (k < terms * 3) {
+                d[lane] = basis[k / 3] * d_color[k % 3];
+                d_direction += slope[k / 3] * (coefficients[lane] * d_color[k % 3]);
+            }
+        }
+        d_params[place] = d;
+    }
+    return d_direction;
+}
+
+void clear_harmonics(uint splat) {
+    uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
+    [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
+        d_params[(GEOMETRY_PLANES + plane) * view.stride + splat] = vec4(0.0);
+    }
+}
+
+// dL/d quaternion before normalisation, from dL/d rotation matrix (columns) at the unit quaternion.
+vec4 quaternion_backward(vec4 unit, float q_length, mat3 d) {
+    float w = unit.x, x = unit.y, y = unit.z, z = unit.w;
+    vec4 g;
+    g.x = 2.0 * (z * (d[0][1] - d[1][0]) + y * (d[2][0] - d[0][2]) + x * (d[1][2] - d[2][1]));
+    g.y = 2.0 * (y * (d[0][1] + d[1][0]) + z * (d[0][2] + d[2][0]) + w * (d[1][2] - d[2][1]))
+        - 4.0 * x * (d[1][1] + d[2][2]);
+    g.z = 2.0 * (x * (d[0][1] + d[1][0]) + z * (d[1][2] + d[2][1]) + w * (d[2][0] - d[0][2]))
+        - 4.0 * y * (d[0][0] + d[2][2]);
+    g.w = 2.0 * (x * (d[0][2] + d[2][0]) + y * (d[1][2] + d[2][1]) + w * (d[0][1] - d[1][0]))
+        - 4.0 * z * (d[0][0] + d[1][1]);
+    return (g - unit * dot(unit, g)) / q_length;
+}
+
+// Adds what the image says about a visible splat; returns dL/d mean_pixel.
+vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient) {
+    vec4 shape = vec4(0.0);
+    vec4 tone = vec4(0.0);
+    float rest = 0.0;
+    uint begin = source_from_splat[splat];
+    for (uint source = begin; source < begin + tile_count; ++source) {
+        shape += d_shape_from_source[source];
+        tone += d_tone_from_source[source];
+        rest += d_rest_from_source[source];
+    }
+
+    vec4 mean = params[splat];
+    vec4 rotation = params[view.stride + splat];
+    vec3 offset = mean.xyz - view.position;
+    vec3 mean_view = view.view_from_world * offset;
+    float q_length = quaternion_length(rotation);
+    vec4 unit = rotation / q_length;
+    mat3 axes = rotation_matrix(unit);
+    Jacobian j = jacobian(view, mean_view);
+    vec3 local_x = j.row_x * axes;
+    vec3 local_y = j.row_y * axes;
+    Footprint f = footprint(local_x * scale, local_y * scale, view.dilation);
+
+    // The whitening matrix [[p, 0], [-slope q, q]], e = matrix * (pixel - mean).
+    float p = inversesqrt(f.a);
+    float q = sqrt(f.a / f.det);
+    vec3 sums = vec3(shape.y, shape.z, 0.0) / WHITEN;  // sums of s e
+    vec2 d_mean_pixel = vec2(sums.x * p - sums.y * f.slope * q, sums.y * q);
+    // Second moments of e, weighted by s.
+    float m_xx = shape.w / (WHITEN * WHITEN);
+    float m_xy = tone.x / (WHITEN * WHITEN);
+    float m_yy = tone.y / (WHITEN * WHITEN);
+
+    gradient.opacity_logit += shape.x * sigmoid(-mean.w);
+
+    // dL/dV = W^T M (W V): whitened moments stay accurate for needles, where an inverse covariance cancels.
+    vec3 white_x = p * f.v_x;
+    vec3 white_y = q * (f.v_y - f.slope * f.v_x);
+    vec3 moved_x = m_xx * white_x + m_xy * white_y;
+    vec3 moved_y = m_xy * white_x + m_yy * white_y;
+    vec3 d_v_x = p * moved_x - q * f.slope * moved_y;
+    vec3 d_v_y = q * moved_y;
+
+    gradient.log_scale += (d_v_x * local_x + d_v_y * local_y) * scale;
+    vec3 d_local_x = d_v_x * scale;
+    vec3 d_local_y = d_v_y * scale;
+    // local = row * axes, component k = dot(row, axes[k]).
+    mat3 d_axes = mat3(j.row_x * d_local_x.x + j.row_y * d_local_y.x,
+                       j.row_x * d_local_x.y + j.row_y * d_local_y.y,
+                       j.row_x * d_local_x.z + j.row_y * d_local_y.z);
+    gradient.quaternion += quaternion_backward(unit, q_length, d_axes);
+
+    // Rows of the Jacobian in view space: (fx/z)(1, 0, -x/z), (fy/z)(0, 1, -y/z).
+    vec3 g_x = view.view_from_world * (axes * d_local_x);
+    vec3 g_y = view.view_from_world * (axes * d_local_y);
+    vec2 scale_z = view.focal / mean_view.z;
+    vec2 d_slope = -scale_z * vec2(g_x.z, g_y.z);
+    vec3 d_view;
+    d_view.z = -(scale_z.x * (g_x.x - j.slope.x * g_x.z) + scale_z.y * (g_y.y - j.slope.y * g_y.z)) / mean_view.z;
+    // A clamped slope is a constant: no gradient through it, and the z-derivative above is then exact.
+    vec2 raw = mean_view.xy / mean_view.z;
+    d_slope = mix(vec2(0.0), d_slope, j.inside) + view.focal * d_mean_pixel;
+    d_view.xy = d_slope / mean_view.z;
+    d_view.z -= dot(d_slope, raw) / mean_view.z;
+    gradient.mean += d_view * view.view_from_world;
+
+    float distance = length(offset);
+    vec3 direction = offset / distance;
+    vec3 color = vec3(splat2d[splat].tone.zw, splat2d[splat].rest.x);
+    vec3 d_color = mix(vec3(0.0), vec3(tone.zw, rest), greaterThan(color, vec3(0.0)));
+    vec3 d_direction = harmonics_backward(splat, direction, d_color);
+    gradient.mean += (d_direction - direction * dot(direction, d_direction)) / distance;
+    return d_mean_pixel;
+}
+
+void main() {
+    uint splat = global_index();
+    if (splat >= view.splat_count || counts[COUNT_FAILED] != 0) return;
+    vec3 scale = exp(params[2 * view.stride + splat].xyz);
+    float opacity = sigmoid(params[splat].w);
+
+    Gradient gradient;
+    gradient.mean = vec3(0.0);
+    gradient.opacity_logit = push.opacity_penalty * opacity * (1.0 - opacity);
+    gradient.quaternion = vec4(0.0);
+    gradient.log_scale = push.scale_penalty * scale;
+
+    uint tile_count = tile_count_from_splat[splat];
+    if (tile_count != 0) {
+        vec2 d_mean_pixel = visible_backward(splat, tile_count, scale, gradient);
+        vec4 seen = statistics[splat];
+        // Half the image size turns pixels into normalised device coordinates.
+        seen.x += length(d_mean_pixel * 0.5 * vec2(view.size));
+        seen.y += 1.0;
+        Ellipse e = ellipse(splat2d[splat].shape, splat2d[splat].tone.xy);
+        seen.z = max(seen.z, max(e.extent.x, e.extent.y));
+        statistics[splat] = seen;
+    } else {
+        clear_harmonics(splat);
+    }
+    d_params[splat] = vec4(gradient.mean, gradient.opacity_logit);
+    d_params[view.stride + splat] = gradient.quaternion;
+    d_params[2 * view.stride + splat] = vec4(gradient.log_scale, 0.0);
+}

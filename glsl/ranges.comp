@@ -1,0 +1,31 @@
+#version 460
+#include "shared/prelude.glsl"
+
+// Finds, for every tile, the slice of the sorted intersections that belongs to it.
+//
+// One invocation per intersection. One whose tile differs from its left neighbour's closes the
+// neighbour's slice and opens its own; tiles that own nothing keep the empty slice they were cleared to.
+
+layout(constant_id = 0) const uint WORKGROUP = 64;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Tiles { uint tile_from_isect[]; };
+layout(set = 0, binding = 2, scalar) writeonly buffer Ranges { uvec2 range_from_tile[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint tile_count;  // intersections of tiles beyond are padding
+} push;
+
+void main() {
+    uint isect = global_index();
+    uint count = counts[COUNT_ISECT];
+    if (isect >= count) return;
+    uint tile = tile_from_isect[isect];
+    uint left = isect == 0 ? push.tile_count : tile_from_isect[isect - 1];
+    if (tile != left) {
+        if (tile < push.tile_count) range_from_tile[tile].x = isect;
+        if (isect > 0 && left < push.tile_count) range_from_tile[left].y = isect;
+    }
+    if (isect + 1 == count && tile < push.tile_count) range_from_tile[tile].y = count;
+}

@@ -1,0 +1,19 @@
+#version 460
+#include "shared/prelude.glsl"
+
+// Composites the sorted splats of every tile into an image, front to back.
+//
+// One workgroup per tile. Lanes vote on stopping through shared memory, so any subgroup size will do.
+
+#include "rasterize.glsl"
+
+shared uint vote;
+
+bool any_lane(bool mine) {
+    barrier();
+    if (gl_LocalInvocationID.x == 0) vote = 0;
+    barrier();
+    if (mine) vote = 1;
+    barrier();
+    return vote != 0;
+}

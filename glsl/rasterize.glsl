@@ -1,0 +1,100 @@
+// Front-to-back compositing of one tile; `rasterize.comp` and its variants include this and say how
+// lanes agree to stop.
+//
+// A lane owns LANE_PIXELS pixels of one column, four to a vec4: every load of a splat serves them all.
+// A splat counts for a pixel while the transmittance in front of it is at least T_MIN ("include last"),
+// so that what is cut off is never more than T_MIN of the colour range.
+
+layout(constant_id = 0) const uint WORKGROUP = 8;
+layout(constant_id = 1) const float T_MIN = 1e-4;
+layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
+layout(constant_id = 3) const uint WITH_DEPTH = 0;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
+layout(set = 0, binding = 1, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Sources { uint source_from_isect[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_source[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer SplatsBlock { Splat2d splat2d[]; };
+layout(set = 0, binding = 5, scalar) writeonly buffer Image { float image[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer Depth { float depth[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer Ends { uint end_from_pixel[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
+} push;
+
+#include "shared/tile.glsl"
+
+// Splats composited between two votes on whether any pixel still needs more.
+const uint BATCH = 16;
+
+bool any_lane(bool mine);
+
+void composite(uint tile) {
+    Tile t = tile_of(tile, view);
+    vec4 transmittance[QUADS];
+    vec4 red[QUADS];
+    vec4 green[QUADS];
+    vec4 blue[QUADS];
+    vec4 far[QUADS];
+    uvec4 last[QUADS];
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        transmittance[q] = mix(vec4(0.0), vec4(1.0), inside(t, q, view));
+        red[q] = green[q] = blue[q] = far[q] = vec4(0.0);
+        last[q] = uvec4(0);
+    }
+
+    uvec2 range = range_from_tile[tile];
+    for (uint begin = range.x; begin < range.y; begin += BATCH) {
+        bool alive = false;
+        [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+            alive = alive || any(greaterThanEqual(transmittance[q], vec4(T_MIN)));
+        }
+        if (!any_lane(alive)) break;
+        uint end = min(begin + BATCH, range.y);
+        for (uint isect = begin; isect < end; ++isect) {
+            uint splat = splat_from_source[source_from_isect[isect]];
+            vec4 shape = splat2d[splat].shape;
+            vec4 tone = splat2d[splat].tone;
+            vec2 rest = splat2d[splat].rest.xy;
+            Column column = column_of(t, shape, tone);
+            [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+                vec4 f;
+                vec4 exponent = exponent_of(column, q, f);
+                bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
+                                greaterThanEqual(transmittance[q], vec4(T_MIN)));
+                vec4 alpha = mix(vec4(0.0), min(exp2(exponent), vec4(ALPHA_MAX)), on);
+                vec4 weight = alpha * transmittance[q];
+                red[q] += weight * tone.z;
+                green[q] += weight * tone.w;
+                blue[q] += weight * rest.x;
+                if (WITH_DEPTH != 0) far[q] += weight * rest.y;
+                transmittance[q] *= vec4(1.0) - alpha;
+                last[q] = mix(last[q], uvec4(isect + 1), on);
+            }
+        }
+    }
+
+    uint pixels = view.size.x * view.size.y;
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        [[unroll]] for (uint r = 0; r < 4; ++r) {
+            if (!inside(t, q, view)[r]) continue;
+            uint pixel = pixel_of(t, q * 4 + r, view);
+            float through = transmittance[q][r];
+            image[pixel] = red[q][r] + through * view.background.r;
+            image[pixels + pixel] = green[q][r] + through * view.background.g;
+            image[2 * pixels + pixel] = blue[q][r] + through * view.background.b;
+            image[3 * pixels + pixel] = through;
+            end_from_pixel[pixel] = last[q][r];
+            if (WITH_DEPTH != 0) depth[pixel] = far[q][r];
+        }
+    }
+}
+
+void main() {
+    uint tile_count = view.tiles.x * view.tiles.y;
+    uint group = group_index();
+    if (group >= tile_count) return;
+    composite((group * push.tile_stride) % tile_count);
+}

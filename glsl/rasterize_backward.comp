@@ -1,0 +1,34 @@
+#version 460
+#include "shared/prelude.glsl"
+
+// Gradient of every (tile, splat) pair from the gradient of the image.
+//
+// One workgroup per tile; one record per pair, written once and without atomics, so that a splat's sum
+// over its records is the same in every run. Lanes add up through shared memory, in lane order.
+
+#include "rasterize_backward.glsl"
+
+shared uint lane_last[WORKGROUP];
+shared Sums lane_sums[WORKGROUP];
+
+uint max_of_lanes(uint mine) {
+    lane_last[gl_LocalInvocationID.x] = mine;
+    barrier();
+    uint most = 0;
+    for (uint i = 0; i < WORKGROUP; ++i) most = max(most, lane_last[i]);
+    return most;
+}
+
+Sums sum_of_lanes(Sums mine, out bool stores) {
+    stores = gl_LocalInvocationID.x == 0;
+    barrier();
+    lane_sums[gl_LocalInvocationID.x] = mine;
+    barrier();
+    Sums total = lane_sums[0];
+    [[unroll]] for (uint i = 1; i < WORKGROUP; ++i) {
+        total.shape += lane_sums[i].shape;
+        total.tone += lane_sums[i].tone;
+        total.rest += lane_sums[i].rest;
+    }
+    return total;
+}

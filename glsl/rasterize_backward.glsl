@@ -1,0 +1,131 @@
+// Gradient of compositing, one tile; `rasterize_backward.comp` and its variants include this and say
+// how lanes add up.
+//
+// Each lane walks its tile's list from back to front. What lies behind a splat is kept per pixel as one
+// number, the colour behind projected on the pixel's upstream gradient, so that no division by 1 - alpha
+// enters a gradient; the transmittance in front is regained by the division that undoes the forward
+// product exactly up to rounding (FAILURES of the field: recovering it from 1 - alpha is not).
+
+layout(constant_id = 0) const uint WORKGROUP = 8;
+layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
+layout(set = 0, binding = 1, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Sources { uint source_from_isect[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_source[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer SplatsBlock { Splat2d splat2d[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Image { float image[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer ImageGradient { float d_image[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Ends { uint end_from_pixel[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer ToneGradients { vec4 d_tone_from_source[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer RestGradients { float d_rest_from_source[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
+} push;
+
+#include "shared/tile.glsl"
+
+// What one (tile, splat) pair adds to its splat's gradient. With s = alpha * dL/d alpha and the whitened
+// residual f = WHITEN * e: sums of s, s f, s f f^T, and of the blending weight times the upstream gradient.
+struct Sums {
+    vec4 shape;  // s, s f_x, s f_y, s f_x f_x
+    vec4 tone;   // s f_x f_y, s f_y f_y, red, green
+    float rest;  // blue
+};
+
+uint max_of_lanes(uint mine);
+// The sum over the workgroup, valid in the lane that `stores` is true for.
+Sums sum_of_lanes(Sums mine, out bool stores);
+
+void differentiate(uint tile) {
+    Tile t = tile_of(tile, view);
+    uint pixels = view.size.x * view.size.y;
+    vec4 transmittance[QUADS];
+    vec4 d_red[QUADS];
+    vec4 d_green[QUADS];
+    vec4 d_blue[QUADS];
+    vec4 behind[QUADS];
+    uvec4 end[QUADS];
+    uint last = 0;
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        [[unroll]] for (uint r = 0; r < 4; ++r) {
+            bool mine = inside(t, q, view)[r];
+            uint pixel = mine ? pixel_of(t, q * 4 + r, view) : 0;
+            d_red[q][r] = mine ? d_image[pixel] : 0.0;
+            d_green[q][r] = mine ? d_image[pixels + pixel] : 0.0;
+            d_blue[q][r] = mine ? d_image[2 * pixels + pixel] : 0.0;
+            transmittance[q][r] = mine ? image[3 * pixels + pixel] : 0.0;
+            end[q][r] = mine ? end_from_pixel[pixel] : 0;
+            last = max(last, end[q][r]);
+        }
+        behind[q] = d_red[q] * view.background.r + d_green[q] * view.background.g + d_blue[q] * view.background.b;
+    }
+
+    uvec2 range = range_from_tile[tile];
+    last = max(max_of_lanes(last), range.x);
+    for (uint isect = last; isect-- > range.x;) {
+        uint source = source_from_isect[isect];
+        uint splat = splat_from_source[source];
+        vec4 shape = splat2d[splat].shape;
+        vec4 tone = splat2d[splat].tone;
+        float blue = splat2d[splat].rest.x;
+        Column column = column_of(t, shape, tone);
+        vec4 sum_s = vec4(0.0);
+        vec4 sum_sf = vec4(0.0);
+        vec4 sum_sff = vec4(0.0);
+        vec4 sum_red = vec4(0.0);
+        vec4 sum_green = vec4(0.0);
+        vec4 sum_blue = vec4(0.0);
+        [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+            vec4 f;
+            vec4 exponent = exponent_of(column, q, f);
+            bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)), lessThan(uvec4(isect), end[q]));
+            vec4 raw = exp2(exponent);
+            vec4 alpha = mix(vec4(0.0), min(raw, vec4(ALPHA_MAX)), on);
+            transmittance[q] /= vec4(1.0) - alpha;
+            vec4 weight = alpha * transmittance[q];
+            vec4 ahead = d_red[q] * tone.z + d_green[q] * tone.w + d_blue[q] * blue;
+            // The cap passes no gradient to what it caps.
+            vec4 s = mix(vec4(0.0), weight * (ahead - behind[q]), lessThan(raw, vec4(ALPHA_MAX)));
+            behind[q] = mix(behind[q], ahead, alpha);
+            sum_red += weight * d_red[q];
+            sum_green += weight * d_green[q];
+            sum_blue += weight * d_blue[q];
+            sum_s += s;
+            s *= f;
+            sum_sf += s;
+            sum_sff += s * f;
+        }
+        const vec4 one = vec4(1.0);
+        float s = dot(sum_s, one);
+        float s_y = dot(sum_sf, one);
+        Sums mine;
+        mine.shape = vec4(s, s * column.f_x, s_y, s * column.f_x * column.f_x);
+        mine.tone = vec4(s_y * column.f_x, dot(sum_sff, one), dot(sum_red, one), dot(sum_green, one));
+        mine.rest = dot(sum_blue, one);
+        bool stores;
+        Sums total = sum_of_lanes(mine, stores);
+        if (stores) {
+            d_shape_from_source[source] = total.shape;
+            d_tone_from_source[source] = total.tone;
+            d_rest_from_source[source] = total.rest;
+        }
+    }
+    // Splats behind the last one that counted: nobody else clears their records.
+    for (uint isect = last + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
+        uint source = source_from_isect[isect];
+        d_shape_from_source[source] = vec4(0.0);
+        d_tone_from_source[source] = vec4(0.0);
+        d_rest_from_source[source] = 0.0;
+    }
+}
+
+void main() {
+    uint tile_count = view.tiles.x * view.tiles.y;
+    uint group = group_index();
+    if (group >= tile_count) return;
+    differentiate((group * push.tile_stride) % tile_count);
+}

@@ -1,0 +1,33 @@
+#version 460
+#include "shared/prelude.glsl"
+
+// First of three passes of an exclusive prefix sum: the sum of every chunk.
+//
+// One invocation per chunk of SCAN_CHUNK consecutive values. No subgroup operation and no progress of
+// one workgroup behind another's is relied on. With `flags` set, a value counts as 1 if it is not 0.
+
+layout(constant_id = 0) const uint WORKGROUP = 64;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Values { uint values[]; };
+layout(set = 0, binding = 2, scalar) writeonly buffer Sums { uint sum_from_chunk[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint count_slot;  // where in `counts` the number of values stands
+    uint flags;       // sum "is not 0" instead of the values
+} push;
+
+void main() {
+    uint chunk = global_index();
+    uint count = counts[push.count_slot];
+    uint begin = chunk * SCAN_CHUNK;
+    if (begin >= count) return;
+    uint end = min(begin + SCAN_CHUNK, count);
+    uint sum = 0;
+    for (uint i = begin; i < end; ++i) {
+        uint value = values[i];
+        sum += push.flags != 0 ? min(value, 1u) : value;
+    }
+    sum_from_chunk[chunk] = sum;
+}

@@ -1,0 +1,50 @@
+// Numbers that host and shaders share; the build exports them to Rust.
+
+// A tile's size in pixels. One workgroup composites one tile; a lane owns a piece of one column.
+const uint TILE_WIDTH = 8;
+const uint TILE_HEIGHT = 16;
+const uint TILE_PIXELS = 128;
+
+// Planes of vec4 before the spherical harmonics: mean + opacity, quaternion, log-scale.
+const uint GEOMETRY_PLANES = 3;
+
+// An alpha never reaches 1, so that transmittance stays positive: 1 - 2^-16.
+const float ALPHA_MAX = 0.9999847412109375;
+
+// sqrt(log2(e) / 2): turns a whitened residual e into f with exp(-e^2 / 2) = exp2(-f^2).
+const float WHITEN = 0.8493218002880191;
+
+// log2(255): splats and pixels whose alpha is under 1/255 are skipped (3DGS paper, appendix C).
+const float LOG2_255 = 7.994353436858858;
+
+// Slots of the `counts` buffer.
+const uint COUNT_SPLAT = 0;
+const uint COUNT_VISIBLE = 1;
+const uint COUNT_VISIBLE_CHUNK = 2;
+const uint COUNT_VISIBLE_TABLE = 3;
+const uint COUNT_ISECT = 4;
+const uint COUNT_ISECT_CHUNK = 5;
+const uint COUNT_ISECT_TABLE = 6;
+// Intersections the frame wanted, whether they fitted or not.
+const uint COUNT_ISECT_WANTED = 7;
+// Non-zero once a frame did not fit: everything after it does nothing until the host clears it.
+const uint COUNT_FAILED = 8;
+// Longest tile list of the frame.
+const uint COUNT_LIST_MAX = 9;
+// Gradient rows that were not finite and were skipped by the optimiser.
+const uint COUNT_POISONED = 10;
+const uint COUNT_SLOTS = 16;
+
+// Slots of the indirect dispatch arguments; `plan` writes them.
+const uint ARGS_VISIBLE = 0;
+const uint ARGS_VISIBLE_CHUNK = 1;
+const uint ARGS_VISIBLE_TABLE = 2;
+const uint ARGS_VISIBLE_SCAN = 3;
+const uint ARGS_EXPAND = 4;
+const uint ARGS_ISECT = 5;
+const uint ARGS_ISECT_CHUNK = 6;
+const uint ARGS_ISECT_TABLE = 7;
+const uint ARGS_SLOTS = 8;
+
+// Elements one invocation of the scan kernels walks in order.
+const uint SCAN_CHUNK = 256;

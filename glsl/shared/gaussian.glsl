@@ -1,0 +1,138 @@
+// From a 3D Gaussian to its ellipse on the screen, and the tiles that the ellipse touches.
+
+bool is_finite(float x) {
+    // Integer arithmetic: a compiler may assume that floats are never NaN.
+    return (floatBitsToUint(x) & 0x7f800000u) != 0x7f800000u;
+}
+
+bool is_finite(vec3 v) {
+    return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
+}
+
+bool is_finite(vec4 v) {
+    return is_finite(v.xyz) && is_finite(v.w);
+}
+
+// 1 / (1 + exp(-u)) without overflow at either end.
+float sigmoid(float u) {
+    float e = exp(-abs(u));
+    return (u >= 0.0 ? 1.0 : e) / (1.0 + e);
+}
+
+// Length of a quaternion, safe over the whole range of floats.
+float quaternion_length(vec4 q) {
+    float m = max(max(abs(q.x), abs(q.y)), max(abs(q.z), abs(q.w)));
+    return m > 0.0 ? m * length(q / m) : 0.0;
+}
+
+// Rotation matrix of a unit quaternion (w, x, y, z); columns are the local axes in the world.
+mat3 rotation_matrix(vec4 q) {
+    float w = q.x, x = q.y, y = q.z, z = q.w;
+    return mat3(
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y),
+        2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x),
+        2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y));
+}
+
+// The rows of J W: pixels per world unit, at the direction x/z, y/z clamped to the view's limits.
+struct Jacobian {
+    vec3 row_x;
+    vec3 row_y;
+    vec2 slope;         // clamped x/z, y/z
+    bvec2 inside;       // whether each was left as it is
+};
+
+Jacobian jacobian(View view, vec3 mean_view) {
+    Jacobian j;
+    vec2 raw = mean_view.xy / mean_view.z;
+    j.slope = clamp(raw, view.limit.xz, view.limit.yw);
+    j.inside = equal(j.slope, raw);
+    vec3 w0 = vec3(view.view_from_world[0][0], view.view_from_world[1][0], view.view_from_world[2][0]);
+    vec3 w1 = vec3(view.view_from_world[0][1], view.view_from_world[1][1], view.view_from_world[2][1]);
+    vec3 w2 = vec3(view.view_from_world[0][2], view.view_from_world[1][2], view.view_from_world[2][2]);
+    j.row_x = (view.focal.x / mean_view.z) * (w0 - j.slope.x * w2);
+    j.row_y = (view.focal.y / mean_view.z) * (w1 - j.slope.y * w2);
+    return j;
+}
+
+// Screen covariance in the form that never cancels: V = J W R S has the covariance V V^T + dilation,
+// whose determinant is a sum of squares (Cauchy-Binet).
+struct Footprint {
+    vec3 v_x;           // rows of V
+    vec3 v_y;
+    float a;            // covariance xx, px^2
+    float slope;        // covariance xy / xx
+    float det;
+};
+
+Footprint footprint(vec3 v_x, vec3 v_y, float dilation) {
+    Footprint f;
+    f.v_x = v_x;
+    f.v_y = v_y;
+    float xx = dot(v_x, v_x);
+    vec3 minors = cross(v_x, v_y);
+    f.a = xx + dilation;
+    f.slope = dot(v_x, v_y) / f.a;
+    f.det = dot(minors, minors) + dilation * (xx + dot(v_y, v_y)) + dilation * dilation;
+    return f;
+}
+
+// The region where alpha >= 1/255, from the numbers that `Splat2d` stores: the pass that counts tiles
+// and the pass that lists them must see the same floats.
+struct Ellipse {
+    vec2 mean;
+    vec2 extent;        // half size of the bounding box, px
+    float slope_x;      // y at the rightmost point / extent.x
+    float slope_y;      // x at the topmost point / extent.y
+    float level;        // squared Mahalanobis radius
+    float yy;           // covariance yy
+    float x_from_y;     // variance of x at fixed y
+};
+
+Ellipse ellipse(vec4 shape, vec2 whiten) {
+    Ellipse e;
+    precise float a = (WHITEN / whiten.x) * (WHITEN / whiten.x);
+    precise float y_from_x = (WHITEN / whiten.y) * (WHITEN / whiten.y);
+    precise float yy = y_from_x + shape.z * shape.z * a;
+    // A little wider than exact, so that rounding never drops a pixel on the rim.
+    precise float level = max(shape.w + LOG2_255, 0.0) * (1.0 / (WHITEN * WHITEN)) * 1.00001 + 1e-5;
+    e.mean = shape.xy;
+    e.slope_x = shape.z;
+    e.slope_y = shape.z * a / yy;
+    e.level = level;
+    e.yy = yy;
+    e.x_from_y = a * y_from_x / yy;
+    e.extent = vec2(sqrt(level * a), sqrt(level * yy));
+    return e;
+}
+
+// First and last index of the cells of `cell` pixels, among `count`, that hold a pixel centre in
+// [low, high]; first > last if there is none. Clamped as floats: conversions out of range are undefined.
+ivec2 cells(float low, float high, uint cell, uint pixel_count) {
+    float first = clamp(ceil(low - 0.5), 0.0, float(pixel_count));
+    float last = clamp(floor(high - 0.5), -1.0, float(pixel_count) - 1.0);
+    if (!(first <= last)) return ivec2(1, 0);
+    return ivec2(int(first) / int(cell), int(last) / int(cell));
+}
+
+// Rows of tiles that the ellipse touches.
+ivec2 tile_rows(Ellipse e, uvec2 size) {
+    precise float low = e.mean.y - e.extent.y;
+    precise float high = e.mean.y + e.extent.y;
+    return cells(low, high, TILE_HEIGHT, size.y);
+}
+
+// Columns of tiles that the ellipse touches in one row of tiles.
+ivec2 tile_columns(Ellipse e, int row, uvec2 size) {
+    // The strip between the row's first and last pixel centres, as far as the ellipse reaches into it.
+    precise float top = max(float(row) * float(TILE_HEIGHT) + 0.5 - e.mean.y, -e.extent.y);
+    precise float bottom = min(float(row + 1) * float(TILE_HEIGHT) - 0.5 - e.mean.y, e.extent.y);
+    precise float reach = e.slope_x * e.extent.x;
+    precise float y_right = clamp(reach, top, bottom);
+    precise float y_left = clamp(-reach, top, bottom);
+    precise float half_right = sqrt(max(e.level - y_right * y_right / e.yy, 0.0) * e.x_from_y);
+    precise float half_left = sqrt(max(e.level - y_left * y_left / e.yy, 0.0) * e.x_from_y);
+    precise float right = e.mean.x + e.slope_y * y_right + half_right + 1e-3;
+    precise float left = e.mean.x + e.slope_y * y_left - half_left - 1e-3;
+    return cells(left, right, TILE_WIDTH, size.x);
+}

@@ -1,0 +1,21 @@
+// A photograph's pixel as the loss sees it: 8-bit RGBA, alpha either composited over the background or a
+// weight. A weighted pixel enters every SSIM window with its weight, so that what is masked out is as far
+// away as what lies outside the image.
+
+const uint ALPHA_MASKS = 1;
+
+float channel_of(uint rgba, uint channel) {
+    return float((rgba >> (8 * channel)) & 255u) * (1.0 / 255.0);
+}
+
+// The pixel's share in the loss, 0 to 1.
+float weight_of(uint rgba, uint alpha_mode) {
+    return alpha_mode == ALPHA_MASKS ? channel_of(rgba, 3) : 1.0;
+}
+
+// The value a render should have.
+float target_of(uint rgba, uint channel, uint alpha_mode, vec3 background) {
+    float value = channel_of(rgba, channel);
+    if (alpha_mode == ALPHA_MASKS) return value;
+    return mix(background[channel], value, channel_of(rgba, 3));
+}

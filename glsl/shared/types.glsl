@@ -1,0 +1,31 @@
+// Structs that host and shaders share.
+
+// A camera as the kernels read it, and what else holds for one frame.
+struct View {
+    mat3 view_from_world;
+    vec3 position;     // camera centre, world units
+    vec2 focal;        // pixels
+    vec2 center;       // principal point, pixels
+    vec4 limit;        // x_min, x_max, y_min, y_max of x/z and y/z inside the Jacobian
+    uvec2 size;        // pixels
+    uvec2 tiles;       // tiles per row and column
+    float near_plane;  // world units along z
+    float dilation;    // added to the screen covariance, px^2
+    uint splat_count;
+    uint stride;       // elements between two planes of parameters
+    vec3 background;
+};
+
+// A splat on the screen: what compositing reads, in three vec4.
+struct Splat2d {
+    vec4 shape;  // mean.xy in pixels, slope b/a, log2 of the opacity
+    vec4 tone;   // whitening factors of x and of y (times WHITEN), red, green
+    vec4 rest;   // blue, depth, unused, unused
+};
+
+// Arguments of an indirect dispatch.
+struct DispatchArgs {
+    uint x;
+    uint y;
+    uint z;
+};
