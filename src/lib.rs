@@ -6,6 +6,7 @@
 #![deny(unsafe_code)]
 
 pub mod error;
+pub mod gpu;
 pub mod kernels;
 pub mod layout;
 pub mod metrics;

@@ -1,0 +1,178 @@
+//! Typed arrays on the device.
+
+use super::device::{Gpu, check};
+use crate::{Error, Result};
+use ash::vk;
+use bytemuck::Pod;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::Allocation;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// A Vulkan buffer with its memory; destroyed when the last handle, and the last frame using it, is gone.
+pub(super) struct RawBuffer {
+    gpu: Gpu,
+    pub(super) handle: vk::Buffer,
+    pub(super) bytes: u64,
+    name: String,
+    allocation: Option<Allocation>,
+    memory: u64,
+}
+
+impl RawBuffer {
+    pub(super) fn new(
+        gpu: &Gpu,
+        name: &str,
+        bytes: u64,
+        location: MemoryLocation,
+    ) -> Result<Arc<RawBuffer>> {
+        let bytes = bytes.max(4).next_multiple_of(4);
+        let caps = gpu.caps();
+        if bytes > caps.max_allocation || bytes > caps.max_storage_range {
+            let available = caps.max_allocation.min(caps.max_storage_range);
+            return Err(Error::OutOfMemory {
+                name: name.to_owned(),
+                wanted: bytes,
+                available,
+            });
+        }
+        use vk::BufferUsageFlags as Usage;
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(
+            Usage::STORAGE_BUFFER
+                | Usage::INDIRECT_BUFFER
+                | Usage::TRANSFER_SRC
+                | Usage::TRANSFER_DST,
+        );
+        let device = &gpu.0.device;
+        // SAFETY: a plain buffer within the device's limits.
+        let handle = check("vkCreateBuffer", unsafe {
+            device.create_buffer(&info, None)
+        })?;
+        let mut raw = RawBuffer {
+            gpu: gpu.clone(),
+            handle,
+            bytes,
+            name: name.to_owned(),
+            allocation: None,
+            memory: 0,
+        };
+        // SAFETY: the handle was just made.
+        let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
+        let allocation = gpu.0.allocate(name, requirements, location)?;
+        // SAFETY: memory from our allocator, as required, bound once.
+        let bound =
+            unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+        raw.allocation = Some(allocation);
+        raw.memory = requirements.size;
+        check("vkBindBufferMemory", bound)?;
+        Ok(Arc::new(raw))
+    }
+
+    /// Bytes of a host-visible buffer.
+    pub(super) fn mapped(&self) -> &[u8] {
+        let all = self
+            .allocation
+            .as_ref()
+            .and_then(Allocation::mapped_slice)
+            .unwrap_or(&[]);
+        &all[..all.len().min(self.bytes as usize)]
+    }
+
+    /// Writes into a host-visible buffer.
+    pub(super) fn write(&self, offset: usize, data: &[u8]) {
+        assert!(
+            offset + data.len() <= self.bytes as usize,
+            "write past the end of {}",
+            self.name
+        );
+        let mapped = self.allocation.as_ref().and_then(Allocation::mapped_ptr);
+        let Some(mapped) = mapped else {
+            panic!("{} is not host-visible", self.name)
+        };
+        // SAFETY: in bounds (asserted), and the frame arena hands out disjoint ranges that no command
+        // reads before they are submitted.
+        unsafe {
+            std::ptr::copy_nonoverlapping(
+                data.as_ptr(),
+                mapped.as_ptr().cast::<u8>().add(offset),
+                data.len(),
+            );
+        }
+    }
+}
+
+impl Drop for RawBuffer {
+    fn drop(&mut self) {
+        // SAFETY: frames that use a buffer hold it, so no command refers to it any more.
+        unsafe { self.gpu.0.device.destroy_buffer(self.handle, None) };
+        if let Some(allocation) = self.allocation.take() {
+            self.gpu.0.free(allocation, self.memory);
+        }
+    }
+}
+
+/// An array of `len` elements of `T` on the device, with a name for messages. Clones share it.
+pub struct Buffer<T> {
+    pub(super) raw: Arc<RawBuffer>,
+    len: usize,
+    element: PhantomData<fn() -> T>,
+}
+
+impl<T> Clone for Buffer<T> {
+    fn clone(&self) -> Buffer<T> {
+        Buffer {
+            raw: self.raw.clone(),
+            len: self.len,
+            element: PhantomData,
+        }
+    }
+}
+
+impl<T> std::fmt::Debug for Buffer<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Buffer({}, {} elements)", self.raw.name, self.len)
+    }
+}
+
+impl<T: Pod> Buffer<T> {
+    /// Number of elements.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether it was made for no element.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Its name in messages.
+    pub fn name(&self) -> &str {
+        &self.raw.name
+    }
+
+    /// Its size in bytes.
+    pub fn bytes(&self) -> u64 {
+        (self.len * size_of::<T>()) as u64
+    }
+}
+
+impl Gpu {
+    /// A device-local array. Its contents are undefined; with validation on they are NaNs, so that
+    /// reading before writing shows.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] beyond the memory limit, the device's memory or the reach of one binding.
+    pub fn buffer<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
+        let bytes = len.checked_mul(size_of::<T>()).unwrap_or(usize::MAX / 2) as u64;
+        let raw = RawBuffer::new(self, name, bytes, MemoryLocation::GpuOnly)?;
+        let buffer = Buffer {
+            raw,
+            len,
+            element: PhantomData,
+        };
+        if self.0.poison && self.0.has_queue() {
+            self.run(|rec| rec.fill(&buffer, 0x7FC0_DEAD))?;
+        }
+        Ok(buffer)
+    }
+}

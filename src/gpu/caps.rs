@@ -1,0 +1,174 @@
+//! What a device can do: plain data, so that choices made from it can be tested without one.
+
+use crate::shader::{KernelInfo, Requirement};
+use ash::vk;
+use std::collections::BTreeSet;
+
+/// The kind of device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// A processor running shaders, such as lavapipe.
+    Cpu,
+    /// A GPU that shares the processor's memory.
+    Integrated,
+    /// A GPU with memory of its own.
+    Discrete,
+    /// Virtual or unknown.
+    Other,
+}
+
+/// Capabilities and limits of a device.
+#[derive(Clone, Debug)]
+pub struct Caps {
+    /// The device's name.
+    pub name: String,
+    /// The driver's name and version.
+    pub driver: String,
+    /// The kind of device.
+    pub kind: DeviceKind,
+    /// Vulkan version as major, minor, patch.
+    pub api: (u32, u32, u32),
+    /// Invocations in a subgroup unless a kernel asks for another size.
+    pub subgroup_size: u32,
+    /// Smallest and largest size that a kernel may ask for.
+    pub subgroup_range: (u32, u32),
+    /// Largest storage buffer that one binding reaches, bytes.
+    pub max_storage_range: u64,
+    /// Largest single allocation, bytes.
+    pub max_allocation: u64,
+    /// Most workgroups per dimension.
+    pub max_groups: [u32; 3],
+    /// Most invocations of a workgroup.
+    pub max_workgroup: u32,
+    /// Shared memory of a workgroup, bytes.
+    pub max_shared: u32,
+    /// Nanoseconds of one timestamp tick; 0 where timestamps are not supported.
+    pub timestamp_period_ns: f64,
+    /// Size of the largest device-local heap, bytes.
+    pub heap: u64,
+    /// What kernels may require.
+    pub offers: BTreeSet<Requirement>,
+}
+
+impl Caps {
+    /// Why a kernel cannot run here, or `Ok`.
+    pub fn supports(&self, kernel: &KernelInfo) -> Result<(), String> {
+        match kernel
+            .requirements
+            .iter()
+            .find(|need| !self.offers.contains(need))
+        {
+            Some(need) => Err(format!("{need:?}, which {} does not offer", self.name)),
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Caps {
+        let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut sizes = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
+        let mut v11 = vk::PhysicalDeviceMaintenance3Properties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut driver)
+            .push_next(&mut subgroup)
+            .push_next(&mut sizes)
+            .push_next(&mut v11);
+        // SAFETY: `physical` belongs to `instance`, and the chain holds structures of Vulkan 1.3.
+        unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
+        let base = properties.properties;
+        // SAFETY: as above.
+        let memory = unsafe { instance.get_physical_device_memory_properties(physical) };
+        let heap = memory.memory_heaps_as_slice().iter();
+        let local = heap.filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        let limits = &base.limits;
+        Caps {
+            name: text(base.device_name_as_c_str()),
+            driver: format!(
+                "{} {}",
+                text(driver.driver_name_as_c_str()),
+                text(driver.driver_info_as_c_str())
+            ),
+            kind: match base.device_type {
+                vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+                vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+                vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+                _ => DeviceKind::Other,
+            },
+            api: (
+                vk::api_version_major(base.api_version),
+                vk::api_version_minor(base.api_version),
+                vk::api_version_patch(base.api_version),
+            ),
+            subgroup_size: subgroup.subgroup_size,
+            subgroup_range: (sizes.min_subgroup_size, sizes.max_subgroup_size),
+            max_storage_range: u64::from(limits.max_storage_buffer_range),
+            max_allocation: v11.max_memory_allocation_size,
+            max_groups: limits.max_compute_work_group_count,
+            max_workgroup: limits
+                .max_compute_work_group_invocations
+                .min(limits.max_compute_work_group_size[0]),
+            max_shared: limits.max_compute_shared_memory_size,
+            timestamp_period_ns: match limits.timestamp_compute_and_graphics {
+                vk::TRUE => f64::from(limits.timestamp_period),
+                _ => 0.0,
+            },
+            heap: local.map(|heap| heap.size).max().unwrap_or(0),
+            offers: offers(
+                instance,
+                physical,
+                subgroup.supported_operations,
+                subgroup.supported_stages,
+            ),
+        }
+    }
+}
+
+fn offers(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    operations: vk::SubgroupFeatureFlags,
+    stages: vk::ShaderStageFlags,
+) -> BTreeSet<Requirement> {
+    // SAFETY: `physical` belongs to `instance`.
+    let features = unsafe { instance.get_physical_device_features(physical) };
+    let in_compute =
+        |flag| stages.contains(vk::ShaderStageFlags::COMPUTE) && operations.contains(flag);
+    [
+        (
+            Requirement::SubgroupBasic,
+            in_compute(vk::SubgroupFeatureFlags::BASIC),
+        ),
+        (
+            Requirement::SubgroupVote,
+            in_compute(vk::SubgroupFeatureFlags::VOTE),
+        ),
+        (
+            Requirement::SubgroupArithmetic,
+            in_compute(vk::SubgroupFeatureFlags::ARITHMETIC),
+        ),
+        (
+            Requirement::SubgroupBallot,
+            in_compute(vk::SubgroupFeatureFlags::BALLOT),
+        ),
+        (
+            Requirement::SubgroupShuffle,
+            in_compute(vk::SubgroupFeatureFlags::SHUFFLE),
+        ),
+        (
+            Requirement::SubgroupShuffleRelative,
+            in_compute(vk::SubgroupFeatureFlags::SHUFFLE_RELATIVE),
+        ),
+        (
+            Requirement::StorageImageWriteWithoutFormat,
+            features.shader_storage_image_write_without_format == vk::TRUE,
+        ),
+    ]
+    .into_iter()
+    .filter_map(|(need, offered)| offered.then_some(need))
+    .collect()
+}
+
+fn text(name: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {
+    name.map(|name| name.to_string_lossy().into_owned())
+        .unwrap_or_default()
+}

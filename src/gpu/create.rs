@@ -1,0 +1,296 @@
+//! Makes an instance and a device of our own, and says what a host's device must have.
+
+use super::caps::{Caps, DeviceKind};
+use super::debug::Messages;
+use super::device::{Gpu, Ownership, Shared, check};
+use crate::{Error, Result};
+use ash::vk;
+use std::ffi::CStr;
+
+/// What a device must have enabled for this crate to run on it; published for hosts.
+#[derive(Clone, Copy, Debug)]
+pub struct Required {
+    /// Lowest Vulkan version, as major and minor.
+    pub api: (u32, u32),
+    /// Features that must be enabled, by their names in the Vulkan specification.
+    pub features: &'static [&'static str],
+    /// Features that are used where enabled: presenting to a host's image needs the first.
+    pub optional_features: &'static [&'static str],
+    /// Device extensions.
+    pub extensions: &'static [&'static str],
+    /// Bytes of push constants.
+    pub push_constant_bytes: u32,
+    /// Storage buffers one kernel binds.
+    pub storage_buffers: u32,
+    /// Bytes of shared memory.
+    pub shared_bytes: u32,
+}
+
+/// What this crate asks of a device.
+pub const REQUIRED: Required = Required {
+    api: (1, 3),
+    features: &["scalarBlockLayout", "timelineSemaphore", "synchronization2"],
+    optional_features: &[
+        "shaderStorageImageWriteWithoutFormat",
+        "subgroupSizeControl",
+    ],
+    extensions: &[],
+    push_constant_bytes: 128,
+    storage_buffers: 11,
+    shared_bytes: 16_384,
+};
+
+/// How to create a device.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// Index in the list of [`devices`], or part of a name; `None`: a discrete GPU, else an integrated
+    /// one, else whatever there is.
+    pub device: Option<String>,
+    /// Turns on the validation layer with synchronisation validation, and fills fresh buffers with NaNs.
+    pub validation: bool,
+    /// Most bytes of buffers; `None`: what the device has.
+    pub memory_limit: Option<u64>,
+}
+
+const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// The Vulkan devices of this machine.
+pub fn devices() -> Result<Vec<Caps>> {
+    let entry = load()?;
+    let instance = create_instance(&entry, None)?;
+    let found = enumerate(&instance).map(|physical| {
+        physical
+            .iter()
+            .map(|&device| Caps::query(&instance, device))
+            .collect()
+    });
+    // SAFETY: nothing made from the instance is left.
+    unsafe { instance.destroy_instance(None) };
+    found
+}
+
+fn load() -> Result<ash::Entry> {
+    // SAFETY: the loader is the system's Vulkan library, whose initialisers are sound to run.
+    unsafe { ash::Entry::load() }.map_err(|error| Error::Unsupported {
+        what: format!(
+            "no Vulkan loader ({error}); install one and a driver (Debian: libvulkan1 and \
+             mesa-vulkan-drivers, or the GPU vendor's)"
+        ),
+    })
+}
+
+fn create_instance(entry: &ash::Entry, messages: Option<&Messages>) -> Result<ash::Instance> {
+    let application = vk::ApplicationInfo::default()
+        .application_name(c"ashfall")
+        .api_version(vk::API_VERSION_1_3);
+    let mut info = vk::InstanceCreateInfo::default().application_info(&application);
+    let layers = [VALIDATION.as_ptr()];
+    let extensions = [
+        ash::ext::debug_utils::NAME.as_ptr(),
+        ash::ext::validation_features::NAME.as_ptr(),
+    ];
+    let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+    let mut messenger;
+    if let Some(messages) = messages {
+        // SAFETY: a query without preconditions.
+        let present = check("vkEnumerateInstanceLayerProperties", unsafe {
+            entry.enumerate_instance_layer_properties()
+        })?;
+        if !present
+            .iter()
+            .any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION))
+        {
+            return Err(Error::Unsupported {
+                what:
+                    "validation: the layer VK_LAYER_KHRONOS_validation is not installed (Debian: \
+                       vulkan-validationlayers)"
+                        .into(),
+            });
+        }
+        messenger = messages.create_info();
+        info = info
+            .enabled_layer_names(&layers)
+            .enabled_extension_names(&extensions)
+            .push_next(&mut features)
+            .push_next(&mut messenger);
+    }
+    // SAFETY: every pointer in `info` outlives the call; `messages` outlives the instance.
+    check("vkCreateInstance", unsafe {
+        entry.create_instance(&info, None)
+    })
+}
+
+fn enumerate(instance: &ash::Instance) -> Result<Vec<vk::PhysicalDevice>> {
+    // SAFETY: the instance is alive.
+    check("vkEnumeratePhysicalDevices", unsafe {
+        instance.enumerate_physical_devices()
+    })
+}
+
+/// Which device an option names; the error lists what there is.
+fn choose(caps: &[Caps], wanted: Option<&str>) -> Result<usize> {
+    let names = || {
+        caps.iter()
+            .enumerate()
+            .map(|(i, c)| format!("{i}: {}", c.name))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    let found = match wanted {
+        None => (0..caps.len()).min_by_key(|&i| match caps[i].kind {
+            DeviceKind::Discrete => 0,
+            DeviceKind::Integrated => 1,
+            DeviceKind::Other => 2,
+            DeviceKind::Cpu => 3,
+        }),
+        Some(text) => text
+            .parse()
+            .ok()
+            .filter(|&i: &usize| i < caps.len())
+            .or_else(|| {
+                caps.iter()
+                    .position(|c| c.name.to_lowercase().contains(&text.to_lowercase()))
+            }),
+    };
+    found.ok_or_else(|| Error::Unsupported {
+        what: match wanted {
+            Some(text) => format!("device \"{text}\": there is only {}", names()),
+            None => {
+                "no Vulkan device found (Debian: mesa-vulkan-drivers has a software one)".into()
+            }
+        },
+    })
+}
+
+fn compute_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u32> {
+    // SAFETY: `physical` belongs to `instance`.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+    let with = |flags| families.iter().position(|f| f.queue_flags.contains(flags));
+    with(vk::QueueFlags::COMPUTE).map(|index| index as u32)
+}
+
+fn create_device(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    caps: &Caps,
+    family: u32,
+) -> Result<ash::Device> {
+    if caps.api.0 == 1 && caps.api.1 < REQUIRED.api.1 {
+        return Err(Error::Unsupported {
+            what: format!(
+                "{} offers Vulkan {}.{} only; 1.3 is needed",
+                caps.name, caps.api.0, caps.api.1
+            ),
+        });
+    }
+    let mut has12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut has13 = vk::PhysicalDeviceVulkan13Features::default();
+    let mut has = vk::PhysicalDeviceFeatures2::default()
+        .push_next(&mut has12)
+        .push_next(&mut has13);
+    // SAFETY: `physical` belongs to `instance` and offers Vulkan 1.3.
+    unsafe { instance.get_physical_device_features2(physical, &mut has) };
+    let base = has.features;
+    for (name, offered) in [
+        ("scalarBlockLayout", has12.scalar_block_layout),
+        ("timelineSemaphore", has12.timeline_semaphore),
+        ("synchronization2", has13.synchronization2),
+    ] {
+        if offered != vk::TRUE {
+            return Err(Error::Unsupported {
+                what: format!("{} lacks the feature {name}", caps.name),
+            });
+        }
+    }
+    let mut want12 = vk::PhysicalDeviceVulkan12Features::default()
+        .scalar_block_layout(true)
+        .timeline_semaphore(true);
+    let mut want13 = vk::PhysicalDeviceVulkan13Features::default()
+        .synchronization2(true)
+        .subgroup_size_control(has13.subgroup_size_control == vk::TRUE)
+        .compute_full_subgroups(has13.compute_full_subgroups == vk::TRUE);
+    let want = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(
+        base.shader_storage_image_write_without_format == vk::TRUE,
+    );
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(family)
+        .queue_priorities(&priorities)];
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_features(&want)
+        .push_next(&mut want12)
+        .push_next(&mut want13);
+    // SAFETY: every pointer in `info` outlives the call, and only offered features are asked for.
+    check("vkCreateDevice", unsafe {
+        instance.create_device(physical, &info, None)
+    })
+}
+
+impl Gpu {
+    /// Creates a device.
+    ///
+    /// # Errors
+    /// No loader, no device, a device without what [`REQUIRED`] lists, or no validation layer where one
+    /// is asked for.
+    pub fn create(options: &GpuOptions) -> Result<Gpu> {
+        let entry = load()?;
+        let messages = Box::new(Messages::default());
+        let instance = create_instance(&entry, options.validation.then_some(&*messages))?;
+        match Gpu::create_on(&entry, &instance, messages, options) {
+            Ok(gpu) => Ok(gpu),
+            Err(error) => {
+                // SAFETY: `create_on` left nothing behind that was made from the instance.
+                unsafe { instance.destroy_instance(None) };
+                Err(error)
+            }
+        }
+    }
+
+    fn create_on(
+        entry: &ash::Entry,
+        instance: &ash::Instance,
+        messages: Box<Messages>,
+        options: &GpuOptions,
+    ) -> Result<Gpu> {
+        let physical = enumerate(instance)?;
+        let caps: Vec<Caps> = physical
+            .iter()
+            .map(|&device| Caps::query(instance, device))
+            .collect();
+        let index = choose(&caps, options.device.as_deref())?;
+        let (physical, caps) = (physical[index], caps[index].clone());
+        let family = compute_family(instance, physical).ok_or_else(|| Error::Unsupported {
+            what: format!("{} has no compute queue", caps.name),
+        })?;
+        let device = create_device(instance, physical, &caps, family)?;
+        // SAFETY: the family's first queue was asked for above.
+        let queue = unsafe { device.get_device_queue(family, 0) };
+        let messenger = if options.validation {
+            let utils = ash::ext::debug_utils::Instance::new(entry, instance);
+            // SAFETY: the messages live in `Shared`, which outlives the instance.
+            let handle =
+                unsafe { utils.create_debug_utils_messenger(&messages.create_info(), None) };
+            Some((utils, check("vkCreateDebugUtilsMessengerEXT", handle)?))
+        } else {
+            None
+        };
+        let ownership = Ownership::Ours {
+            entry: entry.clone(),
+            messages,
+            messenger,
+        };
+        Shared::new(
+            instance.clone(),
+            physical,
+            device,
+            caps,
+            family,
+            Some(queue),
+            None,
+            ownership,
+            options,
+        )
+    }
+}

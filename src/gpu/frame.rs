@@ -1,0 +1,311 @@
+//! What one frame in flight owns, and the ring of them.
+
+use super::buffer::RawBuffer;
+use super::descriptors::Arena;
+use super::device::{Gpu, check};
+use super::hazards::Hazards;
+use super::host::HostCommands;
+use super::recorder::Recorder;
+use super::timing::Timestamps;
+use crate::Result;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::any::Any;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Host-visible memory handed out front to back; chunks still in someone's hands are not reused.
+pub(super) struct Chunks {
+    location: MemoryLocation,
+    chunks: Vec<Arc<RawBuffer>>,
+    current: usize,
+    used: usize,
+}
+
+const CHUNK_BYTES: usize = 1 << 16;
+
+impl Chunks {
+    fn new(location: MemoryLocation) -> Chunks {
+        Chunks {
+            location,
+            chunks: Vec::new(),
+            current: 0,
+            used: 0,
+        }
+    }
+
+    /// Starts over, dropping chunks that a reader still holds.
+    fn reset(&mut self) {
+        self.chunks.retain(|chunk| Arc::strong_count(chunk) == 1);
+        self.current = 0;
+        self.used = 0;
+    }
+
+    /// `bytes` of a chunk, at an offset that suits any element.
+    pub(super) fn take(&mut self, gpu: &Gpu, bytes: usize) -> Result<(Arc<RawBuffer>, usize)> {
+        loop {
+            match self.chunks.get(self.current) {
+                Some(chunk) if self.used + bytes <= chunk.bytes as usize => {
+                    let offset = self.used;
+                    self.used = (offset + bytes).next_multiple_of(16);
+                    return Ok((chunk.clone(), offset));
+                }
+                Some(_) => {
+                    self.current += 1;
+                    self.used = 0;
+                }
+                None => {
+                    let size = bytes.max(CHUNK_BYTES) as u64;
+                    self.chunks
+                        .push(RawBuffer::new(gpu, "staging", size, self.location)?);
+                }
+            }
+        }
+    }
+}
+
+/// One frame in flight.
+pub(super) struct FrameSlot {
+    pool: vk::CommandPool,
+    commands: vk::CommandBuffer,
+    /// The timeline's value when this slot's last submission is done.
+    value: u64,
+    pub(super) arena: Arena,
+    pub(super) staging: Chunks,
+    pub(super) reading: Chunks,
+    pub(super) timestamps: Option<Timestamps>,
+    kept: Vec<Arc<dyn Any + Send + Sync>>,
+    kept_ids: HashSet<usize>,
+}
+
+impl FrameSlot {
+    /// Keeps something alive until the slot comes round again.
+    pub(super) fn keep<K: Any + Send + Sync>(&mut self, used: Arc<K>) {
+        if self.kept_ids.insert(Arc::as_ptr(&used).addr()) {
+            self.kept.push(used);
+        }
+    }
+
+    fn reset(&mut self) -> Result<()> {
+        self.kept.clear();
+        self.kept_ids.clear();
+        self.staging.reset();
+        self.reading.reset();
+        self.arena.reset()
+    }
+}
+
+/// Names a submission.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Ticket(u64);
+
+/// A ring of frames in flight on one timeline.
+pub struct Frames {
+    gpu: Gpu,
+    timeline: vk::Semaphore,
+    slots: Vec<FrameSlot>,
+    /// Frames begun so far; the next one takes slot `begun % slots.len()`.
+    begun: u64,
+    submitted: u64,
+}
+
+impl Frames {
+    /// `in_flight` frames; with `timestamps`, [`Recorder::timestamp`] is live.
+    pub fn new(gpu: &Gpu, in_flight: usize, timestamps: bool) -> Result<Frames> {
+        assert!(in_flight > 0, "at least one frame in flight");
+        let mut kind =
+            vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: timeline semaphores are a required feature.
+        let timeline = check("vkCreateSemaphore", unsafe {
+            gpu.0.device.create_semaphore(&info, None)
+        })?;
+        let mut frames = Frames {
+            gpu: gpu.clone(),
+            timeline,
+            slots: Vec::new(),
+            begun: 0,
+            submitted: 0,
+        };
+        let timestamps = timestamps && gpu.caps().timestamp_period_ns > 0.0;
+        for _ in 0..in_flight {
+            frames.add_slot(timestamps)?;
+        }
+        Ok(frames)
+    }
+
+    fn add_slot(&mut self, timestamps: bool) -> Result<()> {
+        let device = &self.gpu.0.device;
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(self.gpu.0.family);
+        // SAFETY: the device's own queue family.
+        let pool = check("vkCreateCommandPool", unsafe {
+            device.create_command_pool(&info, None)
+        })?;
+        self.slots.push(FrameSlot {
+            pool,
+            commands: vk::CommandBuffer::null(),
+            value: 0,
+            arena: Arena::new(&self.gpu),
+            staging: Chunks::new(MemoryLocation::CpuToGpu),
+            reading: Chunks::new(MemoryLocation::GpuToCpu),
+            timestamps: None,
+            kept: Vec::new(),
+            kept_ids: HashSet::new(),
+        });
+        let slot = self.slots.last_mut();
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .command_buffer_count(1);
+        // SAFETY: the pool was just made.
+        let buffers = check("vkAllocateCommandBuffers", unsafe {
+            device.allocate_command_buffers(&info)
+        })?;
+        if let Some(slot) = slot {
+            slot.commands = buffers[0];
+            slot.timestamps = timestamps.then(|| Timestamps::new(&self.gpu)).transpose()?;
+        }
+        Ok(())
+    }
+
+    fn next_slot(&mut self) -> usize {
+        let index = (self.begun % self.slots.len() as u64) as usize;
+        self.begun += 1;
+        index
+    }
+
+    /// Starts a frame, once its slot's previous one is done.
+    pub fn begin(&mut self) -> Result<Recorder<'_>> {
+        let index = self.next_slot();
+        self.wait(Ticket(self.slots[index].value))?;
+        let gpu = self.gpu.clone();
+        let slot = &mut self.slots[index];
+        slot.reset()?;
+        let device = &gpu.0.device;
+        let flags = vk::CommandPoolResetFlags::empty();
+        // SAFETY: the slot's last submission is done.
+        check("vkResetCommandPool", unsafe {
+            device.reset_command_pool(slot.pool, flags)
+        })?;
+        let info = vk::CommandBufferBeginInfo::default()
+            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the pool was just reset.
+        check("vkBeginCommandBuffer", unsafe {
+            device.begin_command_buffer(slot.commands, &info)
+        })?;
+        let commands = slot.commands;
+        if let Some(timestamps) = &mut slot.timestamps {
+            timestamps.begin(commands);
+        }
+        let mut recorder = Recorder {
+            gpu,
+            commands,
+            slot,
+            hazards: Hazards::default(),
+            failed: None,
+        };
+        // Validation and hazards see one command buffer at a time: order it after all before.
+        recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, false);
+        Ok(recorder)
+    }
+
+    /// Starts a frame in a host's command buffer. The slot's previous frame must be done: the host has
+    /// waited for it, as it does before it reuses its own resources of that frame.
+    pub fn begin_in(&mut self, host: &mut HostCommands) -> Result<Recorder<'_>> {
+        let index = self.next_slot();
+        let slot = &mut self.slots[index];
+        slot.reset()?;
+        let gpu = self.gpu.clone();
+        let mut recorder = Recorder {
+            gpu,
+            commands: host.commands(),
+            slot,
+            hazards: Hazards::default(),
+            failed: None,
+        };
+        recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, false);
+        Ok(recorder)
+    }
+
+    /// Records one frame with `record` and submits it; does not wait.
+    ///
+    /// # Errors
+    /// What `begin`, `record` or the submission report.
+    pub fn submit<R>(
+        &mut self,
+        record: impl FnOnce(&mut Recorder<'_>) -> Result<R>,
+    ) -> Result<(Ticket, R)> {
+        let mut recorder = self.begin()?;
+        let result = record(&mut recorder);
+        recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, true);
+        let (commands, failed) = (recorder.commands, recorder.failed.take());
+        let device = &self.gpu.0.device;
+        // SAFETY: recording began in `begin`.
+        check("vkEndCommandBuffer", unsafe {
+            device.end_command_buffer(commands)
+        })?;
+        let result = result?;
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        let value = self.submitted + 1;
+        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
+        let signals = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.timeline)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let submits = [vk::SubmitInfo2::default()
+            .command_buffer_infos(&buffers)
+            .signal_semaphore_infos(&signals)];
+        let queue = self.gpu.0.queue()?;
+        // SAFETY: the queue is locked, the commands are complete, and what they use is kept.
+        check("vkQueueSubmit2", unsafe {
+            device.queue_submit2(*queue, &submits, vk::Fence::null())
+        })?;
+        drop(queue);
+        self.submitted = value;
+        let last = ((self.begun - 1) % self.slots.len() as u64) as usize;
+        self.slots[last].value = value;
+        Ok((Ticket(value), result))
+    }
+
+    /// Waits for a submission.
+    pub fn wait(&self, ticket: Ticket) -> Result<()> {
+        let (semaphores, values) = ([self.timeline], [ticket.0]);
+        let info = vk::SemaphoreWaitInfo::default()
+            .semaphores(&semaphores)
+            .values(&values);
+        // SAFETY: the value was submitted, or is 0.
+        check("vkWaitSemaphores", unsafe {
+            self.gpu.0.device.wait_semaphores(&info, u64::MAX)
+        })
+    }
+
+    /// Whether a submission is done.
+    pub fn is_done(&self, ticket: Ticket) -> Result<bool> {
+        // SAFETY: the semaphore is alive.
+        let value = unsafe { self.gpu.0.device.get_semaphore_counter_value(self.timeline) };
+        Ok(check("vkGetSemaphoreCounterValue", value)? >= ticket.0)
+    }
+
+    /// Labels and nanoseconds of a submission whose slot has not been used again; waits for it.
+    pub fn timings(&self, ticket: Ticket) -> Result<Vec<(&'static str, f64)>> {
+        self.wait(ticket)?;
+        let slot = self.slots.iter().find(|slot| slot.value == ticket.0);
+        slot.and_then(|slot| slot.timestamps.as_ref())
+            .map_or(Ok(Vec::new()), Timestamps::read)
+    }
+}
+
+impl Drop for Frames {
+    fn drop(&mut self) {
+        // A lost device has nothing running; then waiting fails, and destroying is right all the same.
+        let _ = self.wait(Ticket(self.submitted));
+        for slot in &mut self.slots {
+            slot.kept.clear();
+            // SAFETY: its commands are done.
+            unsafe { self.gpu.0.device.destroy_command_pool(slot.pool, None) };
+        }
+        // SAFETY: nothing waits for or signals it any more.
+        unsafe { self.gpu.0.device.destroy_semaphore(self.timeline, None) };
+    }
+}

@@ -1,0 +1,196 @@
+//! Being a guest on somebody else's device: adopt it, record into its command buffer, write its image.
+//!
+//! Nothing is submitted or waited for, and the host's objects survive. Recording clobbers the bound compute
+//! pipeline, descriptor set 0 of the compute bind point, and the compute push constants.
+
+use super::caps::Caps;
+use super::create::{GpuOptions, REQUIRED};
+use super::device::{Gpu, Ownership, Shared, SharedAllocator};
+use super::image::Image;
+use super::recorder::Recorder;
+use crate::shader::Requirement;
+use crate::{Error, Result};
+use ash::vk;
+
+/// A queue of the host's that we may submit to (uploads, training), never from two threads at once.
+#[derive(Clone, Copy, Debug)]
+pub struct HostQueue {
+    /// The queue; the host must not submit to it while we do.
+    pub queue: vk::Queue,
+}
+
+/// A host's device.
+pub struct HostDevice {
+    /// The instance it was made from.
+    pub instance: ash::Instance,
+    /// The physical device.
+    pub physical_device: vk::PhysicalDevice,
+    /// The device, with at least [`REQUIRED`] enabled.
+    pub device: ash::Device,
+    /// The family of the command buffers that we record into.
+    pub queue_family: u32,
+    /// For uploads and training; without it, only recording works.
+    pub queue: Option<HostQueue>,
+    /// Whether `shaderStorageImageWriteWithoutFormat` is enabled, which presenting needs.
+    pub storage_image_write_without_format: bool,
+    /// The host's allocator; `None`: we make one.
+    pub allocator: Option<SharedAllocator>,
+}
+
+impl Gpu {
+    /// Works on a host's device.
+    ///
+    /// # Safety
+    /// The handles belong together and outlive every clone of the `Gpu` and everything made from it; the
+    /// features that [`REQUIRED`] lists are enabled.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for a device below Vulkan 1.3.
+    pub unsafe fn adopt(host: HostDevice) -> Result<Gpu> {
+        let mut caps = Caps::query(&host.instance, host.physical_device);
+        if caps.api < (REQUIRED.api.0, REQUIRED.api.1, 0) {
+            return Err(Error::Unsupported {
+                what: format!("{}: Vulkan 1.3 is needed", caps.name),
+            });
+        }
+        if !host.storage_image_write_without_format {
+            caps.offers
+                .remove(&Requirement::StorageImageWriteWithoutFormat);
+        }
+        // A host need not have enabled size control: take the size there is.
+        caps.subgroup_range = (caps.subgroup_size, caps.subgroup_size);
+        Shared::new(
+            host.instance,
+            host.physical_device,
+            host.device,
+            caps,
+            host.queue_family,
+            host.queue.map(|q| q.queue),
+            host.allocator,
+            Ownership::Hosts,
+            &GpuOptions::default(),
+        )
+    }
+}
+
+/// A host's command buffer in the recording state.
+#[derive(Debug)]
+pub struct HostCommands(vk::CommandBuffer);
+
+impl HostCommands {
+    /// Wraps a command buffer.
+    ///
+    /// # Safety
+    /// It was allocated from the adopted device for a family with compute, is being recorded outside a
+    /// render pass, and stays so while recorders use it.
+    pub unsafe fn wrap(commands: vk::CommandBuffer) -> HostCommands {
+        HostCommands(commands)
+    }
+
+    pub(super) fn commands(&self) -> vk::CommandBuffer {
+        self.0
+    }
+}
+
+/// How an image is used before or after us.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageState {
+    /// Its layout.
+    pub layout: vk::ImageLayout,
+    /// Stages that touch it.
+    pub stage: vk::PipelineStageFlags2,
+    /// How they touch it.
+    pub access: vk::AccessFlags2,
+}
+
+/// A host's storage image to write, with its state before and after.
+#[derive(Clone, Copy, Debug)]
+pub struct HostImage {
+    image: Image,
+    before: ImageState,
+    after: ImageState,
+}
+
+impl HostImage {
+    /// Wraps a colour image with one mip level and layer.
+    ///
+    /// # Safety
+    /// Image and view are alive until the commands have run, have the storage usage, and are in the state
+    /// `before` when the commands run.
+    pub unsafe fn wrap(
+        image: vk::Image,
+        view: vk::ImageView,
+        extent: [u32; 2],
+        before: ImageState,
+        after: ImageState,
+    ) -> HostImage {
+        HostImage {
+            image: Image {
+                image,
+                view,
+                extent,
+            },
+            before,
+            after,
+        }
+    }
+
+    /// The image as a kernel's target.
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+}
+
+impl Recorder<'_> {
+    /// Brings a host's image into the layout that kernels write in.
+    pub fn acquire(&mut self, target: &HostImage) {
+        self.transition(target, target.before, KERNEL_WRITE);
+    }
+
+    /// Hands a host's image back in the state it asked for.
+    pub fn release(&mut self, target: &HostImage) {
+        self.transition(target, KERNEL_WRITE, target.after);
+    }
+
+    fn transition(&mut self, target: &HostImage, from: ImageState, to: ImageState) {
+        let barriers = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(from.stage)
+            .src_access_mask(from.access)
+            .dst_stage_mask(to.stage)
+            .dst_access_mask(to.access)
+            .old_layout(from.layout)
+            .new_layout(to.layout)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(target.image.image)
+            .subresource_range(vk::ImageSubresourceRange {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                level_count: 1,
+                layer_count: 1,
+                ..Default::default()
+            })];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: the wrapper's contract holds for image and states.
+        unsafe {
+            self.gpu
+                .0
+                .device
+                .cmd_pipeline_barrier2(self.commands, &info)
+        };
+    }
+
+    /// Ends recording into a host's command buffer.
+    ///
+    /// # Errors
+    /// The first error of any command recorded.
+    pub fn finish(mut self) -> Result<()> {
+        self.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, true);
+        self.failed.take().map_or(Ok(()), Err)
+    }
+}
+
+const KERNEL_WRITE: ImageState = ImageState {
+    layout: vk::ImageLayout::GENERAL,
+    stage: vk::PipelineStageFlags2::COMPUTE_SHADER,
+    access: vk::AccessFlags2::SHADER_STORAGE_WRITE,
+};

@@ -1,0 +1,39 @@
+//! Vulkan, and nothing of splats: devices, buffers, pipelines, command recording.
+//!
+//! A [`Gpu`] is a cheap handle of a device, created here or adopted from a host. [`Frames`] hands out
+//! [`Recorder`]s; a recorder puts barriers where the declared accesses of its commands conflict, takes
+//! descriptor sets from its frame's arena, and keeps alive what its commands use until they have run.
+//!
+//! **Invariant:** the only `ash` and the only `unsafe` of the crate. Nothing here has heard of a
+//! Gaussian, reads an environment variable, or keeps global state.
+
+#![allow(
+    unsafe_code,
+    reason = "Vulkan is a C interface; this module is where it is made safe"
+)]
+
+mod buffer;
+mod caps;
+mod create;
+mod debug;
+mod descriptors;
+mod device;
+mod frame;
+mod hazards;
+mod host;
+mod image;
+mod pipeline;
+mod recorder;
+mod timing;
+mod transfer;
+
+pub use buffer::Buffer;
+pub use caps::{Caps, DeviceKind};
+pub use create::{GpuOptions, REQUIRED, Required, devices};
+pub use device::Gpu;
+pub use frame::{Frames, Ticket};
+pub use hazards::Hazards;
+pub use host::{HostCommands, HostDevice, HostImage, HostQueue, ImageState};
+pub use image::Image;
+pub use pipeline::Pipeline;
+pub use recorder::{Groups, Readback, Recorder, Slot};

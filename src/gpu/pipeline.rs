@@ -1,0 +1,165 @@
+//! A compiled kernel made executable with one set of tunables.
+
+use super::device::{Gpu, check};
+use crate::shader::{BindingKind, KernelInfo, Requirement};
+use crate::{Error, Result};
+use ash::vk;
+use std::sync::Arc;
+
+pub(super) struct RawPipeline {
+    gpu: Gpu,
+    pub(super) info: &'static KernelInfo,
+    pub(super) set_layout: vk::DescriptorSetLayout,
+    pub(super) layout: vk::PipelineLayout,
+    pub(super) handle: vk::Pipeline,
+}
+
+/// A kernel ready to be dispatched. Clones share it.
+#[derive(Clone)]
+pub struct Pipeline(pub(super) Arc<RawPipeline>);
+
+impl std::fmt::Debug for Pipeline {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "Pipeline({}.{})",
+            self.0.info.kernel, self.0.info.variant
+        )
+    }
+}
+
+impl Pipeline {
+    /// Compiles `info` with the specialisation constants `spec`, in the order of `info.specs`.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] where the device lacks something the kernel needs.
+    pub fn new(gpu: &Gpu, info: &'static KernelInfo, spec: &[u32]) -> Result<Pipeline> {
+        assert_eq!(
+            spec.len(),
+            info.specs.len(),
+            "{}: one value per specialisation constant",
+            info.kernel
+        );
+        let refuse = |why| Error::Unsupported {
+            what: format!("kernel {} {} needs {why}", info.kernel, info.variant),
+        };
+        gpu.caps().supports(info).map_err(refuse)?;
+        let mut raw = RawPipeline {
+            gpu: gpu.clone(),
+            info,
+            set_layout: vk::DescriptorSetLayout::null(),
+            layout: vk::PipelineLayout::null(),
+            handle: vk::Pipeline::null(),
+        };
+        raw.create_layouts()?;
+        raw.create_pipeline(spec)?;
+        Ok(Pipeline(Arc::new(raw)))
+    }
+}
+
+impl RawPipeline {
+    fn create_layouts(&mut self) -> Result<()> {
+        let device = &self.gpu.0.device;
+        let bindings: Vec<_> = self
+            .info
+            .bindings
+            .iter()
+            .map(|binding| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding.binding)
+                    .descriptor_type(descriptor_type(binding.kind))
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // SAFETY: the bindings come from the module's reflection.
+        let layout = unsafe { device.create_descriptor_set_layout(&info, None) };
+        self.set_layout = check("vkCreateDescriptorSetLayout", layout)?;
+        let sets = [self.set_layout];
+        let ranges = [vk::PushConstantRange::default()
+            .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            .size(self.info.params_size)];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        if self.info.params_size > 0 {
+            info = info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: the set layout was just made; the range is within the guaranteed 128 bytes.
+        self.layout = check("vkCreatePipelineLayout", unsafe {
+            device.create_pipeline_layout(&info, None)
+        })?;
+        Ok(())
+    }
+
+    fn create_pipeline(&mut self, spec: &[u32]) -> Result<()> {
+        let device = &self.gpu.0.device;
+        let entries: Vec<_> = self
+            .info
+            .specs
+            .iter()
+            .enumerate()
+            .map(|(i, spec)| {
+                vk::SpecializationMapEntry::default()
+                    .constant_id(spec.id)
+                    .offset(4 * i as u32)
+                    .size(4)
+            })
+            .collect();
+        let specialization = vk::SpecializationInfo::default()
+            .map_entries(&entries)
+            .data(bytemuck::cast_slice(spec));
+        let module_info = vk::ShaderModuleCreateInfo::default().code(self.info.spirv);
+        // SAFETY: the words were validated when the crate was built.
+        let module = check("vkCreateShaderModule", unsafe {
+            device.create_shader_module(&module_info, None)
+        })?;
+        // Where the size varies, a kernel that relies on subgroups gets the one that `Caps` reports.
+        let caps = self.gpu.caps();
+        let by_subgroup = self.info.requirements.iter().any(|need| {
+            !matches!(
+                need,
+                Requirement::SubgroupBasic | Requirement::StorageImageWriteWithoutFormat
+            )
+        });
+        let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+            .required_subgroup_size(caps.subgroup_size);
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&specialization);
+        if by_subgroup && caps.subgroup_range.0 < caps.subgroup_range.1 {
+            stage = stage.push_next(&mut size);
+        }
+        let info = vk::ComputePipelineCreateInfo::default()
+            .stage(stage)
+            .layout(self.layout);
+        // SAFETY: all that `info` refers to is alive.
+        let made =
+            unsafe { device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        // SAFETY: a pipeline does not need its module once made.
+        unsafe { device.destroy_shader_module(module, None) };
+        let made = check("vkCreateComputePipelines", made.map_err(|(_, code)| code))?;
+        self.handle = made[0];
+        Ok(())
+    }
+}
+
+impl Drop for RawPipeline {
+    fn drop(&mut self) {
+        let device = &self.gpu.0.device;
+        // SAFETY: frames that use a pipeline hold it; null handles are ignored.
+        unsafe {
+            device.destroy_pipeline(self.handle, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
+    match kind {
+        BindingKind::Buffer => vk::DescriptorType::STORAGE_BUFFER,
+        BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
+    }
+}

@@ -1,0 +1,372 @@
+//! The only way to put commands into a command buffer.
+//!
+//! Every command declares what it reads and writes; where that conflicts with what stands since the last
+//! barrier, a barrier is recorded. Everything used is kept alive until the frame's slot comes round again.
+
+use super::buffer::{Buffer, RawBuffer};
+use super::device::{Gpu, Shared};
+use super::frame::FrameSlot;
+use super::hazards::Hazards;
+use super::image::Image;
+use super::pipeline::{Pipeline, RawPipeline};
+use crate::Result;
+use crate::shader::Access;
+use ash::vk;
+use ash::vk::Handle;
+use bytemuck::Pod;
+use std::marker::PhantomData;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Something bound to a dispatch: a buffer or an image.
+#[derive(Clone, Copy)]
+pub struct Slot<'a> {
+    pub(super) kind: SlotKind<'a>,
+}
+
+#[derive(Clone, Copy)]
+pub(super) enum SlotKind<'a> {
+    Buffer(&'a Arc<RawBuffer>),
+    Image(&'a Image),
+}
+
+impl<'a, T> From<&'a Buffer<T>> for Slot<'a> {
+    fn from(buffer: &'a Buffer<T>) -> Slot<'a> {
+        Slot {
+            kind: SlotKind::Buffer(&buffer.raw),
+        }
+    }
+}
+
+impl<'a> From<&'a Image> for Slot<'a> {
+    fn from(image: &'a Image) -> Slot<'a> {
+        Slot {
+            kind: SlotKind::Image(image),
+        }
+    }
+}
+
+impl Slot<'_> {
+    fn id(&self) -> u64 {
+        match self.kind {
+            SlotKind::Buffer(raw) => raw.handle.as_raw(),
+            SlotKind::Image(image) => image.image.as_raw(),
+        }
+    }
+}
+
+/// How many workgroups a dispatch has.
+#[derive(Clone, Copy)]
+pub enum Groups<'a> {
+    /// So many in all; folded into a second dimension where the device's limit demands it. Kernels use
+    /// `group_index()` and check bounds.
+    Count(u32),
+    /// A grid.
+    Grid([u32; 3]),
+    /// Read from element `index` of a buffer of three-word records when the dispatch runs.
+    Indirect(Slot<'a>, usize),
+}
+
+impl<'a> Groups<'a> {
+    /// Sizes that the device has computed: element `index` of `args`, whose elements are three words.
+    pub fn indirect<T: Pod>(args: &'a Buffer<T>, index: usize) -> Groups<'a> {
+        assert_eq!(
+            size_of::<T>(),
+            12,
+            "{}: dispatch arguments are three words",
+            args.name()
+        );
+        assert!(index < args.len(), "{}: no element {index}", args.name());
+        Groups::Indirect(args.into(), index)
+    }
+}
+
+/// A piece of a buffer on its way to the host.
+#[derive(Clone)]
+pub struct Readback<T> {
+    raw: Arc<RawBuffer>,
+    offset: usize,
+    len: usize,
+    element: PhantomData<fn() -> T>,
+}
+
+impl<T: Pod> Readback<T> {
+    /// The elements. The frame that recorded the copy must be done: wait for its ticket first.
+    pub fn get(&self) -> Vec<T> {
+        let bytes = &self.raw.mapped()[self.offset..self.offset + self.len * size_of::<T>()];
+        bytemuck::pod_collect_to_vec(bytes)
+    }
+}
+
+/// Records the commands of one frame.
+pub struct Recorder<'a> {
+    pub(super) gpu: Gpu,
+    pub(super) commands: vk::CommandBuffer,
+    pub(super) slot: &'a mut FrameSlot,
+    pub(super) hazards: Hazards,
+    /// The first error; recording goes on, and submitting reports it.
+    pub(super) failed: Option<crate::Error>,
+}
+
+const ACCESS: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
+    vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw(),
+);
+
+impl<'a> Recorder<'a> {
+    /// The device recorded for.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    fn shared(&self) -> &Shared {
+        &self.gpu.0
+    }
+
+    /// Everything before is visible to everything after, the host's side included where `host` says so.
+    pub(super) fn full_barrier(&mut self, stages: vk::PipelineStageFlags2, host: bool) {
+        let mut barrier = vk::MemoryBarrier2::default()
+            .src_stage_mask(stages)
+            .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
+            .dst_stage_mask(stages)
+            .dst_access_mask(ACCESS);
+        if host {
+            barrier.dst_stage_mask |= vk::PipelineStageFlags2::HOST;
+            barrier.dst_access_mask |= vk::AccessFlags2::HOST_READ;
+        }
+        let barriers = [barrier];
+        let info = vk::DependencyInfo::default().memory_barriers(&barriers);
+        // SAFETY: the command buffer is being recorded.
+        unsafe {
+            self.shared()
+                .device
+                .cmd_pipeline_barrier2(self.commands, &info)
+        };
+        self.hazards.barrier();
+    }
+
+    fn access(&mut self, accesses: &[(u64, Access)]) {
+        if self.hazards.command(accesses) {
+            let stages = vk::PipelineStageFlags2::COMPUTE_SHADER
+                | vk::PipelineStageFlags2::ALL_TRANSFER
+                | vk::PipelineStageFlags2::DRAW_INDIRECT;
+            let barriers = [vk::MemoryBarrier2::default()
+                .src_stage_mask(stages)
+                .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
+                .dst_stage_mask(stages)
+                .dst_access_mask(ACCESS)];
+            let info = vk::DependencyInfo::default().memory_barriers(&barriers);
+            // SAFETY: the command buffer is being recorded.
+            unsafe {
+                self.shared()
+                    .device
+                    .cmd_pipeline_barrier2(self.commands, &info)
+            };
+        }
+    }
+
+    /// Dispatches a kernel; `slots` in the order of its bindings. Generated code calls this.
+    pub fn dispatch(
+        &mut self,
+        pipeline: &Pipeline,
+        slots: &[Slot<'_>],
+        push: &[u8],
+        groups: Groups<'_>,
+    ) {
+        let raw: &RawPipeline = &pipeline.0;
+        assert_eq!(
+            slots.len(),
+            raw.info.bindings.len(),
+            "{}: one slot per binding",
+            raw.info.kernel
+        );
+        let mut accesses: Vec<_> = slots
+            .iter()
+            .zip(raw.info.bindings)
+            .map(|(slot, binding)| (slot.id(), binding.access))
+            .collect();
+        if let Groups::Indirect(args, _) = groups {
+            accesses.push((args.id(), Access::Read));
+        }
+        self.access(&accesses);
+        let set = match self.slot.arena.set(raw, slots) {
+            Ok(set) => set,
+            Err(error) => return self.fail(error),
+        };
+        self.slot.keep(pipeline.0.clone());
+        for slot in slots {
+            if let SlotKind::Buffer(buffer) = slot.kind {
+                self.slot.keep(buffer.clone());
+            }
+        }
+        let device = &self.gpu.0.device;
+        let point = vk::PipelineBindPoint::COMPUTE;
+        // SAFETY: pipeline, layout and set are alive until the frame is done, and belong together.
+        unsafe {
+            device.cmd_bind_pipeline(self.commands, point, raw.handle);
+            device.cmd_bind_descriptor_sets(self.commands, point, raw.layout, 0, &[set], &[]);
+        }
+        if !push.is_empty() {
+            let stage = vk::ShaderStageFlags::COMPUTE;
+            // SAFETY: the layout has a range of this size (generated from the same reflection).
+            unsafe { device.cmd_push_constants(self.commands, raw.layout, stage, 0, push) };
+        }
+        self.dispatch_groups(groups);
+    }
+
+    fn dispatch_groups(&mut self, groups: Groups<'_>) {
+        let limit = self.gpu.caps().max_groups;
+        let [x, y, z] = match groups {
+            Groups::Indirect(args, index) => {
+                let SlotKind::Buffer(raw) = args.kind else {
+                    return;
+                };
+                self.slot.keep(raw.clone());
+                // SAFETY: the element lies in the buffer (asserted in `Groups::indirect`), which has
+                // the indirect usage; the kernel that wrote it kept to the device's limits.
+                unsafe {
+                    self.gpu.0.device.cmd_dispatch_indirect(
+                        self.commands,
+                        raw.handle,
+                        12 * index as u64,
+                    );
+                }
+                return;
+            }
+            Groups::Count(0) => return,
+            Groups::Count(count) => {
+                let x = count.min(limit[0]);
+                [x, count.div_ceil(x), 1]
+            }
+            Groups::Grid(grid) => grid,
+        };
+        assert!(
+            x <= limit[0] && y <= limit[1] && z <= limit[2],
+            "a grid of {x}x{y}x{z} workgroups is too large"
+        );
+        // SAFETY: within the device's limits.
+        unsafe { self.gpu.0.device.cmd_dispatch(self.commands, x, y, z) };
+    }
+
+    /// Sets every word of a buffer.
+    pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) {
+        self.access(&[(buffer.raw.handle.as_raw(), Access::Write)]);
+        self.slot.keep(buffer.raw.clone());
+        // SAFETY: the buffer is alive until the frame is done and its size is a multiple of four.
+        unsafe {
+            self.gpu.0.device.cmd_fill_buffer(
+                self.commands,
+                buffer.raw.handle,
+                0,
+                buffer.raw.bytes,
+                word,
+            );
+        }
+    }
+
+    /// Copies `range` of `from` to `to`, from element `at` on.
+    pub fn copy<T: Pod>(
+        &mut self,
+        from: &Buffer<T>,
+        range: Range<usize>,
+        to: &Buffer<T>,
+        at: usize,
+    ) {
+        assert!(
+            range.end <= from.len() && at + range.len() <= to.len(),
+            "copy out of bounds: {from:?} to {to:?}"
+        );
+        let size = size_of::<T>();
+        self.copy_raw(
+            &from.raw,
+            range.start * size,
+            &to.raw,
+            at * size,
+            range.len() * size,
+        );
+    }
+
+    fn copy_raw(
+        &mut self,
+        from: &Arc<RawBuffer>,
+        start: usize,
+        to: &Arc<RawBuffer>,
+        at: usize,
+        bytes: usize,
+    ) {
+        if bytes == 0 {
+            return;
+        }
+        self.access(&[
+            (from.handle.as_raw(), Access::Read),
+            (to.handle.as_raw(), Access::Write),
+        ]);
+        self.slot.keep(from.clone());
+        self.slot.keep(to.clone());
+        let regions = [vk::BufferCopy::default()
+            .src_offset(start as u64)
+            .dst_offset(at as u64)
+            .size(bytes as u64)];
+        // SAFETY: in bounds (asserted by the callers), and both are alive until the frame is done.
+        unsafe {
+            self.gpu
+                .0
+                .device
+                .cmd_copy_buffer(self.commands, from.handle, to.handle, &regions)
+        };
+    }
+
+    /// Writes `data` into a buffer from element `at` on, when the frame runs. The data is taken now.
+    pub fn update<T: Pod>(&mut self, buffer: &Buffer<T>, at: usize, data: &[T]) {
+        assert!(
+            at + data.len() <= buffer.len(),
+            "update out of bounds: {buffer:?}"
+        );
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        match self.slot.staging.take(&self.gpu, bytes.len()) {
+            Ok((raw, offset)) => {
+                raw.write(offset, bytes);
+                self.copy_raw(&raw, offset, &buffer.raw, at * size_of::<T>(), bytes.len());
+            }
+            Err(error) => self.fail(error),
+        }
+    }
+
+    /// Copies a piece of a buffer to where the host can read it once the frame is done.
+    pub fn read_back<T: Pod>(
+        &mut self,
+        buffer: &Buffer<T>,
+        range: Range<usize>,
+    ) -> Result<Readback<T>> {
+        assert!(
+            range.end <= buffer.len(),
+            "read_back out of bounds: {buffer:?}"
+        );
+        let bytes = range.len() * size_of::<T>();
+        let (raw, offset) = self.slot.reading.take(&self.gpu, bytes)?;
+        self.copy_raw(
+            &buffer.raw,
+            range.start * size_of::<T>(),
+            &raw,
+            offset,
+            bytes,
+        );
+        Ok(Readback {
+            raw,
+            offset,
+            len: range.len(),
+            element: PhantomData,
+        })
+    }
+
+    /// Marks a moment: the time since the mark before is filed under `label`. Does nothing unless the
+    /// frames were made with timestamps.
+    pub fn timestamp(&mut self, label: &'static str) {
+        if let Some(timestamps) = &mut self.slot.timestamps {
+            timestamps.mark(self.commands, label);
+        }
+    }
+
+    pub(super) fn fail(&mut self, error: crate::Error) {
+        self.failed.get_or_insert(error);
+    }
+}

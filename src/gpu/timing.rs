@@ -1,0 +1,89 @@
+//! Timestamps of one frame.
+
+use super::device::{Gpu, check};
+use crate::Result;
+use ash::vk;
+
+/// Most timestamps of one frame.
+const CAPACITY: u32 = 128;
+
+/// A query pool with the labels of what was timed.
+pub(super) struct Timestamps {
+    gpu: Gpu,
+    pool: vk::QueryPool,
+    labels: Vec<&'static str>,
+}
+
+impl Timestamps {
+    pub(super) fn new(gpu: &Gpu) -> Result<Timestamps> {
+        let info = vk::QueryPoolCreateInfo::default()
+            .query_type(vk::QueryType::TIMESTAMP)
+            .query_count(CAPACITY);
+        // SAFETY: a plain query pool.
+        let pool = check("vkCreateQueryPool", unsafe {
+            gpu.0.device.create_query_pool(&info, None)
+        })?;
+        Ok(Timestamps {
+            gpu: gpu.clone(),
+            pool,
+            labels: Vec::new(),
+        })
+    }
+
+    pub(super) fn begin(&mut self, commands: vk::CommandBuffer) {
+        self.labels.clear();
+        // SAFETY: the commands are being recorded and the pool's last use has finished.
+        unsafe {
+            self.gpu
+                .0
+                .device
+                .cmd_reset_query_pool(commands, self.pool, 0, CAPACITY)
+        };
+        self.mark(commands, "begin");
+    }
+
+    pub(super) fn mark(&mut self, commands: vk::CommandBuffer, label: &'static str) {
+        let index = self.labels.len() as u32;
+        if index == CAPACITY {
+            return;
+        }
+        let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
+        // SAFETY: the query was reset in `begin` and is written once.
+        unsafe {
+            self.gpu
+                .0
+                .device
+                .cmd_write_timestamp2(commands, stage, self.pool, index)
+        };
+        self.labels.push(label);
+    }
+
+    /// What was timed and how long it took since the mark before, in nanoseconds. The frame must be done.
+    pub(super) fn read(&self) -> Result<Vec<(&'static str, f64)>> {
+        let mut ticks = vec![0u64; self.labels.len()];
+        if ticks.is_empty() {
+            return Ok(Vec::new());
+        }
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        // SAFETY: the queries were written by the frame, which is done.
+        let read = unsafe {
+            self.gpu
+                .0
+                .device
+                .get_query_pool_results(self.pool, 0, &mut ticks, flags)
+        };
+        check("vkGetQueryPoolResults", read)?;
+        let period = self.gpu.caps().timestamp_period_ns;
+        let spans = ticks
+            .windows(2)
+            .map(|pair| pair[1].saturating_sub(pair[0]) as f64 * period);
+        Ok(self.labels[1..].iter().copied().zip(spans).collect())
+    }
+}
+
+impl Drop for Timestamps {
+    fn drop(&mut self) {
+        // SAFETY: the frame that used it has finished.
+        unsafe { self.gpu.0.device.destroy_query_pool(self.pool, None) };
+    }
+}
