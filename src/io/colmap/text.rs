@@ -1,0 +1,167 @@
+//! The text form: a record a line, `#` for comments, and two lines an image.
+
+use super::super::reader::{Reader, excerpt, parse_number};
+use super::camera::{Lens, parameters_of};
+use super::{ImageRecord, Numbered};
+use crate::error::Result;
+use crate::scene::Point;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::str::FromStr;
+
+/// Lines beyond this length are refused; the 2D points of an image are one line.
+const LINE_BYTES_MAX: u64 = 1 << 28;
+
+/// A text file whose records are taken apart word by word.
+struct Lines {
+    reader: Reader,
+    line: String,
+    /// Bytes of `line` already taken.
+    taken: usize,
+}
+
+impl Lines {
+    fn open(path: &Path) -> Result<Lines> {
+        Ok(Lines {
+            reader: Reader::open(path)?,
+            line: String::new(),
+            taken: 0,
+        })
+    }
+
+    /// Goes to the next line that is no comment; false at the end.
+    fn advance(&mut self) -> Result<bool> {
+        self.taken = 0;
+        while self.reader.line(&mut self.line, LINE_BYTES_MAX)? {
+            if !self.line.trim_start().starts_with('#') {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Goes to the next line that is neither comment nor blank; false at the end.
+    fn advance_to_record(&mut self) -> Result<bool> {
+        while self.advance()? {
+            if !self.line.trim().is_empty() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The next word of the line.
+    fn word(&mut self, what: &str) -> Result<&str> {
+        let rest = &self.line[self.taken..];
+        let start = self.taken + (rest.len() - rest.trim_start().len());
+        let rest = &self.line[start..];
+        let end = start + rest.find(char::is_whitespace).unwrap_or(rest.len());
+        if start == end {
+            let what = format!("the line ends before {what}");
+            return Err(self.reader.fault_in_line(what));
+        }
+        self.taken = end;
+        Ok(&self.line[start..end])
+    }
+
+    /// The rest of the line, which may hold spaces.
+    fn rest(&self) -> &str {
+        self.line[self.taken..].trim()
+    }
+
+    fn fault(&self, what: impl AsRef<str>) -> crate::Error {
+        self.reader.fault_in_line(what)
+    }
+
+    fn integer<T: FromStr>(&mut self, what: &str) -> Result<T> {
+        let word = self.word(what)?;
+        let shown = excerpt(word);
+        let value = word.parse().ok();
+        value.ok_or_else(|| self.fault(format!("{what} is {shown}, not a whole number")))
+    }
+
+    fn number(&mut self, what: &str) -> Result<f64> {
+        let word = self.word(what)?;
+        let shown = excerpt(word);
+        let value = parse_number(word);
+        value.ok_or_else(|| self.fault(format!("{what} is {shown}, not a number")))
+    }
+
+    fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = self.number(what)?;
+        }
+        Ok(values)
+    }
+}
+
+pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, Lens>> {
+    let mut lines = Lines::open(path)?;
+    let mut lenses = BTreeMap::new();
+    while lines.advance_to_record()? {
+        let id: u32 = lines.integer("the camera id")?;
+        let model = lines.word("the camera model")?.to_owned();
+        let count = parameters_of(&model).map_err(|what| lines.fault(what))?;
+        let width = lines.integer("the width")?;
+        let height = lines.integer("the height")?;
+        let mut parameters = Vec::with_capacity(count);
+        for i in 1..=count {
+            let what = format!("parameter {i} of the {count} of {model}");
+            parameters.push(lines.number(&what)?);
+        }
+        if !lines.rest().is_empty() {
+            let what = format!("{model} has {count} parameters, the line has more");
+            return Err(lines.fault(what));
+        }
+        let lens = Lens::new(&model, width, height, &parameters)
+            .map_err(|what| lines.fault(format!("camera {id}: {what}")))?;
+        if lenses.insert(id, lens).is_some() {
+            return Err(lines.fault(format!("camera {id} occurs twice")));
+        }
+    }
+    Ok(lenses)
+}
+
+pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>> {
+    let mut lines = Lines::open(path)?;
+    let mut images = Vec::new();
+    while lines.advance_to_record()? {
+        let _id: u32 = lines.integer("the image id")?;
+        let quaternion = lines.numbers("the rotation")?;
+        let translation = lines.numbers("the translation")?;
+        let camera = lines.integer("the camera id")?;
+        let name = lines.rest().to_owned();
+        if name.is_empty() {
+            return Err(lines.fault("the line ends before the image's name"));
+        }
+        images.push(ImageRecord {
+            name,
+            quaternion,
+            translation,
+            camera,
+        });
+        // The line of 2D points is there even where it is empty, and must be taken as such.
+        lines.advance()?;
+    }
+    Ok(images)
+}
+
+pub(super) fn points(path: &Path) -> Result<Vec<Numbered>> {
+    let mut lines = Lines::open(path)?;
+    let mut points = Vec::new();
+    while lines.advance_to_record()? {
+        let id = lines.integer("the point id")?;
+        let position: [f64; 3] = lines.numbers("the position")?;
+        let mut color = [0.0; 3];
+        for channel in &mut color {
+            *channel = f32::from(lines.integer::<u8>("the colour")?) / 255.0;
+        }
+        let point = Point {
+            position: position.map(|v| v as f32),
+            color,
+        };
+        points.push((id, point));
+    }
+    Ok(points)
+}

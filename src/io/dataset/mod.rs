@@ -1,0 +1,205 @@
+//! Opening a data set, whatever made it.
+//!
+//! Everything that can be known without decoding pixels is checked here, before an hour of training is
+//! begun: that the photographs exist and are images, that their sizes fit their cameras, that there is
+//! something to train on.
+
+mod views;
+
+use super::listing::{Listed, Listing};
+use super::{colmap, transforms};
+use crate::error::{Error, Result};
+use crate::scene::{AlphaMode, Dataset, Point, Split, View};
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+
+/// What the user may say about a data set.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OpenOptions {
+    /// Photographs are reduced by this factor on loading; 1: as they are.
+    pub downscale: u32,
+    /// Every this-many-th view by name, from the first, is a test view; 0: none is. A split that the data
+    /// set brings with it (Blender's) is used instead, unless this is 0.
+    pub test_every: usize,
+    /// The folder of the photographs, relative to the data set's or absolute; `None`: as the format has
+    /// it (`images` for COLMAP).
+    pub images: Option<PathBuf>,
+    /// What alpha means; `None`: [`AlphaMode::Mask`] where lens distortion leaves empty borders, else
+    /// [`AlphaMode::Composite`].
+    pub alpha: Option<AlphaMode>,
+    /// Whether photographs (and a view to train on) must be there; rendering needs cameras only.
+    pub photos_required: bool,
+}
+
+impl Default for OpenOptions {
+    fn default() -> OpenOptions {
+        OpenOptions {
+            downscale: 1,
+            test_every: 8,
+            images: None,
+            alpha: None,
+            photos_required: true,
+        }
+    }
+}
+
+/// Opens the data set at `path`: a folder with a COLMAP model (in `sparse/0`, `sparse` or itself; it comes
+/// first, as it has points), else with `transforms.json` or `transforms_train.json`; or such a file.
+///
+/// Views whose photograph is missing are left out with a warning; a photograph that is there but is no
+/// image, is empty, or has another aspect ratio than its camera is an error. Points that are not finite
+/// are dropped with a warning.
+///
+/// # Errors
+/// Names the file and the reason; see [`colmap::read`] and [`transforms::read`]. Also: nothing that can
+/// be recognised, no photograph at all, two views of one name, no view left to train on.
+pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
+    if options.downscale == 0 {
+        let what = "the factor by which photographs are reduced must be at least 1";
+        return Err(Error::Config(what.to_owned()));
+    }
+    let mut listing = list(path, options)?;
+    let mut warnings = std::mem::take(&mut listing.warnings);
+    listing.views.sort_by(|a, b| a.name.cmp(&b.name));
+    for pair in listing.views.windows(2) {
+        if pair[0].name == pair[1].name {
+            let what = format!("two views have the name {:?}", pair[0].name);
+            return Err(Error::file(path, what));
+        }
+    }
+    let distorted = listing.views.iter().any(|v| v.distortion.is_some());
+    let (views, held_out) = views::look_at_photos(path, listing.views, options, &mut warnings)?;
+    let points = finite_points(path, listing.points, &mut warnings);
+    warn_if_unseen(path, &views, &points, &mut warnings);
+    if distorted && options.alpha == Some(AlphaMode::Composite) {
+        warnings.push(format!(
+            "{}: removing the lens distortion leaves empty borders, which are taken for background as \
+             alpha is to be composited",
+            path.display()
+        ));
+    }
+    let undistorted = if distorted {
+        AlphaMode::Mask
+    } else {
+        AlphaMode::Composite
+    };
+    let dataset = Dataset {
+        views,
+        points,
+        test_every: options.test_every,
+        held_out,
+        alpha: options.alpha.unwrap_or(undistorted),
+        warnings,
+    };
+    if options.photos_required && dataset.split(Split::Train).is_empty() {
+        let what = format!(
+            "no view is left to train on: all {} are test views (every {}th is); hold out fewer",
+            dataset.views.len(),
+            options.test_every
+        );
+        return Err(Error::file(path, what));
+    }
+    Ok(dataset)
+}
+
+/// Recognises the format and reads it.
+fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
+    let meta = std::fs::metadata(path).map_err(Error::io(path))?;
+    if meta.is_file() {
+        if path.extension().is_some_and(|e| e == "json") {
+            let folder = path.parent().unwrap_or(Path::new("."));
+            let photos = options.images.as_ref().map(|images| folder.join(images));
+            return transforms::read(path, photos.as_deref());
+        }
+        let what = "is no data set: a folder or a transforms.json is expected";
+        return Err(Error::file(path, what));
+    }
+    if let Some(model) = colmap::find_model(path) {
+        return colmap::read(&model, &colmap_photos(path, options));
+    }
+    let photos = options.images.as_ref().map(|images| path.join(images));
+    let Some(file) = transforms::find(path) else {
+        let hint = if path.join("sparse").is_file() {
+            " (sparse is a file, not a folder)"
+        } else {
+            ""
+        };
+        let what = format!(
+            "is no data set: none of sparse/0/cameras.bin, sparse/cameras.bin, cameras.bin (or .txt), \
+             transforms.json, transforms_train.json is there{hint}"
+        );
+        return Err(Error::file(path, what));
+    };
+    let mut listing = transforms::read(&file, photos.as_deref())?;
+    let test = path.join("transforms_test.json");
+    // Blender's split comes in two files, and only together with the file for training.
+    let split = file.ends_with("transforms_train.json");
+    if split && test.is_file() && options.test_every > 0 {
+        let held_out = transforms::read(&test, photos.as_deref())?;
+        listing.warnings.extend(held_out.warnings);
+        listing
+            .views
+            .extend(held_out.views.into_iter().map(|view| Listed {
+                held_out: true,
+                ..view
+            }));
+    }
+    Ok(listing)
+}
+
+/// The folder with a COLMAP data set's photographs. Where `path` is the model itself, it may lie above.
+fn colmap_photos(path: &Path, options: &OpenOptions) -> PathBuf {
+    let images = options.images.clone().unwrap_or("images".into());
+    let own = path.join(&images);
+    let above = [
+        path.join("..").join(&images),
+        path.join("../..").join(&images),
+    ];
+    let is_model = path.join("cameras.bin").is_file() || path.join("cameras.txt").is_file();
+    if is_model && !own.is_dir() {
+        if let Some(found) = above.into_iter().find(|folder| folder.is_dir()) {
+            return found;
+        }
+    }
+    own
+}
+
+fn finite_points(path: &Path, mut points: Vec<Point>, warnings: &mut Vec<String>) -> Vec<Point> {
+    let count = points.len();
+    points.retain(|p| p.position.iter().chain(&p.color).all(|v| v.is_finite()));
+    if points.len() < count {
+        warnings.push(format!(
+            "{}: {} of {count} points are not finite and were dropped",
+            path.display(),
+            count - points.len()
+        ));
+    }
+    if points.is_empty() {
+        warnings.push(format!(
+            "{}: there are no points; training begins from random ones",
+            path.display()
+        ));
+    }
+    points
+}
+
+/// Points in another coordinate system than the cameras are a common mistake of conversions, and
+/// training from them fails without a word.
+fn warn_if_unseen(path: &Path, views: &[View], points: &[Point], warnings: &mut Vec<String>) {
+    let step = points.len().div_ceil(1000).max(1);
+    let seen = points.iter().step_by(step).any(|point| {
+        let point = DVec3::from(point.position.map(f64::from));
+        views.iter().any(|view| {
+            let size = DVec3::new(view.camera.width.into(), view.camera.height.into(), 0.0);
+            let pixel = view.camera.pixel_from_world(point);
+            pixel
+                .is_some_and(|p| p.cmpge(glam::DVec2::ZERO).all() && p.cmplt(size.truncate()).all())
+        })
+    });
+    if !seen && !points.is_empty() {
+        warnings.push(format!(
+            "{}: no view sees any of the points; are they in the cameras' coordinate system?",
+            path.display()
+        ));
+    }
+}

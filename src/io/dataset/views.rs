@@ -1,0 +1,133 @@
+//! Listed views and the photographs that are really there.
+
+use super::super::listing::Listed;
+use super::super::photo::{self, SIDE_MIN};
+use super::OpenOptions;
+use crate::error::{Error, Result};
+use crate::scene::{PhotoSource, View};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// A view whose photograph has been looked at.
+struct Found {
+    view: View,
+    /// The size of the file where that differs from the camera's.
+    file_size: Option<(u32, u32)>,
+    warning: Option<String>,
+}
+
+/// Looks at the photographs, in parallel. Returns the views that remain and which of them are held out.
+pub(super) fn look_at_photos(
+    path: &Path,
+    listed: Vec<Listed>,
+    options: &OpenOptions,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<View>, Vec<usize>)> {
+    let found: Vec<Option<Found>> = listed
+        .par_iter()
+        .map(|view| look_at_photo(view, options))
+        .collect::<Result<_>>()?;
+    let (mut views, mut held_out) = (Vec::new(), Vec::new());
+    let (mut missing, mut resized) = (Vec::new(), Vec::new());
+    for (listed, found) in listed.iter().zip(found) {
+        let Some(found) = found else {
+            missing.push(&listed.photo);
+            continue;
+        };
+        if listed.held_out {
+            held_out.push(views.len());
+        }
+        resized.extend(found.file_size.map(|size| (listed, size)));
+        warnings.extend(found.warning);
+        views.push(found.view);
+    }
+    if let Some(first) = missing.first() {
+        let what = format!(
+            "{} of {} photographs are missing, the first is {}",
+            missing.len(),
+            listed.len(),
+            first.display()
+        );
+        if views.is_empty() {
+            return Err(Error::file(path, what));
+        }
+        warnings.push(format!(
+            "{}: {what}; their views are left out",
+            path.display()
+        ));
+    }
+    if let Some((first, size)) = resized.first() {
+        warnings.push(format!(
+            "{}: {} of {} photographs have another size than their camera (the first is {}: {} x {}, \
+             camera {} x {}); the intrinsics were scaled",
+            path.display(),
+            resized.len(),
+            listed.len(),
+            first.photo.display(),
+            size.0,
+            size.1,
+            first.camera.width,
+            first.camera.height
+        ));
+    }
+    Ok((views, held_out))
+}
+
+/// `None` where the photograph is needed but missing.
+fn look_at_photo(listed: &Listed, options: &OpenOptions) -> Result<Option<Found>> {
+    let mut camera = listed.camera;
+    let mut source = PhotoSource::Absent;
+    let (mut file_size, mut warning) = (None, None);
+    if listed.photo.is_file() {
+        match fitting_size(listed) {
+            Ok(size) => {
+                if size != (camera.width, camera.height) {
+                    camera = camera.resized(size.0, size.1);
+                    file_size = Some(size);
+                }
+                source = PhotoSource::File {
+                    path: listed.photo.clone(),
+                    distortion: listed.distortion,
+                };
+            }
+            Err(error) if options.photos_required => return Err(error),
+            Err(error) => warning = Some(format!("{error}; the view is kept without it")),
+        }
+    } else if options.photos_required {
+        return Ok(None);
+    }
+    if options.downscale > 1 {
+        let reduced = |side: u32| (f64::from(side) / f64::from(options.downscale)).round() as u32;
+        let (width, height) = (reduced(camera.width), reduced(camera.height));
+        if width.min(height) < SIDE_MIN {
+            let what = format!(
+                "reduced by {} it would have {width} x {height} pixels; at least {SIDE_MIN} x \
+                 {SIDE_MIN} are needed",
+                options.downscale
+            );
+            return Err(Error::file(&listed.photo, what));
+        }
+        camera = camera.resized(width, height);
+    }
+    let view = View {
+        name: listed.name.clone(),
+        camera,
+        photo: source,
+    };
+    Ok(Some(Found {
+        view,
+        file_size,
+        warning,
+    }))
+}
+
+/// The size of the file, if it can be that of a photograph by this camera.
+fn fitting_size(listed: &Listed) -> Result<(u32, u32)> {
+    let size = photo::dimensions(&listed.photo)?;
+    let camera = (listed.camera.width, listed.camera.height);
+    if photo::same_aspect(size, camera) {
+        Ok(size)
+    } else {
+        Err(photo::wrong_aspect(&listed.photo, size, camera))
+    }
+}

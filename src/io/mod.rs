@@ -1,0 +1,26 @@
+//! Files to scene and back: photographs, reconstructions, splats, meshes, checkpoints, images.
+//!
+//! Every reader holds to one contract. A file is an argument, not an instruction: its counts are
+//! compared with its size before anything is allocated, its names never lead out of the data set's
+//! folder, and every fault is an [`Error`](crate::Error) that names the file and the place. What can
+//! be repaired is repaired and said in a warning; nothing is repaired silently.
+//! Every writer goes through [`atomic`], so that a crash leaves the old file or the new one.
+//!
+//! **Invariant:** no Vulkan, no environment variables, no global state.
+
+pub mod atomic;
+pub mod checkpoint;
+pub mod colmap;
+pub mod dataset;
+pub mod exr;
+mod listing;
+pub mod obj;
+pub mod photo;
+pub mod ply;
+pub mod png;
+mod reader;
+pub mod splat32;
+pub mod splats;
+pub mod transforms;
+
+pub use listing::{Listed, Listing};

@@ -1,0 +1,105 @@
+//! The size of a photograph, from the first bytes of its file, and whether its end is there.
+
+use super::super::listing::check_size;
+use super::super::reader::Reader;
+use super::SIDE_MIN;
+use crate::error::{Error, Result};
+use std::path::Path;
+
+const PNG_MAGIC: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
+
+/// Width and height of a PNG or JPEG file in pixels, without decoding it.
+///
+/// # Errors
+/// Names the file: empty, of another format, or of a size no photograph has.
+pub fn dimensions(path: &Path) -> Result<(u32, u32)> {
+    let mut reader = Reader::open(path)?;
+    if reader.size() == 0 {
+        return Err(Error::file(path, "the file is empty"));
+    }
+    let mut magic = [0; 2];
+    let known = reader.fill(&mut magic, "the magic").is_ok();
+    let (width, height) = match magic {
+        [0xff, 0xd8] if known => jpeg(&mut reader)?,
+        [0x89, b'P'] if known => png(&mut reader)?,
+        _ => return Err(Error::file(path, "is neither a PNG nor a JPEG image")),
+    };
+    let size = check_size(width, height).map_err(|what| Error::file(path, what))?;
+    if size.0 < SIDE_MIN || size.1 < SIDE_MIN {
+        let what =
+            format!("is {width} x {height} pixels; at least {SIDE_MIN} x {SIDE_MIN} are needed");
+        return Err(Error::file(path, what));
+    }
+    Ok(size)
+}
+
+/// After the first two bytes: the rest of the magic, then the chunk IHDR.
+fn png(reader: &mut Reader) -> Result<(u64, u64)> {
+    let rest: [u8; 14] = reader.array("the PNG header")?;
+    if rest[..6] != PNG_MAGIC[2..] || &rest[10..] != b"IHDR" {
+        return Err(reader.fault("is neither a PNG nor a JPEG image"));
+    }
+    let mut side = || -> Result<u64> {
+        let bytes = reader.array("the PNG header")?;
+        Ok(u64::from(u32::from_be_bytes(bytes)))
+    };
+    Ok((side()?, side()?))
+}
+
+/// After the first two bytes: segments up to the frame header.
+fn jpeg(reader: &mut Reader) -> Result<(u64, u64)> {
+    loop {
+        let mut byte = [0];
+        while byte[0] != 0xff {
+            reader.fill(&mut byte, "the JPEG header")?;
+        }
+        // Markers may be padded with any number of 0xff.
+        while byte[0] == 0xff {
+            reader.fill(&mut byte, "the JPEG header")?;
+        }
+        match byte[0] {
+            // Without contents.
+            0x00 | 0x01 | 0xd0..=0xd8 => continue,
+            0xd9 | 0xda => return Err(reader.fault("the JPEG file has no frame header")),
+            marker => {
+                let length = u16::from_be_bytes(reader.array("a JPEG segment")?);
+                let Some(length) = length.checked_sub(2) else {
+                    return Err(reader.fault("a JPEG segment has an impossible length"));
+                };
+                // All start-of-frame markers; the three others in that range are tables.
+                if matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc) {
+                    let [_, h1, h0, w1, w0] = reader.array("the JPEG frame header")?;
+                    let side = |high, low| u64::from(u16::from_be_bytes([high, low]));
+                    return Ok((side(w1, w0), side(h1, h0)));
+                }
+                reader.skip(u64::from(length), "a JPEG segment")?;
+            }
+        }
+    }
+}
+
+/// Refuses a JPEG file that ends inside its pixels: the decoder would fill the rest with grey, and
+/// training would fit that. (The PNG decoder notices by itself.)
+pub(super) fn check_complete(path: &Path, bytes: &[u8]) -> Result<()> {
+    if bytes.starts_with(&PNG_MAGIC) {
+        return Ok(());
+    }
+    // Previews inside segments have ends of their own: walk the segments to the first scan.
+    let mut at = 2;
+    while let Some(&[0xff, marker, high, low]) = bytes.get(at..at + 4) {
+        if marker == 0xda {
+            break;
+        }
+        at += match marker {
+            0xff => 1,
+            0x01 | 0xd0..=0xd8 => 2,
+            _ => 2 + usize::from(u16::from_be_bytes([high, low])),
+        };
+    }
+    let scans = bytes.get(at..).unwrap_or_default();
+    // Inside of scans, 0xff is always followed by zero or a restart marker.
+    if scans.windows(2).any(|pair| pair == [0xff, 0xd9]) {
+        return Ok(());
+    }
+    Err(Error::file(path, "is cut short: the JPEG data has no end"))
+}

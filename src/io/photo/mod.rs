@@ -1,0 +1,114 @@
+//! Photographs: decoded, undistorted, and at the size of the view's camera.
+//!
+//! PNG and JPEG are told apart by their contents, not their names. Grey, palette, 16-bit and CMYK images
+//! become 8-bit RGB; alpha stays straight. An orientation in EXIF data is **not** applied: COLMAP and
+//! nerfstudio calibrate the pixels as they are stored.
+
+mod cache;
+mod header;
+mod resample;
+
+pub use cache::PhotoCache;
+pub use header::dimensions;
+
+use super::listing::{PIXELS_MAX, SIDE_MAX};
+use crate::error::{Error, Result};
+use crate::scene::{Photo, PhotoSource, View};
+use std::io::Cursor;
+use std::path::Path;
+
+/// The least width and height of a photograph: with one pixel there is no detail to fit.
+pub const SIDE_MIN: u32 = 2;
+
+/// Loads a view's photograph at the size of the view's camera: decodes the file, removes the lens
+/// distortion at full size, and reduces by averaging over areas, weighted by alpha.
+///
+/// # Errors
+/// The view has no photograph, or the file is missing, damaged, too large, or of another aspect ratio
+/// than the camera. Each names the file.
+pub fn load(view: &View) -> Result<Photo> {
+    let (path, distortion) = match &view.photo {
+        PhotoSource::File { path, distortion } => (path, distortion),
+        PhotoSource::Memory(photo) => {
+            let camera = (view.camera.width, view.camera.height);
+            assert_eq!(
+                (photo.width, photo.height),
+                camera,
+                "a photo in memory fits"
+            );
+            return Ok(photo.clone());
+        }
+        PhotoSource::Absent => {
+            let what = format!("the view {:?} has no photograph", view.name);
+            return Err(Error::Config(what));
+        }
+    };
+    let mut photo = decode(path)?;
+    let (width, height) = (view.camera.width, view.camera.height);
+    if !same_aspect((photo.width, photo.height), (width, height)) {
+        return Err(wrong_aspect(
+            path,
+            (photo.width, photo.height),
+            (width, height),
+        ));
+    }
+    if let Some(distortion) = distortion {
+        let camera = view.camera.resized(photo.width, photo.height);
+        photo = resample::undistort(&photo, &camera, distortion);
+    }
+    Ok(resample::reduce(photo, width, height))
+}
+
+/// Decodes a PNG or JPEG file at its own size.
+pub fn decode(path: &Path) -> Result<Photo> {
+    // The header is held against the limits before the decoder allocates anything.
+    let (width, height) = dimensions(path)?;
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    header::check_complete(path, &bytes)?;
+    let mut reader = image::ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(Error::io(path))?;
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(SIDE_MAX);
+    limits.max_image_height = Some(SIDE_MAX);
+    // Eight bytes a pixel are the most a decoder needs: 16-bit RGBA.
+    limits.max_alloc = Some(PIXELS_MAX * 8);
+    reader.limits(limits);
+    let image = reader
+        .decode()
+        .map_err(|e| Error::file(path, format!("cannot be decoded: {e}")))?
+        .into_rgba8();
+    if image.dimensions() != (width, height) {
+        return Err(Error::file(
+            path,
+            "cannot be decoded: two sizes in one file",
+        ));
+    }
+    Ok(Photo {
+        width,
+        height,
+        rgba: image.pixels().map(|pixel| pixel.0).collect(),
+    })
+}
+
+/// Whether one size follows from the other by a common factor and rounding, up or down.
+pub(super) fn same_aspect(a: (u32, u32), b: (u32, u32)) -> bool {
+    let [aw, ah, bw, bh] = [a.0, a.1, b.0, b.1].map(f64::from);
+    // Seen from the larger one, each side of the smaller stands for an interval of factors.
+    let factors = |large: f64, small: f64| (large / (small + 1.0), large / (small - 1.0).max(0.5));
+    let (first, second) = if aw >= bw {
+        (factors(aw, bw), factors(ah, bh))
+    } else {
+        (factors(bw, aw), factors(bh, ah))
+    };
+    first.0 <= second.1 && second.0 <= first.1
+}
+
+/// The error for a file that is no resized version of what its camera describes.
+pub(super) fn wrong_aspect(path: &Path, file: (u32, u32), camera: (u32, u32)) -> Error {
+    let what = format!(
+        "is {} x {} pixels, another aspect ratio than that of its camera, {} x {}",
+        file.0, file.1, camera.0, camera.1
+    );
+    Error::file(path, what)
+}

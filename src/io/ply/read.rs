@@ -1,0 +1,263 @@
+//! Reading splats and points.
+
+use super::super::reader::{Reader, excerpt};
+use super::Loaded;
+use super::header::{Element, Encoding, Header};
+use super::rows;
+use crate::error::{Error, Result};
+use crate::scene::{Point, RenderMode, Splats, sh_coefficient_count};
+use std::path::Path;
+
+/// What every splat has, in the order the rows are read.
+const REQUIRED: [&str; 14] = [
+    "x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2", "opacity",
+    "f_dc_0", "f_dc_1", "f_dc_2",
+];
+
+/// Reads a scene of splats.
+///
+/// # Errors
+/// Names the file and the place: no PLY file, not splats (the missing properties are listed), counts
+/// that the file does not hold, a row that cannot be parsed, or a variant that is not supported.
+pub fn read(path: &Path) -> Result<Loaded> {
+    let mut reader = Reader::open(path)?;
+    let header = Header::read(&mut reader)?;
+    if header.element("chunk").is_some() {
+        return Err(Error::file(
+            path,
+            "compressed PLY scenes are not supported; convert to a .ply",
+        ));
+    }
+    let Some((index, vertex)) = header.element("vertex") else {
+        return Err(Error::file(path, "has no element \"vertex\""));
+    };
+    let (columns, sh_degree) = splat_columns(path, vertex)?;
+    let mut warnings = Vec::new();
+    let mode = render_mode(path, &header.comments, &mut warnings)?;
+    rows::skip_to(&mut reader, &header, index)?;
+    let count = rows::check_count(&reader, &header, vertex)?;
+    let mut builder = Builder::new(count, sh_degree, mode);
+    rows::read(&mut reader, header.encoding, vertex, &columns, |row| {
+        builder.push(row);
+    })?;
+    if index + 1 == header.elements.len() {
+        warn_of_trailing_bytes(path, &mut reader, header.encoding, &mut warnings)?;
+    }
+    builder.warn(path, count, &mut warnings);
+    Ok(Loaded {
+        splats: builder.splats,
+        warnings,
+    })
+}
+
+/// Reads the points of a cloud: `x y z` and, where present, `red green blue` (0 to 255 as integers,
+/// 0 to 1 as floats); grey without. Points that are not finite are kept for the caller to count.
+pub fn read_points(path: &Path) -> Result<Vec<Point>> {
+    let mut reader = Reader::open(path)?;
+    let header = Header::read(&mut reader)?;
+    let Some((index, vertex)) = header.element("vertex") else {
+        return Err(Error::file(path, "has no element \"vertex\""));
+    };
+    refuse_lists(path, vertex)?;
+    let find = |names: [&str; 3]| -> Option<Vec<usize>> {
+        names.into_iter().map(|name| vertex.find(name)).collect()
+    };
+    let Some(mut columns) = find(["x", "y", "z"]) else {
+        return Err(Error::file(path, "the vertices have no x, y, z"));
+    };
+    let mut unit = None;
+    if let Some(colors) = find(["red", "green", "blue"]) {
+        let whole = vertex.properties[colors[0]].scalar.bytes() < 4;
+        unit = Some(if whole { 1.0 / 255.0 } else { 1.0 });
+        columns.extend(colors);
+    }
+    rows::skip_to(&mut reader, &header, index)?;
+    let count = rows::check_count(&reader, &header, vertex)?;
+    let mut points = Vec::with_capacity(count);
+    rows::read(&mut reader, header.encoding, vertex, &columns, |row| {
+        let color = |channel: usize| unit.map_or(0.5, |unit| (row[3 + channel] * unit) as f32);
+        points.push(Point {
+            position: [row[0] as f32, row[1] as f32, row[2] as f32],
+            color: [color(0), color(1), color(2)],
+        });
+    })?;
+    Ok(points)
+}
+
+fn refuse_lists(path: &Path, vertex: &Element) -> Result<()> {
+    match vertex.properties.iter().find(|p| p.list.is_some()) {
+        Some(list) => Err(Error::file(
+            path,
+            format!("the vertex property {} is a list", excerpt(&list.name)),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Where the values of a splat stand, in the order of [`REQUIRED`] and then of `f_rest`; and the
+/// degree of the harmonics.
+fn splat_columns(path: &Path, vertex: &Element) -> Result<(Vec<usize>, u32)> {
+    let missing: Vec<&str> = REQUIRED
+        .into_iter()
+        .filter(|name| vertex.find(name).is_none())
+        .collect();
+    if missing == ["scale_2"] {
+        let what = "has two scales per splat: 2D Gaussian scenes are not supported";
+        return Err(Error::file(path, what));
+    }
+    if missing.len() > REQUIRED.len() / 2 {
+        let what = "holds no splats (a point cloud or a mesh?): f_dc_0, opacity, scale_0, rot_0 \
+                    and others are missing";
+        return Err(Error::file(path, what));
+    }
+    if !missing.is_empty() {
+        return Err(Error::file(
+            path,
+            format!("the vertex properties {} are missing", missing.join(", ")),
+        ));
+    }
+    refuse_lists(path, vertex)?;
+    let rest = vertex
+        .properties
+        .iter()
+        .filter(|p| p.name.starts_with("f_rest_"))
+        .count();
+    let degree = (0..=3u32)
+        .find(|&degree| (sh_coefficient_count(degree) - 1) * 3 == rest)
+        .ok_or_else(|| {
+            let what = format!("{rest} f_rest properties; 0, 9, 24 or 45 are possible");
+            Error::file(path, what)
+        })?;
+    let names = REQUIRED.into_iter().map(str::to_owned);
+    let names = names.chain((0..rest).map(|i| format!("f_rest_{i}")));
+    let columns: Option<Vec<usize>> = names.map(|name| vertex.find(&name)).collect();
+    let columns = columns.ok_or_else(|| {
+        let what = format!("the f_rest properties are not numbered 0 to {}", rest - 1);
+        Error::file(path, what)
+    })?;
+    Ok((columns, degree))
+}
+
+/// The last comment about the mode wins, as with the programs that write them.
+fn render_mode(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> Result<RenderMode> {
+    let mut mode = RenderMode::Default;
+    for comment in comments {
+        if let Some(name) = comment.strip_prefix("SplatRenderMode:") {
+            match name.trim() {
+                "default" => mode = RenderMode::Default,
+                "mip" => mode = RenderMode::Mip,
+                "2dgs" => {
+                    let what = "SplatRenderMode is 2dgs: 2D Gaussian scenes are not supported";
+                    return Err(Error::file(path, what));
+                }
+                other => warnings.push(format!(
+                    "{}: unknown SplatRenderMode {} taken for default",
+                    path.display(),
+                    excerpt(other)
+                )),
+            }
+        } else if let Some(flag) = comment.strip_prefix("antialiased") {
+            mode = match flag.trim() {
+                "1" | "true" => RenderMode::Mip,
+                _ => RenderMode::Default,
+            };
+        }
+    }
+    Ok(mode)
+}
+
+fn warn_of_trailing_bytes(
+    path: &Path,
+    reader: &mut Reader,
+    encoding: Encoding,
+    warnings: &mut Vec<String>,
+) -> Result<()> {
+    let mut left = reader.remaining();
+    // Blank lines at the end of a text file are no data.
+    if encoding == Encoding::Ascii && left > 0 && left <= 64 {
+        let mut tail = vec![0; left as usize];
+        reader.fill(&mut tail, "the end")?;
+        left = tail.trim_ascii().len() as u64;
+    }
+    if left > 0 {
+        warnings.push(format!(
+            "{}: {left} bytes after the last vertex were ignored",
+            path.display()
+        ));
+    }
+    Ok(())
+}
+
+/// Splats being collected.
+struct Builder {
+    splats: Splats,
+    dropped: usize,
+    unrotated: usize,
+}
+
+impl Builder {
+    fn new(count: usize, sh_degree: u32, mode: RenderMode) -> Builder {
+        let mut splats = Splats {
+            sh_degree,
+            mode,
+            ..Splats::default()
+        };
+        splats.mean.reserve_exact(count);
+        splats.quaternion.reserve_exact(count);
+        splats.log_scale.reserve_exact(count);
+        splats.opacity_logit.reserve_exact(count);
+        splats.sh.reserve_exact(count * splats.sh_stride());
+        Builder {
+            splats,
+            dropped: 0,
+            unrotated: 0,
+        }
+    }
+
+    /// Adds a row in the order of [`splat_columns`].
+    fn push(&mut self, row: &[f64]) {
+        let value = |i: usize| row[i] as f32;
+        // Doubles beyond the range of f32 become infinite and are dropped as well.
+        if !(0..row.len()).all(|i| value(i).is_finite()) {
+            self.dropped += 1;
+            return;
+        }
+        let mut quaternion = [value(3), value(4), value(5), value(6)];
+        if quaternion.iter().all(|q| q.abs() < f32::MIN_POSITIVE) {
+            self.unrotated += 1;
+            quaternion = [1.0, 0.0, 0.0, 0.0];
+        }
+        let splats = &mut self.splats;
+        splats.mean.push([value(0), value(1), value(2)]);
+        splats.quaternion.push(quaternion);
+        splats.log_scale.push([value(7), value(8), value(9)]);
+        splats.opacity_logit.push(value(10));
+        splats.sh.extend([value(11), value(12), value(13)]);
+        // The file has all coefficients of red, then of green, then of blue.
+        let rest = sh_coefficient_count(splats.sh_degree) - 1;
+        for coefficient in 0..rest {
+            for channel in 0..3 {
+                splats.sh.push(value(14 + channel * rest + coefficient));
+            }
+        }
+    }
+
+    fn warn(&self, path: &Path, count: usize, warnings: &mut Vec<String>) {
+        let path = path.display();
+        if self.dropped > 0 {
+            warnings.push(format!(
+                "{path}: {} of {count} splats hold values that are not finite and were dropped",
+                self.dropped
+            ));
+        }
+        if self.unrotated > 0 {
+            warnings.push(format!(
+                "{path}: {} of {count} splats have a quaternion of length zero, read as no rotation",
+                self.unrotated
+            ));
+        }
+        if self.splats.is_empty() {
+            warnings.push(format!("{path}: holds no splats"));
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! Writing splats in the layout that every viewer reads.
+
+use super::super::atomic::write_atomically;
+use crate::error::Result;
+use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+use std::io::Write;
+use std::path::Path;
+
+/// Writes `splats` as binary little-endian floats `x y z nx ny nz f_dc f_rest opacity scale rot`, the
+/// layout of the 3DGS reference code, with the render mode in a comment. What [`super::read`] returns
+/// for the file is equal bit for bit. The file appears whole or not at all.
+pub fn write(path: &Path, splats: &Splats) -> Result<()> {
+    let count = splats.len();
+    assert_eq!(splats.quaternion.len(), count, "quaternions of all splats");
+    assert_eq!(splats.log_scale.len(), count, "scales of all splats");
+    assert_eq!(splats.opacity_logit.len(), count, "opacities of all splats");
+    assert_eq!(splats.sh.len(), count * splats.sh_stride(), "harmonics");
+    write_atomically(path, |file| {
+        file.write_all(header(splats).as_bytes())?;
+        let rest = sh_coefficient_count(splats.sh_degree) - 1;
+        let mut row: Vec<f32> = Vec::with_capacity(17 + 3 * rest);
+        for i in 0..count {
+            let sh = &splats.sh[i * splats.sh_stride()..][..splats.sh_stride()];
+            row.clear();
+            row.extend(splats.mean[i]);
+            row.extend([0.0; 3]);
+            row.extend(&sh[..3]);
+            for channel in 0..3 {
+                row.extend(sh[3..].iter().skip(channel).step_by(3));
+            }
+            row.push(splats.opacity_logit[i]);
+            row.extend(splats.log_scale[i]);
+            row.extend(splats.quaternion[i]);
+            for value in &row {
+                file.write_all(&value.to_le_bytes())?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn header(splats: &Splats) -> String {
+    let mode = match splats.mode {
+        RenderMode::Default => "default",
+        RenderMode::Mip => "mip",
+    };
+    let rest = (sh_coefficient_count(splats.sh_degree) - 1) * 3;
+    let mut names: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"].map(String::from).into();
+    names.extend((0..3).map(|i| format!("f_dc_{i}")));
+    names.extend((0..rest).map(|i| format!("f_rest_{i}")));
+    names.push("opacity".into());
+    names.extend((0..3).map(|i| format!("scale_{i}")));
+    names.extend((0..4).map(|i| format!("rot_{i}")));
+    let properties: String = names
+        .iter()
+        .map(|name| format!("property float {name}\n"))
+        .collect();
+    format!(
+        "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: {mode}\n\
+         element vertex {}\n{properties}end_header\n",
+        splats.len()
+    )
+}

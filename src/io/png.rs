@@ -1,0 +1,58 @@
+//! Images as 8-bit PNG files.
+
+use super::atomic::write_atomically;
+use crate::error::Result;
+use crate::scene::Photo;
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+use std::path::Path;
+
+/// A channel as a byte: clamped to 0 to 1 and rounded to the nearest 255th; NaN is 0.
+pub fn to_byte(value: f32) -> u8 {
+    // The cast saturates and sends NaN to 0.
+    (value * 255.0).round() as u8
+}
+
+/// Writes display-referred colours `[row][column]`, 0 to 1.
+pub fn write_rgb(path: &Path, width: u32, height: u32, pixels: &[[f32; 3]]) -> Result<()> {
+    let bytes: Vec<u8> = pixels.iter().flatten().map(|v| to_byte(*v)).collect();
+    write_bytes(path, width, height, &bytes, ExtendedColorType::Rgb8)
+}
+
+/// Writes display-referred colours with straight alpha `[row][column]`, 0 to 1.
+pub fn write_rgba(path: &Path, width: u32, height: u32, pixels: &[[f32; 4]]) -> Result<()> {
+    let bytes: Vec<u8> = pixels.iter().flatten().map(|v| to_byte(*v)).collect();
+    write_bytes(path, width, height, &bytes, ExtendedColorType::Rgba8)
+}
+
+/// Writes a photograph as it is.
+pub fn write_photo(path: &Path, photo: &Photo) -> Result<()> {
+    let bytes = photo.rgba.as_flattened();
+    write_bytes(
+        path,
+        photo.width,
+        photo.height,
+        bytes,
+        ExtendedColorType::Rgba8,
+    )
+}
+
+fn write_bytes(
+    path: &Path,
+    width: u32,
+    height: u32,
+    bytes: &[u8],
+    color: ExtendedColorType,
+) -> Result<()> {
+    let channels = usize::from(color.channel_count());
+    assert_eq!(
+        bytes.len(),
+        width as usize * height as usize * channels,
+        "as many pixels as the image has"
+    );
+    write_atomically(path, |file| {
+        PngEncoder::new(file)
+            .write_image(bytes, width, height, color)
+            .map_err(std::io::Error::other)
+    })
+}

@@ -1,0 +1,48 @@
+//! Scenes of splats by file name: which format a path asks for.
+
+use super::ply::{self, Loaded};
+use super::splat32;
+use crate::error::{Error, Result};
+use crate::scene::Splats;
+use std::path::Path;
+
+/// Reads a scene from a `.ply` or `.splat` file, by the extension.
+///
+/// # Errors
+/// What the format's reader says; for other formats of splats, what to do instead.
+pub fn read(path: &Path) -> Result<Loaded> {
+    let extension = extension(path);
+    match extension.as_str() {
+        "ply" => ply::read(path),
+        "splat" => splat32::read(path),
+        "spz" | "sog" | "ksplat" => Err(Error::file(
+            path,
+            format!(".{extension} scenes are not supported; convert to a .ply"),
+        )),
+        "json" if path.file_name().is_some_and(|name| name == "meta.json") => Err(Error::file(
+            path,
+            "SOG scenes are not supported; convert to a .ply",
+        )),
+        _ => Err(Error::file(
+            path,
+            "the name does not end in .ply or .splat, the formats of splats that can be read",
+        )),
+    }
+}
+
+/// Writes a scene to a `.ply` file, whole or not at all.
+pub fn write(path: &Path, splats: &Splats) -> Result<()> {
+    if extension(path) != "ply" {
+        return Err(Error::file(
+            path,
+            "splats are written to .ply files only; choose such a name",
+        ));
+    }
+    ply::write(path, splats)
+}
+
+fn extension(path: &Path) -> String {
+    path.extension()
+        .map(|e| e.to_string_lossy().to_ascii_lowercase())
+        .unwrap_or_default()
+}

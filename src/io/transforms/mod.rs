@@ -1,0 +1,225 @@
+//! `transforms.json` of nerfstudio and instant-ngp, and Blender's `transforms_train.json`.
+//!
+//! Intrinsics may stand at the root or in a frame, where they win. `transform_matrix` is camera to world
+//! with y up and z backward. `applied_transform` is not applied: it says what nerfstudio has already
+//! done to the matrices *and* to the points of `ply_file_path`, so both are in one world as they stand.
+
+mod pose;
+mod scope;
+
+use super::listing::{Check, Listed, Listing, check_intrinsics, check_size, inside};
+use super::{photo, ply};
+use crate::error::{Error, Result};
+use crate::scene::{Camera, Distortion};
+use glam::DVec2;
+use scope::{Scope, object};
+use serde_json::{Map, Value};
+use std::path::{Path, PathBuf};
+
+/// Extensions tried where a `file_path` names no file, as Blender leaves them out.
+const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
+
+/// Camera models that are a pinhole with at most radial–tangential distortion.
+const MODELS: [&str; 5] = [
+    "OPENCV",
+    "PINHOLE",
+    "SIMPLE_PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+];
+
+/// The file in a data set's folder, if there is one: `transforms.json`, else `transforms_train.json`.
+pub fn find(folder: &Path) -> Option<PathBuf> {
+    ["transforms.json", "transforms_train.json"]
+        .map(|name| folder.join(name))
+        .into_iter()
+        .find(|path| path.is_file())
+}
+
+/// Reads one file. Photographs are looked for beside it, or by their path below `photos` if given.
+///
+/// # Errors
+/// Names the file and the frame (counted from 0): not JSON, keys that are missing or of the wrong type, a
+/// matrix that is no pose, a camera model that is no pinhole, an image size that neither the file nor the
+/// photograph gives, names that lead out of the folder.
+pub fn read(path: &Path, photos: Option<&Path>) -> Result<Listing> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let root: Value = serde_json::from_slice(&bytes)
+        .map_err(|e| Error::file(path, format!("cannot be parsed as JSON: {e}")))?;
+    let fault = |what: String| Error::file(path, what);
+    let root = object(&root).map_err(|what| fault(format!("the top level {what}")))?;
+    let frames = match root.get("frames") {
+        Some(Value::Array(frames)) if frames.is_empty() => Err("\"frames\" is empty"),
+        Some(Value::Array(frames)) => Ok(frames),
+        Some(_) => Err("\"frames\" is not a list"),
+        None => Err("has no \"frames\""),
+    };
+    let frames = frames.map_err(|what| fault(what.to_owned()))?;
+    let mut listing = Listing::default();
+    let mut scaled = Vec::new();
+    for (index, frame) in frames.iter().enumerate() {
+        let view = object(frame)
+            .and_then(|frame| {
+                let scope = Scope { frame, root };
+                read_frame(&scope, photos.unwrap_or(folder))
+            })
+            .map_err(|what| fault(format!("frame {index}: {what}")))?;
+        if view.1 {
+            scaled.push(index);
+        }
+        listing.views.push(view.0);
+    }
+    if let Some(first) = scaled.first() {
+        listing.warnings.push(format!(
+            "{}: {} rotations are scaled and were normalised (the first in frame {first})",
+            path.display(),
+            scaled.len()
+        ));
+    }
+    read_points(path, folder, root, &mut listing)?;
+    Ok(listing)
+}
+
+/// A view, and whether its rotation was scaled.
+fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(Listed, bool)> {
+    check_model(scope)?;
+    let name = scope.text("file_path")?.ok_or("has no \"file_path\"")?;
+    // Programs on Windows write its separators.
+    let name = name.replace('\\', "/");
+    let name = name.trim_start_matches("./");
+    let photo = with_extension(inside(folder, name)?);
+    let matrix = scope.frame.get("transform_matrix");
+    let pose = pose::read(matrix.ok_or("has no \"transform_matrix\"")?)?;
+    let (width, height) = match (scope.number("w")?, scope.number("h")?) {
+        (Some(w), Some(h)) => check_size(whole(w)?, whole(h)?)?,
+        _ if photo.is_file() => photo::dimensions(&photo).map_err(|e| e.to_string())?,
+        _ => {
+            return Err(format!(
+                "no \"w\" and \"h\", and no photograph {} to take them from",
+                photo.display()
+            ));
+        }
+    };
+    let focal = focal(scope, width, height)?;
+    let center = [
+        scope.number("cx")?.unwrap_or(f64::from(width) / 2.0),
+        scope.number("cy")?.unwrap_or(f64::from(height) / 2.0),
+    ];
+    check_intrinsics(focal, center)?;
+    let coefficient = |key| scope.number(key).map(|k| k.unwrap_or(0.0));
+    let distortion = Distortion {
+        k1: coefficient("k1")?,
+        k2: coefficient("k2")?,
+        p1: coefficient("p1")?,
+        p2: coefficient("p2")?,
+    };
+    for key in ["k3", "k4", "k5", "k6"] {
+        if coefficient(key)? != 0.0 {
+            return Err(format!(
+                "the distortion coefficient {key} is not supported: undistort the photographs first"
+            ));
+        }
+    }
+    let view = Listed {
+        name: name.to_owned(),
+        photo,
+        camera: Camera {
+            width,
+            height,
+            focal: DVec2::from(focal),
+            center: DVec2::from(center),
+            rotation: pose.rotation,
+            position: pose.position,
+        },
+        distortion: (distortion != Distortion::default()).then_some(distortion),
+        held_out: false,
+    };
+    Ok((view, pose.was_scaled))
+}
+
+fn check_model(scope: &Scope<'_>) -> Check<()> {
+    if let Some(model) = scope.text("camera_model")? {
+        if !MODELS.contains(&model) {
+            return Err(format!(
+                "the camera model {} is not supported: undistort the photographs first",
+                super::reader::excerpt(model)
+            ));
+        }
+    }
+    if scope.value("is_fisheye") == Some(&Value::Bool(true)) {
+        return Err("fisheye cameras are not supported: undistort the photographs first".into());
+    }
+    Ok(())
+}
+
+/// Focal lengths in pixels: given, or from the angle of view; a frame's own before the root's.
+fn focal(scope: &Scope<'_>, width: u32, height: u32) -> Check<[f64; 2]> {
+    let along = |length: &str, angle: &str, side: u32| -> Check<Option<f64>> {
+        for level in [scope.frame, scope.root] {
+            if let Some(focal) = scope::number(level, length)? {
+                return Ok(Some(focal));
+            }
+            if let Some(angle) = scope::number(level, angle)? {
+                return Ok(Some(0.5 * f64::from(side) / (0.5 * angle).tan()));
+            }
+        }
+        Ok(None)
+    };
+    let x = along("fl_x", "camera_angle_x", width)?;
+    let y = along("fl_y", "camera_angle_y", height)?;
+    match (x, y) {
+        (Some(x), Some(y)) => Ok([x, y]),
+        // Square pixels, where only one is given.
+        (Some(x), None) => Ok([x, x]),
+        (None, Some(y)) => Ok([y, y]),
+        (None, None) => Err("no \"fl_x\" and no \"camera_angle_x\"".to_owned()),
+    }
+}
+
+/// A size in pixels, which some programs write as `50.0`.
+fn whole(value: f64) -> Check<u64> {
+    if value >= 0.0 && value.fract() == 0.0 {
+        // The cast saturates; `check_size` refuses what is too large.
+        Ok(value as u64)
+    } else {
+        Err(format!("{value} is no image size"))
+    }
+}
+
+fn with_extension(path: PathBuf) -> PathBuf {
+    if path.is_file() {
+        return path;
+    }
+    let tried = EXTENSIONS.map(|extension| {
+        // Appended, not replaced: names such as `frame.0001` have dots of their own.
+        let mut name = path.clone().into_os_string();
+        name.push(".");
+        name.push(extension);
+        PathBuf::from(name)
+    });
+    tried.into_iter().find(|p| p.is_file()).unwrap_or(path)
+}
+
+fn read_points(
+    path: &Path,
+    folder: &Path,
+    root: &Map<String, Value>,
+    listing: &mut Listing,
+) -> Result<()> {
+    let Some(name) = scope::text(root, "ply_file_path").map_err(|what| Error::file(path, what))?
+    else {
+        return Ok(());
+    };
+    let name = name.replace('\\', "/");
+    let cloud = inside(folder, &name).map_err(|what| Error::file(path, what))?;
+    if cloud.is_file() {
+        listing.points = ply::read_points(&cloud)?;
+    } else {
+        let cloud = cloud.display();
+        listing
+            .warnings
+            .push(format!("{cloud}: the point cloud is missing"));
+    }
+    Ok(())
+}
