@@ -1,0 +1,189 @@
+//! What a machine can check of the way the sources are kept. Every rule lists its faults, and is itself
+//! tested with text that it must refuse.
+
+use ashfall::kernels::KERNELS;
+use ashfall::shader::Requirement;
+use rules::*;
+use source::{File, repository};
+
+#[path = "tidy/rules.rs"]
+mod rules;
+#[path = "tidy/source.rs"]
+mod source;
+
+fn file(path: &str, text: impl Into<String>) -> File {
+    (path.to_owned(), text.into())
+}
+
+/// Asserts that a rule finds exactly these faults, named by how they begin.
+#[track_caller]
+fn refuses(faults: &[String], beginnings: &[&str]) {
+    let alike = faults.len() == beginnings.len()
+        && faults
+            .iter()
+            .zip(beginnings)
+            .all(|(fault, beginning)| fault.starts_with(beginning));
+    assert!(alike, "{faults:#?} should be {beginnings:#?}");
+}
+
+#[track_caller]
+fn holds(faults: &[String]) {
+    assert!(faults.is_empty(), "\n{}\n", faults.join("\n"));
+}
+
+#[test]
+fn kernels_have_a_host_a_reference_and_a_test_of_their_name() {
+    holds(&names_pair_up(&repository(), UNPAIRED));
+    let one = |path: &str| file(path, "");
+    let mut files = vec![
+        one("glsl/ranges.comp"),
+        one("src/kernels/ranges.rs"),
+        one("src/kernels/mod.rs"),
+    ];
+    files.extend([
+        one("src/reference/ranges.rs"),
+        one("tests/kernels/ranges.rs"),
+    ]);
+    refuses(&names_pair_up(&files, &[]), &[]);
+    refuses(
+        &names_pair_up(&files, &[("src/kernels/ranges.rs", "")]),
+        &["src/kernels/ranges.rs: needs no"],
+    );
+    files.pop();
+    files.push(one("src/reference/dual.rs"));
+    let faults = [
+        "src/reference/dual.rs: no kernel",
+        "tests/kernels/ranges.rs: absent",
+    ];
+    refuses(&names_pair_up(&files, &[]), &faults);
+    refuses(
+        &names_pair_up(&files, &[("src/reference/dual.rs", "")]),
+        &faults[1..],
+    );
+    let steps = [
+        one("glsl/sort_count.comp"),
+        one("glsl/sort_scatter.comp"),
+        one("src/kernels/sort.rs"),
+    ];
+    refuses(
+        &names_pair_up(&steps, &[]),
+        &[
+            "src/reference/sort.rs: absent",
+            "tests/kernels/sort.rs: absent",
+        ],
+    );
+}
+
+#[test]
+fn imports_point_down() {
+    holds(&ranks_hold(&repository()));
+    let bad = "use crate::scene::Camera; // crate::train is not imported here\nuse crate::{Error, io::{ply, x}, train};";
+    let faults = ["src/io/ply.rs: io must not import train"];
+    refuses(&ranks_hold(&[file("src/io/ply.rs", bad)]), &faults);
+    let inline = file("src/gpu/caps.rs", "fn f() -> crate::scene::Camera {}");
+    refuses(
+        &ranks_hold(&[inline]),
+        &["src/gpu/caps.rs: gpu must not import scene"],
+    );
+    refuses(
+        &ranks_hold(&[file("src/extra.rs", "")]),
+        &["src/extra.rs: the module extra has no rank"],
+    );
+}
+
+#[test]
+fn unsafe_and_vulkan_and_the_environment_keep_their_place() {
+    holds(&words_keep_their_place(&repository()));
+    let bad = "//! unsafe\nlet s = \"unsafe\";\nunsafe { ash::f() };\nstd::env::var(\"X\");\nlet var = 1;";
+    let found = [
+        "src/io/a.rs:3: `unsafe`",
+        "src/io/a.rs:3: `ash`",
+        "src/io/a.rs:4: `var`",
+    ];
+    refuses(&words_keep_their_place(&[file("src/io/a.rs", bad)]), &found);
+    refuses(
+        &words_keep_their_place(&[file("src/gpu/a.rs", "unsafe { ash::vk::f() }")]),
+        &[],
+    );
+}
+
+#[test]
+fn files_and_functions_are_short() {
+    holds(&lengths_are_bounded(&repository()));
+    refuses(
+        &lengths_are_bounded(&[file("src/a.rs", "\n".repeat(401))]),
+        &["src/a.rs: 401 lines"],
+    );
+    let body = "    f(\"}\", '{', r#\"}\"#); // }\n".repeat(69);
+    let long = format!(
+        "struct S {{ a: [u8; 3] }}\n\npub fn long<'a>(x: [f32; 3]) -> u32\n{{\n{body}}}\nfn short() {{}}\n"
+    );
+    refuses(
+        &lengths_are_bounded(&[file("src/a.rs", long)]),
+        &["src/a.rs:3: `long` has 72 lines"],
+    );
+    let fits = format!("fn fits() {{\n{body}}}\n").replacen("    f", "    g", 1);
+    refuses(
+        &lengths_are_bounded(&[file("src/a.rs", &fits[..])]),
+        &["src/a.rs:1: `fits` has 71 lines"],
+    );
+    let glsl = format!("void main()\n{{\nif (a) {{\n{}}}\n}}\n", "a;\n".repeat(67));
+    refuses(
+        &lengths_are_bounded(&[file("glsl/a.comp", glsl)]),
+        &["glsl/a.comp:1: `main` has 71 lines"],
+    );
+}
+
+#[test]
+fn sources_say_what_they_are_for() {
+    holds(&sources_open_with_a_comment(&repository()));
+    let shader = "#version 460\n#include \"shared/prelude.glsl\"\n\n// Finds.\nlayout() in;";
+    refuses(
+        &sources_open_with_a_comment(&[file("glsl/a.comp", shader)]),
+        &[],
+    );
+    let mute = shader.replace("// Finds.\n", "");
+    refuses(
+        &sources_open_with_a_comment(&[file("glsl/a.comp", mute)]),
+        &["glsl/a.comp: does not open"],
+    );
+    refuses(
+        &sources_open_with_a_comment(&[file("src/a.rs", "// a\n")]),
+        &["src/a.rs: does not open"],
+    );
+}
+
+#[test]
+fn base_variants_need_no_optional_feature() {
+    for info in KERNELS.iter().filter(|info| info.variant.is_empty()) {
+        let optional = info
+            .requirements
+            .iter()
+            .find(|&&needs| is_optional(info.kernel, needs));
+        assert_eq!(
+            optional, None,
+            "{}: an optional feature belongs into a variant",
+            info.kernel
+        );
+    }
+    assert!(is_optional("rasterize", Requirement::SubgroupArithmetic));
+    assert!(is_optional(
+        "project",
+        Requirement::StorageImageWriteWithoutFormat
+    ));
+    assert!(!is_optional(
+        "present",
+        Requirement::StorageImageWriteWithoutFormat
+    ));
+}
+
+#[test]
+fn the_repository_stands_by_itself() {
+    holds(&nothing_points_outside(&repository()));
+    let bad = format!("see MET{}.md\nand README.md\nin /ho{}/me", "HODS", "me");
+    let files = [file("README.md", ""), file("src/a.rs", bad)];
+    refuses(
+        &nothing_points_outside(&files),
+        &["src/a.rs:1: there is no METHODS", "src/a.rs:3: a folder"],
+    );
+}

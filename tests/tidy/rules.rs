@@ -1,0 +1,324 @@
+//! The rules and their exceptions. Each takes files and lists its faults, one line each.
+
+use crate::source::{File, code, functions};
+use ashfall::shader::Requirement;
+use std::collections::BTreeSet;
+
+/// Lines of a file at most: a whole thought, read in one sitting.
+const FILE_LINES_MAX: usize = 400;
+/// Lines of a function at most.
+const FUNCTION_LINES_MAX: usize = 70;
+
+/// Kernels that are steps of one operation: the host dispatches them together and only the operation
+/// has a result worth judging, so one file stands for all that begin so.
+const OPERATIONS: [(&str, &str); 3] = [("scan_", "scan"), ("sort_", "sort"), ("loss_", "loss")];
+
+/// Files of the paired folders that have no kernel, and partners that a kernel lacks, with the reason.
+pub(crate) const UNPAIRED: &[(&str, &str)] = &[
+    (
+        "src/kernels/generated.rs",
+        "what follows from all shaders at once",
+    ),
+    (
+        "src/reference/real.rs",
+        "the numbers that formulas are written over",
+    ),
+    ("src/reference/dual.rs", "numbers that carry derivatives"),
+    (
+        "src/reference/linear.rs",
+        "vectors and matrices of such numbers",
+    ),
+    (
+        "src/reference/sh.rs",
+        "part of project: one basis for its forward and backward",
+    ),
+    (
+        "src/reference/tiles.rs",
+        "part of project: which tiles an ellipse meets",
+    ),
+    (
+        "src/reference/frame.rs",
+        "the operations composed: a picture",
+    ),
+    (
+        "src/reference/gradient.rs",
+        "the operations composed: a training step's gradient",
+    ),
+    (
+        "src/reference/relocate.rs",
+        "judges the host's relocation, which has no kernel",
+    ),
+    ("src/reference/compact.rs", "a filter: the test states it"),
+    (
+        "src/reference/gather.rs",
+        "one indexed load: the test states it",
+    ),
+    (
+        "src/reference/plan.rs",
+        "a few divisions: the test states them",
+    ),
+    ("src/reference/present.rs", "a copy: the test states it"),
+];
+
+/// Who may import whom, by the first component of the path after `crate::`.
+const RANKS: &[(&str, &[&str])] = &[
+    ("error", &[]),
+    ("shader", &[]),
+    ("layout", &[]),
+    ("scene", &["error", "layout"]),
+    ("io", &["scene", "error"]),
+    ("synth", &["scene", "error"]),
+    ("metrics", &["scene", "error"]),
+    ("reference", &["scene", "layout"]),
+    ("gpu", &["shader", "error"]),
+    ("kernels", &["gpu", "layout", "shader", "error"]),
+    (
+        "render",
+        &[
+            "kernels", "gpu", "scene", "io", "synth", "metrics", "error", "shader", "layout",
+        ],
+    ),
+    (
+        "report",
+        &[
+            "render", "kernels", "gpu", "scene", "io", "synth", "metrics", "error", "shader",
+            "layout",
+        ],
+    ),
+    (
+        "train",
+        &[
+            "render", "kernels", "gpu", "scene", "io", "synth", "metrics", "error", "shader",
+            "layout",
+        ],
+    ),
+];
+
+/// Words of code that have a place: where they may stand, and why nowhere else.
+const PLACES: &[(&str, &[&str], &str)] = &[
+    (
+        "unsafe",
+        &["src/gpu/", "tests/embed"],
+        "what can go wrong unseen is kept in one folder",
+    ),
+    (
+        "ash",
+        &["src/gpu/", "tests/embed"],
+        "only gpu speaks Vulkan",
+    ),
+    ("vk", &["src/gpu/", "tests/embed"], "only gpu speaks Vulkan"),
+    (
+        "gpu_allocator",
+        &["src/gpu/", "tests/embed"],
+        "only gpu speaks Vulkan",
+    ),
+    (
+        "var",
+        &["src/main.rs", "src/cli/", "tests/", "benches/"],
+        "options are typed and passed",
+    ),
+    (
+        "var_os",
+        &["src/main.rs", "src/cli/", "tests/", "benches/", "build.rs"],
+        "options are typed and passed",
+    ),
+];
+
+fn stem(path: &str) -> &str {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    name.split('.').next().unwrap_or(name)
+}
+
+fn words(code: &str) -> impl Iterator<Item = &str> {
+    code.split(|c: char| !c.is_alphanumeric() && c != '_')
+        .filter(|word| !word.is_empty())
+}
+
+/// One operation, one word: shader, host, reference and test cases have the same name.
+pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<String> {
+    let operation = |kernel: &str| {
+        let part = OPERATIONS
+            .iter()
+            .find(|(prefix, _)| kernel.starts_with(prefix));
+        part.map_or(kernel.to_owned(), |(_, whole)| (*whole).to_owned())
+    };
+    let shaders = files
+        .iter()
+        .filter(|(path, _)| path.starts_with("glsl/") && path.ends_with(".comp"));
+    let operations: BTreeSet<String> = shaders.map(|(path, _)| operation(stem(path))).collect();
+    let present: BTreeSet<&str> = files.iter().map(|(path, _)| path.as_str()).collect();
+    let excused = |path: &str| unpaired.iter().any(|(exception, _)| *exception == path);
+    let mut faults = Vec::new();
+    for folder in ["src/kernels/", "src/reference/", "tests/kernels/"] {
+        for operation in &operations {
+            let path = format!("{folder}{operation}.rs");
+            if !present.contains(path.as_str()) && !excused(&path) {
+                faults.push(format!(
+                    "{path}: absent, though the kernel {operation} exists"
+                ));
+            }
+        }
+        for path in present.iter().filter(|path| path.starts_with(folder)) {
+            let known = operations.contains(stem(path)) || ["mod", "main"].contains(&stem(path));
+            if !known && !excused(path) {
+                faults.push(format!("{path}: no kernel of this name"));
+            }
+        }
+    }
+    // An exception that excuses nothing is out of date.
+    for (path, _) in unpaired {
+        let absent_partner = !present.contains(path) && operations.contains(stem(path));
+        let extra = present.contains(path) && !operations.contains(stem(path));
+        if !absent_partner && !extra {
+            faults.push(format!("{path}: needs no exception"));
+        }
+    }
+    faults
+}
+
+/// Imports point down.
+pub(crate) fn ranks_hold(files: &[File]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for (path, text) in files.iter().filter(|(path, _)| path.starts_with("src/")) {
+        let module = path["src/".len()..]
+            .split(['/', '.'])
+            .next()
+            .unwrap_or_default();
+        let Some((_, allowed)) = RANKS.iter().find(|(name, _)| *name == module) else {
+            if !["lib", "main", "cli"].contains(&module) {
+                faults.push(format!("{path}: the module {module} has no rank"));
+            }
+            continue;
+        };
+        for import in imports(&code(text)) {
+            if import != module && !allowed.contains(&import.as_str()) {
+                faults.push(format!("{path}: {module} must not import {import}"));
+            }
+        }
+    }
+    faults
+}
+
+/// The modules named after `crate::`, `crate::Error` and `crate::Result` being those of `error`.
+fn imports(code: &str) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    for (at, prefix) in code.match_indices("crate::") {
+        let rest = &code[at + prefix.len()..];
+        let group = rest
+            .strip_prefix('{')
+            .map(|rest| &rest[..rest.find("};").unwrap_or(rest.len())]);
+        let mut depth = 0;
+        let mut heads = vec![group.unwrap_or(rest)];
+        for (i, c) in group.unwrap_or_default().char_indices() {
+            depth += i32::from(c == '{') - i32::from(c == '}');
+            if c == ',' && depth == 0 {
+                heads.push(&group.unwrap_or_default()[i + 1..]);
+            }
+        }
+        let name = |head: &str| words(head).next().unwrap_or_default().to_owned();
+        found.extend(heads.into_iter().map(name).filter(|name| !name.is_empty()));
+    }
+    let error = |name: String| match name.as_str() {
+        "Error" | "Result" => "error".to_owned(),
+        _ => name,
+    };
+    found.into_iter().map(error).collect()
+}
+
+/// `unsafe`, Vulkan and the environment stay where they belong.
+pub(crate) fn words_keep_their_place(files: &[File]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for (path, text) in files.iter().filter(|(path, _)| path.ends_with(".rs")) {
+        let code = code(text);
+        for (number, line) in code.lines().enumerate() {
+            for (word, places, why) in PLACES {
+                let variable = word.starts_with("var") && !line.contains("env::var");
+                let placed = places.iter().any(|place| path.starts_with(place));
+                if !variable && !placed && words(line).any(|found| found == *word) {
+                    faults.push(format!("{path}:{}: `{word}`: {why}", number + 1));
+                }
+            }
+        }
+    }
+    faults
+}
+
+fn is_source(path: &str) -> bool {
+    [".rs", ".comp", ".glsl"]
+        .iter()
+        .any(|end| path.ends_with(end))
+}
+
+/// Files and functions stay readable.
+pub(crate) fn lengths_are_bounded(files: &[File]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for (path, text) in files.iter().filter(|(path, _)| is_source(path)) {
+        let lines = text.lines().count();
+        if lines > FILE_LINES_MAX {
+            faults.push(format!("{path}: {lines} lines, more than {FILE_LINES_MAX}"));
+        }
+        for (name, line, lines) in functions(&code(text), path.ends_with(".rs")) {
+            if lines > FUNCTION_LINES_MAX && !path.starts_with("tests/") {
+                faults.push(format!(
+                    "{path}:{line}: `{name}` has {lines} lines, more than {FUNCTION_LINES_MAX}"
+                ));
+            }
+        }
+    }
+    faults
+}
+
+/// Every source opens by saying what it is for: Rust with `//!`, a shader with a comment after its includes.
+pub(crate) fn sources_open_with_a_comment(files: &[File]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for (path, text) in files.iter().filter(|(path, _)| is_source(path)) {
+        let rust = path.ends_with(".rs");
+        let directive = |line: &&str| !rust && (line.trim().is_empty() || line.starts_with('#'));
+        let first = text
+            .lines()
+            .find(|line| !directive(line))
+            .unwrap_or_default();
+        if !first.starts_with(if rust { "//!" } else { "//" }) {
+            faults.push(format!("{path}: does not open with what it is for"));
+        }
+    }
+    faults
+}
+
+/// What a base variant must not need: it runs on every Vulkan 1.3 device. Only the basic subgroup
+/// operations are part of that; `present` stores to the host's image, whose format no shader can know.
+pub(crate) fn is_optional(kernel: &str, requirement: Requirement) -> bool {
+    match requirement {
+        Requirement::SubgroupBasic => false,
+        Requirement::StorageImageWriteWithoutFormat => kernel != "present",
+        _ => true,
+    }
+}
+
+/// No path of one machine, and no document that the repository does not hold.
+pub(crate) fn nothing_points_outside(files: &[File]) -> Vec<String> {
+    let present: BTreeSet<&str> = files.iter().map(|(path, _)| stem(path)).collect();
+    // Put together here, so that this file passes.
+    let folders =
+        ["/wo!rk/", "/ho!me/", "/ro!ot/", ".li!brary/"].map(|folder| folder.replace('!', ""));
+    let mut faults = Vec::new();
+    for (path, text) in files {
+        for (number, line) in text.lines().enumerate() {
+            let place = format!("{path}:{}", number + 1);
+            if let Some(folder) = folders.iter().find(|folder| line.contains(folder.as_str())) {
+                faults.push(format!("{place}: a folder of one machine: {folder}"));
+            }
+            for (at, _) in line.match_indices(".md") {
+                let name = words(&line[..at]).last().unwrap_or_default();
+                if line[..at].ends_with(name)
+                    && name.len() > 3
+                    && name == name.to_uppercase()
+                    && !present.contains(name)
+                {
+                    faults.push(format!("{place}: there is no {name}.md here"));
+                }
+            }
+        }
+    }
+    faults
+}
