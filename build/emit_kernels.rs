@@ -23,10 +23,8 @@ pub(crate) fn kernels(kernels: &[Kernel]) -> String {
         spec(&mut text, kernel);
         choice(&mut text, kernel);
         params(&mut text, kernel);
-        if WITH_GPU {
-            bindings(&mut text, kernel);
-            wrapper(&mut text, kernel);
-        }
+        bindings(&mut text, kernel);
+        wrapper(&mut text, kernel);
         for variant in &kernel.variants {
             info(&mut text, kernel, variant);
             let _ = writeln!(table, "    &{name}::{},", static_name(variant));
@@ -40,12 +38,11 @@ pub(crate) fn kernels(kernels: &[Kernel]) -> String {
     text
 }
 
-/// Whether `crate::gpu` is there to record with.
-const WITH_GPU: bool = false;
-
 /// What every module starts with. Not every kernel has use for all of it.
 const PRELUDE: &str = r#"    #[allow(unused_imports, reason = "one list for all kernels; some have no struct, no image")]
     use crate::{
+        error::Result,
+        gpu::{Buffer, Gpu, Groups, Image, Pipeline, Recorder, Slot},
         layout,
         shader::{Access, BindingInfo, BindingKind, KernelInfo, Requirement, SpecInfo},
     };
