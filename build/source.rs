@@ -51,6 +51,15 @@ impl File {
         self.code.bytes().take(byte).filter(|b| *b == b'\n').count()
     }
 
+    /// The first line of code that uses `gl_WorkGroupSize` before the file declares a local size.
+    fn early_size(&self) -> Option<usize> {
+        self.code_lines()
+            .take_while(|(_, text)| !text.contains("local_size_x"))
+            .filter(|(_, text)| !text.trim_start().starts_with("#define"))
+            .find(|(_, text)| text.contains("gl_WorkGroupSize"))
+            .map(|(line, _)| line)
+    }
+
     /// Every `layout(…) …` up to its `;` or `{`.
     fn declarations(&self) -> impl Iterator<Item = Declaration> {
         self.code.match_indices("layout").filter_map(|(start, _)| {
@@ -188,6 +197,11 @@ impl Sources {
             }
         }
         for file in &self.0 {
+            if let Some(line) = file.early_size() {
+                let what =
+                    "before local_size is declared, gl_WorkGroupSize silently is 1: use a macro";
+                faults.push(file.fault(line, what));
+            }
             for declaration in file.declarations() {
                 let block = words(&declaration.what).any(|(_, word)| word == "buffer")
                     || declaration.says("push_constant");

@@ -10,7 +10,6 @@ uint group_index() {
     return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
 }
 
-// Linear index of this invocation.
-uint global_index() {
-    return group_index() * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
-}
+// Linear index of this invocation. A macro, because glslang takes gl_WorkGroupSize for 1 wherever it
+// stands before the kernel's local_size_x_id.
+#define global_index() (group_index() * gl_WorkGroupSize.x + gl_LocalInvocationID.x)

@@ -146,6 +146,14 @@ fn a_kernel_opens_with_version_and_prelude() {
 }
 
 #[test]
+fn the_workgroup_size_is_not_used_before_it_is_declared() {
+    let size = "uint size() { return gl_WorkGroupSize.x; }\n";
+    let early = format!("{OPEN}{MAIN}").replace("layout(local", &format!("{size}layout(local"));
+    refused(&early, 4, "gl_WorkGroupSize silently is 1");
+    assert!(build(&format!("{OPEN}{size}{MAIN}")).is_ok());
+}
+
+#[test]
 fn variants_are_interchangeable() {
     let base = format!("{OPEN}{MAIN}");
     let more = format!("{OPEN}layout(constant_id = 5) const uint MORE = 2;\n{MAIN}");
