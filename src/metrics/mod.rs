@@ -17,7 +17,7 @@ mod ssim;
 mod tests;
 
 pub use psnr::{mean_squared_error, psnr_db};
-pub use ssim::{SSIM_RADIUS, SSIM_SIGMA, ssim, ssim_window};
+pub use ssim::ssim;
 
 use crate::scene::Photo;
 
@@ -55,7 +55,7 @@ fn check(a: Image<'_>, b: Image<'_>, weights: Option<&[f32]>) {
     }
 }
 
-/// PSNR and SSIM of one image or the mean over several.
+/// PSNR and SSIM of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Score {
     /// Peak signal-to-noise ratio in decibels, peak 1; infinite for equal images.
@@ -85,23 +85,6 @@ pub fn compare(rendered: Image<'_>, photo: Image<'_>, weights: Option<&[f32]>) -
     Scores {
         float: score(rendered, photo),
         rounded: score(rounded(&a), rounded(&b)),
-    }
-}
-
-/// The mean over views of each figure (of decibels, not of errors), as papers report it. Zeros for
-/// no views.
-pub fn mean(scores: &[Scores]) -> Scores {
-    let count = scores.len().max(1) as f64;
-    let over = |figure: fn(&Scores) -> f64| scores.iter().map(figure).sum::<f64>() / count;
-    Scores {
-        float: Score {
-            psnr_db: over(|s| s.float.psnr_db),
-            ssim: over(|s| s.float.ssim),
-        },
-        rounded: Score {
-            psnr_db: over(|s| s.rounded.psnr_db),
-            ssim: over(|s| s.rounded.ssim),
-        },
     }
 }
 

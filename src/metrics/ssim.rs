@@ -10,9 +10,9 @@ use super::{Image, check, weighted_mean};
 use rayon::prelude::*;
 
 /// The window reaches this many pixels to each side.
-pub const SSIM_RADIUS: usize = 5;
+const RADIUS: usize = 5;
 /// The window's standard deviation in pixels.
-pub const SSIM_SIGMA: f64 = 1.5;
+const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
@@ -20,10 +20,10 @@ const C2: f64 = 0.03 * 0.03;
 type Moments = [f64; 5];
 
 /// One axis of the window, which is the outer product of this with itself; sums to 1.
-pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS + 1] {
-    let mut window = [0.0; 2 * SSIM_RADIUS + 1];
+fn axis_window() -> [f64; 2 * RADIUS + 1] {
+    let mut window = [0.0; 2 * RADIUS + 1];
     for (i, weight) in window.iter_mut().enumerate() {
-        let x = (i as f64 - SSIM_RADIUS as f64) / SSIM_SIGMA;
+        let x = (i as f64 - RADIUS as f64) / SIGMA;
         *weight = (-0.5 * x * x).exp();
     }
     let sum: f64 = window.iter().sum();
@@ -33,7 +33,7 @@ pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS + 1] {
 /// The mean structural similarity of two images; window, border and constants as the module says.
 pub fn ssim(a: Image<'_>, b: Image<'_>, weights: Option<&[f32]>) -> f64 {
     check(a, b, weights);
-    let window = ssim_window();
+    let window = axis_window();
     let mut map = vec![0.0; a.rgb.len()];
     for channel in 0..3 {
         let rows = blur_rows(a, b, channel, &window);
@@ -53,7 +53,7 @@ fn blur_rows(a: Image<'_>, b: Image<'_>, channel: usize, window: &[f64]) -> Vec<
         .for_each(|(out, (a, b))| {
             for (x, out) in out.iter_mut().enumerate() {
                 for source in reach(x, width) {
-                    let weight = window[source + SSIM_RADIUS - x];
+                    let weight = window[source + RADIUS - x];
                     let (a, b) = (f64::from(a[source][channel]), f64::from(b[source][channel]));
                     for (sum, value) in out.iter_mut().zip([a, b, a * a, b * b, a * b]) {
                         *sum += weight * value;
@@ -69,7 +69,7 @@ fn add_row(map: &mut [f64], rows: &[Moments], y: usize, height: usize, window: &
     let width = map.len();
     let mut blurred = vec![Moments::default(); width];
     for source in reach(y, height) {
-        let weight = window[source + SSIM_RADIUS - y];
+        let weight = window[source + RADIUS - y];
         for (out, row) in blurred.iter_mut().zip(&rows[source * width..]) {
             for (sum, value) in out.iter_mut().zip(row) {
                 *sum += weight * value;
@@ -83,7 +83,7 @@ fn add_row(map: &mut [f64], rows: &[Moments], y: usize, height: usize, window: &
 
 /// The indices of `0..len` within the window around `at`; the zeros beyond add nothing.
 fn reach(at: usize, len: usize) -> std::ops::Range<usize> {
-    at.saturating_sub(SSIM_RADIUS)..(at + SSIM_RADIUS + 1).min(len)
+    at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(len)
 }
 
 fn similarity(&[mean_a, mean_b, square_a, square_b, product]: &Moments) -> f64 {

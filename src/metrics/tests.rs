@@ -128,19 +128,3 @@ fn rounding_is_half_up_and_never_truncates() {
     let scores = compare(Image::new(3, 3, &a), Image::new(3, 3, &b), None);
     assert!(scores.float.psnr_db < 6.1 && scores.rounded.psnr_db == f64::INFINITY);
 }
-
-#[test]
-fn means_are_of_decibels() {
-    let of = |psnr_db, ssim| Scores {
-        float: Score { psnr_db, ssim },
-        rounded: Score {
-            psnr_db: psnr_db + 1.0,
-            ssim,
-        },
-    };
-    let mean = mean(&[of(20.0, 0.8), of(30.0, 0.9)]);
-    assert_eq!(mean.float.psnr_db, 25.0);
-    assert_eq!(mean.rounded.psnr_db, 26.0);
-    assert!((mean.float.ssim - 0.85).abs() < 1e-12);
-    assert_eq!(super::mean(&[]), Scores::default());
-}
