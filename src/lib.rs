@@ -5,6 +5,7 @@
 
 #![deny(unsafe_code)]
 
+pub mod cli;
 pub mod error;
 pub mod gpu;
 pub mod io;
@@ -12,6 +13,7 @@ pub mod kernels;
 pub mod layout;
 pub mod metrics;
 pub mod reference;
+pub mod report;
 pub mod scene;
 pub mod shader;
 pub mod synth;

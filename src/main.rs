@@ -1,3 +1,5 @@
-//! The `ashfall` binary.
+//! The `ashfall` binary: everything is in the library's `cli`.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    ashfall::cli::main()
+}

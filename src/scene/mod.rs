@@ -6,10 +6,12 @@
 
 mod camera;
 mod dataset;
+mod focus;
 mod mesh;
 mod splats;
 
 pub use camera::Camera;
 pub use dataset::{AlphaMode, Dataset, Distortion, Photo, PhotoSource, Point, Split, View};
+pub use focus::focus;
 pub use mesh::Mesh;
 pub use splats::{RenderMode, SH_C0, Splats, sh_coefficient_count};

@@ -1,0 +1,197 @@
+//! Options that several commands share, and how their values are read.
+
+use crate::Result;
+use crate::io::dataset::{self, OpenOptions};
+use crate::scene::{AlphaMode, Dataset, Split};
+use crate::train::Background;
+use clap::{Args, ValueEnum};
+use std::path::{Path, PathBuf};
+
+/// Which device, and how much of it.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Device")]
+pub(super) struct DeviceArgs {
+    /// Vulkan device: its index in `ashfall info`, or a part of its name [default: the fastest kind]
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
+    /// Device memory at most, e.g. 2G or 512M [default: what the device has]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub memory_limit: Option<u64>,
+    /// Have the validation layer check every Vulkan call; its messages are errors (slow)
+    #[arg(long)]
+    pub validate: bool,
+}
+
+impl DeviceArgs {
+    /// The device asked for by option or, failing that, by the environment.
+    pub(crate) fn name(&self) -> Option<String> {
+        let set = |name: &String| !name.is_empty();
+        self.device
+            .clone()
+            .or_else(|| std::env::var("ASHFALL_DEVICE").ok().filter(set))
+    }
+}
+
+/// How a data set is read.
+#[derive(Clone, Debug, PartialEq, Eq, Args, serde::Serialize, serde::Deserialize)]
+#[command(next_help_heading = "Data set")]
+pub(super) struct DataArgs {
+    /// Reduce the photographs by this factor in width and height
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    pub downscale: u32,
+    /// Hold out every N-th photograph by name, from the first, as test view; 0: none
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    pub test_every: usize,
+    /// Folder of the photographs [default: where the data set's format has it]
+    #[arg(long, value_name = "DIR")]
+    pub images: Option<PathBuf>,
+    /// What alpha means: over the background, or pixels that do not count [default: composite; mask for
+    /// distorted photographs, whose undistorted ones have empty borders]
+    #[arg(long, value_name = "MODE")]
+    pub alpha: Option<AlphaArg>,
+}
+
+impl Default for DataArgs {
+    fn default() -> DataArgs {
+        DataArgs {
+            downscale: 1,
+            test_every: 8,
+            images: None,
+            alpha: None,
+        }
+    }
+}
+
+impl DataArgs {
+    /// Opens the data set at `path` and prints what was repaired or left out.
+    pub(crate) fn open(&self, path: &Path, photos_required: bool) -> Result<Dataset> {
+        let dataset = dataset::open(path, &self.options(photos_required))?;
+        for warning in &dataset.warnings {
+            eprintln!("warning: {warning}");
+        }
+        Ok(dataset)
+    }
+
+    fn options(&self, photos_required: bool) -> OpenOptions {
+        OpenOptions {
+            downscale: self.downscale,
+            test_every: self.test_every,
+            images: self.images.clone(),
+            alpha: self.alpha.map(AlphaMode::from),
+            photos_required,
+        }
+    }
+}
+
+/// The meaning of alpha, as a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum AlphaArg {
+    /// The photograph lies over the background
+    Composite,
+    /// Pixels count in proportion to alpha
+    Mask,
+}
+
+impl From<AlphaArg> for AlphaMode {
+    fn from(alpha: AlphaArg) -> AlphaMode {
+        match alpha {
+            AlphaArg::Composite => AlphaMode::Composite,
+            AlphaArg::Mask => AlphaMode::Mask,
+        }
+    }
+}
+
+/// Views of a data set, as a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum SplitArg {
+    /// Held-out views
+    Test,
+    /// Views trained on
+    Train,
+    /// All views
+    All,
+}
+
+impl From<SplitArg> for Split {
+    fn from(split: SplitArg) -> Split {
+        match split {
+            SplitArg::Test => Split::Test,
+            SplitArg::Train => Split::Train,
+            SplitArg::All => Split::All,
+        }
+    }
+}
+
+/// `black`, `white`, `random` or `R,G,B` with numbers from 0 to 1.
+pub(super) fn parse_background(text: &str) -> std::result::Result<Background, String> {
+    match text {
+        "random" => Ok(Background::Random),
+        _ => parse_color(text).map(Background::Fixed),
+    }
+}
+
+/// `black`, `white` or `R,G,B` with numbers from 0 to 1.
+pub(super) fn parse_color(text: &str) -> std::result::Result<[f32; 3], String> {
+    match text {
+        "black" => return Ok([0.0; 3]),
+        "white" => return Ok([1.0; 3]),
+        _ => {}
+    }
+    let channel = |part: &str| {
+        let value = part.trim().parse::<f32>().ok();
+        value.filter(|value| (0.0..=1.0).contains(value))
+    };
+    let channels: Option<Vec<f32>> = text.split(',').map(channel).collect();
+    match channels.as_deref() {
+        Some(&[r, g, b]) => Ok([r, g, b]),
+        _ => Err("a colour is black, white or R,G,B with numbers from 0 to 1".into()),
+    }
+}
+
+/// A number of bytes, with K, M, G or T for powers of 1024.
+pub(super) fn parse_size(text: &str) -> std::result::Result<u64, String> {
+    let wanted = || "a size is a number of bytes, or one followed by K, M, G or T".to_string();
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let shift = match text[digits.len()..].to_ascii_uppercase().as_str() {
+        "" | "B" => 0,
+        "K" | "KB" | "KIB" => 10,
+        "M" | "MB" | "MIB" => 20,
+        "G" | "GB" | "GIB" => 30,
+        "T" | "TB" | "TIB" => 40,
+        _ => return Err(wanted()),
+    };
+    let number: f64 = digits.trim().parse().map_err(|_| wanted())?;
+    let bytes = number * f64::from(1_u32 << (shift / 2)) * f64::from(1_u32 << (shift - shift / 2));
+    // Casts saturate; sizes beyond the exact integers of f64 are no limit to anything.
+    if bytes.is_finite() && bytes >= 1.0 {
+        Ok(bytes as u64)
+    } else {
+        Err(wanted())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_units() {
+        assert_eq!(parse_size("4096"), Ok(4096));
+        assert_eq!(parse_size("512M"), Ok(512 << 20));
+        assert_eq!(parse_size("1.5GiB"), Ok(3 << 29));
+        for bad in ["", "G", "-1G", "1X", "nan", "0", "1e999"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn colours_are_words_or_three_numbers() {
+        assert_eq!(parse_color("white"), Ok([1.0; 3]));
+        assert_eq!(parse_color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+        assert_eq!(parse_background("random"), Ok(Background::Random));
+        for bad in ["", "red", "0,0", "0,0,2", "0,0,nan", "0,0,0,0"] {
+            assert!(parse_color(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! `ashfall demo`: a scene made in code, photographed, trained and drawn, to see that all works.
+
+use super::args::{DataArgs, DeviceArgs};
+use super::engine::Engine;
+use super::output::Output;
+use super::render::orbit_of_cameras;
+use super::train::{Session, begin_made};
+use super::{Outcome, eval};
+use crate::scene::{Camera, Dataset};
+use crate::synth::{self, Kind, SynthOptions};
+use crate::train::TrainConfig;
+use crate::{Error, Result, io};
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Make a small scene, photograph it, train on the photographs and draw the result
+///
+/// Needs no data. The photographs are rays cast on the CPU at a composition of textured shapes; the
+/// data set stays in DIR/data, in nerfstudio's form, for `ashfall train` to try other options on.
+#[derive(Clone, Debug, Args)]
+pub(super) struct DemoArgs {
+    /// Folder for everything, made if it is not there
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    out: PathBuf,
+    /// Optimisation steps
+    #[arg(long, value_name = "N", default_value_t = 1_000)]
+    iterations: u32,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
+    /// Pictures of the orbit
+    #[arg(long, value_name = "N", default_value_t = 24)]
+    orbit: u32,
+    /// Print JSON lines instead of text
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
+    let output = Output { json: args.json };
+    // First of all: without a device the rest would be in vain.
+    let engine = Engine::open(&args.device)?;
+    output.remark(format_args!(
+        "making the scene and its photographs in {}",
+        args.out.display()
+    ));
+    let data = args.out.join("data");
+    std::fs::create_dir_all(&data).map_err(Error::io(&data))?;
+    synth::save(
+        &synth::scene(Kind::Demo).dataset(&SynthOptions::default()),
+        &data,
+    )?;
+    // Trained from the files, as any data set would be.
+    let options = DataArgs::default();
+    let dataset = options.open(&data, true)?;
+    let mut config = TrainConfig::for_iterations(args.iterations);
+    config.seed = args.seed;
+    config.validate()?;
+    let training = engine.train(&dataset, config)?;
+    let mut record = begin_made(&data, &options, args.iterations)?;
+    let session = Session {
+        engine: &engine,
+        dataset: &dataset,
+        dir: &args.out,
+        checkpoint_every: 0,
+        eval_every: 0,
+        output,
+    };
+    if session.run(training, &mut record)? == Outcome::Interrupted {
+        return Ok(Outcome::Interrupted);
+    }
+    let orbit = args.out.join("orbit");
+    draw_orbit(&engine, &dataset, &args.out, args.orbit)?;
+    engine.check()?;
+    let pictures = args.out.join("test");
+    output.result(
+        format_args!(
+            "Look at:\n  {} (photograph | rendering | difference × 4)\n  {} (around the scene)",
+            pictures.display(),
+            orbit.display()
+        ),
+        || json!({"event": "pictures", "comparison": pictures, "orbit": orbit}),
+    );
+    Ok(Outcome::Done)
+}
+
+/// Draws the trained scene from around, out of its file.
+fn draw_orbit(engine: &Engine, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
+    let splats = eval::read_scene(&dir.join("scene.ply"))?;
+    let mut artist = engine.artist(&splats, eval::near(dataset))?;
+    let orbit = dir.join("orbit");
+    std::fs::create_dir_all(&orbit).map_err(Error::io(&orbit))?;
+    let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
+    let path = orbit_of_cameras(&cameras, dataset.extent(), count);
+    for (i, camera) in path.iter().enumerate() {
+        let picture = artist.draw(camera, [0.0; 3])?;
+        let path = orbit.join(format!("orbit_{i:04}.png"));
+        io::png::write_rgb(&path, picture.width, picture.height, &picture.rgb)?;
+    }
+    Ok(())
+}

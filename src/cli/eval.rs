@@ -1,0 +1,185 @@
+//! `ashfall eval`: how close renderings of a scene come to the photographs.
+
+use super::Outcome;
+use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};
+use super::engine::{Engine, Picture};
+use super::output::{Output, file_stem, score_text};
+use crate::report::comparison;
+use crate::scene::{Dataset, Splats, View};
+use crate::train::{Background, MeanScore, Target, TrainConfig, ViewScore};
+use crate::{Error, Result, io};
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Score a scene against the photographs of a data set
+///
+/// PSNR and SSIM (11 × 11 Gaussian window, σ 1.5, all three channels, borders padded with zeros) of float
+/// renderings, and of both pictures rounded to 8 bits.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct EvalArgs {
+    /// The scene: a .ply (or .splat) file
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    /// The data set, as for `ashfall train`
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// Which views
+    #[arg(long, value_name = "SPLIT", default_value = "test")]
+    split: SplitArg,
+    /// Colour behind the splats: black, white or R,G,B (0 to 1)
+    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
+    background: [f32; 3],
+    /// Write photograph | rendering | difference × 4 of each view to DIR
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    options: DataArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  ashfall eval run/scene.ply photos/
+  ashfall eval run/scene.ply photos/ --split all --json > scores.json
+  ashfall eval run/scene.ply photos/ --pictures comparison/";
+
+pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
+    let output = Output { json: args.json };
+    let splats = read_scene(&args.scene)?;
+    let dataset = args.options.open(&args.data, false)?;
+    let views = dataset.split(args.split.into());
+    if views.is_empty() {
+        return Err(Error::file(&args.data, "no view belongs to that split"));
+    }
+    if let Some(dir) = &args.pictures {
+        std::fs::create_dir_all(dir).map_err(Error::io(dir))?;
+    }
+    let engine = Engine::open(&args.device)?;
+    let scene = Scene {
+        engine: &engine,
+        dataset: &dataset,
+        background: args.background,
+    };
+    let bar = output.bar(views.len() as u64, "views");
+    let scores = scene.evaluate(&splats, &views, &mut |scored| {
+        bar.inc(1);
+        let Some(dir) = &args.pictures else {
+            return Ok(());
+        };
+        let path = dir.join(file_stem(&scored.view.name) + ".png");
+        let size = [scored.target.width, scored.target.height];
+        comparison(&path, size, &scored.target.rgb, &scored.picture.rgb)
+    })?;
+    bar.finish_and_clear();
+    engine.check()?;
+    let mean = MeanScore::of(&scores);
+    output.result(table(&scores, &mean), || {
+        json!({
+            "scene": args.scene,
+            "device": engine.name(),
+            "splat_count": splats.len(),
+            "mean": mean,
+            "views": scores,
+        })
+    });
+    Ok(Outcome::Done)
+}
+
+/// Reads splats and prints what was repaired or left out.
+pub(super) fn read_scene(path: &std::path::Path) -> Result<Splats> {
+    let loaded = io::splats::read(path)?;
+    for warning in &loaded.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(loaded.splats)
+}
+
+fn table(scores: &[ViewScore], mean: &MeanScore) -> String {
+    let width = scores
+        .iter()
+        .map(|s| s.name.chars().count())
+        .max()
+        .unwrap_or(0);
+    let figure = |value: Option<f64>, digits: usize| match value {
+        Some(value) => format!("{value:.digits$}"),
+        None => "–".into(),
+    };
+    let mut text = format!(
+        "{:width$} {:>8} {:>7} {:>13} {:>10}\n",
+        "view", "PSNR dB", "SSIM", "8-bit PSNR dB", "8-bit SSIM"
+    );
+    for score in scores {
+        text += &format!(
+            "{:width$} {:>8} {:>7} {:>13} {:>10}\n",
+            score.name,
+            figure(score.psnr_db, 3),
+            figure(score.ssim, 4),
+            figure(score.psnr_db_8bit, 3),
+            figure(score.ssim_8bit, 4),
+        );
+    }
+    text + "mean: " + &score_text(mean)
+}
+
+/// What a scene is judged in.
+pub(super) struct Scene<'a> {
+    pub engine: &'a Engine,
+    pub dataset: &'a Dataset,
+    /// Colour behind the splats, and behind photographs with alpha.
+    pub background: [f32; 3],
+}
+
+/// A view that has been rendered and scored.
+pub(super) struct Scored<'a> {
+    pub view: &'a View,
+    pub target: &'a Target,
+    pub picture: &'a Picture,
+}
+
+impl Scene<'_> {
+    /// Renders and scores some views, in their order.
+    pub(crate) fn evaluate(
+        &self,
+        splats: &Splats,
+        views: &[usize],
+        each: &mut dyn FnMut(&Scored<'_>) -> Result<()>,
+    ) -> Result<Vec<ViewScore>> {
+        if views.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut artist = self.engine.artist(splats, near(self.dataset))?;
+        let mut scores = Vec::with_capacity(views.len());
+        for &index in views {
+            let view = &self.dataset.views[index];
+            let photo = io::photo::load(view)?;
+            let target = Target::new(&photo, self.dataset.alpha, self.background);
+            let picture = artist.draw(&view.camera, self.background)?;
+            scores.push(target.score(&view.name, &picture.rgb));
+            each(&Scored {
+                view,
+                target: &target,
+                picture: &picture,
+            })?;
+        }
+        Ok(scores)
+    }
+}
+
+/// The near plane of a data set's views in world units, as in training.
+pub(super) fn near(dataset: &Dataset) -> f64 {
+    dataset.extent() * f64::from(TrainConfig::default().near_factor)
+}
+
+/// The background that a configuration's results are judged before.
+pub(super) fn background(config: &TrainConfig) -> [f32; 3] {
+    match config.background {
+        Background::Fixed(color) => color,
+        Background::Random => [0.0; 3],
+    }
+}

@@ -1,0 +1,154 @@
+//! `ashfall info`: the devices, or what a scene or a data set holds.
+
+use super::Outcome;
+use super::args::{DataArgs, DeviceArgs};
+use super::engine::{self, Engine};
+use super::eval::read_scene;
+use super::output::{Output, bytes, grouped};
+use crate::Result;
+use crate::scene::{Dataset, Splats, Split};
+use crate::train::state::plane_count;
+use clap::Args;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Describe the devices, a scene or a data set
+///
+/// Without a path: the Vulkan devices, what the chosen one can do, and which variant of each kernel is
+/// used on it.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct InfoArgs {
+    /// A scene (.ply, .splat) or a data set
+    #[arg(value_name = "PATH")]
+    path: Option<PathBuf>,
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    options: DataArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  ashfall info
+  ashfall info --device llvmpipe --json
+  ashfall info run/scene.ply
+  ashfall info photos/";
+
+pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
+    let (text, value) = match &args.path {
+        None => devices(&args.device)?,
+        Some(path) if is_scene(path) => scene(&read_scene(path)?),
+        Some(path) => dataset(&args.options.open(path, false)?),
+    };
+    Output { json: args.json }.result(text, || value);
+    Ok(Outcome::Done)
+}
+
+fn is_scene(path: &Path) -> bool {
+    // A folder is a data set, whatever its name, and a .json is a transforms.json.
+    path.is_file() && path.extension().is_none_or(|e| e != "json")
+}
+
+fn devices(args: &DeviceArgs) -> Result<(String, Value)> {
+    let (list, list_value) = engine::devices()?;
+    let (chosen, chosen_value) = Engine::open(args)?.describe();
+    let value = json!({"devices": list_value, "chosen": chosen_value});
+    Ok((format!("{list}\n{chosen}"), value))
+}
+
+fn scene(splats: &Splats) -> (String, Value) {
+    let axes = [0, 1, 2].map(|axis| {
+        let values = || {
+            splats
+                .mean
+                .iter()
+                .map(|m| m[axis])
+                .filter(|v| v.is_finite())
+        };
+        [
+            values().fold(f32::INFINITY, f32::min),
+            values().fold(f32::NEG_INFINITY, f32::max),
+        ]
+    });
+    let faint = splats
+        .opacity_logit
+        .iter()
+        .filter(|&&logit| logit < FAINT_LOGIT)
+        .count();
+    let size = plane_count(splats.sh_degree) as u64 * 16 * splats.len() as u64;
+    let text = format!(
+        "splats:      {}\nSH degree:   {}\nmode:        {:?}\nmeans:       x {:?}, y {:?}, z {:?}\n\
+         faint:       {} (opacity below 1/255: never drawn)\non a device: {}",
+        grouped(splats.len()),
+        splats.sh_degree,
+        splats.mode,
+        axes[0],
+        axes[1],
+        axes[2],
+        grouped(faint),
+        bytes(size),
+    );
+    let value = json!({
+        "splat_count": splats.len(),
+        "sh_degree": splats.sh_degree,
+        "mode": format!("{:?}", splats.mode).to_lowercase(),
+        "bounds": axes,
+        "faint_count": faint,
+        "device_bytes": size,
+    });
+    (text, value)
+}
+
+/// Logit of 1/255, below which a splat is not drawn: −ln 254.
+const FAINT_LOGIT: f32 = -5.537_334_3;
+
+fn dataset(dataset: &Dataset) -> (String, Value) {
+    let (train, test) = (
+        dataset.split(Split::Train).len(),
+        dataset.split(Split::Test).len(),
+    );
+    let mut sizes: Vec<[u32; 2]> = dataset
+        .views
+        .iter()
+        .map(|v| [v.camera.width, v.camera.height])
+        .collect();
+    sizes.sort_unstable();
+    sizes.dedup();
+    let size_text: Vec<String> = sizes
+        .iter()
+        .take(5)
+        .map(|[w, h]| format!("{w}×{h}"))
+        .collect();
+    let pixels = dataset
+        .views
+        .iter()
+        .map(|v| u64::from(v.camera.width) * u64::from(v.camera.height));
+    let photo_bytes = 4 * pixels.sum::<u64>();
+    let text = format!(
+        "views:    {} ({train} to train on, {test} held out)\nsizes:    {}{}\npoints:   {}\n\
+         extent:   {:.4} world units\nalpha:    {:?}\ndecoded:  {}",
+        dataset.views.len(),
+        size_text.join(", "),
+        if sizes.len() > 5 { ", …" } else { "" },
+        grouped(dataset.points.len()),
+        dataset.extent(),
+        dataset.alpha,
+        bytes(photo_bytes),
+    );
+    let value = json!({
+        "views": dataset.views.len(),
+        "train_views": train,
+        "test_views": test,
+        "sizes": sizes,
+        "points": dataset.points.len(),
+        "extent": dataset.extent(),
+        "alpha": format!("{:?}", dataset.alpha).to_lowercase(),
+        "photo_bytes": photo_bytes,
+        "warnings": dataset.warnings,
+    });
+    (text, value)
+}

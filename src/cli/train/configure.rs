@@ -1,0 +1,181 @@
+//! From options to a [`TrainConfig`].
+
+use crate::cli::args::parse_background;
+use crate::train::{Background, StrategyKind, TrainConfig};
+use crate::{Error, Result};
+use clap::{Args, ValueEnum};
+use serde_json::Value;
+
+/// Iterations where none are asked for: as published, and what a CPU does in a good hour.
+const ITERATIONS: u32 = 30_000;
+const ITERATIONS_SOFTWARE: u32 = 2_000;
+
+/// The options that make up the configuration.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Training")]
+pub(in crate::cli) struct ConfigArgs {
+    /// Optimisation steps, one photograph each; timetables follow [default: 30000, or 2000 on a device
+    /// that is a program on the CPU]
+    #[arg(long, value_name = "N")]
+    pub iterations: Option<u32>,
+    /// Seed of all random numbers: the same data, seed and device give the same scene.ply [default: 0]
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// How splats are added and removed [default: adc]
+    #[arg(long, value_name = "NAME")]
+    pub strategy: Option<StrategyArg>,
+    /// Splats at most [default: as many as the strategy asks for; 1,000,000 with mcmc]
+    #[arg(long, value_name = "N")]
+    pub max_splats: Option<u32>,
+    /// Degree of the view-dependent colour, 0 to 3 [default: 3]
+    #[arg(long, value_name = "D")]
+    pub sh_degree: Option<u32>,
+    /// What is behind the splats: black, white, R,G,B (0 to 1), or another colour each step: random
+    /// [default: black]
+    #[arg(long, value_name = "COLOR", value_parser = parse_background)]
+    pub background: Option<Background>,
+    /// Set any constant by its name in report.json's "config", e.g. adc.grad_threshold=4e-4 (repeatable)
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub settings: Vec<String>,
+}
+
+/// A strategy, as a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum StrategyArg {
+    /// Clone, split and prune by gradient (3DGS)
+    Adc,
+    /// Move dead splats and grow to --max-splats (MCMC)
+    Mcmc,
+}
+
+impl ConfigArgs {
+    /// The configuration, checked.
+    pub(crate) fn config(&self, is_software: bool) -> Result<TrainConfig> {
+        let usual = if is_software {
+            ITERATIONS_SOFTWARE
+        } else {
+            ITERATIONS
+        };
+        let strategy = match self.strategy {
+            None | Some(StrategyArg::Adc) => StrategyKind::Adc,
+            Some(StrategyArg::Mcmc) => StrategyKind::Mcmc,
+        };
+        let config = TrainConfig::for_iterations(self.iterations.unwrap_or(usual));
+        let mut config = config.with_strategy(strategy);
+        config.seed = self.seed.unwrap_or(config.seed);
+        config.max_splats = self.max_splats;
+        config.sh_degree = self.sh_degree.unwrap_or(config.sh_degree);
+        config.background = self.background.unwrap_or(config.background);
+        let config = apply(config, &self.settings)?;
+        config.validate()?;
+        Ok(config)
+    }
+}
+
+/// Applies `name=value` settings; a name is a path into the configuration's JSON.
+fn apply(config: TrainConfig, settings: &[String]) -> Result<TrainConfig> {
+    if settings.is_empty() {
+        return Ok(config);
+    }
+    let refuse = |setting: &str, why: String| Error::Config(format!("--set {setting}: {why}"));
+    let json = serde_json::to_value(&config);
+    let mut tree = json.map_err(|e| Error::Config(e.to_string()))?;
+    for setting in settings {
+        let Some((name, text)) = setting.split_once('=') else {
+            return Err(refuse(setting, "NAME=VALUE is expected".into()));
+        };
+        let pointer = format!("/{}", name.trim().replace('.', "/"));
+        let Some(place) = tree.pointer_mut(&pointer) else {
+            return Err(refuse(setting, unknown(&tree, name)));
+        };
+        // What is no JSON is a word, so that words need no quotes.
+        let text = text.trim();
+        *place = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()));
+        // Parsed after each, so that the error names the setting at fault.
+        if let Err(e) = serde_json::from_value::<TrainConfig>(tree.clone()) {
+            return Err(refuse(setting, e.to_string()));
+        }
+    }
+    serde_json::from_value(tree).map_err(|e| Error::Config(e.to_string()))
+}
+
+/// Says which names there are, at the deepest level that the name reaches.
+fn unknown(tree: &Value, name: &str) -> String {
+    let mut level = tree;
+    let mut reached = Vec::new();
+    for part in name.trim().split('.') {
+        match level.get(part) {
+            Some(inner) if inner.is_object() => level = inner,
+            _ => break,
+        }
+        reached.push(part);
+    }
+    let names: Vec<&str> = level
+        .as_object()
+        .into_iter()
+        .flatten()
+        .map(|(n, _)| n.as_str())
+        .collect();
+    let place = match reached.is_empty() {
+        true => String::new(),
+        false => format!(" in {}", reached.join(".")),
+    };
+    format!(
+        "there is no such constant{place}; there are {}",
+        names.join(", ")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(settings: &[&str]) -> std::result::Result<TrainConfig, String> {
+        let args = ConfigArgs {
+            iterations: Some(100),
+            settings: settings.iter().map(|s| s.to_string()).collect(),
+            ..ConfigArgs::default()
+        };
+        args.config(true).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn any_constant_can_be_set_by_name() -> std::result::Result<(), String> {
+        let config = with(&[
+            "adc.grad_threshold=4e-4",
+            "strategy=mcmc",
+            "refine.every = 20",
+        ])?;
+        assert_eq!(config.adc.grad_threshold, 4e-4);
+        assert_eq!(config.strategy, StrategyKind::Mcmc);
+        assert_eq!(config.refine.every, 20);
+        let config = with(&[
+            "background={\"fixed\": [1, 0, 0.5]}",
+            "sh_degree_from=[1,2,3]",
+        ])?;
+        assert_eq!(config.background, Background::Fixed([1.0, 0.0, 0.5]));
+        assert_eq!(config.sh_degree_from, [1, 2, 3]);
+        Ok(())
+    }
+
+    #[test]
+    fn a_wrong_setting_is_named() {
+        let message = |setting| with(&[setting]).err().unwrap_or_default();
+        assert!(message("adc.gradthreshold=1").starts_with(
+            "--set adc.gradthreshold=1: there is no such constant in adc; there are dense_fraction,"
+        ));
+        assert!(message("foo=1").contains("there are adam, adc, background"));
+        assert!(message("seed").contains("NAME=VALUE"));
+        assert!(message("seed=-1").contains("--set seed=-1: invalid value"));
+        assert!(message("sh_degree=7").contains("must be 0, 1, 2 or 3"));
+    }
+
+    #[test]
+    fn the_usual_length_depends_on_the_device() {
+        let iterations = |is_software| {
+            let config = ConfigArgs::default().config(is_software);
+            config.map(|c| c.iterations).unwrap_or_default()
+        };
+        assert_eq!([iterations(false), iterations(true)], [30_000, 2_000]);
+    }
+}

@@ -1,0 +1,270 @@
+//! `ashfall train`: photographs in; a scene, a report and pictures out.
+
+mod configure;
+mod record;
+mod results;
+mod steps;
+
+use super::args::{DataArgs, DeviceArgs};
+use super::engine::{Engine, Training};
+use super::interrupt::Interrupt;
+use super::output::{Output, grouped};
+use super::{Outcome, eval};
+use crate::scene::{Dataset, Point, Split};
+use crate::train::TrainConfig;
+use crate::{Error, Result, io};
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+pub(super) use configure::ConfigArgs;
+pub(super) use record::{Record, StepFigures};
+pub(super) use steps::Steps;
+
+use steps::{Plan, run_steps};
+
+/// Fit splats to the photographs of a data set
+///
+/// Writes to DIR: scene.ply (the scene, readable by the usual viewers), report.json (every figure and
+/// constant), checkpoint and run.json (to go on from), and test/*.png: photograph | rendering | fourfold
+/// difference of each held-out view.
+///
+/// DATA is a folder with a COLMAP model (sparse/0 or sparse, binary or text) and images/, or with
+/// a transforms.json (nerfstudio, Blender), or such a file.
+///
+/// Ctrl-C stops after the current step; `ashfall train --resume DIR` goes on and ends with the same
+/// bytes as an uninterrupted run.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct TrainArgs {
+    /// The data set; with --resume only if it has moved
+    #[arg(value_name = "DATA", required_unless_present = "resume")]
+    data: Option<PathBuf>,
+    /// Folder for the results, made if it is not there
+    #[arg(long, value_name = "DIR", required_unless_present = "resume")]
+    out: Option<PathBuf>,
+    /// Go on with the run in DIR, as it was begun
+    #[arg(long, value_name = "DIR",
+          conflicts_with_all = ["out", "init", "overwrite", "ConfigArgs", "DataArgs"])]
+    resume: Option<PathBuf>,
+    /// Begin anew even if DIR holds an unfinished run
+    #[arg(long)]
+    overwrite: bool,
+    /// Begin with the points of this file instead of the data set's: a .ply point cloud, or an .obj mesh
+    /// (points spread over its surface)
+    #[arg(long, value_name = "FILE")]
+    init: Option<PathBuf>,
+    /// Steps between checkpoints; 0: only at the end
+    #[arg(long, value_name = "N", default_value_t = 500)]
+    checkpoint_every: u32,
+    /// Steps between evaluations on the held-out views, kept in report.json's history; 0: only at the end
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    eval_every: u32,
+    /// Print JSON lines instead of text
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
+    #[command(flatten)]
+    options: DataArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  ashfall train photos/ --out run/
+  ashfall train photos/ --out run/ --iterations 7000 --downscale 2
+  ashfall train photos/ --out run/ --strategy mcmc --max-splats 100000
+  ashfall train transforms.json --out run/ --background white --set adc.grad_threshold=4e-4
+  ashfall train --resume run/";
+
+/// Points spread over a mesh that training begins with.
+const MESH_POINTS: usize = 100_000;
+
+pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
+    let output = Output { json: args.json };
+    let (dir, mut record) = begin(args)?;
+    let start = Instant::now();
+    let mut dataset = record.options.open(&record.data, true)?;
+    if let Some(init) = &record.init {
+        dataset.points = points(init)?;
+    }
+    let engine = Engine::open(&args.device)?;
+    let mut training = match &args.resume {
+        Some(_) => engine.resume(&dataset, &dir.join("checkpoint"))?,
+        None => {
+            let config = args.config.config(engine.is_software())?;
+            engine.train(&dataset, config)?
+        }
+    };
+    // Nothing is left of an earlier run once this one has passed all checks.
+    std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
+    record.iterations = training.config().iterations;
+    record.rewind(training.iteration());
+    if args.resume.is_none() {
+        record.warnings = dataset.warnings.clone();
+        training.checkpoint(&dir.join("checkpoint"))?;
+        record.write(&dir)?;
+    }
+    record.timings.load_seconds += start.elapsed().as_secs_f64();
+    announce(output, &engine, &dataset, training.config(), &record);
+    let plan = Session {
+        engine: &engine,
+        dataset: &dataset,
+        dir: &dir,
+        checkpoint_every: args.checkpoint_every,
+        eval_every: args.eval_every,
+        output,
+    };
+    plan.run(training, &mut record)
+}
+
+/// Where the run lives, and what is known of it: from the command line, or from the run resumed.
+fn begin(args: &TrainArgs) -> Result<(PathBuf, Record)> {
+    let absolute = |path: &Path| std::path::absolute(path).map_err(Error::io(path));
+    if let Some(dir) = &args.resume {
+        let mut record = Record::read(dir)?;
+        if let Some(data) = &args.data {
+            record.data = absolute(data)?;
+        }
+        return Ok((dir.clone(), record));
+    }
+    let (Some(data), Some(out)) = (&args.data, &args.out) else {
+        return Err(Error::Config("DATA and --out are needed".into()));
+    };
+    if !args.overwrite {
+        refuse_unfinished(out)?;
+    }
+    let record = Record {
+        data: absolute(data)?,
+        options: args.options.clone(),
+        init: args.init.as_deref().map(absolute).transpose()?,
+        ..Record::default()
+    };
+    Ok((out.clone(), record))
+}
+
+/// The record of a new run on a data set made in place.
+pub(super) fn begin_made(data: &Path, options: &DataArgs, iterations: u32) -> Result<Record> {
+    Ok(Record {
+        data: std::path::absolute(data).map_err(Error::io(data))?,
+        options: options.clone(),
+        iterations,
+        ..Record::default()
+    })
+}
+
+fn refuse_unfinished(dir: &Path) -> Result<()> {
+    match Record::read(dir) {
+        Ok(old) if !old.is_finished && old.iteration > 0 => Err(Error::Config(format!(
+            "{dir} holds a run interrupted at iteration {} of {}: go on with `ashfall train --resume \
+             {dir}`, or begin anew with --overwrite",
+            old.iteration,
+            old.iterations,
+            dir = dir.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Points to begin with from a file.
+fn points(path: &Path) -> Result<Vec<Point>> {
+    let extension = path.extension().map(|e| e.to_ascii_lowercase());
+    let points = match extension.as_deref().and_then(|e| e.to_str()) {
+        Some("obj") => io::obj::sample(&io::obj::read(path)?, MESH_POINTS, 0),
+        Some("ply") => io::ply::read_points(path)?,
+        _ => {
+            return Err(Error::file(
+                path,
+                "first points come from a .ply or an .obj file",
+            ));
+        }
+    };
+    match points.is_empty() {
+        true => Err(Error::file(path, "holds no points to begin with")),
+        false => Ok(points),
+    }
+}
+
+fn announce(
+    output: Output,
+    engine: &Engine,
+    dataset: &Dataset,
+    config: &TrainConfig,
+    record: &Record,
+) {
+    let train = dataset.split(Split::Train).len();
+    let test = dataset.split(Split::Test).len();
+    output.remark(format_args!(
+        "{} · {train} training views, {test} test views, {} points · iterations {} to {}",
+        engine.name(),
+        grouped(dataset.points.len()),
+        record.iteration + 1,
+        config.iterations,
+    ));
+    output.event(|| {
+        json!({
+            "event": "start",
+            "device": engine.name(),
+            "train_views": train,
+            "test_views": test,
+            "points": dataset.points.len(),
+            "iteration": record.iteration,
+            "config": config,
+        })
+    });
+}
+
+/// A run with all it needs, from the first step to the report.
+pub(super) struct Session<'a> {
+    pub engine: &'a Engine,
+    pub dataset: &'a Dataset,
+    /// The folder of the results; must exist.
+    pub dir: &'a Path,
+    pub checkpoint_every: u32,
+    pub eval_every: u32,
+    pub output: Output,
+}
+
+impl Session<'_> {
+    /// Trains to the end and writes the results, or to an interruption and says how to go on.
+    pub(crate) fn run(&self, mut training: Training, record: &mut Record) -> Result<Outcome> {
+        let interrupt = Interrupt::listen()?;
+        let plan = Plan {
+            dir: self.dir,
+            checkpoint_every: self.checkpoint_every,
+            eval_every: self.eval_every,
+            output: self.output,
+            interrupt: &interrupt,
+        };
+        let config = training.config().clone();
+        let test = self.dataset.split(Split::Test);
+        let scene = eval::Scene {
+            engine: self.engine,
+            dataset: self.dataset,
+            background: eval::background(&config),
+        };
+        let outcome = run_steps(&mut training, record, &plan, &mut |splats| {
+            let scores = scene.evaluate(splats, &test, &mut |_| Ok(()))?;
+            Ok(crate::train::MeanScore::of(&scores))
+        })?;
+        self.engine.check()?;
+        if outcome == Outcome::Interrupted {
+            let (dir, iteration) = (self.dir.display(), record.iteration);
+            self.output.result(
+                format_args!(
+                    "interrupted after iteration {iteration} of {}; go on with: ashfall train --resume {dir}",
+                    record.iterations
+                ),
+                || json!({"event": "interrupted", "iteration": iteration, "dir": self.dir}),
+            );
+            return Ok(outcome);
+        }
+        let splats = training.splats()?;
+        drop(training);
+        results::write(self, &scene, &config, record, &splats)?;
+        Ok(Outcome::Done)
+    }
+}

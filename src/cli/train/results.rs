@@ -1,0 +1,112 @@
+//! What a finished run leaves: the scene, pictures of the held-out views, the report.
+
+use super::Session;
+use super::record::Record;
+use crate::cli::eval::{Scene, Scored};
+use crate::cli::output::{file_stem, grouped, score_text};
+use crate::report::{Report, comparison};
+use crate::scene::{Splats, Split};
+use crate::train::{MeanScore, StrategyKind, TrainConfig, ViewScore};
+use crate::{Error, Result, io};
+use serde_json::json;
+use std::time::Instant;
+
+/// Writes all results and says where they are.
+pub(super) fn write(
+    session: &Session<'_>,
+    scene: &Scene<'_>,
+    config: &TrainConfig,
+    record: &mut Record,
+    splats: &Splats,
+) -> Result<()> {
+    // The scene first: whatever fails after this, the training was not in vain.
+    io::ply::write(&session.dir.join("scene.ply"), splats)?;
+    let start = Instant::now();
+    let test = test_pictures(session, scene, splats)?;
+    let train = scene.evaluate(
+        splats,
+        &session.dataset.split(Split::Train),
+        &mut |_| Ok(()),
+    )?;
+    record.timings.evaluate_seconds += start.elapsed().as_secs_f64();
+    let report = Report {
+        iterations: record.iteration,
+        seed: config.seed,
+        strategy: match config.strategy {
+            StrategyKind::Adc => "adc".into(),
+            StrategyKind::Mcmc => "mcmc".into(),
+        },
+        device: session.engine.name(),
+        splat_count: splats.len(),
+        sh_degree: splats.sh_degree,
+        train_seconds: record.timings.train_seconds,
+        loss: record.history.iter().rev().find_map(|entry| entry.loss),
+        test: MeanScore::of(&test),
+        train: MeanScore::of(&train),
+        memory_peak_bytes: session.engine.memory_peak_bytes(),
+        history: record.history.clone(),
+        test_views: test,
+        timings: record.timings,
+        warnings: record.warnings.clone(),
+        config: config.clone(),
+    };
+    report.write(&session.dir.join("report.json"))?;
+    record.is_finished = true;
+    record.write(session.dir)?;
+    tell(session, &report);
+    Ok(())
+}
+
+/// Scores the held-out views and writes photograph | rendering | difference of each.
+fn test_pictures(
+    session: &Session<'_>,
+    scene: &Scene<'_>,
+    splats: &Splats,
+) -> Result<Vec<ViewScore>> {
+    let dir = session.dir.join("test");
+    let views = session.dataset.split(Split::Test);
+    if !views.is_empty() {
+        std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
+    }
+    scene.evaluate(splats, &views, &mut |scored: &Scored<'_>| {
+        let path = dir.join(file_stem(&scored.view.name) + ".png");
+        let size = [scored.target.width, scored.target.height];
+        comparison(&path, size, &scored.target.rgb, &scored.picture.rgb)
+    })
+}
+
+fn tell(session: &Session<'_>, report: &Report) {
+    let dir = session.dir.display();
+    let mut lines = vec![format!(
+        "{} iterations in {:.0} s, {} splats",
+        grouped(report.iterations as usize),
+        report.train_seconds,
+        grouped(report.splat_count)
+    )];
+    if report.test.views > 0 {
+        lines.push(format!("test:  {}", score_text(&report.test)));
+    }
+    lines.push(format!("train: {}", score_text(&report.train)));
+    for warning in &report.warnings {
+        lines.push(format!("warning: {warning}"));
+    }
+    lines.push(format!("scene:    {dir}/scene.ply"));
+    lines.push(format!("report:   {dir}/report.json"));
+    if report.test.views > 0 {
+        lines.push(format!(
+            "pictures: {dir}/test/ (photograph | rendering | difference × 4)"
+        ));
+    }
+    session.output.result(lines.join("\n"), || {
+        json!({
+            "event": "done",
+            "iterations": report.iterations,
+            "train_seconds": report.train_seconds,
+            "splat_count": report.splat_count,
+            "test": report.test,
+            "train": report.train,
+            "scene": session.dir.join("scene.ply"),
+            "report": session.dir.join("report.json"),
+        })
+    });
+}

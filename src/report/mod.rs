@@ -1,0 +1,7 @@
+//! What a run did, for machines (`report.json`) and for eyes (comparison pictures).
+
+mod figures;
+mod pictures;
+
+pub use figures::{HistoryEntry, Report, Timings};
+pub use pictures::{DIFFERENCE_GAIN, comparison};
