@@ -1,9 +1,8 @@
 //! `report.json`: the figures of a training run. Field names are an interface; units stand in them.
 
+use super::{MeanScore, ViewScore};
 use crate::Result;
 use crate::io::atomic::write_atomically;
-use crate::train::TrainConfig;
-use crate::train::eval::{MeanScore, ViewScore};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
@@ -42,7 +41,7 @@ pub struct Report {
     /// What was repaired, left out or noteworthy, one sentence each.
     pub warnings: Vec<String>,
     /// Every constant of the run.
-    pub config: TrainConfig,
+    pub config: serde_json::Value,
 }
 
 /// A point in the course of a run: means over the steps since the entry before.

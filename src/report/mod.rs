@@ -2,6 +2,8 @@
 
 mod figures;
 mod pictures;
+mod score;
 
 pub use figures::{HistoryEntry, Report, Timings};
 pub use pictures::{DIFFERENCE_GAIN, comparison};
+pub use score::{MeanScore, Target, ViewScore};

@@ -5,7 +5,6 @@
 //! Nothing here reads a file but the checkpoint it is given.
 
 pub mod config;
-pub mod eval;
 pub mod init;
 mod knn;
 mod morton;
@@ -15,7 +14,6 @@ pub mod state;
 pub mod strategy;
 
 pub use config::{Background, StrategyKind, TrainConfig};
-pub use eval::{MeanScore, Target, ViewScore};
 pub use init::initial_splats;
 pub use state::HostState;
 pub use strategy::{RefineContext, RefineReport, SplatStats, Strategy};

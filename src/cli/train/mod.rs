@@ -248,7 +248,7 @@ impl Session<'_> {
         };
         let outcome = run_steps(&mut training, record, &plan, &mut |splats| {
             let scores = scene.evaluate(splats, &test, &mut |_| Ok(()))?;
-            Ok(crate::train::MeanScore::of(&scores))
+            Ok(crate::report::MeanScore::of(&scores))
         })?;
         self.engine.check()?;
         if outcome == Outcome::Interrupted {

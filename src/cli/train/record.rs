@@ -3,8 +3,8 @@
 
 use crate::cli::args::DataArgs;
 use crate::io::atomic::write_atomically;
+use crate::report::MeanScore;
 use crate::report::{HistoryEntry, Timings};
-use crate::train::MeanScore;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -47,13 +47,14 @@ pub(in crate::cli) struct Record {
     pub history: Vec<HistoryEntry>,
     /// Noteworthy things so far.
     pub warnings: Vec<String>,
+    /// What has come since the last entry of the history.
     #[serde(skip)]
-    pending: Pending,
+    pub pending: Pending,
 }
 
 /// Sums over the steps since the last entry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Pending {
+pub(in crate::cli) struct Pending {
     loss: Mean,
     psnr_db: Mean,
 }

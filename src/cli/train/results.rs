@@ -4,9 +4,9 @@ use super::Session;
 use super::record::Record;
 use crate::cli::eval::{Scene, Scored};
 use crate::cli::output::{file_stem, grouped, score_text};
-use crate::report::{Report, comparison};
+use crate::report::{MeanScore, Report, ViewScore, comparison};
 use crate::scene::{Splats, Split};
-use crate::train::{MeanScore, StrategyKind, TrainConfig, ViewScore};
+use crate::train::{StrategyKind, TrainConfig};
 use crate::{Error, Result, io};
 use serde_json::json;
 use std::time::Instant;
@@ -48,7 +48,7 @@ pub(super) fn write(
         test_views: test,
         timings: record.timings,
         warnings: record.warnings.clone(),
-        config: config.clone(),
+        config: serde_json::to_value(config).unwrap_or_default(),
     };
     report.write(&session.dir.join("report.json"))?;
     record.is_finished = true;
