@@ -88,33 +88,52 @@ pub fn layer<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2], cuts: &Cuts) -
     })
 }
 
+impl<R: Real> Pixel<R> {
+    /// Before any layer: nothing seen, everything let through.
+    pub fn clear() -> Pixel<R> {
+        Pixel {
+            color: [R::of(0.0); 3],
+            transmittance: R::of(1.0),
+            depth: R::of(0.0),
+        }
+    }
+
+    /// With one more layer behind those it has.
+    pub fn over(&self, layer: &Layer<R>) -> Pixel<R> {
+        let weight = self.transmittance * layer.alpha;
+        Pixel {
+            color: add(self.color, scale(weight, layer.color)),
+            transmittance: self.transmittance * (R::of(1.0) - layer.alpha),
+            depth: self.depth + weight * layer.depth,
+        }
+    }
+
+    /// With the background behind everything.
+    pub fn over_background(&self, background: [f64; 3]) -> Pixel<R> {
+        let behind = scale(self.transmittance, background.map(R::of));
+        Pixel {
+            color: add(self.color, behind),
+            ..*self
+        }
+    }
+}
+
 /// Blends layers, nearest first. Returns the pixel and how many layers took part.
 pub fn composite<R: Real>(
     layers: impl IntoIterator<Item = Layer<R>>,
     background: [f64; 3],
     transmittance_min: f64,
 ) -> (Pixel<R>, usize) {
-    let mut color = [R::of(0.0); 3];
-    let mut depth = R::of(0.0);
-    let mut transmittance = R::of(1.0);
+    let mut pixel = Pixel::<R>::clear();
     let mut count = 0;
     for layer in layers {
-        if transmittance.value() < transmittance_min {
+        if pixel.transmittance.value() < transmittance_min {
             break;
         }
-        let weight = transmittance * layer.alpha;
-        color = add(color, scale(weight, layer.color));
-        depth += weight * layer.depth;
-        transmittance = transmittance * (R::of(1.0) - layer.alpha);
+        pixel = pixel.over(&layer);
         count += 1;
     }
-    let color = add(color, scale(transmittance, background.map(R::of)));
-    let pixel = Pixel {
-        color,
-        transmittance,
-        depth,
-    };
-    (pixel, count)
+    (pixel.over_background(background), count)
 }
 
 /// Which splats a pixel blends, among those that are visited in the given order.

@@ -1,10 +1,11 @@
 //! From the gradient of an image to the gradient of the splats on the screen.
 //!
-//! The chain is cut where a pixel sees a splat: the pixel's objective by one layer's alpha, colour and depth
-//! (the other layers constant), and that alpha by the splat's numbers on the screen. Both pieces are duals.
+//! The chain is cut after every layer of a pixel, and between a layer and its splat. Each piece (the pixel
+//! after a layer by the pixel before it and the layer; the layer by the splat's numbers on the screen) is
+//! differentiated by duals; the pieces are multiplied from the back.
 
 use super::frame::{center, sorted};
-use super::rasterize::{Layer, Pixel, blended, composite, layer};
+use super::rasterize::{Layer, Pixel, blended, layer};
 use super::{Cuts, Dual, Real, ScreenSplat};
 use rayon::prelude::*;
 
@@ -17,13 +18,6 @@ pub struct PixelGradient {
     pub transmittance: f64,
     /// By the depth sum.
     pub depth: f64,
-}
-
-impl PixelGradient {
-    fn dot<R: Real>(&self, pixel: &Pixel<R>) -> R {
-        let color: R = (0..3).map(|c| R::of(self.color[c]) * pixel.color[c]).sum();
-        color + R::of(self.transmittance) * pixel.transmittance + R::of(self.depth) * pixel.depth
-    }
 }
 
 /// What the pixels say about one splat.
@@ -75,12 +69,17 @@ pub fn pixel_backward(
         .iter()
         .filter_map(|&i| layer(&splats[i], position, cuts))
         .collect();
-    let mut transmittance = 1.0;
-    let mut gradients = Vec::new();
-    for (rank, &index) in list.iter().enumerate() {
-        let by_layer = layer_slopes(&layers, rank, background, cuts, upstream);
-        let weight = layers[rank].alpha * transmittance;
-        transmittance *= 1.0 - layers[rank].alpha;
+    let mut before = vec![Pixel::clear()];
+    for (rank, layer) in layers.iter().enumerate() {
+        before.push(before[rank].over(layer));
+    }
+    // By the pixel after the last layer: through the background, and directly.
+    let mut by_pixel = background_slopes(&before[layers.len()], background, upstream);
+    let mut gradients = Vec::with_capacity(list.len());
+    for (rank, &index) in list.iter().enumerate().rev() {
+        let (by_before, by_layer) = blend_slopes(&before[rank], &layers[rank], by_pixel);
+        by_pixel = by_before;
+        let weight = layers[rank].alpha * before[rank].transmittance;
         let row = screen_slopes(&splats[index], position, cuts, by_layer);
         let gradient = ScreenGradient {
             row,
@@ -91,29 +90,75 @@ pub fn pixel_backward(
         };
         gradients.push((index, gradient));
     }
+    gradients.reverse();
     gradients
 }
 
-/// Derivatives of the pixel's objective by alpha, colour and depth of layer `rank`.
-fn layer_slopes(
-    layers: &[Layer<f64>],
-    rank: usize,
+/// Numbers as variables `first..` of a dual.
+fn variables<const COUNT: usize, const N: usize>(
+    values: [f64; COUNT],
+    first: usize,
+) -> [Dual<N>; COUNT] {
+    let mut slot = first;
+    values.map(|value| {
+        slot += 1;
+        Dual::variable(value, Some(slot - 1))
+    })
+}
+
+/// A pixel in one row: rgb, transmittance, depth.
+fn pixel_row<R: Real>(pixel: &Pixel<R>) -> [R; 5] {
+    let [r, g, b] = pixel.color;
+    [r, g, b, pixel.transmittance, pixel.depth]
+}
+
+fn pixel_from_row<R: Real>([r, g, b, transmittance, depth]: [R; 5]) -> Pixel<R> {
+    Pixel {
+        color: [r, g, b],
+        transmittance,
+        depth,
+    }
+}
+
+/// Derivatives of `Σ slope · number`.
+fn weighted<const N: usize>(numbers: &[Dual<N>], slopes: &[f64]) -> [f64; N] {
+    let terms = numbers.iter().zip(slopes);
+    terms
+        .map(|(number, slope)| *number * Dual::of(*slope))
+        .sum::<Dual<N>>()
+        .d
+}
+
+/// Derivatives of the objective by the pixel's row before the background came behind it.
+fn background_slopes(
+    pixel: &Pixel<f64>,
     background: [f64; 3],
-    cuts: &Cuts,
     upstream: &PixelGradient,
 ) -> [f64; 5] {
-    let lifted = layers.iter().enumerate().map(|(i, layer)| {
-        let number = |value, slot| Dual::<5>::variable(value, (i == rank).then_some(slot));
-        let [r, g, b] = layer.color;
-        Layer {
-            alpha: number(layer.alpha, 0),
-            color: [number(r, 1), number(g, 2), number(b, 3)],
-            depth: number(layer.depth, 4),
-        }
-    });
-    upstream
-        .dot(&composite(lifted, background, cuts.transmittance_min).0)
-        .d
+    let lifted: Pixel<Dual<5>> = pixel_from_row(variables(pixel_row(pixel), 0));
+    let [r, g, b] = upstream.color;
+    let slopes = [r, g, b, upstream.transmittance, upstream.depth];
+    weighted(&pixel_row(&lifted.over_background(background)), &slopes)
+}
+
+/// Derivatives by the pixel's row before a layer, and by the layer's alpha, rgb and depth, given those by the
+/// pixel's row after it.
+fn blend_slopes(
+    before: &Pixel<f64>,
+    layer: &Layer<f64>,
+    by_after: [f64; 5],
+) -> ([f64; 5], [f64; 5]) {
+    let lifted: Pixel<Dual<10>> = pixel_from_row(variables(pixel_row(before), 0));
+    let [r, g, b] = layer.color;
+    let [alpha, r, g, b, depth] = variables([layer.alpha, r, g, b, layer.depth], 5);
+    let layer = Layer {
+        alpha,
+        color: [r, g, b],
+        depth,
+    };
+    let d = weighted(&pixel_row(&lifted.over(&layer)), &by_after);
+    let [r, g, b, transmittance, depth, by_layer @ ..] = d;
+    ([r, g, b, transmittance, depth], by_layer)
 }
 
 /// Derivatives by the splat's row, given those by its layer at the pixel.
@@ -123,22 +168,12 @@ fn screen_slopes(
     cuts: &Cuts,
     by_layer: [f64; 5],
 ) -> [f64; 10] {
-    let mut slot = 0;
-    let lifted = ScreenSplat::from_row(splat.row().map(|value| {
-        slot += 1;
-        Dual::<10>::variable(value, Some(slot - 1))
-    }));
+    let lifted: ScreenSplat<Dual<10>> = ScreenSplat::from_row(variables(splat.row(), 0));
     let Some(layer) = layer(&lifted, position, cuts) else {
         return [0.0; 10];
     };
     let [r, g, b] = layer.color;
-    let numbers = [layer.alpha, r, g, b, layer.depth];
-    let total: Dual<10> = numbers
-        .iter()
-        .zip(by_layer)
-        .map(|(n, slope)| *n * Dual::of(slope))
-        .sum();
-    total.d
+    weighted(&[layer.alpha, r, g, b, layer.depth], &by_layer)
 }
 
 /// What all pixels of a frame say about every splat; the result is indexed like `screen`.
