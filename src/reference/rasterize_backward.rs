@@ -4,10 +4,13 @@
 //! after a layer by the pixel before it and the layer; the layer by the splat's numbers on the screen) is
 //! differentiated by duals; the pieces are multiplied from the back.
 
+use super::expand::Isect;
 use super::frame::{center, sorted};
 use super::rasterize::{Layer, Pixel, blended, layer};
+use super::tiles::Grid;
 use super::{Cuts, Dual, Real, ScreenSplat};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Derivatives of the objective by one pixel of the frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -208,6 +211,33 @@ pub fn rasterize_backward(
     for sums in rows {
         for (rank, sum) in sums.iter().enumerate() {
             gradients[splat_from_rank[rank]].absorb(sum);
+        }
+    }
+    gradients
+}
+
+/// The same, kept apart by tile: one gradient for every intersection that some pixel blends. The sum over a
+/// splat's tiles is what [`rasterize_backward`] gives.
+pub fn isect_backward(
+    screen: &[Option<ScreenSplat<f64>>],
+    grid: &Grid,
+    background: [f64; 3],
+    cuts: &Cuts,
+    upstream: &[PixelGradient],
+) -> BTreeMap<Isect, ScreenGradient> {
+    let (list, splat_from_rank) = sorted(screen);
+    let order: Vec<usize> = (0..list.len()).collect();
+    let mut gradients: BTreeMap<Isect, ScreenGradient> = BTreeMap::new();
+    for (index, upstream) in upstream.iter().enumerate() {
+        let position = center(index, grid.width as usize);
+        let tile = grid.tile_from_position(position);
+        for (rank, gradient) in pixel_backward(&list, &order, position, background, cuts, upstream)
+        {
+            let splat = splat_from_rank[rank] as u32;
+            gradients
+                .entry(Isect { tile, splat })
+                .or_default()
+                .absorb(&gradient);
         }
     }
     gradients

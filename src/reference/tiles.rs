@@ -52,6 +52,13 @@ impl Grid {
         self.len() == 0
     }
 
+    /// The tile that a position in the image (pixels) lies in.
+    pub fn tile_from_position(&self, [x, y]: [f64; 2]) -> u32 {
+        let column = (x / f64::from(self.tile_width)) as u32;
+        let row = (y / f64::from(self.tile_height)) as u32;
+        row * self.columns() + column
+    }
+
     /// First pixel of a tile and the pixel after its last, as far as the image reaches: x and y.
     fn pixels(&self, tile: u32) -> [(u32, u32); 2] {
         let x = tile % self.columns() * self.tile_width;

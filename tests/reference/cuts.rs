@@ -1,8 +1,9 @@
 //! The cuts of compositing: what they cost, and which pixels they may flip.
 
 use crate::metamorphic::{draw, on_screen};
-use crate::scenes;
-use ashfall::reference::frame::bands;
+use crate::scenes::{self, Random};
+use ashfall::reference::frame::{bands, center, sorted};
+use ashfall::reference::rasterize::blended;
 use ashfall::reference::{Cuts, Options, Splat, Viewpoint, frame};
 
 /// What the stop leaves out is worth less than its threshold, and what the alpha cut leaves out is bounded too.
@@ -62,4 +63,71 @@ fn pixels_that_flip_were_in_the_band() {
         }
         assert!(banded < bands.len() / 20, "{banded} pixels excused");
     }
+}
+
+/// A band is exactly as wide as the change of a threshold that it takes to change what a pixel blends.
+#[test]
+fn a_band_is_the_distance_to_its_threshold() {
+    let mut scene = scenes::gentle(46, 150, 40, 36, 0);
+    scene
+        .splats
+        .opacity_logit
+        .iter_mut()
+        .for_each(|o| *o += 2.0);
+    let bands = bands(&scene.splats, &scene.camera, &scene.options);
+    let (list, _) = sorted(&on_screen(&scene));
+    let order: Vec<usize> = (0..list.len()).collect();
+    let step = 0.05;
+    let (mut by_alpha, mut by_transmittance) = (0, 0);
+    for (index, band) in bands.iter().enumerate() {
+        let position = center(index, 40);
+        let with = |cuts: Cuts| blended(&list, &order, position, &cuts);
+        let usual = with(Cuts::ENGINE);
+        let flips = |change: &dyn Fn(f64) -> Cuts| {
+            with(change(1.0 - step)) != usual || with(change(1.0 + step)) != usual
+        };
+        let alpha = flips(&|factor| Cuts {
+            alpha_min: factor * Cuts::ENGINE.alpha_min,
+            ..Cuts::ENGINE
+        });
+        let transmittance = flips(&|factor| Cuts {
+            transmittance_min: factor * Cuts::ENGINE.transmittance_min,
+            ..Cuts::ENGINE
+        });
+        assert_eq!(alpha, band.alpha_min <= step, "pixel {index}: {band:?}");
+        if transmittance {
+            assert!(band.transmittance <= step, "pixel {index}: {band:?}");
+        }
+        by_alpha += usize::from(alpha);
+        by_transmittance += usize::from(transmittance);
+    }
+    assert!(
+        by_alpha > 20 && by_transmittance > 2,
+        "{by_alpha} and {by_transmittance} flips"
+    );
+}
+
+/// Depths that are shaken change the order only where neighbours were near each other.
+#[test]
+fn a_band_knows_of_near_ties() {
+    let scene = scenes::gentle(47, 300, 30, 30, 0);
+    let random = &mut Random::new(47);
+    let bands = bands(&scene.splats, &scene.camera, &scene.options);
+    let (list, _) = sorted(&on_screen(&scene));
+    let order: Vec<usize> = (0..list.len()).collect();
+    let mut shaken: Vec<(f64, usize)> = (0..list.len())
+        .map(|i| (list[i].depth * (1.0 + random.between(-2e-3, 2e-3)), i))
+        .collect();
+    shaken.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let other: Vec<usize> = shaken.into_iter().map(|(_, i)| i).collect();
+    let mut flips = 0;
+    for (index, band) in bands.iter().enumerate() {
+        let position = center(index, 30);
+        let cuts = Cuts::ENGINE;
+        if blended(&list, &order, position, &cuts) != blended(&list, &other, position, &cuts) {
+            assert!(band.order <= 4.1e-3, "{band:?}");
+            flips += 1;
+        }
+    }
+    assert!(flips > 5, "{flips} flips");
 }

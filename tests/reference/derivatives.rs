@@ -124,6 +124,42 @@ fn beyond_the_limit_the_footprint_ignores_x_but_not_z() {
 }
 
 #[test]
+fn the_limits_lie_beyond_each_border() {
+    // 40 × 30 pixels, principal point (16, 18): 15 % of the size beyond each border.
+    let mut scene = scenes::gentle(17, 1, 40, 30, 0);
+    let camera = &mut scene.camera;
+    camera.focal = glam::DVec2::new(50.0, 25.0);
+    camera.center = glam::DVec2::new(16.0, 18.0);
+    camera.rotation = glam::DMat3::IDENTITY;
+    camera.position = glam::DVec3::ZERO;
+    let view = Viewpoint::new(camera, &scene.options, RenderMode::Default);
+    let mut splat = Splat::<f64>::of(&scene.splats, 0);
+    splat.log_scale = [0.1f64.ln(); 3];
+    let spread = |x: f64, y: f64| {
+        let splat = Splat {
+            mean: [2.0 * x, 2.0 * y, 2.0],
+            ..splat.clone()
+        };
+        let [xx, _, yy] = project(&splat, &view).map_or([f64::NAN; 3], |s| s.covariance);
+        // σ² (f/z)² (1 + slope²) + 0.3, solved for the slope.
+        let slope = |variance: f64, focal: f64| {
+            ((variance - 0.3) / (0.01 * (focal / 2.0).powi(2)) - 1.0).sqrt()
+        };
+        [slope(xx, 50.0), slope(yy, 25.0)]
+    };
+    for (x, y, expected) in [
+        (9.0, 0.3, [(46.0 - 16.0) / 50.0, 0.3]),
+        (-9.0, -0.3, [(16.0 + 6.0) / 50.0, 0.3]),
+        (0.3, 9.0, [0.3, (34.5 - 18.0) / 25.0]),
+        (-0.3, -9.0, [0.3, (18.0 + 4.5) / 25.0]),
+    ] {
+        for (found, expected) in spread(x, y).into_iter().zip(expected) {
+            assert_close(found, expected, 1e-9, 1.0);
+        }
+    }
+}
+
+#[test]
 fn colour_that_is_clamped_has_no_gradient() {
     let scene = scenes::hard(15, 9, 40, 30, 1);
     let view = Viewpoint::new(&scene.camera, &scene.options, RenderMode::Default);

@@ -2,10 +2,12 @@
 
 use crate::scenes::{self, Random, Scene};
 use crate::{assert_close, central_difference};
+use ashfall::reference::expand::expand;
 use ashfall::reference::gradient::{backward, loss_derivatives};
 use ashfall::reference::loss::{self, Target};
 use ashfall::reference::rasterize::Layer;
-use ashfall::reference::rasterize_backward::PixelGradient;
+use ashfall::reference::rasterize_backward::{PixelGradient, isect_backward};
+use ashfall::reference::tiles::Grid;
 use ashfall::reference::{
     Cuts, Dual, Options, Real, ScreenSplat, Splat, Viewpoint, frame, loss_gradient, rasterize,
 };
@@ -139,6 +141,23 @@ fn transmittance_and_depth_have_gradients_too() {
         }
         assert!(gradient.mean_abs[0] >= gradient.mean()[0].abs());
         assert!(gradient.weight_max <= gradient.weight_sum);
+    }
+    let Options {
+        background, cuts, ..
+    } = scene.options;
+    let grid = Grid::new(17, 21);
+    let by_tile = isect_backward(&screen, &grid, background, &cuts, &upstream);
+    let touched = expand(&screen, &grid, &cuts);
+    let mut sums = vec![0.0; screen.len()];
+    for (isect, gradient) in &by_tile {
+        assert!(
+            touched.contains(isect),
+            "{isect:?} is blended and not listed"
+        );
+        sums[isect.splat as usize] += gradient.row[3];
+    }
+    for (sum, whole) in sums.iter().zip(&d_screen) {
+        assert_close(*sum, whole.row[3], 1e-12, 1e-3);
     }
 }
 
