@@ -10,7 +10,7 @@
 //! splats change order. The oracle says of every pixel how far it is from each of these ([`Band`]), so
 //! that comparisons keep their tight tolerance and excuse only the pixels that have the right to flip.
 //!
-//! **Invariant:** works without a Vulkan driver existing; imports `scene` only.
+//! **Invariant:** works without a Vulkan driver existing; imports `scene` and `layout` only.
 
 pub mod adam;
 pub mod expand;
@@ -28,6 +28,7 @@ pub mod relocate;
 pub mod scan;
 pub mod sh;
 pub mod sort;
+pub mod ssim;
 pub mod tiles;
 
 mod dual;
@@ -39,6 +40,8 @@ pub use gradient::{LossGradient, loss_gradient};
 pub use project::{ScreenSplat, Splat, Viewpoint, project};
 pub use rasterize::{Band, Pixel};
 pub use real::Real;
+
+use crate::layout;
 
 /// Where compositing cuts corners, each cut at a threshold of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,10 +55,10 @@ pub struct Cuts {
 }
 
 impl Cuts {
-    /// What the engine does: 1/255 (3DGS paper, appendix C), 1 − 2⁻¹⁶, 1e-4.
+    /// What the engine does: 1/255 (3DGS paper, appendix C), `ALPHA_MAX`, 1e-4.
     pub const ENGINE: Cuts = Cuts {
         alpha_min: 1.0 / 255.0,
-        alpha_max: 1.0 - 1.0 / 65536.0,
+        alpha_max: layout::ALPHA_MAX as f64,
         transmittance_min: 1e-4,
     };
 

@@ -1,7 +1,9 @@
-//! The exploration noise of 3DGS-MCMC (Kheradmand et al. 2024, equation 8 and its code).
+//! The exploration noise of 3DGS-MCMC (Kheradmand et al. 2024, equation 9 and its code), and where its random
+//! numbers come from.
 
 use super::Real;
 use super::linear::{add, covariance, scale, transform};
+use std::f64::consts::TAU;
 
 /// Opacity at which the noise is half as strong as at its most.
 pub const OPACITY_MIDDLE: f64 = 0.005;
@@ -21,4 +23,32 @@ pub fn perturb(
     let gate = (-OPACITY_STEEPNESS * (opacity_logit.sigmoid() - OPACITY_MIDDLE)).sigmoid();
     let noise = transform(covariance(quaternion, log_scale), xi);
     add(mean, scale(gate * strength, noise))
+}
+
+/// Three standard normal numbers of a splat in a step: Box–Muller over the uniforms of draws 0 to 3.
+pub fn normals(seed: u32, step: u32, splat: u32) -> [f64; 3] {
+    let u = [0, 1, 2, 3].map(|draw| uniform(seed, step, splat, draw));
+    let radius = |u: f64| (-2.0 * u.ln()).sqrt();
+    let (first, second) = (radius(u[0]), radius(u[2]));
+    [
+        first * (TAU * u[1]).cos(),
+        first * (TAU * u[1]).sin(),
+        second * (TAU * u[3]).cos(),
+    ]
+}
+
+/// A number in (0, 1) that depends on nothing but the four numbers that name it: 23 bits of them, hashed one
+/// into the other, and a half, so that 0 and 1 are never met.
+pub fn uniform(seed: u32, step: u32, splat: u32, draw: u32) -> f64 {
+    let word = [step, splat, draw]
+        .iter()
+        .fold(pcg(seed), |hash, number| pcg(hash ^ number));
+    (f64::from(word >> 9) + 0.5) / f64::from(1 << 23)
+}
+
+/// PCG-RXS-M-XS on 32 bits (O'Neill 2014, section 6.3), after one step of its generator.
+fn pcg(input: u32) -> u32 {
+    let state = input.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    (word >> 22) ^ word
 }

@@ -10,8 +10,8 @@ use crate::scene::{Camera, RenderMode, Splats};
 /// Floats of [`Splat::parameters`] before the spherical harmonics.
 pub const GEOMETRY_PARAMETERS: usize = 11;
 
-/// A quaternion whose largest component is not above this has no direction: the splat is not drawn.
-pub const QUATERNION_MIN: f64 = 1e-20;
+/// A quaternion that is not longer than this has no direction: the splat is not drawn.
+pub const QUATERNION_MIN: f64 = 1e-18;
 
 /// The raw parameters of one splat, as they are stored and trained.
 #[derive(Clone, Debug, PartialEq)]
@@ -171,14 +171,16 @@ impl<R: Real> ScreenSplat<R> {
 /// Where the splat lies on the screen; `None` where it has no place there: in front of the near plane,
 /// without an orientation, or with a number in it that is not finite.
 pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSplat<R>> {
-    let longest = splat
+    let length = splat
         .quaternion
         .iter()
-        .fold(0.0, |m: f64, q| m.max(q.value().abs()));
+        .map(|q| q.value().powi(2))
+        .sum::<f64>()
+        .sqrt();
     let from_camera = sub(splat.mean, vector(view.camera.position));
     let mean_view = transform(matrix(view.camera.rotation), from_camera);
     let finite = splat.parameters().iter().all(|p| p.value().is_finite());
-    if !(finite && mean_view[2].value() >= view.near && longest > QUATERNION_MIN) {
+    if !(finite && mean_view[2].value() >= view.near && length > QUATERNION_MIN) {
         return None;
     }
     let [x, y, z] = mean_view;

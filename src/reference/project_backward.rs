@@ -1,7 +1,7 @@
 //! From the gradient of a splat on the screen to the gradient of its raw parameters, by duals.
 
 use super::project::GEOMETRY_PARAMETERS;
-use super::{Dual, Splat, Viewpoint, project};
+use super::{Dual, Real, Splat, Viewpoint, project};
 
 /// Variables per pass: the geometry fits in one.
 const LANES: usize = GEOMETRY_PARAMETERS;
@@ -9,6 +9,34 @@ const LANES: usize = GEOMETRY_PARAMETERS;
 /// Derivatives of the objective by [`Splat::parameters`], given those by
 /// [`ScreenSplat::row`](super::ScreenSplat::row). Zero throughout for a splat that is not drawn.
 pub fn project_backward(splat: &Splat<f64>, view: &Viewpoint, by_screen: &[f64; 10]) -> Vec<f64> {
+    differentiate(splat, |lifted| match project(lifted, view) {
+        Some(screen) => {
+            let terms = screen.row().into_iter().zip(by_screen);
+            terms.map(|(number, &slope)| number * Dual::of(slope)).sum()
+        }
+        None => Dual::of(0.0),
+    })
+}
+
+/// What density control by opacity and size adds to the loss for one splat (3DGS-MCMC, section 3.4):
+/// `opacity_weight · opacity + scale_weight · Σ scale`.
+pub fn penalty<R: Real>(splat: &Splat<R>, opacity_weight: f64, scale_weight: f64) -> R {
+    let scales: R = splat.log_scale.iter().map(|s| s.exp()).sum();
+    R::of(opacity_weight) * splat.opacity_logit.sigmoid() + R::of(scale_weight) * scales
+}
+
+/// Derivatives of [`penalty`] by [`Splat::parameters`].
+pub fn penalty_backward(splat: &Splat<f64>, opacity_weight: f64, scale_weight: f64) -> Vec<f64> {
+    differentiate(splat, |lifted| {
+        penalty(lifted, opacity_weight, scale_weight)
+    })
+}
+
+/// Derivatives of a function by all parameters of a splat, a few in every pass.
+fn differentiate(
+    splat: &Splat<f64>,
+    function: impl Fn(&Splat<Dual<LANES>>) -> Dual<LANES>,
+) -> Vec<f64> {
     let values = splat.parameters();
     let mut gradient = Vec::with_capacity(values.len());
     for first in (0..values.len()).step_by(LANES) {
@@ -17,16 +45,8 @@ pub fn project_backward(splat: &Splat<f64>, view: &Viewpoint, by_screen: &[f64; 
             .enumerate()
             .map(|(i, &value)| Dual::variable(value, i.checked_sub(first)))
             .collect();
-        let mut slopes = [0.0; LANES];
-        if let Some(screen) = project(&Splat::from_parameters(&lifted), view) {
-            for (number, slope) in screen.row().iter().zip(by_screen) {
-                for (sum, d) in slopes.iter_mut().zip(number.d) {
-                    *sum += slope * d;
-                }
-            }
-        }
         let lanes = LANES.min(values.len() - first);
-        gradient.extend(&slopes[..lanes]);
+        gradient.extend(&function(&Splat::from_parameters(&lifted)).d[..lanes]);
     }
     gradient
 }

@@ -7,6 +7,7 @@
 
 use super::rasterize::{power, raw_alpha};
 use super::{Cuts, ScreenSplat};
+use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
 
 /// An image cut into tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,13 +23,13 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The engine's tiles, 8 wide and 16 tall, over an image.
+    /// The engine's tiles over an image.
     pub fn new(width: u32, height: u32) -> Grid {
         Grid {
             width,
             height,
-            tile_width: 8,
-            tile_height: 16,
+            tile_width: TILE_WIDTH,
+            tile_height: TILE_HEIGHT,
         }
     }
 
@@ -114,4 +115,14 @@ pub fn tiles(splat: &ScreenSplat<f64>, grid: &Grid, cuts: &Cuts) -> Vec<u32> {
     (0..grid.len())
         .filter(|&tile| holds_pixel(splat, grid, tile, cuts))
         .collect()
+}
+
+/// Half the width and half the height, in pixels, of the box around the ellipse where the splat is not cut;
+/// 0 where it is cut everywhere.
+pub fn extent(splat: &ScreenSplat<f64>, cuts: &Cuts) -> [f64; 2] {
+    // opacity · exp(−r² / 2) = alpha_min at the squared Mahalanobis radius r², and r times its standard
+    // deviation is as far as an ellipse reaches along an axis.
+    let squared_radius = 2.0 * (splat.opacity / cuts.alpha_min).ln();
+    let [xx, _, yy] = splat.covariance;
+    [xx, yy].map(|variance| (squared_radius.max(0.0) * variance).sqrt())
 }

@@ -2,9 +2,10 @@
 
 use crate::assert_close;
 use ashfall::reference::linear::{product, rotation, transpose};
-use ashfall::reference::loss::{self, C1, C2, Target};
+use ashfall::reference::loss::{self, Target};
 use ashfall::reference::project::determinant;
 use ashfall::reference::rasterize::{Layer, composite};
+use ashfall::reference::ssim::{C1, C2, ssim};
 use ashfall::reference::{Options, Splat, Viewpoint, project, render, sh};
 use ashfall::scene::{Camera, RenderMode, SH_C0, Splats};
 use glam::{DMat3, DVec2, DVec3};
@@ -117,9 +118,9 @@ fn an_image_is_like_itself() {
     let image: Vec<[f64; 3]> = (0..13 * 17)
         .map(|i| [0.3, 0.8, 0.1].map(|c: f64| (c + f64::from(i * i % 23) / 23.0) / 2.0))
         .collect();
-    let parts = loss::parts(&image, &Target::new(13, &image));
-    assert_close(parts.ssim, 1.0, 1e-15, 1.0);
-    assert_eq!(parts.l1, 0.0);
+    let sums = loss::sums(&image, &Target::new(13, &image));
+    assert_close(sums.dissimilarity, 0.0, 1e-12, 1.0);
+    assert_eq!((sums.l1, sums.weight), (0.0, 663.0));
     for d in loss::gradient(&image, &Target::new(13, &image))
         .iter()
         .flatten()
@@ -132,10 +133,15 @@ fn an_image_is_like_itself() {
 fn flat_images_have_the_luminance_term_only() {
     let (a, b) = (0.7, 0.4);
     // Only pixels whose window stays inside: the middle one of 11 × 11.
-    let ssim = loss::ssim_map(11, &[a; 121], &[b; 121])[60];
-    assert_close(ssim, (2.0 * a * b + C1) / (a * a + b * b + C1), 1e-12, 1.0);
+    let middle = ssim(11, &[a; 121], &[b; 121])[60];
+    assert_close(
+        middle,
+        (2.0 * a * b + C1) / (a * a + b * b + C1),
+        1e-12,
+        1.0,
+    );
     // In the corner the window sees the zeros beyond the border: 1 − s of its weight, s = (Σ half)².
-    let corner = loss::ssim_map(11, &[a; 121], &[b; 121])[0];
+    let corner = ssim(11, &[a; 121], &[b; 121])[0];
     let half: f64 = (0..=5).map(|t| (-f64::from(t * t) / 4.5).exp()).sum();
     let whole: f64 = (-5..=5).map(|t: i32| (-f64::from(t * t) / 4.5).exp()).sum();
     let s = (half / whole).powi(2);

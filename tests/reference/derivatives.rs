@@ -3,7 +3,7 @@
 use crate::scenes::{self, Random};
 use crate::{assert_close, central_difference};
 use ashfall::reference::project::GEOMETRY_PARAMETERS;
-use ashfall::reference::{Dual, Real, Splat, Viewpoint, linear, loss, project, sh};
+use ashfall::reference::{Dual, Real, Splat, Viewpoint, linear, project, sh};
 use ashfall::scene::{RenderMode, Splats};
 
 /// A function of one number, for duals and for plain floats.
@@ -201,55 +201,4 @@ fn harmonics_differentiate_along_the_sphere() {
             }
         }
     }
-}
-
-#[test]
-fn the_losss_gradient_is_its_derivative() {
-    for (width, height) in [(1, 1), (5, 5), (11, 11), (17, 13)] {
-        let photo = scenes::photo_values(&scenes::photo(1, width, height));
-        let image = scenes::photo_values(&scenes::photo(2, width, height));
-        let mask: Vec<f64> = (0..image.len()).map(|i| [1.0, 0.5, 0.0][i % 3]).collect();
-        for mask in [None, Some(mask.as_slice())] {
-            let target = loss::Target {
-                mask,
-                ..loss::Target::new(width as usize, &photo)
-            };
-            let gradient = loss::gradient(&image, &target);
-            let values: Vec<f64> = image.iter().flatten().copied().collect();
-            for chosen in (0..values.len()).step_by(values.len() / 12 + 1) {
-                let loss_at = |x: f64| {
-                    let mut moved = image.clone();
-                    moved[chosen / 3][chosen % 3] = x;
-                    loss::loss(&moved, &target)
-                };
-                let mut lifted: Vec<[Dual<1>; 3]> =
-                    image.iter().map(|rgb| rgb.map(Dual::of)).collect();
-                lifted[chosen / 3][chosen % 3] = Dual::variable(values[chosen], Some(0));
-                let dual = loss::loss(&lifted, &target);
-                let found = gradient[chosen / 3][chosen % 3];
-                assert_close(dual.v, loss_at(values[chosen]), 1e-14, 1.0);
-                assert_close(found, dual.d[0], 1e-12, 1e-3 / values.len() as f64);
-                let difference = central_difference(loss_at, values[chosen], 1e-4);
-                assert_close(found, difference, 1e-8, 1.0 / values.len() as f64);
-            }
-        }
-    }
-}
-
-#[test]
-fn a_mask_of_zeros_is_no_loss_at_all() {
-    let photo = scenes::photo_values(&scenes::photo(1, 12, 9));
-    let image = scenes::photo_values(&scenes::photo(2, 12, 9));
-    let nothing = vec![0.0; image.len()];
-    let target = loss::Target {
-        mask: Some(&nothing),
-        ..loss::Target::new(12, &photo)
-    };
-    assert_close(loss::loss(&image, &target), 0.0, 1e-15, 1.0);
-    assert!(
-        loss::gradient(&image, &target)
-            .iter()
-            .flatten()
-            .all(|&d| d == 0.0)
-    );
 }

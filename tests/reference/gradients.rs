@@ -1,10 +1,12 @@
 //! The gradient of the whole: composed, by duals from end to end, and by differences.
 
+use crate::pack;
 use crate::scenes::{self, Random, Scene};
 use crate::{assert_close, central_difference};
 use ashfall::reference::expand::expand;
 use ashfall::reference::gradient::{backward, loss_derivatives};
 use ashfall::reference::loss::{self, Target};
+use ashfall::reference::project_backward::penalty_backward;
 use ashfall::reference::rasterize::Layer;
 use ashfall::reference::rasterize_backward::{PixelGradient, isect_backward};
 use ashfall::reference::tiles::Grid;
@@ -23,17 +25,8 @@ fn every_parameter(scene: &Scene) -> Vec<(usize, usize)> {
 
 /// The composed gradient as one row per splat.
 fn rows(scene: &Scene, target: &Target<'_>) -> Vec<Vec<f64>> {
-    let all = loss_gradient(&scene.splats, &scene.camera, &scene.options, target).d_splats;
-    let stride = scene.splats.sh_stride();
-    let row = |i: usize| {
-        let mut row = all.mean[i].to_vec();
-        row.extend(all.quaternion[i]);
-        row.extend(all.log_scale[i]);
-        row.push(all.opacity_logit[i]);
-        row.extend(&all.sh[i * stride..][..stride]);
-        row
-    };
-    (0..scene.splats.len()).map(row).collect()
+    let gradient = loss_gradient(&scene.splats, &scene.camera, &scene.options, target);
+    pack::gradient_rows(&gradient.d_splats)
 }
 
 #[test]
@@ -260,4 +253,21 @@ fn only_the_visible_have_gradients() {
         .iter()
         .chain(gradient.d_splats.quaternion.iter().flatten());
     assert!(numbers.into_iter().all(|d| d.is_finite()));
+}
+
+#[test]
+fn penalties_pull_on_opacity_and_size() {
+    let splat = Splat::<f64>::of(&scenes::gentle(29, 1, 20, 20, 1).splats, 0);
+    let gradient = penalty_backward(&splat, 0.3, 0.2);
+    let opacity = splat.opacity_logit.sigmoid();
+    assert_close(gradient[10], 0.3 * opacity * (1.0 - opacity), 1e-14, 0.0);
+    for (found, log_scale) in gradient[7..10].iter().zip(splat.log_scale) {
+        assert_close(*found, 0.2 * log_scale.exp(), 1e-14, 0.0);
+    }
+    assert!(
+        gradient[..7]
+            .iter()
+            .chain(&gradient[11..])
+            .all(|&d| d == 0.0)
+    );
 }

@@ -4,8 +4,12 @@ mod closed_forms;
 mod cuts;
 mod derivatives;
 mod gradients;
+mod losses;
 mod metamorphic;
 mod operations;
+#[path = "../common/pack.rs"]
+mod pack;
+mod packing;
 #[path = "../common/scenes.rs"]
 mod scenes;
 

@@ -6,13 +6,13 @@ use ashfall::reference::adam::{Adam, State};
 use ashfall::reference::expand::expand;
 use ashfall::reference::frame::project_all;
 use ashfall::reference::linear::rotation;
-use ashfall::reference::perturb::perturb;
+use ashfall::reference::perturb::{normals, perturb};
 use ashfall::reference::ranges::ranges;
-use ashfall::reference::rasterize::raw_alpha;
+use ashfall::reference::rasterize::{layer, raw_alpha};
 use ashfall::reference::relocate;
 use ashfall::reference::scan::scan;
 use ashfall::reference::sort::sort;
-use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
+use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max, extent};
 use ashfall::reference::{Cuts, Splat, Viewpoint};
 
 #[test]
@@ -111,6 +111,31 @@ fn a_tiles_pixels_never_exceed_its_rectangle() {
 }
 
 #[test]
+fn the_extent_is_as_far_as_a_splat_reaches() {
+    let scene = scenes::gentle(7, 20, 40, 40, 0);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    for splat in project_all(&Splat::<f64>::all(&scene.splats), &view)
+        .iter()
+        .flatten()
+    {
+        let [half_width, half_height] = extent(splat, &Cuts::ENGINE);
+        let seen = |x: f64, y: f64| layer(splat, [x, y], &Cuts::ENGINE).is_some();
+        let [x, y] = splat.mean;
+        let steps = || (-2000..=2000).map(|i| f64::from(i) / 2000.0);
+        // On the box's edges the splat shows at the one point where the ellipse touches, not beyond.
+        for (factor, expected) in [(0.999, true), (1.001, false)] {
+            let right = steps().any(|t| seen(x + factor * half_width, y + t * half_height));
+            let below = steps().any(|t| seen(x + t * half_width, y + factor * half_height));
+            assert_eq!(
+                (right, below),
+                (expected, expected),
+                "{splat:?} at {factor}"
+            );
+        }
+    }
+}
+
+#[test]
 fn expansion_goes_by_depth_then_tile() {
     let scene = scenes::gentle(6, 30, 40, 40, 0);
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
@@ -142,6 +167,22 @@ fn noise_spares_what_is_opaque() {
     for ratio in moved(0.5) {
         assert!(ratio.abs() < 1e-15, "an opaque splat moved by {ratio}");
     }
+}
+
+#[test]
+fn noise_is_normal_and_a_function_of_its_name() {
+    let draws: Vec<[f64; 3]> = (0..40_000).map(|splat| normals(7, 11, splat)).collect();
+    let count = draws.len() as f64;
+    let mean_of = |f: &dyn Fn(&[f64; 3]) -> f64| draws.iter().map(f).sum::<f64>() / count;
+    for axis in 0..3 {
+        // Four standard deviations of each mean.
+        assert!(mean_of(&|d| d[axis]).abs() < 4.0 / count.sqrt());
+        assert!((mean_of(&|d| d[axis].powi(2)) - 1.0).abs() < 4.0 * (2.0 / count).sqrt());
+        assert!((mean_of(&|d| d[axis].powi(4)) - 3.0).abs() < 4.0 * (96.0 / count).sqrt());
+        assert!(mean_of(&|d| d[axis] * d[(axis + 1) % 3]).abs() < 4.0 / count.sqrt());
+    }
+    assert_eq!(normals(7, 11, 3), draws[3]);
+    assert!(normals(8, 11, 3) != draws[3] && normals(7, 12, 3) != draws[3]);
 }
 
 /// The paper's double sum; in f64 good to 1e-9 for a few copies.
