@@ -4,6 +4,7 @@
 //! refinement is a pure function of the optimiser's state on the CPU; the device only does arithmetic.
 //! Nothing here reads a file but the checkpoint it is given.
 
+pub mod checkpoint;
 pub mod config;
 pub mod init;
 mod knn;

@@ -1,0 +1,228 @@
+//! A run on disk: all that decides how it goes on, so that a resumed run is the uninterrupted one.
+//!
+//! Random numbers need no room: they are a function of (seed, iteration). The photographs are not kept
+//! either, but a fingerprint of the views is: with other data the run would go on as another run.
+
+use super::config::TrainConfig;
+use super::state::{HostState, Planes, plane_count};
+use super::strategy::SplatStats;
+use crate::io::checkpoint::{self, Section};
+use crate::scene::{Dataset, Split};
+use crate::{Error, Result};
+use serde_json::json;
+use std::path::Path;
+
+/// A run between two steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    /// The run's constants.
+    pub config: TrainConfig,
+    /// Steps done.
+    pub iteration: u32,
+    /// Parameters and moments.
+    pub state: HostState,
+    /// What density control has gathered since the last refinement, an entry per splat.
+    pub statistics: Vec<SplatStats>,
+    /// Of the data set trained on: see [`fingerprint`].
+    pub fingerprint: u32,
+}
+
+/// A checksum of a data set's training views: names, sizes and poses, in their order.
+pub fn fingerprint(dataset: &Dataset) -> u32 {
+    let mut hash = crc32fast::Hasher::new();
+    for index in dataset.split(Split::Train) {
+        let view = &dataset.views[index];
+        let camera = &view.camera;
+        hash.update(view.name.as_bytes());
+        hash.update(bytemuck::bytes_of(&[camera.width, camera.height]));
+        hash.update(bytemuck::bytes_of(&camera.focal.to_array()));
+        hash.update(bytemuck::bytes_of(&camera.center.to_array()));
+        hash.update(bytemuck::bytes_of(&camera.rotation.to_cols_array()));
+        hash.update(bytemuck::bytes_of(&camera.position.to_array()));
+    }
+    hash.finalize()
+}
+
+impl Checkpoint {
+    /// Writes the file, whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        assert_eq!(
+            self.statistics.len(),
+            self.state.len(),
+            "one statistic per splat"
+        );
+        let meta = json!({
+            "kind": "training",
+            "config": self.config,
+            "iteration": self.iteration,
+            "splat_count": self.state.len(),
+            "fingerprint": self.fingerprint,
+        });
+        let [params, m, v] = [&self.state.params, &self.state.m, &self.state.v].map(flat);
+        let sections = [
+            Section::new("params", &params),
+            Section::new("m", &m),
+            Section::new("v", &v),
+            Section::new("statistics", self.statistics.as_flattened()),
+        ];
+        checkpoint::write(path, &meta, &sections)
+    }
+
+    /// Reads a file and checks that its parts fit each other.
+    pub fn read(path: &Path) -> Result<Checkpoint> {
+        let file = checkpoint::Checkpoint::open(path)?;
+        let fault = |what: &str| Error::file(path, format!("is no training checkpoint: {what}"));
+        let meta = file.meta();
+        let number = |name: &str| {
+            let value = meta.get(name).and_then(|value| value.as_u64());
+            let value = value.and_then(|value| u32::try_from(value).ok());
+            value.ok_or_else(|| fault(&format!("{name} is missing from its header")))
+        };
+        let config = meta.get("config").cloned().unwrap_or_default();
+        let config: TrainConfig = serde_json::from_value(config)
+            .map_err(|e| fault(&format!("the configuration cannot be read: {e}")))?;
+        config.validate().map_err(|e| fault(&e.to_string()))?;
+        let count = number("splat_count")? as usize;
+        let iteration = number("iteration")?;
+        if iteration > config.iterations {
+            return Err(fault("it is beyond its own end"));
+        }
+        let planes = |name: &str| {
+            let numbers = file.read::<f32>(name)?;
+            unflat(&numbers, plane_count(config.sh_degree), count)
+                .ok_or_else(|| fault(&format!("{name} has not {count} splats")))
+        };
+        let state = HostState {
+            sh_degree: config.sh_degree,
+            params: planes("params")?,
+            m: planes("m")?,
+            v: planes("v")?,
+        };
+        let statistics = file.read::<f32>("statistics")?.as_chunks::<4>().0.to_vec();
+        if statistics.len() != count {
+            return Err(fault(&format!("statistics has not {count} splats")));
+        }
+        Ok(Checkpoint {
+            config,
+            iteration,
+            state,
+            statistics,
+            fingerprint: number("fingerprint")?,
+        })
+    }
+
+    /// Refuses to go on with other photographs than the run was begun with.
+    pub fn check_dataset(&self, path: &Path, dataset: &Dataset) -> Result<()> {
+        if self.fingerprint == fingerprint(dataset) {
+            return Ok(());
+        }
+        let what = "the data set's training views are not those that this run was begun with";
+        Err(Error::file(path, what))
+    }
+}
+
+fn flat(planes: &Planes) -> Vec<f32> {
+    planes
+        .iter()
+        .flat_map(|plane| plane.as_flattened())
+        .copied()
+        .collect()
+}
+
+/// `None` if the numbers are not exactly `plane_count * count * 4`.
+fn unflat(numbers: &[f32], plane_count: usize, count: usize) -> Option<Planes> {
+    if numbers.len() != plane_count.checked_mul(count)?.checked_mul(4)? {
+        return None;
+    }
+    let rows = numbers.as_chunks::<4>().0;
+    Some(
+        (0..plane_count)
+            .map(|plane| rows[plane * count..][..count].to_vec())
+            .collect(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Camera, PhotoSource, View};
+    use glam::{DMat3, DVec2, DVec3};
+
+    fn checkpoint(count: usize, sh_degree: u32) -> Checkpoint {
+        let mut config = TrainConfig::for_iterations(100);
+        config.sh_degree = sh_degree;
+        let mut state = HostState::zeros(count, sh_degree);
+        let planes = state
+            .params
+            .iter_mut()
+            .chain(&mut state.m)
+            .chain(&mut state.v);
+        for (i, number) in planes.flatten().flatten().enumerate() {
+            *number = (i as f32).sin();
+        }
+        Checkpoint {
+            config,
+            iteration: 37,
+            state,
+            statistics: (0..count).map(|i| [i as f32, 1.0, 2.0, 0.0]).collect(),
+            fingerprint: 5,
+        }
+    }
+
+    #[test]
+    fn a_run_comes_back_to_the_bit() -> Result<()> {
+        let dir = tempfile::tempdir().map_err(Error::io("."))?;
+        let path = dir.path().join("checkpoint");
+        for (count, degree) in [(0, 0), (1, 1), (9, 3)] {
+            let saved = checkpoint(count, degree);
+            saved.write(&path)?;
+            assert_eq!(Checkpoint::read(&path)?, saved);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_file_cut_anywhere_is_an_error() -> Result<()> {
+        let dir = tempfile::tempdir().map_err(Error::io("."))?;
+        let path = dir.path().join("checkpoint");
+        checkpoint(3, 0).write(&path)?;
+        let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
+        for length in (0..bytes.len()).step_by(17) {
+            std::fs::write(&path, &bytes[..length]).map_err(Error::io(&path))?;
+            assert!(Checkpoint::read(&path).is_err(), "{length}");
+        }
+        let mut longer = checkpoint(3, 0);
+        longer.config.sh_degree = 2;
+        longer.write(&path)?;
+        let message = Checkpoint::read(&path).err().map(|e| e.to_string());
+        assert!(message.is_some_and(|m| m.ends_with("params has not 3 splats")));
+        Ok(())
+    }
+
+    #[test]
+    fn another_camera_is_another_run() {
+        let camera = Camera {
+            width: 8,
+            height: 6,
+            focal: DVec2::splat(7.0),
+            center: DVec2::new(4.0, 3.0),
+            rotation: DMat3::IDENTITY,
+            position: DVec3::ZERO,
+        };
+        let view = |name: &str| View {
+            name: name.into(),
+            camera,
+            photo: PhotoSource::Absent,
+        };
+        let mut dataset = Dataset {
+            views: vec![view("a"), view("b")],
+            ..Dataset::default()
+        };
+        let mut saved = checkpoint(1, 0);
+        saved.fingerprint = fingerprint(&dataset);
+        let path = Path::new("checkpoint");
+        assert!(saved.check_dataset(path, &dataset).is_ok());
+        dataset.views[1].camera.position.x = 1e-9;
+        assert!(saved.check_dataset(path, &dataset).is_err());
+    }
+}
