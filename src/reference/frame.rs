@@ -40,7 +40,8 @@ pub fn project_all<R: Real>(splats: &[Splat<R>], view: &Viewpoint) -> Vec<Option
 pub fn depth_order<R: Real>(screen: &[Option<ScreenSplat<R>>]) -> Vec<usize> {
     let depth = |i: usize| screen[i].map_or(f64::NAN, |s| s.depth.value());
     let mut order: Vec<usize> = (0..screen.len()).filter(|&i| screen[i].is_some()).collect();
-    order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)).then(a.cmp(&b)));
+    // Stable: equals stay in the order of their index.
+    order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
     order
 }
 

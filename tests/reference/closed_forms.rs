@@ -223,6 +223,9 @@ fn a_quarter_turn_is_a_quarter_turn() {
             assert_close(*value, expected, 1e-15, 1.0);
         }
     }
+    // Squares of these would not be finite in single precision.
+    let long = rotation([0.0f32, 0.0, 1e30, 0.0]);
+    assert_eq!(long, [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]);
     let any = rotation([0.3, -1.2, 0.7, 2.0]);
     let square = product(any, transpose(any));
     for (i, row) in square.iter().enumerate() {

@@ -88,6 +88,18 @@ fn the_lists_order_does_not_show() {
     assert!(draw(&scene) == draw(&other), "another picture");
 }
 
+/// Where depths are equal, the splat of the lower index is in front.
+#[test]
+fn ties_go_by_index() {
+    let mut scene = scenes::gentle(45, 40, 20, 20, 0);
+    let twins: Vec<usize> = (0..40).map(|i| i / 2).collect();
+    scene.splats = permuted(&scene.splats, &twins);
+    let (_, splat_from_rank) = sorted(&on_screen(&scene));
+    for pair in splat_from_rank.chunks(2) {
+        assert_eq!((pair[0] % 2, pair[1]), (0, pair[0] + 1));
+    }
+}
+
 /// M4: a picture is its two halves, if the Jacobian's limits are those of the whole.
 #[test]
 fn two_halves_make_a_picture() {

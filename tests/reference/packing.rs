@@ -1,4 +1,4 @@
-//! The helpers that turn the oracle's numbers into the kernels' form, and what they promise.
+//! What turns the oracle's numbers into the kernels' form, and what they promise.
 
 use crate::scenes::{self, Random};
 use crate::{assert_close, pack};
