@@ -172,7 +172,7 @@ fn refuse_unfinished(dir: &Path) -> Result<()> {
 /// Points to begin with from a file.
 fn points(path: &Path) -> Result<Vec<Point>> {
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
-    let points = match extension.as_deref().and_then(|e| e.to_str()) {
+    let mut points = match extension.as_deref().and_then(|e| e.to_str()) {
         Some("obj") => io::obj::sample(&io::obj::read(path)?, MESH_POINTS, 0),
         Some("ply") => io::ply::read_points(path)?,
         _ => {
@@ -182,6 +182,11 @@ fn points(path: &Path) -> Result<Vec<Point>> {
             ));
         }
     };
+    let mut warnings = Vec::new();
+    io::dataset::keep_finite(path, &mut points, &mut warnings);
+    for warning in &warnings {
+        eprintln!("warning: {warning}");
+    }
     match points.is_empty() {
         true => Err(Error::file(path, "holds no points to begin with")),
         false => Ok(points),

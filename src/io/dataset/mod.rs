@@ -69,7 +69,14 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
     }
     let distorted = listing.views.iter().any(|v| v.distortion.is_some());
     let (views, held_out) = views::look_at_photos(path, listing.views, options, &mut warnings)?;
-    let points = finite_points(path, listing.points, &mut warnings);
+    let mut points = listing.points;
+    keep_finite(path, &mut points, &mut warnings);
+    if points.is_empty() {
+        warnings.push(format!(
+            "{}: there are no points; training begins from random ones",
+            path.display()
+        ));
+    }
     warn_if_unseen(path, &views, &points, &mut warnings);
     if distorted && options.alpha == Some(AlphaMode::Composite) {
         warnings.push(format!(
@@ -164,7 +171,8 @@ fn colmap_photos(path: &Path, options: &OpenOptions) -> PathBuf {
     own
 }
 
-fn finite_points(path: &Path, mut points: Vec<Point>, warnings: &mut Vec<String>) -> Vec<Point> {
+/// Drops points that are not finite, with a warning that counts them and names `path`.
+pub fn keep_finite(path: &Path, points: &mut Vec<Point>, warnings: &mut Vec<String>) {
     let count = points.len();
     points.retain(|p| p.position.iter().chain(&p.color).all(|v| v.is_finite()));
     if points.len() < count {
@@ -174,13 +182,6 @@ fn finite_points(path: &Path, mut points: Vec<Point>, warnings: &mut Vec<String>
             count - points.len()
         ));
     }
-    if points.is_empty() {
-        warnings.push(format!(
-            "{}: there are no points; training begins from random ones",
-            path.display()
-        ));
-    }
-    points
 }
 
 /// Points in another coordinate system than the cameras are a common mistake of conversions, and
