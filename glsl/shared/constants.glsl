@@ -33,6 +33,8 @@ const uint COUNT_FAILED = 8;
 const uint COUNT_LIST_MAX = 9;
 // Gradient rows that were not finite and were skipped by the optimiser.
 const uint COUNT_POISONED = 10;
+// Totals nobody needs.
+const uint COUNT_SCRATCH = 11;
 const uint COUNT_SLOTS = 16;
 
 // Slots of the indirect dispatch arguments; `plan` writes them.

@@ -6,6 +6,28 @@
 //!
 //! **Invariant:** no `unsafe` and no `ash` here; barriers follow from the bindings' declared access.
 
+pub mod adam;
+pub mod compact;
+pub mod expand;
+pub mod gather;
 pub mod generated;
+pub mod loss;
+pub mod loss_backward;
+pub mod loss_sum;
+pub mod perturb;
+pub mod plan;
+pub mod present;
+pub mod project;
+pub mod project_backward;
+pub mod ranges;
+pub mod rasterize;
+pub mod rasterize_backward;
+pub mod scan;
+pub mod scan_apply;
+pub mod scan_chunks;
+pub mod scan_reduce;
+pub mod sort;
+pub mod sort_count;
+pub mod sort_scatter;
 
 pub use generated::KERNELS;

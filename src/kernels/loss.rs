@@ -1,0 +1,28 @@
+//! Compares a render with its photograph: L1, SSIM and squared error per tile, and SSIM's derivatives.
+
+pub use super::generated::loss::{Bindings, Choice, Kernel, Params, Spec, Variant};
+use crate::Result;
+use crate::gpu::{Caps, Gpu, Groups, Recorder};
+
+/// The kernel, ready to record.
+#[derive(Debug)]
+pub struct Loss {
+    kernel: Kernel,
+}
+
+impl Loss {
+    /// Compiles it as chosen.
+    pub fn new(gpu: &Gpu, choice: Choice) -> Result<Loss> {
+        Ok(Loss { kernel: Kernel::new(gpu, choice)? })
+    }
+
+    /// Which variant and tuning suits a device: one serves all so far.
+    pub fn prefer(_caps: &Caps) -> Choice {
+        Choice::default()
+    }
+
+    /// Records it over `tiles` tiles of 16 x 16 pixels.
+    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, tiles: usize) {
+        self.kernel.record(rec, io, params, Groups::Count(tiles as u32));
+    }
+}

@@ -1,0 +1,29 @@
+//! Gradient of every parameter of every splat, from the records that compositing left.
+
+pub use super::generated::project_backward::{Bindings, Choice, Kernel, Params, Spec, Variant};
+use crate::Result;
+use crate::gpu::{Caps, Gpu, Groups, Recorder};
+
+/// The kernel, ready to record.
+#[derive(Debug)]
+pub struct ProjectBackward {
+    kernel: Kernel,
+    workgroup: u32,
+}
+
+impl ProjectBackward {
+    /// Compiles it as chosen.
+    pub fn new(gpu: &Gpu, choice: Choice) -> Result<ProjectBackward> {
+        Ok(ProjectBackward { kernel: Kernel::new(gpu, choice)?, workgroup: choice.spec.workgroup })
+    }
+
+    /// Which variant and tuning suits a device, for splats of `sh_degree`.
+    pub fn prefer(_caps: &Caps, sh_degree: u32) -> Choice {
+        Choice { spec: Spec { sh_degree, ..Spec::default() }, ..Choice::default() }
+    }
+
+    /// Records it over `count` splats.
+    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, count: usize) {
+        self.kernel.record(rec, io, params, Groups::Count((count as u32).div_ceil(self.workgroup)));
+    }
+}

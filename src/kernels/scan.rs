@@ -1,0 +1,82 @@
+//! Exclusive prefix sums of any length, of three kernels: reduce, then scan, then apply. No workgroup waits
+//! for another within a dispatch, which Vulkan would not promise to work.
+
+use super::{scan_apply, scan_chunks, scan_reduce};
+use crate::Result;
+use crate::gpu::{Buffer, Gpu, Groups, Recorder};
+use crate::layout::SCAN_CHUNK;
+
+/// The three kernels.
+#[derive(Debug)]
+pub struct Scan {
+    reduce: scan_reduce::ScanReduce,
+    chunks: scan_chunks::ScanChunks,
+    apply: scan_apply::ScanApply,
+}
+
+/// What is summed, and where to.
+#[derive(Clone, Copy)]
+pub struct Io<'a> {
+    /// Slots of counts known to the device.
+    pub counts: &'a Buffer<u32>,
+    /// What is summed.
+    pub values: &'a Buffer<u32>,
+    /// The sums before each value; may not be `values`.
+    pub offsets: &'a Buffer<u32>,
+    /// Room for one sum per chunk of `SCAN_CHUNK` values.
+    pub sums: &'a Buffer<u32>,
+}
+
+/// What to sum.
+#[derive(Clone, Copy, Debug)]
+pub struct What {
+    /// The slot that holds the number of values.
+    pub count_slot: u32,
+    /// The slot that the total goes to.
+    pub total_slot: u32,
+    /// Sum "is not 0" instead of the values.
+    pub flags: bool,
+}
+
+impl Scan {
+    /// Invocations of a workgroup, one per chunk.
+    pub const WORKGROUP: u32 = 64;
+
+    /// Compiles the kernels.
+    pub fn new(gpu: &Gpu) -> Result<Scan> {
+        Ok(Scan {
+            reduce: scan_reduce::ScanReduce::new(gpu, scan_reduce::ScanReduce::prefer(gpu.caps()))?,
+            chunks: scan_chunks::ScanChunks::new(gpu, scan_chunks::ScanChunks::prefer(gpu.caps()))?,
+            apply: scan_apply::ScanApply::new(gpu, scan_apply::ScanApply::prefer(gpu.caps()))?,
+        })
+    }
+
+    /// Workgroups for `count` values.
+    pub fn groups(count: usize) -> Groups<'static> {
+        Groups::Count((count as u32).div_ceil(SCAN_CHUNK).div_ceil(Scan::WORKGROUP))
+    }
+
+    /// Records a prefix sum; `groups` covers the number of values.
+    pub fn record(&self, rec: &mut Recorder<'_>, io: Io<'_>, what: What, groups: Groups<'_>) {
+        let Io { counts, values, offsets, sums } = io;
+        let What { count_slot, total_slot, flags } = what;
+        let flags = u32::from(flags);
+        self.reduce.record(
+            rec,
+            scan_reduce::Bindings { counts, values, sum_from_chunk: sums },
+            scan_reduce::Params { count_slot, flags },
+            groups,
+        );
+        self.chunks.record(
+            rec,
+            scan_chunks::Bindings { counts, sum_from_chunk: sums },
+            scan_chunks::Params { count_slot, total_slot },
+        );
+        self.apply.record(
+            rec,
+            scan_apply::Bindings { counts, values, sum_from_chunk: sums, offsets },
+            scan_apply::Params { count_slot, flags },
+            groups,
+        );
+    }
+}

@@ -1,0 +1,124 @@
+//! A stable radix sort of (key, value) pairs whose number only the device knows: for each digit, from the
+//! lowest, count, sum and scatter.
+
+use super::scan::{Io as ScanIo, Scan, What};
+use super::{sort_count, sort_scatter};
+use crate::Result;
+use crate::gpu::{Buffer, Gpu, Groups, Recorder};
+use crate::layout::{COUNT_SCRATCH, DispatchArgs};
+
+/// The kernels of a pass.
+#[derive(Debug)]
+pub struct Sort {
+    count: sort_count::SortCount,
+    scatter: sort_scatter::SortScatter,
+    /// Chunks that one workgroup of both kernels handles.
+    pub chunks_per_group: u32,
+}
+
+/// Two of each, and which one holds the data.
+#[derive(Clone, Debug)]
+pub struct Pairs {
+    /// Keys; each pass goes from one to the other.
+    pub keys: [Buffer<u32>; 2],
+    /// Values likewise.
+    pub values: [Buffer<u32>; 2],
+}
+
+/// A digit table per chunk, and its prefix sum.
+#[derive(Clone, Debug)]
+pub struct Tables {
+    /// `[digit][chunk]`, counts.
+    pub counted: Buffer<u32>,
+    /// `[digit][chunk]`, places.
+    pub places: Buffer<u32>,
+    /// Chunk sums of the scan.
+    pub sums: Buffer<u32>,
+}
+
+/// How keys are split into digits and chunks, and the slots and arguments that `plan` filled for them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Bits of a digit.
+    pub digit_bits: u32,
+    /// Digits to sort by, from the lowest bit.
+    pub passes: u32,
+    /// Keys per chunk.
+    pub chunk: u32,
+    /// The slot of the number of keys.
+    pub count_slot: u32,
+    /// The slot of the number of table entries.
+    pub table_slot: u32,
+    /// Dispatch arguments over chunks.
+    pub chunk_args: u32,
+    /// Dispatch arguments of the scan over table entries.
+    pub table_args: u32,
+}
+
+impl Layout {
+    /// Entries of one chunk's table.
+    pub fn digit_count(&self) -> u32 {
+        1 << self.digit_bits
+    }
+
+    /// Entries of the table for up to `count` keys.
+    pub fn table_len(&self, count: usize) -> usize {
+        count.div_ceil(self.chunk as usize).max(1) * self.digit_count() as usize
+    }
+}
+
+impl Sort {
+    /// Compiles the kernels.
+    pub fn new(gpu: &Gpu) -> Result<Sort> {
+        let count = sort_count::SortCount::prefer(gpu.caps());
+        Ok(Sort {
+            count: sort_count::SortCount::new(gpu, count)?,
+            scatter: sort_scatter::SortScatter::new(gpu, sort_scatter::SortScatter::prefer(gpu.caps()))?,
+            chunks_per_group: count.spec.workgroup,
+        })
+    }
+
+    /// Records the sort; returns which of the pairs holds the result.
+    pub fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        scan: &Scan,
+        counts: &Buffer<u32>,
+        args: &Buffer<DispatchArgs>,
+        pairs: &Pairs,
+        tables: &Tables,
+        layout: Layout,
+    ) -> usize {
+        let Layout { count_slot, chunk, .. } = layout;
+        let digit_count = layout.digit_count();
+        for pass in 0..layout.passes {
+            let (from, to) = ((pass % 2) as usize, (pass % 2) as usize ^ 1);
+            let shift = pass * layout.digit_bits;
+            self.count.record(
+                rec,
+                sort_count::Bindings { counts, keys: &pairs.keys[from], table: &tables.counted },
+                sort_count::Params { count_slot, chunk, shift, digit_count },
+                args,
+                layout.chunk_args,
+            );
+            let what = What { count_slot: layout.table_slot, total_slot: COUNT_SCRATCH, flags: false };
+            let io = ScanIo { counts, values: &tables.counted, offsets: &tables.places, sums: &tables.sums };
+            scan.record(rec, io, what, Groups::indirect(args, layout.table_args as usize));
+            self.scatter.record(
+                rec,
+                sort_scatter::Bindings {
+                    counts,
+                    keys: &pairs.keys[from],
+                    values: &pairs.values[from],
+                    table: &tables.places,
+                    keys_out: &pairs.keys[to],
+                    values_out: &pairs.values[to],
+                },
+                sort_scatter::Params { count_slot, chunk, shift, digit_count },
+                args,
+                layout.chunk_args,
+            );
+        }
+        (layout.passes % 2) as usize
+    }
+}
