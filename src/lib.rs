@@ -13,6 +13,7 @@ pub mod kernels;
 pub mod layout;
 pub mod metrics;
 pub mod reference;
+pub mod render;
 pub mod report;
 pub mod scene;
 pub mod shader;

@@ -1,0 +1,225 @@
+//! The straight line of kernels from splats to an image; this file is the diagram.
+
+use super::model::Model;
+use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
+use crate::Result;
+use crate::gpu::{Gpu, Groups, Recorder};
+use crate::kernels::scan::{Io as ScanIo, Scan, What};
+use crate::kernels::sort::{Layout, Sort};
+use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize};
+use crate::layout::*;
+
+/// The kernels of a frame, compiled for one device.
+#[derive(Debug)]
+pub struct Forward {
+    /// One per spherical-harmonic degree.
+    project: Vec<project::Project>,
+    scan: Scan,
+    plan: plan::Plan,
+    compact: compact::Compact,
+    sort: Sort,
+    gather: gather::Gather,
+    expand: expand::Expand,
+    ranges: ranges::Ranges,
+    rasterize: rasterize::Rasterize,
+    group_limit: u32,
+}
+
+/// Invocations of a workgroup of the elementwise kernels, which `plan` divides by.
+const ELEMENTWISE: u32 = 64;
+
+impl Forward {
+    /// Compiles the kernels for scenes up to `sh_degree`; `with_depth`: images come with expected depth.
+    pub fn new(gpu: &Gpu, sh_degree: u32, with_depth: bool) -> Result<Forward> {
+        let caps = gpu.caps();
+        Ok(Forward {
+            project: (0..=sh_degree)
+                .map(|degree| project::Project::new(gpu, project::Project::prefer(caps, degree)))
+                .collect::<Result<_>>()?,
+            scan: Scan::new(gpu)?,
+            plan: plan::Plan::new(gpu, plan::Plan::prefer(caps))?,
+            compact: compact::Compact::new(gpu, compact::Compact::prefer(caps))?,
+            sort: Sort::new(gpu)?,
+            gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
+            expand: expand::Expand::new(gpu, expand::Expand::prefer(caps))?,
+            ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
+            rasterize: rasterize::Rasterize::new(gpu, rasterize::Rasterize::prefer(caps, with_depth))?,
+            group_limit: caps.max_groups[0],
+        })
+    }
+
+    /// Records a frame of the first `view.splat_count` splats with harmonics up to `sh_degree`. The failed
+    /// flag in `scratch.counts` is honoured, never cleared.
+    pub fn record(&self, rec: &mut Recorder<'_>, model: &Model, scratch: &Scratch, view: &View, sh_degree: u32) {
+        let tiles = (view.tiles[0] * view.tiles[1]) as usize;
+        let count = view.splat_count as usize;
+        let s = scratch;
+        rec.update(&s.view, 0, &[*view]);
+        rec.update(&s.counts, COUNT_SPLAT as usize, &[view.splat_count]);
+        self.project[sh_degree as usize].record(
+            rec,
+            project::Bindings {
+                view: &s.view,
+                params: &model.params,
+                splat2d: &s.splat2d,
+                tile_count_from_splat: &s.tile_count_from_splat,
+            },
+            count,
+        );
+        rec.timestamp("project");
+        self.order_by_depth(rec, s, count, tiles);
+        rec.timestamp("sort_depth");
+        self.list_intersections(rec, s);
+        rec.timestamp("expand");
+        let sorted = self.order_by_tile(rec, s, tiles);
+        rec.timestamp("sort_tile");
+        self.rasterize.record(
+            rec,
+            rasterize::Bindings {
+                view: &s.view,
+                range_from_tile: &s.range_from_tile,
+                source_from_isect: &s.by_tile.values[sorted],
+                splat_from_source: &s.splat_from_source,
+                splat2d: &s.splat2d,
+                image: &s.image,
+                depth: &s.depth,
+                end_from_pixel: &s.end_from_pixel,
+            },
+            rasterize::Params { tile_stride: tile_stride(tiles) },
+            tiles,
+        );
+        rec.timestamp("rasterize");
+    }
+
+    /// Which of `by_tile` holds the sorted list of an image of so many tiles.
+    pub(crate) fn sorted_index(tiles: usize) -> usize {
+        (tile_sort(tiles).passes % 2) as usize
+    }
+
+    fn plan(&self, rec: &mut Recorder<'_>, s: &Scratch, stage: u32, layout: Layout) {
+        self.plan.record(
+            rec,
+            plan::Bindings { counts: &s.counts, args: &s.args },
+            plan::Params {
+                stage,
+                isect_capacity: s.capacity.isects as u32,
+                chunk: layout.chunk,
+                chunks_per_group: self.sort.chunks_per_group,
+                digit_count: layout.digit_count(),
+                workgroup: ELEMENTWISE,
+                group_limit: self.group_limit,
+            },
+        );
+    }
+
+    /// Visible splats, compacted in the order of their index and sorted by depth: ties stay in that order.
+    /// Then where each one's intersections go.
+    fn order_by_depth(&self, rec: &mut Recorder<'_>, s: &Scratch, count: usize, tiles: usize) {
+        let io = ScanIo {
+            counts: &s.counts,
+            values: &s.tile_count_from_splat,
+            offsets: &s.visible_from_splat,
+            sums: &s.tables.sums,
+        };
+        let visible = What { count_slot: COUNT_SPLAT, total_slot: COUNT_VISIBLE, flags: true };
+        self.scan.record(rec, io, visible, Scan::groups(count));
+        self.plan(rec, s, 0, DEPTH_SORT);
+        self.compact.record(
+            rec,
+            compact::Bindings {
+                counts: &s.counts,
+                tile_count_from_splat: &s.tile_count_from_splat,
+                visible_from_splat: &s.visible_from_splat,
+                splat2d: &s.splat2d,
+                depth_from_visible: &s.by_depth.keys[0],
+                splat_from_visible: &s.by_depth.values[0],
+            },
+            count,
+        );
+        self.sort.record(rec, &self.scan, &s.counts, &s.args, &s.by_depth, &s.tables, DEPTH_SORT);
+        self.gather.record(
+            rec,
+            gather::Bindings {
+                counts: &s.counts,
+                splat_from_rank: &s.by_depth.values[0],
+                tile_count_from_splat: &s.tile_count_from_splat,
+                tile_count_from_rank: &s.tile_count_from_rank,
+            },
+            &s.args,
+            ARGS_VISIBLE,
+        );
+        let io = ScanIo { values: &s.tile_count_from_rank, offsets: &s.isect_from_rank, ..io };
+        let isects = What { count_slot: COUNT_VISIBLE, total_slot: COUNT_ISECT, flags: false };
+        self.scan.record(rec, io, isects, Groups::indirect(&s.args, ARGS_VISIBLE_SCAN as usize));
+        self.plan(rec, s, 1, tile_sort(tiles));
+    }
+
+    fn list_intersections(&self, rec: &mut Recorder<'_>, s: &Scratch) {
+        self.expand.record(
+            rec,
+            expand::Bindings {
+                view: &s.view,
+                counts: &s.counts,
+                splat_from_rank: &s.by_depth.values[0],
+                isect_from_rank: &s.isect_from_rank,
+                tile_count_from_splat: &s.tile_count_from_splat,
+                splat2d: &s.splat2d,
+                tile_from_isect: &s.by_tile.keys[0],
+                source_from_isect: &s.by_tile.values[0],
+                splat_from_source: &s.splat_from_source,
+                source_from_splat: &s.source_from_splat,
+            },
+            &s.args,
+            ARGS_EXPAND,
+        );
+    }
+
+    /// A stable sort on the tiles' bits alone keeps the depth order within each tile.
+    fn order_by_tile(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize) -> usize {
+        let layout = tile_sort(tiles);
+        let sorted = self.sort.record(rec, &self.scan, &s.counts, &s.args, &s.by_tile, &s.tables, layout);
+        rec.fill(&s.range_from_tile, 0);
+        self.ranges.record(
+            rec,
+            ranges::Bindings {
+                counts: &s.counts,
+                tile_from_isect: &s.by_tile.keys[sorted],
+                range_from_tile: &s.range_from_tile,
+            },
+            ranges::Params { tile_count: tiles as u32 },
+            &s.args,
+            ARGS_ISECT,
+        );
+        sorted
+    }
+}
+
+/// A step through the tiles, coprime to their number, that spreads neighbours: a CPU device gives each of
+/// its threads a contiguous share of the workgroups, which a contiguous share of the image would not balance.
+pub(crate) fn tile_stride(tiles: usize) -> u32 {
+    let gcd = |mut a: usize, mut b: usize| {
+        while b != 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    // Products of workgroup and stride must stay within 32 bits.
+    let most = (u32::MAX as usize / tiles.max(1)).clamp(1, tiles.max(1));
+    let start = ((tiles as f64 * 0.381_966) as usize).clamp(1, most);
+    (start..=most).find(|&stride| gcd(stride, tiles) == 1).unwrap_or(1) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::tile_stride;
+
+    #[test]
+    fn the_tile_stride_reaches_every_tile_once() {
+        for tiles in [1usize, 2, 3, 30, 1020, 4096, 16_320, 129_600] {
+            let stride = tile_stride(tiles);
+            let mut seen = vec![false; tiles];
+            (0..tiles as u32).for_each(|group| seen[((group * stride) as usize) % tiles] = true);
+            assert!(seen.iter().all(|&s| s), "{tiles} tiles, stride {stride}");
+        }
+    }
+}

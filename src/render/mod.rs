@@ -1,0 +1,18 @@
+//! A frame: splats on the device, a camera, an image.
+//!
+//! [`Forward`] is the straight line of kernels that training shares; [`Renderer`] is what users hold.
+//!
+//! **Invariant:** `Renderer::record` never submits, waits, reads this frame back, or allocates once warm.
+
+mod forward;
+mod model;
+mod renderer;
+mod scratch;
+mod view;
+
+pub use forward::Forward;
+pub(crate) use forward::tile_stride;
+pub use model::{Model, plane_count, planes_from_splats, splats_from_planes};
+pub use renderer::{RenderOptions, Rendered, Renderer};
+pub use scratch::{Capacity, Scratch};
+pub use view::{ViewOptions, view_of};

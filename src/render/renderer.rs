@@ -1,0 +1,180 @@
+//! Rendering for users: record into a host's commands, or render and read back.
+
+use super::forward::Forward;
+use super::model::Model;
+use super::scratch::{Capacity, Scratch};
+use super::view::{ViewOptions, view_of};
+use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Recorder};
+use crate::kernels::present;
+use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS};
+use crate::scene::Camera;
+use crate::{Error, Result};
+use std::collections::VecDeque;
+
+/// How a renderer is set up.
+#[derive(Clone, Copy, Debug)]
+pub struct RenderOptions {
+    /// Frames that may be in flight at once.
+    pub frames_in_flight: usize,
+    /// What it has room for from the start.
+    pub capacity: Capacity,
+    /// Highest spherical-harmonic degree drawn; scenes of a higher one are drawn up to it.
+    pub sh_degree: u32,
+    /// Whether images come with expected depth.
+    pub with_depth: bool,
+}
+
+impl Default for RenderOptions {
+    fn default() -> RenderOptions {
+        let capacity = Capacity { splats: 1, isects: 1 << 18, pixels: 1, tiles: 1 };
+        RenderOptions { frames_in_flight: 2, capacity, sh_degree: 3, with_depth: false }
+    }
+}
+
+/// An image read back from the device.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Row by row from the top; display-referred, background blended in, not clamped at 1.
+    pub rgb: Vec<[f32; 3]>,
+    /// What passes through all splats, 0 to 1.
+    pub transmittance: Vec<f32>,
+    /// Σ weight · z in world units; divide by 1 − transmittance for the mean. Empty unless asked for.
+    pub depth: Vec<f32>,
+}
+
+/// Renders scenes on one device.
+pub struct Renderer {
+    gpu: Gpu,
+    forward: Forward,
+    present: Option<present::Present>,
+    scratch: Scratch,
+    frames: Frames,
+    options: RenderOptions,
+    /// Counts of the host's frames in flight, oldest first.
+    pending: VecDeque<Readback<u32>>,
+}
+
+impl std::fmt::Debug for Renderer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Renderer({:?}, {:?})", self.gpu, self.scratch.capacity)
+    }
+}
+
+impl Renderer {
+    /// Compiles the kernels and allocates for `options.capacity`.
+    pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
+        let presents = gpu.caps().supports(present::Variant::Base.info()).is_ok();
+        let present = || present::Present::new(gpu, present::Present::prefer(gpu.caps()));
+        Ok(Renderer {
+            gpu: gpu.clone(),
+            forward: Forward::new(gpu, options.sh_degree, options.with_depth)?,
+            present: presents.then(present).transpose()?,
+            scratch: Scratch::new(gpu, options.capacity)?,
+            frames: Frames::new(gpu, options.frames_in_flight, false)?,
+            options,
+            pending: VecDeque::new(),
+        })
+    }
+
+    /// Makes room for a frame of `model` through `camera` with up to `isects` (splat, tile) pairs.
+    pub fn reserve(&mut self, model: &Model, camera: &Camera, isects: usize) -> Result<()> {
+        let wanted = Capacity::for_image(model.splat_count, isects, camera.width, camera.height);
+        let capacity = self.scratch.capacity.max(wanted);
+        if capacity != self.scratch.capacity {
+            self.scratch = Scratch::new(&self.gpu, capacity)?;
+        }
+        Ok(())
+    }
+
+    /// Records a frame into a host's command buffer and writes it to the host's image. Nothing is
+    /// submitted or waited for. Once `frames_in_flight` frames have been recorded, returns how many
+    /// intersections the oldest of them wanted: if that exceeds what was reserved, that frame showed only
+    /// the background, and the host calls [`Renderer::reserve`] before it records the next one.
+    ///
+    /// # Errors
+    /// [`Error::Config`] where the model or the image exceed the reserved capacity.
+    pub fn record(
+        &mut self,
+        commands: &mut HostCommands,
+        model: &Model,
+        camera: &Camera,
+        view: &ViewOptions,
+        target: &HostImage,
+    ) -> Result<Option<usize>> {
+        let present = self.present.as_ref().ok_or_else(|| Error::Unsupported {
+            what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled".into(),
+        })?;
+        let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
+        if self.scratch.capacity.max(wanted) != self.scratch.capacity {
+            return Err(Error::Config(format!(
+                "{wanted:?} exceeds the renderer's {:?}: call reserve first",
+                self.scratch.capacity
+            )));
+        }
+        let size = [camera.width, camera.height];
+        assert_eq!(target.image().extent(), size, "camera and target differ in size");
+        let full = self.pending.len() == self.options.frames_in_flight;
+        let oldest = full.then(|| self.pending.pop_front()).flatten();
+        let finished = oldest.map(|counts| counts.get()[COUNT_ISECT_WANTED as usize] as usize);
+        let mut rec = self.frames.begin_in(commands)?;
+        record_frame(&mut rec, &self.forward, model, &self.scratch, camera, view, self.options.sh_degree);
+        rec.acquire(target);
+        let io =
+            present::Bindings { view: &self.scratch.view, image: &self.scratch.image, target: target.image() };
+        present.record(&mut rec, io, size);
+        rec.release(target);
+        self.pending.push_back(rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?);
+        rec.finish()?;
+        Ok(finished)
+    }
+
+    /// Renders one image and reads it back, growing buffers as needed.
+    pub fn render(&mut self, model: &Model, camera: &Camera, view: &ViewOptions) -> Result<Rendered> {
+        self.reserve(model, camera, 4 * model.splat_count)?;
+        loop {
+            let pixels = camera.width as usize * camera.height as usize;
+            let (forward, scratch) = (&self.forward, &self.scratch);
+            let (degree, with_depth) = (self.options.sh_degree, self.options.with_depth);
+            let (ticket, (counts, image, depth)) = self.frames.submit(|rec| {
+                record_frame(rec, forward, model, scratch, camera, view, degree);
+                Ok((
+                    rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?,
+                    rec.read_back(&scratch.image, 0..4 * pixels)?,
+                    rec.read_back(&scratch.depth, 0..if with_depth { pixels } else { 0 })?,
+                ))
+            })?;
+            self.frames.wait(ticket)?;
+            let counts = counts.get();
+            if counts[COUNT_FAILED as usize] == 0 {
+                return Ok(unpack(camera, &image.get(), depth.get()));
+            }
+            let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
+            self.reserve(model, camera, wanted + wanted / 4)?;
+        }
+    }
+}
+
+fn record_frame(
+    rec: &mut Recorder<'_>,
+    forward: &Forward,
+    model: &Model,
+    scratch: &Scratch,
+    camera: &Camera,
+    view: &ViewOptions,
+    sh_degree: u32,
+) {
+    rec.fill(&scratch.counts, 0);
+    let view = view_of(camera, view, model.splat_count, model.stride);
+    forward.record(rec, model, scratch, &view, sh_degree.min(model.sh_degree));
+}
+
+fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>) -> Rendered {
+    let pixels = camera.width as usize * camera.height as usize;
+    let rgb = (0..pixels).map(|i| [image[i], image[pixels + i], image[2 * pixels + i]]).collect();
+    let transmittance = image[3 * pixels..].to_vec();
+    Rendered { width: camera.width, height: camera.height, rgb, transmittance, depth }
+}

@@ -1,0 +1,135 @@
+//! The buffers that a frame works in, sized by a stated capacity.
+
+use crate::Result;
+use crate::gpu::{Buffer, Gpu};
+use crate::kernels::sort::{Layout, Pairs, Tables};
+use crate::layout::*;
+
+/// The most that a frame may hold. Fixed while recording; what does not fit is counted, not drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capacity {
+    /// Splats.
+    pub splats: usize,
+    /// (Splat, tile) pairs.
+    pub isects: usize,
+    /// Pixels.
+    pub pixels: usize,
+    /// Tiles.
+    pub tiles: usize,
+}
+
+impl Capacity {
+    /// Room for images of a size.
+    pub fn for_image(splats: usize, isects: usize, width: u32, height: u32) -> Capacity {
+        let tiles = width.div_ceil(TILE_WIDTH) * height.div_ceil(TILE_HEIGHT);
+        Capacity { splats, isects, pixels: width as usize * height as usize, tiles: tiles as usize }
+    }
+
+    /// The larger of both in every respect.
+    pub fn max(self, other: Capacity) -> Capacity {
+        Capacity {
+            splats: self.splats.max(other.splats),
+            isects: self.isects.max(other.isects),
+            pixels: self.pixels.max(other.pixels),
+            tiles: self.tiles.max(other.tiles),
+        }
+    }
+}
+
+/// A frame's buffers. Names say what indexes what: `a_from_b` is indexed by `b` and gives `a`.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    /// What fits.
+    pub capacity: Capacity,
+    pub(crate) view: Buffer<View>,
+    pub(crate) counts: Buffer<u32>,
+    pub(crate) args: Buffer<DispatchArgs>,
+    pub(crate) splat2d: Buffer<Splat2d>,
+    pub(crate) tile_count_from_splat: Buffer<u32>,
+    pub(crate) visible_from_splat: Buffer<u32>,
+    pub(crate) by_depth: Pairs,
+    pub(crate) tile_count_from_rank: Buffer<u32>,
+    pub(crate) isect_from_rank: Buffer<u32>,
+    pub(crate) source_from_splat: Buffer<u32>,
+    pub(crate) by_tile: Pairs,
+    pub(crate) splat_from_source: Buffer<u32>,
+    pub(crate) tables: Tables,
+    pub(crate) range_from_tile: Buffer<[u32; 2]>,
+    pub(crate) image: Buffer<f32>,
+    pub(crate) depth: Buffer<f32>,
+    pub(crate) end_from_pixel: Buffer<u32>,
+}
+
+/// Depths: four passes of eight bits over all 32.
+pub(crate) const DEPTH_SORT: Layout = Layout {
+    digit_bits: 8,
+    passes: 4,
+    chunk: 1024,
+    count_slot: COUNT_VISIBLE,
+    table_slot: COUNT_VISIBLE_TABLE,
+    chunk_args: ARGS_VISIBLE_CHUNK,
+    table_args: ARGS_VISIBLE_TABLE,
+};
+
+/// Most bits of a tile digit.
+const TILE_DIGIT_BITS: u32 = 11;
+
+/// Tiles: as few passes over just the bits that tiles have as digits of at most eleven bits allow. One
+/// value beyond the last tile is padding.
+pub(crate) fn tile_sort(tiles: usize) -> Layout {
+    let bits = usize::BITS - tiles.leading_zeros();
+    let passes = bits.div_ceil(TILE_DIGIT_BITS).max(1);
+    Layout {
+        digit_bits: bits.div_ceil(passes),
+        passes,
+        chunk: 4096,
+        count_slot: COUNT_ISECT,
+        table_slot: COUNT_ISECT_TABLE,
+        chunk_args: ARGS_ISECT_CHUNK,
+        table_args: ARGS_ISECT_TABLE,
+    }
+}
+
+impl Scratch {
+    /// Allocates the buffers.
+    pub fn new(gpu: &Gpu, capacity: Capacity) -> Result<Scratch> {
+        let Capacity { splats, isects, pixels, tiles } = capacity;
+        // A smaller image may use wider digits than the largest one does: room for the widest.
+        let widest = Layout { digit_bits: TILE_DIGIT_BITS.min(tiles.ilog2() + 1), ..tile_sort(tiles) };
+        let table = DEPTH_SORT.table_len(splats).max(widest.table_len(isects));
+        let scanned = table.max(splats);
+        let pair = |name: &str, len| -> Result<[Buffer<u32>; 2]> {
+            Ok([gpu.buffer(name, len)?, gpu.buffer(name, len)?])
+        };
+        Ok(Scratch {
+            capacity,
+            view: gpu.buffer("view", 1)?,
+            counts: gpu.buffer("counts", COUNT_SLOTS as usize)?,
+            args: gpu.buffer("args", ARGS_SLOTS as usize)?,
+            splat2d: gpu.buffer("splat2d", splats)?,
+            tile_count_from_splat: gpu.buffer("tile_count_from_splat", splats)?,
+            visible_from_splat: gpu.buffer("visible_from_splat", splats)?,
+            by_depth: Pairs {
+                keys: pair("depth_from_visible", splats)?,
+                values: pair("splat_from_visible", splats)?,
+            },
+            tile_count_from_rank: gpu.buffer("tile_count_from_rank", splats)?,
+            isect_from_rank: gpu.buffer("isect_from_rank", splats)?,
+            source_from_splat: gpu.buffer("source_from_splat", splats)?,
+            by_tile: Pairs {
+                keys: pair("tile_from_isect", isects)?,
+                values: pair("source_from_isect", isects)?,
+            },
+            splat_from_source: gpu.buffer("splat_from_source", isects)?,
+            tables: Tables {
+                counted: gpu.buffer("table", table)?,
+                places: gpu.buffer("places", table)?,
+                sums: gpu.buffer("sums", scanned.div_ceil(SCAN_CHUNK as usize))?,
+            },
+            range_from_tile: gpu.buffer("range_from_tile", tiles)?,
+            image: gpu.buffer("image", 4 * pixels)?,
+            depth: gpu.buffer("depth", pixels)?,
+            end_from_pixel: gpu.buffer("end_from_pixel", pixels)?,
+        })
+    }
+}

@@ -1,0 +1,47 @@
+//! A camera as the kernels read it.
+
+use crate::layout::{TILE_HEIGHT, TILE_WIDTH, View};
+use crate::scene::{Camera, RenderMode};
+
+/// How far beyond the image border the Jacobian still follows a splat's centre, as a share of the image
+/// size: 0.15, which is 1.3 times the tangent of half the field of view when centred (3DGS code).
+const BORDER: f64 = 0.15;
+
+/// What a frame needs besides its camera.
+#[derive(Clone, Copy, Debug)]
+pub struct ViewOptions {
+    /// Colour behind everything, 0 to 1.
+    pub background: [f32; 3],
+    /// Splats nearer than this (world units along z) are not drawn.
+    pub near: f32,
+    /// How the scene was trained.
+    pub mode: RenderMode,
+}
+
+/// The shader's view of `splat_count` splats whose parameter planes lie `stride` apart.
+pub fn view_of(camera: &Camera, options: &ViewOptions, splat_count: usize, stride: usize) -> View {
+    let size = [camera.width, camera.height];
+    let limits = |axis: usize| {
+        let (extent, focal, center) = (f64::from(size[axis]), camera.focal[axis], camera.center[axis]);
+        let margin = BORDER * extent / focal;
+        ((-center / focal - margin) as f32, ((extent - center) / focal + margin) as f32)
+    };
+    let ((x_min, x_max), (y_min, y_max)) = (limits(0), limits(1));
+    View {
+        view_from_world: camera.rotation.as_mat3().to_cols_array_2d(),
+        position: camera.position.as_vec3().to_array(),
+        focal: camera.focal.as_vec2().to_array(),
+        center: camera.center.as_vec2().to_array(),
+        limit: [x_min, x_max, y_min, y_max],
+        size,
+        tiles: [size[0].div_ceil(TILE_WIDTH), size[1].div_ceil(TILE_HEIGHT)],
+        near_plane: options.near,
+        dilation: match options.mode {
+            RenderMode::Default => 0.3,
+            RenderMode::Mip => 0.1,
+        },
+        splat_count: splat_count as u32,
+        stride: stride as u32,
+        background: options.background,
+    }
+}
