@@ -29,7 +29,12 @@ pub struct Required {
 /// What this crate asks of a device.
 pub const REQUIRED: Required = Required {
     api: (1, 3),
-    features: &["scalarBlockLayout", "timelineSemaphore", "synchronization2"],
+    features: &[
+        "scalarBlockLayout",
+        "timelineSemaphore",
+        "synchronization2",
+        "maintenance4",
+    ],
     optional_features: &[
         "shaderStorageImageWriteWithoutFormat",
         "subgroupSizeControl",
@@ -196,6 +201,7 @@ fn create_device(
         ("scalarBlockLayout", has12.scalar_block_layout),
         ("timelineSemaphore", has12.timeline_semaphore),
         ("synchronization2", has13.synchronization2),
+        ("maintenance4", has13.maintenance4),
     ] {
         if offered != vk::TRUE {
             return Err(Error::Unsupported {
@@ -208,6 +214,7 @@ fn create_device(
         .timeline_semaphore(true);
     let mut want13 = vk::PhysicalDeviceVulkan13Features::default()
         .synchronization2(true)
+        .maintenance4(true)
         .subgroup_size_control(has13.subgroup_size_control == vk::TRUE)
         .compute_full_subgroups(has13.compute_full_subgroups == vk::TRUE);
     let want = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(

@@ -14,7 +14,10 @@ pub struct Adam {
 impl Adam {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Adam> {
-        Ok(Adam { kernel: Kernel::new(gpu, choice)?, workgroup: choice.spec.workgroup })
+        Ok(Adam {
+            kernel: Kernel::new(gpu, choice)?,
+            workgroup: choice.spec.workgroup,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -23,8 +26,19 @@ impl Adam {
     }
 
     /// Records it over `planes` planes of `params.splat_count` splats; fills in how planes share the workgroups.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, mut params: Params, planes: usize) {
+    pub fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        io: Bindings<'_>,
+        mut params: Params,
+        planes: usize,
+    ) {
         params.groups_per_plane = params.splat_count.div_ceil(self.workgroup);
-        self.kernel.record(rec, io, params, Groups::Count(params.groups_per_plane * planes as u32));
+        self.kernel.record(
+            rec,
+            io,
+            params,
+            Groups::Count(params.groups_per_plane * planes as u32),
+        );
     }
 }

@@ -14,7 +14,10 @@ pub struct Compact {
 impl Compact {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Compact> {
-        Ok(Compact { kernel: Kernel::new(gpu, choice)?, workgroup: choice.spec.workgroup })
+        Ok(Compact {
+            kernel: Kernel::new(gpu, choice)?,
+            workgroup: choice.spec.workgroup,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -24,6 +27,10 @@ impl Compact {
 
     /// Records it over `count` splats.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, count: usize) {
-        self.kernel.record(rec, io, Groups::Count((count as u32).div_ceil(self.workgroup)));
+        self.kernel.record(
+            rec,
+            io,
+            Groups::Count((count as u32).div_ceil(self.workgroup)),
+        );
     }
 }

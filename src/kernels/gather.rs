@@ -14,7 +14,9 @@ pub struct Gather {
 impl Gather {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Gather> {
-        Ok(Gather { kernel: Kernel::new(gpu, choice)? })
+        Ok(Gather {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -23,7 +25,14 @@ impl Gather {
     }
 
     /// Records it; element `index` of `groups` holds the dispatch size that `plan` derived.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, groups: &Buffer<DispatchArgs>, index: u32) {
-        self.kernel.record(rec, io, Groups::indirect(groups, index as usize));
+    pub fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        io: Bindings<'_>,
+        groups: &Buffer<DispatchArgs>,
+        index: u32,
+    ) {
+        self.kernel
+            .record(rec, io, Groups::indirect(groups, index as usize));
     }
 }

@@ -13,7 +13,9 @@ pub struct Loss {
 impl Loss {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Loss> {
-        Ok(Loss { kernel: Kernel::new(gpu, choice)? })
+        Ok(Loss {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -23,6 +25,7 @@ impl Loss {
 
     /// Records it over `tiles` tiles of 16 x 16 pixels.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, tiles: usize) {
-        self.kernel.record(rec, io, params, Groups::Count(tiles as u32));
+        self.kernel
+            .record(rec, io, params, Groups::Count(tiles as u32));
     }
 }

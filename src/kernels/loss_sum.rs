@@ -13,7 +13,9 @@ pub struct LossSum {
 impl LossSum {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<LossSum> {
-        Ok(LossSum { kernel: Kernel::new(gpu, choice)? })
+        Ok(LossSum {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.

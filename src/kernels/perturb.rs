@@ -14,7 +14,10 @@ pub struct Perturb {
 impl Perturb {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Perturb> {
-        Ok(Perturb { kernel: Kernel::new(gpu, choice)?, workgroup: choice.spec.workgroup })
+        Ok(Perturb {
+            kernel: Kernel::new(gpu, choice)?,
+            workgroup: choice.spec.workgroup,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -24,6 +27,11 @@ impl Perturb {
 
     /// Records it over `count` splats.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, count: usize) {
-        self.kernel.record(rec, io, params, Groups::Count((count as u32).div_ceil(self.workgroup)));
+        self.kernel.record(
+            rec,
+            io,
+            params,
+            Groups::Count((count as u32).div_ceil(self.workgroup)),
+        );
     }
 }

@@ -13,7 +13,9 @@ pub struct Plan {
 impl Plan {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Plan> {
-        Ok(Plan { kernel: Kernel::new(gpu, choice)? })
+        Ok(Plan {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.

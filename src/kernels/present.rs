@@ -13,7 +13,9 @@ pub struct Present {
 impl Present {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Present> {
-        Ok(Present { kernel: Kernel::new(gpu, choice)? })
+        Ok(Present {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -23,6 +25,10 @@ impl Present {
 
     /// Records it over an image of `size` pixels.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, size: [u32; 2]) {
-        self.kernel.record(rec, io, Groups::Grid([size[0].div_ceil(8), size[1].div_ceil(8), 1]));
+        self.kernel.record(
+            rec,
+            io,
+            Groups::Grid([size[0].div_ceil(8), size[1].div_ceil(8), 1]),
+        );
     }
 }

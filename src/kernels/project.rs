@@ -14,16 +14,29 @@ pub struct Project {
 impl Project {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Project> {
-        Ok(Project { kernel: Kernel::new(gpu, choice)?, workgroup: choice.spec.workgroup })
+        Ok(Project {
+            kernel: Kernel::new(gpu, choice)?,
+            workgroup: choice.spec.workgroup,
+        })
     }
 
     /// Which variant and tuning suits a device, for splats of `sh_degree`.
     pub fn prefer(_caps: &Caps, sh_degree: u32) -> Choice {
-        Choice { spec: Spec { sh_degree, ..Spec::default() }, ..Choice::default() }
+        Choice {
+            spec: Spec {
+                sh_degree,
+                ..Spec::default()
+            },
+            ..Choice::default()
+        }
     }
 
     /// Records it over `count` splats.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, count: usize) {
-        self.kernel.record(rec, io, Groups::Count((count as u32).div_ceil(self.workgroup)));
+        self.kernel.record(
+            rec,
+            io,
+            Groups::Count((count as u32).div_ceil(self.workgroup)),
+        );
     }
 }

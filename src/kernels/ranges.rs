@@ -14,7 +14,9 @@ pub struct Ranges {
 impl Ranges {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Ranges> {
-        Ok(Ranges { kernel: Kernel::new(gpu, choice)? })
+        Ok(Ranges {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -23,7 +25,15 @@ impl Ranges {
     }
 
     /// Records it; element `index` of `groups` holds the dispatch size that `plan` derived.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, groups: &Buffer<DispatchArgs>, index: u32) {
-        self.kernel.record(rec, io, params, Groups::indirect(groups, index as usize));
+    pub fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        io: Bindings<'_>,
+        params: Params,
+        groups: &Buffer<DispatchArgs>,
+        index: u32,
+    ) {
+        self.kernel
+            .record(rec, io, params, Groups::indirect(groups, index as usize));
     }
 }

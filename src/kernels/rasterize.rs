@@ -13,20 +13,38 @@ pub struct Rasterize {
 impl Rasterize {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<Rasterize> {
-        Ok(Rasterize { kernel: Kernel::new(gpu, choice)? })
+        Ok(Rasterize {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: lanes of one subgroup where it can vote and add, as many as make
     /// four pixels or more a lane.
     pub fn prefer(caps: &Caps, with_depth: bool) -> Choice {
         let subgroup = caps.supports(Variant::Subgroup.info()).is_ok() && caps.subgroup_size >= 8;
-        let variant = if subgroup { Variant::Subgroup } else { Variant::Base };
-        let workgroup = if subgroup { caps.subgroup_size.min(32) } else { 8 };
-        Choice { variant, spec: Spec { workgroup, with_depth: with_depth.into(), ..Spec::default() } }
+        let variant = if subgroup {
+            Variant::Subgroup
+        } else {
+            Variant::Base
+        };
+        let workgroup = if subgroup {
+            caps.subgroup_size.min(32)
+        } else {
+            8
+        };
+        Choice {
+            variant,
+            spec: Spec {
+                workgroup,
+                with_depth: with_depth.into(),
+                ..Spec::default()
+            },
+        }
     }
 
     /// Records it over `tiles` tiles.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, tiles: usize) {
-        self.kernel.record(rec, io, params, Groups::Count(tiles as u32));
+        self.kernel
+            .record(rec, io, params, Groups::Count(tiles as u32));
     }
 }

@@ -13,20 +13,37 @@ pub struct RasterizeBackward {
 impl RasterizeBackward {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<RasterizeBackward> {
-        Ok(RasterizeBackward { kernel: Kernel::new(gpu, choice)? })
+        Ok(RasterizeBackward {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: lanes of one subgroup where it can vote and add, as many as make
     /// four pixels or more a lane.
     pub fn prefer(caps: &Caps) -> Choice {
         let subgroup = caps.supports(Variant::Subgroup.info()).is_ok() && caps.subgroup_size >= 8;
-        let variant = if subgroup { Variant::Subgroup } else { Variant::Base };
-        let workgroup = if subgroup { caps.subgroup_size.min(32) } else { 8 };
-        Choice { variant, spec: Spec { workgroup, ..Spec::default() } }
+        let variant = if subgroup {
+            Variant::Subgroup
+        } else {
+            Variant::Base
+        };
+        let workgroup = if subgroup {
+            caps.subgroup_size.min(32)
+        } else {
+            8
+        };
+        Choice {
+            variant,
+            spec: Spec {
+                workgroup,
+                ..Spec::default()
+            },
+        }
     }
 
     /// Records it over `tiles` tiles.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, tiles: usize) {
-        self.kernel.record(rec, io, params, Groups::Count(tiles as u32));
+        self.kernel
+            .record(rec, io, params, Groups::Count(tiles as u32));
     }
 }

@@ -53,28 +53,56 @@ impl Scan {
 
     /// Workgroups for `count` values.
     pub fn groups(count: usize) -> Groups<'static> {
-        Groups::Count((count as u32).div_ceil(SCAN_CHUNK).div_ceil(Scan::WORKGROUP))
+        Groups::Count(
+            (count as u32)
+                .div_ceil(SCAN_CHUNK)
+                .div_ceil(Scan::WORKGROUP),
+        )
     }
 
     /// Records a prefix sum; `groups` covers the number of values.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Io<'_>, what: What, groups: Groups<'_>) {
-        let Io { counts, values, offsets, sums } = io;
-        let What { count_slot, total_slot, flags } = what;
+        let Io {
+            counts,
+            values,
+            offsets,
+            sums,
+        } = io;
+        let What {
+            count_slot,
+            total_slot,
+            flags,
+        } = what;
         let flags = u32::from(flags);
         self.reduce.record(
             rec,
-            scan_reduce::Bindings { counts, values, sum_from_chunk: sums },
+            scan_reduce::Bindings {
+                counts,
+                values,
+                sum_from_chunk: sums,
+            },
             scan_reduce::Params { count_slot, flags },
             groups,
         );
         self.chunks.record(
             rec,
-            scan_chunks::Bindings { counts, sum_from_chunk: sums },
-            scan_chunks::Params { count_slot, total_slot },
+            scan_chunks::Bindings {
+                counts,
+                sum_from_chunk: sums,
+            },
+            scan_chunks::Params {
+                count_slot,
+                total_slot,
+            },
         );
         self.apply.record(
             rec,
-            scan_apply::Bindings { counts, values, sum_from_chunk: sums, offsets },
+            scan_apply::Bindings {
+                counts,
+                values,
+                sum_from_chunk: sums,
+                offsets,
+            },
             scan_apply::Params { count_slot, flags },
             groups,
         );

@@ -13,7 +13,9 @@ pub struct ScanApply {
 impl ScanApply {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<ScanApply> {
-        Ok(ScanApply { kernel: Kernel::new(gpu, choice)? })
+        Ok(ScanApply {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -22,7 +24,13 @@ impl ScanApply {
     }
 
     /// Records it over `groups` workgroups.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, groups: Groups<'_>) {
+    pub fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        io: Bindings<'_>,
+        params: Params,
+        groups: Groups<'_>,
+    ) {
         self.kernel.record(rec, io, params, groups);
     }
 }

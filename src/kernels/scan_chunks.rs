@@ -13,7 +13,9 @@ pub struct ScanChunks {
 impl ScanChunks {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<ScanChunks> {
-        Ok(ScanChunks { kernel: Kernel::new(gpu, choice)? })
+        Ok(ScanChunks {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.

@@ -13,7 +13,9 @@ pub struct ScanReduce {
 impl ScanReduce {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<ScanReduce> {
-        Ok(ScanReduce { kernel: Kernel::new(gpu, choice)? })
+        Ok(ScanReduce {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -22,7 +24,13 @@ impl ScanReduce {
     }
 
     /// Records it over `groups` workgroups.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, groups: Groups<'_>) {
+    pub fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        io: Bindings<'_>,
+        params: Params,
+        groups: Groups<'_>,
+    ) {
         self.kernel.record(rec, io, params, groups);
     }
 }

@@ -73,7 +73,10 @@ impl Sort {
         let count = sort_count::SortCount::prefer(gpu.caps());
         Ok(Sort {
             count: sort_count::SortCount::new(gpu, count)?,
-            scatter: sort_scatter::SortScatter::new(gpu, sort_scatter::SortScatter::prefer(gpu.caps()))?,
+            scatter: sort_scatter::SortScatter::new(
+                gpu,
+                sort_scatter::SortScatter::prefer(gpu.caps()),
+            )?,
             chunks_per_group: count.spec.workgroup,
         })
     }
@@ -89,21 +92,46 @@ impl Sort {
         tables: &Tables,
         layout: Layout,
     ) -> usize {
-        let Layout { count_slot, chunk, .. } = layout;
+        let Layout {
+            count_slot, chunk, ..
+        } = layout;
         let digit_count = layout.digit_count();
         for pass in 0..layout.passes {
             let (from, to) = ((pass % 2) as usize, (pass % 2) as usize ^ 1);
             let shift = pass * layout.digit_bits;
             self.count.record(
                 rec,
-                sort_count::Bindings { counts, keys: &pairs.keys[from], table: &tables.counted },
-                sort_count::Params { count_slot, chunk, shift, digit_count },
+                sort_count::Bindings {
+                    counts,
+                    keys: &pairs.keys[from],
+                    table: &tables.counted,
+                },
+                sort_count::Params {
+                    count_slot,
+                    chunk,
+                    shift,
+                    digit_count,
+                },
                 args,
                 layout.chunk_args,
             );
-            let what = What { count_slot: layout.table_slot, total_slot: COUNT_SCRATCH, flags: false };
-            let io = ScanIo { counts, values: &tables.counted, offsets: &tables.places, sums: &tables.sums };
-            scan.record(rec, io, what, Groups::indirect(args, layout.table_args as usize));
+            let what = What {
+                count_slot: layout.table_slot,
+                total_slot: COUNT_SCRATCH,
+                flags: false,
+            };
+            let io = ScanIo {
+                counts,
+                values: &tables.counted,
+                offsets: &tables.places,
+                sums: &tables.sums,
+            };
+            scan.record(
+                rec,
+                io,
+                what,
+                Groups::indirect(args, layout.table_args as usize),
+            );
             self.scatter.record(
                 rec,
                 sort_scatter::Bindings {
@@ -114,7 +142,12 @@ impl Sort {
                     keys_out: &pairs.keys[to],
                     values_out: &pairs.values[to],
                 },
-                sort_scatter::Params { count_slot, chunk, shift, digit_count },
+                sort_scatter::Params {
+                    count_slot,
+                    chunk,
+                    shift,
+                    digit_count,
+                },
                 args,
                 layout.chunk_args,
             );

@@ -14,7 +14,9 @@ pub struct SortCount {
 impl SortCount {
     /// Compiles it as chosen.
     pub fn new(gpu: &Gpu, choice: Choice) -> Result<SortCount> {
-        Ok(SortCount { kernel: Kernel::new(gpu, choice)? })
+        Ok(SortCount {
+            kernel: Kernel::new(gpu, choice)?,
+        })
     }
 
     /// Which variant and tuning suits a device: one serves all so far.
@@ -23,7 +25,15 @@ impl SortCount {
     }
 
     /// Records it; element `index` of `groups` holds the dispatch size that `plan` derived.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, groups: &Buffer<DispatchArgs>, index: u32) {
-        self.kernel.record(rec, io, params, Groups::indirect(groups, index as usize));
+    pub fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        io: Bindings<'_>,
+        params: Params,
+        groups: &Buffer<DispatchArgs>,
+        index: u32,
+    ) {
+        self.kernel
+            .record(rec, io, params, Groups::indirect(groups, index as usize));
     }
 }

@@ -43,14 +43,24 @@ impl Forward {
             gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
             expand: expand::Expand::new(gpu, expand::Expand::prefer(caps))?,
             ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
-            rasterize: rasterize::Rasterize::new(gpu, rasterize::Rasterize::prefer(caps, with_depth))?,
+            rasterize: rasterize::Rasterize::new(
+                gpu,
+                rasterize::Rasterize::prefer(caps, with_depth),
+            )?,
             group_limit: caps.max_groups[0],
         })
     }
 
     /// Records a frame of the first `view.splat_count` splats with harmonics up to `sh_degree`. The failed
     /// flag in `scratch.counts` is honoured, never cleared.
-    pub fn record(&self, rec: &mut Recorder<'_>, model: &Model, scratch: &Scratch, view: &View, sh_degree: u32) {
+    pub fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        model: &Model,
+        scratch: &Scratch,
+        view: &View,
+        sh_degree: u32,
+    ) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let count = view.splat_count as usize;
         let s = scratch;
@@ -85,7 +95,9 @@ impl Forward {
                 depth: &s.depth,
                 end_from_pixel: &s.end_from_pixel,
             },
-            rasterize::Params { tile_stride: tile_stride(tiles) },
+            rasterize::Params {
+                tile_stride: tile_stride(tiles),
+            },
             tiles,
         );
         rec.timestamp("rasterize");
@@ -99,7 +111,10 @@ impl Forward {
     fn plan(&self, rec: &mut Recorder<'_>, s: &Scratch, stage: u32, layout: Layout) {
         self.plan.record(
             rec,
-            plan::Bindings { counts: &s.counts, args: &s.args },
+            plan::Bindings {
+                counts: &s.counts,
+                args: &s.args,
+            },
             plan::Params {
                 stage,
                 isect_capacity: s.capacity.isects as u32,
@@ -121,7 +136,11 @@ impl Forward {
             offsets: &s.visible_from_splat,
             sums: &s.tables.sums,
         };
-        let visible = What { count_slot: COUNT_SPLAT, total_slot: COUNT_VISIBLE, flags: true };
+        let visible = What {
+            count_slot: COUNT_SPLAT,
+            total_slot: COUNT_VISIBLE,
+            flags: true,
+        };
         self.scan.record(rec, io, visible, Scan::groups(count));
         self.plan(rec, s, 0, DEPTH_SORT);
         self.compact.record(
@@ -136,7 +155,15 @@ impl Forward {
             },
             count,
         );
-        self.sort.record(rec, &self.scan, &s.counts, &s.args, &s.by_depth, &s.tables, DEPTH_SORT);
+        self.sort.record(
+            rec,
+            &self.scan,
+            &s.counts,
+            &s.args,
+            &s.by_depth,
+            &s.tables,
+            DEPTH_SORT,
+        );
         self.gather.record(
             rec,
             gather::Bindings {
@@ -148,9 +175,22 @@ impl Forward {
             &s.args,
             ARGS_VISIBLE,
         );
-        let io = ScanIo { values: &s.tile_count_from_rank, offsets: &s.isect_from_rank, ..io };
-        let isects = What { count_slot: COUNT_VISIBLE, total_slot: COUNT_ISECT, flags: false };
-        self.scan.record(rec, io, isects, Groups::indirect(&s.args, ARGS_VISIBLE_SCAN as usize));
+        let io = ScanIo {
+            values: &s.tile_count_from_rank,
+            offsets: &s.isect_from_rank,
+            ..io
+        };
+        let isects = What {
+            count_slot: COUNT_VISIBLE,
+            total_slot: COUNT_ISECT,
+            flags: false,
+        };
+        self.scan.record(
+            rec,
+            io,
+            isects,
+            Groups::indirect(&s.args, ARGS_VISIBLE_SCAN as usize),
+        );
         self.plan(rec, s, 1, tile_sort(tiles));
     }
 
@@ -177,7 +217,9 @@ impl Forward {
     /// A stable sort on the tiles' bits alone keeps the depth order within each tile.
     fn order_by_tile(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize) -> usize {
         let layout = tile_sort(tiles);
-        let sorted = self.sort.record(rec, &self.scan, &s.counts, &s.args, &s.by_tile, &s.tables, layout);
+        let sorted = self.sort.record(
+            rec, &self.scan, &s.counts, &s.args, &s.by_tile, &s.tables, layout,
+        );
         rec.fill(&s.range_from_tile, 0);
         self.ranges.record(
             rec,
@@ -186,7 +228,9 @@ impl Forward {
                 tile_from_isect: &s.by_tile.keys[sorted],
                 range_from_tile: &s.range_from_tile,
             },
-            ranges::Params { tile_count: tiles as u32 },
+            ranges::Params {
+                tile_count: tiles as u32,
+            },
             &s.args,
             ARGS_ISECT,
         );
@@ -206,7 +250,9 @@ pub(crate) fn tile_stride(tiles: usize) -> u32 {
     // Products of workgroup and stride must stay within 32 bits.
     let most = (u32::MAX as usize / tiles.max(1)).clamp(1, tiles.max(1));
     let start = ((tiles as f64 * 0.381_966) as usize).clamp(1, most);
-    (start..=most).find(|&stride| gcd(stride, tiles) == 1).unwrap_or(1) as u32
+    (start..=most)
+        .find(|&stride| gcd(stride, tiles) == 1)
+        .unwrap_or(1) as u32
 }
 
 #[cfg(test)]

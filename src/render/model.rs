@@ -43,7 +43,13 @@ impl Model {
 pub fn planes_from_splats(splats: &Splats) -> Vec<[f32; 4]> {
     let count = splats.len();
     let mut planes = Vec::with_capacity(count * plane_count(splats.sh_degree));
-    planes.extend(splats.mean.iter().zip(&splats.opacity_logit).map(|(m, &o)| [m[0], m[1], m[2], o]));
+    planes.extend(
+        splats
+            .mean
+            .iter()
+            .zip(&splats.opacity_logit)
+            .map(|(m, &o)| [m[0], m[1], m[2], o]),
+    );
     planes.extend_from_slice(&splats.quaternion);
     planes.extend(splats.log_scale.iter().map(|s| [s[0], s[1], s[2], 0.0]));
     let stride = splats.sh_stride();
@@ -57,8 +63,17 @@ pub fn planes_from_splats(splats: &Splats) -> Vec<[f32; 4]> {
 }
 
 /// The scene whose planes, each `count` long, are `planes`.
-pub fn splats_from_planes(planes: &[[f32; 4]], count: usize, sh_degree: u32, mode: RenderMode) -> Splats {
-    assert_eq!(planes.len(), count * plane_count(sh_degree), "planes of another size");
+pub fn splats_from_planes(
+    planes: &[[f32; 4]],
+    count: usize,
+    sh_degree: u32,
+    mode: RenderMode,
+) -> Splats {
+    assert_eq!(
+        planes.len(),
+        count * plane_count(sh_degree),
+        "planes of another size"
+    );
     let plane = |index: usize| &planes[index * count..(index + 1) * count];
     let floats = sh_coefficient_count(sh_degree) * 3;
     let mut sh = vec![0.0; count * floats];

@@ -26,8 +26,18 @@ pub struct RenderOptions {
 
 impl Default for RenderOptions {
     fn default() -> RenderOptions {
-        let capacity = Capacity { splats: 1, isects: 1 << 18, pixels: 1, tiles: 1 };
-        RenderOptions { frames_in_flight: 2, capacity, sh_degree: 3, with_depth: false }
+        let capacity = Capacity {
+            splats: 1,
+            isects: 1 << 18,
+            pixels: 1,
+            tiles: 1,
+        };
+        RenderOptions {
+            frames_in_flight: 2,
+            capacity,
+            sh_degree: 3,
+            with_depth: false,
+        }
     }
 }
 
@@ -106,7 +116,8 @@ impl Renderer {
         target: &HostImage,
     ) -> Result<Option<usize>> {
         let present = self.present.as_ref().ok_or_else(|| Error::Unsupported {
-            what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled".into(),
+            what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled"
+                .into(),
         })?;
         let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
         if self.scratch.capacity.max(wanted) != self.scratch.capacity {
@@ -116,24 +127,45 @@ impl Renderer {
             )));
         }
         let size = [camera.width, camera.height];
-        assert_eq!(target.image().extent(), size, "camera and target differ in size");
+        assert_eq!(
+            target.image().extent(),
+            size,
+            "camera and target differ in size"
+        );
         let full = self.pending.len() == self.options.frames_in_flight;
         let oldest = full.then(|| self.pending.pop_front()).flatten();
         let finished = oldest.map(|counts| counts.get()[COUNT_ISECT_WANTED as usize] as usize);
         let mut rec = self.frames.begin_in(commands)?;
-        record_frame(&mut rec, &self.forward, model, &self.scratch, camera, view, self.options.sh_degree);
+        record_frame(
+            &mut rec,
+            &self.forward,
+            model,
+            &self.scratch,
+            camera,
+            view,
+            self.options.sh_degree,
+        );
         rec.acquire(target);
-        let io =
-            present::Bindings { view: &self.scratch.view, image: &self.scratch.image, target: target.image() };
+        let io = present::Bindings {
+            view: &self.scratch.view,
+            image: &self.scratch.image,
+            target: target.image(),
+        };
         present.record(&mut rec, io, size);
         rec.release(target);
-        self.pending.push_back(rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?);
+        self.pending
+            .push_back(rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?);
         rec.finish()?;
         Ok(finished)
     }
 
     /// Renders one image and reads it back, growing buffers as needed.
-    pub fn render(&mut self, model: &Model, camera: &Camera, view: &ViewOptions) -> Result<Rendered> {
+    pub fn render(
+        &mut self,
+        model: &Model,
+        camera: &Camera,
+        view: &ViewOptions,
+    ) -> Result<Rendered> {
         self.reserve(model, camera, 4 * model.splat_count)?;
         loop {
             let pixels = camera.width as usize * camera.height as usize;
@@ -174,7 +206,15 @@ fn record_frame(
 
 fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>) -> Rendered {
     let pixels = camera.width as usize * camera.height as usize;
-    let rgb = (0..pixels).map(|i| [image[i], image[pixels + i], image[2 * pixels + i]]).collect();
+    let rgb = (0..pixels)
+        .map(|i| [image[i], image[pixels + i], image[2 * pixels + i]])
+        .collect();
     let transmittance = image[3 * pixels..].to_vec();
-    Rendered { width: camera.width, height: camera.height, rgb, transmittance, depth }
+    Rendered {
+        width: camera.width,
+        height: camera.height,
+        rgb,
+        transmittance,
+        depth,
+    }
 }

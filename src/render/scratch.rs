@@ -22,7 +22,12 @@ impl Capacity {
     /// Room for images of a size.
     pub fn for_image(splats: usize, isects: usize, width: u32, height: u32) -> Capacity {
         let tiles = width.div_ceil(TILE_WIDTH) * height.div_ceil(TILE_HEIGHT);
-        Capacity { splats, isects, pixels: width as usize * height as usize, tiles: tiles as usize }
+        Capacity {
+            splats,
+            isects,
+            pixels: width as usize * height as usize,
+            tiles: tiles as usize,
+        }
     }
 
     /// The larger of both in every respect.
@@ -93,9 +98,17 @@ pub(crate) fn tile_sort(tiles: usize) -> Layout {
 impl Scratch {
     /// Allocates the buffers.
     pub fn new(gpu: &Gpu, capacity: Capacity) -> Result<Scratch> {
-        let Capacity { splats, isects, pixels, tiles } = capacity;
+        let Capacity {
+            splats,
+            isects,
+            pixels,
+            tiles,
+        } = capacity;
         // A smaller image may use wider digits than the largest one does: room for the widest.
-        let widest = Layout { digit_bits: TILE_DIGIT_BITS.min(tiles.ilog2() + 1), ..tile_sort(tiles) };
+        let widest = Layout {
+            digit_bits: TILE_DIGIT_BITS.min(tiles.ilog2() + 1),
+            ..tile_sort(tiles)
+        };
         let table = DEPTH_SORT.table_len(splats).max(widest.table_len(isects));
         let scanned = table.max(splats);
         let pair = |name: &str, len| -> Result<[Buffer<u32>; 2]> {

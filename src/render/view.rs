@@ -22,9 +22,16 @@ pub struct ViewOptions {
 pub fn view_of(camera: &Camera, options: &ViewOptions, splat_count: usize, stride: usize) -> View {
     let size = [camera.width, camera.height];
     let limits = |axis: usize| {
-        let (extent, focal, center) = (f64::from(size[axis]), camera.focal[axis], camera.center[axis]);
+        let (extent, focal, center) = (
+            f64::from(size[axis]),
+            camera.focal[axis],
+            camera.center[axis],
+        );
         let margin = BORDER * extent / focal;
-        ((-center / focal - margin) as f32, ((extent - center) / focal + margin) as f32)
+        (
+            (-center / focal - margin) as f32,
+            ((extent - center) / focal + margin) as f32,
+        )
     };
     let ((x_min, x_max), (y_min, y_max)) = (limits(0), limits(1));
     View {

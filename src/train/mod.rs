@@ -4,17 +4,23 @@
 //! refinement is a pure function of the optimiser's state on the CPU; the device only does arithmetic.
 //! Nothing here reads a file but the checkpoint it is given.
 
+mod backward;
 pub mod checkpoint;
 pub mod config;
+mod device;
 pub mod init;
 mod knn;
 mod morton;
+mod photos;
 pub mod rng;
 pub mod schedule;
 pub mod state;
 pub mod strategy;
+mod trainer;
 
 pub use config::{Background, StrategyKind, TrainConfig};
 pub use init::initial_splats;
 pub use state::HostState;
+use strategy::reset_opacity as adc_reset;
 pub use strategy::{RefineContext, RefineReport, SplatStats, Strategy};
+pub use trainer::{StepReport, Trainer};

@@ -1,0 +1,290 @@
+//! The kernels of a training step behind the frame: loss, gradients, update.
+
+use super::config::TrainConfig;
+use super::device::DeviceState;
+use super::photos::Bound;
+use super::schedule;
+use crate::Result;
+use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::kernels::{
+    adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
+};
+use crate::layout::View;
+use crate::render::{Forward, Scratch, plane_count, tile_stride};
+
+/// The value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
+const ALPHA_MASKS: u32 = 1;
+
+/// Width and height of the loss kernels' tiles (`WINDOW_TILE` in window.glsl).
+const LOSS_TILE: u32 = 16;
+
+/// The kernels, compiled for one device.
+#[derive(Debug)]
+pub(crate) struct Backward {
+    loss: loss::Loss,
+    loss_sum: loss_sum::LossSum,
+    loss_backward: loss_backward::LossBackward,
+    rasterize: rasterize_backward::RasterizeBackward,
+    /// One per spherical-harmonic degree.
+    project: Vec<project_backward::ProjectBackward>,
+    adam: adam::Adam,
+    perturb: perturb::Perturb,
+}
+
+/// Buffers of a step that rendering does not need.
+#[derive(Debug)]
+pub(crate) struct Gradients {
+    ssim_slope: Buffer<f32>,
+    loss_from_tile: Buffer<[f32; 4]>,
+    pub(crate) loss: Buffer<[f32; 4]>,
+    d_image: Buffer<f32>,
+    d_shape_from_source: Buffer<[f32; 4]>,
+    d_tone_from_source: Buffer<[f32; 4]>,
+    d_rest_from_source: Buffer<f32>,
+}
+
+impl Gradients {
+    /// Buffers to go with `scratch`.
+    pub(crate) fn new(gpu: &Gpu, scratch: &Scratch) -> Result<Gradients> {
+        let (pixels, isects) = (scratch.capacity.pixels, scratch.capacity.isects);
+        // An image of these tiles has at most as many loss tiles as it has compositing tiles.
+        let tiles = scratch.capacity.tiles;
+        Ok(Gradients {
+            ssim_slope: gpu.buffer("ssim_slope", 9 * pixels)?,
+            loss_from_tile: gpu.buffer("loss_from_tile", tiles)?,
+            loss: gpu.buffer("loss", 1)?,
+            d_image: gpu.buffer("d_image", 3 * pixels)?,
+            d_shape_from_source: gpu.buffer("d_shape_from_source", isects)?,
+            d_tone_from_source: gpu.buffer("d_tone_from_source", isects)?,
+            d_rest_from_source: gpu.buffer("d_rest_from_source", isects)?,
+        })
+    }
+}
+
+/// What a step works on.
+pub(crate) struct Step<'a> {
+    pub(crate) config: &'a TrainConfig,
+    pub(crate) iteration: u32,
+    /// Scene extent in world units.
+    pub(crate) extent: f64,
+    pub(crate) view: &'a View,
+    pub(crate) sh_degree: u32,
+}
+
+impl Backward {
+    /// Compiles the kernels.
+    pub(crate) fn new(gpu: &Gpu, sh_degree: u32) -> Result<Backward> {
+        let caps = gpu.caps();
+        use project_backward::ProjectBackward;
+        use rasterize_backward::RasterizeBackward;
+        Ok(Backward {
+            loss: loss::Loss::new(gpu, loss::Loss::prefer(caps))?,
+            loss_sum: loss_sum::LossSum::new(gpu, loss_sum::LossSum::prefer(caps))?,
+            loss_backward: loss_backward::LossBackward::new(
+                gpu,
+                loss_backward::LossBackward::prefer(caps),
+            )?,
+            rasterize: RasterizeBackward::new(gpu, RasterizeBackward::prefer(caps))?,
+            project: (0..=sh_degree)
+                .map(|degree| ProjectBackward::new(gpu, ProjectBackward::prefer(caps, degree)))
+                .collect::<Result<_>>()?,
+            adam: adam::Adam::new(gpu, adam::Adam::prefer(caps))?,
+            perturb: perturb::Perturb::new(gpu, perturb::Perturb::prefer(caps))?,
+        })
+    }
+
+    /// Records what follows the frame in a step.
+    pub(crate) fn record(
+        &self,
+        rec: &mut Recorder<'_>,
+        state: &DeviceState,
+        scratch: &Scratch,
+        gradients: &Gradients,
+        photo: &Bound,
+        step: &Step<'_>,
+    ) {
+        self.record_loss(rec, scratch, gradients, photo, step);
+        self.record_gradients(rec, state, scratch, gradients, step);
+        self.record_update(rec, state, scratch, step);
+    }
+
+    fn record_loss(
+        &self,
+        rec: &mut Recorder<'_>,
+        s: &Scratch,
+        g: &Gradients,
+        photo: &Bound,
+        step: &Step<'_>,
+    ) {
+        let [width, height] = step.view.size;
+        let tiles = (width.div_ceil(LOSS_TILE) * height.div_ceil(LOSS_TILE)) as usize;
+        let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
+        self.loss.record(
+            rec,
+            loss::Bindings {
+                view: &s.view,
+                image: &s.image,
+                photo: &photo.pixels,
+                ssim_slope: &g.ssim_slope,
+                loss_from_tile: &g.loss_from_tile,
+            },
+            loss::Params { alpha_mode },
+            tiles,
+        );
+        self.loss_sum.record(
+            rec,
+            loss_sum::Bindings {
+                loss_from_tile: &g.loss_from_tile,
+                loss: &g.loss,
+            },
+            loss_sum::Params {
+                tile_count: tiles as u32,
+            },
+        );
+        // A photograph that is masked out entirely teaches nothing.
+        let share = if photo.weight > 0.0 {
+            1.0 / (3.0 * photo.weight)
+        } else {
+            0.0
+        };
+        let lambda = f64::from(step.config.lambda_dssim);
+        self.loss_backward.record(
+            rec,
+            loss_backward::Bindings {
+                view: &s.view,
+                image: &s.image,
+                photo: &photo.pixels,
+                ssim_slope: &g.ssim_slope,
+                d_image: &g.d_image,
+            },
+            loss_backward::Params {
+                alpha_mode,
+                l1_scale: ((1.0 - lambda) * share) as f32,
+                ssim_scale: (lambda * share) as f32,
+            },
+            tiles,
+        );
+        rec.timestamp("loss");
+    }
+
+    fn record_gradients(
+        &self,
+        rec: &mut Recorder<'_>,
+        state: &DeviceState,
+        s: &Scratch,
+        g: &Gradients,
+        step: &Step<'_>,
+    ) {
+        let tiles = (step.view.tiles[0] * step.view.tiles[1]) as usize;
+        self.rasterize.record(
+            rec,
+            rasterize_backward::Bindings {
+                view: &s.view,
+                range_from_tile: &s.range_from_tile,
+                source_from_isect: &s.by_tile.values[Forward::sorted_index(tiles)],
+                splat_from_source: &s.splat_from_source,
+                splat2d: &s.splat2d,
+                image: &s.image,
+                d_image: &g.d_image,
+                end_from_pixel: &s.end_from_pixel,
+                d_shape_from_source: &g.d_shape_from_source,
+                d_tone_from_source: &g.d_tone_from_source,
+                d_rest_from_source: &g.d_rest_from_source,
+            },
+            rasterize_backward::Params {
+                tile_stride: tile_stride(tiles),
+            },
+            tiles,
+        );
+        rec.timestamp("rasterize_backward");
+        let [opacity, scale] = schedule::regularization(step.config, step.extent);
+        let count = state.model.splat_count;
+        self.project[step.sh_degree as usize].record(
+            rec,
+            project_backward::Bindings {
+                view: &s.view,
+                counts: &s.counts,
+                params: &state.model.params,
+                tile_count_from_splat: &s.tile_count_from_splat,
+                source_from_splat: &s.source_from_splat,
+                splat2d: &s.splat2d,
+                d_shape_from_source: &g.d_shape_from_source,
+                d_tone_from_source: &g.d_tone_from_source,
+                d_rest_from_source: &g.d_rest_from_source,
+                d_params: &state.gradients,
+                statistics: &state.statistics,
+            },
+            // Means over splats, and over axes.
+            project_backward::Params {
+                opacity_penalty: opacity / count as f32,
+                scale_penalty: scale / (3 * count) as f32,
+            },
+            count,
+        );
+        rec.timestamp("project_backward");
+    }
+
+    fn record_update(
+        &self,
+        rec: &mut Recorder<'_>,
+        state: &DeviceState,
+        s: &Scratch,
+        step: &Step<'_>,
+    ) {
+        let Step {
+            config,
+            iteration,
+            extent,
+            ..
+        } = *step;
+        let rates = schedule::rates(config, extent, iteration);
+        let [correction1, correction2] = schedule::bias_corrections(config, iteration);
+        let (splat_count, stride) = (state.model.splat_count as u32, state.model.stride as u32);
+        self.adam.record(
+            rec,
+            adam::Bindings {
+                counts: &s.counts,
+                d_params: &state.gradients,
+                params: &state.model.params,
+                moment1: &state.moment1,
+                moment2: &state.moment2,
+            },
+            adam::Params {
+                splat_count,
+                stride,
+                groups_per_plane: 0,
+                rate_mean: rates.mean,
+                rate_opacity: rates.opacity,
+                rate_quaternion: rates.quaternion,
+                rate_log_scale: rates.log_scale,
+                rate_sh_dc: rates.sh_dc,
+                rate_sh_rest: rates.sh_rest,
+                beta1: config.adam.beta1,
+                beta2: config.adam.beta2,
+                epsilon: config.adam.epsilon,
+                correction1,
+                correction2,
+            },
+            plane_count(step.sh_degree),
+        );
+        let amplitude = schedule::noise_scale(config, extent, iteration);
+        if amplitude > 0.0 {
+            self.perturb.record(
+                rec,
+                perturb::Bindings {
+                    counts: &s.counts,
+                    params: &state.model.params,
+                },
+                perturb::Params {
+                    splat_count,
+                    stride,
+                    seed: (config.seed ^ (config.seed >> 32)) as u32,
+                    step: iteration,
+                    amplitude,
+                },
+                state.model.splat_count,
+            );
+        }
+        rec.timestamp("adam");
+    }
+}

@@ -1,0 +1,349 @@
+//! Training: one step after the other, without waiting for the device but where sizes change.
+//!
+//! A step that wanted more intersections than there was room for does nothing, nor do the steps behind
+//! it; when its report arrives, buffers grow and training goes on from that very step. So results do not
+//! depend on how large buffers happened to be, and a resumed run repeats an uninterrupted one to the bit.
+
+use super::backward::{Backward, Gradients, Step};
+use super::config::TrainConfig;
+use super::device::DeviceState;
+use super::photos::Photos;
+use super::state::HostState;
+use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
+use super::{adc_reset, initial_splats, schedule};
+use crate::gpu::{Frames, Gpu, Readback, Ticket};
+use crate::layout::*;
+use crate::render::{Capacity, Forward, Scratch, ViewOptions, view_of};
+use crate::scene::{Dataset, RenderMode, Splats, Split};
+use crate::{Error, Result};
+use std::collections::VecDeque;
+
+/// Steps in flight.
+const IN_FLIGHT: usize = 2;
+
+/// What a finished step has to say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepReport {
+    /// 1 for the first.
+    pub iteration: u32,
+    /// (1 − λ) L1 + λ (1 − SSIM) before the step's update.
+    pub loss: f64,
+    /// Of the render of the step's photograph, likewise; decibels.
+    pub psnr_db: f64,
+    /// Splats that were trained.
+    pub splat_count: usize,
+    /// (Splat, tile) pairs of the frame.
+    pub isect_count: usize,
+    /// Groups of four parameters left alone because their gradient was not finite.
+    pub poisoned: usize,
+    /// What the refinement behind the step did, if there was one.
+    pub refined: Option<RefineReport>,
+}
+
+/// A step on its way.
+struct Pending {
+    iteration: u32,
+    ticket: Ticket,
+    counts: Readback<u32>,
+    loss: Readback<[f32; 4]>,
+    splat_count: usize,
+}
+
+/// Fits splats to the training views of a data set.
+pub struct Trainer<'a> {
+    gpu: Gpu,
+    dataset: &'a Dataset,
+    views: Vec<usize>,
+    config: TrainConfig,
+    extent: f64,
+    strategy: Box<dyn Strategy>,
+    forward: Forward,
+    backward: Backward,
+    state: DeviceState,
+    scratch: Scratch,
+    gradients: Gradients,
+    photos: Photos,
+    frames: Frames,
+    /// The last iteration recorded.
+    iteration: u32,
+    pending: VecDeque<Pending>,
+    done: VecDeque<StepReport>,
+}
+
+impl<'a> Trainer<'a> {
+    /// Starts a run from the data set's points, or at random where it has none.
+    pub fn new(gpu: &Gpu, dataset: &'a Dataset, config: TrainConfig) -> Result<Trainer<'a>> {
+        let splats = initial_splats(dataset, dataset.extent(), &config)?;
+        let state = HostState::from_splats(&splats, config.sh_degree);
+        Trainer::from_state(gpu, dataset, config, &state, 0)
+    }
+
+    /// Goes on from a state as it was after `iteration`. Statistics of density control start at 0.
+    pub fn from_state(
+        gpu: &Gpu,
+        dataset: &'a Dataset,
+        mut config: TrainConfig,
+        state: &HostState,
+        iteration: u32,
+    ) -> Result<Trainer<'a>> {
+        config.validate()?;
+        let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
+        config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));
+        let views = dataset.split(Split::Train);
+        if views.is_empty() {
+            return Err(Error::Config("the data set has no training view".into()));
+        }
+        let sizes = views.iter().map(|&view| &dataset.views[view].camera);
+        let isects = (8 * state.len()).max(1 << 18);
+        let capacity = sizes
+            .map(|camera| Capacity::for_image(state.len(), isects, camera.width, camera.height))
+            .fold(
+                Capacity {
+                    splats: 1,
+                    isects: 1,
+                    pixels: 1,
+                    tiles: 1,
+                },
+                Capacity::max,
+            );
+        let scratch = new_scratch(gpu, capacity)?;
+        Ok(Trainer {
+            gpu: gpu.clone(),
+            dataset,
+            extent: dataset.extent(),
+            strategy: strategy(config.strategy),
+            forward: Forward::new(gpu, config.sh_degree, false)?,
+            backward: Backward::new(gpu, config.sh_degree)?,
+            state: DeviceState::new(gpu, state)?,
+            gradients: Gradients::new(gpu, &scratch)?,
+            scratch,
+            photos: Photos::new(gpu, dataset, &views, IN_FLIGHT)?,
+            frames: Frames::new(gpu, IN_FLIGHT, true)?,
+            views,
+            config,
+            iteration,
+            pending: VecDeque::new(),
+            done: VecDeque::new(),
+        })
+    }
+
+    /// The last iteration begun.
+    pub fn iteration(&self) -> u32 {
+        self.iteration
+    }
+
+    /// Whether all iterations have been done; the last reports come from [`Trainer::finish`].
+    pub fn is_done(&self) -> bool {
+        self.iteration >= self.config.iterations
+    }
+
+    /// The run's constants.
+    pub fn config(&self) -> &TrainConfig {
+        &self.config
+    }
+
+    /// Scene extent in world units.
+    pub fn extent(&self) -> f64 {
+        self.extent
+    }
+
+    /// Splats trained now.
+    pub fn splat_count(&self) -> usize {
+        self.state.model.splat_count
+    }
+
+    /// What the camera's near plane is, world units.
+    pub fn near(&self) -> f32 {
+        (self.extent * f64::from(self.config.near_factor)) as f32
+    }
+
+    /// Begins the next iteration; returns the report of an earlier one, if one has finished.
+    pub fn step(&mut self) -> Result<Option<StepReport>> {
+        if self.pending.len() == IN_FLIGHT {
+            self.collect()?;
+        }
+        let iteration = self.iteration + 1;
+        let pending = self.submit(iteration)?;
+        self.pending.push_back(pending);
+        self.iteration = iteration;
+        let (refine, reset) = (
+            schedule::is_refine(&self.config, iteration),
+            schedule::is_reset(&self.config, iteration),
+        );
+        // A step that did not fit is begun again first: only the real end of this one is refined.
+        if (refine || reset) && self.drain()? {
+            self.refine(iteration, refine, reset)?;
+        }
+        Ok(self.done.pop_front())
+    }
+
+    /// Waits for all steps begun and returns their reports. Steps that did not fit are done again.
+    pub fn finish(&mut self) -> Result<Vec<StepReport>> {
+        let wanted = self.iteration;
+        let mut reports = Vec::new();
+        loop {
+            self.drain()?;
+            reports.extend(self.done.drain(..));
+            if self.iteration >= wanted {
+                return Ok(reports);
+            }
+            reports.extend(self.step()?);
+        }
+    }
+
+    /// Labels and nanoseconds of the last step begun; waits for it.
+    pub fn timings(&self) -> Result<Vec<(&'static str, f64)>> {
+        self.pending
+            .back()
+            .map_or(Ok(Vec::new()), |last| self.frames.timings(last.ticket))
+    }
+
+    /// Parameters and moments after the last step begun; waits for it.
+    pub fn download(&mut self) -> Result<HostState> {
+        let reports = self.finish()?;
+        self.done.extend(reports);
+        self.state.download(&self.gpu)
+    }
+
+    /// The splats after the last step begun; waits for it.
+    pub fn splats(&mut self) -> Result<Splats> {
+        Ok(self.download()?.to_splats(RenderMode::Default))
+    }
+
+    /// What density control has gathered since the last refinement; waits for the last step begun.
+    pub fn statistics(&mut self) -> Result<Vec<[f32; 4]>> {
+        let reports = self.finish()?;
+        self.done.extend(reports);
+        self.state.download_statistics(&self.gpu)
+    }
+
+    /// Puts back what [`Trainer::statistics`] gave, when a run is resumed.
+    pub fn set_statistics(&mut self, statistics: &[[f32; 4]]) -> Result<()> {
+        self.gpu.upload(&self.state.statistics, 0, statistics)
+    }
+
+    fn submit(&mut self, iteration: u32) -> Result<Pending> {
+        let index = schedule::view(&self.config, self.views.len(), iteration);
+        let camera = &self.dataset.views[self.views[index]].camera;
+        let sh_degree = schedule::sh_degree(&self.config, iteration);
+        let options = ViewOptions {
+            background: schedule::background(&self.config, iteration),
+            near: self.near(),
+            mode: RenderMode::Default,
+        };
+        let model = &self.state.model;
+        let view = view_of(camera, &options, model.splat_count, model.stride);
+        let step = Step {
+            config: &self.config,
+            iteration,
+            extent: self.extent,
+            view: &view,
+            sh_degree,
+        };
+        let (forward, backward, state) = (&self.forward, &self.backward, &self.state);
+        let (scratch, gradients, photos) = (&self.scratch, &self.gradients, &mut self.photos);
+        let dataset = self.dataset;
+        let (ticket, (counts, loss)) = self.frames.submit(|rec| {
+            let photo = photos.bind(rec, dataset, index)?;
+            rec.timestamp("upload");
+            forward.record(rec, model, scratch, &view, sh_degree);
+            backward.record(rec, state, scratch, gradients, &photo, &step);
+            let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
+            Ok((counts, rec.read_back(&gradients.loss, 0..1)?))
+        })?;
+        Ok(Pending {
+            iteration,
+            ticket,
+            counts,
+            loss,
+            splat_count: model.splat_count,
+        })
+    }
+
+    /// Takes the report of the oldest step in flight. False: it did not fit, and training has gone back to
+    /// the iteration before it.
+    fn collect(&mut self) -> Result<bool> {
+        let Some(oldest) = self.pending.pop_front() else {
+            return Ok(true);
+        };
+        self.frames.wait(oldest.ticket)?;
+        let counts = oldest.counts.get();
+        let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
+        if counts[COUNT_FAILED as usize] != 0 {
+            self.pending
+                .drain(..)
+                .try_for_each(|later| self.frames.wait(later.ticket))?;
+            let capacity = Capacity {
+                isects: wanted + wanted / 2,
+                ..self.scratch.capacity
+            };
+            self.grow(capacity)?;
+            self.iteration = oldest.iteration - 1;
+            return Ok(false);
+        }
+        let [l1, dssim, square, weight] = oldest.loss.get()[0].map(f64::from);
+        let lambda = f64::from(self.config.lambda_dssim);
+        let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
+        self.done.push_back(StepReport {
+            iteration: oldest.iteration,
+            loss: ((1.0 - lambda) * l1 + lambda * dssim) * share,
+            psnr_db: -10.0 * (square * share).log10(),
+            splat_count: oldest.splat_count,
+            isect_count: wanted,
+            poisoned: counts[COUNT_POISONED as usize] as usize,
+            refined: None,
+        });
+        Ok(true)
+    }
+
+    /// Waits for all steps in flight. False: one did not fit, and training has gone back to before it.
+    fn drain(&mut self) -> Result<bool> {
+        while !self.pending.is_empty() {
+            if !self.collect()? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn grow(&mut self, capacity: Capacity) -> Result<()> {
+        self.scratch = new_scratch(&self.gpu, capacity)?;
+        self.gradients = Gradients::new(&self.gpu, &self.scratch)?;
+        Ok(())
+    }
+
+    fn refine(&mut self, iteration: u32, refine: bool, reset: bool) -> Result<()> {
+        let mut state = self.state.download(&self.gpu)?;
+        if refine {
+            let statistics = self.state.download_statistics(&self.gpu)?;
+            let context = RefineContext {
+                iteration,
+                config: &self.config,
+                extent: self.extent,
+            };
+            let report = self.strategy.refine(&mut state, &statistics, context);
+            if let Some(last) = self.done.back_mut() {
+                last.refined = Some(report);
+            }
+        }
+        if reset {
+            adc_reset(&mut state, self.config.adc.opacity_reset_value);
+        }
+        self.state.replace(&self.gpu, &state)?;
+        let splats = self.state.model.stride;
+        if splats > self.scratch.capacity.splats {
+            self.grow(Capacity {
+                splats,
+                ..self.scratch.capacity
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// Scratch whose counts are clean.
+fn new_scratch(gpu: &Gpu, capacity: Capacity) -> Result<Scratch> {
+    let scratch = Scratch::new(gpu, capacity)?;
+    gpu.run(|rec| rec.fill(&scratch.counts, 0))?;
+    Ok(scratch)
+}

@@ -1,0 +1,38 @@
+//! The device that tests run on. There is always one: a software device is part of the set-up, so a
+//! missing device fails the tests.
+
+use ashfall::gpu::{Gpu, GpuOptions};
+use std::ops::Deref;
+
+/// A device with validation on; dropping it fails the test if the validation layer said anything.
+pub struct TestGpu(Gpu);
+
+/// Creates one.
+pub fn gpu() -> TestGpu {
+    let options = GpuOptions {
+        validation: true,
+        device: Some("0".into()),
+        ..GpuOptions::default()
+    };
+    TestGpu(Gpu::create(&options).unwrap_or_else(|error| panic!("no device to test on: {error}")))
+}
+
+impl Deref for TestGpu {
+    type Target = Gpu;
+
+    fn deref(&self) -> &Gpu {
+        &self.0
+    }
+}
+
+impl Drop for TestGpu {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            assert_eq!(
+                self.0.validation_messages(),
+                Vec::<String>::new(),
+                "validation messages"
+            );
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! Whole frames against the oracle's.
+
+#[path = "common/device.rs"]
+mod device;
+#[allow(dead_code, reason = "each test target uses a part of it")]
+#[path = "common/scenes.rs"]
+mod scenes;
+
+use ashfall::reference;
+use ashfall::render::{Model, RenderOptions, Renderer, ViewOptions};
+use scenes::Scene;
+
+/// The largest error over the pixels far from any discontinuity, the share of pixels near one, and the
+/// largest error over those.
+fn compare(scene: &Scene) -> (f64, f64, f64) {
+    let gpu = device::gpu();
+    let model = Model::upload(&gpu, &scene.splats).unwrap();
+    let options = RenderOptions {
+        with_depth: true,
+        ..RenderOptions::default()
+    };
+    let mut renderer = Renderer::new(&gpu, options).unwrap();
+    let view = ViewOptions {
+        background: scene.options.background.map(|c| c as f32),
+        near: scene.options.near as f32,
+        mode: scene.splats.mode,
+    };
+    let image = renderer.render(&model, &scene.camera, &view).unwrap();
+    let expected = reference::render(&scene.splats, &scene.camera, &scene.options);
+    let bands = reference::bands(&scene.splats, &scene.camera, &scene.options);
+    let (mut interior, mut near, mut flipped) = (0.0f64, 0usize, 0.0f64);
+    for (i, (pixel, band)) in expected.pixels.iter().zip(&bands).enumerate() {
+        let error = (0..3)
+            .map(|c| (f64::from(image.rgb[i][c]) - pixel.color[c]).abs())
+            .fold(0.0, f64::max);
+        let error = error.max((f64::from(image.transmittance[i]) - pixel.transmittance).abs());
+        assert!(error.is_finite(), "pixel {i} is not finite");
+        if band.nearest() > 1e-4 {
+            interior = interior.max(error);
+        } else {
+            near += 1;
+            flipped = flipped.max(error);
+        }
+    }
+    (interior, near as f64 / bands.len() as f64, flipped)
+}
+
+#[test]
+fn gentle_frames_agree_with_the_oracle() {
+    for (seed, count, width, height, degree) in [
+        (1, 40, 64, 48, 3),
+        (2, 120, 97, 65, 2),
+        (3, 10, 17, 33, 0),
+        (4, 300, 130, 90, 1),
+    ] {
+        let (interior, near, flipped) =
+            compare(&scenes::gentle(seed, count, width, height, degree));
+        println!("seed {seed}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
+        assert!(interior <= 1e-4, "seed {seed}: {interior}");
+        assert!(
+            near < 0.2 && flipped <= 2.0 / 255.0,
+            "seed {seed}: {near} of the pixels, {flipped}"
+        );
+    }
+}
+
+#[test]
+fn hard_frames_agree_with_the_oracle() {
+    for (seed, count) in [(11, 60), (12, 150)] {
+        let (interior, near, flipped) = compare(&scenes::hard(seed, count, 80, 61, 3));
+        println!("seed {seed}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
+        assert!(interior <= 1e-3, "seed {seed}: {interior}");
+    }
+}
