@@ -26,8 +26,8 @@ fn compare(scene: &Scene) -> (f64, f64, f64) {
         mode: scene.splats.mode,
     };
     let image = renderer.render(&model, &scene.camera, &view).unwrap();
-    let expected = reference::render(&scene.splats, &scene.camera, &scene.options);
-    let bands = reference::bands(&scene.splats, &scene.camera, &scene.options);
+    let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
+    let bands = reference::frame::bands(&scene.splats, &scene.camera, &scene.options);
     let (mut interior, mut near, mut flipped) = (0.0f64, 0usize, 0.0f64);
     for (i, (pixel, band)) in expected.pixels.iter().zip(&bands).enumerate() {
         let error = (0..3)
