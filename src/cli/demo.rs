@@ -90,7 +90,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
 /// Draws the trained scene from around, out of its file.
 fn draw_orbit(engine: &Engine, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
     let splats = eval::read_scene(&dir.join("scene.ply"))?;
-    let mut artist = engine.artist(&splats, eval::near(dataset))?;
+    let mut artist = engine.artist(&splats, eval::near(dataset), false)?;
     let orbit = dir.join("orbit");
     std::fs::create_dir_all(&orbit).map_err(Error::io(&orbit))?;
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();

@@ -1,18 +1,115 @@
 //! The device as the commands see it: opened by options, drawing pictures, training.
 //!
-//! All that the commands ask of `gpu`, `render` and `train`'s device side stands here, so that they can
-//! be read, and tested, without it.
+//! All that the commands ask of `gpu`, `render` and the trainer stands here, so that they can be read,
+//! and tested, without it.
+
+mod describe;
 
 use super::args::DeviceArgs;
-use crate::scene::{Camera, Dataset, Splats};
-use crate::train::TrainConfig;
+use super::train::{StepFigures, Steps};
+use crate::gpu::{DeviceKind, Gpu, GpuOptions};
+use crate::render::{Model, RenderOptions, Rendered, Renderer, ViewOptions};
+use crate::scene::{Camera, Dataset, RenderMode, Splats};
+use crate::train::checkpoint::{Checkpoint, fingerprint};
+use crate::train::{StepReport, TrainConfig, Trainer};
 use crate::{Error, Result};
 use std::path::Path;
 
+pub(super) use describe::devices;
+
 /// An opened device.
-pub(super) struct Engine {}
+pub(super) struct Engine {
+    gpu: Gpu,
+}
+
+impl Engine {
+    /// Opens the device that the options ask for.
+    pub(crate) fn open(args: &DeviceArgs) -> Result<Engine> {
+        let options = GpuOptions {
+            device: args.name(),
+            validation: args.validate,
+            memory_limit: args.memory_limit,
+        };
+        let gpu = Gpu::create(&options)?;
+        Ok(Engine { gpu })
+    }
+
+    /// The device's name.
+    pub(crate) fn name(&self) -> &str {
+        &self.gpu.caps().name
+    }
+
+    /// Whether the device is a program on the CPU.
+    pub(crate) fn is_software(&self) -> bool {
+        self.gpu.caps().kind == DeviceKind::Cpu
+    }
+
+    /// Most bytes of device memory held at one time.
+    pub(crate) fn memory_peak_bytes(&self) -> u64 {
+        self.gpu.memory_peak()
+    }
+
+    /// What the validation layer has said, if anything, as an error.
+    pub(crate) fn check(&self) -> Result<()> {
+        self.gpu.wait_idle()?;
+        let messages = self.gpu.validation_messages();
+        match messages.as_slice() {
+            [] => Ok(()),
+            [first, ..] => Err(Error::Config(format!(
+                "the validation layer has {} messages; the first: {first}",
+                messages.len()
+            ))),
+        }
+    }
+
+    /// What the device is and can do, and what was chosen for it: text, and the same for machines.
+    pub(crate) fn describe(&self) -> (String, serde_json::Value) {
+        describe::chosen(self.gpu.caps(), self.gpu.memory_limit())
+    }
+
+    /// Brings a scene to the device to be drawn; nothing nearer than `near` world units is.
+    pub(crate) fn artist(&self, splats: &Splats, near: f64, with_depth: bool) -> Result<Artist> {
+        let options = RenderOptions {
+            with_depth,
+            sh_degree: splats.sh_degree,
+            ..RenderOptions::default()
+        };
+        Ok(Artist {
+            renderer: Renderer::new(&self.gpu, options)?,
+            model: Model::upload(&self.gpu, splats)?,
+            near: near as f32,
+            mode: splats.mode,
+        })
+    }
+
+    /// Begins training.
+    pub(crate) fn train<'a>(
+        &self,
+        dataset: &'a Dataset,
+        config: TrainConfig,
+    ) -> Result<Training<'a>> {
+        Ok(Training {
+            trainer: Trainer::new(&self.gpu, dataset, config)?,
+            fingerprint: fingerprint(dataset),
+        })
+    }
+
+    /// Goes on training from a checkpoint.
+    pub(crate) fn resume<'a>(&self, dataset: &'a Dataset, path: &Path) -> Result<Training<'a>> {
+        let saved = Checkpoint::read(path)?;
+        saved.check_dataset(path, dataset)?;
+        let (state, iteration) = (&saved.state, saved.iteration);
+        let mut trainer = Trainer::from_state(&self.gpu, dataset, saved.config, state, iteration)?;
+        trainer.set_statistics(&saved.statistics)?;
+        Ok(Training {
+            trainer,
+            fingerprint: saved.fingerprint,
+        })
+    }
+}
 
 /// A rendering, `[row][column]`.
+#[derive(Clone, Debug)]
 pub(super) struct Picture {
     pub width: u32,
     pub height: u32,
@@ -20,110 +117,99 @@ pub(super) struct Picture {
     pub rgb: Vec<[f32; 3]>,
     /// Coverage, 0 to 1.
     pub alpha: Vec<f32>,
-    /// Along the view's z axis, world units.
+    /// Mean along the view's z axis in world units, infinite where nothing is; empty unless asked for.
     pub depth: Vec<f32>,
 }
 
-impl Engine {
-    /// Opens the device that the options ask for.
-    pub(crate) fn open(args: &DeviceArgs) -> Result<Engine> {
-        _ = (args.name(), args.memory_limit, args.validate);
-        Err(Error::Unsupported {
-            what: "no device".into(),
-        })
-    }
+/// Coverage below which there is nothing to have a depth: one level of 8 bits.
+const COVERAGE_MIN: f32 = 1.0 / 255.0;
 
-    /// The device's name.
-    pub(crate) fn name(&self) -> String {
-        String::new()
+impl From<Rendered> for Picture {
+    fn from(rendered: Rendered) -> Picture {
+        let alpha: Vec<f32> = rendered.transmittance.iter().map(|t| 1.0 - t).collect();
+        let mean = |(sum, &alpha): (&f32, &f32)| match alpha >= COVERAGE_MIN {
+            true => sum / alpha,
+            false => f32::INFINITY,
+        };
+        Picture {
+            width: rendered.width,
+            height: rendered.height,
+            rgb: rendered.rgb,
+            depth: rendered.depth.iter().zip(&alpha).map(mean).collect(),
+            alpha,
+        }
     }
-
-    /// Whether the device is a program on the CPU.
-    pub(crate) fn is_software(&self) -> bool {
-        true
-    }
-
-    /// Most bytes of device memory held at one time.
-    pub(crate) fn memory_peak_bytes(&self) -> u64 {
-        0
-    }
-
-    /// The validation layer's messages, if any, as an error.
-    pub(crate) fn check(&self) -> Result<()> {
-        Ok(())
-    }
-
-    /// What the device is and can do, and what was chosen for it: text, and the same for machines.
-    pub(crate) fn describe(&self) -> (String, serde_json::Value) {
-        (String::new(), serde_json::Value::Null)
-    }
-
-    /// Brings a scene to the device to be drawn; nothing nearer than `near` world units is.
-    pub(crate) fn artist(&self, splats: &Splats, near: f64) -> Result<Artist> {
-        _ = (splats, near);
-        Ok(Artist {})
-    }
-
-    /// Begins training.
-    pub(crate) fn train(&self, dataset: &Dataset, config: TrainConfig) -> Result<Training> {
-        _ = (dataset, config);
-        Ok(Training {})
-    }
-
-    /// Goes on training from a checkpoint.
-    pub(crate) fn resume(&self, dataset: &Dataset, checkpoint: &Path) -> Result<Training> {
-        _ = (dataset, checkpoint);
-        Ok(Training {})
-    }
-}
-
-/// All devices there are: text, and the same for machines.
-pub(super) fn devices() -> Result<(String, serde_json::Value)> {
-    Ok((String::new(), serde_json::Value::Null))
 }
 
 /// A scene on the device, ready to be drawn.
-pub(super) struct Artist {}
+pub(super) struct Artist {
+    renderer: Renderer,
+    model: Model,
+    near: f32,
+    mode: RenderMode,
+}
 
 impl Artist {
     /// Draws a view.
     pub(crate) fn draw(&mut self, camera: &Camera, background: [f32; 3]) -> Result<Picture> {
-        _ = (camera, background);
-        Err(Error::Unsupported {
-            what: "no device".into(),
-        })
+        let view = ViewOptions {
+            background,
+            near: self.near,
+            mode: self.mode,
+        };
+        let rendered = self.renderer.render(&self.model, camera, &view)?;
+        Ok(Picture::from(rendered))
     }
 }
 
 /// A training run on the device.
-pub(super) struct Training {}
+pub(super) struct Training<'a> {
+    trainer: Trainer<'a>,
+    fingerprint: u32,
+}
 
-impl Training {
+impl Training<'_> {
     /// The run's constants.
     pub(crate) fn config(&self) -> &TrainConfig {
-        unreachable!()
+        self.trainer.config()
     }
 }
 
-impl super::train::Steps for Training {
+impl Steps for Training<'_> {
     fn iteration(&self) -> u32 {
-        0
+        self.trainer.iteration()
     }
 
-    fn step(&mut self) -> Result<Vec<super::train::StepFigures>> {
-        Ok(vec![])
+    fn step(&mut self) -> Result<Vec<StepFigures>> {
+        Ok(self.trainer.step()?.into_iter().map(figures).collect())
     }
 
-    fn finish(&mut self) -> Result<Vec<super::train::StepFigures>> {
-        Ok(vec![])
+    fn finish(&mut self) -> Result<Vec<StepFigures>> {
+        Ok(self.trainer.finish()?.into_iter().map(figures).collect())
     }
 
     fn splats(&mut self) -> Result<Splats> {
-        Ok(Splats::default())
+        self.trainer.splats()
     }
 
     fn checkpoint(&mut self, path: &Path) -> Result<()> {
-        _ = path;
-        Ok(())
+        let state = self.trainer.download()?;
+        let checkpoint = Checkpoint {
+            config: self.trainer.config().clone(),
+            iteration: self.trainer.iteration(),
+            state,
+            statistics: self.trainer.statistics()?,
+            fingerprint: self.fingerprint,
+        };
+        checkpoint.write(path)
+    }
+}
+
+fn figures(report: StepReport) -> StepFigures {
+    StepFigures {
+        iteration: report.iteration,
+        loss: report.loss,
+        psnr_db: report.psnr_db,
+        splat_count: report.splat_count,
     }
 }

@@ -153,7 +153,7 @@ impl Scene<'_> {
         if views.is_empty() {
             return Ok(Vec::new());
         }
-        let mut artist = self.engine.artist(splats, near(self.dataset))?;
+        let mut artist = self.engine.artist(splats, near(self.dataset), false)?;
         let mut scores = Vec::with_capacity(views.len());
         for &index in views {
             let view = &self.dataset.views[index];

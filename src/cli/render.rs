@@ -87,7 +87,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
     let engine = Engine::open(&args.device)?;
-    let mut artist = engine.artist(&splats, near)?;
+    let mut artist = engine.artist(&splats, near, args.format == Format::Exr)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let bar = output.bar(shots.len() as u64, "pictures");
     // An EXR's colours are the splats' alone.

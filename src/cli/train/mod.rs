@@ -235,7 +235,7 @@ pub(super) struct Session<'a> {
 
 impl Session<'_> {
     /// Trains to the end and writes the results, or to an interruption and says how to go on.
-    pub(crate) fn run(&self, mut training: Training, record: &mut Record) -> Result<Outcome> {
+    pub(crate) fn run(&self, mut training: Training<'_>, record: &mut Record) -> Result<Outcome> {
         let interrupt = Interrupt::listen()?;
         let plan = Plan {
             dir: self.dir,

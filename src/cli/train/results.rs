@@ -36,7 +36,7 @@ pub(super) fn write(
             StrategyKind::Adc => "adc".into(),
             StrategyKind::Mcmc => "mcmc".into(),
         },
-        device: session.engine.name(),
+        device: session.engine.name().to_string(),
         splat_count: splats.len(),
         sh_degree: splats.sh_degree,
         train_seconds: record.timings.train_seconds,

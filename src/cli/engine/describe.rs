@@ -1,0 +1,132 @@
+//! Devices and choices in words.
+
+use crate::Result;
+use crate::cli::output::bytes;
+use crate::gpu::{self, Caps};
+use crate::kernels::{KERNELS, rasterize, rasterize_backward};
+use serde_json::{Value, json};
+use std::fmt::Write;
+
+/// All devices there are: text, and the same for machines.
+pub(in crate::cli) fn devices() -> Result<(String, Value)> {
+    let all = gpu::devices()?;
+    let mut text = String::from("devices:\n");
+    for (index, caps) in all.iter().enumerate() {
+        // Writing to a string does not fail.
+        _ = writeln!(
+            text,
+            "  {index}  {} ({:?}, {})",
+            caps.name, caps.kind, caps.driver
+        );
+    }
+    Ok((text, Value::Array(all.iter().map(caps_value).collect())))
+}
+
+/// The chosen device and the kernel variants chosen for it.
+pub(super) fn chosen(caps: &Caps, memory_limit: u64) -> (String, Value) {
+    let (major, minor, patch) = caps.api;
+    let mut text = format!("chosen: {}\n", caps.name);
+    let mut line = |name: &str, value: String| _ = writeln!(text, "  {name:<16} {value}");
+    line(
+        "Vulkan",
+        format!("{major}.{minor}.{patch}, {}", caps.driver),
+    );
+    line("memory", bytes(memory_limit));
+    line("largest buffer", bytes(caps.max_storage_range));
+    line(
+        "largest group",
+        format!("{} invocations", caps.max_workgroup),
+    );
+    line("shared memory", bytes(u64::from(caps.max_shared)));
+    let (least, most) = caps.subgroup_range;
+    line(
+        "subgroups of",
+        format!("{} ({least} to {most})", caps.subgroup_size),
+    );
+    line("offers", format!("{:?}", caps.offers));
+    let variants = variants(caps);
+    for (kernel, variant) in &variants {
+        line(kernel, variant.clone());
+    }
+    let value = json!({
+        "device": caps_value(caps),
+        "memory_limit_bytes": memory_limit,
+        "variants": variants.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+    });
+    (text.trim_end().to_string(), value)
+}
+
+fn caps_value(caps: &Caps) -> Value {
+    let (major, minor, patch) = caps.api;
+    json!({
+        "name": caps.name,
+        "driver": caps.driver,
+        "kind": format!("{:?}", caps.kind).to_lowercase(),
+        "vulkan": format!("{major}.{minor}.{patch}"),
+        "memory_bytes": caps.heap,
+        "max_storage_range": caps.max_storage_range,
+        "max_workgroup": caps.max_workgroup,
+        "subgroup_size": caps.subgroup_size,
+        "subgroup_range": [caps.subgroup_range.0, caps.subgroup_range.1],
+        "offers": caps.offers.iter().map(|r| format!("{r:?}")).collect::<Vec<_>>(),
+    })
+}
+
+/// Which variant of each kernel that has several is used, with its tunables.
+fn variants(caps: &Caps) -> Vec<(&'static str, String)> {
+    let mut names: Vec<&'static str> = KERNELS.iter().map(|info| info.kernel).collect();
+    names.sort_unstable();
+    let several = names
+        .chunk_by(|a, b| a == b)
+        .filter(|variants| variants.len() > 1);
+    several
+        .map(|variants| (variants[0], choice(variants[0], caps)))
+        .collect()
+}
+
+fn choice(kernel: &str, caps: &Caps) -> String {
+    match kernel {
+        "rasterize" => format!("{:?}", rasterize::Rasterize::prefer(caps, false)),
+        "rasterize_backward" => {
+            format!("{:?}", rasterize_backward::RasterizeBackward::prefer(caps))
+        }
+        _ => UNKNOWN.into(),
+    }
+}
+
+/// What stands for a kernel that this file has not been taught; a test finds it.
+const UNKNOWN: &str = "?";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::DeviceKind;
+
+    #[test]
+    fn every_kernel_with_variants_says_which_is_used() {
+        let caps = Caps {
+            name: "a device".into(),
+            driver: "a driver".into(),
+            kind: DeviceKind::Other,
+            api: (1, 3, 0),
+            subgroup_size: 8,
+            subgroup_range: (8, 8),
+            max_storage_range: 1 << 27,
+            max_allocation: 1 << 30,
+            max_groups: [65_535; 3],
+            max_workgroup: 256,
+            max_shared: 1 << 15,
+            timestamp_period_ns: 1.0,
+            heap: 1 << 30,
+            offers: Default::default(),
+        };
+        let variants = variants(&caps);
+        assert!(!variants.is_empty());
+        assert!(
+            variants.iter().all(|(_, choice)| choice != UNKNOWN),
+            "{variants:?}"
+        );
+        let (text, _) = chosen(&caps, 1 << 30);
+        assert!(text.contains("memory           1.0 GiB"), "{text}");
+    }
+}
