@@ -25,30 +25,28 @@ layout(push_constant, scalar) uniform Push {
 
 shared float along[3][WINDOW_SPAN][WINDOW_TILE];
 
-float slope_at(ivec2 at, uint quantity, uint channel) {
-    if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, ivec2(view.size)))) return 0.0;
-    return ssim_slope[((quantity * 3 + channel) * view.size.y + uint(at.y)) * view.size.x + uint(at.x)];
-}
+// The image's size, read once: a buffer load costs as much as several arithmetic operations.
+uvec2 size;
 
-void slide_along_row(ivec2 corner, uint row, uint channel) {
-    float sums[3][WINDOW_TILE];
-    [[unroll]] for (int i = 0; i < 3; ++i)
-        [[unroll]] for (int to = 0; to < int(WINDOW_TILE); ++to) sums[i][to] = 0.0;
-    [[unroll]] for (int from = 0; from < int(WINDOW_SPAN); ++from) {
-        ivec2 at = corner + ivec2(from, row) - int(WINDOW_REACH);
-        float values[3] = float[](slope_at(at, 0, channel), slope_at(at, 1, channel), slope_at(at, 2, channel));
-        [[unroll]] for (int to = max(0, from - 10); to <= min(int(WINDOW_TILE) - 1, from); ++to) {
-            float weight = window_weight(from, to);
-            [[unroll]] for (int i = 0; i < 3; ++i) sums[i][to] += weight * values[i];
+void slide_along_row(ivec2 corner, uint row, uint begin, uint channel) {
+    // As unsigned numbers, positions left of the image or above it are beyond it too.
+    uint y = uint(corner.y) + row - WINDOW_REACH;
+    uint x = uint(corner.x) + begin - WINDOW_REACH;
+    bool in_rows = y < size.y;
+    [[unroll]] for (uint i = 0; i < 3; ++i) {
+        uint base = ((i * 3 + channel) * size.y + (in_rows ? y : 0)) * size.x;
+        float values[STRIP_SPAN];
+        [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) {
+            float value = ssim_slope[base + min(x + from, size.x - 1)];
+            values[from] = in_rows && x + from < size.x ? value : 0.0;
         }
+        [[unroll]] for (uint to = 0; to < STRIP; ++to) along[i][row][begin + to] = window_sum(values, to);
     }
-    [[unroll]] for (int i = 0; i < 3; ++i)
-        [[unroll]] for (int to = 0; to < int(WINDOW_TILE); ++to) along[i][row][to] = sums[i][to];
 }
 
 void store(ivec2 at, uint channel, float sums[3]) {
-    uint pixel = uint(at.y) * view.size.x + uint(at.x);
-    uint place = channel * view.size.x * view.size.y + pixel;
+    uint pixel = uint(at.y) * size.x + uint(at.x);
+    uint place = channel * size.x * size.y + pixel;
     uint rgba = photo[pixel];
     float weight = weight_of(rgba, push.alpha_mode);
     float x = image[place];
@@ -58,34 +56,34 @@ void store(ivec2 at, uint channel, float sums[3]) {
     d_image[place] = push.l1_scale * weight * sign(x - y) - push.ssim_scale * d_ssim;
 }
 
-void slide_down_column(ivec2 corner, uint column, uint channel) {
-    float sums[WINDOW_TILE][3];
-    [[unroll]] for (int to = 0; to < int(WINDOW_TILE); ++to)
-        [[unroll]] for (int i = 0; i < 3; ++i) sums[to][i] = 0.0;
-    [[unroll]] for (int from = 0; from < int(WINDOW_SPAN); ++from) {
-        float values[3] = float[](along[0][from][column], along[1][from][column], along[2][from][column]);
-        [[unroll]] for (int to = max(0, from - 10); to <= min(int(WINDOW_TILE) - 1, from); ++to) {
-            float weight = window_weight(from, to);
-            [[unroll]] for (int i = 0; i < 3; ++i) sums[to][i] += weight * values[i];
-        }
-    }
-    [[unroll]] for (int to = 0; to < int(WINDOW_TILE); ++to) {
-        ivec2 at = corner + ivec2(column, to);
-        if (all(lessThan(at, ivec2(view.size)))) store(at, channel, sums[to]);
+void slide_down_column(ivec2 corner, uint column, uint begin, uint channel) {
+    float values[3][STRIP_SPAN];
+    [[unroll]] for (uint i = 0; i < 3; ++i)
+        [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) values[i][from] = along[i][begin + from][column];
+    [[unroll]] for (uint to = 0; to < STRIP; ++to) {
+        float sums[3];
+        [[unroll]] for (uint i = 0; i < 3; ++i) sums[i] = window_sum(values[i], to);
+        ivec2 at = corner + ivec2(column, begin + to);
+        if (all(lessThan(at, ivec2(size)))) store(at, channel, sums);
     }
 }
 
 void main() {
-    uint columns = (view.size.x + WINDOW_TILE - 1) / WINDOW_TILE;
-    uint rows = (view.size.y + WINDOW_TILE - 1) / WINDOW_TILE;
+    size = view.size;
+    uint columns = (size.x + WINDOW_TILE - 1) / WINDOW_TILE;
+    uint rows = (size.y + WINDOW_TILE - 1) / WINDOW_TILE;
     uint tile = group_index();
     if (tile >= columns * rows) return;
     ivec2 corner = ivec2(tile % columns, tile / columns) * int(WINDOW_TILE);
     uint lane = gl_LocalInvocationID.x;
     for (uint channel = 0; channel < 3; ++channel) {
-        for (uint row = lane; row < WINDOW_SPAN; row += WORKGROUP) slide_along_row(corner, row, channel);
+        for (uint i = lane; i < WINDOW_SPAN * STRIPS; i += WORKGROUP) {
+            slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, channel);
+        }
         barrier();
-        for (uint column = lane; column < WINDOW_TILE; column += WORKGROUP) slide_down_column(corner, column, channel);
+        for (uint i = lane; i < WINDOW_TILE * STRIPS; i += WORKGROUP) {
+            slide_down_column(corner, i % WINDOW_TILE, i / WINDOW_TILE * STRIP, channel);
+        }
         barrier();
     }
 }

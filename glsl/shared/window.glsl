@@ -5,13 +5,22 @@ const uint WINDOW_TILE = 16;
 const uint WINDOW_REACH = 5;
 // Pixels of one row or column that WINDOW_TILE windows read.
 const uint WINDOW_SPAN = WINDOW_TILE + 2 * WINDOW_REACH;
+// Windows that an invocation slides over at a time, and the pixels that they read.
+const uint STRIP = 8;
+const uint STRIPS = WINDOW_TILE / STRIP;
+const uint STRIP_SPAN = STRIP + 2 * WINDOW_REACH;
 const float WINDOW[6] = float[](0.0010283800844791101, 0.007598758135239185, 0.036000772128430829,
                                0.10936068950970002, 0.21300553771125369, 0.26601172486179436);
 
 const float SSIM_C1 = 0.0001;
 const float SSIM_C2 = 0.0009;
 
-// Weight of position `from` in the window around position `to + WINDOW_REACH`.
-float window_weight(int from, int to) {
-    return WINDOW[5 - abs(from - to - 5)];
-}
+// The weighted sum of the window around value `to + WINDOW_REACH`. A macro: as a function it would copy the
+// whole array at every call.
+#define window_sum(values, to)                              \
+    (WINDOW[5] * values[(to) + 5] +                         \
+     WINDOW[4] * (values[(to) + 4] + values[(to) + 6]) +    \
+     WINDOW[3] * (values[(to) + 3] + values[(to) + 7]) +    \
+     WINDOW[2] * (values[(to) + 2] + values[(to) + 8]) +    \
+     WINDOW[1] * (values[(to) + 1] + values[(to) + 9]) +    \
+     WINDOW[0] * (values[(to)] + values[(to) + 10]))

@@ -141,6 +141,7 @@ impl Backward {
                 tile_count: tiles as u32,
             },
         );
+        rec.timestamp("loss");
         // A photograph that is masked out entirely teaches nothing.
         let share = if photo.weight > 0.0 {
             1.0 / (3.0 * photo.weight)
@@ -164,7 +165,7 @@ impl Backward {
             },
             tiles,
         );
-        rec.timestamp("loss");
+        rec.timestamp("loss_backward");
     }
 
     fn record_gradients(
