@@ -98,15 +98,15 @@ impl Checkpoint {
             m: planes("m")?,
             v: planes("v")?,
         };
-        let statistics = file.read::<f32>("statistics")?.as_chunks::<4>().0.to_vec();
-        if statistics.len() != count {
+        let statistics = file.read::<f32>("statistics")?;
+        if statistics.len() != count * 4 {
             return Err(fault(&format!("statistics has not {count} splats")));
         }
         Ok(Checkpoint {
             config,
             iteration,
             state,
-            statistics,
+            statistics: bytemuck::cast_slice(&statistics).to_vec(),
             fingerprint: number("fingerprint")?,
         })
     }
@@ -134,7 +134,7 @@ fn unflat(numbers: &[f32], plane_count: usize, count: usize) -> Option<Planes> {
     if numbers.len() != plane_count.checked_mul(count)?.checked_mul(4)? {
         return None;
     }
-    let rows = numbers.as_chunks::<4>().0;
+    let rows: &[[f32; 4]] = bytemuck::cast_slice(numbers);
     Some(
         (0..plane_count)
             .map(|plane| rows[plane * count..][..count].to_vec())
