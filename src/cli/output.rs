@@ -48,7 +48,7 @@ impl Output {
         // Ten frames a second: drawing more often costs steps on a slow machine.
         let target = ProgressDrawTarget::stderr_with_hz(10);
         let bar = ProgressBar::with_draw_target(Some(length), target);
-        let template = "{prefix} {bar:24} {pos}/{len} {msg} · {eta} left";
+        let template = "{prefix} {bar:16} {pos}/{len} · {eta} left {msg}";
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }

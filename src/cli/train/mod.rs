@@ -99,7 +99,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
             engine.train(&dataset, config)?
         }
     };
-    // Nothing is left of an earlier run once this one has passed all checks.
+    // Nothing is written before all that can be checked has been.
     std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
     record.iterations = training.config().iterations;
     record.rewind(training.iteration());
@@ -202,12 +202,18 @@ fn announce(
 ) {
     let train = dataset.split(Split::Train).len();
     let test = dataset.split(Split::Test).len();
+    let part = match record.iteration {
+        0 => format!("{} iterations", grouped(config.iterations as usize)),
+        done => format!(
+            "iteration {} of {}",
+            grouped(done as usize),
+            config.iterations
+        ),
+    };
     output.remark(format_args!(
-        "{} · {train} training views, {test} test views, {} points · iterations {} to {}",
+        "{} · {train} training views, {test} test views, {} points · {part}",
         engine.name(),
         grouped(dataset.points.len()),
-        record.iteration + 1,
-        config.iterations,
     ));
     output.event(|| {
         json!({

@@ -82,11 +82,11 @@ impl Mean {
 impl Record {
     /// Takes a step's figures; every so often an entry of the history is made of them.
     pub(crate) fn add(&mut self, figures: StepFigures) {
-        if !figures.loss.is_finite() && !self.warnings.iter().any(|w| w.starts_with(NO_LOSS)) {
-            self.warnings.push(format!(
-                "{NO_LOSS}, first at iteration {}",
-                figures.iteration
-            ));
+        if !figures.loss.is_finite() {
+            self.warn_once(NO_LOSS, figures.iteration);
+        }
+        if figures.splat_count == 0 {
+            self.warn_once(NO_SPLATS, figures.iteration);
         }
         self.pending.loss.add(figures.loss);
         self.pending.psnr_db.add(figures.psnr_db);
@@ -101,6 +101,13 @@ impl Record {
                 psnr_db: pending.psnr_db.get(),
                 test: None,
             });
+        }
+    }
+
+    fn warn_once(&mut self, what: &str, iteration: u32) {
+        if !self.warnings.iter().any(|known| known.starts_with(what)) {
+            let warning = format!("{what}, first at iteration {iteration}");
+            self.warnings.push(warning);
         }
     }
 
@@ -146,6 +153,7 @@ impl Record {
 }
 
 const NO_LOSS: &str = "the training loss is not a number";
+const NO_SPLATS: &str = "density control has removed every splat";
 
 fn file(dir: &Path) -> PathBuf {
     dir.join("run.json")
@@ -184,10 +192,10 @@ mod tests {
             iterations: 4,
             ..Record::default()
         };
-        [1.0, f64::NAN, f64::NAN]
-            .iter()
-            .zip(1..)
-            .for_each(|(&l, i)| record.add(step(i, l)));
+        let losses = [1.0, f64::NAN, f64::NAN];
+        for (&loss, iteration) in losses.iter().zip(1..) {
+            record.add(step(iteration, loss));
+        }
         assert_eq!(
             record.warnings,
             ["the training loss is not a number, first at iteration 2"]

@@ -144,7 +144,7 @@ impl Display {
         let rate = f64::from(figures.iteration.saturating_sub(first)) / elapsed.max(1e-9);
         self.bar.set_position(u64::from(figures.iteration));
         self.bar.set_message(format!(
-            "loss {:.4} · {:.2} dB · {} splats · {rate:.2} it/s",
+            "· loss {:.4} · {:.2} dB · {} splats · {rate:.2} it/s",
             figures.loss,
             figures.psnr_db,
             grouped(figures.splat_count),
