@@ -288,7 +288,7 @@ impl Gpu {
             messages,
             messenger,
         };
-        Shared::new(
+        Shared::assemble(
             instance.clone(),
             physical,
             device,

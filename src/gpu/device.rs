@@ -103,11 +103,8 @@ impl Gpu {
 }
 
 impl Shared {
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "a constructor: each argument is a field"
-    )]
-    pub(super) fn new(
+    #[allow(clippy::too_many_arguments, reason = "each argument is a field")]
+    pub(super) fn assemble(
         instance: ash::Instance,
         physical: vk::PhysicalDevice,
         device: ash::Device,

@@ -59,7 +59,7 @@ impl Gpu {
         }
         // A host need not have enabled size control: take the size there is.
         caps.subgroup_range = (caps.subgroup_size, caps.subgroup_size);
-        Shared::new(
+        Shared::assemble(
             host.instance,
             host.physical_device,
             host.device,

@@ -36,6 +36,19 @@ pub struct Tables {
     pub sums: Buffer<u32>,
 }
 
+/// What a sort reads and writes.
+#[derive(Clone, Copy, Debug)]
+pub struct Io<'a> {
+    /// The device's counts; the layout says which slots.
+    pub counts: &'a Buffer<u32>,
+    /// The dispatch sizes that `plan` derived from them.
+    pub args: &'a Buffer<DispatchArgs>,
+    /// What is sorted: the first of the two, at first.
+    pub pairs: &'a Pairs,
+    /// Scratch.
+    pub tables: &'a Tables,
+}
+
 /// How keys are split into digits and chunks, and the slots and arguments that `plan` filled for them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -82,76 +95,80 @@ impl Sort {
     }
 
     /// Records the sort; returns which of the pairs holds the result.
-    pub fn record(
+    pub fn record(&self, rec: &mut Recorder<'_>, scan: &Scan, io: Io<'_>, layout: Layout) -> usize {
+        for pass in 0..layout.passes {
+            self.record_pass(rec, scan, io, layout, pass);
+        }
+        (layout.passes % 2) as usize
+    }
+
+    /// One digit: counts it per chunk, turns the counts into places, and moves the pairs there.
+    fn record_pass(
         &self,
         rec: &mut Recorder<'_>,
         scan: &Scan,
-        counts: &Buffer<u32>,
-        args: &Buffer<DispatchArgs>,
-        pairs: &Pairs,
-        tables: &Tables,
+        io: Io<'_>,
         layout: Layout,
-    ) -> usize {
-        let Layout {
-            count_slot, chunk, ..
-        } = layout;
-        let digit_count = layout.digit_count();
-        for pass in 0..layout.passes {
-            let (from, to) = ((pass % 2) as usize, (pass % 2) as usize ^ 1);
-            let shift = pass * layout.digit_bits;
-            self.count.record(
-                rec,
-                sort_count::Bindings {
-                    counts,
-                    keys: &pairs.keys[from],
-                    table: &tables.counted,
-                },
-                sort_count::Params {
-                    count_slot,
-                    chunk,
-                    shift,
-                    digit_count,
-                },
-                args,
-                layout.chunk_args,
-            );
-            let what = What {
-                count_slot: layout.table_slot,
-                total_slot: COUNT_SCRATCH,
-                flags: false,
-            };
-            let io = ScanIo {
+        pass: u32,
+    ) {
+        let Io {
+            counts,
+            args,
+            pairs,
+            tables,
+        } = io;
+        let (from, to) = ((pass % 2) as usize, (pass % 2) as usize ^ 1);
+        let (count_slot, chunk) = (layout.count_slot, layout.chunk);
+        let (shift, digit_count) = (pass * layout.digit_bits, layout.digit_count());
+        self.count.record(
+            rec,
+            sort_count::Bindings {
+                counts,
+                keys: &pairs.keys[from],
+                table: &tables.counted,
+            },
+            sort_count::Params {
+                count_slot,
+                chunk,
+                shift,
+                digit_count,
+            },
+            args,
+            layout.chunk_args,
+        );
+        scan.record(
+            rec,
+            ScanIo {
                 counts,
                 values: &tables.counted,
                 offsets: &tables.places,
                 sums: &tables.sums,
-            };
-            scan.record(
-                rec,
-                io,
-                what,
-                Groups::indirect(args, layout.table_args as usize),
-            );
-            self.scatter.record(
-                rec,
-                sort_scatter::Bindings {
-                    counts,
-                    keys: &pairs.keys[from],
-                    values: &pairs.values[from],
-                    table: &tables.places,
-                    keys_out: &pairs.keys[to],
-                    values_out: &pairs.values[to],
-                },
-                sort_scatter::Params {
-                    count_slot,
-                    chunk,
-                    shift,
-                    digit_count,
-                },
-                args,
-                layout.chunk_args,
-            );
-        }
-        (layout.passes % 2) as usize
+            },
+            What {
+                count_slot: layout.table_slot,
+                total_slot: COUNT_SCRATCH,
+                flags: false,
+            },
+            Groups::indirect(args, layout.table_args as usize),
+        );
+        self.scatter.record(
+            rec,
+            sort_scatter::Bindings {
+                counts,
+                keys: &pairs.keys[from],
+                values: &pairs.values[from],
+                table: &tables.places,
+                keys_out: &pairs.keys[to],
+                values_out: &pairs.values[to],
+            },
+            sort_scatter::Params {
+                count_slot,
+                chunk,
+                shift,
+                digit_count,
+            },
+            args,
+            layout.chunk_args,
+        );
     }
 }

@@ -5,7 +5,7 @@ use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use crate::Result;
 use crate::gpu::{Gpu, Groups, Recorder};
 use crate::kernels::scan::{Io as ScanIo, Scan, What};
-use crate::kernels::sort::{Layout, Sort};
+use crate::kernels::sort::{self, Layout, Pairs, Sort};
 use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize};
 use crate::layout::*;
 
@@ -155,15 +155,8 @@ impl Forward {
             },
             count,
         );
-        self.sort.record(
-            rec,
-            &self.scan,
-            &s.counts,
-            &s.args,
-            &s.by_depth,
-            &s.tables,
-            DEPTH_SORT,
-        );
+        self.sort
+            .record(rec, &self.scan, sort_io(s, &s.by_depth), DEPTH_SORT);
         self.gather.record(
             rec,
             gather::Bindings {
@@ -217,9 +210,9 @@ impl Forward {
     /// A stable sort on the tiles' bits alone keeps the depth order within each tile.
     fn order_by_tile(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize) -> usize {
         let layout = tile_sort(tiles);
-        let sorted = self.sort.record(
-            rec, &self.scan, &s.counts, &s.args, &s.by_tile, &s.tables, layout,
-        );
+        let sorted = self
+            .sort
+            .record(rec, &self.scan, sort_io(s, &s.by_tile), layout);
         rec.fill(&s.range_from_tile, 0);
         self.ranges.record(
             rec,
@@ -253,6 +246,16 @@ pub(crate) fn tile_stride(tiles: usize) -> u32 {
     (start..=most)
         .find(|&stride| gcd(stride, tiles) == 1)
         .unwrap_or(1) as u32
+}
+
+/// The frame's buffers as the sort names them.
+fn sort_io<'a>(s: &'a Scratch, pairs: &'a Pairs) -> sort::Io<'a> {
+    sort::Io {
+        counts: &s.counts,
+        args: &s.args,
+        pairs,
+        tables: &s.tables,
+    }
 }
 
 #[cfg(test)]

@@ -9,8 +9,9 @@ const FILE_LINES_MAX: usize = 400;
 /// Lines of a function at most.
 const FUNCTION_LINES_MAX: usize = 70;
 
-/// Kernels that are steps of one operation: the host dispatches them together and only the operation
-/// has a result worth judging, so one file stands for all that begin so.
+/// Kernels that are steps of one operation. Only the operation has a result worth judging, so one
+/// reference and one file of test cases stand for all that begin so; and the host dispatches them together,
+/// so it may have a file of the operation's name beside those of the steps.
 const OPERATIONS: [(&str, &str); 3] = [("scan_", "scan"), ("sort_", "sort"), ("loss_", "loss")];
 
 /// Files of the paired folders that have no kernel, and partners that a kernel lacks, with the reason.
@@ -146,24 +147,29 @@ pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<St
             .find(|(prefix, _)| kernel.starts_with(prefix));
         part.map_or(kernel.to_owned(), |(_, whole)| (*whole).to_owned())
     };
-    let shaders = files
-        .iter()
-        .filter(|(path, _)| path.starts_with("glsl/") && path.ends_with(".comp"));
-    let operations: BTreeSet<String> = shaders.map(|(path, _)| operation(stem(path))).collect();
+    let is_shader = |path: &str| path.starts_with("glsl/") && path.ends_with(".comp");
+    let shaders = files.iter().filter(|(path, _)| is_shader(path));
+    let kernels: BTreeSet<String> = shaders.map(|(path, _)| stem(path).to_owned()).collect();
+    let operations: BTreeSet<String> = kernels.iter().map(|kernel| operation(kernel)).collect();
+    let names: BTreeSet<&String> = kernels.union(&operations).collect();
     let present: BTreeSet<&str> = files.iter().map(|(path, _)| path.as_str()).collect();
     let excused = |path: &str| unpaired.iter().any(|(exception, _)| *exception == path);
     let mut faults = Vec::new();
-    for folder in ["src/kernels/", "src/reference/", "tests/kernels/"] {
-        for operation in &operations {
-            let path = format!("{folder}{operation}.rs");
+    let folders = [
+        ("src/kernels/", &kernels),
+        ("src/reference/", &operations),
+        ("tests/kernels/", &operations),
+    ];
+    for (folder, wanted) in folders {
+        for name in wanted {
+            let path = format!("{folder}{name}.rs");
             if !present.contains(path.as_str()) && !excused(&path) {
-                faults.push(format!(
-                    "{path}: absent, though the kernel {operation} exists"
-                ));
+                faults.push(format!("{path}: absent, though the kernel {name} exists"));
             }
         }
         for path in present.iter().filter(|path| path.starts_with(folder)) {
-            let known = operations.contains(stem(path)) || ["mod", "main"].contains(&stem(path));
+            let known = names.iter().any(|name| *name == stem(path))
+                || ["mod", "main"].contains(&stem(path));
             if !known && !excused(path) {
                 faults.push(format!("{path}: no kernel of this name"));
             }
@@ -171,8 +177,9 @@ pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<St
     }
     // An exception that excuses nothing is out of date.
     for (path, _) in unpaired {
-        let absent_partner = !present.contains(path) && operations.contains(stem(path));
-        let extra = present.contains(path) && !operations.contains(stem(path));
+        let named = names.iter().any(|name| *name == stem(path));
+        let absent_partner = named && !present.contains(path);
+        let extra = !named && present.contains(path);
         if !absent_partner && !extra {
             faults.push(format!("{path}: needs no exception"));
         }
