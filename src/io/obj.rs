@@ -1,8 +1,9 @@
 //! Wavefront `.obj` meshes, and points on them to begin a scene from.
 //!
 //! Positions, vertex colours and faces are read; materials, normals, texture coordinates and groups are
-//! skipped. The format is read here and not by a library because every index must be held against
-//! the vertices, with its line in the message, before any arithmetic is done on it.
+//! skipped. `tobj` is the parser, behind a check: it calculates with indices before it knows their range
+//! and names no line, so every number is held against the file first, and `tobj` sees nothing but
+//! finite vertices and faces of vertices that exist.
 
 use super::reader::{Reader, excerpt};
 use crate::error::{Error, Result};
@@ -13,118 +14,151 @@ use std::path::Path;
 /// Lines beyond this length are refused.
 const LINE_BYTES_MAX: u64 = 1 << 24;
 
-/// Reads a mesh; polygons become fans of triangles.
+/// Reads a mesh; polygons become fans of triangles. Vertices that no face uses are left out.
 ///
 /// # Errors
 /// Names the line: a coordinate that is missing or not finite, an index of no vertex, a face with less
 /// than three corners. A mesh without faces is an error as well.
 pub fn read(path: &Path) -> Result<Mesh> {
-    let mut reader = Reader::open(path)?;
+    let mut checked = Checked::read(path, true)?;
+    if (1..checked.vertices).contains(&checked.colored) {
+        // Colours count only if every vertex has one; `tobj` pairs them by order and would mix them up.
+        checked = Checked::read(path, false)?;
+    }
+    let options = tobj::LoadOptions {
+        triangulate: true,
+        ..Default::default()
+    };
+    let mut text = checked.text.as_bytes();
+    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
+    let (models, _) = tobj::load_obj_buf(&mut text, &options, no_materials)
+        .map_err(|error| Error::file(path, error.to_string()))?;
     let mut mesh = Mesh::default();
-    let mut colored = 0;
-    let mut line = String::new();
-    let mut forward = Highest::default();
-    while reader.line(&mut line, LINE_BYTES_MAX)? {
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => colored += usize::from(read_vertex(&reader, words, &mut mesh)?),
-            Some("f") => read_face(&reader, words, &mut mesh, &mut forward)?,
-            _ => {}
-        }
-    }
-    // Faces may stand before their vertices; then this is where the index is known to be wrong.
-    if forward.index as usize >= mesh.positions.len() && !mesh.triangles.is_empty() {
-        let what = format!(
-            "line {}: vertex {} does not exist, there are {}",
-            forward.line,
-            u64::from(forward.index) + 1,
-            mesh.positions.len()
-        );
-        return Err(Error::file(path, what));
-    }
-    if mesh.triangles.is_empty() {
-        return Err(Error::file(path, "holds no faces"));
-    }
-    if colored < mesh.positions.len() {
-        mesh.colors.clear();
+    for tobj::Model { mesh: part, .. } in models {
+        let first = mesh.positions.len() as u32;
+        let triples = |values: &[f32]| -> Vec<[f32; 3]> {
+            let chunks = values.chunks_exact(3);
+            chunks.map(|v| [v[0], v[1], v[2]]).collect()
+        };
+        mesh.positions.extend(triples(&part.positions));
+        let colors = triples(&part.vertex_color).into_iter();
+        mesh.colors
+            .extend(colors.map(|color| color.map(|c| c.clamp(0.0, 1.0))));
+        let corners = part.indices.chunks_exact(3);
+        mesh.triangles
+            .extend(corners.map(|t| [t[0], t[1], t[2]].map(|v| first + v)));
     }
     Ok(mesh)
 }
 
-/// The highest vertex index used, and where.
+/// What of a file is read, found to be right: `v x y z` or `v x y z r g b`, and `f` with positive indices.
 #[derive(Default)]
-struct Highest {
-    index: u32,
-    line: u64,
+struct Checked {
+    text: String,
+    vertices: u64,
+    /// Vertices that have a colour.
+    colored: u64,
+    faces: u64,
+    /// The highest vertex index used, from 0, and its line.
+    highest: (u64, u64),
 }
 
-/// Reads `x y z` and, if they follow, `r g b`; says whether they did.
-fn read_vertex<'a>(
-    reader: &Reader,
-    words: impl Iterator<Item = &'a str>,
-    mesh: &mut Mesh,
-) -> Result<bool> {
-    let mut values = Vec::with_capacity(7);
-    for word in words.take(7) {
-        let value: f32 = word
-            .parse()
-            .ok()
-            .filter(|v: &f32| v.is_finite())
-            .ok_or_else(|| {
+impl Checked {
+    fn read(path: &Path, with_colors: bool) -> Result<Checked> {
+        let mut reader = Reader::open(path)?;
+        let mut checked = Checked::default();
+        let mut line = String::new();
+        while reader.line(&mut line, LINE_BYTES_MAX)? {
+            let mut words = line.split_whitespace();
+            match words.next() {
+                Some("v") => checked.vertex(&reader, words, with_colors)?,
+                Some("f") => checked.face(&reader, words)?,
+                _ => {}
+            }
+        }
+        if checked.faces == 0 {
+            return Err(Error::file(path, "holds no faces"));
+        }
+        // Faces may stand before their vertices; then this is where the index is known to be wrong.
+        let (index, line) = checked.highest;
+        if index >= checked.vertices {
+            let what = format!(
+                "line {line}: vertex {} does not exist, there are {}",
+                index + 1,
+                checked.vertices
+            );
+            return Err(Error::file(path, what));
+        }
+        Ok(checked)
+    }
+
+    /// Takes `x y z` and, if they follow and are wanted, `r g b`.
+    fn vertex<'a>(
+        &mut self,
+        reader: &Reader,
+        words: impl Iterator<Item = &'a str>,
+        with_colors: bool,
+    ) -> Result<()> {
+        let words: Vec<&str> = words.take(6).collect();
+        for word in &words {
+            if !word.parse().is_ok_and(|value: f32| value.is_finite()) {
                 let what = format!("the coordinate {} is no finite number", excerpt(word));
+                return Err(reader.fault_in_line(what));
+            }
+        }
+        if words.len() < 3 {
+            return Err(reader.fault_in_line("a vertex needs three coordinates"));
+        }
+        if self.vertices >= u64::from(u32::MAX) {
+            return Err(reader.fault_in_line("more vertices than 32-bit indices can name"));
+        }
+        // Three further numbers are a colour; one is the weight of a rational curve, which `tobj` would
+        // divide by.
+        let colored = with_colors && words.len() == 6;
+        self.statement("v", words[..if colored { 6 } else { 3 }].iter().copied());
+        self.colored += u64::from(colored);
+        self.vertices += 1;
+        Ok(())
+    }
+
+    /// Takes the vertex of each corner, counted from 1.
+    fn face<'a>(&mut self, reader: &Reader, words: impl Iterator<Item = &'a str>) -> Result<()> {
+        let mut corners = Vec::with_capacity(4);
+        let known = self.vertices;
+        for word in words {
+            let index = word.split('/').next().unwrap_or_default();
+            let vertex = match index.parse::<i64>() {
+                Ok(i) if i > 0 => u64::try_from(i - 1).ok(),
+                // Negative indices count back from the vertex read last.
+                Ok(i) if i < 0 => known.checked_sub(i.unsigned_abs()),
+                _ => None,
+            };
+            let vertex = vertex.filter(|v| *v < u64::from(u32::MAX)).ok_or_else(|| {
+                let what = format!("{} names no vertex; {known} are known here", excerpt(word));
                 reader.fault_in_line(what)
             })?;
-        values.push(value);
-    }
-    let [x, y, z, rest @ ..] = &values[..] else {
-        return Err(reader.fault_in_line("a vertex needs three coordinates"));
-    };
-    if mesh.positions.len() >= u32::MAX as usize {
-        return Err(reader.fault_in_line("more vertices than 32-bit indices can name"));
-    }
-    mesh.positions.push([*x, *y, *z]);
-    // Three further numbers are a colour; one is the weight of a rational curve.
-    if let [r, g, b, ..] = rest {
-        mesh.colors.push([*r, *g, *b].map(|c| c.clamp(0.0, 1.0)));
-        return Ok(true);
-    }
-    Ok(false)
-}
-
-fn read_face<'a>(
-    reader: &Reader,
-    words: impl Iterator<Item = &'a str>,
-    mesh: &mut Mesh,
-    highest: &mut Highest,
-) -> Result<()> {
-    let mut corners = Vec::with_capacity(4);
-    for word in words {
-        let index = word.split('/').next().unwrap_or_default();
-        let known = mesh.positions.len() as i64;
-        let vertex = match index.parse::<i64>() {
-            Ok(i) if i > 0 => Some(i - 1),
-            // Negative indices count back from the vertex read last.
-            Ok(i) if i < 0 => known.checked_add(i).filter(|v| *v >= 0),
-            _ => None,
-        };
-        let vertex = vertex.and_then(|v| u32::try_from(v).ok()).ok_or_else(|| {
-            let what = format!("{} names no vertex; {known} are known here", excerpt(word));
-            reader.fault_in_line(what)
-        })?;
-        if vertex >= highest.index {
-            (highest.index, highest.line) = (vertex, reader.line_number());
+            if vertex >= self.highest.0 {
+                self.highest = (vertex, reader.line_number());
+            }
+            corners.push((vertex + 1).to_string());
         }
-        corners.push(vertex);
+        match corners.len() {
+            0 => return Err(reader.fault_in_line("a face without corners")),
+            1 | 2 => return Err(reader.fault_in_line("a face needs three corners")),
+            _ => self.statement("f", corners.iter().map(String::as_str)),
+        }
+        self.faces += 1;
+        Ok(())
     }
-    let [first, rest @ ..] = &corners[..] else {
-        return Err(reader.fault_in_line("a face without corners"));
-    };
-    if rest.len() < 2 {
-        return Err(reader.fault_in_line("a face needs three corners"));
+
+    fn statement<'a>(&mut self, keyword: &str, words: impl Iterator<Item = &'a str>) {
+        self.text.push_str(keyword);
+        for word in words {
+            self.text.push(' ');
+            self.text.push_str(word);
+        }
+        self.text.push('\n');
     }
-    let fan = rest.windows(2).map(|pair| [*first, pair[0], pair[1]]);
-    mesh.triangles.extend(fan);
-    Ok(())
 }
 
 /// The vertices as points, grey where the mesh has no colours.
