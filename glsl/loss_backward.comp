@@ -14,7 +14,7 @@ layout(local_size_x_id = 0) in;
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer Image { float image[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Photo { uint photo[]; };
-layout(set = 0, binding = 3, scalar) readonly buffer Slopes { float ssim_slope[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Slopes { vec3 ssim_slope[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer ImageGradient { float d_image[]; };
 
 layout(push_constant, scalar) uniform Push {
@@ -23,58 +23,53 @@ layout(push_constant, scalar) uniform Push {
     float ssim_scale;   // lambda / (3 * sum of weights)
 } push;
 
-shared float along[3][WINDOW_SPAN][WINDOW_TILE];
+shared vec3 along[WINDOW_SPAN][WINDOW_TILE];
 
 // The image's size, read once: a buffer load costs as much as several arithmetic operations.
 uvec2 size;
 
-void slide_along_row(ivec2 corner, uint row, uint begin, uint channel) {
+void slide_along_row(uvec2 corner, uint row, uint begin, uint channel) {
     // As unsigned numbers, positions left of the image or above it are beyond it too.
-    uint y = uint(corner.y) + row - WINDOW_REACH;
-    uint x = uint(corner.x) + begin - WINDOW_REACH;
+    uint y = corner.y + row - WINDOW_REACH;
+    uint x = corner.x + begin - WINDOW_REACH;
     bool in_rows = y < size.y;
-    [[unroll]] for (uint i = 0; i < 3; ++i) {
-        uint base = ((i * 3 + channel) * size.y + (in_rows ? y : 0)) * size.x;
-        float values[STRIP_SPAN];
-        [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) {
-            float value = ssim_slope[base + min(x + from, size.x - 1)];
-            values[from] = in_rows && x + from < size.x ? value : 0.0;
-        }
-        [[unroll]] for (uint to = 0; to < STRIP; ++to) along[i][row][begin + to] = window_sum(values, to);
+    uint base = (channel * size.y + (in_rows ? y : 0)) * size.x;
+    vec3 values[STRIP_SPAN];
+    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) {
+        vec3 value = ssim_slope[base + min(x + from, size.x - 1)];
+        values[from] = in_rows && x + from < size.x ? value : vec3(0.0);
     }
+    [[unroll]] for (uint to = 0; to < STRIP; ++to) along[row][begin + to] = window_sum(values, to);
 }
 
-void store(ivec2 at, uint channel, float sums[3]) {
-    uint pixel = uint(at.y) * size.x + uint(at.x);
+void store(uvec2 at, uint channel, vec3 sums) {
+    uint pixel = at.y * size.x + at.x;
     uint place = channel * size.x * size.y + pixel;
     uint rgba = photo[pixel];
     float weight = weight_of(rgba, push.alpha_mode);
     float x = image[place];
-    float y = target_of(rgba, channel, push.alpha_mode, view.background);
+    float y = target_of(rgba, channel, push.alpha_mode, view.background[channel]);
     // The windows saw weight * x and weight * y.
-    float d_ssim = weight * (sums[0] + 2.0 * weight * x * sums[1] + weight * y * sums[2]);
+    float d_ssim = weight * (sums.x + weight * (2.0 * x * sums.y + y * sums.z));
     d_image[place] = push.l1_scale * weight * sign(x - y) - push.ssim_scale * d_ssim;
 }
 
-void slide_down_column(ivec2 corner, uint column, uint begin, uint channel) {
-    float values[3][STRIP_SPAN];
-    [[unroll]] for (uint i = 0; i < 3; ++i)
-        [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) values[i][from] = along[i][begin + from][column];
+void slide_down_column(uvec2 corner, uint column, uint begin, uint channel) {
+    vec3 values[STRIP_SPAN];
+    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) values[from] = along[begin + from][column];
     [[unroll]] for (uint to = 0; to < STRIP; ++to) {
-        float sums[3];
-        [[unroll]] for (uint i = 0; i < 3; ++i) sums[i] = window_sum(values[i], to);
-        ivec2 at = corner + ivec2(column, begin + to);
-        if (all(lessThan(at, ivec2(size)))) store(at, channel, sums);
+        uvec2 at = corner + uvec2(column, begin + to);
+        vec3 sums = window_sum(values, to);
+        if (all(lessThan(at, size))) store(at, channel, sums);
     }
 }
 
 void main() {
     size = view.size;
-    uint columns = (size.x + WINDOW_TILE - 1) / WINDOW_TILE;
-    uint rows = (size.y + WINDOW_TILE - 1) / WINDOW_TILE;
+    uvec2 tiles = (size + WINDOW_TILE - 1) / WINDOW_TILE;
     uint tile = group_index();
-    if (tile >= columns * rows) return;
-    ivec2 corner = ivec2(tile % columns, tile / columns) * int(WINDOW_TILE);
+    if (tile >= tiles.x * tiles.y) return;
+    uvec2 corner = uvec2(tile % tiles.x, tile / tiles.x) * WINDOW_TILE;
     uint lane = gl_LocalInvocationID.x;
     for (uint channel = 0; channel < 3; ++channel) {
         for (uint i = lane; i < WINDOW_SPAN * STRIPS; i += WORKGROUP) {

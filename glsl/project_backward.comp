@@ -82,18 +82,41 @@ vec4 quaternion_backward(vec4 unit, float q_length, mat3 d) {
     return (g - unit * dot(unit, g)) / q_length;
 }
 
-// Adds what the image says about a visible splat; returns dL/d mean_pixel.
-vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient) {
-    vec4 shape = vec4(0.0);
-    vec4 tone = vec4(0.0);
-    float rest = 0.0;
+// A splat's records, summed in order.
+struct Records {
+    vec4 shape;
+    vec4 tone;
+    float rest;
+};
+
+Records sum_of_records(uint splat, uint tile_count) {
+    Records sum = Records(vec4(0.0), vec4(0.0), 0.0);
     uint begin = source_from_splat[splat];
     for (uint source = begin; source < begin + tile_count; ++source) {
-        shape += d_shape_from_source[source];
-        tone += d_tone_from_source[source];
-        rest += d_rest_from_source[source];
+        sum.shape += d_shape_from_source[source];
+        sum.tone += d_tone_from_source[source];
+        sum.rest += d_rest_from_source[source];
     }
+    return sum;
+}
 
+// dL/d mean in view space: from the Jacobian's rows (fx/z)(1, 0, -x/z) and (fy/z)(0, 1, -y/z), whose
+// gradients in view space are g_x and g_y, and from the mean's pixel.
+vec3 mean_view_backward(vec3 mean_view, Jacobian j, vec3 g_x, vec3 g_y, vec2 d_mean_pixel) {
+    vec2 focal = view.focal;
+    vec2 scale = focal / mean_view.z;
+    vec3 d;
+    d.z = -(scale.x * (g_x.x - j.slope.x * g_x.z) + scale.y * (g_y.y - j.slope.y * g_y.z)) / mean_view.z;
+    // A clamped slope is a constant: no gradient through it, and the z-derivative above is then exact.
+    vec2 d_slope = mix(vec2(0.0), -scale * vec2(g_x.z, g_y.z), j.inside) + focal * d_mean_pixel;
+    d.xy = d_slope / mean_view.z;
+    d.z -= dot(d_slope, mean_view.xy / mean_view.z) / mean_view.z;
+    return d;
+}
+
+// Adds what the image says about a visible splat; returns dL/d mean_pixel.
+vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient) {
+    Records records = sum_of_records(splat, tile_count);
     vec4 mean = params[splat];
     vec4 rotation = params[view.stride + splat];
     vec3 offset = mean.xyz - view.position;
@@ -106,53 +129,36 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
     vec3 local_y = j.row_y * axes;
     Footprint f = footprint(local_x * scale, local_y * scale, view.dilation);
 
-    // The whitening matrix [[p, 0], [-slope q, q]], e = matrix * (pixel - mean).
+    // The whitening matrix [[p, 0], [-slope q, q]], e = matrix * (pixel - mean); first and second moments
+    // of e, weighted by s.
     float p = inversesqrt(f.a);
     float q = sqrt(f.a / f.det);
-    vec3 sums = vec3(shape.y, shape.z, 0.0) / WHITEN;  // sums of s e
-    vec2 d_mean_pixel = vec2(sums.x * p - sums.y * f.slope * q, sums.y * q);
-    // Second moments of e, weighted by s.
-    float m_xx = shape.w / (WHITEN * WHITEN);
-    float m_xy = tone.x / (WHITEN * WHITEN);
-    float m_yy = tone.y / (WHITEN * WHITEN);
-
-    gradient.opacity_logit += shape.x * sigmoid(-mean.w);
+    vec2 first = records.shape.yz / WHITEN;
+    vec3 second = vec3(records.shape.w, records.tone.xy) / (WHITEN * WHITEN);  // xx, xy, yy
+    vec2 d_mean_pixel = vec2(first.x * p - first.y * f.slope * q, first.y * q);
+    gradient.opacity_logit += records.shape.x * sigmoid(-mean.w);
 
     // dL/dV = W^T M (W V): whitened moments stay accurate for needles, where an inverse covariance cancels.
     vec3 white_x = p * f.v_x;
     vec3 white_y = q * (f.v_y - f.slope * f.v_x);
-    vec3 moved_x = m_xx * white_x + m_xy * white_y;
-    vec3 moved_y = m_xy * white_x + m_yy * white_y;
+    vec3 moved_x = second.x * white_x + second.y * white_y;
+    vec3 moved_y = second.y * white_x + second.z * white_y;
     vec3 d_v_x = p * moved_x - q * f.slope * moved_y;
     vec3 d_v_y = q * moved_y;
-
     gradient.log_scale += (d_v_x * local_x + d_v_y * local_y) * scale;
     vec3 d_local_x = d_v_x * scale;
     vec3 d_local_y = d_v_y * scale;
     // local = row * axes, component k = dot(row, axes[k]).
-    mat3 d_axes = mat3(j.row_x * d_local_x.x + j.row_y * d_local_y.x,
-                       j.row_x * d_local_x.y + j.row_y * d_local_y.y,
-                       j.row_x * d_local_x.z + j.row_y * d_local_y.z);
+    mat3 d_axes = outerProduct(j.row_x, d_local_x) + outerProduct(j.row_y, d_local_y);
     gradient.quaternion += quaternion_backward(unit, q_length, d_axes);
-
-    // Rows of the Jacobian in view space: (fx/z)(1, 0, -x/z), (fy/z)(0, 1, -y/z).
     vec3 g_x = view.view_from_world * (axes * d_local_x);
     vec3 g_y = view.view_from_world * (axes * d_local_y);
-    vec2 scale_z = view.focal / mean_view.z;
-    vec2 d_slope = -scale_z * vec2(g_x.z, g_y.z);
-    vec3 d_view;
-    d_view.z = -(scale_z.x * (g_x.x - j.slope.x * g_x.z) + scale_z.y * (g_y.y - j.slope.y * g_y.z)) / mean_view.z;
-    // A clamped slope is a constant: no gradient through it, and the z-derivative above is then exact.
-    vec2 raw = mean_view.xy / mean_view.z;
-    d_slope = mix(vec2(0.0), d_slope, j.inside) + view.focal * d_mean_pixel;
-    d_view.xy = d_slope / mean_view.z;
-    d_view.z -= dot(d_slope, raw) / mean_view.z;
-    gradient.mean += d_view * view.view_from_world;
+    gradient.mean += mean_view_backward(mean_view, j, g_x, g_y, d_mean_pixel) * view.view_from_world;
 
     float distance = length(offset);
     vec3 direction = offset / distance;
     vec3 color = vec3(splat2d[splat].tone.zw, splat2d[splat].rest.x);
-    vec3 d_color = mix(vec3(0.0), vec3(tone.zw, rest), greaterThan(color, vec3(0.0)));
+    vec3 d_color = mix(vec3(0.0), vec3(records.tone.zw, records.rest), greaterThan(color, vec3(0.0)));
     vec3 d_direction = harmonics_backward(splat, direction, d_color);
     gradient.mean += (d_direction - direction * dot(direction, d_direction)) / distance;
     return d_mean_pixel;

@@ -40,15 +40,20 @@ uint max_of_lanes(uint mine);
 // The sum over the workgroup, valid in the lane that `stores` is true for.
 Sums sum_of_lanes(Sums mine, out bool stores);
 
-void differentiate(uint tile) {
-    Tile t = tile_of(tile, view);
+// The lane's pixels: what passes before the splat at hand, the upstream gradient, and the colour behind the
+// splat at hand projected on that gradient.
+vec4 transmittance[QUADS];
+vec4 d_red[QUADS];
+vec4 d_green[QUADS];
+vec4 d_blue[QUADS];
+vec4 behind[QUADS];
+// One past the last intersection that counted for a pixel.
+uvec4 end[QUADS];
+
+// Fetches the lane's pixels; returns the last `end` among them.
+uint load_pixels(Tile t) {
     uint pixels = view.size.x * view.size.y;
-    vec4 transmittance[QUADS];
-    vec4 d_red[QUADS];
-    vec4 d_green[QUADS];
-    vec4 d_blue[QUADS];
-    vec4 behind[QUADS];
-    uvec4 end[QUADS];
+    vec3 background = view.background;
     uint last = 0;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         [[unroll]] for (uint r = 0; r < 4; ++r) {
@@ -61,53 +66,60 @@ void differentiate(uint tile) {
             end[q][r] = mine ? end_from_pixel[pixel] : 0;
             last = max(last, end[q][r]);
         }
-        behind[q] = d_red[q] * view.background.r + d_green[q] * view.background.g + d_blue[q] * view.background.b;
+        behind[q] = d_red[q] * background.r + d_green[q] * background.g + d_blue[q] * background.b;
     }
+    return last;
+}
 
+// Takes one splat off the lane's pixels, from the back, and returns what it adds to its gradient.
+Sums take_off(uint isect, Column column, vec3 color) {
+    vec4 s = vec4(0.0);
+    vec4 sf = vec4(0.0);
+    vec4 sff = vec4(0.0);
+    vec4 red = vec4(0.0);
+    vec4 green = vec4(0.0);
+    vec4 blue = vec4(0.0);
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        vec4 f;
+        vec4 exponent = exponent_of(column, q, f);
+        bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)), lessThan(uvec4(isect), end[q]));
+        vec4 raw = exp2(exponent);
+        vec4 alpha = mix(vec4(0.0), min(raw, vec4(ALPHA_MAX)), on);
+        transmittance[q] /= vec4(1.0) - alpha;
+        vec4 weight = alpha * transmittance[q];
+        vec4 ahead = d_red[q] * color.r + d_green[q] * color.g + d_blue[q] * color.b;
+        // The cap passes no gradient to what it caps.
+        vec4 here = mix(vec4(0.0), weight * (ahead - behind[q]), lessThan(raw, vec4(ALPHA_MAX)));
+        behind[q] = mix(behind[q], ahead, alpha);
+        red += weight * d_red[q];
+        green += weight * d_green[q];
+        blue += weight * d_blue[q];
+        s += here;
+        here *= f;
+        sf += here;
+        sff += here * f;
+    }
+    const vec4 one = vec4(1.0);
+    float sum = dot(s, one);
+    float sum_y = dot(sf, one);
+    Sums sums;
+    sums.shape = vec4(sum, sum * column.f_x, sum_y, sum * column.f_x * column.f_x);
+    sums.tone = vec4(sum_y * column.f_x, dot(sff, one), dot(red, one), dot(green, one));
+    sums.rest = dot(blue, one);
+    return sums;
+}
+
+void differentiate(uint tile) {
+    Tile t = tile_of(tile, view);
     uvec2 range = range_from_tile[tile];
-    last = max(max_of_lanes(last), range.x);
+    uint last = max(max_of_lanes(load_pixels(t)), range.x);
     for (uint isect = last; isect-- > range.x;) {
         uint source = source_from_isect[isect];
         uint splat = splat_from_source[source];
-        vec4 shape = splat2d[splat].shape;
         vec4 tone = splat2d[splat].tone;
-        float blue = splat2d[splat].rest.x;
-        Column column = column_of(t, shape, tone);
-        vec4 sum_s = vec4(0.0);
-        vec4 sum_sf = vec4(0.0);
-        vec4 sum_sff = vec4(0.0);
-        vec4 sum_red = vec4(0.0);
-        vec4 sum_green = vec4(0.0);
-        vec4 sum_blue = vec4(0.0);
-        [[unroll]] for (uint q = 0; q < QUADS; ++q) {
-            vec4 f;
-            vec4 exponent = exponent_of(column, q, f);
-            bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)), lessThan(uvec4(isect), end[q]));
-            vec4 raw = exp2(exponent);
-            vec4 alpha = mix(vec4(0.0), min(raw, vec4(ALPHA_MAX)), on);
-            transmittance[q] /= vec4(1.0) - alpha;
-            vec4 weight = alpha * transmittance[q];
-            vec4 ahead = d_red[q] * tone.z + d_green[q] * tone.w + d_blue[q] * blue;
-            // The cap passes no gradient to what it caps.
-            vec4 s = mix(vec4(0.0), weight * (ahead - behind[q]), lessThan(raw, vec4(ALPHA_MAX)));
-            behind[q] = mix(behind[q], ahead, alpha);
-            sum_red += weight * d_red[q];
-            sum_green += weight * d_green[q];
-            sum_blue += weight * d_blue[q];
-            sum_s += s;
-            s *= f;
-            sum_sf += s;
-            sum_sff += s * f;
-        }
-        const vec4 one = vec4(1.0);
-        float s = dot(sum_s, one);
-        float s_y = dot(sum_sf, one);
-        Sums mine;
-        mine.shape = vec4(s, s * column.f_x, s_y, s * column.f_x * column.f_x);
-        mine.tone = vec4(s_y * column.f_x, dot(sum_sff, one), dot(sum_red, one), dot(sum_green, one));
-        mine.rest = dot(sum_blue, one);
+        Column column = column_of(t, splat2d[splat].shape, tone);
         bool stores;
-        Sums total = sum_of_lanes(mine, stores);
+        Sums total = sum_of_lanes(take_off(isect, column, vec3(tone.zw, splat2d[splat].rest.x)), stores);
         if (stores) {
             d_shape_from_source[source] = total.shape;
             d_tone_from_source[source] = total.tone;

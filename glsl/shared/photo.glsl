@@ -13,9 +13,8 @@ float weight_of(uint rgba, uint alpha_mode) {
     return alpha_mode == ALPHA_MASKS ? channel_of(rgba, 3) : 1.0;
 }
 
-// The value a render should have.
-float target_of(uint rgba, uint channel, uint alpha_mode, vec3 background) {
+// The value a render should have in a channel; `background` is that channel's.
+float target_of(uint rgba, uint channel, uint alpha_mode, float background) {
     float value = channel_of(rgba, channel);
-    if (alpha_mode == ALPHA_MASKS) return value;
-    return mix(background[channel], value, channel_of(rgba, 3));
+    return alpha_mode == ALPHA_MASKS ? value : mix(background, value, channel_of(rgba, 3));
 }

@@ -34,7 +34,7 @@ pub(crate) struct Backward {
 /// Buffers of a step that rendering does not need.
 #[derive(Debug)]
 pub(crate) struct Gradients {
-    ssim_slope: Buffer<f32>,
+    ssim_slope: Buffer<[f32; 3]>,
     loss_from_tile: Buffer<[f32; 4]>,
     pub(crate) loss: Buffer<[f32; 4]>,
     d_image: Buffer<f32>,
@@ -50,7 +50,7 @@ impl Gradients {
         // An image of these tiles has at most as many loss tiles as it has compositing tiles.
         let tiles = scratch.capacity.tiles;
         Ok(Gradients {
-            ssim_slope: gpu.buffer("ssim_slope", 9 * pixels)?,
+            ssim_slope: gpu.buffer("ssim_slope", 3 * pixels)?,
             loss_from_tile: gpu.buffer("loss_from_tile", tiles)?,
             loss: gpu.buffer("loss", 1)?,
             d_image: gpu.buffer("d_image", 3 * pixels)?,
