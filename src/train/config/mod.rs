@@ -188,8 +188,9 @@ impl TrainConfig {
     ///
     /// The colour degrees and the position rate's decay scale with the length. Refinement starts after
     /// a tenth of the run, at most 500 iterations, and ends at half of it, but short runs, which have
-    /// no time to waste, refine up to three quarters (at most 7,500). The interval is never scaled
-    /// below 50: the statistics have to have seen most views. Opacity resets stay 3,000 iterations
+    /// no time to waste, refine up to three quarters (at most 7,500). The interval is 100, and 50 in
+    /// runs of up to 1,000: the statistics have to have seen most views, and twice as many refinements
+    /// give twice as many splats, not twice the gain. Opacity resets stay 3,000 iterations
     /// apart, so that short runs have none: recovery from a reset takes as long as in a long one.
     pub fn for_iterations(iterations: u32) -> TrainConfig {
         let share = |published: u64| {
@@ -209,7 +210,7 @@ impl TrainConfig {
             refine: RefineTimes {
                 from: (iterations / 10).min(500),
                 until: (iterations / 2).max(share(22_500).min(7_500)),
-                every: (iterations / 40).clamp(50, 100),
+                every: (iterations / 20).clamp(50, 100),
             },
             adc: AdcConfig::default(),
             mcmc: McmcConfig::default(),
