@@ -5,16 +5,19 @@
 //
 // One invocation per intersection. One whose tile differs from its left neighbour's closes the
 // neighbour's slice and opens its own; tiles that own nothing keep the empty slice they were cleared to.
+// Also notices slices that are longer than the device's loops may run: some software devices leave a loop
+// after 65,535 iterations and say nothing.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
 
-layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 0, scalar) buffer Counts { uint counts[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer Tiles { uint tile_from_isect[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer Ranges { uvec2 range_from_tile[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_count;  // intersections of tiles beyond are padding
+    uint list_limit;  // intersections that one tile may have
 } push;
 
 void main() {
@@ -27,5 +30,8 @@ void main() {
         if (tile < push.tile_count) range_from_tile[tile].x = isect;
         if (isect > 0 && left < push.tile_count) range_from_tile[left].y = isect;
     }
+    // Every invocation that finds this writes the same.
+    bool too_long = isect >= push.list_limit && tile_from_isect[isect - push.list_limit] == tile;
+    if (too_long && tile < push.tile_count) counts[COUNT_LIST_TOO_LONG] = 1;
     if (isect + 1 == count && tile < push.tile_count) range_from_tile[tile].y = count;
 }

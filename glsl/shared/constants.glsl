@@ -29,8 +29,8 @@ const uint COUNT_ISECT_TABLE = 6;
 const uint COUNT_ISECT_WANTED = 7;
 // Non-zero once a frame did not fit: everything after it does nothing until the host clears it.
 const uint COUNT_FAILED = 8;
-// Longest tile list of the frame.
-const uint COUNT_LIST_MAX = 9;
+// Non-zero if a tile's list was too long for the device's loops.
+const uint COUNT_LIST_TOO_LONG = 9;
 // Gradient rows that were not finite and were skipped by the optimiser.
 const uint COUNT_POISONED = 10;
 // Totals nobody needs.

@@ -2,12 +2,12 @@
 
 use super::model::Model;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
-use crate::Result;
-use crate::gpu::{Gpu, Groups, Recorder};
+use crate::gpu::{DeviceKind, Gpu, Groups, Recorder};
 use crate::kernels::scan::{Io as ScanIo, Scan, What};
 use crate::kernels::sort::{self, Layout, Pairs, Sort};
 use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize};
 use crate::layout::*;
+use crate::{Error, Result};
 
 /// The kernels of a frame, compiled for one device.
 #[derive(Debug)]
@@ -23,6 +23,7 @@ pub struct Forward {
     ranges: ranges::Ranges,
     rasterize: rasterize::Rasterize,
     group_limit: u32,
+    list_limit: u32,
 }
 
 /// Invocations of a workgroup of the elementwise kernels, which `plan` divides by.
@@ -48,6 +49,7 @@ impl Forward {
                 rasterize::Rasterize::prefer(caps, with_depth),
             )?,
             group_limit: caps.max_groups[0],
+            list_limit: list_limit(caps.kind),
         })
     }
 
@@ -223,12 +225,34 @@ impl Forward {
             },
             ranges::Params {
                 tile_count: tiles as u32,
+                list_limit: self.list_limit,
             },
             &s.args,
             ARGS_ISECT,
         );
         sorted
     }
+}
+
+/// Intersections that one tile may have. llvmpipe leaves all loops of a dispatch after 65,535 iterations in
+/// total, batches counted too; other devices run loops to their end.
+fn list_limit(kind: DeviceKind) -> u32 {
+    match kind {
+        DeviceKind::Cpu => 60_000,
+        _ => u32::MAX,
+    }
+}
+
+/// What a frame's counts say against its image, if anything.
+pub(crate) fn check_lists(counts: &[u32]) -> Result<()> {
+    if counts[COUNT_LIST_TOO_LONG as usize] == 0 {
+        return Ok(());
+    }
+    Err(Error::Unsupported {
+        what: "more than 60,000 splats over one tile of 8x16 pixels: this software device would leave its \
+               loops early and draw a wrong image"
+            .into(),
+    })
 }
 
 /// A step through the tiles, coprime to their number, that spreads neighbours: a CPU device gives each of

@@ -1,6 +1,6 @@
 //! Rendering for users: record into a host's commands, or render and read back.
 
-use super::forward::Forward;
+use super::forward::{Forward, check_lists};
 use super::model::Model;
 use super::scratch::{Capacity, Scratch};
 use super::view::{ViewOptions, view_of};
@@ -181,6 +181,7 @@ impl Renderer {
             })?;
             self.frames.wait(ticket)?;
             let counts = counts.get();
+            check_lists(&counts)?;
             if counts[COUNT_FAILED as usize] == 0 {
                 return Ok(unpack(camera, &image.get(), depth.get()));
             }

@@ -13,7 +13,7 @@ use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
 use super::{adc_reset, initial_splats, schedule};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
-use crate::render::{Capacity, Forward, Scratch, ViewOptions, view_of};
+use crate::render::{Capacity, Forward, Scratch, ViewOptions, check_lists, view_of};
 use crate::scene::{Dataset, RenderMode, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;
@@ -281,6 +281,7 @@ impl<'a> Trainer<'a> {
             self.iteration = oldest.iteration - 1;
             return Ok(false);
         }
+        check_lists(&counts)?;
         let [l1, dssim, square, weight] = oldest.loss.get()[0].map(f64::from);
         let lambda = f64::from(self.config.lambda_dssim);
         let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
