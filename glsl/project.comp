@@ -38,13 +38,14 @@ vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
 uint project(uint splat) {
     vec4 mean = params[splat];
     vec4 rotation = params[view.stride + splat];
-    vec3 scale = exp(params[2 * view.stride + splat].xyz);
+    vec3 log_scale = params[2 * view.stride + splat].xyz;
+    vec3 scale = exp(log_scale);
 
     vec3 offset = mean.xyz - view.position;
     vec3 mean_view = view.view_from_world * offset;
     float q_length = quaternion_length(rotation);
-    bool sound = is_finite(mean) && is_finite(rotation) && is_finite(scale) && is_finite(mean_view);
-    sound = sound && mean_view.z >= view.near_plane && q_length > 1e-18;
+    bool sound = is_finite(mean) && is_finite(rotation) && is_finite(log_scale) && is_finite(scale);
+    sound = sound && is_finite(mean_view) && mean_view.z >= view.near_plane && q_length > 1e-18;
 
     Jacobian j = jacobian(view, mean_view);
     mat3 axes = rotation_matrix(rotation / q_length);
@@ -54,6 +55,7 @@ uint project(uint splat) {
     vec2 mean_pixel = view.focal * mean_view.xy / mean_view.z + view.center;
     // log2 of the sigmoid; exp(-u) may overflow to infinity, then the splat is invisible as it should.
     float log_opacity = -log2(1.0 + exp(-mean.w));
+    if (view.compensate != 0) log_opacity += log_compensation(f);
     sound = sound && log_opacity >= -LOG2_255 && is_finite(vec3(mean_pixel, 0.0));
 
     vec2 whiten = WHITEN * vec2(inversesqrt(f.a), sqrt(f.a / f.det));

@@ -114,6 +114,17 @@ vec3 mean_view_backward(vec3 mean_view, Jacobian j, vec3 g_x, vec3 g_y, vec2 d_m
     return d;
 }
 
+// Adds to dL/dV what comes through the opacity's compensation, from dL/d ln(opacity): the logarithm is half of
+// ln det without minus ln det with dilation, and the difference of their reciprocals has a form that does not
+// cancel.
+void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, inout vec3 d_v_y) {
+    float det = dot(f.minors, f.minors);
+    float apart = d_log_opacity * ((f.det - det) / f.det) / det;
+    float outward = d_log_opacity * view.dilation / f.det;
+    d_v_x += apart * cross(f.v_y, f.minors) - outward * f.v_x;
+    d_v_y += apart * cross(f.minors, f.v_x) - outward * f.v_y;
+}
+
 // Adds what the image says about a visible splat; returns dL/d mean_pixel.
 vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient) {
     Records records = sum_of_records(splat, tile_count);
@@ -145,6 +156,7 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
     vec3 moved_y = second.y * white_x + second.z * white_y;
     vec3 d_v_x = p * moved_x - q * f.slope * moved_y;
     vec3 d_v_y = q * moved_y;
+    if (view.compensate != 0) compensation_backward(f, records.shape.x, d_v_x, d_v_y);
     gradient.log_scale += (d_v_x * local_x + d_v_y * local_y) * scale;
     vec3 d_local_x = d_v_x * scale;
     vec3 d_local_y = d_v_y * scale;
@@ -172,7 +184,7 @@ void main() {
 
     Gradient gradient;
     gradient.mean = vec3(0.0);
-    gradient.opacity_logit = push.opacity_penalty * opacity * (1.0 - opacity);
+    gradient.opacity_logit = push.opacity_penalty * opacity * sigmoid(-params[splat].w);
     gradient.quaternion = vec4(0.0);
     gradient.log_scale = push.scale_penalty * scale;
 

@@ -4,7 +4,8 @@
 // First of three passes of an exclusive prefix sum: the sum of every chunk.
 //
 // One invocation per chunk of SCAN_CHUNK consecutive values. No subgroup operation and no progress of
-// one workgroup behind another's is relied on. With `flags` set, a value counts as 1 if it is not 0.
+// one workgroup behind another's is relied on. With `flags` set, a value counts as 1 if it is not 0. Sums
+// saturate at 2^32 - 1, as the total does.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
@@ -27,7 +28,8 @@ void main() {
     uint sum = 0;
     for (uint i = begin; i < end; ++i) {
         uint value = values[i];
-        sum += push.flags != 0 ? min(value, 1u) : value;
+        value = push.flags != 0 ? min(value, 1u) : value;
+        sum += min(value, ~sum);
     }
     sum_from_chunk[chunk] = sum;
 }

@@ -48,5 +48,8 @@ const uint ARGS_ISECT_CHUNK = 6;
 const uint ARGS_ISECT_TABLE = 7;
 const uint ARGS_SLOTS = 8;
 
+// Most values of a digit that the radix sort tells apart: those kept in shared memory by some variants.
+const uint SORT_DIGITS_MAX = 2048;
+
 // Elements one invocation of the scan kernels walks in order.
 const uint SCAN_CHUNK = 256;

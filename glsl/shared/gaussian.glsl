@@ -63,6 +63,7 @@ struct Footprint {
     float a;            // covariance xx, px^2
     float slope;        // covariance xy / xx
     float det;
+    vec3 minors;        // v_x x v_y, whose squared length is the determinant without dilation
 };
 
 Footprint footprint(vec3 v_x, vec3 v_y, float dilation) {
@@ -73,8 +74,14 @@ Footprint footprint(vec3 v_x, vec3 v_y, float dilation) {
     vec3 minors = cross(v_x, v_y);
     f.a = xx + dilation;
     f.slope = dot(v_x, v_y) / f.a;
+    f.minors = minors;
     f.det = dot(minors, minors) + dilation * (xx + dot(v_y, v_y)) + dilation * dilation;
     return f;
+}
+
+// log2 of what an opacity is multiplied by so that dilation adds no light: sqrt(det without / det with it).
+float log_compensation(Footprint f) {
+    return 0.5 * log2(dot(f.minors, f.minors) / f.det);
 }
 
 // The region where alpha >= 1/255, from the numbers that `Splat2d` stores: the pass that counts tiles
@@ -124,9 +131,10 @@ ivec2 tile_rows(Ellipse e, uvec2 size) {
 
 // Columns of tiles that the ellipse touches in one row of tiles.
 ivec2 tile_columns(Ellipse e, int row, uvec2 size) {
-    // The strip between the row's first and last pixel centres, as far as the ellipse reaches into it.
+    // The strip between the row's first and last pixel centres in the image, as far as the ellipse reaches into it.
     precise float top = max(float(row) * float(TILE_HEIGHT) + 0.5 - e.mean.y, -e.extent.y);
-    precise float bottom = min(float(row + 1) * float(TILE_HEIGHT) - 0.5 - e.mean.y, e.extent.y);
+    float end = min(float(row + 1) * float(TILE_HEIGHT), float(size.y));
+    precise float bottom = min(end - 0.5 - e.mean.y, e.extent.y);
     precise float reach = e.slope_x * e.extent.x;
     precise float y_right = clamp(reach, top, bottom);
     precise float y_left = clamp(-reach, top, bottom);

@@ -11,6 +11,7 @@ struct View {
     uvec2 tiles;       // tiles per row and column
     float near_plane;  // world units along z
     float dilation;    // added to the screen covariance, px^2
+    uint compensate;   // not 0: opacities make up for the dilation (Mip-Splatting, section 5.2)
     uint splat_count;
     uint stride;       // elements between two planes of parameters
     vec3 background;

@@ -4,8 +4,8 @@
 use super::scan::{Io as ScanIo, Scan, What};
 use super::{sort_count, sort_scatter};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Groups, Recorder};
-use crate::layout::{COUNT_SCRATCH, DispatchArgs};
+use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
+use crate::layout::{COUNT_SCRATCH, DispatchArgs, SORT_DIGITS_MAX};
 
 /// The kernels of a pass.
 #[derive(Debug)]
@@ -80,22 +80,56 @@ impl Layout {
     }
 }
 
+/// Invocations of a workgroup of the variants that give a chunk to a whole workgroup.
+pub(super) const SUBGROUP_WORKGROUP: u32 = 256;
+
+/// Whether a chunk is best sorted by a whole workgroup: not where a processor runs one lane after the other.
+/// Both kernels of the sort go by this, since both must cut the keys alike.
+pub(super) fn by_subgroup(caps: &Caps) -> bool {
+    caps.kind != DeviceKind::Cpu
+        && caps
+            .supports(sort_scatter::Variant::Subgroup.info())
+            .is_ok()
+        && caps.max_workgroup >= SUBGROUP_WORKGROUP
+        && SUBGROUP_WORKGROUP.is_multiple_of(caps.subgroup_size.max(1))
+}
+
 impl Sort {
-    /// Compiles the kernels.
+    /// Compiles the kernels as the device prefers.
     pub fn new(gpu: &Gpu) -> Result<Sort> {
-        let count = sort_count::SortCount::prefer(gpu.caps());
+        Sort::with(
+            gpu,
+            sort_count::SortCount::prefer(gpu.caps()),
+            sort_scatter::SortScatter::prefer(gpu.caps()),
+        )
+    }
+
+    /// Compiles the kernels as chosen. Both must give a workgroup the same number of chunks.
+    pub fn with(
+        gpu: &Gpu,
+        count: sort_count::Choice,
+        scatter: sort_scatter::Choice,
+    ) -> Result<Sort> {
+        let chunks_per_group = match count.variant {
+            sort_count::Variant::Base => count.spec.workgroup,
+            sort_count::Variant::Subgroup => 1,
+        };
+        let scattered = match scatter.variant {
+            sort_scatter::Variant::Base => scatter.spec.workgroup,
+            sort_scatter::Variant::Subgroup => 1,
+        };
+        assert_eq!(chunks_per_group, scattered, "chunks per workgroup differ");
         Ok(Sort {
             count: sort_count::SortCount::new(gpu, count)?,
-            scatter: sort_scatter::SortScatter::new(
-                gpu,
-                sort_scatter::SortScatter::prefer(gpu.caps()),
-            )?,
-            chunks_per_group: count.spec.workgroup,
+            scatter: sort_scatter::SortScatter::new(gpu, scatter)?,
+            chunks_per_group,
         })
     }
 
     /// Records the sort; returns which of the pairs holds the result.
     pub fn record(&self, rec: &mut Recorder<'_>, scan: &Scan, io: Io<'_>, layout: Layout) -> usize {
+        let digits = layout.digit_count();
+        assert!(digits <= SORT_DIGITS_MAX, "{digits} digits");
         for pass in 0..layout.passes {
             self.record_pass(rec, scan, io, layout, pass);
         }

@@ -1,6 +1,7 @@
 //! Second half of a pass of a stable radix sort: every key and value to its place.
 
 pub use super::generated::sort_scatter::{Bindings, Choice, Kernel, Params, Spec, Variant};
+use super::sort::{SUBGROUP_WORKGROUP, by_subgroup};
 use crate::Result;
 use crate::gpu::{Buffer, Caps, Gpu, Groups, Recorder};
 use crate::layout::DispatchArgs;
@@ -19,9 +20,18 @@ impl SortScatter {
         })
     }
 
-    /// Which variant and tuning suits a device: one serves all so far.
-    pub fn prefer(_caps: &Caps) -> Choice {
-        Choice::default()
+    /// Which variant and tuning suits a device: a workgroup per chunk where lanes are many and cheap, else an
+    /// invocation per chunk.
+    pub fn prefer(caps: &Caps) -> Choice {
+        if !by_subgroup(caps) {
+            return Choice::default();
+        }
+        Choice {
+            variant: Variant::Subgroup,
+            spec: Spec {
+                workgroup: SUBGROUP_WORKGROUP,
+            },
+        }
     }
 
     /// Records it; element `index` of `groups` holds the dispatch size that `plan` derived.

@@ -47,6 +47,7 @@ pub fn view_of(camera: &Camera, options: &ViewOptions, splat_count: usize, strid
             RenderMode::Default => 0.3,
             RenderMode::Mip => 0.1,
         },
+        compensate: (options.mode == RenderMode::Mip).into(),
         splat_count: splat_count as u32,
         stride: stride as u32,
         background: options.background,

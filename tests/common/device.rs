@@ -5,10 +5,10 @@ use ashfall::gpu::{Gpu, GpuOptions};
 use std::ops::Deref;
 
 /// A device with validation on; dropping it fails the test if the validation layer said anything.
-pub struct TestGpu(Gpu);
+pub(crate) struct TestGpu(Gpu);
 
 /// Creates one.
-pub fn gpu() -> TestGpu {
+pub(crate) fn gpu() -> TestGpu {
     let options = GpuOptions {
         validation: true,
         device: Some("0".into()),

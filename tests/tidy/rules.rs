@@ -63,6 +63,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "a few divisions: the test states them",
     ),
     ("src/reference/present.rs", "a copy: the test states it"),
+    (
+        "tests/kernels/present.rs",
+        "writes to a host's image: tests/embed.rs is the host",
+    ),
 ];
 
 /// Who may import whom, by the first component of the path after `crate::`.

@@ -1,0 +1,43 @@
+#version 460
+#extension GL_KHR_shader_subgroup_ballot : require
+#include "shared/prelude.glsl"
+
+// First half of a pass of a stable radix sort: how often each digit occurs in each chunk of keys.
+//
+// One workgroup per chunk, counting in shared memory: sums of integers do not depend on their order. It needs
+// no subgroup operation itself but goes with `sort_scatter.subgroup`, and runs where that does.
+
+layout(constant_id = 0) const uint WORKGROUP = 8;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Keys { uint keys[]; };
+layout(set = 0, binding = 2, scalar) buffer Table { uint table[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint count_slot;  // where in `counts` the number of keys stands
+    uint chunk;       // keys per chunk
+    uint shift;       // lowest bit of the digit
+    uint digit_count; // a power of two, at most SORT_DIGITS_MAX
+} push;
+
+shared uint counted[SORT_DIGITS_MAX];
+
+void main() {
+    uint chunk = group_index();
+    uint lane = gl_LocalInvocationID.x;
+    uint count = counts[push.count_slot];
+    uint begin = chunk * push.chunk;
+    if (begin >= count) return;
+    uint end = min(begin + push.chunk, count);
+    uint chunk_count = (count + push.chunk - 1) / push.chunk;
+    for (uint digit = lane; digit < push.digit_count; digit += WORKGROUP) counted[digit] = 0;
+    barrier();
+    for (uint i = begin + lane; i < end; i += WORKGROUP) {
+        atomicAdd(counted[(keys[i] >> push.shift) & (push.digit_count - 1)], 1);
+    }
+    barrier();
+    for (uint digit = lane; digit < push.digit_count; digit += WORKGROUP) {
+        table[digit * chunk_count + chunk] = counted[digit];
+    }
+}

@@ -1,0 +1,51 @@
+//! Rung 2: every kernel, every variant that the device can run, several workgroup sizes, against the oracle,
+//! on inputs that are chosen to hurt. Tolerances are derived where they stand; u = 2⁻²⁴ throughout.
+
+mod adam;
+#[path = "../common/check.rs"]
+mod check;
+mod compact;
+#[path = "../common/device.rs"]
+mod device;
+mod expand;
+mod gather;
+#[path = "../common/lists.rs"]
+mod lists;
+mod loss;
+#[path = "../common/pack.rs"]
+mod pack;
+mod perturb;
+mod plan;
+mod project;
+mod project_backward;
+mod ranges;
+mod rasterize;
+mod rasterize_backward;
+mod scan;
+#[path = "../common/scenes.rs"]
+mod scenes;
+mod sort;
+
+/// Lengths at which workgroups and chunks begin and end.
+const LENGTHS: [(&str, usize); 9] = [
+    ("nothing to do", 0),
+    ("one", 1),
+    ("2^6 - 1", 63),
+    ("2^6", 64),
+    ("2^6 + 1", 65),
+    ("2^8 - 1", 255),
+    ("2^8", 256),
+    ("2^8 + 1", 257),
+    ("crosses workgroups", 5000),
+];
+
+/// The variants that the device can run.
+macro_rules! supported {
+    ($kernel:ident, $gpu:expr) => {
+        ashfall::kernels::$kernel::Variant::ALL
+            .iter()
+            .copied()
+            .filter(|variant| $gpu.caps().supports(variant.info()).is_ok())
+    };
+}
+pub(crate) use supported;

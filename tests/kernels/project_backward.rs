@@ -1,0 +1,230 @@
+//! From sums over pixels to the gradient of every parameter.
+
+use crate::check::*;
+use crate::lists::{view, viewpoint};
+use crate::scenes::{self, Random, Scene};
+use crate::{device, pack, supported};
+use ashfall::gpu::Gpu;
+use ashfall::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward, Spec};
+use ashfall::layout::{COUNT_FAILED, Splat2d, WHITEN};
+use ashfall::reference::project::{determinant, margins};
+use ashfall::reference::project_backward::{penalty_backward, project_backward};
+use ashfall::reference::tiles::extent;
+use ashfall::reference::{Cuts, ScreenSplat, Splat, project};
+use ashfall::render::planes_from_splats;
+use ashfall::scene::RenderMode;
+
+const OPACITY_PENALTY: f32 = 0.125;
+const SCALE_PENALTY: f32 = 0.5;
+/// Statistics as they were before.
+const SEEN: [f32; 4] = [0.5, 3.0, 2.0, 7.0];
+
+/// What a splat's sums say about its numbers on the screen: the inverse of `pack::whitened_sums`.
+fn screen_row(splat: &ScreenSplat<f64>, sums: [f64; 9]) -> [f64; 10] {
+    let [s, x, y, xx, xy, yy, red, green, blue] = sums;
+    let [cov_xx, cov_xy, _] = splat.covariance;
+    let w = f64::from(WHITEN);
+    let (p, q) = (
+        1.0 / cov_xx.sqrt(),
+        (cov_xx / determinant(splat.covariance)).sqrt(),
+    );
+    let slope = cov_xy / cov_xx;
+    // The gradient by the covariance is W' M W / 2 with W = [[p, 0], [-slope q, q]].
+    let (a, b) = (-slope * q, q);
+    let half = 0.5 / (w * w);
+    let d_xx = half * (p * p * xx + 2.0 * p * a * xy + a * a * yy);
+    let d_xy = 2.0 * half * (p * b * xy + a * b * yy);
+    let d_yy = half * b * b * yy;
+    let mean = [(p * x + a * y) / w, b * y / w];
+    [
+        mean[0],
+        mean[1],
+        d_xx,
+        d_xy,
+        d_yy,
+        s / splat.opacity,
+        red,
+        green,
+        blue,
+        0.0,
+    ]
+}
+
+/// The inputs, and what should come of them.
+#[derive(Default)]
+struct Case {
+    records: Vec<Splat2d>,
+    tile_counts: Vec<u32>,
+    begins: Vec<u32>,
+    shape: Vec<[f32; 4]>,
+    tone: Vec<[f32; 4]>,
+    rest: Vec<f32>,
+    rows: Vec<Vec<f64>>,
+    statistics: Vec<f64>,
+}
+
+fn prepare(scene: &Scene) -> Case {
+    let at = viewpoint(scene);
+    let random = &mut Random::new(scene.splats.len() as u64);
+    let mut case = Case::default();
+    for i in 0..scene.splats.len() {
+        let splat = Splat::<f64>::of(&scene.splats, i);
+        let penalties = [OPACITY_PENALTY, SCALE_PENALTY].map(f64::from);
+        let mut row = penalty_backward(&splat, penalties[0], penalties[1]);
+        let mut seen = SEEN.map(f64::from);
+        let screen = project(&splat, &at).filter(|s| s.opacity >= Cuts::ENGINE.alpha_min);
+        let margins = margins(&splat, &at);
+        // At a discontinuity of the projection either side is right: left out.
+        let sound = margins.limit.min(margins.color) > 1e-4;
+        case.begins.push(case.rest.len() as u32);
+        let Some(screen) = screen.filter(|_| sound) else {
+            case.records.push(Splat2d::default());
+            case.tile_counts.push(0);
+            case.rows.push(row);
+            case.statistics.extend(seen);
+            continue;
+        };
+        let tiles = 1 + i % 4;
+        let mut sums = [0.0; 9];
+        for _ in 0..tiles {
+            let piece = [0; 9].map(|_| random.normal() as f32);
+            let [a, b, c, d, e, f, g, h, blue] = piece;
+            case.shape.push([a, b, c, d]);
+            case.tone.push([e, f, g, h]);
+            case.rest.push(blue);
+            sums.iter_mut()
+                .zip(piece)
+                .for_each(|(sum, x)| *sum += f64::from(x));
+        }
+        let by_screen = screen_row(&screen, sums);
+        let gradient = project_backward(&splat, &at, &by_screen);
+        row.iter_mut().zip(&gradient).for_each(|(sum, g)| *sum += g);
+        let half = [scene.camera.width, scene.camera.height].map(|n| 0.5 * f64::from(n));
+        seen[0] += (by_screen[0] * half[0]).hypot(by_screen[1] * half[1]);
+        seen[1] += 1.0;
+        let [x, y] = extent(&screen, &Cuts::ENGINE);
+        seen[2] = seen[2].max(x).max(y);
+        case.records.push(pack::splat2d(&screen));
+        case.tile_counts.push(tiles as u32);
+        case.rows.push(row);
+        case.statistics.extend(seen);
+    }
+    case
+}
+
+fn run(
+    gpu: &Gpu,
+    kernel: &ProjectBackward,
+    scene: &Scene,
+    case: &Case,
+    failed: u32,
+) -> [Vec<f64>; 2] {
+    let count = scene.splats.len();
+    let planes = planes_from_splats(&scene.splats);
+    let gradients = unwritten::<[f32; 4]>(gpu, planes.len() + 1);
+    let statistics = buffer(gpu, &vec![SEEN; count]);
+    let io = Bindings {
+        view: &buffer(gpu, &[view(scene, count)]),
+        counts: &counts(gpu, &[(COUNT_FAILED, failed)]),
+        params: &buffer(gpu, &planes),
+        tile_count_from_splat: &buffer(gpu, &case.tile_counts),
+        source_from_splat: &buffer(gpu, &case.begins),
+        splat2d: &buffer(gpu, &case.records),
+        d_shape_from_source: &buffer(gpu, &case.shape),
+        d_tone_from_source: &buffer(gpu, &case.tone),
+        d_rest_from_source: &buffer(gpu, &case.rest),
+        d_params: &gradients,
+        statistics: &statistics,
+    };
+    let params = Params {
+        opacity_penalty: OPACITY_PENALTY,
+        scale_penalty: SCALE_PENALTY,
+    };
+    gpu.run(|rec| kernel.record(rec, io, params, count))
+        .unwrap();
+    let statistics = floats(&read(gpu, &statistics));
+    [floats(&read(gpu, &gradients)), statistics]
+}
+
+/// The parameters' groups: the planes and lanes that hold them.
+const GROUPS: [(&str, fn(usize, usize) -> bool); 5] = [
+    ("mean", |plane, lane| plane == 0 && lane < 3),
+    ("opacity", |plane, lane| plane == 0 && lane == 3),
+    ("quaternion", |plane, _| plane == 1),
+    ("log-scale", |plane, _| plane == 2),
+    ("harmonics", |plane, _| plane > 2),
+];
+
+/// Each group, every splat's part of it divided by its own length: splats differ by many magnitudes.
+fn grouped(found: &[f64], expected: &[f64], count: usize) -> Vec<Output> {
+    let planes = expected.len() / (4 * count).max(1);
+    let output = |(name, holds): (&'static str, fn(usize, usize) -> bool)| {
+        let (mut f, mut e) = (Vec::new(), Vec::new());
+        for splat in 0..count {
+            let places: Vec<usize> = (0..planes * 4)
+                .filter(|&k| holds(k / 4, k % 4))
+                .map(|k| (k / 4 * count + splat) * 4 + k % 4)
+                .collect();
+            let norm = places
+                .iter()
+                .map(|&k| expected[k].powi(2))
+                .sum::<f64>()
+                .sqrt();
+            let norm = if norm > 0.0 { norm } else { 1.0 };
+            f.extend(places.iter().map(|&k| found[k] / norm));
+            e.extend(places.iter().map(|&k| expected[k] / norm));
+        }
+        // Everything up to here is a product of about forty factors, 40u = 2.4e-6; the length of a quaternion's
+        // gradient is what is left of terms larger by the aspect, a hundred for needles.
+        Output::relative(name, f, e, 2e-4, 1.0)
+    };
+    GROUPS.map(output).into()
+}
+
+fn mip(mut scene: Scene) -> Scene {
+    scene.splats.mode = RenderMode::Mip;
+    scene
+}
+
+#[test]
+fn sums_become_gradients_of_parameters() {
+    let gpu = device::gpu();
+    let mut check = Check::new("project_backward");
+    for variant in supported!(project_backward, gpu) {
+        for sh_degree in 0..=3 {
+            for workgroup in [8, 64] {
+                let spec = Spec {
+                    workgroup,
+                    sh_degree,
+                };
+                let kernel = ProjectBackward::new(&gpu, Choice { variant, spec }).unwrap();
+                for (name, scene) in [
+                    ("nothing to do", scenes::gentle(30, 0, 33, 47, sh_degree)),
+                    ("one", scenes::gentle(31, 1, 33, 47, sh_degree)),
+                    ("2^6 + 1", scenes::gentle(32, 65, 80, 61, sh_degree)),
+                    ("hard", scenes::hard(33, 270, 97, 129, sh_degree)),
+                    ("mip", mip(scenes::gentle(34, 100, 97, 129, sh_degree))),
+                    ("mip, hard", mip(scenes::hard(35, 270, 97, 129, sh_degree))),
+                ] {
+                    let case = prepare(&scene);
+                    let [found, statistics] = run(&gpu, &kernel, &scene, &case, 0);
+                    let expected = pack::planes(&case.rows).concat();
+                    assert!(found[expected.len()].is_nan(), "wrote past the end");
+                    let count = scene.splats.len();
+                    let mut outputs = grouped(&found, &expected, count);
+                    // A norm of two sums.
+                    let statistics = statistics[..4 * count].to_vec();
+                    let seen = case.statistics.clone();
+                    outputs.push(Output::relative("statistics", statistics, seen, 1e-5, 1.0));
+                    check.outputs(&format!("{name}, degree {sh_degree}"), outputs);
+                    let [untouched, _] = run(&gpu, &kernel, &scene, &case, 1);
+                    assert!(
+                        untouched.iter().all(|x| x.is_nan()),
+                        "{name}: wrote, though failed"
+                    );
+                }
+            }
+        }
+    }
+    check.finish();
+}
