@@ -150,7 +150,7 @@ fn windowed(width: usize, values: &[f64]) -> Vec<f64> {
 }
 
 /// The derivatives of SSIM by a window's mean, mean square and mean product, times the weight:
-/// `[quantity][channel][pixel]`.
+/// `[channel][pixel]`, three each.
 fn slopes(case: &Case) -> Vec<f64> {
     let pixels = case.image.len();
     let mut all = vec![0.0; 9 * pixels];
@@ -181,7 +181,7 @@ fn slopes(case: &Case) -> Vec<f64> {
                 let structure = (of(2.0) * (product - m * nu) + c2) / (variances + c2);
                 let d = (luminance * structure).d;
                 for quantity in 0..3 {
-                    all[(3 * quantity + channel) * pixels + i] = weight(i) * d[quantity];
+                    all[3 * (channel * pixels + i) + quantity] = weight(i) * d[quantity];
                 }
             }
         }
@@ -231,7 +231,7 @@ fn tiles_are_compared() {
                 let pixels = case.image.len();
                 let expected = tile_sums(&case);
                 let tiles = expected.len() / 4;
-                let slope = unwritten::<f32>(&gpu, 9 * pixels);
+                let slope = unwritten::<[f32; 3]>(&gpu, 3 * pixels);
                 let partial = unwritten::<[f32; 4]>(&gpu, tiles);
                 let rgba: Vec<u32> = case.rgba.iter().map(|&p| u32::from_le_bytes(p)).collect();
                 let io = loss::Bindings {
@@ -289,12 +289,13 @@ fn pixels_get_their_gradient() {
                 let pixels = case.image.len();
                 let d_image = unwritten::<f32>(&gpu, 3 * pixels);
                 let rgba: Vec<u32> = case.rgba.iter().map(|&p| u32::from_le_bytes(p)).collect();
-                let slopes: Vec<f32> = slopes(&case).iter().map(|&s| s as f32).collect();
+                let flat: Vec<f32> = slopes(&case).iter().map(|&s| s as f32).collect();
+                let slopes: &[[f32; 3]] = bytemuck::cast_slice(&flat);
                 let io = loss_backward::Bindings {
                     view: &buffer(&gpu, &[case.view()]),
                     image: &buffer(&gpu, &case.planes()),
                     photo: &buffer(&gpu, &rgba),
-                    ssim_slope: &buffer(&gpu, &slopes),
+                    ssim_slope: &buffer(&gpu, slopes),
                     d_image: &d_image,
                 };
                 let (expected, weight, photo) = case.with_target(|target| {

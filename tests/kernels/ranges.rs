@@ -4,8 +4,11 @@ use crate::check::*;
 use crate::scenes::Random;
 use crate::{device, supported};
 use ashfall::kernels::ranges::{Bindings, Choice, Params, Ranges, Spec};
-use ashfall::layout::COUNT_ISECT;
+use ashfall::layout::{COUNT_ISECT, COUNT_LIST_TOO_LONG};
 use ashfall::reference::ranges::ranges;
+
+/// Intersections that a tile may have here.
+const LIST_LIMIT: u32 = 299;
 
 /// Sorted tiles and the number of tiles; tiles from there on are padding.
 fn inputs() -> Vec<(&'static str, Vec<u32>, u32)> {
@@ -20,6 +23,8 @@ fn inputs() -> Vec<(&'static str, Vec<u32>, u32)> {
         ("one", vec![3], 5),
         ("all in the first tile", vec![0; 300], 5),
         ("all in the last tile", vec![4; 300], 5),
+        ("as many as allowed", vec![4; 299], 5),
+        ("as much padding as can be", vec![5; 400], 5),
         ("one in each", (0..1000).collect(), 1000),
         ("every other tile", (0..500).map(|i| 2 * i).collect(), 1000),
         ("a border at 2^6", [vec![0; 64], vec![1; 64]].concat(), 3),
@@ -44,12 +49,17 @@ fn every_tile_finds_its_slice() {
             let kernel = Ranges::new(&gpu, Choice { variant, spec }).unwrap();
             for (name, tiles, tile_count) in inputs() {
                 let target = unwritten::<[u32; 2]>(&gpu, tile_count as usize);
+                let counted = counts(&gpu, &[(COUNT_ISECT, tiles.len() as u32)]);
                 let io = Bindings {
-                    counts: &counts(&gpu, &[(COUNT_ISECT, tiles.len() as u32)]),
+                    counts: &counted,
                     tile_from_isect: &buffer(&gpu, &tiles),
                     range_from_tile: &target,
                 };
                 let args = args(&gpu, tiles.len(), workgroup);
+                let params = Params {
+                    tile_count,
+                    list_limit: LIST_LIMIT,
+                };
                 gpu.run(|rec| {
                     rec.fill(&target, 0);
                     kernel.record(rec, io, params, &args, 0);
@@ -61,7 +71,16 @@ fn every_tile_finds_its_slice() {
                     .map(|[begin, end]| if begin == end { [0, 0] } else { [begin, end] })
                     .collect();
                 let found = words(&read(&gpu, &target));
-                check.outputs(name, vec![Output::exact("ranges", found, words(&expected))]);
+                let longest = expected.iter().map(|[begin, end]| end - begin).max();
+                let too_long = u32::from(longest.unwrap_or(0) > LIST_LIMIT);
+                let flag = read(&gpu, &counted)[COUNT_LIST_TOO_LONG as usize];
+                check.outputs(
+                    name,
+                    vec![
+                        Output::exact("ranges", found, words(&expected)),
+                        Output::exact("too long", vec![flag.into()], vec![too_long.into()]),
+                    ],
+                );
             }
         }
     }

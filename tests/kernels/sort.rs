@@ -5,7 +5,7 @@ use crate::scenes::Random;
 use crate::{device, supported};
 use ashfall::gpu::Gpu;
 use ashfall::kernels::scan::Scan;
-use ashfall::kernels::sort::{Layout, Pairs, Sort, Tables};
+use ashfall::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
 use ashfall::kernels::{sort_count, sort_scatter};
 use ashfall::layout::*;
 use ashfall::reference::{scan, sort};
@@ -202,8 +202,14 @@ fn sort_on(gpu: &Gpu, whole: &Sort, layout: Layout, keys: &[u32]) -> [Vec<u32>; 
     };
     let scan = Scan::new(gpu).unwrap();
     let counts = counts(gpu, &slots);
+    let io = Io {
+        counts: &counts,
+        args: &args,
+        pairs: &pairs,
+        tables: &tables,
+    };
     let mut sorted = 0;
-    gpu.run(|rec| sorted = whole.record(rec, &scan, &counts, &args, &pairs, &tables, layout))
+    gpu.run(|rec| sorted = whole.record(rec, &scan, io, layout))
         .unwrap();
     [
         read(gpu, &pairs.keys[sorted]),
