@@ -1,8 +1,13 @@
 //! Whole frames against the oracle's.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
 #[path = "common/device.rs"]
 mod device;
-#[allow(dead_code, reason = "each test target uses a part of it")]
 #[path = "common/scenes.rs"]
 mod scenes;
 

@@ -1,6 +1,12 @@
 //! Rung 2: every kernel, every variant that the device can run, several workgroup sizes, against the oracle,
 //! on inputs that are chosen to hurt. Tolerances are derived where they stand; u = 2⁻²⁴ throughout.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
 mod adam;
 #[path = "../common/check.rs"]
 mod check;

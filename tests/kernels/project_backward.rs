@@ -146,8 +146,11 @@ fn run(
     [floats(&read(gpu, &gradients)), statistics]
 }
 
+/// A name, and which planes and lanes belong to it.
+type Group = (&'static str, fn(usize, usize) -> bool);
+
 /// The parameters' groups: the planes and lanes that hold them.
-const GROUPS: [(&str, fn(usize, usize) -> bool); 5] = [
+const GROUPS: [Group; 5] = [
     ("mean", |plane, lane| plane == 0 && lane < 3),
     ("opacity", |plane, lane| plane == 0 && lane == 3),
     ("quaternion", |plane, _| plane == 1),
@@ -158,7 +161,7 @@ const GROUPS: [(&str, fn(usize, usize) -> bool); 5] = [
 /// Each group, every splat's part of it divided by its own length: splats differ by many magnitudes.
 fn grouped(found: &[f64], expected: &[f64], count: usize) -> Vec<Output> {
     let planes = expected.len() / (4 * count).max(1);
-    let output = |(name, holds): (&'static str, fn(usize, usize) -> bool)| {
+    let output = |(name, holds): Group| {
         let (mut f, mut e) = (Vec::new(), Vec::new());
         for splat in 0..count {
             let places: Vec<usize> = (0..planes * 4)

@@ -38,7 +38,7 @@ fn prepare(scene: &Scene, lists: &Lists) -> Case {
         sums: Default::default(),
     };
     let mut upstream = vec![PixelGradient::default(); pixels];
-    for i in 0..pixels {
+    for (i, upstream) in upstream.iter_mut().enumerate() {
         let at = center(i, grid.width as usize);
         let pixel = rasterize(&splats, &ranks, at, background, &cuts);
         case.image[3 * pixels + i] = pixel.transmittance as f32;
@@ -53,10 +53,10 @@ fn prepare(scene: &Scene, lists: &Lists) -> Case {
         // A pixel at a discontinuity might go either way: it is given nothing to say.
         let band = band(&splats, &ranks, at, &cuts);
         if band.nearest().min(band.alpha_max) > 1e-4 {
-            upstream[i].color = [0; 3].map(|_| random.normal());
+            upstream.color = [0; 3].map(|_| random.normal());
         }
         for channel in 0..3 {
-            case.d_image[channel * pixels + i] = upstream[i].color[channel] as f32;
+            case.d_image[channel * pixels + i] = upstream.color[channel] as f32;
         }
     }
     let gradients = isect_backward(&lists.screen, grid, background, &cuts, &upstream);
