@@ -1,5 +1,7 @@
 //! What a device can do: plain data, so that choices made from it can be tested without one.
 
+use super::create::Required;
+use crate::Error;
 use crate::shader::{KernelInfo, Requirement};
 use ash::vk;
 use std::collections::BTreeSet;
@@ -36,6 +38,8 @@ pub struct Caps {
     pub max_storage_range: u64,
     /// Largest single allocation, bytes.
     pub max_allocation: u64,
+    /// Most storage buffers that one kernel binds.
+    pub max_storage_buffers: u32,
     /// Most workgroups per dimension.
     pub max_groups: [u32; 3],
     /// Most invocations of a workgroup.
@@ -81,7 +85,7 @@ impl Caps {
         let heap = memory.memory_heaps_as_slice().iter();
         let local = heap.filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
         let limits = &base.limits;
-        Caps {
+        let mut caps = Caps {
             name: text(base.device_name_as_c_str()),
             driver: format!(
                 "{} {}",
@@ -103,6 +107,9 @@ impl Caps {
             subgroup_range: (sizes.min_subgroup_size, sizes.max_subgroup_size),
             max_storage_range: u64::from(limits.max_storage_buffer_range),
             max_allocation: v11.max_memory_allocation_size,
+            max_storage_buffers: limits
+                .max_per_stage_descriptor_storage_buffers
+                .min(limits.max_descriptor_set_storage_buffers),
             max_groups: limits.max_compute_work_group_count,
             max_workgroup: limits
                 .max_compute_work_group_invocations
@@ -119,7 +126,41 @@ impl Caps {
                 subgroup.supported_operations,
                 subgroup.supported_stages,
             ),
+        };
+        let stages = sizes.required_subgroup_size_stages;
+        if !stages.contains(vk::ShaderStageFlags::COMPUTE) {
+            caps.without_size_control();
         }
+        caps
+    }
+
+    /// What is left where kernels cannot ask for a subgroup size: a device whose size varies is then
+    /// taken for one without subgroup operations, since kernels that use them rely on the size.
+    pub(super) fn without_size_control(&mut self) {
+        let (least, most) = self.subgroup_range;
+        if least < most {
+            self.offers.retain(|&need| !need.is_of_subgroups());
+        }
+        self.subgroup_range = (self.subgroup_size, self.subgroup_size);
+    }
+
+    /// Which of the published limits the device misses, if any.
+    pub(super) fn check(&self, required: &Required) -> Result<(), Error> {
+        let missing = |what: String| Err(Error::Unsupported { what });
+        let (major, minor) = required.api;
+        if self.api < (major, minor, 0) {
+            return missing(format!(
+                "{} offers Vulkan {}.{} only; {major}.{minor} is needed",
+                self.name, self.api.0, self.api.1
+            ));
+        }
+        if self.max_storage_buffers < required.storage_buffers {
+            return missing(format!(
+                "{} binds {} storage buffers to a kernel; {} are needed",
+                self.name, self.max_storage_buffers, required.storage_buffers
+            ));
+        }
+        Ok(())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::caps::{Caps, DeviceKind};
 use super::debug::Messages;
-use super::device::{Gpu, Ownership, Shared, check};
+use super::device::{Gpu, Own, Parts, check};
 use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
@@ -178,17 +178,10 @@ fn compute_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Opt
 fn create_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
-    caps: &Caps,
+    caps: &mut Caps,
     family: u32,
 ) -> Result<ash::Device> {
-    if caps.api.0 == 1 && caps.api.1 < REQUIRED.api.1 {
-        return Err(Error::Unsupported {
-            what: format!(
-                "{} offers Vulkan {}.{} only; 1.3 is needed",
-                caps.name, caps.api.0, caps.api.1
-            ),
-        });
-    }
+    caps.check(&REQUIRED)?;
     let mut has12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut has13 = vk::PhysicalDeviceVulkan13Features::default();
     let mut has = vk::PhysicalDeviceFeatures2::default()
@@ -209,14 +202,17 @@ fn create_device(
             });
         }
     }
+    let size_control = has13.subgroup_size_control == vk::TRUE;
+    if !size_control {
+        caps.without_size_control();
+    }
     let mut want12 = vk::PhysicalDeviceVulkan12Features::default()
         .scalar_block_layout(true)
         .timeline_semaphore(true);
     let mut want13 = vk::PhysicalDeviceVulkan13Features::default()
         .synchronization2(true)
         .maintenance4(true)
-        .subgroup_size_control(has13.subgroup_size_control == vk::TRUE)
-        .compute_full_subgroups(has13.compute_full_subgroups == vk::TRUE);
+        .subgroup_size_control(size_control);
     let want = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(
         base.shader_storage_image_write_without_format == vk::TRUE,
     );
@@ -245,59 +241,44 @@ impl Gpu {
         let entry = load()?;
         let messages = Box::new(Messages::default());
         let instance = create_instance(&entry, options.validation.then_some(&*messages))?;
-        match Gpu::create_on(&entry, &instance, messages, options) {
-            Ok(gpu) => Ok(gpu),
-            Err(error) => {
-                // SAFETY: `create_on` left nothing behind that was made from the instance.
-                unsafe { instance.destroy_instance(None) };
-                Err(error)
-            }
+        // From here on, dropping `own` cleans up.
+        let mut own = Own {
+            instance,
+            messages,
+            messenger: None,
+            entry,
+        };
+        if options.validation {
+            let utils = ash::ext::debug_utils::Instance::new(&own.entry, &own.instance);
+            let info = own.messages.create_info();
+            // SAFETY: `own` keeps the messages as long as the messenger.
+            let handle = unsafe { utils.create_debug_utils_messenger(&info, None) };
+            own.messenger = Some((utils, check("vkCreateDebugUtilsMessengerEXT", handle)?));
         }
-    }
-
-    fn create_on(
-        entry: &ash::Entry,
-        instance: &ash::Instance,
-        messages: Box<Messages>,
-        options: &GpuOptions,
-    ) -> Result<Gpu> {
-        let physical = enumerate(instance)?;
+        let instance = own.instance.clone();
+        let physical = enumerate(&instance)?;
         let caps: Vec<Caps> = physical
             .iter()
-            .map(|&device| Caps::query(instance, device))
+            .map(|&device| Caps::query(&instance, device))
             .collect();
         let index = choose(&caps, options.device.as_deref())?;
-        let (physical, caps) = (physical[index], caps[index].clone());
-        let family = compute_family(instance, physical).ok_or_else(|| Error::Unsupported {
+        let (physical, mut caps) = (physical[index], caps[index].clone());
+        let family = compute_family(&instance, physical).ok_or_else(|| Error::Unsupported {
             what: format!("{} has no compute queue", caps.name),
         })?;
-        let device = create_device(instance, physical, &caps, family)?;
+        let device = create_device(&instance, physical, &mut caps, family)?;
         // SAFETY: the family's first queue was asked for above.
         let queue = unsafe { device.get_device_queue(family, 0) };
-        let messenger = if options.validation {
-            let utils = ash::ext::debug_utils::Instance::new(entry, instance);
-            // SAFETY: the messages live in `Shared`, which outlives the instance.
-            let handle =
-                unsafe { utils.create_debug_utils_messenger(&messages.create_info(), None) };
-            Some((utils, check("vkCreateDebugUtilsMessengerEXT", handle)?))
-        } else {
-            None
-        };
-        let ownership = Ownership::Ours {
-            entry: entry.clone(),
-            messages,
-            messenger,
-        };
-        Shared::assemble(
-            instance.clone(),
+        let parts = Parts {
+            instance,
             physical,
             device,
             caps,
             family,
-            Some(queue),
-            None,
-            ownership,
-            options,
-        )
+            queue: Some(queue),
+            allocator: None,
+            own: Some(own),
+        };
+        parts.into_gpu(options)
     }
 }

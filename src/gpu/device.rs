@@ -17,32 +17,39 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 #[derive(Clone)]
 pub struct Gpu(pub(super) Arc<Shared>);
 
-/// Who made the device.
-pub(super) enum Ownership {
-    /// We did, and destroy it.
-    Ours {
-        /// Keeps the loader's library open.
-        #[allow(dead_code, reason = "held, so that the library stays loaded")]
-        entry: ash::Entry,
-        messages: Box<Messages>,
-        messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    },
-    /// A host did, and it survives us.
-    Hosts,
+/// What a device of our own comes with: made first, destroyed last.
+pub(super) struct Own {
+    pub(super) instance: ash::Instance,
+    /// At a fixed address, which the messenger knows.
+    pub(super) messages: Box<Messages>,
+    pub(super) messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    /// Keeps the loader's library open.
+    pub(super) entry: ash::Entry,
+}
+
+impl Drop for Own {
+    fn drop(&mut self) {
+        if let Some((utils, messenger)) = &self.messenger {
+            // SAFETY: made from this instance, destroyed once.
+            unsafe { utils.destroy_debug_utils_messenger(*messenger, None) };
+        }
+        // SAFETY: a device made from it is gone: `Shared` destroys it before it drops this.
+        unsafe { self.instance.destroy_instance(None) };
+    }
 }
 
 /// The allocator, our own or the host's.
 pub(super) type SharedAllocator = Arc<Mutex<Allocator>>;
 
 pub(super) struct Shared {
-    pub(super) instance: ash::Instance,
     pub(super) device: ash::Device,
     pub(super) caps: Caps,
     pub(super) family: u32,
     /// None for a guest that was given no queue.
     queue: Option<Mutex<vk::Queue>>,
     allocator: ManuallyDrop<SharedAllocator>,
-    ownership: Ownership,
+    /// None: the device is a host's and survives us.
+    own: Option<Own>,
     pub(super) poison: bool,
     memory_limit: u64,
     memory: AtomicU64,
@@ -86,10 +93,8 @@ impl Gpu {
 
     /// What the validation layer has said so far; empty is good. A host's device reports to the host.
     pub fn validation_messages(&self) -> Vec<String> {
-        match &self.0.ownership {
-            Ownership::Ours { messages, .. } => messages.all(),
-            Ownership::Hosts => Vec::new(),
-        }
+        let own = self.0.own.as_ref();
+        own.map(|own| own.messages.all()).unwrap_or_default()
     }
 
     /// Waits until the device has nothing left to do.
@@ -102,51 +107,58 @@ impl Gpu {
     }
 }
 
-impl Shared {
-    #[allow(clippy::too_many_arguments, reason = "each argument is a field")]
-    pub(super) fn assemble(
-        instance: ash::Instance,
-        physical: vk::PhysicalDevice,
-        device: ash::Device,
-        caps: Caps,
-        family: u32,
-        queue: Option<vk::Queue>,
-        allocator: Option<SharedAllocator>,
-        ownership: Ownership,
-        options: &GpuOptions,
-    ) -> Result<Gpu> {
-        let allocator = match allocator {
-            Some(shared) => shared,
-            None => Arc::new(Mutex::new(
-                Allocator::new(&AllocatorCreateDesc {
-                    instance: instance.clone(),
-                    device: device.clone(),
-                    physical_device: physical,
-                    debug_settings: Default::default(),
-                    buffer_device_address: false,
-                    allocation_sizes: Default::default(),
-                })
-                .map_err(|error| Error::Unsupported {
-                    what: format!("device memory: {error}"),
-                })?,
-            )),
+/// What a [`Gpu`] is put together from.
+pub(super) struct Parts {
+    pub(super) instance: ash::Instance,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) device: ash::Device,
+    pub(super) caps: Caps,
+    pub(super) family: u32,
+    pub(super) queue: Option<vk::Queue>,
+    /// None: one is made.
+    pub(super) allocator: Option<SharedAllocator>,
+    pub(super) own: Option<Own>,
+}
+
+impl Parts {
+    pub(super) fn into_gpu(self, options: &GpuOptions) -> Result<Gpu> {
+        let allocator = match self.allocator {
+            Some(shared) => Ok(shared),
+            None => Allocator::new(&AllocatorCreateDesc {
+                instance: self.instance.clone(),
+                device: self.device.clone(),
+                physical_device: self.physical,
+                debug_settings: Default::default(),
+                buffer_device_address: false,
+                allocation_sizes: Default::default(),
+            })
+            .map(|allocator| Arc::new(Mutex::new(allocator))),
         };
-        let memory_limit = options.memory_limit.unwrap_or(caps.heap);
+        let allocator = allocator.map_err(|error| {
+            if self.own.is_some() {
+                // SAFETY: our own, and nothing was made from it.
+                unsafe { self.device.destroy_device(None) };
+            }
+            Error::Unsupported {
+                what: format!("device memory: {error}"),
+            }
+        })?;
         Ok(Gpu(Arc::new(Shared {
-            instance,
-            device,
-            caps,
-            family,
-            queue: queue.map(Mutex::new),
+            device: self.device,
+            memory_limit: options.memory_limit.unwrap_or(self.caps.heap),
+            caps: self.caps,
+            family: self.family,
+            queue: self.queue.map(Mutex::new),
             allocator: ManuallyDrop::new(allocator),
-            ownership,
+            own: self.own,
             poison: options.validation,
-            memory_limit,
             memory: AtomicU64::new(0),
             memory_peak: AtomicU64::new(0),
         })))
     }
+}
 
+impl Shared {
     /// The queue, held against other threads.
     pub(super) fn queue(&self) -> Result<MutexGuard<'_, vk::Queue>> {
         match &self.queue {
@@ -215,15 +227,9 @@ impl Drop for Shared {
     fn drop(&mut self) {
         // SAFETY: dropped once, here, before the device whose memory it holds.
         unsafe { ManuallyDrop::drop(&mut self.allocator) };
-        if let Ownership::Ours { messenger, .. } = &self.ownership {
+        if self.own.is_some() {
             // SAFETY: every resource holds the `Gpu`, so none is left, and nothing runs.
             unsafe { self.device.destroy_device(None) };
-            if let Some((utils, messenger)) = messenger {
-                // SAFETY: made from this instance, destroyed once.
-                unsafe { utils.destroy_debug_utils_messenger(*messenger, None) };
-            }
-            // SAFETY: the device was the last thing made from it.
-            unsafe { self.instance.destroy_instance(None) };
         }
     }
 }

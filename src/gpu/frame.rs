@@ -107,6 +107,8 @@ pub struct Frames {
     /// Frames begun so far; the next one takes slot `begun % slots.len()`.
     begun: u64,
     submitted: u64,
+    /// Whether frames are recorded into a host's commands.
+    guest: bool,
 }
 
 impl Frames {
@@ -126,6 +128,7 @@ impl Frames {
             slots: Vec::new(),
             begun: 0,
             submitted: 0,
+            guest: false,
         };
         let timestamps = timestamps && gpu.caps().timestamp_period_ns > 0.0;
         for _ in 0..in_flight {
@@ -167,15 +170,18 @@ impl Frames {
         Ok(())
     }
 
-    fn next_slot(&mut self) -> usize {
-        let index = (self.begun % self.slots.len() as u64) as usize;
-        self.begun += 1;
-        index
+    fn index(&self, frame: u64) -> usize {
+        (frame % self.slots.len() as u64) as usize
     }
 
     /// Starts a frame, once its slot's previous one is done.
     pub fn begin(&mut self) -> Result<Recorder<'_>> {
-        let index = self.next_slot();
+        assert!(
+            !self.guest,
+            "these frames are recorded into a host's commands"
+        );
+        let index = self.index(self.begun);
+        self.begun += 1;
         self.wait(Ticket(self.slots[index].value))?;
         let gpu = self.gpu.clone();
         let slot = &mut self.slots[index];
@@ -208,15 +214,23 @@ impl Frames {
         Ok(recorder)
     }
 
-    /// Starts a frame in a host's command buffer. The slot's previous frame must be done: the host has
-    /// waited for it, as it does before it reuses its own resources of that frame.
+    /// Records into a host's command buffer: begins a frame, or goes on with the one that is begun there.
+    /// The slot's previous frame must be done, as the host has promised in [`HostCommands::wrap`]. A ring
+    /// of frames serves either a host or submissions of our own, and times only the latter.
     pub fn begin_in(&mut self, host: &mut HostCommands) -> Result<Recorder<'_>> {
-        let index = self.next_slot();
+        assert_eq!(self.submitted, 0, "these frames are submitted by us");
+        self.guest = true;
+        let frame = self.frame_in(host);
+        let index = self.index(frame);
         let slot = &mut self.slots[index];
-        slot.reset()?;
-        let gpu = self.gpu.clone();
+        assert!(slot.timestamps.is_none(), "a host's frames are not timed");
+        if frame == self.begun {
+            host.begin(self.timeline, frame);
+            self.begun += 1;
+            slot.reset()?;
+        }
         let mut recorder = Recorder {
-            gpu,
+            gpu: self.gpu.clone(),
             commands: host.commands(),
             slot,
             hazards: Hazards::default(),
@@ -224,6 +238,16 @@ impl Frames {
         };
         recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, false);
         Ok(recorder)
+    }
+
+    /// The number of the frame that [`Frames::begin_in`] would record.
+    pub fn frame_in(&self, host: &HostCommands) -> u64 {
+        host.begun_by(self.timeline).unwrap_or(self.begun)
+    }
+
+    /// Frames that may be in flight.
+    pub fn in_flight(&self) -> usize {
+        self.slots.len()
     }
 
     /// Records one frame with `record` and submits it; does not wait.
@@ -263,7 +287,7 @@ impl Frames {
         })?;
         drop(queue);
         self.submitted = value;
-        let last = ((self.begun - 1) % self.slots.len() as u64) as usize;
+        let last = self.index(self.begun - 1);
         self.slots[last].value = value;
         Ok((Ticket(value), result))
     }

@@ -2,21 +2,35 @@
 //!
 //! Nothing is submitted or waited for, and the host's objects survive. Recording clobbers the bound compute
 //! pipeline, descriptor set 0 of the compute bind point, and the compute push constants.
+//!
+//! One [`HostCommands`] is one frame: whatever records into it shares what that frame owns. The host paces
+//! the frames, as it does for its own resources of each.
 
 use super::caps::Caps;
 use super::create::{GpuOptions, REQUIRED};
-use super::device::{Gpu, Ownership, Shared, SharedAllocator};
+use super::device::{Gpu, Parts, SharedAllocator};
 use super::image::Image;
 use super::recorder::Recorder;
+use crate::Result;
 use crate::shader::Requirement;
-use crate::{Error, Result};
 use ash::vk;
 
 /// A queue of the host's that we may submit to (uploads, training), never from two threads at once.
 #[derive(Clone, Copy, Debug)]
 pub struct HostQueue {
-    /// The queue; the host must not submit to it while we do.
+    /// The queue: the one that recorded commands are submitted to as well. The host must not submit to
+    /// it while a call of ours may.
     pub queue: vk::Queue,
+}
+
+/// Optional features that the host has enabled.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HostFeatures {
+    /// `shaderStorageImageWriteWithoutFormat`, which presenting needs.
+    pub storage_image_write_without_format: bool,
+    /// `subgroupSizeControl`; without it, a device whose subgroups vary in size runs the variants of
+    /// kernels that use none.
+    pub subgroup_size_control: bool,
 }
 
 /// A host's device.
@@ -29,10 +43,10 @@ pub struct HostDevice {
     pub device: ash::Device,
     /// The family of the command buffers that we record into.
     pub queue_family: u32,
-    /// For uploads and training; without it, only recording works.
+    /// For blocking transfers and training; without it, only recording works.
     pub queue: Option<HostQueue>,
-    /// Whether `shaderStorageImageWriteWithoutFormat` is enabled, which presenting needs.
-    pub storage_image_write_without_format: bool,
+    /// What of [`Required::optional_features`](super::Required::optional_features) is enabled.
+    pub enabled: HostFeatures,
     /// The host's allocator; `None`: we make one.
     pub allocator: Option<SharedAllocator>,
 }
@@ -45,50 +59,68 @@ impl Gpu {
     /// features that [`REQUIRED`] lists are enabled.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for a device below Vulkan 1.3.
+    /// [`Unsupported`](crate::Error::Unsupported) for a device below Vulkan 1.3 or the limits that
+    /// [`REQUIRED`] lists.
     pub unsafe fn adopt(host: HostDevice) -> Result<Gpu> {
         let mut caps = Caps::query(&host.instance, host.physical_device);
-        if caps.api < (REQUIRED.api.0, REQUIRED.api.1, 0) {
-            return Err(Error::Unsupported {
-                what: format!("{}: Vulkan 1.3 is needed", caps.name),
-            });
-        }
-        if !host.storage_image_write_without_format {
+        caps.check(&REQUIRED)?;
+        if !host.enabled.storage_image_write_without_format {
             caps.offers
                 .remove(&Requirement::StorageImageWriteWithoutFormat);
         }
-        // A host need not have enabled size control: take the size there is.
-        caps.subgroup_range = (caps.subgroup_size, caps.subgroup_size);
-        Shared::assemble(
-            host.instance,
-            host.physical_device,
-            host.device,
+        if !host.enabled.subgroup_size_control {
+            caps.without_size_control();
+        }
+        let parts = Parts {
+            instance: host.instance,
+            physical: host.physical_device,
+            device: host.device,
             caps,
-            host.queue_family,
-            host.queue.map(|q| q.queue),
-            host.allocator,
-            Ownership::Hosts,
-            &GpuOptions::default(),
-        )
+            family: host.queue_family,
+            queue: host.queue.map(|q| q.queue),
+            allocator: host.allocator,
+            own: None,
+        };
+        parts.into_gpu(&GpuOptions::default())
     }
 }
 
-/// A host's command buffer in the recording state.
+/// A host's command buffer in the recording state: one frame.
 #[derive(Debug)]
-pub struct HostCommands(vk::CommandBuffer);
+pub struct HostCommands {
+    commands: vk::CommandBuffer,
+    /// The rings of frames that record into it, by their timeline, and the frame that each has begun.
+    begun: Vec<(vk::Semaphore, u64)>,
+}
 
 impl HostCommands {
-    /// Wraps a command buffer.
+    /// Wraps a command buffer, once for each time that it is recorded.
     ///
     /// # Safety
-    /// It was allocated from the adopted device for a family with compute, is being recorded outside a
-    /// render pass, and stays so while recorders use it.
+    /// It was allocated from the adopted device for the adopted queue family, is being recorded outside
+    /// a render pass, and stays so while recorders use it. It is submitted once, and frames are submitted
+    /// to one queue in the order of their recording. Before as many further frames as are in flight have
+    /// been recorded, and before what recorded into it is dropped, it has run (or never will).
     pub unsafe fn wrap(commands: vk::CommandBuffer) -> HostCommands {
-        HostCommands(commands)
+        HostCommands {
+            commands,
+            begun: Vec::new(),
+        }
     }
 
     pub(super) fn commands(&self) -> vk::CommandBuffer {
-        self.0
+        self.commands
+    }
+
+    /// The frame that a ring has begun here.
+    pub(super) fn begun_by(&self, ring: vk::Semaphore) -> Option<u64> {
+        let mut begun = self.begun.iter();
+        begun.find_map(|&(known, frame)| (known == ring).then_some(frame))
+    }
+
+    /// Notes the frame that a ring begins here.
+    pub(super) fn begin(&mut self, ring: vk::Semaphore, frame: u64) {
+        self.begun.push((ring, frame));
     }
 }
 

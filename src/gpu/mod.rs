@@ -33,7 +33,7 @@ pub use create::{GpuOptions, REQUIRED, Required, devices};
 pub use device::Gpu;
 pub use frame::{Frames, Ticket};
 pub use hazards::Hazards;
-pub use host::{HostCommands, HostDevice, HostImage, HostQueue, ImageState};
+pub use host::{HostCommands, HostDevice, HostFeatures, HostImage, HostQueue, ImageState};
 pub use image::Image;
 pub use pipeline::Pipeline;
 pub use recorder::{Groups, Readback, Recorder, Slot};

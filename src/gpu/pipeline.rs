@@ -115,12 +115,8 @@ impl RawPipeline {
         })?;
         // Where the size varies, a kernel that relies on subgroups gets the one that `Caps` reports.
         let caps = self.gpu.caps();
-        let by_subgroup = self.info.requirements.iter().any(|need| {
-            !matches!(
-                need,
-                Requirement::SubgroupBasic | Requirement::StorageImageWriteWithoutFormat
-            )
-        });
+        let needs = self.info.requirements.iter();
+        let by_subgroup = needs.copied().any(Requirement::is_of_subgroups);
         let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
             .required_subgroup_size(caps.subgroup_size);
         let mut stage = vk::PipelineShaderStageCreateInfo::default()

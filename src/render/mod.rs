@@ -13,6 +13,6 @@ mod view;
 pub use forward::Forward;
 pub(crate) use forward::{check_lists, tile_stride};
 pub use model::{Model, plane_count, planes_from_splats, splats_from_planes};
-pub use renderer::{RenderOptions, Rendered, Renderer};
+pub use renderer::{RenderOptions, Rendered, Renderer, Stats};
 pub use scratch::{Capacity, Scratch};
 pub use view::{ViewOptions, view_of};

@@ -1,7 +1,7 @@
 //! Splats on the device, as planes of vec4.
 
 use crate::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::layout::GEOMETRY_PLANES;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 
@@ -29,13 +29,25 @@ impl Model {
     /// Copies a scene to the device.
     pub fn upload(gpu: &Gpu, splats: &Splats) -> Result<Model> {
         let params = gpu.buffer_from("params", &planes_from_splats(splats))?;
-        Ok(Model {
+        Ok(Model::of(splats, params))
+    }
+
+    /// Copies a scene to the device when the recorded commands run.
+    pub fn record_upload(rec: &mut Recorder<'_>, splats: &Splats) -> Result<Model> {
+        let planes = planes_from_splats(splats);
+        let params = rec.gpu().buffer("params", planes.len())?;
+        rec.update(&params, 0, &planes);
+        Ok(Model::of(splats, params))
+    }
+
+    fn of(splats: &Splats, params: Buffer<[f32; 4]>) -> Model {
+        Model {
             params,
             splat_count: splats.len(),
             stride: splats.len(),
             sh_degree: splats.sh_degree,
             mode: splats.mode,
-        })
+        }
     }
 }
 

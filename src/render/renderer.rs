@@ -7,7 +7,7 @@ use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Recorder};
 use crate::kernels::present;
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS};
-use crate::scene::Camera;
+use crate::scene::{Camera, Splats};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
@@ -62,10 +62,32 @@ pub struct Renderer {
     forward: Forward,
     present: Option<present::Present>,
     scratch: Scratch,
+    /// Of [`Renderer::render`].
     frames: Frames,
+    /// Of [`Renderer::record`]: when one is done is for the host to know.
+    host_frames: Frames,
     options: RenderOptions,
-    /// Counts of the host's frames in flight, oldest first.
-    pending: VecDeque<Readback<u32>>,
+    /// What the host's frames in flight have to report, by frame, oldest first.
+    pending: VecDeque<Pending>,
+}
+
+/// A picture on its way: its frame, the intersections it has room for, and what it will have counted.
+type Pending = (u64, usize, Readback<u32>);
+
+/// How close a frame came to its limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stats {
+    /// (Splat, tile) pairs that the frame wanted.
+    pub isects: usize,
+    /// Those it had room for. If it wanted more, it shows the background only.
+    pub isect_capacity: usize,
+}
+
+impl Stats {
+    /// Whether the frame was drawn.
+    pub fn fits(&self) -> bool {
+        self.isects <= self.isect_capacity
+    }
 }
 
 impl std::fmt::Debug for Renderer {
@@ -84,7 +106,8 @@ impl Renderer {
             forward: Forward::new(gpu, options.sh_degree, options.with_depth)?,
             present: presents.then(present).transpose()?,
             scratch: Scratch::new(gpu, options.capacity)?,
-            frames: Frames::new(gpu, options.frames_in_flight, false)?,
+            frames: Frames::new(gpu, 1, false)?,
+            host_frames: Frames::new(gpu, options.frames_in_flight, false)?,
             options,
             pending: VecDeque::new(),
         })
@@ -100,13 +123,14 @@ impl Renderer {
         Ok(())
     }
 
-    /// Records a frame into a host's command buffer and writes it to the host's image. Nothing is
-    /// submitted or waited for. Once `frames_in_flight` frames have been recorded, returns how many
-    /// intersections the oldest of them wanted: if that exceeds what was reserved, that frame showed only
-    /// the background, and the host calls [`Renderer::reserve`] before it records the next one.
+    /// Records a picture into a host's command buffer and writes it to the host's image. Nothing is
+    /// submitted or waited for. Once `frames_in_flight` further frames have been begun, returns how the
+    /// pictures of the oldest fared: one that does not fit shows only the background, and the host calls
+    /// [`Renderer::reserve`] with the number it wanted before it records the next.
     ///
     /// # Errors
-    /// [`Error::Config`] where the model or the image exceed the reserved capacity.
+    /// [`Error::Config`] where the model or the image exceed the reserved capacity,
+    /// [`Error::Unsupported`] where the host has not enabled what presenting needs.
     pub fn record(
         &mut self,
         commands: &mut HostCommands,
@@ -114,16 +138,16 @@ impl Renderer {
         camera: &Camera,
         view: &ViewOptions,
         target: &HostImage,
-    ) -> Result<Option<usize>> {
+    ) -> Result<Option<Stats>> {
         let present = self.present.as_ref().ok_or_else(|| Error::Unsupported {
             what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled"
                 .into(),
         })?;
+        let capacity = self.scratch.capacity;
         let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
-        if self.scratch.capacity.max(wanted) != self.scratch.capacity {
+        if capacity.max(wanted) != capacity {
             return Err(Error::Config(format!(
-                "{wanted:?} exceeds the renderer's {:?}: call reserve first",
-                self.scratch.capacity
+                "{wanted:?} exceeds the renderer's {capacity:?}: call reserve first"
             )));
         }
         let size = [camera.width, camera.height];
@@ -132,10 +156,10 @@ impl Renderer {
             size,
             "camera and target differ in size"
         );
-        let full = self.pending.len() == self.options.frames_in_flight;
-        let oldest = full.then(|| self.pending.pop_front()).flatten();
-        let finished = oldest.map(|counts| counts.get()[COUNT_ISECT_WANTED as usize] as usize);
-        let mut rec = self.frames.begin_in(commands)?;
+        let frame = self.host_frames.frame_in(commands);
+        let in_flight = self.host_frames.in_flight() as u64;
+        let finished = finished_before(&mut self.pending, (frame + 1).saturating_sub(in_flight));
+        let mut rec = self.host_frames.begin_in(commands)?;
         record_frame(
             &mut rec,
             &self.forward,
@@ -153,10 +177,22 @@ impl Renderer {
         };
         present.record(&mut rec, io, size);
         rec.release(target);
-        self.pending
-            .push_back(rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?);
+        let counts = rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?;
+        self.pending.push_back((frame, capacity.isects, counts));
         rec.finish()?;
         Ok(finished)
+    }
+
+    /// Copies a scene to the device by commands in a host's command buffer, for hosts that give us no
+    /// queue; else [`Model::upload`] does. Pictures of it may be recorded behind, into the same commands.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn record_upload(&mut self, commands: &mut HostCommands, splats: &Splats) -> Result<Model> {
+        let mut rec = self.host_frames.begin_in(commands)?;
+        let model = Model::record_upload(&mut rec, splats)?;
+        rec.finish()?;
+        Ok(model)
     }
 
     /// Renders one image and reads it back, growing buffers as needed.
@@ -189,6 +225,16 @@ impl Renderer {
             self.reserve(model, camera, wanted + wanted / 4)?;
         }
     }
+}
+
+/// The neediest picture of the frames before `first`, which the host has waited for.
+fn finished_before(pending: &mut VecDeque<Pending>, first: u64) -> Option<Stats> {
+    let count = pending.iter().take_while(|p| p.0 < first).count();
+    let finished = pending.drain(..count).map(|(_, capacity, counts)| Stats {
+        isects: counts.get()[COUNT_ISECT_WANTED as usize] as usize,
+        isect_capacity: capacity,
+    });
+    finished.max_by_key(|stats| stats.isects)
 }
 
 fn record_frame(

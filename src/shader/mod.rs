@@ -74,6 +74,20 @@ pub enum Requirement {
     StorageImageWriteWithoutFormat,
 }
 
+impl Requirement {
+    /// Whether it is an operation among the invocations of a subgroup, whose number then matters.
+    pub fn is_of_subgroups(self) -> bool {
+        matches!(
+            self,
+            Requirement::SubgroupVote
+                | Requirement::SubgroupArithmetic
+                | Requirement::SubgroupBallot
+                | Requirement::SubgroupShuffle
+                | Requirement::SubgroupShuffleRelative
+        )
+    }
+}
+
 /// Static facts of one compiled variant of a kernel.
 #[derive(Debug)]
 pub struct KernelInfo {
