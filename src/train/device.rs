@@ -94,6 +94,11 @@ impl DeviceState {
         })
     }
 
+    /// Copies the last step's gradients to the host.
+    pub(crate) fn download_gradients(&self, gpu: &Gpu) -> Result<Planes> {
+        self.planes(gpu, &self.gradients)
+    }
+
     /// Copies the statistics to the host.
     pub(crate) fn download_statistics(&self, gpu: &Gpu) -> Result<Vec<[f32; 4]>> {
         gpu.download(&self.statistics, 0..self.model.splat_count)

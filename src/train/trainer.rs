@@ -4,6 +4,8 @@
 //! it; when its report arrives, buffers grow and training goes on from that very step. So results do not
 //! depend on how large buffers happened to be, and a resumed run repeats an uninterrupted one to the bit.
 
+mod inspect;
+
 use super::backward::{Backward, Gradients, Step};
 use super::config::TrainConfig;
 use super::device::DeviceState;
@@ -245,6 +247,7 @@ impl<'a> Trainer<'a> {
         let dataset = self.dataset;
         let (ticket, (counts, loss)) = self.frames.submit(|rec| {
             let photo = photos.bind(rec, dataset, index)?;
+            rec.update(&scratch.counts, COUNT_POISONED as usize, &[0]);
             rec.timestamp("upload");
             forward.record(rec, model, scratch, &view, sh_degree);
             backward.record(rec, state, scratch, gradients, &photo, &step);
