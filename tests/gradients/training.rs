@@ -1,0 +1,68 @@
+//! Some steps in a row: the same bits every time, however large buffers happen to be.
+
+use crate::relations::append;
+use crate::scenes::{self, Scene};
+use crate::{BEGUN, config, dataset, device};
+use ashfall::gpu::Gpu;
+use ashfall::train::{HostState, StepReport, Trainer};
+
+/// The state and the reports after some steps; before each of the named ones, buffers are made that hold just so
+/// many intersections.
+fn train(
+    gpu: &Gpu,
+    scene: &Scene,
+    steps: u32,
+    tiny: &[(u32, usize)],
+) -> (HostState, Vec<StepReport>) {
+    let dataset = dataset(scene, &scene.camera);
+    let state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
+    let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), &state, BEGUN).unwrap();
+    let mut reports = Vec::new();
+    let mut tiny = tiny.iter().peekable();
+    while trainer.iteration() < BEGUN + steps {
+        let next = trainer.iteration() + 1 - BEGUN;
+        if let Some((_, isects)) = tiny.next_if(|(at, _)| *at == next) {
+            trainer.set_isect_capacity(*isects).unwrap();
+        }
+        reports.extend(trainer.step().unwrap());
+    }
+    reports.extend(trainer.finish().unwrap());
+    assert!(tiny.next().is_none(), "not all sizes were tried");
+    (trainer.download().unwrap(), reports)
+}
+
+#[test]
+fn training_repeats_to_the_bit_and_whatever_the_buffers_sizes() {
+    let gpu = device::gpu();
+    let scene = scenes::hard(60, 90, 48, 40, 2);
+    let (state, reports) = train(&gpu, &scene, 20, &[]);
+    assert_eq!(reports.len(), 20);
+    let numbers: Vec<u32> = reports.iter().map(|r| r.iteration - BEGUN).collect();
+    assert_eq!(numbers, (1..=20).collect::<Vec<u32>>());
+    assert!(
+        train(&gpu, &scene, 20, &[]) == (state.clone(), reports.clone()),
+        "not the same bits twice"
+    );
+    let small = train(&gpu, &scene, 20, &[(1, 3), (7, 100), (8, 1), (20, 50)]);
+    assert_eq!(small.1, reports, "reports with a small buffer");
+    assert!(small.0 == state, "a small buffer changed the result");
+}
+
+#[test]
+fn poisoned_gradients_are_counted_by_the_step() {
+    let gpu = device::gpu();
+    let mut scene = scenes::gentle(61, 20, 33, 20, 0);
+    // So bright that its square is infinite: who overlaps it has no gradient.
+    append(&mut scene.splats, 0, |slots| {
+        if let Some(Some(value)) = slots.get_mut(11) {
+            **value = 1e30;
+        }
+    });
+    let (_, reports) = train(&gpu, &scene, 3, &[]);
+    let counted: Vec<usize> = reports.iter().map(|r| r.poisoned).collect();
+    assert!(counted[0] > 0, "nothing was poisoned");
+    assert!(
+        counted.windows(2).all(|pair| pair[0] == pair[1]),
+        "{counted:?}"
+    );
+}
