@@ -7,6 +7,7 @@ use ashfall::io::{dataset, obj, photo, splats};
 use ashfall::scene::{Dataset, PhotoSource};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
 
 /// How a case must end.
 enum Expect {
@@ -161,29 +162,35 @@ fn corpus() -> Option<PathBuf> {
 /// How many things were loaded, and the warnings.
 type Outcome = ashfall::Result<(usize, Vec<String>)>;
 
+/// The file of one of these names that a case holds.
+fn file_of(case: &Path, names: &[&str]) -> Option<PathBuf> {
+    names
+        .iter()
+        .map(|name| case.join(name))
+        .find(|path| path.is_file())
+}
+
+const SCENES: &[&str] = &[
+    "scene.ply",
+    "scene.compressed.ply",
+    "scene.splat",
+    "scene.spz",
+    "scene.sog",
+];
+
 fn load(case: &Path) -> Outcome {
-    for name in [
-        "scene.ply",
-        "scene.compressed.ply",
-        "scene.splat",
-        "scene.spz",
-        "scene.sog",
-    ] {
-        let path = case.join(name);
-        if path.is_file() {
-            let loaded = splats::read(&path)?;
-            let all = loaded.splats.mean.as_flattened().iter();
-            let all = all.chain(loaded.splats.quaternion.as_flattened());
-            let all = all.chain(loaded.splats.log_scale.as_flattened());
-            let mut all = all
-                .chain(&loaded.splats.opacity_logit)
-                .chain(&loaded.splats.sh);
-            assert!(all.all(|v| v.is_finite()), "every number is finite");
-            return Ok((loaded.splats.len(), loaded.warnings));
-        }
+    if let Some(path) = file_of(case, SCENES) {
+        let loaded = splats::read(&path)?;
+        let all = loaded.splats.mean.as_flattened().iter();
+        let all = all.chain(loaded.splats.quaternion.as_flattened());
+        let all = all.chain(loaded.splats.log_scale.as_flattened());
+        let mut all = all
+            .chain(&loaded.splats.opacity_logit)
+            .chain(&loaded.splats.sh);
+        assert!(all.all(|v| v.is_finite()), "every number is finite");
+        return Ok((loaded.splats.len(), loaded.warnings));
     }
-    let mesh = case.join("mesh.obj");
-    if mesh.is_file() {
+    if let Some(mesh) = file_of(case, &["mesh.obj"]) {
         return Ok((obj::read(&mesh)?.positions.len(), Vec::new()));
     }
     let dataset = dataset::open(case, &dataset::OpenOptions::default())?;
@@ -259,6 +266,71 @@ fn every_case_ends_as_expected() {
             .iter()
             .map(|case| format!("{case}: nothing is expected of it")),
     );
+    assert!(
+        faults.is_empty(),
+        "{} cases:\n{}",
+        faults.len(),
+        faults.join("\n")
+    );
+}
+
+/// Runs the binary on a case: scenes are drawn, meshes and data sets trained on.
+fn run(corpus: &Path, case: &Path, out: &Path) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ashfall"));
+    command.stdin(Stdio::null());
+    if let Some(scene) = file_of(case, SCENES) {
+        let cameras = corpus.join("00_good_transforms");
+        command
+            .arg("render")
+            .arg(scene)
+            .arg("--cameras")
+            .arg(cameras)
+            .args(["--split", "test"]);
+    } else {
+        command
+            .arg("train")
+            .args(["--iterations", "1", "--set", "sh_degree=0", "--set"]);
+        command.arg("init.random_count=200");
+        match file_of(case, &["mesh.obj"]) {
+            Some(mesh) => command
+                .arg(corpus.join("00_good_colmap"))
+                .arg("--init")
+                .arg(mesh),
+            None => command.arg(case),
+        };
+    }
+    command.arg("--out").arg(out).output().unwrap()
+}
+
+/// What is wrong with how the binary ended, if anything.
+fn judge_run(expect: &Expect, output: &Output, out: &Path) -> Result<(), String> {
+    let said = String::from_utf8_lossy(&output.stderr);
+    let (code, written) = (output.status.code(), out.exists());
+    let fails = matches!(expect, Fails(_));
+    let sound = match fails {
+        true => code == Some(1) && said.contains("error: ") && !written,
+        false => code == Some(0) && written,
+    };
+    if sound && !said.contains("panicked") {
+        return Ok(());
+    }
+    Err(format!(
+        "code {code:?}, output written: {written}, said: {said}"
+    ))
+}
+
+#[test]
+fn the_binary_refuses_every_broken_case_and_leaves_nothing() {
+    let Some(corpus) = corpus() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut faults = Vec::new();
+    for (case, expect) in CASES {
+        let out = folder.path().join(case);
+        let output = run(&corpus, &corpus.join(case), &out);
+        if let Err(what) = judge_run(expect, &output, &out) {
+            faults.push(format!("{case}: {what}"));
+        }
+    }
     assert!(
         faults.is_empty(),
         "{} cases:\n{}",
