@@ -1,10 +1,15 @@
 //! The engine as a guest on a host's device: it records, and does nothing else.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
 #[path = "../common/device.rs"]
 mod device;
 mod frame;
 mod host;
-#[allow(dead_code, reason = "each test target uses a part of it")]
 #[path = "../common/scenes.rs"]
 mod scenes;
 mod watch;
