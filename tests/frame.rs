@@ -13,6 +13,7 @@ mod scenes;
 
 use ashfall::reference;
 use ashfall::render::{Model, RenderOptions, Renderer, ViewOptions};
+use ashfall::scene::RenderMode;
 use scenes::Scene;
 
 /// The largest error over the pixels far from any discontinuity, the share of pixels near one, and the
@@ -75,5 +76,22 @@ fn hard_frames_agree_with_the_oracle() {
         let (interior, near, flipped) = compare(&scenes::hard(seed, count, 80, 61, 3));
         println!("seed {seed}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
         assert!(interior <= 1e-3, "seed {seed}: {interior}");
+    }
+}
+
+#[test]
+fn mip_frames_agree_with_the_oracle() {
+    for (seed, count) in [(21, 60), (22, 150)] {
+        for make in [scenes::gentle, scenes::hard] {
+            let mut scene = make(seed, count, 80, 61, 1);
+            scene.splats.mode = RenderMode::Mip;
+            let (interior, near, flipped) = compare(&scene);
+            println!("seed {seed}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
+            assert!(interior <= 1e-4, "seed {seed}: {interior}");
+            assert!(
+                near < 0.2 && flipped <= 2.0 / 255.0,
+                "seed {seed}: {near} of the pixels, {flipped}"
+            );
+        }
     }
 }
