@@ -125,6 +125,26 @@ mod tests {
     }
 
     #[test]
+    fn published_lengths_have_the_published_constants() {
+        let adc = TrainConfig::for_iterations(30_000);
+        assert_eq!(
+            (adc.refine.from, adc.refine.until, adc.refine.every),
+            (500, 15_000, 100)
+        );
+        assert_eq!(adc.sh_degree_from, [1_000, 5_000, 10_000]);
+        let mcmc = adc.with_strategy(StrategyKind::Mcmc);
+        assert_eq!((mcmc.refine.until, mcmc.mcmc.growth), (25_000, 1.05));
+        assert_eq!((mcmc.init.opacity, mcmc.init.scale_factor), (0.5, 0.1));
+        let short = TrainConfig::for_iterations(2_000).with_strategy(StrategyKind::Mcmc);
+        assert_eq!(short.init.scale_factor, 1.0);
+        assert!(
+            (short.mcmc.growth.powi(7) - 10.0).abs() < 0.1,
+            "{}",
+            short.mcmc.growth
+        );
+    }
+
+    #[test]
     fn an_error_names_the_field_and_its_range() {
         let message = |change: fn(&mut TrainConfig)| {
             let mut config = TrainConfig::for_iterations(100);

@@ -149,6 +149,7 @@ mod tests {
     fn config(max_splats: u32) -> TrainConfig {
         let mut config = TrainConfig::for_iterations(1_000).with_strategy(StrategyKind::Mcmc);
         config.max_splats = Some(max_splats);
+        config.mcmc.growth = 1.05;
         config
     }
 
