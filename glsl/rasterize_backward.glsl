@@ -3,8 +3,8 @@
 //
 // Each lane walks its tile's list from back to front. What lies behind a splat is kept per pixel as one
 // number, the colour behind projected on the pixel's upstream gradient, so that no division by 1 - alpha
-// enters a gradient; the transmittance in front is regained by the division that undoes the forward
-// product exactly up to rounding (FAILURES of the field: recovering it from 1 - alpha is not).
+// enters a gradient. The transmittance in front is regained by dividing the forward product's own factors
+// out again, which is exact up to rounding; recovering it from 1 - alpha would not be.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;

@@ -45,7 +45,7 @@ pub struct TrainConfig {
     /// Highest spherical-harmonic degree trained, 0 to 3 (3DGS: 3).
     pub sh_degree: u32,
     /// The iterations from which degrees 1, 2 and 3 are trained, of a run of 30,000: 1,000, 5,000 and
-    /// 10,000 (METHODS of the project's design; the 3DGS code: every 1,000).
+    /// 10,000; later than the 3DGS code's every 1,000, so that geometry settles on few coefficients.
     pub sh_degree_from: [u32; 3],
     /// Weight λ of 1 − SSIM in the loss (1 − λ) L1 + λ (1 − SSIM); 0.2, 3DGS section 5.
     pub lambda_dssim: f32,
