@@ -5,9 +5,6 @@ use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::io::photo::PhotoCache;
 use crate::scene::{AlphaMode, Dataset, Photo, PhotoSource};
 
-/// Share of the device's memory that photographs may take, one part in so many.
-const DEVICE_SHARE: u64 = 4;
-
 /// Bytes of decoded photographs kept on the host; beyond that they are decoded when they are needed.
 const HOST_BUDGET: u64 = 4 << 30;
 
@@ -41,16 +38,17 @@ pub(crate) struct Bound {
 }
 
 impl Photos {
-    /// Decodes the views' photographs in parallel and uploads what fits.
+    /// Decodes the views' photographs in parallel and uploads what fits into `share` of the device's memory.
     pub(crate) fn new(
         gpu: &Gpu,
         dataset: &Dataset,
         views: &[usize],
         in_flight: usize,
+        share: f32,
     ) -> Result<Photos> {
         let cache = PhotoCache::new(dataset, HOST_BUDGET);
         cache.load_all(dataset, views)?;
-        let mut left = gpu.memory_limit() / DEVICE_SHARE;
+        let mut left = (gpu.memory_limit() as f64 * f64::from(share)) as u64;
         let mut photos = Photos {
             entries: Vec::new(),
             cache,

@@ -119,7 +119,7 @@ impl<'a> Trainer<'a> {
             state: DeviceState::new(gpu, state)?,
             gradients: Gradients::new(gpu, &scratch)?,
             scratch,
-            photos: Photos::new(gpu, dataset, &views, IN_FLIGHT)?,
+            photos: Photos::new(gpu, dataset, &views, IN_FLIGHT, config.photo_share)?,
             frames: Frames::new(gpu, IN_FLIGHT, true)?,
             views,
             config,

@@ -4,7 +4,8 @@ use crate::relations::append;
 use crate::scenes::{self, Scene};
 use crate::{BEGUN, config, dataset, device};
 use ashfall::gpu::Gpu;
-use ashfall::train::{HostState, StepReport, Trainer};
+use ashfall::synth::{Kind, SynthOptions};
+use ashfall::train::{HostState, StepReport, TrainConfig, Trainer};
 
 /// The state and the reports after some steps; before each of the named ones, buffers are made that hold just so
 /// many intersections.
@@ -65,4 +66,31 @@ fn poisoned_gradients_are_counted_by_the_step() {
         counted.windows(2).all(|pair| pair[0] == pair[1]),
         "{counted:?}"
     );
+}
+
+#[test]
+fn photographs_that_do_not_fit_are_streamed_with_the_same_result() {
+    let gpu = device::gpu();
+    let options = SynthOptions {
+        views: 5,
+        width: 40,
+        height: 33,
+        points: 300,
+        test_every: 0,
+        ..SynthOptions::default()
+    };
+    let dataset = ashfall::synth::scene(Kind::Solids).dataset(&options);
+    let train = |photo_share: f32| {
+        let config = TrainConfig {
+            photo_share,
+            sh_degree: 0,
+            ..TrainConfig::for_iterations(12)
+        };
+        let mut trainer = Trainer::new(&gpu, &dataset, config).unwrap();
+        while !trainer.is_done() {
+            trainer.step().unwrap();
+        }
+        trainer.download().unwrap()
+    };
+    assert!(train(0.25) == train(0.0), "streaming changed the result");
 }

@@ -66,6 +66,9 @@ pub struct TrainConfig {
     /// Splats nearer than this share of the scene extent are not drawn; 0.01 (3DGS: 0.2 world units,
     /// which is a hidden assumption on the world's unit).
     pub near_factor: f32,
+    /// Share of the device's memory that photographs may take; those beyond it are uploaded step by step,
+    /// with the same results: 0.25.
+    pub photo_share: f32,
 }
 
 /// Step sizes of Adam, one per parameter group (3DGS, its code's defaults).
@@ -219,6 +222,7 @@ impl TrainConfig {
             init: InitConfig::default(),
             background: Background::Fixed([0.0; 3]),
             near_factor: 0.01,
+            photo_share: 0.25,
         }
     }
 

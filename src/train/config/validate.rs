@@ -69,6 +69,7 @@ impl TrainConfig {
         inside("mcmc.reference_extent", mcmc.reference_extent, tiny, 1e6)?;
         inside("init.scale_factor", self.init.scale_factor, 1e-6, 1e6)?;
         inside("near_factor", self.near_factor, 1e-9, 1.0)?;
+        inside("photo_share", self.photo_share, 0.0, 1.0)?;
         for (name, opacity) in [
             ("adc.prune_opacity", adc.prune_opacity),
             ("adc.opacity_reset_value", adc.opacity_reset_value),
