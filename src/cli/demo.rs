@@ -13,6 +13,7 @@ use crate::{Error, Result, io};
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Make a small scene, photograph it, train on the photographs and draw the result
 ///
@@ -41,6 +42,7 @@ pub(super) struct DemoArgs {
 
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
+    let start = Instant::now();
     // First of all: without a device the rest would be in vain.
     let engine = Engine::open(&args.device)?;
     output.remark(format_args!(
@@ -61,6 +63,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     config.validate()?;
     let training = engine.train(&dataset, config)?;
     let mut record = begin_made(&data, &options, args.iterations)?;
+    record.timings.load_seconds = start.elapsed().as_secs_f64();
     let session = Session {
         engine: &engine,
         dataset: &dataset,
