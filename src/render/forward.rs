@@ -257,7 +257,7 @@ pub(crate) fn check_lists(counts: &[u32]) -> Result<()> {
 
 /// A step through the tiles, coprime to their number, that spreads neighbours: a CPU device gives each of
 /// its threads a contiguous share of the workgroups, which a contiguous share of the image would not balance.
-pub(crate) fn tile_stride(tiles: usize) -> u32 {
+pub fn tile_stride(tiles: usize) -> u32 {
     let gcd = |mut a: usize, mut b: usize| {
         while b != 0 {
             (a, b) = (b, a % b);

@@ -10,8 +10,8 @@ mod renderer;
 mod scratch;
 mod view;
 
-pub use forward::Forward;
-pub(crate) use forward::{check_lists, tile_stride};
+pub(crate) use forward::check_lists;
+pub use forward::{Forward, tile_stride};
 pub use model::{Model, plane_count, planes_from_splats, splats_from_planes};
 pub use renderer::{RenderOptions, Rendered, Renderer, Stats};
 pub use scratch::{Capacity, Scratch};

@@ -4,7 +4,7 @@ use super::forward::{Forward, check_lists};
 use super::model::Model;
 use super::scratch::{Capacity, Scratch};
 use super::view::{ViewOptions, view_of};
-use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Recorder};
+use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Recorder, Ticket};
 use crate::kernels::present;
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS};
 use crate::scene::{Camera, Splats};
@@ -64,6 +64,8 @@ pub struct Renderer {
     scratch: Scratch,
     /// Of [`Renderer::render`].
     frames: Frames,
+    /// The last of them.
+    rendered: Option<Ticket>,
     /// Of [`Renderer::record`]: when one is done is for the host to know.
     host_frames: Frames,
     options: RenderOptions,
@@ -106,7 +108,8 @@ impl Renderer {
             forward: Forward::new(gpu, options.sh_degree, options.with_depth)?,
             present: presents.then(present).transpose()?,
             scratch: Scratch::new(gpu, options.capacity)?,
-            frames: Frames::new(gpu, 1, false)?,
+            frames: Frames::new(gpu, 1, true)?,
+            rendered: None,
             host_frames: Frames::new(gpu, options.frames_in_flight, false)?,
             options,
             pending: VecDeque::new(),
@@ -195,6 +198,13 @@ impl Renderer {
         Ok(model)
     }
 
+    /// The stages of the image rendered last and the nanoseconds that each took on the device; nothing
+    /// where it has no timestamps.
+    pub fn timings(&self) -> Result<Vec<(&'static str, f64)>> {
+        self.rendered
+            .map_or(Ok(Vec::new()), |last| self.frames.timings(last))
+    }
+
     /// Renders one image and reads it back, growing buffers as needed.
     pub fn render(
         &mut self,
@@ -216,6 +226,7 @@ impl Renderer {
                 ))
             })?;
             self.frames.wait(ticket)?;
+            self.rendered = Some(ticket);
             let counts = counts.get();
             check_lists(&counts)?;
             if counts[COUNT_FAILED as usize] == 0 {
