@@ -3,6 +3,12 @@
 //! The corpus lies in `$ASHFALL_DATA/broken`, a folder a case. Its absence is the only reason to pass
 //! without it, and is said. A case without a line here fails, and so does a line without a case.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
 use ashfall::io::{dataset, obj, photo, splats};
 use ashfall::scene::{Dataset, PhotoSource};
 use std::collections::BTreeSet;
