@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::cli::output::bytes;
 use crate::gpu::{self, Caps};
-use crate::kernels::{KERNELS, rasterize, rasterize_backward};
+use crate::kernels::{KERNELS, rasterize, rasterize_backward, sort_count, sort_scatter};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -90,6 +90,8 @@ fn choice(kernel: &str, caps: &Caps) -> String {
         "rasterize_backward" => {
             format!("{:?}", rasterize_backward::RasterizeBackward::prefer(caps))
         }
+        "sort_count" => format!("{:?}", sort_count::SortCount::prefer(caps)),
+        "sort_scatter" => format!("{:?}", sort_scatter::SortScatter::prefer(caps)),
         _ => UNKNOWN.into(),
     }
 }
