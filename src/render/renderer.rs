@@ -83,10 +83,13 @@ pub struct Stats {
     pub isects: usize,
     /// Those it had room for. If it wanted more, it shows the background only.
     pub isect_capacity: usize,
+    /// Whether more splats lie over one tile than a software device can follow: the picture is wrong then,
+    /// and room does not help.
+    pub list_too_long: bool,
 }
 
 impl Stats {
-    /// Whether the frame was drawn.
+    /// Whether there was room for the frame.
     pub fn fits(&self) -> bool {
         self.isects <= self.isect_capacity
     }
@@ -241,11 +244,19 @@ impl Renderer {
 /// The neediest picture of the frames before `first`, which the host has waited for.
 fn finished_before(pending: &mut VecDeque<Pending>, first: u64) -> Option<Stats> {
     let count = pending.iter().take_while(|p| p.0 < first).count();
-    let finished = pending.drain(..count).map(|(_, capacity, counts)| Stats {
-        isects: counts.get()[COUNT_ISECT_WANTED as usize] as usize,
-        isect_capacity: capacity,
+    let finished = pending.drain(..count).map(|(_, capacity, counts)| {
+        let counts = counts.get();
+        Stats {
+            isects: counts[COUNT_ISECT_WANTED as usize] as usize,
+            isect_capacity: capacity,
+            list_too_long: check_lists(&counts).is_err(),
+        }
     });
-    finished.max_by_key(|stats| stats.isects)
+    finished.reduce(|a, b| Stats {
+        isects: a.isects.max(b.isects),
+        isect_capacity: a.isect_capacity.min(b.isect_capacity),
+        list_too_long: a.list_too_long || b.list_too_long,
+    })
 }
 
 fn record_frame(

@@ -20,6 +20,8 @@ use ashfall::kernels::generated::KERNELS;
 use ashfall::render::{Capacity, Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use ashfall::scene::Camera;
 use ashfall::shader::{BindingKind, Requirement};
+use ashfall::synth;
+use ashfall::train::{TrainConfig, Trainer};
 use frame::{CLEARED, COPYABLE, Frame};
 use glam::DVec3;
 use host::Host;
@@ -306,6 +308,30 @@ fn what_was_not_reserved_or_enabled_is_refused() {
     assert!(refused.contains("call reserve first"), "{refused}");
     frame.hand_over();
     frame.submit();
+}
+
+/// Training submits by itself, to the queue that the host lends.
+#[test]
+fn a_guest_with_a_queue_trains_to_the_same_bits() {
+    let dataset = synth::scene(synth::Kind::Sphere).dataset(&synth::SynthOptions {
+        views: 4,
+        width: 40,
+        height: 30,
+        samples: 1,
+        points: 200,
+        ..synth::SynthOptions::default()
+    });
+    let train = |gpu: &Gpu| {
+        let config = TrainConfig::for_iterations(3);
+        let mut trainer = Trainer::new(gpu, &dataset, config).unwrap();
+        while !trainer.is_done() {
+            trainer.step().unwrap();
+        }
+        trainer.splats().unwrap()
+    };
+    let host = Host::new(false);
+    let gpu = adopt(&host, true, true);
+    assert_eq!(train(&gpu), train(&device::gpu()));
 }
 
 /// That clean runs mean something: a wrong state is reported.
