@@ -28,6 +28,19 @@ fn opaque_stack() -> Scene {
     scene
 }
 
+/// Wide splats so opaque that their alphas meet the cap over whole areas, half of them thinly covered.
+fn capped() -> Scene {
+    let mut scene = scenes::gentle(22, 24, 40, 33, 0);
+    for (i, logit) in scene.splats.opacity_logit.iter_mut().enumerate() {
+        let opaque = i % 4 == 0;
+        *logit = if opaque { 17.0 } else { -2.0 };
+        if opaque {
+            scene.splats.log_scale[i] = [3.0; 3];
+        }
+    }
+    scene
+}
+
 pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
     vec![
         ("nothing to draw", scenes::gentle(10, 0, 20, 20, 0)),
@@ -38,6 +51,7 @@ pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
         ("gentle", scenes::gentle(15, 80, 65, 47, 0)),
         ("hard", scenes::hard(16, 90, 33, 47, 0)),
         ("opaque stack", opaque_stack()),
+        ("capped", capped()),
         ("a long list", long_list(1500)),
     ]
 }

@@ -52,7 +52,8 @@ fn prepare(scene: &Scene, lists: &Lists) -> Case {
         }
         // A pixel at a discontinuity might go either way: it is given nothing to say.
         let band = band(&splats, &ranks, at, &cuts);
-        if band.nearest().min(band.alpha_max) > 1e-4 {
+        // The cap itself is within 1.5e-5 of everything that it caps.
+        if band.nearest() > 1e-4 && band.alpha_max > 2e-6 {
             upstream.color = [0; 3].map(|_| random.normal());
         }
         for channel in 0..3 {
@@ -131,8 +132,9 @@ fn every_intersection_gets_its_gradient() {
                     };
                     (0..sources).map(value).collect()
                 };
-                // The transmittance that was given is the oracle's; behind an alpha near 1 the device's own differs
-                // by more than u, which a whole frame, where both passes share their alphas, does not have.
+                // Next to the cap a float knows an alpha's complement to 4 parts in a thousand. A whole frame, whose
+                // passes share their alphas, does not feel that; the transmittance given here is the oracle's.
+                let tolerance = if *name == "capped" { 6e-3 } else { 1e-4 };
                 // Terms of a sum over 128 pixels carry the error of alpha (2e-5, see `rasterize`) and of the
                 // transmittance that is regained by one division per splat, 2u each; upstream signs alternate,
                 // so sums are smaller than their terms by about sqrt(128), and residuals weigh up to 3.3 squared.
@@ -140,7 +142,7 @@ fn every_intersection_gets_its_gradient() {
                 let outputs = (0..9).map(|quantity| {
                     let expected = case.sums[quantity].clone();
                     let scale = rms(&expected).max(1e-6);
-                    Output::relative(NAMES[quantity], found(quantity), expected, 1e-4, scale)
+                    Output::relative(NAMES[quantity], found(quantity), expected, tolerance, scale)
                 });
                 let case = format!("{name}, {variant:?} {workgroup}");
                 check.outputs(&case, outputs.collect());
