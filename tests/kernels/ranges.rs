@@ -18,7 +18,8 @@ fn inputs() -> Vec<(&'static str, Vec<u32>, u32)> {
         list.sort_unstable();
         list
     };
-    vec![
+    let lengths = crate::LENGTHS.map(|(name, len)| (name, drawn(len, 9), 9));
+    let others = vec![
         ("nothing to draw", vec![], 5),
         ("one", vec![3], 5),
         ("all in the first tile", vec![0; 300], 5),
@@ -36,7 +37,8 @@ fn inputs() -> Vec<(&'static str, Vec<u32>, u32)> {
             9,
         ),
         ("padding only", vec![9; 40], 9),
-    ]
+    ];
+    lengths.into_iter().chain(others).collect()
 }
 
 #[test]
