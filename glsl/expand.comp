@@ -21,6 +21,12 @@ layout(set = 0, binding = 7, scalar) writeonly buffer Sources { uint source_from
 layout(set = 0, binding = 8, scalar) writeonly buffer Owners { uint splat_from_source[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer Begins { uint source_from_splat[]; };
 
+void list(uint isect, uint tile, uint splat) {
+    tile_from_isect[isect] = tile;
+    source_from_isect[isect] = isect;
+    splat_from_source[isect] = splat;
+}
+
 void main() {
     uint rank = global_index();
     if (rank >= counts[COUNT_VISIBLE]) return;
@@ -33,16 +39,13 @@ void main() {
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = tile_columns(e, row, view.size);
-        for (int column = columns.x; column <= columns.y && next < end; ++column) {
-            tile_from_isect[next] = uint(row) * view.tiles.x + uint(column);
-            source_from_isect[next] = next;
-            splat_from_source[next] = splat;
-            ++next;
+        uint begin_of_row = uint(row) * view.tiles.x;
+        // Two a turn: llvmpipe leaves loops after 65,535 turns, and the largest image that it binds has
+        // 65,536 tiles.
+        for (int column = columns.x; column <= columns.y && next < end; column += 2) {
+            list(next++, begin_of_row + uint(column), splat);
+            if (column < columns.y && next < end) list(next++, begin_of_row + uint(column) + 1, splat);
         }
     }
-    for (; next < end; ++next) {
-        tile_from_isect[next] = view.tiles.x * view.tiles.y;
-        source_from_isect[next] = next;
-        splat_from_source[next] = splat;
-    }
+    for (; next < end; ++next) list(next, view.tiles.x * view.tiles.y, splat);
 }

@@ -4,7 +4,7 @@ use crate::check::*;
 use crate::lists::{Lists, view};
 use crate::{device, scenes, supported};
 use ashfall::kernels::expand::{Bindings, Choice, Expand, Spec};
-use ashfall::layout::COUNT_VISIBLE;
+use ashfall::layout::{COUNT_VISIBLE, Splat2d};
 use ashfall::reference::Cuts;
 use ashfall::reference::frame::depth_order;
 use ashfall::reference::tiles::{alpha_at_pixels, alpha_max};
@@ -124,4 +124,36 @@ fn every_tile_with_a_pixel_is_listed_and_few_others() {
         }
     }
     check.finish();
+}
+
+#[test]
+fn a_splat_may_cover_more_tiles_than_a_driver_runs_loops() {
+    let gpu = device::gpu();
+    let kernel = Expand::new(&gpu, Choice::default()).unwrap();
+    let scene = scenes::gentle(9, 1, 8192, 1200, 0);
+    let view = view(&scene, 1);
+    let tiles = view.tiles[0] * view.tiles[1];
+    assert!(tiles > 65_535);
+    // Ten thousand pixels wide, about the middle.
+    let record = Splat2d {
+        shape: [4096.0, 600.0, 0.0, -0.1],
+        tone: [1e-4, 1e-4, 0.5, 0.5],
+        rest: [0.5, 1.0, 0.0, 0.0],
+    };
+    let listed = unwritten::<u32>(&gpu, tiles as usize);
+    let io = Bindings {
+        view: &buffer(&gpu, &[view]),
+        counts: &counts(&gpu, &[(COUNT_VISIBLE, 1)]),
+        splat_from_rank: &buffer(&gpu, &[0]),
+        isect_from_rank: &buffer(&gpu, &[0]),
+        tile_count_from_splat: &buffer(&gpu, &[tiles]),
+        splat2d: &buffer(&gpu, &[record]),
+        tile_from_isect: &listed,
+        source_from_isect: &unwritten(&gpu, tiles as usize),
+        splat_from_source: &unwritten(&gpu, tiles as usize),
+        source_from_splat: &unwritten(&gpu, 1),
+    };
+    let args = args(&gpu, 1, 64);
+    gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();
+    assert!(read(&gpu, &listed).into_iter().eq(0..tiles));
 }

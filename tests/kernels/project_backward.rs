@@ -231,3 +231,25 @@ fn sums_become_gradients_of_parameters() {
     }
     check.finish();
 }
+
+#[test]
+fn a_splat_may_have_more_records_than_a_driver_runs_loops() {
+    let gpu = device::gpu();
+    let kernel = ProjectBackward::new(&gpu, Choice::default()).unwrap();
+    let scene = scenes::gentle(36, 1, 33, 47, 3);
+    let mut case = prepare(&scene);
+    let records = 80_001;
+    case.tile_counts = vec![records as u32];
+    case.begins = vec![0];
+    case.shape = vec![[0.0; 4]; records];
+    case.tone = vec![[0.0; 4]; records];
+    case.rest = vec![1.0; records];
+    let [found, _] = run(&gpu, &kernel, &scene, &case, 0);
+    // The constant harmonic's blue: the third number of the fourth plane. Sums of ones are exact.
+    let expected = records as f64 * 0.28209479177387814;
+    let blue = found[4 * 3 + 2];
+    assert!(
+        (blue / expected - 1.0).abs() < 1e-6,
+        "{blue}, not {expected}"
+    );
+}
