@@ -74,7 +74,8 @@ pub struct Trainer<'a> {
 
 impl<'a> Trainer<'a> {
     /// Starts a run from the data set's points, or at random where it has none.
-    pub fn new(gpu: &Gpu, dataset: &'a Dataset, config: TrainConfig) -> Result<Trainer<'a>> {
+    pub fn new(gpu: &Gpu, dataset: &'a Dataset, mut config: TrainConfig) -> Result<Trainer<'a>> {
+        limit_splats(gpu, &mut config);
         let splats = initial_splats(dataset, dataset.extent(), &config)?;
         let state = HostState::from_splats(&splats, config.sh_degree);
         Trainer::from_state(gpu, dataset, config, &state, 0)
@@ -89,8 +90,7 @@ impl<'a> Trainer<'a> {
         iteration: u32,
     ) -> Result<Trainer<'a>> {
         config.validate()?;
-        let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
-        config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));
+        limit_splats(gpu, &mut config);
         let views = dataset.split(Split::Train);
         if views.is_empty() {
             return Err(Error::Config("the data set has no training view".into()));
@@ -343,6 +343,12 @@ impl<'a> Trainer<'a> {
         }
         Ok(())
     }
+}
+
+/// No more splats than one binding of the device holds.
+fn limit_splats(gpu: &Gpu, config: &mut TrainConfig) {
+    let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
+    config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));
 }
 
 /// Scratch whose counts are clean.
