@@ -305,7 +305,12 @@ fn run(corpus: &Path, case: &Path, out: &Path) -> Output {
             None => command.arg(case),
         };
     }
-    command.arg("--out").arg(out).output().unwrap()
+    command
+        .arg("--validate")
+        .arg("--out")
+        .arg(out)
+        .output()
+        .unwrap()
 }
 
 /// What is wrong with how the binary ended, if anything.

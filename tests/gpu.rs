@@ -85,12 +85,7 @@ fn out_of_memory<T>(result: ashfall::Result<T>) -> (String, u64, u64) {
 
 #[test]
 fn memory_ends_where_the_user_says() {
-    let options = GpuOptions {
-        device: Some("0".into()),
-        memory_limit: Some(1 << 20),
-        ..GpuOptions::default()
-    };
-    let gpu = Gpu::create(&options).unwrap();
+    let gpu = device::limited(Some(1 << 20));
     assert_eq!(gpu.memory_limit(), 1 << 20);
     let half = gpu.buffer::<u32>("half", 140_000).unwrap();
     let taken = gpu.memory_in_use();

@@ -9,10 +9,15 @@ pub(crate) struct TestGpu(Gpu);
 
 /// Creates one.
 pub(crate) fn gpu() -> TestGpu {
+    limited(None)
+}
+
+/// Creates one that has so many bytes of memory.
+pub(crate) fn limited(memory_limit: Option<u64>) -> TestGpu {
     let options = GpuOptions {
         validation: true,
         device: Some("0".into()),
-        ..GpuOptions::default()
+        memory_limit,
     };
     TestGpu(Gpu::create(&options).unwrap_or_else(|error| panic!("no device to test on: {error}")))
 }
