@@ -3,6 +3,21 @@
 pub use super::generated::rasterize::{Bindings, Choice, Kernel, Params, Spec, Variant};
 use crate::Result;
 use crate::gpu::{Caps, Gpu, Groups, Recorder};
+use crate::shader::KernelInfo;
+
+/// Whether a device composites a tile within one subgroup by `kernel`, and the lanes of a workgroup: as many as
+/// leave each at least four pixels.
+pub(super) fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
+    let subgroup = caps.supports(kernel).is_ok() && caps.subgroup_size >= 8;
+    (
+        subgroup,
+        if subgroup {
+            caps.subgroup_size.min(32)
+        } else {
+            8
+        },
+    )
+}
 
 /// The kernel, ready to record.
 #[derive(Debug)]
@@ -21,16 +36,11 @@ impl Rasterize {
     /// Which variant and tuning suits a device: lanes of one subgroup where it can vote and add, as many as make
     /// four pixels or more a lane.
     pub fn prefer(caps: &Caps, with_depth: bool) -> Choice {
-        let subgroup = caps.supports(Variant::Subgroup.info()).is_ok() && caps.subgroup_size >= 8;
+        let (subgroup, workgroup) = lanes(caps, Variant::Subgroup.info());
         let variant = if subgroup {
             Variant::Subgroup
         } else {
             Variant::Base
-        };
-        let workgroup = if subgroup {
-            caps.subgroup_size.min(32)
-        } else {
-            8
         };
         Choice {
             variant,

@@ -1,6 +1,7 @@
 //! Gradient of every (tile, splat) pair from the gradient of the image.
 
 pub use super::generated::rasterize_backward::{Bindings, Choice, Kernel, Params, Spec, Variant};
+use super::rasterize::lanes;
 use crate::Result;
 use crate::gpu::{Caps, Gpu, Groups, Recorder};
 
@@ -21,16 +22,11 @@ impl RasterizeBackward {
     /// Which variant and tuning suits a device: lanes of one subgroup where it can vote and add, as many as make
     /// four pixels or more a lane.
     pub fn prefer(caps: &Caps) -> Choice {
-        let subgroup = caps.supports(Variant::Subgroup.info()).is_ok() && caps.subgroup_size >= 8;
+        let (subgroup, workgroup) = lanes(caps, Variant::Subgroup.info());
         let variant = if subgroup {
             Variant::Subgroup
         } else {
             Variant::Base
-        };
-        let workgroup = if subgroup {
-            caps.subgroup_size.min(32)
-        } else {
-            8
         };
         Choice {
             variant,

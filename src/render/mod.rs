@@ -12,7 +12,7 @@ mod view;
 
 pub(crate) use forward::check_lists;
 pub use forward::{Forward, tile_stride};
-pub use model::{Model, plane_count, planes_from_splats, splats_from_planes};
+pub use model::{Model, plane_count, planes_from_splats};
 pub use renderer::{RenderOptions, Rendered, Renderer, Stats};
 pub use scratch::{Capacity, Scratch};
 pub use view::{ViewOptions, view_of};

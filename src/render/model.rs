@@ -73,35 +73,3 @@ pub fn planes_from_splats(splats: &Splats) -> Vec<[f32; 4]> {
     }
     planes
 }
-
-/// The scene whose planes, each `count` long, are `planes`.
-pub fn splats_from_planes(
-    planes: &[[f32; 4]],
-    count: usize,
-    sh_degree: u32,
-    mode: RenderMode,
-) -> Splats {
-    assert_eq!(
-        planes.len(),
-        count * plane_count(sh_degree),
-        "planes of another size"
-    );
-    let plane = |index: usize| &planes[index * count..(index + 1) * count];
-    let floats = sh_coefficient_count(sh_degree) * 3;
-    let mut sh = vec![0.0; count * floats];
-    for k in 0..floats {
-        let source = plane(GEOMETRY_PLANES as usize + k / 4);
-        for (i, four) in source.iter().enumerate() {
-            sh[i * floats + k] = four[k % 4];
-        }
-    }
-    Splats {
-        mean: plane(0).iter().map(|p| [p[0], p[1], p[2]]).collect(),
-        opacity_logit: plane(0).iter().map(|p| p[3]).collect(),
-        quaternion: plane(1).to_vec(),
-        log_scale: plane(2).iter().map(|p| [p[0], p[1], p[2]]).collect(),
-        sh,
-        sh_degree,
-        mode,
-    }
-}

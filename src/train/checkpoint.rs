@@ -4,9 +4,10 @@
 //! either, but a fingerprint of the views is: with other data the run would go on as another run.
 
 use super::config::TrainConfig;
-use super::state::{HostState, Planes, plane_count};
+use super::state::{HostState, Planes};
 use super::strategy::SplatStats;
 use crate::io::checkpoint::{self, Section};
+use crate::render::plane_count;
 use crate::scene::{Dataset, Split};
 use crate::{Error, Result};
 use serde_json::json;

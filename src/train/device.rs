@@ -1,9 +1,9 @@
 //! The optimiser's state on the device.
 
-use super::state::{HostState, Planes, plane_count};
+use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::render::Model;
+use crate::render::{Model, plane_count};
 use crate::scene::RenderMode;
 
 /// Parameters, gradients and moments in planes of vec4, and the statistics density control reads.

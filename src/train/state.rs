@@ -3,6 +3,8 @@
 //! A row is one splat: its parameters, first and second moments, moved together or not at all
 //! ([`HostState::select`]); that is what keeps moments with their splat through every refinement.
 
+use crate::layout::GEOMETRY_PLANES;
+use crate::render::plane_count;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 
 /// `[plane][splat]`: plane 0 is mean x, y, z and opacity logit; 1 the quaternion w, x, y, z; 2 log-scale
@@ -11,12 +13,7 @@ use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 pub type Planes = Vec<Vec<[f32; 4]>>;
 
 /// First plane of the colour coefficients.
-pub const SH_PLANE: usize = 3;
-
-/// Planes of a splat with colour coefficients up to `sh_degree`: 4, 6, 10 or 15.
-pub const fn plane_count(sh_degree: u32) -> usize {
-    SH_PLANE + (sh_coefficient_count(sh_degree) * 3).div_ceil(4)
-}
+pub const SH_PLANE: usize = GEOMETRY_PLANES as usize;
 
 /// Parameters and Adam moments of all splats.
 #[derive(Clone, Debug, PartialEq)]
