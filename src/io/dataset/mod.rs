@@ -71,7 +71,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
     let (views, held_out) = views::look_at_photos(path, listing.views, options, &mut warnings)?;
     let mut points = listing.points;
     keep_finite(path, &mut points, &mut warnings);
-    if points.is_empty() {
+    if options.photos_required && points.is_empty() {
         warnings.push(format!(
             "{}: there are no points; training begins from random ones",
             path.display()
