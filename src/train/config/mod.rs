@@ -194,7 +194,7 @@ impl TrainConfig {
     /// a tenth of the run, at most 500 iterations, and ends at half of it, but short runs, which have
     /// no time to waste, refine up to three quarters (at most 7,500). The interval is 100, and 50 in
     /// runs of up to 1,000: the statistics have to have seen most views. (The fox in 2,000 iterations:
-    /// 100,648 splats and 30.7 dB at 100; at 50 there were 129,035 by the middle of the run.) Opacity
+    /// 99,517 splats and 30.7 dB at 100; 126,141 and 30.4 dB at 50, stopped at half; benches/record.) Opacity
     /// resets stay 3,000 iterations apart, so that short runs have none: recovery from a reset takes as
     /// long as in a long one.
     pub fn for_iterations(iterations: u32) -> TrainConfig {
@@ -230,9 +230,9 @@ impl TrainConfig {
     ///
     /// MCMC in a run of less than half the published length departs from its paper in two points,
     /// found by measurement (fox at half size, 1,000 iterations, 40,000 splats at most): first splats
-    /// have their full size (28.2 dB; 25.5 dB with a tenth of it, from which a short run does not
-    /// recover), and the count grows tenfold within half of the refinements (with 5 % at each it never
-    /// reached the cap).
+    /// have their full size (28.1 dB; 25.3 dB with a tenth of it, from which a short run does not
+    /// recover), and the count grows tenfold within half of the refinements (with 5 % at each it ended at
+    /// 23,602 splats and 27.8 dB). The reports are in benches/record.
     pub fn with_strategy(mut self, strategy: StrategyKind) -> TrainConfig {
         self.strategy = strategy;
         if strategy == StrategyKind::Mcmc {
