@@ -9,49 +9,35 @@ mod pack;
 #[path = "../tests/common/scenes.rs"]
 mod scenes;
 
-use ashfall::gpu::{Buffer, Frames, Gpu, Recorder};
+use ashfall::bench::{Bench, Case, Unit, Work};
+use ashfall::gpu::{Buffer, Gpu};
 use ashfall::kernels::{rasterize, rasterize_backward};
 use ashfall::layout::{Splat2d, TILE_PIXELS, View};
 use ashfall::reference::Options;
 use ashfall::render::tile_stride;
 use ashfall::scene::{Camera, RenderMode, Splats};
-use common::{Bench, Outcome, Times};
+use common::Outcome;
 use glam::{DMat3, DVec2, DVec3};
 use lists::Lists;
 use scenes::{Random, Scene, Sketch, push};
 
-/// Bytes of the copy.
-const COPY: usize = 64 << 20;
-
 fn main() -> Outcome<()> {
-    let mut bench = Bench::new("kernels")?;
-    if bench.wants("copy") {
-        let gpu = bench.gpu.clone();
-        let [from, to] = ["from", "to"].map(|name| gpu.buffer::<u32>(name, COPY / 4));
-        let (from, to) = (from?, to?);
-        // Memory that was never written may not be there yet.
-        gpu.run(|rec| {
-            rec.fill(&from, 1);
-            rec.fill(&to, 2);
-        })?;
-        let mut frames = Frames::new(&gpu, 1, true)?;
-        bench.measure("copy", (2 * COPY, "bytes"), || {
-            timed(&mut frames, |rec| rec.copy(&from, 0..COPY / 4, &to, 0))
-        })?;
-    }
-    for (name, width, height, sigma_max) in [("small", 480, 272, 3.0), ("large", 640, 480, 6.0)] {
-        composite(&mut bench, name, width, height, sigma_max)?;
-    }
-    bench.finish()
+    common::run("kernels", |bench| {
+        bench.copy_rate()?;
+        for (name, width, height, sigma_max) in [("small", 480, 272, 3.0), ("large", 640, 480, 6.0)]
+        {
+            composite(bench, name, width, height, sigma_max)?;
+        }
+        Ok(())
+    })
 }
 
-fn timed(frames: &mut Frames, record: impl FnOnce(&mut Recorder<'_>)) -> ashfall::Result<Times> {
-    let (ticket, ()) = frames.submit(|rec| {
-        record(rec);
-        rec.timestamp("run");
-        Ok(())
-    })?;
-    frames.timings(ticket)
+fn case(kernel: &str, input: &str, variant: &str, workgroup: u32, work: Work) -> Case {
+    Case {
+        input: format!("{kernel}/{input}"),
+        variant: format!("{variant}/{workgroup}"),
+        work,
+    }
 }
 
 /// 50,000 splats all over the picture, their standard deviations log-uniform from 1 px.
@@ -150,26 +136,20 @@ fn composite(
     height: u32,
     sigma_max: f64,
 ) -> Outcome<()> {
-    if !bench.wants(&format!("rasterize/{name}"))
-        && !bench.wants(&format!("rasterize_backward/{name}"))
-    {
-        return Ok(());
-    }
-    let gpu = bench.gpu.clone();
+    let gpu = bench.gpu().clone();
     let scene = splats_over(width, height, sigma_max);
     let lists = Lists::new(&scene);
     let input = Input::new(&gpu, &scene, &lists)?;
     let (isects, tiles) = (lists.isects.len(), lists.grid.len() as usize);
     println!("{name}: {width}x{height}, {isects} intersections");
     // Every pixel of every tile is held against every splat on its list, as far as it is looked at.
-    let work = (isects * TILE_PIXELS as usize, "pixel-splat pairs");
-    let mut frames = Frames::new(&gpu, 1, true)?;
+    let work = Work::of(isects * TILE_PIXELS as usize, Unit::Pairs);
     // Neighbouring tiles far apart, as the engine has them.
     let tile_stride = tile_stride(tiles);
     for &variant in rasterize::Variant::ALL {
         for workgroup in widths(&gpu, variant == rasterize::Variant::Subgroup) {
-            let label = format!("rasterize/{name}/{}/{workgroup}", variant.name());
-            if !bench.wants(&label) || gpu.caps().supports(variant.info()).is_err() {
+            let case = case("rasterize", name, variant.name(), workgroup, work);
+            if !bench.wants(&case) || gpu.caps().supports(variant.info()).is_err() {
                 continue;
             }
             let spec = rasterize::Spec {
@@ -178,11 +158,11 @@ fn composite(
             };
             let kernel = rasterize::Rasterize::new(&gpu, rasterize::Choice { variant, spec })?;
             let params = rasterize::Params { tile_stride };
-            bench.measure(&label, work, || {
-                timed(&mut frames, |rec| {
-                    kernel.record(rec, input.forward(), params, tiles);
-                })
-            })?;
+            bench.measure_commands(
+                &case,
+                |_| {},
+                |rec| kernel.record(rec, input.forward(), params, tiles),
+            )?;
         }
     }
     // What the backward pass reads of the forward one.
@@ -198,9 +178,9 @@ fn backward(
     name: &str,
     input: &Input,
     lists: &Lists,
-    work: (usize, &str),
+    work: Work,
 ) -> Outcome<()> {
-    let gpu = bench.gpu.clone();
+    let gpu = bench.gpu().clone();
     let (isects, tiles) = (lists.isects.len(), lists.grid.len() as usize);
     let random = &mut Random::new(8);
     let d_image: Vec<f32> = (0..3 * input.depth.len())
@@ -210,11 +190,10 @@ fn backward(
     let d_shape = gpu.buffer("d_shape_from_source", isects)?;
     let d_tone = gpu.buffer("d_tone_from_source", isects)?;
     let d_rest = gpu.buffer("d_rest_from_source", isects)?;
-    let mut frames = Frames::new(&gpu, 1, true)?;
     for &variant in rasterize_backward::Variant::ALL {
         for workgroup in widths(&gpu, variant == rasterize_backward::Variant::Subgroup) {
-            let label = format!("rasterize_backward/{name}/{}/{workgroup}", variant.name());
-            if !bench.wants(&label) || gpu.caps().supports(variant.info()).is_err() {
+            let case = case("rasterize_backward", name, variant.name(), workgroup, work);
+            if !bench.wants(&case) || gpu.caps().supports(variant.info()).is_err() {
                 continue;
             }
             let spec = rasterize_backward::Spec {
@@ -226,22 +205,20 @@ fn backward(
             let params = rasterize_backward::Params {
                 tile_stride: tile_stride(tiles),
             };
-            bench.measure(&label, work, || {
-                let io = rasterize_backward::Bindings {
-                    view: &input.view,
-                    range_from_tile: &input.range_from_tile,
-                    source_from_isect: &input.source_from_isect,
-                    splat_from_source: &input.splat_from_source,
-                    splat2d: &input.splat2d,
-                    image: &input.image,
-                    d_image: &d_image,
-                    end_from_pixel: &input.end_from_pixel,
-                    d_shape_from_source: &d_shape,
-                    d_tone_from_source: &d_tone,
-                    d_rest_from_source: &d_rest,
-                };
-                timed(&mut frames, |rec| kernel.record(rec, io, params, tiles))
-            })?;
+            let io = rasterize_backward::Bindings {
+                view: &input.view,
+                range_from_tile: &input.range_from_tile,
+                source_from_isect: &input.source_from_isect,
+                splat_from_source: &input.splat_from_source,
+                splat2d: &input.splat2d,
+                image: &input.image,
+                d_image: &d_image,
+                end_from_pixel: &input.end_from_pixel,
+                d_shape_from_source: &d_shape,
+                d_tone_from_source: &d_tone,
+                d_rest_from_source: &d_rest,
+            };
+            bench.measure_commands(&case, |_| {}, |rec| kernel.record(rec, io, params, tiles))?;
         }
     }
     Ok(())

@@ -95,6 +95,23 @@ const RANKS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "bench",
+        &[
+            "train",
+            "render",
+            "kernels",
+            "gpu",
+            "scene",
+            "io",
+            "synth",
+            "metrics",
+            "reference",
+            "error",
+            "shader",
+            "layout",
+        ],
+    ),
+    (
         "train",
         &[
             "render", "kernels", "gpu", "scene", "io", "synth", "metrics", "error", "shader",

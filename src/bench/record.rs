@@ -1,0 +1,119 @@
+//! The record: what was measured on a device on a day, in `<folder>/<device>/<date>.csv`. Committed, it
+//! argues for the choices that [`prefer`](crate::kernels) makes.
+
+use super::row::{COLUMNS, KEY_COLUMNS, Row, line};
+use crate::io::atomic::write_atomically;
+use crate::{Error, Result};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Files rows under a device and today's date (UTC), keeping what is there of other measurements. Returns
+/// the file.
+pub fn write(folder: &Path, device: &str, rows: &[Row]) -> Result<PathBuf> {
+    let folder = folder.join(slug(device));
+    std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    let days = since.map_or(0, |since| since.as_secs() / 86_400);
+    let path = folder.join(format!("{}.csv", date(days)));
+    let earlier = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+        Err(error) => return Err(Error::io(&path)(error)),
+    };
+    let text = merged(&earlier, rows);
+    write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
+    Ok(path)
+}
+
+/// A device's name as a folder: `llvmpipe-llvm-15-0-6-256-bits`.
+pub fn slug(device: &str) -> String {
+    let lower = device.to_lowercase();
+    let words = lower.split(|c: char| !c.is_ascii_alphanumeric());
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    match words.as_slice() {
+        [] => "device".into(),
+        words => words.join("-"),
+    }
+}
+
+/// Earlier rows, less those that are measured again, and the new ones. Columns go by name, so that records
+/// of earlier versions can be added to.
+fn merged(earlier: &str, rows: &[Row]) -> String {
+    let mut lines = earlier.lines();
+    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let place = COLUMNS.map(|column| header.iter().position(|name| *name == column));
+    let measured: Vec<[String; COLUMNS.len()]> = rows.iter().map(Row::fields).collect();
+    let mut text = COLUMNS.join(",") + "\n";
+    for earlier in lines {
+        let fields: Vec<&str> = earlier.split(',').collect();
+        let field = |at: Option<usize>| at.and_then(|at| fields.get(at)).copied().unwrap_or("");
+        let fields = place.map(|at| field(at).to_owned());
+        let again = |row: &[String; COLUMNS.len()]| row[..KEY_COLUMNS] == fields[..KEY_COLUMNS];
+        if !measured.iter().any(again) {
+            text.push_str(&line(&fields));
+        }
+    }
+    measured.iter().for_each(|row| text.push_str(&line(row)));
+    text
+}
+
+/// Year-month-day of a count of days since 1970 (Hinnant, "chrono-compatible low-level date algorithms").
+pub fn date(days: u64) -> String {
+    let shifted = days + 719_468;
+    let (era, of_era) = (shifted / 146_097, shifted % 146_097);
+    let year = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = era * 400 + year + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_become_dates() {
+        let dates = [0, 11_016, 11_017, 20_778].map(date);
+        assert_eq!(
+            dates,
+            ["1970-01-01", "2000-02-29", "2000-03-01", "2026-11-21"]
+        );
+    }
+
+    #[test]
+    fn names_become_folders() {
+        let name = "llvmpipe (LLVM 15.0.6, 256 bits)";
+        assert_eq!(slug(name), "llvmpipe-llvm-15-0-6-256-bits");
+        assert_eq!([slug("../.."), slug("")], ["device", "device"]);
+    }
+
+    #[test]
+    fn a_record_keeps_what_was_not_measured_again() {
+        let row = |input: &str, median_ns: f64| Row {
+            bench: "kernels".into(),
+            input: input.into(),
+            stage: "total".into(),
+            median_ns,
+            ..Row::default()
+        };
+        let first = merged("", &[row("a", 1.0), row("b", 2.0)]);
+        let second = merged(&first, &[row("b", 3.0), row("c", 4.0)]);
+        let inputs: Vec<(&str, &str)> = second
+            .lines()
+            .skip(1)
+            .map(|line| {
+                let fields: Vec<&str> = line.split(',').collect();
+                (fields[1], fields[5])
+            })
+            .collect();
+        assert_eq!(inputs, [("a", "1"), ("b", "3"), ("c", "4")]);
+        // A file with fewer columns, in another order.
+        let old = "stage,bench,input,median_ns\ntotal,kernels,a,5\n";
+        let both = merged(old, &[row("b", 6.0)]);
+        assert!(both.contains("\nkernels,a,,total,,5,,,,,,,,,\n"), "{both}");
+    }
+}
