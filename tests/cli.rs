@@ -295,23 +295,24 @@ fn check_report(report: &Value) {
 fn equal_seeds_give_equal_bytes_also_when_stopped_and_resumed() {
     let folder = folder();
     let data = word(data());
-    for (strategy, signal) in [("adc", "-KILL"), ("mcmc", "-INT")] {
+    for (strategy, mode, signal) in [("adc", "default", "-KILL"), ("mcmc", "mip", "-INT")] {
         let path = |name: &str| folder.path().join(format!("{strategy}_{name}"));
         let (whole, parts, other) = (path("whole"), path("parts"), path("other"));
-        let more = [
+        let kind = [
             "--strategy",
             strategy,
+            "--mode",
+            mode,
             "--max-splats",
             "500",
-            "--checkpoint-every",
-            "1",
         ];
+        let more = [&kind[..], &["--checkpoint-every", "1"]].concat();
         stdout(&train(data, word(&whole), &more));
         stop(&train(data, word(&parts), &more), &parts, signal);
         let refused = error(&train(data, word(&parts), &more));
         assert!(refused.contains("--resume"), "{refused}");
         stdout(&["train", "--resume", word(&parts), "--validate"]);
-        let seed = ["--strategy", strategy, "--max-splats", "500", "--seed", "5"];
+        let seed = [&kind[..], &["--seed", "5"]].concat();
         stdout(&train(data, word(&other), &seed));
         let bytes = |dir: &Path| fs::read(dir.join("scene.ply")).unwrap_or_default();
         assert!(!bytes(&whole).is_empty());
@@ -323,7 +324,21 @@ fn equal_seeds_give_equal_bytes_also_when_stopped_and_resumed() {
             bytes(&whole) != bytes(&other),
             "{strategy}: the seed does nothing"
         );
+        check_mode(&parts, mode);
     }
+}
+
+/// The scene's file says how it was trained, and is judged so.
+#[track_caller]
+fn check_mode(dir: &Path, mode: &str) {
+    let (scene, report) = (dir.join("scene.ply"), read_json(&dir.join("report.json")));
+    assert_eq!(report["config"]["mode"], mode);
+    assert_eq!(
+        json(&stdout(&["info", word(&scene), "--json"]))["mode"],
+        mode
+    );
+    let scores = json(&stdout(&["eval", word(&scene), word(data()), "--json"]));
+    assert_eq!(scores["mean"], report["test"], "{mode}: judged otherwise");
 }
 
 /// Starts a run and stops it with a signal once it has written a checkpoint after its first.

@@ -1,5 +1,7 @@
 //! A set of 3D Gaussians as they are stored and trained: logarithms and logits, not their values.
 
+use serde::{Deserialize, Serialize};
+
 /// The constant spherical-harmonic basis function, 1 / (2 √π).
 pub const SH_C0: f32 = 0.282_094_8;
 
@@ -9,12 +11,13 @@ pub const fn sh_coefficient_count(degree: u32) -> usize {
 }
 
 /// How a scene was trained to be rendered; travels in the `.ply`'s comment.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum RenderMode {
     /// Screen covariance dilated by 0.3 px² (3DGS paper, section 4 and its code).
     #[default]
     Default,
-    /// Mip-Splatting: 0.1 px² with opacity compensation.
+    /// Mip-Splatting, section 5.2: 0.1 px², and opacities lowered so that no light is added.
     Mip,
 }
 

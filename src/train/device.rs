@@ -27,8 +27,9 @@ impl DeviceState {
         (range / (16 * plane_count(sh_degree) as u64)) as usize
     }
 
-    /// Allocates for at least `state.len()` splats and copies them there; statistics start at 0.
-    pub(crate) fn new(gpu: &Gpu, state: &HostState) -> Result<DeviceState> {
+    /// Allocates for at least `state.len()` splats, to be drawn in `mode`, and copies them there; statistics
+    /// start at 0.
+    pub(crate) fn new(gpu: &Gpu, state: &HostState, mode: RenderMode) -> Result<DeviceState> {
         let limit = DeviceState::splat_limit(gpu, state.sh_degree);
         let stride = ((state.len() as f64 * HEADROOM) as usize)
             .min(limit)
@@ -42,7 +43,7 @@ impl DeviceState {
                 splat_count: 0,
                 stride,
                 sh_degree: state.sh_degree,
-                mode: RenderMode::Default,
+                mode,
             },
             gradients: gpu.buffer("gradients", len)?,
             moment1: gpu.buffer("moment1", len)?,
@@ -58,7 +59,7 @@ impl DeviceState {
         if state.len() <= self.model.stride {
             return self.fill(gpu, state);
         }
-        *self = DeviceState::new(gpu, state)?;
+        *self = DeviceState::new(gpu, state, self.model.mode)?;
         Ok(())
     }
 

@@ -16,7 +16,7 @@ use super::{adc_reset, initial_splats, schedule};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
 use crate::render::{Capacity, Forward, Scratch, ViewOptions, check_lists, view_of};
-use crate::scene::{Dataset, RenderMode, Splats, Split};
+use crate::scene::{Dataset, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
@@ -116,7 +116,7 @@ impl<'a> Trainer<'a> {
             strategy: strategy(config.strategy),
             forward: Forward::new(gpu, config.sh_degree, false)?,
             backward: Backward::new(gpu, config.sh_degree)?,
-            state: DeviceState::new(gpu, state)?,
+            state: DeviceState::new(gpu, state, config.mode)?,
             gradients: Gradients::new(gpu, &scratch)?,
             scratch,
             photos: Photos::new(gpu, dataset, &views, IN_FLIGHT, config.photo_share)?,
@@ -209,7 +209,7 @@ impl<'a> Trainer<'a> {
 
     /// The splats after the last step begun; waits for it.
     pub fn splats(&mut self) -> Result<Splats> {
-        Ok(self.download()?.to_splats(RenderMode::Default))
+        Ok(self.download()?.to_splats(self.config.mode))
     }
 
     /// What density control has gathered since the last refinement; waits for the last step begun.
@@ -231,7 +231,7 @@ impl<'a> Trainer<'a> {
         let options = ViewOptions {
             background: schedule::background(&self.config, iteration),
             near: self.near(),
-            mode: RenderMode::Default,
+            mode: self.config.mode,
         };
         let model = &self.state.model;
         let view = view_of(camera, &options, model.splat_count, model.stride);

@@ -1,6 +1,7 @@
 //! From options to a [`TrainConfig`].
 
 use crate::cli::args::parse_background;
+use crate::scene::RenderMode;
 use crate::train::{Background, StrategyKind, TrainConfig};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
@@ -24,6 +25,9 @@ pub(in crate::cli) struct ConfigArgs {
     /// How splats are added and removed [default: adc]
     #[arg(long, value_name = "NAME")]
     pub strategy: Option<StrategyArg>,
+    /// How splats become pixels; scene.ply says so, and `render` and `eval` follow [default: default]
+    #[arg(long, value_name = "MODE")]
+    pub mode: Option<ModeArg>,
     /// Splats at most [default: as many as the strategy asks for; 1,000,000 with mcmc]
     #[arg(long, value_name = "N")]
     pub max_splats: Option<u32>,
@@ -48,6 +52,15 @@ pub(in crate::cli) enum StrategyArg {
     Mcmc,
 }
 
+/// A mode of rendering, as a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum ModeArg {
+    /// As 3DGS: splats never get thinner than half a pixel, but brighter from afar
+    Default,
+    /// Mip-Splatting: the right picture from nearer and farther than the photographs, too
+    Mip,
+}
+
 impl ConfigArgs {
     /// The configuration, checked.
     pub(crate) fn config(&self, is_software: bool) -> Result<TrainConfig> {
@@ -63,6 +76,10 @@ impl ConfigArgs {
         let config = TrainConfig::for_iterations(self.iterations.unwrap_or(usual));
         let mut config = config.with_strategy(strategy);
         config.seed = self.seed.unwrap_or(config.seed);
+        config.mode = match self.mode {
+            None | Some(ModeArg::Default) => RenderMode::Default,
+            Some(ModeArg::Mip) => RenderMode::Mip,
+        };
         config.max_splats = self.max_splats;
         config.sh_degree = self.sh_degree.unwrap_or(config.sh_degree);
         config.background = self.background.unwrap_or(config.background);

@@ -6,6 +6,7 @@
 
 mod validate;
 
+use crate::scene::RenderMode;
 use serde::{Deserialize, Serialize};
 
 /// How splats are added and removed.
@@ -37,6 +38,8 @@ pub struct TrainConfig {
     pub iterations: u32,
     /// Key of all random numbers.
     pub seed: u64,
+    /// How splats become pixels, while training and ever after; the scene's file says so.
+    pub mode: RenderMode,
     /// How splats are added and removed.
     pub strategy: StrategyKind,
     /// No more splats than this. `None`: as many as density control asks for (3DGS); with MCMC
@@ -205,6 +208,7 @@ impl TrainConfig {
         TrainConfig {
             iterations,
             seed: 0,
+            mode: RenderMode::Default,
             strategy: StrategyKind::Adc,
             max_splats: None,
             sh_degree: 3,
