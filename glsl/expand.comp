@@ -8,6 +8,10 @@
 // counted bounds what is written, and slots that rounding should leave over go to no tile.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
+// Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
+layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
+// Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
+layout(constant_id = 2) const float LEVEL_MAX = 3.4e38;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -35,7 +39,7 @@ void main() {
     uint end = next + tile_count_from_splat[splat];
     source_from_splat[splat] = next;
 
-    Ellipse e = ellipse(splat2d[splat].shape, splat2d[splat].tone.xy);
+    Ellipse e = ellipse(splat2d[splat].shape, splat2d[splat].tone.xy, LOG2_ALPHA_MIN, LEVEL_MAX);
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = tile_columns(e, row, view.size);

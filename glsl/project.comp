@@ -10,6 +10,10 @@
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
+// Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
+layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
+// Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
+layout(constant_id = 3) const float LEVEL_MAX = 3.4e38;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -56,7 +60,7 @@ uint project(uint splat) {
     // log2 of the sigmoid; exp(-u) may overflow to infinity, then the splat is invisible as it should.
     float log_opacity = -log2(1.0 + exp(-mean.w));
     if (view.compensate != 0) log_opacity += log_compensation(f);
-    sound = sound && log_opacity >= -LOG2_255 && is_finite(vec3(mean_pixel, 0.0));
+    sound = sound && log_opacity >= LOG2_ALPHA_MIN && is_finite(vec3(mean_pixel, 0.0));
 
     vec2 whiten = WHITEN * vec2(inversesqrt(f.a), sqrt(f.a / f.det));
     sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
@@ -70,7 +74,7 @@ uint project(uint splat) {
     splat2d[splat].tone = vec4(whiten, color.rg);
     splat2d[splat].rest = vec4(color.b, mean_view.z, 0.0, 0.0);
 
-    Ellipse e = ellipse(shape, whiten);
+    Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN, LEVEL_MAX);
     uint count = 0;
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {

@@ -202,7 +202,8 @@ void main() {
         // Half the image size turns pixels into normalised device coordinates.
         seen.x += length(d_mean_pixel * 0.5 * vec2(view.size));
         seen.y += 1.0;
-        Ellipse e = ellipse(splat2d[splat].shape, splat2d[splat].tone.xy);
+        // What counts as covered does not depend on where drawing stops.
+        Ellipse e = ellipse(splat2d[splat].shape, splat2d[splat].tone.xy, -LOG2_255, 3.4e38);
         seen.z = max(seen.z, max(e.extent.x, e.extent.y));
         statistics[splat] = seen;
     } else {

@@ -12,7 +12,7 @@ mod device;
 mod scenes;
 
 use ashfall::reference;
-use ashfall::render::{Model, RenderOptions, Renderer, ViewOptions};
+use ashfall::render::{Accuracy, Model, RenderOptions, Renderer, ViewOptions};
 use ashfall::scene::RenderMode;
 use scenes::Scene;
 
@@ -21,8 +21,14 @@ use scenes::Scene;
 fn compare(scene: &Scene) -> (f64, f64, f64) {
     let gpu = device::gpu();
     let model = Model::upload(&gpu, &scene.splats).unwrap();
+    let cuts = &scene.options.cuts;
     let options = RenderOptions {
         with_depth: true,
+        accuracy: Accuracy {
+            transmittance_min: cuts.transmittance_min as f32,
+            alpha_min: cuts.alpha_min as f32,
+            sigma_max: None,
+        },
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(&gpu, options).unwrap();
@@ -91,6 +97,28 @@ fn mip_frames_agree_with_the_oracle() {
             assert!(
                 near < 0.2 && flipped <= 2.0 / 255.0,
                 "seed {seed}: {near} of the pixels, {flipped}"
+            );
+        }
+    }
+}
+
+#[test]
+fn frames_cut_as_they_are_told_to() {
+    for (alpha_min, transmittance_min) in
+        [(1.0 / 1024.0_f64, 1e-6), (1.0 / 64.0, 1e-2), (0.125, 0.25)]
+    {
+        for make in [scenes::gentle, scenes::hard] {
+            let mut scene = make(31, 150, 80, 61, 1);
+            // As the device holds them.
+            scene.options.cuts.alpha_min = f64::from(alpha_min as f32);
+            scene.options.cuts.transmittance_min = f64::from(transmittance_min as f32);
+            let (interior, near, flipped) = compare(&scene);
+            println!("{alpha_min}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
+            assert!(interior <= 1e-4, "{alpha_min}: {interior}");
+            let jump = 2.0 * alpha_min.max(transmittance_min);
+            assert!(
+                near < 0.2 && flipped <= jump,
+                "{alpha_min}: {near} of the pixels, {flipped}"
             );
         }
     }

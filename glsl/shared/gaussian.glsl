@@ -84,7 +84,7 @@ float log_compensation(Footprint f) {
     return 0.5 * log2(dot(f.minors, f.minors) / f.det);
 }
 
-// The region where alpha >= 1/255, from the numbers that `Splat2d` stores: the pass that counts tiles
+// The region that a splat is drawn in, from the numbers that `Splat2d` stores: the pass that counts tiles
 // and the pass that lists them must see the same floats.
 struct Ellipse {
     vec2 mean;
@@ -96,13 +96,15 @@ struct Ellipse {
     float x_from_y;     // variance of x at fixed y
 };
 
-Ellipse ellipse(vec4 shape, vec2 whiten) {
+// Where alpha is at least 2^log2_alpha_min and the squared Mahalanobis distance at most level_max.
+Ellipse ellipse(vec4 shape, vec2 whiten, float log2_alpha_min, float level_max) {
     Ellipse e;
     precise float a = (WHITEN / whiten.x) * (WHITEN / whiten.x);
     precise float y_from_x = (WHITEN / whiten.y) * (WHITEN / whiten.y);
     precise float yy = y_from_x + shape.z * shape.z * a;
     // A little wider than exact, so that rounding never drops a pixel on the rim.
-    precise float level = max(shape.w + LOG2_255, 0.0) * (1.0 / (WHITEN * WHITEN)) * 1.00001 + 1e-5;
+    precise float reach = min(max(shape.w - log2_alpha_min, 0.0) * (1.0 / (WHITEN * WHITEN)), level_max);
+    precise float level = reach * 1.00001 + 1e-5;
     e.mean = shape.xy;
     e.slope_x = shape.z;
     e.slope_y = shape.z * a / yy;

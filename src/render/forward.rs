@@ -1,5 +1,6 @@
 //! The straight line of kernels from splats to an image; this file is the diagram.
 
+use super::accuracy::Accuracy;
 use super::model::Model;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use crate::gpu::{DeviceKind, Gpu, Groups, Recorder};
@@ -31,22 +32,36 @@ const ELEMENTWISE: u32 = 64;
 
 impl Forward {
     /// Compiles the kernels for scenes up to `sh_degree`; `with_depth`: images come with expected depth.
-    pub fn new(gpu: &Gpu, sh_degree: u32, with_depth: bool) -> Result<Forward> {
+    ///
+    /// # Errors
+    /// [`Error::Config`] for an accuracy out of range.
+    pub fn new(
+        gpu: &Gpu,
+        sh_degree: u32,
+        with_depth: bool,
+        accuracy: &Accuracy,
+    ) -> Result<Forward> {
+        accuracy.validate()?;
         let caps = gpu.caps();
         Ok(Forward {
             project: (0..=sh_degree)
-                .map(|degree| project::Project::new(gpu, project::Project::prefer(caps, degree)))
+                .map(|degree| {
+                    project::Project::new(
+                        gpu,
+                        accuracy.of_project(project::Project::prefer(caps, degree)),
+                    )
+                })
                 .collect::<Result<_>>()?,
             scan: Scan::new(gpu)?,
             plan: plan::Plan::new(gpu, plan::Plan::prefer(caps))?,
             compact: compact::Compact::new(gpu, compact::Compact::prefer(caps))?,
             sort: Sort::new(gpu)?,
             gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
-            expand: expand::Expand::new(gpu, expand::Expand::prefer(caps))?,
+            expand: expand::Expand::new(gpu, accuracy.of_expand(expand::Expand::prefer(caps)))?,
             ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
             rasterize: rasterize::Rasterize::new(
                 gpu,
-                rasterize::Rasterize::prefer(caps, with_depth),
+                accuracy.of_rasterize(rasterize::Rasterize::prefer(caps, with_depth)),
             )?,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),

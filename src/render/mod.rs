@@ -4,12 +4,14 @@
 //!
 //! **Invariant:** `Renderer::record` never submits, waits, reads this frame back, or allocates once warm.
 
+mod accuracy;
 mod forward;
 mod model;
 mod renderer;
 mod scratch;
 mod view;
 
+pub use accuracy::Accuracy;
 pub(crate) use forward::check_lists;
 pub use forward::{Forward, tile_stride};
 pub use model::{Model, plane_count, planes_from_splats};

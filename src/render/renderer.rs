@@ -1,5 +1,6 @@
 //! Rendering for users: record into a host's commands, or render and read back.
 
+use super::accuracy::Accuracy;
 use super::forward::{Forward, check_lists};
 use super::model::Model;
 use super::scratch::{Capacity, Scratch};
@@ -22,6 +23,8 @@ pub struct RenderOptions {
     pub sh_degree: u32,
     /// Whether images come with expected depth.
     pub with_depth: bool,
+    /// Where frames may save work at a bounded error.
+    pub accuracy: Accuracy,
 }
 
 impl Default for RenderOptions {
@@ -37,6 +40,7 @@ impl Default for RenderOptions {
             capacity,
             sh_degree: 3,
             with_depth: false,
+            accuracy: Accuracy::default(),
         }
     }
 }
@@ -108,7 +112,12 @@ impl Renderer {
         let present = || present::Present::new(gpu, present::Present::prefer(gpu.caps()));
         Ok(Renderer {
             gpu: gpu.clone(),
-            forward: Forward::new(gpu, options.sh_degree, options.with_depth)?,
+            forward: Forward::new(
+                gpu,
+                options.sh_degree,
+                options.with_depth,
+                &options.accuracy,
+            )?,
             present: presents.then(present).transpose()?,
             scratch: Scratch::new(gpu, options.capacity)?,
             frames: Frames::new(gpu, 1, true)?,

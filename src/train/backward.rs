@@ -73,8 +73,10 @@ pub(crate) struct Step<'a> {
 
 impl Backward {
     /// Compiles the kernels.
-    pub(crate) fn new(gpu: &Gpu, sh_degree: u32) -> Result<Backward> {
+    pub(crate) fn new(gpu: &Gpu, config: &TrainConfig) -> Result<Backward> {
         let caps = gpu.caps();
+        let rasterize = RasterizeBackward::prefer(caps);
+        let rasterize = config.accuracy.of_rasterize_backward(rasterize);
         use project_backward::ProjectBackward;
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
@@ -84,8 +86,8 @@ impl Backward {
                 gpu,
                 loss_backward::LossBackward::prefer(caps),
             )?,
-            rasterize: RasterizeBackward::new(gpu, RasterizeBackward::prefer(caps))?,
-            project: (0..=sh_degree)
+            rasterize: RasterizeBackward::new(gpu, rasterize)?,
+            project: (0..=config.sh_degree)
                 .map(|degree| ProjectBackward::new(gpu, ProjectBackward::prefer(caps, degree)))
                 .collect::<Result<_>>()?,
             adam: adam::Adam::new(gpu, adam::Adam::prefer(caps))?,

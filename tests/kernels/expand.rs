@@ -34,7 +34,10 @@ fn every_tile_with_a_pixel_is_listed_and_few_others() {
     let mut check = Check::new("expand");
     for variant in supported!(expand, gpu) {
         for workgroup in [8, 64] {
-            let spec = Spec { workgroup };
+            let spec = Spec {
+                workgroup,
+                ..Spec::default()
+            };
             let kernel = Expand::new(&gpu, Choice { variant, spec }).unwrap();
             for (name, scene) in cases() {
                 let lists = Lists::new(&scene);

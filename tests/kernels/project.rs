@@ -122,6 +122,7 @@ fn splats_are_projected() {
                 let spec = Spec {
                     workgroup,
                     sh_degree,
+                    ..Spec::default()
                 };
                 let kernel = Project::new(&gpu, Choice { variant, spec }).unwrap();
                 for (name, scene) in cases(sh_degree) {

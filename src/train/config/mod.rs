@@ -6,6 +6,7 @@
 
 mod validate;
 
+use crate::render::Accuracy;
 use crate::scene::RenderMode;
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +73,9 @@ pub struct TrainConfig {
     /// Share of the device's memory that photographs may take; those beyond it are uploaded step by step,
     /// with the same results: 0.25.
     pub photo_share: f32,
+    /// Where frames and gradients may save work at a bounded error.
+    #[serde(default)]
+    pub accuracy: Accuracy,
 }
 
 /// Step sizes of Adam, one per parameter group (3DGS, its code's defaults).
@@ -227,6 +231,7 @@ impl TrainConfig {
             background: Background::Fixed([0.0; 3]),
             near_factor: 0.01,
             photo_share: 0.25,
+            accuracy: Accuracy::default(),
         }
     }
 

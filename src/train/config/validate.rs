@@ -15,6 +15,7 @@ impl TrainConfig {
         if self.sh_degree > 3 {
             return Err(bad("sh_degree", self.sh_degree, "0, 1, 2 or 3"));
         }
+        self.accuracy.validate()?;
         if self.sh_degree_from.is_sorted() {
             self.validate_reals()
         } else {

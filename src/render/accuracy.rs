@@ -1,0 +1,128 @@
+//! Where a frame may save work, each at an error that is bounded before it is drawn.
+//!
+//! With C = Σ cᵢ αᵢ Tᵢ + T_end · background, leaving out a set S of contributions changes a pixel by at most
+//! Σ_S αᵢ Tᵢ times the range of its colours, with the weights of the whole picture: taken out from the back,
+//! each exchanges αᵢ Tᵢ of its own colour for a mixture of those behind it.
+
+use crate::kernels::{expand, project, rasterize, rasterize_backward};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// How exactly splats are composited. The default is what the engine draws and trains with.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Accuracy {
+    /// A pixel is finished once less than this share of the light behind would pass: 1e-4 (3DGS). The splat
+    /// that takes it there still counts, so that at most this share of the colour range is lost.
+    pub transmittance_min: f32,
+    /// Alphas below this are left out: 1/255 (3DGS). What is lost is at most Σ α T of those left out, times
+    /// the colour range.
+    pub alpha_min: f32,
+    /// A splat is listed for tiles within this many of its standard deviations; `None`: as far as `alpha_min`
+    /// lets it reach. 3 in the 3DGS code, which loses at most Σ α T of what lies beyond, times the colour
+    /// range.
+    pub sigma_max: Option<f32>,
+}
+
+impl Default for Accuracy {
+    fn default() -> Accuracy {
+        Accuracy {
+            transmittance_min: 1e-4,
+            alpha_min: 1.0 / 255.0,
+            sigma_max: None,
+        }
+    }
+}
+
+impl Accuracy {
+    /// Refuses what cannot be drawn by.
+    ///
+    /// # Errors
+    /// [`Error::Config`] names the first field that is out of its range.
+    pub fn validate(&self) -> Result<()> {
+        let sigma_max = self.sigma_max.unwrap_or(1.0);
+        for (name, value, least, most) in [
+            ("transmittance_min", self.transmittance_min, 1e-9, 0.5),
+            ("alpha_min", self.alpha_min, 1e-6, 0.5),
+            ("sigma_max", sigma_max, 0.1, 100.0),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::Config(format!(
+                    "accuracy.{name} is {value}, but must be from {least} to {most}"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn log2_alpha_min(&self) -> f32 {
+        f64::from(self.alpha_min).log2() as f32
+    }
+
+    /// Squared standard deviations within which tiles are touched.
+    fn level_max(&self) -> f32 {
+        let unlimited = project::Spec::default().level_max;
+        self.sigma_max.map_or(unlimited, |sigma| sigma * sigma)
+    }
+
+    pub(crate) fn of_project(&self, mut choice: project::Choice) -> project::Choice {
+        choice.spec.log2_alpha_min = self.log2_alpha_min();
+        choice.spec.level_max = self.level_max();
+        choice
+    }
+
+    pub(crate) fn of_expand(&self, mut choice: expand::Choice) -> expand::Choice {
+        choice.spec.log2_alpha_min = self.log2_alpha_min();
+        choice.spec.level_max = self.level_max();
+        choice
+    }
+
+    pub(crate) fn of_rasterize(&self, mut choice: rasterize::Choice) -> rasterize::Choice {
+        choice.spec.log2_alpha_min = self.log2_alpha_min();
+        choice.spec.t_min = self.transmittance_min;
+        choice
+    }
+
+    pub(crate) fn of_rasterize_backward(
+        &self,
+        mut choice: rasterize_backward::Choice,
+    ) -> rasterize_backward::Choice {
+        choice.spec.log2_alpha_min = self.log2_alpha_min();
+        choice
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_changes_no_kernel() {
+        let same = Accuracy::default();
+        let project = project::Choice::default();
+        assert_eq!(same.of_project(project), project);
+        let expand = expand::Choice::default();
+        assert_eq!(same.of_expand(expand), expand);
+        let rasterize = rasterize::Choice::default();
+        assert_eq!(same.of_rasterize(rasterize), rasterize);
+        let backward = rasterize_backward::Choice::default();
+        assert_eq!(same.of_rasterize_backward(backward), backward);
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_by_is_refused_by_name() {
+        let message = |change: fn(&mut Accuracy)| {
+            let mut accuracy = Accuracy::default();
+            change(&mut accuracy);
+            accuracy.validate().map_err(|error| error.to_string())
+        };
+        assert_eq!(message(|_| {}), Ok(()));
+        assert_eq!(
+            message(|a| a.alpha_min = 0.0),
+            Err("accuracy.alpha_min is 0, but must be from 0.000001 to 0.5".into())
+        );
+        assert!(message(|a| a.transmittance_min = f32::NAN).is_err());
+        assert!(message(|a| a.sigma_max = Some(0.0)).is_err());
+        assert_eq!(message(|a| a.sigma_max = Some(3.0)), Ok(()));
+    }
+}
