@@ -42,7 +42,8 @@ vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
 uint project(uint splat) {
     vec4 mean = params[splat];
     vec4 rotation = params[view.stride + splat];
-    vec3 log_scale = params[2 * view.stride + splat].xyz;
+    vec4 shaping = params[2 * view.stride + splat];
+    vec3 log_scale = shaping.xyz;
     vec3 scale = exp(log_scale);
 
     vec3 offset = mean.xyz - view.position;
@@ -53,12 +54,14 @@ uint project(uint splat) {
 
     Jacobian j = jacobian(view, mean_view);
     mat3 axes = rotation_matrix(rotation / q_length);
-    Footprint f = footprint((j.row_x * axes) * scale, (j.row_y * axes) * scale, view.dilation);
+    Smoothed s = smoothed(scale, shaping.w);
+    Footprint f = footprint((j.row_x * axes) * s.scale, (j.row_y * axes) * s.scale, view.dilation);
     sound = sound && is_finite(f.a) && is_finite(f.det) && f.det > 0.0;
 
     vec2 mean_pixel = view.focal * mean_view.xy / mean_view.z + view.center;
     // log2 of the sigmoid; exp(-u) may overflow to infinity, then the splat is invisible as it should.
     float log_opacity = -log2(1.0 + exp(-mean.w));
+    if (shaping.w > 0.0) log_opacity += log_smoothing(s);
     if (view.compensate != 0) log_opacity += log_compensation(f);
     sound = sound && log_opacity >= LOG2_ALPHA_MIN && is_finite(vec3(mean_pixel, 0.0));
 

@@ -132,7 +132,7 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
     d_v_y += apart * cross(f.minors, f.v_x) - outward * f.v_y;
 }
 
-// Adds what the image says about a visible splat; returns dL/d mean_pixel.
+// Adds what the image says about a visible splat of that scale before smoothing; returns dL/d mean_pixel.
 vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient) {
     Records records = sum_of_records(splat, tile_count);
     vec4 mean = params[splat];
@@ -145,7 +145,8 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
     Jacobian j = jacobian(view, mean_view);
     vec3 local_x = j.row_x * axes;
     vec3 local_y = j.row_y * axes;
-    Footprint f = footprint(local_x * scale, local_y * scale, view.dilation);
+    Smoothed s = smoothed(scale, params[2 * view.stride + splat].w);
+    Footprint f = footprint(local_x * s.scale, local_y * s.scale, view.dilation);
 
     // The whitening matrix [[p, 0], [-slope q, q]], e = matrix * (pixel - mean); first and second moments
     // of e, weighted by s.
@@ -164,9 +165,10 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
     vec3 d_v_x = p * moved_x - q * f.slope * moved_y;
     vec3 d_v_y = q * moved_y;
     if (view.compensate != 0) compensation_backward(f, records.shape.x, d_v_x, d_v_y);
-    gradient.log_scale += (d_v_x * local_x + d_v_y * local_y) * scale;
-    vec3 d_local_x = d_v_x * scale;
-    vec3 d_local_y = d_v_y * scale;
+    // Smoothed variances are s^2 + sigma^2, and ln(opacity) holds half of ln(s^2 / (s^2 + sigma^2)) of each.
+    gradient.log_scale += (d_v_x * local_x + d_v_y * local_y) * s.scale * s.own + records.shape.x * s.added;
+    vec3 d_local_x = d_v_x * s.scale;
+    vec3 d_local_y = d_v_y * s.scale;
     // local = row * axes, component k = dot(row, axes[k]).
     mat3 d_axes = outerProduct(j.row_x, d_local_x) + outerProduct(j.row_y, d_local_y);
     gradient.quaternion += quaternion_backward(unit, q_length, d_axes);

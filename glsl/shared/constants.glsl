@@ -5,7 +5,7 @@ const uint TILE_WIDTH = 8;
 const uint TILE_HEIGHT = 16;
 const uint TILE_PIXELS = 128;
 
-// Planes of vec4 before the spherical harmonics: mean + opacity, quaternion, log-scale.
+// Planes of vec4 before the spherical harmonics: mean + opacity, quaternion, log-scale + smoothing filter.
 const uint GEOMETRY_PLANES = 3;
 
 // An alpha never reaches 1, so that transmittance stays positive: 1 - 2^-16.

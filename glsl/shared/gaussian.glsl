@@ -55,6 +55,31 @@ Jacobian jacobian(View view, vec3 mean_view) {
     return j;
 }
 
+// A splat's standard deviations after the 3D smoothing filter of Mip-Splatting (section 5.1), a convolution
+// with a round Gaussian of standard deviation `sigma` (0: none) that no training view could have told apart.
+struct Smoothed {
+    vec3 scale;
+    vec3 own;           // share of each variance that is the splat's
+    vec3 added;         // share that is the filter's
+};
+
+Smoothed smoothed(vec3 scale, float sigma) {
+    Smoothed s = Smoothed(scale, vec3(1.0), vec3(0.0));
+    if (!(sigma > 0.0)) return s;
+    // No square of a length: it would leave the range of floats in scenes of very small or large units.
+    vec3 more = max(scale, vec3(sigma));
+    vec3 ratio = min(scale, vec3(sigma)) / more;
+    s.scale = more * sqrt(1.0 + ratio * ratio);
+    s.own = scale / s.scale * (scale / s.scale);
+    s.added = sigma / s.scale * (sigma / s.scale);
+    return s;
+}
+
+// log2 of what an opacity is multiplied by so that smoothing adds no light.
+float log_smoothing(Smoothed s) {
+    return 0.5 * (log2(s.own.x) + log2(s.own.y) + log2(s.own.z));
+}
+
 // Screen covariance in the form that never cancels: V = J W R S has the covariance V V^T + dilation,
 // whose determinant is a sum of squares (Cauchy-Binet).
 struct Footprint {

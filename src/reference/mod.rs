@@ -27,6 +27,7 @@ pub mod rasterize_backward;
 pub mod relocate;
 pub mod scan;
 pub mod sh;
+pub mod smoothing;
 pub mod sort;
 pub mod ssim;
 pub mod tiles;

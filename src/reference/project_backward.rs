@@ -33,7 +33,7 @@ pub fn penalty_backward(splat: &Splat<f64>, opacity_weight: f64, scale_weight: f
 }
 
 /// Derivatives of a function by all parameters of a splat, a few in every pass.
-fn differentiate(
+pub(super) fn differentiate(
     splat: &Splat<f64>,
     function: impl Fn(&Splat<Dual<LANES>>) -> Dual<LANES>,
 ) -> Vec<f64> {

@@ -13,7 +13,8 @@ pub const fn plane_count(sh_degree: u32) -> usize {
 /// A scene on the device.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// `[plane][splat]`: mean and opacity logit; quaternion; log-scale; spherical harmonics.
+    /// `[plane][splat]`: mean and opacity logit; quaternion; log-scale and standard deviation of the 3D
+    /// smoothing filter (0 but in training); spherical harmonics.
     pub params: Buffer<[f32; 4]>,
     /// Number of splats.
     pub splat_count: usize,

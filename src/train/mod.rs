@@ -14,11 +14,12 @@ mod morton;
 mod photos;
 pub mod rng;
 pub mod schedule;
+pub mod smoothing;
 pub mod state;
 pub mod strategy;
 mod trainer;
 
-pub use config::{Background, StrategyKind, TrainConfig};
+pub use config::{Background, MipConfig, StrategyKind, TrainConfig};
 pub use init::initial_splats;
 pub use state::HostState;
 use strategy::reset_opacity as adc_reset;

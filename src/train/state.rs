@@ -3,13 +3,15 @@
 //! A row is one splat: its parameters, first and second moments, moved together or not at all
 //! ([`HostState::select`]); that is what keeps moments with their splat through every refinement.
 
+use super::smoothing::{baked, opacity_factor};
 use crate::layout::GEOMETRY_PLANES;
 use crate::render::plane_count;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 
 /// `[plane][splat]`: plane 0 is mean x, y, z and opacity logit; 1 the quaternion w, x, y, z; 2 log-scale
-/// x, y, z and 0; from 3 on the colour coefficients, `[coefficient][rgb]` flattened, four a plane, zero
-/// padded.
+/// x, y, z and the standard deviation of the [smoothing filter](super::smoothing) in world units (0: none),
+/// which is no parameter and has no gradient; from 3 on the colour coefficients, `[coefficient][rgb]`
+/// flattened, four a plane, zero padded.
 pub type Planes = Vec<Vec<[f32; 4]>>;
 
 /// First plane of the colour coefficients.
@@ -59,7 +61,7 @@ impl HostState {
         state
     }
 
-    /// The parameters as splats.
+    /// The parameters as splats, the smoothing filter baked into their scales and opacities.
     pub fn to_splats(&self, mode: RenderMode) -> Splats {
         let stride = sh_coefficient_count(self.sh_degree) * 3;
         let mut sh = Vec::with_capacity(self.len() * stride);
@@ -68,11 +70,15 @@ impl HostState {
             sh.extend(fours.take(stride));
         }
         let xyz = |four: &[f32; 4]| [four[0], four[1], four[2]];
+        let shapes = self.params[2].iter().zip(&self.params[0]);
+        let (log_scale, opacity_logit) = shapes
+            .map(|(shape, place)| baked(xyz(shape), place[3], shape[3]))
+            .unzip();
         Splats {
             mean: self.params[0].iter().map(xyz).collect(),
             quaternion: self.params[1].clone(),
-            log_scale: self.params[2].iter().map(xyz).collect(),
-            opacity_logit: self.params[0].iter().map(|four| four[3]).collect(),
+            log_scale,
+            opacity_logit,
             sh,
             sh_degree: self.sh_degree,
             mode,
@@ -134,7 +140,13 @@ impl HostState {
         [x, y, z]
     }
 
-    /// Opacity of a row, 0 to 1 (NaN where the logit is).
+    /// What the smoothing filter multiplies the opacity of a row by, 0 to 1.
+    pub fn smoothing_factor(&self, row: usize) -> f64 {
+        let [x, y, z, sigma] = self.params[2][row];
+        opacity_factor([x, y, z], sigma)
+    }
+
+    /// Opacity of a row before it is smoothed, 0 to 1 (NaN where the logit is).
     pub fn opacity(&self, row: usize) -> f64 {
         sigmoid(f64::from(self.params[0][row][3]))
     }

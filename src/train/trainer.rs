@@ -12,11 +12,11 @@ use super::device::DeviceState;
 use super::photos::Photos;
 use super::state::HostState;
 use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
-use super::{adc_reset, initial_splats, schedule};
+use super::{adc_reset, initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
 use crate::render::{Capacity, Forward, Scratch, ViewOptions, check_lists, view_of};
-use crate::scene::{Dataset, Splats, Split};
+use crate::scene::{Dataset, RenderMode, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
@@ -77,7 +77,8 @@ impl<'a> Trainer<'a> {
     pub fn new(gpu: &Gpu, dataset: &'a Dataset, mut config: TrainConfig) -> Result<Trainer<'a>> {
         limit_splats(gpu, &mut config);
         let splats = initial_splats(dataset, dataset.extent(), &config)?;
-        let state = HostState::from_splats(&splats, config.sh_degree);
+        let mut state = HostState::from_splats(&splats, config.sh_degree);
+        smooth(&mut state, dataset, &config);
         Trainer::from_state(gpu, dataset, config, &state, 0)
     }
 
@@ -330,6 +331,7 @@ impl<'a> Trainer<'a> {
                 last.refined = Some(report);
             }
         }
+        smooth(&mut state, self.dataset, &self.config);
         if reset {
             adc_reset(&mut state, self.config.adc.opacity_reset_value);
         }
@@ -342,6 +344,16 @@ impl<'a> Trainer<'a> {
             })?;
         }
         Ok(())
+    }
+}
+
+/// Fits the smoothing filter, where there is one, to where the splats are now.
+fn smooth(state: &mut HostState, dataset: &Dataset, config: &TrainConfig) {
+    if config.mode == RenderMode::Mip && config.mip.smoothing > 0.0 {
+        let views = dataset.split(Split::Train).into_iter();
+        let cameras: Vec<_> = views.map(|view| dataset.views[view].camera).collect();
+        let near = dataset.extent() * f64::from(config.near_factor);
+        smoothing::refresh(state, &cameras, near, &config.mip);
     }
 }
 

@@ -110,6 +110,14 @@ pub fn planes(rows: &[Vec<f64>]) -> Vec<[f64; 4]> {
     planes
 }
 
+/// Gives parameter planes their smoothing filters, one a splat.
+pub fn set_filters<T: Copy>(planes: &mut [[T; 4]], filters: &[T]) {
+    let count = filters.len();
+    for (row, &filter) in planes[2 * count..].iter_mut().zip(filters) {
+        row[3] = filter;
+    }
+}
+
 /// A gradient's rows, each ordered like `Splat::parameters`.
 pub fn gradient_rows(gradient: &SplatGradients) -> Vec<Vec<f64>> {
     let count = gradient.mean.len();

@@ -277,6 +277,18 @@ pub fn hard(seed: u64, count: usize, width: u32, height: u32, sh_degree: u32) ->
     scene
 }
 
+/// Standard deviations of 3D smoothing filters, world units: from a thirtieth to three times the splat's own;
+/// every fifth splat has none.
+pub fn filters(splats: &Splats, seed: u64) -> Vec<f32> {
+    let random = &mut Random::new(seed ^ 0x6d69_7000);
+    let filter = |(index, log_scale): (usize, &[f32; 3])| {
+        let own = (log_scale.iter().sum::<f32>() / 3.0).exp();
+        let ratio = random.log_between(0.03, 3.0) as f32;
+        if index % 5 == 0 { 0.0 } else { own * ratio }
+    };
+    splats.log_scale.iter().enumerate().map(filter).collect()
+}
+
 /// A photograph of nothing in particular: a gradient with noise, in 256 levels.
 pub fn photo(seed: u64, width: u32, height: u32) -> Vec<[u8; 3]> {
     let random = &mut Random::new(seed ^ 0x7068_6f74);

@@ -28,6 +28,7 @@ const BEGUN: u32 = 20_000;
 
 fn config(scene: &Scene) -> TrainConfig {
     TrainConfig {
+        mode: scene.splats.mode,
         sh_degree: scene.splats.sh_degree,
         background: Background::Fixed(scene.options.background.map(|c| c as f32)),
         ..TrainConfig::for_iterations(30_000)
@@ -76,8 +77,16 @@ struct Stepped {
 }
 
 fn step(gpu: &Gpu, scene: &Scene) -> Stepped {
+    step_smoothed(gpu, scene, &[])
+}
+
+/// With the 3D filters of the splats, one each; none: no filter.
+fn step_smoothed(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Stepped {
     let dataset = dataset(scene, &scene.camera);
-    let state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
+    let mut state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
+    for (row, &filter) in state.params[2].iter_mut().zip(filters) {
+        row[3] = filter;
+    }
     let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), &state, BEGUN).unwrap();
     trainer.step().unwrap();
     let gradients = trainer.gradients().unwrap();

@@ -1,9 +1,12 @@
 //! The gradient of every parameter against the exact one.
 
 use crate::scenes::{self, Scene, Trouble};
-use crate::{config, device, pack, step};
+use crate::{config, device, pack, step_smoothed};
 use ashfall::reference::loss::Target;
-use ashfall::reference::{Options, loss_gradient};
+use ashfall::reference::smoothing::unsmoothed;
+use ashfall::reference::{Options, Splat, loss_gradient};
+use ashfall::scene::{RenderMode, Splats};
+use ashfall::train::HostState;
 use ashfall::train::state::Planes;
 
 /// The planes and lanes of each group of parameters.
@@ -57,10 +60,16 @@ impl Errors {
 }
 
 fn compare(name: &str, scenes: &[Scene]) {
+    let unfiltered: Vec<_> = scenes.iter().map(|s| (s.clone(), Vec::new())).collect();
+    compare_smoothed(name, &unfiltered);
+}
+
+/// Scenes with the 3D filters of their splats, one each; none: no filter.
+fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
     let gpu = device::gpu();
     let mut errors: [Errors; 5] = Default::default();
-    for scene in scenes {
-        let found = step(&gpu, scene);
+    for (scene, filters) in scenes {
+        let found = step_smoothed(&gpu, scene, filters);
         let options = Options {
             near: f64::from(found.near),
             ..scene.options
@@ -71,12 +80,17 @@ fn compare(name: &str, scenes: &[Scene]) {
             lambda: f64::from(config(scene).lambda_dssim),
             ..Target::new(camera.width as usize, &photo)
         };
-        let expected = loss_gradient(&scene.splats, camera, &options, &target);
+        // As drawn: the filters are part of the splats, then undone in the gradient.
+        let drawn = baked(scene, filters);
+        let expected = loss_gradient(&drawn, camera, &options, &target);
         let loss = (found.report.loss / expected.loss - 1.0).abs();
         assert!(loss < 1e-5, "{name}: the loss is off by {loss:e}");
         let planes: Planes = found.gradients.clone();
         let count = scene.splats.len();
-        let rows = pack::gradient_rows(&expected.d_splats);
+        let mut rows = pack::gradient_rows(&expected.d_splats);
+        for (i, (row, &sigma)) in rows.iter_mut().zip(filters).enumerate() {
+            *row = unsmoothed(&Splat::of(&scene.splats, i), sigma.into(), row);
+        }
         let reference: Vec<Vec<[f64; 4]>> = pack::planes(&rows)
             .chunks(count)
             .map(<[_]>::to_vec)
@@ -94,6 +108,41 @@ fn compare(name: &str, scenes: &[Scene]) {
         // The check itself: a percent must show.
         assert!(median > 0.0, "{name}, {group}: too good to be true");
     }
+}
+
+/// The scene with its filters made part of the splats.
+fn baked(scene: &Scene, filters: &[f32]) -> Splats {
+    let mut state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
+    for (row, &filter) in state.params[2].iter_mut().zip(filters) {
+        row[3] = filter;
+    }
+    state.to_splats(scene.splats.mode)
+}
+
+#[test]
+fn mip_gradients_are_the_oracles_with_the_3d_filter_and_without() {
+    let mip = |mut scene: Scene, has_filters: bool| {
+        scene.splats.mode = RenderMode::Mip;
+        let filters = match has_filters {
+            true => scenes::filters(&scene.splats, 3),
+            false => Vec::new(),
+        };
+        (scene, filters)
+    };
+    compare_smoothed(
+        "mip",
+        &[
+            mip(scenes::gentle(64, 60, 64, 48, 2), false),
+            mip(scenes::hard(65, 90, 49, 65, 1), false),
+        ],
+    );
+    compare_smoothed(
+        "smoothed",
+        &[
+            mip(scenes::gentle(66, 60, 64, 48, 2), true),
+            mip(scenes::hard(67, 90, 49, 65, 1), true),
+        ],
+    );
 }
 
 #[test]

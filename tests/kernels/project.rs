@@ -6,6 +6,7 @@ use crate::{device, pack, scenes, supported};
 use ashfall::kernels::project::{Bindings, Choice, Project, Spec};
 use ashfall::layout::Splat2d;
 use ashfall::reference::project::margins;
+use ashfall::reference::smoothing::smoothed;
 use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
 use ashfall::reference::{Cuts, Splat, project};
 use ashfall::render::planes_from_splats;
@@ -17,7 +18,27 @@ fn mip(mut scene: Scene) -> Scene {
     scene
 }
 
-fn cases(sh_degree: u32) -> Vec<(&'static str, Scene)> {
+/// A name, a scene, and the 3D filter of each of its splats.
+type Case = (&'static str, Scene, Vec<f32>);
+
+fn cases(sh_degree: u32) -> Vec<Case> {
+    let plain = |(name, scene): (&'static str, Scene)| {
+        let none = vec![0.0; scene.splats.len()];
+        (name, scene, none)
+    };
+    let smooth = |(name, scene): (&'static str, Scene)| {
+        let filters = scenes::filters(&scene.splats, 1);
+        (name, mip(scene), filters)
+    };
+    let plain = plain_scenes(sh_degree).into_iter().map(plain);
+    let smoothed = [
+        ("smoothed", scenes::gentle(10, 100, 97, 129, sh_degree)),
+        ("smoothed, hard", scenes::hard(11, 270, 97, 129, sh_degree)),
+    ];
+    plain.chain(smoothed.map(smooth)).collect()
+}
+
+fn plain_scenes(sh_degree: u32) -> Vec<(&'static str, Scene)> {
     vec![
         ("nothing to draw", scenes::gentle(1, 0, 33, 47, sh_degree)),
         ("one", scenes::gentle(2, 1, 33, 47, sh_degree)),
@@ -37,7 +58,12 @@ struct Columns {
 }
 
 /// Compares what was found with the oracle, splat by splat.
-fn outputs(scene: &Scene, records: &[Splat2d], tile_counts: &[u32]) -> Vec<Output> {
+fn outputs(
+    scene: &Scene,
+    filters: &[f32],
+    records: &[Splat2d],
+    tile_counts: &[u32],
+) -> Vec<Output> {
     let at = viewpoint(scene);
     let grid = Grid::new(scene.camera.width, scene.camera.height);
     let cut = Cuts::ENGINE.alpha_min;
@@ -48,7 +74,7 @@ fn outputs(scene: &Scene, records: &[Splat2d], tile_counts: &[u32]) -> Vec<Outpu
     let (mut counted, mut least, mut near) = (Vec::new(), Vec::new(), Vec::new());
     let mut most = 0.0f64;
     for (i, &count) in tile_counts.iter().enumerate() {
-        let splat = Splat::<f64>::of(&scene.splats, i);
+        let splat = smoothed(&Splat::<f64>::of(&scene.splats, i), filters[i].into());
         let screen = project(&splat, &at);
         counted.push(f64::from(count));
         let tiles = |alpha: &dyn Fn(u32) -> f64, cut: f64| {
@@ -125,13 +151,15 @@ fn splats_are_projected() {
                     ..Spec::default()
                 };
                 let kernel = Project::new(&gpu, Choice { variant, spec }).unwrap();
-                for (name, scene) in cases(sh_degree) {
+                for (name, scene, filters) in cases(sh_degree) {
                     let count = scene.splats.len();
                     let records = unwritten::<Splat2d>(&gpu, count);
                     let tiles = unwritten::<u32>(&gpu, count + 1);
+                    let mut planes = planes_from_splats(&scene.splats);
+                    pack::set_filters(&mut planes, &filters);
                     let io = Bindings {
                         view: &buffer(&gpu, &[view(&scene, count)]),
-                        params: &buffer(&gpu, &planes_from_splats(&scene.splats)),
+                        params: &buffer(&gpu, &planes),
                         splat2d: &records,
                         tile_count_from_splat: &tiles,
                     };
@@ -140,7 +168,8 @@ fn splats_are_projected() {
                     assert_eq!(tiles[count], UNWRITTEN, "{name}: wrote past the end");
                     let records = read(&gpu, &records);
                     let case = format!("{name}, degree {sh_degree}");
-                    check.outputs(&case, outputs(&scene, &records, &tiles[..count]));
+                    let outputs = outputs(&scene, &filters, &records, &tiles[..count]);
+                    check.outputs(&case, outputs);
                 }
             }
         }
@@ -168,23 +197,25 @@ fn poison_is_not_drawn_and_harms_nobody() {
         (read(&gpu, &records), read(&gpu, &tiles))
     };
     let (records, tiles) = run(&clean);
-    for slot in 0..clean.len() / 3 {
+    let places = (0..clean.len() / 3).map(|plane| (plane, plane % 3));
+    // The smoothing filter; one that is no number is none.
+    for (plane, lane) in places.chain([(2, 3)]) {
         for poison in scenes::POISON.iter().step_by(3) {
             let mut planes = clean.clone();
-            planes[slot * 3 + 1][slot % 3] = *poison;
+            planes[plane * 3 + 1][lane] = *poison;
             let (found, counts) = run(&planes);
             for i in [0, 2] {
                 assert_eq!((found[i], counts[i]), (records[i], tiles[i]), "{poison:e}");
             }
             let drawn = counts[1] > 0;
             assert!(
-                !drawn || poison.is_finite(),
-                "{poison:e} in plane {slot} is drawn"
+                !drawn || poison.is_finite() || lane == 3,
+                "{poison:e} in plane {plane} is drawn"
             );
             let sound = floats(&[found[1]]).iter().all(|x| x.is_finite());
             assert!(
                 !drawn || sound,
-                "{poison:e} in plane {slot}: {:?}",
+                "{poison:e} in plane {plane}: {:?}",
                 found[1]
             );
             assert!(counts[1] <= 5 * 3, "{poison:e}: {} tiles", counts[1]);

@@ -8,7 +8,8 @@ use ashfall::gpu::Gpu;
 use ashfall::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward, Spec};
 use ashfall::layout::{COUNT_FAILED, Splat2d, WHITEN};
 use ashfall::reference::project::{determinant, margins};
-use ashfall::reference::project_backward::{penalty_backward, project_backward};
+use ashfall::reference::project_backward::penalty_backward;
+use ashfall::reference::smoothing::{smoothed, smoothed_backward};
 use ashfall::reference::tiles::extent;
 use ashfall::reference::{Cuts, ScreenSplat, Splat, project};
 use ashfall::render::planes_from_splats;
@@ -59,20 +60,28 @@ struct Case {
     shape: Vec<[f32; 4]>,
     tone: Vec<[f32; 4]>,
     rest: Vec<f32>,
+    filters: Vec<f32>,
     rows: Vec<Vec<f64>>,
     statistics: Vec<f64>,
 }
 
-fn prepare(scene: &Scene) -> Case {
+/// With the 3D filters of its splats, one each; none: no filter.
+fn prepare(scene: &Scene, filters: Vec<f32>) -> Case {
     let at = viewpoint(scene);
     let random = &mut Random::new(scene.splats.len() as u64);
-    let mut case = Case::default();
+    let mut case = Case {
+        filters,
+        ..Case::default()
+    };
+    case.filters.resize(scene.splats.len(), 0.0);
     for i in 0..scene.splats.len() {
         let splat = Splat::<f64>::of(&scene.splats, i);
         let penalties = [OPACITY_PENALTY, SCALE_PENALTY].map(f64::from);
         let mut row = penalty_backward(&splat, penalties[0], penalties[1]);
         let mut seen = SEEN.map(f64::from);
-        let screen = project(&splat, &at).filter(|s| s.opacity >= Cuts::ENGINE.alpha_min);
+        let sigma = f64::from(case.filters[i]);
+        let screen =
+            project(&smoothed(&splat, sigma), &at).filter(|s| s.opacity >= Cuts::ENGINE.alpha_min);
         let margins = margins(&splat, &at);
         // At a discontinuity of the projection either side is right: left out.
         let sound = margins.limit.min(margins.color) > 1e-4;
@@ -97,13 +106,16 @@ fn prepare(scene: &Scene) -> Case {
                 .for_each(|(sum, x)| *sum += f64::from(x));
         }
         let by_screen = screen_row(&screen, sums);
-        let gradient = project_backward(&splat, &at, &by_screen);
+        let gradient = smoothed_backward(&splat, sigma, &at, &by_screen);
         row.iter_mut().zip(&gradient).for_each(|(sum, g)| *sum += g);
         let half = [scene.camera.width, scene.camera.height].map(|n| 0.5 * f64::from(n));
         seen[0] += (by_screen[0] * half[0]).hypot(by_screen[1] * half[1]);
         seen[1] += 1.0;
         let [x, y] = extent(&screen, &Cuts::ENGINE);
-        seen[2] = seen[2].max(x).max(y);
+        // The kernels widen the ellipse, so that rounding drops no pixel on its rim.
+        let level = 2.0 * (screen.opacity / Cuts::ENGINE.alpha_min).ln();
+        let wider = ((level * 1.00001 + 1e-5) / level).sqrt();
+        seen[2] = seen[2].max(x * wider).max(y * wider);
         case.records.push(pack::splat2d(&screen));
         case.tile_counts.push(tiles as u32);
         case.rows.push(row);
@@ -120,7 +132,8 @@ fn run(
     failed: u32,
 ) -> [Vec<f64>; 2] {
     let count = scene.splats.len();
-    let planes = planes_from_splats(&scene.splats);
+    let mut planes = planes_from_splats(&scene.splats);
+    pack::set_filters(&mut planes, &case.filters);
     let gradients = unwritten::<[f32; 4]>(gpu, planes.len() + 1);
     let statistics = buffer(gpu, &vec![SEEN; count]);
     let io = Bindings {
@@ -201,15 +214,41 @@ fn sums_become_gradients_of_parameters() {
                     sh_degree,
                 };
                 let kernel = ProjectBackward::new(&gpu, Choice { variant, spec }).unwrap();
-                for (name, scene) in [
-                    ("nothing to do", scenes::gentle(30, 0, 33, 47, sh_degree)),
-                    ("one", scenes::gentle(31, 1, 33, 47, sh_degree)),
-                    ("2^6 + 1", scenes::gentle(32, 65, 80, 61, sh_degree)),
-                    ("hard", scenes::hard(33, 270, 97, 129, sh_degree)),
-                    ("mip", mip(scenes::gentle(34, 100, 97, 129, sh_degree))),
-                    ("mip, hard", mip(scenes::hard(35, 270, 97, 129, sh_degree))),
+                for (name, scene, has_filters) in [
+                    (
+                        "nothing to do",
+                        scenes::gentle(30, 0, 33, 47, sh_degree),
+                        false,
+                    ),
+                    ("one", scenes::gentle(31, 1, 33, 47, sh_degree), false),
+                    ("2^6 + 1", scenes::gentle(32, 65, 80, 61, sh_degree), false),
+                    ("hard", scenes::hard(33, 270, 97, 129, sh_degree), false),
+                    (
+                        "mip",
+                        mip(scenes::gentle(34, 100, 97, 129, sh_degree)),
+                        false,
+                    ),
+                    (
+                        "mip, hard",
+                        mip(scenes::hard(35, 270, 97, 129, sh_degree)),
+                        false,
+                    ),
+                    (
+                        "smoothed",
+                        mip(scenes::gentle(37, 100, 97, 129, sh_degree)),
+                        true,
+                    ),
+                    (
+                        "smoothed, hard",
+                        mip(scenes::hard(38, 270, 97, 129, sh_degree)),
+                        true,
+                    ),
                 ] {
-                    let case = prepare(&scene);
+                    let filters = match has_filters {
+                        true => scenes::filters(&scene.splats, 2),
+                        false => Vec::new(),
+                    };
+                    let case = prepare(&scene, filters);
                     let [found, statistics] = run(&gpu, &kernel, &scene, &case, 0);
                     let expected = pack::planes(&case.rows).concat();
                     assert!(found[expected.len()].is_nan(), "wrote past the end");
@@ -237,7 +276,7 @@ fn a_splat_may_have_more_records_than_a_driver_runs_loops() {
     let gpu = device::gpu();
     let kernel = ProjectBackward::new(&gpu, Choice::default()).unwrap();
     let scene = scenes::gentle(36, 1, 33, 47, 3);
-    let mut case = prepare(&scene);
+    let mut case = prepare(&scene, Vec::new());
     let records = 80_001;
     case.tile_counts = vec![records as u32];
     case.begins = vec![0];

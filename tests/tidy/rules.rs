@@ -34,6 +34,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "part of project: one basis for its forward and backward",
     ),
     (
+        "src/reference/smoothing.rs",
+        "part of project: what the 3D filter makes of a splat before",
+    ),
+    (
         "src/reference/ssim.rs",
         "part of loss: the similarity of one channel",
     ),

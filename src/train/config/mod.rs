@@ -41,6 +41,8 @@ pub struct TrainConfig {
     pub seed: u64,
     /// How splats become pixels, while training and ever after; the scene's file says so.
     pub mode: RenderMode,
+    /// What mip mode does besides.
+    pub mip: MipConfig,
     /// How splats are added and removed.
     pub strategy: StrategyKind,
     /// No more splats than this. `None`: as many as density control asks for (3DGS); with MCMC
@@ -76,6 +78,16 @@ pub struct TrainConfig {
     /// Where frames and gradients may save work at a bounded error.
     #[serde(default)]
     pub accuracy: Accuracy,
+}
+
+/// The 3D smoothing filter of mip mode (Mip-Splatting, section 5.1 and its code).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MipConfig {
+    /// The filter's variance in squared sampling intervals of the closest view: 0.2; 0: no filter.
+    pub smoothing: f32,
+    /// Views also see what lies outside their image by this share of its size: 0.15.
+    pub margin: f32,
 }
 
 /// Step sizes of Adam, one per parameter group (3DGS, its code's defaults).
@@ -213,6 +225,7 @@ impl TrainConfig {
             iterations,
             seed: 0,
             mode: RenderMode::Default,
+            mip: MipConfig::default(),
             strategy: StrategyKind::Adc,
             max_splats: None,
             sh_degree: 3,
@@ -278,6 +291,15 @@ impl Default for LearningRates {
             opacity: 0.05,
             sh_dc: 2.5e-3,
             sh_rest: 2.5e-3 / 20.0,
+        }
+    }
+}
+
+impl Default for MipConfig {
+    fn default() -> MipConfig {
+        MipConfig {
+            smoothing: 0.2,
+            margin: 0.15,
         }
     }
 }

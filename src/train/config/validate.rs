@@ -38,6 +38,8 @@ impl TrainConfig {
             ("rates.opacity", rates.opacity),
             ("rates.sh_dc", rates.sh_dc),
             ("rates.sh_rest", rates.sh_rest),
+            ("mip.smoothing", self.mip.smoothing),
+            ("mip.margin", self.mip.margin),
             ("adc.grad_threshold", adc.grad_threshold),
             ("adc.dense_fraction", adc.dense_fraction),
             ("adc.prune_scale", adc.prune_scale),

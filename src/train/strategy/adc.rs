@@ -61,15 +61,20 @@ impl Strategy for Adc {
     }
 }
 
-/// Lowers all opacities to at most `value` (strictly between 0 and 1) and forgets their moments, so
-/// that splats have to earn their opacity again.
+/// Lowers all opacities, as they are drawn, to at most `value` (strictly between 0 and 1) and forgets their
+/// moments, so that splats have to earn their opacity again.
 ///
 /// 3DGS resets to 0.01, where only the inner 1.37 standard deviations stay above the 1/255 cut: a
 /// splat whose visible part lies outside gets no gradient any more and is pruned.
 pub fn reset_opacity(state: &mut HostState, value: f32) {
-    let most = logit(f64::from(value)) as f32;
-    for row in &mut state.params[0] {
-        row[3] = row[3].min(most);
+    for row in 0..state.len() {
+        // Smoothing takes its share afterwards; where that alone is enough, nothing has to be lowered.
+        let before = f64::from(value) / state.smoothing_factor(row);
+        if before < 1.0 {
+            let most = logit(before) as f32;
+            let place = &mut state.params[0][row];
+            place[3] = place[3].min(most);
+        }
     }
     for moment in state.m[0].iter_mut().chain(&mut state.v[0]) {
         moment[3] = 0.0;
@@ -110,7 +115,7 @@ fn prune_or_keep(
     context: RefineContext<'_>,
 ) -> Fate {
     let adc = &context.config.adc;
-    let faint = state.opacity(row) < f64::from(adc.prune_opacity);
+    let faint = is_faint(state, row, context);
     let seen_big = adc.prune_radius_px > 0.0 && stats[2] > adc.prune_radius_px;
     let big = is_big(state.max_scale(row), context) || seen_big && prunes_big(context);
     if faint || big || !state.is_finite(row) {
@@ -118,6 +123,12 @@ fn prune_or_keep(
     } else {
         Fate::Keep
     }
+}
+
+/// Whether a row is too faint to keep, as it is drawn.
+fn is_faint(state: &HostState, row: usize, context: RefineContext<'_>) -> bool {
+    let drawn = state.opacity(row) * state.smoothing_factor(row);
+    drawn < f64::from(context.config.adc.prune_opacity)
 }
 
 fn prunes_big(context: RefineContext<'_>) -> bool {
@@ -138,7 +149,7 @@ fn grow(
     context: RefineContext<'_>,
 ) -> Option<Fate> {
     let adc: &AdcConfig = &context.config.adc;
-    if !state.is_finite(row) || state.opacity(row) < f64::from(adc.prune_opacity) {
+    if !state.is_finite(row) || is_faint(state, row, context) {
         return None;
     }
     // NaN is not above the threshold, and a splat never seen has no gradient.
@@ -316,5 +327,26 @@ mod tests {
         assert!((state.opacity(0) - 0.01).abs() < 1e-6);
         assert!((state.opacity(1) - 0.006).abs() < 1e-6);
         assert_eq!(state.m[0], vec![[1.0, 1.0, 1.0, 0.0]; 2]);
+    }
+
+    #[test]
+    fn smoothed_splats_are_judged_and_reset_as_they_are_drawn() {
+        let config = TrainConfig::for_iterations(1_000);
+        // A filter as wide as the splat leaves 2^(-3/2) of its opacity; a hundredth of it leaves 1 - 1.5e-4.
+        let filtered = || {
+            let mut state = state_of(&[(0.012, 0.1), (0.012, 0.1), (0.9, 0.1)]);
+            for (row, sigma) in state.params[2].iter_mut().zip([0.1, 0.001, 0.1]) {
+                row[3] = sigma;
+            }
+            state
+        };
+        assert_eq!(refine(&mut filtered(), &[QUIET; 3], &config).pruned, 1);
+        let mut state = filtered();
+        reset_opacity(&mut state, 0.01);
+        let drawn = |row| state.opacity(row) * state.smoothing_factor(row);
+        let kept = 0.012 / 8_f64.sqrt();
+        for (row, wanted) in [kept, 0.01, 0.01].into_iter().enumerate() {
+            assert!((drawn(row) / wanted - 1.0).abs() < 1e-5, "{}", drawn(row));
+        }
     }
 }

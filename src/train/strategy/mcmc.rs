@@ -19,7 +19,8 @@ impl Strategy for Mcmc {
     ) -> RefineReport {
         assert_eq!(state.len(), stats.len(), "one statistic per splat");
         let least = f64::from(context.config.mcmc.min_opacity);
-        let is_live = |row: usize| state.opacity(row) > least && state.is_finite(row);
+        let drawn = |row: usize| state.opacity(row) * state.smoothing_factor(row);
+        let is_live = |row: usize| drawn(row) > least && state.is_finite(row);
         let live: Vec<bool> = (0..state.len()).map(is_live).collect();
         let weights = Weights::new((0..state.len()).map(|row| match live[row] {
             true => state.opacity(row),
