@@ -1,6 +1,6 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo test bench setup
+.PHONY: demo test bench fuzz setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
@@ -17,3 +17,7 @@ bench: setup
 
 setup:
 	@scripts/setup
+
+# Ten million executions of every fuzz target under libFuzzer; `scripts/fuzz` takes other numbers.
+fuzz: setup
+	scripts/fuzz

@@ -53,12 +53,23 @@ pub enum Error {
     Config(String),
 }
 
+/// Characters of what is wrong with a file: more nobody reads.
+const WHAT_CHARS_MAX: usize = 1000;
+
 impl Error {
-    /// A fault in the contents of `path`.
+    /// A fault in the contents of `path`. Parsers quote what they stumble over: control characters become
+    /// spaces, so that the message stays one line and no terminal takes it for commands, and long messages
+    /// are cut.
     pub fn file(path: impl AsRef<Path>, what: impl Into<String>) -> Error {
+        let mut what: String = what.into();
+        if what.len() > WHAT_CHARS_MAX || what.chars().any(char::is_control) {
+            let tame = |c: char| if c.is_control() { ' ' } else { c };
+            let short: String = what.chars().take(WHAT_CHARS_MAX).map(tame).collect();
+            what = short.trim_end().to_owned();
+        }
         Error::File {
             path: path.as_ref().to_path_buf(),
-            what: what.into(),
+            what,
         }
     }
 
@@ -66,5 +77,21 @@ impl Error {
     pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Error {
         let path = path.as_ref().to_path_buf();
         move |source| Error::Io { path, source }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_file_holds_reaches_no_terminal_as_commands() {
+        let message = |what: &str| Error::file("a", what).to_string();
+        assert_eq!(
+            message("unknown word \u{1b}[2J\r\n"),
+            "a: unknown word  [2J"
+        );
+        assert_eq!(message("é"), "a: é");
+        assert_eq!(message(&"ü".repeat(5000)).chars().count(), 3 + 1000);
     }
 }

@@ -15,12 +15,13 @@
 
 use super::atomic::write_atomically;
 use super::reader::Reader;
+use super::source::Source;
 use crate::error::{Error, Result};
 use bytemuck::Pod;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"ASHFALL\x1a";
 const VERSION: u32 = 1;
@@ -122,17 +123,19 @@ pub fn write(path: &Path, meta: &Value, sections: &[Section<'_>]) -> Result<()> 
 
 /// An opened file: the header is read and checked, the sections are still on the disk.
 #[derive(Debug)]
-pub struct Checkpoint {
-    path: PathBuf,
+pub struct Checkpoint<'a> {
+    source: Source<'a>,
     header: Header,
     /// Offset of the first section in bytes.
     start: u64,
 }
 
-impl Checkpoint {
+impl<'a> Checkpoint<'a> {
     /// Opens a file and checks that its parts add up to its size.
-    pub fn open(path: &Path) -> Result<Checkpoint> {
-        let mut reader = Reader::open(path)?;
+    pub fn open(source: impl Into<Source<'a>>) -> Result<Checkpoint<'a>> {
+        let source = source.into();
+        let path = source.name();
+        let mut reader = Reader::open(source)?;
         if reader.array::<8>("the magic")? != MAGIC {
             return Err(Error::file(path, "is no ashfall checkpoint (wrong magic)"));
         }
@@ -166,7 +169,7 @@ impl Checkpoint {
             )));
         }
         Ok(Checkpoint {
-            path: path.to_path_buf(),
+            source,
             start: reader.offset(),
             header,
         })
@@ -200,7 +203,7 @@ impl Checkpoint {
             offset += entry.bytes;
         }
         let what = format!("the checkpoint has no section {name:?}");
-        Err(Error::file(&self.path, what))
+        Err(Error::file(self.source.name(), what))
     }
 
     fn read_at<T: Element>(&self, entry: &Entry, offset: u64) -> Result<Vec<T>> {
@@ -213,9 +216,9 @@ impl Checkpoint {
                 entry.dtype,
                 T::DTYPE
             );
-            return Err(Error::file(&self.path, what));
+            return Err(Error::file(self.source.name(), what));
         }
-        let mut reader = Reader::open(&self.path)?;
+        let mut reader = Reader::open(self.source)?;
         let what = format!("section {name:?}");
         reader.skip(offset, &what)?;
         // The file may have changed since it was opened.
@@ -225,7 +228,7 @@ impl Checkpoint {
         if crc32fast::hash(bytemuck::cast_slice(&values)) != entry.crc32 {
             let what =
                 format!("byte {offset}: the checksum of {what} is wrong: the file is damaged");
-            return Err(Error::file(&self.path, what));
+            return Err(Error::file(self.source.name(), what));
         }
         Ok(values)
     }

@@ -1,6 +1,7 @@
 //! What a reconstruction lists, before its photographs have been looked at.
 
 use crate::scene::{Camera, Distortion, Point};
+use glam::DVec3;
 use std::path::{Component, Path, PathBuf};
 
 /// A view as a reconstruction lists it.
@@ -62,14 +63,44 @@ pub(super) fn check_intrinsics(focal: [f64; 2], center: [f64; 2]) -> Check<()> {
         let [x, y] = center;
         return Err(format!("a principal point of {x}, {y} is not finite"));
     }
+    let lengths = focal.iter().chain(&center).map(|v| v.abs());
+    if !focal.iter().all(|f| *f >= LENGTH_MIN) || !lengths.clone().all(|v| v <= LENGTH_MAX) {
+        let [[fx, fy], [cx, cy]] = [focal, center];
+        return Err(format!(
+            "a focal length of {fx}, {fy} and a principal point of {cx}, {cy} pixels ({LENGTH_MIN} and \
+             {LENGTH_MAX} are the limits)"
+        ));
+    }
     Ok(())
+}
+
+/// Focal lengths below this, in pixels, see the whole half space in one pixel.
+const LENGTH_MIN: f64 = 1e-3;
+
+/// Focal lengths and principal points beyond this, in pixels, lie where single precision, in which cameras
+/// are rendered, is coarser than images are large.
+const LENGTH_MAX: f64 = 1e12;
+
+/// Camera centres beyond this, in world units, lie where squares of distances overflow in single precision.
+const POSITION_MAX: f64 = 1e18;
+
+/// Refuses a camera's centre that single precision, in which cameras are rendered, does not hold.
+pub(super) fn check_position(position: DVec3) -> Check<()> {
+    if position.abs().max_element() <= POSITION_MAX && position.is_finite() {
+        return Ok(());
+    }
+    let DVec3 { x, y, z } = position;
+    Err(format!(
+        "a camera at {x}, {y}, {z} ({POSITION_MAX} world units are the limit)"
+    ))
 }
 
 /// `folder`/`name`, where `name` is relative and does not leave the folder.
 pub(super) fn inside(folder: &Path, name: &str) -> Check<PathBuf> {
     let mut parts = Path::new(name).components();
     let tame = parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if name.is_empty() || name.contains('\0') || !tame {
+    // Names are printed, and results are named after them: control characters have no place in them.
+    if name.is_empty() || name.contains(char::is_control) || !tame {
         return Err(format!(
             "the file name {} is refused: it must be relative and stay inside {}",
             super::reader::excerpt(name),

@@ -4,6 +4,7 @@
 //! compared with its size before anything is allocated, its names never lead out of the data set's
 //! folder, and every fault is an [`Error`](crate::Error) that names the file and the place. What can
 //! be repaired is repaired and said in a warning; nothing is repaired silently.
+//! A reader takes a path or, as a [`Source`], bytes in memory.
 //! Every writer goes through [`atomic`], so that a crash leaves the old file or the new one.
 //!
 //! **Invariant:** no Vulkan, no environment variables, no global state.
@@ -19,8 +20,10 @@ pub mod photo;
 pub mod ply;
 pub mod png;
 mod reader;
+mod source;
 pub mod splat32;
 pub mod splats;
 pub mod transforms;
 
 pub use listing::{Listed, Listing};
+pub use source::Source;

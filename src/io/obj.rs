@@ -6,6 +6,7 @@
 //! finite vertices and faces of vertices that exist.
 
 use super::reader::{Reader, excerpt};
+use super::source::Source;
 use crate::error::{Error, Result};
 use crate::scene::{Mesh, Point};
 use glam::Vec3;
@@ -19,11 +20,13 @@ const LINE_BYTES_MAX: u64 = 1 << 24;
 /// # Errors
 /// Names the line: a coordinate that is missing or not finite, an index of no vertex, a face with less
 /// than three corners. A mesh without faces is an error as well.
-pub fn read(path: &Path) -> Result<Mesh> {
-    let mut checked = Checked::read(path, true)?;
+pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Mesh> {
+    let source = source.into();
+    let path = source.name();
+    let mut checked = Checked::read(source, true)?;
     if (1..checked.vertices).contains(&checked.colored) {
         // Colours count only if every vertex has one; `tobj` pairs them by order and would mix them up.
-        checked = Checked::read(path, false)?;
+        checked = Checked::read(source, false)?;
     }
     let options = tobj::LoadOptions {
         triangulate: true,
@@ -64,8 +67,9 @@ struct Checked {
 }
 
 impl Checked {
-    fn read(path: &Path, with_colors: bool) -> Result<Checked> {
-        let mut reader = Reader::open(path)?;
+    fn read(source: Source<'_>, with_colors: bool) -> Result<Checked> {
+        let path = source.name();
+        let mut reader = Reader::open(source)?;
         let mut checked = Checked::default();
         let mut line = String::new();
         while reader.line(&mut line, LINE_BYTES_MAX)? {

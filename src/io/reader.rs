@@ -1,37 +1,64 @@
-//! A file read forward, with its size and the position of every fault known.
+//! A file, or its bytes in memory, read forward, with its size and the position of every fault known.
 //!
 //! The formats here announce counts before contents. [`Reader::check_count`] holds each against what
 //! is left of the file, so that an allocation never exceeds what the file could fill.
 
+use super::source::Source;
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// A buffered file with its length, the offset reached and, for text, the line.
-pub(crate) struct Reader {
-    path: PathBuf,
-    input: BufReader<File>,
+/// A file or bytes in memory, with the length, the offset reached and, for text, the line.
+pub(crate) struct Reader<'a> {
+    path: &'a Path,
+    input: Input<'a>,
     size: u64,
     offset: u64,
     line: u64,
 }
 
-impl Reader {
-    /// Opens a regular file.
-    pub(crate) fn open(path: &Path) -> Result<Reader> {
-        let file = File::open(path).map_err(Error::io(path))?;
-        let meta = file.metadata().map_err(Error::io(path))?;
-        if !meta.is_file() {
-            return Err(Error::file(path, "is not a file"));
-        }
+enum Input<'a> {
+    File(BufReader<File>),
+    Memory(&'a [u8]),
+}
+
+impl<'a> Reader<'a> {
+    /// Opens a regular file, or what is in memory.
+    pub(crate) fn open(source: impl Into<Source<'a>>) -> Result<Reader<'a>> {
+        let source = source.into();
+        let path = source.name();
+        let (input, size) = match source.in_memory() {
+            Some(bytes) => (Input::Memory(bytes), bytes.len() as u64),
+            None => {
+                let file = File::open(path).map_err(Error::io(path))?;
+                let meta = file.metadata().map_err(Error::io(path))?;
+                if !meta.is_file() {
+                    return Err(Error::file(path, "is not a file"));
+                }
+                let file = BufReader::with_capacity(1 << 16, file);
+                (Input::File(file), meta.len())
+            }
+        };
         Ok(Reader {
-            path: path.to_path_buf(),
-            input: BufReader::with_capacity(1 << 16, file),
-            size: meta.len(),
+            path,
+            input,
+            size,
             offset: 0,
             line: 0,
         })
+    }
+
+    /// The whole source, which is no longer than it says: a file may grow while it is read.
+    pub(crate) fn all(source: Source<'a>) -> Result<std::borrow::Cow<'a, [u8]>> {
+        if let Some(bytes) = source.in_memory() {
+            return Ok(bytes.into());
+        }
+        let mut reader = Reader::open(source)?;
+        let length = reader.check_count(reader.size, 1, "bytes")?;
+        let mut bytes = vec![0; length];
+        reader.fill(&mut bytes, "the file")?;
+        Ok(bytes.into())
     }
 
     /// Length of the file in bytes.
@@ -57,14 +84,14 @@ impl Reader {
     /// A fault at the byte reached.
     pub(crate) fn fault(&self, what: impl AsRef<str>) -> Error {
         Error::file(
-            &self.path,
+            self.path,
             format!("byte {}: {}", self.offset, what.as_ref()),
         )
     }
 
     /// A fault in the line read last.
     pub(crate) fn fault_in_line(&self, what: impl AsRef<str>) -> Error {
-        Error::file(&self.path, format!("line {}: {}", self.line, what.as_ref()))
+        Error::file(self.path, format!("line {}: {}", self.line, what.as_ref()))
     }
 
     /// Fills `into`; `what` names the contents in the message when the file ends before.
@@ -76,7 +103,11 @@ impl Reader {
                 self.remaining()
             )));
         }
-        self.input.read_exact(into).map_err(Error::io(&self.path))?;
+        let read = match &mut self.input {
+            Input::File(file) => file.read_exact(into),
+            Input::Memory(bytes) => bytes.read_exact(into),
+        };
+        read.map_err(Error::io(self.path))?;
         self.offset += into.len() as u64;
         Ok(())
     }
@@ -131,9 +162,11 @@ impl Reader {
             )));
         }
         let step = i64::try_from(bytes).map_err(|_| self.fault(format!("{what} is too long")))?;
-        self.input
-            .seek_relative(step)
-            .map_err(Error::io(&self.path))?;
+        match &mut self.input {
+            Input::File(file) => file.seek_relative(step).map_err(Error::io(self.path))?,
+            // Within what remains, as just checked.
+            Input::Memory(left) => *left = &left[bytes as usize..],
+        }
         self.offset += bytes;
         Ok(())
     }
@@ -171,10 +204,11 @@ impl Reader {
 
     fn until(&mut self, end: u8, limit: u64) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        (&mut self.input)
-            .take(limit)
-            .read_until(end, &mut bytes)
-            .map_err(Error::io(&self.path))?;
+        let read = match &mut self.input {
+            Input::File(file) => file.take(limit).read_until(end, &mut bytes),
+            Input::Memory(left) => left.take(limit).read_until(end, &mut bytes),
+        };
+        read.map_err(Error::io(self.path))?;
         self.offset += bytes.len() as u64;
         Ok(bytes)
     }

@@ -5,9 +5,9 @@
 
 use super::ply::Loaded;
 use super::reader::Reader;
+use super::source::Source;
 use crate::error::Result;
 use crate::scene::{SH_C0, Splats};
-use std::path::Path;
 
 const RECORD_BYTES: u64 = 32;
 
@@ -17,8 +17,10 @@ const SCALE_MIN: f32 = 1e-10;
 /// Reads a `.splat` file. Records with positions or scales that are not finite, or negative scales,
 /// are dropped; quaternions of length zero are read as no rotation; an incomplete record at the end is
 /// ignored. Each is counted in a warning.
-pub fn read(path: &Path) -> Result<Loaded> {
-    let mut reader = Reader::open(path)?;
+pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
+    let source = source.into();
+    let path = source.name();
+    let mut reader = Reader::open(source)?;
     let count = (reader.size() / RECORD_BYTES) as usize;
     let mut splats = Splats::default();
     let (mut dropped, mut unrotated) = (0, 0);

@@ -1,20 +1,23 @@
 //! Scenes of splats by file name: which format a path asks for.
 
 use super::ply::{self, Loaded};
+use super::source::Source;
 use super::splat32;
 use crate::error::{Error, Result};
 use crate::scene::Splats;
 use std::path::Path;
 
-/// Reads a scene from a `.ply` or `.splat` file, by the extension.
+/// Reads a scene from a `.ply` or `.splat` file, by the extension of its name.
 ///
 /// # Errors
 /// What the format's reader says; for other formats of splats, what to do instead.
-pub fn read(path: &Path) -> Result<Loaded> {
+pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
+    let source = source.into();
+    let path = source.name();
     let extension = extension(path);
     match extension.as_str() {
-        "ply" => ply::read(path),
-        "splat" => splat32::read(path),
+        "ply" => ply::read(source),
+        "splat" => splat32::read(source),
         "spz" | "sog" | "ksplat" => Err(Error::file(
             path,
             format!(".{extension} scenes are not supported; convert to a .ply"),

@@ -6,6 +6,7 @@
 use super::config::TrainConfig;
 use super::state::{HostState, Planes};
 use super::strategy::SplatStats;
+use crate::io::Source;
 use crate::io::checkpoint::{self, Section};
 use crate::render::plane_count;
 use crate::scene::{Dataset, Split};
@@ -70,8 +71,10 @@ impl Checkpoint {
     }
 
     /// Reads a file and checks that its parts fit each other.
-    pub fn read(path: &Path) -> Result<Checkpoint> {
-        let file = checkpoint::Checkpoint::open(path)?;
+    pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Checkpoint> {
+        let source = source.into();
+        let path = source.name();
+        let file = checkpoint::Checkpoint::open(source)?;
         let fault = |what: &str| Error::file(path, format!("is no training checkpoint: {what}"));
         let meta = file.meta();
         let number = |name: &str| {

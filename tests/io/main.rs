@@ -9,6 +9,7 @@
 mod atomic;
 mod checkpoint;
 mod colmap;
+mod hostile;
 mod images;
 mod obj;
 mod photo;

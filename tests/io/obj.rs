@@ -59,12 +59,17 @@ fn faults_are_named_by_line() {
 fn a_file_cut_anywhere_is_read_or_refused() {
     let (_folder, path) = write("");
     let text = format!("{SQUARE}f 1 2 3\nf -1/2/3 -2//3 -3\n");
-    for_every_prefix(text.as_bytes(), &path, obj::read, |_, result| {
-        if let Ok(mesh) = result {
-            let count = mesh.positions.len() as u32;
-            assert!(mesh.triangles.iter().flatten().all(|v| *v < count));
-        }
-    });
+    for_every_prefix(
+        text.as_bytes(),
+        &path,
+        |path| obj::read(path),
+        |_, result| {
+            if let Ok(mesh) = result {
+                let count = mesh.positions.len() as u32;
+                assert!(mesh.triangles.iter().flatten().all(|v| *v < count));
+            }
+        },
+    );
 }
 
 #[test]

@@ -155,11 +155,16 @@ fn a_file_cut_anywhere_is_an_error() {
         } else {
             contents.len()
         };
-        for_every_prefix(&contents, &path, photo::decode, |length, result| {
-            if length < needed {
-                error_at(result, &path);
-            }
-        });
+        for_every_prefix(
+            &contents,
+            &path,
+            |path| photo::decode(path),
+            |length, result| {
+                if length < needed {
+                    error_at(result, &path);
+                }
+            },
+        );
         for at in 0..contents.len() {
             let mut damaged = contents.clone();
             damaged[at] ^= 0xff;

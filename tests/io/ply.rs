@@ -203,16 +203,26 @@ fn a_file_cut_anywhere_is_an_error() {
     let splats = example(2, 1, RenderMode::Default);
     ply::write(&path, &splats).unwrap();
     let contents = std::fs::read(&path).unwrap();
-    for_every_prefix(&contents, &path, ply::read, |_, result| {
-        error_at(result, &path);
-    });
+    for_every_prefix(
+        &contents,
+        &path,
+        |path| ply::read(path),
+        |_, result| {
+            error_at(result, &path);
+        },
+    );
     // Text, lists and foreign elements: what is left may be whole by chance, but never more.
     for format in ["ascii", "binary_big_endian"] {
         let contents = encoded(&splats, format, "float", "\n");
-        for_every_prefix(&contents, &path, ply::read, |_, result| match result {
-            Ok(loaded) => assert_eq!(loaded.splats.len(), 2),
-            Err(error) => assert!(error.to_string().contains("scene.ply")),
-        });
+        for_every_prefix(
+            &contents,
+            &path,
+            |path| ply::read(path),
+            |_, result| match result {
+                Ok(loaded) => assert_eq!(loaded.splats.len(), 2),
+                Err(error) => assert!(error.to_string().contains("scene.ply")),
+            },
+        );
     }
 }
 

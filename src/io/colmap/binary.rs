@@ -1,12 +1,12 @@
 //! The binary form: little-endian records after a 64-bit count.
 
 use super::super::reader::Reader;
+use super::super::source::Source;
 use super::camera::{Lens, model_from_id};
 use super::{ImageRecord, Numbered};
 use crate::error::Result;
 use crate::scene::Point;
 use std::collections::BTreeMap;
-use std::path::Path;
 
 /// Image names beyond this length are refused.
 const NAME_BYTES_MAX: u64 = 4096;
@@ -20,8 +20,8 @@ const POINT2D_BYTES: u64 = 8 + 8 + 8;
 const POINT3D_BYTES_MIN: u64 = 8 + 3 * 8 + 3 + 8 + 8;
 const TRACK_ELEMENT_BYTES: u64 = 4 + 4;
 
-pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, Lens>> {
-    let mut reader = Reader::open(path)?;
+pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Lens>> {
+    let mut reader = Reader::open(source)?;
     let count = reader.u64("the number of cameras")?;
     let count = reader.check_count(count, CAMERA_BYTES_MIN, "cameras")?;
     let mut lenses = BTreeMap::new();
@@ -46,8 +46,8 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, Lens>> {
     Ok(lenses)
 }
 
-pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>> {
-    let mut reader = Reader::open(path)?;
+pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
+    let mut reader = Reader::open(source)?;
     let count = reader.u64("the number of images")?;
     let count = reader.check_count(count, IMAGE_BYTES_MIN, "images")?;
     let mut images = Vec::with_capacity(count);
@@ -72,8 +72,8 @@ pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>> {
     Ok(images)
 }
 
-pub(super) fn points(path: &Path) -> Result<Vec<Numbered>> {
-    let mut reader = Reader::open(path)?;
+pub(super) fn points(source: Source<'_>) -> Result<Vec<Numbered>> {
+    let mut reader = Reader::open(source)?;
     let count = reader.u64("the number of points")?;
     let count = reader.check_count(count, POINT3D_BYTES_MIN, "points")?;
     let mut points = Vec::with_capacity(count);

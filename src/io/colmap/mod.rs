@@ -8,8 +8,9 @@ mod binary;
 mod camera;
 mod text;
 
-use super::listing::{Check, Listed, Listing, inside};
+use super::listing::{Check, Listed, Listing, check_position, inside};
 use super::reader::excerpt;
+use super::source::Source;
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Point};
 use camera::Lens;
@@ -37,92 +38,100 @@ struct ImageRecord {
 /// A point and its id.
 type Numbered = (u64, Point);
 
-/// The three files of a model.
-struct Files {
-    binary: bool,
-    cameras: PathBuf,
-    images: PathBuf,
-    points: PathBuf,
+/// The files of a model, which are all in one form.
+#[derive(Clone, Copy, Debug)]
+pub struct Files<'a> {
+    /// Whether they are binary; else they are text.
+    pub binary: bool,
+    /// `cameras`.
+    pub cameras: Source<'a>,
+    /// `images`.
+    pub images: Source<'a>,
+    /// `points3D`, where there is one.
+    pub points: Option<Source<'a>>,
 }
 
-impl Files {
-    /// The binary files are taken where both forms are there, as COLMAP does.
-    fn find(model: &Path) -> Result<Files> {
-        let binary = model.join("cameras.bin").is_file();
-        let extension = if binary { "bin" } else { "txt" };
-        let file = |stem: &str| model.join(format!("{stem}.{extension}"));
-        let files = Files {
-            binary,
-            cameras: file("cameras"),
-            images: file("images"),
-            points: file("points3D"),
-        };
-        for needed in [&files.cameras, &files.images] {
-            if !needed.is_file() {
-                return Err(Error::file(needed, "is missing from the COLMAP model"));
-            }
+/// Reads the model in folder `model`, whose photographs are in folder `photos`. The binary files are taken
+/// where both forms are there, as COLMAP does.
+///
+/// # Errors
+/// Those of [`read_files`], and a model without cameras or images.
+pub fn read(model: &Path, photos: &Path) -> Result<Listing> {
+    let binary = model.join("cameras.bin").is_file();
+    let extension = if binary { "bin" } else { "txt" };
+    let file = |stem: &str| model.join(format!("{stem}.{extension}"));
+    let (cameras, images, points) = (file("cameras"), file("images"), file("points3D"));
+    for needed in [&cameras, &images] {
+        if !needed.is_file() {
+            return Err(Error::file(needed, "is missing from the COLMAP model"));
         }
-        Ok(files)
     }
+    let has_points = points.is_file();
+    let files = Files {
+        binary,
+        cameras: Source::from(&cameras),
+        images: Source::from(&images),
+        points: has_points.then(|| Source::from(&points)),
+    };
+    let mut listing = read_files(&files, photos)?;
+    if !has_points {
+        let warning = format!("{}: is missing", points.display());
+        listing.warnings.push(warning);
+    }
+    Ok(listing)
 }
 
-/// Reads the model in folder `model`, whose photographs are in folder `photos`.
+/// Reads a model whose photographs are in folder `photos`.
 ///
 /// # Errors
 /// Names the file and the byte or line: cut short, counts beyond the file, a camera model that is not
 /// supported, values no camera has, names that lead out of `photos`.
-pub fn read(model: &Path, photos: &Path) -> Result<Listing> {
-    let files = Files::find(model)?;
-    let mut warnings = Vec::new();
+pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     let lenses = if files.binary {
-        binary::cameras(&files.cameras)?
+        binary::cameras(files.cameras)?
     } else {
-        text::cameras(&files.cameras)?
+        text::cameras(files.cameras)?
     };
     let images = if files.binary {
-        binary::images(&files.images)?
+        binary::images(files.images)?
     } else {
-        text::images(&files.images)?
+        text::images(files.images)?
     };
     if images.is_empty() {
-        return Err(Error::file(&files.images, "holds no images"));
+        return Err(Error::file(files.images.name(), "holds no images"));
     }
-    let mut points = Vec::new();
-    if files.points.is_file() {
-        points = if files.binary {
-            binary::points(&files.points)?
-        } else {
-            text::points(&files.points)?
-        };
-    } else {
-        warnings.push(format!("{}: is missing", files.points.display()));
-    }
+    let mut points = match files.points {
+        Some(points) if files.binary => binary::points(points)?,
+        Some(points) => text::points(points)?,
+        None => Vec::new(),
+    };
     points.sort_by_key(|(id, _)| *id);
     let views = images
         .into_iter()
         .map(|image| {
             let name = image.name.clone();
-            listed(image, &lenses, &files, photos).map_err(|what| {
-                Error::file(&files.images, format!("image {}: {what}", excerpt(&name)))
+            listed(image, &lenses, files, photos).map_err(|what| {
+                let what = format!("image {}: {what}", excerpt(&name));
+                Error::file(files.images.name(), what)
             })
         })
         .collect::<Result<_>>()?;
     Ok(Listing {
         views,
         points: points.into_iter().map(|(_, point)| point).collect(),
-        warnings,
+        warnings: Vec::new(),
     })
 }
 
 fn listed(
     image: ImageRecord,
     lenses: &BTreeMap<u32, Lens>,
-    files: &Files,
+    files: &Files<'_>,
     photos: &Path,
 ) -> Check<Listed> {
     let photo = inside(photos, &image.name)?;
     let lens = lenses.get(&image.camera).ok_or_else(|| {
-        let cameras = files.cameras.file_name().unwrap_or_default();
+        let cameras = files.cameras.name().file_name().unwrap_or_default();
         let known = lenses.len();
         format!(
             "refers to camera {}, which is not among the {known} of {}",
@@ -141,6 +150,8 @@ fn listed(
         return Err(format!("the translation {translation} is not finite"));
     }
     let rotation = glam::DMat3::from_quat(quaternion / length);
+    let position = -(rotation.transpose() * translation);
+    check_position(position)?;
     Ok(Listed {
         name: image.name,
         photo,
@@ -150,7 +161,7 @@ fn listed(
             focal: lens.focal,
             center: lens.center,
             rotation,
-            position: -(rotation.transpose() * translation),
+            position,
         },
         distortion: lens.distortion,
         held_out: false,

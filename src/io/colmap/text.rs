@@ -1,29 +1,29 @@
 //! The text form: a record a line, `#` for comments, and two lines an image.
 
 use super::super::reader::{Reader, excerpt, parse_number};
+use super::super::source::Source;
 use super::camera::{Lens, parameters_of};
 use super::{ImageRecord, Numbered};
 use crate::error::Result;
 use crate::scene::Point;
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::str::FromStr;
 
 /// Lines beyond this length are refused; the 2D points of an image are one line.
 const LINE_BYTES_MAX: u64 = 1 << 28;
 
 /// A text file whose records are taken apart word by word.
-struct Lines {
-    reader: Reader,
+struct Lines<'a> {
+    reader: Reader<'a>,
     line: String,
     /// Bytes of `line` already taken.
     taken: usize,
 }
 
-impl Lines {
-    fn open(path: &Path) -> Result<Lines> {
+impl<'a> Lines<'a> {
+    fn open(source: Source<'a>) -> Result<Lines<'a>> {
         Ok(Lines {
-            reader: Reader::open(path)?,
+            reader: Reader::open(source)?,
             line: String::new(),
             taken: 0,
         })
@@ -96,8 +96,8 @@ impl Lines {
     }
 }
 
-pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, Lens>> {
-    let mut lines = Lines::open(path)?;
+pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Lens>> {
+    let mut lines = Lines::open(source)?;
     let mut lenses = BTreeMap::new();
     while lines.advance_to_record()? {
         let id: u32 = lines.integer("the camera id")?;
@@ -123,8 +123,8 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, Lens>> {
     Ok(lenses)
 }
 
-pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>> {
-    let mut lines = Lines::open(path)?;
+pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
+    let mut lines = Lines::open(source)?;
     let mut images = Vec::new();
     while lines.advance_to_record()? {
         let _id: u32 = lines.integer("the image id")?;
@@ -147,8 +147,8 @@ pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>> {
     Ok(images)
 }
 
-pub(super) fn points(path: &Path) -> Result<Vec<Numbered>> {
-    let mut lines = Lines::open(path)?;
+pub(super) fn points(source: Source<'_>) -> Result<Vec<Numbered>> {
+    let mut lines = Lines::open(source)?;
     let mut points = Vec::new();
     while lines.advance_to_record()? {
         let id = lines.integer("the point id")?;

@@ -2,6 +2,7 @@
 
 use super::super::listing::check_size;
 use super::super::reader::Reader;
+use super::super::source::Source;
 use super::SIDE_MIN;
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -12,8 +13,10 @@ const PNG_MAGIC: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 ///
 /// # Errors
 /// Names the file: empty, of another format, or of a size no photograph has.
-pub fn dimensions(path: &Path) -> Result<(u32, u32)> {
-    let mut reader = Reader::open(path)?;
+pub fn dimensions<'a>(source: impl Into<Source<'a>>) -> Result<(u32, u32)> {
+    let source = source.into();
+    let path = source.name();
+    let mut reader = Reader::open(source)?;
     if reader.size() == 0 {
         return Err(Error::file(path, "the file is empty"));
     }
@@ -30,8 +33,26 @@ pub fn dimensions(path: &Path) -> Result<(u32, u32)> {
             format!("is {width} x {height} pixels; at least {SIDE_MIN} x {SIDE_MIN} are needed");
         return Err(Error::file(path, what));
     }
+    let per_byte = match magic[0] {
+        0xff => JPEG_PIXELS_MAX,
+        _ => PNG_PIXELS_MAX,
+    };
+    if width * height > per_byte * reader.size() {
+        let what = format!(
+            "announces {width} x {height} pixels, more than its {} bytes can hold",
+            reader.size()
+        );
+        return Err(Error::file(path, what));
+    }
     Ok(size)
 }
+
+/// Pixels that a byte of a JPEG file can stand for: each block of 8 x 8 takes one bit at least.
+const JPEG_PIXELS_MAX: u64 = 8 * 64;
+
+/// Pixels that a byte of a PNG file can stand for: deflate makes at most 1,032 bytes of one, and each has
+/// at most eight pixels.
+const PNG_PIXELS_MAX: u64 = 1032 * 8;
 
 /// After the first two bytes: the rest of the magic, then the chunk IHDR.
 fn png(reader: &mut Reader) -> Result<(u64, u64)> {
@@ -78,8 +99,12 @@ fn jpeg(reader: &mut Reader) -> Result<(u64, u64)> {
     }
 }
 
+/// Scans that a JPEG file may have; progressive ones have about ten. A scan of a few bytes can make the decoder
+/// walk the whole image, so that without a limit a small file would keep it busy for hours.
+const SCANS_MAX: usize = 256;
+
 /// Refuses a JPEG file that ends inside its pixels: the decoder would fill the rest with grey, and
-/// training would fit that. (The PNG decoder notices by itself.)
+/// training would fit that. (The PNG decoder notices by itself.) And one with more scans than any camera's.
 pub(super) fn check_complete(path: &Path, bytes: &[u8]) -> Result<()> {
     if bytes.starts_with(&PNG_MAGIC) {
         return Ok(());
@@ -98,8 +123,13 @@ pub(super) fn check_complete(path: &Path, bytes: &[u8]) -> Result<()> {
     }
     let scans = bytes.get(at..).unwrap_or_default();
     // Inside of scans, 0xff is always followed by zero or a restart marker.
-    if scans.windows(2).any(|pair| pair == [0xff, 0xd9]) {
-        return Ok(());
+    let markers = |wanted: u8| scans.windows(2).filter(move |pair| *pair == [0xff, wanted]);
+    if markers(0xd9).next().is_none() {
+        return Err(Error::file(path, "is cut short: the JPEG data has no end"));
     }
-    Err(Error::file(path, "is cut short: the JPEG data has no end"))
+    if markers(0xda).nth(SCANS_MAX).is_some() {
+        let what = format!("has more than {SCANS_MAX} JPEG scans");
+        return Err(Error::file(path, what));
+    }
+    Ok(())
 }

@@ -11,7 +11,9 @@ mod resample;
 pub use cache::PhotoCache;
 pub use header::dimensions;
 
-use super::listing::{PIXELS_MAX, SIDE_MAX};
+use super::listing::SIDE_MAX;
+use super::reader::Reader;
+use super::source::Source;
 use crate::error::{Error, Result};
 use crate::scene::{Photo, PhotoSource, View};
 use std::io::Cursor;
@@ -19,6 +21,9 @@ use std::path::Path;
 
 /// The least width and height of a photograph: with one pixel there is no detail to fit.
 pub const SIDE_MIN: u32 = 2;
+
+/// Memory that a decoder may take beside the pixels.
+const DECODER_BYTES: u64 = 1 << 19;
 
 /// Loads a view's photograph at the size of the view's camera: decodes the file, removes the lens
 /// distortion at full size, and reduces by averaging over areas, weighted by alpha.
@@ -60,10 +65,12 @@ pub fn load(view: &View) -> Result<Photo> {
 }
 
 /// Decodes a PNG or JPEG file at its own size.
-pub fn decode(path: &Path) -> Result<Photo> {
+pub fn decode<'a>(source: impl Into<Source<'a>>) -> Result<Photo> {
+    let source = source.into();
+    let path = source.name();
     // The header is held against the limits before the decoder allocates anything.
-    let (width, height) = dimensions(path)?;
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let (width, height) = dimensions(source)?;
+    let bytes = Reader::all(source)?;
     header::check_complete(path, &bytes)?;
     let mut reader = image::ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
@@ -71,8 +78,9 @@ pub fn decode(path: &Path) -> Result<Photo> {
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(SIDE_MAX);
     limits.max_image_height = Some(SIDE_MAX);
-    // Eight bytes a pixel are the most a decoder needs: 16-bit RGBA.
-    limits.max_alloc = Some(PIXELS_MAX * 8);
+    // 16-bit RGBA is eight bytes a pixel, once more for the rows or coefficients at work; what a PNG file packs
+    // beside its pixels must fit in as well.
+    limits.max_alloc = Some(16 * u64::from(width) * u64::from(height) + DECODER_BYTES);
     reader.limits(limits);
     let image = reader
         .decode()

@@ -6,6 +6,10 @@ use crate::error::Result;
 /// Headers beyond this length are refused; the longest in use have some kilobytes.
 const HEADER_BYTES_MAX: u64 = 1 << 20;
 
+/// Elements, and properties of one, beyond this number are refused: each is compared with all before it.
+/// Splats of degree 3 have 62 properties; some programs add hundreds of features.
+const NAMES_MAX: usize = 4096;
+
 /// How numbers are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
@@ -149,6 +153,10 @@ impl Header {
                             excerpt(&element.name)
                         )));
                     }
+                    if element.properties.len() == NAMES_MAX {
+                        let what = format!("more than {NAMES_MAX} properties");
+                        return Err(reader.fault_in_line(what));
+                    }
                     element.properties.push(property);
                 }
                 other => {
@@ -181,6 +189,9 @@ fn parse_element(reader: &Reader, rest: &str, header: &Header) -> Result<Element
     };
     if header.element(name).is_some() {
         return Err(reader.fault_in_line(format!("element {} occurs twice", excerpt(name))));
+    }
+    if header.elements.len() == NAMES_MAX {
+        return Err(reader.fault_in_line(format!("more than {NAMES_MAX} elements")));
     }
     let count = count.parse().map_err(|_| {
         reader.fault_in_line(format!(

@@ -1,6 +1,7 @@
 //! Reading splats and points.
 
 use super::super::reader::{Reader, excerpt};
+use super::super::source::Source;
 use super::Loaded;
 use super::header::{Element, Encoding, Header};
 use super::rows;
@@ -19,8 +20,10 @@ const REQUIRED: [&str; 14] = [
 /// # Errors
 /// Names the file and the place: no PLY file, not splats (the missing properties are listed), counts
 /// that the file does not hold, a row that cannot be parsed, or a variant that is not supported.
-pub fn read(path: &Path) -> Result<Loaded> {
-    let mut reader = Reader::open(path)?;
+pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
+    let source = source.into();
+    let path = source.name();
+    let mut reader = Reader::open(source)?;
     let header = Header::read(&mut reader)?;
     if header.element("chunk").is_some() {
         return Err(Error::file(
@@ -52,8 +55,10 @@ pub fn read(path: &Path) -> Result<Loaded> {
 
 /// Reads the points of a cloud: `x y z` and, where present, `red green blue` (0 to 255 as integers,
 /// 0 to 1 as floats); grey without. Points that are not finite are kept for the caller to count.
-pub fn read_points(path: &Path) -> Result<Vec<Point>> {
-    let mut reader = Reader::open(path)?;
+pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
+    let source = source.into();
+    let path = source.name();
+    let mut reader = Reader::open(source)?;
     let header = Header::read(&mut reader)?;
     let Some((index, vertex)) = header.element("vertex") else {
         return Err(Error::file(path, "has no element \"vertex\""));

@@ -7,7 +7,11 @@
 mod pose;
 mod scope;
 
-use super::listing::{Check, Listed, Listing, check_intrinsics, check_size, inside};
+use super::listing::{
+    Check, Listed, Listing, check_intrinsics, check_position, check_size, inside,
+};
+use super::reader::Reader;
+use super::source::Source;
 use super::{photo, ply};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Distortion};
@@ -42,9 +46,11 @@ pub fn find(folder: &Path) -> Option<PathBuf> {
 /// Names the file and the frame (counted from 0): not JSON, keys that are missing or of the wrong type, a
 /// matrix that is no pose, a camera model that is no pinhole, an image size that neither the file nor the
 /// photograph gives, names that lead out of the folder.
-pub fn read(path: &Path, photos: Option<&Path>) -> Result<Listing> {
+pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<Listing> {
+    let source = source.into();
+    let path = source.name();
     let folder = path.parent().unwrap_or(Path::new("."));
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = Reader::all(source)?;
     let root: Value = serde_json::from_slice(&bytes)
         .map_err(|e| Error::file(path, format!("cannot be parsed as JSON: {e}")))?;
     let fault = |what: String| Error::file(path, what);
@@ -91,6 +97,7 @@ fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(Listed, bool)> {
     let photo = with_extension(inside(folder, name)?);
     let matrix = scope.frame.get("transform_matrix");
     let pose = pose::read(matrix.ok_or("has no \"transform_matrix\"")?)?;
+    check_position(pose.position)?;
     let (width, height) = match (scope.number("w")?, scope.number("h")?) {
         (Some(w), Some(h)) => check_size(whole(w)?, whole(h)?)?,
         _ if photo.is_file() => photo::dimensions(&photo).map_err(|e| e.to_string())?,

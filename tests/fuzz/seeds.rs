@@ -1,0 +1,211 @@
+//! The inputs that the corpora begin with: small sound files of every kind, made here.
+
+use ashfall::io::ply;
+use ashfall::scene::{RenderMode, Splats, sh_coefficient_count};
+use ashfall::train::checkpoint::Checkpoint;
+use ashfall::train::{HostState, TrainConfig};
+use image::codecs::jpeg::JpegEncoder;
+use image::{DynamicImage, ImageFormat, RgbaImage};
+use std::io::Cursor;
+
+/// Target, name and contents.
+pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
+    let mut seeds = Vec::new();
+    let mut add = |target, name: &str, bytes: Vec<u8>| seeds.push((target, name.to_owned(), bytes));
+    for (degree, mode) in [(0, RenderMode::Default), (1, RenderMode::Mip)] {
+        add("ply", &format!("binary-{degree}"), binary_ply(degree, mode));
+    }
+    add("ply", "ascii", ascii_ply("ascii", "float").into_bytes());
+    add("ply", "mesh-before", mesh_before().into_bytes());
+    add("cloud", "ascii", CLOUD.as_bytes().to_vec());
+    add("cloud", "big-endian", big_endian_cloud());
+    add("splat", "two", splat_records());
+    add("colmap_bin", "model", colmap_binary());
+    add("colmap_txt", "model", COLMAP.as_bytes().to_vec());
+    add("transforms", "nerfstudio", NERFSTUDIO.as_bytes().to_vec());
+    add("transforms", "blender", BLENDER.as_bytes().to_vec());
+    add("checkpoint", "two", checkpoint());
+    add("obj", "tetrahedron", TETRAHEDRON.as_bytes().to_vec());
+    add("obj", "colors", COLORS.as_bytes().to_vec());
+    let picture = picture();
+    for (name, image) in [
+        ("rgba", picture.clone()),
+        ("grey", DynamicImage::from(picture.to_luma8())),
+        ("rgb16", DynamicImage::from(picture.to_rgb16())),
+    ] {
+        add("png", name, encoded(&image, ImageFormat::Png));
+    }
+    for (name, image) in [
+        ("rgb", DynamicImage::from(picture.to_rgb8())),
+        ("grey", DynamicImage::from(picture.to_luma8())),
+    ] {
+        let mut bytes = Vec::new();
+        JpegEncoder::new_with_quality(&mut bytes, 60)
+            .encode_image(&image)
+            .unwrap();
+        add("jpeg", name, bytes);
+    }
+    seeds
+}
+
+/// Files that a `transforms.json` may name.
+pub(crate) fn beside() -> Vec<(&'static str, Vec<u8>)> {
+    vec![
+        ("a.png", encoded(&picture(), ImageFormat::Png)),
+        ("cloud.ply", CLOUD.as_bytes().to_vec()),
+    ]
+}
+
+fn picture() -> DynamicImage {
+    RgbaImage::from_fn(8, 6, |x, y| {
+        image::Rgba([x as u8 * 30, y as u8 * 40, 99, 255 - 9 * x as u8])
+    })
+    .into()
+}
+
+fn encoded(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    image.write_to(&mut bytes, format).unwrap();
+    bytes.into_inner()
+}
+
+fn splats(degree: u32, mode: RenderMode) -> Splats {
+    let stride = sh_coefficient_count(degree) * 3;
+    Splats {
+        mean: vec![[0.0, 1.0, 2.0], [-1.5, 0.25, 3.0]],
+        quaternion: vec![[1.0, 0.0, 0.0, 0.0], [0.5, -0.5, 0.5, 0.5]],
+        log_scale: vec![[-1.0, -2.0, -3.0]; 2],
+        opacity_logit: vec![0.5, -0.5],
+        sh: (0..2 * stride).map(|i| i as f32 * 0.125).collect(),
+        sh_degree: degree,
+        mode,
+    }
+}
+
+fn binary_ply(degree: u32, mode: RenderMode) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    ply::write(&path, &splats(degree, mode)).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+fn ascii_ply(format: &str, kind: &str) -> String {
+    let names =
+        "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties: String = names
+        .split(' ')
+        .map(|name| format!("property {kind} {name}\n"))
+        .collect();
+    let rows = "0 1 2 .1 .2 .3 0.5 -1 -2 -3 1 0 0 0\n1e1 nan 2 1 2 3 4 5 6 7 0 0 0 0\n";
+    format!(
+        "ply\nformat {format} 1.0\ncomment antialiased 1\nelement vertex 2\n{properties}end_header\n{rows}"
+    )
+}
+
+fn mesh_before() -> String {
+    let face = "element face 2\nproperty list uchar int vertex_indices\nproperty uchar flag\nelement vertex";
+    let text = ascii_ply("ascii", "double").replace("element vertex", face);
+    text.replace("end_header\n", "end_header\n3 0 1 2 9\n4 0 1 2 3 9\n")
+}
+
+const CLOUD: &str = "ply\r\nformat ascii 1.0\r\nobj_info a\r\nelement vertex 2\r\nproperty float x\r\nproperty float y\r\n\
+property float z\r\nproperty uchar red\r\nproperty uchar green\r\nproperty uchar blue\r\nend_header\r\n0 0 2 255 0 7\r\n\
+1 0.5 -2 1 2 3\r\n";
+
+fn big_endian_cloud() -> Vec<u8> {
+    let header = "ply\nformat binary_big_endian 1.0\nelement face 1\nproperty list uchar int v\nelement vertex 1\n\
+                  property double x\nproperty short y\nproperty int z\nproperty float red\nproperty float green\n\
+                  property float blue\nend_header\n";
+    let mut bytes = header.as_bytes().to_vec();
+    bytes.extend([1, 0, 0, 0, 7]);
+    bytes.extend(1.5f64.to_be_bytes());
+    bytes.extend(3i16.to_be_bytes());
+    bytes.extend((-9i32).to_be_bytes());
+    [0.1f32, 0.5, 1.0]
+        .iter()
+        .for_each(|v| bytes.extend(v.to_be_bytes()));
+    bytes
+}
+
+fn splat_records() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for i in 0..2u8 {
+        [0.5, -1.0, 2.0, 0.1, 0.2, 0.3f32]
+            .iter()
+            .for_each(|v| bytes.extend((v + f32::from(i)).to_le_bytes()));
+        bytes.extend([10, 20, 30, 200, 255, 128, 128, 128 - i]);
+    }
+    bytes
+}
+
+fn colmap_binary() -> Vec<u8> {
+    let mut cameras = 1u64.to_le_bytes().to_vec();
+    [7u32, 4]
+        .iter()
+        .for_each(|v| cameras.extend(v.to_le_bytes()));
+    [8u64, 6]
+        .iter()
+        .for_each(|v| cameras.extend(v.to_le_bytes()));
+    [9.0, 9.5, 4.0, 3.0, 0.1, 0.01, 1e-3, -1e-3f64]
+        .iter()
+        .for_each(|v| cameras.extend(v.to_le_bytes()));
+    let mut images = 1u64.to_le_bytes().to_vec();
+    images.extend(1u32.to_le_bytes());
+    [1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 2.0f64]
+        .iter()
+        .for_each(|v| images.extend(v.to_le_bytes()));
+    images.extend(7u32.to_le_bytes());
+    images.extend(b"a.png\0");
+    images.extend(1u64.to_le_bytes());
+    images.extend([0; 24]);
+    let mut points = 1u64.to_le_bytes().to_vec();
+    points.extend(5u64.to_le_bytes());
+    [0.0, 1.0, 2.0f64]
+        .iter()
+        .for_each(|v| points.extend(v.to_le_bytes()));
+    points.extend([255, 128, 0]);
+    points.extend(0.5f64.to_le_bytes());
+    points.extend(1u64.to_le_bytes());
+    points.extend([0; 8]);
+    let mut all = Vec::new();
+    [cameras.len(), images.len()]
+        .iter()
+        .for_each(|length| all.extend((*length as u16).to_le_bytes()));
+    [cameras, images, points]
+        .iter()
+        .for_each(|part| all.extend(part));
+    all
+}
+
+const COLMAP: &str = "# cameras\n1 PINHOLE 8 6 9 9.5 4 3\n2 OPENCV 8 6 9 9 4 3 .1 .01 0 0\n\u{1e}# images\n\
+1 1 0 0 0 0 0 1 1 a b.png\n\n2 0.5 0.5 0 0 1 2 3 2 sub/c.png\n1 2 -1 3 4 -1\n\u{1e}# points\n1 0 1 2 255 128 0 0.5 1 0\n\
+2 -1 nan 2 1 2 3 0.5\n";
+
+const NERFSTUDIO: &str = r#"{"camera_model":"OPENCV","w":8,"h":6,"fl_x":9,"fl_y":9.5,"cx":4,"cy":3,"k1":0.1,"p2":-0.01,
+"ply_file_path":"cloud.ply","applied_transform":[[1,0,0,0],[0,1,0,0],[0,0,1,0]],"frames":[
+{"file_path":"./a.png","transform_matrix":[[1,0,0,0],[0,0,-1,1],[0,1,0,2],[0,0,0,1]]},
+{"file_path":"b.jpg","fl_x":10,"w":4.0,"h":3.0,"transform_matrix":[[2,0,0,0],[0,2,0,1],[0,0,2,2],[0,0,0,1]]}]}"#;
+
+const BLENDER: &str = r#"{"camera_angle_x":0.7,"frames":[{"file_path":"a","rotation":0.1,"transform_matrix":
+[[0,-1,0,4],[1,0,0,0.5],[0,0,1,-2e0],[0,0,0,1]]}]}"#;
+
+fn checkpoint() -> Vec<u8> {
+    let mut config = TrainConfig::for_iterations(100);
+    config.sh_degree = 0;
+    let checkpoint = Checkpoint {
+        config,
+        iteration: 40,
+        state: HostState::from_splats(&splats(0, RenderMode::Default), 0),
+        statistics: vec![[1.0, 2.0, 3.0, 0.0]; 2],
+        fingerprint: 5,
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint");
+    checkpoint.write(&path).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+const TETRAHEDRON: &str = "# a\nmtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1 1.0\nvt 0 0\nvn 0 0 1\n\
+usemtl a\nf 1 3 2\nf 1/1 2/1 4/1\nf 1//1 4//1 3//1\ng b\nf -1/1/1 -2/1/1 -3/1/1\n";
+
+const COLORS: &str = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 .5 .5 2\nf 1 2 3 4\n";
