@@ -12,7 +12,7 @@ mod scenes;
 use ashfall::bench::{Bench, Case, Unit, Work};
 use ashfall::gpu::{Buffer, Gpu};
 use ashfall::kernels::{rasterize, rasterize_backward};
-use ashfall::layout::{Splat2d, TILE_PIXELS, View};
+use ashfall::layout::{TILE_PIXELS, View};
 use ashfall::reference::Options;
 use ashfall::render::tile_stride;
 use ashfall::scene::{Camera, RenderMode, Splats};
@@ -84,7 +84,9 @@ struct Input {
     range_from_tile: Buffer<[u32; 2]>,
     source_from_isect: Buffer<u32>,
     splat_from_source: Buffer<u32>,
-    splat2d: Buffer<Splat2d>,
+    shape_from_splat: Buffer<[f32; 4]>,
+    tone_from_splat: Buffer<[f32; 4]>,
+    rest_from_splat: Buffer<[f32; 2]>,
     image: Buffer<f32>,
     depth: Buffer<f32>,
     end_from_pixel: Buffer<u32>,
@@ -93,12 +95,15 @@ struct Input {
 impl Input {
     fn new(gpu: &Gpu, scene: &Scene, lists: &Lists) -> ashfall::Result<Input> {
         let pixels = (scene.camera.width * scene.camera.height) as usize;
+        let (shapes, tones, rests) = pack::arrays(&lists.records);
         Ok(Input {
-            view: gpu.buffer_from("view", &[lists::view(scene, scene.splats.len())])?,
+            view: gpu.buffer_from("view", &[lists::view(scene)])?,
             range_from_tile: gpu.buffer_from("range_from_tile", &lists.range_from_tile)?,
             source_from_isect: gpu.buffer_from("source_from_isect", &lists.source_from_isect)?,
             splat_from_source: gpu.buffer_from("splat_from_source", &lists.splat_from_source())?,
-            splat2d: gpu.buffer_from("splat2d", &lists.records)?,
+            shape_from_splat: gpu.buffer_from("shape_from_splat", &shapes)?,
+            tone_from_splat: gpu.buffer_from("tone_from_splat", &tones)?,
+            rest_from_splat: gpu.buffer_from("rest_from_splat", &rests)?,
             image: gpu.buffer("image", 4 * pixels)?,
             depth: gpu.buffer("depth", pixels)?,
             end_from_pixel: gpu.buffer("end_from_pixel", pixels)?,
@@ -111,7 +116,9 @@ impl Input {
             range_from_tile: &self.range_from_tile,
             source_from_isect: &self.source_from_isect,
             splat_from_source: &self.splat_from_source,
-            splat2d: &self.splat2d,
+            shape_from_splat: &self.shape_from_splat,
+            tone_from_splat: &self.tone_from_splat,
+            rest_from_splat: &self.rest_from_splat,
             image: &self.image,
             depth: &self.depth,
             end_from_pixel: &self.end_from_pixel,
@@ -210,7 +217,9 @@ fn backward(
                 range_from_tile: &input.range_from_tile,
                 source_from_isect: &input.source_from_isect,
                 splat_from_source: &input.splat_from_source,
-                splat2d: &input.splat2d,
+                shape_from_splat: &input.shape_from_splat,
+                tone_from_splat: &input.tone_from_splat,
+                rest_from_splat: &input.rest_from_splat,
                 image: &input.image,
                 d_image: &d_image,
                 end_from_pixel: &input.end_from_pixel,

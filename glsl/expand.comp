@@ -19,11 +19,12 @@ layout(set = 0, binding = 1, scalar) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Ranks { uint splat_from_rank[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Offsets { uint isect_from_rank[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer TileCounts { uint tile_count_from_splat[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer SplatsBlock { Splat2d splat2d[]; };
-layout(set = 0, binding = 6, scalar) writeonly buffer Tiles { uint tile_from_isect[]; };
-layout(set = 0, binding = 7, scalar) writeonly buffer Sources { uint source_from_isect[]; };
-layout(set = 0, binding = 8, scalar) writeonly buffer Owners { uint splat_from_source[]; };
-layout(set = 0, binding = 9, scalar) writeonly buffer Begins { uint source_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer Tiles { uint tile_from_isect[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer Sources { uint source_from_isect[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer Owners { uint splat_from_source[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer Begins { uint source_from_splat[]; };
 
 void list(uint isect, uint tile, uint splat) {
     tile_from_isect[isect] = tile;
@@ -39,7 +40,7 @@ void main() {
     uint end = next + tile_count_from_splat[splat];
     source_from_splat[splat] = next;
 
-    Ellipse e = ellipse(splat2d[splat].shape, splat2d[splat].tone.xy, LOG2_ALPHA_MIN, LEVEL_MAX);
+    Ellipse e = ellipse(shape_from_splat[splat], tone_from_splat[splat].xy, LOG2_ALPHA_MIN, LEVEL_MAX);
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = tile_columns(e, row, view.size);

@@ -14,7 +14,8 @@ layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 1, scalar) buffer ParamsBlock { vec4 params[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint splat_count;
+    uint first_splat; // number of the first splat of this dispatch, which random numbers go by
+    uint splat_count; // splats of this dispatch
     uint stride;      // elements between two planes
     uint seed;
     uint step;
@@ -50,7 +51,7 @@ void main() {
     vec3 scale = exp(params[2 * push.stride + splat].xyz);
     mat3 axes = rotation_matrix(rotation / quaternion_length(rotation));
     float weight = sigmoid(100.0 * (0.005 - sigmoid(mean.w))) * push.amplitude;
-    vec3 local = (normals_of(splat) * axes) * scale * scale;
+    vec3 local = (normals_of(push.first_splat + splat) * axes) * scale * scale;
     mean.xyz += axes * local * weight;
     if (is_finite(mean)) params[splat] = mean;
 }

@@ -18,8 +18,16 @@ layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer ParamsBlock { vec4 params[]; };
-layout(set = 0, binding = 2, scalar) writeonly buffer SplatsBlock { Splat2d splat2d[]; };
-layout(set = 0, binding = 3, scalar) writeonly buffer TileCounts { uint tile_count_from_splat[]; };
+// A splat on the screen, in arrays of their own: a binding then reaches several million splats.
+layout(set = 0, binding = 2, scalar) writeonly buffer Shapes { vec4 shape_from_splat[]; };
+layout(set = 0, binding = 3, scalar) writeonly buffer Tones { vec4 tone_from_splat[]; };
+layout(set = 0, binding = 4, scalar) writeonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 5, scalar) writeonly buffer TileCounts { uint tile_count_from_splat[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint splat_count;  // splats of this dispatch
+    uint stride;       // elements between two planes of parameters
+} push;
 
 vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
     float basis[16];
@@ -27,7 +35,7 @@ vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
     float sum[3] = float[](0.5, 0.5, 0.5);
     [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
-        vec4 four = params[(GEOMETRY_PLANES + plane) * view.stride + splat];
+        vec4 four = params[(GEOMETRY_PLANES + plane) * push.stride + splat];
         [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
             uint k = plane * 4 + lane;
             if (k < terms * 3) sum[k % 3] += four[lane] * basis[k / 3];
@@ -41,8 +49,8 @@ vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
 // Writes the splat's record and returns its number of tiles.
 uint project(uint splat) {
     vec4 mean = params[splat];
-    vec4 rotation = params[view.stride + splat];
-    vec4 shaping = params[2 * view.stride + splat];
+    vec4 rotation = params[push.stride + splat];
+    vec4 shaping = params[2 * push.stride + splat];
     vec3 log_scale = shaping.xyz;
     vec3 scale = exp(log_scale);
 
@@ -73,9 +81,9 @@ uint project(uint splat) {
     if (!sound) return 0;
 
     vec4 shape = vec4(mean_pixel, f.slope, log_opacity);
-    splat2d[splat].shape = shape;
-    splat2d[splat].tone = vec4(whiten, color.rg);
-    splat2d[splat].rest = vec4(color.b, mean_view.z, 0.0, 0.0);
+    shape_from_splat[splat] = shape;
+    tone_from_splat[splat] = vec4(whiten, color.rg);
+    rest_from_splat[splat] = vec2(color.b, mean_view.z);
 
     Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN, LEVEL_MAX);
     uint count = 0;
@@ -89,6 +97,6 @@ uint project(uint splat) {
 
 void main() {
     uint splat = global_index();
-    if (splat >= view.splat_count) return;
+    if (splat >= push.splat_count) return;
     tile_count_from_splat[splat] = project(splat);
 }

@@ -18,14 +18,18 @@ layout(set = 0, binding = 1, scalar) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer ParamsBlock { vec4 params[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer TileCounts { uint tile_count_from_splat[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Begins { uint source_from_splat[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer SplatsBlock { Splat2d splat2d[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
-layout(set = 0, binding = 7, scalar) readonly buffer ToneGradients { vec4 d_tone_from_source[]; };
-layout(set = 0, binding = 8, scalar) readonly buffer RestGradients { float d_rest_from_source[]; };
-layout(set = 0, binding = 9, scalar) writeonly buffer Gradients { vec4 d_params[]; };
-layout(set = 0, binding = 10, scalar) buffer Statistics { vec4 statistics[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer ToneGradients { vec4 d_tone_from_source[]; };
+layout(set = 0, binding = 10, scalar) readonly buffer RestGradients { float d_rest_from_source[]; };
+layout(set = 0, binding = 11, scalar) writeonly buffer Gradients { vec4 d_params[]; };
+layout(set = 0, binding = 12, scalar) buffer Statistics { vec4 statistics[]; };
 
 layout(push_constant, scalar) uniform Push {
+    uint splat_count;       // splats of this dispatch
+    uint stride;            // elements between two planes of parameters
     float opacity_penalty;  // added to dL/d opacity of every splat
     float scale_penalty;    // added to dL/d scale of every splat and axis
 } push;
@@ -46,7 +50,7 @@ vec3 harmonics_backward(uint splat, vec3 direction, vec3 d_color) {
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
     vec3 d_direction = vec3(0.0);
     [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
-        uint place = (GEOMETRY_PLANES + plane) * view.stride + splat;
+        uint place = (GEOMETRY_PLANES + plane) * push.stride + splat;
         vec4 coefficients = params[place];
         vec4 d = vec4(0.0);
         [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
@@ -64,7 +68,7 @@ vec3 harmonics_backward(uint splat, vec3 direction, vec3 d_color) {
 void clear_harmonics(uint splat) {
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
     [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
-        d_params[(GEOMETRY_PLANES + plane) * view.stride + splat] = vec4(0.0);
+        d_params[(GEOMETRY_PLANES + plane) * push.stride + splat] = vec4(0.0);
     }
 }
 
@@ -136,7 +140,7 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
 vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient) {
     Records records = sum_of_records(splat, tile_count);
     vec4 mean = params[splat];
-    vec4 rotation = params[view.stride + splat];
+    vec4 rotation = params[push.stride + splat];
     vec3 offset = mean.xyz - view.position;
     vec3 mean_view = view.view_from_world * offset;
     float q_length = quaternion_length(rotation);
@@ -145,7 +149,7 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
     Jacobian j = jacobian(view, mean_view);
     vec3 local_x = j.row_x * axes;
     vec3 local_y = j.row_y * axes;
-    Smoothed s = smoothed(scale, params[2 * view.stride + splat].w);
+    Smoothed s = smoothed(scale, params[2 * push.stride + splat].w);
     Footprint f = footprint(local_x * s.scale, local_y * s.scale, view.dilation);
 
     // The whitening matrix [[p, 0], [-slope q, q]], e = matrix * (pixel - mean); first and second moments
@@ -178,7 +182,7 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
 
     float distance = length(offset);
     vec3 direction = offset / distance;
-    vec3 color = vec3(splat2d[splat].tone.zw, splat2d[splat].rest.x);
+    vec3 color = vec3(tone_from_splat[splat].zw, rest_from_splat[splat].x);
     vec3 d_color = mix(vec3(0.0), vec3(records.tone.zw, records.rest), greaterThan(color, vec3(0.0)));
     vec3 d_direction = harmonics_backward(splat, direction, d_color);
     gradient.mean += (d_direction - direction * dot(direction, d_direction)) / distance;
@@ -187,8 +191,8 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
 
 void main() {
     uint splat = global_index();
-    if (splat >= view.splat_count || counts[COUNT_FAILED] != 0) return;
-    vec3 scale = exp(params[2 * view.stride + splat].xyz);
+    if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
+    vec3 scale = exp(params[2 * push.stride + splat].xyz);
     float opacity = sigmoid(params[splat].w);
 
     Gradient gradient;
@@ -205,13 +209,13 @@ void main() {
         seen.x += length(d_mean_pixel * 0.5 * vec2(view.size));
         seen.y += 1.0;
         // What counts as covered does not depend on where drawing stops.
-        Ellipse e = ellipse(splat2d[splat].shape, splat2d[splat].tone.xy, -LOG2_255, 3.4e38);
+        Ellipse e = ellipse(shape_from_splat[splat], tone_from_splat[splat].xy, -LOG2_255, 3.4e38);
         seen.z = max(seen.z, max(e.extent.x, e.extent.y));
         statistics[splat] = seen;
     } else {
         clear_harmonics(splat);
     }
     d_params[splat] = vec4(gradient.mean, gradient.opacity_logit);
-    d_params[view.stride + splat] = gradient.quaternion;
-    d_params[2 * view.stride + splat] = vec4(gradient.log_scale, 0.0);
+    d_params[push.stride + splat] = gradient.quaternion;
+    d_params[2 * push.stride + splat] = vec4(gradient.log_scale, 0.0);
 }

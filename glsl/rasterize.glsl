@@ -15,10 +15,12 @@ layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Sources { uint source_from_isect[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_source[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer SplatsBlock { Splat2d splat2d[]; };
-layout(set = 0, binding = 5, scalar) writeonly buffer Image { float image[]; };
-layout(set = 0, binding = 6, scalar) writeonly buffer Depth { float depth[]; };
-layout(set = 0, binding = 7, scalar) writeonly buffer Ends { uint end_from_pixel[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer Image { float image[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer Depth { float depth[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer Ends { uint end_from_pixel[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
@@ -55,9 +57,9 @@ void composite(uint tile) {
         uint end = min(begin + BATCH, range.y);
         for (uint isect = begin; isect < end; ++isect) {
             uint splat = splat_from_source[source_from_isect[isect]];
-            vec4 shape = splat2d[splat].shape;
-            vec4 tone = splat2d[splat].tone;
-            vec2 rest = splat2d[splat].rest.xy;
+            vec4 shape = shape_from_splat[splat];
+            vec4 tone = tone_from_splat[splat];
+            vec2 rest = rest_from_splat[splat];
             Column column = column_of(t, shape, tone);
             [[unroll]] for (uint q = 0; q < QUADS; ++q) {
                 vec4 f;

@@ -14,13 +14,15 @@ layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Sources { uint source_from_isect[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_source[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer SplatsBlock { Splat2d splat2d[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Image { float image[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer ImageGradient { float d_image[]; };
-layout(set = 0, binding = 7, scalar) readonly buffer Ends { uint end_from_pixel[]; };
-layout(set = 0, binding = 8, scalar) writeonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
-layout(set = 0, binding = 9, scalar) writeonly buffer ToneGradients { vec4 d_tone_from_source[]; };
-layout(set = 0, binding = 10, scalar) writeonly buffer RestGradients { float d_rest_from_source[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Image { float image[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer ImageGradient { float d_image[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer Ends { uint end_from_pixel[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
+layout(set = 0, binding = 11, scalar) writeonly buffer ToneGradients { vec4 d_tone_from_source[]; };
+layout(set = 0, binding = 12, scalar) writeonly buffer RestGradients { float d_rest_from_source[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
@@ -116,10 +118,10 @@ void differentiate(uint tile) {
     for (uint isect = last; isect-- > range.x;) {
         uint source = source_from_isect[isect];
         uint splat = splat_from_source[source];
-        vec4 tone = splat2d[splat].tone;
-        Column column = column_of(t, splat2d[splat].shape, tone);
+        vec4 tone = tone_from_splat[splat];
+        Column column = column_of(t, shape_from_splat[splat], tone);
         bool stores;
-        Sums total = sum_of_lanes(take_off(isect, column, vec3(tone.zw, splat2d[splat].rest.x)), stores);
+        Sums total = sum_of_lanes(take_off(isect, column, vec3(tone.zw, rest_from_splat[splat].x)), stores);
         if (stores) {
             d_shape_from_source[source] = total.shape;
             d_tone_from_source[source] = total.tone;

@@ -12,7 +12,7 @@ mod device;
 use ashfall::Error;
 use ashfall::gpu::{Buffer, Frames, Gpu, GpuOptions, Recorder, devices};
 use ashfall::kernels::compact::{Bindings, Choice, Compact, Spec};
-use ashfall::layout::{COUNT_SLOTS, COUNT_SPLAT, Splat2d};
+use ashfall::layout::{COUNT_SLOTS, COUNT_SPLAT};
 
 /// What fresh buffers hold where validation is on: a NaN.
 const POISON: u32 = 0x7FC0_DEAD;
@@ -232,8 +232,12 @@ fn timestamps_are_filed_under_their_labels() {
     let labels: Vec<_> = times.iter().map(|(label, _)| *label).collect();
     assert_eq!(labels, ["fill", "nothing"]);
     assert!(times[0].1 > 0.0 && times[0].1 < 60e9, "{times:?}");
-    let count = frames.timings(second).unwrap().len();
-    assert!((100..500).contains(&count), "{count}");
+    // Spans of one label are one; marks beyond the frame's room are left out.
+    let times = frames.timings(second).unwrap();
+    assert!(
+        matches!(times[..], [("too many", span)] if span >= 0.0),
+        "{times:?}"
+    );
     let mut frames = Frames::new(&gpu, 1, false).unwrap();
     let (ticket, ()) = frames.submit(record).unwrap();
     assert_eq!(frames.timings(ticket).unwrap(), []);
@@ -258,8 +262,8 @@ fn a_dispatch_beyond_a_dimensions_limit_is_folded() {
         .buffer_from("tile_count_from_splat", &vec![1u32; count])
         .unwrap();
     let offsets = gpu.buffer_from("visible_from_splat", &offsets).unwrap();
-    let splat2d = gpu
-        .buffer_from("splat2d", &vec![Splat2d::default(); count])
+    let rests = gpu
+        .buffer_from("rest_from_splat", &vec![[0.0f32; 2]; count])
         .unwrap();
     let depths = gpu.buffer::<u32>("depth_from_visible", count).unwrap();
     let splats = gpu.buffer::<u32>("splat_from_visible", count).unwrap();
@@ -268,7 +272,7 @@ fn a_dispatch_beyond_a_dimensions_limit_is_folded() {
             counts: &counts,
             tile_count_from_splat: &ones,
             visible_from_splat: &offsets,
-            splat2d: &splat2d,
+            rest_from_splat: &rests,
             depth_from_visible: &depths,
             splat_from_visible: &splats,
         };

@@ -109,7 +109,7 @@ float log_compensation(Footprint f) {
     return 0.5 * log2(dot(f.minors, f.minors) / f.det);
 }
 
-// The region that a splat is drawn in, from the numbers that `Splat2d` stores: the pass that counts tiles
+// The region that a splat is drawn in, from the shape and tone that are stored: the pass that counts tiles
 // and the pass that lists them must see the same floats.
 struct Ellipse {
     vec2 mean;

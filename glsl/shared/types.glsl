@@ -12,17 +12,13 @@ struct View {
     float near_plane;  // world units along z
     float dilation;    // added to the screen covariance, px^2
     uint compensate;   // not 0: opacities make up for the dilation (Mip-Splatting, section 5.2)
-    uint splat_count;
-    uint stride;       // elements between two planes of parameters
     vec3 background;
 };
 
-// A splat on the screen: what compositing reads, in three vec4.
-struct Splat2d {
-    vec4 shape;  // mean.xy in pixels, slope b/a, log2 of the opacity
-    vec4 tone;   // whitening factors of x and of y (times WHITEN), red, green
-    vec4 rest;   // blue, depth, unused, unused
-};
+// A splat on the screen, what compositing reads, is three numbers in arrays of their own:
+//   vec4 shape  mean.xy in pixels, slope b/a, log2 of the opacity
+//   vec4 tone   whitening factors of x and of y (times WHITEN), red, green
+//   vec2 rest   blue, depth
 
 // Arguments of an indirect dispatch.
 struct DispatchArgs {

@@ -7,7 +7,13 @@ use bytemuck::Pod;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::sync::Arc;
+
+/// Elements, of four bytes or a multiple of them, between places where a bound part of a buffer may begin: no
+/// device asks for more than 256 bytes (`minStorageBufferOffsetAlignment`; Vulkan specification, table of required
+/// limits).
+pub const PART_ALIGNMENT: usize = 64;
 
 /// A Vulkan buffer with its memory; destroyed when the last handle, and the last frame using it, is gone.
 pub(super) struct RawBuffer {
@@ -111,9 +117,11 @@ impl Drop for RawBuffer {
     }
 }
 
-/// An array of `len` elements of `T` on the device, with a name for messages. Clones share it.
+/// An array of `len` elements of `T` on the device, with a name for messages. Clones and parts share it.
 pub struct Buffer<T> {
     pub(super) raw: Arc<RawBuffer>,
+    /// Where it begins in `raw`, bytes.
+    pub(super) offset: u64,
     len: usize,
     element: PhantomData<fn() -> T>,
 }
@@ -122,6 +130,7 @@ impl<T> Clone for Buffer<T> {
     fn clone(&self) -> Buffer<T> {
         Buffer {
             raw: self.raw.clone(),
+            offset: self.offset,
             len: self.len,
             element: PhantomData,
         }
@@ -154,6 +163,26 @@ impl<T: Pod> Buffer<T> {
     pub fn bytes(&self) -> u64 {
         (self.len * size_of::<T>()) as u64
     }
+
+    /// Bytes that a binding of it covers: whole words, and at least one.
+    pub(super) fn reach(&self) -> u64 {
+        self.bytes().max(4).next_multiple_of(4)
+    }
+
+    /// Some of its elements. Barriers take a part for the whole. To be bound to a kernel, a part begins at a
+    /// multiple of [`PART_ALIGNMENT`] elements.
+    pub fn part(&self, range: Range<usize>) -> Buffer<T> {
+        assert!(
+            range.start <= range.end && range.end <= self.len,
+            "{self:?} has no part {range:?}"
+        );
+        Buffer {
+            raw: self.raw.clone(),
+            offset: self.offset + (range.start * size_of::<T>()) as u64,
+            len: range.len(),
+            element: PhantomData,
+        }
+    }
 }
 
 impl Gpu {
@@ -167,6 +196,7 @@ impl Gpu {
         let raw = RawBuffer::new(self, name, bytes, MemoryLocation::GpuOnly)?;
         let buffer = Buffer {
             raw,
+            offset: 0,
             len,
             element: PhantomData,
         };

@@ -41,7 +41,7 @@ pub const REQUIRED: Required = Required {
     ],
     extensions: &[],
     push_constant_bytes: 128,
-    storage_buffers: 11,
+    storage_buffers: 13,
     shared_bytes: 16_384,
 };
 

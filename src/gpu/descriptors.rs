@@ -88,10 +88,11 @@ impl Arena {
         let mut images = vec![vk::DescriptorImageInfo::default(); slots.len()];
         for (i, slot) in slots.iter().enumerate() {
             match slot.kind {
-                SlotKind::Buffer(raw) => {
+                SlotKind::Buffer { raw, offset, bytes } => {
                     buffers[i] = vk::DescriptorBufferInfo::default()
                         .buffer(raw.handle)
-                        .range(raw.bytes);
+                        .offset(offset)
+                        .range(bytes);
                 }
                 SlotKind::Image(image) => {
                     images[i] = vk::DescriptorImageInfo::default()
@@ -111,7 +112,7 @@ impl Arena {
                     .dst_binding(binding.binding)
                     .descriptor_type(descriptor_type(binding.kind));
                 match slots[i].kind {
-                    SlotKind::Buffer(_) => write.buffer_info(std::slice::from_ref(&buffers[i])),
+                    SlotKind::Buffer { .. } => write.buffer_info(std::slice::from_ref(&buffers[i])),
                     SlotKind::Image(_) => write.image_info(std::slice::from_ref(&images[i])),
                 }
             })

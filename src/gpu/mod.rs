@@ -27,7 +27,7 @@ mod recorder;
 mod timing;
 mod transfer;
 
-pub use buffer::Buffer;
+pub use buffer::{Buffer, PART_ALIGNMENT};
 pub use caps::{Caps, DeviceKind};
 pub use create::{GpuOptions, REQUIRED, Required, devices};
 pub use device::Gpu;

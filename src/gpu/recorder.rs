@@ -26,14 +26,23 @@ pub struct Slot<'a> {
 
 #[derive(Clone, Copy)]
 pub(super) enum SlotKind<'a> {
-    Buffer(&'a Arc<RawBuffer>),
+    Buffer {
+        raw: &'a Arc<RawBuffer>,
+        offset: u64,
+        /// Bytes, never 0: an empty array is bound with the word that follows.
+        bytes: u64,
+    },
     Image(&'a Image),
 }
 
-impl<'a, T> From<&'a Buffer<T>> for Slot<'a> {
+impl<'a, T: Pod> From<&'a Buffer<T>> for Slot<'a> {
     fn from(buffer: &'a Buffer<T>) -> Slot<'a> {
         Slot {
-            kind: SlotKind::Buffer(&buffer.raw),
+            kind: SlotKind::Buffer {
+                raw: &buffer.raw,
+                offset: buffer.offset,
+                bytes: buffer.reach(),
+            },
         }
     }
 }
@@ -49,7 +58,7 @@ impl<'a> From<&'a Image> for Slot<'a> {
 impl Slot<'_> {
     fn id(&self) -> u64 {
         match self.kind {
-            SlotKind::Buffer(raw) => raw.handle.as_raw(),
+            SlotKind::Buffer { raw, .. } => raw.handle.as_raw(),
             SlotKind::Image(image) => image.image.as_raw(),
         }
     }
@@ -194,8 +203,8 @@ impl<'a> Recorder<'a> {
         };
         self.slot.keep(pipeline.0.clone());
         for slot in slots {
-            if let SlotKind::Buffer(buffer) = slot.kind {
-                self.slot.keep(buffer.clone());
+            if let SlotKind::Buffer { raw, .. } = slot.kind {
+                self.slot.keep(raw.clone());
             }
         }
         let device = &self.gpu.0.device;
@@ -217,7 +226,7 @@ impl<'a> Recorder<'a> {
         let limit = self.gpu.caps().max_groups;
         let [x, y, z] = match groups {
             Groups::Indirect(args, index) => {
-                let SlotKind::Buffer(raw) = args.kind else {
+                let SlotKind::Buffer { raw, offset, .. } = args.kind else {
                     return;
                 };
                 self.slot.keep(raw.clone());
@@ -227,7 +236,7 @@ impl<'a> Recorder<'a> {
                     self.gpu.0.device.cmd_dispatch_indirect(
                         self.commands,
                         raw.handle,
-                        12 * index as u64,
+                        offset + 12 * index as u64,
                     );
                 }
                 return;
@@ -249,6 +258,10 @@ impl<'a> Recorder<'a> {
 
     /// Sets every word of a buffer.
     pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) {
+        if buffer.is_empty() {
+            return;
+        }
+        let bytes = buffer.reach();
         self.access(&[(buffer.raw.handle.as_raw(), Access::Write)]);
         self.slot.keep(buffer.raw.clone());
         // SAFETY: the buffer is alive until the frame is done and its size is a multiple of four.
@@ -256,8 +269,8 @@ impl<'a> Recorder<'a> {
             self.gpu.0.device.cmd_fill_buffer(
                 self.commands,
                 buffer.raw.handle,
-                0,
-                buffer.raw.bytes,
+                buffer.offset,
+                bytes,
                 word,
             );
         }
@@ -278,9 +291,9 @@ impl<'a> Recorder<'a> {
         let size = size_of::<T>();
         self.copy_raw(
             &from.raw,
-            range.start * size,
+            from.offset as usize + range.start * size,
             &to.raw,
-            at * size,
+            to.offset as usize + at * size,
             range.len() * size,
         );
     }
@@ -325,7 +338,8 @@ impl<'a> Recorder<'a> {
         match self.slot.staging.take(&self.gpu, bytes.len()) {
             Ok((raw, offset)) => {
                 raw.write(offset, bytes);
-                self.copy_raw(&raw, offset, &buffer.raw, at * size_of::<T>(), bytes.len());
+                let to = buffer.offset as usize + at * size_of::<T>();
+                self.copy_raw(&raw, offset, &buffer.raw, to, bytes.len());
             }
             Err(error) => self.fail(error),
         }
@@ -345,7 +359,7 @@ impl<'a> Recorder<'a> {
         let (raw, offset) = self.slot.reading.take(&self.gpu, bytes)?;
         self.copy_raw(
             &buffer.raw,
-            range.start * size_of::<T>(),
+            buffer.offset as usize + range.start * size_of::<T>(),
             &raw,
             offset,
             bytes,

@@ -58,7 +58,8 @@ impl Timestamps {
         self.labels.push(label);
     }
 
-    /// What was timed and how long it took since the mark before, in nanoseconds. The frame must be done.
+    /// What was timed and how long it took since the mark before, in nanoseconds; marks of one label are added up.
+    /// The frame must be done.
     pub(super) fn read(&self) -> Result<Vec<(&'static str, f64)>> {
         let mut ticks = vec![0u64; self.labels.len()];
         if ticks.is_empty() {
@@ -77,7 +78,14 @@ impl Timestamps {
         let spans = ticks
             .windows(2)
             .map(|pair| pair[1].saturating_sub(pair[0]) as f64 * period);
-        Ok(self.labels[1..].iter().copied().zip(spans).collect())
+        let mut stages: Vec<(&'static str, f64)> = Vec::new();
+        for (&label, span) in self.labels[1..].iter().zip(spans) {
+            match stages.iter_mut().find(|(known, _)| *known == label) {
+                Some((_, sum)) => *sum += span,
+                None => stages.push((label, span)),
+            }
+        }
+        Ok(stages)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Finds each splat's ellipse, colour and depth on the screen, and how many tiles it touches.
 
-pub use super::generated::project::{Bindings, Choice, Kernel, Spec, Variant};
+pub use super::generated::project::{Bindings, Choice, Kernel, Params, Spec, Variant};
 use crate::Result;
 use crate::gpu::{Caps, Gpu, Groups, Recorder};
 
@@ -31,12 +31,9 @@ impl Project {
         }
     }
 
-    /// Records it over `count` splats.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, count: usize) {
-        self.kernel.record(
-            rec,
-            io,
-            Groups::Count((count as u32).div_ceil(self.workgroup)),
-        );
+    /// Records it over `params.splat_count` splats.
+    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params) {
+        let groups = Groups::Count(params.splat_count.div_ceil(self.workgroup));
+        self.kernel.record(rec, io, params, groups);
     }
 }

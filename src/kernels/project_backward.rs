@@ -31,13 +31,9 @@ impl ProjectBackward {
         }
     }
 
-    /// Records it over `count` splats.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, count: usize) {
-        self.kernel.record(
-            rec,
-            io,
-            params,
-            Groups::Count((count as u32).div_ceil(self.workgroup)),
-        );
+    /// Records it over `params.splat_count` splats.
+    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params) {
+        let groups = Groups::Count(params.splat_count.div_ceil(self.workgroup));
+        self.kernel.record(rec, io, params, groups);
     }
 }

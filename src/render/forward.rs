@@ -68,8 +68,8 @@ impl Forward {
         })
     }
 
-    /// Records a frame of the first `view.splat_count` splats with harmonics up to `sh_degree`. The failed
-    /// flag in `scratch.counts` is honoured, never cleared.
+    /// Records a frame with harmonics up to `sh_degree`. The failed flag in `scratch.counts` is honoured, never
+    /// cleared.
     pub fn record(
         &self,
         rec: &mut Recorder<'_>,
@@ -79,20 +79,11 @@ impl Forward {
         sh_degree: u32,
     ) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
-        let count = view.splat_count as usize;
+        let count = model.splat_count;
         let s = scratch;
         rec.update(&s.view, 0, &[*view]);
-        rec.update(&s.counts, COUNT_SPLAT as usize, &[view.splat_count]);
-        self.project[sh_degree as usize].record(
-            rec,
-            project::Bindings {
-                view: &s.view,
-                params: &model.params,
-                splat2d: &s.splat2d,
-                tile_count_from_splat: &s.tile_count_from_splat,
-            },
-            count,
-        );
+        rec.update(&s.counts, COUNT_SPLAT as usize, &[count as u32]);
+        self.project(rec, model, s, sh_degree);
         rec.timestamp("project");
         self.order_by_depth(rec, s, count, tiles);
         rec.timestamp("sort_depth");
@@ -107,7 +98,9 @@ impl Forward {
                 range_from_tile: &s.range_from_tile,
                 source_from_isect: &s.by_tile.values[sorted],
                 splat_from_source: &s.splat_from_source,
-                splat2d: &s.splat2d,
+                shape_from_splat: &s.shape_from_splat,
+                tone_from_splat: &s.tone_from_splat,
+                rest_from_splat: &s.rest_from_splat,
                 image: &s.image,
                 depth: &s.depth,
                 end_from_pixel: &s.end_from_pixel,
@@ -118,6 +111,27 @@ impl Forward {
             tiles,
         );
         rec.timestamp("rasterize");
+    }
+
+    /// Every splat to the screen, block by block.
+    fn project(&self, rec: &mut Recorder<'_>, model: &Model, s: &Scratch, sh_degree: u32) {
+        for block in model.blocks.of(model.splat_count) {
+            self.project[sh_degree as usize].record(
+                rec,
+                project::Bindings {
+                    view: &s.view,
+                    params: &model.params[block.index],
+                    shape_from_splat: &s.shape_from_splat.part(block.splats()),
+                    tone_from_splat: &s.tone_from_splat.part(block.splats()),
+                    rest_from_splat: &s.rest_from_splat.part(block.splats()),
+                    tile_count_from_splat: &s.tile_count_from_splat.part(block.splats()),
+                },
+                project::Params {
+                    splat_count: block.count as u32,
+                    stride: block.stride as u32,
+                },
+            );
+        }
     }
 
     /// Which of `by_tile` holds the sorted list of an image of so many tiles.
@@ -166,7 +180,7 @@ impl Forward {
                 counts: &s.counts,
                 tile_count_from_splat: &s.tile_count_from_splat,
                 visible_from_splat: &s.visible_from_splat,
-                splat2d: &s.splat2d,
+                rest_from_splat: &s.rest_from_splat,
                 depth_from_visible: &s.by_depth.keys[0],
                 splat_from_visible: &s.by_depth.values[0],
             },
@@ -213,7 +227,8 @@ impl Forward {
                 splat_from_rank: &s.by_depth.values[0],
                 isect_from_rank: &s.isect_from_rank,
                 tile_count_from_splat: &s.tile_count_from_splat,
-                splat2d: &s.splat2d,
+                shape_from_splat: &s.shape_from_splat,
+                tone_from_splat: &s.tone_from_splat,
                 tile_from_isect: &s.by_tile.keys[0],
                 source_from_isect: &s.by_tile.values[0],
                 splat_from_source: &s.splat_from_source,

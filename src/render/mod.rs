@@ -5,6 +5,7 @@
 //! **Invariant:** `Renderer::record` never submits, waits, reads this frame back, or allocates once warm.
 
 mod accuracy;
+mod blocks;
 mod forward;
 mod model;
 mod renderer;
@@ -12,6 +13,7 @@ mod scratch;
 mod view;
 
 pub use accuracy::Accuracy;
+pub use blocks::{Block, Blocks};
 pub(crate) use forward::check_lists;
 pub use forward::{Forward, tile_stride};
 pub use model::{Model, plane_count, planes_from_splats};

@@ -278,7 +278,7 @@ fn record_frame(
     sh_degree: u32,
 ) {
     rec.fill(&scratch.counts, 0);
-    let view = view_of(camera, view, model.splat_count, model.stride);
+    let view = view_of(camera, view);
     forward.record(rec, model, scratch, &view, sh_degree.min(model.sh_degree));
 }
 

@@ -18,8 +18,8 @@ pub struct ViewOptions {
     pub mode: RenderMode,
 }
 
-/// The shader's view of `splat_count` splats whose parameter planes lie `stride` apart.
-pub fn view_of(camera: &Camera, options: &ViewOptions, splat_count: usize, stride: usize) -> View {
+/// The shader's view of a scene.
+pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
     let size = [camera.width, camera.height];
     let limits = |axis: usize| {
         let (extent, focal, center) = (
@@ -48,8 +48,6 @@ pub fn view_of(camera: &Camera, options: &ViewOptions, splat_count: usize, strid
             RenderMode::Mip => 0.1,
         },
         compensate: (options.mode == RenderMode::Mip).into(),
-        splat_count: splat_count as u32,
-        stride: stride as u32,
         background: options.background,
     }
 }

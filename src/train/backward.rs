@@ -10,7 +10,7 @@ use crate::kernels::{
     adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
 };
 use crate::layout::View;
-use crate::render::{Forward, Scratch, plane_count, tile_stride};
+use crate::render::{Block, Forward, Scratch, plane_count, tile_stride};
 
 /// The value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
 const ALPHA_MASKS: u32 = 1;
@@ -106,8 +106,12 @@ impl Backward {
         step: &Step<'_>,
     ) {
         self.record_loss(rec, scratch, gradients, photo, step);
-        self.record_gradients(rec, state, scratch, gradients, step);
-        self.record_update(rec, state, scratch, step);
+        self.record_rasterize(rec, scratch, gradients, step);
+        // Block by block: gradients of one block are all that have to exist at a time.
+        for block in state.model.blocks.of(state.model.splat_count) {
+            self.record_project(rec, state, scratch, gradients, step, block);
+            self.record_update(rec, state, scratch, step, block);
+        }
     }
 
     fn record_loss(
@@ -170,10 +174,9 @@ impl Backward {
         rec.timestamp("loss_backward");
     }
 
-    fn record_gradients(
+    fn record_rasterize(
         &self,
         rec: &mut Recorder<'_>,
-        state: &DeviceState,
         s: &Scratch,
         g: &Gradients,
         step: &Step<'_>,
@@ -186,7 +189,9 @@ impl Backward {
                 range_from_tile: &s.range_from_tile,
                 source_from_isect: &s.by_tile.values[Forward::sorted_index(tiles)],
                 splat_from_source: &s.splat_from_source,
-                splat2d: &s.splat2d,
+                shape_from_splat: &s.shape_from_splat,
+                tone_from_splat: &s.tone_from_splat,
+                rest_from_splat: &s.rest_from_splat,
                 image: &s.image,
                 d_image: &g.d_image,
                 end_from_pixel: &s.end_from_pixel,
@@ -200,29 +205,44 @@ impl Backward {
             tiles,
         );
         rec.timestamp("rasterize_backward");
+    }
+
+    fn record_project(
+        &self,
+        rec: &mut Recorder<'_>,
+        state: &DeviceState,
+        s: &Scratch,
+        g: &Gradients,
+        step: &Step<'_>,
+        block: Block,
+    ) {
         let [opacity, scale] = schedule::regularization(step.config, step.extent);
         let count = state.model.splat_count;
+        let splats = block.splats();
         self.project[step.sh_degree as usize].record(
             rec,
             project_backward::Bindings {
                 view: &s.view,
                 counts: &s.counts,
-                params: &state.model.params,
-                tile_count_from_splat: &s.tile_count_from_splat,
-                source_from_splat: &s.source_from_splat,
-                splat2d: &s.splat2d,
+                params: &state.model.params[block.index],
+                tile_count_from_splat: &s.tile_count_from_splat.part(splats.clone()),
+                source_from_splat: &s.source_from_splat.part(splats.clone()),
+                shape_from_splat: &s.shape_from_splat.part(splats.clone()),
+                tone_from_splat: &s.tone_from_splat.part(splats.clone()),
+                rest_from_splat: &s.rest_from_splat.part(splats.clone()),
                 d_shape_from_source: &g.d_shape_from_source,
                 d_tone_from_source: &g.d_tone_from_source,
                 d_rest_from_source: &g.d_rest_from_source,
-                d_params: &state.gradients,
-                statistics: &state.statistics,
+                d_params: state.gradients(block),
+                statistics: &state.statistics.part(splats),
             },
-            // Means over splats, and over axes.
+            // Means over all splats, and over axes.
             project_backward::Params {
+                splat_count: block.count as u32,
+                stride: block.stride as u32,
                 opacity_penalty: opacity / count as f32,
                 scale_penalty: scale / (3 * count) as f32,
             },
-            count,
         );
         rec.timestamp("project_backward");
     }
@@ -233,6 +253,7 @@ impl Backward {
         state: &DeviceState,
         s: &Scratch,
         step: &Step<'_>,
+        block: Block,
     ) {
         let Step {
             config,
@@ -242,15 +263,15 @@ impl Backward {
         } = *step;
         let rates = schedule::rates(config, extent, iteration);
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);
-        let (splat_count, stride) = (state.model.splat_count as u32, state.model.stride as u32);
+        let (splat_count, stride) = (block.count as u32, block.stride as u32);
         self.adam.record(
             rec,
             adam::Bindings {
                 counts: &s.counts,
-                d_params: &state.gradients,
-                params: &state.model.params,
-                moment1: &state.moment1,
-                moment2: &state.moment2,
+                d_params: state.gradients(block),
+                params: &state.model.params[block.index],
+                moment1: &state.moment1[block.index],
+                moment2: &state.moment2[block.index],
             },
             adam::Params {
                 splat_count,
@@ -276,16 +297,17 @@ impl Backward {
                 rec,
                 perturb::Bindings {
                     counts: &s.counts,
-                    params: &state.model.params,
+                    params: &state.model.params[block.index],
                 },
                 perturb::Params {
+                    first_splat: block.first as u32,
                     splat_count,
                     stride,
                     seed: (config.seed ^ (config.seed >> 32)) as u32,
                     step: iteration,
                     amplitude,
                 },
-                state.model.splat_count,
+                block.count,
             );
         }
         rec.timestamp("adam");

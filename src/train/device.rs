@@ -3,7 +3,7 @@
 use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::render::{Model, plane_count};
+use crate::render::{Block, Blocks, Model};
 use crate::scene::RenderMode;
 
 /// Parameters, gradients and moments in planes of vec4, and the statistics density control reads.
@@ -11,9 +11,10 @@ use crate::scene::RenderMode;
 pub(crate) struct DeviceState {
     /// The parameters, as rendering takes them.
     pub(crate) model: Model,
-    pub(crate) gradients: Buffer<[f32; 4]>,
-    pub(crate) moment1: Buffer<[f32; 4]>,
-    pub(crate) moment2: Buffer<[f32; 4]>,
+    /// Of every block where they are kept for someone to see, else of the one at hand.
+    gradients: Vec<Buffer<[f32; 4]>>,
+    pub(crate) moment1: Vec<Buffer<[f32; 4]>>,
+    pub(crate) moment2: Vec<Buffer<[f32; 4]>>,
     pub(crate) statistics: Buffer<[f32; 4]>,
 }
 
@@ -21,34 +22,37 @@ pub(crate) struct DeviceState {
 const HEADROOM: f64 = 1.25;
 
 impl DeviceState {
-    /// The most splats of a degree that one binding of the device holds.
+    /// The most splats of a degree that the device has room for: what one binding reaches of the arrays that hold
+    /// a vec4 for every splat, and parameters with their moments within its memory.
     pub(crate) fn splat_limit(gpu: &Gpu, sh_degree: u32) -> usize {
         let range = gpu.caps().max_storage_range.min(gpu.caps().max_allocation);
-        (range / (16 * plane_count(sh_degree) as u64)) as usize
+        let planes = Blocks::new(gpu.caps(), 1, sh_degree).planes as u64;
+        let by_binding = range / 16;
+        let by_memory = gpu.memory_limit() / (3 * 16 * planes);
+        usize::try_from(by_binding.min(by_memory)).unwrap_or(usize::MAX)
     }
 
     /// Allocates for at least `state.len()` splats, to be drawn in `mode`, and copies them there; statistics
     /// start at 0.
     pub(crate) fn new(gpu: &Gpu, state: &HostState, mode: RenderMode) -> Result<DeviceState> {
         let limit = DeviceState::splat_limit(gpu, state.sh_degree);
-        let stride = ((state.len() as f64 * HEADROOM) as usize)
+        let room = ((state.len() as f64 * HEADROOM) as usize)
             .min(limit)
             .max(state.len())
             .max(1);
-        let len = stride * plane_count(state.sh_degree);
-        let params = gpu.buffer("params", len)?;
+        let blocks = Blocks::new(gpu.caps(), room, state.sh_degree);
         let mut device = DeviceState {
             model: Model {
-                params,
+                params: blocks.buffers(gpu, "params")?,
+                blocks,
                 splat_count: 0,
-                stride,
                 sh_degree: state.sh_degree,
                 mode,
             },
-            gradients: gpu.buffer("gradients", len)?,
-            moment1: gpu.buffer("moment1", len)?,
-            moment2: gpu.buffer("moment2", len)?,
-            statistics: gpu.buffer("statistics", stride)?,
+            gradients: vec![gpu.buffer("gradients", blocks.stride(0) * blocks.planes)?],
+            moment1: blocks.buffers(gpu, "moment1")?,
+            moment2: blocks.buffers(gpu, "moment2")?,
+            statistics: gpu.buffer("statistics", room)?,
         };
         device.fill(gpu, state)?;
         Ok(device)
@@ -56,33 +60,50 @@ impl DeviceState {
 
     /// Replaces the state, in new buffers only if it does not fit.
     pub(crate) fn replace(&mut self, gpu: &Gpu, state: &HostState) -> Result<()> {
-        if state.len() <= self.model.stride {
+        if state.len() <= self.model.blocks.room {
             return self.fill(gpu, state);
         }
         *self = DeviceState::new(gpu, state, self.model.mode)?;
         Ok(())
     }
 
+    /// Where a block's gradients go.
+    pub(crate) fn gradients(&self, block: Block) -> &Buffer<[f32; 4]> {
+        &self.gradients[block.index.min(self.gradients.len() - 1)]
+    }
+
+    /// Gives every block gradients of its own, so that all of a step's can be seen.
+    pub(crate) fn keep_gradients(&mut self, gpu: &Gpu) -> Result<()> {
+        self.gradients = self.model.blocks.buffers(gpu, "gradients")?;
+        Ok(())
+    }
+
     fn fill(&mut self, gpu: &Gpu, state: &HostState) -> Result<()> {
         self.model.splat_count = state.len();
-        let stride = self.model.stride;
-        for (buffer, planes) in [
-            (&self.model.params, &state.params),
-            (&self.moment1, &state.m),
-            (&self.moment2, &state.v),
-        ] {
-            for (i, plane) in planes.iter().enumerate() {
-                gpu.upload(buffer, i * stride, plane)?;
+        for block in self.model.blocks.of(state.len()) {
+            for (buffers, planes) in [
+                (&self.model.params, &state.params),
+                (&self.moment1, &state.m),
+                (&self.moment2, &state.v),
+            ] {
+                for (i, plane) in planes.iter().enumerate() {
+                    let at = block.plane(i).start;
+                    gpu.upload(&buffers[block.index], at, &plane[block.splats()])?;
+                }
             }
         }
         gpu.run(|rec| rec.fill(&self.statistics, 0))
     }
 
-    fn planes(&self, gpu: &Gpu, buffer: &Buffer<[f32; 4]>) -> Result<Planes> {
-        let (count, stride) = (self.model.splat_count, self.model.stride);
-        (0..plane_count(self.model.sh_degree))
-            .map(|plane| gpu.download(buffer, plane * stride..plane * stride + count))
-            .collect()
+    fn planes(&self, gpu: &Gpu, buffers: &[Buffer<[f32; 4]>]) -> Result<Planes> {
+        let (blocks, count) = (self.model.blocks, self.model.splat_count);
+        let mut planes = vec![Vec::with_capacity(count); blocks.planes];
+        for block in blocks.of(count) {
+            for (i, plane) in planes.iter_mut().enumerate() {
+                plane.extend(gpu.download(&buffers[block.index], block.plane(i))?);
+            }
+        }
+        Ok(planes)
     }
 
     /// Copies parameters and moments to the host.
@@ -95,8 +116,13 @@ impl DeviceState {
         })
     }
 
-    /// Copies the last step's gradients to the host.
+    /// Copies the last step's gradients to the host, which must have been kept.
     pub(crate) fn download_gradients(&self, gpu: &Gpu) -> Result<Planes> {
+        assert_eq!(
+            self.gradients.len(),
+            self.model.blocks.count(),
+            "gradients were not kept"
+        );
         self.planes(gpu, &self.gradients)
     }
 

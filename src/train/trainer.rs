@@ -235,7 +235,7 @@ impl<'a> Trainer<'a> {
             mode: self.config.mode,
         };
         let model = &self.state.model;
-        let view = view_of(camera, &options, model.splat_count, model.stride);
+        let view = view_of(camera, &options);
         let step = Step {
             config: &self.config,
             iteration,
@@ -336,7 +336,7 @@ impl<'a> Trainer<'a> {
             adc_reset(&mut state, self.config.adc.opacity_reset_value);
         }
         self.state.replace(&self.gpu, &state)?;
-        let splats = self.state.model.stride;
+        let splats = self.state.model.blocks.room;
         if splats > self.scratch.capacity.splats {
             self.grow(Capacity {
                 splats,
@@ -357,7 +357,7 @@ fn smooth(state: &mut HostState, dataset: &Dataset, config: &TrainConfig) {
     }
 }
 
-/// No more splats than one binding of the device holds.
+/// No more splats than the device has room for.
 fn limit_splats(gpu: &Gpu, config: &mut TrainConfig) {
     let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
     config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));

@@ -6,9 +6,9 @@
     reason = "shared by test binaries, each of which uses its own part"
 )]
 
-use crate::pack;
+use crate::pack::{self, Splat2d};
 use crate::scenes::Scene;
-use ashfall::layout::{Splat2d, View};
+use ashfall::layout::View;
 use ashfall::reference::expand::{Isect, expand};
 use ashfall::reference::frame::project_all;
 use ashfall::reference::ranges::ranges;
@@ -17,13 +17,13 @@ use ashfall::reference::{Cuts, ScreenSplat, Splat, Viewpoint};
 use ashfall::render::{ViewOptions, view_of};
 
 /// The camera as kernels read it.
-pub fn view(scene: &Scene, stride: usize) -> View {
+pub fn view(scene: &Scene) -> View {
     let options = ViewOptions {
         background: scene.options.background.map(|c| c as f32),
         near: scene.options.near as f32,
         mode: scene.splats.mode,
     };
-    view_of(&scene.camera, &options, scene.splats.len(), stride)
+    view_of(&scene.camera, &options)
 }
 
 /// The camera as the oracle reads it.
@@ -71,7 +71,7 @@ impl Lists {
         let nothing = Splat2d {
             shape: [f32::NAN; 4],
             tone: [f32::NAN; 4],
-            rest: [f32::NAN; 4],
+            rest: [f32::NAN; 2],
         };
         Lists {
             range_from_tile: ranges(&sorted, grid.len()),

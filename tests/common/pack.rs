@@ -6,7 +6,7 @@
     reason = "shared by test binaries, each of which uses its own part"
 )]
 
-use ashfall::layout::{Splat2d, WHITEN};
+use ashfall::layout::WHITEN;
 use ashfall::reference::gradient::SplatGradients;
 use ashfall::reference::project::determinant;
 use ashfall::reference::rasterize_backward::ScreenGradient;
@@ -20,7 +20,30 @@ fn whitening(splat: &ScreenSplat<f64>) -> (f64, f64, f64) {
     (1.0 / xx.sqrt(), q, xy / xx)
 }
 
-/// A splat on the screen as compositing reads it, in double precision: shape, tone, rest.
+/// A splat on the screen as compositing reads it; the device keeps each part in an array of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Splat2d {
+    /// Mean in pixels, slope, log2 of the opacity.
+    pub shape: [f32; 4],
+    /// Whitening factors, red, green.
+    pub tone: [f32; 4],
+    /// Blue, depth.
+    pub rest: [f32; 2],
+}
+
+/// The device's arrays: shapes, tones, rests.
+pub type Arrays = (Vec<[f32; 4]>, Vec<[f32; 4]>, Vec<[f32; 2]>);
+
+/// Splats as the device keeps them.
+pub fn arrays(records: &[Splat2d]) -> Arrays {
+    (
+        records.iter().map(|r| r.shape).collect(),
+        records.iter().map(|r| r.tone).collect(),
+        records.iter().map(|r| r.rest).collect(),
+    )
+}
+
+/// A splat on the screen as compositing reads it, in double precision: shape, tone; blue and depth first in rest.
 pub fn splat2d_values(splat: &ScreenSplat<f64>) -> [[f64; 4]; 3] {
     let (p, q, slope) = whitening(splat);
     let whiten = f64::from(WHITEN);
@@ -34,13 +57,18 @@ pub fn splat2d_values(splat: &ScreenSplat<f64>) -> [[f64; 4]; 3] {
 
 /// The same, rounded for the device.
 pub fn splat2d(splat: &ScreenSplat<f64>) -> Splat2d {
-    let [shape, tone, rest] = splat2d_values(splat).map(|v| v.map(|x| x as f32));
-    Splat2d { shape, tone, rest }
+    let [shape, tone, [blue, depth, ..]] = splat2d_values(splat).map(|v| v.map(|x| x as f32));
+    Splat2d {
+        shape,
+        tone,
+        rest: [blue, depth],
+    }
 }
 
 /// The splat that the device sees in a record.
 pub fn screen_splat(record: &Splat2d) -> ScreenSplat<f64> {
-    let [shape, tone, rest] = [record.shape, record.tone, record.rest].map(|v| v.map(f64::from));
+    let [shape, tone] = [record.shape, record.tone].map(|v| v.map(f64::from));
+    let rest = record.rest.map(f64::from);
     let whiten = f64::from(WHITEN);
     let xx = (whiten / tone[0]).powi(2);
     let y_given_x = (whiten / tone[1]).powi(2);

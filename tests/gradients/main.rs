@@ -88,6 +88,7 @@ fn step_smoothed(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Stepped {
         row[3] = filter;
     }
     let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), &state, BEGUN).unwrap();
+    trainer.keep_gradients().unwrap();
     trainer.step().unwrap();
     let gradients = trainer.gradients().unwrap();
     let image = trainer.image().unwrap();

@@ -4,7 +4,7 @@ use crate::check::*;
 use crate::scenes::Random;
 use crate::{LENGTHS, device, supported};
 use ashfall::kernels::compact::{Bindings, Choice, Compact, Spec};
-use ashfall::layout::{COUNT_SPLAT, Splat2d};
+use ashfall::layout::COUNT_SPLAT;
 use ashfall::reference::scan::scan;
 
 /// Tile counts of `len` splats: none, all or some of them visible.
@@ -33,20 +33,16 @@ fn the_visible_are_listed_in_order() {
                     let depths: Vec<f32> = (0..len)
                         .map(|_| random.log_between(1e-30, 1e30) as f32)
                         .collect();
-                    let record = |&depth: &f32| Splat2d {
-                        rest: [0.0, depth, 0.0, 0.0],
-                        ..Splat2d::default()
-                    };
                     let flags: Vec<u32> = tiles.iter().map(|&t| t.min(1)).collect();
                     let (offsets, _) = scan(&flags);
                     let keys = unwritten::<u32>(&gpu, len + 1);
                     let values = unwritten::<u32>(&gpu, len + 1);
-                    let records: Vec<Splat2d> = depths.iter().map(record).collect();
+                    let rests: Vec<[f32; 2]> = depths.iter().map(|&depth| [0.0, depth]).collect();
                     let io = Bindings {
                         counts: &counts(&gpu, &[(COUNT_SPLAT, len as u32)]),
                         tile_count_from_splat: &buffer(&gpu, &tiles),
                         visible_from_splat: &buffer(&gpu, &offsets),
-                        splat2d: &buffer(&gpu, &records),
+                        rest_from_splat: &buffer(&gpu, &rests),
                         depth_from_visible: &keys,
                         splat_from_visible: &values,
                     };

@@ -2,9 +2,9 @@
 
 use crate::check::*;
 use crate::lists::{Lists, view};
-use crate::{device, scenes, supported};
+use crate::{device, pack, scenes, supported};
 use ashfall::kernels::expand::{Bindings, Choice, Expand, Spec};
-use ashfall::layout::{COUNT_VISIBLE, Splat2d};
+use ashfall::layout::COUNT_VISIBLE;
 use ashfall::reference::Cuts;
 use ashfall::reference::frame::depth_order;
 use ashfall::reference::tiles::{alpha_at_pixels, alpha_max};
@@ -61,13 +61,15 @@ fn every_tile_with_a_pixel_is_listed_and_few_others() {
                 let sources = unwritten::<u32>(&gpu, total + 1);
                 let owners = unwritten::<u32>(&gpu, total + 1);
                 let firsts = unwritten::<u32>(&gpu, scene.splats.len());
+                let (shapes, tones, _) = pack::arrays(&lists.records);
                 let io = Bindings {
-                    view: &buffer(&gpu, &[view(&scene, scene.splats.len())]),
+                    view: &buffer(&gpu, &[view(&scene)]),
                     counts: &counts(&gpu, &[(COUNT_VISIBLE, order.len() as u32)]),
                     splat_from_rank: &buffer(&gpu, &order),
                     isect_from_rank: &buffer(&gpu, &begins),
                     tile_count_from_splat: &buffer(&gpu, &counts_by_splat),
-                    splat2d: &buffer(&gpu, &lists.records),
+                    shape_from_splat: &buffer(&gpu, &shapes),
+                    tone_from_splat: &buffer(&gpu, &tones),
                     tile_from_isect: &listed,
                     source_from_isect: &sources,
                     splat_from_source: &owners,
@@ -134,15 +136,11 @@ fn a_splat_may_cover_more_tiles_than_a_driver_runs_loops() {
     let gpu = device::gpu();
     let kernel = Expand::new(&gpu, Choice::default()).unwrap();
     let scene = scenes::gentle(9, 1, 8192, 1200, 0);
-    let view = view(&scene, 1);
+    let view = view(&scene);
     let tiles = view.tiles[0] * view.tiles[1];
     assert!(tiles > 65_535);
     // Ten thousand pixels wide, about the middle.
-    let record = Splat2d {
-        shape: [4096.0, 600.0, 0.0, -0.1],
-        tone: [1e-4, 1e-4, 0.5, 0.5],
-        rest: [0.5, 1.0, 0.0, 0.0],
-    };
+    let (shape, tone): ([f32; 4], [f32; 4]) = ([4096.0, 600.0, 0.0, -0.1], [1e-4, 1e-4, 0.5, 0.5]);
     let listed = unwritten::<u32>(&gpu, tiles as usize);
     let io = Bindings {
         view: &buffer(&gpu, &[view]),
@@ -150,7 +148,8 @@ fn a_splat_may_cover_more_tiles_than_a_driver_runs_loops() {
         splat_from_rank: &buffer(&gpu, &[0]),
         isect_from_rank: &buffer(&gpu, &[0]),
         tile_count_from_splat: &buffer(&gpu, &[tiles]),
-        splat2d: &buffer(&gpu, &[record]),
+        shape_from_splat: &buffer(&gpu, &[shape]),
+        tone_from_splat: &buffer(&gpu, &[tone]),
         tile_from_isect: &listed,
         source_from_isect: &unwritten(&gpu, tiles as usize),
         splat_from_source: &unwritten(&gpu, tiles as usize),

@@ -11,6 +11,8 @@ use ashfall::render::planes_from_splats;
 
 const SEED: u32 = 0xdead_beef;
 const STEP: u32 = 12_345;
+/// The number of the first splat.
+const FIRST: u32 = 262_144;
 const AMPLITUDE: f32 = 40.0;
 
 /// Splats whose opacity lies around the one at which the noise fades.
@@ -53,6 +55,7 @@ fn means_move_by_noise_of_their_splats_shape() {
                     params: &values,
                 };
                 let params = Params {
+                    first_splat: FIRST,
                     splat_count: count as u32,
                     stride: count as u32,
                     seed: SEED,
@@ -77,7 +80,7 @@ fn means_move_by_noise_of_their_splats_shape() {
                         continue;
                     }
                     let s = Splat::<f64>::of(&scene.splats, i);
-                    let xi = normals(SEED, STEP, i as u32);
+                    let xi = normals(SEED, STEP, FIRST + i as u32);
                     let strength = f64::from(AMPLITUDE);
                     let (rotation, scale) = (s.quaternion, s.log_scale);
                     let mean = perturb(s.mean, rotation, scale, s.opacity_logit, xi, strength);

@@ -2,9 +2,10 @@
 
 use crate::check::*;
 use crate::lists::{view, viewpoint};
+use crate::pack::Splat2d;
 use crate::{device, pack, scenes, supported};
-use ashfall::kernels::project::{Bindings, Choice, Project, Spec};
-use ashfall::layout::Splat2d;
+use ashfall::gpu::Gpu;
+use ashfall::kernels::project::{Bindings, Choice, Params, Project, Spec};
 use ashfall::reference::project::margins;
 use ashfall::reference::smoothing::smoothed;
 use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
@@ -138,6 +139,42 @@ fn outputs(
     ]
 }
 
+/// What the kernel makes of a scene with these parameters: records and tile counts.
+fn run(
+    gpu: &Gpu,
+    kernel: &Project,
+    scene: &Scene,
+    planes: &[[f32; 4]],
+) -> (Vec<Splat2d>, Vec<u32>) {
+    let count = scene.splats.len();
+    let shapes = unwritten::<[f32; 4]>(gpu, count);
+    let tones = unwritten::<[f32; 4]>(gpu, count);
+    let rests = unwritten::<[f32; 2]>(gpu, count);
+    let tiles = unwritten::<u32>(gpu, count + 1);
+    let io = Bindings {
+        view: &buffer(gpu, &[view(scene)]),
+        params: &buffer(gpu, planes),
+        shape_from_splat: &shapes,
+        tone_from_splat: &tones,
+        rest_from_splat: &rests,
+        tile_count_from_splat: &tiles,
+    };
+    let params = Params {
+        splat_count: count as u32,
+        stride: count as u32,
+    };
+    gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+    let mut tiles = read(gpu, &tiles);
+    assert_eq!(tiles.pop(), Some(UNWRITTEN), "wrote past the end");
+    let (shapes, tones, rests) = (read(gpu, &shapes), read(gpu, &tones), read(gpu, &rests));
+    let records = (0..count).map(|i| Splat2d {
+        shape: shapes[i],
+        tone: tones[i],
+        rest: rests[i],
+    });
+    (records.collect(), tiles)
+}
+
 #[test]
 fn splats_are_projected() {
     let gpu = device::gpu();
@@ -153,20 +190,9 @@ fn splats_are_projected() {
                 let kernel = Project::new(&gpu, Choice { variant, spec }).unwrap();
                 for (name, scene, filters) in cases(sh_degree) {
                     let count = scene.splats.len();
-                    let records = unwritten::<Splat2d>(&gpu, count);
-                    let tiles = unwritten::<u32>(&gpu, count + 1);
                     let mut planes = planes_from_splats(&scene.splats);
                     pack::set_filters(&mut planes, &filters);
-                    let io = Bindings {
-                        view: &buffer(&gpu, &[view(&scene, count)]),
-                        params: &buffer(&gpu, &planes),
-                        splat2d: &records,
-                        tile_count_from_splat: &tiles,
-                    };
-                    gpu.run(|rec| kernel.record(rec, io, count)).unwrap();
-                    let tiles = read(&gpu, &tiles);
-                    assert_eq!(tiles[count], UNWRITTEN, "{name}: wrote past the end");
-                    let records = read(&gpu, &records);
+                    let (records, tiles) = run(&gpu, &kernel, &scene, &planes);
                     let case = format!("{name}, degree {sh_degree}");
                     let outputs = outputs(&scene, &filters, &records, &tiles[..count]);
                     check.outputs(&case, outputs);
@@ -183,19 +209,7 @@ fn poison_is_not_drawn_and_harms_nobody() {
     let kernel = Project::new(&gpu, Choice::default()).unwrap();
     let scene = scenes::gentle(9, 3, 33, 47, 3);
     let clean = planes_from_splats(&scene.splats);
-    let view = buffer(&gpu, &[view(&scene, 3)]);
-    let run = |planes: &[[f32; 4]]| {
-        let records = unwritten::<Splat2d>(&gpu, 3);
-        let tiles = unwritten::<u32>(&gpu, 3);
-        let io = Bindings {
-            view: &view,
-            params: &buffer(&gpu, planes),
-            splat2d: &records,
-            tile_count_from_splat: &tiles,
-        };
-        gpu.run(|rec| kernel.record(rec, io, 3)).unwrap();
-        (read(&gpu, &records), read(&gpu, &tiles))
-    };
+    let run = |planes: &[[f32; 4]]| run(&gpu, &kernel, &scene, planes);
     let (records, tiles) = run(&clean);
     let places = (0..clean.len() / 3).map(|plane| (plane, plane % 3));
     // The smoothing filter; one that is no number is none.
@@ -212,9 +226,10 @@ fn poison_is_not_drawn_and_harms_nobody() {
                 !drawn || poison.is_finite() || lane == 3,
                 "{poison:e} in plane {plane} is drawn"
             );
-            let sound = floats(&[found[1]]).iter().all(|x| x.is_finite());
+            let Splat2d { shape, tone, rest } = found[1];
+            let sound = [&shape[..], &tone, &rest].concat();
             assert!(
-                !drawn || sound,
+                !drawn || sound.iter().all(|x| x.is_finite()),
                 "{poison:e} in plane {plane}: {:?}",
                 found[1]
             );

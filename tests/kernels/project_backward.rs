@@ -2,11 +2,12 @@
 
 use crate::check::*;
 use crate::lists::{view, viewpoint};
+use crate::pack::Splat2d;
 use crate::scenes::{self, Random, Scene};
 use crate::{device, pack, supported};
 use ashfall::gpu::Gpu;
 use ashfall::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward, Spec};
-use ashfall::layout::{COUNT_FAILED, Splat2d, WHITEN};
+use ashfall::layout::{COUNT_FAILED, WHITEN};
 use ashfall::reference::project::{determinant, margins};
 use ashfall::reference::project_backward::penalty_backward;
 use ashfall::reference::smoothing::{smoothed, smoothed_backward};
@@ -136,13 +137,16 @@ fn run(
     pack::set_filters(&mut planes, &case.filters);
     let gradients = unwritten::<[f32; 4]>(gpu, planes.len() + 1);
     let statistics = buffer(gpu, &vec![SEEN; count]);
+    let (shapes, tones, rests) = pack::arrays(&case.records);
     let io = Bindings {
-        view: &buffer(gpu, &[view(scene, count)]),
+        view: &buffer(gpu, &[view(scene)]),
         counts: &counts(gpu, &[(COUNT_FAILED, failed)]),
         params: &buffer(gpu, &planes),
         tile_count_from_splat: &buffer(gpu, &case.tile_counts),
         source_from_splat: &buffer(gpu, &case.begins),
-        splat2d: &buffer(gpu, &case.records),
+        shape_from_splat: &buffer(gpu, &shapes),
+        tone_from_splat: &buffer(gpu, &tones),
+        rest_from_splat: &buffer(gpu, &rests),
         d_shape_from_source: &buffer(gpu, &case.shape),
         d_tone_from_source: &buffer(gpu, &case.tone),
         d_rest_from_source: &buffer(gpu, &case.rest),
@@ -150,11 +154,12 @@ fn run(
         statistics: &statistics,
     };
     let params = Params {
+        splat_count: count as u32,
+        stride: count as u32,
         opacity_penalty: OPACITY_PENALTY,
         scale_penalty: SCALE_PENALTY,
     };
-    gpu.run(|rec| kernel.record(rec, io, params, count))
-        .unwrap();
+    gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
     let statistics = floats(&read(gpu, &statistics));
     [floats(&read(gpu, &gradients)), statistics]
 }

@@ -3,7 +3,7 @@
 use crate::check::*;
 use crate::lists::{Lists, view};
 use crate::scenes::{self, Scene};
-use crate::{device, supported};
+use crate::{device, pack, supported};
 use ashfall::gpu::Gpu;
 use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
 use ashfall::reference::frame::{center, depth_order};
@@ -148,12 +148,15 @@ fn pixels_are_composited() {
             let image = unwritten::<f32>(&gpu, 4 * pixels);
             let depth = unwritten::<f32>(&gpu, pixels);
             let ends = unwritten::<u32>(&gpu, pixels);
+            let (shapes, tones, rests) = pack::arrays(&lists.records);
             let io = Bindings {
-                view: &buffer(&gpu, &[view(scene, scene.splats.len())]),
+                view: &buffer(&gpu, &[view(scene)]),
                 range_from_tile: &buffer(&gpu, &lists.range_from_tile),
                 source_from_isect: &buffer(&gpu, &lists.source_from_isect),
                 splat_from_source: &buffer(&gpu, &lists.splat_from_source()),
-                splat2d: &buffer(&gpu, &lists.records),
+                shape_from_splat: &buffer(&gpu, &shapes),
+                tone_from_splat: &buffer(&gpu, &tones),
+                rest_from_splat: &buffer(&gpu, &rests),
                 image: &image,
                 depth: &depth,
                 end_from_pixel: &ends,

@@ -106,12 +106,15 @@ fn every_intersection_gets_its_gradient() {
                 let shape = unwritten::<[f32; 4]>(&gpu, sources);
                 let tone = unwritten::<[f32; 4]>(&gpu, sources);
                 let rest = unwritten::<f32>(&gpu, sources);
+                let (shapes, tones, rests) = pack::arrays(&lists.records);
                 let io = Bindings {
-                    view: &buffer(&gpu, &[view(scene, scene.splats.len())]),
+                    view: &buffer(&gpu, &[view(scene)]),
                     range_from_tile: &buffer(&gpu, &lists.range_from_tile),
                     source_from_isect: &buffer(&gpu, &lists.source_from_isect),
                     splat_from_source: &buffer(&gpu, &lists.splat_from_source()),
-                    splat2d: &buffer(&gpu, &lists.records),
+                    shape_from_splat: &buffer(&gpu, &shapes),
+                    tone_from_splat: &buffer(&gpu, &tones),
+                    rest_from_splat: &buffer(&gpu, &rests),
                     image: &buffer(&gpu, &case.image),
                     d_image: &buffer(&gpu, &case.d_image),
                     end_from_pixel: &buffer(&gpu, &case.ends),

@@ -7,6 +7,13 @@ use crate::render::Capacity;
 use crate::train::state::Planes;
 
 impl Trainer<'_> {
+    /// Keeps all gradients of the steps to come, for [`Trainer::gradients`], until sizes change.
+    #[doc(hidden)]
+    pub fn keep_gradients(&mut self) -> Result<()> {
+        self.settle()?;
+        self.state.keep_gradients(&self.gpu)
+    }
+
     /// The gradient that the last step begun went by, `[plane][splat]` like the parameters; waits for it.
     #[doc(hidden)]
     pub fn gradients(&mut self) -> Result<Planes> {

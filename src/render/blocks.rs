@@ -1,0 +1,96 @@
+//! How splats' planes of vec4 are cut into blocks, so that no binding has to reach all of them.
+//!
+//! A block is a buffer of its own with some consecutive splats' planes, one after the other. Kernels see one
+//! block at a time, and of the arrays that hold one element per splat the part that belongs to it. A scene of
+//! less than a block is one block without anything to spare.
+
+use super::model::plane_count;
+use crate::Result;
+use crate::gpu::{Buffer, Caps, Gpu, PART_ALIGNMENT};
+use std::ops::Range;
+
+/// Most splats of a block: enough for kernels not to notice, and few enough that what is needed of one block at
+/// a time (gradients) is little beside what is needed of all.
+const SPLATS_MAX: usize = 1 << 18;
+
+/// Where splats' planes lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Blocks {
+    /// Splats that there is room for.
+    pub room: usize,
+    /// Splats of every block but the last; a multiple of [`PART_ALIGNMENT`].
+    pub per_block: usize,
+    /// Planes of vec4 that a splat takes.
+    pub planes: usize,
+}
+
+/// One block, as far as it is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// Its place among the blocks.
+    pub index: usize,
+    /// Its first splat.
+    pub first: usize,
+    /// Its splats in use.
+    pub count: usize,
+    /// Elements between two of its planes.
+    pub stride: usize,
+}
+
+impl Block {
+    /// Its splats among all.
+    pub fn splats(&self) -> Range<usize> {
+        self.first..self.first + self.count
+    }
+
+    /// The elements of one plane that are in use.
+    pub fn plane(&self, plane: usize) -> Range<usize> {
+        plane * self.stride..plane * self.stride + self.count
+    }
+}
+
+impl Blocks {
+    /// Blocks for `room` splats of a degree, each within the reach of one binding of the device.
+    pub fn new(caps: &Caps, room: usize, sh_degree: u32) -> Blocks {
+        let planes = plane_count(sh_degree);
+        let reach = caps.max_storage_range.min(caps.max_allocation) as usize / (16 * planes);
+        let per_block = (reach / PART_ALIGNMENT * PART_ALIGNMENT).clamp(PART_ALIGNMENT, SPLATS_MAX);
+        Blocks {
+            room,
+            per_block,
+            planes,
+        }
+    }
+
+    /// Number of blocks; at least one.
+    pub fn count(&self) -> usize {
+        self.room.div_ceil(self.per_block).max(1)
+    }
+
+    /// Elements between two planes of a block: splats that it has room for.
+    pub fn stride(&self, block: usize) -> usize {
+        let before = block * self.per_block;
+        self.room.saturating_sub(before).min(self.per_block).max(1)
+    }
+
+    /// The blocks that the first `splats` splats take.
+    pub fn of(self, splats: usize) -> impl Iterator<Item = Block> {
+        assert!(splats <= self.room, "{splats} splats in {self:?}");
+        (0..splats.div_ceil(self.per_block)).map(move |index| {
+            let first = index * self.per_block;
+            Block {
+                index,
+                first,
+                count: (splats - first).min(self.per_block),
+                stride: self.stride(index),
+            }
+        })
+    }
+
+    /// A buffer for each block.
+    pub fn buffers(&self, gpu: &Gpu, name: &str) -> Result<Vec<Buffer<[f32; 4]>>> {
+        (0..self.count())
+            .map(|block| gpu.buffer(name, self.stride(block) * self.planes))
+            .collect()
+    }
+}
