@@ -112,7 +112,7 @@ impl Drop for RawBuffer {
         // SAFETY: frames that use a buffer hold it, so no command refers to it any more.
         unsafe { self.gpu.0.device.destroy_buffer(self.handle, None) };
         if let Some(allocation) = self.allocation.take() {
-            self.gpu.0.free(allocation, self.memory);
+            self.gpu.0.free(allocation, &self.name, self.memory);
         }
     }
 }

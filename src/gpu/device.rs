@@ -3,14 +3,14 @@
 use super::caps::Caps;
 use super::create::GpuOptions;
 use super::debug::Messages;
+use super::memory::{Ledger, MemoryUse};
 use crate::{Error, Result};
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
 };
+use gpu_allocator::{AllocationSizes, MemoryLocation};
 use std::mem::ManuallyDrop;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A Vulkan device. Clones are cheap and share it; it goes when the last one, and the last buffer, does.
@@ -52,9 +52,12 @@ pub(super) struct Shared {
     own: Option<Own>,
     pub(super) poison: bool,
     memory_limit: u64,
-    memory: AtomicU64,
-    memory_peak: AtomicU64,
+    ledger: Mutex<Ledger>,
 }
+
+/// Bytes of the blocks that small buffers share; larger buffers have blocks of their own, which go back to
+/// the device with them. The allocator's least, so that little is reserved for nothing.
+const BLOCK_BYTES: u64 = 4 << 20;
 
 /// Turns a Vulkan result into ours.
 pub(super) fn check<T>(call: &'static str, result: ash::prelude::VkResult<T>) -> Result<T> {
@@ -78,12 +81,29 @@ impl Gpu {
 
     /// Bytes that buffers and images take now.
     pub fn memory_in_use(&self) -> u64 {
-        self.0.memory.load(Ordering::Relaxed)
+        self.0.ledger().bytes
     }
 
     /// The most bytes they ever took.
     pub fn memory_peak(&self) -> u64 {
-        self.0.memory_peak.load(Ordering::Relaxed)
+        self.0.ledger().peak_bytes
+    }
+
+    /// The most bytes that were taken from the device to make buffers of: the allocator takes blocks, of
+    /// which it leaves a part unused. With a host's allocator, what the host took counts too.
+    pub fn memory_reserved_peak(&self) -> u64 {
+        self.0.ledger().reserved_peak_bytes
+    }
+
+    /// What the buffers of each name take, in the order of the names.
+    pub fn memory_by_name(&self) -> Vec<(String, MemoryUse)> {
+        self.0.ledger().by_name()
+    }
+
+    /// Forgets the peaks: they are what there is now.
+    pub fn reset_memory_peak(&self) {
+        let reserved = self.0.allocator().capacity();
+        self.0.ledger().reset_peak(reserved);
     }
 
     /// Bytes that buffers may take in all: the user's limit, or the device's largest heap.
@@ -130,7 +150,7 @@ impl Parts {
                 physical_device: self.physical,
                 debug_settings: Default::default(),
                 buffer_device_address: false,
-                allocation_sizes: Default::default(),
+                allocation_sizes: AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES),
             })
             .map(|allocator| Arc::new(Mutex::new(allocator))),
         };
@@ -152,8 +172,7 @@ impl Parts {
             allocator: ManuallyDrop::new(allocator),
             own: self.own,
             poison: options.validation,
-            memory: AtomicU64::new(0),
-            memory_peak: AtomicU64::new(0),
+            ledger: Mutex::default(),
         })))
     }
 }
@@ -173,6 +192,15 @@ impl Shared {
         self.queue.is_some()
     }
 
+    fn allocator(&self) -> MutexGuard<'_, Allocator> {
+        let shared: &SharedAllocator = &self.allocator;
+        shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn ledger(&self) -> MutexGuard<'_, Ledger> {
+        self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Memory for a resource of ours, counted against the limit.
     pub(super) fn allocate(
         &self,
@@ -181,15 +209,13 @@ impl Shared {
         location: MemoryLocation,
     ) -> Result<Allocation> {
         let wanted = requirements.size;
-        let before = self.memory.fetch_add(wanted, Ordering::Relaxed);
-        let available = self.memory_limit.saturating_sub(before);
-        let refuse = || {
-            self.memory.fetch_sub(wanted, Ordering::Relaxed);
-            Error::OutOfMemory {
-                name: name.to_owned(),
-                wanted,
-                available,
-            }
+        // Held to the end: two threads must not both take the last of it.
+        let mut ledger = self.ledger();
+        let available = self.memory_limit.saturating_sub(ledger.bytes);
+        let refuse = || Error::OutOfMemory {
+            name: name.to_owned(),
+            wanted,
+            available,
         };
         if wanted > available {
             return Err(refuse());
@@ -201,25 +227,17 @@ impl Shared {
             linear: true,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
-        let mut allocator = self
-            .allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut allocator = self.allocator();
         let allocation = allocator.allocate(&desc).map_err(|_| refuse())?;
-        self.memory_peak
-            .fetch_max(before + wanted, Ordering::Relaxed);
+        ledger.take(name, wanted, allocator.capacity());
         Ok(allocation)
     }
 
-    /// Gives memory back; `size` is what `allocate` was asked for.
-    pub(super) fn free(&self, allocation: Allocation, size: u64) {
-        let mut allocator = self
-            .allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+    /// Gives memory back; `name` and `size` are what `allocate` was asked for.
+    pub(super) fn free(&self, allocation: Allocation, name: &str, size: u64) {
         // Freeing fails only for an allocation of another allocator, which this never is.
-        let _ = allocator.free(allocation);
-        self.memory.fetch_sub(size, Ordering::Relaxed);
+        let _ = self.allocator().free(allocation);
+        self.ledger().give(name, size);
     }
 }
 

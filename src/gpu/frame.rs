@@ -16,17 +16,20 @@ use std::sync::Arc;
 
 /// Host-visible memory handed out front to back; chunks still in someone's hands are not reused.
 pub(super) struct Chunks {
+    name: &'static str,
     location: MemoryLocation,
     chunks: Vec<Arc<RawBuffer>>,
     current: usize,
     used: usize,
 }
 
-const CHUNK_BYTES: usize = 1 << 16;
+/// Bytes of a chunk that data to or from the device pass through, unless one piece is larger.
+pub const STAGING_BYTES: usize = 1 << 16;
 
 impl Chunks {
-    fn new(location: MemoryLocation) -> Chunks {
+    fn new(name: &'static str, location: MemoryLocation) -> Chunks {
         Chunks {
+            name,
             location,
             chunks: Vec::new(),
             current: 0,
@@ -55,9 +58,9 @@ impl Chunks {
                     self.used = 0;
                 }
                 None => {
-                    let size = bytes.max(CHUNK_BYTES) as u64;
+                    let size = bytes.max(STAGING_BYTES) as u64;
                     self.chunks
-                        .push(RawBuffer::new(gpu, "staging", size, self.location)?);
+                        .push(RawBuffer::new(gpu, self.name, size, self.location)?);
                 }
             }
         }
@@ -149,8 +152,8 @@ impl Frames {
             commands: vk::CommandBuffer::null(),
             value: 0,
             arena: Arena::new(&self.gpu),
-            staging: Chunks::new(MemoryLocation::CpuToGpu),
-            reading: Chunks::new(MemoryLocation::GpuToCpu),
+            staging: Chunks::new("staging", MemoryLocation::CpuToGpu),
+            reading: Chunks::new("readback", MemoryLocation::GpuToCpu),
             timestamps: None,
             kept: Vec::new(),
             kept_ids: HashSet::new(),
@@ -302,6 +305,13 @@ impl Frames {
         check("vkWaitSemaphores", unsafe {
             self.gpu.0.device.wait_semaphores(&info, u64::MAX)
         })
+    }
+
+    /// Waits for all submissions and lets go of everything they used, before the slots come round again:
+    /// what nobody else holds is freed.
+    pub fn release(&mut self) -> Result<()> {
+        self.wait(Ticket(self.submitted))?;
+        self.slots.iter_mut().try_for_each(FrameSlot::reset)
     }
 
     /// Whether a submission is done.

@@ -8,8 +8,8 @@ use crate::Result;
 use bytemuck::Pod;
 use std::ops::Range;
 
-/// Bytes moved per submission, which bounds the staging memory.
-const PIECE: usize = 32 << 20;
+/// Bytes moved per submission at most, which bounds the staging memory.
+pub const TRANSFER_BYTES: usize = 32 << 20;
 
 impl Gpu {
     /// Records, submits and waits.
@@ -24,7 +24,7 @@ impl Gpu {
 
     /// Writes `data` into a buffer from element `at` on, and waits.
     pub fn upload<T: Pod>(&self, buffer: &Buffer<T>, at: usize, data: &[T]) -> Result<()> {
-        let step = (PIECE / size_of::<T>()).max(1);
+        let step = (TRANSFER_BYTES / size_of::<T>()).max(1);
         for (i, piece) in data.chunks(step).enumerate() {
             self.run(|rec| rec.update(buffer, at + i * step, piece))?;
         }
@@ -40,7 +40,7 @@ impl Gpu {
 
     /// Reads a piece of a buffer, and waits.
     pub fn download<T: Pod>(&self, buffer: &Buffer<T>, range: Range<usize>) -> Result<Vec<T>> {
-        let step = (PIECE / size_of::<T>()).max(1);
+        let step = (TRANSFER_BYTES / size_of::<T>()).max(1);
         let mut all = Vec::with_capacity(range.len());
         let mut frames = Frames::new(self, 1, false)?;
         for start in range.clone().step_by(step) {

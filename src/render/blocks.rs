@@ -13,6 +13,10 @@ use std::ops::Range;
 /// a time (gradients) is little beside what is needed of all.
 const SPLATS_MAX: usize = 1 << 18;
 
+/// Bytes that a binding reaches on every device (`maxStorageBufferRange`; Vulkan specification, table of
+/// required limits): more than a block has.
+const REACH_LEAST: u64 = 1 << 27;
+
 /// Where splats' planes lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Blocks {
@@ -52,8 +56,18 @@ impl Block {
 impl Blocks {
     /// Blocks for `room` splats of a degree, each within the reach of one binding of the device.
     pub fn new(caps: &Caps, room: usize, sh_degree: u32) -> Blocks {
+        let reach = caps.max_storage_range.min(caps.max_allocation);
+        Blocks::within(reach, room, sh_degree)
+    }
+
+    /// The same, as it is on every device.
+    pub fn anywhere(room: usize, sh_degree: u32) -> Blocks {
+        Blocks::within(REACH_LEAST, room, sh_degree)
+    }
+
+    fn within(reach: u64, room: usize, sh_degree: u32) -> Blocks {
         let planes = plane_count(sh_degree);
-        let reach = caps.max_storage_range.min(caps.max_allocation) as usize / (16 * planes);
+        let reach = usize::try_from(reach).unwrap_or(usize::MAX) / (16 * planes);
         let per_block = (reach / PART_ALIGNMENT * PART_ALIGNMENT).clamp(PART_ALIGNMENT, SPLATS_MAX);
         Blocks {
             room,

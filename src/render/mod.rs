@@ -7,6 +7,7 @@
 mod accuracy;
 mod blocks;
 mod forward;
+mod memory;
 mod model;
 mod renderer;
 mod scratch;
@@ -16,6 +17,7 @@ pub use accuracy::Accuracy;
 pub use blocks::{Block, Blocks};
 pub(crate) use forward::check_lists;
 pub use forward::{Forward, tile_stride};
+pub use memory::{Need, Purpose, frame_needs, isects_expected, model_needs, total};
 pub use model::{Model, plane_count, planes_from_splats};
 pub use renderer::{RenderOptions, Rendered, Renderer, Stats};
 pub use scratch::{Capacity, Scratch};

@@ -2,6 +2,7 @@
 
 use super::accuracy::Accuracy;
 use super::forward::{Forward, check_lists};
+use super::memory::isects_expected;
 use super::model::Model;
 use super::scratch::{Capacity, Scratch};
 use super::view::{ViewOptions, view_of};
@@ -29,15 +30,12 @@ pub struct RenderOptions {
 
 impl Default for RenderOptions {
     fn default() -> RenderOptions {
-        let capacity = Capacity {
-            splats: 1,
-            isects: 1 << 18,
-            pixels: 1,
-            tiles: 1,
-        };
         RenderOptions {
             frames_in_flight: 2,
-            capacity,
+            capacity: Capacity {
+                isects: 1 << 18,
+                ..Capacity::LEAST
+            },
             sh_degree: 3,
             with_depth: false,
             accuracy: Accuracy::default(),
@@ -133,6 +131,9 @@ impl Renderer {
         let wanted = Capacity::for_image(model.splat_count, isects, camera.width, camera.height);
         let capacity = self.scratch.capacity.max(wanted);
         if capacity != self.scratch.capacity {
+            // The old buffers go first, as far as no host's frame uses them: there may not be room for both.
+            self.frames.release()?;
+            self.scratch = Scratch::new(&self.gpu, Capacity::LEAST)?;
             self.scratch = Scratch::new(&self.gpu, capacity)?;
         }
         Ok(())
@@ -224,7 +225,8 @@ impl Renderer {
         camera: &Camera,
         view: &ViewOptions,
     ) -> Result<Rendered> {
-        self.reserve(model, camera, 4 * model.splat_count)?;
+        let expected = isects_expected(model.splat_count, camera.width, camera.height);
+        self.reserve(model, camera, expected)?;
         loop {
             let pixels = camera.width as usize * camera.height as usize;
             let (forward, scratch) = (&self.forward, &self.scratch);
@@ -245,7 +247,7 @@ impl Renderer {
                 return Ok(unpack(camera, &image.get(), depth.get()));
             }
             let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
-            self.reserve(model, camera, wanted + wanted / 4)?;
+            self.reserve(model, camera, wanted + wanted / 8)?;
         }
     }
 }

@@ -19,6 +19,14 @@ pub struct Capacity {
 }
 
 impl Capacity {
+    /// Room for next to nothing, for who is about to ask for more.
+    pub const LEAST: Capacity = Capacity {
+        splats: 1,
+        isects: 1,
+        pixels: 1,
+        tiles: 1,
+    };
+
     /// Room for images of a size.
     pub fn for_image(splats: usize, isects: usize, width: u32, height: u32) -> Capacity {
         let tiles = width.div_ceil(TILE_WIDTH) * height.div_ceil(TILE_HEIGHT);
@@ -97,6 +105,15 @@ pub(crate) fn tile_sort(tiles: usize) -> Layout {
     }
 }
 
+/// The layout of the widest tables that images of up to so many tiles use: a smaller image may use wider
+/// digits than the largest one does.
+pub(super) fn tile_sort_widest(tiles: usize) -> Layout {
+    Layout {
+        digit_bits: TILE_DIGIT_BITS.min(tiles.ilog2() + 1),
+        ..tile_sort(tiles)
+    }
+}
+
 impl Scratch {
     /// Allocates the buffers.
     pub fn new(gpu: &Gpu, capacity: Capacity) -> Result<Scratch> {
@@ -106,12 +123,8 @@ impl Scratch {
             pixels,
             tiles,
         } = capacity;
-        // A smaller image may use wider digits than the largest one does: room for the widest.
-        let widest = Layout {
-            digit_bits: TILE_DIGIT_BITS.min(tiles.ilog2() + 1),
-            ..tile_sort(tiles)
-        };
-        let table = DEPTH_SORT.table_len(splats).max(widest.table_len(isects));
+        let tile_table = tile_sort_widest(tiles).table_len(isects);
+        let table = DEPTH_SORT.table_len(splats).max(tile_table);
         let scanned = table.max(splats);
         let pair = |name: &str, len| -> Result<[Buffer<u32>; 2]> {
             Ok([gpu.buffer(name, len)?, gpu.buffer(name, len)?])

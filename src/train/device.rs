@@ -18,9 +18,6 @@ pub(crate) struct DeviceState {
     pub(crate) statistics: Buffer<[f32; 4]>,
 }
 
-/// Room left for growth when buffers are made anew.
-const HEADROOM: f64 = 1.25;
-
 impl DeviceState {
     /// The most splats of a degree that the device has room for: what one binding reaches of the arrays that hold
     /// a vec4 for every splat, and parameters with their moments within its memory.
@@ -32,14 +29,10 @@ impl DeviceState {
         usize::try_from(by_binding.min(by_memory)).unwrap_or(usize::MAX)
     }
 
-    /// Allocates for at least `state.len()` splats, to be drawn in `mode`, and copies them there; statistics
-    /// start at 0.
+    /// Allocates for `state.len()` splats, no more: sizes change seldom, and room for growth would be paid for
+    /// five times. Copies them there, to be drawn in `mode`; statistics start at 0.
     pub(crate) fn new(gpu: &Gpu, state: &HostState, mode: RenderMode) -> Result<DeviceState> {
-        let limit = DeviceState::splat_limit(gpu, state.sh_degree);
-        let room = ((state.len() as f64 * HEADROOM) as usize)
-            .min(limit)
-            .max(state.len())
-            .max(1);
+        let room = state.len().max(1);
         let blocks = Blocks::new(gpu.caps(), room, state.sh_degree);
         let mut device = DeviceState {
             model: Model {
@@ -58,15 +51,6 @@ impl DeviceState {
         Ok(device)
     }
 
-    /// Replaces the state, in new buffers only if it does not fit.
-    pub(crate) fn replace(&mut self, gpu: &Gpu, state: &HostState) -> Result<()> {
-        if state.len() <= self.model.blocks.room {
-            return self.fill(gpu, state);
-        }
-        *self = DeviceState::new(gpu, state, self.model.mode)?;
-        Ok(())
-    }
-
     /// Where a block's gradients go.
     pub(crate) fn gradients(&self, block: Block) -> &Buffer<[f32; 4]> {
         &self.gradients[block.index.min(self.gradients.len() - 1)]
@@ -78,7 +62,13 @@ impl DeviceState {
         Ok(())
     }
 
-    fn fill(&mut self, gpu: &Gpu, state: &HostState) -> Result<()> {
+    /// Whether there is room for so many splats.
+    pub(crate) fn fits(&self, state: &HostState) -> bool {
+        state.len() <= self.model.blocks.room
+    }
+
+    /// Takes over a state that fits; statistics start at 0.
+    pub(crate) fn fill(&mut self, gpu: &Gpu, state: &HostState) -> Result<()> {
         self.model.splat_count = state.len();
         for block in self.model.blocks.of(state.len()) {
             for (buffers, planes) in [

@@ -10,6 +10,7 @@ pub mod config;
 mod device;
 pub mod init;
 mod knn;
+mod memory;
 mod morton;
 mod photos;
 pub mod rng;
@@ -21,7 +22,9 @@ mod trainer;
 
 pub use config::{Background, MipConfig, StrategyKind, TrainConfig};
 pub use init::initial_splats;
+pub use memory::{TrainSize, splats_expected};
+pub use photos::Residency;
 pub use state::HostState;
 use strategy::reset_opacity as adc_reset;
 pub use strategy::{RefineContext, RefineReport, SplatStats, Strategy};
-pub use trainer::{StepReport, Trainer};
+pub use trainer::{Extremes, StepReport, Trainer};

@@ -20,6 +20,47 @@ struct Entry {
     weight: Option<f64>,
 }
 
+/// Which photographs are on the device throughout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Residency {
+    /// How many are.
+    pub resident: usize,
+    /// Their bytes.
+    pub resident_bytes: usize,
+    /// How many are uploaded for each step that takes one.
+    pub streamed: usize,
+    /// Bytes of the largest of those.
+    pub streamed_max_bytes: usize,
+    /// Bytes of the largest of all.
+    pub max_bytes: usize,
+}
+
+impl Residency {
+    /// Of photographs of these sizes in pixels, which may take `share` of the memory: in their order, each
+    /// that still fits stays.
+    pub fn of(sizes: impl Iterator<Item = [u32; 2]>, share: f32, memory_limit: u64) -> Residency {
+        let mut residency = Residency::default();
+        let budget = (memory_limit as f64 * f64::from(share)) as u64;
+        sizes.for_each(|size| _ = residency.admit(size, budget));
+        residency
+    }
+
+    /// Whether one more photograph stays.
+    fn admit(&mut self, [width, height]: [u32; 2], budget: u64) -> bool {
+        let bytes = 4 * width as usize * height as usize;
+        let stays = (self.resident_bytes + bytes) as u64 <= budget;
+        self.max_bytes = self.max_bytes.max(bytes);
+        if stays {
+            self.resident += 1;
+            self.resident_bytes += bytes;
+        } else {
+            self.streamed += 1;
+            self.streamed_max_bytes = self.streamed_max_bytes.max(bytes);
+        }
+        stays
+    }
+}
+
 /// The training photographs.
 pub(crate) struct Photos {
     entries: Vec<Entry>,
@@ -48,17 +89,16 @@ impl Photos {
     ) -> Result<Photos> {
         let cache = PhotoCache::new(dataset, HOST_BUDGET);
         cache.load_all(dataset, views)?;
-        let mut left = (gpu.memory_limit() as f64 * f64::from(share)) as u64;
+        let budget = (gpu.memory_limit() as f64 * f64::from(share)) as u64;
         let mut photos = Photos {
             entries: Vec::new(),
             cache,
             ring: Vec::new(),
             next: 0,
         };
-        let mut largest = 0;
+        let mut residency = Residency::default();
         for &view in views {
             let camera = &dataset.views[view].camera;
-            let pixels = camera.width as usize * camera.height as usize;
             let undistorted = matches!(
                 dataset.views[view].photo,
                 PhotoSource::File {
@@ -74,17 +114,15 @@ impl Photos {
                 masks,
                 weight: None,
             };
-            if let Some(rest) = left.checked_sub(4 * pixels as u64) {
-                left = rest;
+            if residency.admit([camera.width, camera.height], budget) {
                 let photo = photos.cache.get(dataset, view)?;
                 entry.resident = Some(gpu.buffer_from("photo", &words(&photo))?);
                 entry.weight = Some(weight(&photo, masks));
-            } else {
-                largest = largest.max(pixels);
             }
             photos.entries.push(entry);
         }
-        if largest > 0 {
+        if residency.streamed > 0 {
+            let largest = residency.streamed_max_bytes / 4;
             photos.ring = (0..in_flight)
                 .map(|_| gpu.buffer("photo ring", largest))
                 .collect::<Result<_>>()?;

@@ -5,6 +5,7 @@
 //! depend on how large buffers happened to be, and a resumed run repeats an uninterrupted one to the bit.
 
 mod inspect;
+mod room;
 
 use super::backward::{Backward, Gradients, Step};
 use super::config::TrainConfig;
@@ -15,13 +16,18 @@ use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
 use super::{adc_reset, initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
-use crate::render::{Capacity, Forward, Scratch, ViewOptions, check_lists, view_of};
-use crate::scene::{Dataset, RenderMode, Splats, Split};
+use crate::render::{
+    Capacity, Forward, Scratch, ViewOptions, check_lists, isects_expected, view_of,
+};
+use crate::scene::{Camera, Dataset, RenderMode, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
+pub use room::Extremes;
+pub(crate) use room::with_margin;
+
 /// Steps in flight.
-const IN_FLIGHT: usize = 2;
+pub(crate) const IN_FLIGHT: usize = 2;
 
 /// What a finished step has to say.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +76,7 @@ pub struct Trainer<'a> {
     iteration: u32,
     pending: VecDeque<Pending>,
     done: VecDeque<StepReport>,
+    extremes: Extremes,
 }
 
 impl<'a> Trainer<'a> {
@@ -97,18 +104,12 @@ impl<'a> Trainer<'a> {
             return Err(Error::Config("the data set has no training view".into()));
         }
         let sizes = views.iter().map(|&view| &dataset.views[view].camera);
-        let isects = (8 * state.len()).max(1 << 18);
         let capacity = sizes
-            .map(|camera| Capacity::for_image(state.len(), isects, camera.width, camera.height))
-            .fold(
-                Capacity {
-                    splats: 1,
-                    isects: 1,
-                    pixels: 1,
-                    tiles: 1,
-                },
-                Capacity::max,
-            );
+            .map(|&Camera { width, height, .. }| {
+                let isects = with_margin(isects_expected(state.len(), width, height));
+                Capacity::for_image(state.len(), isects, width, height)
+            })
+            .fold(Capacity::LEAST, Capacity::max);
         let scratch = new_scratch(gpu, capacity)?;
         Ok(Trainer {
             gpu: gpu.clone(),
@@ -127,6 +128,10 @@ impl<'a> Trainer<'a> {
             iteration,
             pending: VecDeque::new(),
             done: VecDeque::new(),
+            extremes: Extremes {
+                splats: state.len(),
+                isects: 0,
+            },
         })
     }
 
@@ -273,15 +278,16 @@ impl<'a> Trainer<'a> {
         self.frames.wait(oldest.ticket)?;
         let counts = oldest.counts.get();
         let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
+        self.extremes.isects = self.extremes.isects.max(wanted);
         if counts[COUNT_FAILED as usize] != 0 {
             self.pending
                 .drain(..)
                 .try_for_each(|later| self.frames.wait(later.ticket))?;
             let capacity = Capacity {
-                isects: wanted + wanted / 2,
+                isects: with_margin(wanted),
                 ..self.scratch.capacity
             };
-            self.grow(capacity)?;
+            self.resize(capacity)?;
             self.iteration = oldest.iteration - 1;
             return Ok(false);
         }
@@ -311,12 +317,6 @@ impl<'a> Trainer<'a> {
         Ok(true)
     }
 
-    fn grow(&mut self, capacity: Capacity) -> Result<()> {
-        self.scratch = new_scratch(&self.gpu, capacity)?;
-        self.gradients = Gradients::new(&self.gpu, &self.scratch)?;
-        Ok(())
-    }
-
     fn refine(&mut self, iteration: u32, refine: bool, reset: bool) -> Result<()> {
         let mut state = self.state.download(&self.gpu)?;
         if refine {
@@ -335,15 +335,7 @@ impl<'a> Trainer<'a> {
         if reset {
             adc_reset(&mut state, self.config.adc.opacity_reset_value);
         }
-        self.state.replace(&self.gpu, &state)?;
-        let splats = self.state.model.blocks.room;
-        if splats > self.scratch.capacity.splats {
-            self.grow(Capacity {
-                splats,
-                ..self.scratch.capacity
-            })?;
-        }
-        Ok(())
+        self.take_over(&state)
     }
 }
 

@@ -34,7 +34,7 @@ impl Trainer<'_> {
     #[doc(hidden)]
     pub fn set_isect_capacity(&mut self, isects: usize) -> Result<()> {
         self.settle()?;
-        self.grow(Capacity {
+        self.resize(Capacity {
             isects,
             ..self.scratch.capacity
         })

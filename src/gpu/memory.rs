@@ -1,0 +1,103 @@
+//! What buffers take of the device's memory, by name.
+
+use std::collections::BTreeMap;
+
+/// Bytes that the buffers of one name take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryUse {
+    /// Now.
+    pub bytes: u64,
+    /// When all buffers together took most.
+    pub peak_bytes: u64,
+}
+
+/// Keeps account of allocations.
+#[derive(Debug, Default)]
+pub(super) struct Ledger {
+    by_name: BTreeMap<String, MemoryUse>,
+    /// Bytes now.
+    pub(super) bytes: u64,
+    /// The most there were.
+    pub(super) peak_bytes: u64,
+    /// The most that was taken from the device to allocate from, in blocks.
+    pub(super) reserved_peak_bytes: u64,
+}
+
+impl Ledger {
+    /// Notes an allocation; `reserved` is what the allocator holds of the device now.
+    pub(super) fn take(&mut self, name: &str, bytes: u64, reserved: u64) {
+        match self.by_name.get_mut(name) {
+            Some(entry) => entry.bytes += bytes,
+            None => {
+                let entry = MemoryUse {
+                    bytes,
+                    peak_bytes: 0,
+                };
+                self.by_name.insert(name.to_owned(), entry);
+            }
+        }
+        self.bytes += bytes;
+        self.reserved_peak_bytes = self.reserved_peak_bytes.max(reserved);
+        if self.bytes > self.peak_bytes {
+            self.mark_peak();
+        }
+    }
+
+    /// Notes that an allocation is gone.
+    pub(super) fn give(&mut self, name: &str, bytes: u64) {
+        if let Some(entry) = self.by_name.get_mut(name) {
+            entry.bytes -= bytes;
+        }
+        self.bytes -= bytes;
+    }
+
+    /// Forgets the peak: it is what there is now.
+    pub(super) fn reset_peak(&mut self, reserved: u64) {
+        self.reserved_peak_bytes = reserved;
+        self.mark_peak();
+        self.by_name.retain(|_, entry| entry.bytes > 0);
+    }
+
+    fn mark_peak(&mut self) {
+        self.peak_bytes = self.bytes;
+        for entry in self.by_name.values_mut() {
+            entry.peak_bytes = entry.bytes;
+        }
+    }
+
+    /// The names that have bytes, now or at the peak.
+    pub(super) fn by_name(&self) -> Vec<(String, MemoryUse)> {
+        let entries = self.by_name.iter();
+        entries
+            .filter(|(_, entry)| entry.bytes.max(entry.peak_bytes) > 0)
+            .map(|(name, entry)| (name.clone(), *entry))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_peak_is_divided_among_names_as_it_was() {
+        let mut ledger = Ledger::default();
+        ledger.take("a", 10, 16);
+        ledger.take("b", 5, 16);
+        ledger.give("a", 10);
+        ledger.take("b", 4, 32);
+        ledger.give("b", 5);
+        let [a, b] = [(0, 10), (4, 5)].map(|(bytes, peak_bytes)| MemoryUse { bytes, peak_bytes });
+        assert_eq!(ledger.by_name(), [("a".into(), a), ("b".into(), b)]);
+        let totals = (ledger.bytes, ledger.peak_bytes, ledger.reserved_peak_bytes);
+        assert_eq!(totals, (4, 15, 32));
+        ledger.reset_peak(16);
+        let b = MemoryUse {
+            bytes: 4,
+            peak_bytes: 4,
+        };
+        assert_eq!(ledger.by_name(), [("b".into(), b)]);
+        let totals = (ledger.bytes, ledger.peak_bytes, ledger.reserved_peak_bytes);
+        assert_eq!(totals, (4, 4, 16));
+    }
+}

@@ -1,0 +1,152 @@
+//! What a frame takes of the device's memory, buffer by buffer, as a closed formula of its capacity.
+//!
+//! A test holds it against what is allocated, name by name, so that neither changes without the other.
+
+use super::blocks::Blocks;
+use super::scratch::{Capacity, DEPTH_SORT, tile_sort_widest};
+use crate::layout::*;
+
+/// What a buffer's bytes are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Purpose {
+    /// What the scene is.
+    Parameters,
+    /// The optimiser's memory.
+    Moments,
+    /// The photographs.
+    Photos,
+    /// Lists of (splat, tile) pairs and what is kept for each.
+    Intersections,
+    /// Gradients and statistics of splats.
+    Gradients,
+    /// What a frame keeps for each splat.
+    Splats,
+    /// What a frame keeps for each pixel or tile.
+    Pixels,
+    /// Data on their way to and from the device, and counts.
+    Transfer,
+}
+
+impl Purpose {
+    /// Whether it counts as what a run cannot do without: the rest is working memory.
+    pub fn is_essential(self) -> bool {
+        use Purpose::*;
+        matches!(self, Parameters | Moments | Photos | Intersections)
+    }
+
+    /// In a word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Purpose::Parameters => "parameters",
+            Purpose::Moments => "moments",
+            Purpose::Photos => "photos",
+            Purpose::Intersections => "intersections",
+            Purpose::Gradients => "gradients",
+            Purpose::Splats => "splats",
+            Purpose::Pixels => "pixels",
+            Purpose::Transfer => "transfer",
+        }
+    }
+}
+
+/// The buffers of one name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Need {
+    /// Their name.
+    pub name: &'static str,
+    /// What they are for.
+    pub purpose: Purpose,
+    /// Their bytes together.
+    pub bytes: u64,
+}
+
+impl Need {
+    /// `count` elements of `size` bytes.
+    pub fn new(name: &'static str, purpose: Purpose, size: usize, count: usize) -> Need {
+        Need {
+            name,
+            purpose,
+            bytes: size as u64 * count as u64,
+        }
+    }
+}
+
+/// Bytes of all.
+pub fn total(needs: &[Need]) -> u64 {
+    needs.iter().map(|need| need.bytes).sum()
+}
+
+/// A scene's parameters: those of [`super::Model`].
+pub fn model_needs(blocks: Blocks) -> Need {
+    let vectors = blocks.room * blocks.planes;
+    Need::new("params", Purpose::Parameters, 16, vectors)
+}
+
+/// The buffers that a frame works in: [`super::Scratch`].
+pub fn frame_needs(capacity: Capacity) -> Vec<Need> {
+    let Capacity {
+        splats,
+        isects,
+        pixels,
+        tiles,
+    } = capacity;
+    let tile_table = tile_sort_widest(tiles).table_len(isects);
+    let table = DEPTH_SORT.table_len(splats).max(tile_table);
+    // One table serves both sorts; it is filed under what makes it as long as it is.
+    let sorting = match table > tile_table {
+        true => Purpose::Splats,
+        false => Purpose::Intersections,
+    };
+    let sums = table.max(splats).div_ceil(SCAN_CHUNK as usize);
+    use Purpose::*;
+    vec![
+        Need::new("view", Transfer, size_of::<View>(), 1),
+        Need::new("counts", Transfer, 4, COUNT_SLOTS as usize),
+        Need::new(
+            "args",
+            Transfer,
+            size_of::<DispatchArgs>(),
+            ARGS_SLOTS as usize,
+        ),
+        Need::new("shape_from_splat", Splats, 16, splats),
+        Need::new("tone_from_splat", Splats, 16, splats),
+        Need::new("rest_from_splat", Splats, 8, splats),
+        Need::new("tile_count_from_splat", Splats, 4, splats),
+        Need::new("visible_from_splat", Splats, 4, splats),
+        Need::new("depth_from_visible", Splats, 8, splats),
+        Need::new("splat_from_visible", Splats, 8, splats),
+        Need::new("tile_count_from_rank", Splats, 4, splats),
+        Need::new("isect_from_rank", Splats, 4, splats),
+        Need::new("source_from_splat", Splats, 4, splats),
+        Need::new("tile_from_isect", Intersections, 8, isects),
+        Need::new("source_from_isect", Intersections, 8, isects),
+        Need::new("splat_from_source", Intersections, 4, isects),
+        Need::new("table", sorting, 4, table),
+        Need::new("places", sorting, 4, table),
+        Need::new("sums", sorting, 4, sums),
+        Need::new("range_from_tile", Pixels, 8, tiles),
+        Need::new("image", Pixels, 16, pixels),
+        Need::new("depth", Pixels, 4, pixels),
+        Need::new("end_from_pixel", Pixels, 4, pixels),
+    ]
+}
+
+/// (Splat, tile) pairs to expect of a frame, where nothing better is known.
+///
+/// A splat of w pixels square meets (w/8 + 1)(w/16 + 1) tiles. Scenes cover every pixel about as often
+/// however many splats they are made of, so w² is `OVERLAP` · pixels / splats, and the pairs are
+/// splats + (1/8 + 1/16) √(`OVERLAP` · pixels · splats) + `OVERLAP` · pixels / 128, of which a view sees a
+/// share. The two constants are fitted to trained scenes; each scene has its own, within a factor of two.
+pub fn isects_expected(splats: usize, width: u32, height: u32) -> usize {
+    let (splats, pixels) = (splats as f64, f64::from(width) * f64::from(height));
+    let [tile_width, tile_height] = [TILE_WIDTH, TILE_HEIGHT].map(f64::from);
+    let edges = 1.0 / tile_width + 1.0 / tile_height;
+    let tiles = OVERLAP * pixels / (tile_width * tile_height);
+    let pairs = splats + edges * (OVERLAP * pixels * splats).sqrt() + tiles;
+    (VISIBLE * pairs) as usize
+}
+
+/// Splats' bounding squares over a pixel.
+const OVERLAP: f64 = 40.0;
+/// Share of a scene's splats that a view sees.
+const VISIBLE: f64 = 0.6;

@@ -1,0 +1,148 @@
+//! What a training run takes of the device's memory, buffer by buffer: a closed formula that is printed
+//! before a run and held against what the run has taken.
+
+use super::config::{StrategyKind, TrainConfig};
+use super::photos::Residency;
+use super::schedule;
+use super::trainer::{IN_FLIGHT, with_margin};
+use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
+use crate::render::{
+    Blocks, Capacity, Need, Purpose, frame_needs, isects_expected, model_needs, total,
+};
+use crate::scene::{Dataset, Split};
+
+/// What the formula goes by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainSize {
+    /// Splats trained at one time, at most.
+    pub splats: usize,
+    /// Highest spherical-harmonic degree.
+    pub sh_degree: u32,
+    /// (Splat, tile) pairs of a frame, at most.
+    pub isects: usize,
+    /// Width and height of the largest photograph, pixels.
+    pub image: [u32; 2],
+    /// Where the photographs are.
+    pub photos: Residency,
+}
+
+impl TrainSize {
+    /// Training with so many splats on a data set, on a device whose buffers may take `memory_limit` bytes;
+    /// the pairs are those to expect.
+    pub fn of(
+        dataset: &Dataset,
+        config: &TrainConfig,
+        memory_limit: u64,
+        splats: usize,
+    ) -> TrainSize {
+        let views = dataset.split(Split::Train);
+        let sizes = views.iter().map(|&view| {
+            let camera = &dataset.views[view].camera;
+            [camera.width, camera.height]
+        });
+        let area = |size: &[u32; 2]| u64::from(size[0]) * u64::from(size[1]);
+        let image = sizes.clone().max_by_key(area).unwrap_or([1, 1]);
+        TrainSize {
+            splats,
+            sh_degree: config.sh_degree,
+            isects: isects_expected(splats, image[0], image[1]),
+            image,
+            photos: Residency::of(sizes, config.photo_share, memory_limit),
+        }
+    }
+
+    /// The buffers with which such a run trains, and their bytes, in the order in which a step meets them.
+    pub fn needs(&self) -> Vec<Need> {
+        let needs = self.needs_with(with_margin(self.isects));
+        needs.into_iter().filter(|need| need.bytes > 0).collect()
+    }
+
+    /// Bytes of parameters, moments, photographs and lists alone, and those without the lists' margin: what
+    /// the run cannot do without.
+    pub fn essential_bytes(&self) -> u64 {
+        let mut needs = self.needs_with(self.isects);
+        needs.retain(|need| need.purpose.is_essential());
+        total(&needs)
+    }
+
+    fn needs_with(&self, isects: usize) -> Vec<Need> {
+        let [width, height] = self.image;
+        let capacity = Capacity::for_image(self.splats, isects, width, height);
+        let mut needs = photo_needs(self.photos, self.splats);
+        needs.extend(state_needs(self.splats, self.sh_degree));
+        needs.extend(frame_needs(capacity));
+        needs.extend(gradient_needs(capacity));
+        needs
+    }
+}
+
+/// The photographs, and what carries them and the splats to the device and back.
+fn photo_needs(photos: Residency, splats: usize) -> Vec<Need> {
+    let ring = IN_FLIGHT * photos.streamed_max_bytes;
+    // Each frame in flight has a chunk to write from and one to read back to, and a streamed photograph.
+    let frames = IN_FLIGHT * (STAGING_BYTES + photos.streamed_max_bytes);
+    // While splats are moved, a plane of them is on its way; a photograph at the beginning.
+    let piece = (16 * splats).max(photos.max_bytes);
+    let piece = piece.clamp(STAGING_BYTES, TRANSFER_BYTES);
+    use Purpose::*;
+    vec![
+        Need::new("photo", Photos, 1, photos.resident_bytes),
+        Need::new("photo ring", Photos, 1, ring),
+        Need::new("staging", Transfer, 1, frames),
+        Need::new("readback", Transfer, 1, IN_FLIGHT * STAGING_BYTES + piece),
+    ]
+}
+
+/// Parameters and moments of `splats` splats, and the gradients of a block of them.
+pub(crate) fn state_needs(splats: usize, sh_degree: u32) -> Vec<Need> {
+    let blocks = Blocks::anywhere(splats, sh_degree);
+    let params = model_needs(blocks);
+    let moment = |name| Need {
+        name,
+        purpose: Purpose::Moments,
+        ..params
+    };
+    let of_block = blocks.stride(0) * blocks.planes;
+    vec![
+        params,
+        moment("moment1"),
+        moment("moment2"),
+        Need::new("gradients", Purpose::Gradients, 16, of_block),
+        Need::new("statistics", Purpose::Gradients, 16, splats),
+    ]
+}
+
+/// What a step needs beside a frame's buffers.
+pub(crate) fn gradient_needs(capacity: Capacity) -> Vec<Need> {
+    let Capacity {
+        isects,
+        pixels,
+        tiles,
+        ..
+    } = capacity;
+    use Purpose::*;
+    vec![
+        Need::new("ssim_slope", Pixels, 36, pixels),
+        Need::new("loss_from_tile", Pixels, 16, tiles),
+        Need::new("loss", Pixels, 16, 1),
+        Need::new("d_image", Pixels, 12, pixels),
+        Need::new("d_shape_from_source", Intersections, 16, isects),
+        Need::new("d_tone_from_source", Intersections, 16, isects),
+        Need::new("d_rest_from_source", Intersections, 4, isects),
+    ]
+}
+
+/// The most splats that a run from `first` ones will have, where its strategy says: with a cap no more than
+/// that; MCMC grows by a known factor at known iterations. `None`: as many as density control asks for.
+pub fn splats_expected(config: &TrainConfig, first: usize) -> Option<usize> {
+    if config.strategy == StrategyKind::Adc {
+        return config.max_splats.map(|limit| first.max(limit as usize));
+    }
+    let limit = config.splat_limit();
+    let refinements = (1..=config.iterations).filter(|&i| schedule::is_refine(config, i));
+    let factor = f64::from(config.mcmc.growth);
+    Some(refinements.fold(first, |count, _| {
+        let grown = (count as f64 * factor).round() as usize;
+        count.max(grown.min(limit))
+    }))
+}

@@ -1,0 +1,95 @@
+//! Room: how large a run's buffers are. They are made anew where they do not fit, and the old go first, so
+//! that the device never holds both.
+
+use super::{Trainer, new_scratch};
+use crate::gpu::TRANSFER_BYTES;
+use crate::render::{Capacity, frame_needs, total};
+use crate::train::backward::Gradients;
+use crate::train::device::DeviceState;
+use crate::train::memory::{gradient_needs, state_needs};
+use crate::train::state::HostState;
+use crate::{Error, Result};
+
+/// What a run has needed at most so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extremes {
+    /// Splats trained at one time.
+    pub splats: usize,
+    /// (Splat, tile) pairs of one frame.
+    pub isects: usize,
+}
+
+/// Room for so many (splat, tile) pairs and an eighth more: the next view may want more, and making room
+/// for it costs the steps in flight.
+pub(crate) fn with_margin(isects: usize) -> usize {
+    isects + isects / 8
+}
+
+impl Trainer<'_> {
+    /// What the run has needed at most since it was begun or resumed.
+    pub fn extremes(&self) -> Extremes {
+        self.extremes
+    }
+
+    /// Makes the buffers of a step anew. None is in use: all steps have been waited for.
+    pub(super) fn resize(&mut self, capacity: Capacity) -> Result<()> {
+        self.check_room(step_bytes(self.scratch.capacity), step_bytes(capacity))?;
+        self.frames.release()?;
+        self.remake(capacity)
+    }
+
+    fn remake(&mut self, capacity: Capacity) -> Result<()> {
+        for capacity in [Capacity::LEAST, capacity] {
+            self.scratch = new_scratch(&self.gpu, capacity)?;
+            self.gradients = Gradients::new(&self.gpu, &self.scratch)?;
+        }
+        Ok(())
+    }
+
+    /// Takes over a state of another size. The run is as it was if the memory limit has no room for it.
+    pub(super) fn take_over(&mut self, state: &HostState) -> Result<()> {
+        if self.state.fits(state) {
+            return self.state.fill(&self.gpu, state);
+        }
+        let (before, count) = (self.state.model.splat_count, state.len());
+        // The more splats, the more pairs: room for them now, since all is made anew anyway.
+        let growth = (count - before) as f64 / before.max(1) as f64;
+        let isects = (self.extremes.isects as f64 * (1.0 + 0.5 * growth)) as usize;
+        let capacity = Capacity {
+            splats: count,
+            isects: self.scratch.capacity.isects.max(isects),
+            ..self.scratch.capacity
+        };
+        let (mode, sh_degree) = (self.state.model.mode, state.sh_degree);
+        let bytes =
+            |stride, capacity| total(&state_needs(stride, sh_degree)) + step_bytes(capacity);
+        let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
+        let plane = (16 * count).min(TRANSFER_BYTES) as u64;
+        self.check_room(freed, bytes(count, capacity) + plane)?;
+        self.frames.release()?;
+        let nothing = HostState::zeros(0, sh_degree);
+        self.state = DeviceState::new(&self.gpu, &nothing, mode)?;
+        self.state = DeviceState::new(&self.gpu, state, mode)?;
+        self.extremes.splats = self.extremes.splats.max(count);
+        self.remake(capacity)
+    }
+
+    /// Whether the limit leaves room for `wanted` bytes in place of `freed`.
+    fn check_room(&self, freed: u64, wanted: u64) -> Result<()> {
+        let taken = self.gpu.memory_in_use().saturating_sub(freed);
+        let available = self.gpu.memory_limit().saturating_sub(taken);
+        match wanted <= available {
+            true => Ok(()),
+            false => Err(Error::OutOfMemory {
+                name: "training's buffers".into(),
+                wanted,
+                available,
+            }),
+        }
+    }
+}
+
+/// Bytes of the buffers of a step.
+fn step_bytes(capacity: Capacity) -> u64 {
+    total(&frame_needs(capacity)) + total(&gradient_needs(capacity))
+}
