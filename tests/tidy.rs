@@ -168,6 +168,11 @@ fn base_variants_need_no_optional_feature() {
         "project",
         Requirement::StorageImageWriteWithoutFormat
     ));
+    assert!(is_optional("adam", Requirement::AtomicFloatAdd));
+    assert!(!is_optional(
+        "classical_backward",
+        Requirement::AtomicFloatAdd
+    ));
     assert!(!is_optional(
         "present",
         Requirement::StorageImageWriteWithoutFormat

@@ -8,7 +8,9 @@
 //!
 //! **Invariant:** nothing here reads the environment or a fixed path: the caller says where to write.
 
+pub mod check;
 pub mod clock;
+pub mod input;
 pub mod record;
 pub mod row;
 pub mod session;

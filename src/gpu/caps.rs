@@ -172,9 +172,11 @@ fn offers(
 ) -> BTreeSet<Requirement> {
     // SAFETY: `physical` belongs to `instance`.
     let features = unsafe { instance.get_physical_device_features(physical) };
+    let atomic_float_add = atomic_float_add(instance, physical);
     let in_compute =
         |flag| stages.contains(vk::ShaderStageFlags::COMPUTE) && operations.contains(flag);
     [
+        (Requirement::AtomicFloatAdd, atomic_float_add),
         (
             Requirement::SubgroupBasic,
             in_compute(vk::SubgroupFeatureFlags::BASIC),
@@ -207,6 +209,22 @@ fn offers(
     .into_iter()
     .filter_map(|(need, offered)| offered.then_some(need))
     .collect()
+}
+
+/// Whether floats in storage buffers can be added atomically, which takes an extension.
+fn atomic_float_add(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
+    // SAFETY: `physical` belongs to `instance`.
+    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
+    let name = ash::ext::shader_atomic_float::NAME;
+    let mut extensions = extensions.unwrap_or_default().into_iter();
+    if !extensions.any(|extension| extension.extension_name_as_c_str() == Ok(name)) {
+        return false;
+    }
+    let mut floats = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut floats);
+    // SAFETY: as above; the device knows the extension that the chain asks about.
+    unsafe { instance.get_physical_device_features2(physical, &mut features) };
+    floats.shader_buffer_float32_atomic_add == vk::TRUE
 }
 
 fn text(name: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {

@@ -3,6 +3,7 @@
 use super::caps::{Caps, DeviceKind};
 use super::debug::Messages;
 use super::device::{Gpu, Own, Parts, check};
+use crate::shader::Requirement;
 use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
@@ -220,11 +221,19 @@ fn create_device(
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(family)
         .queue_priorities(&priorities)];
-    let info = vk::DeviceCreateInfo::default()
+    let mut want_floats = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
+        .shader_buffer_float32_atomic_add(true);
+    let extensions = [ash::ext::shader_atomic_float::NAME.as_ptr()];
+    let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_features(&want)
         .push_next(&mut want12)
         .push_next(&mut want13);
+    if caps.offers.contains(&Requirement::AtomicFloatAdd) {
+        info = info
+            .enabled_extension_names(&extensions)
+            .push_next(&mut want_floats);
+    }
     // SAFETY: every pointer in `info` outlives the call, and only offered features are asked for.
     check("vkCreateDevice", unsafe {
         instance.create_device(physical, &info, None)

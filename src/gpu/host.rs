@@ -68,6 +68,8 @@ impl Gpu {
             caps.offers
                 .remove(&Requirement::StorageImageWriteWithoutFormat);
         }
+        // Only a yardstick adds floats atomically: hosts are not asked to enable it.
+        caps.offers.remove(&Requirement::AtomicFloatAdd);
         if !host.enabled.subgroup_size_control {
             caps.without_size_control();
         }

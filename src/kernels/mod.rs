@@ -7,6 +7,8 @@
 //! **Invariant:** no `unsafe` and no `ash` here; barriers follow from the bindings' declared access.
 
 pub mod adam;
+pub mod classical;
+pub mod classical_backward;
 pub mod compact;
 pub mod expand;
 pub mod gather;
@@ -31,3 +33,7 @@ pub mod sort_count;
 pub mod sort_scatter;
 
 pub use generated::KERNELS;
+
+/// Kernels that no frame and no training step runs: what the others are measured against. They may need what
+/// a device does not have to offer.
+pub const YARDSTICKS: [&str; 2] = ["classical", "classical_backward"];

@@ -8,76 +8,11 @@
     reason = "shared by test binaries, each of which uses its own part"
 )]
 
+pub use ashfall::bench::input::random::{Random, single};
+pub use ashfall::bench::input::scene::{Scene, Sketch, push};
 use ashfall::reference::Options;
-use ashfall::scene::{Camera, RenderMode, SH_C0, Splats, sh_coefficient_count};
+use ashfall::scene::{Camera, RenderMode, Splats, sh_coefficient_count};
 use glam::{DMat3, DVec2, DVec3};
-
-/// A small deterministic generator (SplitMix64).
-#[derive(Clone, Debug)]
-pub struct Random(u64);
-
-impl Random {
-    /// The sequence of a seed.
-    pub fn new(seed: u64) -> Random {
-        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
-    }
-
-    /// 64 random bits.
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Uniform below `count`, which must not be 0.
-    pub fn below(&mut self, count: usize) -> usize {
-        (self.bits() % count as u64) as usize
-    }
-
-    /// Uniform in `[low, high)`, exact in `f32`.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        let unit = (self.bits() >> 11) as f64 / (1u64 << 53) as f64;
-        single(low + (high - low) * unit)
-    }
-
-    /// Uniform in logarithm.
-    pub fn log_between(&mut self, low: f64, high: f64) -> f64 {
-        single(self.between(low.ln(), high.ln()).exp())
-    }
-
-    /// Standard normal, exact in `f32`.
-    pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.between(0.0, 1.0)).max(1e-12).ln()).sqrt();
-        single(radius * self.between(0.0, std::f64::consts::TAU).cos())
-    }
-
-    /// Shuffled indices.
-    pub fn permutation(&mut self, count: usize) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..count).collect();
-        for i in (1..count).rev() {
-            order.swap(i, self.below(i + 1));
-        }
-        order
-    }
-}
-
-/// The nearest number that a device can hold.
-fn single(x: f64) -> f64 {
-    f64::from(x as f32)
-}
-
-/// Splats and how they are looked at.
-#[derive(Clone, Debug)]
-pub struct Scene {
-    /// The splats.
-    pub splats: Splats,
-    /// The camera.
-    pub camera: Camera,
-    /// Background, near plane, degree; the engine's cuts.
-    pub options: Options,
-}
 
 /// A camera that looks at the origin from about four units away, with unequal focal lengths and a principal
 /// point off the centre.
@@ -104,43 +39,6 @@ pub fn camera(random: &mut Random, width: u32, height: u32) -> Camera {
     Camera {
         rotation: DMat3::from_cols_array(&aimed.rotation.to_cols_array().map(single)),
         ..aimed
-    }
-}
-
-/// A splat as a scene's author thinks of it.
-#[derive(Clone, Copy, Debug)]
-pub struct Sketch {
-    /// Where the centre appears, pixels; may lie outside the image.
-    pub pixel: DVec2,
-    /// z in the view; may be negative.
-    pub depth: f64,
-    /// Standard deviation along each local axis as it would appear face on, pixels.
-    pub sigma: [f64; 3],
-    /// Opacity's logit.
-    pub opacity_logit: f64,
-    /// Colour of the constant term.
-    pub color: [f64; 3],
-}
-
-/// Appends a splat with a random orientation and random higher harmonics.
-pub fn push(splats: &mut Splats, camera: &Camera, sketch: &Sketch, random: &mut Random) {
-    let ray = ((sketch.pixel - camera.center) / camera.focal).extend(1.0);
-    let mean = camera.position + camera.rotation.transpose() * (ray * sketch.depth);
-    let world_per_pixel = sketch.depth.abs() / camera.focal.x;
-    let length = random.log_between(0.5, 2.0);
-    splats.mean.push(mean.to_array().map(|x| x as f32));
-    splats
-        .quaternion
-        .push([0; 4].map(|_| (random.normal() * length) as f32));
-    splats
-        .log_scale
-        .push(sketch.sigma.map(|s| (s * world_per_pixel).ln() as f32));
-    splats.opacity_logit.push(sketch.opacity_logit as f32);
-    splats
-        .sh
-        .extend(sketch.color.map(|c| (c as f32 - 0.5) / SH_C0));
-    for _ in 3..splats.sh_stride() {
-        splats.sh.push(random.between(-0.06, 0.06) as f32);
     }
 }
 

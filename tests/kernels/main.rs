@@ -10,6 +10,8 @@
 mod adam;
 #[path = "../common/check.rs"]
 mod check;
+mod classical;
+mod classical_backward;
 mod compact;
 #[path = "../common/device.rs"]
 mod device;

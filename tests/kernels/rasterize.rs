@@ -79,13 +79,13 @@ fn choices(gpu: &Gpu) -> Vec<Choice> {
 }
 
 /// Image planes, depth and the end of each pixel's list, with the pixels that are near a discontinuity.
-struct Expected {
-    planes: [Vec<f64>; 5],
-    ends: Vec<f64>,
-    near: Vec<bool>,
+pub(crate) struct Expected {
+    pub(crate) planes: [Vec<f64>; 5],
+    pub(crate) ends: Vec<f64>,
+    pub(crate) near: Vec<bool>,
 }
 
-fn expected(scene: &Scene, lists: &Lists) -> Expected {
+pub(crate) fn expected(scene: &Scene, lists: &Lists) -> Expected {
     let (cuts, background) = (Cuts::ENGINE, scene.options.background);
     let order = depth_order(&lists.screen);
     let splats: Vec<ScreenSplat<f64>> = order.iter().filter_map(|&i| lists.screen[i]).collect();

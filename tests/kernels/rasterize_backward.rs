@@ -14,15 +14,15 @@ use ashfall::reference::rasterize_backward::{PixelGradient, isect_backward};
 use ashfall::reference::{Cuts, ScreenSplat};
 
 /// What the forward pass left, a gradient of the image, and the sums that should come of it.
-struct Case {
-    image: Vec<f32>,
-    ends: Vec<u32>,
-    d_image: Vec<f32>,
+pub(crate) struct Case {
+    pub(crate) image: Vec<f32>,
+    pub(crate) ends: Vec<u32>,
+    pub(crate) d_image: Vec<f32>,
     /// `[quantity][source]`.
-    sums: [Vec<f64>; 9],
+    pub(crate) sums: [Vec<f64>; 9],
 }
 
-fn prepare(scene: &Scene, lists: &Lists) -> Case {
+pub(crate) fn prepare(scene: &Scene, lists: &Lists) -> Case {
     let cuts = Cuts::ENGINE;
     let background = scene.options.background.map(|c| f64::from(c as f32));
     let order = depth_order(&lists.screen);
@@ -75,7 +75,7 @@ fn prepare(scene: &Scene, lists: &Lists) -> Case {
 }
 
 /// The columns' names, in the order of `whitened_sums`.
-const NAMES: [&str; 9] = [
+pub(crate) const NAMES: [&str; 9] = [
     "s", "s x", "s y", "s xx", "s xy", "s yy", "red", "green", "blue",
 ];
 

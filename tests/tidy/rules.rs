@@ -1,6 +1,7 @@
 //! The rules and their exceptions. Each takes files and lists its faults, one line each.
 
 use crate::source::{File, code, functions};
+use ashfall::kernels::YARDSTICKS;
 use ashfall::shader::Requirement;
 use std::collections::BTreeSet;
 
@@ -56,6 +57,14 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
     (
         "src/reference/relocate.rs",
         "judges the host's relocation, which has no kernel",
+    ),
+    (
+        "src/reference/classical.rs",
+        "a yardstick: it composites what rasterize does",
+    ),
+    (
+        "src/reference/classical_backward.rs",
+        "a yardstick: it differentiates what rasterize does",
     ),
     ("src/reference/compact.rs", "a filter: the test states it"),
     (
@@ -322,10 +331,12 @@ pub(crate) fn sources_open_with_a_comment(files: &[File]) -> Vec<String> {
 }
 
 /// What a base variant must not need: it runs on every Vulkan 1.3 device. Only the basic subgroup
-/// operations are part of that; `present` stores to the host's image, whose format no shader can know.
+/// operations are part of that; `present` stores to the host's image, whose format no shader can know. A
+/// yardstick is measured where it runs, and nothing else depends on it.
 pub(crate) fn is_optional(kernel: &str, requirement: Requirement) -> bool {
     match requirement {
         Requirement::SubgroupBasic => false,
+        _ if YARDSTICKS.contains(&kernel) => false,
         Requirement::StorageImageWriteWithoutFormat => kernel != "present",
         _ => true,
     }

@@ -1,0 +1,156 @@
+//! A frame's lists as the passes before compositing leave them, made by the oracle.
+
+use super::pack::{self, Splat2d};
+use super::scene::Scene;
+use crate::layout::View;
+use crate::reference::expand::Isect;
+use crate::reference::frame::{depth_order, project_all};
+use crate::reference::ranges::ranges;
+use crate::reference::tiles::{Grid, extent, holds_pixel};
+use crate::reference::{Cuts, ScreenSplat, Splat, Viewpoint};
+use crate::render::{ViewOptions, view_of};
+use rayon::prelude::*;
+
+/// The camera as kernels read it.
+pub fn view(scene: &Scene) -> View {
+    let options = ViewOptions {
+        background: scene.options.background.map(|c| c as f32),
+        near: scene.options.near as f32,
+        mode: scene.splats.mode,
+    };
+    view_of(&scene.camera, &options)
+}
+
+/// The camera as the oracle reads it.
+pub fn viewpoint(scene: &Scene) -> Viewpoint {
+    Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode)
+}
+
+/// See above.
+#[derive(Clone, Debug)]
+pub struct Lists {
+    /// Tiles of the image.
+    pub grid: Grid,
+    /// By splat; those that are not drawn hold NaNs.
+    pub records: Vec<Splat2d>,
+    /// What the device sees in the records.
+    pub screen: Vec<Option<ScreenSplat<f64>>>,
+    /// By source: nearest splat first, each one's tiles ascending.
+    pub isects: Vec<Isect>,
+    /// Sources by tile, nearest first in each.
+    pub source_from_isect: Vec<u32>,
+    /// Slices of the above.
+    pub range_from_tile: Vec<[u32; 2]>,
+}
+
+impl Lists {
+    /// Projects a scene and lists it by the engine's tiles.
+    pub fn new(scene: &Scene) -> Lists {
+        Lists::over(scene, Grid::new(scene.camera.width, scene.camera.height))
+    }
+
+    /// Projects a scene and lists it by the tiles of `grid`.
+    pub fn over(scene: &Scene, grid: Grid) -> Lists {
+        let exact = project_all(&Splat::<f64>::all(&scene.splats), &viewpoint(scene));
+        let faint = |s: &ScreenSplat<f64>| s.opacity < Cuts::ENGINE.alpha_min;
+        let records: Vec<Option<Splat2d>> = exact
+            .iter()
+            .map(|s| s.as_ref().filter(|s| !faint(s)).map(pack::splat2d))
+            .collect();
+        let screen: Vec<_> = records
+            .iter()
+            .map(|record| record.as_ref().map(pack::screen_splat))
+            .collect();
+        let isects = isects(&screen, &grid);
+        let mut source_from_isect: Vec<u32> = (0..isects.len() as u32).collect();
+        source_from_isect.sort_by_key(|&source| isects[source as usize].tile);
+        let sorted: Vec<u32> = source_from_isect
+            .iter()
+            .map(|&source| isects[source as usize].tile)
+            .collect();
+        let nothing = Splat2d {
+            shape: [f32::NAN; 4],
+            tone: [f32::NAN; 4],
+            rest: [f32::NAN; 2],
+        };
+        Lists {
+            range_from_tile: ranges(&sorted, grid.len()),
+            grid,
+            records: records.iter().map(|r| r.unwrap_or(nothing)).collect(),
+            screen,
+            isects,
+            source_from_isect,
+        }
+    }
+
+    /// The splat of every source.
+    pub fn splat_from_source(&self) -> Vec<u32> {
+        self.isects.iter().map(|isect| isect.splat).collect()
+    }
+
+    /// The splat of every intersection, tile by tile.
+    pub fn splat_from_isect(&self) -> Vec<u32> {
+        let splat = |&source: &u32| self.isects[source as usize].splat;
+        self.source_from_isect.iter().map(splat).collect()
+    }
+}
+
+/// What `reference::expand` finds, which looks at every tile for every splat; this looks at those that the
+/// box around its ellipse meets.
+fn isects(screen: &[Option<ScreenSplat<f64>>], grid: &Grid) -> Vec<Isect> {
+    let order = depth_order(screen);
+    let listed: Vec<Vec<Isect>> = order
+        .par_iter()
+        .map(|&index| {
+            let splat = screen[index].as_ref();
+            splat.map_or_else(Vec::new, |splat| isects_of(index, splat, grid))
+        })
+        .collect();
+    listed.concat()
+}
+
+fn isects_of(index: usize, splat: &ScreenSplat<f64>, grid: &Grid) -> Vec<Isect> {
+    let [half_x, half_y] = extent(splat, &Cuts::ENGINE);
+    // A pixel more on each side, for rounding. Casts saturate at 0.
+    let tiles = |mean: f64, half: f64, size: u32, count: u32| {
+        let first = ((mean - half - 1.0) / f64::from(size)).floor() as u32;
+        let end = ((mean + half + 1.0) / f64::from(size)).floor() + 1.0;
+        first..(end.max(0.0) as u32).min(count)
+    };
+    let columns = tiles(splat.mean[0], half_x, grid.tile_width, grid.columns());
+    let rows = tiles(splat.mean[1], half_y, grid.tile_height, grid.rows());
+    rows.flat_map(|row| {
+        columns
+            .clone()
+            .map(move |column| row * grid.columns() + column)
+    })
+    .filter(|&tile| holds_pixel(splat, grid, tile, &Cuts::ENGINE))
+    .map(|tile| Isect {
+        tile,
+        splat: index as u32,
+    })
+    .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene::scattered;
+    use super::*;
+    use crate::reference::expand::expand;
+
+    #[test]
+    fn looking_at_fewer_tiles_finds_the_same() {
+        let scene = scattered(300, [97, 61], 9.0, 0);
+        for tile in [[8, 16], [16, 16]] {
+            let grid = Grid {
+                width: 97,
+                height: 61,
+                tile_width: tile[0],
+                tile_height: tile[1],
+            };
+            let lists = Lists::over(&scene, grid);
+            assert_eq!(lists.isects, expand(&lists.screen, &grid, &Cuts::ENGINE));
+            assert_eq!(lists.splat_from_isect().len(), lists.isects.len());
+        }
+    }
+}

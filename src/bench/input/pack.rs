@@ -1,0 +1,156 @@
+//! The oracle's numbers in the form that kernels keep them in.
+
+use crate::layout::WHITEN;
+use crate::reference::gradient::SplatGradients;
+use crate::reference::project::determinant;
+use crate::reference::rasterize_backward::ScreenGradient;
+use crate::reference::{ScreenSplat, Splat};
+
+/// The whitening matrix `[[p, 0], [−slope q, q]]`, as `(p, q, slope)`: it turns the distance from the centre
+/// into residuals of unit variance.
+fn whitening(splat: &ScreenSplat<f64>) -> (f64, f64, f64) {
+    let [xx, xy, _] = splat.covariance;
+    let q = (xx / determinant(splat.covariance)).sqrt();
+    (1.0 / xx.sqrt(), q, xy / xx)
+}
+
+/// A splat on the screen as compositing reads it; the device keeps each part in an array of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Splat2d {
+    /// Mean in pixels, slope, log2 of the opacity.
+    pub shape: [f32; 4],
+    /// Whitening factors, red, green.
+    pub tone: [f32; 4],
+    /// Blue, depth.
+    pub rest: [f32; 2],
+}
+
+/// The device's arrays: shapes, tones, rests.
+pub type Arrays = (Vec<[f32; 4]>, Vec<[f32; 4]>, Vec<[f32; 2]>);
+
+/// Splats as the device keeps them.
+pub fn arrays(records: &[Splat2d]) -> Arrays {
+    (
+        records.iter().map(|r| r.shape).collect(),
+        records.iter().map(|r| r.tone).collect(),
+        records.iter().map(|r| r.rest).collect(),
+    )
+}
+
+/// A splat on the screen as compositing reads it, in double precision: shape, tone; blue and depth first in rest.
+pub fn splat2d_values(splat: &ScreenSplat<f64>) -> [[f64; 4]; 3] {
+    let (p, q, slope) = whitening(splat);
+    let whiten = f64::from(WHITEN);
+    let [r, g, b] = splat.color;
+    [
+        [splat.mean[0], splat.mean[1], slope, splat.opacity.log2()],
+        [whiten * p, whiten * q, r, g],
+        [b, splat.depth, 0.0, 0.0],
+    ]
+}
+
+/// The same, rounded for the device.
+pub fn splat2d(splat: &ScreenSplat<f64>) -> Splat2d {
+    let [shape, tone, [blue, depth, ..]] = splat2d_values(splat).map(|v| v.map(|x| x as f32));
+    Splat2d {
+        shape,
+        tone,
+        rest: [blue, depth],
+    }
+}
+
+/// The splat that the device sees in a record.
+pub fn screen_splat(record: &Splat2d) -> ScreenSplat<f64> {
+    let [shape, tone] = [record.shape, record.tone].map(|v| v.map(f64::from));
+    let rest = record.rest.map(f64::from);
+    let whiten = f64::from(WHITEN);
+    let xx = (whiten / tone[0]).powi(2);
+    let y_given_x = (whiten / tone[1]).powi(2);
+    let xy = shape[2] * xx;
+    ScreenSplat {
+        mean: [shape[0], shape[1]],
+        covariance: [xx, xy, shape[2] * xy + y_given_x],
+        opacity: shape[3].exp2(),
+        color: [tone[2], tone[3], rest[0]],
+        depth: rest[1],
+    }
+}
+
+/// The sums that `rasterize_backward` leaves for a splat (or for one tile of it): with `s = α ∂L/∂α` and the
+/// residual `f = WHITEN · e`: `[s, s fx, s fy, s fx fx]`, `[s fx fy, s fy fy, red, green]`, `[blue]`.
+///
+/// From `∂L/∂mean = Wᵀ Σ s e` and `∂L/∂Σ = ½ Wᵀ (Σ s e eᵀ) W`, solved for the sums.
+pub fn whitened_sums(splat: &ScreenSplat<f64>, gradient: &ScreenGradient) -> [f64; 9] {
+    let (p, q, slope) = whitening(splat);
+    let whiten = f64::from(WHITEN);
+    let [d_x, d_y, d_xx, d_xy, d_yy, d_opacity, red, green, blue, _] = gradient.row;
+    // The columns of W⁻¹: a residual of 1 along x or y, in pixels.
+    let along = [[1.0 / p, slope / p], [0.0, 1.0 / q]];
+    let first = along.map(|c| whiten * (c[0] * d_x + c[1] * d_y));
+    // d_xy stands for both off-diagonal entries.
+    let by_covariance = |a: [f64; 2], b: [f64; 2]| {
+        a[0] * d_xx * b[0] + 0.5 * d_xy * (a[0] * b[1] + a[1] * b[0]) + a[1] * d_yy * b[1]
+    };
+    let second = |i: usize, j: usize| 2.0 * whiten * whiten * by_covariance(along[i], along[j]);
+    let s = splat.opacity * d_opacity;
+    [
+        s,
+        first[0],
+        first[1],
+        second(0, 0),
+        second(0, 1),
+        second(1, 1),
+        red,
+        green,
+        blue,
+    ]
+}
+
+/// Rows of parameters or of their gradients, each ordered like `Splat::parameters`, as planes of four:
+/// `[plane][splat]`, the planes `rows.len()` apart.
+pub fn planes(rows: &[Vec<f64>]) -> Vec<[f64; 4]> {
+    let splats: Vec<Splat<f64>> = rows.iter().map(|row| Splat::from_parameters(row)).collect();
+    let mut planes: Vec<[f64; 4]> = Vec::new();
+    planes.extend(
+        splats
+            .iter()
+            .map(|s| [s.mean[0], s.mean[1], s.mean[2], s.opacity_logit]),
+    );
+    planes.extend(splats.iter().map(|s| s.quaternion));
+    planes.extend(
+        splats
+            .iter()
+            .map(|s| [s.log_scale[0], s.log_scale[1], s.log_scale[2], 0.0]),
+    );
+    let floats = splats.first().map_or(0, |s| s.sh.len() * 3);
+    for start in (0..floats).step_by(4) {
+        planes.extend(splats.iter().map(|s| {
+            let sh: Vec<f64> = s.sh.iter().flatten().copied().collect();
+            [0, 1, 2, 3].map(|lane| sh.get(start + lane).copied().unwrap_or(0.0))
+        }));
+    }
+    planes
+}
+
+/// Gives parameter planes their smoothing filters, one a splat.
+pub fn set_filters<T: Copy>(planes: &mut [[T; 4]], filters: &[T]) {
+    let count = filters.len();
+    for (row, &filter) in planes[2 * count..].iter_mut().zip(filters) {
+        row[3] = filter;
+    }
+}
+
+/// A gradient's rows, each ordered like `Splat::parameters`.
+pub fn gradient_rows(gradient: &SplatGradients) -> Vec<Vec<f64>> {
+    let count = gradient.mean.len();
+    let stride = gradient.sh.len() / count.max(1);
+    let row = |i: usize| {
+        let mut row = gradient.mean[i].to_vec();
+        row.extend(gradient.quaternion[i]);
+        row.extend(gradient.log_scale[i]);
+        row.push(gradient.opacity_logit[i]);
+        row.extend(&gradient.sh[i * stride..][..stride]);
+        row
+    };
+    (0..count).map(row).collect()
+}

@@ -1,0 +1,93 @@
+//! Scenes made of sketches. All numbers are exact in `f32`: what the device gets is what the oracle gets.
+
+use super::random::Random;
+use crate::reference::Options;
+use crate::scene::{Camera, RenderMode, SH_C0, Splats};
+use glam::{DMat3, DVec2, DVec3};
+
+/// Splats and how they are looked at.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The splats.
+    pub splats: Splats,
+    /// The camera.
+    pub camera: Camera,
+    /// Background, near plane, degree; the engine's cuts.
+    pub options: Options,
+}
+
+/// A splat as a scene's author thinks of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Sketch {
+    /// Where the centre appears, pixels; may lie outside the image.
+    pub pixel: DVec2,
+    /// z in the view; may be negative.
+    pub depth: f64,
+    /// Standard deviation along each local axis as it would appear face on, pixels.
+    pub sigma: [f64; 3],
+    /// Opacity's logit.
+    pub opacity_logit: f64,
+    /// Colour of the constant term.
+    pub color: [f64; 3],
+}
+
+/// Appends a splat with a random orientation and random higher harmonics.
+pub fn push(splats: &mut Splats, camera: &Camera, sketch: &Sketch, random: &mut Random) {
+    let ray = ((sketch.pixel - camera.center) / camera.focal).extend(1.0);
+    let mean = camera.position + camera.rotation.transpose() * (ray * sketch.depth);
+    let world_per_pixel = sketch.depth.abs() / camera.focal.x;
+    let length = random.log_between(0.5, 2.0);
+    splats.mean.push(mean.to_array().map(|x| x as f32));
+    splats
+        .quaternion
+        .push([0; 4].map(|_| (random.normal() * length) as f32));
+    splats
+        .log_scale
+        .push(sketch.sigma.map(|s| (s * world_per_pixel).ln() as f32));
+    splats.opacity_logit.push(sketch.opacity_logit as f32);
+    splats
+        .sh
+        .extend(sketch.color.map(|c| (c as f32 - 0.5) / SH_C0));
+    for _ in 3..splats.sh_stride() {
+        splats.sh.push(random.between(-0.06, 0.06) as f32);
+    }
+}
+
+/// `count` splats all over a picture, their standard deviations log-uniform from 1 px to `sigma_max`.
+pub fn scattered(count: usize, [width, height]: [u32; 2], sigma_max: f64, sh_degree: u32) -> Scene {
+    let random = &mut Random::new(7);
+    let size = DVec2::new(width.into(), height.into());
+    let camera = Camera {
+        width,
+        height,
+        focal: DVec2::splat(size.x),
+        center: 0.5 * size,
+        rotation: DMat3::IDENTITY,
+        position: DVec3::ZERO,
+    };
+    let mut splats = Splats {
+        sh_degree,
+        mode: RenderMode::Default,
+        ..Splats::default()
+    };
+    for _ in 0..count {
+        let sketch = Sketch {
+            pixel: DVec2::new(random.between(0.0, size.x), random.between(0.0, size.y)),
+            depth: random.between(2.0, 20.0),
+            sigma: [0; 3].map(|_| random.log_between(1.0, sigma_max)),
+            opacity_logit: random.between(-3.0, 3.0),
+            color: [0; 3].map(|_| random.between(0.0, 1.0)),
+        };
+        push(&mut splats, &camera, &sketch, random);
+    }
+    let options = Options {
+        near: 0.1,
+        sh_degree,
+        ..Options::default()
+    };
+    Scene {
+        splats,
+        camera,
+        options,
+    }
+}
