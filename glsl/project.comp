@@ -76,7 +76,7 @@ uint project(uint splat) {
     vec2 whiten = WHITEN * vec2(inversesqrt(f.a), sqrt(f.a / f.det));
     sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
 
-    float distance = length(offset);
+    float distance = vector_length(offset);
     vec3 color = color_toward(splat, offset / distance, sound);
     if (!sound) return 0;
 

@@ -180,7 +180,7 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
     vec3 g_y = view.view_from_world * (axes * d_local_y);
     gradient.mean += mean_view_backward(mean_view, j, g_x, g_y, d_mean_pixel) * view.view_from_world;
 
-    float distance = length(offset);
+    float distance = vector_length(offset);
     vec3 direction = offset / distance;
     vec3 color = vec3(tone_from_splat[splat].zw, rest_from_splat[splat].x);
     vec3 d_color = mix(vec3(0.0), vec3(records.tone.zw, records.rest), greaterThan(color, vec3(0.0)));
@@ -194,12 +194,14 @@ void main() {
     if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
     vec3 scale = exp(params[2 * push.stride + splat].xyz);
     float opacity = sigmoid(params[splat].w);
+    // A splat with a number that is none is not drawn, and no penalty makes a gradient of it.
+    bool sound = is_finite(params[splat].w) && is_finite(scale);
 
     Gradient gradient;
     gradient.mean = vec3(0.0);
-    gradient.opacity_logit = push.opacity_penalty * opacity * sigmoid(-params[splat].w);
+    gradient.opacity_logit = sound ? push.opacity_penalty * opacity * sigmoid(-params[splat].w) : 0.0;
     gradient.quaternion = vec4(0.0);
-    gradient.log_scale = push.scale_penalty * scale;
+    gradient.log_scale = sound ? push.scale_penalty * scale : vec3(0.0);
 
     uint tile_count = tile_count_from_splat[splat];
     if (tile_count != 0) {

@@ -25,6 +25,14 @@ float quaternion_length(vec4 q) {
     return m > 0.0 ? m * length(q / m) : 0.0;
 }
 
+// Length of a vector, safe over the whole range of floats. Scaled by a power of two, it is the plain length to
+// the bit wherever that neither overflows nor vanishes.
+float vector_length(vec3 v) {
+    float m = max(max(abs(v.x), abs(v.y)), abs(v.z));
+    float unit = uintBitsToFloat(floatBitsToUint(m) & 0x7f800000u);
+    return unit > 0.0 ? unit * length(v / unit) : 0.0;
+}
+
 // Rotation matrix of a unit quaternion (w, x, y, z); columns are the local axes in the world.
 mat3 rotation_matrix(vec4 q) {
     float w = q.x, x = q.y, y = q.z, z = q.w;

@@ -12,7 +12,8 @@ const BORDER: f64 = 0.15;
 pub struct ViewOptions {
     /// Colour behind everything, 0 to 1.
     pub background: [f32; 3],
-    /// Splats nearer than this (world units along z) are not drawn.
+    /// Splats nearer than this (world units along z) are not drawn; nor is what lies behind the camera,
+    /// whatever stands here.
     pub near: f32,
     /// How the scene was trained.
     pub mode: RenderMode,
@@ -42,7 +43,8 @@ pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
         limit: [x_min, x_max, y_min, y_max],
         size,
         tiles: [size[0].div_ceil(TILE_WIDTH), size[1].div_ceil(TILE_HEIGHT)],
-        near_plane: options.near,
+        // Depths are positive whatever is asked for: their bits order them, and nothing behind the camera shows.
+        near_plane: options.near.max(f32::MIN_POSITIVE),
         dilation: match options.mode {
             RenderMode::Default => 0.3,
             RenderMode::Mip => 0.1,

@@ -1,0 +1,37 @@
+//! Where splatting methods fail, entry by entry of the catalogue of known failures: `f024_…` is the right
+//! behaviour at its entry 24, `m07_…` its metamorphic relation M7, `b01_…` what the numerics that this engine
+//! adopts gain over the usual ones. An entry that asks nothing of this engine has a line `* 22: why` at the head
+//! of the module of its section. Tolerances are derived where they stand; U = 2⁻²⁴ throughout.
+//!
+//! Every measured error is printed as a row of a table, beside its bound:
+//!
+//!     cargo test --test stability -- --nocapture | grep '^|' | sort
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
+mod bounds;
+mod camera;
+mod compositing;
+mod conic;
+mod covariance;
+mod coverage;
+mod extremes;
+#[path = "../common/lists.rs"]
+mod frame_lists;
+mod lab;
+mod lists;
+mod optimiser;
+#[path = "../common/pack.rs"]
+mod pack;
+mod projection;
+mod props;
+mod relations;
+mod relations_light;
+mod relations_step;
+#[path = "../common/scenes.rs"]
+mod scenes;
+mod sorting;
