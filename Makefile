@@ -1,6 +1,6 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo test bench fuzz setup
+.PHONY: demo test bench soak fuzz setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
@@ -17,6 +17,10 @@ bench: setup
 
 setup:
 	@scripts/setup
+
+# Every failure at every moment, a hundred kills, and a long run: about an hour on two cores. Prints its counts.
+soak: setup
+	cargo test --test faults -- --ignored --skip disks:: --nocapture --test-threads 1
 
 # Ten million executions of every fuzz target under libFuzzer; `scripts/fuzz` takes other numbers.
 fuzz: setup

@@ -48,6 +48,14 @@ pub enum Error {
         /// Bytes the device or the user's limit leaves.
         available: u64,
     },
+    /// A training step failed.
+    #[error("iteration {iteration}: {source}")]
+    Step {
+        /// The step, from 1.
+        iteration: u32,
+        /// Why.
+        source: Box<Error>,
+    },
     /// Options that contradict each other or the data.
     #[error("{0}")]
     Config(String),
@@ -70,6 +78,17 @@ impl Error {
         Error::File {
             path: path.as_ref().to_path_buf(),
             what,
+        }
+    }
+
+    /// Says at which training step an error came up, unless it says so already.
+    pub(crate) fn at_step(self, iteration: u32) -> Error {
+        match self {
+            Error::Step { .. } => self,
+            other => Error::Step {
+                iteration,
+                source: Box::new(other),
+            },
         }
     }
 

@@ -29,6 +29,7 @@ impl Engine {
             device: args.name(),
             validation: args.validate,
             memory_limit: args.memory_limit,
+            faults: None,
         };
         let gpu = Gpu::create(&options)?;
         Ok(Engine { gpu })

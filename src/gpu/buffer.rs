@@ -49,6 +49,7 @@ impl RawBuffer {
                 | Usage::TRANSFER_SRC
                 | Usage::TRANSFER_DST,
         );
+        gpu.0.creating("vkCreateBuffer")?;
         let device = &gpu.0.device;
         // SAFETY: a plain buffer within the device's limits.
         let handle = check("vkCreateBuffer", unsafe {
@@ -70,6 +71,7 @@ impl RawBuffer {
             unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         raw.allocation = Some(allocation);
         raw.memory = requirements.size;
+        gpu.0.creating("vkBindBufferMemory")?;
         check("vkBindBufferMemory", bound)?;
         Ok(Arc::new(raw))
     }

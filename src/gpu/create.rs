@@ -3,10 +3,12 @@
 use super::caps::{Caps, DeviceKind};
 use super::debug::Messages;
 use super::device::{Gpu, Own, Parts, check};
+use super::faults::Faults;
 use crate::shader::Requirement;
 use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
+use std::sync::Arc;
 
 /// What a device must have enabled for this crate to run on it; published for hosts.
 #[derive(Clone, Copy, Debug)]
@@ -56,6 +58,8 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Most bytes of buffers; `None`: what the device has.
     pub memory_limit: Option<u64>,
+    /// Failures to be had on purpose, in tests.
+    pub faults: Option<Faults>,
 }
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -248,7 +252,10 @@ impl Gpu {
     /// is asked for.
     pub fn create(options: &GpuOptions) -> Result<Gpu> {
         let entry = load()?;
-        let messages = Box::new(Messages::default());
+        let messages = Arc::new(Messages::default());
+        if let Some(faults) = &options.faults {
+            faults.watch(&messages);
+        }
         let instance = create_instance(&entry, options.validation.then_some(&*messages))?;
         // From here on, dropping `own` cleans up.
         let mut own = Own {

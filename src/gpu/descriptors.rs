@@ -51,6 +51,7 @@ impl Arena {
         let info = vk::DescriptorPoolCreateInfo::default()
             .max_sets(SETS_PER_POOL)
             .pool_sizes(&sizes);
+        self.gpu.0.creating("vkCreateDescriptorPool")?;
         // SAFETY: a plain pool.
         let pool = unsafe { self.gpu.0.device.create_descriptor_pool(&info, None) };
         self.pools.push(check("vkCreateDescriptorPool", pool)?);
@@ -58,6 +59,7 @@ impl Arena {
     }
 
     fn allocate(&mut self, layout: vk::DescriptorSetLayout) -> Result<vk::DescriptorSet> {
+        self.gpu.0.creating("vkAllocateDescriptorSets")?;
         let layouts = [layout];
         loop {
             if self.current == self.pools.len() {

@@ -3,6 +3,7 @@
 use super::caps::Caps;
 use super::create::GpuOptions;
 use super::debug::Messages;
+use super::faults::Faults;
 use super::memory::{Ledger, MemoryUse};
 use crate::{Error, Result};
 use ash::vk;
@@ -21,7 +22,7 @@ pub struct Gpu(pub(super) Arc<Shared>);
 pub(super) struct Own {
     pub(super) instance: ash::Instance,
     /// At a fixed address, which the messenger knows.
-    pub(super) messages: Box<Messages>,
+    pub(super) messages: Arc<Messages>,
     pub(super) messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     /// Keeps the loader's library open.
     pub(super) entry: ash::Entry,
@@ -51,6 +52,7 @@ pub(super) struct Shared {
     /// None: the device is a host's and survives us.
     own: Option<Own>,
     pub(super) poison: bool,
+    faults: Option<Faults>,
     memory_limit: u64,
     ledger: Mutex<Ledger>,
 }
@@ -120,6 +122,7 @@ impl Gpu {
     /// Waits until the device has nothing left to do.
     pub fn wait_idle(&self) -> Result<()> {
         let _queue = self.0.queue()?;
+        self.0.using_queue("vkDeviceWaitIdle")?;
         // SAFETY: the queue is locked, so no other thread submits to it meanwhile.
         check("vkDeviceWaitIdle", unsafe {
             self.0.device.device_wait_idle()
@@ -172,6 +175,7 @@ impl Parts {
             allocator: ManuallyDrop::new(allocator),
             own: self.own,
             poison: options.validation,
+            faults: options.faults.clone(),
             ledger: Mutex::default(),
         })))
     }
@@ -201,6 +205,21 @@ impl Shared {
         self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// To be asked before an object is created: whether that is to fail, for a test's sake.
+    pub(super) fn creating(&self, call: &'static str) -> Result<()> {
+        self.faults.as_ref().map_or(Ok(()), |f| f.create(call))
+    }
+
+    /// To be asked before commands are submitted.
+    pub(super) fn submitting(&self) -> Result<()> {
+        self.faults.as_ref().map_or(Ok(()), Faults::submit)
+    }
+
+    /// To be asked before other calls to the queue, which a lost device does not serve either.
+    pub(super) fn using_queue(&self, call: &'static str) -> Result<()> {
+        self.faults.as_ref().map_or(Ok(()), |f| f.use_queue(call))
+    }
+
     /// Memory for a resource of ours, counted against the limit.
     pub(super) fn allocate(
         &self,
@@ -208,6 +227,7 @@ impl Shared {
         requirements: vk::MemoryRequirements,
         location: MemoryLocation,
     ) -> Result<Allocation> {
+        self.creating("vkAllocateMemory")?;
         let wanted = requirements.size;
         // Held to the end: two threads must not both take the last of it.
         let mut ledger = self.ledger();

@@ -121,6 +121,7 @@ impl Frames {
         let mut kind =
             vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        gpu.0.creating("vkCreateSemaphore")?;
         // SAFETY: timeline semaphores are a required feature.
         let timeline = check("vkCreateSemaphore", unsafe {
             gpu.0.device.create_semaphore(&info, None)
@@ -143,6 +144,7 @@ impl Frames {
     fn add_slot(&mut self, timestamps: bool) -> Result<()> {
         let device = &self.gpu.0.device;
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(self.gpu.0.family);
+        self.gpu.0.creating("vkCreateCommandPool")?;
         // SAFETY: the device's own queue family.
         let pool = check("vkCreateCommandPool", unsafe {
             device.create_command_pool(&info, None)
@@ -162,6 +164,7 @@ impl Frames {
         let info = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
             .command_buffer_count(1);
+        self.gpu.0.creating("vkAllocateCommandBuffers")?;
         // SAFETY: the pool was just made.
         let buffers = check("vkAllocateCommandBuffers", unsafe {
             device.allocate_command_buffers(&info)
@@ -284,6 +287,7 @@ impl Frames {
             .command_buffer_infos(&buffers)
             .signal_semaphore_infos(&signals)];
         let queue = self.gpu.0.queue()?;
+        self.gpu.0.submitting()?;
         // SAFETY: the queue is locked, the commands are complete, and what they use is kept.
         check("vkQueueSubmit2", unsafe {
             device.queue_submit2(*queue, &submits, vk::Fence::null())
@@ -297,6 +301,11 @@ impl Frames {
 
     /// Waits for a submission.
     pub fn wait(&self, ticket: Ticket) -> Result<()> {
+        self.gpu.0.using_queue("vkWaitSemaphores")?;
+        self.wait_for(ticket)
+    }
+
+    fn wait_for(&self, ticket: Ticket) -> Result<()> {
         let (semaphores, values) = ([self.timeline], [ticket.0]);
         let info = vk::SemaphoreWaitInfo::default()
             .semaphores(&semaphores)
@@ -333,7 +342,7 @@ impl Frames {
 impl Drop for Frames {
     fn drop(&mut self) {
         // A lost device has nothing running; then waiting fails, and destroying is right all the same.
-        let _ = self.wait(Ticket(self.submitted));
+        let _ = self.wait_for(Ticket(self.submitted));
         for slot in &mut self.slots {
             slot.kept.clear();
             // SAFETY: its commands are done.

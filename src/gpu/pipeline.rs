@@ -73,6 +73,7 @@ impl RawPipeline {
             })
             .collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        self.gpu.0.creating("vkCreateDescriptorSetLayout")?;
         // SAFETY: the bindings come from the module's reflection.
         let layout = unsafe { device.create_descriptor_set_layout(&info, None) };
         self.set_layout = check("vkCreateDescriptorSetLayout", layout)?;
@@ -84,6 +85,7 @@ impl RawPipeline {
         if self.info.params_size > 0 {
             info = info.push_constant_ranges(&ranges);
         }
+        self.gpu.0.creating("vkCreatePipelineLayout")?;
         // SAFETY: the set layout was just made; the range is within the guaranteed 128 bytes.
         self.layout = check("vkCreatePipelineLayout", unsafe {
             device.create_pipeline_layout(&info, None)
@@ -108,6 +110,7 @@ impl RawPipeline {
         let specialization = vk::SpecializationInfo::default()
             .map_entries(&entries)
             .data(bytemuck::cast_slice(spec));
+        self.gpu.0.creating("vkCreateShaderModule")?;
         let module_info = vk::ShaderModuleCreateInfo::default().code(self.info.spirv);
         // SAFETY: the words were validated when the crate was built.
         let module = check("vkCreateShaderModule", unsafe {
@@ -130,13 +133,16 @@ impl RawPipeline {
         let info = vk::ComputePipelineCreateInfo::default()
             .stage(stage)
             .layout(self.layout);
-        // SAFETY: all that `info` refers to is alive.
-        let made =
-            unsafe { device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        let call = "vkCreateComputePipelines";
+        let made = self.gpu.0.creating(call).and_then(|()| {
+            let cache = vk::PipelineCache::null();
+            // SAFETY: all that `info` refers to is alive.
+            let made = unsafe { device.create_compute_pipelines(cache, &[info], None) };
+            check(call, made.map_err(|(_, code)| code))
+        });
         // SAFETY: a pipeline does not need its module once made.
         unsafe { device.destroy_shader_module(module, None) };
-        let made = check("vkCreateComputePipelines", made.map_err(|(_, code)| code))?;
-        self.handle = made[0];
+        self.handle = made?[0];
         Ok(())
     }
 }

@@ -19,6 +19,7 @@ impl Timestamps {
         let info = vk::QueryPoolCreateInfo::default()
             .query_type(vk::QueryType::TIMESTAMP)
             .query_count(CAPACITY);
+        gpu.0.creating("vkCreateQueryPool")?;
         // SAFETY: a plain query pool.
         let pool = check("vkCreateQueryPool", unsafe {
             gpu.0.device.create_query_pool(&info, None)

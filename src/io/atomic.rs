@@ -32,6 +32,35 @@ pub fn write_atomically(
     Ok(())
 }
 
+/// Removes from a folder what writers left there that were killed: temporary files of processes that are no more,
+/// as far as the operating system says (Linux does). Returns how many there were.
+pub fn remove_leftovers(folder: &Path) -> usize {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return 0;
+    };
+    let left = entries.flatten().filter(|entry| {
+        let name = entry.file_name();
+        let process = name.to_str().and_then(process_of);
+        process.is_some_and(|id| is_gone(id) && entry.path().is_file())
+    });
+    left.filter(|entry| fs::remove_file(entry.path()).is_ok())
+        .count()
+}
+
+/// The process that a temporary file belongs to, by its name: see [`create_beside`].
+fn process_of(name: &str) -> Option<u32> {
+    let stem = name.strip_prefix('.')?.strip_suffix(".tmp")?;
+    let (stem, attempt) = stem.rsplit_once('.')?;
+    let (_, id) = stem.rsplit_once('.')?;
+    attempt.parse::<u32>().ok()?;
+    id.parse().ok()
+}
+
+fn is_gone(process: u32) -> bool {
+    let all = Path::new("/proc");
+    all.join("self").exists() && !all.join(process.to_string()).exists()
+}
+
 /// Creates a file beside `path` that no other writer, of this process or another, uses.
 fn create_beside(path: &Path) -> Result<(Temporary, File)> {
     let name = path

@@ -166,7 +166,16 @@ impl<'a> Trainer<'a> {
     }
 
     /// Begins the next iteration; returns the report of an earlier one, if one has finished.
+    ///
+    /// # Errors
+    /// [`Error::Step`] names the iteration. What the device holds is then not known to be a state between two
+    /// steps: go on from a checkpoint.
     pub fn step(&mut self) -> Result<Option<StepReport>> {
+        let iteration = self.iteration + 1;
+        self.advance().map_err(|e| e.at_step(iteration))
+    }
+
+    fn advance(&mut self) -> Result<Option<StepReport>> {
         if self.pending.len() == IN_FLIGHT {
             self.collect()?;
         }
@@ -187,6 +196,11 @@ impl<'a> Trainer<'a> {
 
     /// Waits for all steps begun and returns their reports. Steps that did not fit are done again.
     pub fn finish(&mut self) -> Result<Vec<StepReport>> {
+        let iteration = self.iteration;
+        self.catch_up().map_err(|e| e.at_step(iteration))
+    }
+
+    fn catch_up(&mut self) -> Result<Vec<StepReport>> {
         let wanted = self.iteration;
         let mut reports = Vec::new();
         loop {
@@ -210,7 +224,8 @@ impl<'a> Trainer<'a> {
     pub fn download(&mut self) -> Result<HostState> {
         let reports = self.finish()?;
         self.done.extend(reports);
-        self.state.download(&self.gpu)
+        let state = self.state.download(&self.gpu);
+        state.map_err(|e| e.at_step(self.iteration))
     }
 
     /// The splats after the last step begun; waits for it.
@@ -222,7 +237,8 @@ impl<'a> Trainer<'a> {
     pub fn statistics(&mut self) -> Result<Vec<[f32; 4]>> {
         let reports = self.finish()?;
         self.done.extend(reports);
-        self.state.download_statistics(&self.gpu)
+        let statistics = self.state.download_statistics(&self.gpu);
+        statistics.map_err(|e| e.at_step(self.iteration))
     }
 
     /// Puts back what [`Trainer::statistics`] gave, when a run is resumed.

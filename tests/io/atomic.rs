@@ -31,3 +31,30 @@ fn a_failed_write_leaves_the_old_file() {
     let nowhere = folder.path().join("no/file");
     error_at(atomic::write_atomically(&nowhere, |_| Ok(())), &nowhere);
 }
+
+#[test]
+fn what_a_killed_writer_left_is_removed_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    // No process has the highest number that Linux allows (2^22) and one more.
+    let own = format!(".a.{}.0.tmp", std::process::id());
+    let stays = [
+        own.as_str(),
+        "a.4194305.0.tmp",
+        ".a.4194305.tmp",
+        ".a.x.0.tmp",
+        ".tmp",
+    ];
+    for name in stays
+        .iter()
+        .chain(&[".a.4194305.0.tmp", ".scene.ply.4194305.12.tmp"])
+    {
+        std::fs::write(folder.path().join(name), b"half").unwrap();
+    }
+    assert_eq!(atomic::remove_leftovers(folder.path()), 2);
+    let mut left = files_in(folder.path());
+    left.sort();
+    let mut stays = stays.to_vec();
+    stays.sort_unstable();
+    assert_eq!(left, stays);
+    assert_eq!(atomic::remove_leftovers(&folder.path().join("nowhere")), 0);
+}

@@ -101,6 +101,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
     };
     // Nothing is written before all that can be checked has been.
     std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
+    io::atomic::remove_leftovers(&dir);
     record.iterations = training.config().iterations;
     record.rewind(training.iteration());
     if args.resume.is_none() {
@@ -260,6 +261,11 @@ impl Session<'_> {
         let outcome = run_steps(&mut training, record, &plan, &mut |splats| {
             let scores = scene.evaluate(splats, &test, &mut |_| Ok(()))?;
             Ok(crate::report::MeanScore::of(&scores))
+        });
+        let outcome = outcome.inspect_err(|_| {
+            let dir = self.dir.display();
+            let advice = format_args!("the last checkpoint stands: ashfall train --resume {dir}");
+            self.output.remark(advice);
         })?;
         self.engine.check()?;
         if outcome == Outcome::Interrupted {
