@@ -40,7 +40,7 @@ pub(crate) fn lab() -> Lab {
         let options = GpuOptions {
             validation: true,
             device: Some("0".into()),
-            memory_limit: None,
+            ..GpuOptions::default()
         };
         let gpu = Gpu::create(&options).expect("no device to test on");
         let options = RenderOptions {
