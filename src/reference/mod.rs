@@ -13,6 +13,7 @@
 //! **Invariant:** works without a Vulkan driver existing; imports `scene` and `layout` only.
 
 pub mod adam;
+pub mod bound;
 pub mod expand;
 pub mod frame;
 pub mod gradient;

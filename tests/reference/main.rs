@@ -1,5 +1,6 @@
 //! Rung 1: the oracle against closed forms, finite differences and metamorphic relations. No GPU.
 
+mod bounds;
 mod closed_forms;
 mod cuts;
 mod derivatives;

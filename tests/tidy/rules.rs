@@ -51,6 +51,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "the operations composed: a picture",
     ),
     (
+        "src/reference/bound.rs",
+        "what frames that save work may lose: judges the accuracy that rendering is given",
+    ),
+    (
         "src/reference/gradient.rs",
         "the operations composed: a training step's gradient",
     ),
@@ -111,6 +115,7 @@ const RANKS: &[(&str, &[&str])] = &[
         "bench",
         &[
             "train",
+            "report",
             "render",
             "kernels",
             "gpu",

@@ -1,0 +1,175 @@
+//! Bounds of what a frame that saves work may lose hold in every pixel, and are not idle.
+
+use crate::metamorphic::draw;
+use crate::scenes::{self, Scene};
+use ashfall::reference::bound::{Savings, Traced, color_errors, trace};
+use ashfall::reference::frame::center;
+use ashfall::reference::rasterize::{composite, layer, power};
+use ashfall::reference::{Cuts, Pixel, Splat, Viewpoint, frame};
+use ashfall::scene::sh_coefficient_count;
+
+fn cases() -> Vec<Scene> {
+    vec![
+        scenes::gentle(61, 80, 40, 30, 3),
+        scenes::hard(62, 120, 33, 29, 3),
+        scenes::hard(63, 90, 21, 40, 1),
+    ]
+}
+
+fn full(scene: &Scene, savings: &[Savings]) -> Vec<Traced> {
+    trace(&scene.splats, &scene.camera, &scene.options, savings)
+}
+
+/// Largest difference of a channel.
+fn error(pixel: &Pixel<f64>, traced: &Traced) -> f64 {
+    (0..3)
+        .map(|c| (pixel.color[c] - traced.color[c]).abs())
+        .fold(0.0, f64::max)
+}
+
+/// The bound holds everywhere, and comes within `tightness` of an error somewhere.
+#[track_caller]
+fn judge(name: &str, pixels: &[Pixel<f64>], traced: &[Traced], tightness: f64) {
+    let mut closest: f64 = 0.0;
+    for (i, (pixel, traced)) in pixels.iter().zip(traced).enumerate() {
+        let (error, bound) = (error(pixel, traced), traced.bounds[0]);
+        assert!(
+            error <= bound + 1e-12,
+            "{name}, pixel {i}: {error:e} > {bound:e}"
+        );
+        if error > 1e-9 {
+            closest = closest.max(error / bound);
+        }
+    }
+    println!("{name}: {closest:.3} of the bound");
+    assert!(closest >= tightness, "{name}: errors reach {closest} of it");
+}
+
+#[test]
+fn without_savings_the_traced_frame_is_the_whole_one() {
+    for mut scene in cases() {
+        let traced = full(&scene, &[Savings::NONE]);
+        scene.options.cuts = Cuts::NONE;
+        for (pixel, traced) in draw(&scene).pixels.iter().zip(&traced) {
+            assert!(error(pixel, traced) < 1e-12);
+            // Splats too faint to be seen are the only thing that is never promised.
+            assert!(traced.bounds[0] < 1e-7, "{}", traced.bounds[0]);
+        }
+    }
+}
+
+#[test]
+fn cuts_and_stops_keep_to_their_bounds() {
+    for mut scene in cases() {
+        for (alpha_min, transmittance_min) in [
+            (1.0 / 255.0, 1e-4),
+            (1.0 / 32.0, 1e-9),
+            (1e-6, 0.1),
+            (0.1, 0.2),
+        ] {
+            let savings = Savings {
+                alpha_min,
+                transmittance_min,
+                ..Savings::NONE
+            };
+            let traced = full(&scene, &[savings]);
+            scene.options.cuts = Cuts {
+                alpha_min,
+                transmittance_min,
+                ..Cuts::ENGINE
+            };
+            let name = format!("cut {alpha_min:.1e}, stop {transmittance_min:.1e}");
+            judge(&name, &draw(&scene).pixels, &traced, 0.05);
+        }
+    }
+}
+
+#[test]
+fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
+    for mut scene in cases() {
+        scene.options.cuts = Cuts::NONE;
+        for degree in 0..scene.splats.sh_degree {
+            let kept = sh_coefficient_count(degree);
+            let stored = |k: usize, value: f32| if k < kept { f64::from(value) } else { 0.0 };
+            let savings = Savings {
+                color_error: color_errors(&scene.splats, stored),
+                ..Savings::NONE
+            };
+            let traced = full(&scene, &[savings]);
+            let mut shown = scene.clone();
+            shown.options.sh_degree = degree;
+            judge(
+                &format!("degree {degree}"),
+                &draw(&shown).pixels,
+                &traced,
+                0.2,
+            );
+        }
+        let coarse = |_, value: f32| f64::from((value * 64.0).round() / 64.0);
+        let savings = Savings {
+            color_error: color_errors(&scene.splats, coarse),
+            ..Savings::NONE
+        };
+        let traced = full(&scene, &[savings]);
+        let mut shown = scene.clone();
+        for value in &mut shown.splats.sh {
+            *value = (*value * 64.0).round() / 64.0;
+        }
+        judge("rounded", &draw(&shown).pixels, &traced, 0.1);
+    }
+}
+
+#[test]
+fn removed_splats_and_short_ones_keep_to_their_bounds() {
+    for scene in cases() {
+        let removed: Vec<bool> = (0..scene.splats.len()).map(|i| i % 3 == 0).collect();
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let screen = frame::project_all(&Splat::<f64>::all(&scene.splats), &view);
+        let (list, splat_from_rank) = frame::sorted(&screen);
+        let sigma_max = 2.0;
+        let draw = |keep: &dyn Fn(usize, [f64; 2]) -> bool| -> Vec<Pixel<f64>> {
+            let width = scene.camera.width as usize;
+            let pixels = 0..width * scene.camera.height as usize;
+            let pixel = |i| {
+                let at = center(i, width);
+                let kept = (0..list.len()).filter(|&rank| keep(rank, at));
+                let layers = kept.filter_map(|rank| layer(&list[rank], at, &Cuts::NONE));
+                composite(layers, scene.options.background, 0.0).0
+            };
+            pixels.map(pixel).collect()
+        };
+        let short = draw(&|rank, at| 2.0 * power(&list[rank], at) <= sigma_max * sigma_max);
+        let sigma = Savings {
+            sigma_max,
+            ..Savings::NONE
+        };
+        judge("short", &short, &full(&scene, &[sigma]), 0.1);
+        let fewer = draw(&|rank, _| !removed[splat_from_rank[rank]]);
+        let gone = Savings {
+            removed,
+            ..Savings::NONE
+        };
+        judge("fewer", &fewer, &full(&scene, &[gone]), 0.1);
+    }
+}
+
+#[test]
+fn splats_of_one_depth_may_come_in_any_order() {
+    // Fifty splats on one spot of the optical axis: the oracle's order is that of the list.
+    let mut scene = scenes::gentle(64, 50, 24, 24, 0);
+    let mean = scene.splats.mean[0];
+    scene.splats.mean.fill(mean);
+    scene.options.cuts = Cuts::NONE;
+    let traced = full(&scene, &[Savings::NONE]);
+    let mut turned = scene.clone();
+    turned.splats.quaternion.reverse();
+    turned.splats.log_scale.reverse();
+    turned.splats.opacity_logit.reverse();
+    turned.splats.sh = scene.splats.sh.chunks(3).rev().flatten().copied().collect();
+    let mut largest: f64 = 0.0;
+    for (pixel, traced) in draw(&turned).pixels.iter().zip(&traced) {
+        largest = largest.max(error(pixel, traced));
+        assert!(error(pixel, traced) <= traced.order + 1e-12);
+    }
+    assert!(largest > 0.01, "the order does not matter here: {largest}");
+}
