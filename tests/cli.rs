@@ -1,5 +1,8 @@
 //! The binary as a user meets it: what commands print, write and return, on a small made data set.
 
+#[path = "cli/chart.rs"]
+mod chart;
+
 use ashfall::scene::PhotoSource;
 use ashfall::synth::{self, Kind, SynthOptions};
 use serde_json::Value;
@@ -111,7 +114,7 @@ fn train<'a>(data: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 #[test]
 fn help_teaches_and_mistakes_are_told_apart() {
     let help = stdout(&["--help"]);
-    for command in ["train", "render", "eval", "info", "demo"] {
+    for command in ["train", "render", "eval", "info", "demo", "chart"] {
         assert!(help.contains(&format!("\n  {command}")), "{help}");
         let own = stdout(&[command, "--help"]);
         assert!(own.lines().count() > 10, "{own}");

@@ -8,6 +8,7 @@
 //!
 //! **Invariant:** nothing here reads the environment or a fixed path: the caller says where to write.
 
+pub mod chart;
 pub mod check;
 pub mod clock;
 pub mod input;

@@ -35,6 +35,11 @@ impl Engine {
         Ok(Engine { gpu })
     }
 
+    /// The device, for measurements, which are made of nothing else.
+    pub(crate) fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
     /// The device's name.
     pub(crate) fn name(&self) -> &str {
         &self.gpu.caps().name

@@ -6,6 +6,7 @@
 //! **Invariant:** this is the only place that reads an environment variable (`ASHFALL_DEVICE`).
 
 mod args;
+mod chart;
 mod demo;
 mod engine;
 mod eval;
@@ -33,6 +34,7 @@ Examples:
   ashfall train photos/ --out run/                train; run/scene.ply is the result
   ashfall eval run/scene.ply photos/              how good is it on held-out photographs?
   ashfall render run/scene.ply --cameras photos/ --orbit 60 --out frames/
+  ashfall chart                                   what does speed cost in accuracy?
   ashfall info                                    which devices are there?
 
 `ashfall COMMAND --help` explains each command. The device is chosen with --device or the
@@ -45,6 +47,7 @@ enum Command {
     Eval(eval::EvalArgs),
     Info(info::InfoArgs),
     Demo(demo::DemoArgs),
+    Chart(chart::ChartArgs),
 }
 
 /// How a command ended, if without an error.
@@ -77,6 +80,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Eval(args) => eval::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Chart(args) => chart::run(&args),
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a run did, for machines (`report.json`) and for eyes (comparison pictures).
 
+pub mod chart;
 mod figures;
 mod pictures;
 mod score;

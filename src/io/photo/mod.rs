@@ -8,6 +8,8 @@ mod cache;
 mod header;
 mod resample;
 
+pub use resample::reduce;
+
 pub use cache::PhotoCache;
 pub use header::dimensions;
 

@@ -82,7 +82,7 @@ fn bilinear(photo: &Photo, at: DVec2) -> [u8; 4] {
 }
 
 /// The photograph at `width` x `height`, each pixel the average over the area it covers.
-pub(super) fn reduce(photo: Photo, width: u32, height: u32) -> Photo {
+pub fn reduce(photo: Photo, width: u32, height: u32) -> Photo {
     if (photo.width, photo.height) == (width, height) {
         return photo;
     }

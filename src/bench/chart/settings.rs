@@ -1,0 +1,224 @@
+//! Which knobs are turned, and how far.
+
+use super::Plan;
+use crate::render::Accuracy;
+use crate::report::chart::Knob;
+use crate::train::{StrategyKind, TrainConfig};
+
+/// How a frame is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FrameSetting {
+    pub(super) knob: Knob,
+    pub(super) accuracy: Accuracy,
+    /// Highest degree of harmonics drawn.
+    pub(super) sh_degree: u32,
+}
+
+fn knob(series: &str, setting: impl Into<String>) -> Knob {
+    Knob {
+        series: series.into(),
+        setting: setting.into(),
+        is_default: false,
+    }
+}
+
+/// `1/255` for 255.
+fn one_over(number: u32) -> String {
+    format!("1/{number}")
+}
+
+fn stop(transmittance_min: f32) -> FrameSetting {
+    FrameSetting {
+        knob: knob("stop threshold", format!("{transmittance_min:.0e}")),
+        accuracy: Accuracy {
+            transmittance_min,
+            ..Accuracy::default()
+        },
+        sh_degree: 3,
+    }
+}
+
+fn cut(number: u32) -> FrameSetting {
+    FrameSetting {
+        knob: knob("alpha cut", one_over(number)),
+        accuracy: Accuracy {
+            alpha_min: 1.0 / number as f32,
+            ..Accuracy::default()
+        },
+        sh_degree: 3,
+    }
+}
+
+fn deviations(sigma_max: f32) -> FrameSetting {
+    FrameSetting {
+        knob: knob("standard deviations", format!("{sigma_max}σ")),
+        accuracy: Accuracy {
+            sigma_max: Some(sigma_max),
+            ..Accuracy::default()
+        },
+        sh_degree: 3,
+    }
+}
+
+fn harmonics(sh_degree: u32) -> FrameSetting {
+    FrameSetting {
+        knob: knob("harmonics", format!("degree {sh_degree}")),
+        accuracy: Accuracy::default(),
+        sh_degree,
+    }
+}
+
+fn together(transmittance_min: f32, number: u32) -> FrameSetting {
+    let FrameSetting { accuracy, .. } = cut(number);
+    FrameSetting {
+        knob: knob(
+            "stop and cut",
+            format!("{transmittance_min:.0e}, 1/{number}"),
+        ),
+        accuracy: Accuracy {
+            transmittance_min,
+            ..accuracy
+        },
+        sh_degree: 3,
+    }
+}
+
+/// Stops and cuts that cost about as much as each other, from exact to coarse, and some that do not.
+const TOGETHER: [(f32, u32); 8] = [
+    (1e-3, 1024),
+    (1e-2, 1024),
+    (4e-3, 512),
+    (1e-2, 512),
+    (1e-3, 128),
+    (4e-3, 64),
+    (1e-2, 64),
+    (3e-2, 32),
+];
+
+/// The default, and every knob on its own from exact to coarse; then stop and cut together.
+pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
+    let default = FrameSetting {
+        knob: Knob {
+            series: "default".into(),
+            setting: "1e-4, 1/255".into(),
+            is_default: true,
+        },
+        accuracy: Accuracy::default(),
+        sh_degree,
+    };
+    let mut settings = vec![default];
+    if plan.is_quick {
+        settings.extend([stop(1e-2), cut(32), deviations(2.0)]);
+        settings.extend((0..sh_degree.min(1)).map(harmonics));
+    } else {
+        settings.extend([1e-6, 1e-5, 1e-3, 4e-3, 1e-2, 3e-2].map(stop));
+        settings.extend([1024, 512, 128, 64, 32].map(cut));
+        settings.extend([4.0, 3.0, 2.5, 2.0].map(deviations));
+        settings.extend((0..sh_degree).rev().map(harmonics));
+        settings.extend(TOGETHER.map(|(t, number)| together(t, number)));
+    }
+    for setting in &mut settings {
+        setting.sh_degree = setting.sh_degree.min(sh_degree);
+    }
+    settings
+}
+
+/// Of a training step: the cuts, not the harmonics, whose gradients would not be there to compare.
+pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
+    let all = of_frames(sh_degree, plan).into_iter();
+    all.filter(|setting| setting.knob.series != "harmonics")
+        .collect()
+}
+
+/// How a scene is trained.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct RunSetting {
+    pub(super) knob: Knob,
+    pub(super) config: TrainConfig,
+}
+
+/// The default run.
+pub(super) fn default_run(plan: &Plan) -> RunSetting {
+    RunSetting {
+        knob: Knob {
+            series: "default".into(),
+            setting: format!("{} steps", plan.iterations),
+            is_default: true,
+        },
+        config: TrainConfig::for_iterations(plan.iterations),
+    }
+}
+
+/// The other runs; the default one ended with so many splats.
+pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
+    let base = TrainConfig::for_iterations(plan.iterations);
+    let with = |series: &str, setting: String, change: &dyn Fn(&mut TrainConfig)| {
+        let mut config = base.clone();
+        change(&mut config);
+        RunSetting {
+            knob: knob(series, setting),
+            config,
+        }
+    };
+    if plan.is_quick {
+        return vec![with("harmonics", "degree 0".into(), &|c| c.sh_degree = 0)];
+    }
+    let mut runs = Vec::new();
+    for steps in [plan.iterations / 2, plan.iterations * 2] {
+        runs.push(with("steps", steps.to_string(), &|c| {
+            *c = TrainConfig::for_iterations(steps);
+        }));
+    }
+    for share in [2, 4] {
+        let most = (splats / share).max(1);
+        runs.push(with("splats at most", most.to_string(), &|c| {
+            c.max_splats = Some(most)
+        }));
+    }
+    for sh_degree in [2, 1, 0] {
+        let setting = format!("degree {sh_degree}");
+        runs.push(with("harmonics", setting, &|c| c.sh_degree = sh_degree));
+    }
+    for frame in [stop(1e-3), stop(1e-2), cut(128), cut(64)] {
+        let Knob {
+            series, setting, ..
+        } = frame.knob;
+        runs.push(with(&series, setting, &|c| c.accuracy = frame.accuracy));
+    }
+    runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
+    runs.push(with("strategy", "MCMC".into(), &|c| {
+        *c = c.clone().with_strategy(StrategyKind::Mcmc);
+        c.max_splats = Some(splats);
+    }));
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_setting_is_valid_and_named_once() {
+        for plan in [Plan::USUAL, Plan::QUICK] {
+            for sh_degree in 0..=3 {
+                let frames = of_frames(sh_degree, &plan);
+                let names: BTreeSet<(String, String)> = frames
+                    .iter()
+                    .map(|s| (s.knob.series.clone(), s.knob.setting.clone()))
+                    .collect();
+                assert_eq!(names.len(), frames.len());
+                assert_eq!(frames.iter().filter(|s| s.knob.is_default).count(), 1);
+                for setting in &frames {
+                    assert!(setting.accuracy.validate().is_ok(), "{setting:?}");
+                    assert!(setting.sh_degree <= sh_degree);
+                }
+            }
+            assert!(
+                of_runs(&plan, 1000)
+                    .iter()
+                    .all(|run| run.config.validate().is_ok())
+            );
+        }
+    }
+}

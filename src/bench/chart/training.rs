@@ -1,0 +1,192 @@
+//! Training runs of every setting and several seeds: what they reach on held-out views, and when.
+
+use super::Plan;
+use super::settings::{self, RunSetting};
+use crate::gpu::Gpu;
+use crate::io::photo;
+use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
+use crate::report::chart::{Interval, RunPoint};
+use crate::report::{MeanScore, Target};
+use crate::scene::{Camera, Dataset, Splats, Split};
+use crate::train::{TrainConfig, Trainer};
+use crate::{Error, Result};
+use std::time::Instant;
+
+/// Behind all splats.
+pub(super) const BACKGROUND: [f32; 3] = [0.0; 3];
+
+/// Seconds of training after which a run is judged on the way: doubling, through 5, 10, 20 and 40.
+const FIRST_LOOK: f64 = 0.625;
+
+/// Floats of a splat besides its harmonics: mean, quaternion, log-scale, opacity.
+const GEOMETRY_FLOATS: usize = 11;
+
+/// Runs everything. Also returns what the first default run made.
+pub(super) fn measure(
+    gpu: &Gpu,
+    dataset: &Dataset,
+    plan: &Plan,
+    progress: &mut dyn FnMut(&str),
+) -> Result<(Vec<RunPoint>, Splats)> {
+    let mut judge = Judge::new(gpu, dataset)?;
+    let default = settings::default_run(plan);
+    let (point, splats) = seeds(gpu, dataset, &mut judge, &default, plan, progress)?;
+    let mut points = vec![point];
+    for setting in settings::of_runs(plan, splats.len() as u32) {
+        points.push(seeds(gpu, dataset, &mut judge, &setting, plan, progress)?.0);
+    }
+    Ok((points, splats))
+}
+
+/// The result of one run, unjudged.
+pub(super) fn splats(gpu: &Gpu, dataset: &Dataset, config: TrainConfig) -> Result<Splats> {
+    let mut trainer = Trainer::new(gpu, dataset, config)?;
+    while !trainer.is_done() {
+        trainer.step()?;
+    }
+    trainer.splats()
+}
+
+/// What one run came to.
+struct Run {
+    splats: Splats,
+    seconds: f64,
+    score: MeanScore,
+    /// Seconds and PSNR on the way.
+    course: Vec<(f64, f64)>,
+}
+
+/// All seeds of a setting, and the splats of the first.
+fn seeds(
+    gpu: &Gpu,
+    dataset: &Dataset,
+    judge: &mut Judge,
+    setting: &RunSetting,
+    plan: &Plan,
+    progress: &mut dyn FnMut(&str),
+) -> Result<(RunPoint, Splats)> {
+    let mut runs = Vec::new();
+    for seed in 0..plan.seeds.max(1) {
+        let RunSetting { knob, config } = setting;
+        let of = plan.seeds;
+        progress(&format!(
+            "training: {} {}, run {} of {of}",
+            knob.series,
+            knob.setting,
+            seed + 1
+        ));
+        let config = TrainConfig {
+            seed,
+            ..config.clone()
+        };
+        runs.push(run(gpu, dataset, judge, config)?);
+    }
+    let mean = |figure: &dyn Fn(&Run) -> f64| {
+        Interval::of_mean(&runs.iter().map(figure).collect::<Vec<f64>>())
+    };
+    let bytes = |splats: &Splats| 4 * splats.len() * (GEOMETRY_FLOATS + splats.sh_stride());
+    let point = RunPoint {
+        knob: setting.knob.clone(),
+        psnr_db: mean(&|r| r.score.psnr_db.unwrap_or(f64::NAN)),
+        ssim: mean(&|r| r.score.ssim.unwrap_or(f64::NAN)),
+        seconds: mean(&|r| r.seconds),
+        splats: mean(&|r| r.splats.len() as f64),
+        megabytes: mean(&|r| bytes(&r.splats) as f64 * 1e-6),
+        course: course(&runs),
+    };
+    let first = runs.swap_remove(0);
+    Ok((point, first.splats))
+}
+
+/// Looks that all runs had, then their mean end.
+fn course(runs: &[Run]) -> Vec<(f64, Interval)> {
+    let mut course = Vec::new();
+    for (look, _) in &runs[0].course {
+        let same = |run: &Run| run.course.iter().find(|(at, _)| at == look).copied();
+        let values: Vec<f64> = runs.iter().filter_map(same).map(|(_, psnr)| psnr).collect();
+        if values.len() == runs.len() {
+            course.push((*look, Interval::of_mean(&values)));
+        }
+    }
+    let ends: Vec<f64> = runs.iter().filter_map(|r| r.score.psnr_db).collect();
+    let seconds: Vec<f64> = runs.iter().map(|r| r.seconds).collect();
+    course.push((Interval::of_mean(&seconds).value, Interval::of_mean(&ends)));
+    course
+}
+
+fn run(gpu: &Gpu, dataset: &Dataset, judge: &mut Judge, config: TrainConfig) -> Result<Run> {
+    let mut trainer = Trainer::new(gpu, dataset, config)?;
+    let (mut seconds, mut look) = (0.0, FIRST_LOOK);
+    let mut course = Vec::new();
+    while !trainer.is_done() {
+        let start = Instant::now();
+        trainer.step()?;
+        if seconds + start.elapsed().as_secs_f64() >= look {
+            // What is still on its way belongs to the time; looking does not.
+            trainer.finish()?;
+            seconds += start.elapsed().as_secs_f64();
+            let score = judge.score(&trainer.splats()?)?;
+            course.push((look, score.psnr_db.unwrap_or(f64::NAN)));
+            while look <= seconds {
+                look *= 2.0;
+            }
+        } else {
+            seconds += start.elapsed().as_secs_f64();
+        }
+    }
+    let start = Instant::now();
+    trainer.finish()?;
+    seconds += start.elapsed().as_secs_f64();
+    let splats = trainer.splats()?;
+    Ok(Run {
+        score: judge.score(&splats)?,
+        splats,
+        seconds,
+        course,
+    })
+}
+
+/// The held-out views.
+struct Judge {
+    gpu: Gpu,
+    renderer: Renderer,
+    views: Vec<(String, Camera, Target)>,
+    near: f32,
+}
+
+impl Judge {
+    fn new(gpu: &Gpu, dataset: &Dataset) -> Result<Judge> {
+        let held_out = dataset.split(Split::Test);
+        if held_out.is_empty() {
+            let what = "training is charted on held-out views, and the data set has none";
+            return Err(Error::Config(what.into()));
+        }
+        let views = held_out.iter().map(|&index| {
+            let view = &dataset.views[index];
+            let photo = photo::load(view)?;
+            let target = Target::new(&photo, dataset.alpha, BACKGROUND);
+            Ok((view.name.clone(), view.camera, target))
+        });
+        Ok(Judge {
+            gpu: gpu.clone(),
+            renderer: Renderer::new(gpu, RenderOptions::default())?,
+            views: views.collect::<Result<_>>()?,
+            near: (dataset.extent() * f64::from(TrainConfig::default().near_factor)) as f32,
+        })
+    }
+
+    fn score(&mut self, splats: &Splats) -> Result<MeanScore> {
+        let model = Model::upload(&self.gpu, splats)?;
+        let view = ViewOptions {
+            background: BACKGROUND,
+            near: self.near,
+            mode: splats.mode,
+        };
+        let mut scores = Vec::new();
+        for (name, camera, target) in &self.views {
+            let drawn = self.renderer.render(&model, camera, &view)?;
+            scores.push(target.score(name, &drawn.rgb));
+        }
+        Ok(MeanScore::of(&scores))
+    }
+}

@@ -1,0 +1,242 @@
+//! `ashfall chart`: speed against accuracy, on one page, every bound checked.
+
+use super::Outcome;
+use super::args::{DataArgs, DeviceArgs};
+use super::engine::Engine;
+use super::eval::read_scene;
+use super::output::Output;
+use crate::bench::chart::{Plan, measure};
+use crate::bench::record;
+use crate::io::atomic::write_atomically;
+use crate::report::chart::{Chart, csv, page};
+use crate::scene::{Dataset, Splats, Split};
+use crate::synth::{self, Kind, SynthOptions};
+use crate::{Error, Result};
+use clap::{Args, ValueEnum};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Chart speed against accuracy
+///
+/// Turns every knob that trades one for the other and measures both: frames against an f64 reference that
+/// skips nothing, gradients against exact ones, training runs by held-out views over several seeds. Every
+/// setting of rendering carries the error bound that was proven for it, pixel by pixel; one that breaks its
+/// bound ends the command with exit code 1.
+///
+/// Writes chart.html, which needs no other file, and chart.csv, the numbers behind it. Without a scene it
+/// trains one; without a data set it makes one.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct ChartArgs {
+    /// The scene to draw, a .ply (or .splat) file, and the data set it was trained on; or either: a scene
+    /// alone has no cameras, so one path is the data set
+    #[arg(value_names = ["SCENE.ply", "DATA"], num_args = 0..=2)]
+    paths: Vec<PathBuf>,
+    /// Folder for the page, made if it is not there
+    #[arg(long, value_name = "DIR", default_value = "out/chart")]
+    out: PathBuf,
+    /// Few settings and tiny inputs: whether all works, in seconds
+    #[arg(long)]
+    quick: bool,
+    /// Only a part of it
+    #[arg(long, value_name = "PART")]
+    only: Option<Part>,
+    /// Steps of a training run [default: 400; quick: 20]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    iterations: Option<u32>,
+    /// Training runs of each setting [default: 3; quick: 2]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..))]
+    seeds: Option<u64>,
+    /// Times that every frame and step is timed [default: 15; quick: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    runs: Option<u64>,
+    /// Print the numbers as CSV
+    #[arg(long)]
+    csv: bool,
+    #[command(flatten)]
+    options: DataArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  ashfall chart                                     a made scene, in a few minutes
+  ashfall chart run/scene.ply photos/ --only accuracy
+  ashfall chart photos/ --downscale 2 --iterations 2000 --seeds 5";
+
+/// A part of the chart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    /// Frames and gradients
+    Accuracy,
+    /// Training runs
+    Training,
+}
+
+pub(super) fn run(args: &ChartArgs) -> Result<Outcome> {
+    let output = Output { json: false };
+    let engine = Engine::open(&args.device)?;
+    std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
+    let (scene, dataset, name) = subject(args)?;
+    let plan = plan(args);
+    let mut said = |what: &str| output.remark(what);
+    let mut chart = measure(engine.gpu(), &dataset, scene.as_ref(), &plan, &mut said)?;
+    engine.check()?;
+    chart.facts = facts(&engine, &dataset, scene.as_ref(), &name, &plan);
+    write(&chart, &args.out)?;
+    match args.csv {
+        true => output.result(csv::csv(&chart).trim_end(), || unreachable!()),
+        false => output.result(
+            format_args!("Look at {}", args.out.join("chart.html").display()),
+            || unreachable!(),
+        ),
+    }
+    verdict(&chart)
+}
+
+/// Broken bounds are an error: what was proven does not hold.
+fn verdict(chart: &Chart) -> Result<Outcome> {
+    let broken = chart.broken();
+    match broken.as_slice() {
+        [] => Ok(Outcome::Done),
+        [first, ..] => Err(Error::Config(format!(
+            "{} of {} settings break their bounds; the first: {first}",
+            broken.len(),
+            chart.frames.len()
+        ))),
+    }
+}
+
+/// The page, and the numbers behind it.
+fn write(chart: &Chart, folder: &Path) -> Result<()> {
+    let html = page::html(chart)?;
+    write_atomically(&folder.join("chart.html"), |file| {
+        file.write_all(html.as_bytes())
+    })?;
+    let text = csv::csv(chart);
+    write_atomically(&folder.join("chart.csv"), |file| {
+        file.write_all(text.as_bytes())
+    })
+}
+
+fn plan(args: &ChartArgs) -> Plan {
+    let usual = if args.quick { Plan::QUICK } else { Plan::USUAL };
+    Plan {
+        iterations: args.iterations.unwrap_or(usual.iterations),
+        seeds: args.seeds.unwrap_or(usual.seeds),
+        runs: args.runs.map_or(usual.runs, |runs| runs as usize),
+        with_accuracy: args.only != Some(Part::Training),
+        with_training: args.only != Some(Part::Accuracy),
+        ..usual
+    }
+}
+
+/// What is charted, and what it is called.
+fn subject(args: &ChartArgs) -> Result<(Option<Splats>, Dataset, String)> {
+    let (scene, data) = match args.paths.as_slice() {
+        [] => return Ok((None, made(args.quick), "made in code".into())),
+        [data] => (None, data),
+        [scene, data, ..] => (Some(scene), data),
+    };
+    let dataset = args.options.open(data, true)?;
+    let name = scene.unwrap_or(data).display().to_string();
+    Ok((
+        scene.map(|path| read_scene(path)).transpose()?,
+        dataset,
+        name,
+    ))
+}
+
+/// The demo's scene.
+fn made(is_quick: bool) -> Dataset {
+    let usual = SynthOptions::default();
+    let options = match is_quick {
+        false => usual,
+        true => SynthOptions {
+            views: 8,
+            width: 44,
+            height: 33,
+            samples: 1,
+            points: 300,
+            test_every: 4,
+            ..usual
+        },
+    };
+    synth::scene(Kind::Demo).dataset(&options)
+}
+
+/// What a reader has to know of the figures.
+fn facts(
+    engine: &Engine,
+    dataset: &Dataset,
+    scene: Option<&Splats>,
+    name: &str,
+    plan: &Plan,
+) -> Vec<(String, String)> {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    let days = since.map_or(0, |since| since.as_secs() / 86_400);
+    let views = dataset.split(Split::Test).len();
+    let drawn = match scene {
+        Some(splats) => format!("{} splats of degree {}", splats.len(), splats.sh_degree),
+        None => format!("the first training run of {} steps", plan.iterations),
+    };
+    let size = dataset.views.first().map_or(String::new(), |view| {
+        format!("{} × {}", view.camera.width, view.camera.height)
+    });
+    let rows = [
+        ("scene", name.to_owned()),
+        ("drawn", drawn),
+        (
+            "data set",
+            format!("{} views, {views} held out, {size}", dataset.views.len()),
+        ),
+        ("device", engine.name().to_owned()),
+        ("date", record::date(days)),
+        ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),
+        (
+            "effort",
+            format!(
+                "frames and steps timed {} times, {} training runs a setting",
+                plan.runs, plan.seeds
+            ),
+        ),
+    ];
+    rows.into_iter()
+        .map(|(name, value)| (name.to_owned(), value))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::chart::FramePoint;
+
+    #[test]
+    fn a_broken_bound_is_an_error_after_the_page_is_written() -> Result<()> {
+        let point = |excess: f64| FramePoint {
+            excess,
+            ..FramePoint::default()
+        };
+        let chart = |excess: f64| Chart {
+            frames: vec![point(-1.0), point(excess)],
+            ..Chart::default()
+        };
+        assert_eq!(verdict(&chart(-1.0))?, Outcome::Done);
+        for excess in [1e-6, f64::NAN] {
+            let message = verdict(&chart(excess)).err().map(|error| error.to_string());
+            let message = message.unwrap_or_default();
+            assert!(
+                message.contains("1 of 2 settings break their bounds"),
+                "{message}"
+            );
+        }
+        let dir = tempfile::tempdir().map_err(Error::io(Path::new("a temporary folder")))?;
+        write(&chart(1.0), dir.path())?;
+        let page = dir.path().join("chart.html");
+        let html = std::fs::read_to_string(&page).map_err(Error::io(&page))?;
+        assert!(html.contains("1 of 2 settings break their bounds"));
+        Ok(())
+    }
+}

@@ -1,0 +1,102 @@
+//! Where the names of points stand, so that none covers another, a point or the frame.
+
+/// Pixels: left, top, right, bottom.
+pub(super) type Area = [i32; 4];
+
+/// Height of a line of text, pixels.
+pub(super) const HEIGHT: i32 = 13;
+
+/// A name that wants to stand near a point.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Wish {
+    /// The point, pixels.
+    pub(super) at: [i32; 2],
+    pub(super) text: String,
+    /// The most important are placed first.
+    pub(super) rank: u32,
+}
+
+/// Width of a text, pixels: fonts differ, so a generous one.
+pub(super) fn width(text: &str) -> i32 {
+    (text.chars().count() as i32 * 68 + 20) / 10
+}
+
+/// Where the text lies around a point of radius 6: right, left, above, below, and then a little farther.
+fn candidates([x, y]: [i32; 2], text: &str) -> Vec<Area> {
+    let (w, h) = (width(text), HEIGHT);
+    let mut areas = Vec::new();
+    for far in [9, 15, 22] {
+        for [left, top] in [
+            [x + far, y - h / 2],
+            [x - far - w, y - h / 2],
+            [x + far - 3, y - far - h + 4],
+            [x + far - 3, y + far - 4],
+            [x - far + 3 - w, y - far - h + 4],
+            [x - far + 3 - w, y + far - 4],
+            [x - w / 2, y - far - h],
+            [x - w / 2, y + far],
+        ] {
+            areas.push([left, top, left + w, top + h]);
+        }
+    }
+    areas
+}
+
+fn overlap(a: &Area, b: &Area) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+fn within(inner: &Area, outer: &Area) -> bool {
+    inner[0] >= outer[0] && inner[1] >= outer[1] && inner[2] <= outer[2] && inner[3] <= outer[3]
+}
+
+/// Places what finds a place inside `frame` clear of `obstacles` and of each other; the others get none.
+pub(super) fn place(wishes: &[Wish], frame: &Area, obstacles: &[Area]) -> Vec<Option<Area>> {
+    let mut order: Vec<usize> = (0..wishes.len()).collect();
+    order.sort_by_key(|&i| wishes[i].rank);
+    let mut taken = obstacles.to_vec();
+    let mut placed = vec![None; wishes.len()];
+    for index in order {
+        let wish = &wishes[index];
+        let free = |area: &Area| within(area, frame) && !taken.iter().any(|t| overlap(t, area));
+        let found = candidates(wish.at, &wish.text).into_iter().find(free);
+        taken.extend(found);
+        placed[index] = found;
+    }
+    placed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cover_nothing() {
+        let frame = [0, 0, 400, 300];
+        // A dense cluster in a corner, and one alone.
+        let mut wishes: Vec<Wish> = (0..40)
+            .map(|i| Wish {
+                at: [380 - i % 7 * 9, 12 + i / 7 * 11],
+                text: format!("1/{}", 1 << (i % 12)),
+                rank: (i % 3) as u32,
+            })
+            .collect();
+        wishes.push(Wish {
+            at: [100, 200],
+            text: "alone".into(),
+            rank: 9,
+        });
+        let points: Vec<Area> = wishes
+            .iter()
+            .map(|w| [w.at[0] - 6, w.at[1] - 6, w.at[0] + 6, w.at[1] + 6])
+            .collect();
+        let placed = place(&wishes, &frame, &points);
+        let areas: Vec<Area> = placed.iter().flatten().copied().collect();
+        assert!(placed[40].is_some() && areas.len() > 5 && areas.len() < 41);
+        for (i, area) in areas.iter().enumerate() {
+            assert!(within(area, &frame));
+            assert!(!points.iter().any(|point| overlap(point, area)));
+            assert!(!areas[..i].iter().any(|other| overlap(other, area)));
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! The page: figures, what to read from them, and the numbers. It needs no other file and no script.
+
+use super::figure::glyph;
+use super::panels::{self, Panel, series};
+use super::tables::{self, escaped};
+use super::{Chart, Knob};
+use crate::Result;
+
+const STYLE: &str = include_str!("page.css");
+
+const OF_FRAMES: &str = "Frames are compared with the <code>f64</code> reference that skips nothing and stops \
+nowhere, so that every cut counts as error. The bounds are proven, pixel by pixel, before a frame is drawn. \
+With C = Σ cᵢαᵢTᵢ + T·background, leaving out a set S of contributions changes a pixel by at most \
+Σ<sub>S</sub> αᵢTᵢ times the range of its colours: that is the bound of the <em>alpha cut</em> and of \
+<em>standard deviations</em>. Stopping at the transmittance t, the last splat included, costs at most t times \
+the range: the <em>stop threshold</em>. Leaving out harmonics of degree l with coefficients d<sub>l</sub> \
+changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em>. \
+A point whose worst pixel lies beyond its bound and the rounding of <code>f32</code> has failed.";
+
+const OF_GRADIENTS: &str = "The first step from the same state, against the exact gradient of the loss by the \
+<code>f64</code> reference without cuts. No bound is claimed here: the L1 part of the loss has a gradient that \
+jumps where a pixel crosses its photograph, so that any change of the image, however small, may turn the sign of \
+a pixel's share.";
+
+const OF_RUNS: &str = "Whole runs, each setting with several seeds; signs are means and bars their 95 % confidence \
+intervals (Student's t). There is no proof of what training reaches: these bars are statistics.";
+
+/// The page's text.
+///
+/// # Errors
+/// When a figure cannot be drawn.
+pub fn html(chart: &Chart) -> Result<String> {
+    let mut body = heading(chart);
+    let Chart {
+        frames,
+        gradients,
+        runs,
+        ..
+    } = chart;
+    if !frames.is_empty() {
+        let knobs = frames.iter().map(|p| &p.knob);
+        body += &format!("<h2>Rendering: time against error</h2>\n<p>{OF_FRAMES}</p>\n");
+        body += &legend(chart, knobs, true)?;
+        body += &figures(&panels::of_frames(chart))?;
+        body += &details(&tables::of_frames(chart));
+    }
+    if !gradients.is_empty() {
+        let knobs = gradients.iter().map(|p| &p.knob);
+        body += &format!("<h2>Gradients: time against error</h2>\n<p>{OF_GRADIENTS}</p>\n");
+        body += &legend(chart, knobs, false)?;
+        body += &figures(&panels::of_gradients(chart))?;
+        body += &details(&tables::of_gradients(chart));
+    }
+    if !runs.is_empty() {
+        let knobs = runs.iter().map(|p| &p.knob);
+        body += &format!("<h2>Training: quality against cost</h2>\n<p>{OF_RUNS}</p>\n");
+        body += &legend(chart, knobs, false)?;
+        body += &figures(&panels::of_runs(chart))?;
+        body += &details(&tables::of_runs(chart));
+    }
+    Ok(format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width\">\n\
+         <title>ashfall: speed against accuracy</title>\n<style>\n{STYLE}</style>\n</head>\n\
+         <body>\n{body}</body>\n</html>\n"
+    ))
+}
+
+fn heading(chart: &Chart) -> String {
+    let mut text = String::from("<h1>Speed against accuracy</h1>\n<dl class=\"facts\">\n");
+    for (name, value) in &chart.facts {
+        text += &format!("<dt>{}</dt><dd>{}</dd>\n", escaped(name), escaped(value));
+    }
+    text += "</dl>\n";
+    let broken = chart.broken();
+    let count = chart.frames.len();
+    if broken.is_empty() && count > 0 {
+        text +=
+            &format!("<p class=\"verdict\">All {count} settings keep their proven bounds.</p>\n");
+    }
+    if !broken.is_empty() {
+        let all: String = broken
+            .iter()
+            .map(|b| format!("<br>{}", escaped(b)))
+            .collect();
+        text += &format!(
+            "<p class=\"verdict broken\"><strong>{} of {count} settings break their bounds.</strong>{all}</p>\n",
+            broken.len()
+        );
+    }
+    text
+}
+
+/// The signs of the series that some points belong to.
+fn legend<'a>(
+    chart: &Chart,
+    knobs: impl Iterator<Item = &'a Knob>,
+    is_bounded: bool,
+) -> Result<String> {
+    let used: Vec<&str> = knobs.map(|knob| knob.series.as_str()).collect();
+    let mut text = String::from(
+        "<ul class=\"legend\">
+",
+    );
+    for (index, name) in series(chart).iter().enumerate() {
+        if used.contains(name) {
+            text += &format!(
+                "<li>{}{}</li>
+",
+                glyph(index)?,
+                escaped(name)
+            );
+        }
+    }
+    text += "</ul>
+<ul class=\"legend\">
+\
+             <li>filled: on the Pareto front (grey steps)</li>
+<li>hollow: beaten</li>
+\
+             <li>ringed: the default</li>
+<li>horizontal bar: 95 % interval</li>
+";
+    text += match is_bounded {
+        true => {
+            "<li>vertical bar: to the proven bound</li>
+<li>red cross: bound broken</li>
+"
+        }
+        false => "",
+    };
+    Ok(text
+        + "</ul>
+")
+}
+
+fn figures(panels: &[Panel]) -> Result<String> {
+    let mut text = String::from("<div class=\"figures\">\n");
+    for Panel { figure, caption } in panels {
+        let class = if figure.size[0] > 600 { "wide" } else { "half" };
+        text += &format!(
+            "<figure class=\"{class}\">\n{}<figcaption>{}</figcaption>\n</figure>\n",
+            figure.svg()?,
+            escaped(caption)
+        );
+    }
+    Ok(text + "</div>\n")
+}
+
+fn details(table: &str) -> String {
+    format!("<details open>\n<summary>The numbers</summary>\n{table}</details>\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::chart::tests::frame;
+    use crate::report::chart::{GradientPoint, Interval, RunPoint};
+
+    fn chart(excess: f64) -> Chart {
+        Chart {
+            facts: vec![("scene".into(), "a<b".into())],
+            frames: vec![frame("1e-4", -1e-4), frame("1e-2", excess)],
+            gradients: vec![GradientPoint {
+                median: 1e-6,
+                p99: 1e-4,
+                ..GradientPoint::default()
+            }],
+            runs: vec![RunPoint {
+                course: vec![
+                    (1.0, Interval::of_mean(&[20.0, 21.0])),
+                    (2.0, Interval::of_mean(&[23.0])),
+                ],
+                ..RunPoint::default()
+            }],
+        }
+    }
+
+    #[test]
+    fn the_page_holds_every_figure_and_needs_nothing_else() -> Result<()> {
+        let page = html(&chart(-1.0))?;
+        assert_eq!(page.matches("<figure ").count(), 3 + 2 + 5);
+        assert!(page.contains("All 2 settings keep their proven bounds."));
+        assert!(page.contains("a&lt;b") && !page.contains("a<b"));
+        // The only addresses are names of XML's vocabulary.
+        for (at, _) in page.match_indices("http") {
+            assert!(
+                page[at..].starts_with("http://www.w3.org/"),
+                "{}",
+                &page[at..at + 40]
+            );
+        }
+        assert!(!page.contains("<script") && !page.contains(" src="));
+        Ok(())
+    }
+
+    #[test]
+    fn a_broken_bound_is_shown_as_such() -> Result<()> {
+        let page = html(&chart(2e-3))?;
+        assert!(page.contains("1 of 2 settings break their bounds"));
+        assert!(page.contains("<tr class=\"broken\">") && page.contains("broken by 2.0e-3"));
+        // The alarm's red, in every panel of frames.
+        assert!(page.matches("#C80000").count() >= 3, "no alarm is drawn");
+        assert!(!html(&chart(-1.0))?.contains("#C80000"));
+        Ok(())
+    }
+
+    #[test]
+    fn an_empty_chart_is_a_page_too() -> Result<()> {
+        let page = html(&Chart::default())?;
+        assert!(page.contains("<h1>") && !page.contains("<figure"));
+        Ok(())
+    }
+}
