@@ -6,7 +6,7 @@
 //
 // One invocation per vec4 of a plane; workgroups cover plane after plane. Gradients that are not finite
 // leave their four parameters and moments alone and are counted. Quaternions are normalised again, so
-// that their length cannot drift and slow them down.
+// that their length cannot drift and slow them down; scales are moved back to where a splat's aspect is bounded.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
@@ -32,6 +32,7 @@ layout(push_constant, scalar) uniform Push {
     float epsilon;
     float correction1;       // 1 / (1 - beta1^step), in double precision on the host
     float correction2;       // 1 / (1 - beta2^step)
+    float log_aspect_max;    // most that a splat's log-scales may differ by; 0: no bound
 } push;
 
 vec4 rate_of(uint plane) {
@@ -40,6 +41,18 @@ vec4 rate_of(uint plane) {
     if (plane == 2) return vec4(vec3(push.rate_log_scale), 0.0);
     if (plane == 3) return vec4(vec3(push.rate_sh_dc), push.rate_sh_rest);
     return vec4(push.rate_sh_rest);
+}
+
+// The nearest log-scales of which no two are further apart than `most`; their sum, the splat's volume, stays.
+vec3 bounded(vec3 x, float most) {
+    float high = max(x.x, max(x.y, x.z));
+    float low = min(x.x, min(x.y, x.z));
+    float middle = max(min(x.x, x.y), min(max(x.x, x.y), x.z));
+    if (!(high - low > most)) return x;
+    float bottom = 0.5 * (high + low - most);
+    if (middle > bottom + most) bottom = (high + middle + low - 2.0 * most) / 3.0;
+    else if (middle < bottom) bottom = (high + middle + low - most) / 3.0;
+    return clamp(x, bottom, bottom + most);
 }
 
 void main() {
@@ -59,5 +72,6 @@ void main() {
     vec4 step = rate_of(plane) * (m * push.correction1) / (sqrt(v * push.correction2) + push.epsilon);
     vec4 next = params[place] - step;
     if (plane == 1) next /= quaternion_length(next);
+    if (plane == 2 && push.log_aspect_max > 0.0) next.xyz = bounded(next.xyz, push.log_aspect_max);
     params[place] = next;
 }

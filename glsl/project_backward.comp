@@ -32,6 +32,7 @@ layout(push_constant, scalar) uniform Push {
     uint stride;            // elements between two planes of parameters
     float opacity_penalty;  // added to dL/d opacity of every splat
     float scale_penalty;    // added to dL/d scale of every splat and axis
+    float size_penalty;     // times the scale, likewise: the slope of half of it times the squared scale
 } push;
 
 struct Gradient {
@@ -201,7 +202,7 @@ void main() {
     gradient.mean = vec3(0.0);
     gradient.opacity_logit = sound ? push.opacity_penalty * opacity * sigmoid(-params[splat].w) : 0.0;
     gradient.quaternion = vec4(0.0);
-    gradient.log_scale = sound ? push.scale_penalty * scale : vec3(0.0);
+    gradient.log_scale = sound ? (push.scale_penalty + push.size_penalty * scale) * scale : vec3(0.0);
 
     uint tile_count = tile_count_from_splat[splat];
     if (tile_count != 0) {

@@ -1,4 +1,4 @@
-//! Adam (Kingma and Ba 2015, algorithm 1) on one number.
+//! Adam (Kingma and Ba 2015, algorithm 1) on one number, and the bound on a splat's aspect that follows it.
 
 /// The optimiser's constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,4 +46,31 @@ impl Adam {
             second,
         }
     }
+}
+
+/// The log-scales nearest to these (in the sum of squares) of which no two differ by more than `most`.
+///
+/// At the solution some lie on the upper end of an interval of that length, some on its lower end, and the rest
+/// within: every such division is tried.
+pub fn bounded(log_scale: [f64; 3], most: f64) -> [f64; 3] {
+    let spread = |x: [f64; 3]| x[0].max(x[1]).max(x[2]) - x[0].min(x[1]).min(x[2]);
+    if spread(log_scale) <= most {
+        return log_scale;
+    }
+    let candidate = |division: usize| {
+        let places = [division % 3, division / 3 % 3, division / 9];
+        let pinned = || log_scale.iter().zip(places).filter(|(_, place)| *place < 2);
+        let sum: f64 = pinned().map(|(x, place)| x - most * place as f64).sum();
+        let bottom = sum / pinned().count() as f64;
+        log_scale.map(|x| x.clamp(bottom, bottom + most))
+    };
+    let moved = |x: &[f64; 3]| -> f64 {
+        let pairs = x.iter().zip(&log_scale);
+        pairs.map(|(x, from)| (x - from).powi(2)).sum()
+    };
+    // The last division pins none.
+    let candidates = (0..26).map(candidate);
+    candidates
+        .min_by(|a, b| moved(a).total_cmp(&moved(b)))
+        .unwrap_or(log_scale)
 }

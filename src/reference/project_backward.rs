@@ -18,18 +18,29 @@ pub fn project_backward(splat: &Splat<f64>, view: &Viewpoint, by_screen: &[f64; 
     })
 }
 
-/// What density control by opacity and size adds to the loss for one splat (3DGS-MCMC, section 3.4):
-/// `opacity_weight · opacity + scale_weight · Σ scale`.
-pub fn penalty<R: Real>(splat: &Splat<R>, opacity_weight: f64, scale_weight: f64) -> R {
+/// What is added to the loss for one splat, whether it is seen or not.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Penalties {
+    /// Times the opacity (3DGS-MCMC, section 3.4).
+    pub opacity: f64,
+    /// Times Σ scale (there as well).
+    pub scale: f64,
+    /// Times ½ Σ scale².
+    pub size: f64,
+}
+
+/// The sum of the [`Penalties`] of one splat.
+pub fn penalty<R: Real>(splat: &Splat<R>, weights: Penalties) -> R {
     let scales: R = splat.log_scale.iter().map(|s| s.exp()).sum();
-    R::of(opacity_weight) * splat.opacity_logit.sigmoid() + R::of(scale_weight) * scales
+    let squares: R = splat.log_scale.iter().map(|s| s.exp().squared()).sum();
+    R::of(weights.opacity) * splat.opacity_logit.sigmoid()
+        + R::of(weights.scale) * scales
+        + R::of(0.5 * weights.size) * squares
 }
 
 /// Derivatives of [`penalty`] by [`Splat::parameters`].
-pub fn penalty_backward(splat: &Splat<f64>, opacity_weight: f64, scale_weight: f64) -> Vec<f64> {
-    differentiate(splat, |lifted| {
-        penalty(lifted, opacity_weight, scale_weight)
-    })
+pub fn penalty_backward(splat: &Splat<f64>, weights: Penalties) -> Vec<f64> {
+    differentiate(splat, |lifted| penalty(lifted, weights))
 }
 
 /// Derivatives of a function by all parameters of a splat, a few in every pass.

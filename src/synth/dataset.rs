@@ -56,6 +56,9 @@ pub struct SynthOptions {
     pub points: usize,
     /// Standard deviation of the points' error, world units.
     pub point_noise: f64,
+    /// Number of points more that lie anywhere around the target within one and a half times the rig's
+    /// distance, in any colour, as the wrong matches of a reconstruction do.
+    pub strays: usize,
     /// Where the points fall.
     pub seed: u64,
     /// As `Dataset::test_every`.
@@ -76,6 +79,7 @@ impl Default for SynthOptions {
             cutout: false,
             points: 5_000,
             point_noise: 0.0,
+            strays: 0,
             seed: 1,
             test_every: 8,
         }
@@ -153,7 +157,21 @@ impl Scene {
             points.par_extend(block.into_par_iter().filter_map(draw));
         }
         points.truncate(options.points);
+        points.extend((0..options.strays).map(|key| self.stray(options.seed, key as u64)));
         points
+    }
+
+    /// A point that nothing in the scene explains.
+    fn stray(&self, seed: u64, key: u64) -> Point {
+        // Another sequence than that of the points on surfaces.
+        let random = &mut Random::new(!seed, key);
+        // Uniform over the ball.
+        let reach = 1.5 * self.rig.distance * random.uniform().cbrt();
+        let position = self.rig.target + reach * random.direction();
+        Point {
+            position: position.as_vec3().to_array(),
+            color: [(); 3].map(|()| random.uniform() as f32),
+        }
     }
 
     fn point(

@@ -216,7 +216,7 @@ impl Backward {
         step: &Step<'_>,
         block: Block,
     ) {
-        let [opacity, scale] = schedule::regularization(step.config, step.extent);
+        let penalties = schedule::penalties(step.config, step.extent);
         let count = state.model.splat_count;
         let splats = block.splats();
         self.project[step.sh_degree as usize].record(
@@ -236,12 +236,14 @@ impl Backward {
                 d_params: state.gradients(block),
                 statistics: &state.statistics.part(splats),
             },
-            // Means over all splats, and over axes.
             project_backward::Params {
                 splat_count: block.count as u32,
                 stride: block.stride as u32,
-                opacity_penalty: opacity / count as f32,
-                scale_penalty: scale / (3 * count) as f32,
+                // Means over all splats, and over axes.
+                opacity_penalty: penalties.opacity / count as f32,
+                scale_penalty: penalties.scale / (3 * count) as f32,
+                // A sum: it is half of this times the square that has this slope.
+                size_penalty: 2.0 * penalties.size,
             },
         );
         rec.timestamp("project_backward");
@@ -288,6 +290,7 @@ impl Backward {
                 epsilon: config.adam.epsilon,
                 correction1,
                 correction2,
+                log_aspect_max: config.max_aspect.max(1.0).ln(),
             },
             plane_count(step.sh_degree),
         );

@@ -126,15 +126,33 @@ pub fn noise_scale(config: &TrainConfig, extent: f64, iteration: u32) -> f32 {
     (f64::from(config.mcmc.noise_rate) * rate * unit * unit) as f32
 }
 
-/// Weights of the mean opacity and of the mean standard deviation (per world unit) in the loss; 0 with
-/// strategies other than MCMC.
-pub fn regularization(config: &TrainConfig, extent: f64) -> [f32; 2] {
+/// What the loss adds to what the photographs say, per world unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Penalties {
+    /// Weight of the mean opacity.
+    pub opacity: f32,
+    /// Weight of the mean standard deviation.
+    pub scale: f32,
+    /// Weight of the sum of the squared standard deviations.
+    pub size: f32,
+}
+
+/// The penalties of a run: those of MCMC are 0 with other strategies.
+pub fn penalties(config: &TrainConfig, extent: f64) -> Penalties {
+    let size = (f64::from(config.size_penalty) / (extent * extent)) as f32;
     if config.strategy != StrategyKind::Mcmc {
-        return [0.0; 2];
+        return Penalties {
+            size,
+            ..Penalties::default()
+        };
     }
     let unit = f64::from(config.mcmc.reference_extent) / extent;
     let scale = f64::from(config.mcmc.scale_regularization) * unit;
-    [config.mcmc.opacity_regularization, scale as f32]
+    Penalties {
+        opacity: config.mcmc.opacity_regularization,
+        scale: scale as f32,
+        size,
+    }
 }
 
 #[cfg(test)]

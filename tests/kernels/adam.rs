@@ -28,6 +28,7 @@ fn params(splat_count: usize, stride: usize) -> Params {
         epsilon: 1e-15,
         correction1: correction(BETAS[0]),
         correction2: correction(BETAS[1]),
+        log_aspect_max: 0.0,
     }
 }
 
@@ -46,6 +47,7 @@ fn rate(p: &Params, plane: usize, lane: usize) -> f32 {
 
 /// Parameters, gradients and both moments, `[plane][splat]`.
 struct Input {
+    log_aspect_max: f32,
     count: usize,
     stride: usize,
     failed: u32,
@@ -70,6 +72,7 @@ fn input(count: usize, magnitude: f64, poison: Option<f32>, failed: u32) -> Inpu
         planes[3].push(four(0.01 * square, square));
     }
     Input {
+        log_aspect_max: 0.0,
         count,
         stride,
         failed,
@@ -111,6 +114,11 @@ fn expected(input: &Input) -> ([Vec<f64>; 3], u32) {
             let norm = next.iter().map(|s| s.value * s.value).sum::<f64>().sqrt();
             next.iter_mut().for_each(|s| s.value /= norm);
         }
+        if plane == 2 && input.log_aspect_max > 0.0 {
+            let moved = [0, 1, 2].map(|lane: usize| next[lane].value);
+            let moved = adam::bounded(moved, f64::from(input.log_aspect_max));
+            next.iter_mut().zip(moved).for_each(|(s, x)| s.value = x);
+        }
         for (lane, state) in next.iter().enumerate() {
             after[0][4 * i + lane] = state.value;
             after[1][4 * i + lane] = state.first;
@@ -124,6 +132,16 @@ fn expected(input: &Input) -> ([Vec<f64>; 3], u32) {
 fn parameters_and_moments_step_together() {
     let gpu = device::gpu();
     let mut check = Check::new("adam");
+    // The log-scales lie between -2 and 2: a bound of 1 moves most of them, one of 3.9 hardly any.
+    let aspects = [("aspect 1", 1.0), ("aspect 3.9", 3.9)].map(|(name, most)| {
+        (
+            name,
+            Input {
+                log_aspect_max: most,
+                ..input(200, 1.0, None, 0)
+            },
+        )
+    });
     let cases = [
         ("nothing to update", 0, 1.0, None, 0),
         ("one", 1, 1.0, None, 0),
@@ -140,16 +158,18 @@ fn parameters_and_moments_step_together() {
             0,
         ),
         ("the frame failed", 100, 1.0, None, 1),
-    ];
+    ]
+    .map(|(name, count, size, poison, failed)| (name, size, input(count, size, poison, failed)));
+    let aspects = aspects.map(|(name, input)| (name, 1.0, input));
     for variant in supported!(adam, gpu) {
         for workgroup in [8, 64, 256] {
             let spec = Spec { workgroup };
             let kernel = Adam::new(&gpu, Choice { variant, spec }).unwrap();
-            for (name, count, magnitude, poison, failed) in cases {
-                let input = input(count, magnitude, poison, failed);
+            for (name, magnitude, input) in cases.iter().chain(&aspects) {
+                let magnitude = *magnitude;
                 let [values, gradients, first, second] =
                     input.planes.each_ref().map(|plane| buffer(&gpu, plane));
-                let counted = counts(&gpu, &[(COUNT_FAILED, failed)]);
+                let counted = counts(&gpu, &[(COUNT_FAILED, input.failed)]);
                 let io = Bindings {
                     counts: &counted,
                     d_params: &gradients,
@@ -157,10 +177,13 @@ fn parameters_and_moments_step_together() {
                     moment1: &first,
                     moment2: &second,
                 };
-                let params = params(input.count, input.stride);
+                let params = Params {
+                    log_aspect_max: input.log_aspect_max,
+                    ..params(input.count, input.stride)
+                };
                 gpu.run(|rec| kernel.record(rec, io, params, PLANES))
                     .unwrap();
-                let ([value, moment1, moment2], poisoned) = expected(&input);
+                let ([value, moment1, moment2], poisoned) = expected(input);
                 let found = |buffer| floats(&read(&gpu, buffer));
                 let counted = read(&gpu, &counted)[COUNT_POISONED as usize];
                 // A moment is two products and a sum of terms up to the gradients' magnitude: 4u of it, and

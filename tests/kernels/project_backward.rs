@@ -9,7 +9,7 @@ use ashfall::gpu::Gpu;
 use ashfall::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward, Spec};
 use ashfall::layout::{COUNT_FAILED, WHITEN};
 use ashfall::reference::project::{determinant, margins};
-use ashfall::reference::project_backward::penalty_backward;
+use ashfall::reference::project_backward::{Penalties, penalty_backward};
 use ashfall::reference::smoothing::{smoothed, smoothed_backward};
 use ashfall::reference::tiles::extent;
 use ashfall::reference::{Cuts, ScreenSplat, Splat, project};
@@ -18,6 +18,7 @@ use ashfall::scene::RenderMode;
 
 const OPACITY_PENALTY: f32 = 0.125;
 const SCALE_PENALTY: f32 = 0.5;
+const SIZE_PENALTY: f32 = 0.75;
 /// Statistics as they were before.
 const SEEN: [f32; 4] = [0.5, 3.0, 2.0, 7.0];
 
@@ -77,8 +78,13 @@ fn prepare(scene: &Scene, filters: Vec<f32>) -> Case {
     case.filters.resize(scene.splats.len(), 0.0);
     for i in 0..scene.splats.len() {
         let splat = Splat::<f64>::of(&scene.splats, i);
-        let penalties = [OPACITY_PENALTY, SCALE_PENALTY].map(f64::from);
-        let mut row = penalty_backward(&splat, penalties[0], penalties[1]);
+        let [opacity, scale, size] = [OPACITY_PENALTY, SCALE_PENALTY, SIZE_PENALTY].map(f64::from);
+        let weights = Penalties {
+            opacity,
+            scale,
+            size,
+        };
+        let mut row = penalty_backward(&splat, weights);
         let mut seen = SEEN.map(f64::from);
         let sigma = f64::from(case.filters[i]);
         let screen =
@@ -158,6 +164,7 @@ fn run(
         stride: count as u32,
         opacity_penalty: OPACITY_PENALTY,
         scale_penalty: SCALE_PENALTY,
+        size_penalty: SIZE_PENALTY,
     };
     gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
     let statistics = floats(&read(gpu, &statistics));

@@ -6,7 +6,7 @@ use crate::{assert_close, central_difference};
 use ashfall::reference::expand::expand;
 use ashfall::reference::gradient::{backward, loss_derivatives};
 use ashfall::reference::loss::{self, Target};
-use ashfall::reference::project_backward::penalty_backward;
+use ashfall::reference::project_backward::{Penalties, penalty_backward};
 use ashfall::reference::rasterize::Layer;
 use ashfall::reference::rasterize_backward::{PixelGradient, isect_backward};
 use ashfall::reference::tiles::Grid;
@@ -258,11 +258,17 @@ fn only_the_visible_have_gradients() {
 #[test]
 fn penalties_pull_on_opacity_and_size() {
     let splat = Splat::<f64>::of(&scenes::gentle(29, 1, 20, 20, 1).splats, 0);
-    let gradient = penalty_backward(&splat, 0.3, 0.2);
+    let weights = Penalties {
+        opacity: 0.3,
+        scale: 0.2,
+        size: 0.1,
+    };
+    let gradient = penalty_backward(&splat, weights);
     let opacity = splat.opacity_logit.sigmoid();
     assert_close(gradient[10], 0.3 * opacity * (1.0 - opacity), 1e-14, 0.0);
     for (found, log_scale) in gradient[7..10].iter().zip(splat.log_scale) {
-        assert_close(*found, 0.2 * log_scale.exp(), 1e-14, 0.0);
+        let scale = log_scale.exp();
+        assert_close(*found, 0.2 * scale + 0.1 * scale * scale, 1e-14, 0.0);
     }
     assert!(
         gradient[..7]

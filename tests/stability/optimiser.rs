@@ -72,6 +72,7 @@ impl<'a> Run<'a> {
             epsilon: 1e-15,
             correction1: correction(BETAS[0]),
             correction2: correction(BETAS[1]),
+            log_aspect_max: 0.0,
         };
         let io = Bindings {
             counts: &self.counts,

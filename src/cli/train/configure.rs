@@ -28,6 +28,9 @@ pub(in crate::cli) struct ConfigArgs {
     /// How splats become pixels; scene.ply says so, and `render` and `eval` follow [default: default]
     #[arg(long, value_name = "MODE")]
     pub mode: Option<ModeArg>,
+    /// Be on guard against these (comma-separated); constants given by --set come after
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub against: Vec<AgainstArg>,
     /// Splats at most [default: as many as the strategy asks for; 1,000,000 with mcmc]
     #[arg(long, value_name = "N")]
     pub max_splats: Option<u32>,
@@ -61,6 +64,16 @@ pub(in crate::cli) enum ModeArg {
     Mip,
 }
 
+/// What may go wrong with a scene, as a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum AgainstArg {
+    /// Splats in free space: cull the first points by views and by distance, prune below an opacity of 0.01,
+    /// let size cost
+    Floaters,
+    /// Splats much longer than thick: none of more than 10 to 1
+    Needles,
+}
+
 impl ConfigArgs {
     /// The configuration, checked.
     pub(crate) fn config(&self, is_software: bool) -> Result<TrainConfig> {
@@ -75,6 +88,12 @@ impl ConfigArgs {
         };
         let config = TrainConfig::for_iterations(self.iterations.unwrap_or(usual));
         let mut config = config.with_strategy(strategy);
+        for against in &self.against {
+            config = match against {
+                AgainstArg::Floaters => config.against_floaters(),
+                AgainstArg::Needles => config.against_needles(),
+            };
+        }
         config.seed = self.seed.unwrap_or(config.seed);
         config.mode = match self.mode {
             None | Some(ModeArg::Default) => RenderMode::Default,
@@ -172,6 +191,25 @@ mod tests {
         ])?;
         assert_eq!(config.background, Background::Fixed([1.0, 0.0, 0.5]));
         assert_eq!(config.sh_degree_from, [1, 2, 3]);
+        Ok(())
+    }
+
+    #[test]
+    fn remedies_are_taken_together_and_settings_come_after() -> std::result::Result<(), String> {
+        let args = ConfigArgs {
+            against: vec![AgainstArg::Floaters, AgainstArg::Needles],
+            mode: Some(ModeArg::Mip),
+            settings: vec!["max_aspect=20".into()],
+            ..ConfigArgs::default()
+        };
+        let config = args.config(true).map_err(|e| e.to_string())?;
+        let wanted = TrainConfig::for_iterations(ITERATIONS_SOFTWARE).against_floaters();
+        assert_eq!(config.init, wanted.init);
+        assert_eq!((config.max_aspect, config.mode), (20.0, RenderMode::Mip));
+        assert_eq!(
+            (config.size_penalty, config.adc.prune_opacity),
+            (0.001, 0.01)
+        );
         Ok(())
     }
 

@@ -65,6 +65,13 @@ pub struct TrainConfig {
     pub adc: AdcConfig,
     /// Constants of MCMC.
     pub mcmc: McmcConfig,
+    /// Weight λ of λ Σ ‖s‖² in the loss, s the standard deviations of a splat in scene extents: 0, and 0.001
+    /// against floaters. The photographs' pull on a splat is in proportion to the area it covers, too, so that
+    /// one weight is as strong for small splats and large ones, few and many.
+    pub size_penalty: f32,
+    /// Largest standard deviation of a splat over its smallest, at most: 0 for any (3DGS), else at least 1.01.
+    /// After each step splats beyond it are moved to the nearest within, their volume kept.
+    pub max_aspect: f32,
     /// What training starts from.
     pub init: InitConfig,
     /// What is behind the splats.
@@ -195,6 +202,12 @@ pub struct InitConfig {
     /// How many are placed in the cameras' frusta where the data set has no points: 100,000 (3DGS for
     /// Blender scenes).
     pub random_count: u32,
+    /// Points that fewer training views see are left out: 0, and 2 against floaters.
+    pub cull_views: u32,
+    /// Points that lie further outside the points' bulk than this many times its size are left out, axis by
+    /// axis; the bulk is what lies between the quartiles. 0 for none, and 3 against floaters (Tukey's outer
+    /// fence).
+    pub cull_fence: f32,
 }
 
 /// The length of run that the published timetables are for.
@@ -240,6 +253,8 @@ impl TrainConfig {
             },
             adc: AdcConfig::default(),
             mcmc: McmcConfig::default(),
+            size_penalty: 0.0,
+            max_aspect: 0.0,
             init: InitConfig::default(),
             background: Background::Fixed([0.0; 3]),
             near_factor: 0.01,
@@ -267,6 +282,23 @@ impl TrainConfig {
             let tenfold = 10_f32.powf(2.0 / refinements as f32);
             self.mcmc.growth = tenfold.clamp(self.mcmc.growth, 2.0);
         }
+        self
+    }
+
+    /// The same run, on its guard against floaters, splats in free space that few views speak against: points
+    /// to begin with are culled, faint splats are pruned sooner, large ones cost.
+    pub fn against_floaters(mut self) -> TrainConfig {
+        self.init.cull_views = 2;
+        self.init.cull_fence = 3.0;
+        self.adc.prune_opacity = 0.01;
+        self.mcmc.min_opacity = 0.01;
+        self.size_penalty = 0.001;
+        self
+    }
+
+    /// The same run without needles, splats of which a little turn of the camera makes something else.
+    pub fn against_needles(mut self) -> TrainConfig {
+        self.max_aspect = 10.0;
         self
     }
 
@@ -350,6 +382,8 @@ impl Default for InitConfig {
             opacity: 0.1,
             scale_factor: 1.0,
             random_count: 100_000,
+            cull_views: 0,
+            cull_fence: 0.0,
         }
     }
 }

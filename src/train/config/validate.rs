@@ -40,6 +40,8 @@ impl TrainConfig {
             ("rates.sh_rest", rates.sh_rest),
             ("mip.smoothing", self.mip.smoothing),
             ("mip.margin", self.mip.margin),
+            ("size_penalty", self.size_penalty),
+            ("init.cull_fence", self.init.cull_fence),
             ("adc.grad_threshold", adc.grad_threshold),
             ("adc.dense_fraction", adc.dense_fraction),
             ("adc.prune_scale", adc.prune_scale),
@@ -72,6 +74,9 @@ impl TrainConfig {
         inside("mcmc.reference_extent", mcmc.reference_extent, tiny, 1e6)?;
         inside("init.scale_factor", self.init.scale_factor, 1e-6, 1e6)?;
         inside("near_factor", self.near_factor, 1e-9, 1.0)?;
+        if self.max_aspect != 0.0 {
+            inside("max_aspect", self.max_aspect, 1.01, f32::MAX)?;
+        }
         inside("photo_share", self.photo_share, 0.0, 1.0)?;
         for (name, opacity) in [
             ("adc.prune_opacity", adc.prune_opacity),

@@ -61,7 +61,7 @@ fn draw_position(camera: &Camera, depth: f64, seed: u64, index: u32, draw: u32) 
     camera.position + camera.ray_from_pixel(pixel) * (depth * (near + (far - near) * w))
 }
 
-fn sees(camera: &Camera, point: DVec3) -> bool {
+pub(super) fn sees(camera: &Camera, point: DVec3) -> bool {
     camera.pixel_from_world(point).is_some_and(|pixel| {
         (0.0..f64::from(camera.width)).contains(&pixel.x)
             && (0.0..f64::from(camera.height)).contains(&pixel.y)

@@ -1,5 +1,6 @@
 //! The splats that training starts from: one per point, as large as its neighbours are far.
 
+mod cull;
 mod frusta;
 
 use super::config::TrainConfig;
@@ -18,22 +19,23 @@ const SCALE_RANGE: [f64; 2] = [1e-5, 0.1];
 /// Standard deviation of a splat that has no neighbour at all, in scene extents.
 const LONE_SCALE: f64 = 0.01;
 
-/// The first splats of a data set: from its points or, where it has none that are finite, from random
-/// ones inside its cameras' frusta; `extent` is the scene extent in world units.
+/// The first splats of a data set: from its points or, where it has none that are finite and not culled, from
+/// random ones inside its cameras' frusta; `extent` is the scene extent in world units.
 ///
 /// Errors if there is nothing to start from: neither points nor training views.
 pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> Result<Splats> {
     let finite = |p: &&Point| p.position.iter().chain(&p.color).all(|x| x.is_finite());
+    let training = dataset.split(Split::Train);
+    let cameras: Vec<_> = training.iter().map(|&i| dataset.views[i].camera).collect();
     let points: Vec<Point> = dataset.points.iter().filter(finite).copied().collect();
+    let points = cull::culled(&points, &cameras, &config.init);
     if !points.is_empty() {
         return Ok(splats_from_points(&points, extent, config));
     }
-    let training = dataset.split(Split::Train);
     if training.is_empty() {
         let what = "the data set has neither points nor training views to start from";
         return Err(Error::Config(what.into()));
     }
-    let cameras: Vec<_> = training.iter().map(|&i| dataset.views[i].camera).collect();
     let count = config.splat_limit().min(config.init.random_count as usize);
     let points = points_in_frusta(&cameras, count, extent, config.seed);
     Ok(splats_from_points(&points, extent, config))
