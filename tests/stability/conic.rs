@@ -1,6 +1,6 @@
 //! Section 3 of the catalogue: ellipses, dilation, bounds.
 //!
-//! * 30: the 3D filter belongs to training in mip mode, whose own tests judge it.
+//! * 30: the 3D filter belongs to training in mip mode: see `mip`.
 
 use crate::lab::{U, lab, percentile, within};
 use crate::projection::gradient_errors;

@@ -20,10 +20,12 @@ mod conic;
 mod covariance;
 mod coverage;
 mod extremes;
+mod floaters;
 #[path = "../common/lists.rs"]
 mod frame_lists;
 mod lab;
 mod lists;
+mod mip;
 mod optimiser;
 #[path = "../common/pack.rs"]
 mod pack;
@@ -35,3 +37,4 @@ mod relations_step;
 #[path = "../common/scenes.rs"]
 mod scenes;
 mod sorting;
+mod trained;
