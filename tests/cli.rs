@@ -279,6 +279,13 @@ fn check_report(report: &Value) {
     );
     assert!(number("/splat_count") > 300.0, "refinement adds splats");
     assert!(number("/train_seconds") > 0.0 && number("/memory_peak_bytes") > 1e5);
+    let memory = |name: &str| number(&format!("/memory/{name}"));
+    let ratio = memory("predicted_bytes") / memory("peak_bytes");
+    // Evaluations between the steps have room of their own, which the formula of training leaves out.
+    assert!((0.05..1.1).contains(&ratio), "{ratio}");
+    assert!(memory("essential_bytes") > 0.0 && memory("isects_peak") > 100.0);
+    assert!(memory("reserved_peak_bytes") >= memory("peak_bytes"));
+    assert!(report["memory"]["buffers"]["moment1"].is_u64());
     assert_eq!(number("/test/views"), 3.0);
     assert!(number("/test/psnr_db") > 15.0 && number("/train/psnr_db") > 15.0);
     assert!((0.2..=1.0).contains(&number("/test/ssim")));

@@ -167,7 +167,7 @@ fn a_refinement_without_room_is_refused_and_leaves_the_run_as_it_was() {
         }
     };
     assert!(
-        matches!(error, ashfall::Error::OutOfMemory { .. }),
+        error.to_string().contains("out of device memory"),
         "{error}"
     );
     let (count, splats) = (trainer.splat_count(), trainer.splats().unwrap());

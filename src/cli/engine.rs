@@ -6,9 +6,11 @@
 mod describe;
 
 use super::args::DeviceArgs;
+use super::predict::Prediction;
 use super::train::{StepFigures, Steps};
 use crate::gpu::{DeviceKind, Gpu, GpuOptions};
 use crate::render::{Model, RenderOptions, Rendered, Renderer, ViewOptions};
+use crate::report::MemoryFigures;
 use crate::scene::{Camera, Dataset, RenderMode, Splats};
 use crate::train::checkpoint::{Checkpoint, fingerprint};
 use crate::train::{StepReport, TrainConfig, Trainer};
@@ -48,6 +50,11 @@ impl Engine {
     /// Whether the device is a program on the CPU.
     pub(crate) fn is_software(&self) -> bool {
         self.gpu.caps().kind == DeviceKind::Cpu
+    }
+
+    /// Bytes that buffers may take.
+    pub(crate) fn memory_limit(&self) -> u64 {
+        self.gpu.memory_limit()
     }
 
     /// Most bytes of device memory held at one time.
@@ -178,6 +185,31 @@ impl Training<'_> {
     /// The run's constants.
     pub(crate) fn config(&self) -> &TrainConfig {
         self.trainer.config()
+    }
+
+    /// What the run will take of the device's memory: how many splats it will have, if that can be known, or
+    /// how many it begins with.
+    pub(crate) fn prediction(&self) -> Prediction {
+        let size = self.trainer.size();
+        Prediction::of(size, self.trainer.splats_expected())
+    }
+
+    /// What it has taken so far.
+    pub(crate) fn memory(&self) -> MemoryFigures {
+        let (gpu, size) = (self.trainer.gpu(), self.trainer.size());
+        let buffers = gpu.memory_by_name().into_iter();
+        MemoryFigures {
+            peak_bytes: gpu.memory_peak(),
+            reserved_peak_bytes: gpu.memory_reserved_peak(),
+            predicted_bytes: size.bytes(),
+            essential_bytes: size.essential_bytes(),
+            splats_peak: size.splats,
+            isects_peak: size.isects,
+            buffers: buffers
+                .filter(|(_, memory)| memory.peak_bytes > 0)
+                .map(|(name, memory)| (name, memory.peak_bytes))
+                .collect(),
+        }
     }
 }
 

@@ -5,6 +5,8 @@ use super::args::{DataArgs, DeviceArgs};
 use super::engine::{self, Engine};
 use super::eval::read_scene;
 use super::output::{Output, bytes, grouped};
+use super::predict::PredictArgs;
+use super::train::ConfigArgs;
 use crate::Result;
 use crate::render::plane_count;
 use crate::scene::{Dataset, Splats, Split};
@@ -12,7 +14,7 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Describe the devices, a scene or a data set
+/// Describe the devices, a scene or a data set, or predict a run's memory
 ///
 /// Without a path: the Vulkan devices, what the chosen one can do, and which variant of each kernel is
 /// used on it.
@@ -26,6 +28,10 @@ pub(super) struct InfoArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    predict: PredictArgs,
+    #[command(flatten)]
+    config: ConfigArgs,
+    #[command(flatten)]
     options: DataArgs,
     #[command(flatten)]
     device: DeviceArgs,
@@ -36,15 +42,38 @@ Examples:
   ashfall info
   ashfall info --device llvmpipe --json
   ashfall info run/scene.ply
-  ashfall info photos/";
+  ashfall info photos/
+  ashfall info photos/ --predict --strategy mcmc --max-splats 500000
+  ashfall info --predict --splats 2000000 --photos 300 --size 1600x1200
+  ashfall info run/scene.ply --predict --size 3840x2160";
 
 pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
+    args.predict.check(&args.config)?;
+    if args.predict.predict {
+        return predict(args);
+    }
     let (text, value) = match &args.path {
         None => devices(&args.device)?,
         Some(path) if is_scene(path) => scene(&read_scene(path)?),
         Some(path) => dataset(&args.options.open(path, false)?),
     };
     Output { json: args.json }.result(text, || value);
+    Ok(Outcome::Done)
+}
+
+fn predict(args: &InfoArgs) -> Result<Outcome> {
+    let engine = Engine::open(&args.device)?;
+    let limit = engine.memory_limit();
+    let config = args.config.config(engine.is_software())?;
+    let prediction = match &args.path {
+        None => args.predict.on_numbers(&config, limit),
+        Some(path) if is_scene(path) => args.predict.on_scene(&read_scene(path)?)?,
+        Some(path) => {
+            let dataset = args.options.open(path, false)?;
+            args.predict.on_dataset(&dataset, &config, limit)
+        }
+    };
+    Output { json: args.json }.result(prediction.table(limit), || prediction.value());
     Ok(Outcome::Done)
 }
 

@@ -13,6 +13,7 @@ mod eval;
 mod info;
 mod interrupt;
 mod output;
+mod predict;
 mod render;
 mod train;
 
@@ -36,6 +37,7 @@ Examples:
   ashfall render run/scene.ply --cameras photos/ --orbit 60 --out frames/
   ashfall chart                                   what does speed cost in accuracy?
   ashfall info                                    which devices are there?
+  ashfall info photos/ --predict                  how much memory will training take?
 
 `ashfall COMMAND --help` explains each command. The device is chosen with --device or the
 environment variable ASHFALL_DEVICE.";

@@ -2,16 +2,20 @@
 //!
 //! A block is a buffer of its own with some consecutive splats' planes, one after the other. Kernels see one
 //! block at a time, and of the arrays that hold one element per splat the part that belongs to it. A scene of
-//! less than a block is one block without anything to spare.
+//! `SPLATS_MIN` splats or fewer is one block without anything to spare.
 
 use super::model::plane_count;
 use crate::Result;
 use crate::gpu::{Buffer, Caps, Gpu, PART_ALIGNMENT};
 use std::ops::Range;
 
-/// Most splats of a block: enough for kernels not to notice, and few enough that what is needed of one block at
-/// a time (gradients) is little beside what is needed of all.
+/// Most splats of a block: enough for kernels not to notice.
 const SPLATS_MAX: usize = 1 << 18;
+/// Fewest splats of a block, unless there are fewer.
+const SPLATS_MIN: usize = 1 << 14;
+/// Blocks that a scene between those limits has: what is needed of one block at a time (gradients) is little
+/// then beside what is needed of all.
+const BLOCKS: usize = 4;
 
 /// Bytes that a binding reaches on every device (`maxStorageBufferRange`; Vulkan specification, table of
 /// required limits): more than a block has.
@@ -68,7 +72,9 @@ impl Blocks {
     fn within(reach: u64, room: usize, sh_degree: u32) -> Blocks {
         let planes = plane_count(sh_degree);
         let reach = usize::try_from(reach).unwrap_or(usize::MAX) / (16 * planes);
-        let per_block = (reach / PART_ALIGNMENT * PART_ALIGNMENT).clamp(PART_ALIGNMENT, SPLATS_MAX);
+        let share = room.div_ceil(BLOCKS).next_multiple_of(PART_ALIGNMENT);
+        let reached = (reach / PART_ALIGNMENT * PART_ALIGNMENT).max(PART_ALIGNMENT);
+        let per_block = share.clamp(SPLATS_MIN, SPLATS_MAX).min(reached);
         Blocks {
             room,
             per_block,

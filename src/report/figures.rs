@@ -4,6 +4,7 @@ use super::{MeanScore, ViewScore};
 use crate::Result;
 use crate::io::atomic::write_atomically;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
@@ -30,8 +31,10 @@ pub struct Report {
     pub test: MeanScore,
     /// Means over the views trained on.
     pub train: MeanScore,
-    /// Most device memory held by buffers at one time.
+    /// Most device memory held by buffers at one time, evaluation included.
     pub memory_peak_bytes: u64,
+    /// Where training's part of it went.
+    pub memory: MemoryFigures,
     /// The course of the run.
     pub history: Vec<HistoryEntry>,
     /// Scores of each held-out view.
@@ -42,6 +45,27 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// Every constant of the run.
     pub config: serde_json::Value,
+}
+
+/// Device memory of training, since it was begun or resumed: measured, and by the formula of
+/// `ashfall info --predict`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MemoryFigures {
+    /// Most bytes that buffers held at one time.
+    pub peak_bytes: u64,
+    /// Most bytes that were taken from the device to make buffers of.
+    pub reserved_peak_bytes: u64,
+    /// What the formula says for `splats_peak` and `isects_peak`.
+    pub predicted_bytes: u64,
+    /// The part of it without which nothing can be trained: parameters, moments, photographs and the lists of
+    /// (splat, tile) pairs with what is kept for each of them.
+    pub essential_bytes: u64,
+    /// Most splats trained at one time.
+    pub splats_peak: usize,
+    /// Most (splat, tile) pairs of one frame.
+    pub isects_peak: usize,
+    /// Bytes at the peak by the name of the buffers.
+    pub buffers: BTreeMap<String, u64>,
 }
 
 /// A point in the course of a run: means over the steps since the entry before.

@@ -5,6 +5,6 @@ mod figures;
 mod pictures;
 mod score;
 
-pub use figures::{HistoryEntry, Report, Timings};
+pub use figures::{HistoryEntry, MemoryFigures, Report, Timings};
 pub use pictures::{DIFFERENCE_GAIN, comparison};
 pub use score::{MeanScore, Target, ViewScore};

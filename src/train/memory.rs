@@ -57,6 +57,24 @@ impl TrainSize {
         needs.into_iter().filter(|need| need.bytes > 0).collect()
     }
 
+    /// Bytes of all buffers.
+    pub fn bytes(&self) -> u64 {
+        total(&self.needs())
+    }
+
+    /// Bytes that one splat more takes.
+    pub fn bytes_per_splat(&self) -> f64 {
+        let [width, height] = self.image;
+        let at = |splats: usize| TrainSize {
+            splats,
+            isects: isects_expected(splats, width, height),
+            ..*self
+        };
+        let step = (self.splats / 10).max(1_000);
+        let more = at(self.splats + step).bytes() - at(self.splats).bytes();
+        more as f64 / step as f64
+    }
+
     /// Bytes of parameters, moments, photographs and lists alone, and those without the lists' margin: what
     /// the run cannot do without.
     pub fn essential_bytes(&self) -> u64 {

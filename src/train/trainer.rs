@@ -145,6 +145,11 @@ impl<'a> Trainer<'a> {
         self.iteration >= self.config.iterations
     }
 
+    /// The device it runs on.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
     /// The run's constants.
     pub fn config(&self) -> &TrainConfig {
         &self.config

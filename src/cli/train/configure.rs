@@ -12,7 +12,7 @@ const ITERATIONS: u32 = 30_000;
 const ITERATIONS_SOFTWARE: u32 = 2_000;
 
 /// The options that make up the configuration.
-#[derive(Clone, Debug, Default, Args)]
+#[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Training")]
 pub(in crate::cli) struct ConfigArgs {
     /// Optimisation steps, one photograph each; timetables follow [default: 30000, or 2000 on a device

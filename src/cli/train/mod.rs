@@ -11,7 +11,6 @@ use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::{Outcome, eval};
 use crate::scene::{Dataset, Point, Split};
-use crate::train::TrainConfig;
 use crate::{Error, Result, io};
 use clap::Args;
 use serde_json::json;
@@ -110,7 +109,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
         record.write(&dir)?;
     }
     record.timings.load_seconds += start.elapsed().as_secs_f64();
-    announce(output, &engine, &dataset, training.config(), &record);
+    announce(output, &engine, &dataset, &training, &record);
     let plan = Session {
         engine: &engine,
         dataset: &dataset,
@@ -198,9 +197,10 @@ fn announce(
     output: Output,
     engine: &Engine,
     dataset: &Dataset,
-    config: &TrainConfig,
+    training: &Training<'_>,
     record: &Record,
 ) {
+    let (config, prediction) = (training.config(), training.prediction());
     let train = dataset.split(Split::Train).len();
     let test = dataset.split(Split::Test).len();
     let part = match record.iteration {
@@ -216,6 +216,7 @@ fn announce(
         engine.name(),
         grouped(dataset.points.len()),
     ));
+    output.remark(prediction.line(engine.memory_limit()));
     output.event(|| {
         json!({
             "event": "start",
@@ -224,6 +225,7 @@ fn announce(
             "test_views": test,
             "points": dataset.points.len(),
             "iteration": record.iteration,
+            "memory": prediction.value(),
             "config": config,
         })
     });
@@ -279,9 +281,9 @@ impl Session<'_> {
             );
             return Ok(outcome);
         }
-        let splats = training.splats()?;
+        let (splats, memory) = (training.splats()?, training.memory());
         drop(training);
-        results::write(self, &scene, &config, record, &splats)?;
+        results::write(self, &scene, &config, record, (&splats, memory))?;
         Ok(Outcome::Done)
     }
 }

@@ -3,8 +3,8 @@
 use super::Session;
 use super::record::Record;
 use crate::cli::eval::{Scene, Scored};
-use crate::cli::output::{file_stem, grouped, score_text};
-use crate::report::{MeanScore, Report, ViewScore, comparison};
+use crate::cli::output::{bytes, file_stem, grouped, score_text};
+use crate::report::{MeanScore, MemoryFigures, Report, ViewScore, comparison};
 use crate::scene::{Splats, Split};
 use crate::train::{StrategyKind, TrainConfig};
 use crate::{Error, Result, io};
@@ -17,7 +17,7 @@ pub(super) fn write(
     scene: &Scene<'_>,
     config: &TrainConfig,
     record: &mut Record,
-    splats: &Splats,
+    (splats, memory): (&Splats, MemoryFigures),
 ) -> Result<()> {
     // The scene first: whatever fails after this, the training was not in vain.
     io::ply::write(&session.dir.join("scene.ply"), splats)?;
@@ -44,6 +44,7 @@ pub(super) fn write(
         test: MeanScore::of(&test),
         train: MeanScore::of(&train),
         memory_peak_bytes: session.engine.memory_peak_bytes(),
+        memory,
         history: record.history.clone(),
         test_views: test,
         timings: record.timings,
@@ -87,6 +88,7 @@ fn tell(session: &Session<'_>, report: &Report) {
         lines.push(format!("test:  {}", score_text(&report.test)));
     }
     lines.push(format!("train: {}", score_text(&report.train)));
+    lines.push(memory_line(&report.memory));
     for warning in &report.warnings {
         lines.push(format!("warning: {warning}"));
     }
@@ -109,4 +111,17 @@ fn tell(session: &Session<'_>, report: &Report) {
             "report": session.dir.join("report.json"),
         })
     });
+}
+
+fn memory_line(memory: &MemoryFigures) -> String {
+    let share = |of: u64| memory.peak_bytes as f64 / of.max(1) as f64;
+    format!(
+        "memory: {} at most, {:.2} of what was predicted for {} splats and {} pairs, {:.2} of parameters, moments, \
+         photographs and lists alone",
+        bytes(memory.peak_bytes),
+        share(memory.predicted_bytes),
+        grouped(memory.splats_peak),
+        grouped(memory.isects_peak),
+        share(memory.essential_bytes),
+    )
 }

@@ -5,8 +5,9 @@ use super::{Trainer, new_scratch};
 use crate::gpu::TRANSFER_BYTES;
 use crate::render::{Capacity, frame_needs, total};
 use crate::train::backward::Gradients;
+use crate::train::config::StrategyKind;
 use crate::train::device::DeviceState;
-use crate::train::memory::{gradient_needs, state_needs};
+use crate::train::memory::{TrainSize, gradient_needs, splats_expected, state_needs};
 use crate::train::state::HostState;
 use crate::{Error, Result};
 
@@ -29,6 +30,27 @@ impl Trainer<'_> {
     /// What the run has needed at most since it was begun or resumed.
     pub fn extremes(&self) -> Extremes {
         self.extremes
+    }
+
+    /// What the memory formula goes by: the splats and pairs that the run has had at most, or, before its first
+    /// step, those it begins with and those to expect of them.
+    pub fn size(&self) -> TrainSize {
+        let (config, limit) = (&self.config, self.gpu.memory_limit());
+        let mut size = TrainSize::of(self.dataset, config, limit, self.extremes.splats);
+        if self.extremes.isects > 0 {
+            size.isects = self.extremes.isects;
+        }
+        size
+    }
+
+    /// The most splats that the run will have, where that can be known: see [`splats_expected`].
+    pub fn splats_expected(&self) -> Option<usize> {
+        let most = DeviceState::splat_limit(&self.gpu, self.config.sh_degree);
+        let is_capped =
+            self.config.strategy == StrategyKind::Mcmc || self.config.splat_limit() < most;
+        is_capped
+            .then(|| splats_expected(&self.config, self.splat_count()))
+            .flatten()
     }
 
     /// Makes the buffers of a step anew. None is in use: all steps have been waited for.
