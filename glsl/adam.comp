@@ -4,8 +4,8 @@
 
 // One step of Adam on every parameter.
 //
-// One invocation per vec4 of a plane; workgroups cover plane after plane. Gradients that are not finite
-// leave their four parameters and moments alone and are counted. Quaternions are normalised again, so
+// One invocation per vec4 of a plane; workgroups cover plane after plane. Gradients that are not finite, or whose
+// squares are not, leave their four parameters and moments alone and are counted. Quaternions are normalised again, so
 // that their length cannot drift and slow them down; scales are moved back to where a splat's aspect is bounded.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
@@ -18,7 +18,8 @@ layout(set = 0, binding = 3, scalar) buffer Moments1 { vec4 moment1[]; };
 layout(set = 0, binding = 4, scalar) buffer Moments2 { vec4 moment2[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint splat_count;
+    uint first_splat;        // number of the first splat of this dispatch
+    uint splat_count;        // splats of this dispatch
     uint stride;             // elements between two planes
     uint groups_per_plane;
     float rate_mean;         // learning rates
@@ -61,8 +62,10 @@ void main() {
     if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
     uint place = plane * push.stride + splat;
     vec4 g = d_params[place];
-    if (!is_finite(g)) {
+    // A square beyond all numbers would stay in the second moment for ever.
+    if (!is_finite(g * g)) {
         atomicAdd(counts[COUNT_POISONED], 1);
+        atomicMax(counts[COUNT_POISONED_FIRST], 0xffffffffu - (push.first_splat + splat));
         return;
     }
     vec4 m = push.beta1 * moment1[place] + (1.0 - push.beta1) * g;
@@ -73,5 +76,6 @@ void main() {
     vec4 next = params[place] - step;
     if (plane == 1) next /= quaternion_length(next);
     if (plane == 2 && push.log_aspect_max > 0.0) next.xyz = bounded(next.xyz, push.log_aspect_max);
-    params[place] = next;
+    // The state before is the last good one.
+    if (is_finite(next)) params[place] = next;
 }

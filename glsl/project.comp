@@ -43,7 +43,7 @@ vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
     }
     vec3 color = vec3(sum[0], sum[1], sum[2]);
     sound = sound && is_finite(color);
-    return max(color, vec3(0.0));
+    return clamp(color, vec3(0.0), vec3(COLOR_MAX));
 }
 
 // Writes the splat's record and returns its number of tiles.

@@ -209,7 +209,8 @@ void main() {
         vec2 d_mean_pixel = visible_backward(splat, tile_count, scale, gradient);
         vec4 seen = statistics[splat];
         // Half the image size turns pixels into normalised device coordinates.
-        seen.x += length(d_mean_pixel * 0.5 * vec2(view.size));
+        float pull = length(d_mean_pixel * 0.5 * vec2(view.size));
+        if (is_finite(pull)) seen.x += pull;
         seen.y += 1.0;
         // What counts as covered does not depend on where drawing stops.
         Ellipse e = ellipse(shape_from_splat[splat], tone_from_splat[splat].xy, -LOG2_255, 3.4e38);

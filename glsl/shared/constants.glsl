@@ -17,6 +17,10 @@ const float WHITEN = 0.8493218002880191;
 // log2(255): splats and pixels whose alpha is under 1/255 are skipped (3DGS paper, appendix C).
 const float LOG2_255 = 7.994353436858858;
 
+// The brightest that a splat can be, of a display that ends at 1: sums and squares of such colours, and gradients
+// by them, stay finite whatever the coefficients are.
+const float COLOR_MAX = 1e6;
+
 // Slots of the `counts` buffer.
 const uint COUNT_SPLAT = 0;
 const uint COUNT_VISIBLE = 1;
@@ -33,8 +37,10 @@ const uint COUNT_FAILED = 8;
 const uint COUNT_LIST_TOO_LONG = 9;
 // Gradient rows that were not finite and were skipped by the optimiser.
 const uint COUNT_POISONED = 10;
+// The first splat of those, as its distance from 2^32 - 1; 0 if there is none.
+const uint COUNT_POISONED_FIRST = 11;
 // Totals nobody needs.
-const uint COUNT_SCRATCH = 11;
+const uint COUNT_SCRATCH = 12;
 const uint COUNT_SLOTS = 16;
 
 // Slots of the indirect dispatch arguments; `plan` writes them.

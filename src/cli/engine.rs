@@ -249,5 +249,6 @@ fn figures(report: StepReport) -> StepFigures {
         loss: report.loss,
         psnr_db: report.psnr_db,
         splat_count: report.splat_count,
+        poisoned: report.poisoned_first,
     }
 }

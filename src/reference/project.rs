@@ -5,6 +5,7 @@ use super::linear::{
     Mat3, Vec3, covariance, matrix, normalize, product, sub, transform, transpose, vector,
 };
 use super::{Options, Real, sh};
+use crate::layout::COLOR_MAX;
 use crate::scene::{Camera, RenderMode, Splats};
 
 /// Floats of [`Splat::parameters`] before the spherical harmonics.
@@ -198,7 +199,8 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSpla
         mean: [focal[0] * x / z + center[0], focal[1] * y / z + center[1]],
         covariance: dilated,
         opacity,
-        color: sh::unclamped_color(view.sh_degree, &splat.sh, direction).map(|c| c.at_least(0.0)),
+        color: sh::unclamped_color(view.sh_degree, &splat.sh, direction)
+            .map(|c| c.at_least(0.0).at_most(f64::from(COLOR_MAX))),
         depth: z,
     };
     screen

@@ -4,7 +4,7 @@ use super::blocks::Blocks;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::layout::GEOMETRY_PLANES;
-use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+use crate::scene::{NotFinite, RenderMode, Splats, sh_coefficient_count};
 use std::ops::Range;
 
 /// Planes of vec4 that splats of a degree take: three of geometry, then the harmonics.
@@ -26,6 +26,9 @@ pub struct Model {
     pub sh_degree: u32,
     /// How the scene is to be rendered.
     pub mode: RenderMode,
+    /// Splats that held a number that is not finite when they were copied here: they are not drawn, and nobody
+    /// else notices them.
+    pub not_finite: Option<NotFinite>,
 }
 
 impl Model {
@@ -57,6 +60,7 @@ impl Model {
             splat_count: splats.len(),
             sh_degree: splats.sh_degree,
             mode: splats.mode,
+            not_finite: splats.not_finite(),
         })
     }
 }

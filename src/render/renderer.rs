@@ -9,7 +9,7 @@ use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Recorder, Ticket};
 use crate::kernels::present;
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS};
-use crate::scene::{Camera, Splats};
+use crate::scene::{Camera, NotFinite, Splats};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
@@ -75,8 +75,13 @@ pub struct Renderer {
     pending: VecDeque<Pending>,
 }
 
-/// A picture on its way: its frame, the intersections it has room for, and what it will have counted.
-type Pending = (u64, usize, Readback<u32>);
+/// A picture on its way: its frame, what it has room for, what it leaves out, and what it will have counted.
+struct Pending {
+    frame: u64,
+    isect_capacity: usize,
+    not_finite: Option<NotFinite>,
+    counts: Readback<u32>,
+}
 
 /// How close a frame came to its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +93,8 @@ pub struct Stats {
     /// Whether more splats lie over one tile than a software device can follow: the picture is wrong then,
     /// and room does not help.
     pub list_too_long: bool,
+    /// Splats that were left out because a number of theirs is not finite.
+    pub not_finite: Option<NotFinite>,
 }
 
 impl Stats {
@@ -194,7 +201,12 @@ impl Renderer {
         present.record(&mut rec, io, size);
         rec.release(target);
         let counts = rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?;
-        self.pending.push_back((frame, capacity.isects, counts));
+        self.pending.push_back(Pending {
+            frame,
+            isect_capacity: capacity.isects,
+            not_finite: model.not_finite,
+            counts,
+        });
         rec.finish()?;
         Ok(finished)
     }
@@ -254,19 +266,21 @@ impl Renderer {
 
 /// The neediest picture of the frames before `first`, which the host has waited for.
 fn finished_before(pending: &mut VecDeque<Pending>, first: u64) -> Option<Stats> {
-    let count = pending.iter().take_while(|p| p.0 < first).count();
-    let finished = pending.drain(..count).map(|(_, capacity, counts)| {
-        let counts = counts.get();
+    let count = pending.iter().take_while(|p| p.frame < first).count();
+    let finished = pending.drain(..count).map(|picture| {
+        let counts = picture.counts.get();
         Stats {
             isects: counts[COUNT_ISECT_WANTED as usize] as usize,
-            isect_capacity: capacity,
+            isect_capacity: picture.isect_capacity,
             list_too_long: check_lists(&counts).is_err(),
+            not_finite: picture.not_finite,
         }
     });
     finished.reduce(|a, b| Stats {
         isects: a.isects.max(b.isects),
         isect_capacity: a.isect_capacity.min(b.isect_capacity),
         list_too_long: a.list_too_long || b.list_too_long,
+        not_finite: a.not_finite.or(b.not_finite),
     })
 }
 

@@ -56,4 +56,63 @@ impl Splats {
     pub fn sh_stride(&self) -> usize {
         sh_coefficient_count(self.sh_degree) * 3
     }
+
+    /// The splats with a number that is not finite, which rendering leaves out; `None` where there is none.
+    pub fn not_finite(&self) -> Option<NotFinite> {
+        let stride = self.sh_stride();
+        let is_sound = |i: &usize| {
+            let [mean, scale] = [&self.mean[*i], &self.log_scale[*i]];
+            let geometry = mean.iter().chain(scale).chain(&self.quaternion[*i]);
+            let sh = &self.sh[i * stride..(i + 1) * stride];
+            self.opacity_logit[*i].is_finite() && geometry.chain(sh).all(|v| v.is_finite())
+        };
+        let mut found = (0..self.len()).filter(|i| !is_sound(i));
+        let first = found.next()?;
+        let count = 1 + found.count();
+        Some(NotFinite { count, first })
+    }
+}
+
+/// Splats with a number that is not finite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotFinite {
+    /// How many there are.
+    pub count: usize,
+    /// The index of the first.
+    pub first: usize,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_are_none_are_found_in_every_parameter() {
+        let sound = Splats {
+            mean: vec![[0.0; 3]; 3],
+            quaternion: vec![[1.0, 0.0, 0.0, 0.0]; 3],
+            log_scale: vec![[f32::MAX; 3]; 3],
+            opacity_logit: vec![-f32::MAX; 3],
+            sh: vec![1e-45; 3 * 12],
+            sh_degree: 1,
+            mode: RenderMode::Default,
+        };
+        assert_eq!(sound.not_finite(), None);
+        for parameter in 0..11 + 12 {
+            for none in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                let mut splats = sound.clone();
+                match parameter {
+                    0..3 => splats.mean[1][parameter] = none,
+                    3..7 => splats.quaternion[1][parameter - 3] = none,
+                    7..10 => splats.log_scale[1][parameter - 7] = none,
+                    10 => splats.opacity_logit[1] = none,
+                    _ => splats.sh[12 + parameter - 11] = none,
+                }
+                let found = NotFinite { count: 1, first: 1 };
+                assert_eq!(splats.not_finite(), Some(found), "parameter {parameter}");
+                splats.mean[2][0] = f32::NAN;
+                assert_eq!(splats.not_finite().map(|n| n.count), Some(2));
+            }
+        }
+    }
 }

@@ -276,6 +276,7 @@ impl Backward {
                 moment2: &state.moment2[block.index],
             },
             adam::Params {
+                first_splat: block.first as u32,
                 splat_count,
                 stride,
                 groups_per_plane: 0,

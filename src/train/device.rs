@@ -41,6 +41,7 @@ impl DeviceState {
                 splat_count: 0,
                 sh_degree: state.sh_degree,
                 mode,
+                not_finite: None,
             },
             gradients: vec![gpu.buffer("gradients", blocks.stride(0) * blocks.planes)?],
             moment1: blocks.buffers(gpu, "moment1")?,

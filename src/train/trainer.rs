@@ -44,6 +44,8 @@ pub struct StepReport {
     pub isect_count: usize,
     /// Groups of four parameters left alone because their gradient was not finite.
     pub poisoned: usize,
+    /// The first splat of those.
+    pub poisoned_first: Option<usize>,
     /// What the refinement behind the step did, if there was one.
     pub refined: Option<RefineReport>,
 }
@@ -274,7 +276,7 @@ impl<'a> Trainer<'a> {
         let dataset = self.dataset;
         let (ticket, (counts, loss)) = self.frames.submit(|rec| {
             let photo = photos.bind(rec, dataset, index)?;
-            rec.update(&scratch.counts, COUNT_POISONED as usize, &[0]);
+            rec.update(&scratch.counts, COUNT_POISONED as usize, &[0, 0]);
             rec.timestamp("upload");
             forward.record(rec, model, scratch, &view, sh_degree);
             backward.record(rec, state, scratch, gradients, &photo, &step);
@@ -323,6 +325,10 @@ impl<'a> Trainer<'a> {
             splat_count: oldest.splat_count,
             isect_count: wanted,
             poisoned: counts[COUNT_POISONED as usize] as usize,
+            poisoned_first: match counts[COUNT_POISONED_FIRST as usize] {
+                0 => None,
+                below_top => Some((u32::MAX - below_top) as usize),
+            },
             refined: None,
         });
         Ok(true)

@@ -17,4 +17,5 @@ mod device;
 mod devices;
 mod disks;
 mod kills;
+mod poison;
 mod run;

@@ -170,7 +170,7 @@ fn check_listing(listing: Listing) -> Vec<String> {
         assert!(camera.position.as_vec3().is_finite(), "{camera:?}");
         let error = camera.rotation * camera.rotation.transpose() - glam::DMat3::IDENTITY;
         assert!(error.to_cols_array().iter().all(|e| e.abs() < 1e-6), "{camera:?}");
-        let path = &view.photo;
+        let path = view.photo.strip_prefix(crate::BESIDE).unwrap_or(&view.photo);
         assert!(path.components().all(|part| part != std::path::Component::ParentDir), "{path:?}");
         assert!(!view.name.chars().any(char::is_control), "{:?}", view.name);
     }

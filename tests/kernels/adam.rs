@@ -4,7 +4,7 @@ use crate::check::*;
 use crate::scenes::Random;
 use crate::{device, supported};
 use ashfall::kernels::adam::{Adam, Bindings, Choice, Params, Spec};
-use ashfall::layout::{COUNT_FAILED, COUNT_POISONED};
+use ashfall::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST};
 use ashfall::reference::adam::{self, State};
 
 const PLANES: usize = 5;
@@ -14,6 +14,7 @@ const BETAS: [f32; 2] = [0.9, 0.999];
 fn params(splat_count: usize, stride: usize) -> Params {
     let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powi(STEP))) as f32;
     Params {
+        first_splat: 1000,
         splat_count: splat_count as u32,
         stride: stride as u32,
         groups_per_plane: 0,
@@ -80,8 +81,8 @@ fn input(count: usize, magnitude: f64, poison: Option<f32>, failed: u32) -> Inpu
     }
 }
 
-/// What parameters and moments should be afterwards, and how many gradients were poisoned.
-fn expected(input: &Input) -> ([Vec<f64>; 3], u32) {
+/// What parameters and moments should be afterwards, how many gradients were poisoned, and the first splat of those.
+fn expected(input: &Input) -> ([Vec<f64>; 3], u32, Option<u32>) {
     let p = params(input.count, input.stride);
     let adam = adam::Adam {
         beta1: f64::from(p.beta1),
@@ -90,14 +91,16 @@ fn expected(input: &Input) -> ([Vec<f64>; 3], u32) {
     };
     let [values, gradients, first, second] = &input.planes;
     let mut after = [values, first, second].map(|plane| floats(plane));
-    let mut poisoned = 0;
+    let (mut poisoned, mut first_poisoned) = (0, None);
     for i in 0..input.stride * PLANES {
         let (plane, splat) = (i / input.stride, i % input.stride);
         if splat >= input.count || input.failed != 0 {
             continue;
         }
-        if gradients[i].iter().any(|g| !g.is_finite()) {
+        if gradients[i].iter().any(|g| !(g * g).is_finite()) {
             poisoned += 1;
+            let number = p.first_splat + splat as u32;
+            first_poisoned = Some(first_poisoned.unwrap_or(number).min(number));
             continue;
         }
         let step = |lane: usize| {
@@ -125,7 +128,7 @@ fn expected(input: &Input) -> ([Vec<f64>; 3], u32) {
             after[2][4 * i + lane] = state.second;
         }
     }
-    (after, poisoned)
+    (after, poisoned, first_poisoned)
 }
 
 #[test]
@@ -157,6 +160,7 @@ fn parameters_and_moments_step_together() {
             Some(f32::NEG_INFINITY),
             0,
         ),
+        ("a square beyond all numbers", 100, 1.0, Some(-3e19), 0),
         ("the frame failed", 100, 1.0, None, 1),
     ]
     .map(|(name, count, size, poison, failed)| (name, size, input(count, size, poison, failed)));
@@ -183,9 +187,19 @@ fn parameters_and_moments_step_together() {
                 };
                 gpu.run(|rec| kernel.record(rec, io, params, PLANES))
                     .unwrap();
-                let ([value, moment1, moment2], poisoned) = expected(input);
+                let ([value, moment1, moment2], poisoned, first_poisoned) = expected(input);
                 let found = |buffer| floats(&read(&gpu, buffer));
-                let counted = read(&gpu, &counted)[COUNT_POISONED as usize];
+                let counted = read(&gpu, &counted);
+                let [slot, first_slot] = [COUNT_POISONED, COUNT_POISONED_FIRST].map(|s| s as usize);
+                let counted_first = match counted[first_slot] {
+                    0 => None,
+                    below_top => Some(u32::MAX - below_top),
+                };
+                assert_eq!(
+                    counted_first, first_poisoned,
+                    "{name}: the first poisoned splat"
+                );
+                let counted = counted[slot];
                 // A moment is two products and a sum of terms up to the gradients' magnitude: 4u of it, and
                 // the second adds one factor. The step is a quotient of those, about 12u, and far smaller
                 // than its parameter; the norm of a quaternion that happens to be short adds as much again.

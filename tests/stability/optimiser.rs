@@ -58,6 +58,7 @@ impl<'a> Run<'a> {
             .unwrap();
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powi(self.step))) as f32;
         let push = Params {
+            first_splat: 0,
             splat_count: 1,
             stride: 1,
             groups_per_plane: 0,

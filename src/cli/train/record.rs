@@ -24,6 +24,8 @@ pub(in crate::cli) struct StepFigures {
     pub psnr_db: f64,
     /// Splats drawn from.
     pub splat_count: usize,
+    /// The first splat whose gradient was not finite, if there was one.
+    pub poisoned: Option<usize>,
 }
 
 /// The run as written to `run.json`.
@@ -83,10 +85,14 @@ impl Record {
     /// Takes a step's figures; every so often an entry of the history is made of them.
     pub(crate) fn add(&mut self, figures: StepFigures) {
         if !figures.loss.is_finite() {
-            self.warn_once(NO_LOSS, figures.iteration);
+            self.warn_once(NO_LOSS, NO_LOSS, figures.iteration);
+        }
+        if let Some(splat) = figures.poisoned {
+            let what = format!("{POISONED} (splat {splat} the first of them)");
+            self.warn_once(POISONED, &what, figures.iteration);
         }
         if figures.splat_count == 0 {
-            self.warn_once(NO_SPLATS, figures.iteration);
+            self.warn_once(NO_SPLATS, NO_SPLATS, figures.iteration);
         }
         self.pending.loss.add(figures.loss);
         self.pending.psnr_db.add(figures.psnr_db);
@@ -104,8 +110,9 @@ impl Record {
         }
     }
 
-    fn warn_once(&mut self, what: &str, iteration: u32) {
-        if !self.warnings.iter().any(|known| known.starts_with(what)) {
+    /// Warns of something unless there is a warning of its `kind`, with which `what` begins.
+    fn warn_once(&mut self, kind: &str, what: &str, iteration: u32) {
+        if !self.warnings.iter().any(|known| known.starts_with(kind)) {
             let warning = format!("{what}, first at iteration {iteration}");
             self.warnings.push(warning);
         }
@@ -153,6 +160,7 @@ impl Record {
 }
 
 const NO_LOSS: &str = "the training loss is not a number";
+const POISONED: &str = "gradients that were not finite changed nothing";
 const NO_SPLATS: &str = "density control has removed every splat";
 
 fn file(dir: &Path) -> PathBuf {
@@ -169,7 +177,22 @@ mod tests {
             loss,
             psnr_db: f64::INFINITY,
             splat_count: 10,
+            poisoned: None,
         }
+    }
+
+    #[test]
+    fn poisoned_gradients_are_told_once_by_splat_and_step() {
+        let mut record = Record::default();
+        for (iteration, poisoned) in [(1, None), (2, Some(7)), (3, Some(5))] {
+            record.add(StepFigures {
+                poisoned,
+                ..step(iteration, 0.1)
+            });
+        }
+        let warning = "gradients that were not finite changed nothing (splat 7 the first of them), \
+                       first at iteration 2";
+        assert_eq!(record.warnings, [warning]);
     }
 
     #[test]

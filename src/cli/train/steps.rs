@@ -198,6 +198,7 @@ mod tests {
                 loss: 1.0 / f64::from(iteration),
                 psnr_db: 20.0,
                 splat_count: 5,
+                poisoned: None,
             };
             news.map(figures).collect()
         }

@@ -197,6 +197,8 @@ fn warn_of_trailing_bytes(
 struct Builder {
     splats: Splats,
     dropped: usize,
+    /// Position in the file of the first that was dropped.
+    dropped_first: usize,
     unrotated: usize,
 }
 
@@ -215,6 +217,7 @@ impl Builder {
         Builder {
             splats,
             dropped: 0,
+            dropped_first: 0,
             unrotated: 0,
         }
     }
@@ -224,6 +227,9 @@ impl Builder {
         let value = |i: usize| row[i] as f32;
         // Doubles beyond the range of f32 become infinite and are dropped as well.
         if !(0..row.len()).all(|i| value(i).is_finite()) {
+            if self.dropped == 0 {
+                self.dropped_first = self.splats.len();
+            }
             self.dropped += 1;
             return;
         }
@@ -251,8 +257,9 @@ impl Builder {
         let path = path.display();
         if self.dropped > 0 {
             warnings.push(format!(
-                "{path}: {} of {count} splats hold values that are not finite and were dropped",
-                self.dropped
+                "{path}: {} of {count} splats hold values that are not finite and were dropped, number {} \
+                 (counted from 0) the first",
+                self.dropped, self.dropped_first
             ));
         }
         if self.unrotated > 0 {
