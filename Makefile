@@ -15,6 +15,12 @@ test: setup
 bench: setup
 	cargo bench
 
+# The yardsticks, with the renderer on the processor built for the processor at hand. A target of its own, so that
+# other builds stay as they are.
+bench-native: setup
+	RUSTFLAGS="-C target-cpu=native" CARGO_TARGET_DIR=target/native \
+		cargo run --release -- bench kernels --filter yardstick
+
 setup:
 	@scripts/setup
 

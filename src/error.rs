@@ -38,6 +38,14 @@ pub enum Error {
         /// What is missing, and for which part.
         what: String,
     },
+    /// A kernel does not compute what the reference says.
+    #[error("{kernel}: wrong result: {what}")]
+    Wrong {
+        /// The kernel, its input and its variant.
+        kernel: String,
+        /// What it wrote and what it should have.
+        what: String,
+    },
     /// The device's memory does not hold what is asked.
     #[error("out of device memory: {wanted} bytes wanted for {name}, {available} available")]
     OutOfMemory {

@@ -3,8 +3,11 @@
 use super::clock::CpuClock;
 use super::row::{Row, Work};
 use super::stats::Summary;
+use super::trial::device_times;
 use crate::gpu::{Frames, Gpu, Recorder};
 use crate::{Error, Result};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 
 /// Bytes of the copy that bandwidths are held against: more than any cache holds.
 const COPY_BYTES: usize = 64 << 20;
@@ -66,6 +69,7 @@ pub struct Bench {
     gpu: Gpu,
     copy_rate: Option<f64>,
     rows: Vec<Row>,
+    names: RefCell<BTreeSet<String>>,
     /// Called with each row as it is measured.
     progress: Box<dyn FnMut(&Row)>,
 }
@@ -91,6 +95,7 @@ impl Bench {
             gpu: gpu.clone(),
             copy_rate: None,
             rows: Vec::new(),
+            names: RefCell::default(),
             progress: Box::new(progress),
         })
     }
@@ -114,7 +119,14 @@ impl Bench {
     pub fn wants(&self, case: &Case) -> bool {
         let whole = format!("{}/{}/{}", self.name, case.input, case.variant);
         let filter = self.options.filter.as_ref();
-        filter.is_none_or(|filter| whole.contains(filter.as_str()))
+        let wanted = filter.is_none_or(|filter| whole.contains(filter.as_str()));
+        self.names.borrow_mut().insert(whole);
+        wanted
+    }
+
+    /// The names of all that was considered so far, whether it was wanted or not.
+    pub fn names(&self) -> Vec<String> {
+        self.names.borrow().iter().cloned().collect()
     }
 
     /// Runs something again and again, and keeps a row for each of its stages (if there are several) and
@@ -169,7 +181,7 @@ impl Bench {
         record: impl Fn(&mut Recorder<'_>),
     ) -> Result<Row> {
         let mut frames = Frames::new(&self.gpu, 1, true)?;
-        self.measure(case, || timed(&mut frames, &prepare, &record))
+        self.measure(case, || device_times(&mut frames, &prepare, &record))
     }
 
     /// The rate at which the device copies memory, bytes read and written per second; measured once.
@@ -194,28 +206,4 @@ impl Bench {
         self.copy_rate = Some(row.rate);
         Ok(row.rate)
     }
-}
-
-/// One submission, by the device's clock and the process's.
-fn timed(
-    frames: &mut Frames,
-    prepare: impl Fn(&mut Recorder<'_>),
-    record: impl Fn(&mut Recorder<'_>),
-) -> Result<Times> {
-    let (ticket, ()) = frames.submit(|rec| {
-        prepare(rec);
-        Ok(())
-    })?;
-    frames.wait(ticket)?;
-    let clock = CpuClock::now();
-    let (ticket, ()) = frames.submit(|rec| {
-        record(rec);
-        rec.timestamp("run");
-        Ok(())
-    })?;
-    let stages = frames.timings(ticket)?;
-    Ok(Times {
-        stages,
-        cpu_ns: clock.elapsed_ns(),
-    })
 }

@@ -8,6 +8,7 @@ mod describe;
 use super::args::DeviceArgs;
 use super::predict::Prediction;
 use super::train::{StepFigures, Steps};
+use crate::bench::{Bench, Options, Row};
 use crate::gpu::{DeviceKind, Gpu, GpuOptions};
 use crate::render::{Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use crate::report::MemoryFigures;
@@ -60,6 +61,16 @@ impl Engine {
     /// Most bytes of device memory held at one time.
     pub(crate) fn memory_peak_bytes(&self) -> u64 {
         self.gpu.memory_peak()
+    }
+
+    /// A bench on this device; `progress` sees every row as it is measured.
+    pub(crate) fn bench(
+        &self,
+        name: &'static str,
+        options: Options,
+        progress: impl FnMut(&Row) + 'static,
+    ) -> Result<Bench> {
+        Bench::new(name, &self.gpu, options, progress)
     }
 
     /// What the validation layer has said, if anything, as an error.

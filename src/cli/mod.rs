@@ -6,6 +6,7 @@
 //! **Invariant:** this is the only place that reads an environment variable (`ASHFALL_DEVICE`).
 
 mod args;
+mod bench;
 mod chart;
 mod demo;
 mod engine;
@@ -50,6 +51,7 @@ enum Command {
     Info(info::InfoArgs),
     Demo(demo::DemoArgs),
     Chart(chart::ChartArgs),
+    Bench(bench::BenchArgs),
 }
 
 /// How a command ended, if without an error.
@@ -83,6 +85,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Info(args) => info::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Chart(args) => chart::run(&args),
+        Command::Bench(args) => bench::run(&args),
     }
 }
 

@@ -7,6 +7,7 @@
 //! **Invariant:** no `unsafe` and no `ash` here; barriers follow from the bindings' declared access.
 
 pub mod adam;
+pub mod choices;
 pub mod classical;
 pub mod classical_backward;
 pub mod compact;

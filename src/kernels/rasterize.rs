@@ -2,7 +2,7 @@
 
 pub use super::generated::rasterize::{Bindings, Choice, Kernel, Params, Spec, Variant};
 use crate::Result;
-use crate::gpu::{Caps, Gpu, Groups, Recorder};
+use crate::gpu::{Caps, DeviceKind, Gpu, Groups, Recorder};
 use crate::shader::KernelInfo;
 
 /// Whether a device composites a tile within one subgroup by `kernel`, and the lanes of a workgroup: as many as
@@ -17,6 +17,23 @@ pub(super) fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
             8
         },
     )
+}
+
+/// Why [`lanes`] are as many, in a sentence.
+pub(super) fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
+    match (lanes(caps, kernel), caps.kind) {
+        ((true, _), DeviceKind::Cpu) => {
+            "one subgroup a tile, many pixels a lane: a load of a splat serves them all, and lanes agree without \
+             shared memory"
+        }
+        ((true, _), _) => {
+            "one subgroup a tile, at least four pixels a lane: lanes agree without shared memory (by design; not \
+             measured on this class of devices)"
+        }
+        _ => {
+            "no subgroup of eight lanes or more can vote and add here: eight lanes agree through shared memory"
+        }
+    }
 }
 
 /// The kernel, ready to record.
@@ -50,6 +67,11 @@ impl Rasterize {
                 ..Spec::default()
             },
         }
+    }
+
+    /// Why that is preferred, in a sentence.
+    pub fn why(caps: &Caps) -> &'static str {
+        why(caps, Variant::Subgroup.info())
     }
 
     /// Records it over `tiles` tiles.

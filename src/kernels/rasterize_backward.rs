@@ -1,7 +1,7 @@
 //! Gradient of every (tile, splat) pair from the gradient of the image.
 
 pub use super::generated::rasterize_backward::{Bindings, Choice, Kernel, Params, Spec, Variant};
-use super::rasterize::lanes;
+use super::rasterize::{lanes, why};
 use crate::Result;
 use crate::gpu::{Caps, Gpu, Groups, Recorder};
 
@@ -35,6 +35,11 @@ impl RasterizeBackward {
                 ..Spec::default()
             },
         }
+    }
+
+    /// Why that is preferred, in a sentence.
+    pub fn why(caps: &Caps) -> &'static str {
+        why(caps, Variant::Subgroup.info())
     }
 
     /// Records it over `tiles` tiles.

@@ -94,6 +94,23 @@ pub(super) fn by_subgroup(caps: &Caps) -> bool {
         && SUBGROUP_WORKGROUP.is_multiple_of(caps.subgroup_size.max(1))
 }
 
+/// Why the sort's kernels are as they are, in a sentence.
+pub(super) fn why(caps: &Caps) -> &'static str {
+    match (by_subgroup(caps), caps.kind) {
+        (true, _) => {
+            "a workgroup a chunk, keys ranked by ballots: lanes are many, and their loads are shared (by design; not \
+             measured on this class of devices)"
+        }
+        (_, DeviceKind::Cpu) => {
+            "an invocation a chunk, with a table of its own: a processor runs one lane after the other, and pays for \
+             every ballot"
+        }
+        _ => {
+            "an invocation a chunk: subgroups cannot vote by ballot here, or workgroups of 256 do not fit"
+        }
+    }
+}
+
 impl Sort {
     /// Compiles the kernels as the device prefers.
     pub fn new(gpu: &Gpu) -> Result<Sort> {

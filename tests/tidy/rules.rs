@@ -18,6 +18,10 @@ const OPERATIONS: [(&str, &str); 3] = [("scan_", "scan"), ("sort_", "sort"), ("l
 /// Files of the paired folders that have no kernel, and partners that a kernel lacks, with the reason.
 pub(crate) const UNPAIRED: &[(&str, &str)] = &[
     (
+        "src/kernels/choices.rs",
+        "what is chosen of all of them, and why",
+    ),
+    (
         "src/kernels/generated.rs",
         "what follows from all shaders at once",
     ),

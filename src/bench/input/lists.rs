@@ -110,26 +110,28 @@ fn isects(screen: &[Option<ScreenSplat<f64>>], grid: &Grid) -> Vec<Isect> {
 }
 
 fn isects_of(index: usize, splat: &ScreenSplat<f64>, grid: &Grid) -> Vec<Isect> {
+    tiles_near(splat, grid)
+        .filter(|&tile| holds_pixel(splat, grid, tile, &Cuts::ENGINE))
+        .map(|tile| Isect {
+            tile,
+            splat: index as u32,
+        })
+        .collect()
+}
+
+/// The tiles that the box around a splat's ellipse meets, ascending, and some more for rounding.
+pub fn tiles_near(splat: &ScreenSplat<f64>, grid: &Grid) -> impl Iterator<Item = u32> + use<> {
     let [half_x, half_y] = extent(splat, &Cuts::ENGINE);
-    // A pixel more on each side, for rounding. Casts saturate at 0.
+    // Casts saturate at 0.
     let tiles = |mean: f64, half: f64, size: u32, count: u32| {
         let first = ((mean - half - 1.0) / f64::from(size)).floor() as u32;
         let end = ((mean + half + 1.0) / f64::from(size)).floor() + 1.0;
-        first..(end.max(0.0) as u32).min(count)
+        first..(end as u32).min(count)
     };
     let columns = tiles(splat.mean[0], half_x, grid.tile_width, grid.columns());
     let rows = tiles(splat.mean[1], half_y, grid.tile_height, grid.rows());
-    rows.flat_map(|row| {
-        columns
-            .clone()
-            .map(move |column| row * grid.columns() + column)
-    })
-    .filter(|&tile| holds_pixel(splat, grid, tile, &Cuts::ENGINE))
-    .map(|tile| Isect {
-        tile,
-        splat: index as u32,
-    })
-    .collect()
+    let in_row = grid.columns();
+    rows.flat_map(move |row| columns.clone().map(move |column| row * in_row + column))
 }
 
 #[cfg(test)]

@@ -154,3 +154,34 @@ pub fn gradient_rows(gradient: &SplatGradients) -> Vec<Vec<f64>> {
     };
     (0..count).map(row).collect()
 }
+
+/// What a splat's sums say about its numbers on the screen: the inverse of [`whitened_sums`].
+pub fn screen_row(splat: &ScreenSplat<f64>, sums: [f64; 9]) -> [f64; 10] {
+    let [s, x, y, xx, xy, yy, red, green, blue] = sums;
+    let [cov_xx, cov_xy, _] = splat.covariance;
+    let w = f64::from(WHITEN);
+    let (p, q) = (
+        1.0 / cov_xx.sqrt(),
+        (cov_xx / determinant(splat.covariance)).sqrt(),
+    );
+    let slope = cov_xy / cov_xx;
+    // The gradient by the covariance is W' M W / 2 with W = [[p, 0], [-slope q, q]].
+    let (a, b) = (-slope * q, q);
+    let half = 0.5 / (w * w);
+    let d_xx = half * (p * p * xx + 2.0 * p * a * xy + a * a * yy);
+    let d_xy = 2.0 * half * (p * b * xy + a * b * yy);
+    let d_yy = half * b * b * yy;
+    let mean = [(p * x + a * y) / w, b * y / w];
+    [
+        mean[0],
+        mean[1],
+        d_xx,
+        d_xy,
+        d_yy,
+        s / splat.opacity,
+        red,
+        green,
+        blue,
+        0.0,
+    ]
+}

@@ -3,8 +3,9 @@
 use crate::Result;
 use crate::cli::output::bytes;
 use crate::gpu::{self, Caps};
-use crate::kernels::{KERNELS, rasterize, rasterize_backward, sort_count, sort_scatter};
+use crate::kernels::choices::{Chosen, chosen as chosen_kernels};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// All devices there are: text, and the same for machines.
@@ -44,14 +45,15 @@ pub(super) fn chosen(caps: &Caps, memory_limit: u64) -> (String, Value) {
         format!("{} ({least} to {most})", caps.subgroup_size),
     );
     line("offers", format!("{:?}", caps.offers));
-    let variants = variants(caps);
-    for (kernel, variant) in &variants {
-        line(kernel, variant.clone());
+    let choices = chosen_kernels(caps);
+    for choice in &choices {
+        line(choice.kernel, words(choice));
     }
     let value = json!({
         "device": caps_value(caps),
         "memory_limit_bytes": memory_limit,
-        "variants": variants.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+        "variants": choices.iter().map(|c| (c.kernel, words(c))).collect::<BTreeMap<_, _>>(),
+        "choices": choices.iter().map(choice_value).collect::<Vec<_>>(),
     });
     (text.trim_end().to_string(), value)
 }
@@ -72,32 +74,28 @@ fn caps_value(caps: &Caps) -> Value {
     })
 }
 
-/// Which variant of each kernel that has several is used, with its tunables.
-fn variants(caps: &Caps) -> Vec<(&'static str, String)> {
-    let mut names: Vec<&'static str> = KERNELS.iter().map(|info| info.kernel).collect();
-    names.sort_unstable();
-    let several = names
-        .chunk_by(|a, b| a == b)
-        .filter(|variants| variants.len() > 1);
-    several
-        .map(|variants| (variants[0], choice(variants[0], caps)))
-        .collect()
-}
-
-fn choice(kernel: &str, caps: &Caps) -> String {
-    match kernel {
-        "rasterize" => format!("{:?}", rasterize::Rasterize::prefer(caps, false)),
-        "rasterize_backward" => {
-            format!("{:?}", rasterize_backward::RasterizeBackward::prefer(caps))
-        }
-        "sort_count" => format!("{:?}", sort_count::SortCount::prefer(caps)),
-        "sort_scatter" => format!("{:?}", sort_scatter::SortScatter::prefer(caps)),
-        _ => UNKNOWN.into(),
+/// A choice and its reason on one line.
+fn words(choice: &Chosen) -> String {
+    let mut text = choice.variant.to_owned();
+    if !choice.spec.is_empty() {
+        _ = write!(text, ", {}", choice.spec);
     }
+    _ = write!(text, ": {}", choice.why);
+    if let Some(record) = choice.record {
+        _ = write!(text, " ({record})");
+    }
+    text
 }
 
-/// What stands for a kernel that this file has not been taught; a test finds it.
-const UNKNOWN: &str = "?";
+fn choice_value(choice: &Chosen) -> Value {
+    json!({
+        "kernel": choice.kernel,
+        "variant": choice.variant,
+        "spec": choice.spec,
+        "why": choice.why,
+        "record": choice.record,
+    })
+}
 
 #[cfg(test)]
 mod tests {
@@ -105,7 +103,7 @@ mod tests {
     use crate::gpu::DeviceKind;
 
     #[test]
-    fn every_kernel_with_variants_says_which_is_used() {
+    fn every_kernel_says_what_is_used_and_why() {
         let caps = Caps {
             name: "a device".into(),
             driver: "a driver".into(),
@@ -123,13 +121,16 @@ mod tests {
             heap: 1 << 30,
             offers: Default::default(),
         };
-        let variants = variants(&caps);
-        assert!(!variants.is_empty());
-        assert!(
-            variants.iter().all(|(_, choice)| choice != UNKNOWN),
-            "{variants:?}"
-        );
         let (text, _) = chosen(&caps, 1 << 30);
         assert!(text.contains("memory           1.0 GiB"), "{text}");
+        for choice in chosen_kernels(&caps) {
+            let line = text
+                .lines()
+                .find(|line| line.trim().starts_with(choice.kernel));
+            assert!(
+                line.is_some_and(|line| line.ends_with(choice.why)),
+                "{text}"
+            );
+        }
     }
 }

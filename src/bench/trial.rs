@@ -1,0 +1,154 @@
+//! Checked, then timed; and several contenders timed in turns.
+
+use super::check::Output;
+use super::clock::CpuClock;
+use super::row::{Row, Work};
+use super::session::{Bench, Case, Times};
+use crate::gpu::{Frames, Recorder};
+use crate::{Error, Result};
+use std::time::Instant;
+
+impl Case {
+    /// A kernel on an input, in a variant with a number of invocations a workgroup; 0 where that is fixed.
+    pub fn of(kernel: &str, input: impl std::fmt::Display, variant: &str, workgroup: u32) -> Case {
+        Case {
+            input: format!("{kernel}/{input}"),
+            variant: match workgroup {
+                0 => variant.to_owned(),
+                _ => format!("{variant}/{workgroup}"),
+            },
+            work: Work::default(),
+        }
+    }
+
+    /// The same, with the work that one run does.
+    pub fn doing(self, work: Work) -> Case {
+        Case { work, ..self }
+    }
+
+    /// Whether the outputs are what the reference says.
+    ///
+    /// # Errors
+    /// [`Error::Wrong`], which names the case and the first output at fault.
+    pub fn judge(&self, outputs: &[Output]) -> Result<()> {
+        let wrong = |what| {
+            let kernel = format!("{} {}", self.input, self.variant);
+            Err(Error::Wrong { kernel, what })
+        };
+        if outputs.is_empty() {
+            return wrong("nothing to check it by".into());
+        }
+        for output in outputs {
+            if let Err(fault) = output.judge() {
+                return wrong(format!("{}: {fault}", output.name()));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Bench {
+    /// Runs `prepare` and `record` once, judges what they leave by `outputs`, and measures them.
+    ///
+    /// # Errors
+    /// Before anything is timed, where the result is wrong.
+    pub fn trial(
+        &mut self,
+        case: &Case,
+        prepare: impl Fn(&mut Recorder<'_>),
+        record: impl Fn(&mut Recorder<'_>),
+        outputs: impl FnOnce() -> Result<Vec<Output>>,
+    ) -> Result<Row> {
+        self.gpu().run(&prepare)?;
+        self.gpu().run(&record)?;
+        case.judge(&outputs()?)?;
+        self.measure_commands(case, prepare, record)
+    }
+
+    /// Measures several things in turns, one run of each after the other, so that what happens on the machine
+    /// meanwhile happens to all. Returns each one's runs.
+    pub fn measure_in_turns(
+        &mut self,
+        contenders: &mut [Contender<'_>],
+    ) -> Result<Vec<Vec<Times>>> {
+        for contender in contenders.iter_mut() {
+            for _ in 0..self.options().warm_up {
+                (contender.run)()?;
+            }
+        }
+        let mut runs = vec![Vec::new(); contenders.len()];
+        for _ in 0..self.options().runs.max(1) {
+            for (contender, runs) in contenders.iter_mut().zip(&mut runs) {
+                runs.push((contender.run)()?);
+            }
+        }
+        for (contender, runs) in contenders.iter().zip(&runs) {
+            self.keep(&contender.case, runs);
+        }
+        Ok(runs)
+    }
+}
+
+/// One of several things that are measured in turns.
+pub struct Contender<'a> {
+    /// What it is.
+    pub case: Case,
+    /// Runs it once.
+    pub run: Box<dyn FnMut() -> Result<Times> + 'a>,
+}
+
+/// One submission, by the device's clock and the process's, after another that prepares it.
+pub fn device_times(
+    frames: &mut Frames,
+    prepare: impl Fn(&mut Recorder<'_>),
+    record: impl Fn(&mut Recorder<'_>),
+) -> Result<Times> {
+    let (ticket, ()) = frames.submit(|rec| {
+        prepare(rec);
+        Ok(())
+    })?;
+    frames.wait(ticket)?;
+    let clock = CpuClock::now();
+    let (ticket, ()) = frames.submit(|rec| {
+        record(rec);
+        rec.timestamp("run");
+        Ok(())
+    })?;
+    let stages = frames.timings(ticket)?;
+    Ok(Times {
+        stages,
+        cpu_ns: clock.elapsed_ns(),
+    })
+}
+
+/// Something that the processor does.
+pub fn host_times(run: impl FnOnce()) -> Times {
+    let (clock, begin) = (CpuClock::now(), Instant::now());
+    run();
+    Times {
+        stages: vec![("run", begin.elapsed().as_nanos() as f64)],
+        cpu_ns: clock.elapsed_ns(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_result_names_its_kernel() {
+        let case = Case::of("gather", 1024, "base", 64);
+        let output = |found: f64| vec![Output::exact("values", vec![1.0, found], vec![1.0, 2.0])];
+        assert!(case.judge(&output(2.0)).is_ok());
+        let fault = case
+            .judge(&output(3.0))
+            .err()
+            .map(|error| error.to_string());
+        let fault = fault.unwrap_or_default();
+        assert!(
+            fault.contains("gather/1024 base/64: wrong result: values: element 1"),
+            "{fault}"
+        );
+        assert!(case.judge(&[]).is_err(), "nothing was checked");
+    }
+}

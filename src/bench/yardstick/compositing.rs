@@ -1,0 +1,216 @@
+//! Contests of compositing, forward and backward.
+
+use super::scalar::{self, Input as HostInput};
+use super::{NATIVE, Ratio, TARGET_FEATURES, on_processor, vector};
+use crate::Result;
+use crate::bench::check::Output;
+use crate::bench::kernels::{Composite, Device, Gradient, Input, backward_params};
+use crate::bench::session::{Bench, Case};
+use crate::bench::trial::{Contender, device_times, host_times};
+use crate::gpu::{Frames, Gpu, Recorder};
+use crate::kernels::{classical, classical_backward, rasterize, rasterize_backward};
+
+const COUNT: usize = 50_000;
+const SIZE: [u32; 2] = [480, 272];
+const SIGMA_MAX: f64 = 3.0;
+
+/// Names of the yardsticks on the processor.
+const SCALAR: &str = "processor scalar";
+
+fn vectorised() -> String {
+    format!("processor vectorised {TARGET_FEATURES}")
+}
+
+/// Checks a device's commands and makes a contender of them.
+fn on_device<'a>(
+    gpu: &Gpu,
+    case: Case,
+    prepare: impl Fn(&mut Recorder<'_>),
+    record: impl Fn(&mut Recorder<'_>) + 'a,
+    outputs: impl FnOnce() -> Result<Vec<Output>>,
+) -> Result<Contender<'a>> {
+    gpu.run(prepare)?;
+    gpu.run(&record)?;
+    case.judge(&outputs()?)?;
+    let mut frames = Frames::new(gpu, 1, true)?;
+    Ok(Contender {
+        case,
+        run: Box::new(move || device_times(&mut frames, |_| {}, &record)),
+    })
+}
+
+fn on_host<'a>(case: Case, run: impl Fn() + 'a) -> Contender<'a> {
+    Contender {
+        case,
+        run: Box::new(move || Ok(host_times(&run))),
+    }
+}
+
+/// Measures in turns and compares the first with all others, which have a name and a demand each.
+fn contest(
+    bench: &mut Bench,
+    what: &str,
+    mut contenders: Vec<Contender<'_>>,
+    demands: &[(&str, Option<f64>)],
+) -> Result<Vec<Ratio>> {
+    let runs = bench.measure_in_turns(&mut contenders)?;
+    let by_processor = on_processor(bench);
+    let others = contenders.iter().zip(&runs).skip(1);
+    let ratio = |(contender, times): (&Contender<'_>, &Vec<_>)| {
+        let name = contender.case.variant.as_str();
+        let demand = demands
+            .iter()
+            .find(|(yardstick, _)| name.starts_with(yardstick));
+        let pair = [
+            (contenders[0].case.variant.as_str(), runs[0].as_slice()),
+            (name, times.as_slice()),
+        ];
+        Ratio::of(
+            what,
+            pair,
+            by_processor,
+            demand.and_then(|(_, least)| *least),
+        )
+    };
+    Ok(others.map(ratio).collect())
+}
+
+fn case(what: &str, variant: &str) -> Case {
+    Case::of("yardstick", what, variant, 0)
+}
+
+/// Whether one of a contest's participants is asked for: then all are.
+fn wanted(bench: &Bench, what: &str, variants: &[&str]) -> bool {
+    variants
+        .iter()
+        .any(|variant| bench.wants(&case(what, variant)))
+}
+
+/// An image by pixel as planes.
+fn planes(image: &[[f32; 4]]) -> Vec<f32> {
+    (0..4)
+        .flat_map(|plane| image.iter().map(move |pixel| pixel[plane]))
+        .collect()
+}
+
+pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
+    let gpu = bench.gpu().clone();
+    let choice = rasterize::Rasterize::prefer(gpu.caps(), false);
+    let ours = format!(
+        "rasterize {}/{}",
+        choice.variant.name(),
+        choice.spec.workgroup
+    );
+    if !wanted(
+        bench,
+        "forward",
+        &[&ours, "classical", SCALAR, &vectorised()],
+    ) {
+        return Ok(Vec::new());
+    }
+    let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
+    let squares = Composite::classical(COUNT, SIZE, SIGMA_MAX);
+    let (input, square_input) = (Input::new(&gpu, &engine)?, Input::new(&gpu, &squares)?);
+    let host = HostInput::new(&squares);
+    let work = engine.work();
+    let case = |variant: &str| case("forward", variant).doing(work);
+    let kernel = rasterize::Rasterize::new(&gpu, choice)?;
+    let old = classical::Classical::new(&gpu, classical::Classical::prefer(gpu.caps()))?;
+
+    let (image, ends) = scalar::forward(&host);
+    case(SCALAR).judge(&squares.outputs(&planes(&image), Some(&ends)))?;
+    let image = vector::forward(&host);
+    case(&vectorised()).judge(&squares.outputs(&planes(&image), None))?;
+    let contenders = vec![
+        on_device(
+            &gpu,
+            case(&ours),
+            |_| {},
+            |rec| kernel.record(rec, input.rasterize(), input.params(), input.tiles()),
+            || input.outputs(&gpu, &engine),
+        )?,
+        on_device(
+            &gpu,
+            case("classical"),
+            |_| {},
+            |rec| old.record(rec, square_input.classical(), square_input.tiles()),
+            || square_input.outputs(&gpu, &squares),
+        )?,
+        on_host(case(SCALAR), || drop(scalar::forward(&host))),
+        on_host(case(&vectorised()), || drop(vector::forward(&host))),
+    ];
+    let demands = [
+        ("classical", Some(6.0)),
+        (SCALAR, Some(5.0)),
+        ("processor vectorised", NATIVE.then_some(0.75)),
+    ];
+    contest(bench, "forward", contenders, &demands)
+}
+
+pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
+    let gpu = bench.gpu().clone();
+    let choice = rasterize_backward::RasterizeBackward::prefer(gpu.caps());
+    let ours = format!(
+        "rasterize_backward {}/{}",
+        choice.variant.name(),
+        choice.spec.workgroup
+    );
+    if !wanted(bench, "backward", &[&ours, "classical", SCALAR]) {
+        return Ok(Vec::new());
+    }
+    let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
+    let squares = Composite::classical(COUNT, SIZE, SIGMA_MAX);
+    let (input, square_input) = (Input::new(&gpu, &engine)?, Input::new(&gpu, &squares)?);
+    let (gradient, square_gradient) = (Gradient::new(&engine), Gradient::new(&squares));
+    let device = Device::new(&gpu, &engine, &gradient)?;
+    let square_device = Device::new(&gpu, &squares, &square_gradient)?;
+    let host = HostInput::new(&squares);
+    let work = engine.work();
+    let case = |variant: &str| case("backward", variant).doing(work);
+    let kernel = rasterize_backward::RasterizeBackward::new(&gpu, choice)?;
+
+    let (image, ends) = scalar::forward(&host);
+    let sums = scalar::backward(&host, &image, &ends, &square_gradient.d_sampled);
+    case(SCALAR).judge(&square_gradient.judge_splats(&scalar::whitened(&host, &sums)))?;
+    let mut contenders = vec![on_device(
+        &gpu,
+        case(&ours),
+        |rec| device.upstream(rec, true),
+        |rec| {
+            let params = backward_params(&input);
+            kernel.record(
+                rec,
+                device.rasterize_backward(&input),
+                params,
+                input.tiles(),
+            );
+        },
+        || device.judge_sources(&gradient),
+    )?];
+    // Where floats cannot be added atomically there is no such design to compare with.
+    let old = classical_backward::ClassicalBackward::prefer(gpu.caps());
+    if gpu.caps().supports(old.variant.info()).is_ok() {
+        let old = classical_backward::ClassicalBackward::new(&gpu, old)?;
+        let (device, input) = (&square_device, &square_input);
+        contenders.push(on_device(
+            &gpu,
+            case("classical"),
+            |rec| device.upstream(rec, true),
+            move |rec| old.record(rec, device.classical_backward(input), input.tiles()),
+            || device.judge_splats(&square_gradient),
+        )?);
+    }
+    contenders.push(on_host(case(SCALAR), || {
+        drop(scalar::backward(
+            &host,
+            &image,
+            &ends,
+            &square_gradient.d_image,
+        ));
+    }));
+    for device in [&device, &square_device] {
+        gpu.run(|rec| device.upstream(rec, false))?;
+    }
+    let demands = [("classical", Some(10.0)), (SCALAR, Some(4.0))];
+    contest(bench, "backward", contenders, &demands)
+}

@@ -1,0 +1,132 @@
+//! `ashfall bench`: how fast the device does what.
+
+use super::Outcome;
+use super::args::DeviceArgs;
+use super::engine::Engine;
+use crate::bench::{self, Bench, Options, Ratio, Report, Row, record};
+use crate::io::atomic::write_atomically;
+use crate::{Error, Result};
+use clap::{Args, Subcommand};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Measure the device
+///
+/// Every result is held against the reference before it is timed; one that is wrong ends the run, with exit
+/// code 1.
+#[derive(Clone, Debug, Args)]
+pub(super) struct BenchArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum What {
+    Kernels(KernelsArgs),
+}
+
+/// Every kernel in every variant and workgroup, and yardsticks
+///
+/// Times are the device's own timestamps, summed up by their median and the median absolute deviation from it,
+/// with the processor time of the process beside them. Rates are in the unit that means something, and of
+/// kernels that mainly move memory also as a share of the rate at which the device copies. At the end stands
+/// how the engine's choices compare with the classical design on the same device and with renderers and a
+/// sort on the processor, all measured in turns.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES)]
+struct KernelsArgs {
+    #[command(flatten)]
+    output: OutputArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// What is measured, how often, and where the figures go.
+#[derive(Clone, Debug, Args)]
+pub(super) struct OutputArgs {
+    /// Only what has this in its name, `kernels/input/variant`: `rasterize/small`, `subgroup`, `yardstick/sort`
+    #[arg(long, value_name = "TEXT")]
+    pub filter: Option<String>,
+    /// Runs of each that count
+    #[arg(long, value_name = "N", default_value_t = Options::default().runs,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=10_000))]
+    pub runs: usize,
+    /// Write the rows to this file, as CSV
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Write rows and comparisons to this file, as one JSON object
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// File the rows under the device's name and today's date in a folder, keeping what is there of others
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "benches/record")]
+    pub record: Option<PathBuf>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  ashfall bench kernels
+  ashfall bench kernels --filter sort --runs 7 --csv sort.csv
+  ashfall bench kernels --filter yardstick --json yardsticks.json";
+
+pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
+    match &args.what {
+        What::Kernels(args) => kernels(args),
+    }
+}
+
+impl OutputArgs {
+    /// What a bench is asked for.
+    pub(super) fn options(&self) -> Options {
+        Options {
+            filter: self.filter.clone(),
+            runs: self.runs,
+            ..Options::default()
+        }
+    }
+
+    /// Prints the table and writes the files that are asked for.
+    fn write(&self, bench: &Bench, ratios: &[Ratio]) -> Result<()> {
+        let mut out = std::io::stdout().lock();
+        let lines = bench.rows().iter().map(Row::line);
+        for line in lines.chain(ratios.iter().map(Ratio::line)) {
+            // A reader that has gone away is no reason to fail.
+            _ = writeln!(out, "{line}");
+        }
+        if let Some(path) = &self.csv {
+            write_text(path, &bench::row::csv(bench.rows()))?;
+        }
+        if let Some(path) = &self.json {
+            let report = Report::of(bench, ratios);
+            let text = serde_json::to_string_pretty(&report)
+                .map_err(|error| Error::Config(format!("the report: {error}")))?;
+            write_text(path, &(text + "\n"))?;
+        }
+        if let Some(folder) = &self.record {
+            let path = record::write(folder, &bench.gpu().caps().name, bench.rows())?;
+            eprintln!("{}", path.display());
+        }
+        Ok(())
+    }
+}
+
+fn write_text(path: &Path, text: &str) -> Result<()> {
+    write_atomically(path, |file| file.write_all(text.as_bytes()))
+}
+
+fn kernels(args: &KernelsArgs) -> Result<Outcome> {
+    let engine = Engine::open(&args.device)?;
+    eprintln!("{}", engine.name());
+    let progress = |row: &Row| eprintln!("measured {} {}", row.input, row.variant);
+    let mut bench = engine.bench("kernels", args.output.options(), progress)?;
+    bench::kernels::run(&mut bench)?;
+    let ratios = bench::yardstick::run(&mut bench)?;
+    // The copy is measured in any case.
+    let filter = args.output.filter.as_deref().unwrap_or_default();
+    let asked = |row: &Row| format!("kernels/{}/{}", row.input, row.variant).contains(filter);
+    if !bench.rows().iter().any(asked) {
+        return Err(Error::Config(format!("nothing is called {filter:?}")));
+    }
+    args.output.write(&bench, &ratios)?;
+    engine.check()?;
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,155 @@
+//! What is chosen for a device and why, kernel by kernel: what every `prefer` answers, in words.
+//!
+//! A choice is a pure function of what the device can do. It is argued for by a record of measurements that lies
+//! in the repository; where there is none for a class of devices, the reason says so.
+
+use super::*;
+use crate::gpu::{Caps, DeviceKind};
+
+/// The choice for one kernel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Chosen {
+    /// The kernel.
+    pub kernel: &'static str,
+    /// The variant.
+    pub variant: &'static str,
+    /// Its tuning.
+    pub spec: String,
+    /// One sentence.
+    pub why: &'static str,
+    /// The file of measurements that argues for it.
+    pub record: Option<&'static str>,
+}
+
+/// Measurements on software devices.
+const ON_PROCESSORS: &str = "benches/record/llvmpipe-llvm-15-0-6-256-bits/2026-11-21.csv";
+
+/// Reason for kernels of one invocation per element.
+const ELEMENTWISE: &str = "the only variant; 64 invocations as in all kernels of one per element, so that `plan` \
+                           divides by one number";
+
+/// Reason for kernels whose workgroup shares a tile of pixels.
+const TILED: &str = "the only variant; few invocations slide long strips each, which loads least, and loads are \
+                     what a processor pays for";
+
+/// Reason for what runs once.
+const ALONE: &str = "the only variant, and the only workgroup";
+
+/// What is chosen for a device, in the order of the kernels' names; harmonics of degree 3, without depth.
+pub fn chosen(caps: &Caps) -> Vec<Chosen> {
+    let measured = (caps.kind == DeviceKind::Cpu).then_some(ON_PROCESSORS);
+    macro_rules! chosen {
+        ($($kernel:ident: $choice:expr, $why:expr;)*) => {
+            vec![$({
+                let choice = $choice;
+                Chosen {
+                    kernel: stringify!($kernel),
+                    variant: choice.variant.name(),
+                    spec: words(&format!("{:?}", choice.spec)),
+                    why: $why,
+                    record: measured,
+                }
+            }),*]
+        };
+    }
+    chosen! {
+        adam: adam::Adam::prefer(caps), ELEMENTWISE;
+        compact: compact::Compact::prefer(caps), ELEMENTWISE;
+        expand: expand::Expand::prefer(caps), ELEMENTWISE;
+        gather: gather::Gather::prefer(caps), ELEMENTWISE;
+        loss: loss::Loss::prefer(caps), TILED;
+        loss_backward: loss_backward::LossBackward::prefer(caps), TILED;
+        loss_sum: loss_sum::LossSum::prefer(caps), ALONE;
+        perturb: perturb::Perturb::prefer(caps), ELEMENTWISE;
+        plan: plan::Plan::prefer(caps), ALONE;
+        present: present::Present::prefer(caps), ALONE;
+        project: project::Project::prefer(caps, 3), ELEMENTWISE;
+        project_backward: project_backward::ProjectBackward::prefer(caps, 3), ELEMENTWISE;
+        ranges: ranges::Ranges::prefer(caps), ELEMENTWISE;
+        rasterize: rasterize::Rasterize::prefer(caps, false), rasterize::Rasterize::why(caps);
+        rasterize_backward: rasterize_backward::RasterizeBackward::prefer(caps),
+            rasterize_backward::RasterizeBackward::why(caps);
+        scan_apply: scan_apply::ScanApply::prefer(caps), ELEMENTWISE;
+        scan_chunks: scan_chunks::ScanChunks::prefer(caps), ALONE;
+        scan_reduce: scan_reduce::ScanReduce::prefer(caps), ELEMENTWISE;
+        sort_count: sort_count::SortCount::prefer(caps), sort::why(caps);
+        sort_scatter: sort_scatter::SortScatter::prefer(caps), sort::why(caps);
+    }
+}
+
+/// `Spec { workgroup: 8, x: 1 }` as `workgroup 8, x 1`.
+fn words(spec: &str) -> String {
+    let inner = spec
+        .trim_start_matches("Spec")
+        .trim_matches([' ', '{', '}']);
+    inner.replace(": ", " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shader::Requirement;
+    use std::collections::BTreeSet;
+
+    fn caps(kind: DeviceKind, subgroup_size: u32, offers: &[Requirement]) -> Caps {
+        Caps {
+            name: "a device".into(),
+            driver: "a driver".into(),
+            kind,
+            api: (1, 3, 0),
+            subgroup_size,
+            subgroup_range: (subgroup_size, subgroup_size),
+            max_storage_range: 1 << 27,
+            max_allocation: 1 << 30,
+            max_storage_buffers: 16,
+            max_groups: [65_535; 3],
+            max_workgroup: 256,
+            max_shared: 1 << 15,
+            timestamp_period_ns: 1.0,
+            heap: 1 << 30,
+            offers: offers.iter().copied().collect(),
+        }
+    }
+
+    #[test]
+    fn every_kernel_that_is_run_has_a_reason_and_every_record_exists() {
+        let kernels: BTreeSet<&str> = KERNELS.iter().map(|info| info.kernel).collect();
+        for kind in [DeviceKind::Cpu, DeviceKind::Discrete] {
+            let chosen = chosen(&caps(kind, 8, &[]));
+            let named: BTreeSet<&str> = chosen.iter().map(|choice| choice.kernel).collect();
+            let missing = kernels.difference(&named).copied();
+            assert!(missing.eq(YARDSTICKS), "yardsticks alone are never chosen");
+            for choice in chosen {
+                assert!(!choice.why.contains('\n'), "{}", choice.why);
+                assert_eq!(choice.record.is_some(), kind == DeviceKind::Cpu);
+                let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+                assert!(choice.record.is_none_or(|file| root.join(file).is_file()));
+            }
+        }
+    }
+
+    #[test]
+    fn reasons_go_with_choices() {
+        let all = [
+            Requirement::SubgroupBasic,
+            Requirement::SubgroupVote,
+            Requirement::SubgroupArithmetic,
+            Requirement::SubgroupBallot,
+        ];
+        let of = |kernel: &str, caps: &Caps| {
+            let choice = chosen(caps)
+                .into_iter()
+                .find(|choice| choice.kernel == kernel);
+            choice.map(|choice| (choice.variant, choice.spec, choice.why))
+        };
+        let wide = of("rasterize", &caps(DeviceKind::Discrete, 32, &all));
+        let none = of("rasterize", &caps(DeviceKind::Discrete, 32, &[]));
+        assert_ne!(wide, none);
+        assert!(wide.is_some_and(|(variant, spec, _)| {
+            variant == "subgroup" && spec.contains("workgroup 32")
+        }));
+        let processor = of("sort_scatter", &caps(DeviceKind::Cpu, 8, &all));
+        let other = of("sort_scatter", &caps(DeviceKind::Discrete, 32, &all));
+        assert_ne!(processor.map(|c| c.2), other.map(|c| c.2));
+    }
+}
