@@ -73,6 +73,7 @@ fn f029_zoom_sweep() {
         let samples = if zoom < 1.0 { 16 } else { 3 };
         let [before, after] =
             [&plain, &mip].map(|splats| psnr_db(&lab, splats, &scene, &cameras, samples));
+        println!("zoom {zoom}: {before:.2} dB, mip {after:.2} dB");
         within(
             "frame",
             "f029",
