@@ -76,6 +76,7 @@ Examples:
   ashfall train photos/ --out run/
   ashfall train photos/ --out run/ --iterations 7000 --downscale 2
   ashfall train photos/ --out run/ --strategy mcmc --max-splats 100000
+  ashfall train photos/ --out run/ --mode mip --against floaters
   ashfall train transforms.json --out run/ --background white --set adc.grad_threshold=4e-4
   ashfall train --resume run/";
 
