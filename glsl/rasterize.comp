@@ -3,9 +3,10 @@
 
 // Composites the sorted splats of every tile into an image, front to back.
 //
-// One workgroup per tile. Lanes vote on stopping through shared memory, so any subgroup size will do.
+// One workgroup per tile. Lanes pass splats round and vote on stopping through shared memory, so any subgroup size will do.
 
 #include "rasterize.glsl"
+#include "shared/stage.shared.glsl"
 
 shared uint vote;
 

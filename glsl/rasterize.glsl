@@ -1,7 +1,9 @@
 // Front-to-back compositing of one tile; `rasterize.comp` and its variants include this and say how
 // lanes agree to stop.
 //
-// A lane owns LANE_PIXELS pixels of one column, four to a vec4: every load of a splat serves them all.
+// A lane owns LANE_PIXELS pixels of one column, four to a vec4. Lanes fetch splats a batch at a time, one each,
+// and pass them round. Loops test at their end: some software devices run a body once more, for no lane, to
+// find that it is over.
 // A splat counts for a pixel while the transmittance in front of it is at least T_MIN ("include last"),
 // so that what is cut off is never more than T_MIN of the colour range.
 
@@ -27,20 +29,73 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 #include "shared/tile.glsl"
-
-// Splats composited between two votes on whether any pixel still needs more.
-const uint BATCH = 16;
+#include "shared/stage.glsl"
 
 bool any_lane(bool mine);
 
+// The lane's pixels.
+vec4 transmittance[QUADS];
+vec4 red[QUADS];
+vec4 green[QUADS];
+vec4 blue[QUADS];
+vec4 far[QUADS];
+// One past the last intersection that counted.
+uvec4 last[QUADS];
+
+// Whether any pixel of the workgroup still needs more.
+bool any_open() {
+    bool open = false;
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        open = open || any(greaterThanEqual(transmittance[q], vec4(T_MIN)));
+    }
+    return any_lane(open);
+}
+
+void blend(Tile t, uint isect, Staged splat) {
+    Column column = column_of(t, splat.shape, splat.tone);
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        vec4 f;
+        vec4 exponent = exponent_of(column, q, f);
+        bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
+                        greaterThanEqual(transmittance[q], vec4(T_MIN)));
+        vec4 alpha = mix(vec4(0.0), min(exp2(exponent), vec4(ALPHA_MAX)), on);
+        vec4 weight = alpha * transmittance[q];
+        red[q] += weight * splat.tone.z;
+        green[q] += weight * splat.tone.w;
+        blue[q] += weight * splat.rest.x;
+        if (WITH_DEPTH != 0) far[q] += weight * splat.rest.y;
+        transmittance[q] *= vec4(1.0) - alpha;
+        last[q] = mix(last[q], uvec4(isect + 1), on);
+    }
+}
+
+// Fetches the splats from `begin` on, one a lane; returns how many there are.
+uint stage_batch(uint begin, uint end) {
+    uint isect = begin + stage_lane();
+    uint splat = splat_from_source[source_from_isect[min(isect, end - 1)]];
+    Staged mine = Staged(shape_from_splat[splat], tone_from_splat[splat], rest_from_splat[splat]);
+    if (isect >= end) hide(mine);
+    stage(mine);
+    return min(WORKGROUP, end - begin);
+}
+
+// Two splats a turn, which halves the turns that a software device counts; an odd one has a hidden partner.
+void blend_list(Tile t, uint begin, uint end) {
+    do {
+        uint count = stage_batch(begin, end);
+        uint i = 0;
+        do {
+            blend(t, begin + i, staged_by(i));
+            blend(t, begin + i + 1, staged_by(i + 1));
+            i += 2;
+        } while (i < count);
+        begin += WORKGROUP;
+        if (!any_open()) break;
+    } while (begin < end);
+}
+
 void composite(uint tile) {
     Tile t = tile_of(tile, view);
-    vec4 transmittance[QUADS];
-    vec4 red[QUADS];
-    vec4 green[QUADS];
-    vec4 blue[QUADS];
-    vec4 far[QUADS];
-    uvec4 last[QUADS];
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         transmittance[q] = mix(vec4(0.0), vec4(1.0), inside(t, q, view));
         red[q] = green[q] = blue[q] = far[q] = vec4(0.0);
@@ -48,35 +103,7 @@ void composite(uint tile) {
     }
 
     uvec2 range = range_from_tile[tile];
-    for (uint begin = range.x; begin < range.y; begin += BATCH) {
-        bool alive = false;
-        [[unroll]] for (uint q = 0; q < QUADS; ++q) {
-            alive = alive || any(greaterThanEqual(transmittance[q], vec4(T_MIN)));
-        }
-        if (!any_lane(alive)) break;
-        uint end = min(begin + BATCH, range.y);
-        for (uint isect = begin; isect < end; ++isect) {
-            uint splat = splat_from_source[source_from_isect[isect]];
-            vec4 shape = shape_from_splat[splat];
-            vec4 tone = tone_from_splat[splat];
-            vec2 rest = rest_from_splat[splat];
-            Column column = column_of(t, shape, tone);
-            [[unroll]] for (uint q = 0; q < QUADS; ++q) {
-                vec4 f;
-                vec4 exponent = exponent_of(column, q, f);
-                bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
-                                greaterThanEqual(transmittance[q], vec4(T_MIN)));
-                vec4 alpha = mix(vec4(0.0), min(exp2(exponent), vec4(ALPHA_MAX)), on);
-                vec4 weight = alpha * transmittance[q];
-                red[q] += weight * tone.z;
-                green[q] += weight * tone.w;
-                blue[q] += weight * rest.x;
-                if (WITH_DEPTH != 0) far[q] += weight * rest.y;
-                transmittance[q] *= vec4(1.0) - alpha;
-                last[q] = mix(last[q], uvec4(isect + 1), on);
-            }
-        }
-    }
+    if (range.x < range.y) blend_list(t, range.x, range.y);
 
     uint pixels = view.size.x * view.size.y;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {

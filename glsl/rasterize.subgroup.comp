@@ -1,12 +1,15 @@
 #version 460
 #extension GL_KHR_shader_subgroup_vote : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 #include "shared/prelude.glsl"
 
 // Composites the sorted splats of every tile into an image, front to back.
 //
-// One workgroup per tile, and the workgroup lies in one subgroup: lanes vote without shared memory.
+// One workgroup per tile, and the workgroup lies in one subgroup: lanes pass splats round
+// and vote without shared memory.
 
 #include "rasterize.glsl"
+#include "shared/stage.shuffle.glsl"
 
 bool any_lane(bool mine) {
     return subgroupAny(mine);

@@ -4,12 +4,13 @@
 // Gradient of every (tile, splat) pair from the gradient of the image.
 //
 // One workgroup per tile; one record per pair, written once and without atomics, so that a splat's sum
-// over its records is the same in every run. Lanes add up through shared memory, in lane order.
+// over its records is the same in every run. Lanes pass splats round and add up through shared memory, in lane order.
 
 #include "rasterize_backward.glsl"
+#include "shared/stage.shared.glsl"
 
 shared uint lane_last[WORKGROUP];
-shared Sums lane_sums[WORKGROUP];
+shared Sums lane_sums[2][WORKGROUP];
 
 uint max_of_lanes(uint mine) {
     lane_last[gl_LocalInvocationID.x] = mine;
@@ -19,16 +20,18 @@ uint max_of_lanes(uint mine) {
     return most;
 }
 
-Sums sum_of_lanes(Sums mine, out bool stores) {
-    stores = gl_LocalInvocationID.x == 0;
+Sums sum_of_lanes(Sums even, Sums odd) {
+    uint lane = gl_LocalInvocationID.x;
     barrier();
-    lane_sums[gl_LocalInvocationID.x] = mine;
+    lane_sums[0][lane] = even;
+    lane_sums[1][lane] = odd;
     barrier();
-    Sums total = lane_sums[0];
+    uint which = lane & 1;
+    Sums total = lane_sums[which][0];
     [[unroll]] for (uint i = 1; i < WORKGROUP; ++i) {
-        total.shape += lane_sums[i].shape;
-        total.tone += lane_sums[i].tone;
-        total.rest += lane_sums[i].rest;
+        total.shape += lane_sums[which][i].shape;
+        total.tone += lane_sums[which][i].tone;
+        total.rest += lane_sums[which][i].rest;
     }
     return total;
 }

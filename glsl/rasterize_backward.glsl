@@ -5,6 +5,9 @@
 // number, the colour behind projected on the pixel's upstream gradient, so that no division by 1 - alpha
 // enters a gradient. The transmittance in front is regained by dividing the forward product's own factors
 // out again, which is exact up to rounding; recovering it from 1 - alpha would not be.
+//
+// Lanes fetch splats a batch at a time, one each, and pass them round; in the end each lane holds, and stores,
+// the record of the splat that it fetched.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
@@ -38,9 +41,11 @@ struct Sums {
     float rest;  // blue
 };
 
+#include "shared/stage.glsl"
+
 uint max_of_lanes(uint mine);
-// The sum over the workgroup, valid in the lane that `stores` is true for.
-Sums sum_of_lanes(Sums mine, out bool stores);
+// The workgroup's sum of `even` in the lanes of even `stage_lane`, that of `odd` in the others.
+Sums sum_of_lanes(Sums even, Sums odd);
 
 // The lane's pixels: what passes before the splat at hand, the upstream gradient, and the colour behind the
 // splat at hand projected on that gradient.
@@ -111,29 +116,59 @@ Sums take_off(uint isect, Column column, vec3 color) {
     return sums;
 }
 
+Sums take_off_staged(Tile t, uint isect, uint lane) {
+    Staged splat = staged_by(lane);
+    return take_off(isect, column_of(t, splat.shape, splat.tone), vec3(splat.tone.zw, splat.rest.x));
+}
+
+Sums either(Sums a, Sums b, bool second) {
+    bvec4 four = bvec4(second);
+    return Sums(mix(a.shape, b.shape, four), mix(a.tone, b.tone, four), second ? b.rest : a.rest);
+}
+
+void store(uint source, Sums sums) {
+    d_shape_from_source[source] = sums.shape;
+    d_tone_from_source[source] = sums.tone;
+    d_rest_from_source[source] = sums.rest;
+}
+
+// Takes a batch off, the last before `end` first; returns how many there were.
+uint take_off_batch(Tile t, uint begin, uint end) {
+    uint lane = stage_lane();
+    bool mine = lane < end - begin;
+    uint source = source_from_isect[mine ? end - 1 - lane : begin];
+    uint splat = splat_from_source[source];
+    Staged staged = Staged(shape_from_splat[splat], tone_from_splat[splat], rest_from_splat[splat]);
+    if (!mine) hide(staged);
+    stage(staged);
+    uint count = min(WORKGROUP, end - begin);
+    Sums kept = Sums(vec4(0.0), vec4(0.0), 0.0);
+    uint i = 0;
+    // Two at a time: their sums over the lanes share the first step. An odd one has a hidden partner.
+    do {
+        Sums even = take_off_staged(t, end - 1 - i, i);
+        Sums odd = take_off_staged(t, end - 2 - i, i + 1);
+        kept = either(kept, sum_of_lanes(even, odd), lane / 2 == i / 2);
+        i += 2;
+    } while (i < count);
+    if (mine) store(source, kept);
+    return count;
+}
+
 void differentiate(uint tile) {
     Tile t = tile_of(tile, view);
     uvec2 range = range_from_tile[tile];
     uint last = max(max_of_lanes(load_pixels(t)), range.x);
-    for (uint isect = last; isect-- > range.x;) {
-        uint source = source_from_isect[isect];
-        uint splat = splat_from_source[source];
-        vec4 tone = tone_from_splat[splat];
-        Column column = column_of(t, shape_from_splat[splat], tone);
-        bool stores;
-        Sums total = sum_of_lanes(take_off(isect, column, vec3(tone.zw, rest_from_splat[splat].x)), stores);
-        if (stores) {
-            d_shape_from_source[source] = total.shape;
-            d_tone_from_source[source] = total.tone;
-            d_rest_from_source[source] = total.rest;
-        }
+    uint end = last;
+    // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+    if (end > range.x) {
+        do {
+            end -= take_off_batch(t, range.x, end);
+        } while (end > range.x);
     }
     // Splats behind the last one that counted: nobody else clears their records.
     for (uint isect = last + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
-        uint source = source_from_isect[isect];
-        d_shape_from_source[source] = vec4(0.0);
-        d_tone_from_source[source] = vec4(0.0);
-        d_rest_from_source[source] = 0.0;
+        store(source_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0));
     }
 }
 

@@ -1,22 +1,36 @@
 #version 460
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 #include "shared/prelude.glsl"
 
 // Gradient of every (tile, splat) pair from the gradient of the image.
 //
-// One workgroup per tile, lying in one subgroup: lanes add up by subgroup reductions, whose order is
-// fixed on a given device. One record per pair, without atomics.
+// One workgroup per tile, lying in one subgroup: lanes pass splats round and add up by shuffles, in an order
+// that is fixed. The sums of two splats are folded into one value a lane at the first step, which costs little
+// more than one splat's alone; a subgroup reduction for each would cost twice that on a software device. One
+// record per pair, without atomics.
 
 #include "rasterize_backward.glsl"
+#include "shared/stage.shuffle.glsl"
 
 uint max_of_lanes(uint mine) {
     return subgroupMax(mine);
 }
 
-Sums sum_of_lanes(Sums mine, out bool stores) {
-    stores = subgroupElect();
-    mine.shape = subgroupAdd(mine.shape);
-    mine.tone = subgroupAdd(mine.tone);
-    mine.rest = subgroupAdd(mine.rest);
+vec4 from_across(vec4 v, uint mask) {
+    return vec4(subgroupShuffleXor(v.x, mask), subgroupShuffleXor(v.y, mask), subgroupShuffleXor(v.z, mask),
+                subgroupShuffleXor(v.w, mask));
+}
+
+Sums sum_of_lanes(Sums even, Sums odd) {
+    bool is_odd = (stage_lane() & 1) != 0;
+    Sums mine = either(even, odd, is_odd);
+    Sums other = either(odd, even, is_odd);
+    [[unroll]] for (uint mask = 1; mask < WORKGROUP; mask *= 2) {
+        mine.shape += from_across(other.shape, mask);
+        mine.tone += from_across(other.tone, mask);
+        mine.rest += subgroupShuffleXor(other.rest, mask);
+        other = mine;
+    }
     return mine;
 }

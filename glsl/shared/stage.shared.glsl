@@ -1,0 +1,22 @@
+// Staging through shared memory, for any size of subgroups.
+
+shared vec4 staged_shape[WORKGROUP];
+shared vec4 staged_tone[WORKGROUP];
+shared vec2 staged_rest[WORKGROUP];
+
+uint stage_lane() {
+    return gl_LocalInvocationID.x;
+}
+
+void stage(Staged mine) {
+    // The batch before may still be read.
+    barrier();
+    staged_shape[gl_LocalInvocationID.x] = mine.shape;
+    staged_tone[gl_LocalInvocationID.x] = mine.tone;
+    staged_rest[gl_LocalInvocationID.x] = mine.rest;
+    barrier();
+}
+
+Staged staged_by(uint lane) {
+    return Staged(staged_shape[lane], staged_tone[lane], staged_rest[lane]);
+}
