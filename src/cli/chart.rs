@@ -185,9 +185,8 @@ fn facts(
     let size = dataset.views.first().map_or(String::new(), |view| {
         format!("{} × {}", view.camera.width, view.camera.height)
     });
-    let rows = [
+    let mut rows = vec![
         ("scene", name.to_owned()),
-        ("drawn", drawn),
         (
             "data set",
             format!("{} views, {views} held out, {size}", dataset.views.len()),
@@ -195,14 +194,22 @@ fn facts(
         ("device", engine.name().to_owned()),
         ("date", record::date(days)),
         ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),
-        (
-            "effort",
-            format!(
-                "frames and steps timed {} times, {} training runs a setting",
-                plan.runs, plan.seeds
-            ),
-        ),
     ];
+    if plan.with_accuracy {
+        rows.push(("drawn", drawn));
+        let runs = format!(
+            "frames and steps {} times each, by the device's timestamps",
+            plan.runs
+        );
+        rows.push(("timed", runs));
+    }
+    if plan.with_training {
+        let runs = format!(
+            "{} runs a setting, {} steps by default",
+            plan.seeds, plan.iterations
+        );
+        rows.push(("trained", runs));
+    }
     rows.into_iter()
         .map(|(name, value)| (name.to_owned(), value))
         .collect()

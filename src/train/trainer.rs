@@ -4,6 +4,7 @@
 //! it; when its report arrives, buffers grow and training goes on from that very step. So results do not
 //! depend on how large buffers happened to be, and a resumed run repeats an uninterrupted one to the bit.
 
+mod halved;
 mod inspect;
 mod room;
 
@@ -72,7 +73,10 @@ pub struct Trainer<'a> {
     state: DeviceState,
     scratch: Scratch,
     gradients: Gradients,
+    /// Those of `halved` while there is one.
     photos: Photos,
+    /// The training views alone, as the first steps see them.
+    halved: Option<Dataset>,
     frames: Frames,
     /// The last iteration recorded.
     iteration: u32,
@@ -113,6 +117,7 @@ impl<'a> Trainer<'a> {
             })
             .fold(Capacity::LEAST, Capacity::max);
         let scratch = new_scratch(gpu, capacity)?;
+        let (halved, photos) = halved::begin(gpu, dataset, &views, &config, iteration)?;
         Ok(Trainer {
             gpu: gpu.clone(),
             dataset,
@@ -123,7 +128,8 @@ impl<'a> Trainer<'a> {
             state: DeviceState::new(gpu, state, config.mode)?,
             gradients: Gradients::new(gpu, &scratch)?,
             scratch,
-            photos: Photos::new(gpu, dataset, &views, IN_FLIGHT, config.photo_share)?,
+            photos,
+            halved,
             frames: Frames::new(gpu, IN_FLIGHT, true)?,
             views,
             config,
@@ -186,6 +192,7 @@ impl<'a> Trainer<'a> {
         if self.pending.len() == IN_FLIGHT {
             self.collect()?;
         }
+        self.enlarge()?;
         let iteration = self.iteration + 1;
         let pending = self.submit(iteration)?;
         self.pending.push_back(pending);
@@ -255,7 +262,10 @@ impl<'a> Trainer<'a> {
 
     fn submit(&mut self, iteration: u32) -> Result<Pending> {
         let index = schedule::view(&self.config, self.views.len(), iteration);
-        let camera = &self.dataset.views[self.views[index]].camera;
+        let (dataset, camera) = match &self.halved {
+            Some(half) => (half, &half.views[index].camera),
+            None => (self.dataset, &self.dataset.views[self.views[index]].camera),
+        };
         let sh_degree = schedule::sh_degree(&self.config, iteration);
         let options = ViewOptions {
             background: schedule::background(&self.config, iteration),
@@ -273,7 +283,6 @@ impl<'a> Trainer<'a> {
         };
         let (forward, backward, state) = (&self.forward, &self.backward, &self.state);
         let (scratch, gradients, photos) = (&self.scratch, &self.gradients, &mut self.photos);
-        let dataset = self.dataset;
         let (ticket, (counts, loss)) = self.frames.submit(|rec| {
             let photo = photos.bind(rec, dataset, index)?;
             rec.update(&scratch.counts, COUNT_POISONED as usize, &[0, 0]);

@@ -3,8 +3,9 @@
 use crate::scenes::{self, Scene};
 use crate::{BEGUN, config, dataset, device};
 use ashfall::gpu::Gpu;
+use ashfall::scene::{Dataset, PhotoSource};
 use ashfall::synth::{Kind, SynthOptions};
-use ashfall::train::{HostState, StepReport, TrainConfig, Trainer};
+use ashfall::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats};
 
 /// The state and the reports after some steps; before each of the named ones, buffers are made that hold just so
 /// many intersections.
@@ -46,6 +47,64 @@ fn training_repeats_to_the_bit_and_whatever_the_buffers_sizes() {
     let small = train(&gpu, &scene, 20, &[(1, 3), (7, 100), (8, 1), (20, 50)]);
     assert_eq!(small.1, reports, "reports with a small buffer");
     assert!(small.0 == state, "a small buffer changed the result");
+}
+
+#[test]
+fn first_steps_see_photographs_of_half_the_size() {
+    let gpu = device::gpu();
+    let options = SynthOptions {
+        views: 5,
+        width: 40,
+        height: 33,
+        points: 300,
+        test_every: 5,
+        ..SynthOptions::default()
+    };
+    let dataset = ashfall::synth::scene(Kind::Solids).dataset(&options);
+    let (start, mut small) = (dataset.clone(), dataset.clone());
+    for view in &mut small.views {
+        let photo = ashfall::io::photo::load(view).unwrap();
+        view.camera = view.camera.resized(20, 17);
+        view.photo = PhotoSource::Memory(ashfall::io::photo::reduce(photo, 20, 17));
+    }
+    let train = |dataset: &Dataset, half_size_until: u32, steps: u32, tiny: bool| {
+        let config = TrainConfig {
+            half_size_until,
+            ..TrainConfig::for_iterations(12)
+        };
+        // Where training starts may depend on what a pixel covers.
+        let splats = initial_splats(&start, start.extent(), &config).unwrap();
+        let state = HostState::from_splats(&splats, config.sh_degree);
+        let mut trainer = Trainer::from_state(&gpu, dataset, config, &state, 0).unwrap();
+        let mut shrink = tiny;
+        while trainer.iteration() < steps {
+            if shrink && trainer.iteration() == 5 {
+                shrink = false;
+                trainer.set_isect_capacity(10).unwrap();
+            }
+            trainer.step().unwrap();
+        }
+        trainer.finish().unwrap();
+        trainer.download().unwrap()
+    };
+    // As long as it lasts it is training on the smaller photographs, to the bit.
+    assert!(train(&dataset, 6, 6, false) == train(&small, 0, 6, false));
+    assert!(train(&dataset, 6, 6, false) != train(&dataset, 0, 6, false));
+    // Then it is not, and a step that did not fit at the turn does not matter.
+    let turned = train(&dataset, 6, 12, false);
+    assert!(turned != train(&small, 0, 12, false));
+    assert!(turned == train(&dataset, 6, 12, true));
+    // From a state at the turn, whole photographs make the same steps.
+    let state = train(&small, 0, 6, false);
+    let config = TrainConfig {
+        half_size_until: 6,
+        ..TrainConfig::for_iterations(12)
+    };
+    let mut resumed = Trainer::from_state(&gpu, &dataset, config, &state, 6).unwrap();
+    while !resumed.is_done() {
+        resumed.step().unwrap();
+    }
+    assert!(resumed.download().unwrap() == turned);
 }
 
 #[test]

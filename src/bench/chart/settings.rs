@@ -3,6 +3,7 @@
 use super::Plan;
 use crate::render::Accuracy;
 use crate::report::chart::Knob;
+use crate::scene::RenderMode;
 use crate::train::{StrategyKind, TrainConfig};
 
 /// How a frame is drawn.
@@ -185,7 +186,15 @@ pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
         } = frame.knob;
         runs.push(with(&series, setting, &|c| c.accuracy = frame.accuracy));
     }
+    for percent in [25, 50] {
+        let until = plan.iterations * percent / 100;
+        let setting = format!("first {percent} % at half");
+        runs.push(with("photographs", setting, &|c| c.half_size_until = until));
+    }
     runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
+    runs.push(with("render mode", "mip".into(), &|c| {
+        c.mode = RenderMode::Mip
+    }));
     runs.push(with("strategy", "MCMC".into(), &|c| {
         *c = c.clone().with_strategy(StrategyKind::Mcmc);
         c.max_splats = Some(splats);

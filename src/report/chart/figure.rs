@@ -90,12 +90,13 @@ impl Figure {
 
     fn draw(&self, canvas: &Canvas<'_>) -> Result<()> {
         canvas.fill(&WHITE).map_err(failed)?;
-        // Horizontal bars may leave the picture: one disturbed measurement must not squeeze the others.
+        // Horizontal bars may leave the picture, and all of courses: one disturbed measurement must not squeeze the others.
         let xs = self.marks.iter().map(|m| m.x);
-        let ys = self
-            .marks
-            .iter()
-            .flat_map(|m| m.y_bar.unwrap_or([m.y; 2]).into_iter().chain([m.y]));
+        let heights = |m: &Mark| match (self.are_courses, m.y_bar) {
+            (false, Some([low, high])) => [low, m.y, high],
+            _ => [m.y; 3],
+        };
+        let ys = self.marks.iter().flat_map(heights);
         let (x, y) = (Scale::of(xs, self.x.is_log), Scale::of(ys, self.y.is_log));
         let mut chart = ChartBuilder::on(canvas)
             .margin(10)

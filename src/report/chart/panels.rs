@@ -254,16 +254,24 @@ pub(super) fn of_runs(chart: &Chart) -> Vec<Panel> {
     panels
 }
 
-/// One line a setting: the figure's colours are those of the series, and a line ends with its setting.
+/// Of every series the setting that was turned farthest, by its series' sign; a line ends with its name.
 fn courses(chart: &Chart, names: &[&str]) -> Panel {
+    let is_last = |index: usize| {
+        let series = &chart.runs[index].knob.series;
+        chart.runs[index + 1..]
+            .iter()
+            .all(|run| run.knob.series != *series)
+    };
+    let shown: Vec<usize> = (0..chart.runs.len()).filter(|&i| is_last(i)).collect();
     let mut marks = Vec::new();
-    for (index, run) in chart.runs.iter().enumerate() {
+    for (rank, &index) in shown.iter().enumerate() {
+        let run = &chart.runs[index];
         let last = run.course.len().saturating_sub(1);
+        // Apart, so that bars at one time can be told apart.
+        let apart = 1.0 + APART * (rank as f64 - 0.5 * shown.len() as f64);
         for (i, (seconds, psnr)) in run.course.iter().enumerate() {
-            let named = mark(names, &run.knob, *seconds, psnr.value);
+            let shift = if i == last { 1.0 } else { apart };
             marks.push(Mark {
-                // A line of its own; glyph and colour repeat after as many as there are series.
-                series: index,
                 y_bar: bar(psnr),
                 is_default: false,
                 text: match i == last {
@@ -271,7 +279,7 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
                     true => format!("{} {}", run.knob.series, run.knob.setting),
                     false => String::new(),
                 },
-                ..named
+                ..mark(names, &run.knob, *seconds * shift, psnr.value)
             });
         }
     }
@@ -290,8 +298,13 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
             front: Vec::new(),
             are_courses: true,
         },
-        caption: "Quality on the way, by wall time with evaluation left out; one line a setting, named at its \
-                  end. A line that lies above another at your budget of seconds is the better choice there."
+        caption: "Quality on the way, by wall time with evaluation left out: of every knob the setting turned \
+                  farthest, named at its end. A line that lies above another at your budget of seconds is the \
+                  better choice there. Signs of one time (0.6, 1.25, 2.5, 5, 10 s and so on) are set apart by a \
+                  percent each, for their bars' sake."
             .into(),
     }
 }
+
+/// Relative distance of two lines' signs at one time.
+const APART: f64 = 0.01;

@@ -82,6 +82,10 @@ pub struct TrainConfig {
     /// Share of the device's memory that photographs may take; those beyond it are uploaded step by step,
     /// with the same results: 0.25.
     pub photo_share: f32,
+    /// Up to this iteration photographs have half their width and height, and steps a quarter of the pixels;
+    /// 0: never. What that costs in quality is for measurement to say.
+    #[serde(default)]
+    pub half_size_until: u32,
     /// Where frames and gradients may save work at a bounded error.
     #[serde(default)]
     pub accuracy: Accuracy,
@@ -259,6 +263,7 @@ impl TrainConfig {
             background: Background::Fixed([0.0; 3]),
             near_factor: 0.01,
             photo_share: 0.25,
+            half_size_until: 0,
             accuracy: Accuracy::default(),
         }
     }
