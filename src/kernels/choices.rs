@@ -32,8 +32,12 @@ const ELEMENTWISE: &str = "the only variant; 64 invocations as in all kernels of
 const TILED: &str = "the only variant; few invocations slide long strips each, which loads least, and loads are \
                      what a processor pays for";
 
-/// Reason for what runs once.
-const ALONE: &str = "the only variant, and the only workgroup";
+/// Reason for what a single workgroup does.
+const ALONE: &str =
+    "the only variant; a single workgroup does it all, and few elements are left to it";
+
+/// Reason for kernels without anything to tune.
+const FIXED: &str = "the only variant, with nothing to tune";
 
 /// What is chosen for a device, in the order of the kernels' names; harmonics of degree 3, without depth.
 pub fn chosen(caps: &Caps) -> Vec<Chosen> {
@@ -61,8 +65,8 @@ pub fn chosen(caps: &Caps) -> Vec<Chosen> {
         loss_backward: loss_backward::LossBackward::prefer(caps), TILED;
         loss_sum: loss_sum::LossSum::prefer(caps), ALONE;
         perturb: perturb::Perturb::prefer(caps), ELEMENTWISE;
-        plan: plan::Plan::prefer(caps), ALONE;
-        present: present::Present::prefer(caps), ALONE;
+        plan: plan::Plan::prefer(caps), FIXED;
+        present: present::Present::prefer(caps), FIXED;
         project: project::Project::prefer(caps, 3), ELEMENTWISE;
         project_backward: project_backward::ProjectBackward::prefer(caps, 3), ELEMENTWISE;
         ranges: ranges::Ranges::prefer(caps), ELEMENTWISE;

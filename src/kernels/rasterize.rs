@@ -23,15 +23,15 @@ pub(super) fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
 pub(super) fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
     match (lanes(caps, kernel), caps.kind) {
         ((true, _), DeviceKind::Cpu) => {
-            "one subgroup a tile, many pixels a lane: a load of a splat serves them all, and lanes agree without \
+            "one subgroup a tile, many pixels a lane: lanes fetch a splat each, pass it round and agree without \
              shared memory"
         }
         ((true, _), _) => {
-            "one subgroup a tile, at least four pixels a lane: lanes agree without shared memory (by design; not \
-             measured on this class of devices)"
+            "one subgroup a tile, at least four pixels a lane: lanes pass splats round and agree without shared \
+             memory (by design; not measured on this class of devices)"
         }
         _ => {
-            "no subgroup of eight lanes or more can vote and add here: eight lanes agree through shared memory"
+            "no subgroup of eight lanes or more can do all that it takes here: eight lanes share memory instead"
         }
     }
 }
