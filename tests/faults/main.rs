@@ -19,3 +19,4 @@ mod disks;
 mod kills;
 mod poison;
 mod run;
+mod soak;

@@ -28,7 +28,7 @@ use targets::{TARGETS, Target};
 /// The folder with the photograph and the cloud that inputs may name.
 const BESIDE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fuzz/beside");
 
-/// Executions of a target in a run of the tests.
+/// Executions of a target in a run of the tests; the environment variable `FUZZ_EXECUTIONS` sets another number.
 const EXECUTIONS: usize = 50_000;
 /// Inputs grow no longer than this.
 const LONGEST: usize = 4096;
@@ -143,8 +143,10 @@ fn bounded(name: &str) {
     let _alone = alone();
     watch();
     let target = TARGETS.iter().find(|target| target.name == name).unwrap();
-    let kinds = fuzz(target, EXECUTIONS, 1).unwrap_or_else(|fault| panic!("{fault}"));
-    println!("{name}: {EXECUTIONS} executions, {kinds} different outcomes");
+    let wanted = std::env::var("FUZZ_EXECUTIONS").ok();
+    let executions = wanted.map_or(EXECUTIONS, |number| number.parse().unwrap());
+    let kinds = fuzz(target, executions, 1).unwrap_or_else(|fault| panic!("{fault}"));
+    println!("{name}: {executions} executions, {kinds} different outcomes");
     // A reader that is content with everything, or refuses everything for one reason, was not reached.
     assert!(kinds >= 3, "only {kinds} different outcomes");
 }

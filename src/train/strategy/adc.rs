@@ -189,9 +189,12 @@ fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2]
         let key = row.wrapping_mul(2).wrapping_add(child);
         let [i, j, k, _] = rng::normal(context.config.seed, context.iteration, key, Stream::Split);
         let offset = rotation * (scale * Vec3::new(i, j, k));
+        let parent = Vec3::from(state.mean(index));
+        // A scale beyond all numbers leads nowhere: the child stays with its parent.
+        let mean = Some(parent + offset).filter(|mean| mean.is_finite());
         Row {
             source: row,
-            mean: (Vec3::from(state.mean(index)) + offset).to_array(),
+            mean: mean.unwrap_or(parent).to_array(),
             change: Change::Shrunk(less),
         }
     })
@@ -216,6 +219,16 @@ mod tests {
 
     fn refine(state: &mut HostState, stats: &[SplatStats], config: &TrainConfig) -> RefineReport {
         Adc.refine(state, stats, context(config, 100))
+    }
+
+    #[test]
+    fn children_of_an_infinite_scale_have_a_place() {
+        let config = TrainConfig::for_iterations(1_000);
+        let mut state = state_of(&[(0.5, 0.5)]);
+        state.params[2][0] = [200.0, -1.0, 0.0, 0.0];
+        let report = refine(&mut state, &[SEEN], &config);
+        assert_eq!((report.split, state.len()), (1, 2));
+        assert!((0..2).all(|row| state.mean(row).iter().all(|v| v.is_finite())));
     }
 
     #[test]
