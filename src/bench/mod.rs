@@ -11,6 +11,8 @@
 pub mod chart;
 pub mod check;
 pub mod clock;
+pub mod frame;
+pub mod growth;
 pub mod input;
 pub mod kernels;
 pub mod record;
@@ -18,6 +20,7 @@ pub mod report;
 pub mod row;
 pub mod session;
 pub mod stats;
+pub mod train;
 pub mod trial;
 pub mod yardstick;
 

@@ -172,6 +172,11 @@ impl Bench {
         whole
     }
 
+    /// Keeps rows that hold no times.
+    pub fn note(&mut self, rows: impl IntoIterator<Item = Row>) {
+        self.rows.extend(rows);
+    }
+
     /// Measures what `record` records. Whatever a run changes that the next one needs, `prepare` puts back,
     /// in a submission of its own that is not timed.
     pub fn measure_commands(

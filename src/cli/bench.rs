@@ -1,5 +1,7 @@
 //! `ashfall bench`: how fast the device does what.
 
+mod growth;
+
 use super::Outcome;
 use super::args::DeviceArgs;
 use super::engine::Engine;
@@ -7,13 +9,13 @@ use crate::bench::{self, Bench, Options, Ratio, Report, Row, record};
 use crate::io::atomic::write_atomically;
 use crate::{Error, Result};
 use clap::{Args, Subcommand};
+use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Measure the device
 ///
-/// Every result is held against the reference before it is timed; one that is wrong ends the run, with exit
-/// code 1.
+/// Kernels one by one, or whole frames and training steps by their size.
 #[derive(Clone, Debug, Args)]
 pub(super) struct BenchArgs {
     #[command(subcommand)]
@@ -23,9 +25,14 @@ pub(super) struct BenchArgs {
 #[derive(Clone, Debug, Subcommand)]
 enum What {
     Kernels(KernelsArgs),
+    Frame(growth::FrameArgs),
+    Train(growth::TrainArgs),
 }
 
 /// Every kernel in every variant and workgroup, and yardsticks
+///
+/// Every result is held against the reference before it is timed; one that is wrong ends the run, with exit
+/// code 1.
 ///
 /// Times are the device's own timestamps, summed up by their median and the median absolute deviation from it,
 /// with the processor time of the process beside them. Rates are in the unit that means something, and of
@@ -44,7 +51,8 @@ struct KernelsArgs {
 /// What is measured, how often, and where the figures go.
 #[derive(Clone, Debug, Args)]
 pub(super) struct OutputArgs {
-    /// Only what has this in its name, `kernels/input/variant`: `rasterize/small`, `subgroup`, `yardstick/sort`
+    /// Only what has this in its name, `bench/input/variant`: `rasterize/small`, `subgroup`, `yardstick/sort`,
+    /// `frame/1000000`, `1920x1080`
     #[arg(long, value_name = "TEXT")]
     pub filter: Option<String>,
     /// Runs of each that count
@@ -54,7 +62,7 @@ pub(super) struct OutputArgs {
     /// Write the rows to this file, as CSV
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// Write rows and comparisons to this file, as one JSON object
+    /// Write rows and what follows from them to this file, as one JSON object
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// File the rows under the device's name and today's date in a folder, keeping what is there of others
@@ -71,6 +79,8 @@ Examples:
 pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
     match &args.what {
         What::Kernels(args) => kernels(args),
+        What::Frame(args) => growth::frame(args),
+        What::Train(args) => growth::train(args),
     }
 }
 
@@ -84,11 +94,17 @@ impl OutputArgs {
         }
     }
 
-    /// Prints the table and writes the files that are asked for.
-    fn write(&self, bench: &Bench, ratios: &[Ratio]) -> Result<()> {
+    /// Prints the table and what follows from it, and writes the files that are asked for.
+    fn write(
+        &self,
+        bench: &Bench,
+        more: impl IntoIterator<Item = String>,
+        report: &impl Serialize,
+    ) -> Result<()> {
         let mut out = std::io::stdout().lock();
-        let lines = bench.rows().iter().map(Row::line);
-        for line in lines.chain(ratios.iter().map(Ratio::line)) {
+        // Rows of bytes have no times.
+        let timed = bench.rows().iter().filter(|row| row.runs > 0);
+        for line in timed.map(Row::line).chain(more) {
             // A reader that has gone away is no reason to fail.
             _ = writeln!(out, "{line}");
         }
@@ -96,8 +112,7 @@ impl OutputArgs {
             write_text(path, &bench::row::csv(bench.rows()))?;
         }
         if let Some(path) = &self.json {
-            let report = Report::of(bench, ratios);
-            let text = serde_json::to_string_pretty(&report)
+            let text = serde_json::to_string_pretty(report)
                 .map_err(|error| Error::Config(format!("the report: {error}")))?;
             write_text(path, &(text + "\n"))?;
         }
@@ -126,7 +141,9 @@ fn kernels(args: &KernelsArgs) -> Result<Outcome> {
     if !bench.rows().iter().any(asked) {
         return Err(Error::Config(format!("nothing is called {filter:?}")));
     }
-    args.output.write(&bench, &ratios)?;
+    let report = Report::of(&bench, &ratios);
+    let lines = ratios.iter().map(Ratio::line);
+    args.output.write(&bench, lines, &report)?;
     engine.check()?;
     Ok(Outcome::Done)
 }

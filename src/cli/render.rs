@@ -1,6 +1,6 @@
 //! `ashfall render`: pictures of a scene, from a data set's cameras or from an orbit.
 
-mod orbit;
+pub(super) mod orbit;
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};

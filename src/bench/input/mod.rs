@@ -5,3 +5,4 @@ pub mod lists;
 pub mod pack;
 pub mod random;
 pub mod scene;
+pub mod volume;

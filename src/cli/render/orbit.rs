@@ -33,7 +33,7 @@ pub(crate) fn orbit_of_cameras(cameras: &[Camera], extent: f64, count: u32) -> V
 }
 
 /// `count` cameras around splats, y down as in most captures.
-pub(super) fn orbit_of_splats(splats: &Splats, count: Option<u32>) -> Vec<Camera> {
+pub(in crate::cli) fn orbit_of_splats(splats: &Splats, count: Option<u32>) -> Vec<Camera> {
     let (count, target) = (count.unwrap_or(1), center(splats));
     let camera = Camera {
         width: 960,
@@ -60,7 +60,7 @@ fn center(splats: &Splats) -> DVec3 {
 }
 
 /// The radius around the median that holds four fifths of the splats; 1 where that is no size.
-pub(super) fn radius(splats: &Splats) -> f64 {
+pub(in crate::cli) fn radius(splats: &Splats) -> f64 {
     let center = center(splats);
     let distances = splats
         .mean

@@ -1,0 +1,173 @@
+//! Splats in a volume before a camera, of any number, that a picture is covered by as by a trained scene.
+//!
+//! The law: scenes are surfaces, so the more splats the smaller they are, σ ∝ 1/√N, and every pixel lies under as
+//! many of them whatever N is: [`OVERLAP`] bounding squares of three standard deviations. Sizes and places belong
+//! to the scene, so that a larger picture is the same one in more pixels. Depths are log-uniform from 2 to 20,
+//! sizes vary by a factor of e^±0.5, axes of a splat by another, opacities are logistic-normal, directions, colours
+//! and harmonics random.
+
+use super::random::Random;
+use crate::scene::{Camera, RenderMode, Splats, sh_coefficient_count};
+use glam::{DMat3, DVec2, DVec3};
+
+/// Bounding squares over a pixel; that of the trained scenes by which [`crate::render::isects_expected`] goes.
+pub const OVERLAP: f64 = 40.0;
+/// Side of a bounding square in standard deviations.
+const SIDE: f64 = 6.0;
+/// Share of the picture's width by which the volume exceeds it on every side: scenes do not end where pictures do.
+const MARGIN: f64 = 0.1;
+/// Depths, world units.
+const DEPTHS: [f64; 2] = [2.0, 20.0];
+
+/// A camera at the origin that looks along z, its focal length its width.
+pub fn camera([width, height]: [u32; 2]) -> Camera {
+    let size = DVec2::new(width.into(), height.into());
+    Camera {
+        width,
+        height,
+        focal: DVec2::splat(size.x),
+        center: 0.5 * size,
+        rotation: DMat3::IDENTITY,
+        position: DVec3::ZERO,
+    }
+}
+
+/// `count` splats of a degree for pictures whose height is `aspect` times their width.
+pub fn splats(count: usize, sh_degree: u32, aspect: f64, seed: u64) -> Splats {
+    let random = &mut Random::new(seed);
+    let mut splats = Splats {
+        sh_degree,
+        mode: RenderMode::Default,
+        ..Splats::default()
+    };
+    // In widths of the picture: count · side² = overlap · area.
+    let area = (1.0 + 2.0 * MARGIN) * (aspect + 2.0 * MARGIN);
+    let sigma = (OVERLAP * area / count.max(1) as f64).sqrt() / SIDE;
+    for _ in 0..count {
+        let depth = random.log_between(DEPTHS[0], DEPTHS[1]);
+        let half = [0.5 + MARGIN, 0.5 * aspect + MARGIN];
+        let [x, y] = half.map(|half| random.between(-half, half));
+        let size = sigma * (0.5 * random.normal()).exp() * depth;
+        let log_scale = [0; 3].map(|_| (size.ln() + 0.5 * random.normal()) as f32);
+        let opacity_logit = (1.5 * random.normal()) as f32;
+        push(
+            &mut splats,
+            [x * depth, y * depth, depth],
+            log_scale,
+            opacity_logit,
+            random,
+        );
+    }
+    splats
+}
+
+/// The same with one more in the middle of all depths that covers the whole picture.
+pub fn with_giant(splats: &Splats) -> Splats {
+    let mut splats = splats.clone();
+    let random = &mut Random::new(1);
+    let depth = (DEPTHS[0] * DEPTHS[1]).sqrt();
+    let log_scale = [depth.ln() as f32; 3];
+    push(&mut splats, [0.0, 0.0, depth], log_scale, 0.0, random);
+    splats
+}
+
+fn push(
+    splats: &mut Splats,
+    mean: [f64; 3],
+    log_scale: [f32; 3],
+    opacity_logit: f32,
+    random: &mut Random,
+) {
+    splats.mean.push(mean.map(|x| x as f32));
+    splats
+        .quaternion
+        .push([0; 4].map(|_| random.normal() as f32));
+    splats.log_scale.push(log_scale);
+    splats.opacity_logit.push(opacity_logit);
+    let coefficients = sh_coefficient_count(splats.sh_degree);
+    for coefficient in 0..coefficients {
+        let amplitude = if coefficient == 0 { 1.0 } else { 0.1 };
+        let rgb = [0; 3].map(|_| (amplitude * random.normal()) as f32);
+        splats.sh.extend(rgb);
+    }
+}
+
+/// Exactly `count` of a scene's splats, as another number of splats would have made the same scene: some of them,
+/// or all and further ones drawn from them; their sizes follow the law above.
+pub fn exactly(splats: &Splats, count: usize, seed: u64) -> Splats {
+    let (random, have) = (&mut Random::new(seed), splats.len());
+    if have == 0 {
+        return splats.clone();
+    }
+    let order = random.permutation(have);
+    let grow = (0.5 * (have as f64 / count.max(1) as f64).ln()) as f32;
+    let stride = splats.sh_stride();
+    let mut result = Splats {
+        sh_degree: splats.sh_degree,
+        mode: splats.mode,
+        ..Splats::default()
+    };
+    for i in 0..count {
+        let from = order[i % have];
+        let log_scale = splats.log_scale[from];
+        let mut mean = splats.mean[from];
+        if i >= have {
+            // Beside the one it is drawn from: as far as that reaches, whatever its direction.
+            let reach = log_scale
+                .iter()
+                .copied()
+                .fold(f32::INFINITY, f32::min)
+                .exp();
+            mean = mean.map(|x| x + reach * random.normal() as f32);
+        }
+        result.mean.push(mean);
+        result.quaternion.push(splats.quaternion[from]);
+        result.log_scale.push(log_scale.map(|s| s + grow));
+        result.opacity_logit.push(splats.opacity_logit[from]);
+        result.sh.extend(&splats.sh[from * stride..][..stride]);
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bounding squares of the splats before the picture, in areas of the picture.
+    fn overlap(splats: &Splats, aspect: f64) -> f64 {
+        let squares = splats
+            .mean
+            .iter()
+            .zip(&splats.log_scale)
+            .map(|(mean, scale)| {
+                let sigma = scale.iter().map(|s| f64::from(s.exp())).sum::<f64>() / 3.0;
+                (SIDE * sigma / f64::from(mean[2])).powi(2)
+            });
+        squares.sum::<f64>() / ((1.0 + 2.0 * MARGIN) * (aspect + 2.0 * MARGIN))
+    }
+
+    #[test]
+    fn pictures_are_covered_alike_by_any_number() {
+        let few = overlap(&splats(2_000, 0, 0.5625, 1), 0.5625);
+        let many = overlap(&splats(200_000, 0, 0.5625, 2), 0.5625);
+        assert!((few / many - 1.0).abs() < 0.15, "{few} {many}");
+        // Varied sizes cover more than equal ones would: e^(2 · 0.25) for the size alone.
+        assert!((OVERLAP..3.0 * OVERLAP).contains(&many), "{many}");
+    }
+
+    #[test]
+    fn a_scene_of_another_number_covers_as_much() {
+        let scene = splats(10_000, 1, 0.75, 3);
+        for count in [1, 2_500, 10_000, 37_001] {
+            let other = exactly(&scene, count, 4);
+            assert_eq!((other.len(), other.sh.len()), (count, 12 * count));
+            if count > 1 {
+                let ratio = overlap(&other, 0.75) / overlap(&scene, 0.75);
+                assert!((0.8..1.4).contains(&ratio), "{count}: {ratio}");
+            }
+        }
+        let giant = with_giant(&scene);
+        assert_eq!(giant.len(), 10_001);
+        assert!(exactly(&Splats::default(), 5, 0).is_empty());
+    }
+}

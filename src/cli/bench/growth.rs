@@ -1,0 +1,285 @@
+//! `ashfall bench frame` and `ashfall bench train`: whole frames and steps, and how they grow.
+
+use super::OutputArgs;
+use crate::bench::frame::{self, DOUBLING_MAX, FramePlan, Growth, Point};
+use crate::bench::train::{self, Memory, TrainPlan};
+use crate::bench::{Bench, Row};
+use crate::cli::Outcome;
+use crate::cli::args::{DataArgs, DeviceArgs};
+use crate::cli::engine::Engine;
+use crate::cli::eval::read_scene;
+use crate::cli::output::{bytes, grouped};
+use crate::cli::predict::parse_image_size;
+use crate::cli::render::orbit::{orbit_of_splats, radius};
+use crate::train::TrainConfig;
+use crate::{Error, Result};
+use clap::Args;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Whole frames by number of splats and size of the picture
+///
+/// Without SCENE the splats are made: a volume before the camera in which every pixel lies under as many splats as
+/// in trained scenes, however many there are (σ ∝ 1/√N), with harmonics of degree 3. A frame is recorded, submitted,
+/// waited for and read back; stages are the device's by its timestamps, `host` is the rest of the wall time. What
+/// the device cannot hold is said, not left out. At the end stand the exponents of time over splats and over pixels
+/// (least squares of the logarithms, 95 % interval), the most that any doubling costs, the memory of every buffer,
+/// and what one splat over all of the picture costs among the others (a million, if so many are measured).
+#[derive(Clone, Debug, Args)]
+#[command(after_help = FRAME_EXAMPLES)]
+pub(super) struct FrameArgs {
+    /// A scene to draw instead (.ply or .splat), from the first camera of an orbit; sampled to each number of splats
+    #[arg(value_name = "SCENE")]
+    scene: Option<PathBuf>,
+    /// Numbers of splats [default: 10,000 to 4,000,000; of a SCENE: its own]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_count)]
+    splats: Vec<usize>,
+    /// Sizes of the picture [default: 480x270,960x540,1920x1080,3840x2160]
+    #[arg(long, value_name = "WxH,…", value_delimiter = ',', value_parser = parse_image_size)]
+    sizes: Vec<[u32; 2]>,
+    /// Degree of the harmonics of splats that are made, 0 to 3
+    #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: u32,
+    #[command(flatten)]
+    output: OutputArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+const FRAME_EXAMPLES: &str = "\
+Examples:
+  ashfall bench frame --runs 7
+  ashfall bench frame --splats 200000 --sizes 480x270,1920x1080 --csv frames.csv
+  ashfall bench frame run/scene.ply --sizes 1920x1080";
+
+/// Whole training steps by number of splats
+///
+/// On the photographs of DATA, from its points or from --init, sampled to exactly each number of splats; without
+/// refinement, so that the number stays. `step` is wall time and processor time (user and system) of the whole
+/// process per step in a run of them, `alone` the device's stages of single ones.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = TRAIN_EXAMPLES)]
+pub(super) struct TrainArgs {
+    /// The data set
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// Begin with the splats of this scene (.ply or .splat) instead of the data set's points
+    #[arg(long, value_name = "SCENE")]
+    init: Option<PathBuf>,
+    /// Numbers of splats [default: 50000,200000]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_count)]
+    splats: Vec<usize>,
+    /// Steps that count, in as many parts as --runs says
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
+    steps: u32,
+    /// Steps before them
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    warm_up: u32,
+    /// Degree of the harmonics, 0 to 3
+    #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: u32,
+    #[command(flatten)]
+    options: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+const TRAIN_EXAMPLES: &str = "\
+Examples:
+  ashfall bench train photos/ --runs 10
+  ashfall bench train photos/ --downscale 2 --splats 10000,20000,50000,100000 --json steps.json
+  ashfall bench train photos/ --init run/scene.ply --splats 50000";
+
+/// `200000`, `200_000` or `2e5`.
+fn parse_count(text: &str) -> std::result::Result<usize, String> {
+    let digits = text.trim().replace('_', "");
+    let whole = |number: f64| {
+        let fits = number.fract() == 0.0 && (1.0..=1e9).contains(&number);
+        fits.then_some(number as usize)
+    };
+    let count = digits.parse::<f64>().ok().and_then(whole);
+    count.ok_or_else(|| "a number of splats is whole, 1 to 1e9".into())
+}
+
+/// All of it as one JSON object.
+#[derive(Serialize)]
+struct Report<'a> {
+    device: &'a str,
+    driver: &'a str,
+    rows: &'a [Row],
+    #[serde(flatten)]
+    growth: &'a Growth,
+    /// Of training: what was taken, and what the formula says.
+    #[serde(skip_serializing_if = "<[Memory]>::is_empty")]
+    memory: &'a [Memory],
+}
+
+pub(super) fn frame(args: &FrameArgs) -> Result<Outcome> {
+    let engine = Engine::open(&args.device)?;
+    eprintln!("{}", engine.name());
+    let scene = match &args.scene {
+        None => None,
+        Some(path) => {
+            let splats = read_scene(path)?;
+            let camera = orbit_of_splats(&splats, None).into_iter().next();
+            let near = radius(&splats) * f64::from(TrainConfig::default().near_factor);
+            camera.map(|camera| (splats, camera, near as f32))
+        }
+    };
+    let usual = match &scene {
+        Some((splats, ..)) => vec![splats.len()],
+        None => frame::SPLATS.to_vec(),
+    };
+    let plan = FramePlan {
+        splats: either(&args.splats, usual),
+        sizes: either(&args.sizes, frame::SIZES.to_vec()),
+        sh_degree: args.sh_degree,
+        giant: scene.is_none(),
+        scene,
+    };
+    let mut bench = engine.bench("frame", args.output.options(), progress)?;
+    let growth = frame::run(&mut bench, &plan)?;
+    finish(&engine, &args.output, &bench, (&growth, &[]), Vec::new())
+}
+
+pub(super) fn train(args: &TrainArgs) -> Result<Outcome> {
+    let dataset = args.options.open(&args.data, true)?;
+    let engine = Engine::open(&args.device)?;
+    eprintln!("{}", engine.name());
+    let plan = TrainPlan {
+        splats: either(&args.splats, train::SPLATS.to_vec()),
+        steps: args.steps,
+        warm_up: args.warm_up,
+        sh_degree: args.sh_degree,
+        scene: args.init.as_deref().map(read_scene).transpose()?,
+    };
+    let mut bench = engine.bench("train", args.output.options(), progress)?;
+    let (growth, memory) = train::run(&mut bench, &dataset, &plan)?;
+    let mut lines: Vec<String> = growth
+        .points
+        .iter()
+        .flat_map(|p| step_line(p, args.sh_degree))
+        .collect();
+    lines.extend(memory.iter().map(memory_line));
+    finish(&engine, &args.output, &bench, (&growth, &memory), lines)
+}
+
+fn progress(row: &Row) {
+    if row.stage == "total" {
+        eprintln!("measured {} {}", row.input, row.variant);
+    }
+}
+
+fn either<T: Clone>(asked: &[T], usual: Vec<T>) -> Vec<T> {
+    match asked {
+        [] => usual,
+        asked => asked.to_vec(),
+    }
+}
+
+fn finish(
+    engine: &Engine,
+    output: &OutputArgs,
+    bench: &Bench,
+    (growth, memory): (&Growth, &[Memory]),
+    mut lines: Vec<String>,
+) -> Result<Outcome> {
+    if growth.points.is_empty() {
+        let filter = output.filter.as_deref().unwrap_or_default();
+        return Err(Error::Config(format!("nothing is called {filter:?}")));
+    }
+    lines.extend(growth.points.iter().flat_map(point_lines));
+    for exponent in &growth.exponents {
+        let verdict = match exponent.doubling <= DOUBLING_MAX {
+            true => String::new(),
+            false => format!(", more than {DOUBLING_MAX}"),
+        };
+        lines.push(exponent.line() + &verdict);
+    }
+    if let Some(giant) = &growth.giant {
+        let [low, high] = giant.interval;
+        lines.push(format!(
+            "a splat all over the picture among {} at {}x{}: {:.2} [{low:.2}, {high:.2}] times the frame without, \
+             at most {} demanded",
+            grouped(giant.splats),
+            giant.size[0],
+            giant.size[1],
+            giant.ratio,
+            giant.demanded
+        ));
+    }
+    let caps = bench.gpu().caps();
+    let report = Report {
+        device: &caps.name,
+        driver: &caps.driver,
+        rows: bench.rows(),
+        growth,
+        memory,
+    };
+    output.write(bench, lines, &report)?;
+    engine.check()?;
+    Ok(Outcome::Done)
+}
+
+/// A point's memory, or why there is none.
+fn point_lines(point: &Point) -> Vec<String> {
+    let [width, height] = point.size;
+    let name = format!("{} splats at {width}x{height}", grouped(point.splats));
+    if let Some(fault) = &point.fault {
+        return vec![format!("{name}: not held by the device: {fault}")];
+    }
+    let sum: u64 = point.memory.iter().map(|(_, size)| size).sum();
+    let mut buffers = point.memory.clone();
+    buffers.sort_by_key(|(_, size)| std::cmp::Reverse(*size));
+    let buffers: Vec<String> = buffers
+        .iter()
+        .map(|(name, size)| format!("{name} {}", bytes(*size)))
+        .collect();
+    vec![format!("{name}: {} ({})", bytes(sum), buffers.join(", "))]
+}
+
+fn step_line(point: &Point, sh_degree: u32) -> Option<String> {
+    let (wall, processor) = (point.wall_s?, point.processor_s?);
+    let bar = match train::bar(point, sh_degree) {
+        Some(bar) => format!(
+            " (demanded on two idle cores: {:.2} and {bar:.2})",
+            0.6 * bar
+        ),
+        None => String::new(),
+    };
+    Some(format!(
+        "a step with {} splats: {wall:.4} s, {processor:.4} CPU-s{bar}",
+        grouped(point.splats)
+    ))
+}
+
+fn memory_line(memory: &Memory) -> String {
+    let share = |of: u64| memory.peak_bytes as f64 / of.max(1) as f64;
+    format!(
+        "memory with {} splats: {} at most, {:.3} of what was predicted, {:.2} of parameters, moments, photographs and \
+         lists alone",
+        grouped(memory.splats),
+        bytes(memory.peak_bytes),
+        share(memory.predicted_bytes),
+        share(memory.essential_bytes)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::parse_count;
+
+    #[test]
+    fn counts_may_be_powers_of_ten() {
+        let counts = ["200000", "200_000", "2e5", " 2E5 "].map(parse_count);
+        assert!(
+            counts.iter().all(|count| *count == Ok(200_000)),
+            "{counts:?}"
+        );
+        for bad in ["", "0", "-1", "1.5", "1e10", "nan", "many"] {
+            assert!(parse_count(bad).is_err(), "{bad}");
+        }
+    }
+}
