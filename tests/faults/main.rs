@@ -16,6 +16,7 @@
 mod device;
 mod devices;
 mod disks;
+mod files;
 mod kills;
 mod poison;
 mod run;
