@@ -12,6 +12,8 @@ layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
 // Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
 layout(constant_id = 2) const float LEVEL_MAX = 3.4e38;
+// Not 0: tiles are those that the 3DGS code lists a splat for.
+layout(constant_id = 3) const uint ORIGINAL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -40,7 +42,10 @@ void main() {
     uint end = next + tile_count_from_splat[splat];
     source_from_splat[splat] = next;
 
-    Ellipse e = ellipse(shape_from_splat[splat], tone_from_splat[splat].xy, LOG2_ALPHA_MIN, LEVEL_MAX);
+    vec4 shape = shape_from_splat[splat];
+    vec2 whiten = tone_from_splat[splat].xy;
+    Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN, LEVEL_MAX);
+    if (ORIGINAL != 0) e.square = original_square(shape, whiten);
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = tile_columns(e, row, view.size);

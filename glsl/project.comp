@@ -14,6 +14,8 @@ layout(constant_id = 1) const uint SH_DEGREE = 3;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
 // Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
 layout(constant_id = 3) const float LEVEL_MAX = 3.4e38;
+// Not 0: tiles are those that the 3DGS code lists a splat for.
+layout(constant_id = 4) const uint ORIGINAL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -86,6 +88,7 @@ uint project(uint splat) {
     rest_from_splat[splat] = vec2(color.b, mean_view.z);
 
     Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN, LEVEL_MAX);
+    if (ORIGINAL != 0) e.square = original_square(shape, whiten);
     uint count = 0;
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {

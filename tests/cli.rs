@@ -252,13 +252,20 @@ fn a_scene_is_trained_judged_and_drawn() {
         "--out",
         word(&path("around")),
     ]);
+    // By the rules of the 3DGS code: another picture.
+    let theirs = path("theirs");
+    let draw = ["render", scene, "--orbit", "1", "--out", word(&theirs)];
+    stdout(&[&draw[..], &["--compat", "original"]].concat());
     for name in [
         "frames/images_0004.exr",
         "frames/orbit_0001.png",
         "around/orbit_0000.png",
+        "theirs/orbit_0000.png",
     ] {
         assert!(path(name).is_file(), "{name}");
     }
+    let bytes = |name: &str| std::fs::read(path(name)).unwrap();
+    assert!(bytes("around/orbit_0000.png") != bytes("theirs/orbit_0000.png"));
 }
 
 #[track_caller]

@@ -127,6 +127,7 @@ struct Ellipse {
     float level;        // squared Mahalanobis radius
     float yy;           // covariance yy
     float x_from_y;     // variance of x at fixed y
+    float square;       // half the side of the square that the 3DGS code lists it for, or 0: it is an ellipse
 };
 
 // Where alpha is at least 2^log2_alpha_min and the squared Mahalanobis distance at most level_max.
@@ -145,7 +146,31 @@ Ellipse ellipse(vec4 shape, vec2 whiten, float log2_alpha_min, float level_max) 
     e.yy = yy;
     e.x_from_y = a * y_from_x / yy;
     e.extent = vec2(sqrt(level * a), sqrt(level * yy));
+    e.square = 0.0;
     return e;
+}
+
+// Half the side of the square that the 3DGS code lists a splat for: three of its largest standard deviations.
+float original_square(vec4 shape, vec2 whiten) {
+    precise float a = (WHITEN / whiten.x) * (WHITEN / whiten.x);
+    precise float y_from_x = (WHITEN / whiten.y) * (WHITEN / whiten.y);
+    precise float yy = y_from_x + shape.z * shape.z * a;
+    precise float difference = 0.5 * (a - yy);
+    precise float across = shape.z * a;
+    precise float largest = 0.5 * (a + yy) + sqrt(max(difference * difference + across * across, 0.1));
+    return ceil(3.0 * sqrt(largest));
+}
+
+// First and last of our tiles of `tile` pixels along an axis, within the 16-pixel tiles that the 3DGS code lists a
+// square for. It counts pixels' centres from 0.
+ivec2 original_tiles(float mean, float square, uint tile, uint pixel_count) {
+    float count = float((pixel_count + 15) / 16);
+    precise float place = mean - 0.5;
+    float first = clamp(trunc((place - square) / 16.0), 0.0, count);
+    float end = clamp(trunc((place + square + 15.0) / 16.0), 0.0, count);
+    if (!(first < end)) return ivec2(1, 0);
+    int last_tile = int((pixel_count + tile - 1) / tile) - 1;
+    return ivec2(int(first) * 16 / int(tile), min(int(end) * 16 / int(tile) - 1, last_tile));
 }
 
 // First and last index of the cells of `cell` pixels, among `count`, that hold a pixel centre in
@@ -157,15 +182,17 @@ ivec2 cells(float low, float high, uint cell, uint pixel_count) {
     return ivec2(int(first) / int(cell), int(last) / int(cell));
 }
 
-// Rows of tiles that the ellipse touches.
+// Rows of tiles that the ellipse, or its square, touches.
 ivec2 tile_rows(Ellipse e, uvec2 size) {
+    if (e.square > 0.0) return original_tiles(e.mean.y, e.square, TILE_HEIGHT, size.y);
     precise float low = e.mean.y - e.extent.y;
     precise float high = e.mean.y + e.extent.y;
     return cells(low, high, TILE_HEIGHT, size.y);
 }
 
-// Columns of tiles that the ellipse touches in one row of tiles.
+// Columns of tiles that the ellipse, or its square, touches in one row of tiles.
 ivec2 tile_columns(Ellipse e, int row, uvec2 size) {
+    if (e.square > 0.0) return original_tiles(e.mean.x, e.square, TILE_WIDTH, size.x);
     // The strip between the row's first and last pixel centres in the image, as far as the ellipse reaches into it.
     precise float top = max(float(row) * float(TILE_HEIGHT) + 0.5 - e.mean.y, -e.extent.y);
     float end = min(float(row + 1) * float(TILE_HEIGHT), float(size.y));

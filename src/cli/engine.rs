@@ -10,7 +10,7 @@ use super::predict::Prediction;
 use super::train::{StepFigures, Steps};
 use crate::bench::{Bench, Options, Row};
 use crate::gpu::{DeviceKind, Gpu, GpuOptions};
-use crate::render::{Model, RenderOptions, Rendered, Renderer, ViewOptions};
+use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use crate::report::MemoryFigures;
 use crate::scene::{Camera, Dataset, RenderMode, Splats};
 use crate::train::checkpoint::{Checkpoint, fingerprint};
@@ -93,8 +93,20 @@ impl Engine {
 
     /// Brings a scene to the device to be drawn; nothing nearer than `near` world units is.
     pub(crate) fn artist(&self, splats: &Splats, near: f64, with_depth: bool) -> Result<Artist> {
+        self.artist_like(splats, near, with_depth, Compatibility::Engine)
+    }
+
+    /// The same by the rules of another method.
+    pub(crate) fn artist_like(
+        &self,
+        splats: &Splats,
+        near: f64,
+        with_depth: bool,
+        compatibility: Compatibility,
+    ) -> Result<Artist> {
         let options = RenderOptions {
             with_depth,
+            compatibility,
             sh_degree: splats.sh_degree,
             ..RenderOptions::default()
         };

@@ -7,6 +7,7 @@ use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};
 use super::engine::{Engine, Picture};
 use super::eval::{near, read_scene};
 use super::output::{Output, file_stem};
+use crate::render::Compatibility;
 use crate::scene::{Camera, Dataset};
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
@@ -45,6 +46,10 @@ pub(super) struct RenderArgs {
     /// Colour behind the splats of a png: black, white or R,G,B (0 to 1)
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
     background: [f32; 3],
+    /// Whose rules to draw by. engine: this program's. original: those of the 3DGS code (three standard deviations,
+    /// alphas up to 0.99, the last splat of a pixel left out), as authors of scenes trained with it saw them
+    #[arg(long, value_name = "RULES", default_value = "engine")]
+    compat: Compat,
     /// Print JSON lines instead of text
     #[arg(long)]
     json: bool,
@@ -64,6 +69,12 @@ Examples:
 enum Format {
     Png,
     Exr,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Compat {
+    Engine,
+    Original,
 }
 
 /// A picture to draw: the stem of its file's name, and where from.
@@ -87,7 +98,12 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
     let engine = Engine::open(&args.device)?;
-    let mut artist = engine.artist(&splats, near, args.format == Format::Exr)?;
+    let compatibility = match args.compat {
+        Compat::Engine => Compatibility::Engine,
+        Compat::Original => Compatibility::Original,
+    };
+    let with_depth = args.format == Format::Exr;
+    let mut artist = engine.artist_like(&splats, near, with_depth, compatibility)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let bar = output.bar(shots.len() as u64, "pictures");
     // An EXR's colours are the splats' alone.

@@ -17,6 +17,7 @@ pub mod generated;
 pub mod loss;
 pub mod loss_backward;
 pub mod loss_sum;
+pub mod original;
 pub mod perturb;
 pub mod plan;
 pub mod present;

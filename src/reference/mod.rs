@@ -19,6 +19,7 @@ pub mod frame;
 pub mod gradient;
 pub mod linear;
 pub mod loss;
+pub mod original;
 pub mod perturb;
 pub mod project;
 pub mod project_backward;

@@ -1,12 +1,13 @@
 //! The straight line of kernels from splats to an image; this file is the diagram.
 
 use super::accuracy::Accuracy;
+use super::compatibility::{Compatibility, Compositor};
 use super::model::Model;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use crate::gpu::{DeviceKind, Gpu, Groups, Recorder};
 use crate::kernels::scan::{Io as ScanIo, Scan, What};
 use crate::kernels::sort::{self, Layout, Pairs, Sort};
-use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize};
+use crate::kernels::{compact, expand, gather, original, plan, project, ranges, rasterize};
 use crate::layout::*;
 use crate::{Error, Result};
 
@@ -22,7 +23,7 @@ pub struct Forward {
     gather: gather::Gather,
     expand: expand::Expand,
     ranges: ranges::Ranges,
-    rasterize: rasterize::Rasterize,
+    compositor: Compositor,
     group_limit: u32,
     list_limit: u32,
 }
@@ -40,29 +41,29 @@ impl Forward {
         sh_degree: u32,
         with_depth: bool,
         accuracy: &Accuracy,
+        compatibility: Compatibility,
     ) -> Result<Forward> {
         accuracy.validate()?;
         let caps = gpu.caps();
+        let listing = |degree| {
+            compatibility.listing(
+                accuracy,
+                project::Project::prefer(caps, degree),
+                expand::Expand::prefer(caps),
+            )
+        };
         Ok(Forward {
             project: (0..=sh_degree)
-                .map(|degree| {
-                    project::Project::new(
-                        gpu,
-                        accuracy.of_project(project::Project::prefer(caps, degree)),
-                    )
-                })
+                .map(|degree| project::Project::new(gpu, listing(degree).0))
                 .collect::<Result<_>>()?,
             scan: Scan::new(gpu)?,
             plan: plan::Plan::new(gpu, plan::Plan::prefer(caps))?,
             compact: compact::Compact::new(gpu, compact::Compact::prefer(caps))?,
             sort: Sort::new(gpu)?,
             gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
-            expand: expand::Expand::new(gpu, accuracy.of_expand(expand::Expand::prefer(caps)))?,
+            expand: expand::Expand::new(gpu, listing(0).1)?,
             ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
-            rasterize: rasterize::Rasterize::new(
-                gpu,
-                accuracy.of_rasterize(rasterize::Rasterize::prefer(caps, with_depth)),
-            )?,
+            compositor: compositor(gpu, with_depth, accuracy, compatibility)?,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
         })
@@ -91,25 +92,7 @@ impl Forward {
         rec.timestamp("expand");
         let sorted = self.order_by_tile(rec, s, tiles);
         rec.timestamp("sort_tile");
-        self.rasterize.record(
-            rec,
-            rasterize::Bindings {
-                view: &s.view,
-                range_from_tile: &s.range_from_tile,
-                source_from_isect: &s.by_tile.values[sorted],
-                splat_from_source: &s.splat_from_source,
-                shape_from_splat: &s.shape_from_splat,
-                tone_from_splat: &s.tone_from_splat,
-                rest_from_splat: &s.rest_from_splat,
-                image: &s.image,
-                depth: &s.depth,
-                end_from_pixel: &s.end_from_pixel,
-            },
-            rasterize::Params {
-                tile_stride: tile_stride(tiles),
-            },
-            tiles,
-        );
+        self.composite(rec, s, sorted, tiles);
         rec.timestamp("rasterize");
     }
 
@@ -131,6 +114,42 @@ impl Forward {
                     stride: block.stride as u32,
                 },
             );
+        }
+    }
+
+    fn composite(&self, rec: &mut Recorder<'_>, s: &Scratch, sorted: usize, tiles: usize) {
+        let tile_stride = tile_stride(tiles);
+        match &self.compositor {
+            Compositor::Engine(kernel) => {
+                let io = rasterize::Bindings {
+                    view: &s.view,
+                    range_from_tile: &s.range_from_tile,
+                    source_from_isect: &s.by_tile.values[sorted],
+                    splat_from_source: &s.splat_from_source,
+                    shape_from_splat: &s.shape_from_splat,
+                    tone_from_splat: &s.tone_from_splat,
+                    rest_from_splat: &s.rest_from_splat,
+                    image: &s.image,
+                    depth: &s.depth,
+                    end_from_pixel: &s.end_from_pixel,
+                };
+                kernel.record(rec, io, rasterize::Params { tile_stride }, tiles);
+            }
+            Compositor::Original(kernel) => {
+                let io = original::Bindings {
+                    view: &s.view,
+                    range_from_tile: &s.range_from_tile,
+                    source_from_isect: &s.by_tile.values[sorted],
+                    splat_from_source: &s.splat_from_source,
+                    shape_from_splat: &s.shape_from_splat,
+                    tone_from_splat: &s.tone_from_splat,
+                    rest_from_splat: &s.rest_from_splat,
+                    image: &s.image,
+                    depth: &s.depth,
+                    end_from_pixel: &s.end_from_pixel,
+                };
+                kernel.record(rec, io, original::Params { tile_stride }, tiles);
+            }
         }
     }
 
@@ -262,6 +281,25 @@ impl Forward {
         );
         sorted
     }
+}
+
+fn compositor(
+    gpu: &Gpu,
+    with_depth: bool,
+    accuracy: &Accuracy,
+    compatibility: Compatibility,
+) -> Result<Compositor> {
+    let caps = gpu.caps();
+    Ok(match compatibility {
+        Compatibility::Engine => Compositor::Engine(rasterize::Rasterize::new(
+            gpu,
+            accuracy.of_rasterize(rasterize::Rasterize::prefer(caps, with_depth)),
+        )?),
+        Compatibility::Original => Compositor::Original(original::Original::new(
+            gpu,
+            original::Original::prefer(caps, with_depth),
+        )?),
+    })
 }
 
 /// Intersections that one tile may have. llvmpipe leaves all loops of a dispatch after 65,535 iterations in

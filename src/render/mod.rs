@@ -6,6 +6,7 @@
 
 mod accuracy;
 mod blocks;
+mod compatibility;
 mod forward;
 mod memory;
 mod model;
@@ -15,6 +16,7 @@ mod view;
 
 pub use accuracy::Accuracy;
 pub use blocks::{Block, Blocks};
+pub use compatibility::Compatibility;
 pub(crate) use forward::check_lists;
 pub use forward::{Forward, tile_stride};
 pub use memory::{Need, Purpose, frame_needs, isects_expected, model_needs, total};

@@ -1,6 +1,7 @@
 //! Rendering for users: record into a host's commands, or render and read back.
 
 use super::accuracy::Accuracy;
+use super::compatibility::Compatibility;
 use super::forward::{Forward, check_lists};
 use super::memory::isects_expected;
 use super::model::Model;
@@ -26,6 +27,8 @@ pub struct RenderOptions {
     pub with_depth: bool,
     /// Where frames may save work at a bounded error.
     pub accuracy: Accuracy,
+    /// Whose rules frames are drawn by.
+    pub compatibility: Compatibility,
 }
 
 impl Default for RenderOptions {
@@ -39,6 +42,7 @@ impl Default for RenderOptions {
             sh_degree: 3,
             with_depth: false,
             accuracy: Accuracy::default(),
+            compatibility: Compatibility::Engine,
         }
     }
 }
@@ -122,6 +126,7 @@ impl Renderer {
                 options.sh_degree,
                 options.with_depth,
                 &options.accuracy,
+                options.compatibility,
             )?,
             present: presents.then(present).transpose()?,
             scratch: Scratch::new(gpu, options.capacity)?,

@@ -165,7 +165,7 @@ impl Dataset {
             .points
             .iter()
             .map(|p| DVec3::from(p.position.map(f64::from)).distance(mean))
-            .filter(|d| *d > 0.0)
+            .filter(|d| *d > 0.0 && d.is_finite())
             .collect();
         if distances.is_empty() {
             return 1.0;

@@ -9,7 +9,7 @@ use ashfall::kernels::expand::{self, Expand};
 use ashfall::layout::{COUNT_SLOTS, COUNT_VISIBLE, DispatchArgs};
 use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::tiles::{Grid, alpha_max, extent};
-use ashfall::reference::{Cuts, Splat, Viewpoint, project};
+use ashfall::reference::{Cuts, ScreenSplat, Splat, Viewpoint, project};
 use ashfall::render::view_of;
 use ashfall::scene::RenderMode;
 
@@ -136,6 +136,13 @@ fn f034_bounds_beyond_integers() {
             }
         }
     }
+}
+
+/// Tiles of a square image whose pixels' centres span a rectangle that the ellipse touches.
+pub(crate) fn touched_tiles(splat: &ScreenSplat<f64>, side: u32) -> u32 {
+    let grid = Grid::new(side, side);
+    let over = |&tile: &u32| alpha_max(splat, &grid, tile) >= Cuts::ENGINE.alpha_min;
+    (0..grid.len()).filter(over).count() as u32
 }
 
 /// No tile is missed, and few are listed in vain.

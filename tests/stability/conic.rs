@@ -1,11 +1,10 @@
-//! Section 3 of the catalogue: ellipses, dilation, bounds.
-//!
-//! * 30: the 3D filter belongs to training in mip mode: see `mip`.
+//! Section 3 of the catalogue: ellipses, dilation, bounds. The 3D filter, entry 30, has its tests in `mip`.
 
 use crate::lab::{U, lab, percentile, within};
 use crate::projection::gradient_errors;
 use crate::props::{OPAQUE, Prop, place, stage};
 use crate::scenes::{self, Random, Scene};
+use ashfall::reference::linear::{dot, product, rotation, sub, vector};
 use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::{Cuts, ScreenSplat, Splat, Viewpoint, project};
 use ashfall::scene::RenderMode;
@@ -251,12 +250,10 @@ fn f028_mip_compensation() {
     }
 }
 
-/// `√(Σ minors² / (Σ minors² + d tr + d²))` of V = J W R S.
-pub(crate) fn exact_compensation(splat: &Splat<f64>, scene: &Scene) -> f64 {
-    use ashfall::reference::linear::{dot, product, rotation, sub, vector};
+/// The rows of V = J W R S before an upright camera; V Vᵀ is the covariance on the screen without dilation.
+pub(crate) fn factor(splat: &Splat<f64>, scene: &Scene) -> [[f64; 3]; 2] {
     let camera = &scene.camera;
     let v = sub(splat.mean, vector(camera.position));
-    // The camera is upright: view coordinates are differences of positions.
     let [fx, fy] = camera.focal.to_array();
     let jacobian = [
         [fx / v[2], 0.0, -fx * v[0] / (v[2] * v[2])],
@@ -265,7 +262,12 @@ pub(crate) fn exact_compensation(splat: &Splat<f64>, scene: &Scene) -> f64 {
     ];
     let rows = product(jacobian, rotation(splat.quaternion));
     let scale = splat.log_scale.map(f64::exp);
-    let [a, b] = [0, 1].map(|r| [0, 1, 2].map(|k| rows[r][k] * scale[k]));
+    [0, 1].map(|r| [0, 1, 2].map(|k| rows[r][k] * scale[k]))
+}
+
+/// `√(Σ minors² / (Σ minors² + d tr + d²))` of V, with the dilation of mip mode.
+pub(crate) fn exact_compensation(splat: &Splat<f64>, scene: &Scene) -> f64 {
+    let [a, b] = factor(splat, scene);
     let minors = [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

@@ -135,6 +135,7 @@ impl Stepped {
 pub(crate) fn config(scene: &Scene, lambda: f32) -> TrainConfig {
     TrainConfig {
         sh_degree: scene.splats.sh_degree,
+        mode: scene.splats.mode,
         lambda_dssim: lambda,
         background: Background::Fixed(scene.options.background.map(|c| c as f32)),
         ..TrainConfig::for_iterations(30_000)

@@ -13,20 +13,34 @@
     reason = "a test that cannot go on may say so by panicking"
 )]
 
+mod adam;
 mod bounds;
 mod camera;
 mod compositing;
 mod conic;
 mod covariance;
 mod coverage;
+mod depth;
+mod device;
 mod extremes;
+#[allow(dead_code, reason = "shared with tests/io, which uses all of it")]
+#[path = "../io/scenes.rs"]
+mod file_scenes;
+mod files;
 mod floaters;
 #[path = "../common/lists.rs"]
 mod frame_lists;
+mod growth;
 mod lab;
 mod lists;
+mod loss;
+mod mcmc;
 mod mip;
+mod numerics;
+mod numerics_more;
+mod numerics_order;
 mod optimiser;
+mod original;
 #[path = "../common/pack.rs"]
 mod pack;
 mod projection;

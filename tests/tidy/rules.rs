@@ -83,6 +83,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "src/reference/plan.rs",
         "a few divisions: the test states them",
     ),
+    (
+        "tests/kernels/original.rs",
+        "judged by whole frames: tests/stability/original.rs",
+    ),
     ("src/reference/present.rs", "a copy: the test states it"),
     (
         "tests/kernels/present.rs",

@@ -1,0 +1,37 @@
+//! Composites the sorted splats of every tile as the code of the 3DGS paper does.
+
+pub use super::generated::original::{Bindings, Choice, Kernel, Params, Spec, Variant};
+use crate::Result;
+use crate::gpu::{Caps, Gpu, Groups, Recorder};
+
+/// The kernel, ready to record.
+#[derive(Debug)]
+pub struct Original {
+    kernel: Kernel,
+}
+
+impl Original {
+    /// Compiles it as chosen.
+    pub fn new(gpu: &Gpu, choice: Choice) -> Result<Original> {
+        Ok(Original {
+            kernel: Kernel::new(gpu, choice)?,
+        })
+    }
+
+    /// Which variant and tuning suits a device: one serves all.
+    pub fn prefer(_caps: &Caps, with_depth: bool) -> Choice {
+        Choice {
+            spec: Spec {
+                with_depth: with_depth.into(),
+                ..Spec::default()
+            },
+            ..Choice::default()
+        }
+    }
+
+    /// Records it over `tiles` tiles.
+    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, tiles: usize) {
+        self.kernel
+            .record(rec, io, params, Groups::Count(tiles as u32));
+    }
+}
