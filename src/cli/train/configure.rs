@@ -208,7 +208,7 @@ mod tests {
         assert_eq!((config.max_aspect, config.mode), (20.0, RenderMode::Mip));
         assert_eq!(
             (config.size_penalty, config.adc.prune_opacity),
-            (0.001, 0.01)
+            (1e-4, 0.01)
         );
         Ok(())
     }

@@ -65,7 +65,7 @@ pub struct TrainConfig {
     pub adc: AdcConfig,
     /// Constants of MCMC.
     pub mcmc: McmcConfig,
-    /// Weight λ of λ Σ ‖s‖² in the loss, s the standard deviations of a splat in scene extents: 0, and 0.001
+    /// Weight λ of λ Σ ‖s‖² in the loss, s the standard deviations of a splat in scene extents: 0, and 1e-4
     /// against floaters. The photographs' pull on a splat is in proportion to the area it covers, too, so that
     /// one weight is as strong for small splats and large ones, few and many.
     pub size_penalty: f32,
@@ -297,7 +297,7 @@ impl TrainConfig {
         self.init.cull_fence = 3.0;
         self.adc.prune_opacity = 0.01;
         self.mcmc.min_opacity = 0.01;
-        self.size_penalty = 0.001;
+        self.size_penalty = 1e-4;
         self
     }
 
