@@ -41,6 +41,17 @@ impl Forward {
         sh_degree: u32,
         with_depth: bool,
         accuracy: &Accuracy,
+    ) -> Result<Forward> {
+        let engine = Compatibility::Engine;
+        Forward::by_rules_of(gpu, sh_degree, with_depth, accuracy, engine)
+    }
+
+    /// The same by the rules of this engine or of another.
+    pub(super) fn by_rules_of(
+        gpu: &Gpu,
+        sh_degree: u32,
+        with_depth: bool,
+        accuracy: &Accuracy,
         compatibility: Compatibility,
     ) -> Result<Forward> {
         accuracy.validate()?;

@@ -121,7 +121,7 @@ impl Renderer {
         let present = || present::Present::new(gpu, present::Present::prefer(gpu.caps()));
         Ok(Renderer {
             gpu: gpu.clone(),
-            forward: Forward::new(
+            forward: Forward::by_rules_of(
                 gpu,
                 options.sh_degree,
                 options.with_depth,

@@ -18,7 +18,7 @@ use super::{adc_reset, initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
 use crate::render::{
-    Capacity, Compatibility, Forward, Scratch, ViewOptions, check_lists, isects_expected, view_of,
+    Capacity, Forward, Scratch, ViewOptions, check_lists, isects_expected, view_of,
 };
 use crate::scene::{Camera, Dataset, RenderMode, Splats, Split};
 use crate::{Error, Result};
@@ -123,13 +123,7 @@ impl<'a> Trainer<'a> {
             dataset,
             extent: dataset.extent(),
             strategy: strategy(config.strategy),
-            forward: Forward::new(
-                gpu,
-                config.sh_degree,
-                false,
-                &config.accuracy,
-                Compatibility::Engine,
-            )?,
+            forward: Forward::new(gpu, config.sh_degree, false, &config.accuracy)?,
             backward: Backward::new(gpu, &config)?,
             state: DeviceState::new(gpu, state, config.mode)?,
             gradients: Gradients::new(gpu, &scratch)?,
