@@ -2,9 +2,9 @@
 #include "shared/prelude.glsl"
 #include "shared/gaussian.glsl"
 
-// Lists one intersection for every tile that a visible splat touches, in depth order.
+// Lists one intersection for every tile that a visible splat of the band at hand touches, in depth order.
 //
-// One invocation per visible splat, nearest first; a splat's intersections are contiguous. What was
+// One invocation per such splat, nearest first; a splat's intersections are contiguous. What was
 // counted bounds what is written, and slots that rounding should leave over go to no tile.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
@@ -35,10 +35,10 @@ void list(uint isect, uint tile, uint splat) {
 }
 
 void main() {
-    uint rank = global_index();
-    if (rank >= counts[COUNT_VISIBLE]) return;
+    uint rank = counts[COUNT_BAND_BEGIN] + global_index();
+    if (rank >= counts[COUNT_BAND_END]) return;
     uint splat = splat_from_rank[rank];
-    uint next = isect_from_rank[rank];
+    uint next = isect_from_rank[rank] - counts[COUNT_BAND_BASE];
     uint end = next + tile_count_from_splat[splat];
     source_from_splat[splat] = next;
 

@@ -6,7 +6,7 @@
 // One invocation per intersection. One whose tile differs from its left neighbour's closes the
 // neighbour's slice and opens its own; tiles that own nothing keep the empty slice they were cleared to.
 // Also notices slices that are longer than the device's loops may run: some software devices leave a loop
-// after 65,535 iterations and say nothing.
+// after 65,535 iterations and say nothing. The frame has failed then, and is drawn again in bands.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
@@ -32,6 +32,9 @@ void main() {
     }
     // Every invocation that finds this writes the same.
     bool too_long = isect >= push.list_limit && tile_from_isect[isect - push.list_limit] == tile;
-    if (too_long && tile < push.tile_count) counts[COUNT_LIST_TOO_LONG] = 1;
+    if (too_long && tile < push.tile_count) {
+        counts[COUNT_LIST_TOO_LONG] = 1;
+        counts[COUNT_FAILED] = 1;
+    }
     if (isect + 1 == count && tile < push.tile_count) range_from_tile[tile].y = count;
 }

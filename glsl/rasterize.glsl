@@ -6,6 +6,9 @@
 // find that it is over.
 // A splat counts for a pixel while the transmittance in front of it is at least T_MIN ("include last"),
 // so that what is cut off is never more than T_MIN of the colour range.
+//
+// Splats may come in bands, nearest first, one band a dispatch: each goes on where the image was left, with the very
+// numbers that the lane held, and the background is put behind the last. So bands change no bit.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = 1e-4;
@@ -14,18 +17,21 @@ layout(constant_id = 3) const uint WITH_DEPTH = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
-layout(set = 0, binding = 1, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
-layout(set = 0, binding = 2, scalar) readonly buffer Sources { uint source_from_isect[]; };
-layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_source[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
-layout(set = 0, binding = 7, scalar) writeonly buffer Image { float image[]; };
-layout(set = 0, binding = 8, scalar) writeonly buffer Depth { float depth[]; };
-layout(set = 0, binding = 9, scalar) writeonly buffer Ends { uint end_from_pixel[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Sources { uint source_from_isect[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Owners { uint splat_from_source[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 8, scalar) buffer Image { float image[]; };
+layout(set = 0, binding = 9, scalar) buffer Depth { float depth[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer Ends { uint end_from_pixel[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
+    uint band;         // how many bands of splats have been composited before
+    uint band_count;   // bands that are recorded
 } push;
 
 #include "shared/tile.glsl"
@@ -33,13 +39,13 @@ layout(push_constant, scalar) uniform Push {
 
 bool any_lane(bool mine);
 
-// The lane's pixels.
+// The lane's pixels: what passes all splats so far, their colour and depth, and one past the last intersection of
+// the band that counted.
 vec4 transmittance[QUADS];
 vec4 red[QUADS];
 vec4 green[QUADS];
 vec4 blue[QUADS];
 vec4 far[QUADS];
-// One past the last intersection that counted.
 uvec4 last[QUADS];
 
 // Whether any pixel of the workgroup still needs more.
@@ -94,31 +100,57 @@ void blend_list(Tile t, uint begin, uint end) {
     } while (begin < end);
 }
 
-void composite(uint tile) {
-    Tile t = tile_of(tile, view);
+void begin_pixels(Tile t) {
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         transmittance[q] = mix(vec4(0.0), vec4(1.0), inside(t, q, view));
         red[q] = green[q] = blue[q] = far[q] = vec4(0.0);
         last[q] = uvec4(0);
     }
+}
 
-    uvec2 range = range_from_tile[tile];
-    if (range.x < range.y) blend_list(t, range.x, range.y);
-
+// Takes up the pixels where the band before left them.
+void load_pixels(Tile t) {
     uint pixels = view.size.x * view.size.y;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         [[unroll]] for (uint r = 0; r < 4; ++r) {
             if (!inside(t, q, view)[r]) continue;
             uint pixel = pixel_of(t, q * 4 + r, view);
+            red[q][r] = image[pixel];
+            green[q][r] = image[pixels + pixel];
+            blue[q][r] = image[2 * pixels + pixel];
+            transmittance[q][r] = image[3 * pixels + pixel];
+            if (WITH_DEPTH != 0) far[q][r] = depth[pixel];
+        }
+    }
+}
+
+// The background is put behind the last band only.
+void store_pixels(Tile t) {
+    uint pixels = view.size.x * view.size.y;
+    bool more = push.band + 1 < push.band_count && counts[COUNT_BAND_END] < counts[COUNT_VISIBLE];
+    vec3 background = more ? vec3(0.0) : view.background;
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        [[unroll]] for (uint r = 0; r < 4; ++r) {
+            if (!inside(t, q, view)[r]) continue;
+            uint pixel = pixel_of(t, q * 4 + r, view);
             float through = transmittance[q][r];
-            image[pixel] = red[q][r] + through * view.background.r;
-            image[pixels + pixel] = green[q][r] + through * view.background.g;
-            image[2 * pixels + pixel] = blue[q][r] + through * view.background.b;
+            image[pixel] = red[q][r] + through * background.r;
+            image[pixels + pixel] = green[q][r] + through * background.g;
+            image[2 * pixels + pixel] = blue[q][r] + through * background.b;
             image[3 * pixels + pixel] = through;
             end_from_pixel[pixel] = last[q][r];
             if (WITH_DEPTH != 0) depth[pixel] = far[q][r];
         }
     }
+}
+
+void composite(uint tile) {
+    Tile t = tile_of(tile, view);
+    begin_pixels(t);
+    if (push.band != 0) load_pixels(t);
+    uvec2 range = range_from_tile[tile];
+    if (range.x < range.y) blend_list(t, range.x, range.y);
+    store_pixels(t);
 }
 
 void main() {

@@ -51,7 +51,7 @@ fn every_buffer_of_a_frame_is_in_the_formula() {
         gpu.reset_memory_peak();
         let scratch = Scratch::new(&gpu, capacity).unwrap();
         let found = peaks(&gpu);
-        let needs = frame_needs(capacity);
+        let needs = frame_needs(scratch.capacity);
         assert_eq!(
             found.keys().collect::<Vec<_>>(),
             {

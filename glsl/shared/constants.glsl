@@ -41,6 +41,10 @@ const uint COUNT_POISONED = 10;
 const uint COUNT_POISONED_FIRST = 11;
 // Totals nobody needs.
 const uint COUNT_SCRATCH = 12;
+// The band at hand: its first splat in depth order, the one behind its last, and the intersections before it.
+const uint COUNT_BAND_BEGIN = 13;
+const uint COUNT_BAND_END = 14;
+const uint COUNT_BAND_BASE = 15;
 const uint COUNT_SLOTS = 16;
 
 // Slots of the indirect dispatch arguments; `plan` writes them.
@@ -52,7 +56,9 @@ const uint ARGS_EXPAND = 4;
 const uint ARGS_ISECT = 5;
 const uint ARGS_ISECT_CHUNK = 6;
 const uint ARGS_ISECT_TABLE = 7;
-const uint ARGS_SLOTS = 8;
+// One workgroup per tile, if the band holds a splat.
+const uint ARGS_TILE = 8;
+const uint ARGS_SLOTS = 9;
 
 // Most values of a digit that the radix sort tells apart: those kept in shared memory by some variants.
 const uint SORT_DIGITS_MAX = 2048;

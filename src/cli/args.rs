@@ -20,6 +20,15 @@ pub(super) struct DeviceArgs {
     /// Have the validation layer check every Vulkan call; its messages are errors (slow)
     #[arg(long)]
     pub validate: bool,
+    /// Take the device for one whose bindings reach only so much, to try what it would do
+    #[arg(long, value_name = "SIZE", value_parser = parse_size, hide = true)]
+    pub limit_binding: Option<u64>,
+    /// Take the device for one whose workgroups hold only so many invocations
+    #[arg(long, value_name = "N", hide = true)]
+    pub limit_workgroup: Option<u32>,
+    /// Take the device for one without subgroup operations
+    #[arg(long, hide = true)]
+    pub without_subgroups: bool,
 }
 
 impl DeviceArgs {

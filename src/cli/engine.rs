@@ -9,7 +9,7 @@ use super::args::DeviceArgs;
 use super::predict::Prediction;
 use super::train::{StepFigures, Steps};
 use crate::bench::{Bench, Options, Row};
-use crate::gpu::{DeviceKind, Gpu, GpuOptions};
+use crate::gpu::{DeviceKind, Gpu, GpuOptions, Limits};
 use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use crate::report::MemoryFigures;
 use crate::scene::{Camera, Dataset, RenderMode, Splats};
@@ -33,6 +33,11 @@ impl Engine {
             validation: args.validate,
             memory_limit: args.memory_limit,
             faults: None,
+            limits: Limits {
+                binding: args.limit_binding,
+                workgroup: args.limit_workgroup,
+                without_subgroups: args.without_subgroups,
+            },
         };
         let gpu = Gpu::create(&options)?;
         Ok(Engine { gpu })

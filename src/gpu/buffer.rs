@@ -34,8 +34,12 @@ impl RawBuffer {
     ) -> Result<Arc<RawBuffer>> {
         let bytes = bytes.max(4).next_multiple_of(4);
         let caps = gpu.caps();
-        if bytes > caps.max_allocation || bytes > caps.max_storage_range {
-            let available = caps.max_allocation.min(caps.max_storage_range);
+        // What kernels see lies within the reach of a binding; the host's side is only copied.
+        let available = match location {
+            MemoryLocation::GpuOnly => caps.max_allocation.min(caps.max_storage_range),
+            _ => caps.max_allocation,
+        };
+        if bytes > available {
             return Err(Error::OutOfMemory {
                 name: name.to_owned(),
                 wanted: bytes,

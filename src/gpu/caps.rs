@@ -19,6 +19,18 @@ pub enum DeviceKind {
     Other,
 }
 
+/// Limits below the device's own, as if it were a lesser one: what a frame or a step does there can be tried
+/// anywhere. The default lowers nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes that one binding reaches.
+    pub binding: Option<u64>,
+    /// Invocations of a workgroup.
+    pub workgroup: Option<u32>,
+    /// No kernel may use subgroup operations.
+    pub without_subgroups: bool,
+}
+
 /// Capabilities and limits of a device.
 #[derive(Clone, Debug)]
 pub struct Caps {
@@ -142,6 +154,17 @@ impl Caps {
             self.offers.retain(|&need| !need.is_of_subgroups());
         }
         self.subgroup_range = (self.subgroup_size, self.subgroup_size);
+    }
+
+    /// Takes the device for a lesser one.
+    pub(super) fn lower(&mut self, limits: &Limits) {
+        let binding = limits.binding.unwrap_or(u64::MAX);
+        self.max_storage_range = self.max_storage_range.min(binding);
+        let workgroup = limits.workgroup.unwrap_or(u32::MAX);
+        self.max_workgroup = self.max_workgroup.min(workgroup);
+        if limits.without_subgroups {
+            self.offers.retain(|&need| !need.is_of_subgroups());
+        }
     }
 
     /// Which of the published limits the device misses, if any.

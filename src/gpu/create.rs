@@ -1,6 +1,6 @@
 //! Makes an instance and a device of our own, and says what a host's device must have.
 
-use super::caps::{Caps, DeviceKind};
+use super::caps::{Caps, DeviceKind, Limits};
 use super::debug::Messages;
 use super::device::{Gpu, Own, Parts, check};
 use super::faults::Faults;
@@ -60,6 +60,8 @@ pub struct GpuOptions {
     pub memory_limit: Option<u64>,
     /// Failures to be had on purpose, in tests.
     pub faults: Option<Faults>,
+    /// Where to stay below what the device can do.
+    pub limits: Limits,
 }
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -279,6 +281,7 @@ impl Gpu {
             .collect();
         let index = choose(&caps, options.device.as_deref())?;
         let (physical, mut caps) = (physical[index], caps[index].clone());
+        caps.lower(&options.limits);
         let family = compute_family(&instance, physical).ok_or_else(|| Error::Unsupported {
             what: format!("{} has no compute queue", caps.name),
         })?;

@@ -30,7 +30,7 @@ mod timing;
 mod transfer;
 
 pub use buffer::{Buffer, PART_ALIGNMENT};
-pub use caps::{Caps, DeviceKind};
+pub use caps::{Caps, DeviceKind, Limits};
 pub use create::{GpuOptions, REQUIRED, Required, devices};
 pub use device::Gpu;
 pub use faults::Faults;

@@ -44,6 +44,13 @@ impl Pipeline {
             what: format!("kernel {} {} needs {why}", info.kernel, info.variant),
         };
         gpu.caps().supports(info).map_err(refuse)?;
+        let workgroup = info.specs.iter().position(|s| s.name == "workgroup");
+        let (invocations, most) = (workgroup.map_or(1, |i| spec[i]), gpu.caps().max_workgroup);
+        if invocations > most {
+            return Err(refuse(format!(
+                "workgroups of {invocations}; this device has them up to {most}"
+            )));
+        }
         let mut raw = RawPipeline {
             gpu: gpu.clone(),
             info,

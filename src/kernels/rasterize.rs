@@ -2,7 +2,8 @@
 
 pub use super::generated::rasterize::{Bindings, Choice, Kernel, Params, Spec, Variant};
 use crate::Result;
-use crate::gpu::{Caps, DeviceKind, Gpu, Groups, Recorder};
+use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
+use crate::layout::DispatchArgs;
 use crate::shader::KernelInfo;
 
 /// Whether a device composites a tile within one subgroup by `kernel`, and the lanes of a workgroup: as many as
@@ -78,5 +79,18 @@ impl Rasterize {
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, tiles: usize) {
         self.kernel
             .record(rec, io, params, Groups::Count(tiles as u32));
+    }
+
+    /// Records it; element `index` of `groups` holds the dispatch size that `plan` derived.
+    pub fn record_planned(
+        &self,
+        rec: &mut Recorder<'_>,
+        io: Bindings<'_>,
+        params: Params,
+        groups: &Buffer<DispatchArgs>,
+        index: u32,
+    ) {
+        self.kernel
+            .record(rec, io, params, Groups::indirect(groups, index as usize));
     }
 }

@@ -1,15 +1,16 @@
 //! The straight line of kernels from splats to an image; this file is the diagram.
 
 use super::accuracy::Accuracy;
+use super::bands::{Bands, list_limit};
 use super::compatibility::{Compatibility, Compositor};
 use super::model::Model;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
-use crate::gpu::{DeviceKind, Gpu, Groups, Recorder};
+use crate::Result;
+use crate::gpu::{Gpu, Groups, Recorder};
 use crate::kernels::scan::{Io as ScanIo, Scan, What};
 use crate::kernels::sort::{self, Layout, Pairs, Sort};
 use crate::kernels::{compact, expand, gather, original, plan, project, ranges, rasterize};
 use crate::layout::*;
-use crate::{Error, Result};
 
 /// The kernels of a frame, compiled for one device.
 #[derive(Debug)]
@@ -80,8 +81,8 @@ impl Forward {
         })
     }
 
-    /// Records a frame with harmonics up to `sh_degree`. The failed flag in `scratch.counts` is honoured, never
-    /// cleared.
+    /// Records a frame with harmonics up to `sh_degree`, in `bands`. The failed flag in `scratch.counts` is honoured,
+    /// never cleared.
     pub fn record(
         &self,
         rec: &mut Recorder<'_>,
@@ -89,6 +90,7 @@ impl Forward {
         scratch: &Scratch,
         view: &View,
         sh_degree: u32,
+        bands: Bands,
     ) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let count = model.splat_count;
@@ -97,14 +99,35 @@ impl Forward {
         rec.update(&s.counts, COUNT_SPLAT as usize, &[count as u32]);
         self.project(rec, model, s, sh_degree);
         rec.timestamp("project");
-        self.order_by_depth(rec, s, count, tiles);
+        self.order_by_depth(rec, s, count);
         rec.timestamp("sort_depth");
+        for band in 0..bands.count {
+            self.list_band(rec, s, tiles, (band, bands));
+            self.composite(rec, s, tiles, (band, bands));
+        }
+    }
+
+    /// Lists a band's intersections by tile.
+    fn list_band(
+        &self,
+        rec: &mut Recorder<'_>,
+        s: &Scratch,
+        tiles: usize,
+        (band, bands): (u32, Bands),
+    ) {
+        let params = plan::Params {
+            stage: 1,
+            tile_count: tiles as u32,
+            band,
+            band_count: bands.count,
+            rank_limit: bands.ranks,
+            ..self.plan_params(s, tile_sort(tiles))
+        };
+        self.plan(rec, s, params);
         self.list_intersections(rec, s);
         rec.timestamp("expand");
-        let sorted = self.order_by_tile(rec, s, tiles);
+        self.order_by_tile(rec, s, tiles);
         rec.timestamp("sort_tile");
-        self.composite(rec, s, sorted, tiles);
-        rec.timestamp("rasterize");
     }
 
     /// Every splat to the screen, block by block.
@@ -128,12 +151,21 @@ impl Forward {
         }
     }
 
-    fn composite(&self, rec: &mut Recorder<'_>, s: &Scratch, sorted: usize, tiles: usize) {
+    /// Puts a band over what is nearer.
+    fn composite(
+        &self,
+        rec: &mut Recorder<'_>,
+        s: &Scratch,
+        tiles: usize,
+        (band, bands): (u32, Bands),
+    ) {
+        let sorted = Forward::sorted_index(tiles);
         let tile_stride = tile_stride(tiles);
         match &self.compositor {
             Compositor::Engine(kernel) => {
                 let io = rasterize::Bindings {
                     view: &s.view,
+                    counts: &s.counts,
                     range_from_tile: &s.range_from_tile,
                     source_from_isect: &s.by_tile.values[sorted],
                     splat_from_source: &s.splat_from_source,
@@ -144,7 +176,16 @@ impl Forward {
                     depth: &s.depth,
                     end_from_pixel: &s.end_from_pixel,
                 };
-                kernel.record(rec, io, rasterize::Params { tile_stride }, tiles);
+                let params = rasterize::Params {
+                    tile_stride,
+                    band,
+                    band_count: bands.count,
+                };
+                match band {
+                    // Without any splat there is a background to draw.
+                    0 => kernel.record(rec, io, params, tiles),
+                    _ => kernel.record_planned(rec, io, params, &s.args, ARGS_TILE),
+                }
             }
             Compositor::Original(kernel) => {
                 let io = original::Bindings {
@@ -159,9 +200,14 @@ impl Forward {
                     depth: &s.depth,
                     end_from_pixel: &s.end_from_pixel,
                 };
+                assert_eq!(
+                    bands.count, 1,
+                    "a pixel that has ended is not told from others"
+                );
                 kernel.record(rec, io, original::Params { tile_stride }, tiles);
             }
         }
+        rec.timestamp("rasterize");
     }
 
     /// Which of `by_tile` holds the sorted list of an image of so many tiles.
@@ -169,28 +215,37 @@ impl Forward {
         (tile_sort(tiles).passes % 2) as usize
     }
 
-    fn plan(&self, rec: &mut Recorder<'_>, s: &Scratch, stage: u32, layout: Layout) {
+    fn plan_params(&self, s: &Scratch, layout: Layout) -> plan::Params {
+        plan::Params {
+            stage: 0,
+            isect_capacity: s.capacity.isects as u32,
+            chunk: layout.chunk,
+            chunks_per_group: self.sort.chunks_per_group,
+            digit_count: layout.digit_count(),
+            workgroup: ELEMENTWISE,
+            group_limit: self.group_limit,
+            tile_count: 0,
+            band: 0,
+            band_count: 0,
+            rank_limit: 0,
+        }
+    }
+
+    fn plan(&self, rec: &mut Recorder<'_>, s: &Scratch, params: plan::Params) {
         self.plan.record(
             rec,
             plan::Bindings {
                 counts: &s.counts,
                 args: &s.args,
+                isect_from_rank: &s.isect_from_rank,
             },
-            plan::Params {
-                stage,
-                isect_capacity: s.capacity.isects as u32,
-                chunk: layout.chunk,
-                chunks_per_group: self.sort.chunks_per_group,
-                digit_count: layout.digit_count(),
-                workgroup: ELEMENTWISE,
-                group_limit: self.group_limit,
-            },
+            params,
         );
     }
 
     /// Visible splats, compacted in the order of their index and sorted by depth: ties stay in that order.
     /// Then where each one's intersections go.
-    fn order_by_depth(&self, rec: &mut Recorder<'_>, s: &Scratch, count: usize, tiles: usize) {
+    fn order_by_depth(&self, rec: &mut Recorder<'_>, s: &Scratch, count: usize) {
         let io = ScanIo {
             counts: &s.counts,
             values: &s.tile_count_from_splat,
@@ -203,7 +258,7 @@ impl Forward {
             flags: true,
         };
         self.scan.record(rec, io, visible, Scan::groups(count));
-        self.plan(rec, s, 0, DEPTH_SORT);
+        self.plan(rec, s, self.plan_params(s, DEPTH_SORT));
         self.compact.record(
             rec,
             compact::Bindings {
@@ -245,7 +300,6 @@ impl Forward {
             isects,
             Groups::indirect(&s.args, ARGS_VISIBLE_SCAN as usize),
         );
-        self.plan(rec, s, 1, tile_sort(tiles));
     }
 
     fn list_intersections(&self, rec: &mut Recorder<'_>, s: &Scratch) {
@@ -270,7 +324,7 @@ impl Forward {
     }
 
     /// A stable sort on the tiles' bits alone keeps the depth order within each tile.
-    fn order_by_tile(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize) -> usize {
+    fn order_by_tile(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize) {
         let layout = tile_sort(tiles);
         let sorted = self
             .sort
@@ -290,7 +344,6 @@ impl Forward {
             &s.args,
             ARGS_ISECT,
         );
-        sorted
     }
 }
 
@@ -310,27 +363,6 @@ fn compositor(
             gpu,
             original::Original::prefer(caps, with_depth),
         )?),
-    })
-}
-
-/// Intersections that one tile may have. llvmpipe leaves all loops of a dispatch after 65,535 iterations in
-/// total, batches counted too; other devices run loops to their end.
-fn list_limit(kind: DeviceKind) -> u32 {
-    match kind {
-        DeviceKind::Cpu => 60_000,
-        _ => u32::MAX,
-    }
-}
-
-/// What a frame's counts say against its image, if anything.
-pub(crate) fn check_lists(counts: &[u32]) -> Result<()> {
-    if counts[COUNT_LIST_TOO_LONG as usize] == 0 {
-        return Ok(());
-    }
-    Err(Error::Unsupported {
-        what: "more than 60,000 splats over one tile of 8x16 pixels: this software device would leave its \
-               loops early and draw a wrong image"
-            .into(),
     })
 }
 

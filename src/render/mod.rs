@@ -5,6 +5,7 @@
 //! **Invariant:** `Renderer::record` never submits, waits, reads this frame back, or allocates once warm.
 
 mod accuracy;
+mod bands;
 mod blocks;
 mod compatibility;
 mod forward;
@@ -15,9 +16,10 @@ mod scratch;
 mod view;
 
 pub use accuracy::Accuracy;
+pub(crate) use bands::check_lists;
+pub use bands::{Bands, list_limit};
 pub use blocks::{Block, Blocks};
 pub use compatibility::Compatibility;
-pub(crate) use forward::check_lists;
 pub use forward::{Forward, tile_stride};
 pub use memory::{Need, Purpose, frame_needs, isects_expected, model_needs, total};
 pub use model::{Model, plane_count, planes_from_splats};

@@ -1,8 +1,9 @@
 //! Rendering for users: record into a host's commands, or render and read back.
 
 use super::accuracy::Accuracy;
+use super::bands::{Bands, list_limit};
 use super::compatibility::Compatibility;
-use super::forward::{Forward, check_lists};
+use super::forward::Forward;
 use super::memory::isects_expected;
 use super::model::Model;
 use super::scratch::{Capacity, Scratch};
@@ -30,6 +31,9 @@ pub struct RenderOptions {
     /// Whose rules frames are drawn by.
     pub compatibility: Compatibility,
 }
+
+/// Bytes that a (splat, tile) pair takes of any one array.
+const ISECT_BYTES: u64 = 4;
 
 impl Default for RenderOptions {
     fn default() -> RenderOptions {
@@ -75,15 +79,22 @@ pub struct Renderer {
     /// Of [`Renderer::record`]: when one is done is for the host to know.
     host_frames: Frames,
     options: RenderOptions,
+    /// Of the pictures that a host will record next, as those that are done have shown.
+    bands: Bands,
     /// What the host's frames in flight have to report, by frame, oldest first.
     pending: VecDeque<Pending>,
 }
 
-/// A picture on its way: its frame, what it has room for, what it leaves out, and what it will have counted.
+/// A picture on its way.
 struct Pending {
+    /// Of which frame.
     frame: u64,
-    isect_capacity: usize,
+    /// What it has room for.
+    capacity: Capacity,
+    bands: Bands,
+    /// What it leaves out.
     not_finite: Option<NotFinite>,
+    /// What it will have counted.
     counts: Readback<u32>,
 }
 
@@ -92,19 +103,33 @@ struct Pending {
 pub struct Stats {
     /// (Splat, tile) pairs that the frame wanted.
     pub isects: usize,
-    /// Those it had room for. If it wanted more, it shows the background only.
+    /// Those it had room for at a time. If it wanted more, it was drawn in bands, one after the other, which takes
+    /// longer: [`Renderer::reserve`] helps.
     pub isect_capacity: usize,
-    /// Whether more splats lie over one tile than a software device can follow: the picture is wrong then,
-    /// and room does not help.
-    pub list_too_long: bool,
+    /// Bands that were recorded. That they do not suffice is known when a picture is done: those recorded from then
+    /// on have more.
+    pub bands: u32,
+    /// Whether the picture shows all that it should. If not, the splats behind some depth are missing, or all.
+    pub complete: bool,
     /// Splats that were left out because a number of theirs is not finite.
     pub not_finite: Option<NotFinite>,
 }
 
 impl Stats {
-    /// Whether there was room for the frame.
+    /// Whether there was room for all of the frame at once.
     pub fn fits(&self) -> bool {
         self.isects <= self.isect_capacity
+    }
+
+    /// The worse of both in every respect.
+    fn worse(self, other: Stats) -> Stats {
+        Stats {
+            isects: self.isects.max(other.isects),
+            isect_capacity: self.isect_capacity.min(other.isect_capacity),
+            bands: self.bands.max(other.bands),
+            complete: self.complete && other.complete,
+            not_finite: self.not_finite.or(other.not_finite),
+        }
     }
 }
 
@@ -134,14 +159,17 @@ impl Renderer {
             rendered: None,
             host_frames: Frames::new(gpu, options.frames_in_flight, false)?,
             options,
+            bands: Bands::default(),
             pending: VecDeque::new(),
         })
     }
 
-    /// Makes room for a frame of `model` through `camera` with up to `isects` (splat, tile) pairs.
+    /// Makes room for a frame of `model` through `camera` with up to `isects` (splat, tile) pairs, or as many as one
+    /// binding of the device reaches; frames with more are drawn in bands.
     pub fn reserve(&mut self, model: &Model, camera: &Camera, isects: usize) -> Result<()> {
         let wanted = Capacity::for_image(model.splat_count, isects, camera.width, camera.height);
         let capacity = self.scratch.capacity.max(wanted);
+        let capacity = capacity.within(self.gpu.caps(), ISECT_BYTES);
         if capacity != self.scratch.capacity {
             // The old buffers go first, as far as no host's frame uses them: there may not be room for both.
             self.frames.release()?;
@@ -151,10 +179,22 @@ impl Renderer {
         Ok(())
     }
 
+    /// As [`Renderer::reserve`], but for fewer intersections where memory does not suffice.
+    fn reserve_some(&mut self, model: &Model, camera: &Camera, mut isects: usize) -> Result<()> {
+        loop {
+            match self.reserve(model, camera, isects) {
+                Err(Error::OutOfMemory { .. }) if isects > self.scratch.capacity.tiles => {
+                    isects /= 2;
+                }
+                result => return result,
+            }
+        }
+    }
+
     /// Records a picture into a host's command buffer and writes it to the host's image. Nothing is
     /// submitted or waited for. Once `frames_in_flight` further frames have been begun, returns how the
-    /// pictures of the oldest fared: one that does not fit shows only the background, and the host calls
-    /// [`Renderer::reserve`] with the number it wanted before it records the next.
+    /// pictures of the oldest fared. One that does not fit is incomplete; those recorded after that is known are
+    /// drawn in more bands, until the host calls [`Renderer::reserve`] with the number of pairs that were wanted.
     ///
     /// # Errors
     /// [`Error::Config`] where the model or the image exceed the reserved capacity,
@@ -167,10 +207,12 @@ impl Renderer {
         view: &ViewOptions,
         target: &HostImage,
     ) -> Result<Option<Stats>> {
-        let present = self.present.as_ref().ok_or_else(|| Error::Unsupported {
-            what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled"
-                .into(),
-        })?;
+        if self.present.is_none() {
+            return Err(Error::Unsupported {
+                what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled"
+                    .into(),
+            });
+        }
         let capacity = self.scratch.capacity;
         let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
         if capacity.max(wanted) != capacity {
@@ -186,16 +228,21 @@ impl Renderer {
         );
         let frame = self.host_frames.frame_in(commands);
         let in_flight = self.host_frames.in_flight() as u64;
-        let finished = finished_before(&mut self.pending, (frame + 1).saturating_sub(in_flight));
+        let finished = self.finished_before((frame + 1).saturating_sub(in_flight))?;
         let mut rec = self.host_frames.begin_in(commands)?;
-        record_frame(
-            &mut rec,
-            &self.forward,
+        let picture = Picture {
             model,
-            &self.scratch,
             camera,
             view,
+        };
+        let (forward, scratch) = (&self.forward, &self.scratch);
+        record_frame(
+            &mut rec,
+            forward,
+            scratch,
+            picture,
             self.options.sh_degree,
+            self.bands,
         );
         rec.acquire(target);
         let io = present::Bindings {
@@ -203,12 +250,15 @@ impl Renderer {
             image: &self.scratch.image,
             target: target.image(),
         };
-        present.record(&mut rec, io, size);
+        if let Some(present) = &self.present {
+            present.record(&mut rec, io, size);
+        }
         rec.release(target);
         let counts = rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?;
         self.pending.push_back(Pending {
             frame,
-            isect_capacity: capacity.isects,
+            capacity,
+            bands: self.bands,
             not_finite: model.not_finite,
             counts,
         });
@@ -235,7 +285,44 @@ impl Renderer {
             .map_or(Ok(Vec::new()), |last| self.frames.timings(last))
     }
 
-    /// Renders one image and reads it back, growing buffers as needed.
+    /// The bands that a picture needs which has left `counts`.
+    fn bands_after(&self, bands: Bands, counts: &[u32]) -> Result<Bands> {
+        let limit = list_limit(self.gpu.caps().kind);
+        let bands = bands.after(counts, &self.scratch.capacity, limit)?;
+        if bands.count > 1 && self.options.compatibility == Compatibility::Original {
+            return Err(Error::Unsupported {
+                what: "a picture by the rules of the 3DGS code that takes more than one pass"
+                    .into(),
+            });
+        }
+        Ok(bands)
+    }
+
+    /// What the pictures of the frames before `first` have to report, which the host has waited for; those to come
+    /// have the bands that the last of them needed.
+    fn finished_before(&mut self, first: u64) -> Result<Option<Stats>> {
+        let mut worst: Option<Stats> = None;
+        while self.pending.front().is_some_and(|p| p.frame < first) {
+            let Some(picture) = self.pending.pop_front() else {
+                break;
+            };
+            let counts = picture.counts.get();
+            let stats = Stats {
+                isects: counts[COUNT_ISECT_WANTED as usize] as usize,
+                isect_capacity: picture.capacity.isects,
+                bands: picture.bands.count,
+                complete: counts[COUNT_FAILED as usize] == 0,
+                not_finite: picture.not_finite,
+            };
+            worst = Some(worst.map_or(stats, |worst| worst.worse(stats)));
+            if self.options.compatibility == Compatibility::Engine {
+                self.bands = self.bands_after(picture.bands, &counts)?;
+            }
+        }
+        Ok(worst)
+    }
+
+    /// Renders one image and reads it back, growing buffers as needed; in bands where they cannot grow.
     pub fn render(
         &mut self,
         model: &Model,
@@ -243,13 +330,19 @@ impl Renderer {
         view: &ViewOptions,
     ) -> Result<Rendered> {
         let expected = isects_expected(model.splat_count, camera.width, camera.height);
-        self.reserve(model, camera, expected)?;
+        self.reserve_some(model, camera, expected)?;
+        let picture = Picture {
+            model,
+            camera,
+            view,
+        };
+        let mut bands = Bands::default();
         loop {
             let pixels = camera.width as usize * camera.height as usize;
             let (forward, scratch) = (&self.forward, &self.scratch);
             let (degree, with_depth) = (self.options.sh_degree, self.options.with_depth);
             let (ticket, (counts, image, depth)) = self.frames.submit(|rec| {
-                record_frame(rec, forward, model, scratch, camera, view, degree);
+                record_frame(rec, forward, scratch, picture, degree, bands);
                 Ok((
                     rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?,
                     rec.read_back(&scratch.image, 0..4 * pixels)?,
@@ -259,48 +352,36 @@ impl Renderer {
             self.frames.wait(ticket)?;
             self.rendered = Some(ticket);
             let counts = counts.get();
-            check_lists(&counts)?;
             if counts[COUNT_FAILED as usize] == 0 {
                 return Ok(unpack(camera, &image.get(), depth.get()));
             }
             let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
-            self.reserve(model, camera, wanted + wanted / 8)?;
+            self.reserve_some(model, camera, wanted.saturating_add(wanted / 8))?;
+            bands = self.bands_after(bands, &counts)?;
         }
     }
 }
 
-/// The neediest picture of the frames before `first`, which the host has waited for.
-fn finished_before(pending: &mut VecDeque<Pending>, first: u64) -> Option<Stats> {
-    let count = pending.iter().take_while(|p| p.frame < first).count();
-    let finished = pending.drain(..count).map(|picture| {
-        let counts = picture.counts.get();
-        Stats {
-            isects: counts[COUNT_ISECT_WANTED as usize] as usize,
-            isect_capacity: picture.isect_capacity,
-            list_too_long: check_lists(&counts).is_err(),
-            not_finite: picture.not_finite,
-        }
-    });
-    finished.reduce(|a, b| Stats {
-        isects: a.isects.max(b.isects),
-        isect_capacity: a.isect_capacity.min(b.isect_capacity),
-        list_too_long: a.list_too_long || b.list_too_long,
-        not_finite: a.not_finite.or(b.not_finite),
-    })
+/// What is drawn, and how it is looked at.
+#[derive(Clone, Copy)]
+struct Picture<'a> {
+    model: &'a Model,
+    camera: &'a Camera,
+    view: &'a ViewOptions,
 }
 
 fn record_frame(
     rec: &mut Recorder<'_>,
     forward: &Forward,
-    model: &Model,
     scratch: &Scratch,
-    camera: &Camera,
-    view: &ViewOptions,
+    picture: Picture<'_>,
     sh_degree: u32,
+    bands: Bands,
 ) {
     rec.fill(&scratch.counts, 0);
-    let view = view_of(camera, view);
-    forward.record(rec, model, scratch, &view, sh_degree.min(model.sh_degree));
+    let view = view_of(picture.camera, picture.view);
+    let sh_degree = sh_degree.min(picture.model.sh_degree);
+    forward.record(rec, picture.model, scratch, &view, sh_degree, bands);
 }
 
 fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>) -> Rendered {

@@ -1,7 +1,7 @@
 //! The buffers that a frame works in, sized by a stated capacity.
 
 use crate::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Caps, Gpu};
 use crate::kernels::sort::{Layout, Pairs, Tables};
 use crate::layout::*;
 
@@ -35,6 +35,16 @@ impl Capacity {
             isects,
             pixels: width as usize * height as usize,
             tiles: tiles as usize,
+        }
+    }
+
+    /// What the device can have of it, where a pair takes at most `pair_bytes` of one array: frames that want more
+    /// pairs are drawn in bands. There is always room for the tiles of a splat or two.
+    pub fn within(self, caps: &Caps, pair_bytes: u64) -> Capacity {
+        let most = caps.max_storage_range.min(caps.max_allocation) / pair_bytes;
+        Capacity {
+            isects: self.isects.min(most as usize).max(2 * self.tiles),
+            ..self
         }
     }
 
@@ -117,6 +127,7 @@ pub(super) fn tile_sort_widest(tiles: usize) -> Layout {
 impl Scratch {
     /// Allocates the buffers.
     pub fn new(gpu: &Gpu, capacity: Capacity) -> Result<Scratch> {
+        let capacity = capacity.within(gpu.caps(), 4);
         let Capacity {
             splats,
             isects,

@@ -18,7 +18,7 @@ use super::{adc_reset, initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
 use crate::render::{
-    Capacity, Forward, Scratch, ViewOptions, check_lists, isects_expected, view_of,
+    Bands, Capacity, Forward, Scratch, ViewOptions, check_lists, isects_expected, view_of,
 };
 use crate::scene::{Camera, Dataset, RenderMode, Splats, Split};
 use crate::{Error, Result};
@@ -287,7 +287,7 @@ impl<'a> Trainer<'a> {
             let photo = photos.bind(rec, dataset, index)?;
             rec.update(&scratch.counts, COUNT_POISONED as usize, &[0, 0]);
             rec.timestamp("upload");
-            forward.record(rec, model, scratch, &view, sh_degree);
+            forward.record(rec, model, scratch, &view, sh_degree, Bands::default());
             backward.record(rec, state, scratch, gradients, &photo, &step);
             let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
             Ok((counts, rec.read_back(&gradients.loss, 0..1)?))
@@ -311,6 +311,7 @@ impl<'a> Trainer<'a> {
         let counts = oldest.counts.get();
         let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
         self.extremes.isects = self.extremes.isects.max(wanted);
+        check_lists(&counts)?;
         if counts[COUNT_FAILED as usize] != 0 {
             self.pending
                 .drain(..)
@@ -323,7 +324,6 @@ impl<'a> Trainer<'a> {
             self.iteration = oldest.iteration - 1;
             return Ok(false);
         }
-        check_lists(&counts)?;
         let [l1, dssim, square, weight] = oldest.loss.get()[0].map(f64::from);
         let lambda = f64::from(self.config.lambda_dssim);
         let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };

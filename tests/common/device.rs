@@ -1,7 +1,15 @@
 //! The device that tests run on. There is always one: a software device is part of the set-up, so a
 //! missing device fails the tests.
+//!
+//! `ASHFALL_TEST_LIMITS` takes it for a lesser one, for all tests alike, e.g.
+//! `binding=8388608,memory=536870912,workgroup=128,subgroups=off`.
 
-use ashfall::gpu::{Faults, Gpu, GpuOptions};
+#![allow(
+    dead_code,
+    reason = "shared by test binaries, each of which uses its own part"
+)]
+
+use ashfall::gpu::{Faults, Gpu, GpuOptions, Limits};
 use std::ops::Deref;
 
 /// A device with validation on. Dropping it fails the test if the validation layer said anything; where it is the
@@ -13,23 +21,58 @@ pub(crate) struct TestGpu {
 
 /// Creates one.
 pub(crate) fn gpu() -> TestGpu {
-    limited(None)
+    create(&options())
 }
 
 /// Creates one that has so many bytes of memory.
 pub(crate) fn limited(memory_limit: Option<u64>) -> TestGpu {
+    create(&GpuOptions {
+        memory_limit,
+        ..options()
+    })
+}
+
+/// Creates one whose bindings reach no more than so many bytes.
+pub(crate) fn narrow(binding: u64) -> TestGpu {
+    let mut options = options();
+    let most = options.limits.binding.unwrap_or(u64::MAX);
+    options.limits.binding = Some(most.min(binding));
+    create(&options)
+}
+
+fn create(options: &GpuOptions) -> TestGpu {
     let faults = Faults::default();
     let options = GpuOptions {
-        validation: true,
-        device: Some("0".into()),
-        memory_limit,
         faults: Some(faults.clone()),
+        ..options.clone()
     };
     let gpu = Gpu::create(&options).unwrap_or_else(|e| panic!("no device to test on: {e}"));
     TestGpu {
         gpu: Some(gpu),
         faults,
     }
+}
+
+/// What all tests ask for.
+fn options() -> GpuOptions {
+    let mut options = GpuOptions {
+        validation: true,
+        device: Some("0".into()),
+        ..GpuOptions::default()
+    };
+    let text = std::env::var("ASHFALL_TEST_LIMITS").unwrap_or_default();
+    for pair in text.split(',').filter(|pair| !pair.is_empty()) {
+        let number = |value: &str| value.parse::<u64>().ok();
+        let limits: &mut Limits = &mut options.limits;
+        match pair.split_once('=') {
+            Some(("binding", n)) if number(n).is_some() => limits.binding = number(n),
+            Some(("memory", n)) if number(n).is_some() => options.memory_limit = number(n),
+            Some(("workgroup", n)) if n.parse::<u32>().is_ok() => limits.workgroup = n.parse().ok(),
+            Some(("subgroups", "off")) => limits.without_subgroups = true,
+            _ => panic!("ASHFALL_TEST_LIMITS: {pair}?"),
+        }
+    }
+    options
 }
 
 impl Deref for TestGpu {

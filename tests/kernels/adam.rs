@@ -1,6 +1,7 @@
 //! Adam, one number at a time.
 
 use crate::check::*;
+use crate::fitting;
 use crate::scenes::Random;
 use crate::{device, supported};
 use ashfall::kernels::adam::{Adam, Bindings, Choice, Params, Spec};
@@ -166,7 +167,7 @@ fn parameters_and_moments_step_together() {
     .map(|(name, count, size, poison, failed)| (name, size, input(count, size, poison, failed)));
     let aspects = aspects.map(|(name, input)| (name, 1.0, input));
     for variant in supported!(adam, gpu) {
-        for workgroup in [8, 64, 256] {
+        for workgroup in fitting(&gpu, [8, 64, 256]) {
             let spec = Spec { workgroup };
             let kernel = Adam::new(&gpu, Choice { variant, spec }).unwrap();
             for (name, magnitude, input) in cases.iter().chain(&aspects) {

@@ -1,6 +1,7 @@
 //! The visible splats, in the order of their index.
 
 use crate::check::*;
+use crate::fitting;
 use crate::scenes::Random;
 use crate::{LENGTHS, device, supported};
 use ashfall::kernels::compact::{Bindings, Choice, Compact, Spec};
@@ -23,7 +24,7 @@ fn the_visible_are_listed_in_order() {
     let gpu = device::gpu();
     let mut check = Check::new("compact");
     for variant in supported!(compact, gpu) {
-        for workgroup in [8, 64, 256] {
+        for workgroup in fitting(&gpu, [8, 64, 256]) {
             let spec = Spec { workgroup };
             let kernel = Compact::new(&gpu, Choice { variant, spec }).unwrap();
             for (name, len) in LENGTHS {

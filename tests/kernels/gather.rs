@@ -1,6 +1,7 @@
 //! Values read through an index.
 
 use crate::check::*;
+use crate::fitting;
 use crate::scenes::Random;
 use crate::{LENGTHS, device, supported};
 use ashfall::kernels::gather::{Bindings, Choice, Gather, Spec};
@@ -11,7 +12,7 @@ fn every_rank_gets_its_splat() {
     let gpu = device::gpu();
     let mut check = Check::new("gather");
     for variant in supported!(gather, gpu) {
-        for workgroup in [1, 8, 64, 256] {
+        for workgroup in fitting(&gpu, [1, 8, 64, 256]) {
             let spec = Spec { workgroup };
             let kernel = Gather::new(&gpu, Choice { variant, spec }).unwrap();
             for (name, len) in LENGTHS {

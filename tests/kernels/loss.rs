@@ -1,6 +1,7 @@
 //! The loss, its parts and its gradient: three kernels of one operation.
 
 use crate::check::*;
+use crate::fitting;
 use crate::scenes::{self, Random};
 use crate::{LENGTHS, device, supported};
 use ashfall::kernels::{loss, loss_backward, loss_sum};
@@ -352,7 +353,7 @@ fn tiles_are_added_up() {
     let gpu = device::gpu();
     let mut check = Check::new("loss_sum");
     for variant in supported!(loss_sum, gpu) {
-        for workgroup in [1, 8, 64, 256] {
+        for workgroup in fitting(&gpu, [1, 8, 64, 256]) {
             let spec = loss_sum::Spec { workgroup };
             let choice = loss_sum::Choice { variant, spec };
             let kernel = loss_sum::LossSum::new(&gpu, choice).unwrap();

@@ -7,6 +7,8 @@
     reason = "a test that cannot go on may say so by panicking"
 )]
 
+use ashfall::gpu::Gpu;
+
 mod adam;
 #[path = "../common/check.rs"]
 mod check;
@@ -46,6 +48,12 @@ const LENGTHS: [(&str, usize); 9] = [
     ("2^8 + 1", 257),
     ("crosses workgroups", 5000),
 ];
+
+/// Sizes of workgroups that the device can have.
+fn fitting<const N: usize>(gpu: &Gpu, sizes: [u32; N]) -> impl Iterator<Item = u32> {
+    let most = gpu.caps().max_workgroup;
+    sizes.into_iter().filter(move |&size| size <= most)
+}
 
 /// The variants that the device can run.
 macro_rules! supported {

@@ -1,6 +1,7 @@
 //! Exploration noise: the same random numbers, the same shape.
 
 use crate::check::*;
+use crate::fitting;
 use crate::scenes::{self, POISON, Random};
 use crate::{device, supported};
 use ashfall::kernels::perturb::{Bindings, Choice, Params, Perturb, Spec};
@@ -33,7 +34,7 @@ fn means_move_by_noise_of_their_splats_shape() {
     let gpu = device::gpu();
     let mut check = Check::new("perturb");
     for variant in supported!(perturb, gpu) {
-        for workgroup in [8, 64, 256] {
+        for workgroup in fitting(&gpu, [8, 64, 256]) {
             let spec = Spec { workgroup };
             let kernel = Perturb::new(&gpu, Choice { variant, spec }).unwrap();
             for (name, count, failed) in [

@@ -1,10 +1,11 @@
 //! Every tile's slice of the sorted intersections.
 
 use crate::check::*;
+use crate::fitting;
 use crate::scenes::Random;
 use crate::{device, supported};
 use ashfall::kernels::ranges::{Bindings, Choice, Params, Ranges, Spec};
-use ashfall::layout::{COUNT_ISECT, COUNT_LIST_TOO_LONG};
+use ashfall::layout::{COUNT_FAILED, COUNT_ISECT, COUNT_LIST_TOO_LONG};
 use ashfall::reference::ranges::ranges;
 
 /// Intersections that a tile may have here.
@@ -46,7 +47,7 @@ fn every_tile_finds_its_slice() {
     let gpu = device::gpu();
     let mut check = Check::new("ranges");
     for variant in supported!(ranges, gpu) {
-        for workgroup in [8, 64, 256] {
+        for workgroup in fitting(&gpu, [8, 64, 256]) {
             let spec = Spec { workgroup };
             let kernel = Ranges::new(&gpu, Choice { variant, spec }).unwrap();
             for (name, tiles, tile_count) in inputs() {
@@ -75,12 +76,13 @@ fn every_tile_finds_its_slice() {
                 let found = words(&read(&gpu, &target));
                 let longest = expected.iter().map(|[begin, end]| end - begin).max();
                 let too_long = u32::from(longest.unwrap_or(0) > LIST_LIMIT);
-                let flag = read(&gpu, &counted)[COUNT_LIST_TOO_LONG as usize];
+                let after = read(&gpu, &counted);
+                let flags = [COUNT_LIST_TOO_LONG, COUNT_FAILED].map(|slot| after[slot as usize]);
                 check.outputs(
                     name,
                     vec![
                         Output::exact("ranges", found, words(&expected)),
-                        Output::exact("too long", vec![flag.into()], vec![too_long.into()]),
+                        Output::exact("too long", words(&flags), words(&[too_long; 2])),
                     ],
                 );
             }

@@ -4,11 +4,13 @@ use crate::check::*;
 use crate::lists::{Lists, view};
 use crate::scenes::{self, Scene};
 use crate::{device, pack, supported};
-use ashfall::gpu::Gpu;
+use ashfall::gpu::{DeviceKind, Gpu};
 use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
+use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE};
 use ashfall::reference::frame::{center, depth_order};
 use ashfall::reference::rasterize::{band, blended, rasterize};
 use ashfall::reference::{Cuts, ScreenSplat};
+use ashfall::render::list_limit;
 
 /// Many faint splats over one tile: the list is long and ends by itself.
 fn long_list(count: usize) -> Scene {
@@ -128,6 +130,79 @@ pub(crate) fn expected(scene: &Scene, lists: &Lists) -> Expected {
     all
 }
 
+/// What the kernel makes of lists that come in bands, each with its slices: image, depth, and the ends of each band.
+fn run(
+    gpu: &Gpu,
+    kernel: &Rasterize,
+    scene: &Scene,
+    lists: &Lists,
+    bands: &[&[[u32; 2]]],
+) -> (Vec<f32>, Vec<f32>, Vec<Vec<u32>>) {
+    let pixels = (lists.grid.width * lists.grid.height) as usize;
+    let (shapes, tones, rests) = pack::arrays(&lists.records);
+    let (image, depth) = (unwritten(gpu, 4 * pixels), unwritten(gpu, pixels));
+    let mut ends = Vec::new();
+    for (band, slices) in bands.iter().enumerate() {
+        let end = unwritten(gpu, pixels);
+        let done = (COUNT_BAND_END, band as u32 + 1);
+        let io = Bindings {
+            view: &buffer(gpu, &[view(scene)]),
+            counts: &counts(gpu, &[done, (COUNT_VISIBLE, bands.len() as u32)]),
+            range_from_tile: &buffer(gpu, slices),
+            source_from_isect: &buffer(gpu, &lists.source_from_isect),
+            splat_from_source: &buffer(gpu, &lists.splat_from_source()),
+            shape_from_splat: &buffer(gpu, &shapes),
+            tone_from_splat: &buffer(gpu, &tones),
+            rest_from_splat: &buffer(gpu, &rests),
+            image: &image,
+            depth: &depth,
+            end_from_pixel: &end,
+        };
+        // One band more is recorded than is needed.
+        let params = Params {
+            tile_stride: 1,
+            band: band as u32,
+            band_count: bands.len() as u32 + 1,
+        };
+        let tiles = lists.grid.len() as usize;
+        gpu.run(|rec| kernel.record(rec, io, params, tiles))
+            .unwrap();
+        ends.push(read(gpu, &end));
+    }
+    (read(gpu, &image), read(gpu, &depth), ends)
+}
+
+#[test]
+fn bands_change_no_bit() {
+    let gpu = device::gpu();
+    for choice in choices(&gpu) {
+        let kernel = Rasterize::new(&gpu, choice).unwrap();
+        for (name, scene) in cases() {
+            let lists = Lists::new(&scene);
+            let slices = &lists.range_from_tile;
+            let (image, depth, ends) = run(&gpu, &kernel, &scene, &lists, &[slices]);
+            // A short band, one of nothing, and the rest.
+            let cut = |&[begin, end]: &[u32; 2]| begin + (end - begin) / 5;
+            let first: Vec<_> = slices.iter().map(|s| [s[0], cut(s)]).collect();
+            let nothing: Vec<_> = slices.iter().map(|s| [cut(s); 2]).collect();
+            let rest: Vec<_> = slices.iter().map(|s| [cut(s), s[1]]).collect();
+            let found = run(&gpu, &kernel, &scene, &lists, &[&first, &nothing, &rest]);
+            let bits = |values: &[f32]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            assert!(bits(&found.0) == bits(&image), "{name}, {choice:?}: image");
+            assert!(bits(&found.1) == bits(&depth), "{name}, {choice:?}: depth");
+            for (i, &end) in ends[0].iter().enumerate() {
+                let in_bands: Vec<u32> = found.2.iter().map(|ends| ends[i]).collect();
+                assert_eq!(
+                    in_bands.iter().max(),
+                    Some(&end),
+                    "{name}, {choice:?}: pixel {i}"
+                );
+                assert_eq!(in_bands[1], 0, "{name}, {choice:?}: pixel {i}");
+            }
+        }
+    }
+}
+
 #[test]
 fn pixels_are_composited() {
     let gpu = device::gpu();
@@ -144,26 +219,8 @@ fn pixels_are_composited() {
         let kernel = Rasterize::new(&gpu, choice).unwrap();
         for (name, scene, lists, expected) in &cases {
             let pixels = expected.ends.len();
-            let tiles = lists.grid.len() as usize;
-            let image = unwritten::<f32>(&gpu, 4 * pixels);
-            let depth = unwritten::<f32>(&gpu, pixels);
-            let ends = unwritten::<u32>(&gpu, pixels);
-            let (shapes, tones, rests) = pack::arrays(&lists.records);
-            let io = Bindings {
-                view: &buffer(&gpu, &[view(scene)]),
-                range_from_tile: &buffer(&gpu, &lists.range_from_tile),
-                source_from_isect: &buffer(&gpu, &lists.source_from_isect),
-                splat_from_source: &buffer(&gpu, &lists.splat_from_source()),
-                shape_from_splat: &buffer(&gpu, &shapes),
-                tone_from_splat: &buffer(&gpu, &tones),
-                rest_from_splat: &buffer(&gpu, &rests),
-                image: &image,
-                depth: &depth,
-                end_from_pixel: &ends,
-            };
-            gpu.run(|rec| kernel.record(rec, io, Params { tile_stride: 1 }, tiles))
-                .unwrap();
-            let found = floats(&read(&gpu, &image));
+            let (image, depth, ends) = run(&gpu, &kernel, scene, lists, &[&lists.range_from_tile]);
+            let found = floats(&image);
             // An error of the exponent is a relative error of alpha, and compositing never amplifies that: at
             // positions up to 16 px from the tile's corner, standard deviations from 0.55 px and residuals up to
             // 3.3, it is 2 · 3.3 · ulp(16) / 0.55 = 1.2e-5, times the range of colours and depths. Where an
@@ -191,13 +248,13 @@ fn pixels_are_composited() {
                     1.0,
                 )
                 .near(near.clone(), jump, 0.01),
-                Output::exact("ends", words(&read(&gpu, &ends)), expected.ends.clone()).near(
+                Output::exact("ends", words(&ends[0]), expected.ends.clone()).near(
                     near.clone(),
                     f64::INFINITY,
                     0.02,
                 ),
             ];
-            let depths = floats(&read(&gpu, &depth));
+            let depths = floats(&depth);
             let expected_depth = match choice.spec.with_depth {
                 0 => vec![f64::NAN; pixels],
                 _ => far.clone(),
@@ -214,4 +271,32 @@ fn pixels_are_composited() {
         }
     }
     check.finish();
+}
+
+#[test]
+fn a_list_as_long_as_allowed_is_composited_to_its_end() {
+    let gpu = device::gpu();
+    // So many splats over one tile, so small and faint that what passes them all is far above the stop.
+    let mut scene = scenes::gentle(5, 90_000, 8, 16, 0);
+    for logit in &mut scene.splats.opacity_logit {
+        *logit = -5.28;
+    }
+    for scale in scene.splats.log_scale.iter_mut().flatten() {
+        *scale = -9.0;
+    }
+    let lists = Lists::new(&scene);
+    let len = list_limit(DeviceKind::Cpu);
+    assert!(lists.range_from_tile[0][1] >= len);
+    let pieces: Vec<[[u32; 2]; 1]> = (0..len)
+        .step_by(9000)
+        .map(|begin| [[begin, (begin + 9000).min(len)]])
+        .collect();
+    let pieces: Vec<&[[u32; 2]]> = pieces.iter().map(|piece| &piece[..]).collect();
+    for choice in choices(&gpu) {
+        let kernel = Rasterize::new(&gpu, choice).unwrap();
+        let (whole, ..) = run(&gpu, &kernel, &scene, &lists, &[&[[0, len]]]);
+        let (piecewise, ..) = run(&gpu, &kernel, &scene, &lists, &pieces);
+        assert!(whole == piecewise, "{choice:?}");
+        assert!(whole[3 * 128..].iter().all(|&through| through > 0.01));
+    }
 }

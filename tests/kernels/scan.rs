@@ -1,6 +1,7 @@
 //! Prefix sums: each of the three passes, and the three together.
 
 use crate::check::*;
+use crate::fitting;
 use crate::scenes::Random;
 use crate::{LENGTHS, device, supported};
 use ashfall::gpu::Groups;
@@ -85,7 +86,7 @@ fn sums_of_chunks_are_scanned_and_saturate() {
     let gpu = device::gpu();
     let mut check = Check::new("scan_chunks");
     for variant in supported!(scan_chunks, gpu) {
-        for workgroup in [1, 8, 64, 256] {
+        for workgroup in fitting(&gpu, [1, 8, 64, 256]) {
             let spec = scan_chunks::Spec { workgroup };
             let choice = scan_chunks::Choice { variant, spec };
             let kernel = scan_chunks::ScanChunks::new(&gpu, choice).unwrap();

@@ -6,7 +6,7 @@ use crate::pack::arrays;
 use crate::props::{OPAQUE, Prop, logit, place, stage, with_copy};
 use crate::scenes::{self, Random};
 use ashfall::kernels::expand::{self, Expand};
-use ashfall::layout::{COUNT_SLOTS, COUNT_VISIBLE, DispatchArgs};
+use ashfall::layout::{COUNT_BAND_END, COUNT_SLOTS, DispatchArgs};
 use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::tiles::{Grid, alpha_max, extent};
 use ashfall::reference::{Cuts, ScreenSplat, Splat, Viewpoint, project};
@@ -203,7 +203,7 @@ fn f036_count_and_list() {
             total += tiles[splat as usize];
         }
         let mut counts = [0; COUNT_SLOTS as usize];
-        counts[COUNT_VISIBLE as usize] = visible.len() as u32;
+        counts[COUNT_BAND_END as usize] = visible.len() as u32;
         let view = view_of(&scene.camera, &view_options(&scene));
         let (shapes, tones, _) = arrays(&records);
         let sentinel = vec![u32::MAX; total as usize + 64];

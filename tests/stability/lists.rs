@@ -57,12 +57,17 @@ fn f037_count_saturates() {
             digit_count: 256,
             workgroup: 64,
             group_limit: 65_535,
+            tile_count: 1020,
+            band: 0,
+            band_count: 1,
+            rank_limit: u32::MAX,
         };
         gpu.run(|rec| {
             scan.record(rec, io, what, Scan::groups(values.len()));
             let io = plan::Bindings {
                 counts: &counts,
                 args: &args,
+                isect_from_rank: &offsets,
             };
             plan.record(rec, io, params);
         })

@@ -7,6 +7,7 @@ use crate::props::picked;
 
 use crate::scenes::{self, Random, Scene};
 use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
+use ashfall::layout::COUNT_SLOTS;
 use ashfall::reference::frame::{bands, center, project_all, sorted};
 use ashfall::reference::rasterize::{blended, layer};
 use ashfall::reference::{Cuts, Splat, Viewpoint};
@@ -170,6 +171,9 @@ fn m22_workgroups_and_variants() {
                 let image = gpu.buffer::<f32>("image", 4 * pixels).unwrap();
                 let io = Bindings {
                     view: &gpu.buffer_from("view", &[view(&scene)]).unwrap(),
+                    counts: &gpu
+                        .buffer_from("counts", &[0; COUNT_SLOTS as usize])
+                        .unwrap(),
                     range_from_tile: &gpu.buffer_from("ranges", &lists.range_from_tile).unwrap(),
                     source_from_isect: &gpu
                         .buffer_from("sources", &lists.source_from_isect)
@@ -184,8 +188,13 @@ fn m22_workgroups_and_variants() {
                     depth: &gpu.buffer("depth", pixels).unwrap(),
                     end_from_pixel: &gpu.buffer("ends", pixels).unwrap(),
                 };
+                let params = Params {
+                    tile_stride,
+                    band: 0,
+                    band_count: 1,
+                };
                 let tiles = lists.grid.len() as usize;
-                gpu.run(|rec| kernel.record(rec, io, Params { tile_stride }, tiles))
+                gpu.run(|rec| kernel.record(rec, io, params, tiles))
                     .unwrap();
                 let found: Vec<f32> = gpu.download(&image, 0..4 * pixels).unwrap();
                 pictures.push((workgroup, found));

@@ -1,6 +1,6 @@
 //! Compositing, and what the oracle says it shows.
 
-use super::{Records, nothing, read, wanted};
+use super::{Records, counts, nothing, read, wanted};
 use crate::Result;
 use crate::bench::check::{Output, floats, words};
 use crate::bench::input::lists::{Lists, view};
@@ -172,6 +172,7 @@ pub struct Input {
     image: Buffer<f32>,
     depth: Buffer<f32>,
     end_from_pixel: Buffer<u32>,
+    counts: Buffer<u32>,
     pub(super) tiles: usize,
 }
 
@@ -191,6 +192,7 @@ impl Input {
             depth: gpu.buffer("depth", pixels)?,
             end_from_pixel: gpu.buffer("end_from_pixel", pixels)?,
             tiles: lists.grid.len() as usize,
+            counts: counts(gpu, &[])?,
         })
     }
 
@@ -198,6 +200,7 @@ impl Input {
     pub fn rasterize(&self) -> rasterize::Bindings<'_> {
         rasterize::Bindings {
             view: &self.view,
+            counts: &self.counts,
             range_from_tile: &self.range_from_tile,
             source_from_isect: &self.source_from_isect,
             splat_from_source: &self.splat_from_source,
@@ -233,6 +236,8 @@ impl Input {
     pub fn params(&self) -> rasterize::Params {
         rasterize::Params {
             tile_stride: tile_stride(self.tiles),
+            band: 0,
+            band_count: 1,
         }
     }
 

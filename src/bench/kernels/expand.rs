@@ -9,7 +9,7 @@ use crate::bench::input::scene::scattered;
 use crate::bench::{Bench, Unit, Work};
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::expand::{Bindings, Choice, Expand, Spec};
-use crate::layout::{COUNT_VISIBLE, View};
+use crate::layout::{COUNT_BAND_END, View};
 use crate::reference::Cuts;
 use crate::reference::frame::depth_order;
 use crate::reference::tiles::{alpha_at_pixels, alpha_max};
@@ -84,7 +84,7 @@ impl<'a> Input<'a> {
         Ok(Input {
             total,
             view: gpu.buffer_from("view", &[view])?,
-            counts: counts(gpu, &[(COUNT_VISIBLE, order.len() as u32)])?,
+            counts: counts(gpu, &[(COUNT_BAND_END, order.len() as u32)])?,
             splat_from_rank: gpu.buffer_from("ranks", &ranks)?,
             isect_from_rank: gpu.buffer_from("begins", &begins)?,
             tile_count_from_splat: gpu.buffer_from("tile_counts", &tile_counts)?,

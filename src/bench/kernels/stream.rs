@@ -190,7 +190,12 @@ fn plan(bench: &mut Bench) -> Result<()> {
         digit_count: 256,
         workgroup: 64,
         group_limit: 65_535,
+        tile_count: 0,
+        band: 0,
+        band_count: 1,
+        rank_limit: u32::MAX,
     };
+    let begins = counts(&gpu, &[])?;
     let before = counts(&gpu, &[(COUNT_VISIBLE, visible)])?;
     let after = counts(&gpu, &[])?;
     let planned = gpu.buffer_from("args", &[DispatchArgs::default(); ARGS_SLOTS as usize])?;
@@ -203,6 +208,7 @@ fn plan(bench: &mut Bench) -> Result<()> {
         let io = plan::Bindings {
             counts: &after,
             args: &planned,
+            isect_from_rank: &begins,
         };
         let chunks = visible.div_ceil(params.chunk);
         let table = chunks * params.digit_count;

@@ -1,0 +1,132 @@
+//! Frames and steps that exceed what one binding reaches or what buffers hold: the same bits, in more passes.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
+#[path = "common/device.rs"]
+mod device;
+#[path = "common/scenes.rs"]
+mod scenes;
+
+use ashfall::gpu::Gpu;
+use ashfall::reference;
+use ashfall::render::{Capacity, Model, RenderOptions, Rendered, Renderer, ViewOptions};
+use scenes::Scene;
+
+/// The least that a binding may reach here: the images of these tests.
+const NARROW: u64 = 32 << 10;
+
+fn render(gpu: &Gpu, scene: &Scene) -> Rendered {
+    let options = RenderOptions {
+        capacity: Capacity {
+            splats: 1,
+            isects: 1,
+            pixels: 1,
+            tiles: 1,
+        },
+        with_depth: true,
+        ..RenderOptions::default()
+    };
+    let mut renderer = Renderer::new(gpu, options).unwrap();
+    let model = Model::upload(gpu, &scene.splats).unwrap();
+    let view = ViewOptions {
+        background: scene.options.background.map(|c| c as f32),
+        near: scene.options.near as f32,
+        mode: scene.splats.mode,
+    };
+    renderer.render(&model, &scene.camera, &view).unwrap()
+}
+
+fn bits(image: &Rendered) -> Vec<u32> {
+    let values = image.rgb.iter().flatten().chain(&image.transmittance);
+    values.chain(&image.depth).map(|x| x.to_bits()).collect()
+}
+
+/// The largest error against the oracle over pixels far from any discontinuity.
+fn error(scene: &Scene, image: &Rendered) -> f64 {
+    let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
+    let bands = reference::frame::bands(&scene.splats, &scene.camera, &scene.options);
+    let pixels = expected.pixels.iter().zip(&bands).enumerate();
+    let sound = pixels.filter(|(_, (_, band))| band.nearest() > 1e-4);
+    sound
+        .flat_map(|(i, (pixel, _))| {
+            [0, 1, 2].map(|c| (f64::from(image.rgb[i][c]) - pixel.color[c]).abs())
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Splats all over a small image, many of them wide: more (splat, tile) pairs than a narrow binding holds.
+fn dense(seed: u64, splats: usize) -> Scene {
+    let mut scene = scenes::gentle(seed, splats, 43, 37, 3);
+    for scale in scene.splats.log_scale.iter_mut().flatten() {
+        *scale += 1.5;
+    }
+    for logit in &mut scene.splats.opacity_logit {
+        *logit -= 3.0;
+    }
+    scene
+}
+
+#[test]
+fn a_scene_of_many_blocks_and_bands_is_drawn_as_one() {
+    let (wide, narrow) = (device::gpu(), device::narrow(NARROW));
+    for (name, scene) in [
+        ("nothing", scenes::gentle(1, 0, 43, 37, 3)),
+        ("one", scenes::gentle(1, 1, 43, 37, 3)),
+        ("gentle", scenes::gentle(1, 900, 43, 37, 3)),
+        ("hard", scenes::hard(2, 900, 43, 37, 2)),
+        ("dense", dense(3, 1500)),
+    ] {
+        let model = Model::upload(&narrow, &scene.splats).unwrap();
+        assert_eq!(model.params.len() > 1, scene.splats.len() > 128, "{name}");
+        let image = render(&narrow, &scene);
+        assert!(
+            bits(&image) == bits(&render(&wide, &scene)),
+            "{name}: other bits"
+        );
+        let error = error(&scene, &image);
+        println!("{name}: {error:.1e}");
+        // As whole frames are judged in frame.rs, for gentle scenes and hard ones.
+        assert!(
+            error <= if name == "hard" { 1e-3 } else { 1e-4 },
+            "{name}: {error}"
+        );
+    }
+}
+
+#[test]
+fn a_frame_is_complete_though_memory_ends() {
+    let scene = dense(4, 1500);
+    let wide = device::gpu();
+    let image = bits(&render(&wide, &scene));
+    // Growing to all of its pairs at once took more than this.
+    let tight = device::limited(Some(wide.memory_peak() - 200_000));
+    assert!(bits(&render(&tight, &scene)) == image, "other bits");
+}
+
+#[test]
+fn a_list_longer_than_a_driver_runs_loops_is_drawn_whole() {
+    // One tile and more splats over it than a software device may loop through, each so small and faint that it
+    // counts for a pixel or none: the image is not opaque before the last.
+    let mut scene = scenes::gentle(5, 130_000, 8, 16, 0);
+    for logit in &mut scene.splats.opacity_logit {
+        *logit = -5.28;
+    }
+    for scale in scene.splats.log_scale.iter_mut().flatten() {
+        *scale = -9.0;
+    }
+    let gpu = device::gpu();
+    let image = render(&gpu, &scene);
+    let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
+    let (mut most, mut least) = (0.0f64, 1.0f64);
+    for (i, pixel) in expected.pixels.iter().enumerate() {
+        least = least.min(pixel.transmittance);
+        most = most.max((f64::from(image.transmittance[i]) - pixel.transmittance).abs());
+    }
+    println!("transmittance from {least:.3}, error {most:.1e}");
+    assert!(least > 0.01 && least < 0.5, "{least}");
+    // As whole frames are judged in frame.rs; one splat less would be 1/255 of what passes.
+    assert!(most <= 1e-4, "{most}");
+}
