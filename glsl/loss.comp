@@ -5,7 +5,7 @@
 
 // Compares a render with its photograph: L1, SSIM and squared error per tile, and SSIM's derivatives.
 //
-// One workgroup per 16x16 tile and all three channels, one after the other. The window is separable: a
+// One workgroup per tile and all three channels, one after the other. The window is separable: a
 // lane slides it along a strip of a row, then down a strip of a column, held in registers. Values are
 // shifted by one pixel of the photograph, so that variances of flat bright tiles do not cancel. SSIM needs
 // the two variances only as their sum, so four moments do: the means of x, y, x^2 + y^2 and x y.
@@ -25,7 +25,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 // Moments along rows.
-shared vec4 along[WINDOW_SPAN][WINDOW_TILE];
+shared vec4 along[WINDOW_SPAN][LOSS_TILE_WIDTH];
 shared vec4 lane_loss[WORKGROUP];
 
 // Read once: a buffer load costs as much as several arithmetic operations.
@@ -98,23 +98,31 @@ void main() {
     size = view.size;
     alpha_mode = push.alpha_mode;
     pixels = size.x * size.y;
-    uvec2 tiles = (size + WINDOW_TILE - 1) / WINDOW_TILE;
+    const uvec2 extent = uvec2(LOSS_TILE_WIDTH, LOSS_TILE_HEIGHT);
+    uvec2 tiles = (size + extent - 1) / extent;
     uint tile = group_index();
     if (tile >= tiles.x * tiles.y) return;
-    uvec2 corner = uvec2(tile % tiles.x, tile / tiles.x) * WINDOW_TILE;
-    uvec2 middle = min(corner + WINDOW_TILE / 2, size - 1);
+    uvec2 corner = uvec2(tile % tiles.x, tile / tiles.x) * extent;
+    uvec2 middle = min(corner + extent / 2, size - 1);
     uint lane = gl_LocalInvocationID.x;
     vec4 loss = vec4(0.0);
     for (uint index = 0; index < 3; ++index) {
         Channel c = Channel(index, view.background[index], 0.0);
         c.shift = pair_at(middle.x, middle.y, c).y;
-        for (uint i = lane; i < WINDOW_SPAN * STRIPS; i += WORKGROUP) {
-            slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, c);
-        }
+        // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+        uint i = lane;
+        do {
+            if (i < ROW_STRIPS) slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, c);
+            i += WORKGROUP;
+        } while (i < ROW_STRIPS);
         barrier();
-        for (uint i = lane; i < WINDOW_TILE * STRIPS; i += WORKGROUP) {
-            loss += slide_down_column(corner, i % WINDOW_TILE, i / WINDOW_TILE * STRIP, c);
-        }
+        i = lane;
+        do {
+            if (i < COLUMN_STRIPS) {
+                loss += slide_down_column(corner, i % LOSS_TILE_WIDTH, i / LOSS_TILE_WIDTH * STRIP, c);
+            }
+            i += WORKGROUP;
+        } while (i < COLUMN_STRIPS);
         barrier();
     }
     lane_loss[lane] = loss;

@@ -5,7 +5,7 @@
 
 // Gradient of the loss (1 - lambda) L1 + lambda (1 - SSIM) by every pixel of the render.
 //
-// One workgroup per 16x16 tile, channel after channel: the derivatives by each window's moments are spread
+// One workgroup per tile, channel after channel: the derivatives by each window's moments are spread
 // back by the same window, along rows and then down columns, strips held in registers as in `loss`.
 
 layout(constant_id = 0) const uint WORKGROUP = 32;
@@ -23,7 +23,7 @@ layout(push_constant, scalar) uniform Push {
     float ssim_scale;   // lambda / (3 * sum of weights)
 } push;
 
-shared vec3 along[WINDOW_SPAN][WINDOW_TILE];
+shared vec3 along[WINDOW_SPAN][LOSS_TILE_WIDTH];
 
 // The image's size, read once: a buffer load costs as much as several arithmetic operations.
 uvec2 size;
@@ -66,19 +66,27 @@ void slide_down_column(uvec2 corner, uint column, uint begin, uint channel) {
 
 void main() {
     size = view.size;
-    uvec2 tiles = (size + WINDOW_TILE - 1) / WINDOW_TILE;
+    const uvec2 extent = uvec2(LOSS_TILE_WIDTH, LOSS_TILE_HEIGHT);
+    uvec2 tiles = (size + extent - 1) / extent;
     uint tile = group_index();
     if (tile >= tiles.x * tiles.y) return;
-    uvec2 corner = uvec2(tile % tiles.x, tile / tiles.x) * WINDOW_TILE;
+    uvec2 corner = uvec2(tile % tiles.x, tile / tiles.x) * extent;
     uint lane = gl_LocalInvocationID.x;
     for (uint channel = 0; channel < 3; ++channel) {
-        for (uint i = lane; i < WINDOW_SPAN * STRIPS; i += WORKGROUP) {
-            slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, channel);
-        }
+        // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+        uint i = lane;
+        do {
+            if (i < ROW_STRIPS) slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, channel);
+            i += WORKGROUP;
+        } while (i < ROW_STRIPS);
         barrier();
-        for (uint i = lane; i < WINDOW_TILE * STRIPS; i += WORKGROUP) {
-            slide_down_column(corner, i % WINDOW_TILE, i / WINDOW_TILE * STRIP, channel);
-        }
+        i = lane;
+        do {
+            if (i < COLUMN_STRIPS) {
+                slide_down_column(corner, i % LOSS_TILE_WIDTH, i / LOSS_TILE_WIDTH * STRIP, channel);
+            }
+            i += WORKGROUP;
+        } while (i < COLUMN_STRIPS);
         barrier();
     }
 }

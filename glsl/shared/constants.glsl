@@ -5,6 +5,11 @@ const uint TILE_WIDTH = 8;
 const uint TILE_HEIGHT = 16;
 const uint TILE_PIXELS = 128;
 
+// A tile of the loss in pixels. Tall, because each row of a tile's halo costs as much as one of the tile; as
+// tall as the shared memory goes that every device has.
+const uint LOSS_TILE_WIDTH = 16;
+const uint LOSS_TILE_HEIGHT = 48;
+
 // Planes of vec4 before the spherical harmonics: mean + opacity, quaternion, log-scale + smoothing filter.
 const uint GEOMETRY_PLANES = 3;
 

@@ -1,13 +1,14 @@
 // SSIM's window: 11 taps of a Gaussian with a standard deviation of 1.5 pixels, in each direction; what lies
 // outside the image counts as 0 (Wang et al. 2004; zero padding as in the 3DGS code).
 
-const uint WINDOW_TILE = 16;
 const uint WINDOW_REACH = 5;
-// Pixels of one row or column that WINDOW_TILE windows read.
-const uint WINDOW_SPAN = WINDOW_TILE + 2 * WINDOW_REACH;
+// Rows that a tile's windows read.
+const uint WINDOW_SPAN = LOSS_TILE_HEIGHT + 2 * WINDOW_REACH;
 // Windows that an invocation slides over at a time, and the pixels that they read.
 const uint STRIP = 8;
-const uint STRIPS = WINDOW_TILE / STRIP;
+// Strips of a tile: along its rows, those of its halo too, and down its columns.
+const uint ROW_STRIPS = WINDOW_SPAN * (LOSS_TILE_WIDTH / STRIP);
+const uint COLUMN_STRIPS = LOSS_TILE_WIDTH * (LOSS_TILE_HEIGHT / STRIP);
 const uint STRIP_SPAN = STRIP + 2 * WINDOW_REACH;
 const float WINDOW[6] = float[](0.0010283800844791101, 0.007598758135239185, 0.036000772128430829,
                                0.10936068950970002, 0.21300553771125369, 0.26601172486179436);

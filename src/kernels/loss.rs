@@ -23,7 +23,7 @@ impl Loss {
         Choice::default()
     }
 
-    /// Records it over `tiles` tiles of 16 x 16 pixels.
+    /// Records it over `tiles` tiles of `LOSS_TILE_WIDTH` x `LOSS_TILE_HEIGHT` pixels.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, tiles: usize) {
         self.kernel
             .record(rec, io, params, Groups::Count(tiles as u32));

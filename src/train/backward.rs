@@ -9,14 +9,11 @@ use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::kernels::{
     adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
 };
-use crate::layout::View;
+use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::render::{Block, Forward, Scratch, plane_count, tile_stride};
 
 /// The value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
 const ALPHA_MASKS: u32 = 1;
-
-/// Width and height of the loss kernels' tiles (`WINDOW_TILE` in window.glsl).
-const LOSS_TILE: u32 = 16;
 
 /// The kernels, compiled for one device.
 #[derive(Debug)]
@@ -123,7 +120,7 @@ impl Backward {
         step: &Step<'_>,
     ) {
         let [width, height] = step.view.size;
-        let tiles = (width.div_ceil(LOSS_TILE) * height.div_ceil(LOSS_TILE)) as usize;
+        let tiles = (width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT)) as usize;
         let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
         self.loss.record(
             rec,

@@ -5,7 +5,7 @@ use crate::fitting;
 use crate::scenes::{self, Random};
 use crate::{LENGTHS, device, supported};
 use ashfall::kernels::{loss, loss_backward, loss_sum};
-use ashfall::layout::View;
+use ashfall::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use ashfall::reference::loss::{Target, gradient, sums, values};
 use ashfall::reference::{Dual, Real, ssim};
 use ashfall::scene::AlphaMode;
@@ -110,9 +110,14 @@ fn cases() -> Vec<Case> {
     vec![
         Case::new("one pixel", 1, 1, Composite),
         Case::new("smaller than the window", 5, 3, Composite),
-        Case::new("one tile", 16, 16, Composite),
-        Case::new("a pixel more than a tile", 17, 17, Composite),
-        Case::new("several tiles", 50, 37, Composite),
+        Case::new("one tile", TILE[0], TILE[1], Composite),
+        Case::new(
+            "a pixel more than a tile",
+            TILE[0] + 1,
+            TILE[1] + 1,
+            Composite,
+        ),
+        Case::new("several tiles", 50, 107, Composite),
         Case::new("composited", 40, 33, Composite).alpha(corner),
         Case::new("masked", 40, 33, Mask).alpha(corner),
         Case::new("masked out", 18, 18, Mask).alpha(|_, _| 0),
@@ -190,10 +195,18 @@ fn slopes(case: &Case) -> Vec<f64> {
     all
 }
 
-/// Tiles of 16 by 16 pixels: their sums of L1, 1 - SSIM, squares and weights.
+/// A tile of the loss, in pixels.
+const TILE: [usize; 2] = [LOSS_TILE_WIDTH as usize, LOSS_TILE_HEIGHT as usize];
+
+/// Tiles that cover an image.
+fn tile_count(case: &Case) -> usize {
+    case.width.div_ceil(TILE[0]) * case.height().div_ceil(TILE[1])
+}
+
+/// By tile: the sums of L1, 1 - SSIM, squares and weights.
 fn tile_sums(case: &Case) -> Vec<f64> {
-    let (columns, rows) = (case.width.div_ceil(16), case.height().div_ceil(16));
-    let mut tiles = vec![0.0; 4 * columns * rows];
+    let columns = case.width.div_ceil(TILE[0]);
+    let mut tiles = vec![0.0; 4 * tile_count(case)];
     case.with_target(|target| {
         for channel in 0..3 {
             let weight = |i: usize| target.mask.map_or(1.0, |mask| mask[i]);
@@ -205,7 +218,7 @@ fn tile_sums(case: &Case) -> Vec<f64> {
                 .map(|i| weight(i) * target.photo[i][channel])
                 .collect();
             for (i, similarity) in ssim::ssim(case.width, &x, &y).into_iter().enumerate() {
-                let tile = i / case.width / 16 * columns + i % case.width / 16;
+                let tile = i / case.width / TILE[1] * columns + i % case.width / TILE[0];
                 let difference = case.image[i][channel] - target.photo[i][channel];
                 let terms = [difference.abs(), 1.0 - similarity, difference.powi(2), 1.0];
                 for (lane, term) in terms.iter().enumerate() {
@@ -309,7 +322,7 @@ fn pixels_get_their_gradient() {
                     l1_scale: ((1.0 - LAMBDA) * share) as f32,
                     ssim_scale: (LAMBDA * share) as f32,
                 };
-                let tiles = case.width.div_ceil(16) * case.height().div_ceil(16);
+                let tiles = tile_count(&case);
                 gpu.run(|rec| kernel.record(rec, io, params, tiles))
                     .unwrap();
                 let planar = |image: &[[f64; 3]]| -> Vec<f64> {

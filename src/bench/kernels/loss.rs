@@ -7,7 +7,7 @@ use crate::bench::input::random::Random;
 use crate::bench::{Bench, Unit, Work};
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::{loss, loss_backward, loss_sum};
-use crate::layout::View;
+use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::reference::ssim::{C1, C2};
 
 /// Pixels of the images.
@@ -17,7 +17,7 @@ const WORKGROUPS: [u32; 4] = [8, 16, 32, 64];
 /// Pixels that are judged, in each channel.
 const SAMPLES: usize = 500;
 /// Width and height of a tile.
-const TILE: usize = 16;
+const TILE: [usize; 2] = [LOSS_TILE_WIDTH as usize, LOSS_TILE_HEIGHT as usize];
 /// Share of D-SSIM.
 const LAMBDA: f64 = 0.2;
 
@@ -86,7 +86,7 @@ impl Input {
             size,
             ..View::default()
         };
-        let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
+        let tiles = width.div_ceil(TILE[0]) * height.div_ceil(TILE[1]);
         let terms: Vec<[f32; 4]> = (0..tiles)
             .map(|_| [0; 4].map(|_| random.between(0.0, 700.0) as f32))
             .collect();
@@ -204,14 +204,14 @@ fn compare(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
 }
 
 fn tile_terms(input: &Input, tiles: &[[f32; 4]]) -> (Vec<f64>, Vec<f64>) {
-    let columns = input.width.div_ceil(TILE);
+    let columns = input.width.div_ceil(TILE[0]);
     let (mut found, mut expected) = (Vec::new(), Vec::new());
     for tile in sample(tiles.len(), 6) {
         found.extend(tiles[tile].map(f64::from));
-        let (left, top) = (tile % columns * TILE, tile / columns * TILE);
+        let (left, top) = (tile % columns * TILE[0], tile / columns * TILE[1]);
         let mut sums = [0.0; 4];
-        for y in top..(top + TILE).min(input.height) {
-            for x in left..(left + TILE).min(input.width) {
+        for y in top..(top + TILE[1]).min(input.height) {
+            for x in left..(left + TILE[0]).min(input.width) {
                 for channel in 0..3 {
                     let place = channel * input.pixels() + y * input.width + x;
                     let [a, b] = input.pair(place);
