@@ -27,6 +27,7 @@ setup:
 # Every failure at every moment, a hundred kills, and a long run: about an hour on two cores. Prints its counts.
 soak: setup
 	cargo test --test faults -- --ignored --skip disks:: --nocapture --test-threads 1
+	cargo test --test kernels -- --ignored large_
 
 # Ten million executions of every fuzz target under libFuzzer; `scripts/fuzz` takes other numbers.
 fuzz: setup

@@ -23,19 +23,70 @@ layout(push_constant, scalar) uniform Push {
     uint digit_count; // a power of two
 } push;
 
+// Where this invocation's next place of a digit stands.
+uint chunk;
+uint chunk_count;
+uint shift;
+uint mask;
+
+// The same places, as long as there is room, as in sort_count.
+const uint NEAR_ENTRIES = 2048;
+shared uint near[NEAR_ENTRIES];
+
+void put(uint place, uint key, uint value) {
+    keys_out[place] = key;
+    values_out[place] = value;
+}
+
+void move(uint key, uint value) {
+    uint slot = ((key >> shift) & mask) * chunk_count + chunk;
+    uint place = table[slot];
+    table[slot] = place + 1;
+    put(place, key, value);
+}
+
+void move_near(uint key, uint value) {
+    uint slot = ((key >> shift) & mask) * WORKGROUP + gl_LocalInvocationID.x;
+    uint place = near[slot];
+    near[slot] = place + 1;
+    put(place, key, value);
+}
+
 void main() {
-    uint chunk = global_index();
+    chunk = global_index();
     uint count = counts[push.count_slot];
     uint begin = chunk * push.chunk;
     if (begin >= count) return;
     uint end = min(begin + push.chunk, count);
-    uint chunk_count = (count + push.chunk - 1) / push.chunk;
-    for (uint i = begin; i < end; ++i) {
-        uint key = keys[i];
-        uint slot = ((key >> push.shift) & (push.digit_count - 1)) * chunk_count + chunk;
-        uint place = table[slot];
-        table[slot] = place + 1;
-        keys_out[place] = key;
-        values_out[place] = values[i];
+    chunk_count = (count + push.chunk - 1) / push.chunk;
+    shift = push.shift;
+    mask = push.digit_count - 1;
+    // Four a turn, as in sort_count.
+    uint quads = begin + (end - begin) / 4 * 4;
+    uint i = begin;
+    if (push.digit_count * WORKGROUP <= NEAR_ENTRIES) {
+        uint digit = 0;
+        do {
+            near[digit * WORKGROUP + gl_LocalInvocationID.x] = table[digit * chunk_count + chunk];
+        } while (++digit < push.digit_count);
+        if (quads > begin) {
+            do {
+                uvec4 key = uvec4(keys[i], keys[i + 1], keys[i + 2], keys[i + 3]);
+                uvec4 value = uvec4(values[i], values[i + 1], values[i + 2], values[i + 3]);
+                [[unroll]] for (uint k = 0; k < 4; ++k) move_near(key[k], value[k]);
+                i += 4;
+            } while (i < quads);
+        }
+        for (; i < end; ++i) move_near(keys[i], values[i]);
+    } else {
+        if (quads > begin) {
+            do {
+                uvec4 key = uvec4(keys[i], keys[i + 1], keys[i + 2], keys[i + 3]);
+                uvec4 value = uvec4(values[i], values[i + 1], values[i + 2], values[i + 3]);
+                [[unroll]] for (uint k = 0; k < 4; ++k) move(key[k], value[k]);
+                i += 4;
+            } while (i < quads);
+        }
+        for (; i < end; ++i) move(keys[i], values[i]);
     }
 }

@@ -217,6 +217,52 @@ fn sort_on(gpu: &Gpu, whole: &Sort, layout: Layout, keys: &[u32]) -> [Vec<u32>; 
     ]
 }
 
+/// Sorts a permutation of `0..n`: what comes out is `0..n`, and every value still goes with its key.
+fn sort_permutation(gpu: &Gpu, whole: &Sort, n: usize) {
+    let random = &mut Random::new(n as u64);
+    let mut keys: Vec<u32> = (0..n as u32).collect();
+    for i in (1..n).rev() {
+        keys.swap(i, random.below(i + 1));
+    }
+    let [sorted, from] = sort_on(gpu, whole, layout(8, 4, 1024), &keys);
+    for (i, (&key, &value)) in sorted.iter().zip(&from).take(n).enumerate() {
+        assert!(key as usize == i, "{n} keys: {key} at {i}");
+        assert!(keys[value as usize] == key, "{n} keys: {value} at {i}");
+    }
+}
+
+/// `2^k - 1`, `2^k` and `2^k + 1`.
+fn about_powers(k: std::ops::RangeInclusive<u32>) -> impl Iterator<Item = usize> {
+    k.flat_map(|k| [(1 << k) - 1, 1 << k, (1 << k) + 1])
+}
+
+#[test]
+fn permutations_are_sorted() {
+    let gpu = device::gpu();
+    let whole = Sort::new(&gpu).unwrap();
+    for n in about_powers(1..=16) {
+        sort_permutation(&gpu, &whole, n);
+    }
+}
+
+/// As far as one binding goes; what is larger has no buffer, and says so.
+#[test]
+#[ignore = "minutes of sorting; `make soak` runs it"]
+fn large_permutations_are_sorted() {
+    let gpu = device::gpu();
+    let whole = Sort::new(&gpu).unwrap();
+    let limit = (gpu.caps().max_storage_range.min(gpu.caps().max_allocation) / 4) as usize;
+    for n in about_powers(17..=26) {
+        if n <= limit {
+            sort_permutation(&gpu, &whole, n);
+        } else {
+            let refusal = gpu.buffer::<u32>("keys", n).map(|_| ()).unwrap_err();
+            let said = refusal.to_string();
+            assert!(said.contains("keys"), "{n} keys: {said}");
+        }
+    }
+}
+
 #[test]
 fn a_whole_sort_is_stable() {
     let gpu = device::gpu();
