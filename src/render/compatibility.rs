@@ -1,6 +1,8 @@
 //! Whose rules a frame is drawn by.
 
 use super::accuracy::Accuracy;
+use crate::Result;
+use crate::gpu::Gpu;
 use crate::kernels::{expand, original, project, rasterize};
 
 /// Whose rules a frame is drawn by: where splats end, and where pixels do.
@@ -43,4 +45,26 @@ pub(super) enum Compositor {
     Engine(rasterize::Rasterize),
     /// See [`Compatibility::Original`].
     Original(original::Original),
+}
+
+impl Compositor {
+    /// Compiles it.
+    pub(super) fn new(
+        gpu: &Gpu,
+        with_depth: bool,
+        accuracy: &Accuracy,
+        compatibility: Compatibility,
+    ) -> Result<Compositor> {
+        let caps = gpu.caps();
+        Ok(match compatibility {
+            Compatibility::Engine => Compositor::Engine(rasterize::Rasterize::new(
+                gpu,
+                accuracy.of_rasterize(rasterize::Rasterize::prefer(caps, with_depth)),
+            )?),
+            Compatibility::Original => Compositor::Original(original::Original::new(
+                gpu,
+                original::Original::prefer(caps, with_depth),
+            )?),
+        })
+    }
 }

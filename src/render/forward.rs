@@ -75,7 +75,7 @@ impl Forward {
             gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
             expand: expand::Expand::new(gpu, listing(0).1)?,
             ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
-            compositor: compositor(gpu, with_depth, accuracy, compatibility)?,
+            compositor: Compositor::new(gpu, with_depth, accuracy, compatibility)?,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
         })
@@ -345,25 +345,6 @@ impl Forward {
             ARGS_ISECT,
         );
     }
-}
-
-fn compositor(
-    gpu: &Gpu,
-    with_depth: bool,
-    accuracy: &Accuracy,
-    compatibility: Compatibility,
-) -> Result<Compositor> {
-    let caps = gpu.caps();
-    Ok(match compatibility {
-        Compatibility::Engine => Compositor::Engine(rasterize::Rasterize::new(
-            gpu,
-            accuracy.of_rasterize(rasterize::Rasterize::prefer(caps, with_depth)),
-        )?),
-        Compatibility::Original => Compositor::Original(original::Original::new(
-            gpu,
-            original::Original::prefer(caps, with_depth),
-        )?),
-    })
 }
 
 /// A step through the tiles, coprime to their number, that spreads neighbours: a CPU device gives each of
