@@ -150,8 +150,9 @@ fn every_kernel_is_measured() {
             let mut parts = name.split('/').skip(1);
             parts.next() == Some(info.kernel) && parts.any(|part| part == variant)
         };
-        // Writing to a host's image takes a host: tests/embed is one.
-        let excused = info.kernel == "present" || gpu.caps().supports(info).is_err();
+        // Writing to a host's image takes a host: tests/embed is one. What draws as the 3DGS code does is not tuned.
+        let excused =
+            ["present", "original"].contains(&info.kernel) || gpu.caps().supports(info).is_err();
         assert!(
             excused || names.iter().any(|name| named(&name)),
             "{} {variant} is not measured",

@@ -39,6 +39,10 @@ const ALONE: &str =
 /// Reason for kernels without anything to tune.
 const FIXED: &str = "the only variant, with nothing to tune";
 
+/// Reason for the kernel of the compatibility mode.
+const ORIGINAL: &str =
+    "the only variant; it draws as the 3DGS code does where that is asked for, and is not tuned";
+
 /// What is chosen for a device, in the order of the kernels' names; harmonics of degree 3, without depth.
 pub fn chosen(caps: &Caps) -> Vec<Chosen> {
     let measured = (caps.kind == DeviceKind::Cpu).then_some(ON_PROCESSORS);
@@ -64,6 +68,7 @@ pub fn chosen(caps: &Caps) -> Vec<Chosen> {
         loss: loss::Loss::prefer(caps), TILED;
         loss_backward: loss_backward::LossBackward::prefer(caps), TILED;
         loss_sum: loss_sum::LossSum::prefer(caps), ALONE;
+        original: original::Original::prefer(caps, false), ORIGINAL;
         perturb: perturb::Perturb::prefer(caps), ELEMENTWISE;
         plan: plan::Plan::prefer(caps), FIXED;
         present: present::Present::prefer(caps), FIXED;
@@ -139,6 +144,8 @@ mod tests {
             Requirement::SubgroupVote,
             Requirement::SubgroupArithmetic,
             Requirement::SubgroupBallot,
+            Requirement::SubgroupShuffle,
+            Requirement::SubgroupShuffleRelative,
         ];
         let of = |kernel: &str, caps: &Caps| {
             let choice = chosen(caps)
