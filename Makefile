@@ -1,6 +1,6 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo test bench soak fuzz setup
+.PHONY: demo test bench bench-native soak fuzz setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup

@@ -7,12 +7,12 @@ use crate::scenes::{self, Random, Scene};
 use crate::{device, pack, supported};
 use ashfall::gpu::Gpu;
 use ashfall::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward, Spec};
-use ashfall::layout::{COUNT_FAILED, WHITEN};
-use ashfall::reference::project::{determinant, margins};
+use ashfall::layout::COUNT_FAILED;
+use ashfall::reference::project::margins;
 use ashfall::reference::project_backward::{Penalties, penalty_backward};
 use ashfall::reference::smoothing::{smoothed, smoothed_backward};
 use ashfall::reference::tiles::extent;
-use ashfall::reference::{Cuts, ScreenSplat, Splat, project};
+use ashfall::reference::{Cuts, Splat, project};
 use ashfall::render::planes_from_splats;
 use ashfall::scene::RenderMode;
 
@@ -21,37 +21,6 @@ const SCALE_PENALTY: f32 = 0.5;
 const SIZE_PENALTY: f32 = 0.75;
 /// Statistics as they were before.
 const SEEN: [f32; 4] = [0.5, 3.0, 2.0, 7.0];
-
-/// What a splat's sums say about its numbers on the screen: the inverse of `pack::whitened_sums`.
-fn screen_row(splat: &ScreenSplat<f64>, sums: [f64; 9]) -> [f64; 10] {
-    let [s, x, y, xx, xy, yy, red, green, blue] = sums;
-    let [cov_xx, cov_xy, _] = splat.covariance;
-    let w = f64::from(WHITEN);
-    let (p, q) = (
-        1.0 / cov_xx.sqrt(),
-        (cov_xx / determinant(splat.covariance)).sqrt(),
-    );
-    let slope = cov_xy / cov_xx;
-    // The gradient by the covariance is W' M W / 2 with W = [[p, 0], [-slope q, q]].
-    let (a, b) = (-slope * q, q);
-    let half = 0.5 / (w * w);
-    let d_xx = half * (p * p * xx + 2.0 * p * a * xy + a * a * yy);
-    let d_xy = 2.0 * half * (p * b * xy + a * b * yy);
-    let d_yy = half * b * b * yy;
-    let mean = [(p * x + a * y) / w, b * y / w];
-    [
-        mean[0],
-        mean[1],
-        d_xx,
-        d_xy,
-        d_yy,
-        s / splat.opacity,
-        red,
-        green,
-        blue,
-        0.0,
-    ]
-}
 
 /// The inputs, and what should come of them.
 #[derive(Default)]
@@ -112,7 +81,7 @@ fn prepare(scene: &Scene, filters: Vec<f32>) -> Case {
                 .zip(piece)
                 .for_each(|(sum, x)| *sum += f64::from(x));
         }
-        let by_screen = screen_row(&screen, sums);
+        let by_screen = pack::screen_row(&screen, sums);
         let gradient = smoothed_backward(&splat, sigma, &at, &by_screen);
         row.iter_mut().zip(&gradient).for_each(|(sum, g)| *sum += g);
         let half = [scene.camera.width, scene.camera.height].map(|n| 0.5 * f64::from(n));

@@ -95,7 +95,7 @@ impl Composite {
             pixels: Vec::new(),
         };
         let pixels = (grid.width * grid.height) as usize;
-        let expected = |i| composite.expect(i);
+        let expected = |i| composite.expected_at(i);
         composite.pixels = (0..pixels).into_par_iter().map(expected).collect();
         composite
     }
@@ -111,7 +111,7 @@ impl Composite {
         self.scene.options.background.map(|c| f64::from(c as f32))
     }
 
-    fn expect(&self, pixel: usize) -> Expected {
+    fn expected_at(&self, pixel: usize) -> Expected {
         let cuts = Cuts::ENGINE;
         let (tile, at) = self.place(pixel);
         let ranks = &self.ranks_from_tile[tile];
