@@ -214,7 +214,7 @@ fn check_photos(dataset: &Dataset) -> ashfall::Result<()> {
         assert!(matches!(view.photo, PhotoSource::File { .. }));
     }
     let mut numbers = dataset.points.iter().flat_map(|p| p.position);
-    assert!(numbers.all(f32::is_finite), "every point is finite");
+    assert!(numbers.all(f64::is_finite), "every point is finite");
     Ok(())
 }
 

@@ -140,13 +140,13 @@ fn subject(args: &ChartArgs) -> Result<(Option<Splats>, Dataset, String)> {
         [data] => (None, data),
         [scene, data, ..] => (Some(scene), data),
     };
-    let dataset = args.options.open(data, true)?;
+    let mut dataset = args.options.open(data, true)?;
     let name = scene.unwrap_or(data).display().to_string();
-    Ok((
-        scene.map(|path| read_scene(path)).transpose()?,
-        dataset,
-        name,
-    ))
+    let splats = scene.map(|path| read_scene(path)).transpose()?;
+    if let Some(splats) = &splats {
+        dataset.set_origin(splats.origin);
+    }
+    Ok((splats, dataset, name))
 }
 
 /// The demo's scene.

@@ -53,7 +53,8 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let splats = read_scene(&args.scene)?;
     // As for training: views without a photograph are left out before the split is made.
-    let dataset = args.options.open(&args.data, true)?;
+    let mut dataset = args.options.open(&args.data, true)?;
+    dataset.set_origin(splats.origin);
     let views = dataset.split(args.split.into());
     if views.is_empty() {
         return Err(Error::file(&args.data, "no view belongs to that split"));

@@ -86,10 +86,13 @@ struct Shot {
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let splats = read_scene(&args.scene)?;
-    let dataset = match &args.cameras {
+    let mut dataset = match &args.cameras {
         Some(path) => Some(args.options.open(path, false)?),
         None => None,
     };
+    if let Some(dataset) = &mut dataset {
+        dataset.set_origin(splats.origin);
+    }
     let shots = shots(args, dataset.as_ref(), || {
         orbit::orbit_of_splats(&splats, args.orbit)
     })?;

@@ -171,7 +171,7 @@ pub fn vertices(mesh: &Mesh) -> Vec<Point> {
     let points = mesh.positions.iter().enumerate();
     points
         .map(|(i, position)| Point {
-            position: *position,
+            position: position.map(f64::from),
             color: mesh.colors.get(i).copied().unwrap_or(grey),
         })
         .collect()
@@ -207,7 +207,7 @@ pub fn sample(mesh: &Mesh, count: usize, seed: u64) -> Vec<Point> {
             };
             let colors = mesh.triangles[index].map(|v| mesh.colors.get(v as usize).copied());
             Point {
-                position: blend(mesh.corners(index)),
+                position: blend(mesh.corners(index)).map(f64::from),
                 color: blend(colors.map(|c| c.unwrap_or([0.5; 3]))),
             }
         })

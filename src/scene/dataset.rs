@@ -7,10 +7,17 @@ use std::path::PathBuf;
 /// A coloured point of the sparse reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// World position.
-    pub position: [f32; 3],
+    /// World position; in double precision, as reconstructions of the Earth's surface need it.
+    pub position: [f64; 3],
     /// Colour, 0 to 1 (as stored in the photographs, not linearised).
     pub color: [f32; 3],
+}
+
+impl Point {
+    /// Whether position and colour are numbers.
+    pub fn is_finite(&self) -> bool {
+        self.position.iter().all(|v| v.is_finite()) && self.color.iter().all(|v| v.is_finite())
+    }
 }
 
 /// Which views of a data set.
@@ -130,9 +137,40 @@ pub struct Dataset {
     pub alpha: AlphaMode,
     /// What was repaired or left out on loading, one sentence each.
     pub warnings: Vec<String>,
+    /// Where positions are counted from, in the coordinates of the files: zero, unless those lie so far off that
+    /// single precision would be too coarse for splats ([`Dataset::distant_origin`]).
+    pub origin: DVec3,
 }
 
+/// Cameras this many scene extents away from the origin are too far for positions in single precision: steps of
+/// 2⁻²⁴ of it are 6e-6 extents, several times a late step of training, and thousandths of a pixel.
+const DISTANT_EXTENTS: f64 = 100.0;
+
 impl Dataset {
+    /// The origin to count positions from, where the cameras are too far from that of the files: near their mean,
+    /// and a round number.
+    pub fn distant_origin(&self) -> Option<DVec3> {
+        let sum: DVec3 = self.views.iter().map(|v| v.camera.position).sum();
+        let mean = sum / self.views.len().max(1) as f64;
+        let extent = self.extent();
+        // A power of two, so that neither rounding nor the difference loses a bit.
+        let unit = extent.log2().floor().exp2();
+        let is_distant = mean.length() > DISTANT_EXTENTS * extent;
+        is_distant.then(|| self.origin + (mean / unit).round() * unit)
+    }
+
+    /// Counts all positions from `origin`, which is in the coordinates of the files.
+    pub fn set_origin(&mut self, origin: DVec3) {
+        let by = self.origin - origin;
+        for view in &mut self.views {
+            view.camera.position += by;
+        }
+        for point in &mut self.points {
+            point.position = (DVec3::from(point.position) + by).to_array();
+        }
+        self.origin = origin;
+    }
+
     /// Whether view `index` is held out.
     pub fn is_test(&self, index: usize) -> bool {
         if self.held_out.is_empty() {
@@ -164,7 +202,7 @@ impl Dataset {
         let mut distances: Vec<f64> = self
             .points
             .iter()
-            .map(|p| DVec3::from(p.position.map(f64::from)).distance(mean))
+            .map(|p| DVec3::from(p.position).distance(mean))
             .filter(|d| *d > 0.0 && d.is_finite())
             .collect();
         if distances.is_empty() {

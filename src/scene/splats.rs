@@ -1,5 +1,6 @@
 //! A set of 3D Gaussians as they are stored and trained: logarithms and logits, not their values.
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// The constant spherical-harmonic basis function, 1 / (2 √π).
@@ -39,6 +40,9 @@ pub struct Splats {
     pub sh_degree: u32,
     /// How the scene is to be rendered.
     pub mode: RenderMode,
+    /// Where means are counted from, in the coordinates of the data set's files (`Dataset::origin`): cameras of that
+    /// data set are counted from there too (`Dataset::set_origin`).
+    pub origin: DVec3,
 }
 
 impl Splats {
@@ -50,6 +54,11 @@ impl Splats {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.mean.is_empty()
+    }
+
+    /// The same splats, their means said to be counted from `origin`.
+    pub fn counted_from(self, origin: DVec3) -> Splats {
+        Splats { origin, ..self }
     }
 
     /// Floats of `sh` per splat.
@@ -95,7 +104,7 @@ mod tests {
             opacity_logit: vec![-f32::MAX; 3],
             sh: vec![1e-45; 3 * 12],
             sh_degree: 1,
-            mode: RenderMode::Default,
+            ..Splats::default()
         };
         assert_eq!(sound.not_finite(), None);
         for parameter in 0..11 + 12 {

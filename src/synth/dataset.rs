@@ -169,7 +169,7 @@ impl Scene {
         let reach = 1.5 * self.rig.distance * random.uniform().cbrt();
         let position = self.rig.target + reach * random.direction();
         Point {
-            position: position.as_vec3().to_array(),
+            position: position.as_vec3().as_dvec3().to_array(),
             color: [(); 3].map(|()| random.uniform() as f32),
         }
     }
@@ -198,7 +198,7 @@ impl Scene {
         let color = seen.iter().sum::<DVec3>() / seen.len().max(1) as f64;
         let error = DVec3::from_array([(); 3].map(|()| random.normal())) * options.point_noise;
         (!seen.is_empty()).then(|| Point {
-            position: (position + error).as_vec3().to_array(),
+            position: (position + error).as_vec3().as_dvec3().to_array(),
             color: color.as_vec3().to_array(),
         })
     }

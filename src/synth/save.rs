@@ -95,7 +95,12 @@ fn points_ply(points: &[Point]) -> Vec<u8> {
     )
     .into_bytes();
     for point in points {
-        bytes.extend(point.position.iter().flat_map(|value| value.to_le_bytes()));
+        bytes.extend(
+            point
+                .position
+                .iter()
+                .flat_map(|v| (*v as f32).to_le_bytes()),
+        );
         bytes.extend(point.color.map(Photo::level));
     }
     bytes

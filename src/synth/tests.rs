@@ -183,7 +183,7 @@ fn points_lie_on_surfaces_and_have_their_colours() {
         assert_eq!(data.points.len(), options.points);
         let mut good = 0;
         for point in &data.points {
-            let position = DVec3::from(point.position.map(f64::from));
+            let position = DVec3::from(point.position);
             let mut shown = Vec::new();
             for view in &data.views {
                 let Some(pixel) = view.camera.pixel_from_world(position) else {
@@ -287,7 +287,7 @@ fn a_data_set_is_a_function_of_its_options() {
     });
     let squares = data.points.iter().zip(&noisy.points).map(|(a, b)| {
         (0..3)
-            .map(|i| f64::from(a.position[i] - b.position[i]).powi(2))
+            .map(|i| (a.position[i] - b.position[i]).powi(2))
             .sum::<f64>()
     });
     let deviation = (squares.sum::<f64>() / (3 * data.points.len()) as f64).sqrt();
@@ -353,6 +353,6 @@ fn a_saved_data_set_says_the_same() {
     assert_eq!(ply.len() - header, data.points.len() * 15);
     assert_eq!(
         ply[header..header + 4],
-        data.points[0].position[0].to_le_bytes()
+        (data.points[0].position[0] as f32).to_le_bytes()
     );
 }

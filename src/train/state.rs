@@ -82,6 +82,7 @@ impl HostState {
             sh,
             sh_degree: self.sh_degree,
             mode,
+            ..Splats::default()
         }
     }
 
@@ -188,7 +189,7 @@ mod tests {
             opacity_logit: (0..count).map(number).collect(),
             sh: (0..count * stride).map(number).collect(),
             sh_degree: degree,
-            mode: RenderMode::Default,
+            ..Splats::default()
         }
     }
 

@@ -244,7 +244,8 @@ impl<'a> Trainer<'a> {
 
     /// The splats after the last step begun; waits for it.
     pub fn splats(&mut self) -> Result<Splats> {
-        Ok(self.download()?.to_splats(self.config.mode))
+        let splats = self.download()?.to_splats(self.config.mode);
+        Ok(splats.counted_from(self.dataset.origin))
     }
 
     /// What density control has gathered since the last refinement; waits for the last step begun.

@@ -1,10 +1,5 @@
-//! Files as other programs write them. What of the catalogue's entries on files stands elsewhere, or asks nothing here:
-//!
-//! * 97–100, any bytes at all: `tests/fuzz`; every case of a corpus: `tests/broken.rs`; one by one: `tests/io`.
-//! * 101: EXR files are written, never read.
-//! * 104, 105: bindings and indices: the tests of `render`, in blocks.
-//! * 108, 109: every test's device has synchronisation validation on, and buffers begin as NaNs (`tests/common`).
-//! * 111: below; 110, 112–115: every kernel's every variant against the oracle (`tests/kernels`).
+//! Files as other programs write them, longer than the catalogue's small tests in `tests/stability`; any bytes at all
+//! are the business of `tests/fuzz`, a corpus of damaged files that of `tests/broken.rs`.
 
 use ashfall::io::colmap::{self, Files};
 use ashfall::io::{Source, ply};

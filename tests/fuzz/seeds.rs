@@ -79,6 +79,7 @@ fn splats(degree: u32, mode: RenderMode) -> Splats {
         sh: (0..2 * stride).map(|i| i as f32 * 0.125).collect(),
         sh_degree: degree,
         mode,
+        ..Splats::default()
     }
 }
 

@@ -45,7 +45,7 @@ fn dataset(scene: &Scene, camera: &Camera) -> Dataset {
     let distance = scene.options.near / (1.1 * f64::from(config(scene).near_factor));
     let ray = camera.rotation.row(2) * distance;
     let point = Point {
-        position: (camera.position + ray).to_array().map(|x| x as f32),
+        position: (camera.position + ray).to_array(),
         color: [0.5; 3],
     };
     Dataset {
@@ -62,7 +62,7 @@ fn dataset(scene: &Scene, camera: &Camera) -> Dataset {
         test_every: 0,
         held_out: Vec::new(),
         alpha: AlphaMode::Composite,
-        warnings: Vec::new(),
+        ..Dataset::default()
     }
 }
 

@@ -256,7 +256,7 @@ fn the_shared_scenes_are_as_described() {
         assert!(data.extent() > 0.1, "{}", data.extent());
         // Half of the points and more are inside of some view, in front of it.
         let seen = data.points.iter().filter(|point| {
-            let point = glam::DVec3::from(point.position.map(f64::from));
+            let point = glam::DVec3::from(point.position);
             data.views.iter().any(|view| {
                 view.camera.pixel_from_world(point).is_some_and(|p| {
                     p.x > 0.0 && p.y > 0.0 && p.x < size.0.into() && p.y < size.1.into()

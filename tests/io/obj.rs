@@ -107,7 +107,7 @@ fn points_are_spread_by_area() {
     assert!(low.abs_diff(5000) < 310, "{low}");
     // Evenly inside: the mean is the centroid, and all lie within.
     let of_low = points.iter().filter(|p| p.position[2] == 0.0);
-    let mean = of_low.clone().map(|p| p.position[0]).sum::<f32>() / low as f32;
+    let mean = of_low.clone().map(|p| p.position[0]).sum::<f64>() / low as f64;
     assert!((mean - 2.0 / 3.0).abs() < 0.05, "{mean}");
     assert!(
         of_low

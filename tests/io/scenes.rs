@@ -52,7 +52,7 @@ pub(crate) fn points() -> Vec<(u64, Point)> {
         .map(|id| {
             let t = id as f32 / 1000.0;
             let point = Point {
-                position: [t - 0.4, 0.3 - t, 0.5 * t],
+                position: [t - 0.4, 0.3 - t, 0.5 * t].map(f64::from),
                 color: [t, 0.5, 1.0 - t].map(|c| (c * 255.0).round() / 255.0),
             };
             (id, point)
@@ -111,7 +111,7 @@ pub(crate) fn write_binary(model: &Path) {
     for (id, point) in points() {
         file.extend(id.to_le_bytes());
         for value in point.position {
-            file.extend(f64::from(value).to_le_bytes());
+            file.extend(value.to_le_bytes());
         }
         file.extend(point.color.map(byte));
         file.extend(0.5f64.to_le_bytes());
@@ -145,7 +145,7 @@ pub(crate) fn write_text(model: &Path) {
 
     let mut file = String::from("# 3D point list\n");
     for (id, point) in points() {
-        let [x, y, z] = point.position.map(f64::from);
+        let [x, y, z] = point.position;
         let [r, g, b] = point.color.map(byte);
         writeln!(file, "{id} {x} {y} {z} {r} {g} {b} 0.5 7 0 2 1").unwrap();
     }

@@ -31,7 +31,7 @@ fn single(mean: [f32; 3]) -> Splats {
         opacity_logit: vec![0.0],
         sh: [1.0, 0.5, 0.25].map(|c| (c - 0.5) / SH_C0).to_vec(),
         sh_degree: 0,
-        mode: RenderMode::Default,
+        ..Splats::default()
     }
 }
 

@@ -6,11 +6,13 @@
 use crate::file_scenes;
 use crate::lab::{Lab, lab};
 use crate::scenes;
+use crate::trained::train;
 use ashfall::io::dataset::{self, OpenOptions};
 use ashfall::io::{photo, splats};
 use ashfall::render::{Blocks, plane_count};
-use ashfall::scene::{Camera, View};
-use glam::DMat3;
+use ashfall::scene::{Camera, Dataset, View};
+use ashfall::train::TrainConfig;
+use glam::{DMat3, DVec3};
 use std::fs;
 use std::path::Path;
 
@@ -71,6 +73,85 @@ fn f099_transforms() {
         assert!((camera.position - theirs.position).length() < 1e-9);
         assert!((camera.rotation * theirs.rotation.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-9));
     }
+}
+
+/// In `folder`, the data set of `transforms.json` with everything moved by `offset`; its points in double precision.
+fn moved(folder: &Path, offset: DVec3) -> Dataset {
+    file_scenes::write_photos(&folder.join("images"));
+    let mut file = file_scenes::transforms();
+    for frame in file["frames"].as_array_mut().unwrap() {
+        for (row, by) in offset.to_array().into_iter().enumerate() {
+            let place = &mut frame["transform_matrix"][row][3];
+            *place = (place.as_f64().unwrap() + by).into();
+        }
+    }
+    file["ply_file_path"] = "points.ply".into();
+    fs::write(folder.join("transforms.json"), file.to_string()).unwrap();
+    let rows: String = file_scenes::points()
+        .iter()
+        .map(|(_, point)| DVec3::from(point.position) + offset)
+        .map(|p| format!("{} {} {}\n", p.x, p.y, p.z))
+        .collect();
+    let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\n\
+                  property double z\nend_header\n";
+    fs::write(folder.join("points.ply"), header.to_owned() + &rows).unwrap();
+    dataset::open(folder, &OpenOptions::default()).unwrap()
+}
+
+/// Coordinates of the Earth's surface, as drones have them: positions are counted from near the cameras, the scene
+/// says from where, and neither cameras nor points lose anything by it. Tolerance: two roundings in double precision
+/// at that distance, 2 · 2⁻⁵³ · 2²³ < 2e-9.
+#[test]
+fn f019_positions_are_counted_from_near_the_cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let near = moved(folder.path(), DVec3::ZERO);
+    assert_eq!(near.origin, DVec3::ZERO);
+    let offset = DVec3::new(6.0e5, 5.1e6, 120.0);
+    let mut far = moved(folder.path(), offset);
+    assert!(
+        far.warnings
+            .iter()
+            .any(|w| w.contains("far from the origin"))
+    );
+    let same = |a: DVec3, b: DVec3| (a - b).length() < 2e-9;
+    for (a, b) in far.views.iter().zip(&near.views) {
+        assert!(a.camera.position.length() < 10.0);
+        assert!(same(
+            a.camera.position + far.origin,
+            b.camera.position + offset
+        ));
+    }
+    for (a, b) in far.points.iter().zip(&near.points) {
+        assert!(same(
+            DVec3::from(a.position) + far.origin,
+            DVec3::from(b.position) + offset
+        ));
+    }
+    // What is trained says where it is, and so does its file.
+    let splats = train(&lab(), &far, &TrainConfig::for_iterations(3));
+    assert_eq!(splats.origin, far.origin);
+    assert!(splats.mean.iter().flatten().all(|x| x.abs() < 10.0));
+    let path = folder.path().join("scene.ply");
+    splats::write(&path, &splats).unwrap();
+    assert!(splats::read(&path).unwrap().splats == splats);
+    // A scene of another program is in the coordinates of the files.
+    far.set_origin(DVec3::ZERO);
+    assert!(same(
+        far.views[0].camera.position,
+        near.views[0].camera.position + offset
+    ));
+    let text = fs::read(&path).unwrap();
+    let text = text.strip_prefix(b"ply\n").unwrap();
+    fs::write(
+        &path,
+        [b"ply\ncomment SplatOrigin: 1 2 nan\n", text].concat(),
+    )
+    .unwrap();
+    let error = splats::read(&path).unwrap_err().to_string();
+    assert!(
+        error.contains("scene.ply") && error.contains("1 2 nan"),
+        "{error}"
+    );
 }
 
 /// What claims to be larger than any photograph is refused before anything is decoded.

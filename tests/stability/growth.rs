@@ -3,7 +3,7 @@
 use crate::lab::{Lesson, lab, within};
 use crate::props::{Prop, logit, place, stage};
 use crate::scenes::{self, Random, Scene};
-use ashfall::scene::{AlphaMode, Dataset, Photo, PhotoSource, Point, View};
+use ashfall::scene::{Dataset, Photo, PhotoSource, Point, View};
 use ashfall::train::strategy::{RefineContext, RefineReport, SplatStats, strategy};
 use ashfall::train::{HostState, StrategyKind, TrainConfig, initial_splats};
 
@@ -173,7 +173,7 @@ fn f086_degenerate_starts() {
         photo: PhotoSource::Memory(photo),
     };
     let config = TrainConfig::for_iterations(100);
-    let at = |x: f32| Point {
+    let at = |x: f64| Point {
         position: [x, 1.0, 2.0],
         color: [0.5; 3],
     };
@@ -182,17 +182,14 @@ fn f086_degenerate_starts() {
         vec![at(0.0)],
         vec![at(0.0), at(1.0)],
         vec![at(0.0); 40],
-        vec![at(f32::NAN), at(0.0), at(f32::INFINITY)],
-        vec![at(f32::NAN); 3],
+        vec![at(f64::NAN), at(0.0), at(f64::INFINITY)],
+        vec![at(f64::NAN); 3],
         vec![at(1e30), at(-1e30), at(0.0), at(1e-30)],
     ] {
         let dataset = Dataset {
             views: vec![view.clone(), view.clone(), view.clone()],
             points,
-            test_every: 0,
-            held_out: Vec::new(),
-            alpha: AlphaMode::Composite,
-            warnings: Vec::new(),
+            ..Dataset::default()
         };
         let extent = dataset.extent();
         assert!(extent.is_finite() && extent > 0.0, "an extent of {extent}");

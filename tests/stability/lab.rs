@@ -158,13 +158,11 @@ pub(crate) fn dataset(scene: &Scene, lesson: &Lesson) -> Dataset {
             }),
         }],
         points: vec![Point {
-            position: (camera.position + ray).to_array().map(|x| x as f32),
+            position: (camera.position + ray).to_array(),
             color: [0.5; 3],
         }],
-        test_every: 0,
-        held_out: Vec::new(),
         alpha: lesson.alpha,
-        warnings: Vec::new(),
+        ..Dataset::default()
     }
 }
 

@@ -159,8 +159,8 @@ fn spot(sigma: f64) -> Scene {
         // Opaque but for 6e-6.
         opacity_logit: vec![12.0],
         sh: vec![0.5 / ashfall::scene::SH_C0; 3],
-        sh_degree: 0,
         mode: RenderMode::Mip,
+        ..Splats::default()
     };
     scene
 }

@@ -96,7 +96,7 @@ fn one_view(dataset: &Dataset, plan: &Plan) -> Result<Dataset> {
     // The extent of a data set with one camera is 1.1 times the distance of its points.
     let ahead = camera.rotation.row(2) * (dataset.extent() / 1.1);
     let point = Point {
-        position: (camera.position + ahead).to_array().map(|x| x as f32),
+        position: (camera.position + ahead).to_array(),
         color: [0.5; 3],
     };
     // Alpha is composited once and for all, so that the reference need not know of it.

@@ -13,6 +13,7 @@ use super::{Outcome, eval};
 use crate::scene::{Dataset, Point, Split};
 use crate::{Error, Result, io};
 use clap::Args;
+use glam::DVec3;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -89,7 +90,10 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
     let start = Instant::now();
     let mut dataset = record.options.open(&record.data, true)?;
     if let Some(init) = &record.init {
+        let origin = dataset.origin;
+        dataset.set_origin(DVec3::ZERO);
         dataset.points = points(init)?;
+        dataset.set_origin(origin);
     }
     let engine = Engine::open(&args.device)?;
     let mut training = match &args.resume {

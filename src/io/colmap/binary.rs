@@ -86,7 +86,7 @@ pub(super) fn points(source: Source<'_>) -> Result<Vec<Numbered>> {
         let track = reader.check_count(track, TRACK_ELEMENT_BYTES, "track elements")?;
         reader.skip(track as u64 * TRACK_ELEMENT_BYTES, "a track")?;
         let point = Point {
-            position: position.map(|v| v as f32),
+            position,
             color: color.map(|c| f32::from(c) / 255.0),
         };
         points.push((id, point));

@@ -157,10 +157,7 @@ pub(super) fn points(source: Source<'_>) -> Result<Vec<Numbered>> {
         for channel in &mut color {
             *channel = f32::from(lines.integer::<u8>("the colour")?) / 255.0;
         }
-        let point = Point {
-            position: position.map(|v| v as f32),
-            color,
-        };
+        let point = Point { position, color };
         points.push((id, point));
     }
     Ok(points)

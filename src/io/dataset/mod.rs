@@ -90,14 +90,22 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
     } else {
         AlphaMode::Composite
     };
-    let dataset = Dataset {
+    let mut dataset = Dataset {
         views,
         points,
         test_every: options.test_every,
         held_out,
         alpha: options.alpha.unwrap_or(undistorted),
         warnings,
+        origin: DVec3::ZERO,
     };
+    if let Some(origin) = dataset.distant_origin() {
+        dataset.warnings.push(format!(
+            "{}: the cameras are far from the origin; positions are counted from {origin}",
+            path.display()
+        ));
+        dataset.set_origin(origin);
+    }
     if options.photos_required && dataset.split(Split::Train).is_empty() {
         let what = format!(
             "no view is left to train on: all {} are test views (every {}th is); hold out fewer",
@@ -174,7 +182,7 @@ fn colmap_photos(path: &Path, options: &OpenOptions) -> PathBuf {
 /// Drops points that are not finite, with a warning that counts them and names `path`.
 pub fn keep_finite(path: &Path, points: &mut Vec<Point>, warnings: &mut Vec<String>) {
     let count = points.len();
-    points.retain(|p| p.position.iter().chain(&p.color).all(|v| v.is_finite()));
+    points.retain(Point::is_finite);
     if points.len() < count {
         warnings.push(format!(
             "{}: {} of {count} points are not finite and were dropped",
@@ -189,7 +197,7 @@ pub fn keep_finite(path: &Path, points: &mut Vec<Point>, warnings: &mut Vec<Stri
 fn warn_if_unseen(path: &Path, views: &[View], points: &[Point], warnings: &mut Vec<String>) {
     let step = points.len().div_ceil(1000).max(1);
     let seen = points.iter().step_by(step).any(|point| {
-        let point = DVec3::from(point.position.map(f64::from));
+        let point = DVec3::from(point.position);
         views.iter().any(|view| {
             let size = DVec3::new(view.camera.width.into(), view.camera.height.into(), 0.0);
             let pixel = view.camera.pixel_from_world(point);

@@ -15,6 +15,9 @@ pub use write::write;
 
 use crate::scene::Splats;
 
+/// Begins the comment that says where means are counted from: three numbers follow.
+const ORIGIN: &str = "SplatOrigin:";
+
 /// What was read, and what had to be repaired or left out, one sentence each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Loaded {

@@ -2,11 +2,12 @@
 
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
-use super::Loaded;
 use super::header::{Element, Encoding, Header};
 use super::rows;
+use super::{Loaded, ORIGIN};
 use crate::error::{Error, Result};
 use crate::scene::{Point, RenderMode, Splats, sh_coefficient_count};
+use glam::DVec3;
 use std::path::Path;
 
 /// What every splat has, in the order the rows are read.
@@ -37,6 +38,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
     let (columns, sh_degree) = splat_columns(path, vertex)?;
     let mut warnings = Vec::new();
     let mode = render_mode(path, &header.comments, &mut warnings)?;
+    let origin = origin(path, &header.comments)?;
     rows::skip_to(&mut reader, &header, index)?;
     let count = rows::check_count(&reader, &header, vertex)?;
     let mut builder = Builder::new(count, sh_degree, mode);
@@ -48,7 +50,10 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
     }
     builder.warn(path, count, &mut warnings);
     Ok(Loaded {
-        splats: builder.splats,
+        splats: Splats {
+            origin,
+            ..builder.splats
+        },
         warnings,
     })
 }
@@ -82,7 +87,7 @@ pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
     rows::read(&mut reader, header.encoding, vertex, &columns, |row| {
         let color = |channel: usize| unit.map_or(0.5, |unit| (row[3 + channel] * unit) as f32);
         points.push(Point {
-            position: [row[0] as f32, row[1] as f32, row[2] as f32],
+            position: [row[0], row[1], row[2]],
             color: [color(0), color(1), color(2)],
         });
     })?;
@@ -169,6 +174,21 @@ fn render_mode(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> 
         }
     }
     Ok(mode)
+}
+
+/// Where means are counted from, if a comment says so.
+fn origin(path: &Path, comments: &[String]) -> Result<DVec3> {
+    let Some(text) = comments.iter().find_map(|c| c.strip_prefix(ORIGIN)) else {
+        return Ok(DVec3::ZERO);
+    };
+    let numbers: Option<Vec<f64>> = text.split_whitespace().map(|n| n.parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => Ok(DVec3::new(x, y, z)),
+        _ => {
+            let what = format!("the origin is not three numbers: {}", excerpt(text));
+            Err(Error::file(path, what))
+        }
+    }
 }
 
 fn warn_of_trailing_bytes(

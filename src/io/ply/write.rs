@@ -1,13 +1,16 @@
 //! Writing splats in the layout that every viewer reads.
 
 use super::super::atomic::write_atomically;
+use super::ORIGIN;
 use crate::error::Result;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+use glam::DVec3;
 use std::io::Write;
 use std::path::Path;
 
 /// Writes `splats` as binary little-endian floats `x y z nx ny nz f_dc f_rest opacity scale rot`, the
-/// layout of the 3DGS reference code, with the render mode in a comment. What [`super::read`] returns
+/// layout of the 3DGS reference code, with the render mode in a comment, and one about the origin where it
+/// is not zero. What [`super::read`] returns
 /// for the file is equal bit for bit. The file appears whole or not at all.
 pub fn write(path: &Path, splats: &Splats) -> Result<()> {
     let count = splats.len();
@@ -55,8 +58,12 @@ fn header(splats: &Splats) -> String {
         .iter()
         .map(|name| format!("property float {name}\n"))
         .collect();
+    let origin = match splats.origin {
+        DVec3::ZERO => String::new(),
+        DVec3 { x, y, z } => format!("comment {ORIGIN} {x} {y} {z}\n"),
+    };
     format!(
-        "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: {mode}\n\
+        "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: {mode}\n{origin}\
          element vertex {}\n{properties}end_header\n",
         splats.len()
     )

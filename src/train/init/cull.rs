@@ -13,7 +13,7 @@ pub(super) fn culled(points: &[Point], cameras: &[Camera], config: &InitConfig) 
     let wanted = (config.cull_views as usize).min(cameras.len());
     let fence = Fence::around(points, f64::from(config.cull_fence));
     let is_kept = |point: &&Point| {
-        let position = DVec3::from(point.position.map(f64::from));
+        let position = DVec3::from(point.position);
         let views = cameras.iter().filter(|camera| sees(camera, position));
         fence.holds(position) && views.take(wanted).count() == wanted
     };
@@ -39,9 +39,9 @@ impl Fence {
         }
         let mut fence = everything;
         for axis in 0..3 {
-            let mut sorted: Vec<f32> = points.iter().map(|p| p.position[axis]).collect();
-            sorted.sort_unstable_by(f32::total_cmp);
-            let at = |quarter: usize| f64::from(sorted[(sorted.len() - 1) * quarter / 4]);
+            let mut sorted: Vec<f64> = points.iter().map(|p| p.position[axis]).collect();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let at = |quarter: usize| sorted[(sorted.len() - 1) * quarter / 4];
             let reach = factor * (at(3) - at(1));
             fence.low[axis] = at(1) - reach;
             fence.high[axis] = at(3) + reach;
@@ -59,7 +59,7 @@ mod tests {
     use super::*;
     use glam::{DMat3, DVec2};
 
-    fn points(positions: impl IntoIterator<Item = [f32; 3]>) -> Vec<Point> {
+    fn points(positions: impl IntoIterator<Item = [f64; 3]>) -> Vec<Point> {
         let point = |position| Point {
             position,
             color: [0.5; 3],
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn points_far_from_the_bulk_are_left_out_wherever_it_lies() {
-        let bulk = (0..101).map(|i| [1e3 + i as f32 * 0.01, i as f32, 0.0]);
+        let bulk = (0..101).map(|i| [1e3 + f64::from(i) * 0.01, f64::from(i), 0.0]);
         // The quartiles of y are about 25 and 75: the fence runs from about -125 to 225.
         let strays = [200.0, 250.0, -100.0, -150.0].map(|y| [1e3, y, 0.0]);
         let strays = strays.into_iter().chain([[0.0; 3]]);

@@ -46,7 +46,7 @@ pub fn points_in_frusta(cameras: &[Camera], count: usize, extent: f64, seed: u64
                 },
             );
         Point {
-            position: best.1.as_vec3().to_array(),
+            position: best.1.to_array(),
             color: [0.5; 3],
         }
     };
@@ -103,7 +103,7 @@ mod tests {
         assert_eq!(points.len(), 500);
         assert_eq!(points, points_in_frusta(&cameras, 500, 4.4, 1));
         let votes = |p: &Point| {
-            let position = DVec3::from(p.position.map(f64::from));
+            let position = DVec3::from(p.position);
             cameras.iter().filter(|c| sees(c, position)).count()
         };
         assert!(points.iter().all(|p| votes(p) > 0));

@@ -24,7 +24,7 @@ const LONE_SCALE: f64 = 0.01;
 ///
 /// Errors if there is nothing to start from: neither points nor training views.
 pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> Result<Splats> {
-    let finite = |p: &&Point| p.position.iter().chain(&p.color).all(|x| x.is_finite());
+    let finite = |p: &&Point| p.is_finite();
     let training = dataset.split(Split::Train);
     let cameras: Vec<_> = training.iter().map(|&i| dataset.views[i].camera).collect();
     let points: Vec<Point> = dataset.points.iter().filter(finite).copied().collect();
@@ -45,7 +45,10 @@ pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> R
 /// All points must be finite.
 pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -> Splats {
     let points = subsample(points, config.splat_limit(), config.seed);
-    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position).collect();
+    let positions: Vec<[f32; 3]> = points
+        .iter()
+        .map(|p| p.position.map(|x| x as f32))
+        .collect();
     let factor = f64::from(config.init.scale_factor);
     let log_scale = |distance: &f64| {
         let spacing = if *distance > 0.0 {
@@ -73,7 +76,7 @@ pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -
         mean: positions,
         sh,
         sh_degree: config.sh_degree,
-        mode: Default::default(),
+        ..Splats::default()
     }
 }
 
@@ -100,7 +103,7 @@ mod tests {
 
     fn points(positions: &[[f32; 3]]) -> Vec<Point> {
         let point = |&position: &[f32; 3]| Point {
-            position,
+            position: position.map(f64::from),
             color: [0.5, 1.0, 0.0],
         };
         positions.iter().map(point).collect()
