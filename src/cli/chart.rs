@@ -104,7 +104,7 @@ fn verdict(chart: &Chart) -> Result<Outcome> {
         [first, ..] => Err(Error::Config(format!(
             "{} of {} settings break their bounds; the first: {first}",
             broken.len(),
-            chart.frames.len()
+            chart.bounded()
         ))),
     }
 }

@@ -18,6 +18,17 @@ pub fn project_backward(splat: &Splat<f64>, view: &Viewpoint, by_screen: &[f64; 
     })
 }
 
+/// Derivatives of [`ScreenSplat::row`](super::ScreenSplat::row) by each of [`Splat::parameters`]; zero throughout for
+/// a splat that is not drawn.
+pub fn slopes(splat: &Splat<f64>, view: &Viewpoint) -> Vec<[f64; 10]> {
+    let mut slopes = Vec::new();
+    for (lifted, lanes) in lifted(splat) {
+        let row = project(&lifted, view).map_or([Dual::of(0.0); 10], |screen| screen.row());
+        slopes.extend((0..lanes).map(|lane| row.map(|number| number.d[lane])));
+    }
+    slopes
+}
+
 /// What is added to the loss for one splat, whether it is seen or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Penalties {
@@ -48,16 +59,25 @@ pub(super) fn differentiate(
     splat: &Splat<f64>,
     function: impl Fn(&Splat<Dual<LANES>>) -> Dual<LANES>,
 ) -> Vec<f64> {
+    let passes = lifted(splat).into_iter();
+    passes
+        .flat_map(|(lifted, lanes)| function(&lifted).d.into_iter().take(lanes))
+        .collect()
+}
+
+/// A splat of which a few parameters at a time are variables, and how many.
+fn lifted(splat: &Splat<f64>) -> Vec<(Splat<Dual<LANES>>, usize)> {
     let values = splat.parameters();
-    let mut gradient = Vec::with_capacity(values.len());
-    for first in (0..values.len()).step_by(LANES) {
+    let pass = |first: usize| {
         let lifted: Vec<Dual<LANES>> = values
             .iter()
             .enumerate()
             .map(|(i, &value)| Dual::variable(value, i.checked_sub(first)))
             .collect();
-        let lanes = LANES.min(values.len() - first);
-        gradient.extend(&function(&Splat::from_parameters(&lifted)).d[..lanes]);
-    }
-    gradient
+        (
+            Splat::from_parameters(&lifted),
+            LANES.min(values.len() - first),
+        )
+    };
+    (0..values.len()).step_by(LANES).map(pass).collect()
 }

@@ -4,6 +4,7 @@ mod bounds;
 mod closed_forms;
 mod cuts;
 mod derivatives;
+mod gradient_bounds;
 mod gradients;
 mod losses;
 mod metamorphic;

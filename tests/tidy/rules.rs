@@ -55,8 +55,16 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "the operations composed: a picture",
     ),
     (
-        "src/reference/bound.rs",
+        "src/reference/bound/stack.rs",
+        "part of the bounds: what a pixel sees when nothing is saved",
+    ),
+    (
+        "src/reference/bound/picture.rs",
         "what frames that save work may lose: judges the accuracy that rendering is given",
+    ),
+    (
+        "src/reference/bound/gradient.rs",
+        "what their gradients may lose",
     ),
     (
         "src/reference/gradient.rs",

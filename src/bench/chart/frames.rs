@@ -5,11 +5,11 @@ use super::{Plan, training};
 use crate::Result;
 use crate::bench::{CpuClock, Summary};
 use crate::gpu::Gpu;
-use crate::reference::bound::{Savings, Traced, color_errors, trace};
+use crate::reference::bound::{Savings, Traced, trace};
 use crate::reference::{self};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
 use crate::report::chart::{Errors, FramePoint, Interval};
-use crate::scene::{Camera, Splats, sh_coefficient_count};
+use crate::scene::{Camera, Splats};
 
 /// What rounding to `f32` may change, of the colour range, in images up to [`ROUNDING_SIZE`] pixels wide: what
 /// `tests/frame.rs` holds every frame to, fifty times the largest error seen there.
@@ -17,6 +17,12 @@ const ROUNDING: f64 = 1e-4;
 
 /// Positions are rounded relatively to the image's size: in larger ones [`ROUNDING`] grows with it.
 const ROUNDING_SIZE: f64 = 128.0;
+
+/// [`ROUNDING`] in the images of a camera.
+pub(super) fn rounding(camera: &Camera) -> f64 {
+    let size = f64::from(camera.width.max(camera.height));
+    ROUNDING * (size / ROUNDING_SIZE).max(1.0)
+}
 
 /// What is drawn.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +54,7 @@ impl Frames<'_> {
         progress: &mut dyn FnMut(&str),
     ) -> Result<Vec<FramePoint>> {
         let settings = settings::of_frames(self.splats.sh_degree, plan);
-        let savings: Vec<Savings> = settings.iter().map(|s| self.savings(s)).collect();
+        let savings: Vec<Savings> = settings.iter().map(|s| s.savings(self.splats)).collect();
         let model = Model::upload(gpu, self.splats)?;
         let view = ViewOptions {
             background: training::BACKGROUND,
@@ -79,10 +85,8 @@ impl Frames<'_> {
             let traced = trace(self.splats, camera, &self.options(), &savings);
             for (which, contender) in contenders.iter_mut().enumerate() {
                 let drawn = contender.renderer.render(&model, camera, &view)?;
-                let size = camera.width.max(camera.height);
-                contender
-                    .errors
-                    .push(judge(&drawn.rgb, &traced, which, size));
+                let judged = judge(&drawn.rgb, &traced, which, rounding(camera));
+                contender.errors.push(judged);
             }
         }
         // In turns, so that what disturbs the machine disturbs all alike.
@@ -106,24 +110,6 @@ impl Frames<'_> {
             cuts: reference::Cuts::NONE,
         }
     }
-
-    /// What a setting leaves out, as the reference counts it.
-    fn savings(&self, setting: &FrameSetting) -> Savings {
-        let kept = sh_coefficient_count(setting.sh_degree);
-        let stored = |k: usize, value: f32| if k < kept { f64::from(value) } else { 0.0 };
-        let is_whole = setting.sh_degree >= self.splats.sh_degree;
-        let accuracy = &setting.accuracy;
-        Savings {
-            alpha_min: f64::from(accuracy.alpha_min),
-            transmittance_min: f64::from(accuracy.transmittance_min),
-            sigma_max: accuracy.sigma_max.map_or(f64::INFINITY, f64::from),
-            color_error: match is_whole {
-                true => Vec::new(),
-                false => color_errors(self.splats, stored),
-            },
-            removed: Vec::new(),
-        }
-    }
 }
 
 /// A frame beside the exact one.
@@ -139,8 +125,9 @@ pub struct Judged {
     pub excess: f64,
 }
 
-/// Compares a frame with the exact one; `which` of its bounds counts, and `size` is the longer side in pixels.
-pub fn judge(drawn: &[[f32; 3]], traced: &[Traced], which: usize, size: u32) -> Judged {
+/// Compares a frame with the exact one; `which` of its bounds counts, and rounding may change so much of a pixel's
+/// colour range.
+pub fn judge(drawn: &[[f32; 3]], traced: &[Traced], which: usize, share: f64) -> Judged {
     assert_eq!(drawn.len(), traced.len(), "sizes differ");
     let mut judged = Judged {
         errors: Vec::with_capacity(drawn.len()),
@@ -149,7 +136,6 @@ pub fn judge(drawn: &[[f32; 3]], traced: &[Traced], which: usize, size: u32) -> 
         rounding: 0.0,
         excess: f64::NEG_INFINITY,
     };
-    let share = ROUNDING * (f64::from(size) / ROUNDING_SIZE).max(1.0);
     for ((pixel, exact), bound) in drawn.iter().zip(traced).zip(&judged.bounds) {
         let off = [0, 1, 2].map(|c| (f64::from(pixel[c]) - exact.color[c]).abs());
         judged.square += off.iter().map(|d| d * d).sum::<f64>();
@@ -257,19 +243,19 @@ mod tests {
     fn a_pixel_beyond_its_own_bound_is_found() {
         let traced = [exact(1e-2), exact(1e-3)];
         let drawn = [[0.509, 0.25, 0.0], [0.5, 0.25, 0.0009]];
-        let kept = judge(&drawn, &traced, 1, 64);
+        let kept = judge(&drawn, &traced, 1, 1e-4);
         assert!(kept.excess < 0.0, "{}", kept.excess);
         // Below the largest bound, but above its own.
-        let broken = judge(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 64);
+        let broken = judge(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 1e-4);
         assert!(
             (broken.excess - (5e-3 - 1e-3 - 1e-4)).abs() < 1e-6,
             "{}",
             broken.excess
         );
-        // Rounding grows with the image.
-        let large = judge(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 128 * 64);
+        // Rounding may explain it.
+        let large = judge(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 64e-4);
         assert!(large.excess < 0.0, "{}", large.excess);
-        let poison = judge(&[[f32::NAN; 3], drawn[1]], &traced, 1, 64);
+        let poison = judge(&[[f32::NAN; 3], drawn[1]], &traced, 1, 1e-4);
         assert!(poison.excess.is_nan());
     }
 }

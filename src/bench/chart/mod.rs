@@ -1,8 +1,8 @@
 //! The measurements of the chart of speed against accuracy: every setting of every knob, timed and judged.
 //!
 //! Frames are judged against the `f64` reference that saves nothing, pixel by pixel, each pixel by its own
-//! proven bound ([`crate::reference::bound`]); gradients against the exact ones; training runs by views that
-//! were held out, over several seeds. The page itself is [`crate::report::chart`].
+//! proven bound ([`crate::reference::bound`]); gradients likewise, parameter by parameter; training runs by views
+//! that were held out, over several seeds. The page itself is [`crate::report::chart`].
 
 mod frames;
 mod gradients;
@@ -16,6 +16,7 @@ use crate::train::TrainConfig;
 use crate::{Error, Result};
 
 pub use frames::{Frames, judge};
+use gradients::Gradients;
 
 /// How much is measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,7 +105,12 @@ pub fn measure(
         near,
     };
     chart.frames = frames.measure(gpu, plan, progress)?;
-    chart.gradients = gradients::measure(gpu, dataset, &made, plan, progress)?;
+    let gradients = Gradients {
+        gpu,
+        dataset,
+        splats: &made,
+    };
+    chart.gradients = gradients.measure(plan, progress)?;
     Ok(chart)
 }
 

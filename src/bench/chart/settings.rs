@@ -1,9 +1,10 @@
 //! Which knobs are turned, and how far.
 
 use super::Plan;
+use crate::reference::bound::{Savings, color_errors};
 use crate::render::Accuracy;
 use crate::report::chart::Knob;
-use crate::scene::RenderMode;
+use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 use crate::train::{StrategyKind, TrainConfig};
 
 /// How a frame is drawn.
@@ -13,6 +14,25 @@ pub(super) struct FrameSetting {
     pub(super) accuracy: Accuracy,
     /// Highest degree of harmonics drawn.
     pub(super) sh_degree: u32,
+}
+
+impl FrameSetting {
+    /// What it leaves out of a scene, as the reference counts it.
+    pub(super) fn savings(&self, splats: &Splats) -> Savings {
+        let kept = sh_coefficient_count(self.sh_degree);
+        let stored = |k: usize, value: f32| if k < kept { f64::from(value) } else { 0.0 };
+        let accuracy = &self.accuracy;
+        Savings {
+            alpha_min: f64::from(accuracy.alpha_min),
+            transmittance_min: f64::from(accuracy.transmittance_min),
+            sigma_max: accuracy.sigma_max.map_or(f64::INFINITY, f64::from),
+            color_error: match self.sh_degree >= splats.sh_degree {
+                true => Vec::new(),
+                false => color_errors(splats, stored),
+            },
+            removed: Vec::new(),
+        }
+    }
 }
 
 fn knob(series: &str, setting: impl Into<String>) -> Knob {

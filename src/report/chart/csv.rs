@@ -24,8 +24,15 @@ pub fn csv(chart: &Chart) -> String {
         let knob = ("gradients", &point.knob);
         lines.interval(knob, "time_ms", &point.time_ms);
         lines.number(knob, "cpu_ms", point.cpu_ms, None);
-        lines.number(knob, "median_relative_error", point.median, None);
-        lines.number(knob, "p99_relative_error", point.p99, None);
+        let (error, bound) = (&point.error, &point.bound);
+        lines.number(
+            knob,
+            "median_relative_error",
+            error.median,
+            Some(bound.median),
+        );
+        lines.number(knob, "p99_relative_error", error.p99, Some(bound.p99));
+        lines.number(knob, "excess", point.excess, Some(0.0));
     }
     for point in &chart.runs {
         let knob = ("training", &point.knob);

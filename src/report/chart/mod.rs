@@ -40,6 +40,13 @@ pub struct Knob {
     pub is_default: bool,
 }
 
+impl Knob {
+    /// `stop threshold 1e-3`.
+    pub fn name(&self) -> String {
+        format!("{} {}", self.series, self.setting)
+    }
+}
+
 /// Errors of a frame in units of colour, 1 being the brightest that a photograph holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
@@ -78,6 +85,15 @@ impl FramePoint {
     }
 }
 
+/// Relative errors of gradients: of the exact value, or of 1 % of its kind's root mean square where that is more.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GradientErrors {
+    /// Median over the parameters.
+    pub median: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
 /// Training steps with one setting, against the exact gradient of the `f64` reference without any cut.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GradientPoint {
@@ -87,10 +103,19 @@ pub struct GradientPoint {
     pub time_ms: Interval,
     /// Median processor time of a step, milliseconds.
     pub cpu_ms: f64,
-    /// Median relative error of a parameter's gradient.
-    pub median: f64,
-    /// 99th percentile of the relative errors.
-    pub p99: f64,
+    /// What was measured.
+    pub error: GradientErrors,
+    /// What was proven beforehand, without rounding: the same percentiles of the parameters' own bounds.
+    pub bound: GradientErrors,
+    /// How far, relatively, the worst parameter lies beyond its bound and rounding; not above 0 if it is kept.
+    pub excess: f64,
+}
+
+impl GradientPoint {
+    /// Whether no parameter's gradient is farther off than was proven.
+    pub fn holds(&self) -> bool {
+        self.excess <= 0.0
+    }
 }
 
 /// Training runs with one setting and several seeds.
@@ -113,21 +138,37 @@ pub struct RunPoint {
 }
 
 impl Chart {
+    /// How many points have a bound to keep.
+    pub fn bounded(&self) -> usize {
+        self.frames.len() + self.gradients.len()
+    }
+
     /// One sentence for every point that breaks its bound.
     pub fn broken(&self) -> Vec<String> {
-        let broken = self.frames.iter().filter(|point| !point.holds());
-        broken
-            .map(|point| {
-                let Knob {
-                    series, setting, ..
-                } = &point.knob;
-                format!(
-                    "{series} {setting}: a pixel lies {:.2e} beyond what was proven (largest error {:.2e}, \
-                     largest bound {:.2e}, rounding {:.2e})",
-                    point.excess, point.error.max, point.bound.max, point.rounding
-                )
-            })
-            .collect()
+        let frames = self.frames.iter().filter(|point| !point.holds());
+        let frames = frames.map(|point| {
+            format!(
+                "{}: a pixel lies {:.2e} beyond what was proven (largest error {:.2e}, largest bound {:.2e}, \
+                 rounding {:.2e})",
+                point.knob.name(),
+                point.excess,
+                point.error.max,
+                point.bound.max,
+                point.rounding
+            )
+        });
+        let gradients = self.gradients.iter().filter(|point| !point.holds());
+        let gradients = gradients.map(|point| {
+            format!(
+                "{}: a gradient lies {:.2e} of its size beyond what was proven (99 % of errors up to {:.2e}, of \
+                 bounds up to {:.2e})",
+                point.knob.name(),
+                point.excess,
+                point.error.p99,
+                point.bound.p99
+            )
+        });
+        frames.chain(gradients).collect()
     }
 }
 
@@ -167,15 +208,23 @@ pub(crate) mod tests {
                 frame("1e-2", 5e-4),
                 frame("1", f64::NAN),
             ],
+            gradients: vec![
+                GradientPoint::default(),
+                GradientPoint {
+                    excess: 0.5,
+                    ..GradientPoint::default()
+                },
+            ],
             ..Chart::default()
         };
         let broken = chart.broken();
-        assert_eq!(broken.len(), 2);
+        assert_eq!((broken.len(), chart.bounded()), (3, 5));
         assert!(
             broken[0].starts_with("stop threshold 1e-2: a pixel lies 5.00e-4 beyond"),
             "{}",
             broken[0]
         );
         assert!(broken[1].contains("NaN"), "{}", broken[1]);
+        assert!(broken[2].contains("gradient lies 5.00e-1"), "{}", broken[2]);
     }
 }

@@ -17,10 +17,14 @@ the range: the <em>stop threshold</em>. Leaving out harmonics of degree l with c
 changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em>. \
 A point whose worst pixel lies beyond its bound and the rounding of <code>f32</code> has failed.";
 
-const OF_GRADIENTS: &str = "The first step from the same state, against the exact gradient of the loss by the \
-<code>f64</code> reference without cuts. No bound is claimed here: the L1 part of the loss has a gradient that \
-jumps where a pixel crosses its photograph, so that any change of the image, however small, may turn the sign of \
-a pixel's share.";
+const OF_GRADIENTS: &str = "Times are those of a usual training step. Gradients are judged, parameter by parameter, for \
+an objective of which bounds can be proven, the brightness of the picture: the same step on a white photograph by the \
+L1 loss alone, without the pixels that may reach white. What is left out of a pixel takes αᵢTᵢ⟨u, cᵢ − Bᵢ⟩ from the \
+gradient of what is left out, lets more light through to what lies behind it, and changes what is seen through what \
+lies before it; each has its bound, and the sum of magnitudes over the pixels, carried on by the magnitudes of the \
+projection's derivatives, bounds the gradient of every parameter: means, rotations, scales, opacities and harmonics. \
+Of the training loss itself nothing of the kind can be proven: its L1 part has a slope that jumps where a pixel \
+crosses its photograph, so that any change of the image, however small, may turn the sign of a pixel's share.";
 
 const OF_RUNS: &str = "Whole runs, each setting with several seeds; signs are means and bars their 95 % confidence \
 intervals (Student's t). There is no proof of what training reaches: these bars are statistics.";
@@ -47,7 +51,7 @@ pub fn html(chart: &Chart) -> Result<String> {
     if !gradients.is_empty() {
         let knobs = gradients.iter().map(|p| &p.knob);
         body += &format!("<h2>Gradients: time against error</h2>\n<p>{OF_GRADIENTS}</p>\n");
-        body += &legend(chart, knobs, false)?;
+        body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_gradients(chart))?;
         body += &details(&tables::of_gradients(chart));
     }
@@ -73,7 +77,7 @@ fn heading(chart: &Chart) -> String {
     }
     text += "</dl>\n";
     let broken = chart.broken();
-    let count = chart.frames.len();
+    let count = chart.bounded();
     if broken.is_empty() && count > 0 {
         text +=
             &format!("<p class=\"verdict\">All {count} settings keep their proven bounds.</p>\n");
@@ -155,15 +159,17 @@ fn details(table: &str) -> String {
 mod tests {
     use super::*;
     use crate::report::chart::tests::frame;
-    use crate::report::chart::{GradientPoint, Interval, RunPoint};
+    use crate::report::chart::{GradientErrors, GradientPoint, Interval, RunPoint};
 
     fn chart(excess: f64) -> Chart {
         Chart {
             facts: vec![("scene".into(), "a<b".into())],
             frames: vec![frame("1e-4", -1e-4), frame("1e-2", excess)],
             gradients: vec![GradientPoint {
-                median: 1e-6,
-                p99: 1e-4,
+                error: GradientErrors {
+                    median: 1e-6,
+                    p99: 1e-4,
+                },
                 ..GradientPoint::default()
             }],
             runs: vec![RunPoint {
@@ -180,7 +186,7 @@ mod tests {
     fn the_page_holds_every_figure_and_needs_nothing_else() -> Result<()> {
         let page = html(&chart(-1.0))?;
         assert_eq!(page.matches("<figure ").count(), 3 + 2 + 5);
-        assert!(page.contains("All 2 settings keep their proven bounds."));
+        assert!(page.contains("All 3 settings keep their proven bounds."));
         assert!(page.contains("a&lt;b") && !page.contains("a<b"));
         // The only addresses are names of XML's vocabulary.
         for (at, _) in page.match_indices("http") {
@@ -197,7 +203,7 @@ mod tests {
     #[test]
     fn a_broken_bound_is_shown_as_such() -> Result<()> {
         let page = html(&chart(2e-3))?;
-        assert!(page.contains("1 of 2 settings break their bounds"));
+        assert!(page.contains("1 of 3 settings break their bounds"));
         assert!(page.contains("<tr class=\"broken\">") && page.contains("broken by 2.0e-3"));
         // The alarm's red, in every panel of frames.
         assert!(page.matches("#C80000").count() >= 3, "no alarm is drawn");

@@ -2,7 +2,7 @@
 
 use super::figure::{Axis, Figure, Mark};
 use super::pareto::front;
-use super::{Chart, FramePoint, GradientPoint, Interval, Knob, RunPoint};
+use super::{Chart, FramePoint, GradientErrors, Interval, Knob, RunPoint};
 
 /// A figure and what to read from it.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,6 +52,12 @@ fn mark(names: &[&str], knob: &Knob, x: f64, y: f64) -> Mark {
 /// The ends of an interval, where it has a width.
 fn bar(interval: &Interval) -> Option<[f64; 2]> {
     (interval.high > interval.low).then_some([interval.low, interval.high])
+}
+
+/// From what was measured to what was proven.
+fn bound_bar(value: f64, bound: f64) -> Option<[f64; 2]> {
+    let is_bounded = bound.is_finite();
+    is_bounded.then_some([value.min(bound), value.max(bound)])
 }
 
 /// Of values that should be low; where high is good, they come negated.
@@ -115,10 +121,9 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
             .iter()
             .map(|point| {
                 let (value, bound) = (view.value)(point);
-                let ends = [value.min(bound), value.max(bound)];
                 Mark {
                     x_bar: bar(&point.time_ms),
-                    y_bar: bound.is_finite().then_some(ends),
+                    y_bar: bound_bar(value, bound),
                     is_broken: !point.holds(),
                     ..mark(&names, &point.knob, point.time_ms.value, value)
                 }
@@ -142,13 +147,18 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
 /// Time of a step against the errors of its gradient.
 pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
     let names = series(chart);
-    let panel = |title, value: fn(&GradientPoint) -> f64, caption: &str| {
+    let panel = |title, value: fn(&GradientErrors) -> f64, caption: &str| {
         let marks: Vec<Mark> = chart
             .gradients
             .iter()
-            .map(|point| Mark {
-                x_bar: bar(&point.time_ms),
-                ..mark(&names, &point.knob, point.time_ms.value, value(point))
+            .map(|point| {
+                let (error, bound) = (value(&point.error), value(&point.bound));
+                Mark {
+                    x_bar: bar(&point.time_ms),
+                    y_bar: bound_bar(error, bound),
+                    is_broken: !point.holds(),
+                    ..mark(&names, &point.knob, point.time_ms.value, error)
+                }
             })
             .collect();
         Panel {
@@ -172,14 +182,15 @@ pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
     vec![
         panel(
             "99th percentile of relative errors",
-            |p| p.p99,
+            |e| e.p99,
             "99 of 100 parameters' gradients are off by at most this, relative to the exact value, or to 1 % of \
-             its kind's root mean square where it is smaller than that.",
+             its kind's root mean square where it is smaller than that. Bars end at the same percentile of the \
+             parameters' own bounds.",
         ),
         panel(
             "median of relative errors",
-            |p| p.median,
-            "Half of the gradients are nearer than this.",
+            |e| e.median,
+            "Half of the gradients are nearer than this, and proven to be nearer than the bar's end.",
         ),
     ]
 }

@@ -34,6 +34,14 @@ fn error(value: f64) -> String {
     format!("{value:.1e}")
 }
 
+/// Whether nothing lies beyond its bound. What is no number keeps none.
+fn verdict(excess: f64) -> String {
+    match excess <= 0.0 {
+        true => "kept".into(),
+        false => format!("broken by {excess:.1e}"),
+    }
+}
+
 /// A figure with half its interval.
 fn interval(interval: &Interval, digits: usize) -> String {
     let half = 0.5 * (interval.high - interval.low);
@@ -68,10 +76,7 @@ pub(super) fn of_frames(chart: &Chart) -> String {
             error(p.bound.p99),
             format!("{:.1}", p.error.psnr_db),
             format!("{:.1}", p.bound.psnr_db),
-            match p.holds() {
-                true => "kept".into(),
-                false => format!("broken by {:.1e}", p.excess),
-            },
+            verdict(p.excess),
         ]);
         (!p.holds(), row)
     });
@@ -85,17 +90,23 @@ pub(super) fn of_gradients(chart: &Chart) -> String {
         "ms a step",
         "CPU ms",
         "median error",
+        "proven",
         "99 %",
+        "proven",
+        "bound",
     ];
     let rows = chart.gradients.iter().map(|p| {
         let mut row = knob(&p.knob).to_vec();
         row.extend([
             interval(&p.time_ms, 2),
             format!("{:.1}", p.cpu_ms),
-            error(p.median),
-            error(p.p99),
+            error(p.error.median),
+            error(p.bound.median),
+            error(p.error.p99),
+            error(p.bound.p99),
+            verdict(p.excess),
         ]);
-        (false, row)
+        (!p.holds(), row)
     });
     table(&head, rows)
 }

@@ -1,0 +1,141 @@
+//! Gradients beside the exact ones: their errors, and whether each keeps its bound.
+
+use crate::reference::bound::GradientBounds;
+use crate::reference::gradient::SplatGradients;
+use crate::scene::Splats;
+
+/// Errors count relatively to the exact value, or to this share of its kind's root mean square where that is
+/// more: what is small beside its kind is the remainder of terms that cancel.
+const SHARE: f64 = 0.01;
+
+/// Errors of all gradients, relative, ascending.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Judged {
+    pub(super) errors: Vec<f64>,
+    /// What was proven of each.
+    pub(super) bounds: Vec<f64>,
+    /// The most that one lies beyond its bound and rounding; not above 0 if all are kept.
+    pub(super) excess: f64,
+}
+
+/// The value at a share of an ascending list; 0 of an empty one.
+pub(super) fn percentile(sorted: &[f64], share: f64) -> f64 {
+    let last = sorted.len().max(1) - 1;
+    sorted
+        .get((last as f64 * share) as usize)
+        .copied()
+        .unwrap_or(0.0)
+}
+
+/// A kind of parameters, those of a splat one after the other.
+struct Kind<'a> {
+    found: &'a [f32],
+    exact: &'a [f64],
+    bound: &'a [f64],
+    rounding: &'a [f64],
+}
+
+/// Compares gradients with the exact ones; `which` of the bounds counts. Splats on a kink are left out.
+pub(super) fn judge(
+    found: &Splats,
+    exact: &SplatGradients,
+    bounds: &GradientBounds,
+    which: usize,
+) -> Judged {
+    let (bound, rounding) = (&bounds.bounds[which], &bounds.rounding);
+    let mut judged = Judged {
+        errors: Vec::new(),
+        bounds: Vec::new(),
+        excess: f64::NEG_INFINITY,
+    };
+    macro_rules! kind {
+        ($field:ident $(. $flat:ident ())?) => {
+            Kind {
+                found: found.$field $(.$flat())?.as_ref(),
+                exact: exact.$field $(.$flat())?.as_ref(),
+                bound: bound.$field $(.$flat())?.as_ref(),
+                rounding: rounding.$field $(.$flat())?.as_ref(),
+            }
+        };
+    }
+    for kind in [
+        kind!(mean.as_flattened()),
+        kind!(quaternion.as_flattened()),
+        kind!(log_scale.as_flattened()),
+        kind!(opacity_logit),
+        kind!(sh),
+    ] {
+        judged.add(&kind, &bounds.kinked);
+    }
+    judged.errors.sort_by(f64::total_cmp);
+    judged.bounds.sort_by(f64::total_cmp);
+    judged
+}
+
+impl Judged {
+    fn add(&mut self, kind: &Kind<'_>, kinked: &[bool]) {
+        let numbers = kind.exact.len() / kinked.len().max(1);
+        let square: f64 = kind.exact.iter().map(|e| e * e).sum();
+        let floor = SHARE * (square / kind.exact.len().max(1) as f64).sqrt();
+        for (i, (&found, &exact)) in kind.found.iter().zip(kind.exact).enumerate() {
+            let off = (f64::from(found) - exact).abs();
+            // Splats that are not seen have no gradient, and no error.
+            if kinked[i / numbers] || (off == 0.0 && exact == 0.0) {
+                continue;
+            }
+            let size = exact.abs().max(floor);
+            let excess = (off - kind.bound[i] - kind.rounding[i]) / size;
+            if excess > self.excess || excess.is_nan() {
+                self.excess = excess;
+            }
+            self.errors.push(off / size);
+            self.bounds.push(kind.bound[i] / size);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gradients(mean: f64, opacity: f64) -> SplatGradients {
+        SplatGradients {
+            mean: vec![[mean; 3]; 2],
+            quaternion: vec![[0.0; 4]; 2],
+            log_scale: vec![[0.0; 3]; 2],
+            opacity_logit: vec![opacity; 2],
+            sh: Vec::new(),
+        }
+    }
+
+    fn found(mean: f32, opacity: f32) -> Splats {
+        Splats {
+            mean: vec![[1.0; 3], [1.0, mean, 1.0]],
+            quaternion: vec![[0.0; 4]; 2],
+            log_scale: vec![[0.0; 3]; 2],
+            opacity_logit: vec![opacity; 2],
+            ..Splats::default()
+        }
+    }
+
+    #[test]
+    fn a_gradient_beyond_its_own_bound_is_found() {
+        let exact = gradients(1.0, 2.0);
+        let bounds = |kinked| GradientBounds {
+            bounds: vec![gradients(9.0, 9.0), gradients(0.25, 0.5)],
+            rounding: gradients(0.0625, 0.0),
+            kinked: vec![false, kinked],
+        };
+        let kept = judge(&found(1.25, 2.5), &exact, &bounds(false), 1);
+        // Both keep to their bounds, one to the last bit.
+        assert_eq!(kept.excess, 0.0);
+        assert_eq!((kept.errors.len(), kept.bounds.len()), (8, 8));
+        assert_eq!(kept.errors[7], 0.25);
+        let broken = judge(&found(1.5, 2.0), &exact, &bounds(false), 1);
+        assert_eq!(broken.excess, 0.5 - 0.25 - 0.0625);
+        // On a kink it may be anything.
+        assert!(judge(&found(1.5, 2.0), &exact, &bounds(true), 1).excess < 0.0);
+        let poison = judge(&found(f32::NAN, 2.0), &exact, &bounds(false), 1);
+        assert!(poison.excess.is_nan());
+    }
+}

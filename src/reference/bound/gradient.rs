@@ -1,0 +1,303 @@
+//! The bound of every parameter's gradient, for a linear function of the picture.
+//!
+//! Let the objective be `Σ ⟨u, C⟩` over the pixels, with `u` fixed. At a pixel, splat `i` has
+//! `sᵢ = αᵢ Tᵢ ⟨u, cᵢ − Bᵢ⟩`, its derivative by `ln αᵢ`, and `αᵢ Tᵢ u` by its colour. Where a set `S` is left out and
+//! the rest stopped at the transmittance `t`:
+//!
+//! * Of a splat that is left out, all of `sᵢ` is missing.
+//! * In front of any other, more passes: `T'ᵢ` lies between `Tᵢ` and `Tᵢ / Π (1 − αₖ)` over `S` before it.
+//! * Behind it, `Bᵢ` is a picture of its own, whose weights are `αₖ Tₖ / Tᵢ₊₁`: what `S` and the stop leave out
+//!   there changes `⟨u, Bᵢ⟩` by at most `(Σ αₖ Tₖ + t) / Tᵢ₊₁` times `D`, the range of `⟨u, colour⟩`, and never by
+//!   more than `D`.
+//! * So `|s'ᵢ − sᵢ| ≤ αᵢ ((T'ᵢ − Tᵢ) |⟨u, cᵢ − Bᵢ⟩| + T'ᵢ |⟨u, B'ᵢ − Bᵢ⟩|)`.
+//!
+//! What a parameter's gradient makes of `sᵢ` depends on the splat alone: `∂ ln αᵢ` by its numbers on the screen, and
+//! theirs by its parameters. Neither knows of any saving, and both enter by their magnitudes.
+//!
+//! The loss of training is not linear, and no bound of this kind holds for it: the slope of its L1 part jumps where
+//! a pixel crosses its photograph.
+
+use super::stack::{Screen, Slice, Stack};
+use super::{MARGIN, Savings};
+use crate::layout::ALPHA_MAX;
+use crate::reference::gradient::SplatGradients;
+use crate::reference::project::margins;
+use crate::reference::project_backward::slopes;
+use crate::reference::{Options, ScreenSplat, Splat, Viewpoint};
+use crate::scene::{Camera, Splats};
+use rayon::prelude::*;
+
+/// How far gradients may be from the exact ones.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GradientBounds {
+    /// For each of the [`Savings`], the most that each parameter's gradient may be off.
+    pub bounds: Vec<SplatGradients>,
+    /// What rounding may add where it is the largest: where all is kept.
+    pub rounding: SplatGradients,
+    /// Splats that are so near to a kink of their own (a colour at 0, a Jacobian at its limit, the near plane) that
+    /// rounding may take them across, where their gradients are others.
+    pub kinked: Vec<bool>,
+}
+
+/// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.cuts` are not made,
+/// and errors of colours ([`Savings::color_error`]) must be none. Alphas may be off by the share `rounding` of
+/// themselves, and positions by that of a standard deviation.
+pub fn gradient_bounds(
+    splats: &Splats,
+    camera: &Camera,
+    options: &Options,
+    upstream: &[[f64; 3]],
+    savings: &[Savings],
+    rounding: f64,
+) -> GradientBounds {
+    assert!(savings.iter().all(|s| s.color_error.is_empty()));
+    let screen = Screen::new(splats, camera, options);
+    let width = camera.width as usize;
+    let job = Job {
+        screen: &screen,
+        background: options.background,
+        savings,
+        rounding,
+    };
+    // As many parts as there are threads, not one for each row: each has sums of its own.
+    let part = screen.height.div_ceil(rayon::current_num_threads());
+    let parts: Vec<usize> = (0..screen.height).step_by(part.max(1)).collect();
+    let sums = parts.into_par_iter().map(|first| {
+        let mut sums = vec![vec![[0.0; ROW]; splats.len()]; savings.len() + 1];
+        for row in first..(first + part).min(screen.height) {
+            for (stack, u) in screen.row(row).zip(&upstream[row * width..]) {
+                job.add(&stack, u, &mut sums);
+            }
+        }
+        sums
+    });
+    let sums = sums.collect::<Vec<_>>();
+    let view = Viewpoint::new(camera, options, splats.mode);
+    let all = Splat::<f64>::all(splats);
+    let slopes: Vec<Vec<[f64; 10]>> = all.par_iter().map(|splat| slopes(splat, &view)).collect();
+    let by_parameters = |which: usize| {
+        let row = |(splat, slopes): (usize, &Vec<[f64; 10]>)| -> Vec<f64> {
+            let by_screen = |k: usize| sums.iter().map(|part| part[which][splat][k]).sum::<f64>();
+            let by_screen: [f64; ROW] = std::array::from_fn(by_screen);
+            let entry = |slopes: &[f64; 10]| {
+                let terms = slopes.iter().zip(by_screen);
+                terms.map(|(slope, sum)| slope.abs() * sum).sum()
+            };
+            slopes.iter().map(entry).collect()
+        };
+        let rows: Vec<Vec<f64>> = slopes.iter().enumerate().map(row).collect();
+        SplatGradients::from_rows(&rows)
+    };
+    let near_kink = |splat: &Splat<f64>| {
+        let margins = margins(splat, &view);
+        margins.near.min(margins.limit).min(margins.color) < rounding
+    };
+    GradientBounds {
+        bounds: (0..savings.len()).map(by_parameters).collect(),
+        rounding: by_parameters(savings.len()),
+        kinked: all.iter().map(near_kink).collect(),
+    }
+}
+
+/// Numbers of a splat on the screen that have a gradient: [`ScreenSplat::row`] without its depth.
+const ROW: usize = 9;
+
+/// Sums of magnitudes by `[saving, then rounding][splat]`.
+type Sums = [Vec<[f64; ROW]>];
+
+struct Job<'a> {
+    screen: &'a Screen,
+    background: [f64; 3],
+    savings: &'a [Savings],
+    rounding: f64,
+}
+
+/// What a pixel's gradient looks like.
+struct Linear {
+    u: [f64; 3],
+    /// Range of `⟨u, colour⟩`.
+    range: f64,
+    /// `|⟨u, cᵢ − Bᵢ⟩|` of every slice.
+    steps: Vec<f64>,
+    /// Σ α over the others of the slice's group, and transmittance before that group.
+    places: Vec<(f64, f64)>,
+    /// What exchanges in groups behind a slice come to, times transmittance.
+    exchanged: Vec<f64>,
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Linear {
+    fn of(stack: &Stack, background: [f64; 3], u: &[f64; 3]) -> Linear {
+        let slices = &stack.slices;
+        let ranges = stack.ranges(background, 0.0);
+        let mut steps = vec![0.0; slices.len()];
+        let mut behind = dot(u, &background);
+        for (slice, step) in slices.iter().zip(&mut steps).rev() {
+            let apart = dot(u, &slice.color) - behind;
+            *step = apart.abs();
+            behind += slice.alpha * apart;
+        }
+        let mut places = vec![(0.0, 0.0); slices.len()];
+        let mut exchanged = vec![0.0; slices.len()];
+        let mut beyond = 0.0;
+        for group in stack.groups().iter().rev() {
+            for i in group.slices.clone() {
+                places[i] = ((group.sum - slices[i].alpha).clamp(0.0, 1.0), group.before);
+                exchanged[i] = beyond;
+            }
+            beyond += group.pairs * group.before;
+        }
+        Linear {
+            u: *u,
+            range: dot(&u.map(f64::abs), &ranges),
+            steps,
+            places,
+            exchanged,
+        }
+    }
+
+    /// By how much `⟨u, Bᵢ⟩` may be off where so much weight is exchanged behind the slice.
+    fn behind(&self, slice: &Slice, weight: f64) -> f64 {
+        let share = weight / (slice.before * (1.0 - slice.alpha));
+        self.range * if share < 1.0 { share } else { 1.0 }
+    }
+}
+
+/// Whether a slice's gradient by shape is switched off by the cap of its alpha; `None`: either.
+fn is_capped(slice: &Slice) -> Option<bool> {
+    let cap = f64::from(ALPHA_MAX);
+    let near = (slice.raw / cap - 1.0).abs() < MARGIN;
+    (!near).then_some(slice.raw > cap)
+}
+
+impl Job<'_> {
+    fn add(&self, stack: &Stack, u: &[f64; 3], sums: &mut Sums) {
+        let linear = Linear::of(stack, self.background, u);
+        for (savings, sums) in self.savings.iter().zip(sums.iter_mut()) {
+            self.add_saved(stack, &linear, savings, sums);
+        }
+        self.add_rounding(stack, &linear, &mut sums[self.savings.len()]);
+    }
+
+    /// What savings may change.
+    fn add_saved(
+        &self,
+        stack: &Stack,
+        linear: &Linear,
+        savings: &Savings,
+        sums: &mut [[f64; ROW]],
+    ) {
+        let stop = savings.transmittance_min * (1.0 + MARGIN);
+        // What is lost behind each slice, in weights of the whole frame.
+        let mut lost = match stack.pixel.transmittance < stop {
+            true => stop,
+            false => 0.0,
+        };
+        let lost: Vec<f64> = stack
+            .slices
+            .iter()
+            .rev()
+            .map(|slice| {
+                let behind = lost;
+                if savings.may_leave_out(slice) {
+                    lost += slice.alpha * slice.before;
+                }
+                behind
+            })
+            .collect();
+        // How much more may pass in front of the slice at hand.
+        let mut opened = 1.0;
+        for (i, (slice, lost)) in stack.slices.iter().zip(lost.iter().rev()).enumerate() {
+            let passes = slice.before * opened;
+            let (others, before_group) = linear.places[i];
+            let exchanged = before_group * others * opened;
+            let more = passes - slice.before + exchanged;
+            let behind = linear.behind(slice, lost + linear.exchanged[i]);
+            let mut shape =
+                slice.alpha * (more * linear.steps[i] + passes * behind + exchanged * linear.range);
+            let mut color = slice.alpha * more;
+            if slice.before < stop || savings.may_leave_out(slice) {
+                shape = shape.max(slice.alpha * slice.before * linear.steps[i]);
+                color = color.max(slice.alpha * slice.before);
+            }
+            if savings.may_leave_out(slice) {
+                opened /= 1.0 - slice.alpha;
+            }
+            shape = match is_capped(slice) {
+                Some(false) => shape,
+                Some(true) => 0.0,
+                None => shape + slice.alpha * passes * (linear.steps[i] + behind),
+            };
+            let slopes = Slopes::of(&self.screen.list[slice.rank], stack.at);
+            slopes.add(shape, &slopes.by_log_alpha, &mut sums[slice.splat]);
+            add_color(color, &linear.u, &mut sums[slice.splat]);
+        }
+    }
+
+    /// What rounding may change. Transmittances are products of `1 − α`, whose relative errors are those of `α`
+    /// times `α / (1 − α)`; a picture's colour is off by no more than the relative error of its alphas times its
+    /// range.
+    fn add_rounding(&self, stack: &Stack, linear: &Linear, sums: &mut [[f64; ROW]]) {
+        let share = self.rounding;
+        let mut amplified: f64 = 0.0;
+        for (slice, step) in stack.slices.iter().zip(&linear.steps) {
+            let weight = slice.alpha * slice.before;
+            let off = (share * amplified).exp_m1() * slice.before;
+            let before = if off < 1.0 { off } else { 1.0 };
+            let color = slice.alpha * before + 2.0 * share * weight;
+            let shape = color * step + 2.0 * share * weight * linear.range;
+            amplified += slice.alpha / (1.0 - slice.alpha);
+            let slopes = Slopes::of(&self.screen.list[slice.rank], stack.at);
+            let sums = &mut sums[slice.splat];
+            if is_capped(slice) != Some(true) {
+                // The slopes are rounded, too.
+                slopes.add(shape + 3.0 * share * weight * step, &slopes.scale, sums);
+            }
+            add_color(color, &linear.u, sums);
+        }
+    }
+}
+
+/// Magnitudes of the derivatives of `ln α` at a position by mean, covariance and opacity.
+struct Slopes {
+    by_log_alpha: [f64; 6],
+    /// What they are of the size of: positions may be off by a share of a standard deviation.
+    scale: [f64; 6],
+}
+
+impl Slopes {
+    /// With `w = Σ⁻¹ d`, `ln α = ln opacity − ½ dᵀ Σ⁻¹ d` has the derivatives `w` and `½ w wᵀ`; the covariance's xy
+    /// stands for both of its entries.
+    fn of(splat: &ScreenSplat<f64>, at: [f64; 2]) -> Slopes {
+        let [xx, xy, yy] = splat.covariance;
+        let det = xx * yy - xy * xy;
+        let [dx, dy] = [at[0] - splat.mean[0], at[1] - splat.mean[1]];
+        let w = [(yy * dx - xy * dy) / det, (xx * dy - xy * dx) / det];
+        // |w_x| ≤ √(Σ⁻¹)_xx · √(dᵀ Σ⁻¹ d), and likewise y: Cauchy–Schwarz.
+        let far = 1.0 + (w[0] * dx + w[1] * dy).max(0.0).sqrt();
+        let scale = [(yy / det).sqrt() * far, (xx / det).sqrt() * far];
+        let all = |[x, y]: [f64; 2]| {
+            let (x, y) = (x.abs(), y.abs());
+            [x, y, 0.5 * x * x, x * y, 0.5 * y * y, 1.0 / splat.opacity]
+        };
+        Slopes {
+            by_log_alpha: all(w),
+            scale: all(scale),
+        }
+    }
+
+    fn add(&self, weight: f64, slopes: &[f64; 6], sums: &mut [f64; ROW]) {
+        for (sum, slope) in sums.iter_mut().zip(slopes) {
+            *sum += weight * slope;
+        }
+    }
+}
+
+fn add_color(weight: f64, u: &[f64; 3], sums: &mut [f64; ROW]) {
+    for (sum, u) in sums[6..].iter_mut().zip(u) {
+        *sum += weight * u.abs();
+    }
+}
