@@ -4,7 +4,7 @@
 
 // One step of Adam on every parameter.
 //
-// One invocation per vec4 of a plane; workgroups cover plane after plane. Gradients that are not finite, or whose
+// One invocation per vec4 of a plane; a row of workgroups covers a plane. Gradients that are not finite, or whose
 // squares are not, leave their four parameters and moments alone and are counted. Quaternions are normalised again, so
 // that their length cannot drift and slow them down; scales are moved back to where a splat's aspect is bounded.
 
@@ -21,7 +21,6 @@ layout(push_constant, scalar) uniform Push {
     uint first_splat;        // number of the first splat of this dispatch
     uint splat_count;        // splats of this dispatch
     uint stride;             // elements between two planes
-    uint groups_per_plane;
     float rate_mean;         // learning rates
     float rate_opacity;
     float rate_quaternion;
@@ -57,8 +56,8 @@ vec3 bounded(vec3 x, float most) {
 }
 
 void main() {
-    uint plane = group_index() / push.groups_per_plane;
-    uint splat = group_index() % push.groups_per_plane * WORKGROUP + gl_LocalInvocationID.x;
+    uint plane = gl_WorkGroupID.y;
+    uint splat = gl_WorkGroupID.x * WORKGROUP + gl_LocalInvocationID.x;
     if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
     uint place = plane * push.stride + splat;
     vec4 g = d_params[place];

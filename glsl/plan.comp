@@ -6,8 +6,9 @@
 // One invocation. Stage 0 runs when the visible splats are counted, stage 1 when their intersections are: it cuts
 // off a band, as many splats in depth order as the buffers have room for. Bands are composited one over the
 // other, so that a frame may want more intersections than there is room for. A frame that is not done with the last
-// band recorded sets COUNT_FAILED, and one with a single band plans nothing then; while that stands every later frame plans nothing either, so that the host can grow
-// the buffers and go on exactly where it left off.
+// band recorded sets COUNT_FAILED, and one with a single band plans nothing then; while that stands every later
+// frame plans nothing either, so that the host can grow the buffers and go on exactly where it left off. Stage 2
+// plans a band again of which the host has put back where it begins and ends.
 
 layout(local_size_x = 1) in;
 
@@ -16,7 +17,7 @@ layout(set = 0, binding = 1, scalar) writeonly buffer Args { DispatchArgs args[]
 layout(set = 0, binding = 2, scalar) readonly buffer Offsets { uint isect_from_rank[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint stage;            // 0: visible splats, 1: the next band
+    uint stage;            // 0: visible splats, 1: the next band, 2: a band once more
     uint isect_capacity;   // intersections the buffers hold
     uint chunk;            // keys per chunk of the radix sort
     uint chunks_per_group; // chunks one workgroup of the sort handles
@@ -116,7 +117,9 @@ void main() {
     visible = counts[COUNT_VISIBLE];
     if (push.stage == 0) {
         plan_visible();
-    } else {
+    } else if (push.stage == 1) {
         plan_next();
+    } else {
+        plan_band(counts[COUNT_BAND_BEGIN], counts[COUNT_BAND_END], counts[COUNT_FAILED] == 0);
     }
 }

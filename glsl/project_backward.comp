@@ -7,7 +7,8 @@
 //
 // One invocation per splat. A splat's records are contiguous and are summed in order, so that the
 // result is the same in every run. The projection is done again rather than stored. Also keeps the
-// statistics that density control reads.
+// statistics that density control reads. Where the frame took several bands, there are records of one band at a
+// time, with all records of its splats; splats of other bands are left alone.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
@@ -33,6 +34,7 @@ layout(push_constant, scalar) uniform Push {
     float opacity_penalty;  // added to dL/d opacity of every splat
     float scale_penalty;    // added to dL/d scale of every splat and axis
     float size_penalty;     // times the scale, likewise: the slope of half of it times the squared scale
+    uint banded;            // not 0: a splat that is seen, but begins at NOT_LISTED, is of another band
 } push;
 
 struct Gradient {
@@ -42,8 +44,19 @@ struct Gradient {
     vec3 log_scale;
 };
 
-// Stores dL/d SH and returns dL/d direction (before the projection on the sphere's tangent).
-vec3 harmonics_backward(uint splat, vec3 direction, vec3 d_color) {
+// What the image says about a splat's colour, and from where it is seen; nothing of one that is not.
+struct Seen {
+    bool any;
+    vec3 direction;
+    float distance;
+    vec3 d_color;
+};
+
+// Stores dL/d SH and returns dL/d direction (before the projection on the sphere's tangent). Splats that are not
+// seen take the same path, because software devices walk both sides of a branch, and stores are dear.
+vec3 harmonics_backward(uint splat, Seen seen) {
+    vec3 direction = seen.direction;
+    vec3 d_color = seen.d_color;
     float basis[16];
     sh_basis(SH_DEGREE, direction, basis);
     vec3 slope[16];
@@ -52,7 +65,8 @@ vec3 harmonics_backward(uint splat, vec3 direction, vec3 d_color) {
     vec3 d_direction = vec3(0.0);
     [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
         uint place = (GEOMETRY_PLANES + plane) * push.stride + splat;
-        vec4 coefficients = params[place];
+        vec4 coefficients = vec4(0.0);
+        if (seen.any) coefficients = params[place];
         vec4 d = vec4(0.0);
         [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
             uint k = plane * 4 + lane;
@@ -64,13 +78,6 @@ vec3 harmonics_backward(uint splat, vec3 direction, vec3 d_color) {
         d_params[place] = d;
     }
     return d_direction;
-}
-
-void clear_harmonics(uint splat) {
-    uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
-    [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
-        d_params[(GEOMETRY_PLANES + plane) * push.stride + splat] = vec4(0.0);
-    }
 }
 
 // dL/d quaternion before normalisation, from dL/d rotation matrix (columns) at the unit quaternion.
@@ -137,8 +144,9 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
     d_v_y += apart * cross(f.minors, f.v_x) - outward * f.v_y;
 }
 
-// Adds what the image says about a visible splat of that scale before smoothing; returns dL/d mean_pixel.
-vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient) {
+// Adds what the image says about the geometry of a visible splat of that scale before smoothing; returns
+// dL/d mean_pixel.
+vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient, out Seen seen) {
     Records records = sum_of_records(splat, tile_count);
     vec4 mean = params[splat];
     vec4 rotation = params[push.stride + splat];
@@ -181,18 +189,19 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
     vec3 g_y = view.view_from_world * (axes * d_local_y);
     gradient.mean += mean_view_backward(mean_view, j, g_x, g_y, d_mean_pixel) * view.view_from_world;
 
-    float distance = vector_length(offset);
-    vec3 direction = offset / distance;
     vec3 color = vec3(tone_from_splat[splat].zw, rest_from_splat[splat].x);
-    vec3 d_color = mix(vec3(0.0), vec3(records.tone.zw, records.rest), greaterThan(color, vec3(0.0)));
-    vec3 d_direction = harmonics_backward(splat, direction, d_color);
-    gradient.mean += (d_direction - direction * dot(direction, d_direction)) / distance;
+    seen.any = true;
+    seen.distance = vector_length(offset);
+    seen.direction = offset / seen.distance;
+    seen.d_color = mix(vec3(0.0), vec3(records.tone.zw, records.rest), greaterThan(color, vec3(0.0)));
     return d_mean_pixel;
 }
 
 void main() {
     uint splat = global_index();
     if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
+    uint tile_count = tile_count_from_splat[splat];
+    if (push.banded != 0 && tile_count != 0 && source_from_splat[splat] == NOT_LISTED) return;
     vec3 scale = exp(params[2 * push.stride + splat].xyz);
     float opacity = sigmoid(params[splat].w);
     // A splat with a number that is none is not drawn, and no penalty makes a gradient of it.
@@ -204,21 +213,22 @@ void main() {
     gradient.quaternion = vec4(0.0);
     gradient.log_scale = sound ? (push.scale_penalty + push.size_penalty * scale) * scale : vec3(0.0);
 
-    uint tile_count = tile_count_from_splat[splat];
+    Seen seen = Seen(false, vec3(0.0, 0.0, 1.0), 1.0, vec3(0.0));
     if (tile_count != 0) {
-        vec2 d_mean_pixel = visible_backward(splat, tile_count, scale, gradient);
-        vec4 seen = statistics[splat];
+        vec2 d_mean_pixel = visible_backward(splat, tile_count, scale, gradient, seen);
+        vec4 known = statistics[splat];
         // Half the image size turns pixels into normalised device coordinates.
         float pull = length(d_mean_pixel * 0.5 * vec2(view.size));
-        if (is_finite(pull)) seen.x += pull;
-        seen.y += 1.0;
+        if (is_finite(pull)) known.x += pull;
+        known.y += 1.0;
         // What counts as covered does not depend on where drawing stops.
         Ellipse e = ellipse(shape_from_splat[splat], tone_from_splat[splat].xy, -LOG2_255, 3.4e38);
-        seen.z = max(seen.z, max(e.extent.x, e.extent.y));
-        statistics[splat] = seen;
-    } else {
-        clear_harmonics(splat);
+        known.z = max(known.z, max(e.extent.x, e.extent.y));
+        statistics[splat] = known;
     }
+    vec3 d_direction = harmonics_backward(splat, seen);
+    vec3 along = seen.direction * dot(seen.direction, d_direction);
+    if (seen.any) gradient.mean += (d_direction - along) / seen.distance;
     d_params[splat] = vec4(gradient.mean, gradient.opacity_logit);
     d_params[push.stride + splat] = gradient.quaternion;
     d_params[2 * push.stride + splat] = vec4(gradient.log_scale, 0.0);

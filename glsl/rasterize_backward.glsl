@@ -8,6 +8,10 @@
 //
 // Lanes fetch splats a batch at a time, one each, and pass them round; in the end each lane holds, and stores,
 // the record of the splat that it fetched.
+//
+// Where splats were composited in bands, a dispatch takes one band off, the farthest first. It leaves what passes
+// before the band and what lies behind that in the image, and the next goes on with the very numbers that the lane
+// held: bands change no bit of a record.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
@@ -20,7 +24,7 @@ layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_so
 layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
-layout(set = 0, binding = 7, scalar) readonly buffer Image { float image[]; };
+layout(set = 0, binding = 7, scalar) buffer Image { float image[]; };
 layout(set = 0, binding = 8, scalar) readonly buffer ImageGradient { float d_image[]; };
 layout(set = 0, binding = 9, scalar) readonly buffer Ends { uint end_from_pixel[]; };
 layout(set = 0, binding = 10, scalar) writeonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
@@ -29,6 +33,7 @@ layout(set = 0, binding = 12, scalar) writeonly buffer RestGradients { float d_r
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
+    uint band;         // 0: all splats at once, 1: the farthest band of them, 2: the next nearer one
 } push;
 
 #include "shared/tile.glsl"
@@ -74,8 +79,25 @@ uint load_pixels(Tile t) {
             last = max(last, end[q][r]);
         }
         behind[q] = d_red[q] * background.r + d_green[q] * background.g + d_blue[q] * background.b;
+        if (push.band < 2) continue;
+        [[unroll]] for (uint r = 0; r < 4; ++r) {
+            if (inside(t, q, view)[r]) behind[q][r] = image[pixel_of(t, q * 4 + r, view)];
+        }
     }
     return last;
+}
+
+// Leaves the pixels to the next band: the colour behind in the plane of red, which the loss has seen.
+void store_pixels(Tile t) {
+    uint pixels = view.size.x * view.size.y;
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        [[unroll]] for (uint r = 0; r < 4; ++r) {
+            if (!inside(t, q, view)[r]) continue;
+            uint pixel = pixel_of(t, q * 4 + r, view);
+            image[pixel] = behind[q][r];
+            image[3 * pixels + pixel] = transmittance[q][r];
+        }
+    }
 }
 
 // Takes one splat off the lane's pixels, from the back, and returns what it adds to its gradient.
@@ -158,7 +180,8 @@ uint take_off_batch(Tile t, uint begin, uint end) {
 void differentiate(uint tile) {
     Tile t = tile_of(tile, view);
     uvec2 range = range_from_tile[tile];
-    uint last = max(max_of_lanes(load_pixels(t)), range.x);
+    // A band without a splat finds the ends of another.
+    uint last = max(min(max_of_lanes(load_pixels(t)), range.y), range.x);
     uint end = last;
     // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
     if (end > range.x) {
@@ -170,6 +193,7 @@ void differentiate(uint tile) {
     for (uint isect = last + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
         store(source_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0));
     }
+    if (push.band != 0) store_pixels(t);
 }
 
 void main() {

@@ -22,15 +22,23 @@ vec4 from_across(vec4 v, uint mask) {
                 subgroupShuffleXor(v.w, mask));
 }
 
+void add_from_across(inout Sums mine, Sums other, uint mask) {
+    mine.shape += from_across(other.shape, mask);
+    mine.tone += from_across(other.tone, mask);
+    mine.rest += subgroupShuffleXor(other.rest, mask);
+}
+
+// No loop: some software devices do not unroll one whose counter is multiplied, and it would then count towards
+// the turns after which they leave all loops.
 Sums sum_of_lanes(Sums even, Sums odd) {
     bool is_odd = (stage_lane() & 1) != 0;
     Sums mine = either(even, odd, is_odd);
     Sums other = either(odd, even, is_odd);
-    [[unroll]] for (uint mask = 1; mask < WORKGROUP; mask *= 2) {
-        mine.shape += from_across(other.shape, mask);
-        mine.tone += from_across(other.tone, mask);
-        mine.rest += subgroupShuffleXor(other.rest, mask);
-        other = mine;
-    }
+    add_from_across(mine, other, 1);
+    if (WORKGROUP > 2) add_from_across(mine, mine, 2);
+    if (WORKGROUP > 4) add_from_across(mine, mine, 4);
+    if (WORKGROUP > 8) add_from_across(mine, mine, 8);
+    if (WORKGROUP > 16) add_from_across(mine, mine, 16);
+    if (WORKGROUP > 32) add_from_across(mine, mine, 32);
     return mine;
 }

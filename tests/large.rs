@@ -13,6 +13,8 @@ mod scenes;
 use ashfall::gpu::Gpu;
 use ashfall::reference;
 use ashfall::render::{Capacity, Model, RenderOptions, Rendered, Renderer, ViewOptions};
+use ashfall::scene::{Dataset, Photo, PhotoSource, Point, View};
+use ashfall::train::{HostState, TrainConfig, Trainer};
 use scenes::Scene;
 
 /// The least that a binding may reach here: the images of these tests.
@@ -129,4 +131,113 @@ fn a_list_longer_than_a_driver_runs_loops_is_drawn_whole() {
     assert!(least > 0.01 && least < 0.5, "{least}");
     // As whole frames are judged in frame.rs; one splat less would be 1/255 of what passes.
     assert!(most <= 1e-4, "{most}");
+}
+
+/// A run that nothing is refined in, on one made photograph of a scene.
+fn dataset(scene: &Scene) -> Dataset {
+    let camera = scene.camera;
+    let photo = scenes::photo(7, camera.width, camera.height);
+    let ahead = camera.position + camera.rotation.row(2) * 4.0;
+    Dataset {
+        views: vec![View {
+            name: "view".into(),
+            camera,
+            photo: PhotoSource::Memory(Photo {
+                width: camera.width,
+                height: camera.height,
+                rgba: photo.iter().map(|&[r, g, b]| [r, g, b, 255]).collect(),
+            }),
+        }],
+        points: vec![Point {
+            position: ahead.to_array(),
+            color: [0.5; 3],
+        }],
+        ..Dataset::default()
+    }
+}
+
+/// What a few steps make of a scene.
+struct Trained {
+    state: HostState,
+    statistics: Vec<[f32; 4]>,
+    losses: Vec<f64>,
+    /// Most (splat, tile) pairs of a frame.
+    isects: usize,
+}
+
+fn train(gpu: &Gpu, scene: &Scene, steps: usize) -> Trained {
+    let dataset = dataset(scene);
+    let mut config = TrainConfig::for_iterations(1_000);
+    config.sh_degree = scene.splats.sh_degree;
+    config.sh_degree_from = [0; 3];
+    let state = HostState::from_splats(&scene.splats, config.sh_degree);
+    let mut trainer = Trainer::from_state(gpu, &dataset, config, &state, 0).unwrap();
+    let mut reports = Vec::new();
+    // A step that did not fit is taken back.
+    while reports.len() < steps {
+        match trainer.iteration() < steps as u32 {
+            true => reports.extend(trainer.step().unwrap()),
+            false => reports.extend(trainer.finish().unwrap()),
+        }
+    }
+    assert!(
+        reports.iter().all(|report| report.poisoned == 0),
+        "{reports:?}"
+    );
+    Trained {
+        losses: reports.iter().map(|report| report.loss).collect(),
+        isects: trainer.extremes().isects,
+        statistics: trainer.statistics().unwrap(),
+        state: trainer.download().unwrap(),
+    }
+}
+
+/// The least that a binding may reach here: the derivatives of SSIM, 36 bytes a pixel.
+const NARROW_TRAINING: u64 = 64 << 10;
+
+#[test]
+fn a_scene_of_many_blocks_and_bands_is_trained_as_one() {
+    let (wide, narrow) = (device::gpu(), device::narrow(NARROW_TRAINING));
+    for (name, scene) in [
+        ("one", scenes::gentle(1, 1, 43, 37, 3)),
+        ("blocks", scenes::gentle(1, 300, 43, 37, 3)),
+        ("hard", scenes::hard(2, 900, 43, 37, 2)),
+        ("bands", dense(3, 1500)),
+    ] {
+        let (found, expected) = (train(&narrow, &scene, 4), train(&wide, &scene, 4));
+        assert_eq!(found.losses, expected.losses, "{name}: other losses");
+        assert!(
+            found.statistics == expected.statistics,
+            "{name}: other statistics"
+        );
+        assert!(found.state == expected.state, "{name}: other bytes");
+        let splats = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
+        // Sixteen bytes of the widest array for each pair.
+        let is_banded = found.isects as u64 > NARROW_TRAINING / 16;
+        let wanted = ["hard", "bands"].contains(&name);
+        assert_eq!(is_banded, wanted, "{name}: {}", found.isects);
+        assert!(
+            found.state.params != splats.params,
+            "{name}: nothing learnt"
+        );
+    }
+}
+
+#[test]
+fn a_list_longer_than_a_driver_runs_loops_is_trained_whole() {
+    // As where it is drawn: splats that fill many lists, each faint and smaller than a pixel. A software device that
+    // left its loops early would leave records unwritten, which hold NaNs here, and those are counted.
+    let mut scene = scenes::gentle(5, 130_000, 8, 16, 0);
+    scene.splats.opacity_logit.fill(-5.28);
+    scene.splats.log_scale.fill([-9.0; 3]);
+    let gpu = device::gpu();
+    let Trained {
+        state, statistics, ..
+    } = train(&gpu, &scene, 1);
+    let seen = statistics.iter().filter(|of| of[1] == 1.0).count();
+    let moved = state.m[0].iter().filter(|moment| moment[3] != 0.0).count();
+    println!("{seen} splats seen, {moved} with a gradient");
+    // More than one band holds. An alpha of 1/255 is reached within 0.39 px of a splat's centre, which is half of
+    // the pixels' area.
+    assert!(seen > 60_000 && moved > seen / 2, "{moved} of {seen}");
 }

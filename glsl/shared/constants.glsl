@@ -68,5 +68,8 @@ const uint ARGS_SLOTS = 9;
 // Most values of a digit that the radix sort tells apart: those kept in shared memory by some variants.
 const uint SORT_DIGITS_MAX = 2048;
 
+// Where a splat's records begin that has none in the band at hand.
+const uint NOT_LISTED = 0xffffffffu;
+
 // Elements one invocation of the scan kernels walks in order.
 const uint SCAN_CHUNK = 256;

@@ -113,7 +113,7 @@ impl Prediction {
     ) -> Prediction {
         let mut needs = vec![model_needs(Blocks::anywhere(splats, sh_degree))];
         let capacity = Capacity::for_image(splats.max(1), isects, width, height);
-        needs.extend(frame_needs(capacity));
+        needs.extend(frame_needs(capacity, false));
         let essential = needs.iter().filter(|need| need.purpose.is_essential());
         Prediction {
             what: format!(

@@ -33,12 +33,7 @@ impl RawBuffer {
         location: MemoryLocation,
     ) -> Result<Arc<RawBuffer>> {
         let bytes = bytes.max(4).next_multiple_of(4);
-        let caps = gpu.caps();
-        // What kernels see lies within the reach of a binding; the host's side is only copied.
-        let available = match location {
-            MemoryLocation::GpuOnly => caps.max_allocation.min(caps.max_storage_range),
-            _ => caps.max_allocation,
-        };
+        let available = gpu.caps().max_allocation;
         if bytes > available {
             return Err(Error::OutOfMemory {
                 name: name.to_owned(),
@@ -189,6 +184,16 @@ impl<T: Pod> Buffer<T> {
             element: PhantomData,
         }
     }
+
+    /// The same bytes as elements of another kind, as many as there are whole.
+    pub fn cast<U: Pod>(&self) -> Buffer<U> {
+        Buffer {
+            raw: self.raw.clone(),
+            offset: self.offset,
+            len: self.len * size_of::<T>() / size_of::<U>(),
+            element: PhantomData,
+        }
+    }
 }
 
 impl Gpu {
@@ -198,6 +203,33 @@ impl Gpu {
     /// # Errors
     /// [`Error::OutOfMemory`] beyond the memory limit, the device's memory or the reach of one binding.
     pub fn buffer<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
+        let bytes = len.checked_mul(size_of::<T>()).unwrap_or(usize::MAX / 2) as u64;
+        self.check_reach(name, bytes)?;
+        self.room(name, len)
+    }
+
+    /// Whether so many bytes lie within the reach of one binding, as what kernels see has to.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn check_reach(&self, name: &str, bytes: u64) -> Result<()> {
+        let available = self.caps().max_storage_range;
+        match bytes <= available {
+            true => Ok(()),
+            false => Err(Error::OutOfMemory {
+                name: name.to_owned(),
+                wanted: bytes,
+                available,
+            }),
+        }
+    }
+
+    /// The same for several arrays in one, of which only parts are bound to kernels: it may exceed the reach of a
+    /// binding, of which its parts are for the caller to check.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] beyond the memory limit or the device's memory.
+    pub fn room<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
         let bytes = len.checked_mul(size_of::<T>()).unwrap_or(usize::MAX / 2) as u64;
         let raw = RawBuffer::new(self, name, bytes, MemoryLocation::GpuOnly)?;
         let buffer = Buffer {

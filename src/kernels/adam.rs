@@ -25,20 +25,10 @@ impl Adam {
         Choice::default()
     }
 
-    /// Records it over `planes` planes of `params.splat_count` splats; fills in how planes share the workgroups.
-    pub fn record(
-        &self,
-        rec: &mut Recorder<'_>,
-        io: Bindings<'_>,
-        mut params: Params,
-        planes: usize,
-    ) {
-        params.groups_per_plane = params.splat_count.div_ceil(self.workgroup);
-        self.kernel.record(
-            rec,
-            io,
-            params,
-            Groups::Count(params.groups_per_plane * planes as u32),
-        );
+    /// Records it over `planes` planes of `params.splat_count` splats.
+    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, planes: usize) {
+        let row = params.splat_count.div_ceil(self.workgroup);
+        let groups = Groups::Grid([row, planes as u32, 1]);
+        self.kernel.record(rec, io, params, groups);
     }
 }

@@ -78,18 +78,6 @@ pub fn list_limit(kind: DeviceKind) -> u32 {
     }
 }
 
-/// What a training step's counts say against it, if anything: gradients are not computed in bands.
-pub(crate) fn check_lists(counts: &[u32]) -> Result<()> {
-    if counts[COUNT_LIST_TOO_LONG as usize] == 0 {
-        return Ok(());
-    }
-    Err(Error::Unsupported {
-        what: "training with more than 40,000 splats over one tile of 8x16 pixels: this software device would leave \
-               its loops early"
-            .into(),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

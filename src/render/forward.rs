@@ -102,21 +102,25 @@ impl Forward {
         self.order_by_depth(rec, s, count);
         rec.timestamp("sort_depth");
         for band in 0..bands.count {
-            self.list_band(rec, s, tiles, (band, bands));
+            self.list_band(rec, s, tiles, 1, (band, bands));
             self.composite(rec, s, tiles, (band, bands));
+            if let Some(trail) = &s.trail {
+                trail.keep(rec, s, band as usize);
+            }
         }
     }
 
-    /// Lists a band's intersections by tile.
-    fn list_band(
+    /// Lists a band's intersections by tile, planned as `stage` says: the next one, or one once more.
+    pub(super) fn list_band(
         &self,
         rec: &mut Recorder<'_>,
         s: &Scratch,
         tiles: usize,
+        stage: u32,
         (band, bands): (u32, Bands),
     ) {
         let params = plan::Params {
-            stage: 1,
+            stage,
             tile_count: tiles as u32,
             band,
             band_count: bands.count,

@@ -82,8 +82,8 @@ pub fn model_needs(blocks: Blocks) -> Need {
     Need::new("params", Purpose::Parameters, 16, vectors)
 }
 
-/// The buffers that a frame works in: [`super::Scratch`].
-pub fn frame_needs(capacity: Capacity) -> Vec<Need> {
+/// The buffers that a frame works in: [`super::Scratch`], with expected depth or without.
+pub fn frame_needs(capacity: Capacity, with_depth: bool) -> Vec<Need> {
     let Capacity {
         splats,
         isects,
@@ -126,7 +126,7 @@ pub fn frame_needs(capacity: Capacity) -> Vec<Need> {
         Need::new("sums", sorting, 4, sums),
         Need::new("range_from_tile", Pixels, 8, tiles),
         Need::new("image", Pixels, 16, pixels),
-        Need::new("depth", Pixels, 4, pixels),
+        Need::new("depth", Pixels, 4, if with_depth { pixels } else { 1 }),
         Need::new("end_from_pixel", Pixels, 4, pixels),
     ]
 }

@@ -13,10 +13,10 @@ mod memory;
 mod model;
 mod renderer;
 mod scratch;
+mod trail;
 mod view;
 
 pub use accuracy::Accuracy;
-pub(crate) use bands::check_lists;
 pub use bands::{Bands, list_limit};
 pub use blocks::{Block, Blocks};
 pub use compatibility::Compatibility;
@@ -26,4 +26,5 @@ pub use model::{Model, plane_count, planes_from_splats};
 pub use renderer::{RenderOptions, Rendered, Renderer, Stats};
 pub(crate) use scratch::DEPTH_SORT;
 pub use scratch::{Capacity, Scratch};
+pub(crate) use trail::Trail;
 pub use view::{ViewOptions, view_of};

@@ -154,7 +154,7 @@ impl Renderer {
                 options.compatibility,
             )?,
             present: presents.then(present).transpose()?,
-            scratch: Scratch::new(gpu, options.capacity)?,
+            scratch: Scratch::new(gpu, options.capacity, options.with_depth)?,
             frames: Frames::new(gpu, 1, true)?,
             rendered: None,
             host_frames: Frames::new(gpu, options.frames_in_flight, false)?,
@@ -173,8 +173,9 @@ impl Renderer {
         if capacity != self.scratch.capacity {
             // The old buffers go first, as far as no host's frame uses them: there may not be room for both.
             self.frames.release()?;
-            self.scratch = Scratch::new(&self.gpu, Capacity::LEAST)?;
-            self.scratch = Scratch::new(&self.gpu, capacity)?;
+            for capacity in [Capacity::LEAST, capacity] {
+                self.scratch = Scratch::new(&self.gpu, capacity, self.options.with_depth)?;
+            }
         }
         Ok(())
     }
@@ -221,11 +222,7 @@ impl Renderer {
             )));
         }
         let size = [camera.width, camera.height];
-        assert_eq!(
-            target.image().extent(),
-            size,
-            "camera and target differ in size"
-        );
+        assert_eq!(target.image().extent(), size, "camera and target differ");
         let frame = self.host_frames.frame_in(commands);
         let in_flight = self.host_frames.in_flight() as u64;
         let finished = self.finished_before((frame + 1).saturating_sub(in_flight))?;

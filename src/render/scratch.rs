@@ -1,5 +1,6 @@
 //! The buffers that a frame works in, sized by a stated capacity.
 
+use super::trail::Trail;
 use crate::Result;
 use crate::gpu::{Buffer, Caps, Gpu};
 use crate::kernels::sort::{Layout, Pairs, Tables};
@@ -83,6 +84,8 @@ pub struct Scratch {
     pub(crate) image: Buffer<f32>,
     pub(crate) depth: Buffer<f32>,
     pub(crate) end_from_pixel: Buffer<u32>,
+    /// What the bands of a frame leave behind, where gradients will be wanted of more than one.
+    pub(crate) trail: Option<Trail>,
 }
 
 /// Depths: four passes of eight bits over all 32.
@@ -125,8 +128,8 @@ pub(super) fn tile_sort_widest(tiles: usize) -> Layout {
 }
 
 impl Scratch {
-    /// Allocates the buffers.
-    pub fn new(gpu: &Gpu, capacity: Capacity) -> Result<Scratch> {
+    /// Allocates the buffers; `with_depth`: one for expected depth too.
+    pub fn new(gpu: &Gpu, capacity: Capacity, with_depth: bool) -> Result<Scratch> {
         let capacity = capacity.within(gpu.caps(), 4);
         let Capacity {
             splats,
@@ -169,8 +172,9 @@ impl Scratch {
             },
             range_from_tile: gpu.buffer("range_from_tile", tiles)?,
             image: gpu.buffer("image", 4 * pixels)?,
-            depth: gpu.buffer("depth", pixels)?,
+            depth: gpu.buffer("depth", if with_depth { pixels } else { 1 })?,
             end_from_pixel: gpu.buffer("end_from_pixel", pixels)?,
+            trail: None,
         })
     }
 }

@@ -5,12 +5,12 @@ use super::device::DeviceState;
 use super::photos::Bound;
 use super::schedule;
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::gpu::{Buffer, Gpu, PART_ALIGNMENT, Recorder};
 use crate::kernels::{
     adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
 };
 use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
-use crate::render::{Block, Forward, Scratch, plane_count, tile_stride};
+use crate::render::{Bands, Block, Forward, Scratch, plane_count, tile_stride};
 
 /// The value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
 const ALPHA_MASKS: u32 = 1;
@@ -31,6 +31,7 @@ pub(crate) struct Backward {
 /// Buffers of a step that rendering does not need.
 #[derive(Debug)]
 pub(crate) struct Gradients {
+    /// Done with before the first record is written: it lies where they do.
     ssim_slope: Buffer<[f32; 3]>,
     loss_from_tile: Buffer<[f32; 4]>,
     pub(crate) loss: Buffer<[f32; 4]>,
@@ -40,20 +41,31 @@ pub(crate) struct Gradients {
     d_rest_from_source: Buffer<f32>,
 }
 
+/// Words of the records of `isects` (splat, tile) pairs: nine for each, in three arrays that begin where parts may.
+pub(crate) fn record_words(isects: usize) -> usize {
+    9 * isects.next_multiple_of(PART_ALIGNMENT)
+}
+
 impl Gradients {
     /// Buffers to go with `scratch`.
     pub(crate) fn new(gpu: &Gpu, scratch: &Scratch) -> Result<Gradients> {
         let (pixels, isects) = (scratch.capacity.pixels, scratch.capacity.isects);
         // An image of these tiles has at most as many loss tiles as it has compositing tiles.
         let tiles = scratch.capacity.tiles;
+        gpu.check_reach("d_shape_from_source", 16 * isects as u64)?;
+        gpu.check_reach("ssim_slope", 36 * pixels as u64)?;
+        let words = record_words(isects);
+        let records = gpu.room::<f32>("records", words.max(9 * pixels))?;
+        let [tone, rest] = [4, 8].map(|before| words / 9 * before);
+        let array = |begin: usize, width: usize| records.part(begin..begin + width * isects);
         Ok(Gradients {
-            ssim_slope: gpu.buffer("ssim_slope", 3 * pixels)?,
+            ssim_slope: records.part(0..9 * pixels).cast(),
             loss_from_tile: gpu.buffer("loss_from_tile", tiles)?,
             loss: gpu.buffer("loss", 1)?,
             d_image: gpu.buffer("d_image", 3 * pixels)?,
-            d_shape_from_source: gpu.buffer("d_shape_from_source", isects)?,
-            d_tone_from_source: gpu.buffer("d_tone_from_source", isects)?,
-            d_rest_from_source: gpu.buffer("d_rest_from_source", isects)?,
+            d_shape_from_source: array(0, 4).cast(),
+            d_tone_from_source: array(tone, 4).cast(),
+            d_rest_from_source: array(rest, 1),
         })
     }
 }
@@ -61,11 +73,13 @@ impl Gradients {
 /// What a step works on.
 pub(crate) struct Step<'a> {
     pub(crate) config: &'a TrainConfig,
+    pub(crate) forward: &'a Forward,
     pub(crate) iteration: u32,
     /// Scene extent in world units.
     pub(crate) extent: f64,
     pub(crate) view: &'a View,
     pub(crate) sh_degree: u32,
+    pub(crate) bands: Bands,
 }
 
 impl Backward {
@@ -92,7 +106,8 @@ impl Backward {
         })
     }
 
-    /// Records what follows the frame in a step.
+    /// Records what follows the frame in a step. Gradients of a frame in bands are of all blocks at a time, which
+    /// `state` has to have room for.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder<'_>,
@@ -103,12 +118,28 @@ impl Backward {
         step: &Step<'_>,
     ) {
         self.record_loss(rec, scratch, gradients, photo, step);
-        self.record_rasterize(rec, scratch, gradients, step);
-        // Block by block: gradients of one block are all that have to exist at a time.
-        for block in state.model.blocks.of(state.model.splat_count) {
-            self.record_project(rec, state, scratch, gradients, step, block);
-            self.record_update(rec, state, scratch, step, block);
+        let blocks = || state.model.blocks.of(state.model.splat_count);
+        let Some(trail) = &scratch.trail else {
+            let ends = &scratch.end_from_pixel;
+            self.record_rasterize(rec, scratch, gradients, step, (0, ends));
+            // Block by block: gradients of one block are all that have to exist at a time.
+            for block in blocks() {
+                self.record_project(rec, state, scratch, gradients, step, block);
+                self.record_update(rec, state, scratch, step, block);
+            }
+            return;
+        };
+        let tiles = (step.view.tiles[0] * step.view.tiles[1]) as usize;
+        for band in (0..step.bands.count).rev() {
+            let is_farthest = band + 1 == step.bands.count;
+            let again = (band, step.bands);
+            let turn = if is_farthest { 1 } else { 2 };
+            step.forward.list_again(rec, scratch, trail, tiles, again);
+            let ends = trail.end_from_pixel(band);
+            self.record_rasterize(rec, scratch, gradients, step, (turn, ends));
+            blocks().for_each(|b| self.record_project(rec, state, scratch, gradients, step, b));
         }
+        blocks().for_each(|block| self.record_update(rec, state, scratch, step, block));
     }
 
     fn record_loss(
@@ -177,6 +208,7 @@ impl Backward {
         s: &Scratch,
         g: &Gradients,
         step: &Step<'_>,
+        (band, ends): (u32, &Buffer<u32>),
     ) {
         let tiles = (step.view.tiles[0] * step.view.tiles[1]) as usize;
         self.rasterize.record(
@@ -191,13 +223,14 @@ impl Backward {
                 rest_from_splat: &s.rest_from_splat,
                 image: &s.image,
                 d_image: &g.d_image,
-                end_from_pixel: &s.end_from_pixel,
+                end_from_pixel: ends,
                 d_shape_from_source: &g.d_shape_from_source,
                 d_tone_from_source: &g.d_tone_from_source,
                 d_rest_from_source: &g.d_rest_from_source,
             },
             rasterize_backward::Params {
                 tile_stride: tile_stride(tiles),
+                band,
             },
             tiles,
         );
@@ -241,6 +274,7 @@ impl Backward {
                 scale_penalty: penalties.scale / (3 * count) as f32,
                 // A sum: it is half of this times the square that has this slope.
                 size_penalty: 2.0 * penalties.size,
+                banded: s.trail.is_some().into(),
             },
         );
         rec.timestamp("project_backward");
@@ -276,7 +310,6 @@ impl Backward {
                 first_splat: block.first as u32,
                 splat_count,
                 stride,
-                groups_per_plane: 0,
                 rate_mean: rates.mean,
                 rate_opacity: rates.opacity,
                 rate_quaternion: rates.quaternion,

@@ -1,6 +1,7 @@
 //! What a training run takes of the device's memory, buffer by buffer: a closed formula that is printed
 //! before a run and held against what the run has taken.
 
+use super::backward::record_words;
 use super::config::{StrategyKind, TrainConfig};
 use super::photos::Residency;
 use super::schedule;
@@ -88,7 +89,7 @@ impl TrainSize {
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let mut needs = photo_needs(self.photos, self.splats);
         needs.extend(state_needs(self.splats, self.sh_degree));
-        needs.extend(frame_needs(capacity));
+        needs.extend(frame_needs(capacity, false));
         needs.extend(gradient_needs(capacity));
         needs
     }
@@ -138,15 +139,16 @@ pub(crate) fn gradient_needs(capacity: Capacity) -> Vec<Need> {
         tiles,
         ..
     } = capacity;
+    // The slopes of SSIM lie where the records will: they take no more than what those leave over.
+    let records = record_words(isects);
+    let slopes = (9 * pixels).saturating_sub(records);
     use Purpose::*;
     vec![
-        Need::new("ssim_slope", Pixels, 36, pixels),
+        Need::new("records", Intersections, 4, records),
+        Need::new("ssim_slope", Pixels, 4, slopes),
         Need::new("loss_from_tile", Pixels, 16, tiles),
         Need::new("loss", Pixels, 16, 1),
         Need::new("d_image", Pixels, 12, pixels),
-        Need::new("d_shape_from_source", Intersections, 16, isects),
-        Need::new("d_tone_from_source", Intersections, 16, isects),
-        Need::new("d_rest_from_source", Intersections, 4, isects),
     ]
 }
 

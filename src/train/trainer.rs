@@ -17,14 +17,13 @@ use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
 use super::{adc_reset, initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
-use crate::render::{
-    Bands, Capacity, Forward, Scratch, ViewOptions, check_lists, isects_expected, view_of,
-};
+use crate::render::{Bands, Capacity, Forward, Scratch, ViewOptions, isects_expected, view_of};
 use crate::scene::{Camera, Dataset, RenderMode, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
 pub use room::Extremes;
+use room::new_scratch;
 pub(crate) use room::with_margin;
 
 /// Steps in flight.
@@ -72,6 +71,8 @@ pub struct Trainer<'a> {
     backward: Backward,
     state: DeviceState,
     scratch: Scratch,
+    /// Of every step from now on.
+    bands: Bands,
     gradients: Gradients,
     /// Those of `halved` while there is one.
     photos: Photos,
@@ -116,7 +117,7 @@ impl<'a> Trainer<'a> {
                 Capacity::for_image(state.len(), isects, width, height)
             })
             .fold(Capacity::LEAST, Capacity::max);
-        let scratch = new_scratch(gpu, capacity)?;
+        let scratch = new_scratch(gpu, capacity, Bands::default())?;
         let (halved, photos) = halved::begin(gpu, dataset, &views, &config, iteration)?;
         Ok(Trainer {
             gpu: gpu.clone(),
@@ -128,6 +129,7 @@ impl<'a> Trainer<'a> {
             state: DeviceState::new(gpu, state, config.mode)?,
             gradients: Gradients::new(gpu, &scratch)?,
             scratch,
+            bands: Bands::default(),
             photos,
             halved,
             frames: Frames::new(gpu, IN_FLIGHT, true)?,
@@ -277,10 +279,12 @@ impl<'a> Trainer<'a> {
         let view = view_of(camera, &options);
         let step = Step {
             config: &self.config,
+            forward: &self.forward,
             iteration,
             extent: self.extent,
             view: &view,
             sh_degree,
+            bands: self.bands,
         };
         let (forward, backward, state) = (&self.forward, &self.backward, &self.state);
         let (scratch, gradients, photos) = (&self.scratch, &self.gradients, &mut self.photos);
@@ -288,7 +292,7 @@ impl<'a> Trainer<'a> {
             let photo = photos.bind(rec, dataset, index)?;
             rec.update(&scratch.counts, COUNT_POISONED as usize, &[0, 0]);
             rec.timestamp("upload");
-            forward.record(rec, model, scratch, &view, sh_degree, Bands::default());
+            forward.record(rec, model, scratch, &view, sh_degree, step.bands);
             backward.record(rec, state, scratch, gradients, &photo, &step);
             let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
             Ok((counts, rec.read_back(&gradients.loss, 0..1)?))
@@ -312,16 +316,11 @@ impl<'a> Trainer<'a> {
         let counts = oldest.counts.get();
         let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
         self.extremes.isects = self.extremes.isects.max(wanted);
-        check_lists(&counts)?;
         if counts[COUNT_FAILED as usize] != 0 {
             self.pending
                 .drain(..)
                 .try_for_each(|later| self.frames.wait(later.ticket))?;
-            let capacity = Capacity {
-                isects: with_margin(wanted),
-                ..self.scratch.capacity
-            };
-            self.resize(capacity)?;
+            self.make_room(&counts)?;
             self.iteration = oldest.iteration - 1;
             return Ok(false);
         }
@@ -390,11 +389,4 @@ fn smooth(state: &mut HostState, dataset: &Dataset, config: &TrainConfig) {
 fn limit_splats(gpu: &Gpu, config: &mut TrainConfig) {
     let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
     config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));
-}
-
-/// Scratch whose counts are clean.
-fn new_scratch(gpu: &Gpu, capacity: Capacity) -> Result<Scratch> {
-    let scratch = Scratch::new(gpu, capacity)?;
-    gpu.run(|rec| rec.fill(&scratch.counts, 0))?;
-    Ok(scratch)
 }

@@ -18,7 +18,6 @@ fn params(splat_count: usize, stride: usize) -> Params {
         first_splat: 1000,
         splat_count: splat_count as u32,
         stride: stride as u32,
-        groups_per_plane: 0,
         rate_mean: 1.6e-4,
         rate_opacity: 0.05,
         rate_quaternion: 1e-3,

@@ -134,6 +134,7 @@ fn run(
         opacity_penalty: OPACITY_PENALTY,
         scale_penalty: SCALE_PENALTY,
         size_penalty: SIZE_PENALTY,
+        banded: 0,
     };
     gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
     let statistics = floats(&read(gpu, &statistics));

@@ -123,7 +123,11 @@ fn every_intersection_gets_its_gradient() {
                     d_rest_from_source: &rest,
                 };
                 let tiles = lists.grid.len() as usize;
-                gpu.run(|rec| kernel.record(rec, io, Params { tile_stride: 1 }, tiles))
+                let params = Params {
+                    tile_stride: 1,
+                    band: 0,
+                };
+                gpu.run(|rec| kernel.record(rec, io, params, tiles))
                     .unwrap();
                 let (shape, tone) = (floats(&read(&gpu, &shape)), floats(&read(&gpu, &tone)));
                 let rest = floats(&read(&gpu, &rest));

@@ -61,7 +61,6 @@ impl<'a> Run<'a> {
             first_splat: 0,
             splat_count: 1,
             stride: 1,
-            groups_per_plane: 0,
             rate_mean: RATE,
             rate_opacity: RATE,
             rate_quaternion: RATE,

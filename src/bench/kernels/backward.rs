@@ -226,6 +226,7 @@ impl Device {
 pub fn params(input: &Input) -> rasterize_backward::Params {
     rasterize_backward::Params {
         tile_stride: tile_stride(input.tiles),
+        band: 0,
     }
 }
 

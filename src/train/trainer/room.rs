@@ -1,9 +1,10 @@
 //! Room: how large a run's buffers are. They are made anew where they do not fit, and the old go first, so
 //! that the device never holds both.
 
-use super::{Trainer, new_scratch};
-use crate::gpu::TRANSFER_BYTES;
-use crate::render::{Capacity, frame_needs, total};
+use super::Trainer;
+use crate::gpu::{Gpu, TRANSFER_BYTES};
+use crate::layout::COUNT_ISECT_WANTED;
+use crate::render::{Bands, Capacity, Scratch, Trail, frame_needs, list_limit, total};
 use crate::train::backward::Gradients;
 use crate::train::config::StrategyKind;
 use crate::train::device::DeviceState;
@@ -19,6 +20,9 @@ pub struct Extremes {
     /// (Splat, tile) pairs of one frame.
     pub isects: usize,
 }
+
+/// Bytes that a (splat, tile) pair takes of any one array.
+const RECORD_BYTES: u64 = 16;
 
 /// Room for so many (splat, tile) pairs and an eighth more: the next view may want more, and making room
 /// for it costs the steps in flight.
@@ -53,6 +57,29 @@ impl Trainer<'_> {
             .flatten()
     }
 
+    /// Makes room for a frame that has left such counts; what one binding has no room for will come in bands. No
+    /// step is in flight.
+    pub(super) fn make_room(&mut self, counts: &[u32]) -> Result<()> {
+        let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
+        let capacity = Capacity {
+            isects: with_margin(wanted),
+            ..self.scratch.capacity
+        };
+        let capacity = capacity.within(self.gpu.caps(), RECORD_BYTES);
+        let limit = list_limit(self.gpu.caps().kind);
+        let bands = self.bands.after(counts, &capacity, limit)?;
+        let was_banded = self.bands.count > 1;
+        self.bands = Bands {
+            // Other views may have needed more.
+            count: bands.count.max(self.bands.count),
+            ..bands
+        };
+        if self.bands.count > 1 && !was_banded {
+            self.state.keep_gradients(&self.gpu)?;
+        }
+        self.resize(capacity)
+    }
+
     /// Makes the buffers of a step anew. None is in use: all steps have been waited for.
     pub(super) fn resize(&mut self, capacity: Capacity) -> Result<()> {
         self.check_room(step_bytes(self.scratch.capacity), step_bytes(capacity))?;
@@ -62,7 +89,7 @@ impl Trainer<'_> {
 
     fn remake(&mut self, capacity: Capacity) -> Result<()> {
         for capacity in [Capacity::LEAST, capacity] {
-            self.scratch = new_scratch(&self.gpu, capacity)?;
+            self.scratch = new_scratch(&self.gpu, capacity, self.bands)?;
             self.gradients = Gradients::new(&self.gpu, &self.scratch)?;
         }
         Ok(())
@@ -92,6 +119,9 @@ impl Trainer<'_> {
         let nothing = HostState::zeros(0, sh_degree);
         self.state = DeviceState::new(&self.gpu, &nothing, mode)?;
         self.state = DeviceState::new(&self.gpu, state, mode)?;
+        if self.bands.count > 1 {
+            self.state.keep_gradients(&self.gpu)?;
+        }
         self.extremes.splats = self.extremes.splats.max(count);
         self.remake(capacity)
     }
@@ -111,7 +141,18 @@ impl Trainer<'_> {
     }
 }
 
+/// Scratch whose counts are clean, for as many pairs at a time as one binding has room for.
+pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: Bands) -> Result<Scratch> {
+    let capacity = capacity.within(gpu.caps(), RECORD_BYTES);
+    let mut scratch = Scratch::new(gpu, capacity, false)?;
+    if bands.count > 1 {
+        scratch.trail = Some(Trail::new(gpu, &capacity, bands)?);
+    }
+    gpu.run(|rec| rec.fill(&scratch.counts, 0))?;
+    Ok(scratch)
+}
+
 /// Bytes of the buffers of a step.
 fn step_bytes(capacity: Capacity) -> u64 {
-    total(&frame_needs(capacity)) + total(&gradient_needs(capacity))
+    total(&frame_needs(capacity, false)) + total(&gradient_needs(capacity))
 }
