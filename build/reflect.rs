@@ -45,8 +45,14 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
     }
     found.requirements.sort();
     found.requirements.dedup();
-    found.bindings.sort_by_key(|binding| binding.binding);
+    // Views behind what they are views of.
+    found
+        .bindings
+        .sort_by_key(|binding| (binding.binding, binding.name.len()));
     found.specs.sort_by_key(|spec| spec.id);
+    found
+        .bindings
+        .dedup_by(|second, first| is_view(second, first));
     for pair in found.bindings.windows(2) {
         if let [first, second] = pair
             && first.binding == second.binding
@@ -60,6 +66,18 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
     } else {
         Err(faults)
     }
+}
+
+/// Whether a binding is another one seen as vectors of four, by which a kernel reads or writes four numbers at a time.
+/// The host binds the numbers. What is only read, or only written, cannot be read through one view before it is
+/// written through the other.
+fn is_view(binding: &Binding, of: &Binding) -> bool {
+    let fours = |scalar| Bound::Buffer(Type::Vector(scalar, 4));
+    binding.binding == of.binding
+        && binding.name == format!("{}_by_four", of.name)
+        && binding.access == of.access
+        && of.access != Access::ReadWrite
+        && matches!(of.bound, Bound::Buffer(Type::Scalar(scalar)) if binding.bound == fours(scalar))
 }
 
 /// What a capability asks of a device; nothing for the ones that every Vulkan device has.

@@ -19,7 +19,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer Offsets { uint isect_from_r
 layout(push_constant, scalar) uniform Push {
     uint stage;            // 0: visible splats, 1: the next band, 2: a band once more
     uint isect_capacity;   // intersections the buffers hold
-    uint chunk;            // keys per chunk of the radix sort
+    uint chunk;            // least keys of a chunk of the radix sort, where there are many
     uint chunks_per_group; // chunks one workgroup of the sort handles
     uint digit_count;      // entries of a digit table
     uint workgroup;        // invocations per workgroup of the elementwise and scan kernels
@@ -42,10 +42,17 @@ uint divide_up(uint a, uint b) {
     return a / b + (a % b != 0 ? 1 : 0);
 }
 
+// Chunks of a sort: whole workgroups, so that no lane is idle, and an even number of them, so that neither of a software
+// device's two threads is.
+uint chunks_of(uint count) {
+    uint twice = 2 * push.chunks_per_group;
+    return count == 0 ? 0 : twice * max(count / (twice * push.chunk), 1);
+}
+
 void plan_visible() {
     uint count = counts[COUNT_VISIBLE];
     if (counts[COUNT_FAILED] != 0) count = 0;
-    uint chunks = divide_up(count, push.chunk);
+    uint chunks = chunks_of(count);
     counts[COUNT_VISIBLE] = count;
     counts[COUNT_VISIBLE_CHUNK] = chunks;
     counts[COUNT_VISIBLE_TABLE] = chunks * push.digit_count;
@@ -79,7 +86,7 @@ uint end_of_band(uint begin) {
 void plan_band(uint begin, uint end, bool drawn) {
     uint base = isects_before(begin);
     uint count = drawn ? isects_before(end) - base : 0;
-    uint chunks = divide_up(count, push.chunk);
+    uint chunks = chunks_of(count);
     counts[COUNT_BAND_BEGIN] = begin;
     counts[COUNT_BAND_END] = end;
     counts[COUNT_BAND_BASE] = base;

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "shared/prelude.glsl"
+#include "shared/chunk.glsl"
 
 // First half of a pass of a stable radix sort: how often each digit occurs in each chunk of keys.
 //
@@ -16,7 +17,7 @@ layout(set = 0, binding = 2, scalar) buffer Table { uint table[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint count_slot;  // where in `counts` the number of keys stands
-    uint chunk;       // keys per chunk
+    uint chunk_slot;  // where that of chunks stands
     uint shift;       // lowest bit of the digit
     uint digit_count; // a power of two, at most SORT_DIGITS_MAX
 } push;
@@ -27,10 +28,11 @@ void main() {
     uint chunk = group_index();
     uint lane = gl_LocalInvocationID.x;
     uint count = counts[push.count_slot];
-    uint begin = chunk * push.chunk;
-    if (begin >= count) return;
-    uint end = min(begin + push.chunk, count);
-    uint chunk_count = (count + push.chunk - 1) / push.chunk;
+    uint chunk_count = counts[push.chunk_slot];
+    if (chunk >= chunk_count) return;
+    uint size = keys_per_chunk(count, chunk_count);
+    uint begin = min(chunk * size, count);
+    uint end = min(begin + size, count);
     for (uint digit = lane; digit < push.digit_count; digit += WORKGROUP) counted[digit] = 0;
     barrier();
     for (uint i = begin + lane; i < end; i += WORKGROUP) {

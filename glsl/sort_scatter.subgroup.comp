@@ -2,6 +2,7 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "shared/prelude.glsl"
+#include "shared/chunk.glsl"
 
 // Second half of a pass of a stable radix sort: every key and value to its place.
 //
@@ -22,7 +23,7 @@ layout(set = 0, binding = 5, scalar) writeonly buffer ValuesOut { uint values_ou
 
 layout(push_constant, scalar) uniform Push {
     uint count_slot;  // where in `counts` the number of keys stands
-    uint chunk;       // keys per chunk
+    uint chunk_slot;  // where that of chunks stands
     uint shift;       // lowest bit of the digit
     uint digit_count; // a power of two, at most SORT_DIGITS_MAX
 } push;
@@ -44,10 +45,11 @@ uvec4 peers_of(uint digit, bool takes_part) {
 void main() {
     uint chunk = group_index();
     uint count = counts[push.count_slot];
-    uint begin = chunk * push.chunk;
-    if (begin >= count) return;
-    uint end = min(begin + push.chunk, count);
-    uint chunk_count = (count + push.chunk - 1) / push.chunk;
+    uint chunk_count = counts[push.chunk_slot];
+    if (chunk >= chunk_count) return;
+    uint size = keys_per_chunk(count, chunk_count);
+    uint begin = min(chunk * size, count);
+    uint end = min(begin + size, count);
     for (uint digit = gl_LocalInvocationID.x; digit < push.digit_count; digit += WORKGROUP) {
         next_place[digit] = table[digit * chunk_count + chunk];
     }

@@ -67,6 +67,8 @@ const uint ARGS_SLOTS = 9;
 
 // Most values of a digit that the radix sort tells apart: those kept in shared memory by some variants.
 const uint SORT_DIGITS_MAX = 2048;
+// Most that an invocation keeps a table of to itself.
+const uint SORT_DIGITS_NEAR = 256;
 
 // Where a splat's records begin that has none in the band at hand.
 const uint NOT_LISTED = 0xffffffffu;

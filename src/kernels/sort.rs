@@ -14,6 +14,8 @@ pub struct Sort {
     scatter: sort_scatter::SortScatter,
     /// Chunks that one workgroup of both kernels handles.
     pub chunks_per_group: u32,
+    /// Whether a chunk has a whole workgroup.
+    by_workgroup: bool,
 }
 
 /// Two of each, and which one holds the data.
@@ -56,10 +58,10 @@ pub struct Layout {
     pub digit_bits: u32,
     /// Digits to sort by, from the lowest bit.
     pub passes: u32,
-    /// Keys per chunk.
-    pub chunk: u32,
     /// The slot of the number of keys.
     pub count_slot: u32,
+    /// The slot of the number of chunks.
+    pub chunk_slot: u32,
     /// The slot of the number of table entries.
     pub table_slot: u32,
     /// Dispatch arguments over chunks.
@@ -74,11 +76,22 @@ impl Layout {
         1 << self.digit_bits
     }
 
-    /// Entries of the table for up to `count` keys.
+    /// Most entries of the table for up to `count` keys, on any device: as [`Sort::chunks`] has them.
     pub fn table_len(&self, count: usize) -> usize {
-        count.div_ceil(self.chunk as usize).max(1) * self.digit_count() as usize
+        let digits = self.digit_count() as usize;
+        let by_workgroup = (count / WORKGROUP_KEYS as usize).max(2) * digits;
+        let lanes = sort_scatter::Spec::default().workgroup as usize;
+        let by_invocation = (count / KEYS_PER_ENTRY as usize).max(2 * lanes * digits);
+        by_workgroup.max(by_invocation)
     }
 }
+
+/// Least keys of a chunk that a whole workgroup sorts, of many: a few turns of the workgroup.
+const WORKGROUP_KEYS: u32 = 4096;
+
+/// Least keys of a chunk that one invocation sorts, for each entry of its table: an entry is cleared, written, summed
+/// and read, which costs a software device somewhat more than a key does.
+const KEYS_PER_ENTRY: u32 = 16;
 
 /// Invocations of a workgroup of the variants that give a chunk to a whole workgroup.
 pub(super) const SUBGROUP_WORKGROUP: u32 = 256;
@@ -140,7 +153,27 @@ impl Sort {
             count: sort_count::SortCount::new(gpu, count)?,
             scatter: sort_scatter::SortScatter::new(gpu, scatter)?,
             chunks_per_group,
+            by_workgroup: scatter.variant == sort_scatter::Variant::Subgroup,
         })
+    }
+
+    /// Least keys of a chunk where there are more than two workgroups of chunks: what `plan` is told. An invocation's
+    /// loops over as many as two chunks of these and their table take no more turns than the 65,535 after which
+    /// llvmpipe leaves them.
+    pub fn chunk(&self, layout: Layout) -> u32 {
+        match self.by_workgroup {
+            true => WORKGROUP_KEYS,
+            false => KEYS_PER_ENTRY * layout.digit_count(),
+        }
+    }
+
+    /// Chunks that `plan` cuts `count` keys into.
+    pub fn chunks(&self, layout: Layout, count: usize) -> usize {
+        let twice = 2 * self.chunks_per_group as usize;
+        match count {
+            0 => 0,
+            _ => twice * (count / (twice * self.chunk(layout) as usize)).max(1),
+        }
     }
 
     /// Records the sort; returns which of the pairs holds the result.
@@ -169,7 +202,7 @@ impl Sort {
             tables,
         } = io;
         let (from, to) = ((pass % 2) as usize, (pass % 2) as usize ^ 1);
-        let (count_slot, chunk) = (layout.count_slot, layout.chunk);
+        let (count_slot, chunk_slot) = (layout.count_slot, layout.chunk_slot);
         let (shift, digit_count) = (pass * layout.digit_bits, layout.digit_count());
         self.count.record(
             rec,
@@ -180,7 +213,7 @@ impl Sort {
             },
             sort_count::Params {
                 count_slot,
-                chunk,
+                chunk_slot,
                 shift,
                 digit_count,
             },
@@ -214,7 +247,7 @@ impl Sort {
             },
             sort_scatter::Params {
                 count_slot,
-                chunk,
+                chunk_slot,
                 shift,
                 digit_count,
             },

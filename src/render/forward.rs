@@ -223,7 +223,7 @@ impl Forward {
         plan::Params {
             stage: 0,
             isect_capacity: s.capacity.isects as u32,
-            chunk: layout.chunk,
+            chunk: self.sort.chunk(layout),
             chunks_per_group: self.sort.chunks_per_group,
             digit_count: layout.digit_count(),
             workgroup: ELEMENTWISE,

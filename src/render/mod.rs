@@ -24,7 +24,6 @@ pub use forward::{Forward, tile_stride};
 pub use memory::{Need, Purpose, frame_needs, isects_expected, model_needs, total};
 pub use model::{Model, plane_count, planes_from_splats};
 pub use renderer::{RenderOptions, Rendered, Renderer, Stats};
-pub(crate) use scratch::DEPTH_SORT;
 pub use scratch::{Capacity, Scratch};
 pub(crate) use trail::Trail;
 pub use view::{ViewOptions, view_of};

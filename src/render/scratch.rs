@@ -92,8 +92,8 @@ pub struct Scratch {
 pub(crate) const DEPTH_SORT: Layout = Layout {
     digit_bits: 8,
     passes: 4,
-    chunk: 1024,
     count_slot: COUNT_VISIBLE,
+    chunk_slot: COUNT_VISIBLE_CHUNK,
     table_slot: COUNT_VISIBLE_TABLE,
     chunk_args: ARGS_VISIBLE_CHUNK,
     table_args: ARGS_VISIBLE_TABLE,
@@ -110,8 +110,8 @@ pub(crate) fn tile_sort(tiles: usize) -> Layout {
     Layout {
         digit_bits: bits.div_ceil(passes),
         passes,
-        chunk: 4096,
         count_slot: COUNT_ISECT,
+        chunk_slot: COUNT_ISECT_CHUNK,
         table_slot: COUNT_ISECT_TABLE,
         chunk_args: ARGS_ISECT_CHUNK,
         table_args: ARGS_ISECT_TABLE,

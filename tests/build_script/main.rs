@@ -173,6 +173,27 @@ layout(set = 0, binding = 4) writeonly uniform image2D target;
     );
 }
 
+#[test]
+fn a_view_by_four_is_no_binding_of_its_own() {
+    let views = |access: &str, name: &str, element: &str| {
+        let block = |block: &str, member: &str| {
+            format!(
+                "layout(set = 0, binding = 1, scalar) {access} buffer {block} {{ {member}[]; }};\n"
+            )
+        };
+        let (numbers, fours) = (
+            block("A", "uint keys"),
+            block("B", &format!("{element} {name}")),
+        );
+        format!("{OPEN}{numbers}{fours}{MAIN}")
+    };
+    for access in ["readonly", "writeonly"] {
+        let module = module(&views(access, "keys_by_four", "uvec4"));
+        let names: Vec<&str> = module.bindings.iter().map(|b| b.name.as_str()).collect();
+        assert_eq!(names, ["data", "keys"]);
+    }
+}
+
 /// What a kernel with this extension and this text asks of a device.
 fn needs(extension: &str, text: &str) -> Vec<Requirement> {
     let rest = OPEN.strip_prefix("#version 460\n").unwrap();

@@ -80,6 +80,29 @@ fn bindings_have_rules() {
             "share a binding",
         ),
         (
+            "set = 0, binding = 0, scalar) buffer Two { uvec4 data_by_four[]; }",
+            5,
+            "share a binding",
+        ),
+        (
+            "set = 0, binding = 1, scalar) readonly buffer Two { uint a[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Fours { uvec4 b[]; }",
+            7,
+            "share a binding",
+        ),
+        (
+            "set = 0, binding = 1, scalar) readonly buffer Two { uint a[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Fours { vec4 a_by_four[]; }",
+            7,
+            "share a binding",
+        ),
+        (
+            "set = 0, binding = 1, scalar) readonly buffer Two { uint a[]; };
+layout(set = 0, binding = 1, scalar) writeonly buffer Fours { uvec4 a_by_four[]; }",
+            7,
+            "share a binding",
+        ),
+        (
             "set = 0, binding = 1, scalar) buffer Two { uint data[]; } two",
             1,
             "two bindings are called",

@@ -55,7 +55,15 @@ fn expected(
     }
     let count = u64::from(counts[main]);
     let groups = |elements: u64| elements.div_ceil(u64::from(params.workgroup));
-    let chunks = count.div_ceil(u64::from(params.chunk));
+    // The largest even number of whole workgroups of chunks of at least `chunk` keys, but two of them.
+    let chunks = match count {
+        0 => 0,
+        _ => (1..)
+            .map(|pairs| 2 * pairs * u64::from(params.chunks_per_group))
+            .take_while(|&chunks| chunks * u64::from(params.chunk) <= count)
+            .last()
+            .unwrap_or(2 * u64::from(params.chunks_per_group)),
+    };
     let table = chunks * u64::from(params.digit_count);
     let scan = |elements: u64| groups(elements.div_ceil(u64::from(SCAN_CHUNK)));
     counts[main + 1] = chunks as u32;

@@ -33,12 +33,12 @@ fn inputs(most: usize) -> Vec<(&'static str, Vec<u32>)> {
 }
 
 /// The slots and arguments that a sort reads, filled as `plan` would.
-fn layout(digit_bits: u32, passes: u32, chunk: u32) -> Layout {
+fn layout(digit_bits: u32, passes: u32) -> Layout {
     Layout {
         digit_bits,
         passes,
-        chunk,
         count_slot: COUNT_ISECT,
+        chunk_slot: COUNT_ISECT_CHUNK,
         table_slot: COUNT_ISECT_TABLE,
         chunk_args: 0,
         table_args: 1,
@@ -49,28 +49,43 @@ fn digit(key: u32, shift: u32, digit_count: u32) -> u32 {
     (key >> shift) & (digit_count - 1)
 }
 
-/// `[digit][chunk]`: how often each digit occurs in each chunk.
-fn table(keys: &[u32], chunk: u32, shift: u32, digit_count: u32) -> Vec<u32> {
-    let chunks = keys.len().div_ceil(chunk as usize);
+/// `[digit][chunk]`: how often each digit occurs in each of so many chunks, of whole quadruples of keys.
+fn table(keys: &[u32], chunks: usize, shift: u32, digit_count: u32) -> Vec<u32> {
     let mut table = vec![0; chunks * digit_count as usize];
+    let size = keys.len().div_ceil(chunks).next_multiple_of(4);
     for (i, &key) in keys.iter().enumerate() {
-        table[digit(key, shift, digit_count) as usize * chunks + i / chunk as usize] += 1;
+        table[digit(key, shift, digit_count) as usize * chunks + i / size] += 1;
     }
     table
 }
 
-/// Workgroups of a variant: where a chunk has a whole one, it must consist of full subgroups.
-fn workgroups(subgroup: bool, gpu: &Gpu) -> Vec<u32> {
-    let size = gpu.caps().subgroup_size;
-    if subgroup {
-        vec![size, 2 * size, 256.max(size)]
-    } else {
-        vec![1, 8, 64]
-    }
+/// The slots that both halves of a pass read.
+fn slots(count: usize, chunks: usize) -> [(u32, u32); 2] {
+    [
+        (COUNT_ISECT, count as u32),
+        (COUNT_ISECT_CHUNK, chunks as u32),
+    ]
 }
 
-/// Digits and chunks to try: bits, shift, keys per chunk.
-const CUTS: [(u32, u32, u32); 4] = [(8, 0, 1024), (8, 24, 256), (11, 5, 4096), (1, 31, 64)];
+/// Workgroups of a variant that the device has: where a chunk has a whole one, it must consist of full subgroups.
+fn workgroups(subgroup: bool, gpu: &Gpu) -> Vec<u32> {
+    let size = gpu.caps().subgroup_size;
+    let mut all = match subgroup {
+        true => vec![size, 2 * size, 256.max(size)],
+        false => vec![1, 8, 64],
+    };
+    all.retain(|&workgroup| workgroup <= gpu.caps().max_workgroup);
+    all
+}
+
+/// Digits and chunks to try: bits, shift, chunks, of which the last may be empty.
+const CUTS: [(u32, u32, usize); 5] = [
+    (8, 0, 64),
+    (8, 24, 301),
+    (9, 3, 16),
+    (11, 5, 17),
+    (1, 31, 1000),
+];
 
 #[test]
 fn digits_are_counted_by_chunk() {
@@ -86,21 +101,20 @@ fn digits_are_counted_by_chunk() {
                 .iter()
                 .flat_map(|input| CUTS.map(|cut| (input, cut)))
             {
-                let (bits, shift, chunk) = cut;
-                let expected = table(keys, chunk, shift, 1 << bits);
+                let (bits, shift, chunks) = cut;
+                let expected = table(keys, chunks, shift, 1 << bits);
                 let counted = unwritten::<u32>(&gpu, expected.len() + 1);
                 let io = sort_count::Bindings {
-                    counts: &counts(&gpu, &[(COUNT_ISECT, keys.len() as u32)]),
+                    counts: &counts(&gpu, &slots(keys.len(), chunks)),
                     keys: &buffer(&gpu, keys),
                     table: &counted,
                 };
                 let params = sort_count::Params {
                     count_slot: COUNT_ISECT,
-                    chunk,
+                    chunk_slot: COUNT_ISECT_CHUNK,
                     shift,
                     digit_count: 1 << bits,
                 };
-                let chunks = keys.len().div_ceil(chunk as usize);
                 let args = args(&gpu, chunks, if subgroup { 1 } else { workgroup });
                 gpu.run(|rec| kernel.record(rec, io, params, &args, 0))
                     .unwrap();
@@ -128,14 +142,14 @@ fn one_pass_sorts_by_one_digit_and_is_stable() {
                 .iter()
                 .flat_map(|input| CUTS.map(|cut| (input, cut)))
             {
-                let (bits, shift, chunk) = cut;
-                let (places, _) = scan::scan(&table(keys, chunk, shift, 1 << bits));
+                let (bits, shift, chunks) = cut;
+                let (places, _) = scan::scan(&table(keys, chunks, shift, 1 << bits));
                 // The identity: where a value ends up says where its key came from.
                 let values: Vec<u32> = (0..keys.len() as u32).collect();
                 let keys_out = unwritten::<u32>(&gpu, keys.len() + 1);
                 let values_out = unwritten::<u32>(&gpu, keys.len() + 1);
                 let io = sort_scatter::Bindings {
-                    counts: &counts(&gpu, &[(COUNT_ISECT, keys.len() as u32)]),
+                    counts: &counts(&gpu, &slots(keys.len(), chunks)),
                     keys: &buffer(&gpu, keys),
                     values: &buffer(&gpu, &values),
                     table: &buffer(&gpu, &places),
@@ -144,11 +158,10 @@ fn one_pass_sorts_by_one_digit_and_is_stable() {
                 };
                 let params = sort_scatter::Params {
                     count_slot: COUNT_ISECT,
-                    chunk,
+                    chunk_slot: COUNT_ISECT_CHUNK,
                     shift,
                     digit_count: 1 << bits,
                 };
-                let chunks = keys.len().div_ceil(chunk as usize);
                 let args = args(&gpu, chunks, if subgroup { 1 } else { workgroup });
                 gpu.run(|rec| kernel.record(rec, io, params, &args, 0))
                     .unwrap();
@@ -172,12 +185,13 @@ fn one_pass_sorts_by_one_digit_and_is_stable() {
 fn sort_on(gpu: &Gpu, whole: &Sort, layout: Layout, keys: &[u32]) -> [Vec<u32>; 2] {
     let len = keys.len();
     let values: Vec<u32> = (0..len as u32).collect();
-    let chunks = len.div_ceil(layout.chunk as usize);
+    let chunks = whole.chunks(layout, len);
     let entries = chunks * layout.digit_count() as usize;
     let slots = [
-        (COUNT_ISECT, len as u32),
-        (COUNT_ISECT_TABLE, entries as u32),
-    ];
+        slots(len, chunks).as_slice(),
+        &[(COUNT_ISECT_TABLE, entries as u32)],
+    ]
+    .concat();
     let groups = |count: usize, workgroup: u32| {
         let x = (count as u32).div_ceil(workgroup);
         let y = u32::from(x > 0);
@@ -224,7 +238,7 @@ fn sort_permutation(gpu: &Gpu, whole: &Sort, n: usize) {
     for i in (1..n).rev() {
         keys.swap(i, random.below(i + 1));
     }
-    let [sorted, from] = sort_on(gpu, whole, layout(8, 4, 1024), &keys);
+    let [sorted, from] = sort_on(gpu, whole, layout(8, 4), &keys);
     for (i, (&key, &value)) in sorted.iter().zip(&from).take(n).enumerate() {
         assert!(key as usize == i, "{n} keys: {key} at {i}");
         assert!(keys[value as usize] == key, "{n} keys: {value} at {i}");
@@ -282,7 +296,7 @@ fn a_whole_sort_is_stable() {
     }
     for whole in &sorts {
         for (name, keys) in inputs(300_007) {
-            for layout in [layout(8, 4, 1024), layout(11, 1, 4096), layout(9, 2, 4096)] {
+            for layout in [layout(8, 4), layout(11, 1), layout(9, 2)] {
                 let [keys_found, values_found] = sort_on(&gpu, whole, layout, &keys);
                 let bits = layout.digit_bits * layout.passes;
                 let mask = u32::MAX >> (32 - bits);

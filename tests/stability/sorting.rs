@@ -111,14 +111,15 @@ fn f046_equal_depths() {
 }
 
 /// Sorts keys whose values are their places.
-fn sorted(lab: &Lab, sort: &Sort, layout: Layout, keys: &[u32]) -> [Vec<u32>; 2] {
+fn sorted(lab: &Lab, sort: &Sort, keys: &[u32]) -> [Vec<u32>; 2] {
     let (gpu, len) = (lab.gpu(), keys.len());
     let values: Vec<u32> = (0..len as u32).collect();
-    let chunks = len.div_ceil(layout.chunk as usize);
-    let entries = chunks * layout.digit_count() as usize;
+    let chunks = sort.chunks(LAYOUT, len);
+    let entries = chunks * LAYOUT.digit_count() as usize;
     let mut slots = [0u32; COUNT_SLOTS as usize];
-    slots[layout.count_slot as usize] = len as u32;
-    slots[layout.table_slot as usize] = entries as u32;
+    slots[LAYOUT.count_slot as usize] = len as u32;
+    slots[LAYOUT.chunk_slot as usize] = chunks as u32;
+    slots[LAYOUT.table_slot as usize] = entries as u32;
     let groups = |count: usize, workgroup: u32| DispatchArgs {
         x: (count as u32).div_ceil(workgroup),
         y: 1,
@@ -152,23 +153,21 @@ fn sorted(lab: &Lab, sort: &Sort, layout: Layout, keys: &[u32]) -> [Vec<u32>; 2]
     };
     let scan = Scan::new(gpu).unwrap();
     let mut place = 0;
-    gpu.run(|rec| place = sort.record(rec, &scan, io, layout))
+    gpu.run(|rec| place = sort.record(rec, &scan, io, LAYOUT))
         .unwrap();
     [&pairs.keys[place], &pairs.values[place]].map(|buffer| gpu.download(buffer, 0..len).unwrap())
 }
 
 /// Eight bits a pass, over all of a key's 32 bits.
-fn layout(chunk: u32) -> Layout {
-    Layout {
-        digit_bits: 8,
-        passes: 4,
-        chunk,
-        count_slot: COUNT_ISECT,
-        table_slot: COUNT_ISECT_TABLE,
-        chunk_args: 0,
-        table_args: 1,
-    }
-}
+const LAYOUT: Layout = Layout {
+    digit_bits: 8,
+    passes: 4,
+    count_slot: COUNT_ISECT,
+    chunk_slot: COUNT_ISECT_CHUNK,
+    table_slot: COUNT_ISECT_TABLE,
+    chunk_args: 0,
+    table_args: 1,
+};
 
 /// A permutation comes out as the identity: nothing is lost and nothing is doubled.
 #[test]
@@ -185,7 +184,7 @@ fn f047_permutations() {
                 .iter()
                 .map(|&k| k as u32)
                 .collect();
-            let [found, places] = sorted(&lab, &sort, layout(1024), &keys);
+            let [found, places] = sorted(&lab, &sort, &keys);
             assert!(
                 found.iter().zip(0..).all(|(&f, i)| f == i),
                 "{len} keys are not the identity"
@@ -203,11 +202,12 @@ fn f047_permutations() {
 fn f048_partial_blocks() {
     let lab = lab();
     let sort = Sort::new(lab.gpu()).unwrap();
-    for chunk in [256, 1024, 4096] {
-        for len in [3 * chunk, 3 * chunk + 1, 4 * chunk - 1] {
+    for chunk in [16, 256, 1024] {
+        let chunks = sort.chunks(LAYOUT, 1);
+        for len in [chunks * chunk, chunks * chunk + 1, chunks * (chunk + 4) - 1] {
             for key in [0, u32::MAX, 0x0102_0304] {
-                let keys = vec![key; len as usize];
-                let [found, places] = sorted(&lab, &sort, layout(chunk), &keys);
+                let keys = vec![key; len];
+                let [found, places] = sorted(&lab, &sort, &keys);
                 assert_eq!(found, keys, "{len} keys {key:#x} in chunks of {chunk}");
                 assert!(
                     places.iter().zip(0..).all(|(&p, i)| p == i),
@@ -225,7 +225,7 @@ fn f049_subgroup_sizes() {
     let gpu = lab.gpu();
     let random = &mut Random::new(549);
     let keys: Vec<u32> = (0..20_001).map(|_| random.bits() as u32).collect();
-    let expected = sorted(&lab, &Sort::new(gpu).unwrap(), layout(1024), &keys);
+    let expected = sorted(&lab, &Sort::new(gpu).unwrap(), &keys);
     let size = gpu.caps().subgroup_size;
     let mut seen = 0;
     for count in sort_count::Variant::ALL {
@@ -251,7 +251,7 @@ fn f049_subgroup_sizes() {
                 };
                 let sort = Sort::with(gpu, count, scatter).unwrap();
                 assert_eq!(
-                    sorted(&lab, &sort, layout(1024), &keys),
+                    sorted(&lab, &sort, &keys),
                     expected,
                     "{count:?}, {scatter:?}"
                 );

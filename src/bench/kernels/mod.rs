@@ -16,7 +16,7 @@ mod update;
 
 pub use backward::{Device, Gradient, params as backward_params};
 pub use composite::{Composite, Input};
-pub use sort::{Sorting, layout as sort_layout};
+pub use sort::Sorting;
 
 use super::input::pack::{Splat2d, arrays};
 use super::session::Bench;

@@ -11,12 +11,11 @@ use crate::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
 use crate::kernels::{sort_count, sort_scatter};
 use crate::layout::*;
 use crate::reference;
-use crate::render::DEPTH_SORT;
 
 /// Keys of the passes that are measured one by one.
 const PASS_KEYS: usize = 1 << 18;
-/// Chunks of keys that sorts are tried with.
-const CHUNKS: [u32; 2] = [1024, 4096];
+/// Keys of a chunk that passes are tried with.
+const CHUNKS: [usize; 2] = [1024, 4096];
 
 pub(super) fn run(bench: &mut Bench) -> Result<()> {
     passes(bench)?;
@@ -48,17 +47,15 @@ fn fits(caps: &Caps, variant: sort_scatter::Variant, workgroup: u32) -> bool {
 }
 
 /// 32-bit keys in passes of eight bits, as depths are sorted.
-pub fn layout(chunk: u32) -> Layout {
-    Layout {
-        digit_bits: 8,
-        passes: 4,
-        chunk,
-        count_slot: COUNT_ISECT,
-        table_slot: COUNT_ISECT_TABLE,
-        chunk_args: 0,
-        table_args: 1,
-    }
-}
+const LAYOUT: Layout = Layout {
+    digit_bits: 8,
+    passes: 4,
+    count_slot: COUNT_ISECT,
+    chunk_slot: COUNT_ISECT_CHUNK,
+    table_slot: COUNT_ISECT_TABLE,
+    chunk_args: 0,
+    table_args: 1,
+};
 
 /// Random pairs on the device, ready to be sorted again and again.
 pub struct Sorting {
@@ -73,20 +70,20 @@ pub struct Sorting {
     args: Buffer<DispatchArgs>,
     scan: Scan,
     sort: Sort,
-    layout: Layout,
 }
 
 impl Sorting {
     /// `count` random keys, each with its index as value.
-    pub fn new(gpu: &Gpu, count: usize, sort: Sort, layout: Layout) -> Result<Sorting> {
+    pub fn new(gpu: &Gpu, count: usize, sort: Sort) -> Result<Sorting> {
         let random = &mut Random::new(count as u64);
         let keys: Vec<u32> = (0..count).map(|_| random.bits() as u32).collect();
         let values: Vec<u32> = (0..count as u32).collect();
-        let chunks = count.div_ceil(layout.chunk as usize);
-        let entries = layout.table_len(count);
+        let chunks = sort.chunks(LAYOUT, count);
+        let entries = chunks * LAYOUT.digit_count() as usize;
         let scanned = entries.div_ceil(SCAN_CHUNK as usize);
         let slots = [
             (COUNT_ISECT, count as u32),
+            (COUNT_ISECT_CHUNK, chunks as u32),
             (COUNT_ISECT_TABLE, entries as u32),
         ];
         let args = [
@@ -114,13 +111,7 @@ impl Sorting {
             args: gpu.buffer_from("args", &args)?,
             scan: Scan::new(gpu)?,
             sort,
-            layout,
         })
-    }
-
-    /// Keys as a frame sorts depths.
-    pub fn depth_layout() -> Layout {
-        layout(DEPTH_SORT.chunk)
     }
 
     /// Puts the unsorted pairs back.
@@ -138,20 +129,20 @@ impl Sorting {
             pairs: &self.pairs,
             tables: &self.tables,
         };
-        self.sort.record(rec, &self.scan, io, self.layout);
+        self.sort.record(rec, &self.scan, io, LAYOUT);
     }
 
     /// What one sort does: each pass reads keys to count them, and reads and writes pairs.
     pub fn work(&self) -> Work {
         let count = self.keys.len();
-        Work::of(count, Unit::Keys).moving(20 * self.layout.passes as usize * count)
+        Work::of(count, Unit::Keys).moving(20 * LAYOUT.passes as usize * count)
     }
 
     /// What it left, and a stable sort of the same.
     pub fn outputs(&self) -> Result<Vec<Output>> {
         let values: Vec<u32> = (0..self.keys.len() as u32).collect();
         let (sorted, moved) = reference::sort::sort(&self.keys, &values, u32::MAX);
-        let at = (self.layout.passes % 2) as usize;
+        let at = (LAYOUT.passes % 2) as usize;
         let keys = words(&read(&self.gpu, &self.pairs.keys[at])?);
         let found = words(&read(&self.gpu, &self.pairs.values[at])?);
         Ok(vec![
@@ -163,25 +154,22 @@ impl Sorting {
 
 fn whole(bench: &mut Bench, count: usize) -> Result<()> {
     let gpu = bench.gpu().clone();
-    for chunk in CHUNKS {
-        for &variant in sort_scatter::Variant::ALL {
-            for workgroup in WORKGROUPS {
-                let input = format!("{count}/chunk-{chunk}");
-                let case = Case::of("sort", input, variant.name(), workgroup);
-                if !fits(gpu.caps(), variant, workgroup) || !bench.wants(&case) {
-                    continue;
-                }
-                let Some(sort) = sort_with(&gpu, variant, workgroup)? else {
-                    continue;
-                };
-                let sorting = Sorting::new(&gpu, count, sort, layout(chunk))?;
-                bench.trial(
-                    &case.doing(sorting.work()),
-                    |rec| sorting.prepare(rec),
-                    |rec| sorting.record(rec),
-                    || sorting.outputs(),
-                )?;
+    for &variant in sort_scatter::Variant::ALL {
+        for workgroup in WORKGROUPS {
+            let case = Case::of("sort", count, variant.name(), workgroup);
+            if !fits(gpu.caps(), variant, workgroup) || !bench.wants(&case) {
+                continue;
             }
+            let Some(sort) = sort_with(&gpu, variant, workgroup)? else {
+                continue;
+            };
+            let sorting = Sorting::new(&gpu, count, sort)?;
+            bench.trial(
+                &case.doing(sorting.work()),
+                |rec| sorting.prepare(rec),
+                |rec| sorting.record(rec),
+                || sorting.outputs(),
+            )?;
         }
     }
     Ok(())
@@ -221,20 +209,25 @@ fn passes(bench: &mut Bench) -> Result<()> {
 }
 
 /// `[digit][chunk]` of the lowest eight bits: how often each digit occurs in each chunk.
-fn table(keys: &[u32], chunk: u32) -> Vec<u32> {
-    let chunks = keys.len().div_ceil(chunk as usize);
+fn table(keys: &[u32], chunk: usize) -> Vec<u32> {
+    let chunks = keys.len().div_ceil(chunk);
     let mut table = vec![0; chunks * 256];
     for (i, &key) in keys.iter().enumerate() {
-        table[(key & 255) as usize * chunks + i / chunk as usize] += 1;
+        table[(key & 255) as usize * chunks + i / chunk] += 1;
     }
     table
 }
 
-fn count_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: u32) -> Result<()> {
+fn count_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: usize) -> Result<()> {
     let input = format!("{}/chunk-{chunk}", keys.len());
     let expected = table(keys, chunk);
     let work = Work::of(keys.len(), Unit::Keys).moving(4 * (keys.len() + expected.len()));
-    let counts = counts(gpu, &[(COUNT_ISECT, keys.len() as u32)])?;
+    let chunks = keys.len().div_ceil(chunk);
+    let slots = [
+        (COUNT_ISECT, keys.len() as u32),
+        (COUNT_ISECT_CHUNK, chunks as u32),
+    ];
+    let counts = counts(gpu, &slots)?;
     let buffer = gpu.buffer_from("keys", keys)?;
     let counted = gpu.buffer("table", expected.len())?;
     for (variant, workgroup, case) in wanted!(bench, sort_count, input, WORKGROUPS, work) {
@@ -254,11 +247,10 @@ fn count_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: u32) -> Result<
         };
         let params = sort_count::Params {
             count_slot: COUNT_ISECT,
-            chunk,
+            chunk_slot: COUNT_ISECT_CHUNK,
             shift: 0,
             digit_count: 256,
         };
-        let chunks = keys.len().div_ceil(chunk as usize);
         let args = super::args(gpu, chunks, if by_workgroup { 1 } else { workgroup })?;
         bench.trial(
             &case,
@@ -273,13 +265,18 @@ fn count_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: u32) -> Result<
     Ok(())
 }
 
-fn scatter_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: u32) -> Result<()> {
+fn scatter_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: usize) -> Result<()> {
     let input = format!("{}/chunk-{chunk}", keys.len());
     let (places, _) = reference::scan::scan(&table(keys, chunk));
     let values: Vec<u32> = (0..keys.len() as u32).collect();
     let (sorted, moved) = reference::sort::sort(keys, &values, 255);
     let work = Work::of(keys.len(), Unit::Keys).moving(16 * keys.len() + 4 * places.len());
-    let counts = counts(gpu, &[(COUNT_ISECT, keys.len() as u32)])?;
+    let chunks = keys.len().div_ceil(chunk);
+    let slots = [
+        (COUNT_ISECT, keys.len() as u32),
+        (COUNT_ISECT_CHUNK, chunks as u32),
+    ];
+    let counts = counts(gpu, &slots)?;
     let [keys_in, values_in] = [
         gpu.buffer_from("keys", keys)?,
         gpu.buffer_from("values", &values)?,
@@ -307,11 +304,10 @@ fn scatter_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: u32) -> Resul
         };
         let params = sort_scatter::Params {
             count_slot: COUNT_ISECT,
-            chunk,
+            chunk_slot: COUNT_ISECT_CHUNK,
             shift: 0,
             digit_count: 256,
         };
-        let chunks = keys.len().div_ceil(chunk as usize);
         let args = super::args(gpu, chunks, if by_workgroup { 1 } else { workgroup })?;
         bench.trial(
             &case,

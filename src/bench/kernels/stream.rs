@@ -210,7 +210,8 @@ fn plan(bench: &mut Bench) -> Result<()> {
             args: &planned,
             isect_from_rank: &begins,
         };
-        let chunks = visible.div_ceil(params.chunk);
+        let twice = 2 * params.chunks_per_group;
+        let chunks = twice * (visible / (twice * params.chunk));
         let table = chunks * params.digit_count;
         let scan = |values: u32| values.div_ceil(SCAN_CHUNK).div_ceil(params.workgroup);
         let expected = [

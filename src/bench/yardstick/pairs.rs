@@ -2,7 +2,7 @@
 
 use super::{Ratio, on_processor};
 use crate::Result;
-use crate::bench::kernels::{Sorting, sort_layout};
+use crate::bench::kernels::Sorting;
 use crate::bench::session::{Bench, Case};
 use crate::bench::trial::{Contender, device_times, host_times};
 use crate::gpu::{Frames, Gpu};
@@ -10,8 +10,6 @@ use crate::kernels::sort::Sort;
 use crate::kernels::{sort_count, sort_scatter};
 
 const COUNT: usize = 1 << 20;
-/// Keys of a chunk where a workgroup shares it.
-const BALLOT_CHUNK: u32 = 4096;
 /// Invocations of a workgroup of the design that ranks keys by ballots.
 const BALLOT_WORKGROUPS: [u32; 2] = [64, 256];
 
@@ -53,7 +51,7 @@ fn ballot(gpu: &Gpu, workgroup: u32) -> Result<Option<Sorting>> {
         return Ok(None);
     }
     let sort = Sort::with(gpu, count, scatter)?;
-    Sorting::new(gpu, COUNT, sort, sort_layout(BALLOT_CHUNK)).map(Some)
+    Sorting::new(gpu, COUNT, sort).map(Some)
 }
 
 pub(super) fn sort(bench: &mut Bench) -> Result<Vec<Ratio>> {
@@ -62,7 +60,7 @@ pub(super) fn sort(bench: &mut Bench) -> Result<Vec<Ratio>> {
     if !names.iter().any(|name| bench.wants(&case(name))) {
         return Ok(Vec::new());
     }
-    let ours = Sorting::new(&gpu, COUNT, Sort::new(&gpu)?, Sorting::depth_layout())?;
+    let ours = Sorting::new(&gpu, COUNT, Sort::new(&gpu)?)?;
     let mut ballots = Vec::new();
     for workgroup in BALLOT_WORKGROUPS {
         ballots.extend(ballot(&gpu, workgroup)?.map(|sorting| (workgroup, sorting)));
