@@ -13,6 +13,7 @@ pub mod io;
 pub mod kernels;
 pub mod layout;
 pub mod metrics;
+pub mod parsimony;
 pub mod reference;
 pub mod render;
 pub mod report;

@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::io::dataset::{self, OpenOptions};
+use crate::render::Compatibility;
 use crate::scene::{AlphaMode, Dataset, Split};
 use crate::train::Background;
 use clap::{Args, ValueEnum};
@@ -128,6 +129,22 @@ impl From<SplitArg> for Split {
             SplitArg::Test => Split::Test,
             SplitArg::Train => Split::Train,
             SplitArg::All => Split::All,
+        }
+    }
+}
+
+/// Whose rules pictures are drawn by, as a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Compat {
+    Engine,
+    Original,
+}
+
+impl From<Compat> for Compatibility {
+    fn from(compat: Compat) -> Compatibility {
+        match compat {
+            Compat::Engine => Compatibility::Engine,
+            Compat::Original => Compatibility::Original,
         }
     }
 }

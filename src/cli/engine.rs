@@ -14,7 +14,7 @@ use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, Vie
 use crate::report::MemoryFigures;
 use crate::scene::{Camera, Dataset, RenderMode, Splats};
 use crate::train::checkpoint::{Checkpoint, fingerprint};
-use crate::train::{StepReport, TrainConfig, Trainer};
+use crate::train::{HostState, StepReport, TrainConfig, Trainer};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -131,6 +131,20 @@ impl Engine {
     ) -> Result<Training<'a>> {
         Ok(Training {
             trainer: Trainer::new(&self.gpu, dataset, config)?,
+            fingerprint: fingerprint(dataset),
+        })
+    }
+
+    /// Begins a short training of splats that are there, of which none comes or goes.
+    pub(crate) fn refit<'a>(
+        &self,
+        dataset: &'a Dataset,
+        config: TrainConfig,
+        splats: &Splats,
+    ) -> Result<Training<'a>> {
+        let state = HostState::from_splats(splats, splats.sh_degree);
+        Ok(Training {
+            trainer: Trainer::from_state(&self.gpu, dataset, config, &state, 0)?,
             fingerprint: fingerprint(dataset),
         })
     }

@@ -15,6 +15,7 @@ mod info;
 mod interrupt;
 mod output;
 mod predict;
+mod prune;
 mod render;
 mod train;
 
@@ -36,6 +37,7 @@ Examples:
   ashfall train photos/ --out run/                train; run/scene.ply is the result
   ashfall eval run/scene.ply photos/              how good is it on held-out photographs?
   ashfall render run/scene.ply --cameras photos/ --orbit 60 --out frames/
+  ashfall prune run/scene.ply photos/             what can go at a proven error?
   ashfall chart                                   what does speed cost in accuracy?
   ashfall info                                    which devices are there?
   ashfall info photos/ --predict                  how much memory will training take?
@@ -48,6 +50,7 @@ enum Command {
     Train(train::TrainArgs),
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
+    Prune(prune::PruneArgs),
     Info(info::InfoArgs),
     Demo(demo::DemoArgs),
     Chart(chart::ChartArgs),
@@ -82,6 +85,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Train(args) => train::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Prune(args) => prune::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Chart(args) => chart::run(&args),

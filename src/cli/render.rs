@@ -3,11 +3,10 @@
 pub(super) mod orbit;
 
 use super::Outcome;
-use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};
+use super::args::{Compat, DataArgs, DeviceArgs, SplitArg, parse_color};
 use super::engine::{Engine, Picture};
 use super::eval::{near, read_scene};
 use super::output::{Output, file_stem};
-use crate::render::Compatibility;
 use crate::scene::{Camera, Dataset};
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
@@ -71,12 +70,6 @@ enum Format {
     Exr,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Compat {
-    Engine,
-    Original,
-}
-
 /// A picture to draw: the stem of its file's name, and where from.
 struct Shot {
     stem: String,
@@ -101,12 +94,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
     let engine = Engine::open(&args.device)?;
-    let compatibility = match args.compat {
-        Compat::Engine => Compatibility::Engine,
-        Compat::Original => Compatibility::Original,
-    };
     let with_depth = args.format == Format::Exr;
-    let mut artist = engine.artist_like(&splats, near, with_depth, compatibility)?;
+    let mut artist = engine.artist_like(&splats, near, with_depth, args.compat.into())?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let bar = output.bar(shots.len() as u64, "pictures");
     // An EXR's colours are the splats' alone.

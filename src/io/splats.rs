@@ -35,13 +35,19 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
 
 /// Writes a scene to a `.ply` file, whole or not at all.
 pub fn write(path: &Path, splats: &Splats) -> Result<()> {
-    if extension(path) != "ply" {
-        return Err(Error::file(
+    check_name(path)?;
+    ply::write(path, splats)
+}
+
+/// Refuses names that [`write`] would, before there is anything to write.
+pub fn check_name(path: &Path) -> Result<()> {
+    match extension(path).as_str() {
+        "ply" => Ok(()),
+        _ => Err(Error::file(
             path,
             "splats are written to .ply files only; choose such a name",
-        ));
+        )),
     }
-    ply::write(path, splats)
 }
 
 fn extension(path: &Path) -> String {

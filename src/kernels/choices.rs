@@ -62,6 +62,7 @@ pub fn chosen(caps: &Caps) -> Vec<Chosen> {
     }
     chosen! {
         adam: adam::Adam::prefer(caps), ELEMENTWISE;
+        afford: afford::Afford::prefer(caps), afford::Afford::why(caps);
         compact: compact::Compact::prefer(caps), ELEMENTWISE;
         expand: expand::Expand::prefer(caps), ELEMENTWISE;
         gather: gather::Gather::prefer(caps), ELEMENTWISE;
@@ -83,6 +84,8 @@ pub fn chosen(caps: &Caps) -> Vec<Chosen> {
         scan_reduce: scan_reduce::ScanReduce::prefer(caps), ELEMENTWISE;
         sort_count: sort_count::SortCount::prefer(caps), sort::why(caps);
         sort_scatter: sort_scatter::SortScatter::prefer(caps), sort::why(caps);
+        tally: tally::Tally::prefer(caps), ELEMENTWISE;
+        weigh: weigh::Weigh::prefer(caps), weigh::Weigh::why(caps);
     }
 }
 

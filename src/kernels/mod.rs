@@ -7,6 +7,7 @@
 //! **Invariant:** no `unsafe` and no `ash` here; barriers follow from the bindings' declared access.
 
 pub mod adam;
+pub mod afford;
 pub mod choices;
 pub mod classical;
 pub mod classical_backward;
@@ -33,6 +34,8 @@ pub mod scan_reduce;
 pub mod sort;
 pub mod sort_count;
 pub mod sort_scatter;
+pub mod tally;
+pub mod weigh;
 
 pub use generated::KERNELS;
 

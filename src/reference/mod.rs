@@ -13,6 +13,7 @@
 //! **Invariant:** works without a Vulkan driver existing; imports `scene` and `layout` only.
 
 pub mod adam;
+pub mod afford;
 pub mod bound;
 pub mod expand;
 pub mod frame;
@@ -33,6 +34,7 @@ pub mod smoothing;
 pub mod sort;
 pub mod ssim;
 pub mod tiles;
+pub mod weigh;
 
 mod dual;
 mod real;

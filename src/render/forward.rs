@@ -48,7 +48,7 @@ impl Forward {
     }
 
     /// The same by the rules of this engine or of another.
-    pub(super) fn by_rules_of(
+    pub(crate) fn by_rules_of(
         gpu: &Gpu,
         sh_degree: u32,
         with_depth: bool,

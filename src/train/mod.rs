@@ -20,7 +20,7 @@ pub mod state;
 pub mod strategy;
 mod trainer;
 
-pub use config::{Background, MipConfig, StrategyKind, TrainConfig};
+pub use config::{Background, MipConfig, RefineTimes, StrategyKind, TrainConfig};
 pub use init::initial_splats;
 pub use memory::{TrainSize, splats_expected};
 pub use photos::Residency;

@@ -10,6 +10,7 @@
 use ashfall::gpu::Gpu;
 
 mod adam;
+mod afford;
 #[path = "../common/check.rs"]
 mod check;
 mod classical;
@@ -35,6 +36,8 @@ mod scan;
 #[path = "../common/scenes.rs"]
 mod scenes;
 mod sort;
+mod tally;
+mod weigh;
 
 /// Lengths at which workgroups and chunks begin and end.
 const LENGTHS: [(&str, usize); 9] = [

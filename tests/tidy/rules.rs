@@ -96,6 +96,7 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "judged by whole frames: tests/stability/original.rs",
     ),
     ("src/reference/present.rs", "a copy: the test states it"),
+    ("src/reference/tally.rs", "folds: the test states them"),
     (
         "tests/kernels/present.rs",
         "writes to a host's image: tests/embed.rs is the host",
@@ -143,6 +144,12 @@ const RANKS: &[(&str, &[&str])] = &[
             "error",
             "shader",
             "layout",
+        ],
+    ),
+    (
+        "parsimony",
+        &[
+            "train", "render", "kernels", "gpu", "scene", "error", "layout",
         ],
     ),
     (

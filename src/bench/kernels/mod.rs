@@ -13,6 +13,7 @@ mod sort;
 mod stream;
 mod sums;
 mod update;
+mod weigh;
 
 pub use backward::{Device, Gradient, params as backward_params};
 pub use composite::{Composite, Input};
@@ -40,7 +41,8 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     backward::run(bench)?;
     loss::run(bench)?;
     project_backward::run(bench)?;
-    update::run(bench)
+    update::run(bench)?;
+    weigh::run(bench)
 }
 
 /// The choices of a kernel that the device can run and the filter wants, each as (variant, workgroup, case).

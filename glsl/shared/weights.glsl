@@ -1,0 +1,44 @@
+// The weights alpha T by which compositing mixes a pixel's splats, found again as compositing found them: the
+// same exponents, the same products, the same end. Kernels that include this walk a tile's list from the front.
+//
+// They need `tile.glsl` and `stage.glsl`, a `view`, T_MIN, LOG2_ALPHA_MIN and ORIGINAL.
+
+bool any_lane(bool mine);
+
+// What passes all splats so far, by the lane's pixels.
+vec4 transmittance[QUADS];
+
+void begin_pixels(Tile t) {
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        transmittance[q] = mix(vec4(0.0), vec4(1.0), inside(t, q, view));
+    }
+}
+
+// Whether any pixel of the workgroup still needs more.
+bool any_open() {
+    bool open = false;
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        open = open || any(greaterThanEqual(transmittance[q], vec4(T_MIN)));
+    }
+    return any_lane(open);
+}
+
+// A splat's weights in quad `q`, 0 where it does not count; what lies behind it is seen through it from now on.
+vec4 weights_of(Column column, uint q) {
+    vec4 f;
+    vec4 exponent = exponent_of(column, q, f);
+    bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
+                    greaterThanEqual(transmittance[q], vec4(T_MIN)));
+    float cap = ORIGINAL != 0 ? 0.99 : ALPHA_MAX;
+    vec4 alpha = mix(vec4(0.0), min(exp2(exponent), vec4(cap)), on);
+    vec4 weight = alpha * transmittance[q];
+    vec4 next = transmittance[q] * (vec4(1.0) - alpha);
+    if (ORIGINAL != 0) {
+        // The splat that would take the pixel below the threshold is left out, and ends it.
+        bvec4 ends = both(on, lessThan(next, vec4(T_MIN)));
+        weight = mix(weight, vec4(0.0), ends);
+        next = mix(next, vec4(0.0), ends);
+    }
+    transmittance[q] = next;
+    return weight;
+}

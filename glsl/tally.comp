@@ -1,0 +1,41 @@
+#version 460
+#include "shared/prelude.glsl"
+
+// Adds a view's records up by splat, to what the views before have come to: the largest of the first numbers, the
+// sum of the second, the smallest of the third.
+//
+// One invocation per splat. A splat's records are contiguous and are taken in order, so that the result is the
+// same in every run. A frame that did not fit leaves everything as it was.
+
+layout(constant_id = 0) const uint WORKGROUP = 64;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer TileCounts { uint tile_count_from_splat[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Begins { uint source_from_splat[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Records { vec3 loss_from_source[]; };
+layout(set = 0, binding = 4, scalar) buffer Totals { vec3 loss_from_splat[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint splat_count;
+} push;
+
+void add(uint source, inout vec3 total) {
+    vec3 loss = loss_from_source[source];
+    total = vec3(max(total.x, loss.x), total.y + loss.y, min(total.z, loss.z));
+}
+
+void main() {
+    uint splat = global_index();
+    if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
+    uint begin = source_from_splat[splat];
+    uint end = begin + tile_count_from_splat[splat];
+    if (begin == end) return;
+    vec3 total = loss_from_splat[splat];
+    // Two a turn: llvmpipe leaves loops after 65,535 turns, and the largest image that it binds has 65,536 tiles.
+    for (uint source = begin; source < end; source += 2) {
+        add(source, total);
+        if (source + 1 < end) add(source + 1, total);
+    }
+    loss_from_splat[splat] = total;
+}

@@ -1,0 +1,337 @@
+//! What every splat of a scene weighs, view by view.
+
+use crate::gpu::{Buffer, Frames, Gpu, Recorder};
+use crate::kernels::{afford, tally, weigh};
+use crate::layout::*;
+use crate::render::{
+    Accuracy, Bands, Capacity, Compatibility, Forward, Model, Scratch, ViewOptions,
+    isects_expected, tile_stride, view_of,
+};
+use crate::scene::{Camera, Splats};
+use crate::{Error, Result};
+
+/// How views are looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct Lens {
+    /// Splats nearer than this along z are not drawn; world units.
+    pub near: f32,
+    /// Colour behind everything.
+    pub background: [f32; 3],
+    /// Whose rules pictures are drawn by.
+    pub compatibility: Compatibility,
+}
+
+/// What some pixels would lose with a splat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Loss {
+    /// The largest, over the pixels where it counts, of its weight and what is spent there together; 0 where it
+    /// counts nowhere.
+    pub most: f32,
+    /// The sum of its weights.
+    pub sum: f32,
+    /// The lowest rank, over the pixels where it counts, up to which all can go; huge where it counts nowhere.
+    pub limit: f32,
+}
+
+/// A picture, and what its tiles hold.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    /// Red, green, blue and transmittance, a plane each.
+    pub planes: Vec<f32>,
+    /// By tile: smallest and largest value of each channel over the splats listed for it and the background.
+    pub range_from_tile: Vec<[[f32; 2]; 3]>,
+    /// By tile: splats listed for it.
+    pub count_from_tile: Vec<u32>,
+}
+
+/// Ranks that are told apart: 1 to this. Rank 0 is what has been taken out.
+pub(super) const RANKS: usize = 255;
+
+/// The rank of what stays.
+pub(super) const STAYS: f32 = 1e9;
+
+/// Steps of the search for the largest of [`RANKS`].
+const STEPS: [f32; 4] = [64.0, 16.0, 4.0, 1.0];
+
+/// Bytes that a (splat, tile) pair takes of any one array.
+const ISECT_BYTES: u64 = 12;
+
+/// Walks over a scene's views.
+pub struct Weigher {
+    gpu: Gpu,
+    lens: Lens,
+    frames: Frames,
+    scales: Scales,
+}
+
+/// What is weighed, what with, and what comes of it.
+struct Scales {
+    model: Model,
+    forward: Forward,
+    afford: afford::Afford,
+    weigh: weigh::Weigh,
+    tally: tally::Tally,
+    room: Room,
+    totals: Buffer<[f32; 3]>,
+    ranks: Buffer<f32>,
+}
+
+/// What one view takes.
+struct Room {
+    scratch: Scratch,
+    spent: Buffer<f32>,
+    limit: Buffer<f32>,
+    records: Buffer<[f32; 3]>,
+}
+
+impl Room {
+    fn new(gpu: &Gpu, capacity: Capacity) -> Result<Room> {
+        let capacity = capacity.within(gpu.caps(), ISECT_BYTES);
+        Ok(Room {
+            scratch: Scratch::new(gpu, capacity, false)?,
+            spent: gpu.buffer("spent_from_pixel", capacity.pixels)?,
+            limit: gpu.buffer("limit_from_pixel", capacity.pixels)?,
+            records: gpu.buffer("loss_from_source", capacity.isects)?,
+        })
+    }
+}
+
+impl Weigher {
+    /// Brings a scene to the device.
+    pub fn new(gpu: &Gpu, splats: &Splats, lens: Lens) -> Result<Weigher> {
+        let caps = gpu.caps();
+        let original = u32::from(lens.compatibility == Compatibility::Original);
+        let (mut afford, mut weigh) = (afford::Afford::prefer(caps), weigh::Weigh::prefer(caps));
+        (afford.spec.original, weigh.spec.original) = (original, original);
+        let count = splats.len().max(1);
+        let forward = Forward::by_rules_of(
+            gpu,
+            splats.sh_degree,
+            false,
+            &Accuracy::default(),
+            lens.compatibility,
+        )?;
+        let scales = Scales {
+            model: Model::upload(gpu, splats)?,
+            forward,
+            afford: afford::Afford::new(gpu, afford)?,
+            weigh: weigh::Weigh::new(gpu, weigh)?,
+            tally: tally::Tally::new(gpu, tally::Tally::prefer(caps))?,
+            room: Room::new(gpu, Capacity::LEAST)?,
+            totals: gpu.buffer("loss_from_splat", count)?,
+            ranks: gpu.buffer("rank_from_splat", count)?,
+        };
+        Ok(Weigher {
+            gpu: gpu.clone(),
+            lens,
+            frames: Frames::new(gpu, 1, false)?,
+            scales,
+        })
+    }
+
+    /// How views are looked at.
+    pub fn lens(&self) -> &Lens {
+        &self.lens
+    }
+
+    /// Splats of the scene.
+    pub fn splat_count(&self) -> usize {
+        self.scales.model.splat_count
+    }
+
+    /// The loss of each splat over all the views. `ranks` says by splat what is gone (0), what may go (1 to 255) and
+    /// what stays (more), `budget` what a pixel can lose. `None` where `go_on`, which is asked before every view,
+    /// says no.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] where a view has more pairs of splats and tiles than a binding of the device reaches.
+    pub fn losses(
+        &mut self,
+        cameras: &[Camera],
+        ranks: &[f32],
+        budget: f32,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Loss>>> {
+        let count = self.splat_count();
+        assert_eq!(ranks.len(), count, "a rank for every splat");
+        let nothing = [0.0, 0.0, f32::MAX];
+        self.gpu
+            .upload(&self.scales.totals, 0, &vec![nothing; count])?;
+        self.gpu.upload(&self.scales.ranks, 0, ranks)?;
+        for camera in cameras {
+            if !go_on() {
+                return Ok(None);
+            }
+            self.draw(camera, 0, Some(budget))?;
+        }
+        let totals = self.gpu.download(&self.scales.totals, 0..count)?;
+        let loss = |[most, sum, limit]: [f32; 3]| Loss { most, sum, limit };
+        Ok(Some(totals.into_iter().map(loss).collect()))
+    }
+
+    /// Draws a view with all its colours.
+    ///
+    /// # Errors
+    /// As [`Weigher::losses`].
+    pub fn show(&mut self, camera: &Camera) -> Result<Shown> {
+        let (count, sh_degree) = (self.splat_count(), self.scales.model.sh_degree);
+        let counts = self.draw(camera, sh_degree, None)?;
+        let (gpu, s) = (&self.gpu, &self.scales.room.scratch);
+        let capacity = Capacity::for_image(0, 0, camera.width, camera.height);
+        let isects = counts[COUNT_ISECT as usize] as usize;
+        let sorted = Forward::sorted_index(capacity.tiles);
+        let ranges = gpu.download(&s.range_from_tile, 0..capacity.tiles)?;
+        let sources = gpu.download(&s.by_tile.values[sorted], 0..isects)?;
+        let owners = gpu.download(&s.splat_from_source, 0..isects)?;
+        let tones = gpu.download(&s.tone_from_splat, 0..count)?;
+        let rests = gpu.download(&s.rest_from_splat, 0..count)?;
+        let background = self.lens.background;
+        let range = |&[begin, end]: &[u32; 2]| {
+            let mut range = background.map(|c| [c, c]);
+            for &source in &sources[begin as usize..end as usize] {
+                let splat = owners[source as usize] as usize;
+                let color = [tones[splat][2], tones[splat][3], rests[splat][0]];
+                for (range, value) in range.iter_mut().zip(color) {
+                    *range = [range[0].min(value), range[1].max(value)];
+                }
+            }
+            range
+        };
+        Ok(Shown {
+            planes: gpu.download(&s.image, 0..4 * capacity.pixels)?,
+            range_from_tile: ranges.iter().map(range).collect(),
+            count_from_tile: ranges.iter().map(|[begin, end]| end - begin).collect(),
+        })
+    }
+
+    /// Draws a view, and weighs what it shows if there is a budget to weigh by; returns the counts.
+    fn draw(&mut self, camera: &Camera, sh_degree: u32, budget: Option<f32>) -> Result<Vec<u32>> {
+        let view = view_of(
+            camera,
+            &ViewOptions {
+                background: self.lens.background,
+                near: self.lens.near,
+                mode: self.scales.model.mode,
+            },
+        );
+        self.reserve(
+            camera,
+            isects_expected(self.splat_count(), camera.width, camera.height),
+        )?;
+        loop {
+            let scales = &self.scales;
+            let (ticket, counts) = self.frames.submit(|rec| {
+                let s = &scales.room.scratch;
+                rec.fill(&s.counts, 0);
+                let bands = Bands::default();
+                scales
+                    .forward
+                    .record(rec, &scales.model, s, &view, sh_degree, bands);
+                if let Some(budget) = budget {
+                    scales.record(rec, &view, budget);
+                }
+                rec.read_back(&s.counts, 0..COUNT_SLOTS as usize)
+            })?;
+            self.frames.wait(ticket)?;
+            let counts = counts.get();
+            if counts[COUNT_FAILED as usize] == 0 {
+                return Ok(counts);
+            }
+            self.enlarge(camera, &counts)?;
+        }
+    }
+
+    /// Makes room for a view that did not fit.
+    fn enlarge(&mut self, camera: &Camera, counts: &[u32]) -> Result<()> {
+        if counts[COUNT_LIST_TOO_LONG as usize] != 0 {
+            return Err(Error::Unsupported {
+                what: "weighing more than 40,000 splats over one tile of 8x16 pixels: this software device would \
+                       leave its loops early"
+                    .into(),
+            });
+        }
+        let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
+        self.reserve(camera, wanted.saturating_add(wanted / 8))?;
+        let room = self.scales.room.scratch.capacity.isects;
+        if room < wanted {
+            return Err(Error::Unsupported {
+                what: format!(
+                    "weighing {wanted} pairs of a splat and a tile in one view, where the device's bindings reach \
+                     {room}: smaller pictures (--downscale) have fewer"
+                ),
+            });
+        }
+        Ok(())
+    }
+
+    fn reserve(&mut self, camera: &Camera, isects: usize) -> Result<()> {
+        let had = self.scales.room.scratch.capacity;
+        let count = self.splat_count().max(1);
+        let wanted = Capacity::for_image(count, isects, camera.width, camera.height);
+        let capacity = had.max(wanted).within(self.gpu.caps(), ISECT_BYTES);
+        if capacity != had {
+            // The old buffers go first: there may not be room for both.
+            self.frames.release()?;
+            self.scales.room = Room::new(&self.gpu, Capacity::LEAST)?;
+            self.scales.room = Room::new(&self.gpu, capacity)?;
+        }
+        Ok(())
+    }
+}
+
+impl Scales {
+    /// Records the search for what pixels can afford, the weighing, and the sums by splat.
+    fn record(&self, rec: &mut Recorder<'_>, view: &View, budget: f32) {
+        let tiles = (view.tiles[0] * view.tiles[1]) as usize;
+        let room = &self.room;
+        let s = &room.scratch;
+        let source_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
+        let tile_stride = tile_stride(tiles);
+        rec.fill(&room.limit, 0);
+        // A pair that was counted and then not listed has a record that nobody writes: one that lets nothing go.
+        rec.fill(&room.records, 0);
+        for step in STEPS {
+            let io = afford::Bindings {
+                view: &s.view,
+                range_from_tile: &s.range_from_tile,
+                source_from_isect,
+                splat_from_source: &s.splat_from_source,
+                shape_from_splat: &s.shape_from_splat,
+                tone_from_splat: &s.tone_from_splat,
+                rank_from_splat: &self.ranks,
+                limit_from_pixel: &room.limit,
+                spent_from_pixel: &room.spent,
+            };
+            let params = afford::Params {
+                tile_stride,
+                step,
+                budget,
+            };
+            self.afford.record(rec, io, params, tiles);
+        }
+        let io = weigh::Bindings {
+            view: &s.view,
+            range_from_tile: &s.range_from_tile,
+            source_from_isect,
+            splat_from_source: &s.splat_from_source,
+            shape_from_splat: &s.shape_from_splat,
+            tone_from_splat: &s.tone_from_splat,
+            spent_from_pixel: &room.spent,
+            limit_from_pixel: &room.limit,
+            loss_from_source: &room.records,
+        };
+        let params = weigh::Params { tile_stride };
+        self.weigh.record(rec, io, params, tiles);
+        let io = tally::Bindings {
+            counts: &s.counts,
+            tile_count_from_splat: &s.tile_count_from_splat,
+            source_from_splat: &s.source_from_splat,
+            loss_from_source: &room.records,
+            loss_from_splat: &self.totals,
+        };
+        let params = tally::Params {
+            splat_count: self.model.splat_count as u32,
+        };
+        self.tally.record(rec, io, params);
+    }
+}

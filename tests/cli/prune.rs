@@ -1,0 +1,119 @@
+//! `ashfall prune`.
+
+use super::{ashfall, data, error, folder, json, run, stdout, train, word};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// A trained scene in a folder.
+fn scene(folder: &Path) -> std::path::PathBuf {
+    let out = folder.join("run");
+    stdout(&train(word(data()), word(&out), &[]));
+    out.join("scene.ply")
+}
+
+#[test]
+fn less_is_left_and_no_pixel_breaks_its_bound() {
+    let folder = folder();
+    let scene = scene(folder.path());
+    let less = folder.path().join("less.ply");
+    let arguments = ["prune", word(&scene), word(data()), "--validate", "--json"];
+    let with = |more: &[&str]| json(&stdout(&[&arguments[..], more].concat()));
+    let figures = with(&["--error", "1/16", "--test-every", "4", "--out", word(&less)]);
+    let count = |name: &str| figures[name].as_u64().unwrap_or_else(|| panic!("{name}"));
+    assert!(count("removed") > 0);
+    assert_eq!(
+        count("splats_after"),
+        count("splats_before") - count("removed")
+    );
+    let size = fs::metadata(&less).map(|file| file.len()).unwrap_or(0);
+    assert!(size.abs_diff(count("ply_bytes_after")) < 2000, "{size}");
+    let change = &figures["change"];
+    assert_eq!((&change["broken"], count("train_views")), (&0.into(), 9));
+    let [most, range] = ["most", "color_range"].map(|name| change[name].as_f64().unwrap_or(9.0));
+    assert!(most > 0.0 && most <= range / 16.0 + 1e-3, "{figures}");
+    assert!(figures["test_after"]["psnr_db"].as_f64().unwrap_or(0.0) > 5.0);
+    let left = json(&stdout(&["info", word(&less), "--json"]));
+    assert_eq!(left["splat_count"], figures["splats_after"], "{left}");
+
+    let fitted = with(&["--error", "1/16", "--refit", "20"]);
+    let db = |of: &str| fitted[of]["psnr_db"].as_f64().unwrap_or(0.0);
+    assert!(db("test_after_refit") > db("test_after") - 1.0, "{fitted}");
+    let original = with(&["--compat", "original"]);
+    assert_eq!(original["change"]["broken"], 0);
+}
+
+#[test]
+fn words_say_what_went_and_nothing_is_written_unasked() {
+    let folder = folder();
+    let scene = scene(folder.path());
+    let files = || {
+        fs::read_dir(folder.path())
+            .map(Iterator::count)
+            .unwrap_or(0)
+    };
+    let before = files();
+    let text = stdout(&["prune", word(&scene), word(data())]);
+    for part in [
+        "splats",
+        "seen by no training view",
+        "largest change",
+        "test views after",
+        "no --out",
+    ] {
+        assert!(text.contains(part), "{text}");
+    }
+    assert_eq!(files(), before);
+    let scene = word(&scene);
+    for (more, says) in [
+        (["--out", "scene.splat"], ".ply files only"),
+        (["--out", "/nowhere/at/all.ply"], "/nowhere/at/all.ply"),
+        (["--refit", "5"], "--compat original"),
+    ] {
+        let compat: &[&str] = if more[0] == "--refit" {
+            &["--compat", "original"]
+        } else {
+            &[]
+        };
+        let line = error(&[&["prune", scene, word(data())], &more[..], compat].concat());
+        assert!(line.contains(says), "{line}");
+    }
+    for bad in ["0", "2", "x"] {
+        let output = run(&["prune", scene, word(data()), "--error", bad]);
+        assert_eq!(output.status.code(), Some(2), "{bad}");
+    }
+}
+
+/// An interrupted run leaves the file that was there as it was.
+#[cfg(unix)]
+#[test]
+fn an_interruption_leaves_no_half_scene() {
+    let folder = folder();
+    let scene = scene(folder.path());
+    let less = folder.path().join("less.ply");
+    fs::write(&less, "as it was").unwrap_or_else(|e| panic!("{e}"));
+    let endless = ["--refit", "1000000", "--out", word(&less)];
+    let arguments = [&["prune", word(&scene), word(data())], &endless[..]].concat();
+    let child = ashfall(&arguments)
+        .stderr(std::process::Stdio::piped())
+        .spawn();
+    let mut child = child.unwrap_or_else(|e| panic!("{e}"));
+    // It listens by the time that it says what it is at.
+    let stderr = child.stderr.take().unwrap_or_else(|| panic!("no stderr"));
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(stderr)).map_while(Result::ok);
+    let line = lines.find(|line| line.contains("training views"));
+    assert!(line.is_some());
+    let sent = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(sent.is_ok_and(|status| status.success()));
+    let status = child.wait().unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(status.code(), Some(130));
+    assert_eq!(fs::read_to_string(&less).unwrap_or_default(), "as it was");
+    let left: Vec<_> = fs::read_dir(folder.path())
+        .into_iter()
+        .flatten()
+        .flatten()
+        .collect();
+    assert_eq!(left.len(), 2, "{left:?}");
+}
