@@ -5,11 +5,14 @@ use ashfall::kernels::KERNELS;
 use ashfall::shader::Requirement;
 use rules::*;
 use source::{File, repository};
+use unpaired::UNPAIRED;
 
 #[path = "tidy/rules.rs"]
 mod rules;
 #[path = "tidy/source.rs"]
 mod source;
+#[path = "tidy/unpaired.rs"]
+mod unpaired;
 
 fn file(path: &str, text: impl Into<String>) -> File {
     (path.to_owned(), text.into())

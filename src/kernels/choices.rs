@@ -130,7 +130,10 @@ mod tests {
             let chosen = chosen(&caps(kind, 8, &[]));
             let named: BTreeSet<&str> = chosen.iter().map(|choice| choice.kernel).collect();
             let missing = kernels.difference(&named).copied();
-            assert!(missing.eq(YARDSTICKS), "yardsticks alone are never chosen");
+            assert!(
+                missing.eq(YARDSTICKS.into_iter().chain(SELFTESTS)),
+                "yardsticks and self-tests alone are never chosen"
+            );
             for choice in chosen {
                 assert!(!choice.why.contains('\n'), "{}", choice.why);
                 assert_eq!(choice.record.is_some(), kind == DeviceKind::Cpu);

@@ -31,6 +31,11 @@ pub mod scan;
 pub mod scan_apply;
 pub mod scan_chunks;
 pub mod scan_reduce;
+pub mod selftest_atomics;
+pub mod selftest_lanes;
+pub mod selftest_loops;
+pub mod selftest_math;
+pub mod selftest_progress;
 pub mod sort;
 pub mod sort_count;
 pub mod sort_scatter;
@@ -42,3 +47,12 @@ pub use generated::KERNELS;
 /// Kernels that no frame and no training step runs: what the others are measured against. They may need what
 /// a device does not have to offer.
 pub const YARDSTICKS: [&str; 2] = ["classical", "classical_backward"];
+
+/// Kernels that no frame and no training step runs either: they ask whether a device does what the others rely on.
+pub const SELFTESTS: [&str; 5] = [
+    "selftest_atomics",
+    "selftest_lanes",
+    "selftest_loops",
+    "selftest_math",
+    "selftest_progress",
+];

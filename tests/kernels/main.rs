@@ -35,6 +35,7 @@ mod rasterize_backward;
 mod scan;
 #[path = "../common/scenes.rs"]
 mod scenes;
+mod selftest;
 mod sort;
 mod tally;
 mod weigh;

@@ -13,94 +13,11 @@ const FUNCTION_LINES_MAX: usize = 70;
 /// Kernels that are steps of one operation. Only the operation has a result worth judging, so one
 /// reference and one file of test cases stand for all that begin so; and the host dispatches them together,
 /// so it may have a file of the operation's name beside those of the steps.
-const OPERATIONS: [(&str, &str); 3] = [("scan_", "scan"), ("sort_", "sort"), ("loss_", "loss")];
-
-/// Files of the paired folders that have no kernel, and partners that a kernel lacks, with the reason.
-pub(crate) const UNPAIRED: &[(&str, &str)] = &[
-    (
-        "src/kernels/choices.rs",
-        "what is chosen of all of them, and why",
-    ),
-    (
-        "src/kernels/generated.rs",
-        "what follows from all shaders at once",
-    ),
-    (
-        "src/reference/real.rs",
-        "the numbers that formulas are written over",
-    ),
-    ("src/reference/dual.rs", "numbers that carry derivatives"),
-    (
-        "src/reference/linear.rs",
-        "vectors and matrices of such numbers",
-    ),
-    (
-        "src/reference/sh.rs",
-        "part of project: one basis for its forward and backward",
-    ),
-    (
-        "src/reference/smoothing.rs",
-        "part of project: what the 3D filter makes of a splat before",
-    ),
-    (
-        "src/reference/ssim.rs",
-        "part of loss: the similarity of one channel",
-    ),
-    (
-        "src/reference/tiles.rs",
-        "part of project: which tiles an ellipse meets",
-    ),
-    (
-        "src/reference/frame.rs",
-        "the operations composed: a picture",
-    ),
-    (
-        "src/reference/bound/stack.rs",
-        "part of the bounds: what a pixel sees when nothing is saved",
-    ),
-    (
-        "src/reference/bound/picture.rs",
-        "what frames that save work may lose: judges the accuracy that rendering is given",
-    ),
-    (
-        "src/reference/bound/gradient.rs",
-        "what their gradients may lose",
-    ),
-    (
-        "src/reference/gradient.rs",
-        "the operations composed: a training step's gradient",
-    ),
-    (
-        "src/reference/relocate.rs",
-        "judges the host's relocation, which has no kernel",
-    ),
-    (
-        "src/reference/classical.rs",
-        "a yardstick: it composites what rasterize does",
-    ),
-    (
-        "src/reference/classical_backward.rs",
-        "a yardstick: it differentiates what rasterize does",
-    ),
-    ("src/reference/compact.rs", "a filter: the test states it"),
-    (
-        "src/reference/gather.rs",
-        "one indexed load: the test states it",
-    ),
-    (
-        "src/reference/plan.rs",
-        "a few divisions: the test states them",
-    ),
-    (
-        "tests/kernels/original.rs",
-        "judged by whole frames: tests/stability/original.rs",
-    ),
-    ("src/reference/present.rs", "a copy: the test states it"),
-    ("src/reference/tally.rs", "folds: the test states them"),
-    (
-        "tests/kernels/present.rs",
-        "writes to a host's image: tests/embed.rs is the host",
-    ),
+const OPERATIONS: [(&str, &str); 4] = [
+    ("scan_", "scan"),
+    ("sort_", "sort"),
+    ("loss_", "loss"),
+    ("selftest_", "selftest"),
 ];
 
 /// Who may import whom, by the first component of the path after `crate::`.
@@ -150,6 +67,25 @@ const RANKS: &[(&str, &[&str])] = &[
         "parsimony",
         &[
             "train", "render", "kernels", "gpu", "scene", "error", "layout",
+        ],
+    ),
+    (
+        "stress",
+        &[
+            "bench",
+            "train",
+            "report",
+            "render",
+            "kernels",
+            "gpu",
+            "scene",
+            "io",
+            "synth",
+            "metrics",
+            "reference",
+            "error",
+            "shader",
+            "layout",
         ],
     ),
     (

@@ -1,0 +1,30 @@
+//! Self-test of exponentials, logarithms, roots and quotients.
+
+pub use super::generated::selftest_math::{Bindings, Choice, Kernel, Params, Spec, Variant};
+use crate::Result;
+use crate::gpu::{Caps, Gpu, Groups, Recorder};
+
+/// The kernel, ready to record.
+#[derive(Debug)]
+pub struct SelftestMath {
+    kernel: Kernel,
+}
+
+impl SelftestMath {
+    /// Compiles it as chosen.
+    pub fn new(gpu: &Gpu, choice: Choice) -> Result<SelftestMath> {
+        Ok(SelftestMath {
+            kernel: Kernel::new(gpu, choice)?,
+        })
+    }
+
+    /// Which variant and tuning suits a device: one serves all.
+    pub fn prefer(_caps: &Caps) -> Choice {
+        Choice::default()
+    }
+
+    /// Records it over `groups` workgroups.
+    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, groups: u32) {
+        self.kernel.record(rec, io, params, Groups::Count(groups));
+    }
+}

@@ -1,0 +1,261 @@
+//! Some pixels of a frame, and by how much a device may miss each.
+//!
+//! Rounding makes alphas wrong by a little, and that moves a pixel by at most the sum of these errors, each weighted
+//! with the light that gets there, times the range of the pixel's colours (`dC/dαᵢ = Tᵢ (cᵢ − Bᵢ)`). Where a
+//! splat lies so near to one of the frame's discontinuities (the cut of alphas, the stop, an exchange in depth, the
+//! near plane) that such an error may take it across, its whole share is allowed for. So every pixel has a bound,
+//! whatever the scene is, and the bound is as small as that pixel lets it be.
+
+use super::frame::{center, sorted};
+use super::rasterize::{layer, power, raw_alpha};
+use super::{Cuts, Options, Pixel, ScreenSplat, Splat, Viewpoint, project};
+use crate::scene::{Camera, Splats};
+use rayon::prelude::*;
+
+/// Half a unit in the last place of 1 in single precision.
+const U: f64 = 1.0 / 16_777_216.0;
+
+/// A pixel, and what it may be off by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampled {
+    /// Which, `y * width + x`.
+    pub index: usize,
+    /// Its colour.
+    pub color: [f64; 3],
+    /// What is left of the background.
+    pub transmittance: f64,
+    /// The most by which any channel of the colour may be off.
+    pub color_bound: f64,
+    /// The most by which the transmittance may.
+    pub transmittance_bound: f64,
+}
+
+/// Up to `count` pixels spread over an image, the first and the last among them.
+pub fn spread(width: u32, height: u32, count: usize) -> Vec<usize> {
+    let pixels = width as usize * height as usize;
+    if pixels <= count {
+        return (0..pixels).collect();
+    }
+    // Multiples of the golden ratio are spread evenly over rows as well as over columns.
+    let golden = 0.5 * (5f64.sqrt() - 1.0);
+    let place = |i: usize| ((i as f64 * golden).fract() * pixels as f64) as usize;
+    let mut chosen: Vec<usize> = (0..count.saturating_sub(1)).map(place).collect();
+    chosen.push(pixels - 1);
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
+}
+
+/// A splat on the screen, and how well single precision knows it.
+#[derive(Clone, Copy)]
+struct Known {
+    screen: ScreenSplat<f64>,
+    /// Error of its position, px.
+    position: f64,
+    /// Its smallest standard deviation, px.
+    sigma_min: f64,
+    /// Error of its depth, world units.
+    depth: f64,
+    /// Error of its colour.
+    color: f64,
+}
+
+impl Known {
+    fn new(splat: &Splat<f64>, screen: ScreenSplat<f64>, camera: &Camera) -> Known {
+        let (focal, middle) = (camera.focal.to_array(), camera.center.to_array());
+        let tangent = [0, 1].map(|i| (screen.mean[i] - middle[i]) / focal[i]);
+        // Distance from the camera over depth.
+        let reach = (1.0 + tangent[0].powi(2) + tangent[1].powi(2)).sqrt();
+        let [xx, xy, yy] = screen.covariance;
+        let half = 0.5 * (xx - yy);
+        let smallest = 0.5 * (xx + yy) - half.hypot(xy);
+        let coefficients = (0..3).map(|c| splat.sh.iter().map(|rgb| rgb[c].abs()).sum::<f64>());
+        Known {
+            screen,
+            // A view coordinate is a sum of three products with a difference and a rounded matrix: 5U of the
+            // distance. A quotient of two is off by 5U · reach · (1 + |tangent|) and its own 5U, which is less
+            // than 16U · reach². The principal point is added to its product with the focal length.
+            position: 16.0 * U * focal[0].max(focal[1]) * reach * reach
+                + 2.0 * U * screen.mean[0].abs().max(screen.mean[1].abs()),
+            // The dilation is no smaller than 0.1 px².
+            sigma_min: smallest.max(0.1).sqrt(),
+            depth: 5.0 * U * screen.depth * reach,
+            // Up to sixteen products, each with a polynomial of the direction.
+            color: 32.0 * U * (1.0 + coefficients.fold(0.0, f64::max)),
+        }
+    }
+
+    /// Whether a pixel may see it at all: further out, `raw_alpha` is 0.
+    fn reaches(&self, at: [f64; 2]) -> bool {
+        let [xx, _, yy] = self.screen.covariance;
+        let [dx, dy] = [0, 1].map(|i| at[i] - self.screen.mean[i]);
+        dx * dx <= 100.0 * xx && dy * dy <= 100.0 * yy
+    }
+
+    /// By how much its alpha at a position may be off.
+    fn alpha_error(&self, at: [f64; 2], alpha: f64) -> f64 {
+        let s = &self.screen;
+        let distance = (at[0] - s.mean[0]).hypot(at[1] - s.mean[1]);
+        // The position's error, the slope's (8U) over the distance, and that of the whitened residual itself.
+        let residual = (2.0 * power(s, at)).max(0.0).sqrt();
+        let off = (self.position + 8.0 * U * distance) / self.sigma_min + 64.0 * U * residual;
+        // 0.61 is the steepest slope of exp(−x²/2). The exponent's own error: 3e-6 of a logarithm and the
+        // specification's 19 units in the last place of exp2 within (−8, 0], twice each, are 256U at most.
+        (0.61 * s.opacity * off + 256.0 * U * alpha).min(s.opacity)
+    }
+}
+
+/// Some pixels of the frame that [`render`](super::render) draws.
+pub fn sample(
+    splats: &Splats,
+    camera: &Camera,
+    options: &Options,
+    pixels: &[usize],
+) -> Vec<Sampled> {
+    let view = Viewpoint {
+        // Splats hardly before the near plane may be drawn behind it.
+        near: options.near * (1.0 - 1e-4),
+        ..Viewpoint::new(camera, options, splats.mode)
+    };
+    let screen: Vec<Option<ScreenSplat<f64>>> = (0..splats.len())
+        .into_par_iter()
+        .map(|i| project(&Splat::<f64>::of(splats, i), &view))
+        .collect();
+    let (list, splat_from_rank) = sorted(&screen);
+    let known: Vec<Known> = list
+        .iter()
+        .zip(&splat_from_rank)
+        .map(|(&screen, &i)| Known::new(&Splat::of(splats, i), screen, camera))
+        .collect();
+    let of_pixel = |&index: &usize| {
+        let mut walk = Walk::new(options);
+        let at = center(index, camera.width as usize);
+        for splat in known.iter().filter(|splat| splat.reaches(at)) {
+            if walk.is_over {
+                break;
+            }
+            walk.meet(splat, at);
+        }
+        walk.finish(index, options.background)
+    };
+    pixels.par_iter().map(of_pixel).collect()
+}
+
+/// A ray on its way through the splats.
+struct Walk<'a> {
+    options: &'a Options,
+    pixel: Pixel<f64>,
+    /// Smallest and largest value of each channel so far.
+    range: [[f64; 3]; 2],
+    /// What alphas that are off cost, of the range.
+    share: f64,
+    /// What colours that are off cost.
+    color: f64,
+    /// Relative error of the transmittance.
+    transmittance: f64,
+    layers: usize,
+    /// Splats that may have changed places with the last one: their farthest, sum of alphas, transmittance before.
+    group: (f64, f64, f64),
+    exchanged: bool,
+    /// Whether it may have been stopped: what it met since counts for the range of colours only.
+    may_be_over: bool,
+    is_over: bool,
+}
+
+impl Walk<'_> {
+    fn new(options: &Options) -> Walk<'_> {
+        Walk {
+            options,
+            pixel: Pixel::clear(),
+            range: [options.background; 2],
+            share: 0.0,
+            color: 0.0,
+            transmittance: 0.0,
+            layers: 0,
+            group: (f64::NEG_INFINITY, 0.0, 1.0),
+            exchanged: false,
+            may_be_over: false,
+            is_over: false,
+        }
+    }
+
+    /// Goes through a splat.
+    fn meet(&mut self, splat: &Known, at: [f64; 2]) {
+        let cuts: &Cuts = &self.options.cuts;
+        let before = self.pixel.transmittance;
+        let (least, most) = (1.0 - self.transmittance, 1.0 + self.transmittance);
+        if before * most < cuts.transmittance_min {
+            // Certainly stopped; splats that may have changed places may have stopped it sooner.
+            self.share += if self.exchanged {
+                cuts.transmittance_min
+            } else {
+                0.0
+            };
+            self.is_over = true;
+            return;
+        }
+        let alpha = raw_alpha(&splat.screen, at);
+        let error = splat.alpha_error(at, alpha);
+        if alpha + error < cuts.alpha_min {
+            return;
+        }
+        self.widen(splat.screen.color);
+        if self.may_be_over {
+            return;
+        }
+        if before * least < cuts.transmittance_min {
+            // Whether it goes on here or not is open: what is behind has no more than what gets here.
+            self.share += before;
+            self.may_be_over = true;
+            return;
+        }
+        let is_doubtful = (alpha - cuts.alpha_min).abs() <= error
+            || (splat.screen.depth - self.options.near).abs() <= splat.depth;
+        self.share += before * if is_doubtful { alpha + error } else { error };
+        self.exchange(splat, alpha, before);
+        let is_seen = splat.screen.depth >= self.options.near;
+        if let Some(layer) = layer(&splat.screen, at, cuts).filter(|_| is_seen) {
+            self.color += before * layer.alpha * splat.color;
+            self.pixel = self.pixel.over(&layer);
+            self.layers += 1;
+        }
+        let passed = 1.0 - alpha.min(cuts.alpha_max);
+        let lost = if is_doubtful { alpha + error } else { error };
+        self.transmittance += (lost / passed).min(1.0);
+    }
+
+    fn widen(&mut self, color: [f64; 3]) {
+        for (channel, value) in color.into_iter().enumerate() {
+            self.range[0][channel] = self.range[0][channel].min(value);
+            self.range[1][channel] = self.range[1][channel].max(value);
+        }
+    }
+
+    /// Allows for splats at practically one depth to come in either order: `αᵢ αⱼ T` for each two.
+    fn exchange(&mut self, splat: &Known, alpha: f64, before: f64) {
+        let (farthest, alphas, light) = self.group;
+        if splat.screen.depth - splat.depth <= farthest {
+            self.share += alphas * alpha * light;
+            self.exchanged = true;
+            self.group = (splat.screen.depth + splat.depth, alphas + alpha, light);
+        } else {
+            self.group = (splat.screen.depth + splat.depth, alpha, before);
+        }
+    }
+
+    fn finish(self, index: usize, background: [f64; 3]) -> Sampled {
+        let pixel = self.pixel.over_background(background);
+        let [low, high] = self.range;
+        let range = (0..3).map(|c| high[c] - low[c]).fold(0.0, f64::max);
+        let brightest = high.into_iter().fold(0.0, f64::max);
+        // Each layer rounds the sum, the transmittance and their product.
+        let sums = 3.0 * (self.layers + 2) as f64 * U;
+        Sampled {
+            index,
+            color: pixel.color,
+            transmittance: pixel.transmittance,
+            color_bound: self.share * range + self.color + sums * brightest,
+            transmittance_bound: self.share + sums,
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Exceptions to the rule that shader, host, reference and test cases have one name.
+
+/// Files of the paired folders that have no kernel, and partners that a kernel lacks, with the reason.
+pub(crate) const UNPAIRED: &[(&str, &str)] = &[
+    (
+        "src/kernels/choices.rs",
+        "what is chosen of all of them, and why",
+    ),
+    (
+        "src/kernels/generated.rs",
+        "what follows from all shaders at once",
+    ),
+    (
+        "src/reference/real.rs",
+        "the numbers that formulas are written over",
+    ),
+    ("src/reference/dual.rs", "numbers that carry derivatives"),
+    (
+        "src/reference/linear.rs",
+        "vectors and matrices of such numbers",
+    ),
+    (
+        "src/reference/sh.rs",
+        "part of project: one basis for its forward and backward",
+    ),
+    (
+        "src/reference/smoothing.rs",
+        "part of project: what the 3D filter makes of a splat before",
+    ),
+    (
+        "src/reference/ssim.rs",
+        "part of loss: the similarity of one channel",
+    ),
+    (
+        "src/reference/tiles.rs",
+        "part of project: which tiles an ellipse meets",
+    ),
+    (
+        "src/reference/frame.rs",
+        "the operations composed: a picture",
+    ),
+    (
+        "src/reference/bound/stack.rs",
+        "part of the bounds: what a pixel sees when nothing is saved",
+    ),
+    (
+        "src/reference/bound/picture.rs",
+        "what frames that save work may lose: judges the accuracy that rendering is given",
+    ),
+    (
+        "src/reference/bound/gradient.rs",
+        "what their gradients may lose",
+    ),
+    (
+        "src/reference/sample.rs",
+        "some pixels of a picture, and what rounding may change of each",
+    ),
+    (
+        "src/reference/gradient.rs",
+        "the operations composed: a training step's gradient",
+    ),
+    (
+        "src/reference/relocate.rs",
+        "judges the host's relocation, which has no kernel",
+    ),
+    (
+        "src/reference/classical.rs",
+        "a yardstick: it composites what rasterize does",
+    ),
+    (
+        "src/reference/classical_backward.rs",
+        "a yardstick: it differentiates what rasterize does",
+    ),
+    ("src/reference/compact.rs", "a filter: the test states it"),
+    (
+        "src/reference/gather.rs",
+        "one indexed load: the test states it",
+    ),
+    (
+        "src/reference/plan.rs",
+        "a few divisions: the test states them",
+    ),
+    (
+        "tests/kernels/original.rs",
+        "judged by whole frames: tests/stability/original.rs",
+    ),
+    ("src/reference/present.rs", "a copy: the test states it"),
+    ("src/reference/tally.rs", "folds: the test states them"),
+    (
+        "tests/kernels/present.rs",
+        "writes to a host's image: tests/embed.rs is the host",
+    ),
+];
