@@ -19,6 +19,7 @@ pub mod render;
 pub mod report;
 pub mod scene;
 pub mod shader;
+pub mod stress;
 pub mod synth;
 pub mod train;
 

@@ -17,6 +17,7 @@ mod output;
 mod predict;
 mod prune;
 mod render;
+mod stress;
 mod train;
 
 use crate::Result;
@@ -39,6 +40,7 @@ Examples:
   ashfall render run/scene.ply --cameras photos/ --orbit 60 --out frames/
   ashfall prune run/scene.ply photos/             what can go at a proven error?
   ashfall chart                                   what does speed cost in accuracy?
+  ashfall stress                                  does this device do what it should?
   ashfall info                                    which devices are there?
   ashfall info photos/ --predict                  how much memory will training take?
 
@@ -54,6 +56,7 @@ enum Command {
     Info(info::InfoArgs),
     Demo(demo::DemoArgs),
     Chart(chart::ChartArgs),
+    Stress(stress::StressArgs),
     Bench(bench::BenchArgs),
 }
 
@@ -89,6 +92,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Info(args) => info::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Chart(args) => chart::run(&args),
+        Command::Stress(args) => stress::run(&args),
         Command::Bench(args) => bench::run(&args),
     }
 }

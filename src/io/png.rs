@@ -1,7 +1,7 @@
 //! Images as 8-bit PNG files.
 
 use super::atomic::write_atomically;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::Photo;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
@@ -17,6 +17,18 @@ pub fn to_byte(value: f32) -> u8 {
 pub fn write_rgb(path: &Path, width: u32, height: u32, pixels: &[[f32; 3]]) -> Result<()> {
     let bytes: Vec<u8> = pixels.iter().flatten().map(|v| to_byte(*v)).collect();
     write_bytes(path, width, height, &bytes, ExtendedColorType::Rgb8)
+}
+
+/// A file of red, green and blue bytes, row by row.
+///
+/// # Errors
+/// When there are not as many bytes as the image has.
+pub fn encode_rgb(width: u32, height: u32, bytes: &[u8]) -> Result<Vec<u8>> {
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file)
+        .write_image(bytes, width, height, ExtendedColorType::Rgb8)
+        .map_err(|error| Error::Config(format!("a picture cannot be encoded: {error}")))?;
+    Ok(file)
 }
 
 /// Writes display-referred colours with straight alpha `[row][column]`, 0 to 1.

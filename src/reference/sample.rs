@@ -154,9 +154,8 @@ struct Walk<'a> {
     /// Relative error of the transmittance.
     transmittance: f64,
     layers: usize,
-    /// Splats that may have changed places with the last one: their farthest, sum of alphas, transmittance before.
-    group: (f64, f64, f64),
-    exchanged: bool,
+    /// The last splats that may have changed places with each other.
+    group: Exchange,
     /// Whether it may have been stopped: what it met since counts for the range of colours only.
     may_be_over: bool,
     is_over: bool,
@@ -172,8 +171,7 @@ impl Walk<'_> {
             color: 0.0,
             transmittance: 0.0,
             layers: 0,
-            group: (f64::NEG_INFINITY, 0.0, 1.0),
-            exchanged: false,
+            group: Exchange::NOBODY,
             may_be_over: false,
             is_over: false,
         }
@@ -186,11 +184,9 @@ impl Walk<'_> {
         let (least, most) = (1.0 - self.transmittance, 1.0 + self.transmittance);
         if before * most < cuts.transmittance_min {
             // Certainly stopped; splats that may have changed places may have stopped it sooner.
-            self.share += if self.exchanged {
-                cuts.transmittance_min
-            } else {
-                0.0
-            };
+            if self.group.count > 1 {
+                self.share += cuts.transmittance_min;
+            }
             self.is_over = true;
             return;
         }
@@ -231,19 +227,20 @@ impl Walk<'_> {
         }
     }
 
-    /// Allows for splats at practically one depth to come in either order: `αᵢ αⱼ T` for each two.
+    /// Allows for splats at practically one depth to come in either order.
     fn exchange(&mut self, splat: &Known, alpha: f64, before: f64) {
-        let (farthest, alphas, light) = self.group;
-        if splat.screen.depth - splat.depth <= farthest {
-            self.share += alphas * alpha * light;
-            self.exchanged = true;
-            self.group = (splat.screen.depth + splat.depth, alphas + alpha, light);
-        } else {
-            self.group = (splat.screen.depth + splat.depth, alpha, before);
+        if splat.screen.depth - splat.depth > self.group.farthest {
+            self.color += self.group.cost();
+            self.group = Exchange {
+                light: before,
+                ..Exchange::NOBODY
+            };
         }
+        self.group.join(splat, alpha);
     }
 
-    fn finish(self, index: usize, background: [f64; 3]) -> Sampled {
+    fn finish(mut self, index: usize, background: [f64; 3]) -> Sampled {
+        self.color += self.group.cost();
         let pixel = self.pixel.over_background(background);
         let [low, high] = self.range;
         let range = (0..3).map(|c| high[c] - low[c]).fold(0.0, f64::max);
@@ -257,5 +254,56 @@ impl Walk<'_> {
             color_bound: self.share * range + self.color + sums * brightest,
             transmittance_bound: self.share + sums,
         }
+    }
+}
+
+/// Splats that may come in any order.
+#[derive(Clone, Copy)]
+struct Exchange {
+    count: usize,
+    /// The farthest of them may be as far as this.
+    farthest: f64,
+    /// What light gets to the first.
+    light: f64,
+    alphas: f64,
+    /// Σ αᵢ αⱼ over all two of them.
+    pairs: f64,
+    /// What passes through all.
+    passes: f64,
+    range: [[f64; 3]; 2],
+}
+
+impl Exchange {
+    const NOBODY: Exchange = Exchange {
+        count: 0,
+        farthest: f64::NEG_INFINITY,
+        light: 1.0,
+        alphas: 0.0,
+        pairs: 0.0,
+        passes: 1.0,
+        range: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
+    };
+
+    fn join(&mut self, splat: &Known, alpha: f64) {
+        self.count += 1;
+        self.farthest = self.farthest.max(splat.screen.depth + splat.depth);
+        self.pairs += self.alphas * alpha;
+        self.alphas += alpha;
+        self.passes *= 1.0 - alpha;
+        for (channel, value) in splat.screen.color.into_iter().enumerate() {
+            self.range[0][channel] = self.range[0][channel].min(value);
+            self.range[1][channel] = self.range[1][channel].max(value);
+        }
+    }
+
+    /// What another order may change. Two that change places change a pixel by αᵢ αⱼ T (cᵢ − cⱼ), and what passes
+    /// through both not at all; no order makes of them what none of them is.
+    fn cost(&self) -> f64 {
+        if self.count < 2 {
+            return 0.0;
+        }
+        let [low, high] = self.range;
+        let range = (0..3).map(|c| high[c] - low[c]).fold(0.0, f64::max);
+        self.light * self.pairs.min(1.0 - self.passes) * range
     }
 }

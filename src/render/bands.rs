@@ -78,6 +78,12 @@ pub fn list_limit(kind: DeviceKind) -> u32 {
     }
 }
 
+/// Turns that all loops of one invocation take together at most: a list, and a batch for every eight of it.
+pub fn loop_turns(kind: DeviceKind) -> u32 {
+    let list = list_limit(kind);
+    list.saturating_add(list / 8)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -17,7 +17,7 @@ mod trail;
 mod view;
 
 pub use accuracy::Accuracy;
-pub use bands::{Bands, list_limit};
+pub use bands::{Bands, list_limit, loop_turns};
 pub use blocks::{Block, Blocks};
 pub use compatibility::Compatibility;
 pub use forward::{Forward, tile_stride};

@@ -4,6 +4,7 @@ pub mod chart;
 mod figures;
 mod pictures;
 mod score;
+pub mod stress;
 
 pub use figures::{HistoryEntry, MemoryFigures, Report, Timings};
 pub use pictures::{DIFFERENCE_GAIN, comparison};

@@ -54,7 +54,7 @@ pub(in crate::cli) fn orbit_of_splats(splats: &Splats, count: Option<u32>) -> Ve
 }
 
 /// The median position: outliers do not move it.
-fn center(splats: &Splats) -> DVec3 {
+pub(in crate::cli) fn center(splats: &Splats) -> DVec3 {
     let axis = |axis: usize| quantile(splats.mean.iter().map(|m| f64::from(m[axis])), 0.5);
     DVec3::new(axis(0), axis(1), axis(2))
 }

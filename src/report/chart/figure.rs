@@ -59,20 +59,21 @@ const COLORS: [RGBColor; 10] = [
     RGBColor(128, 96, 0),
     RGBColor(0, 80, 80),
 ];
-const INK: RGBColor = RGBColor(40, 40, 40);
-const GRID: RGBColor = RGBColor(232, 232, 232);
-const FRONT: RGBColor = RGBColor(150, 150, 150);
-const ALARM: RGBColor = RGBColor(200, 0, 0);
-const FONT: &str = "sans-serif";
+pub(in crate::report) const INK: RGBColor = RGBColor(40, 40, 40);
+pub(in crate::report) const GRID: RGBColor = RGBColor(232, 232, 232);
+pub(in crate::report) const FRONT: RGBColor = RGBColor(150, 150, 150);
+pub(in crate::report) const ALARM: RGBColor = RGBColor(200, 0, 0);
+pub(in crate::report) const FONT: &str = "sans-serif";
 
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// What drawing says when it fails: it writes to memory, so it does not.
-fn failed(error: impl std::fmt::Display) -> Error {
+pub(in crate::report) fn failed(error: impl std::fmt::Display) -> Error {
     Error::Config(format!("the figure cannot be drawn: {error}"))
 }
 
-fn color(series: usize) -> RGBColor {
+/// A series' colour.
+pub(in crate::report) fn color(series: usize) -> RGBColor {
     COLORS[series % COLORS.len()]
 }
 

@@ -5,14 +5,14 @@
 //! ([`csv`]).
 
 pub mod csv;
-mod figure;
+pub(super) mod figure;
 pub mod interval;
 mod labels;
 pub mod page;
 mod panels;
 pub mod pareto;
-mod scale;
-mod tables;
+pub(super) mod scale;
+pub(super) mod tables;
 
 pub use interval::Interval;
 

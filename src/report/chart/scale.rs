@@ -7,12 +7,12 @@ use std::ops::Range;
 
 /// One axis.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Scale {
+pub(in crate::report) struct Scale {
     is_log: bool,
     /// First and last place.
-    pub(super) span: [f64; 2],
+    pub(in crate::report) span: [f64; 2],
     /// Places that are marked.
-    pub(super) ticks: Vec<f64>,
+    pub(in crate::report) ticks: Vec<f64>,
     /// Distance between ticks where they are linear, for the number of digits.
     step: f64,
 }
@@ -23,7 +23,7 @@ const TICKS: f64 = 6.0;
 impl Scale {
     /// An axis that holds all finite values, with a margin. Of a logarithmic one they must be positive;
     /// others are ignored.
-    pub(super) fn of(values: impl IntoIterator<Item = f64>, is_log: bool) -> Scale {
+    pub(in crate::report) fn of(values: impl IntoIterator<Item = f64>, is_log: bool) -> Scale {
         let places = values.into_iter().map(|v| place(v, is_log));
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for place in places.filter(|p| p.is_finite()) {
@@ -54,12 +54,12 @@ impl Scale {
     }
 
     /// Where a value lies between the ends of `span`.
-    pub(super) fn place(&self, value: f64) -> f64 {
+    pub(in crate::report) fn place(&self, value: f64) -> f64 {
         place(value, self.is_log).clamp(self.span[0], self.span[1])
     }
 
     /// What a tick's label says.
-    pub(super) fn label(&self, place: f64) -> String {
+    pub(in crate::report) fn label(&self, place: f64) -> String {
         if !self.is_log {
             let digits = (-self.step.log10().floor()).clamp(0.0, 9.0) as usize;
             return match self.step >= 1000.0 {

@@ -3,7 +3,7 @@
 use super::{Chart, Interval, Knob};
 
 /// Text as it may stand in HTML.
-pub(super) fn escaped(text: &str) -> String {
+pub(in crate::report) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

@@ -1,0 +1,124 @@
+//! One training step, and what it went by.
+
+use super::subject::BACKGROUND;
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, View};
+use crate::train::state::Planes;
+use crate::train::{Background, HostState, TrainConfig, Trainer};
+
+/// The iteration that steps go on from: all harmonics are trained by then, and density control is over.
+const BEGUN: u32 = 20_000;
+
+/// What a step saw and went by.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Stepped {
+    /// By every parameter, `[plane][splat]`.
+    gradients: Planes,
+    /// Where the optimiser is afterwards.
+    pub(super) after: HostState,
+    /// The loss before the step.
+    pub(super) loss: f64,
+    /// Where its near plane was, world units.
+    pub(super) near: f64,
+    /// Share of D-SSIM in the loss.
+    pub(super) lambda: f64,
+}
+
+impl Stepped {
+    pub(super) fn splat_count(&self) -> usize {
+        self.after.len()
+    }
+
+    /// A splat's gradient, ordered like `reference::Splat::parameters`.
+    pub(super) fn row(&self, splat: usize) -> Vec<f32> {
+        let plane = |index: usize| self.gradients[index][splat];
+        let [x, y, z, logit] = plane(0);
+        let mut row = vec![x, y, z];
+        row.extend(plane(1));
+        row.extend(&plane(2)[..3]);
+        row.push(logit);
+        let degree = self.after.sh_degree;
+        let count = row.len() + 3 * ((degree + 1) * (degree + 1)) as usize;
+        row.extend((3..self.gradients.len()).flat_map(plane));
+        row.truncate(count);
+        row
+    }
+
+    pub(super) fn moments_not_finite(&self) -> usize {
+        let moments = self.after.m.iter().chain(&self.after.v).flatten().flatten();
+        moments.filter(|value| !value.is_finite()).count()
+    }
+}
+
+fn config(splats: &Splats) -> TrainConfig {
+    TrainConfig {
+        sh_degree: splats.sh_degree,
+        mode: splats.mode,
+        background: Background::Fixed(BACKGROUND),
+        ..TrainConfig::for_iterations(30_000)
+    }
+}
+
+/// A view with a black photograph, which every picture is brighter than, so that no pixel's share in the gradient
+/// changes its sign; the extent of the data set puts the near plane where it is wanted.
+fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
+    let pixels = camera.width as usize * camera.height as usize;
+    let distance = near / (1.1 * f64::from(config.near_factor));
+    let ray = camera.rotation.row(2) * distance;
+    Dataset {
+        views: vec![View {
+            name: "view".into(),
+            camera: *camera,
+            photo: PhotoSource::Memory(Photo {
+                width: camera.width,
+                height: camera.height,
+                rgba: vec![[0, 0, 0, 255]; pixels],
+            }),
+        }],
+        points: vec![Point {
+            position: (camera.position + ray).to_array(),
+            color: [0.5; 3],
+        }],
+        test_every: 0,
+        held_out: Vec::new(),
+        alpha: AlphaMode::Composite,
+        warnings: Vec::new(),
+        origin: glam::DVec3::ZERO,
+    }
+}
+
+/// Takes a step.
+pub(super) fn step(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64) -> Result<Stepped> {
+    steps(gpu, splats, camera, near, 1)
+}
+
+/// Takes several; the gradient is the last one's.
+pub(super) fn steps(
+    gpu: &Gpu,
+    splats: &Splats,
+    camera: &Camera,
+    near: f64,
+    count: u32,
+) -> Result<Stepped> {
+    let config = config(splats);
+    let lambda = f64::from(config.lambda_dssim);
+    let dataset = dataset(camera, near, &config);
+    let state = HostState::from_splats(splats, splats.sh_degree);
+    let mut trainer = Trainer::from_state(gpu, &dataset, config, &state, BEGUN)?;
+    trainer.keep_gradients()?;
+    let mut reports = Vec::new();
+    for _ in 0..count {
+        reports.extend(trainer.step()?);
+    }
+    let gradients = trainer.gradients()?;
+    let after = trainer.download()?;
+    reports.extend(trainer.finish()?);
+    Ok(Stepped {
+        gradients,
+        after,
+        loss: reports.last().map_or(f64::NAN, |report| report.loss),
+        near: f64::from(trainer.near()),
+        lambda,
+    })
+}
