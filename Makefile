@@ -1,6 +1,6 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo test bench bench-native soak fuzz setup
+.PHONY: demo test bench bench-native soak fuzz limits setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
@@ -11,6 +11,7 @@ test: setup
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
 	cargo test
+	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test frame --test large
 
 bench: setup
 	cargo bench
@@ -23,6 +24,16 @@ bench-native: setup
 
 setup:
 	@scripts/setup
+
+# Lesser devices: in all, 64 MiB to a binding (the tests' largest picture takes half of that), 1 GiB of memory,
+# workgroups of 64 and no subgroup operations; for tests of small pictures, 2 MiB to a binding.
+LESSER = binding=67108864,memory=1073741824,workgroup=64,subgroups=off
+LESSER_PICTURES = binding=2097152,memory=268435456,workgroup=64,subgroups=off
+
+# The suite on lesser devices. Tests of the binary take the device as it is: only tests read these limits.
+limits: setup
+	ASHFALL_TEST_LIMITS=$(LESSER) cargo test
+	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test frame --test large --test kernels --test gradients
 
 # Every failure at every moment, a hundred kills, and a long run: about an hour on two cores. Prints its counts.
 soak: setup

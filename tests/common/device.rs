@@ -53,8 +53,17 @@ fn create(options: &GpuOptions) -> TestGpu {
     }
 }
 
+/// Creates one as it is, whatever `ASHFALL_TEST_LIMITS` says: for comparisons with a host's device.
+pub(crate) fn whole() -> TestGpu {
+    create(&GpuOptions {
+        limits: Limits::default(),
+        memory_limit: None,
+        ..options()
+    })
+}
+
 /// What all tests ask for.
-fn options() -> GpuOptions {
+pub(crate) fn options() -> GpuOptions {
     let mut options = GpuOptions {
         validation: true,
         device: Some("0".into()),

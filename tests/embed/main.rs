@@ -335,7 +335,7 @@ fn a_guest_with_a_queue_trains_to_the_same_bits() {
     };
     let host = Host::new(false);
     let gpu = adopt(&host, true, true);
-    assert_eq!(train(&gpu), train(&device::gpu()));
+    assert_eq!(train(&gpu), train(&device::whole()));
 }
 
 /// That clean runs mean something: a wrong state is reported.

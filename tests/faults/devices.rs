@@ -10,10 +10,8 @@ use std::collections::BTreeSet;
 fn faulty() -> (Gpu, Faults) {
     let faults = Faults::default();
     let options = GpuOptions {
-        validation: true,
-        device: Some("0".into()),
         faults: Some(faults.clone()),
-        ..GpuOptions::default()
+        ..device::options()
     };
     (Gpu::create(&options).unwrap(), faults)
 }
