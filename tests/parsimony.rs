@@ -6,7 +6,7 @@
 )]
 
 use ashfall::gpu::Gpu;
-use ashfall::parsimony::{Change, Lens, Pruned, Weigher, kept, measure, prune};
+use ashfall::parsimony::{Change, Lens, Promise, Pruned, Weigher, kept, measure, prune};
 use ashfall::reference::frame::{center, project_all, sorted};
 use ashfall::reference::rasterize::{band, layer, rasterize};
 use ashfall::reference::weigh::weights;
@@ -17,6 +17,8 @@ use scenes::{Random, Scene};
 
 #[path = "common/device.rs"]
 mod device;
+#[path = "parsimony/harmonics.rs"]
+mod harmonics;
 #[path = "common/scenes.rs"]
 mod scenes;
 
@@ -116,10 +118,20 @@ fn weigher(gpu: &Gpu, splats: &Splats, lens: Lens) -> Weigher {
 fn pruned(gpu: &Gpu, world: &World, error: f64, compatibility: Compatibility) -> (Pruned, Change) {
     let lens = lens(&world.scene.options, compatibility);
     let mut before = weigher(gpu, &world.scene.splats, lens);
-    let found = prune(&mut before, &world.cameras, error, &mut || true);
+    pruned_by(gpu, &mut before, world, error)
+}
+
+/// The same, where the scene is on the device already.
+fn pruned_by(gpu: &Gpu, before: &mut Weigher, world: &World, error: f64) -> (Pruned, Change) {
+    let found = prune(before, &world.cameras, error, &mut || true);
     let found = found.unwrap().unwrap();
-    let mut after = weigher(gpu, &kept(&world.scene.splats, &found.removed), lens);
-    let change = measure(&mut before, &mut after, &world.cameras, error, &mut || true);
+    let left = kept(&world.scene.splats, &found.removed);
+    let mut after = weigher(gpu, &left, *before.lens());
+    let promise = Promise {
+        weight: error,
+        color: 0.0,
+    };
+    let change = measure(before, &mut after, &world.cameras, promise, &mut || true);
     (found, change.unwrap().unwrap())
 }
 
@@ -190,7 +202,7 @@ impl Seen {
 fn check(world: &World, found: &Pruned, error: f64) {
     let (name, splats) = (world.name, &world.scene.splats);
     let mut most_with = vec![0.0_f64; splats.len()];
-    let (mut pixels, mut nears) = (0, 0);
+    let (mut pixels, mut excused) = (0, 0);
     for camera in &world.cameras {
         let seen = Seen::new(splats, camera, &world.scene.options);
         let (width, height) = (camera.width as usize, camera.height as usize);
@@ -203,24 +215,24 @@ fn check(world: &World, found: &Pruned, error: f64) {
                 most_with[splat] = most_with[splat].max(spent + weight);
             }
             pixels += 1;
-            if seen.is_near(at) {
-                // One weight may have come or gone by rounding.
-                nears += 1;
-                continue;
-            }
-            assert!(spent <= error, "{name}, {error}: {spent} at pixel {pixel}");
             let (before, passing) = seen.color(at, &[]);
             let (after, _) = seen.color(at, &found.removed);
             let leak = if passing < 1e-4 { passing } else { 0.0 };
             let bound = (spent + leak) * seen.range(at) + 1e-12;
-            for (a, b) in before.iter().zip(after) {
-                assert!((a - b).abs() <= bound, "{name}, {error}: {a} {b} {bound}");
+            let moved = |(a, b): (&f64, f64)| (a - b).abs() <= bound;
+            if spent > error || !before.iter().zip(after).all(moved) {
+                // One weight may have come or gone by rounding.
+                excused += 1;
+                assert!(
+                    seen.is_near(at),
+                    "{name}, {error}: {spent} at pixel {pixel}"
+                );
             }
         }
     }
     assert!(
-        nears * 20 <= pixels,
-        "{name}: {nears} of {pixels} pixels at a threshold"
+        excused * 200 <= pixels,
+        "{name}: {excused} of {pixels} pixels"
     );
     // Two thousandths: what the device keeps back for rounding, and its own.
     let could_go = |&i: &usize| !found.removed[i] && most_with[i] <= error * (1.0 - 2e-3);
@@ -236,8 +248,10 @@ fn check(world: &World, found: &Pruned, error: f64) {
 fn what_goes_keeps_to_its_bound_at_every_pixel() {
     let gpu = device::gpu();
     for world in worlds() {
+        let lens = lens(&world.scene.options, Compatibility::Engine);
+        let mut before = weigher(&gpu, &world.scene.splats, lens);
         for error in [1.0 / 512.0, 1.0 / 64.0, 0.3] {
-            let (found, change) = pruned(&gpu, &world, error, Compatibility::Engine);
+            let (found, change) = pruned_by(&gpu, &mut before, &world, error);
             check(&world, &found, error);
             assert_eq!(change.broken, 0, "{}: {change:?}", world.name);
             assert!(change.nearest <= 1.0, "{}: {change:?}", world.name);

@@ -7,7 +7,10 @@ use super::eval::{near, read_scene};
 use super::interrupt::Interrupt;
 use super::output::{Output, bytes, grouped, score_text};
 use super::train::Steps;
-use crate::parsimony::{Change, Lens, Pruned, Weigher, kept, measure, prune, refit_config};
+use crate::parsimony::{
+    Change, Lens, Promise, Pruned, Reduced, Weigher, kept, measure, prune, reduce_harmonics,
+    refit_config,
+};
 use crate::report::{MeanScore, Target};
 use crate::scene::{Camera, Dataset, Splats, Split, sh_coefficient_count};
 use crate::{Error, Result, io};
@@ -21,6 +24,9 @@ use std::path::PathBuf;
 /// pixel of every training view, and takes them out. No pixel of those views can then change by more than ERROR
 /// times the range of the colours that it is mixed of. That is measured on all of them, and the exit code is 1 if
 /// one pixel breaks it. Splats that no training view shows go, too.
+///
+/// --sh-error takes from each splat the harmonics that its colour hardly needs. Files keep the usual layout, with zeros
+/// in their place, up to the highest degree that any splat has.
 ///
 /// --refit trains what is left for a few iterations, without adding or removing any; what it gives is judged by
 /// the test views, not by the bound.
@@ -36,6 +42,10 @@ pub(super) struct PruneArgs {
     /// Largest sum of weights that a pixel may lose: a fraction or a number above 0, at most 1
     #[arg(long, value_name = "ERROR", default_value = "1/512", value_parser = parse_error)]
     error: f64,
+    /// Drop the highest degrees of splats' harmonics where no channel of their colours is then off by more than this in
+    /// any direction [default: only what is zero]
+    #[arg(long, value_name = "ERROR", value_parser = parse_error)]
+    sh_error: Option<f64>,
     /// The .ply file for what is left; without it nothing is written
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -86,7 +96,7 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
     };
     let found = work.run(&splats)?;
     engine.check()?;
-    let Some((result, figures)) = found else {
+    let Some(figures) = found else {
         eprintln!("interrupted; nothing was written");
         return Ok(Outcome::Interrupted);
     };
@@ -100,12 +110,10 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
         });
     }
     if let Some(out) = &args.out {
-        io::splats::write(out, &result)?;
+        io::splats::write(out, &figures.reduced.splats)?;
     }
     let output = Output { json: args.json };
-    output.result(figures.text(args, &splats, &result), || {
-        figures.json(args, &splats, &result)
-    });
+    output.result(figures.text(args, &splats), || figures.json(args, &splats));
     Ok(Outcome::Done)
 }
 
@@ -138,7 +146,7 @@ struct Work<'a> {
 
 impl Work<'_> {
     /// What is left, and what is to be said of it; `None` if interrupted.
-    fn run(&self, splats: &Splats) -> Result<Option<(Splats, Figures)>> {
+    fn run(&self, splats: &Splats) -> Result<Option<Figures>> {
         let output = Output {
             json: self.args.json,
         };
@@ -154,20 +162,26 @@ impl Work<'_> {
         let Some(pruned) = prune(&mut weigher, &self.cameras, error, &mut go_on)? else {
             return Ok(None);
         };
-        let mut result = kept(splats, &pruned.removed);
-        let mut after = self.weigher(&result)?;
-        let change = measure(&mut weigher, &mut after, &self.cameras, error, &mut go_on)?;
+        let left = kept(splats, &pruned.removed);
+        let promise = Promise {
+            weight: error,
+            color: self.args.sh_error.unwrap_or(0.0),
+        };
+        let mut reduced = reduce_harmonics(&left, promise.color);
+        let mut after = self.weigher(&reduced.splats)?;
+        let change = measure(&mut weigher, &mut after, &self.cameras, promise, &mut go_on)?;
         let Some(change) = change else {
             return Ok(None);
         };
         drop((weigher, after));
-        let mut test = vec![self.score(splats)?, self.score(&result)?];
+        let mut test = vec![self.score(splats)?, self.score(&reduced.splats)?];
         if let Some(iterations) = self.args.refit {
-            let Some(fitted) = self.refit(&result, iterations)? else {
+            let Some(fitted) = self.refit(&reduced.splats, iterations)? else {
                 return Ok(None);
             };
-            result = fitted;
-            test.push(self.score(&result)?);
+            // Coefficients that were dropped have been trained with the others.
+            reduced = reduce_harmonics(&fitted, promise.color);
+            test.push(self.score(&reduced.splats)?);
         }
         if !go_on() {
             return Ok(None);
@@ -175,10 +189,11 @@ impl Work<'_> {
         let figures = Figures {
             views,
             pruned,
+            reduced,
             change,
             test,
         };
-        Ok(Some((result, figures)))
+        Ok(Some(figures))
     }
 
     fn weigher(&self, splats: &Splats) -> Result<Weigher> {
@@ -230,14 +245,17 @@ impl Work<'_> {
 struct Figures {
     views: usize,
     pruned: Pruned,
+    /// What is left.
+    reduced: Reduced,
     change: Change,
     /// Of the scene as it was, of what is left, and of that after a re-fit.
     test: Vec<MeanScore>,
 }
 
 impl Figures {
-    fn text(&self, args: &PruneArgs, before: &Splats, after: &Splats) -> String {
+    fn text(&self, args: &PruneArgs, before: &Splats) -> String {
         let (pruned, change) = (&self.pruned, &self.change);
+        let after = &self.reduced.splats;
         let share = 100.0 * pruned.count as f64 / before.len().max(1) as f64;
         let mut lines = vec![
             format!(
@@ -278,8 +296,8 @@ impl Figures {
         lines.join("\n")
     }
 
-    fn json(&self, args: &PruneArgs, before: &Splats, after: &Splats) -> serde_json::Value {
-        let change = &self.change;
+    fn json(&self, args: &PruneArgs, before: &Splats) -> serde_json::Value {
+        let (change, after) = (&self.change, &self.reduced.splats);
         json!({
             "scene": args.scene,
             "out": args.out,
@@ -293,6 +311,9 @@ impl Figures {
             "unseen": self.pruned.unseen,
             "light": self.pruned.light,
             "rounds": self.pruned.rounds,
+            "sh_error": args.sh_error,
+            "splats_by_degree": self.reduced.count_from_degree,
+            "sh_floats": self.reduced.floats,
             "change": {
                 "pixels": change.pixels,
                 "most": change.most,

@@ -32,8 +32,16 @@ fn leak_limit(compatibility: Compatibility) -> f64 {
     }
 }
 
-/// Draws all views by both and compares them: `error` is what the weights of all that `after` lacks sum to at most.
-/// `None` where `go_on` says no.
+/// What was promised of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Promise {
+    /// What the weights of all that it lacks sum to at most, at any pixel.
+    pub weight: f64,
+    /// By how much a channel of a splat's colour is off at most.
+    pub color: f64,
+}
+
+/// Draws all views by both and compares them, where `after` is what was promised. `None` where `go_on` says no.
 ///
 /// # Errors
 /// As [`Weigher::losses`].
@@ -41,7 +49,7 @@ pub fn measure(
     before: &mut Weigher,
     after: &mut Weigher,
     cameras: &[Camera],
-    error: f64,
+    promise: Promise,
     go_on: &mut dyn FnMut() -> bool,
 ) -> Result<Option<Change>> {
     let mut change = Change::default();
@@ -51,13 +59,19 @@ pub fn measure(
             return Ok(None);
         }
         let shown = before.show(camera)?;
-        change.add(camera, &shown, &after.show(camera)?, (error, leak));
+        change.add(camera, &shown, &after.show(camera)?, (promise, leak));
     }
     Ok(Some(change))
 }
 
 impl Change {
-    fn add(&mut self, camera: &Camera, before: &Shown, after: &Shown, (error, leak): (f64, f64)) {
+    fn add(
+        &mut self,
+        camera: &Camera,
+        before: &Shown,
+        after: &Shown,
+        (promise, leak): (Promise, f64),
+    ) {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let pixels = width * height;
         let columns = width.div_ceil(TILE_WIDTH as usize);
@@ -66,12 +80,13 @@ impl Change {
             let (x, y) = (pixel % width, pixel / width);
             let tile = y / TILE_HEIGHT as usize * columns + x / TILE_WIDTH as usize;
             let passing = f64::from(before.planes[3 * pixels + pixel]);
-            let lost = error + if passing < leak { passing } else { 0.0 };
+            let lost = promise.weight + if passing < leak { passing } else { 0.0 };
             let splats = before.count_from_tile[tile];
             for (channel, range) in before.range_from_tile[tile].iter().enumerate() {
                 let at = channel * pixels + pixel;
                 let [low, high] = range.map(f64::from);
-                let bound = lost * (high - low) + rounding(splats, low, high);
+                let range = high - low + 2.0 * promise.color;
+                let bound = lost * range + promise.color + rounding(splats, low, high);
                 let moved = (f64::from(before.planes[at]) - f64::from(after.planes[at])).abs();
                 self.take(moved, bound, high - low);
             }

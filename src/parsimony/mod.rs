@@ -13,6 +13,9 @@
 //!
 //! |ΔC| ≤ (Σ_S wᵢ + T [T < t]) · range, and rounding.
 //!
+//! Colours that are off by δ at most, as [`reduce_harmonics`] leaves them, move a pixel by δ at most, since the weights
+//! sum to no more than 1; and widen its range by 2 δ.
+//!
 //! [`prune`] finds a set whose weights sum to no more than a budget at every pixel of every view it is given, and
 //! [`measure`] holds the pictures against what this promises, pixel by pixel. That no set could be larger is not
 //! claimed: this is a packing problem with a constraint a pixel, and those are hard. It is claimed that nothing is left
@@ -21,11 +24,13 @@
 //! **Invariant:** the same scene, views and budget give the same set on the same device.
 
 mod change;
+mod harmonics;
 mod prune;
 mod refit;
 mod weigher;
 
-pub use change::{Change, measure};
+pub use change::{Change, Promise, measure};
+pub use harmonics::{Reduced, reduce_harmonics};
 pub use prune::{Pruned, kept, prune};
 pub use refit::refit_config;
 pub use weigher::{Lens, Loss, Shown, Weigher};

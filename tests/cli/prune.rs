@@ -36,6 +36,17 @@ fn less_is_left_and_no_pixel_breaks_its_bound() {
     let left = json(&stdout(&["info", word(&less), "--json"]));
     assert_eq!(left["splat_count"], figures["splats_after"], "{left}");
 
+    let flat = with(&["--sh-error", "1", "--out", word(&less)]);
+    let degrees = flat["splats_by_degree"].as_array().map(Vec::len);
+    assert_eq!((degrees, &flat["change"]["broken"]), (Some(4), &0.into()));
+    let left = json(&stdout(&["info", word(&less), "--json"]));
+    let most = flat["splats_by_degree"].as_array().into_iter().flatten();
+    let highest = most.enumerate().filter(|(_, count)| **count != 0).last();
+    assert_eq!(
+        left["sh_degree"].as_u64(),
+        highest.map(|(degree, _)| degree as u64)
+    );
+
     let fitted = with(&["--error", "1/16", "--refit", "20"]);
     let db = |of: &str| fitted[of]["psnr_db"].as_f64().unwrap_or(0.0);
     assert!(db("test_after_refit") > db("test_after") - 1.0, "{fitted}");

@@ -1,0 +1,147 @@
+//! Harmonics where they are needed: which degree each splat's colour takes, at an error that is proven.
+//!
+//! A colour is a sum over degrees l of c_l · Y_l(direction), c_l the 2l + 1 coefficients of a channel. By
+//! Cauchy–Schwarz and the addition theorem, by which Σ_m Y_lm² = (2l + 1) / 4π in every direction,
+//! |c_l · Y_l| ≤ ‖c_l‖ √((2l + 1) / 4π). So colours without the degrees above d are off by no more than the sum of that
+//! over those degrees, seen from anywhere, and pixels, being mixtures of colours, by no more than the largest of their
+//! splats' errors. Colours are cut at 0 afterwards, which brings them no farther apart.
+
+use crate::scene::{Splats, sh_coefficient_count};
+
+/// How far rounding in `f32` may carry a colour beyond its bound, relatively to it: sixteen terms at 2⁻²⁴ each, of sums a
+/// hundred times as large as what is dropped.
+const ROUNDING: f64 = 1e-3;
+
+/// A scene with no more harmonics than it needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reduced {
+    /// The scene, coefficients that are not needed set to zero; of the highest degree that any splat needs.
+    pub splats: Splats,
+    /// How many splats there are of each degree.
+    pub count_from_degree: [usize; 4],
+    /// Coefficients of all splats of their own degrees, in floats.
+    pub floats: usize,
+}
+
+/// Drops the highest degrees of every splat's colour as far as no channel is off by more than `error` in any direction.
+/// With an error of 0 only what is zero goes.
+pub fn reduce_harmonics(splats: &Splats, error: f64) -> Reduced {
+    let error = error * (1.0 - ROUNDING);
+    let stride = splats.sh_stride();
+    let mut sh = splats.sh.clone();
+    let mut count_from_degree = [0; 4];
+    let mut floats = 0;
+    for row in sh.chunks_exact_mut(stride) {
+        let degree = degree_needed(row, splats.sh_degree, error);
+        let needed = 3 * sh_coefficient_count(degree);
+        row[needed..].fill(0.0);
+        count_from_degree[degree as usize] += 1;
+        floats += needed;
+    }
+    let highest = count_from_degree.iter().rposition(|&count| count > 0);
+    let sh_degree = highest.unwrap_or(0) as u32;
+    let kept = 3 * sh_coefficient_count(sh_degree);
+    let rows = sh.chunks_exact(stride).flat_map(|row| &row[..kept]);
+    Reduced {
+        splats: Splats {
+            sh: rows.copied().collect(),
+            sh_degree,
+            ..splats.clone()
+        },
+        count_from_degree,
+        floats,
+    }
+}
+
+/// The lowest degree that `row`, `[coefficient][rgb]`, can be cut to.
+fn degree_needed(row: &[f32], sh_degree: u32, error: f64) -> u32 {
+    let mut off = [0.0; 3];
+    for degree in (1..=sh_degree).rev() {
+        for (channel, off) in off.iter_mut().enumerate() {
+            *off += band_bound(row, degree, channel);
+        }
+        // What is no number stays: it is not for this to repair.
+        if !off.iter().all(|&off| off <= error) {
+            return degree;
+        }
+    }
+    0
+}
+
+/// The most that one degree can add to a channel: ‖c_l‖ √((2l + 1) / 4π).
+fn band_bound(row: &[f32], degree: u32, channel: usize) -> f64 {
+    let band = degree.pow(2) as usize..(degree + 1).pow(2) as usize;
+    let squares = band.map(|k| f64::from(row[3 * k + channel]).powi(2));
+    let constant = f64::from(2 * degree + 1) / (4.0 * std::f64::consts::PI);
+    (squares.sum::<f64>() * constant).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(rows: &[[f32; 48]]) -> Splats {
+        let count = rows.len();
+        Splats {
+            mean: vec![[0.0; 3]; count],
+            quaternion: vec![[1.0; 4]; count],
+            log_scale: vec![[0.0; 3]; count],
+            opacity_logit: vec![0.0; count],
+            sh: rows.concat(),
+            sh_degree: 3,
+            ..Splats::default()
+        }
+    }
+
+    /// A row with something in the last coefficient of each degree up to one.
+    fn row(degree: usize, value: f32) -> [f32; 48] {
+        let mut row = [0.0; 48];
+        (0..=degree).for_each(|l| row[3 * ((l + 1).pow(2) - 1)] = value);
+        row
+    }
+
+    #[test]
+    fn every_splat_gets_the_degree_it_needs() {
+        let degrees = [0, 3, 1, 2, 3];
+        let scene = scene(&degrees.map(|degree| row(degree, 0.5)));
+        let reduced = reduce_harmonics(&scene, 0.01);
+        assert_eq!(reduced.count_from_degree, [1, 1, 1, 2]);
+        assert_eq!(reduced.floats, 3 * (1 + 4 + 9 + 16 + 16));
+        assert_eq!(reduced.splats, scene);
+    }
+
+    #[test]
+    fn a_scene_without_view_dependence_ends_at_degree_0() {
+        let rows = [row(3, 1e-4), row(0, 0.5), row(2, 1e-3)];
+        let reduced = reduce_harmonics(&scene(&rows), 0.01);
+        assert_eq!(reduced.count_from_degree, [3, 0, 0, 0]);
+        assert_eq!((reduced.splats.sh_degree, reduced.splats.sh.len()), (0, 9));
+        assert_eq!(reduced.splats.sh[3], 0.5);
+    }
+
+    #[test]
+    fn bounds_add_up_over_degrees_and_end_where_the_error_is() {
+        // 0.5 of degree 3 is off by 0.5 √(7 / 4π) = 0.3732, of degree 2 by 0.3154, of degree 1 by 0.2443.
+        let scene = scene(&[row(3, 0.5)]);
+        let needed = |error| {
+            let counts = reduce_harmonics(&scene, error).count_from_degree;
+            counts.iter().position(|&count| count > 0)
+        };
+        assert_eq!(
+            [0.373, 0.374, 0.689, 0.69].map(needed),
+            [3, 2, 2, 1].map(Some)
+        );
+        assert_eq!([0.932, 0.934].map(needed), [1, 0].map(Some));
+    }
+
+    #[test]
+    fn what_is_no_number_is_left_alone() {
+        let mut rows = [row(1, 0.0)];
+        rows[0][40] = f32::NAN;
+        let reduced = reduce_harmonics(&scene(&rows), 1.0);
+        assert_eq!(reduced.count_from_degree, [0, 0, 0, 1]);
+        assert!(reduced.splats.sh[40].is_nan());
+        let nothing = reduce_harmonics(&scene(&[]), 1.0);
+        assert_eq!((nothing.splats.sh_degree, nothing.floats), (0, 0));
+    }
+}
