@@ -12,6 +12,7 @@ layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer Values { uint values[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer ValuesByFour { uvec4 values_by_four[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer Sums { uint sum_from_chunk[]; };
 
 layout(push_constant, scalar) uniform Push {
@@ -25,8 +26,16 @@ void main() {
     uint begin = chunk * SCAN_CHUNK;
     if (begin >= count) return;
     uint end = min(begin + SCAN_CHUNK, count);
+    uint quads = begin + (end - begin) / 4 * 4;
     uint sum = 0;
-    for (uint i = begin; i < end; ++i) {
+    uint i = begin;
+    // A load of four values costs a software device half of four loads.
+    for (; i < quads; i += 4) {
+        uvec4 value = values_by_four[i / 4];
+        value = push.flags != 0 ? min(value, uvec4(1)) : value;
+        [[unroll]] for (uint k = 0; k < 4; ++k) sum += min(value[k], ~sum);
+    }
+    for (; i < end; ++i) {
         uint value = values[i];
         value = push.flags != 0 ? min(value, 1u) : value;
         sum += min(value, ~sum);

@@ -151,9 +151,8 @@ fn every_kernel_is_measured() {
             let mut parts = name.split('/').skip(1);
             parts.next() == Some(info.kernel) && parts.any(|part| part == variant)
         };
-        // Writing to a host's image takes a host: tests/embed is one. What draws as the 3DGS code does is not tuned, and
-        // of self-tests the speed is nothing to anybody.
-        let excused = ["present", "original"].contains(&info.kernel)
+        // Writing to a host's image takes a host: tests/embed is one. Of self-tests the speed is nothing to anybody.
+        let excused = info.kernel == "present"
             || SELFTESTS.contains(&info.kernel)
             || gpu.caps().supports(info).is_err();
         assert!(

@@ -91,7 +91,7 @@ const WORKGROUP_KEYS: u32 = 4096;
 
 /// Least keys of a chunk that one invocation sorts, for each entry of its table: an entry is cleared, written, summed
 /// and read, which costs a software device somewhat more than a key does.
-const KEYS_PER_ENTRY: u32 = 16;
+const KEYS_PER_ENTRY: u32 = 24;
 
 /// Invocations of a workgroup of the variants that give a chunk to a whole workgroup.
 pub(super) const SUBGROUP_WORKGROUP: u32 = 256;

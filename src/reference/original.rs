@@ -54,16 +54,28 @@ fn lists(splat: &ScreenSplat<f64>, position: [f64; 2]) -> bool {
     inside(position[0], columns) && inside(position[1], rows)
 }
 
-/// One pixel over splats that are sorted, nearest first; and the smallest relative distance of an alpha or a
-/// transmittance to its threshold.
+/// One pixel over splats that are sorted, nearest first, each where it is listed; see [`over`].
 pub fn pixel(
     splats: &[ScreenSplat<f64>],
     position: [f64; 2],
     background: [f64; 3],
 ) -> (Pixel<f64>, f64) {
+    let listed = splats.iter().filter(|splat| lists(splat, position));
+    let (pixel, _, nearest) = over(listed, position, background);
+    (pixel, nearest)
+}
+
+/// One pixel over splats, nearest first; how many it blends; and the smallest relative distance of an alpha or a
+/// transmittance to its threshold.
+pub fn over<'a>(
+    splats: impl Iterator<Item = &'a ScreenSplat<f64>>,
+    position: [f64; 2],
+    background: [f64; 3],
+) -> (Pixel<f64>, usize, f64) {
+    let mut blended = 0;
     let mut pixel = Pixel::<f64>::clear();
     let mut nearest = f64::INFINITY;
-    for splat in splats.iter().filter(|splat| lists(splat, position)) {
+    for splat in splats {
         let raw = super::rasterize::raw_alpha(splat, position);
         nearest = nearest.min((raw / CUTS.alpha_min - 1.0).abs());
         let Some(layer) = layer(splat, position, &CUTS) else {
@@ -75,8 +87,9 @@ pub fn pixel(
             break;
         }
         pixel = pixel.over(&layer);
+        blended += 1;
     }
-    (pixel.over_background(background), nearest)
+    (pixel.over_background(background), blended, nearest)
 }
 
 /// Draws a scene; with each pixel's distance to its nearest threshold.

@@ -22,6 +22,7 @@ mod expand;
 mod gather;
 #[path = "../common/lists.rs"]
 mod lists;
+mod longest;
 mod loss;
 #[path = "../common/pack.rs"]
 mod pack;

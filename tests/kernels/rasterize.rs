@@ -277,7 +277,7 @@ fn pixels_are_composited() {
 fn a_list_as_long_as_allowed_is_composited_to_its_end() {
     let gpu = device::gpu();
     // So many splats over one tile, so small and faint that what passes them all is far above the stop.
-    let mut scene = scenes::gentle(5, 90_000, 8, 16, 0);
+    let mut scene = scenes::gentle(5, 230_000, 8, 16, 0);
     for logit in &mut scene.splats.opacity_logit {
         *logit = -5.28;
     }

@@ -190,7 +190,7 @@ fn a_list_as_long_as_allowed_is_weighed_to_its_end() {
     let gpu = device::gpu();
     let len = list_limit(DeviceKind::Cpu) as usize;
     // So many splats over one tile, so small and faint that what passes them all is far above the stop.
-    let mut scene = scenes::gentle(5, 90_000, 8, 16, 0);
+    let mut scene = scenes::gentle(5, 230_000, 8, 16, 0);
     scene.splats.opacity_logit.fill(-5.28);
     scene.splats.log_scale.fill([-9.0; 3]);
     let lists = Lists::new(&scene);

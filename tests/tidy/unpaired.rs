@@ -81,6 +81,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "a few divisions: the test states them",
     ),
     (
+        "tests/kernels/longest.rs",
+        "several kernels, over the longest list that they are given",
+    ),
+    (
         "tests/kernels/original.rs",
         "judged by whole frames: tests/stability/original.rs",
     ),

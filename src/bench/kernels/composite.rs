@@ -169,9 +169,9 @@ pub struct Input {
     pub(super) splat_from_source: Buffer<u32>,
     pub(super) splat_from_isect: Buffer<u32>,
     pub(super) records: Records,
-    image: Buffer<f32>,
-    depth: Buffer<f32>,
-    end_from_pixel: Buffer<u32>,
+    pub(super) image: Buffer<f32>,
+    pub(super) depth: Buffer<f32>,
+    pub(super) end_from_pixel: Buffer<u32>,
     counts: Buffer<u32>,
     pub(super) tiles: usize,
 }

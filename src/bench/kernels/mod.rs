@@ -7,6 +7,7 @@ mod backward;
 mod composite;
 mod expand;
 mod loss;
+mod original;
 mod project;
 mod project_backward;
 mod sort;
@@ -38,6 +39,7 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     sort::run(bench)?;
     expand::run(bench)?;
     composite::run(bench)?;
+    original::run(bench)?;
     backward::run(bench)?;
     loss::run(bench)?;
     project_backward::run(bench)?;
