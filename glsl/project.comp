@@ -16,6 +16,8 @@ layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
 layout(constant_id = 3) const float LEVEL_MAX = 3.4e38;
 // Not 0: tiles are those that the 3DGS code lists a splat for.
 layout(constant_id = 4) const uint ORIGINAL = 0;
+// How parameters are stored: 0 as floats; 1: harmonics as pairs of halves; 2: all but means.
+layout(constant_id = 5) const uint PRECISION = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -31,16 +33,37 @@ layout(push_constant, scalar) uniform Push {
     uint stride;       // elements between two planes of parameters
 } push;
 
+// A splat as it is stored, but for its harmonics.
+struct Stored {
+    vec4 mean;      // and the opacity's logit
+    vec4 rotation;
+    vec4 shaping;   // log-scale and the standard deviation of the 3D smoothing filter
+};
+
+Stored stored(uint splat) {
+    vec4 mean = params[splat];
+    vec4 next = params[push.stride + splat];
+    if (PRECISION < 2) return Stored(mean, next, params[2 * push.stride + splat]);
+    uvec4 words = floatBitsToUint(next);
+    vec2 last = unpackHalf2x16(words.w);
+    vec4 rotation = vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y));
+    return Stored(vec4(mean.xyz, last.y), rotation, vec4(unpackHalf2x16(words.z), last.x, 0.0));
+}
+
 vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
     float basis[16];
     sh_basis(SH_DEGREE, direction, basis);
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
     float sum[3] = float[](0.5, 0.5, 0.5);
-    [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
-        vec4 four = params[(GEOMETRY_PLANES + plane) * push.stride + splat];
-        [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
-            uint k = plane * 4 + lane;
-            if (k < terms * 3) sum[k % 3] += four[lane] * basis[k / 3];
+    // Numbers of a vec4.
+    const uint each = PRECISION == 0 ? 4 : 8;
+    const uint first = PRECISION == 2 ? HALF_GEOMETRY_PLANES : GEOMETRY_PLANES;
+    [[unroll]] for (uint plane = 0; plane < (terms * 3 + each - 1) / each; ++plane) {
+        vec4 four = params[(first + plane) * push.stride + splat];
+        [[unroll]] for (uint i = 0; i < each; ++i) {
+            uint k = plane * each + i;
+            float value = PRECISION == 0 ? four[i % 4] : unpackHalf2x16(floatBitsToUint(four[i / 2]))[i % 2];
+            if (k < terms * 3) sum[k % 3] += value * basis[k / 3];
         }
     }
     vec3 color = vec3(sum[0], sum[1], sum[2]);
@@ -50,9 +73,8 @@ vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
 
 // Writes the splat's record and returns its number of tiles.
 uint project(uint splat) {
-    vec4 mean = params[splat];
-    vec4 rotation = params[push.stride + splat];
-    vec4 shaping = params[2 * push.stride + splat];
+    Stored own = stored(splat);
+    vec4 mean = own.mean, rotation = own.rotation, shaping = own.shaping;
     vec3 log_scale = shaping.xyz;
     vec3 scale = exp(log_scale);
 

@@ -12,7 +12,7 @@ mod device;
 mod scenes;
 
 use ashfall::reference;
-use ashfall::render::{Accuracy, Model, RenderOptions, Renderer, ViewOptions};
+use ashfall::render::{Accuracy, Model, Precision, RenderOptions, Rendered, Renderer, ViewOptions};
 use ashfall::scene::RenderMode;
 use scenes::Scene;
 
@@ -122,4 +122,59 @@ fn frames_cut_as_they_are_told_to() {
             );
         }
     }
+}
+
+fn draw_as(scene: &Scene, precision: Precision) -> Rendered {
+    let gpu = device::gpu();
+    let model = Model::upload_as(&gpu, &scene.splats, precision).unwrap();
+    let options = RenderOptions {
+        precision,
+        ..RenderOptions::default()
+    };
+    let view = ViewOptions {
+        background: scene.options.background.map(|c| c as f32),
+        near: scene.options.near as f32,
+        mode: scene.splats.mode,
+    };
+    let mut renderer = Renderer::new(&gpu, options).unwrap();
+    renderer.render(&model, &scene.camera, &view).unwrap()
+}
+
+#[test]
+fn a_scene_stored_as_halves_is_drawn_as_the_rounded_one() {
+    let largest = |a: &Rendered, b: &Rendered| {
+        let all = a.rgb.as_flattened().iter().zip(b.rgb.as_flattened());
+        all.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    for (seed, degree) in [(21, 3), (22, 2), (23, 1), (24, 0)] {
+        let scene = scenes::gentle(seed, 60, 65, 49, degree);
+        let full = draw_as(&scene, Precision::Full);
+        for precision in [Precision::HalfHarmonics, Precision::Half] {
+            let found = draw_as(&scene, precision);
+            let mut rounded = scene.clone();
+            rounded.splats = precision.rounded(&scene.splats);
+            let wanted = draw_as(&rounded, Precision::Full);
+            // The same formulas on the same numbers; a compiler may order a sum otherwise.
+            let (off, moved) = (largest(&found, &wanted), largest(&found, &full));
+            println!("degree {degree}, {precision:?}: {off:.1e}, from whole numbers {moved:.1e}");
+            assert!(off <= 1e-5, "degree {degree}, {precision:?}: {off:e}");
+            assert!(moved > 10.0 * off, "rounding shows nowhere: {moved:e}");
+        }
+    }
+}
+
+#[test]
+fn a_renderer_refuses_a_model_that_it_would_misread() {
+    let gpu = device::gpu();
+    let scene = scenes::gentle(25, 5, 16, 16, 0);
+    let model = Model::upload_as(&gpu, &scene.splats, Precision::Half).unwrap();
+    let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
+    let view = ViewOptions {
+        background: [0.0; 3],
+        near: 0.1,
+        mode: scene.splats.mode,
+    };
+    let refused = renderer.render(&model, &scene.camera, &view);
+    let message = refused.err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(message.contains("lies on the device as Half"), "{message}");
 }

@@ -12,6 +12,8 @@ const uint LOSS_TILE_HEIGHT = 48;
 
 // Planes of vec4 before the spherical harmonics: mean + opacity, quaternion, log-scale + smoothing filter.
 const uint GEOMETRY_PLANES = 3;
+// The same where all but means are halves: mean; quaternion, log-scale and opacity.
+const uint HALF_GEOMETRY_PLANES = 2;
 
 // An alpha never reaches 1, so that transmittance stays positive: 1 - 2^-16.
 const float ALPHA_MAX = 0.9999847412109375;

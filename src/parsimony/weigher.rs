@@ -4,7 +4,7 @@ use crate::gpu::{Buffer, Frames, Gpu, Recorder};
 use crate::kernels::{afford, tally, weigh};
 use crate::layout::*;
 use crate::render::{
-    Accuracy, Bands, Capacity, Compatibility, Forward, Model, Scratch, ViewOptions,
+    Bands, Capacity, Compatibility, Forward, Model, RenderOptions, Scratch, ViewOptions,
     isects_expected, tile_stride, view_of,
 };
 use crate::scene::{Camera, Splats};
@@ -104,13 +104,12 @@ impl Weigher {
         let (mut afford, mut weigh) = (afford::Afford::prefer(caps), weigh::Weigh::prefer(caps));
         (afford.spec.original, weigh.spec.original) = (original, original);
         let count = splats.len().max(1);
-        let forward = Forward::by_rules_of(
-            gpu,
-            splats.sh_degree,
-            false,
-            &Accuracy::default(),
-            lens.compatibility,
-        )?;
+        let options = RenderOptions {
+            sh_degree: splats.sh_degree,
+            compatibility: lens.compatibility,
+            ..RenderOptions::default()
+        };
+        let forward = Forward::for_rendering(gpu, &options)?;
         let scales = Scales {
             model: Model::upload(gpu, splats)?,
             forward,

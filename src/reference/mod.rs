@@ -27,6 +27,7 @@ pub mod project_backward;
 pub mod ranges;
 pub mod rasterize;
 pub mod rasterize_backward;
+pub mod ray;
 pub mod relocate;
 pub mod sample;
 pub mod scan;

@@ -60,17 +60,21 @@ impl Block {
 impl Blocks {
     /// Blocks for `room` splats of a degree, each within the reach of one binding of the device.
     pub fn new(caps: &Caps, room: usize, sh_degree: u32) -> Blocks {
+        Blocks::of_planes(caps, room, plane_count(sh_degree))
+    }
+
+    /// The same for splats that take so many planes.
+    pub fn of_planes(caps: &Caps, room: usize, planes: usize) -> Blocks {
         let reach = caps.max_storage_range.min(caps.max_allocation);
-        Blocks::within(reach, room, sh_degree)
+        Blocks::within(reach, room, planes)
     }
 
     /// The same, as it is on every device.
     pub fn anywhere(room: usize, sh_degree: u32) -> Blocks {
-        Blocks::within(REACH_LEAST, room, sh_degree)
+        Blocks::within(REACH_LEAST, room, plane_count(sh_degree))
     }
 
-    fn within(reach: u64, room: usize, sh_degree: u32) -> Blocks {
-        let planes = plane_count(sh_degree);
+    fn within(reach: u64, room: usize, planes: usize) -> Blocks {
         let reach = usize::try_from(reach).unwrap_or(usize::MAX) / (16 * planes);
         let share = room.div_ceil(BLOCKS).next_multiple_of(PART_ALIGNMENT);
         let reached = (reach / PART_ALIGNMENT * PART_ALIGNMENT).max(PART_ALIGNMENT);

@@ -1,6 +1,7 @@
 //! Whose rules a frame is drawn by.
 
 use super::accuracy::Accuracy;
+use super::options::RenderOptions;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::{expand, original, project, rasterize};
@@ -49,22 +50,18 @@ pub(super) enum Compositor {
 
 impl Compositor {
     /// Compiles it.
-    pub(super) fn new(
-        gpu: &Gpu,
-        with_depth: bool,
-        accuracy: &Accuracy,
-        compatibility: Compatibility,
-    ) -> Result<Compositor> {
-        let caps = gpu.caps();
-        Ok(match compatibility {
-            Compatibility::Engine => Compositor::Engine(rasterize::Rasterize::new(
-                gpu,
-                accuracy.of_rasterize(rasterize::Rasterize::prefer(caps, with_depth)),
-            )?),
-            Compatibility::Original => Compositor::Original(original::Original::new(
-                gpu,
-                original::Original::prefer(caps, with_depth),
-            )?),
+    pub(super) fn new(gpu: &Gpu, options: &RenderOptions) -> Result<Compositor> {
+        let (caps, with_depth) = (gpu.caps(), options.with_depth);
+        Ok(match options.compatibility {
+            Compatibility::Engine => {
+                let choice = rasterize::Rasterize::prefer(caps, with_depth);
+                let choice = options.accuracy.of_rasterize(choice);
+                Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
+            }
+            Compatibility::Original => {
+                let choice = original::Original::prefer(caps, with_depth);
+                Compositor::Original(original::Original::new(gpu, choice)?)
+            }
         })
     }
 }

@@ -2,8 +2,9 @@
 
 use super::accuracy::Accuracy;
 use super::bands::{Bands, list_limit};
-use super::compatibility::{Compatibility, Compositor};
+use super::compatibility::Compositor;
 use super::model::Model;
+use super::options::RenderOptions;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use crate::Result;
 use crate::gpu::{Gpu, Groups, Recorder};
@@ -43,29 +44,30 @@ impl Forward {
         with_depth: bool,
         accuracy: &Accuracy,
     ) -> Result<Forward> {
-        let engine = Compatibility::Engine;
-        Forward::by_rules_of(gpu, sh_degree, with_depth, accuracy, engine)
+        Forward::for_rendering(
+            gpu,
+            &RenderOptions {
+                sh_degree,
+                with_depth,
+                accuracy: *accuracy,
+                ..RenderOptions::default()
+            },
+        )
     }
 
-    /// The same by the rules of this engine or of another.
-    pub(crate) fn by_rules_of(
-        gpu: &Gpu,
-        sh_degree: u32,
-        with_depth: bool,
-        accuracy: &Accuracy,
-        compatibility: Compatibility,
-    ) -> Result<Forward> {
+    /// Compiles what a renderer with these options needs.
+    pub(crate) fn for_rendering(gpu: &Gpu, options: &RenderOptions) -> Result<Forward> {
+        let accuracy = &options.accuracy;
         accuracy.validate()?;
         let caps = gpu.caps();
         let listing = |degree| {
-            compatibility.listing(
-                accuracy,
-                project::Project::prefer(caps, degree),
-                expand::Expand::prefer(caps),
-            )
+            let mut project = project::Project::prefer(caps, degree);
+            project.spec.precision = options.precision.code();
+            let expand = expand::Expand::prefer(caps);
+            options.compatibility.listing(accuracy, project, expand)
         };
         Ok(Forward {
-            project: (0..=sh_degree)
+            project: (0..=options.sh_degree)
                 .map(|degree| project::Project::new(gpu, listing(degree).0))
                 .collect::<Result<_>>()?,
             scan: Scan::new(gpu)?,
@@ -75,7 +77,7 @@ impl Forward {
             gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
             expand: expand::Expand::new(gpu, listing(0).1)?,
             ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
-            compositor: Compositor::new(gpu, with_depth, accuracy, compatibility)?,
+            compositor: Compositor::new(gpu, options)?,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
         })

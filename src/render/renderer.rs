@@ -1,11 +1,11 @@
 //! Rendering for users: record into a host's commands, or render and read back.
 
-use super::accuracy::Accuracy;
 use super::bands::{Bands, list_limit};
 use super::compatibility::Compatibility;
 use super::forward::Forward;
 use super::memory::isects_expected;
 use super::model::Model;
+use super::options::RenderOptions;
 use super::scratch::{Capacity, Scratch};
 use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Recorder, Ticket};
@@ -15,41 +15,8 @@ use crate::scene::{Camera, NotFinite, Splats};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
-/// How a renderer is set up.
-#[derive(Clone, Copy, Debug)]
-pub struct RenderOptions {
-    /// Frames that may be in flight at once.
-    pub frames_in_flight: usize,
-    /// What it has room for from the start.
-    pub capacity: Capacity,
-    /// Highest spherical-harmonic degree drawn; scenes of a higher one are drawn up to it.
-    pub sh_degree: u32,
-    /// Whether images come with expected depth.
-    pub with_depth: bool,
-    /// Where frames may save work at a bounded error.
-    pub accuracy: Accuracy,
-    /// Whose rules frames are drawn by.
-    pub compatibility: Compatibility,
-}
-
 /// Bytes that a (splat, tile) pair takes of any one array.
 const ISECT_BYTES: u64 = 4;
-
-impl Default for RenderOptions {
-    fn default() -> RenderOptions {
-        RenderOptions {
-            frames_in_flight: 2,
-            capacity: Capacity {
-                isects: 1 << 18,
-                ..Capacity::LEAST
-            },
-            sh_degree: 3,
-            with_depth: false,
-            accuracy: Accuracy::default(),
-            compatibility: Compatibility::Engine,
-        }
-    }
-}
 
 /// An image read back from the device.
 #[derive(Clone, Debug)]
@@ -146,13 +113,7 @@ impl Renderer {
         let present = || present::Present::new(gpu, present::Present::prefer(gpu.caps()));
         Ok(Renderer {
             gpu: gpu.clone(),
-            forward: Forward::by_rules_of(
-                gpu,
-                options.sh_degree,
-                options.with_depth,
-                &options.accuracy,
-                options.compatibility,
-            )?,
+            forward: Forward::for_rendering(gpu, &options)?,
             present: presents.then(present).transpose()?,
             scratch: Scratch::new(gpu, options.capacity, options.with_depth)?,
             frames: Frames::new(gpu, 1, true)?,
@@ -214,6 +175,7 @@ impl Renderer {
                     .into(),
             });
         }
+        self.check(model)?;
         let capacity = self.scratch.capacity;
         let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
         if capacity.max(wanted) != capacity {
@@ -263,6 +225,17 @@ impl Renderer {
         Ok(finished)
     }
 
+    /// Refuses models that its kernels would misread.
+    fn check(&self, model: &Model) -> Result<()> {
+        let (wanted, found) = (self.options.precision, model.precision);
+        match wanted == found {
+            true => Ok(()),
+            false => Err(Error::Config(format!(
+                "the model lies on the device as {found:?}, but the renderer draws {wanted:?}"
+            ))),
+        }
+    }
+
     /// Copies a scene to the device by commands in a host's command buffer, for hosts that give us no
     /// queue; else [`Model::upload`] does. Pictures of it may be recorded behind, into the same commands.
     ///
@@ -270,7 +243,7 @@ impl Renderer {
     /// [`Error::OutOfMemory`].
     pub fn record_upload(&mut self, commands: &mut HostCommands, splats: &Splats) -> Result<Model> {
         let mut rec = self.host_frames.begin_in(commands)?;
-        let model = Model::record_upload(&mut rec, splats)?;
+        let model = Model::record_upload(&mut rec, splats, self.options.precision)?;
         rec.finish()?;
         Ok(model)
     }
@@ -326,6 +299,7 @@ impl Renderer {
         camera: &Camera,
         view: &ViewOptions,
     ) -> Result<Rendered> {
+        self.check(model)?;
         let expected = isects_expected(model.splat_count, camera.width, camera.height);
         self.reserve_some(model, camera, expected)?;
         let picture = Picture {

@@ -3,7 +3,7 @@
 use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::render::{Block, Blocks, Model};
+use crate::render::{Block, Blocks, Model, Precision};
 use crate::scene::RenderMode;
 
 /// Parameters, gradients and moments in planes of vec4, and the statistics density control reads.
@@ -40,6 +40,7 @@ impl DeviceState {
                 blocks,
                 splat_count: 0,
                 sh_degree: state.sh_degree,
+                precision: Precision::Full,
                 mode,
                 not_finite: None,
             },

@@ -89,8 +89,15 @@ fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
     for mut scene in cases() {
         scene.options.cuts = Cuts::NONE;
         for degree in 0..scene.splats.sh_degree {
-            let kept = sh_coefficient_count(degree);
-            let stored = |k: usize, value: f32| if k < kept { f64::from(value) } else { 0.0 };
+            let kept = 3 * sh_coefficient_count(degree);
+            let (sh, stride) = (scene.splats.sh.clone(), scene.splats.sh_stride());
+            let stored = |i: usize| {
+                if i % stride < kept {
+                    f64::from(sh[i])
+                } else {
+                    0.0
+                }
+            };
             let savings = Savings {
                 color_error: color_errors(&scene.splats, stored),
                 ..Savings::NONE
@@ -105,7 +112,7 @@ fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
                 0.2,
             );
         }
-        let coarse = |_, value: f32| f64::from((value * 64.0).round() / 64.0);
+        let coarse = |i: usize| f64::from((scene.splats.sh[i] * 64.0).round() / 64.0);
         let savings = Savings {
             color_error: color_errors(&scene.splats, coarse),
             ..Savings::NONE
@@ -172,4 +179,42 @@ fn splats_of_one_depth_may_come_in_any_order() {
         assert!(error(pixel, traced) <= traced.order + 1e-12);
     }
     assert!(largest > 0.01, "the order does not matter here: {largest}");
+}
+
+#[test]
+fn scenes_stored_in_fewer_digits_keep_to_their_bounds() {
+    for mut scene in cases() {
+        let mut stored = scene.splats.clone();
+        let round = |value: &mut f32| *value = (*value * 32.0).round() / 32.0;
+        stored
+            .quaternion
+            .as_flattened_mut()
+            .iter_mut()
+            .for_each(round);
+        stored
+            .log_scale
+            .as_flattened_mut()
+            .iter_mut()
+            .for_each(round);
+        stored.opacity_logit.iter_mut().for_each(round);
+        let exact = Savings {
+            stored: Some(stored.clone()),
+            ..Savings::NONE
+        };
+        let cut = Savings {
+            alpha_min: 1.0 / 64.0,
+            transmittance_min: 1e-2,
+            ..exact.clone()
+        };
+        let traced = [full(&scene, &[exact]), full(&scene, &[cut])];
+        scene.splats = stored;
+        scene.options.cuts = Cuts::NONE;
+        judge("shapes", &draw(&scene).pixels, &traced[0], 0.2);
+        scene.options.cuts = Cuts {
+            alpha_min: 1.0 / 64.0,
+            transmittance_min: 1e-2,
+            ..Cuts::ENGINE
+        };
+        judge("shapes, cut", &draw(&scene).pixels, &traced[1], 0.1);
+    }
 }

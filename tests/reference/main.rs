@@ -12,6 +12,7 @@ mod operations;
 #[path = "../common/pack.rs"]
 mod pack;
 mod packing;
+mod rays;
 mod sample;
 #[path = "../common/scenes.rs"]
 mod scenes;

@@ -55,6 +55,7 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "src/reference/sample.rs",
         "some pixels of a picture, and what rounding may change of each",
     ),
+    ("src/reference/ray.rs", "judges linear projection"),
     (
         "src/reference/gradient.rs",
         "the operations composed: a training step's gradient",

@@ -6,7 +6,7 @@ use crate::Result;
 use crate::bench::{CpuClock, Summary};
 use crate::gpu::Gpu;
 use crate::reference::bound::{Savings, Traced, trace};
-use crate::reference::{self};
+use crate::reference::{self, ray};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
 use crate::report::chart::{Errors, FramePoint, Interval};
 use crate::scene::{Camera, Splats};
@@ -46,16 +46,16 @@ struct Contender {
 }
 
 impl Frames<'_> {
-    /// Times and judges every setting.
+    /// Times and judges every setting, and the projection that all share.
     pub(super) fn measure(
         &self,
         gpu: &Gpu,
         plan: &Plan,
         progress: &mut dyn FnMut(&str),
-    ) -> Result<Vec<FramePoint>> {
+    ) -> Result<(Vec<FramePoint>, Option<Errors>)> {
         let settings = settings::of_frames(self.splats.sh_degree, plan);
         let savings: Vec<Savings> = settings.iter().map(|s| s.savings(self.splats)).collect();
-        let model = Model::upload(gpu, self.splats)?;
+        let models = Models::upload(gpu, self.splats, &settings)?;
         let view = ViewOptions {
             background: training::BACKGROUND,
             near: self.near,
@@ -65,6 +65,7 @@ impl Frames<'_> {
             let options = RenderOptions {
                 accuracy: setting.accuracy,
                 sh_degree: setting.sh_degree,
+                precision: setting.precision,
                 ..RenderOptions::default()
             };
             Ok(Contender {
@@ -79,12 +80,17 @@ impl Frames<'_> {
             .into_iter()
             .map(contender)
             .collect::<Result<Vec<_>>>()?;
+        let mut by_rays = Vec::new();
         for (index, camera) in self.cameras.iter().enumerate() {
             let (number, of) = (index + 1, self.cameras.len());
             progress(&format!("frames: the exact view {number} of {of}"));
             let traced = trace(self.splats, camera, &self.options(), &savings);
+            by_rays.extend(self.by_rays(camera, &traced, plan.ray_pixels));
             for (which, contender) in contenders.iter_mut().enumerate() {
-                let drawn = contender.renderer.render(&model, camera, &view)?;
+                let drawn =
+                    contender
+                        .renderer
+                        .render(models.of(&contender.setting), camera, &view)?;
                 let judged = judge(&drawn.rgb, &traced, which, rounding(camera));
                 contender.errors.push(judged);
             }
@@ -93,13 +99,25 @@ impl Frames<'_> {
         for run in 0..plan.runs.max(1) {
             progress(&format!("frames: run {} of {}", run + 1, plan.runs));
             for contender in &mut contenders {
-                contender.time(&model, self.cameras, &view)?;
+                let model = models.of(&contender.setting);
+                contender.time(model, self.cameras, &view)?;
             }
         }
-        Ok(contenders
-            .iter()
-            .map(|c| c.point(self.cameras.len()))
-            .collect())
+        let point = |c: &Contender| c.point(self.cameras.len(), self.splats.sh_degree);
+        let points = contenders.iter().map(point).collect();
+        Ok((points, (!by_rays.is_empty()).then(|| errors(by_rays))))
+    }
+
+    /// By how much each channel of some pixels differs between linear projection and rays.
+    fn by_rays(&self, camera: &Camera, traced: &[Traced], most: usize) -> Vec<[f64; 3]> {
+        // Every so many of the image's pixels, row after row; an odd number, so as to take all columns.
+        let every = traced.len().div_ceil(most.max(1)) | 1;
+        let pixels: Vec<usize> = (0..traced.len()).step_by(every).collect();
+        let seen = ray::colors(self.splats, camera, &self.options(), &pixels);
+        let off = |(pixel, seen): (&usize, &[f64; 3])| {
+            [0, 1, 2].map(|c| (seen[c] - traced[*pixel].color[c]).abs())
+        };
+        pixels.iter().zip(&seen).map(off).collect()
     }
 
     fn options(&self) -> reference::Options {
@@ -109,6 +127,26 @@ impl Frames<'_> {
             sh_degree: self.splats.sh_degree,
             cuts: reference::Cuts::NONE,
         }
+    }
+}
+
+/// The scene in all numbers that settings want.
+struct Models(Vec<Model>);
+
+impl Models {
+    fn upload(gpu: &Gpu, splats: &Splats, settings: &[FrameSetting]) -> Result<Models> {
+        let mut models: Vec<Model> = Vec::new();
+        for FrameSetting { precision, .. } in settings {
+            if models.iter().all(|model| model.precision != *precision) {
+                models.push(Model::upload_as(gpu, splats, *precision)?);
+            }
+        }
+        Ok(Models(models))
+    }
+
+    fn of(&self, setting: &FrameSetting) -> &Model {
+        let fits = |model: &&Model| model.precision == setting.precision;
+        self.0.iter().find(fits).unwrap_or(&self.0[0])
     }
 }
 
@@ -167,7 +205,7 @@ impl Contender {
         Ok(())
     }
 
-    fn point(&self, views: usize) -> FramePoint {
+    fn point(&self, views: usize, sh_degree: u32) -> FramePoint {
         let pool = |of: fn(&Judged) -> &Vec<f64>| -> Vec<f64> {
             let mut all: Vec<f64> = self.errors.iter().flat_map(of).copied().collect();
             all.sort_by(f64::total_cmp);
@@ -189,6 +227,7 @@ impl Contender {
             knob: self.setting.knob.clone(),
             time_ms: milliseconds(&self.device_ns, views),
             cpu_ms: milliseconds(&self.cpu_ns, views).value,
+            splat_bytes: self.setting.precision.splat_bytes(sh_degree),
             error: Errors {
                 psnr_db: psnr(squares / (3.0 * pixels)),
                 ..percentiles(&errors)
@@ -214,6 +253,19 @@ pub(super) fn milliseconds(runs_ns: &[f64], frames: usize) -> Interval {
         high * share,
         summary.runs,
     )
+}
+
+/// Of pixels' channels.
+fn errors(pixels: Vec<[f64; 3]>) -> Errors {
+    let square = |pixel: &[f64; 3]| pixel.iter().map(|d| d * d).sum::<f64>();
+    let mean = pixels.iter().map(square).sum::<f64>() / (3 * pixels.len()) as f64;
+    let largest = |pixel: &[f64; 3]| pixel.iter().copied().fold(0.0, f64::max);
+    let mut worst: Vec<f64> = pixels.iter().map(largest).collect();
+    worst.sort_by(f64::total_cmp);
+    Errors {
+        psnr_db: -10.0 * mean.log10(),
+        ..percentiles(&worst)
+    }
 }
 
 /// Of ascending values.

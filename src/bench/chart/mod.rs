@@ -23,6 +23,8 @@ use gradients::Gradients;
 pub struct Plan {
     /// Pixels of a judged frame at most: the reference takes every pixel through all splats.
     pub frame_pixels: usize,
+    /// Pixels of a view at most that are also seen along rays, where every splat counts for every pixel.
+    pub ray_pixels: usize,
     /// Pixels of a judged training step at most: its reference is slower still.
     pub gradient_pixels: usize,
     /// Views that frames are judged in.
@@ -45,6 +47,7 @@ impl Plan {
     /// A few minutes on a software device.
     pub const USUAL: Plan = Plan {
         frame_pixels: 40_000,
+        ray_pixels: 4_000,
         gradient_pixels: 8_000,
         views: 2,
         runs: 15,
@@ -58,6 +61,7 @@ impl Plan {
     /// A few seconds: whether all works, not what comes out.
     pub const QUICK: Plan = Plan {
         frame_pixels: 1_500,
+        ray_pixels: 300,
         gradient_pixels: 600,
         views: 1,
         runs: 2,
@@ -104,7 +108,7 @@ pub fn measure(
         cameras: &cameras,
         near,
     };
-    chart.frames = frames.measure(gpu, plan, progress)?;
+    (chart.frames, chart.projection) = frames.measure(gpu, plan, progress)?;
     let gradients = Gradients {
         gpu,
         dataset,

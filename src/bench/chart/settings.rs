@@ -2,7 +2,7 @@
 
 use super::Plan;
 use crate::reference::bound::{Savings, color_errors};
-use crate::render::Accuracy;
+use crate::render::{Accuracy, Precision};
 use crate::report::chart::Knob;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 use crate::train::{StrategyKind, TrainConfig};
@@ -14,23 +14,33 @@ pub(super) struct FrameSetting {
     pub(super) accuracy: Accuracy,
     /// Highest degree of harmonics drawn.
     pub(super) sh_degree: u32,
+    /// In what numbers the scene lies on the device.
+    pub(super) precision: Precision,
 }
 
 impl FrameSetting {
     /// What it leaves out of a scene, as the reference counts it.
     pub(super) fn savings(&self, splats: &Splats) -> Savings {
-        let kept = sh_coefficient_count(self.sh_degree);
-        let stored = |k: usize, value: f32| if k < kept { f64::from(value) } else { 0.0 };
+        let kept = 3 * sh_coefficient_count(self.sh_degree);
+        let is_whole = self.precision == Precision::Full;
+        let stored = (!is_whole).then(|| self.precision.rounded(splats));
+        let stride = splats.sh_stride();
+        let drawn = |i: usize| match &stored {
+            _ if i % stride >= kept => 0.0,
+            Some(stored) => stored.sh[i],
+            None => splats.sh[i],
+        };
         let accuracy = &self.accuracy;
         Savings {
             alpha_min: f64::from(accuracy.alpha_min),
             transmittance_min: f64::from(accuracy.transmittance_min),
             sigma_max: accuracy.sigma_max.map_or(f64::INFINITY, f64::from),
-            color_error: match self.sh_degree >= splats.sh_degree {
+            color_error: match is_whole && self.sh_degree >= splats.sh_degree {
                 true => Vec::new(),
-                false => color_errors(splats, stored),
+                false => color_errors(splats, |i| f64::from(drawn(i))),
             },
             removed: Vec::new(),
+            stored,
         }
     }
 }
@@ -48,65 +58,81 @@ fn one_over(number: u32) -> String {
     format!("1/{number}")
 }
 
-fn stop(transmittance_min: f32) -> FrameSetting {
+/// A setting that draws with these cuts.
+fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
     FrameSetting {
-        knob: knob("stop threshold", format!("{transmittance_min:.0e}")),
-        accuracy: Accuracy {
-            transmittance_min,
-            ..Accuracy::default()
-        },
+        knob: knob(series, setting),
+        accuracy,
         sh_degree: 3,
+        precision: Precision::Full,
     }
 }
 
+/// The stop alone: next to nothing is cut.
+fn stop(transmittance_min: f32) -> FrameSetting {
+    let setting = format!("{transmittance_min:.0e}");
+    let accuracy = Accuracy {
+        transmittance_min,
+        alpha_min: ALPHA_LEAST,
+        ..Accuracy::default()
+    };
+    frame("stop alone", setting, accuracy)
+}
+
+/// The cut alone: next to nothing is stopped.
 fn cut(number: u32) -> FrameSetting {
-    FrameSetting {
-        knob: knob("alpha cut", one_over(number)),
-        accuracy: Accuracy {
-            alpha_min: 1.0 / number as f32,
-            ..Accuracy::default()
-        },
-        sh_degree: 3,
-    }
+    let accuracy = Accuracy {
+        alpha_min: 1.0 / number as f32,
+        transmittance_min: TRANSMITTANCE_LEAST,
+        ..Accuracy::default()
+    };
+    frame("alpha cut alone", one_over(number), accuracy)
 }
 
 fn deviations(sigma_max: f32) -> FrameSetting {
-    FrameSetting {
-        knob: knob("standard deviations", format!("{sigma_max}σ")),
-        accuracy: Accuracy {
-            sigma_max: Some(sigma_max),
-            ..Accuracy::default()
-        },
-        sh_degree: 3,
-    }
+    let accuracy = Accuracy {
+        sigma_max: Some(sigma_max),
+        ..Accuracy::default()
+    };
+    frame("standard deviations", format!("{sigma_max}σ"), accuracy)
 }
 
 fn harmonics(sh_degree: u32) -> FrameSetting {
     FrameSetting {
-        knob: knob("harmonics", format!("degree {sh_degree}")),
-        accuracy: Accuracy::default(),
         sh_degree,
+        ..frame(
+            "harmonics",
+            format!("degree {sh_degree}"),
+            Accuracy::default(),
+        )
+    }
+}
+
+fn stored(precision: Precision, setting: &str) -> FrameSetting {
+    FrameSetting {
+        precision,
+        ..frame("stored as halves", setting.into(), Accuracy::default())
     }
 }
 
 fn together(transmittance_min: f32, number: u32) -> FrameSetting {
-    let FrameSetting { accuracy, .. } = cut(number);
-    FrameSetting {
-        knob: knob(
-            "stop and cut",
-            format!("{transmittance_min:.0e}, 1/{number}"),
-        ),
-        accuracy: Accuracy {
-            transmittance_min,
-            ..accuracy
-        },
-        sh_degree: 3,
-    }
+    let setting = format!("{transmittance_min:.0e}, 1/{number}");
+    let accuracy = Accuracy {
+        transmittance_min,
+        alpha_min: 1.0 / number as f32,
+        ..Accuracy::default()
+    };
+    frame("stop and cut", setting, accuracy)
 }
 
+/// Cuts and stops that leave next to nothing out: the least that are taken.
+const ALPHA_LEAST: f32 = 1e-6;
+const TRANSMITTANCE_LEAST: f32 = 1e-9;
+
 /// Stops and cuts that cost about as much as each other, from exact to coarse, and some that do not.
-const TOGETHER: [(f32, u32); 8] = [
+const TOGETHER: [(f32, u32); 9] = [
     (1e-3, 1024),
+    (1e-3, 255),
     (1e-2, 1024),
     (4e-3, 512),
     (1e-2, 512),
@@ -126,14 +152,19 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
         },
         accuracy: Accuracy::default(),
         sh_degree,
+        precision: Precision::Full,
     };
     let mut settings = vec![default];
+    settings.extend([
+        stored(Precision::HalfHarmonics, "harmonics"),
+        stored(Precision::Half, "all but means"),
+    ]);
     if plan.is_quick {
         settings.extend([stop(1e-2), cut(32), deviations(2.0)]);
         settings.extend((0..sh_degree.min(1)).map(harmonics));
     } else {
-        settings.extend([1e-6, 1e-5, 1e-3, 4e-3, 1e-2, 3e-2].map(stop));
-        settings.extend([1024, 512, 128, 64, 32].map(cut));
+        settings.extend([1e-5, 1e-4, 1e-3, 4e-3, 1e-2, 3e-2].map(stop));
+        settings.extend([1024, 512, 255, 128, 64, 32].map(cut));
         settings.extend([4.0, 3.0, 2.5, 2.0].map(deviations));
         settings.extend((0..sh_degree).rev().map(harmonics));
         settings.extend(TOGETHER.map(|(t, number)| together(t, number)));
@@ -144,11 +175,13 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Of a training step: the cuts, not the harmonics, whose gradients would not be there to compare.
+/// Of a training step: the cuts. Harmonics that are not drawn have no gradients to compare, and halves do not train.
 pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
-    all.filter(|setting| setting.knob.series != "harmonics")
-        .collect()
+    let is_cut = |setting: &FrameSetting| {
+        !["harmonics", "stored as halves"].contains(&setting.knob.series.as_str())
+    };
+    all.filter(is_cut).collect()
 }
 
 /// How a scene is trained.
@@ -200,7 +233,12 @@ pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
         let setting = format!("degree {sh_degree}");
         runs.push(with("harmonics", setting, &|c| c.sh_degree = sh_degree));
     }
-    for frame in [stop(1e-3), stop(1e-2), cut(128), cut(64)] {
+    for frame in [
+        together(1e-3, 255),
+        together(1e-2, 255),
+        together(1e-4, 128),
+        together(1e-2, 64),
+    ] {
         let Knob {
             series, setting, ..
         } = frame.knob;

@@ -40,7 +40,7 @@ pub struct GradientBounds {
 }
 
 /// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.cuts` are not made,
-/// and errors of colours ([`Savings::color_error`]) must be none. Alphas may be off by the share `rounding` of
+/// and what is drawn must be the scene itself (no [`Savings::color_error`], nothing [`Savings::stored`]). Alphas may be off by the share `rounding` of
 /// themselves, and positions by that of a standard deviation.
 pub fn gradient_bounds(
     splats: &Splats,
@@ -50,7 +50,8 @@ pub fn gradient_bounds(
     savings: &[Savings],
     rounding: f64,
 ) -> GradientBounds {
-    assert!(savings.iter().all(|s| s.color_error.is_empty()));
+    let is_scene = |s: &Savings| s.color_error.is_empty() && s.stored.is_none();
+    assert!(savings.iter().all(is_scene), "savings draw another scene");
     let screen = Screen::new(splats, camera, options);
     let width = camera.width as usize;
     let job = Job {
@@ -166,6 +167,10 @@ impl Linear {
     }
 }
 
+fn leaves_out(savings: &Savings, slice: &Slice) -> bool {
+    savings.may_leave_out(slice.splat, slice.alpha, slice.level)
+}
+
 /// Whether a slice's gradient by shape is switched off by the cap of its alpha; `None`: either.
 fn is_capped(slice: &Slice) -> Option<bool> {
     let cap = f64::from(ALPHA_MAX);
@@ -202,7 +207,7 @@ impl Job<'_> {
             .rev()
             .map(|slice| {
                 let behind = lost;
-                if savings.may_leave_out(slice) {
+                if leaves_out(savings, slice) {
                     lost += slice.alpha * slice.before;
                 }
                 behind
@@ -219,11 +224,11 @@ impl Job<'_> {
             let mut shape =
                 slice.alpha * (more * linear.steps[i] + passes * behind + exchanged * linear.range);
             let mut color = slice.alpha * more;
-            if slice.before < stop || savings.may_leave_out(slice) {
+            if slice.before < stop || leaves_out(savings, slice) {
                 shape = shape.max(slice.alpha * slice.before * linear.steps[i]);
                 color = color.max(slice.alpha * slice.before);
             }
-            if savings.may_leave_out(slice) {
+            if leaves_out(savings, slice) {
                 opened /= 1.0 - slice.alpha;
             }
             shape = match is_capped(slice) {

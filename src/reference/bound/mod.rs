@@ -12,6 +12,8 @@
 //! * Colours that are off by `δᵢ` cost `Σ αᵢ Tᵢ δᵢ`. Of harmonics of degree `l` that are off by the
 //!   vector `d_l`, `δ ≤ Σ_l ‖d_l‖ √((2l+1) / 4π)` in every direction (Cauchy–Schwarz, and the addition
 //!   theorem, by which `Σ_m Y_lm² = (2l+1) / 4π`).
+//! * Alphas that are `αᵢ'` instead cost `Σ |αᵢ' − αᵢ| Tᵢ` times the range: exchanged one after the other from the
+//!   back, each finds the transmittance before it as it was. What is left out then counts with `αᵢ' Tᵢ'`.
 //!
 //! Gradients follow from the same: see [`gradient_bounds`].
 
@@ -22,7 +24,7 @@ mod stack;
 pub use gradient::{GradientBounds, gradient_bounds};
 pub use picture::{Traced, color_errors, trace};
 
-use stack::Slice;
+use crate::scene::Splats;
 
 /// What a frame saves.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +39,10 @@ pub struct Savings {
     pub color_error: Vec<f64>,
     /// Which splats are not drawn; empty: none.
     pub removed: Vec<bool>,
+    /// The scene whose shapes and opacities are drawn in place of its own, splat by splat and with the same means,
+    /// not noticeably larger: beyond ten of their own standard deviations splats are taken for nothing. Its colours
+    /// do not count: [`Savings::color_error`] does.
+    pub stored: Option<Splats>,
 }
 
 /// How far, relatively, a threshold may be moved by rounding: what lies that near to one counts as left out.
@@ -58,12 +64,14 @@ impl Savings {
         sigma_max: f64::INFINITY,
         color_error: Vec::new(),
         removed: Vec::new(),
+        stored: None,
     };
 
-    /// Whether a splat may be left out of a pixel, the stop aside.
-    fn may_leave_out(&self, slice: &Slice) -> bool {
-        slice.alpha < self.alpha_min * (1.0 + MARGIN)
-            || slice.level > self.sigma_max * self.sigma_max * (1.0 - MARGIN)
-            || self.removed.get(slice.splat).copied().unwrap_or(false)
+    /// Whether a splat may be left out of a pixel where it has that alpha, so many squared standard deviations from
+    /// its centre; the stop aside.
+    fn may_leave_out(&self, splat: usize, alpha: f64, level: f64) -> bool {
+        alpha < self.alpha_min * (1.0 + MARGIN)
+            || level > self.sigma_max * self.sigma_max * (1.0 - MARGIN)
+            || self.removed.get(splat).copied().unwrap_or(false)
     }
 }

@@ -2,7 +2,9 @@
 
 use super::stack::{Screen, Stack};
 use super::{FAINT, MARGIN, Savings};
-use crate::reference::Options;
+use crate::reference::frame::project_all;
+use crate::reference::rasterize::{layer, power};
+use crate::reference::{Cuts, Options, ScreenSplat, Splat, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -28,25 +30,33 @@ pub fn trace(
     savings: &[Savings],
 ) -> Vec<Traced> {
     let screen = Screen::new(splats, camera, options);
+    let stored = |savings: &Savings| {
+        let stored = savings.stored.as_ref()?;
+        let view = Viewpoint::new(camera, options, stored.mode);
+        Some(project_all(&Splat::<f64>::all(stored), &view))
+    };
+    let stored: Vec<Stored> = savings.iter().map(stored).collect();
     let rows = (0..screen.height).into_par_iter();
     rows.flat_map_iter(|row| {
         let pixels = screen.row(row);
-        let traced = pixels.map(|stack| traced(&stack, options.background, savings));
+        let all = || savings.iter().zip(&stored);
+        let traced = pixels.map(|stack| traced(&stack, options.background, all()));
         traced.collect::<Vec<Traced>>()
     })
     .collect()
 }
 
-/// By how much any channel of each splat's colour may be off, where `stored` gives what is drawn with in
-/// place of the coefficient of an index and a value.
-pub fn color_errors(splats: &Splats, stored: impl Fn(usize, f32) -> f64) -> Vec<f64> {
-    let row = |row: &[f32]| {
+/// By how much any channel of each splat's colour may be off, where `drawn` gives what is drawn with in place of the
+/// coefficient at an index into `splats.sh`.
+pub fn color_errors(splats: &Splats, drawn: impl Fn(usize) -> f64) -> Vec<f64> {
+    let stride = splats.sh_stride();
+    let of_splat = |splat: usize| {
         let mut sums = [0.0; 3];
         for l in 0..=splats.sh_degree as usize {
             for (channel, sum) in sums.iter_mut().enumerate() {
                 let off = (l * l..(l + 1) * (l + 1)).map(|k| {
-                    let value = row[k * 3 + channel];
-                    f64::from(value) - stored(k, value)
+                    let index = splat * stride + k * 3 + channel;
+                    f64::from(splats.sh[index]) - drawn(index)
                 });
                 let length = off.map(|d| d * d).sum::<f64>().sqrt();
                 *sum += length * ((2 * l + 1) as f64 / (4.0 * std::f64::consts::PI)).sqrt();
@@ -54,12 +64,11 @@ pub fn color_errors(splats: &Splats, stored: impl Fn(usize, f32) -> f64) -> Vec<
         }
         sums.into_iter().fold(0.0, f64::max)
     };
-    splats
-        .sh
-        .chunks_exact(splats.sh_stride())
-        .map(row)
-        .collect()
+    (0..splats.len()).map(of_splat).collect()
 }
+
+/// Another scene's splats on the screen, in the order of the scene.
+type Stored = Option<Vec<Option<ScreenSplat<f64>>>>;
 
 /// What a pixel may lose.
 #[derive(Default)]
@@ -68,13 +77,19 @@ struct Saved {
     weight: f64,
     /// Most that passes where it stops.
     behind: f64,
+    /// Weight that other alphas move.
+    moved: f64,
     /// What colours that are off come to.
     color: f64,
     /// The most that one is off by.
     color_most: f64,
 }
 
-fn traced(stack: &Stack, background: [f64; 3], savings: &[Savings]) -> Traced {
+fn traced<'a>(
+    stack: &Stack,
+    background: [f64; 3],
+    savings: impl Iterator<Item = (&'a Savings, &'a Stored)>,
+) -> Traced {
     let range = stack.range(background, FAINT);
     let faint = stack.faint() * stack.range(background, 0.0);
     // Over splats that may change places: sums of α α and of α α T.
@@ -83,38 +98,53 @@ fn traced(stack: &Stack, background: [f64; 3], savings: &[Savings]) -> Traced {
         pairs += group.pairs;
         order += group.pairs * group.before;
     }
-    let bound = |savings: &Savings| {
-        let saved = saved(stack, savings);
+    let bound = |(savings, stored): (&Savings, &Stored)| {
+        let saved = saved(stack, savings, stored);
         let range = range + 2.0 * saved.color_most;
+        let weight = saved.weight + saved.moved;
         // A splat before two that change places may be left out, and more light reach them.
-        let order = pairs * saved.weight * range;
-        faint + saved.color + (saved.weight + saved.behind) * range + order
+        let order = pairs * weight * range;
+        faint + saved.color + (weight + saved.behind) * range + order
     };
     Traced {
         color: stack.pixel.over_background(background).color,
-        bounds: savings.iter().map(bound).collect(),
+        bounds: savings.map(bound).collect(),
         range,
         order: order * range,
     }
 }
 
-fn saved(stack: &Stack, savings: &Savings) -> Saved {
+fn saved(stack: &Stack, savings: &Savings, stored: &Stored) -> Saved {
     let mut saved = Saved::default();
+    // As it is drawn, without what is left out.
+    let mut before = 1.0;
     for slice in &stack.slices {
-        let weight = slice.alpha * slice.before;
         let off = savings.color_error.get(slice.splat).copied().unwrap_or(0.0);
-        saved.color += weight * off;
-        if slice.alpha < FAINT {
-            continue;
+        saved.color += slice.alpha * slice.before * off;
+        let (alpha, level) = match stored {
+            None => (slice.alpha, slice.level),
+            Some(screen) => drawn(screen[slice.splat].as_ref(), stack.at),
+        };
+        saved.moved += (alpha - slice.alpha).abs() * slice.before;
+        if alpha >= FAINT {
+            saved.color_most = saved.color_most.max(off);
+            if savings.may_leave_out(slice.splat, alpha, level) {
+                saved.weight += alpha * before;
+            }
         }
-        saved.color_most = saved.color_most.max(off);
-        if savings.may_leave_out(slice) {
-            saved.weight += weight;
-        }
+        before *= 1.0 - alpha;
     }
     let stop = savings.transmittance_min * (1.0 + MARGIN);
-    if stack.pixel.transmittance < stop {
+    if before < stop {
         saved.behind = stop;
     }
     saved
+}
+
+/// Alpha and squared standard deviations at a position.
+fn drawn(splat: Option<&ScreenSplat<f64>>, at: [f64; 2]) -> (f64, f64) {
+    let layer = splat.and_then(|splat| Some((layer(splat, at, &Cuts::NONE)?, power(splat, at))));
+    layer.map_or((0.0, f64::INFINITY), |(layer, power)| {
+        (layer.alpha, 2.0 * power)
+    })
 }

@@ -13,12 +13,23 @@ pub fn csv(chart: &Chart) -> String {
         let knob = ("rendering", &point.knob);
         lines.interval(knob, "time_ms", &point.time_ms);
         lines.number(knob, "cpu_ms", point.cpu_ms, None);
+        lines.number(knob, "splat_bytes", point.splat_bytes as f64, None);
         let Errors { max, p99, psnr_db } = point.error;
         lines.number(knob, "max_error", max, Some(point.bound.max));
         lines.number(knob, "p99_error", p99, Some(point.bound.p99));
         lines.number(knob, "psnr_db", psnr_db, Some(point.bound.psnr_db));
         lines.number(knob, "excess", point.excess, Some(0.0));
         lines.number(knob, "rounding", point.rounding, None);
+    }
+    if let Some(Errors { max, p99, psnr_db }) = chart.projection {
+        let knob = Knob {
+            series: "linear projection".into(),
+            setting: "against rays".into(),
+            is_default: false,
+        };
+        for (quantity, value) in [("max_error", max), ("p99_error", p99), ("psnr_db", psnr_db)] {
+            lines.number(("model", &knob), quantity, value, None);
+        }
     }
     for point in &chart.gradients {
         let knob = ("gradients", &point.knob);

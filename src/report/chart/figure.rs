@@ -41,6 +41,8 @@ pub(super) struct Figure {
     pub(super) marks: Vec<Mark>,
     /// Marks of the front, by x; empty where none is meant.
     pub(super) front: Vec<usize>,
+    /// Heights that are marked all across, by name.
+    pub(super) levels: Vec<(&'static str, f64)>,
     /// Whether the marks of a series are joined in their order by a line that is more than a hint.
     pub(super) are_courses: bool,
 }
@@ -98,6 +100,7 @@ impl Figure {
             _ => [m.y; 3],
         };
         let ys = self.marks.iter().flat_map(heights);
+        let ys = ys.chain(self.levels.iter().map(|(_, y)| *y));
         let (x, y) = (Scale::of(xs, self.x.is_log), Scale::of(ys, self.y.is_log));
         let mut chart = ChartBuilder::on(canvas)
             .margin(10)
@@ -126,9 +129,25 @@ impl Figure {
         };
         let (columns, rows) = area.get_pixel_range();
         let frame = [columns.start, rows.start, columns.end, rows.end];
+        for (name, level) in &self.levels {
+            self.draw_level(canvas, name, at(0.0, *level)[1], &frame)?;
+        }
         self.draw_lines(canvas, &at, &frame)?;
         self.draw_marks(canvas, &at)?;
         self.draw_names(canvas, &at, &frame)
+    }
+
+    /// A dashed line at a height, and its name at its right end.
+    fn draw_level(&self, canvas: &Canvas<'_>, name: &str, y: i32, frame: &Area) -> Result<()> {
+        for left in (frame[0]..frame[2]).step_by(10) {
+            let dash = vec![(left, y), ((left + 6).min(frame[2]), y)];
+            let dash = PathElement::new(dash, INK.stroke_width(1));
+            canvas.draw(&dash).map_err(failed)?;
+        }
+        let left = frame[2] - labels::width(name);
+        let style = (FONT, 11).into_font().color(&INK);
+        let text = Text::new(name.to_owned(), (left, y - labels::HEIGHT - 1), style);
+        canvas.draw(&text).map_err(failed)
     }
 
     /// The front as steps, series as hints of lines or as courses, and error bars.
@@ -231,6 +250,11 @@ impl Figure {
             })
             .collect();
         let mut obstacles: Vec<Area> = Vec::new();
+        for (name, level) in &self.levels {
+            let y = at(0.0, *level)[1];
+            let left = frame[2] - labels::width(name);
+            obstacles.push([left, y - labels::HEIGHT - 1, frame[2], y + 1]);
+        }
         for mark in &self.marks {
             let [x, y] = at(mark.x, mark.y);
             let radius = if mark.is_default { 9 } else { 6 };

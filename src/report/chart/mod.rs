@@ -23,6 +23,8 @@ pub struct Chart {
     pub facts: Vec<(String, String)>,
     /// Frames.
     pub frames: Vec<FramePoint>,
+    /// How far linear projection, which all frames and the reference draw by, is from perspective along rays.
+    pub projection: Option<Errors>,
     /// Training steps.
     pub gradients: Vec<GradientPoint>,
     /// Training runs.
@@ -67,6 +69,8 @@ pub struct FramePoint {
     pub time_ms: Interval,
     /// Median processor time of a frame, milliseconds; on a software device that is the work itself.
     pub cpu_ms: f64,
+    /// Bytes that a splat takes on the device.
+    pub splat_bytes: usize,
     /// What was measured.
     pub error: Errors,
     /// What was proven beforehand, without rounding: no pixel is farther off than its own bound, and these

@@ -14,8 +14,12 @@ With C = Σ cᵢαᵢTᵢ + T·background, leaving out a set S of contributions 
 Σ<sub>S</sub> αᵢTᵢ times the range of its colours: that is the bound of the <em>alpha cut</em> and of \
 <em>standard deviations</em>. Stopping at the transmittance t, the last splat included, costs at most t times \
 the range: the <em>stop threshold</em>. Leaving out harmonics of degree l with coefficients d<sub>l</sub> \
-changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em>. \
-A point whose worst pixel lies beyond its bound and the rounding of <code>f32</code> has failed.";
+changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em>, and those \
+that are <em>stored as halves</em>, where d<sub>l</sub> is what rounding takes from them; rounded rotations, scales and \
+opacities make other alphas, which cost at most Σ |αᵢ′ − αᵢ|Tᵢ times the range. \
+A point whose worst pixel lies beyond its bound and the rounding of <code>f32</code> has failed. The dashed line is no \
+setting but what all of them share: how far the model itself, EWA splatting by linear projection at each splat's \
+centre, is from the same splats in perspective along rays, in this scene and these views (on some of the pixels).";
 
 const OF_GRADIENTS: &str = "Times are those of a usual training step. Gradients are judged, parameter by parameter, for \
 an objective of which bounds can be proven, the brightness of the picture: the same step on a white photograph by the \
@@ -165,6 +169,7 @@ mod tests {
         Chart {
             facts: vec![("scene".into(), "a<b".into())],
             frames: vec![frame("1e-4", -1e-4), frame("1e-2", excess)],
+            projection: Some(frame("", 0.0).error),
             gradients: vec![GradientPoint {
                 error: GradientErrors {
                     median: 1e-6,
@@ -188,6 +193,7 @@ mod tests {
         assert_eq!(page.matches("<figure ").count(), 3 + 2 + 5);
         assert!(page.contains("All 3 settings keep their proven bounds."));
         assert!(page.contains("a&lt;b") && !page.contains("a<b"));
+        assert_eq!(page.matches("EWA against rays").count(), 3);
         // The only addresses are names of XML's vocabulary.
         for (at, _) in page.match_indices("http") {
             assert!(

@@ -2,7 +2,7 @@
 
 use super::figure::{Axis, Figure, Mark};
 use super::pareto::front;
-use super::{Chart, FramePoint, GradientErrors, Interval, Knob, RunPoint};
+use super::{Chart, Errors, GradientErrors, Interval, Knob, RunPoint};
 
 /// A figure and what to read from it.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,6 +14,9 @@ pub(super) struct Panel {
 /// Pixels: one across the page, and two beside each other.
 const WIDE: [u32; 2] = [1080, 470];
 const HALF: [u32; 2] = [532, 390];
+
+/// What the height of that name means.
+const PROJECTION: &str = "EWA against rays";
 
 const TIME_OF_FRAME: Axis = Axis {
     title: "time of a frame on the device, ms",
@@ -71,8 +74,8 @@ fn front_of(marks: &[Mark], is_high_good: bool) -> Vec<usize> {
 struct FrameView {
     size: [u32; 2],
     y: Axis,
-    /// The value, and its bound.
-    value: fn(&FramePoint) -> (f64, f64),
+    /// The value.
+    value: fn(&Errors) -> f64,
     is_high_good: bool,
     caption: &'static str,
 }
@@ -87,7 +90,7 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
                 title: "largest error of any pixel (of 1)",
                 is_log: true,
             },
-            value: |p| (p.error.max, p.bound.max),
+            value: |e| e.max,
             is_high_good: false,
             caption: "Largest error. Each sign is a setting, its upper bar reaches to the largest error that was \
                       proven possible before the frame was drawn; the sign lies below its bar's end, or rounding \
@@ -99,7 +102,7 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
                 title: "99th percentile of the error (of 1)",
                 is_log: true,
             },
-            value: |p| (p.error.p99, p.bound.p99),
+            value: |e| e.p99,
             is_high_good: false,
             caption: "What 99 of 100 pixels keep to. Bars end at the same percentile of the pixels' own bounds.",
         },
@@ -109,7 +112,7 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
                 title: "PSNR against the exact frame, dB",
                 is_log: false,
             },
-            value: |p| (p.error.psnr_db, p.bound.psnr_db),
+            value: |e| e.psnr_db,
             is_high_good: true,
             caption: "The whole frame in one figure. Bars end at the PSNR that the bounds' root mean square \
                       promises: the worst that was possible. Left and high is good.",
@@ -120,7 +123,7 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
             .frames
             .iter()
             .map(|point| {
-                let (value, bound) = (view.value)(point);
+                let (value, bound) = ((view.value)(&point.error), (view.value)(&point.bound));
                 Mark {
                     x_bar: bar(&point.time_ms),
                     y_bar: bound_bar(value, bound),
@@ -136,6 +139,11 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
                 y: view.y,
                 front: front_of(&marks, view.is_high_good),
                 marks,
+                levels: chart
+                    .projection
+                    .iter()
+                    .map(|e| (PROJECTION, (view.value)(e)))
+                    .collect(),
                 are_courses: false,
             },
             caption: view.caption.into(),
@@ -174,6 +182,7 @@ pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
                 },
                 front: front_of(&marks, false),
                 marks,
+                levels: Vec::new(),
                 are_courses: false,
             },
             caption: caption.into(),
@@ -255,6 +264,7 @@ pub(super) fn of_runs(chart: &Chart) -> Vec<Panel> {
                 y,
                 front: front_of(&marks, true),
                 marks,
+                levels: Vec::new(),
                 are_courses: false,
             },
             caption: caption.into(),
@@ -307,6 +317,7 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
             },
             marks,
             front: Vec::new(),
+            levels: Vec::new(),
             are_courses: true,
         },
         caption: "Quality on the way, by wall time with evaluation left out: of every knob the setting turned \

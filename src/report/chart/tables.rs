@@ -57,6 +57,7 @@ pub(super) fn of_frames(chart: &Chart) -> String {
         "setting",
         "ms a frame",
         "CPU ms",
+        "bytes a splat",
         "largest error",
         "proven",
         "99 %",
@@ -70,6 +71,7 @@ pub(super) fn of_frames(chart: &Chart) -> String {
         row.extend([
             interval(&p.time_ms, 2),
             format!("{:.1}", p.cpu_ms),
+            p.splat_bytes.to_string(),
             error(p.error.max),
             error(p.bound.max),
             error(p.error.p99),

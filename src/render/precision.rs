@@ -1,0 +1,161 @@
+//! In what numbers a scene lies on the device.
+
+use crate::layout::{GEOMETRY_PLANES, HALF_GEOMETRY_PLANES};
+use crate::scene::{Splats, sh_coefficient_count};
+use half::f16;
+use std::ops::Range;
+
+/// In what numbers a scene lies on the device: halves take less memory and less of its bandwidth.
+///
+/// Halves are rounded to nearest, those too small to be normal become 0 (so that no device has to know them), and those
+/// too large the largest, 65,504. Means are always whole: in halves they would be off by pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// Floats of 32 bits.
+    #[default]
+    Full,
+    /// Harmonics as halves.
+    HalfHarmonics,
+    /// All but means as halves: rotations to 8e-4 rad, deviations to half a percent.
+    Half,
+}
+
+impl Precision {
+    /// Planes of vec4 that splats of a degree take.
+    pub const fn plane_count(self, sh_degree: u32) -> usize {
+        let numbers = sh_coefficient_count(sh_degree) * 3;
+        match self {
+            Precision::Full => GEOMETRY_PLANES as usize + numbers.div_ceil(4),
+            Precision::HalfHarmonics => GEOMETRY_PLANES as usize + numbers.div_ceil(8),
+            Precision::Half => HALF_GEOMETRY_PLANES as usize + numbers.div_ceil(8),
+        }
+    }
+
+    /// Bytes that a splat of a degree takes.
+    pub const fn splat_bytes(self, sh_degree: u32) -> usize {
+        16 * self.plane_count(sh_degree)
+    }
+
+    /// What shaders are told.
+    pub(super) fn code(self) -> u32 {
+        match self {
+            Precision::Full => 0,
+            Precision::HalfHarmonics => 1,
+            Precision::Half => 2,
+        }
+    }
+
+    /// The scene that is drawn in place of one: each number as it is stored.
+    pub fn rounded(self, splats: &Splats) -> Splats {
+        let mut rounded = splats.clone();
+        let round = |value: &mut f32| *value = half(*value).to_f32();
+        if self != Precision::Full {
+            rounded.sh.iter_mut().for_each(round);
+        }
+        if self == Precision::Half {
+            rounded
+                .quaternion
+                .as_flattened_mut()
+                .iter_mut()
+                .for_each(round);
+            rounded
+                .log_scale
+                .as_flattened_mut()
+                .iter_mut()
+                .for_each(round);
+            rounded.opacity_logit.iter_mut().for_each(round);
+        }
+        rounded
+    }
+
+    /// The planes of some splats, one after the other.
+    pub(super) fn planes_of(self, splats: &Splats, range: Range<usize>) -> Vec<[f32; 4]> {
+        let mut planes = Vec::with_capacity(range.len() * self.plane_count(splats.sh_degree));
+        let mean = &splats.mean[range.clone()];
+        let logit = &splats.opacity_logit[range.clone()];
+        let quaternion = &splats.quaternion[range.clone()];
+        let log_scale = &splats.log_scale[range.clone()];
+        if self == Precision::Half {
+            planes.extend(mean.iter().map(|m| [m[0], m[1], m[2], 0.0]));
+            let shapes = quaternion.iter().zip(log_scale).zip(logit);
+            planes.extend(shapes.map(|((q, s), &o)| {
+                [
+                    pair(q[0], q[1]),
+                    pair(q[2], q[3]),
+                    pair(s[0], s[1]),
+                    pair(s[2], o),
+                ]
+            }));
+        } else {
+            planes.extend(mean.iter().zip(logit).map(|(m, &o)| [m[0], m[1], m[2], o]));
+            planes.extend_from_slice(quaternion);
+            planes.extend(log_scale.iter().map(|s| [s[0], s[1], s[2], 0.0]));
+        }
+        let stride = splats.sh_stride();
+        let row = |i: usize| &splats.sh[i * stride..(i + 1) * stride];
+        let at = |i: usize, k: usize| row(i).get(k).copied().unwrap_or(0.0);
+        match self {
+            Precision::Full => {
+                for start in (0..stride).step_by(4) {
+                    planes.extend(
+                        range
+                            .clone()
+                            .map(|i| [0, 1, 2, 3].map(|k| at(i, start + k))),
+                    );
+                }
+            }
+            _ => {
+                for start in (0..stride).step_by(8) {
+                    let two = |i, k| pair(at(i, start + k), at(i, start + k + 1));
+                    planes.extend(range.clone().map(|i| [0, 2, 4, 6].map(|k| two(i, k))));
+                }
+            }
+        }
+        planes
+    }
+}
+
+/// The half that is stored for a number. What is no number, or infinite, stays so: such splats are not drawn.
+fn half(value: f32) -> f16 {
+    let nearest = f16::from_f32(value);
+    match () {
+        () if value.is_finite() && nearest.is_infinite() => f16::MAX.copysign(nearest),
+        () if nearest.is_normal() || !value.is_finite() => nearest,
+        () => f16::ZERO,
+    }
+}
+
+/// The bits of two halves, the first in the lower ones.
+fn pair(first: f32, second: f32) -> f32 {
+    let [low, high] = [first, second].map(|value| u32::from(half(value).to_bits()));
+    f32::from_bits(low | high << 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_become_the_nearest_halves() {
+        for (value, stored) in [
+            (1.0, 1.0),
+            (-0.333_333_34, -0.333_251_95),
+            (1e6, 65_504.0),
+            (-1e9, -65_504.0),
+            (1e-5, 0.0),
+            (f32::INFINITY, f32::INFINITY),
+        ] {
+            assert_eq!(half(value).to_f32(), stored, "{value}");
+        }
+        assert!(half(f32::NAN).is_nan());
+        let bits = pair(1.0, -2.0).to_bits();
+        assert_eq!(bits, 0xc000_3c00);
+    }
+
+    #[test]
+    fn halves_take_what_they_say() {
+        let bytes = [Precision::Full, Precision::HalfHarmonics, Precision::Half];
+        assert_eq!(bytes.map(|p| p.splat_bytes(3)), [240, 144, 128]);
+        assert_eq!(bytes.map(|p| p.splat_bytes(0)), [64, 64, 48]);
+    }
+}
