@@ -11,6 +11,8 @@
 // the two variances only as their sum, so four moments do: the means of x, y, x^2 + y^2 and x y.
 
 layout(constant_id = 0) const uint WORKGROUP = 32;
+// 0: without SSIM and so without windows, which are most of the work; slopes are not written.
+layout(constant_id = 1) const uint WITH_SSIM = 1;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -61,6 +63,13 @@ void slide_along_row(uvec2 corner, uint row, uint begin, Channel c) {
     [[unroll]] for (uint to = 0; to < STRIP; ++to) along[row][begin + to] = window_sum(values, to);
 }
 
+// The loss terms of a pixel, but SSIM's.
+vec4 differ(vec3 here) {
+    float weight = here.z;
+    float difference = weight > 0.0 ? (here.x - here.y) / weight : 0.0;
+    return weight * vec4(abs(difference), 0.0, difference * difference, 1.0);
+}
+
 // SSIM of one window from its shifted moments; stores the derivatives and returns the loss terms.
 vec4 compare(uvec2 at, Channel c, vec4 moments) {
     vec3 here = pair_at(at.x, at.y, c);
@@ -78,8 +87,7 @@ vec4 compare(uvec2 at, Channel c, vec4 moments) {
     float by_product = 2.0 * a * scale;
     float by_mean = 2.0 * b * scale * (mean.y - mean.x * a / e) - 2.0 * mean.x * by_square - mean.y * by_product;
     ssim_slope[c.index * pixels + at.y * size.x + at.x] = weight * vec3(by_mean, by_square, by_product);
-    float difference = weight > 0.0 ? (here.x - here.y) / weight : 0.0;
-    return weight * vec4(abs(difference), 1.0 - ssim, difference * difference, 1.0);
+    return differ(here) + vec4(0.0, weight * (1.0 - ssim), 0.0, 0.0);
 }
 
 vec4 slide_down_column(uvec2 corner, uint column, uint begin, Channel c) {
@@ -88,8 +96,13 @@ vec4 slide_down_column(uvec2 corner, uint column, uint begin, Channel c) {
     vec4 loss = vec4(0.0);
     [[unroll]] for (uint to = 0; to < STRIP; ++to) {
         uvec2 at = corner + uvec2(column, begin + to);
-        vec4 moments = window_sum(values, to);
-        if (all(lessThan(at, size))) loss += compare(at, c, moments);
+        bool inside = all(lessThan(at, size));
+        if (WITH_SSIM != 0) {
+            vec4 moments = window_sum(values, to);
+            if (inside) loss += compare(at, c, moments);
+        } else if (inside) {
+            loss += differ(pair_at(at.x, at.y, c));
+        }
     }
     return loss;
 }
@@ -111,7 +124,7 @@ void main() {
         c.shift = pair_at(middle.x, middle.y, c).y;
         // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
         uint i = lane;
-        do {
+        if (WITH_SSIM != 0) do {
             if (i < ROW_STRIPS) slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, c);
             i += WORKGROUP;
         } while (i < ROW_STRIPS);

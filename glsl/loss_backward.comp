@@ -9,6 +9,8 @@
 // back by the same window, along rows and then down columns, strips held in registers as in `loss`.
 
 layout(constant_id = 0) const uint WORKGROUP = 32;
+// 0: of L1 alone; slopes are not read.
+layout(constant_id = 1) const uint WITH_SSIM = 1;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -59,7 +61,7 @@ void slide_down_column(uvec2 corner, uint column, uint begin, uint channel) {
     [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) values[from] = along[begin + from][column];
     [[unroll]] for (uint to = 0; to < STRIP; ++to) {
         uvec2 at = corner + uvec2(column, begin + to);
-        vec3 sums = window_sum(values, to);
+        vec3 sums = WITH_SSIM != 0 ? window_sum(values, to) : vec3(0.0);
         if (all(lessThan(at, size))) store(at, channel, sums);
     }
 }
@@ -75,7 +77,7 @@ void main() {
     for (uint channel = 0; channel < 3; ++channel) {
         // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
         uint i = lane;
-        do {
+        if (WITH_SSIM != 0) do {
             if (i < ROW_STRIPS) slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, channel);
             i += WORKGROUP;
         } while (i < ROW_STRIPS);

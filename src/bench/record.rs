@@ -11,11 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Files rows under a device and today's date (UTC), keeping what is there of other measurements. Returns
 /// the file.
 pub fn write(folder: &Path, device: &str, rows: &[Row]) -> Result<PathBuf> {
-    let folder = folder.join(slug(device));
-    std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    let days = since.map_or(0, |since| since.as_secs() / 86_400);
-    let path = folder.join(format!("{}.csv", date(days)));
+    let path = file(folder, device, ".csv")?;
     let earlier = match std::fs::read_to_string(&path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
@@ -24,6 +20,19 @@ pub fn write(folder: &Path, device: &str, rows: &[Row]) -> Result<PathBuf> {
     let text = merged(&earlier, rows);
     write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
     Ok(path)
+}
+
+/// `<folder>/<device>/<today><ending>`, in a folder that is there.
+pub fn file(folder: &Path, device: &str, ending: &str) -> Result<PathBuf> {
+    let folder = folder.join(slug(device));
+    std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+    Ok(folder.join(today() + ending))
+}
+
+/// Today's date (UTC), year-month-day.
+pub fn today() -> String {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    date(since.map_or(0, |since| since.as_secs() / 86_400))
 }
 
 /// A device's name as a folder: `llvmpipe-llvm-15-0-6-256-bits`.
@@ -59,7 +68,7 @@ fn merged(earlier: &str, rows: &[Row]) -> String {
 }
 
 /// Year-month-day of a count of days since 1970 (Hinnant, "chrono-compatible low-level date algorithms").
-pub fn date(days: u64) -> String {
+fn date(days: u64) -> String {
     let shifted = days + 719_468;
     let (era, of_era) = (shifted / 146_097, shifted % 146_097);
     let year = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;

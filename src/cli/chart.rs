@@ -15,7 +15,6 @@ use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Chart speed against accuracy
 ///
@@ -42,7 +41,7 @@ pub(super) struct ChartArgs {
     /// Only a part of it
     #[arg(long, value_name = "PART")]
     only: Option<Part>,
-    /// Steps of a training run [default: 400; quick: 20]
+    /// Steps of a training run [default: 300; quick: 20]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     iterations: Option<u32>,
     /// Training runs of each setting [default: 3; quick: 2]
@@ -54,6 +53,9 @@ pub(super) struct ChartArgs {
     /// Print the numbers as CSV
     #[arg(long)]
     csv: bool,
+    /// File the numbers under DIR/<device>/<date>-chart.csv
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "benches/record")]
+    record: Option<PathBuf>,
     #[command(flatten)]
     options: DataArgs,
     #[command(flatten)]
@@ -93,7 +95,14 @@ pub(super) fn run(args: &ChartArgs) -> Result<Outcome> {
             || unreachable!(),
         ),
     }
-    verdict(&chart)
+    let outcome = verdict(&chart)?;
+    if let Some(folder) = &args.record {
+        let path = record::file(folder, &engine.gpu().caps().name, "-chart.csv")?;
+        let text = csv::csv(&chart);
+        write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
+        output.remark(format_args!("Filed as {}", path.display()));
+    }
+    Ok(outcome)
 }
 
 /// Broken bounds are an error: what was proven does not hold.
@@ -175,8 +184,6 @@ fn facts(
     name: &str,
     plan: &Plan,
 ) -> Vec<(String, String)> {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    let days = since.map_or(0, |since| since.as_secs() / 86_400);
     let views = dataset.split(Split::Test).len();
     let drawn = match scene {
         Some(splats) => format!("{} splats of degree {}", splats.len(), splats.sh_degree),
@@ -192,7 +199,7 @@ fn facts(
             format!("{} views, {views} held out, {size}", dataset.views.len()),
         ),
         ("device", engine.name().to_owned()),
-        ("date", record::date(days)),
+        ("date", record::today()),
         ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),
     ];
     if plan.with_accuracy {

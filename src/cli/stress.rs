@@ -17,7 +17,7 @@ use clap::Args;
 use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 /// Try what breaks others, on this device and a scene
 ///
@@ -119,8 +119,6 @@ fn facts(
     scene: String,
     started: Instant,
 ) -> Vec<(String, String)> {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    let days = since.map_or(0, |since| since.as_secs() / 86_400);
     let caps = engine.gpu().caps();
     let camera = subject.camera();
     let views = format!(
@@ -136,7 +134,7 @@ fn facts(
         ("driver", caps.driver.clone()),
         ("scene", scene),
         ("drawn", views),
-        ("date", record::date(days)),
+        ("date", record::today()),
         ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),
         ("took", format!("{:.0} s", started.elapsed().as_secs_f64())),
     ]

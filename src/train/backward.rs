@@ -18,14 +18,35 @@ const ALPHA_MASKS: u32 = 1;
 /// The kernels, compiled for one device.
 #[derive(Debug)]
 pub(crate) struct Backward {
-    loss: loss::Loss,
+    comparison: Comparison,
+    /// For steps that go by L1 alone, where there are some.
+    plain: Option<Comparison>,
     loss_sum: loss_sum::LossSum,
-    loss_backward: loss_backward::LossBackward,
     rasterize: rasterize_backward::RasterizeBackward,
     /// One per spherical-harmonic degree.
     project: Vec<project_backward::ProjectBackward>,
     adam: adam::Adam,
     perturb: perturb::Perturb,
+}
+
+/// The kernels that compare a picture with its photograph.
+#[derive(Debug)]
+struct Comparison {
+    loss: loss::Loss,
+    loss_backward: loss_backward::LossBackward,
+}
+
+impl Comparison {
+    fn new(gpu: &Gpu, with_ssim: bool) -> Result<Comparison> {
+        let mut loss = loss::Loss::prefer(gpu.caps());
+        let mut loss_backward = loss_backward::LossBackward::prefer(gpu.caps());
+        loss.spec.with_ssim = u32::from(with_ssim);
+        loss_backward.spec.with_ssim = u32::from(with_ssim);
+        Ok(Comparison {
+            loss: loss::Loss::new(gpu, loss)?,
+            loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
+        })
+    }
 }
 
 /// Buffers of a step that rendering does not need.
@@ -91,12 +112,11 @@ impl Backward {
         use project_backward::ProjectBackward;
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
-            loss: loss::Loss::new(gpu, loss::Loss::prefer(caps))?,
+            comparison: Comparison::new(gpu, true)?,
+            plain: schedule::skips_ssim(config)
+                .then(|| Comparison::new(gpu, false))
+                .transpose()?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::LossSum::prefer(caps))?,
-            loss_backward: loss_backward::LossBackward::new(
-                gpu,
-                loss_backward::LossBackward::prefer(caps),
-            )?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
             project: (0..=config.sh_degree)
                 .map(|degree| ProjectBackward::new(gpu, ProjectBackward::prefer(caps, degree)))
@@ -153,7 +173,12 @@ impl Backward {
         let [width, height] = step.view.size;
         let tiles = (width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT)) as usize;
         let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
-        self.loss.record(
+        let lambda = f64::from(schedule::lambda_dssim(step.config, step.iteration));
+        let kernels = match &self.plain {
+            Some(plain) if lambda == 0.0 => plain,
+            _ => &self.comparison,
+        };
+        kernels.loss.record(
             rec,
             loss::Bindings {
                 view: &s.view,
@@ -182,8 +207,7 @@ impl Backward {
         } else {
             0.0
         };
-        let lambda = f64::from(step.config.lambda_dssim);
-        self.loss_backward.record(
+        kernels.loss_backward.record(
             rec,
             loss_backward::Bindings {
                 view: &s.view,

@@ -325,7 +325,7 @@ impl<'a> Trainer<'a> {
             return Ok(false);
         }
         let [l1, dssim, square, weight] = oldest.loss.get()[0].map(f64::from);
-        let lambda = f64::from(self.config.lambda_dssim);
+        let lambda = f64::from(schedule::lambda_dssim(&self.config, oldest.iteration));
         let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
         self.done.push_back(StepReport {
             iteration: oldest.iteration,

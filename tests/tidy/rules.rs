@@ -48,6 +48,7 @@ const RANKS: &[(&str, &[&str])] = &[
     (
         "bench",
         &[
+            "parsimony",
             "train",
             "report",
             "render",

@@ -1,15 +1,17 @@
 //! Frames of every setting: their time, their errors, and whether each pixel keeps its bound.
 
+use super::scenes::Scenes;
 use super::settings::{self, FrameSetting};
 use super::{Plan, training};
 use crate::Result;
 use crate::bench::{CpuClock, Summary};
 use crate::gpu::Gpu;
-use crate::reference::bound::{Savings, Traced, trace};
+use crate::reference::bound::{Traced, trace};
 use crate::reference::{self, ray};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
 use crate::report::chart::{Errors, FramePoint, Interval};
 use crate::scene::{Camera, Splats};
+use std::rc::Rc;
 
 /// What rounding to `f32` may change, of the colour range, in images up to [`ROUNDING_SIZE`] pixels wide: what
 /// `tests/frame.rs` holds every frame to, fifty times the largest error seen there.
@@ -31,6 +33,8 @@ pub struct Frames<'a> {
     pub splats: &'a Splats,
     /// From where.
     pub cameras: &'a [Camera],
+    /// The views that splats are pruned by: none of theirs shows more than the error.
+    pub pruned_by: &'a [Camera],
     /// Near plane, world units.
     pub near: f32,
 }
@@ -38,6 +42,7 @@ pub struct Frames<'a> {
 /// A setting, ready to be drawn.
 struct Contender {
     setting: FrameSetting,
+    model: Rc<Model>,
     renderer: Renderer,
     /// Nanoseconds of each timed run, over all views: on the device, and of the process.
     device_ns: Vec<f64>,
@@ -54,14 +59,18 @@ impl Frames<'_> {
         progress: &mut dyn FnMut(&str),
     ) -> Result<(Vec<FramePoint>, Option<Errors>)> {
         let settings = settings::of_frames(self.splats.sh_degree, plan);
-        let savings: Vec<Savings> = settings.iter().map(|s| s.savings(self.splats)).collect();
-        let models = Models::upload(gpu, self.splats, &settings)?;
+        progress("frames: pruning");
+        let mut scenes = Scenes::new(gpu, self)?;
+        let mut savings = Vec::new();
+        for setting in &settings {
+            savings.push(setting.savings(self.splats, &scenes.removed(setting)?));
+        }
         let view = ViewOptions {
             background: training::BACKGROUND,
             near: self.near,
             mode: self.splats.mode,
         };
-        let contender = |setting: FrameSetting| -> Result<Contender> {
+        let mut contender = |setting: FrameSetting| -> Result<Contender> {
             let options = RenderOptions {
                 accuracy: setting.accuracy,
                 sh_degree: setting.sh_degree,
@@ -69,6 +78,7 @@ impl Frames<'_> {
                 ..RenderOptions::default()
             };
             Ok(Contender {
+                model: scenes.model(&setting)?,
                 setting,
                 renderer: Renderer::new(gpu, options)?,
                 device_ns: Vec::new(),
@@ -78,7 +88,7 @@ impl Frames<'_> {
         };
         let mut contenders = settings
             .into_iter()
-            .map(contender)
+            .map(&mut contender)
             .collect::<Result<Vec<_>>>()?;
         let mut by_rays = Vec::new();
         for (index, camera) in self.cameras.iter().enumerate() {
@@ -87,10 +97,7 @@ impl Frames<'_> {
             let traced = trace(self.splats, camera, &self.options(), &savings);
             by_rays.extend(self.by_rays(camera, &traced, plan.ray_pixels));
             for (which, contender) in contenders.iter_mut().enumerate() {
-                let drawn =
-                    contender
-                        .renderer
-                        .render(models.of(&contender.setting), camera, &view)?;
+                let drawn = contender.renderer.render(&contender.model, camera, &view)?;
                 let judged = judge(&drawn.rgb, &traced, which, rounding(camera));
                 contender.errors.push(judged);
             }
@@ -99,8 +106,7 @@ impl Frames<'_> {
         for run in 0..plan.runs.max(1) {
             progress(&format!("frames: run {} of {}", run + 1, plan.runs));
             for contender in &mut contenders {
-                let model = models.of(&contender.setting);
-                contender.time(model, self.cameras, &view)?;
+                contender.time(self.cameras, &view)?;
             }
         }
         let point = |c: &Contender| c.point(self.cameras.len(), self.splats.sh_degree);
@@ -127,26 +133,6 @@ impl Frames<'_> {
             sh_degree: self.splats.sh_degree,
             cuts: reference::Cuts::NONE,
         }
-    }
-}
-
-/// The scene in all numbers that settings want.
-struct Models(Vec<Model>);
-
-impl Models {
-    fn upload(gpu: &Gpu, splats: &Splats, settings: &[FrameSetting]) -> Result<Models> {
-        let mut models: Vec<Model> = Vec::new();
-        for FrameSetting { precision, .. } in settings {
-            if models.iter().all(|model| model.precision != *precision) {
-                models.push(Model::upload_as(gpu, splats, *precision)?);
-            }
-        }
-        Ok(Models(models))
-    }
-
-    fn of(&self, setting: &FrameSetting) -> &Model {
-        let fits = |model: &&Model| model.precision == setting.precision;
-        self.0.iter().find(fits).unwrap_or(&self.0[0])
     }
 }
 
@@ -193,10 +179,10 @@ pub fn judge(drawn: &[[f32; 3]], traced: &[Traced], which: usize, share: f64) ->
 }
 
 impl Contender {
-    fn time(&mut self, model: &Model, cameras: &[Camera], view: &ViewOptions) -> Result<()> {
+    fn time(&mut self, cameras: &[Camera], view: &ViewOptions) -> Result<()> {
         let (clock, mut device_ns) = (CpuClock::now(), 0.0);
         for camera in cameras {
-            self.renderer.render(model, camera, view)?;
+            self.renderer.render(&self.model, camera, view)?;
             let stages = self.renderer.timings()?;
             device_ns += stages.iter().map(|(_, ns)| ns).sum::<f64>();
         }
@@ -227,7 +213,7 @@ impl Contender {
             knob: self.setting.knob.clone(),
             time_ms: milliseconds(&self.device_ns, views),
             cpu_ms: milliseconds(&self.cpu_ns, views).value,
-            splat_bytes: self.setting.precision.splat_bytes(sh_degree),
+            scene_bytes: self.model.splat_count * self.setting.precision.splat_bytes(sh_degree),
             error: Errors {
                 psnr_db: psnr(squares / (3.0 * pixels)),
                 ..percentiles(&errors)

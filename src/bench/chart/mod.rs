@@ -6,6 +6,7 @@
 
 mod frames;
 mod gradients;
+mod scenes;
 mod settings;
 mod training;
 
@@ -52,7 +53,7 @@ impl Plan {
         views: 2,
         runs: 15,
         seeds: 3,
-        iterations: 400,
+        iterations: 300,
         is_quick: false,
         with_accuracy: true,
         with_training: true,
@@ -103,9 +104,11 @@ pub fn measure(
     };
     let cameras = cameras(dataset, plan)?;
     let near = (dataset.extent() * f64::from(TrainConfig::default().near_factor)) as f32;
+    let pruned_by = training_cameras(dataset, plan);
     let frames = Frames {
         splats: &made,
         cameras: &cameras,
+        pruned_by: &pruned_by,
         near,
     };
     (chart.frames, chart.projection) = frames.measure(gpu, plan, progress)?;
@@ -124,6 +127,14 @@ fn reduced(camera: &Camera, pixels: usize) -> Camera {
     let factor = (pixels as f64 / count).sqrt().min(1.0);
     let side = |length: u32| ((f64::from(length) * factor).floor() as u32).max(2);
     camera.resized(side(camera.width), side(camera.height))
+}
+
+/// The training views, of the size that frames are judged in.
+fn training_cameras(dataset: &Dataset, plan: &Plan) -> Vec<Camera> {
+    let views = dataset.split(Split::Train).into_iter();
+    views
+        .map(|view| reduced(&dataset.views[view].camera, plan.frame_pixels))
+        .collect()
 }
 
 /// Some of the held-out views, else of all, spread evenly.

@@ -16,11 +16,13 @@ pub(super) struct FrameSetting {
     pub(super) sh_degree: u32,
     /// In what numbers the scene lies on the device.
     pub(super) precision: Precision,
+    /// The error at which splats are pruned ([`parsimony`](crate::parsimony)), of 1; `None`: all are drawn.
+    pub(super) pruned: Option<f64>,
 }
 
 impl FrameSetting {
-    /// What it leaves out of a scene, as the reference counts it.
-    pub(super) fn savings(&self, splats: &Splats) -> Savings {
+    /// What it leaves out of a scene, as the reference counts it; `removed` is what has been pruned.
+    pub(super) fn savings(&self, splats: &Splats, removed: &[bool]) -> Savings {
         let kept = 3 * sh_coefficient_count(self.sh_degree);
         let is_whole = self.precision == Precision::Full;
         let stored = (!is_whole).then(|| self.precision.rounded(splats));
@@ -39,7 +41,7 @@ impl FrameSetting {
                 true => Vec::new(),
                 false => color_errors(splats, |i| f64::from(drawn(i))),
             },
-            removed: Vec::new(),
+            removed: removed.to_vec(),
             stored,
         }
     }
@@ -65,6 +67,7 @@ fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
         accuracy,
         sh_degree: 3,
         precision: Precision::Full,
+        pruned: None,
     }
 }
 
@@ -115,6 +118,13 @@ fn stored(precision: Precision, setting: &str) -> FrameSetting {
     }
 }
 
+fn pruned(number: u32) -> FrameSetting {
+    FrameSetting {
+        pruned: Some(1.0 / f64::from(number)),
+        ..frame("pruned", one_over(number), Accuracy::default())
+    }
+}
+
 fn together(transmittance_min: f32, number: u32) -> FrameSetting {
     let setting = format!("{transmittance_min:.0e}, 1/{number}");
     let accuracy = Accuracy {
@@ -153,6 +163,7 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
         accuracy: Accuracy::default(),
         sh_degree,
         precision: Precision::Full,
+        pruned: None,
     };
     let mut settings = vec![default];
     settings.extend([
@@ -160,11 +171,12 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
         stored(Precision::Half, "all but means"),
     ]);
     if plan.is_quick {
-        settings.extend([stop(1e-2), cut(32), deviations(2.0)]);
+        settings.extend([stop(1e-2), cut(32), deviations(2.0), pruned(64)]);
         settings.extend((0..sh_degree.min(1)).map(harmonics));
     } else {
         settings.extend([1e-5, 1e-4, 1e-3, 4e-3, 1e-2, 3e-2].map(stop));
         settings.extend([1024, 512, 255, 128, 64, 32].map(cut));
+        settings.extend([512, 128, 32].map(pruned));
         settings.extend([4.0, 3.0, 2.5, 2.0].map(deviations));
         settings.extend((0..sh_degree).rev().map(harmonics));
         settings.extend(TOGETHER.map(|(t, number)| together(t, number)));
@@ -175,11 +187,12 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Of a training step: the cuts. Harmonics that are not drawn have no gradients to compare, and halves do not train.
+/// Of a training step: the cuts. Harmonics that are not drawn have no gradients to compare, halves do not train, and what is pruned has
+/// none.
 pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
-        !["harmonics", "stored as halves"].contains(&setting.knob.series.as_str())
+        !["harmonics", "stored as halves", "pruned"].contains(&setting.knob.series.as_str())
     };
     all.filter(is_cut).collect()
 }
@@ -229,16 +242,11 @@ pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
             c.max_splats = Some(most)
         }));
     }
-    for sh_degree in [2, 1, 0] {
+    for sh_degree in [1, 0] {
         let setting = format!("degree {sh_degree}");
         runs.push(with("harmonics", setting, &|c| c.sh_degree = sh_degree));
     }
-    for frame in [
-        together(1e-3, 255),
-        together(1e-2, 255),
-        together(1e-4, 128),
-        together(1e-2, 64),
-    ] {
+    for frame in [together(1e-2, 255), together(1e-4, 128), together(1e-2, 64)] {
         let Knob {
             series, setting, ..
         } = frame.knob;
@@ -249,14 +257,20 @@ pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
         let setting = format!("first {percent} % at half");
         runs.push(with("photographs", setting, &|c| c.half_size_until = until));
     }
+    for (skipped, setting) in [(1, "SSIM every 2nd step"), (3, "SSIM every 4th step")] {
+        runs.push(with("loss", setting.into(), &|c| c.ssim_skipped = skipped));
+    }
     runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
     runs.push(with("render mode", "mip".into(), &|c| {
         c.mode = RenderMode::Mip
     }));
-    runs.push(with("strategy", "MCMC".into(), &|c| {
-        *c = c.clone().with_strategy(StrategyKind::Mcmc);
-        c.max_splats = Some(splats);
-    }));
+    for most in [splats, (splats / 2).max(1)] {
+        let setting = format!("MCMC, {most} splats");
+        runs.push(with("strategy", setting, &|c| {
+            *c = c.clone().with_strategy(StrategyKind::Mcmc);
+            c.max_splats = Some(most);
+        }));
+    }
     runs
 }
 

@@ -168,7 +168,10 @@ fn compare(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
     // Three channels and the photograph in, three slopes of each channel out.
     let work = Work::of(input.pixels(), Unit::Pixels).moving(52 * input.pixels());
     for (variant, workgroup, case) in wanted!(bench, loss, name, WORKGROUPS, work) {
-        let spec = loss::Spec { workgroup };
+        let spec = loss::Spec {
+            workgroup,
+            ..loss::Spec::default()
+        };
         let kernel = loss::Loss::new(&gpu, loss::Choice { variant, spec })?;
         let partial = gpu.buffer::<[f32; 4]>("partial", input.tiles())?;
         let io = loss::Bindings {
@@ -266,7 +269,10 @@ fn differentiate(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
     let gpu = bench.gpu().clone();
     let work = Work::of(input.pixels(), Unit::Pixels).moving(64 * input.pixels());
     for (variant, workgroup, case) in wanted!(bench, loss_backward, name, WORKGROUPS, work) {
-        let spec = loss_backward::Spec { workgroup };
+        let spec = loss_backward::Spec {
+            workgroup,
+            ..loss_backward::Spec::default()
+        };
         let choice = loss_backward::Choice { variant, spec };
         let kernel = loss_backward::LossBackward::new(&gpu, choice)?;
         let io = loss_backward::Bindings {

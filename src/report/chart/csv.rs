@@ -13,7 +13,7 @@ pub fn csv(chart: &Chart) -> String {
         let knob = ("rendering", &point.knob);
         lines.interval(knob, "time_ms", &point.time_ms);
         lines.number(knob, "cpu_ms", point.cpu_ms, None);
-        lines.number(knob, "splat_bytes", point.splat_bytes as f64, None);
+        lines.number(knob, "scene_bytes", point.scene_bytes as f64, None);
         let Errors { max, p99, psnr_db } = point.error;
         lines.number(knob, "max_error", max, Some(point.bound.max));
         lines.number(knob, "p99_error", p99, Some(point.bound.p99));

@@ -69,8 +69,8 @@ pub struct FramePoint {
     pub time_ms: Interval,
     /// Median processor time of a frame, milliseconds; on a software device that is the work itself.
     pub cpu_ms: f64,
-    /// Bytes that a splat takes on the device.
-    pub splat_bytes: usize,
+    /// Bytes that the scene takes on the device.
+    pub scene_bytes: usize,
     /// What was measured.
     pub error: Errors,
     /// What was proven beforehand, without rounding: no pixel is farther off than its own bound, and these

@@ -11,8 +11,9 @@ const STYLE: &str = include_str!("page.css");
 const OF_FRAMES: &str = "Frames are compared with the <code>f64</code> reference that skips nothing and stops \
 nowhere, so that every cut counts as error. The bounds are proven, pixel by pixel, before a frame is drawn. \
 With C = Σ cᵢαᵢTᵢ + T·background, leaving out a set S of contributions changes a pixel by at most \
-Σ<sub>S</sub> αᵢTᵢ times the range of its colours: that is the bound of the <em>alpha cut</em> and of \
-<em>standard deviations</em>. Stopping at the transmittance t, the last splat included, costs at most t times \
+Σ<sub>S</sub> αᵢTᵢ times the range of its colours: that is the bound of the <em>alpha cut</em>, of \
+<em>standard deviations</em> and of splats that are <em>pruned</em> (those that no training view misses by more than the \
+setting; these are other views). Stopping at the transmittance t, the last splat included, costs at most t times \
 the range: the <em>stop threshold</em>. Leaving out harmonics of degree l with coefficients d<sub>l</sub> \
 changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em>, and those \
 that are <em>stored as halves</em>, where d<sub>l</sub> is what rounding takes from them; rounded rotations, scales and \
@@ -28,7 +29,9 @@ gradient of what is left out, lets more light through to what lies behind it, an
 lies before it; each has its bound, and the sum of magnitudes over the pixels, carried on by the magnitudes of the \
 projection's derivatives, bounds the gradient of every parameter: means, rotations, scales, opacities and harmonics. \
 Of the training loss itself nothing of the kind can be proven: its L1 part has a slope that jumps where a pixel \
-crosses its photograph, so that any change of the image, however small, may turn the sign of a pixel's share.";
+crosses its photograph, so that any change of the image, however small, may turn the sign of a pixel's share. \
+All sums here come in a fixed order: the engine has no backward pass with float atomics to compare with (<code>ashfall \
+bench kernels --filter yardstick</code> times the classical one).";
 
 const OF_RUNS: &str = "Whole runs, each setting with several seeds; signs are means and bars their 95 % confidence \
 intervals (Student's t). There is no proof of what training reaches: these bars are statistics.";

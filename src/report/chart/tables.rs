@@ -57,7 +57,7 @@ pub(super) fn of_frames(chart: &Chart) -> String {
         "setting",
         "ms a frame",
         "CPU ms",
-        "bytes a splat",
+        "MB",
         "largest error",
         "proven",
         "99 %",
@@ -71,7 +71,7 @@ pub(super) fn of_frames(chart: &Chart) -> String {
         row.extend([
             interval(&p.time_ms, 2),
             format!("{:.1}", p.cpu_ms),
-            p.splat_bytes.to_string(),
+            format!("{:.2}", p.scene_bytes as f64 * 1e-6),
             error(p.error.max),
             error(p.bound.max),
             error(p.error.p99),

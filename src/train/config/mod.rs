@@ -55,6 +55,9 @@ pub struct TrainConfig {
     pub sh_degree_from: [u32; 3],
     /// Weight λ of 1 − SSIM in the loss (1 − λ) L1 + λ (1 − SSIM); 0.2, 3DGS section 5.
     pub lambda_dssim: f32,
+    /// After each step that goes by that loss so many go by L1 alone, which costs less: 0 (3DGS).
+    #[serde(default)]
+    pub ssim_skipped: u32,
     /// Step sizes of the optimiser.
     pub rates: LearningRates,
     /// Constants of the optimiser.
@@ -248,6 +251,7 @@ impl TrainConfig {
             sh_degree: 3,
             sh_degree_from: [share(1_000), share(5_000), share(10_000)],
             lambda_dssim: 0.2,
+            ssim_skipped: 0,
             rates: LearningRates::default(),
             adam: AdamConfig::default(),
             refine: RefineTimes {

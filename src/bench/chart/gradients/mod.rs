@@ -59,7 +59,10 @@ impl Gradients<'_> {
             sh_degree: self.splats.sh_degree,
             cuts: Cuts::NONE,
         };
-        let savings: Vec<Savings> = settings.iter().map(|s| s.savings(self.splats)).collect();
+        let savings: Vec<Savings> = settings
+            .iter()
+            .map(|s| s.savings(self.splats, &[]))
+            .collect();
         let traced = trace(self.splats, &camera, &options, &savings);
         let white = white(&camera, &traced);
         let exact = self.exact(&camera, &options, &white, &savings);

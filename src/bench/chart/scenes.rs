@@ -1,0 +1,71 @@
+//! The scene as settings draw it: in other numbers, or without what can go.
+
+use super::frames::Frames;
+use super::settings::FrameSetting;
+use super::training;
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::parsimony::{Lens, Weigher, kept, prune};
+use crate::render::{Compatibility, Model, Precision};
+use std::rc::Rc;
+
+/// See the module. Each is made once.
+pub(super) struct Scenes<'a> {
+    gpu: &'a Gpu,
+    frames: &'a Frames<'a>,
+    weigher: Weigher,
+    /// By error: which splats go.
+    removed: Vec<(f64, Vec<bool>)>,
+    models: Vec<(Option<f64>, Precision, Rc<Model>)>,
+}
+
+impl<'a> Scenes<'a> {
+    pub(super) fn new(gpu: &'a Gpu, frames: &'a Frames<'a>) -> Result<Scenes<'a>> {
+        let lens = Lens {
+            near: frames.near,
+            background: training::BACKGROUND,
+            compatibility: Compatibility::Engine,
+        };
+        Ok(Scenes {
+            gpu,
+            frames,
+            weigher: Weigher::new(gpu, frames.splats, lens)?,
+            removed: Vec::new(),
+            models: Vec::new(),
+        })
+    }
+
+    /// Which splats a setting does not draw; empty: none.
+    pub(super) fn removed(&mut self, setting: &FrameSetting) -> Result<Vec<bool>> {
+        let Some(error) = setting.pruned else {
+            return Ok(Vec::new());
+        };
+        if let Some((_, removed)) = self.removed.iter().find(|(known, _)| *known == error) {
+            return Ok(removed.clone());
+        }
+        let views = self.frames.pruned_by;
+        let found = prune(&mut self.weigher, views, error, &mut || true)?;
+        let removed = found.map_or_else(Vec::new, |found| found.removed);
+        self.removed.push((error, removed.clone()));
+        Ok(removed)
+    }
+
+    /// The setting's model.
+    pub(super) fn model(&mut self, setting: &FrameSetting) -> Result<Rc<Model>> {
+        let key = (setting.pruned, setting.precision);
+        if let Some((.., model)) = self.models.iter().find(|(p, q, _)| (*p, *q) == key) {
+            return Ok(Rc::clone(model));
+        }
+        let removed = self.removed(setting)?;
+        let model = match removed.is_empty() {
+            true => Model::upload_as(self.gpu, self.frames.splats, setting.precision)?,
+            false => {
+                let left = kept(self.frames.splats, &removed);
+                Model::upload_as(self.gpu, &left, setting.precision)?
+            }
+        };
+        let model = Rc::new(model);
+        self.models.push((key.0, key.1, Rc::clone(&model)));
+        Ok(model)
+    }
+}
