@@ -24,8 +24,9 @@ use std::time::Instant;
 /// Asks the device whether it does what every kernel relies on (atomic and subgroup operations, exponentials over
 /// their whole range, long loops, forward progress), then draws and trains where such programs fail: degenerate
 /// scenes and cameras, numbers that are none in every parameter, pictures of 1 x 1 to 16385 x 1, needles, zoom, a
-/// near plane amid the scene, scenes far from the origin; gradients against exact ones, and everything twice. Every
-/// check states a bound and what was measured; one that fails ends the command with exit code 1.
+/// near plane amid the scene, scenes far from the origin; gradients against exact ones, and frames and steps once
+/// more, to the bit. Every check states a bound and what was measured; one that fails ends the command with exit
+/// code 1.
 ///
 /// Writes stress.html, which needs no other file: the checks, and the sweeps as curves and pictures. Without a scene
 /// it takes a built-in one.
@@ -81,7 +82,10 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     let Some(mut found) = found else {
         return Ok(Outcome::Interrupted);
     };
-    found.facts = facts(&engine, &subject, name, started);
+    // What was left out stands behind.
+    found
+        .facts
+        .splice(0..0, facts(&engine, &subject, name, started));
     let page = write(&found, &args.out, args.json.as_deref())?;
     let mut lines = found
         .failed()

@@ -92,8 +92,11 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
             worst[1] = worst[1].max(not_finite(&extreme));
             last = Some((none, extreme));
         }
-        let slots = slots.len();
-        let what = format!("NaN and ±∞ in each of {slots} slots, one splat each");
+        let place = match slots.len() {
+            1 => "its slot".into(),
+            count => format!("each of {count} slots"),
+        };
+        let what = format!("NaN and ±∞ in {place}, one splat each");
         add(
             lab,
             format!("{kind}: no number"),
@@ -101,7 +104,10 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
             worst[0],
             "pixels that changed",
         );
-        let what = format!("{} finite numbers in each of {slots} slots", EXTREME.len());
+        let what = format!(
+            "{} finite numbers in {place}, one splat each",
+            EXTREME.len()
+        );
         add(
             lab,
             format!("{kind}: extreme numbers"),
