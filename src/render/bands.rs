@@ -78,10 +78,9 @@ pub fn list_limit(kind: DeviceKind) -> u32 {
     }
 }
 
-/// Turns that all loops of one invocation take together at most: a list, and a batch for every eight of it.
+/// Turns that all loops of an invocation take together at most, as [`list_limit`] counts them.
 pub fn loop_turns(kind: DeviceKind) -> u32 {
-    let list = list_limit(kind);
-    list.saturating_add(list / 8)
+    5 * (list_limit(kind) / 8 + 1)
 }
 
 #[cfg(test)]
