@@ -26,9 +26,9 @@ setup:
 	@scripts/setup
 
 # Lesser devices: in all, 64 MiB to a binding (the tests' largest picture takes half of that), 1 GiB of memory,
-# workgroups of 64 and no subgroup operations; for tests of small pictures, 2 MiB to a binding.
+# workgroups of 64 and no subgroup operations; for tests of small pictures, 4 MiB to a binding.
 LESSER = binding=67108864,memory=1073741824,workgroup=64,subgroups=off
-LESSER_PICTURES = binding=2097152,memory=268435456,workgroup=64,subgroups=off
+LESSER_PICTURES = binding=4194304,memory=268435456,workgroup=64,subgroups=off
 
 # The suite on lesser devices. Tests of the binary take the device as it is: only tests read these limits.
 limits: setup

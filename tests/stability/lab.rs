@@ -1,9 +1,10 @@
 //! What every test here works with: one device for all of them, a renderer that stays warm, single training
 //! steps, and the form in which a measured error is reported beside its bound.
 
+use crate::machine;
 use crate::pack::Splat2d;
 use crate::scenes::Scene;
-use ashfall::gpu::{Gpu, GpuOptions};
+use ashfall::gpu::Gpu;
 use ashfall::kernels::project::{Bindings, Params, Project};
 use ashfall::reference;
 use ashfall::reference::frame::{self, bands};
@@ -37,12 +38,7 @@ pub(crate) struct Lab(&'static Shared);
 pub(crate) fn lab() -> Lab {
     static SHARED: OnceLock<Shared> = OnceLock::new();
     Lab(SHARED.get_or_init(|| {
-        let options = GpuOptions {
-            validation: true,
-            device: Some("0".into()),
-            ..GpuOptions::default()
-        };
-        let gpu = Gpu::create(&options).expect("no device to test on");
+        let gpu = Gpu::create(&machine::options()).expect("no device to test on");
         let options = RenderOptions {
             with_depth: true,
             ..RenderOptions::default()

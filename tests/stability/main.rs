@@ -34,6 +34,8 @@ mod growth;
 mod lab;
 mod lists;
 mod loss;
+#[path = "../common/device.rs"]
+mod machine;
 mod mcmc;
 mod mip;
 mod numerics;
