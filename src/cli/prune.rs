@@ -282,6 +282,12 @@ impl Figures {
                 change.nearest,
             ),
         ];
+        let [zero, one, two, three] = self.reduced.count_from_degree.map(grouped);
+        let stored = before.sh_stride() * after.len();
+        lines.push(format!(
+            "degrees 0 to 3: {zero} · {one} · {two} · {three} splats, {:.1} % of their harmonics",
+            100.0 * self.reduced.floats as f64 / stored.max(1) as f64
+        ));
         let names = [
             "test views before",
             "test views after ",

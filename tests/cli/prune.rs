@@ -69,6 +69,7 @@ fn words_say_what_went_and_nothing_is_written_unasked() {
         "splats",
         "seen by no training view",
         "largest change",
+        "degrees 0 to 3",
         "test views after",
         "no --out",
     ] {
