@@ -5,7 +5,7 @@ use crate::kernels::{afford, tally, weigh};
 use crate::layout::*;
 use crate::render::{
     Bands, Capacity, Compatibility, Forward, Model, RenderOptions, Scratch, ViewOptions,
-    isects_expected, tile_stride, view_of,
+    isects_expected, list_limit, tile_stride, view_of,
 };
 use crate::scene::{Camera, Splats};
 use crate::{Error, Result};
@@ -243,10 +243,12 @@ impl Weigher {
     /// Makes room for a view that did not fit.
     fn enlarge(&mut self, camera: &Camera, counts: &[u32]) -> Result<()> {
         if counts[COUNT_LIST_TOO_LONG as usize] != 0 {
+            let limit = list_limit(self.gpu.caps().kind);
             return Err(Error::Unsupported {
-                what: "weighing more than 40,000 splats over one tile of 8x16 pixels: this software device would \
-                       leave its loops early"
-                    .into(),
+                what: format!(
+                    "weighing more than {limit} splats over one tile of 8x16 pixels: this software device would leave \
+                     its loops early"
+                ),
             });
         }
         let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
