@@ -171,7 +171,8 @@ pub struct AdcConfig {
     pub prune_big_from: u32,
     /// Opacities are lowered every so many iterations while refining, 0: never; 3,000.
     pub opacity_reset_every: u32,
-    /// The opacity they are lowered to: 0.01.
+    /// The opacity they are lowered to: 0.05. The published 0.01 leaves no gradient to splats of which only a rim
+    /// shows: there they lie below the least alpha that is drawn.
     pub opacity_reset_value: f32,
 }
 
@@ -366,7 +367,7 @@ impl Default for AdcConfig {
             prune_radius_px: 0.0,
             prune_big_from: 3_000,
             opacity_reset_every: 3_000,
-            opacity_reset_value: 0.01,
+            opacity_reset_value: 0.05,
         }
     }
 }
