@@ -145,7 +145,11 @@ pub(super) fn frame(args: &FrameArgs) -> Result<Outcome> {
 }
 
 pub(super) fn train(args: &TrainArgs) -> Result<Outcome> {
-    let dataset = args.options.open(&args.data, true)?;
+    let mut dataset = args.options.open(&args.data, true)?;
+    let scene = args.init.as_deref().map(read_scene).transpose()?;
+    if let Some(scene) = &scene {
+        dataset.set_origin(scene.origin);
+    }
     let engine = Engine::open(&args.device)?;
     eprintln!("{}", engine.name());
     let plan = TrainPlan {
@@ -153,7 +157,7 @@ pub(super) fn train(args: &TrainArgs) -> Result<Outcome> {
         steps: args.steps,
         warm_up: args.warm_up,
         sh_degree: args.sh_degree,
-        scene: args.init.as_deref().map(read_scene).transpose()?,
+        scene,
     };
     let mut bench = engine.bench("train", args.output.options(), progress)?;
     let (growth, memory) = train::run(&mut bench, &dataset, &plan)?;
