@@ -123,18 +123,7 @@ pub fn kept(splats: &Splats, removed: &[bool]) -> Splats {
     assert_eq!(splats.len(), removed.len(), "a word on every splat");
     let stays = |i: &usize| !removed[*i];
     let indices: Vec<usize> = (0..splats.len()).filter(stays).collect();
-    let stride = splats.sh_stride();
-    let rows = indices.iter().map(|&i| &splats.sh[i * stride..][..stride]);
-    Splats {
-        mean: indices.iter().map(|&i| splats.mean[i]).collect(),
-        quaternion: indices.iter().map(|&i| splats.quaternion[i]).collect(),
-        log_scale: indices.iter().map(|&i| splats.log_scale[i]).collect(),
-        opacity_logit: indices.iter().map(|&i| splats.opacity_logit[i]).collect(),
-        sh: rows.flatten().copied().collect(),
-        sh_degree: splats.sh_degree,
-        mode: splats.mode,
-        origin: splats.origin,
-    }
+    splats.picked(&indices)
 }
 
 #[cfg(test)]

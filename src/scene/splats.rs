@@ -61,6 +61,22 @@ impl Splats {
         Splats { origin, ..self }
     }
 
+    /// The splats of these indices, in their order.
+    pub fn picked(&self, indices: &[usize]) -> Splats {
+        let stride = self.sh_stride();
+        let rows = indices.iter().map(|&i| &self.sh[i * stride..][..stride]);
+        Splats {
+            mean: indices.iter().map(|&i| self.mean[i]).collect(),
+            quaternion: indices.iter().map(|&i| self.quaternion[i]).collect(),
+            log_scale: indices.iter().map(|&i| self.log_scale[i]).collect(),
+            opacity_logit: indices.iter().map(|&i| self.opacity_logit[i]).collect(),
+            sh: rows.flatten().copied().collect(),
+            sh_degree: self.sh_degree,
+            mode: self.mode,
+            origin: self.origin,
+        }
+    }
+
     /// Floats of `sh` per splat.
     pub fn sh_stride(&self) -> usize {
         sh_coefficient_count(self.sh_degree) * 3

@@ -37,7 +37,7 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
     if lab.subject.is_made {
         // No two of these splats lie at one depth, so that their order is no matter.
         let backwards: Vec<usize> = (0..splats.len()).rev().collect();
-        let turned = lab.draw(&subject::picked(&splats, &backwards), &cameras[0], near)?;
+        let turned = lab.draw(&splats.picked(&backwards), &cameras[0], near)?;
         let changed = differing(&turned, &first[0]);
         let what = "the splats in the reverse order".into();
         add(lab, "order of splats", what, changed, "pixels that changed");

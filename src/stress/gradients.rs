@@ -132,7 +132,7 @@ fn seen(lab: &Lab<'_>, camera: &Camera) -> Pair {
         .filter(|&i| inside(&splats.mean[i]))
         .collect();
     Pair::of(lab.subject)
-        .map(|splats: &Splats| super::subject::picked(splats, &kept))
+        .map(|splats: &Splats| splats.picked(&kept))
         .thinned(SPLATS)
 }
 

@@ -123,7 +123,7 @@ impl Pair {
     fn thinned(&self, most: usize) -> Pair {
         let step = self.drawn.len().div_ceil(most).max(1);
         let some: Vec<usize> = (0..self.drawn.len()).step_by(step).collect();
-        self.map(|splats| subject::picked(splats, &some))
+        self.map(|splats| splats.picked(&some))
     }
 }
 

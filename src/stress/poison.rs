@@ -1,7 +1,7 @@
 //! Numbers that are none, or hardly, in every slot of a splat's parameters.
 
 use super::step::{Stepped, step};
-use super::{Lab, Pair, differing, still, subject};
+use super::{Lab, Pair, differing, still};
 use crate::Result;
 use crate::render::Rendered;
 use crate::report::stress::{Group, Outcome, Sweep};
@@ -59,7 +59,7 @@ fn poisoned(splats: &Splats, slots: Range<usize>, values: &[f32]) -> Splats {
     let order: Vec<usize> = (0..count)
         .chain((0..copies).map(|i| i * 7919 % count))
         .collect();
-    let mut more = subject::picked(splats, &order);
+    let mut more = splats.picked(&order);
     let all = slots.flat_map(|slot| values.iter().map(move |&value| (slot, value)));
     for (i, (slot, value)) in all.enumerate() {
         set(&mut more, count + i, slot, value);

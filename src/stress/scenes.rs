@@ -12,11 +12,9 @@ type Change = fn(&mut Splats, &Camera);
 /// Splats made alike, and what to expect.
 const SCENES: [(&str, &str, Change); 13] = [
     ("no splats", "nothing but background", |s, _| {
-        *s = subject::picked(s, &[])
+        *s = s.picked(&[])
     }),
-    ("one splat", "one alone", |s, _| {
-        *s = subject::picked(s, &[0])
-    }),
+    ("one splat", "one alone", |s, _| *s = s.picked(&[0])),
     (
         "one place",
         "all splats have one centre, so that only their index orders them",
@@ -29,7 +27,7 @@ const SCENES: [(&str, &str, Change); 13] = [
         "one splat, many times",
         "300 copies of one splat",
         |s, _| {
-            *s = subject::picked(s, &[0; 300]);
+            *s = s.picked(&[0; 300]);
         },
     ),
     (

@@ -41,7 +41,7 @@ impl Subject {
         assert!(!cameras.is_empty(), "a scene is looked at from somewhere");
         let step = splats.len().div_ceil(SPLATS_MAX).max(1);
         let some: Vec<usize> = (0..splats.len()).step_by(step).collect();
-        let splats = picked(splats, &some);
+        let splats = splats.picked(&some);
         let small = |camera: &Camera| {
             let side = camera.width.max(camera.height);
             let length = |of: u32| (of * SIDE).div_ceil(side).max(1);
@@ -120,20 +120,6 @@ pub(super) fn reference_options(splats: &Splats, near: f64) -> reference::Option
         near,
         sh_degree: splats.sh_degree,
         ..reference::Options::default()
-    }
-}
-
-/// The same splats in another order, or some of them, or some of them repeatedly.
-pub(super) fn picked(splats: &Splats, order: &[usize]) -> Splats {
-    let stride = splats.sh_stride();
-    let row = |&i: &usize| &splats.sh[i * stride..][..stride];
-    Splats {
-        mean: order.iter().map(|&i| splats.mean[i]).collect(),
-        quaternion: order.iter().map(|&i| splats.quaternion[i]).collect(),
-        log_scale: order.iter().map(|&i| splats.log_scale[i]).collect(),
-        opacity_logit: order.iter().map(|&i| splats.opacity_logit[i]).collect(),
-        sh: order.iter().flat_map(row).copied().collect(),
-        ..*splats
     }
 }
 

@@ -100,31 +100,17 @@ pub fn exactly(splats: &Splats, count: usize, seed: u64) -> Splats {
         return splats.clone();
     }
     let order = random.permutation(have);
+    let from: Vec<usize> = (0..count).map(|i| order[i % have]).collect();
+    let mut result = splats.picked(&from);
+    for i in have..count {
+        // Beside the one it is drawn from: as far as that reaches, whatever its direction.
+        let [x, y, z] = result.log_scale[i];
+        let reach = x.min(y).min(z).exp();
+        result.mean[i] = result.mean[i].map(|m| m + reach * random.normal() as f32);
+    }
     let grow = (0.5 * (have as f64 / count.max(1) as f64).ln()) as f32;
-    let stride = splats.sh_stride();
-    let mut result = Splats {
-        sh_degree: splats.sh_degree,
-        mode: splats.mode,
-        ..Splats::default()
-    };
-    for i in 0..count {
-        let from = order[i % have];
-        let log_scale = splats.log_scale[from];
-        let mut mean = splats.mean[from];
-        if i >= have {
-            // Beside the one it is drawn from: as far as that reaches, whatever its direction.
-            let reach = log_scale
-                .iter()
-                .copied()
-                .fold(f32::INFINITY, f32::min)
-                .exp();
-            mean = mean.map(|x| x + reach * random.normal() as f32);
-        }
-        result.mean.push(mean);
-        result.quaternion.push(splats.quaternion[from]);
-        result.log_scale.push(log_scale.map(|s| s + grow));
-        result.opacity_logit.push(splats.opacity_logit[from]);
-        result.sh.extend(&splats.sh[from * stride..][..stride]);
+    for log_scale in result.log_scale.iter_mut().flatten() {
+        *log_scale += grow;
     }
     result
 }
