@@ -11,6 +11,7 @@ layout(constant_id = 0) const uint WITH_DEPTH = 0;
 // The most that an alpha may be, and the least transmittance (3DGS code, forward.cu).
 layout(constant_id = 1) const float ALPHA_CAP = 0.99;
 layout(constant_id = 2) const float T_MIN = 1e-4;
+layout(constant_id = 3) const uint WITH_ENDS = 1;
 layout(local_size_x = 128) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -82,7 +83,7 @@ void composite(uint tile) {
     image[pixels + pixel] = color.g;
     image[2 * pixels + pixel] = color.b;
     image[3 * pixels + pixel] = transmittance;
-    end_from_pixel[pixel] = last;
+    if (WITH_ENDS != 0) end_from_pixel[pixel] = last;
     if (WITH_DEPTH != 0) depth[pixel] = far;
 }
 

@@ -14,6 +14,8 @@ layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = 1e-4;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
 layout(constant_id = 3) const uint WITH_DEPTH = 0;
+// 0: nobody asks where pixels ended (training does), and neither register nor memory is spent on it.
+layout(constant_id = 4) const uint WITH_ENDS = 1;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -71,7 +73,7 @@ void blend(Tile t, uint isect, Staged splat) {
         blue[q] += weight * splat.rest.x;
         if (WITH_DEPTH != 0) far[q] += weight * splat.rest.y;
         transmittance[q] *= vec4(1.0) - alpha;
-        last[q] = mix(last[q], uvec4(isect + 1), on);
+        if (WITH_ENDS != 0) last[q] = mix(last[q], uvec4(isect + 1), on);
     }
 }
 
@@ -138,7 +140,7 @@ void store_pixels(Tile t) {
             image[pixels + pixel] = green[q][r] + through * background.g;
             image[2 * pixels + pixel] = blue[q][r] + through * background.b;
             image[3 * pixels + pixel] = through;
-            end_from_pixel[pixel] = last[q][r];
+            if (WITH_ENDS != 0) end_from_pixel[pixel] = last[q][r];
             if (WITH_DEPTH != 0) depth[pixel] = far[q][r];
         }
     }

@@ -11,8 +11,8 @@ mod device;
 
 use ashfall::gpu::Gpu;
 use ashfall::render::{
-    Capacity, Model, RenderOptions, Renderer, Scratch, ViewOptions, frame_needs, isects_expected,
-    model_needs, total,
+    Capacity, Extras, Model, RenderOptions, Renderer, Scratch, ViewOptions, frame_needs,
+    isects_expected, model_needs, total,
 };
 use ashfall::scene::{Dataset, RenderMode};
 use ashfall::synth::{Kind, SynthOptions, scene};
@@ -43,17 +43,25 @@ fn peaks(gpu: &Gpu) -> BTreeMap<String, u64> {
         .collect()
 }
 
+const ALL: Extras = Extras {
+    depth: true,
+    ends: true,
+};
+
 #[test]
 fn every_buffer_of_a_frame_is_in_the_formula() {
     let gpu = device::gpu();
     // Tables as long as the splats make them, and as the pairs do.
-    for (splats, isects, with_depth) in [(70_000, 1_000, true), (10, 900_000, false), (1, 1, true)]
-    {
+    for (splats, isects, extras) in [
+        (70_000, 1_000, ALL),
+        (10, 900_000, Extras::default()),
+        (1, 1, Extras::TRAINING),
+    ] {
         let capacity = Capacity::for_image(splats, isects, 333, 77);
         gpu.reset_memory_peak();
-        let scratch = Scratch::new(&gpu, capacity, with_depth).unwrap();
+        let scratch = Scratch::new(&gpu, capacity, extras).unwrap();
         let found = peaks(&gpu);
-        let needs = frame_needs(scratch.capacity, with_depth);
+        let needs = frame_needs(scratch.capacity, extras);
         assert_eq!(
             found.keys().collect::<Vec<_>>(),
             {
@@ -244,6 +252,6 @@ fn a_renderer_that_grows_never_holds_old_and_new() {
     renderer.reserve(&model, &camera, isects).unwrap();
     let capacity = Capacity::for_image(splats.len(), isects, camera.width, camera.height);
     let frame: u64 = peaks(&gpu).values().sum();
-    let wanted = total(&frame_needs(capacity, false)) + model_needs(model.blocks).bytes;
+    let wanted = total(&frame_needs(capacity, Extras::default())) + model_needs(model.blocks).bytes;
     assert!(frame < wanted + (1 << 20), "{frame} bytes, {wanted} needed");
 }

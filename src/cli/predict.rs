@@ -3,7 +3,7 @@
 use super::output::{bytes, grouped};
 use super::train::ConfigArgs;
 use crate::render::{
-    Blocks, Capacity, Need, Purpose, frame_needs, isects_expected, model_needs, total,
+    Blocks, Capacity, Extras, Need, Purpose, frame_needs, isects_expected, model_needs, total,
 };
 use crate::scene::{Dataset, Splats};
 use crate::train::{Residency, TrainConfig, TrainSize, splats_expected};
@@ -113,7 +113,7 @@ impl Prediction {
     ) -> Prediction {
         let mut needs = vec![model_needs(Blocks::anywhere(splats, sh_degree))];
         let capacity = Capacity::for_image(splats.max(1), isects, width, height);
-        needs.extend(frame_needs(capacity, false));
+        needs.extend(frame_needs(capacity, Extras::default()));
         let essential = needs.iter().filter(|need| need.purpose.is_essential());
         Prediction {
             what: format!(

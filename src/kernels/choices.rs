@@ -3,6 +3,7 @@
 //! A choice is a pure function of what the device can do. It is argued for by a record of measurements that lies
 //! in the repository; where there is none for a class of devices, the reason says so.
 
+use super::rasterize::Extras;
 use super::*;
 use crate::gpu::{Caps, DeviceKind};
 
@@ -69,14 +70,14 @@ pub fn chosen(caps: &Caps) -> Vec<Chosen> {
         loss: loss::Loss::prefer(caps), TILED;
         loss_backward: loss_backward::LossBackward::prefer(caps), TILED;
         loss_sum: loss_sum::LossSum::prefer(caps), ALONE;
-        original: original::Original::prefer(caps, false), ORIGINAL;
+        original: original::Original::prefer(caps, Extras::default()), ORIGINAL;
         perturb: perturb::Perturb::prefer(caps), ELEMENTWISE;
         plan: plan::Plan::prefer(caps), FIXED;
         present: present::Present::prefer(caps), FIXED;
         project: project::Project::prefer(caps, 3), ELEMENTWISE;
         project_backward: project_backward::ProjectBackward::prefer(caps, 3), ELEMENTWISE;
         ranges: ranges::Ranges::prefer(caps), ELEMENTWISE;
-        rasterize: rasterize::Rasterize::prefer(caps, false), rasterize::Rasterize::why(caps);
+        rasterize: rasterize::Rasterize::prefer(caps, Extras::default()), rasterize::Rasterize::why(caps);
         rasterize_backward: rasterize_backward::RasterizeBackward::prefer(caps),
             rasterize_backward::RasterizeBackward::why(caps);
         scan_apply: scan_apply::ScanApply::prefer(caps), ELEMENTWISE;

@@ -1,6 +1,7 @@
 //! Composites the sorted splats of every tile as the code of the 3DGS paper does.
 
 pub use super::generated::original::{Bindings, Choice, Kernel, Params, Spec, Variant};
+use super::rasterize::Extras;
 use crate::Result;
 use crate::gpu::{Caps, Gpu, Groups, Recorder};
 
@@ -19,10 +20,11 @@ impl Original {
     }
 
     /// Which variant and tuning suits a device: one serves all.
-    pub fn prefer(_caps: &Caps, with_depth: bool) -> Choice {
+    pub fn prefer(_caps: &Caps, extras: Extras) -> Choice {
         Choice {
             spec: Spec {
-                with_depth: with_depth.into(),
+                with_depth: extras.depth.into(),
+                with_ends: extras.ends.into(),
                 ..Spec::default()
             },
             ..Choice::default()

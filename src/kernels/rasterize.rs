@@ -37,6 +37,23 @@ pub(super) fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
     }
 }
 
+/// What a frame leaves besides its image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extras {
+    /// Expected depth.
+    pub depth: bool,
+    /// Where each pixel ended, which gradients are found from.
+    pub ends: bool,
+}
+
+impl Extras {
+    /// What a training step needs.
+    pub const TRAINING: Extras = Extras {
+        depth: false,
+        ends: true,
+    };
+}
+
 /// The kernel, ready to record.
 #[derive(Debug)]
 pub struct Rasterize {
@@ -53,7 +70,7 @@ impl Rasterize {
 
     /// Which variant and tuning suits a device: lanes of one subgroup where it can vote and add, as many as make
     /// four pixels or more a lane.
-    pub fn prefer(caps: &Caps, with_depth: bool) -> Choice {
+    pub fn prefer(caps: &Caps, extras: Extras) -> Choice {
         let (subgroup, workgroup) = lanes(caps, Variant::Subgroup.info());
         let variant = if subgroup {
             Variant::Subgroup
@@ -64,7 +81,8 @@ impl Rasterize {
             variant,
             spec: Spec {
                 workgroup,
-                with_depth: with_depth.into(),
+                with_depth: extras.depth.into(),
+                with_ends: extras.ends.into(),
                 ..Spec::default()
             },
         }

@@ -4,7 +4,7 @@ use crate::gpu::{Buffer, Frames, Gpu, Recorder};
 use crate::kernels::{afford, tally, weigh};
 use crate::layout::*;
 use crate::render::{
-    Bands, Capacity, Compatibility, Forward, Model, RenderOptions, Scratch, ViewOptions,
+    Bands, Capacity, Compatibility, Extras, Forward, Model, RenderOptions, Scratch, ViewOptions,
     isects_expected, list_limit, tile_stride, view_of,
 };
 use crate::scene::{Camera, Splats};
@@ -88,7 +88,7 @@ impl Room {
     fn new(gpu: &Gpu, capacity: Capacity) -> Result<Room> {
         let capacity = capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(Room {
-            scratch: Scratch::new(gpu, capacity, false)?,
+            scratch: Scratch::new(gpu, capacity, Extras::default())?,
             spent: gpu.buffer("spent_from_pixel", capacity.pixels)?,
             limit: gpu.buffer("limit_from_pixel", capacity.pixels)?,
             records: gpu.buffer("loss_from_source", capacity.isects)?,

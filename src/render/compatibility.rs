@@ -4,6 +4,7 @@ use super::accuracy::Accuracy;
 use super::options::RenderOptions;
 use crate::Result;
 use crate::gpu::Gpu;
+use crate::kernels::rasterize::Extras;
 use crate::kernels::{expand, original, project, rasterize};
 
 /// Whose rules a frame is drawn by: where splats end, and where pixels do.
@@ -50,16 +51,16 @@ pub(super) enum Compositor {
 
 impl Compositor {
     /// Compiles it.
-    pub(super) fn new(gpu: &Gpu, options: &RenderOptions) -> Result<Compositor> {
-        let (caps, with_depth) = (gpu.caps(), options.with_depth);
+    pub(super) fn new(gpu: &Gpu, options: &RenderOptions, extras: Extras) -> Result<Compositor> {
+        let caps = gpu.caps();
         Ok(match options.compatibility {
             Compatibility::Engine => {
-                let choice = rasterize::Rasterize::prefer(caps, with_depth);
+                let choice = rasterize::Rasterize::prefer(caps, extras);
                 let choice = options.accuracy.of_rasterize(choice);
                 Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
             }
             Compatibility::Original => {
-                let choice = original::Original::prefer(caps, with_depth);
+                let choice = original::Original::prefer(caps, extras);
                 Compositor::Original(original::Original::new(gpu, choice)?)
             }
         })

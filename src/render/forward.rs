@@ -8,6 +8,7 @@ use super::options::RenderOptions;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use crate::Result;
 use crate::gpu::{Gpu, Groups, Recorder};
+use crate::kernels::rasterize::Extras;
 use crate::kernels::scan::{Io as ScanIo, Scan, What};
 use crate::kernels::sort::{self, Layout, Pairs, Sort};
 use crate::kernels::{compact, expand, gather, original, plan, project, ranges, rasterize};
@@ -34,29 +35,25 @@ pub struct Forward {
 const ELEMENTWISE: u32 = 64;
 
 impl Forward {
-    /// Compiles the kernels for scenes up to `sh_degree`; `with_depth`: images come with expected depth.
+    /// Compiles what training scenes up to `sh_degree` needs.
     ///
     /// # Errors
     /// [`Error::Config`] for an accuracy out of range.
-    pub fn new(
-        gpu: &Gpu,
-        sh_degree: u32,
-        with_depth: bool,
-        accuracy: &Accuracy,
-    ) -> Result<Forward> {
-        Forward::for_rendering(
-            gpu,
-            &RenderOptions {
-                sh_degree,
-                with_depth,
-                accuracy: *accuracy,
-                ..RenderOptions::default()
-            },
-        )
+    pub(crate) fn for_training(gpu: &Gpu, sh_degree: u32, accuracy: &Accuracy) -> Result<Forward> {
+        let options = RenderOptions {
+            sh_degree,
+            accuracy: *accuracy,
+            ..RenderOptions::default()
+        };
+        Forward::new(gpu, &options, Extras::TRAINING)
     }
 
     /// Compiles what a renderer with these options needs.
     pub(crate) fn for_rendering(gpu: &Gpu, options: &RenderOptions) -> Result<Forward> {
+        Forward::new(gpu, options, options.extras())
+    }
+
+    fn new(gpu: &Gpu, options: &RenderOptions, extras: Extras) -> Result<Forward> {
         let accuracy = &options.accuracy;
         accuracy.validate()?;
         let caps = gpu.caps();
@@ -77,7 +74,7 @@ impl Forward {
             gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
             expand: expand::Expand::new(gpu, listing(0).1)?,
             ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
-            compositor: Compositor::new(gpu, options)?,
+            compositor: Compositor::new(gpu, options, extras)?,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
         })

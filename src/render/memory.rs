@@ -4,6 +4,7 @@
 
 use super::blocks::Blocks;
 use super::scratch::{Capacity, DEPTH_SORT, tile_sort_widest};
+use crate::kernels::rasterize::Extras;
 use crate::layout::*;
 
 /// What a buffer's bytes are for.
@@ -82,8 +83,8 @@ pub fn model_needs(blocks: Blocks) -> Need {
     Need::new("params", Purpose::Parameters, 16, vectors)
 }
 
-/// The buffers that a frame works in: [`super::Scratch`], with expected depth or without.
-pub fn frame_needs(capacity: Capacity, with_depth: bool) -> Vec<Need> {
+/// The buffers that a frame works in: [`super::Scratch`].
+pub fn frame_needs(capacity: Capacity, extras: Extras) -> Vec<Need> {
     let Capacity {
         splats,
         isects,
@@ -126,8 +127,13 @@ pub fn frame_needs(capacity: Capacity, with_depth: bool) -> Vec<Need> {
         Need::new("sums", sorting, 4, sums),
         Need::new("range_from_tile", Pixels, 8, tiles),
         Need::new("image", Pixels, 16, pixels),
-        Need::new("depth", Pixels, 4, if with_depth { pixels } else { 1 }),
-        Need::new("end_from_pixel", Pixels, 4, pixels),
+        Need::new("depth", Pixels, 4, if extras.depth { pixels } else { 1 }),
+        Need::new(
+            "end_from_pixel",
+            Pixels,
+            4,
+            if extras.ends { pixels } else { 1 },
+        ),
     ]
 }
 

@@ -18,6 +18,7 @@ mod scratch;
 mod trail;
 mod view;
 
+pub use crate::kernels::rasterize::Extras;
 pub use accuracy::Accuracy;
 pub use bands::{Bands, list_limit, loop_turns};
 pub use blocks::{Block, Blocks};

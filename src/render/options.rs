@@ -4,6 +4,7 @@ use super::accuracy::Accuracy;
 use super::compatibility::Compatibility;
 use super::precision::Precision;
 use super::scratch::Capacity;
+use crate::kernels::rasterize::Extras;
 
 /// How a renderer is set up.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +23,16 @@ pub struct RenderOptions {
     pub precision: Precision,
     /// Whose rules frames are drawn by.
     pub compatibility: Compatibility,
+}
+
+impl RenderOptions {
+    /// What frames leave besides their images.
+    pub(crate) fn extras(&self) -> Extras {
+        Extras {
+            depth: self.with_depth,
+            ends: false,
+        }
+    }
 }
 
 impl Default for RenderOptions {

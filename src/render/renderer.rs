@@ -115,7 +115,7 @@ impl Renderer {
             gpu: gpu.clone(),
             forward: Forward::for_rendering(gpu, &options)?,
             present: presents.then(present).transpose()?,
-            scratch: Scratch::new(gpu, options.capacity, options.with_depth)?,
+            scratch: Scratch::new(gpu, options.capacity, options.extras())?,
             frames: Frames::new(gpu, 1, true)?,
             rendered: None,
             host_frames: Frames::new(gpu, options.frames_in_flight, false)?,
@@ -135,7 +135,7 @@ impl Renderer {
             // The old buffers go first, as far as no host's frame uses them: there may not be room for both.
             self.frames.release()?;
             for capacity in [Capacity::LEAST, capacity] {
-                self.scratch = Scratch::new(&self.gpu, capacity, self.options.with_depth)?;
+                self.scratch = Scratch::new(&self.gpu, capacity, self.options.extras())?;
             }
         }
         Ok(())

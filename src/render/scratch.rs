@@ -3,6 +3,7 @@
 use super::trail::Trail;
 use crate::Result;
 use crate::gpu::{Buffer, Caps, Gpu};
+use crate::kernels::rasterize::Extras;
 use crate::kernels::sort::{Layout, Pairs, Tables};
 use crate::layout::*;
 
@@ -128,8 +129,8 @@ pub(super) fn tile_sort_widest(tiles: usize) -> Layout {
 }
 
 impl Scratch {
-    /// Allocates the buffers; `with_depth`: one for expected depth too.
-    pub fn new(gpu: &Gpu, capacity: Capacity, with_depth: bool) -> Result<Scratch> {
+    /// Allocates the buffers, for images and what they come with.
+    pub fn new(gpu: &Gpu, capacity: Capacity, extras: Extras) -> Result<Scratch> {
         let capacity = capacity.within(gpu.caps(), 4);
         let Capacity {
             splats,
@@ -172,8 +173,8 @@ impl Scratch {
             },
             range_from_tile: gpu.buffer("range_from_tile", tiles)?,
             image: gpu.buffer("image", 4 * pixels)?,
-            depth: gpu.buffer("depth", if with_depth { pixels } else { 1 })?,
-            end_from_pixel: gpu.buffer("end_from_pixel", pixels)?,
+            depth: gpu.buffer("depth", if extras.depth { pixels } else { 1 })?,
+            end_from_pixel: gpu.buffer("end_from_pixel", if extras.ends { pixels } else { 1 })?,
             trail: None,
         })
     }

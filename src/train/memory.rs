@@ -8,7 +8,7 @@ use super::schedule;
 use super::trainer::{IN_FLIGHT, with_margin};
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
 use crate::render::{
-    Blocks, Capacity, Need, Purpose, frame_needs, isects_expected, model_needs, total,
+    Blocks, Capacity, Extras, Need, Purpose, frame_needs, isects_expected, model_needs, total,
 };
 use crate::scene::{Dataset, Split};
 
@@ -89,7 +89,7 @@ impl TrainSize {
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let mut needs = photo_needs(self.photos, self.splats);
         needs.extend(state_needs(self.splats, self.sh_degree));
-        needs.extend(frame_needs(capacity, false));
+        needs.extend(frame_needs(capacity, Extras::TRAINING));
         needs.extend(gradient_needs(capacity));
         needs
     }

@@ -124,7 +124,7 @@ impl<'a> Trainer<'a> {
             dataset,
             extent: dataset.extent(),
             strategy: strategy(config.strategy),
-            forward: Forward::new(gpu, config.sh_degree, false, &config.accuracy)?,
+            forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy)?,
             backward: Backward::new(gpu, &config)?,
             state: DeviceState::new(gpu, state, config.mode)?,
             gradients: Gradients::new(gpu, &scratch)?,

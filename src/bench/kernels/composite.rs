@@ -241,6 +241,11 @@ impl Input {
         }
     }
 
+    /// The image that the last run left, held against the oracle.
+    pub fn image_outputs(&self, gpu: &Gpu, composite: &Composite) -> Result<Vec<Output>> {
+        Ok(composite.outputs(&read(gpu, &self.image)?, None))
+    }
+
     /// What the last run left, held against the oracle.
     pub fn outputs(&self, gpu: &Gpu, composite: &Composite) -> Result<Vec<Output>> {
         let (image, ends) = (read(gpu, &self.image)?, read(gpu, &self.end_from_pixel)?);

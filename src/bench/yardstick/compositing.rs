@@ -8,6 +8,7 @@ use crate::bench::kernels::{Composite, Device, Gradient, Input, backward_params}
 use crate::bench::session::{Bench, Case};
 use crate::bench::trial::{Contender, device_times, host_times};
 use crate::gpu::{Frames, Gpu, Recorder};
+use crate::kernels::rasterize::Extras;
 use crate::kernels::{classical, classical_backward, rasterize, rasterize_backward};
 
 const COUNT: usize = 50_000;
@@ -46,33 +47,28 @@ fn on_host<'a>(case: Case, run: impl Fn() + 'a) -> Contender<'a> {
     }
 }
 
-/// Measures in turns and compares the first with all others, which have a name and a demand each.
+/// What is compared: one of ours, how the yardstick's name begins, and the least ratio that is demanded.
+type Demand<'a> = (&'a str, &'a str, Option<f64>);
+
+/// Measures in turns and compares as demanded.
 fn contest(
     bench: &mut Bench,
     what: &str,
     mut contenders: Vec<Contender<'_>>,
-    demands: &[(&str, Option<f64>)],
+    demands: &[Demand<'_>],
 ) -> Result<Vec<Ratio>> {
     let runs = bench.measure_in_turns(&mut contenders)?;
     let by_processor = on_processor(bench);
-    let others = contenders.iter().zip(&runs).skip(1);
-    let ratio = |(contender, times): (&Contender<'_>, &Vec<_>)| {
-        let name = contender.case.variant.as_str();
-        let demand = demands
-            .iter()
-            .find(|(yardstick, _)| name.starts_with(yardstick));
-        let pair = [
-            (contenders[0].case.variant.as_str(), runs[0].as_slice()),
-            (name, times.as_slice()),
-        ];
-        Ratio::of(
-            what,
-            pair,
-            by_processor,
-            demand.and_then(|(_, least)| *least),
-        )
+    let named = |name: &str| {
+        let mut all = contenders.iter().zip(&runs);
+        all.find(|(contender, _)| contender.case.variant.starts_with(name))
+            .map(|(contender, times)| (contender.case.variant.as_str(), times.as_slice()))
     };
-    Ok(others.map(ratio).collect())
+    let ratio = |&(ours, yardstick, least): &Demand<'_>| {
+        let pair = [named(ours)?, named(yardstick)?];
+        Some(Ratio::of(what, pair, by_processor, least))
+    };
+    Ok(demands.iter().filter_map(ratio).collect())
 }
 
 fn case(what: &str, variant: &str) -> Case {
@@ -95,17 +91,14 @@ fn planes(image: &[[f32; 4]]) -> Vec<f32> {
 
 pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let gpu = bench.gpu().clone();
-    let choice = rasterize::Rasterize::prefer(gpu.caps(), false);
-    let ours = format!(
-        "rasterize {}/{}",
-        choice.variant.name(),
-        choice.spec.workgroup
-    );
-    if !wanted(
-        bench,
-        "forward",
-        &[&ours, "classical", SCALAR, &vectorised()],
-    ) {
+    let [image_choice, choice] = [Extras::default(), Extras::TRAINING]
+        .map(|extras| rasterize::Rasterize::prefer(gpu.caps(), extras));
+    let lanes = choice.spec.workgroup;
+    // What is drawn for training says where pixels end; so do the yardsticks but the vectorised one.
+    let ours = format!("rasterize {}/{lanes}", choice.variant.name());
+    let image_ours = format!("rasterize image {}/{lanes}", choice.variant.name());
+    let names = [&ours, &image_ours, "classical", SCALAR, &vectorised()];
+    if !wanted(bench, "forward", &names) {
         return Ok(Vec::new());
     }
     let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
@@ -115,7 +108,11 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let work = engine.work();
     let case = |variant: &str| case("forward", variant).doing(work);
     let kernel = rasterize::Rasterize::new(&gpu, choice)?;
+    let image_kernel = rasterize::Rasterize::new(&gpu, image_choice)?;
     let old = classical::Classical::new(&gpu, classical::Classical::prefer(gpu.caps()))?;
+    let record = |kernel: &rasterize::Rasterize, rec: &mut Recorder<'_>| {
+        kernel.record(rec, input.rasterize(), input.params(), input.tiles());
+    };
 
     let (image, ends) = scalar::forward(&host);
     case(SCALAR).judge(&squares.outputs(&planes(&image), Some(&ends)))?;
@@ -126,8 +123,15 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
             &gpu,
             case(&ours),
             |_| {},
-            |rec| kernel.record(rec, input.rasterize(), input.params(), input.tiles()),
+            |rec| record(&kernel, rec),
             || input.outputs(&gpu, &engine),
+        )?,
+        on_device(
+            &gpu,
+            case(&image_ours),
+            |_| {},
+            |rec| record(&image_kernel, rec),
+            || input.image_outputs(&gpu, &engine),
         )?,
         on_device(
             &gpu,
@@ -140,9 +144,9 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
         on_host(case(&vectorised()), || drop(vector::forward(&host))),
     ];
     let demands = [
-        ("classical", Some(6.0)),
-        (SCALAR, Some(5.0)),
-        ("processor vectorised", NATIVE.then_some(0.75)),
+        (ours.as_str(), "classical", Some(6.0)),
+        (&ours, SCALAR, Some(5.0)),
+        (&image_ours, "processor vectorised", NATIVE.then_some(0.75)),
     ];
     contest(bench, "forward", contenders, &demands)
 }
@@ -211,6 +215,9 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     for device in [&device, &square_device] {
         gpu.run(|rec| device.upstream(rec, false))?;
     }
-    let demands = [("classical", Some(10.0)), (SCALAR, Some(4.0))];
+    let demands = [
+        (ours.as_str(), "classical", Some(10.0)),
+        (&ours, SCALAR, Some(4.0)),
+    ];
     contest(bench, "backward", contenders, &demands)
 }

@@ -4,7 +4,7 @@
 use super::Trainer;
 use crate::gpu::{Gpu, TRANSFER_BYTES};
 use crate::layout::COUNT_ISECT_WANTED;
-use crate::render::{Bands, Capacity, Scratch, Trail, frame_needs, list_limit, total};
+use crate::render::{Bands, Capacity, Extras, Scratch, Trail, frame_needs, list_limit, total};
 use crate::train::backward::Gradients;
 use crate::train::config::StrategyKind;
 use crate::train::device::DeviceState;
@@ -144,7 +144,7 @@ impl Trainer<'_> {
 /// Scratch whose counts are clean, for as many pairs at a time as one binding has room for.
 pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: Bands) -> Result<Scratch> {
     let capacity = capacity.within(gpu.caps(), RECORD_BYTES);
-    let mut scratch = Scratch::new(gpu, capacity, false)?;
+    let mut scratch = Scratch::new(gpu, capacity, Extras::TRAINING)?;
     if bands.count > 1 {
         scratch.trail = Some(Trail::new(gpu, &capacity, bands)?);
     }
@@ -154,5 +154,5 @@ pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: Bands) -> Result
 
 /// Bytes of the buffers of a step.
 fn step_bytes(capacity: Capacity) -> u64 {
-    total(&frame_needs(capacity, false)) + total(&gradient_needs(capacity))
+    total(&frame_needs(capacity, Extras::TRAINING)) + total(&gradient_needs(capacity))
 }
