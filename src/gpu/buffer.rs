@@ -64,7 +64,7 @@ impl RawBuffer {
         };
         // SAFETY: the handle was just made.
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
-        let allocation = gpu.0.allocate(name, requirements, location)?;
+        let allocation = gpu.0.allocate(name, requirements, location, true)?;
         // SAFETY: memory from our allocator, as required, bound once.
         let bound =
             unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };

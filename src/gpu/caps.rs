@@ -52,6 +52,8 @@ pub struct Caps {
     pub max_allocation: u64,
     /// Most storage buffers that one kernel binds.
     pub max_storage_buffers: u32,
+    /// Most pixels of an image's side.
+    pub max_image_side: u32,
     /// Most workgroups per dimension.
     pub max_groups: [u32; 3],
     /// Most invocations of a workgroup.
@@ -122,6 +124,7 @@ impl Caps {
             max_storage_buffers: limits
                 .max_per_stage_descriptor_storage_buffers
                 .min(limits.max_descriptor_set_storage_buffers),
+            max_image_side: limits.max_image_dimension2_d,
             max_groups: limits.max_compute_work_group_count,
             max_workgroup: limits
                 .max_compute_work_group_invocations

@@ -220,12 +220,13 @@ impl Shared {
         self.faults.as_ref().map_or(Ok(()), |f| f.use_queue(call))
     }
 
-    /// Memory for a resource of ours, counted against the limit.
+    /// Memory for a resource of ours, counted against the limit; `linear`: of a buffer, not of an image.
     pub(super) fn allocate(
         &self,
         name: &str,
         requirements: vk::MemoryRequirements,
         location: MemoryLocation,
+        linear: bool,
     ) -> Result<Allocation> {
         self.creating("vkAllocateMemory")?;
         let wanted = requirements.size;
@@ -244,7 +245,7 @@ impl Shared {
             name,
             requirements,
             location,
-            linear: true,
+            linear,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
         let mut allocator = self.allocator();

@@ -9,7 +9,7 @@
 use super::caps::Caps;
 use super::create::{GpuOptions, REQUIRED};
 use super::device::{Gpu, Parts, SharedAllocator};
-use super::image::Image;
+use super::image::{Image, WHOLE};
 use super::recorder::Recorder;
 use crate::Result;
 use crate::shader::Requirement;
@@ -138,7 +138,7 @@ pub struct ImageState {
 }
 
 /// A host's storage image to write, with its state before and after.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct HostImage {
     image: Image,
     before: ImageState,
@@ -163,6 +163,7 @@ impl HostImage {
                 image,
                 view,
                 extent,
+                own: None,
             },
             before,
             after,
@@ -178,15 +179,16 @@ impl HostImage {
 impl Recorder<'_> {
     /// Brings a host's image into the layout that kernels write in.
     pub fn acquire(&mut self, target: &HostImage) {
-        self.transition(target, target.before, KERNEL_WRITE);
+        self.transition(&target.image, target.before, KERNEL_WRITE);
     }
 
     /// Hands a host's image back in the state it asked for.
     pub fn release(&mut self, target: &HostImage) {
-        self.transition(target, KERNEL_WRITE, target.after);
+        self.transition(&target.image, KERNEL_WRITE, target.after);
     }
 
-    fn transition(&mut self, target: &HostImage, from: ImageState, to: ImageState) {
+    /// Whatever touched an image as `from` says is done before what touches it as `to` says.
+    pub(super) fn transition(&mut self, image: &Image, from: ImageState, to: ImageState) {
         let barriers = [vk::ImageMemoryBarrier2::default()
             .src_stage_mask(from.stage)
             .src_access_mask(from.access)
@@ -196,15 +198,10 @@ impl Recorder<'_> {
             .new_layout(to.layout)
             .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
             .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .image(target.image.image)
-            .subresource_range(vk::ImageSubresourceRange {
-                aspect_mask: vk::ImageAspectFlags::COLOR,
-                level_count: 1,
-                layer_count: 1,
-                ..Default::default()
-            })];
+            .image(image.image)
+            .subresource_range(WHOLE)];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: the wrapper's contract holds for image and states.
+        // SAFETY: a host's image is in the state that its wrapper's contract says, and ours in that we left it in.
         unsafe {
             self.gpu
                 .0

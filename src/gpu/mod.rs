@@ -1,4 +1,4 @@
-//! Vulkan, and nothing of splats: devices, buffers, pipelines, command recording.
+//! Vulkan, and nothing of splats: devices, buffers, images, pipelines, command recording.
 //!
 //! A [`Gpu`] is a cheap handle of a device, created here or adopted from a host. [`Frames`] hands out
 //! [`Recorder`]s; a recorder puts barriers where the declared accesses of its commands conflict, takes

@@ -153,7 +153,7 @@ impl<'a> Recorder<'a> {
         self.hazards.barrier();
     }
 
-    fn access(&mut self, accesses: &[(u64, Access)]) {
+    pub(super) fn access(&mut self, accesses: &[(u64, Access)]) {
         if self.hazards.command(accesses) {
             let stages = vk::PipelineStageFlags2::COMPUTE_SHADER
                 | vk::PipelineStageFlags2::ALL_TRANSFER
@@ -203,8 +203,11 @@ impl<'a> Recorder<'a> {
         };
         self.slot.keep(pipeline.0.clone());
         for slot in slots {
-            if let SlotKind::Buffer { raw, .. } = slot.kind {
-                self.slot.keep(raw.clone());
+            match slot.kind {
+                SlotKind::Buffer { raw, .. } => self.slot.keep(raw.clone()),
+                SlotKind::Image(image) => {
+                    image.own.iter().for_each(|own| self.slot.keep(own.clone()))
+                }
             }
         }
         let device = &self.gpu.0.device;

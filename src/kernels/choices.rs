@@ -115,6 +115,7 @@ mod tests {
             max_storage_range: 1 << 27,
             max_allocation: 1 << 30,
             max_storage_buffers: 16,
+            max_image_side: 16_384,
             max_groups: [65_535; 3],
             max_workgroup: 256,
             max_shared: 1 << 15,

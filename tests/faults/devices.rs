@@ -109,6 +109,26 @@ fn f107_memory_that_ends_at_any_creation() {
     shortages(1);
 }
 
+/// Training makes no image: those of our own are of benches and tests.
+#[test]
+fn f107_an_image_whose_memory_ends_leaks_nothing() {
+    let (gpu, faults) = faulty();
+    let before = faults.creations();
+    drop(gpu.image("picture", [9, 7]).unwrap());
+    let calls = faults.creations() - before;
+    drop(gpu);
+    for n in 1..=calls {
+        let (gpu, faults) = faulty();
+        faults.fail_creation(before + n);
+        gpu.image("picture", [9, 7])
+            .expect_err("the failure goes unnoticed");
+        assert_eq!(gpu.memory_in_use(), 0, "creation {n} failed");
+        drop(gpu);
+        assert!(faults.is_device_gone(), "creation {n} failed");
+        assert_eq!(faults.validation_messages(), [""; 0], "creation {n} failed");
+    }
+}
+
 /// The check for leaks can fail: a buffer that is never dropped keeps its device.
 #[test]
 fn f107_a_leak_is_noticed() {

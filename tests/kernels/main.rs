@@ -28,6 +28,7 @@ mod loss;
 mod pack;
 mod perturb;
 mod plan;
+mod present;
 mod project;
 mod project_backward;
 mod ranges;

@@ -91,8 +91,4 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
     ),
     ("src/reference/present.rs", "a copy: the test states it"),
     ("src/reference/tally.rs", "folds: the test states them"),
-    (
-        "tests/kernels/present.rs",
-        "writes to a host's image: tests/embed.rs is the host",
-    ),
 ];

@@ -8,6 +8,7 @@ mod composite;
 mod expand;
 mod loss;
 mod original;
+mod present;
 mod project;
 mod project_backward;
 mod sort;
@@ -40,6 +41,7 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     expand::run(bench)?;
     composite::run(bench)?;
     original::run(bench)?;
+    present::run(bench)?;
     backward::run(bench)?;
     loss::run(bench)?;
     project_backward::run(bench)?;

@@ -6,8 +6,9 @@
     reason = "a test that cannot go on may say so by panicking"
 )]
 
-#[path = "common/device.rs"]
+#[path = "../common/device.rs"]
 mod device;
+mod images;
 
 use ashfall::Error;
 use ashfall::gpu::{Buffer, Frames, Gpu, GpuOptions, Recorder, devices};
