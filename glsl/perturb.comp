@@ -12,6 +12,7 @@ layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 1, scalar) buffer ParamsBlock { vec4 params[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Index { uint splat_from_slot[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint first_splat; // number of the first splat of this dispatch, which random numbers go by
@@ -20,6 +21,7 @@ layout(push_constant, scalar) uniform Push {
     uint seed;
     uint step;
     float amplitude;  // noise scale times the learning rate of the means
+    uint indexed;     // not 0: slots are not in the order of their splats, and the index says whose they are
 } push;
 
 // PCG's output permutation on a 32-bit state: every bit of the input reaches every bit of the output.
@@ -44,14 +46,16 @@ vec3 normals_of(uint splat) {
 }
 
 void main() {
-    uint splat = global_index();
-    if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
-    vec4 mean = params[splat];
-    vec4 rotation = params[push.stride + splat];
-    vec3 scale = exp(params[2 * push.stride + splat].xyz);
+    uint slot = global_index();
+    if (slot >= push.splat_count || counts[COUNT_FAILED] != 0) return;
+    uint splat = push.first_splat + slot;
+    if (push.indexed != 0) splat = splat_from_slot[slot];
+    vec4 mean = params[slot];
+    vec4 rotation = params[push.stride + slot];
+    vec3 scale = exp(params[2 * push.stride + slot].xyz);
     mat3 axes = rotation_matrix(rotation / quaternion_length(rotation));
     float weight = sigmoid(100.0 * (0.005 - sigmoid(mean.w))) * push.amplitude;
-    vec3 local = (normals_of(push.first_splat + splat) * axes) * scale * scale;
+    vec3 local = (normals_of(splat) * axes) * scale * scale;
     mean.xyz += axes * local * weight;
-    if (is_finite(mean)) params[splat] = mean;
+    if (is_finite(mean)) params[slot] = mean;
 }

@@ -5,7 +5,7 @@
 
 // Finds each splat's ellipse, colour and depth on the screen, and how many tiles it touches.
 //
-// One invocation per splat. A splat that cannot be seen (behind the near plane, off the screen, too
+// One invocation per splat, which lies at a slot of the parameters. A splat that cannot be seen (behind the near plane, off the screen, too
 // faint, or not finite in any parameter) gets the tile count 0, and nothing reads the rest of it.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
@@ -27,10 +27,12 @@ layout(set = 0, binding = 2, scalar) writeonly buffer Shapes { vec4 shape_from_s
 layout(set = 0, binding = 3, scalar) writeonly buffer Tones { vec4 tone_from_splat[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Rests { vec2 rest_from_splat[]; };
 layout(set = 0, binding = 5, scalar) writeonly buffer TileCounts { uint tile_count_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Index { uint splat_from_slot[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint splat_count;  // splats of this dispatch
     uint stride;       // elements between two planes of parameters
+    uint indexed;      // not 0: slots are not in the order of their splats, and the index says whose they are
 } push;
 
 // A splat as it is stored, but for its harmonics.
@@ -40,17 +42,17 @@ struct Stored {
     vec4 shaping;   // log-scale and the standard deviation of the 3D smoothing filter
 };
 
-Stored stored(uint splat) {
-    vec4 mean = params[splat];
-    vec4 next = params[push.stride + splat];
-    if (PRECISION < 2) return Stored(mean, next, params[2 * push.stride + splat]);
+Stored stored(uint slot) {
+    vec4 mean = params[slot];
+    vec4 next = params[push.stride + slot];
+    if (PRECISION < 2) return Stored(mean, next, params[2 * push.stride + slot]);
     uvec4 words = floatBitsToUint(next);
     vec2 last = unpackHalf2x16(words.w);
     vec4 rotation = vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y));
     return Stored(vec4(mean.xyz, last.y), rotation, vec4(unpackHalf2x16(words.z), last.x, 0.0));
 }
 
-vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
+vec3 color_toward(uint slot, vec3 direction, inout bool sound) {
     float basis[16];
     sh_basis(SH_DEGREE, direction, basis);
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
@@ -59,7 +61,7 @@ vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
     const uint each = PRECISION == 0 ? 4 : 8;
     const uint first = PRECISION == 2 ? HALF_GEOMETRY_PLANES : GEOMETRY_PLANES;
     [[unroll]] for (uint plane = 0; plane < (terms * 3 + each - 1) / each; ++plane) {
-        vec4 four = params[(first + plane) * push.stride + splat];
+        vec4 four = params[(first + plane) * push.stride + slot];
         [[unroll]] for (uint i = 0; i < each; ++i) {
             uint k = plane * each + i;
             float value = PRECISION == 0 ? four[i % 4] : unpackHalf2x16(floatBitsToUint(four[i / 2]))[i % 2];
@@ -72,8 +74,8 @@ vec3 color_toward(uint splat, vec3 direction, inout bool sound) {
 }
 
 // Writes the splat's record and returns its number of tiles.
-uint project(uint splat) {
-    Stored own = stored(splat);
+uint project(uint slot, uint splat) {
+    Stored own = stored(slot);
     vec4 mean = own.mean, rotation = own.rotation, shaping = own.shaping;
     vec3 log_scale = shaping.xyz;
     vec3 scale = exp(log_scale);
@@ -101,7 +103,7 @@ uint project(uint splat) {
     sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
 
     float distance = vector_length(offset);
-    vec3 color = color_toward(splat, offset / distance, sound);
+    vec3 color = color_toward(slot, offset / distance, sound);
     if (!sound) return 0;
 
     vec4 shape = vec4(mean_pixel, f.slope, log_opacity);
@@ -121,7 +123,9 @@ uint project(uint splat) {
 }
 
 void main() {
-    uint splat = global_index();
-    if (splat >= push.splat_count) return;
-    tile_count_from_splat[splat] = project(splat);
+    uint slot = global_index();
+    if (slot >= push.splat_count) return;
+    uint splat = slot;
+    if (push.indexed != 0) splat = splat_from_slot[slot];
+    tile_count_from_splat[splat] = project(slot, splat);
 }

@@ -5,7 +5,7 @@
 
 // Gradient of every parameter of every splat, from the records that compositing left.
 //
-// One invocation per splat. A splat's records are contiguous and are summed in order, so that the
+// One invocation per splat, which lies at a slot of the parameters. A splat's records are contiguous and are summed in order, so that the
 // result is the same in every run. The projection is done again rather than stored. Also keeps the
 // statistics that density control reads. Where the frame took several bands, there are records of one band at a
 // time, with all records of its splats; splats of other bands are left alone.
@@ -27,6 +27,7 @@ layout(set = 0, binding = 9, scalar) readonly buffer ToneGradients { vec4 d_tone
 layout(set = 0, binding = 10, scalar) readonly buffer RestGradients { float d_rest_from_source[]; };
 layout(set = 0, binding = 11, scalar) writeonly buffer Gradients { vec4 d_params[]; };
 layout(set = 0, binding = 12, scalar) buffer Statistics { vec4 statistics[]; };
+layout(set = 0, binding = 13, scalar) readonly buffer Index { uint splat_from_slot[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint splat_count;       // splats of this dispatch
@@ -35,6 +36,7 @@ layout(push_constant, scalar) uniform Push {
     float scale_penalty;    // added to dL/d scale of every splat and axis
     float size_penalty;     // times the scale, likewise: the slope of half of it times the squared scale
     uint banded;            // not 0: a splat that is seen, but begins at NOT_LISTED, is of another band
+    uint indexed;           // not 0: slots are not in the order of their splats, and the index says whose they are
 } push;
 
 struct Gradient {
@@ -54,7 +56,7 @@ struct Seen {
 
 // Stores dL/d SH and returns dL/d direction (before the projection on the sphere's tangent). Splats that are not
 // seen take the same path, because software devices walk both sides of a branch, and stores are dear.
-vec3 harmonics_backward(uint splat, Seen seen) {
+vec3 harmonics_backward(uint slot, Seen seen) {
     vec3 direction = seen.direction;
     vec3 d_color = seen.d_color;
     float basis[16];
@@ -64,7 +66,7 @@ vec3 harmonics_backward(uint splat, Seen seen) {
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
     vec3 d_direction = vec3(0.0);
     [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
-        uint place = (GEOMETRY_PLANES + plane) * push.stride + splat;
+        uint place = (GEOMETRY_PLANES + plane) * push.stride + slot;
         vec4 coefficients = vec4(0.0);
         if (seen.any) coefficients = params[place];
         vec4 d = vec4(0.0);
@@ -146,10 +148,10 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
 
 // Adds what the image says about the geometry of a visible splat of that scale before smoothing; returns
 // dL/d mean_pixel.
-vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gradient, out Seen seen) {
+vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout Gradient gradient, out Seen seen) {
     Records records = sum_of_records(splat, tile_count);
-    vec4 mean = params[splat];
-    vec4 rotation = params[push.stride + splat];
+    vec4 mean = params[slot];
+    vec4 rotation = params[push.stride + slot];
     vec3 offset = mean.xyz - view.position;
     vec3 mean_view = view.view_from_world * offset;
     float q_length = quaternion_length(rotation);
@@ -158,7 +160,7 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
     Jacobian j = jacobian(view, mean_view);
     vec3 local_x = j.row_x * axes;
     vec3 local_y = j.row_y * axes;
-    Smoothed s = smoothed(scale, params[2 * push.stride + splat].w);
+    Smoothed s = smoothed(scale, params[2 * push.stride + slot].w);
     Footprint f = footprint(local_x * s.scale, local_y * s.scale, view.dilation);
 
     // The whitening matrix [[p, 0], [-slope q, q]], e = matrix * (pixel - mean); first and second moments
@@ -198,24 +200,26 @@ vec2 visible_backward(uint splat, uint tile_count, vec3 scale, inout Gradient gr
 }
 
 void main() {
-    uint splat = global_index();
-    if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
+    uint slot = global_index();
+    if (slot >= push.splat_count || counts[COUNT_FAILED] != 0) return;
+    uint splat = slot;
+    if (push.indexed != 0) splat = splat_from_slot[slot];
     uint tile_count = tile_count_from_splat[splat];
     if (push.banded != 0 && tile_count != 0 && source_from_splat[splat] == NOT_LISTED) return;
-    vec3 scale = exp(params[2 * push.stride + splat].xyz);
-    float opacity = sigmoid(params[splat].w);
+    vec3 scale = exp(params[2 * push.stride + slot].xyz);
+    float opacity = sigmoid(params[slot].w);
     // A splat with a number that is none is not drawn, and no penalty makes a gradient of it.
-    bool sound = is_finite(params[splat].w) && is_finite(scale);
+    bool sound = is_finite(params[slot].w) && is_finite(scale);
 
     Gradient gradient;
     gradient.mean = vec3(0.0);
-    gradient.opacity_logit = sound ? push.opacity_penalty * opacity * sigmoid(-params[splat].w) : 0.0;
+    gradient.opacity_logit = sound ? push.opacity_penalty * opacity * sigmoid(-params[slot].w) : 0.0;
     gradient.quaternion = vec4(0.0);
     gradient.log_scale = sound ? (push.scale_penalty + push.size_penalty * scale) * scale : vec3(0.0);
 
     Seen seen = Seen(false, vec3(0.0, 0.0, 1.0), 1.0, vec3(0.0));
     if (tile_count != 0) {
-        vec2 d_mean_pixel = visible_backward(splat, tile_count, scale, gradient, seen);
+        vec2 d_mean_pixel = visible_backward(slot, splat, tile_count, scale, gradient, seen);
         vec4 known = statistics[splat];
         // Half the image size turns pixels into normalised device coordinates.
         float pull = length(d_mean_pixel * 0.5 * vec2(view.size));
@@ -226,10 +230,10 @@ void main() {
         known.z = max(known.z, max(e.extent.x, e.extent.y));
         statistics[splat] = known;
     }
-    vec3 d_direction = harmonics_backward(splat, seen);
+    vec3 d_direction = harmonics_backward(slot, seen);
     vec3 along = seen.direction * dot(seen.direction, d_direction);
     if (seen.any) gradient.mean += (d_direction - along) / seen.distance;
-    d_params[splat] = vec4(gradient.mean, gradient.opacity_logit);
-    d_params[push.stride + splat] = gradient.quaternion;
-    d_params[2 * push.stride + splat] = vec4(gradient.log_scale, 0.0);
+    d_params[slot] = vec4(gradient.mean, gradient.opacity_logit);
+    d_params[push.stride + slot] = gradient.quaternion;
+    d_params[2 * push.stride + slot] = vec4(gradient.log_scale, 0.0);
 }

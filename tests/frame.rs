@@ -11,9 +11,10 @@ mod device;
 #[path = "common/scenes.rs"]
 mod scenes;
 
+use ashfall::gpu::Buffer;
 use ashfall::reference;
 use ashfall::render::{Accuracy, Model, Precision, RenderOptions, Rendered, Renderer, ViewOptions};
-use ashfall::scene::RenderMode;
+use ashfall::scene::{RenderMode, Splats};
 use scenes::Scene;
 
 /// The largest error over the pixels far from any discontinuity, the share of pixels near one, and the
@@ -160,6 +161,64 @@ fn a_scene_stored_as_halves_is_drawn_as_the_rounded_one() {
             assert!(off <= 1e-5, "degree {degree}, {precision:?}: {off:e}");
             assert!(moved > 10.0 * off, "rounding shows nowhere: {moved:e}");
         }
+    }
+}
+
+/// Splats whose harmonics end at different degrees are stored apart, and seen just as if they were not: of equal depth,
+/// too, those that come first are in front.
+#[test]
+fn frames_of_several_degrees_are_those_of_the_highest() {
+    let gpu = device::gpu();
+    for precision in [Precision::Full, Precision::HalfHarmonics, Precision::Half] {
+        let mut scene = scenes::gentle(40, 9_000, 130, 90, 3);
+        let splats = &mut scene.splats;
+        let stride = splats.sh_stride();
+        for (splat, row) in splats.sh.chunks_mut(stride).enumerate() {
+            row[[3, 48, 12, 27][splat % 4]..].fill(0.0);
+        }
+        // Pairs in one place, of different degree.
+        for splat in (0..8_000).step_by(5) {
+            splats.mean[splat + 1] = splats.mean[splat];
+        }
+        let whole = Splats {
+            // Nothing that is seen, but not zero, so that all have all.
+            sh: splats
+                .sh
+                .iter()
+                .map(|&c| if c == 0.0 { 1e-30 } else { c })
+                .collect(),
+            ..splats.clone()
+        };
+        let render = |splats: &Splats| {
+            let model = Model::upload_as(&gpu, splats, precision).unwrap();
+            let options = RenderOptions {
+                precision,
+                ..RenderOptions::default()
+            };
+            let mut renderer = Renderer::new(&gpu, options).unwrap();
+            let view = ViewOptions {
+                background: scene.options.background.map(|c| c as f32),
+                near: scene.options.near as f32,
+                mode: splats.mode,
+            };
+            let image = renderer.render(&model, &scene.camera, &view).unwrap();
+            (model, image)
+        };
+        let (model, image) = render(&scene.splats);
+        // Two thousand and some of each degree: all apart.
+        assert_eq!(model.counts, [2_250; 4]);
+        assert!(!model.splat_from_slot.is_empty());
+        let bytes: u64 = model.params.iter().map(Buffer::bytes).sum();
+        let of = |degree| 2_250 * precision.splat_bytes(degree) as u64;
+        assert_eq!(bytes, (0..4).map(of).sum::<u64>());
+        let (model, expected) = render(&whole);
+        assert_eq!(model.counts, [0, 0, 0, 9_000]);
+        assert!(model.splat_from_slot.is_empty());
+        assert!(
+            image.rgb == expected.rgb,
+            "another picture as {precision:?}"
+        );
+        assert!(image.transmittance == expected.transmittance);
     }
 }
 

@@ -194,6 +194,7 @@ fn training_takes_little_beside_what_it_cannot_do_without() {
         let size = TrainSize {
             splats,
             sh_degree: 3,
+            lower: [0; 3],
             isects: isects_expected(splats, image[0], image[1]),
             image,
             photos: Residency::of(sizes, 1.0, u64::MAX),

@@ -8,7 +8,7 @@ use super::output::{Output, bytes, grouped};
 use super::predict::PredictArgs;
 use super::train::ConfigArgs;
 use crate::Result;
-use crate::render::plane_count;
+use crate::render::{Blocks, Slots, model_needs};
 use crate::scene::{Dataset, Splats, Split};
 use clap::Args;
 use serde_json::{Value, json};
@@ -108,7 +108,8 @@ fn scene(splats: &Splats) -> (String, Value) {
         .iter()
         .filter(|&&logit| logit < FAINT_LOGIT)
         .count();
-    let size = plane_count(splats.sh_degree) as u64 * 16 * splats.len() as u64;
+    let blocks = Blocks::anywhere(Slots::of_scene(splats).counts);
+    let size = model_needs(blocks).bytes;
     let text = format!(
         "splats:      {}\nSH degree:   {}\nmode:        {:?}\nmeans:       x {:?}, y {:?}, z {:?}\n\
          faint:       {} (opacity below 1/255: never drawn)\non a device: {}",

@@ -3,7 +3,8 @@
 use super::output::{bytes, grouped};
 use super::train::ConfigArgs;
 use crate::render::{
-    Blocks, Capacity, Extras, Need, Purpose, frame_needs, isects_expected, model_needs, total,
+    Blocks, ByDegree, Capacity, Extras, Need, Purpose, Slots, frame_needs, index_needs,
+    isects_expected, model_needs, of_degree, total,
 };
 use crate::scene::{Dataset, Splats};
 use crate::train::{Residency, TrainConfig, TrainSize, splats_expected};
@@ -105,20 +106,19 @@ impl Prediction {
         }
     }
 
-    fn drawing(
-        splats: usize,
-        sh_degree: u32,
-        [width, height]: [u32; 2],
-        isects: usize,
-    ) -> Prediction {
-        let mut needs = vec![model_needs(Blocks::anywhere(splats, sh_degree))];
+    fn drawing(counts: ByDegree, [width, height]: [u32; 2], isects: usize) -> Prediction {
+        let splats: usize = counts.iter().sum();
+        let blocks = Blocks::anywhere(counts);
+        let mut needs = vec![model_needs(blocks)];
+        needs.extend(Some(index_needs(blocks)).filter(|need| need.bytes > 0));
         let capacity = Capacity::for_image(splats.max(1), isects, width, height);
         needs.extend(frame_needs(capacity, Extras::default()));
         let essential = needs.iter().filter(|need| need.purpose.is_essential());
         Prediction {
             what: format!(
-                "drawing {} splats of degree {sh_degree} at {width}×{height}",
-                grouped(splats)
+                "drawing {} splats {} at {width}×{height}",
+                grouped(splats),
+                of_degrees(counts)
             ),
             essential_bytes: essential.map(|need| need.bytes).sum(),
             needs,
@@ -241,6 +241,21 @@ impl Prediction {
     }
 }
 
+/// "of degree 3", or how many there are of which.
+fn of_degrees(counts: ByDegree) -> String {
+    let present = (0..).zip(counts).filter(|&(_, count)| count > 0);
+    let present: Vec<(u32, usize)> = present.collect();
+    match present[..] {
+        [] => "of no degree".into(),
+        [(degree, _)] => format!("of degree {degree}"),
+        _ => {
+            let of = |&(degree, count): &(u32, usize)| format!("{} of {degree}", grouped(count));
+            let parts: Vec<String> = present.iter().map(of).collect();
+            format!("of several degrees ({})", parts.join(", "))
+        }
+    }
+}
+
 impl PredictArgs {
     /// Of training on a data set.
     pub(crate) fn on_dataset(
@@ -266,11 +281,13 @@ impl PredictArgs {
             let isects = self
                 .isects
                 .unwrap_or(isects_expected(splats, width, height));
-            return Prediction::drawing(splats, config.sh_degree, [width, height], isects);
+            let counts = of_degree(splats, config.sh_degree);
+            return Prediction::drawing(counts, [width, height], isects);
         }
         let size = TrainSize {
             splats: first,
             sh_degree: config.sh_degree,
+            lower: [0; 3],
             isects: isects_expected(first, width, height),
             image: [width, height],
             photos: Residency::default(),
@@ -287,12 +304,11 @@ impl PredictArgs {
         let [width, height] = self.size.unwrap_or(SIZE);
         let count = self.splats.unwrap_or(splats.len());
         let isects = self.isects.unwrap_or(isects_expected(count, width, height));
-        Ok(Prediction::drawing(
-            count,
-            splats.sh_degree,
-            [width, height],
-            isects,
-        ))
+        let counts = match self.splats {
+            Some(count) => of_degree(count, splats.sh_degree),
+            None => Slots::of_scene(splats).counts,
+        };
+        Ok(Prediction::drawing(counts, [width, height], isects))
     }
 
     fn training(&self, mut size: TrainSize, config: &TrainConfig, limit: u64) -> Prediction {

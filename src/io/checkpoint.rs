@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 8 bytes   magic "ASHFALL\x1a"
-//! u32       version (1)
+//! u32       version (2)
 //! u32       bytes of the header
 //! u32       CRC-32 of the header
 //! …         the header: JSON { "meta": …, "sections": [{ "name", "dtype", "bytes", "crc32" }, …] }
@@ -24,7 +24,7 @@ use std::io::Write;
 use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"ASHFALL\x1a";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Headers beyond this length are refused; a trainer's has some kilobytes.
 const HEADER_BYTES_MAX: u32 = 1 << 24;

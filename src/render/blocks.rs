@@ -1,10 +1,13 @@
 //! How splats' planes of vec4 are cut into blocks, so that no binding has to reach all of them.
 //!
-//! A block is a buffer of its own with some consecutive splats' planes, one after the other. Kernels see one
-//! block at a time, and of the arrays that hold one element per splat the part that belongs to it. A scene of
-//! `SPLATS_MIN` splats or fewer is one block without anything to spare.
+//! A block is a buffer of its own with some splats' planes, one after the other. Kernels see one block at a time. All
+//! splats of a block have harmonics up to the same degree, and the block has planes for no more. Where all of a scene
+//! have, blocks hold consecutive splats, and kernels see of the arrays that hold one element per splat the part that
+//! belongs to it; else an index says whose a slot is ([`super::Slots`]). A scene of `SPLATS_MIN` splats or fewer is one
+//! block for each degree, without anything to spare.
 
-use super::model::plane_count;
+use super::precision::Precision;
+use super::slots::{ByDegree, DEGREES, of_degree};
 use crate::Result;
 use crate::gpu::{Buffer, Caps, Gpu, PART_ALIGNMENT};
 use std::ops::Range;
@@ -24,12 +27,12 @@ const REACH_LEAST: u64 = 1 << 27;
 /// Where splats' planes lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Blocks {
-    /// Splats that there is room for.
-    pub room: usize,
-    /// Splats of every block but the last; a multiple of [`PART_ALIGNMENT`].
-    pub per_block: usize,
+    /// Splats of each degree that there is room for.
+    pub room: ByDegree,
+    /// Splats of every block of a degree but its last; a multiple of [`PART_ALIGNMENT`].
+    per_block: ByDegree,
     /// Planes of vec4 that a splat takes.
-    pub planes: usize,
+    planes: ByDegree,
 }
 
 /// One block, as far as it is used.
@@ -37,7 +40,9 @@ pub struct Blocks {
 pub struct Block {
     /// Its place among the blocks.
     pub index: usize,
-    /// Its first splat.
+    /// Degree of its splats' harmonics.
+    pub degree: u32,
+    /// Slots before it: its first splat, where slots are in the order of splats.
     pub first: usize,
     /// Its splats in use.
     pub count: usize,
@@ -46,8 +51,8 @@ pub struct Block {
 }
 
 impl Block {
-    /// Its splats among all.
-    pub fn splats(&self) -> Range<usize> {
+    /// Its slots among all.
+    pub fn slots(&self) -> Range<usize> {
         self.first..self.first + self.count
     }
 
@@ -60,25 +65,31 @@ impl Block {
 impl Blocks {
     /// Blocks for `room` splats of a degree, each within the reach of one binding of the device.
     pub fn new(caps: &Caps, room: usize, sh_degree: u32) -> Blocks {
-        Blocks::of_planes(caps, room, plane_count(sh_degree))
+        Blocks::of_degrees(caps, of_degree(room, sh_degree), Precision::Full)
     }
 
-    /// The same for splats that take so many planes.
-    pub fn of_planes(caps: &Caps, room: usize, planes: usize) -> Blocks {
+    /// The same for splats of several degrees in such numbers.
+    pub fn of_degrees(caps: &Caps, room: ByDegree, precision: Precision) -> Blocks {
         let reach = caps.max_storage_range.min(caps.max_allocation);
-        Blocks::within(reach, room, planes)
+        Blocks::within(reach, room, precision)
     }
 
-    /// The same, as it is on every device.
-    pub fn anywhere(room: usize, sh_degree: u32) -> Blocks {
-        Blocks::within(REACH_LEAST, room, plane_count(sh_degree))
+    /// The same in full, as it is on every device.
+    pub fn anywhere(room: ByDegree) -> Blocks {
+        Blocks::within(REACH_LEAST, room, Precision::Full)
     }
 
-    fn within(reach: u64, room: usize, planes: usize) -> Blocks {
-        let reach = usize::try_from(reach).unwrap_or(usize::MAX) / (16 * planes);
-        let share = room.div_ceil(BLOCKS).next_multiple_of(PART_ALIGNMENT);
-        let reached = (reach / PART_ALIGNMENT * PART_ALIGNMENT).max(PART_ALIGNMENT);
-        let per_block = share.clamp(SPLATS_MIN, SPLATS_MAX).min(reached);
+    fn within(reach: u64, room: ByDegree, precision: Precision) -> Blocks {
+        let reach = usize::try_from(reach).unwrap_or(usize::MAX);
+        let all: usize = room.iter().sum();
+        let share = all.div_ceil(BLOCKS).next_multiple_of(PART_ALIGNMENT);
+        let planes = std::array::from_fn(|degree| precision.plane_count(degree as u32));
+        let per_block = planes.map(|planes: usize| {
+            let reached = reach / (16 * planes) / PART_ALIGNMENT * PART_ALIGNMENT;
+            share
+                .clamp(SPLATS_MIN, SPLATS_MAX)
+                .min(reached.max(PART_ALIGNMENT))
+        });
         Blocks {
             room,
             per_block,
@@ -86,35 +97,87 @@ impl Blocks {
         }
     }
 
-    /// Number of blocks; at least one.
-    pub fn count(&self) -> usize {
-        self.room.div_ceil(self.per_block).max(1)
+    /// Splats of all degrees that there is room for.
+    pub fn splats(&self) -> usize {
+        self.room.iter().sum()
     }
 
-    /// Elements between two planes of a block: splats that it has room for.
-    pub fn stride(&self, block: usize) -> usize {
-        let before = block * self.per_block;
-        self.room.saturating_sub(before).min(self.per_block).max(1)
+    /// Planes of vec4 that splats of a degree take.
+    pub fn planes(&self, degree: u32) -> usize {
+        self.planes[degree as usize]
     }
 
-    /// The blocks that the first `splats` splats take.
-    pub fn of(self, splats: usize) -> impl Iterator<Item = Block> {
-        assert!(splats <= self.room, "{splats} splats in {self:?}");
-        (0..splats.div_ceil(self.per_block)).map(move |index| {
-            let first = index * self.per_block;
-            Block {
-                index,
-                first,
-                count: (splats - first).min(self.per_block),
-                stride: self.stride(index),
-            }
+    /// Vec4 of all blocks.
+    pub fn vectors(&self) -> usize {
+        self.sizes().sum()
+    }
+
+    /// Vec4 of the largest block.
+    pub fn vectors_of_largest(&self) -> usize {
+        self.sizes().max().unwrap_or(0)
+    }
+
+    fn sizes(self) -> impl Iterator<Item = usize> {
+        let all = self.of(self.room);
+        all.map(move |block| block.stride * self.planes(block.degree))
+    }
+
+    /// The blocks that so many splats of each degree take, in order of degree.
+    pub fn of(self, counts: ByDegree) -> impl Iterator<Item = Block> {
+        let fits = counts.iter().zip(self.room).all(|(&n, room)| n <= room);
+        assert!(fits, "{counts:?} splats in {self:?}");
+        (0..DEGREES).flat_map(move |degree| {
+            let per_block = self.per_block[degree];
+            let blocks = |room: &[usize]| -> usize {
+                let each = room.iter().zip(self.per_block);
+                each.map(|(room, per_block)| room.div_ceil(per_block)).sum()
+            };
+            let before = blocks(&self.room[..degree]);
+            let first: usize = counts[..degree].iter().sum();
+            (0..counts[degree].div_ceil(per_block)).map(move |block| {
+                let begin = block * per_block;
+                Block {
+                    index: before + block,
+                    degree: degree as u32,
+                    first: first + begin,
+                    count: (counts[degree] - begin).min(per_block),
+                    stride: (self.room[degree] - begin).min(per_block),
+                }
+            })
         })
     }
 
     /// A buffer for each block.
     pub fn buffers(&self, gpu: &Gpu, name: &str) -> Result<Vec<Buffer<[f32; 4]>>> {
-        (0..self.count())
-            .map(|block| gpu.buffer(name, self.stride(block) * self.planes))
-            .collect()
+        self.sizes().map(|size| gpu.buffer(name, size)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_of_several_degrees_follow_one_another() {
+        let room = [70_000, 0, 3, 20_000];
+        let blocks = Blocks::anywhere(room);
+        let counts = [65_000, 0, 2, 0];
+        let (mut slots, mut used) = (0, [0; DEGREES]);
+        for block in blocks.of(counts) {
+            assert_eq!(block.first, slots);
+            slots = block.slots().end;
+            used[block.degree as usize] += block.count;
+            assert!(block.count > 0 && block.count <= block.stride);
+        }
+        assert_eq!(used, counts);
+        let all: Vec<Block> = blocks.of(room).collect();
+        assert!(all.iter().map(|block| block.index).eq(0..all.len()));
+        // Blocks are where they are, however many splats they hold.
+        for block in blocks.of(counts) {
+            let whole = all[block.index];
+            assert_eq!((block.degree, block.stride), (whole.degree, whole.stride));
+        }
+        let vectors = 70_000 * 4 + 3 * 10 + 20_000 * 15;
+        assert_eq!(blocks.vectors(), vectors);
     }
 }

@@ -135,20 +135,23 @@ impl Forward {
 
     /// Every splat to the screen, block by block.
     fn project(&self, rec: &mut Recorder<'_>, model: &Model, s: &Scratch, sh_degree: u32) {
-        for block in model.blocks.of(model.splat_count) {
-            self.project[sh_degree as usize].record(
+        for block in model.blocks.of(model.counts) {
+            let at = model.places(&block);
+            self.project[sh_degree.min(block.degree) as usize].record(
                 rec,
                 project::Bindings {
                     view: &s.view,
                     params: &model.params[block.index],
-                    shape_from_splat: &s.shape_from_splat.part(block.splats()),
-                    tone_from_splat: &s.tone_from_splat.part(block.splats()),
-                    rest_from_splat: &s.rest_from_splat.part(block.splats()),
-                    tile_count_from_splat: &s.tile_count_from_splat.part(block.splats()),
+                    shape_from_splat: &s.shape_from_splat.part(at.splats.clone()),
+                    tone_from_splat: &s.tone_from_splat.part(at.splats.clone()),
+                    rest_from_splat: &s.rest_from_splat.part(at.splats.clone()),
+                    tile_count_from_splat: &s.tile_count_from_splat.part(at.splats),
+                    splat_from_slot: &at.splat_from_slot,
                 },
                 project::Params {
                     splat_count: block.count as u32,
                     stride: block.stride as u32,
+                    indexed: at.indexed,
                 },
             );
         }

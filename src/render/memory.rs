@@ -79,8 +79,14 @@ pub fn total(needs: &[Need]) -> u64 {
 
 /// A scene's parameters: those of [`super::Model`].
 pub fn model_needs(blocks: Blocks) -> Need {
-    let vectors = blocks.room * blocks.planes;
-    Need::new("params", Purpose::Parameters, 16, vectors)
+    Need::new("params", Purpose::Parameters, 16, blocks.vectors())
+}
+
+/// And what says whose they are, where splats are of several degrees.
+pub fn index_needs(blocks: Blocks) -> Need {
+    let is_mixed = blocks.room.iter().filter(|&&room| room > 0).count() > 1;
+    let slots = if is_mixed { blocks.splats() } else { 0 };
+    Need::new("splat_from_slot", Purpose::Parameters, 4, slots)
 }
 
 /// The buffers that a frame works in: [`super::Scratch`].

@@ -1,10 +1,12 @@
 //! Splats on the device, as planes of vec4.
 
-use super::blocks::Blocks;
+use super::blocks::{Block, Blocks};
 use super::precision::Precision;
+use super::slots::{ByDegree, Slots};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::scene::{NotFinite, RenderMode, Splats};
+use std::ops::Range;
 
 /// Planes of vec4 that splats of a degree take: three of geometry, then the harmonics.
 pub const fn plane_count(sh_degree: u32) -> usize {
@@ -14,15 +16,19 @@ pub const fn plane_count(sh_degree: u32) -> usize {
 /// A scene on the device.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// `[block][plane][splat]`: mean and opacity logit; quaternion; log-scale and standard deviation of the 3D
+    /// `[block][plane][slot]`: mean and opacity logit; quaternion; log-scale and standard deviation of the 3D
     /// smoothing filter (0 but in training); spherical harmonics. As halves they take fewer planes
     /// ([`Precision`]).
     pub params: Vec<Buffer<[f32; 4]>>,
-    /// Which splats are in which block.
+    /// How many slots are in which block.
     pub blocks: Blocks,
     /// Number of splats.
     pub splat_count: usize,
-    /// Degree that `params` holds.
+    /// Of them, those that are stored with harmonics of each degree.
+    pub counts: ByDegree,
+    /// `[block][slot]`: whose the parameters are, where there are several degrees; else empty, and slots are splats.
+    pub splat_from_slot: Vec<Buffer<u32>>,
+    /// Highest degree that `params` holds.
     pub sh_degree: u32,
     /// In what numbers.
     pub precision: Precision,
@@ -34,17 +40,23 @@ pub struct Model {
 }
 
 impl Model {
-    /// Copies a scene to the device.
+    /// Copies a scene to the device, of each splat the harmonics up to the highest that are not zero, where enough
+    /// splats have no more ([`super::merge_degrees`]). Pictures are those of the whole.
     pub fn upload(gpu: &Gpu, splats: &Splats) -> Result<Model> {
         Model::upload_as(gpu, splats, Precision::Full)
     }
 
     /// Copies a scene to the device in other numbers, for renderers that are set up for them.
     pub fn upload_as(gpu: &Gpu, splats: &Splats, precision: Precision) -> Result<Model> {
-        let model = Model::reserve(gpu, splats, precision)?;
-        for block in model.blocks.of(splats.len()) {
-            let planes = precision.planes_of(splats, block.splats());
+        let slots = Slots::of_scene(splats);
+        let model = Model::reserve(gpu, splats, &slots, precision)?;
+        for block in model.blocks.of(model.counts) {
+            let splats_of_block = slots.of_block(&block);
+            let planes = precision.planes_of(splats, &splats_of_block, block.degree);
             gpu.upload(&model.params[block.index], 0, &planes)?;
+            if let Some(index) = model.splat_from_slot.get(block.index) {
+                gpu.upload(index, 0, &splats_of_block)?;
+            }
         }
         Ok(model)
     }
@@ -55,30 +67,74 @@ impl Model {
         splats: &Splats,
         precision: Precision,
     ) -> Result<Model> {
-        let model = Model::reserve(rec.gpu(), splats, precision)?;
-        for block in model.blocks.of(splats.len()) {
-            let planes = precision.planes_of(splats, block.splats());
+        let slots = Slots::of_scene(splats);
+        let model = Model::reserve(rec.gpu(), splats, &slots, precision)?;
+        for block in model.blocks.of(model.counts) {
+            let splats_of_block = slots.of_block(&block);
+            let planes = precision.planes_of(splats, &splats_of_block, block.degree);
             rec.update(&model.params[block.index], 0, &planes);
+            if let Some(index) = model.splat_from_slot.get(block.index) {
+                rec.update(index, 0, &splats_of_block);
+            }
         }
         Ok(model)
     }
 
-    fn reserve(gpu: &Gpu, splats: &Splats, precision: Precision) -> Result<Model> {
-        let planes = precision.plane_count(splats.sh_degree);
-        let blocks = Blocks::of_planes(gpu.caps(), splats.len(), planes);
+    fn reserve(gpu: &Gpu, splats: &Splats, slots: &Slots, precision: Precision) -> Result<Model> {
+        let blocks = Blocks::of_degrees(gpu.caps(), slots.counts, precision);
         Ok(Model {
             params: blocks.buffers(gpu, "params")?,
+            splat_from_slot: index_of(gpu, &blocks, slots)?,
             blocks,
             splat_count: splats.len(),
-            sh_degree: splats.sh_degree,
+            counts: slots.counts,
+            sh_degree: slots.sh_degree(),
             precision,
             mode: splats.mode,
             not_finite: splats.not_finite(),
         })
     }
+
+    /// What kernels need to know to find the splats of a block's slots.
+    pub(crate) fn places(&self, block: &Block) -> Places {
+        match self.splat_from_slot.get(block.index) {
+            Some(index) => Places {
+                splats: 0..self.splat_count,
+                splat_from_slot: index.clone(),
+                indexed: 1,
+            },
+            None => Places {
+                splats: block.slots(),
+                // Nobody reads it: any buffer does.
+                splat_from_slot: self.params[block.index].cast(),
+                indexed: 0,
+            },
+        }
+    }
+}
+
+/// Where kernels find the splats of a block's slots in arrays with one element for each splat.
+#[derive(Debug)]
+pub(crate) struct Places {
+    /// The elements that they see.
+    pub(crate) splats: Range<usize>,
+    /// Whose slots they are, among those, if that is `indexed`; else they are in order.
+    pub(crate) splat_from_slot: Buffer<u32>,
+    pub(crate) indexed: u32,
+}
+
+/// Buffers for an index by blocks; none where slots are splats.
+pub(crate) fn index_of(gpu: &Gpu, blocks: &Blocks, slots: &Slots) -> Result<Vec<Buffer<u32>>> {
+    let strides = blocks.of(blocks.room).map(|block| block.stride);
+    let buffers = strides.map(|stride| gpu.buffer("splat_from_slot", stride));
+    match slots.splat_from_slot {
+        Some(_) => buffers.collect(),
+        None => Ok(Vec::new()),
+    }
 }
 
 /// The planes of a scene, one after the other, each `splats.len()` long.
 pub fn planes_from_splats(splats: &Splats) -> Vec<[f32; 4]> {
-    Precision::Full.planes_of(splats, 0..splats.len())
+    let all: Vec<u32> = (0..splats.len() as u32).collect();
+    Precision::Full.planes_of(splats, &all, splats.sh_degree)
 }

@@ -3,7 +3,6 @@
 use crate::layout::{GEOMETRY_PLANES, HALF_GEOMETRY_PLANES};
 use crate::scene::{Splats, sh_coefficient_count};
 use half::f16;
-use std::ops::Range;
 
 /// In what numbers a scene lies on the device: halves take less memory and less of its bandwidth.
 ///
@@ -68,46 +67,41 @@ impl Precision {
         rounded
     }
 
-    /// The planes of some splats, one after the other.
-    pub(super) fn planes_of(self, splats: &Splats, range: Range<usize>) -> Vec<[f32; 4]> {
-        let mut planes = Vec::with_capacity(range.len() * self.plane_count(splats.sh_degree));
-        let mean = &splats.mean[range.clone()];
-        let logit = &splats.opacity_logit[range.clone()];
-        let quaternion = &splats.quaternion[range.clone()];
-        let log_scale = &splats.log_scale[range.clone()];
+    /// The planes of some splats, one after the other, with harmonics up to a degree that the scene has.
+    pub(super) fn planes_of(self, splats: &Splats, some: &[u32], degree: u32) -> Vec<[f32; 4]> {
+        let mut planes = Vec::with_capacity(some.len() * self.plane_count(degree));
+        let all = || some.iter().map(|&i| i as usize);
+        let (mean, logit) = (&splats.mean, &splats.opacity_logit);
+        let (quaternion, log_scale) = (&splats.quaternion, &splats.log_scale);
         if self == Precision::Half {
-            planes.extend(mean.iter().map(|m| [m[0], m[1], m[2], 0.0]));
-            let shapes = quaternion.iter().zip(log_scale).zip(logit);
-            planes.extend(shapes.map(|((q, s), &o)| {
+            planes.extend(all().map(|i| [mean[i][0], mean[i][1], mean[i][2], 0.0]));
+            planes.extend(all().map(|i| {
+                let (q, s) = (quaternion[i], log_scale[i]);
                 [
                     pair(q[0], q[1]),
                     pair(q[2], q[3]),
                     pair(s[0], s[1]),
-                    pair(s[2], o),
+                    pair(s[2], logit[i]),
                 ]
             }));
         } else {
-            planes.extend(mean.iter().zip(logit).map(|(m, &o)| [m[0], m[1], m[2], o]));
-            planes.extend_from_slice(quaternion);
-            planes.extend(log_scale.iter().map(|s| [s[0], s[1], s[2], 0.0]));
+            planes.extend(all().map(|i| [mean[i][0], mean[i][1], mean[i][2], logit[i]]));
+            planes.extend(all().map(|i| quaternion[i]));
+            planes.extend(all().map(|i| [log_scale[i][0], log_scale[i][1], log_scale[i][2], 0.0]));
         }
-        let stride = splats.sh_stride();
-        let row = |i: usize| &splats.sh[i * stride..(i + 1) * stride];
+        let (stride, numbers) = (splats.sh_stride(), 3 * sh_coefficient_count(degree));
+        let row = |i: usize| &splats.sh[i * stride..][..numbers];
         let at = |i: usize, k: usize| row(i).get(k).copied().unwrap_or(0.0);
         match self {
             Precision::Full => {
-                for start in (0..stride).step_by(4) {
-                    planes.extend(
-                        range
-                            .clone()
-                            .map(|i| [0, 1, 2, 3].map(|k| at(i, start + k))),
-                    );
+                for start in (0..numbers).step_by(4) {
+                    planes.extend(all().map(|i| [0, 1, 2, 3].map(|k| at(i, start + k))));
                 }
             }
             _ => {
-                for start in (0..stride).step_by(8) {
+                for start in (0..numbers).step_by(8) {
                     let two = |i, k| pair(at(i, start + k), at(i, start + k + 1));
-                    planes.extend(range.clone().map(|i| [0, 2, 4, 6].map(|k| two(i, k))));
+                    planes.extend(all().map(|i| [0, 2, 4, 6].map(|k| two(i, k))));
                 }
             }
         }

@@ -138,7 +138,7 @@ impl Backward {
         step: &Step<'_>,
     ) {
         self.record_loss(rec, scratch, gradients, photo, step);
-        let blocks = || state.model.blocks.of(state.model.splat_count);
+        let blocks = || state.model.blocks.of(state.model.counts);
         let Some(trail) = &scratch.trail else {
             let ends = &scratch.end_from_pixel;
             self.record_rasterize(rec, scratch, gradients, step, (0, ends));
@@ -272,8 +272,9 @@ impl Backward {
     ) {
         let penalties = schedule::penalties(step.config, step.extent);
         let count = state.model.splat_count;
-        let splats = block.splats();
-        self.project[step.sh_degree as usize].record(
+        let at = state.model.places(&block);
+        let splats = at.splats;
+        self.project[step.sh_degree.min(block.degree) as usize].record(
             rec,
             project_backward::Bindings {
                 view: &s.view,
@@ -289,6 +290,7 @@ impl Backward {
                 d_rest_from_source: &g.d_rest_from_source,
                 d_params: state.gradients(block),
                 statistics: &state.statistics.part(splats),
+                splat_from_slot: &at.splat_from_slot,
             },
             project_backward::Params {
                 splat_count: block.count as u32,
@@ -299,6 +301,7 @@ impl Backward {
                 // A sum: it is half of this times the square that has this slope.
                 size_penalty: 2.0 * penalties.size,
                 banded: s.trail.is_some().into(),
+                indexed: at.indexed,
             },
         );
         rec.timestamp("project_backward");
@@ -347,15 +350,17 @@ impl Backward {
                 correction2,
                 log_aspect_max: config.max_aspect.max(1.0).ln(),
             },
-            plane_count(step.sh_degree),
+            plane_count(step.sh_degree.min(block.degree)),
         );
         let amplitude = schedule::noise_scale(config, extent, iteration);
         if amplitude > 0.0 {
+            let at = state.model.places(&block);
             self.perturb.record(
                 rec,
                 perturb::Bindings {
                     counts: &s.counts,
                     params: &state.model.params[block.index],
+                    splat_from_slot: &at.splat_from_slot,
                 },
                 perturb::Params {
                     first_splat: block.first as u32,
@@ -364,6 +369,7 @@ impl Backward {
                     seed: (config.seed ^ (config.seed >> 32)) as u32,
                     step: iteration,
                     amplitude,
+                    indexed: at.indexed,
                 },
                 block.count,
             );

@@ -62,6 +62,7 @@ impl Checkpoint {
         });
         let [params, m, v] = [&self.state.params, &self.state.m, &self.state.v].map(flat);
         let sections = [
+            Section::new("degrees", &self.state.degrees),
             Section::new("params", &params),
             Section::new("m", &m),
             Section::new("v", &v),
@@ -96,8 +97,15 @@ impl Checkpoint {
             unflat(&numbers, plane_count(config.sh_degree), count)
                 .ok_or_else(|| fault(&format!("{name} has not {count} splats")))
         };
+        let degrees = file.read::<u8>("degrees")?;
+        let is_below = degrees.iter().all(|&d| u32::from(d) <= config.sh_degree);
+        if degrees.len() != count || !is_below {
+            let what = format!("degrees are not {count} of at most {}", config.sh_degree);
+            return Err(fault(&what));
+        }
         let state = HostState {
             sh_degree: config.sh_degree,
+            degrees,
             params: planes("params")?,
             m: planes("m")?,
             v: planes("v")?,
@@ -156,6 +164,8 @@ mod tests {
         let mut config = TrainConfig::for_iterations(100);
         config.sh_degree = sh_degree;
         let mut state = HostState::zeros(count, sh_degree);
+        let degrees = (0..=sh_degree as u8).cycle();
+        state.degrees = degrees.take(count).collect();
         let planes = state
             .params
             .iter_mut()

@@ -3,7 +3,7 @@
 use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::render::{Block, Blocks, Model, Precision};
+use crate::render::{Block, Blocks, Model, Precision, Slots, index_of, of_degree, plane_count};
 use crate::scene::RenderMode;
 
 /// Parameters, gradients and moments in planes of vec4, and the statistics density control reads.
@@ -11,6 +11,10 @@ use crate::scene::RenderMode;
 pub(crate) struct DeviceState {
     /// The parameters, as rendering takes them.
     pub(crate) model: Model,
+    /// Degree up to which the run has harmonics.
+    sh_degree: u32,
+    /// Whose slots are whose.
+    slots: Slots,
     /// Of every block where they are kept for someone to see, else of the one at hand.
     gradients: Vec<Buffer<[f32; 4]>>,
     pub(crate) moment1: Vec<Buffer<[f32; 4]>>,
@@ -23,7 +27,7 @@ impl DeviceState {
     /// a vec4 for every splat, and parameters with their moments within its memory.
     pub(crate) fn splat_limit(gpu: &Gpu, sh_degree: u32) -> usize {
         let range = gpu.caps().max_storage_range.min(gpu.caps().max_allocation);
-        let planes = Blocks::new(gpu.caps(), 1, sh_degree).planes as u64;
+        let planes = plane_count(sh_degree) as u64;
         let by_binding = range / 16;
         let by_memory = gpu.memory_limit() / (3 * 16 * planes);
         usize::try_from(by_binding.min(by_memory)).unwrap_or(usize::MAX)
@@ -32,22 +36,30 @@ impl DeviceState {
     /// Allocates for `state.len()` splats, no more: sizes change seldom, and room for growth would be paid for
     /// five times. Copies them there, to be drawn in `mode`; statistics start at 0.
     pub(crate) fn new(gpu: &Gpu, state: &HostState, mode: RenderMode) -> Result<DeviceState> {
-        let room = state.len().max(1);
-        let blocks = Blocks::new(gpu.caps(), room, state.sh_degree);
+        let slots = Slots::of(&state.degrees);
+        let room = match state.is_empty() {
+            true => of_degree(1, state.sh_degree),
+            false => slots.counts,
+        };
+        let blocks = Blocks::of_degrees(gpu.caps(), room, Precision::Full);
         let mut device = DeviceState {
             model: Model {
                 params: blocks.buffers(gpu, "params")?,
+                splat_from_slot: index_of(gpu, &blocks, &slots)?,
                 blocks,
                 splat_count: 0,
+                counts: Default::default(),
                 sh_degree: state.sh_degree,
                 precision: Precision::Full,
                 mode,
                 not_finite: None,
             },
-            gradients: vec![gpu.buffer("gradients", blocks.stride(0) * blocks.planes)?],
+            sh_degree: state.sh_degree,
+            slots,
+            gradients: vec![gpu.buffer("gradients", blocks.vectors_of_largest())?],
             moment1: blocks.buffers(gpu, "moment1")?,
             moment2: blocks.buffers(gpu, "moment2")?,
-            statistics: gpu.buffer("statistics", room)?,
+            statistics: gpu.buffer("statistics", blocks.splats())?,
         };
         device.fill(gpu, state)?;
         Ok(device)
@@ -64,35 +76,49 @@ impl DeviceState {
         Ok(())
     }
 
-    /// Whether there is room for so many splats.
+    /// Whether there is room for splats of such degrees.
     pub(crate) fn fits(&self, state: &HostState) -> bool {
-        state.len() <= self.model.blocks.room
+        let slots = Slots::of(&state.degrees);
+        let mut rooms = slots.counts.iter().zip(self.model.blocks.room);
+        let has_index = !self.model.splat_from_slot.is_empty();
+        rooms.all(|(&count, room)| count <= room) && (has_index || slots.splat_from_slot.is_none())
     }
 
     /// Takes over a state that fits; statistics start at 0.
     pub(crate) fn fill(&mut self, gpu: &Gpu, state: &HostState) -> Result<()> {
+        self.slots = Slots::of(&state.degrees);
         self.model.splat_count = state.len();
-        for block in self.model.blocks.of(state.len()) {
+        self.model.counts = self.slots.counts;
+        for block in self.model.blocks.of(self.slots.counts) {
+            let splats = self.slots.of_block(&block);
+            if let Some(index) = self.model.splat_from_slot.get(block.index) {
+                gpu.upload(index, 0, &splats)?;
+            }
             for (buffers, planes) in [
                 (&self.model.params, &state.params),
                 (&self.moment1, &state.m),
                 (&self.moment2, &state.v),
             ] {
-                for (i, plane) in planes.iter().enumerate() {
-                    let at = block.plane(i).start;
-                    gpu.upload(&buffers[block.index], at, &plane[block.splats()])?;
+                for (i, plane) in planes[..plane_count(block.degree)].iter().enumerate() {
+                    let rows: Vec<[f32; 4]> = splats.iter().map(|&s| plane[s as usize]).collect();
+                    gpu.upload(&buffers[block.index], block.plane(i).start, &rows)?;
                 }
             }
         }
         gpu.run(|rec| rec.fill(&self.statistics, 0))
     }
 
+    /// Planes up to the run's degree; zeros for what splats have not.
     fn planes(&self, gpu: &Gpu, buffers: &[Buffer<[f32; 4]>]) -> Result<Planes> {
-        let (blocks, count) = (self.model.blocks, self.model.splat_count);
-        let mut planes = vec![Vec::with_capacity(count); blocks.planes];
-        for block in blocks.of(count) {
-            for (i, plane) in planes.iter_mut().enumerate() {
-                plane.extend(gpu.download(&buffers[block.index], block.plane(i))?);
+        let count = self.model.splat_count;
+        let mut planes = vec![vec![[0.0; 4]; count]; plane_count(self.sh_degree)];
+        for block in self.model.blocks.of(self.slots.counts) {
+            let splats = self.slots.of_block(&block);
+            let stored = planes.iter_mut().take(plane_count(block.degree));
+            for (i, plane) in stored.enumerate() {
+                let rows = gpu.download(&buffers[block.index], block.plane(i))?;
+                let rows = splats.iter().zip(rows);
+                rows.for_each(|(&splat, row)| plane[splat as usize] = row);
             }
         }
         Ok(planes)
@@ -100,19 +126,31 @@ impl DeviceState {
 
     /// Copies parameters and moments to the host.
     pub(crate) fn download(&self, gpu: &Gpu) -> Result<HostState> {
+        let mut degrees = vec![0; self.model.splat_count];
+        for block in self.model.blocks.of(self.slots.counts) {
+            for splat in self.slots.of_block(&block) {
+                degrees[splat as usize] = block.degree as u8;
+            }
+        }
         Ok(HostState {
-            sh_degree: self.model.sh_degree,
+            sh_degree: self.sh_degree,
+            degrees,
             params: self.planes(gpu, &self.model.params)?,
             m: self.planes(gpu, &self.moment1)?,
             v: self.planes(gpu, &self.moment2)?,
         })
     }
 
+    /// The splat of a slot.
+    pub(crate) fn splat(&self, slot: usize) -> usize {
+        self.slots.splat(slot)
+    }
+
     /// Copies the last step's gradients to the host, which must have been kept.
     pub(crate) fn download_gradients(&self, gpu: &Gpu) -> Result<Planes> {
         assert_eq!(
             self.gradients.len(),
-            self.model.blocks.count(),
+            self.model.params.len(),
             "gradients were not kept"
         );
         self.planes(gpu, &self.gradients)

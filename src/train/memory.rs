@@ -8,7 +8,8 @@ use super::schedule;
 use super::trainer::{IN_FLIGHT, with_margin};
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
 use crate::render::{
-    Blocks, Capacity, Extras, Need, Purpose, frame_needs, isects_expected, model_needs, total,
+    Blocks, ByDegree, Capacity, Extras, Need, Purpose, frame_needs, index_needs, isects_expected,
+    model_needs, of_degree, total,
 };
 use crate::scene::{Dataset, Split};
 
@@ -19,6 +20,8 @@ pub struct TrainSize {
     pub splats: usize,
     /// Highest spherical-harmonic degree.
     pub sh_degree: u32,
+    /// Splats among them of the degrees below it: of degree 0, 1 and 2.
+    pub lower: [usize; 3],
     /// (Splat, tile) pairs of a frame, at most.
     pub isects: usize,
     /// Width and height of the largest photograph, pixels.
@@ -46,10 +49,21 @@ impl TrainSize {
         TrainSize {
             splats,
             sh_degree: config.sh_degree,
+            lower: [0; 3],
             isects: isects_expected(splats, image[0], image[1]),
             image,
             photos: Residency::of(sizes, config.photo_share, memory_limit),
         }
+    }
+
+    /// The splats of each degree.
+    pub fn counts(&self) -> ByDegree {
+        let mut counts = of_degree(self.splats, self.sh_degree);
+        for (degree, lower) in self.lower.into_iter().enumerate() {
+            counts[self.sh_degree as usize] -= lower;
+            counts[degree] += lower;
+        }
+        counts
     }
 
     /// The buffers with which such a run trains, and their bytes, in the order in which a step meets them.
@@ -69,6 +83,7 @@ impl TrainSize {
         let at = |splats: usize| TrainSize {
             splats,
             isects: isects_expected(splats, width, height),
+            lower: self.lower.map(|of| of * splats / self.splats.max(1)),
             ..*self
         };
         let step = (self.splats / 10).max(1_000);
@@ -88,7 +103,7 @@ impl TrainSize {
         let [width, height] = self.image;
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let mut needs = photo_needs(self.photos, self.splats);
-        needs.extend(state_needs(self.splats, self.sh_degree));
+        needs.extend(state_needs(self.counts()));
         needs.extend(frame_needs(capacity, Extras::TRAINING));
         needs.extend(gradient_needs(capacity));
         needs
@@ -112,22 +127,27 @@ fn photo_needs(photos: Residency, splats: usize) -> Vec<Need> {
     ]
 }
 
-/// Parameters and moments of `splats` splats, and the gradients of a block of them.
-pub(crate) fn state_needs(splats: usize, sh_degree: u32) -> Vec<Need> {
-    let blocks = Blocks::anywhere(splats, sh_degree);
+/// Parameters and moments of so many splats of each degree, and the gradients of a block of them.
+pub(crate) fn state_needs(room: ByDegree) -> Vec<Need> {
+    let blocks = Blocks::anywhere(room);
     let params = model_needs(blocks);
     let moment = |name| Need {
         name,
         purpose: Purpose::Moments,
         ..params
     };
-    let of_block = blocks.stride(0) * blocks.planes;
     vec![
         params,
+        index_needs(blocks),
         moment("moment1"),
         moment("moment2"),
-        Need::new("gradients", Purpose::Gradients, 16, of_block),
-        Need::new("statistics", Purpose::Gradients, 16, splats),
+        Need::new(
+            "gradients",
+            Purpose::Gradients,
+            16,
+            blocks.vectors_of_largest(),
+        ),
+        Need::new("statistics", Purpose::Gradients, 16, blocks.splats()),
     ]
 }
 

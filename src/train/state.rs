@@ -20,8 +20,10 @@ pub const SH_PLANE: usize = GEOMETRY_PLANES as usize;
 /// Parameters and Adam moments of all splats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HostState {
-    /// Highest spherical-harmonic degree stored, 0 to 3.
+    /// Highest spherical-harmonic degree that there are planes for, 0 to 3.
     pub sh_degree: u32,
+    /// The degree of every splat's own colour, no higher: what it has no degree for is zero and stays so.
+    pub degrees: Vec<u8>,
     /// Parameters.
     pub params: Planes,
     /// First moments, laid out as the parameters.
@@ -36,6 +38,7 @@ impl HostState {
         let planes = || vec![vec![[0.0; 4]; count]; plane_count(sh_degree)];
         HostState {
             sh_degree,
+            degrees: vec![sh_degree as u8; count],
             params: planes(),
             m: planes(),
             v: planes(),
@@ -61,9 +64,12 @@ impl HostState {
         state
     }
 
-    /// The parameters as splats, the smoothing filter baked into their scales and opacities.
+    /// The parameters as splats of the highest degree that any has, the smoothing filter baked into their scales and
+    /// opacities.
     pub fn to_splats(&self, mode: RenderMode) -> Splats {
-        let stride = sh_coefficient_count(self.sh_degree) * 3;
+        let highest = self.degrees.iter().max();
+        let sh_degree = highest.map_or(self.sh_degree, |&degree| u32::from(degree));
+        let stride = sh_coefficient_count(sh_degree) * 3;
         let mut sh = Vec::with_capacity(self.len() * stride);
         for i in 0..self.len() {
             let fours = self.params[SH_PLANE..].iter().flat_map(|plane| plane[i]);
@@ -80,7 +86,7 @@ impl HostState {
             log_scale,
             opacity_logit,
             sh,
-            sh_degree: self.sh_degree,
+            sh_degree,
             mode,
             ..Splats::default()
         }
@@ -106,6 +112,7 @@ impl HostState {
         };
         HostState {
             sh_degree: self.sh_degree,
+            degrees: sources.iter().map(|&s| self.degrees[s as usize]).collect(),
             params: gather(&self.params),
             m: gather(&self.m),
             v: gather(&self.v),
@@ -117,6 +124,7 @@ impl HostState {
     /// Panics if the colour degrees differ.
     pub fn append(&mut self, other: &HostState) {
         assert_eq!(self.sh_degree, other.sh_degree, "colour degrees differ");
+        self.degrees.extend_from_slice(&other.degrees);
         for (into, from) in [
             (&mut self.params, &other.params),
             (&mut self.m, &other.m),
@@ -124,6 +132,26 @@ impl HostState {
         ] {
             for (plane, rows) in into.iter_mut().zip(from) {
                 plane.extend_from_slice(rows);
+            }
+        }
+    }
+
+    /// Takes from every splat's colour what is above a degree, moments with it, for good: those bands are neither stored
+    /// on the device nor trained any more. A degree above a splat's own changes nothing.
+    ///
+    /// Panics unless there is a degree for every splat.
+    pub fn lower_degrees(&mut self, degrees: &[u8]) {
+        assert_eq!(self.len(), degrees.len(), "one degree per splat");
+        for (row, &wanted) in degrees.iter().enumerate() {
+            if wanted >= self.degrees[row] {
+                continue;
+            }
+            self.degrees[row] = wanted;
+            let kept = sh_coefficient_count(wanted.into()) * 3;
+            for planes in [&mut self.params, &mut self.m, &mut self.v] {
+                let fours = planes[SH_PLANE..].iter_mut().map(|plane| &mut plane[row]);
+                let numbers = fours.flatten().skip(kept);
+                numbers.for_each(|number| *number = 0.0);
             }
         }
     }
@@ -215,6 +243,45 @@ mod tests {
         assert!(raised.sh[60..96].iter().all(|&x| x == 0.0));
         let cut = HostState::from_splats(&low, 0).to_splats(RenderMode::Default);
         assert_eq!(cut.sh[3..6], low.sh[12..15]);
+    }
+
+    #[test]
+    fn lowered_degrees_leave_nothing_above_them() {
+        let mut state = HostState::from_splats(&splats(5, 3), 3);
+        for planes in [&mut state.m, &mut state.v] {
+            planes
+                .iter_mut()
+                .flatten()
+                .for_each(|four| *four = [7.0; 4]);
+        }
+        let before = state.clone();
+        state.lower_degrees(&[3, 2, 1, 0, 3]);
+        state.lower_degrees(&[3, 3, 3, 3, 2]);
+        assert_eq!(state.degrees, [3, 2, 1, 0, 2]);
+        for (row, &degree) in state.degrees.iter().enumerate() {
+            let kept = 3 * sh_coefficient_count(degree.into());
+            for (after, before) in [
+                (&state.params, &before.params),
+                (&state.m, &before.m),
+                (&state.v, &before.v),
+            ] {
+                let numbers = |planes: &Planes| -> Vec<f32> {
+                    planes[SH_PLANE..]
+                        .iter()
+                        .flat_map(|plane| plane[row])
+                        .collect()
+                };
+                let (after, before) = (numbers(after), numbers(before));
+                assert_eq!(after[..kept], before[..kept]);
+                assert!(after[kept..].iter().all(|&x| x == 0.0));
+            }
+        }
+        assert_eq!(state.params[..SH_PLANE], before.params[..SH_PLANE]);
+        assert_eq!(state.to_splats(RenderMode::Default).sh_degree, 3);
+        state.lower_degrees(&[1; 5]);
+        let lowered = state.to_splats(RenderMode::Default);
+        assert_eq!((lowered.sh_degree, lowered.sh.len()), (1, 5 * 12));
+        assert_eq!(state.select(&[3, 0, 3]).degrees, [0, 1, 0]);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! it; when its report arrives, buffers grow and training goes on from that very step. So results do not
 //! depend on how large buffers happened to be, and a resumed run repeats an uninterrupted one to the bit.
 
+mod degrees;
 mod halved;
 mod inspect;
 mod room;
@@ -44,7 +45,7 @@ pub struct StepReport {
     pub isect_count: usize,
     /// Groups of four parameters left alone because their gradient was not finite.
     pub poisoned: usize,
-    /// The first splat of those.
+    /// The first splat of those, as they lie on the device: lower degrees first.
     pub poisoned_first: Option<usize>,
     /// What the refinement behind the step did, if there was one.
     pub refined: Option<RefineReport>,
@@ -118,6 +119,8 @@ impl<'a> Trainer<'a> {
             })
             .fold(Capacity::LEAST, Capacity::max);
         let scratch = new_scratch(gpu, capacity, Bands::default())?;
+        let mut extremes = Extremes::default();
+        extremes.note(&state.degrees);
         let (halved, photos) = halved::begin(gpu, dataset, &views, &config, iteration)?;
         Ok(Trainer {
             gpu: gpu.clone(),
@@ -138,10 +141,7 @@ impl<'a> Trainer<'a> {
             iteration,
             pending: VecDeque::new(),
             done: VecDeque::new(),
-            extremes: Extremes {
-                splats: state.len(),
-                isects: 0,
-            },
+            extremes,
         })
     }
 
@@ -336,7 +336,7 @@ impl<'a> Trainer<'a> {
             poisoned: counts[COUNT_POISONED as usize] as usize,
             poisoned_first: match counts[COUNT_POISONED_FIRST as usize] {
                 0 => None,
-                below_top => Some((u32::MAX - below_top) as usize),
+                below_top => Some(self.state.splat((u32::MAX - below_top) as usize)),
             },
             refined: None,
         });

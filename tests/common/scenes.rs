@@ -256,3 +256,21 @@ pub const POISON: [f32; 30] = [
     -104.0,
     17.4,
 ];
+
+/// Numbers below `count`, each once, in no order that anything else has.
+pub fn shuffled(count: usize) -> Vec<u32> {
+    let random = &mut Random::new(count as u64);
+    let mut keyed: Vec<(u64, u32)> = (0..count as u32)
+        .map(|i| (random.between(0.0, 1e15) as u64, i))
+        .collect();
+    keyed.sort_unstable();
+    keyed.into_iter().map(|(_, i)| i).collect()
+}
+
+/// Planes of parameters, each in the order of an index.
+pub fn in_order(planes: &[[f32; 4]], index: &[u32]) -> Vec<[f32; 4]> {
+    planes
+        .chunks(index.len())
+        .flat_map(|plane| index.iter().map(|&splat| plane[splat as usize]))
+        .collect()
+}

@@ -7,6 +7,7 @@
     reason = "a test that cannot go on may say so by panicking"
 )]
 
+mod degrees;
 #[path = "../common/device.rs"]
 mod device;
 mod oracle;
@@ -82,12 +83,17 @@ fn step(gpu: &Gpu, scene: &Scene) -> Stepped {
 
 /// With the 3D filters of the splats, one each; none: no filter.
 fn step_smoothed(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Stepped {
-    let dataset = dataset(scene, &scene.camera);
     let mut state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
     for (row, &filter) in state.params[2].iter_mut().zip(filters) {
         row[3] = filter;
     }
-    let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), &state, BEGUN).unwrap();
+    step_from(gpu, scene, &state)
+}
+
+/// From a state of that scene's splats.
+fn step_from(gpu: &Gpu, scene: &Scene, state: &HostState) -> Stepped {
+    let dataset = dataset(scene, &scene.camera);
+    let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), state, BEGUN).unwrap();
     trainer.keep_gradients().unwrap();
     trainer.step().unwrap();
     let gradients = trainer.gradients().unwrap();

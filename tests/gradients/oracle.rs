@@ -1,13 +1,17 @@
 //! The gradient of every parameter against the exact one.
 
 use crate::scenes::{self, Scene, Trouble};
-use crate::{config, device, pack, step_smoothed};
+use crate::{config, device, pack, step_from};
 use ashfall::reference::loss::Target;
 use ashfall::reference::smoothing::unsmoothed;
 use ashfall::reference::{Options, Splat, loss_gradient};
-use ashfall::scene::{RenderMode, Splats};
+use ashfall::render::degrees_used;
+use ashfall::scene::{RenderMode, sh_coefficient_count};
 use ashfall::train::HostState;
 use ashfall::train::state::Planes;
+
+/// Numbers of a splat before its harmonics.
+const GEOMETRY: usize = 11;
 
 /// The planes and lanes of each group of parameters.
 const GROUPS: [(&str, std::ops::Range<usize>, std::ops::Range<usize>); 5] = [
@@ -65,11 +69,12 @@ fn compare(name: &str, scenes: &[Scene]) {
 }
 
 /// Scenes with the 3D filters of their splats, one each; none: no filter.
-fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
+pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
     let gpu = device::gpu();
     let mut errors: [Errors; 5] = Default::default();
     for (scene, filters) in scenes {
-        let found = step_smoothed(&gpu, scene, filters);
+        let state = state_of(scene, filters);
+        let found = step_from(&gpu, scene, &state);
         let options = Options {
             near: f64::from(found.near),
             ..scene.options
@@ -81,15 +86,19 @@ fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
             ..Target::new(camera.width as usize, &photo)
         };
         // As drawn: the filters are part of the splats, then undone in the gradient.
-        let drawn = baked(scene, filters);
+        let drawn = state.to_splats(scene.splats.mode);
         let expected = loss_gradient(&drawn, camera, &options, &target);
         let loss = (found.report.loss / expected.loss - 1.0).abs();
         assert!(loss < 1e-5, "{name}: the loss is off by {loss:e}");
-        let planes: Planes = found.gradients.clone();
+        let planes: Planes = found.gradients;
         let count = scene.splats.len();
         let mut rows = pack::gradient_rows(&expected.d_splats);
         for (i, (row, &sigma)) in rows.iter_mut().zip(filters).enumerate() {
             *row = unsmoothed(&Splat::of(&scene.splats, i), sigma.into(), row);
+        }
+        for (row, &degree) in rows.iter_mut().zip(&state.degrees) {
+            // A band that a splat has not has no gradient.
+            row[GEOMETRY + 3 * sh_coefficient_count(degree.into())..].fill(0.0);
         }
         let reference: Vec<Vec<[f64; 4]>> = pack::planes(&rows)
             .chunks(count)
@@ -110,13 +119,14 @@ fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
     }
 }
 
-/// The scene with its filters made part of the splats.
-fn baked(scene: &Scene, filters: &[f32]) -> Splats {
+/// The scene with its filters, and each splat with the harmonics that it has use for.
+fn state_of(scene: &Scene, filters: &[f32]) -> HostState {
     let mut state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
     for (row, &filter) in state.params[2].iter_mut().zip(filters) {
         row[3] = filter;
     }
-    state.to_splats(scene.splats.mode)
+    state.lower_degrees(&degrees_used(&scene.splats));
+    state
 }
 
 #[test]

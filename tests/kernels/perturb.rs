@@ -54,6 +54,7 @@ fn means_move_by_noise_of_their_splats_shape() {
                 let io = Bindings {
                     counts: &counts(&gpu, &[(COUNT_FAILED, failed)]),
                     params: &values,
+                    splat_from_slot: &buffer(&gpu, &[u32::MAX]),
                 };
                 let params = Params {
                     first_splat: FIRST,
@@ -62,6 +63,7 @@ fn means_move_by_noise_of_their_splats_shape() {
                     seed: SEED,
                     step: STEP,
                     amplitude: AMPLITUDE,
+                    indexed: 0,
                 };
                 gpu.run(|rec| kernel.record(rec, io, params, count))
                     .unwrap();
@@ -100,4 +102,36 @@ fn means_move_by_noise_of_their_splats_shape() {
         }
     }
     check.finish();
+}
+
+#[test]
+fn slots_may_lie_in_any_order() {
+    let gpu = device::gpu();
+    let kernel = Perturb::new(&gpu, Choice::default()).unwrap();
+    let scene = splats(270);
+    let planes = planes_from_splats(&scene.splats);
+    let index = scenes::shuffled(270);
+    let run = |planes: &[[f32; 4]], indexed| {
+        let values = buffer(&gpu, planes);
+        let io = Bindings {
+            counts: &counts(&gpu, &[(COUNT_FAILED, 0)]),
+            params: &values,
+            splat_from_slot: &buffer(&gpu, &index),
+        };
+        let params = Params {
+            splat_count: 270,
+            stride: 270,
+            seed: SEED,
+            step: STEP,
+            amplitude: AMPLITUDE,
+            indexed,
+            ..Params::default()
+        };
+        gpu.run(|rec| kernel.record(rec, io, params, 270)).unwrap();
+        read(&gpu, &values)[..planes.len()].to_vec()
+    };
+    let ordered = scenes::in_order(&run(&planes, 0), &index);
+    let moved = scenes::in_order(&planes, &index);
+    assert_eq!(run(&moved, 1), ordered);
+    assert_ne!(run(&moved, 0), ordered, "the order makes no difference");
 }

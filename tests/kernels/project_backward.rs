@@ -107,9 +107,24 @@ fn run(
     case: &Case,
     failed: u32,
 ) -> [Vec<f64>; 2] {
+    run_in_order(gpu, kernel, scene, case, failed, None)
+}
+
+/// The same with parameters in the order of an index.
+fn run_in_order(
+    gpu: &Gpu,
+    kernel: &ProjectBackward,
+    scene: &Scene,
+    case: &Case,
+    failed: u32,
+    index: Option<&[u32]>,
+) -> [Vec<f64>; 2] {
     let count = scene.splats.len();
     let mut planes = planes_from_splats(&scene.splats);
     pack::set_filters(&mut planes, &case.filters);
+    if let Some(index) = index {
+        planes = scenes::in_order(&planes, index);
+    }
     let gradients = unwritten::<[f32; 4]>(gpu, planes.len() + 1);
     let statistics = buffer(gpu, &vec![SEEN; count]);
     let (shapes, tones, rests) = pack::arrays(&case.records);
@@ -127,6 +142,7 @@ fn run(
         d_rest_from_source: &buffer(gpu, &case.rest),
         d_params: &gradients,
         statistics: &statistics,
+        splat_from_slot: &buffer(gpu, index.unwrap_or(&[u32::MAX])),
     };
     let params = Params {
         splat_count: count as u32,
@@ -135,6 +151,7 @@ fn run(
         scale_penalty: SCALE_PENALTY,
         size_penalty: SIZE_PENALTY,
         banded: 0,
+        indexed: index.is_some().into(),
     };
     gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
     let statistics = floats(&read(gpu, &statistics));
@@ -251,6 +268,26 @@ fn sums_become_gradients_of_parameters() {
         }
     }
     check.finish();
+}
+
+#[test]
+fn slots_may_lie_in_any_order() {
+    let gpu = device::gpu();
+    let kernel = ProjectBackward::new(&gpu, Choice::default()).unwrap();
+    let scene = scenes::hard(33, 270, 97, 129, 3);
+    let case = prepare(&scene, Vec::new());
+    let index = scenes::shuffled(270);
+    let [ordered, seen] = run(&gpu, &kernel, &scene, &case, 0);
+    let [moved, seen_too] = run_in_order(&gpu, &kernel, &scene, &case, 0, Some(&index));
+    let fours = |numbers: &[f64]| -> Vec<[f32; 4]> {
+        let (fours, _) = numbers.as_chunks::<4>();
+        fours.iter().map(|four| four.map(|x| x as f32)).collect()
+    };
+    let planes = fours(&ordered)[..15 * 270].to_vec();
+    let expected = scenes::in_order(&planes, &index);
+    assert!(fours(&moved)[..15 * 270] == expected, "not in their places");
+    assert!(planes != expected, "the order makes no difference");
+    assert_eq!(seen_too, seen);
 }
 
 #[test]

@@ -199,9 +199,9 @@ fn f104_reach_of_a_binding() {
             let (room, planes) = (700_001, plane_count(degree));
             let blocks = Blocks::new(&caps, room, degree);
             let mut next = 0;
-            for block in blocks.of(room) {
+            for block in blocks.of(blocks.room) {
                 assert_eq!(block.first, next);
-                next = block.splats().end;
+                next = block.slots().end;
                 assert!(
                     block.stride * planes * 16 <= reach as usize && block.count <= block.stride
                 );
@@ -218,7 +218,7 @@ fn f105_indices_of_32_bits() {
     (caps.max_storage_range, caps.max_allocation) = (u64::MAX, u64::MAX);
     for degree in 0..=3 {
         let blocks = Blocks::new(&caps, 400_000_000, degree);
-        for block in blocks.of(400_000_000) {
+        for block in blocks.of(blocks.room) {
             let elements = block.stride as u64 * plane_count(degree) as u64;
             assert!(
                 elements <= u64::from(u32::MAX),

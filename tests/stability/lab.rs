@@ -239,10 +239,12 @@ impl Lab {
             tone_from_splat: &tones,
             rest_from_splat: &rests,
             tile_count_from_splat: &tiles,
+            splat_from_slot: &gpu.buffer("splat_from_slot", 1).unwrap(),
         };
         let params = Params {
             splat_count: count as u32,
             stride: count as u32,
+            indexed: 0,
         };
         gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
         let shapes = gpu.download(&shapes, 0..count).unwrap();

@@ -140,6 +140,7 @@ fn perturbed(lab: &Lab, scene: &Scene, amplitude: f32, step: u32) -> Vec<[f64; 3
             .buffer_from("counts", &[0u32; COUNT_SLOTS as usize])
             .unwrap(),
         params: &params,
+        splat_from_slot: &gpu.buffer("splat_from_slot", 1).unwrap(),
     };
     let push = Params {
         first_splat: 0,
@@ -148,6 +149,7 @@ fn perturbed(lab: &Lab, scene: &Scene, amplitude: f32, step: u32) -> Vec<[f64; 3
         seed: 7,
         step,
         amplitude,
+        indexed: 0,
     };
     let kernel = Perturb::new(gpu, Perturb::prefer(gpu.caps())).unwrap();
     gpu.run(|rec| kernel.record(rec, io, push, count)).unwrap();

@@ -35,9 +35,11 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         let tone = gpu.buffer("tone_from_splat", count)?;
         let rest = gpu.buffer("rest_from_splat", count)?;
         let tiles = gpu.buffer("tile_count_from_splat", count)?;
+        let index = gpu.buffer("splat_from_slot", 1)?;
         let all = Params {
             splat_count: count as u32,
             stride: count as u32,
+            indexed: 0,
         };
         for (variant, workgroup, case) in choices {
             let spec = Spec {
@@ -53,6 +55,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
                 tone_from_splat: &tone,
                 rest_from_splat: &rest,
                 tile_count_from_splat: &tiles,
+                splat_from_slot: &index,
             };
             bench.trial(
                 &case,

@@ -51,6 +51,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
                 sh_degree: DEGREE,
             };
             let kernel = ProjectBackward::new(&gpu, Choice { variant, spec })?;
+            let index = gpu.buffer("splat_from_slot", 1)?;
             let io = Bindings {
                 view: &view,
                 counts: &counts,
@@ -65,6 +66,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
                 d_rest_from_source: &rest,
                 d_params: &d_params,
                 statistics: &statistics,
+                splat_from_slot: &index,
             };
             let all = Params {
                 splat_count: count as u32,

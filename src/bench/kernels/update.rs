@@ -175,6 +175,7 @@ fn move_about(bench: &mut Bench, count: usize) -> Result<()> {
     let before = gpu.buffer_from("before", &planes)?;
     let values = gpu.buffer("params", planes.len())?;
     let counts = counts(&gpu, &[])?;
+    let index = gpu.buffer("splat_from_slot", 1)?;
     let params = perturb::Params {
         splat_count: count as u32,
         stride: count as u32,
@@ -189,6 +190,7 @@ fn move_about(bench: &mut Bench, count: usize) -> Result<()> {
         let io = perturb::Bindings {
             counts: &counts,
             params: &values,
+            splat_from_slot: &index,
         };
         bench.trial(
             &case,

@@ -4,7 +4,9 @@
 use super::Trainer;
 use crate::gpu::{Gpu, TRANSFER_BYTES};
 use crate::layout::COUNT_ISECT_WANTED;
-use crate::render::{Bands, Capacity, Extras, Scratch, Trail, frame_needs, list_limit, total};
+use crate::render::{
+    Bands, ByDegree, Capacity, Extras, Scratch, Slots, Trail, frame_needs, list_limit, total,
+};
 use crate::train::backward::Gradients;
 use crate::train::config::StrategyKind;
 use crate::train::device::DeviceState;
@@ -17,8 +19,20 @@ use crate::{Error, Result};
 pub struct Extremes {
     /// Splats trained at one time.
     pub splats: usize,
+    /// Of them, those of each degree.
+    pub counts: ByDegree,
     /// (Splat, tile) pairs of one frame.
     pub isects: usize,
+}
+
+impl Extremes {
+    /// Takes note of the splats that are trained from now on.
+    pub(super) fn note(&mut self, degrees: &[u8]) {
+        if degrees.len() >= self.splats {
+            self.splats = degrees.len();
+            self.counts = Slots::of(degrees).counts;
+        }
+    }
 }
 
 /// Bytes that a (splat, tile) pair takes of any one array.
@@ -41,6 +55,8 @@ impl Trainer<'_> {
     pub fn size(&self) -> TrainSize {
         let (config, limit) = (&self.config, self.gpu.memory_limit());
         let mut size = TrainSize::of(self.dataset, config, limit, self.extremes.splats);
+        let (all, below) = (self.extremes.counts, config.sh_degree as usize);
+        size.lower = std::array::from_fn(|degree| if degree < below { all[degree] } else { 0 });
         if self.extremes.isects > 0 {
             size.isects = self.extremes.isects;
         }
@@ -102,7 +118,7 @@ impl Trainer<'_> {
         }
         let (before, count) = (self.state.model.splat_count, state.len());
         // The more splats, the more pairs: room for them now, since all is made anew anyway.
-        let growth = (count - before) as f64 / before.max(1) as f64;
+        let growth = count.saturating_sub(before) as f64 / before.max(1) as f64;
         let isects = (self.extremes.isects as f64 * (1.0 + 0.5 * growth)) as usize;
         let capacity = Capacity {
             splats: count,
@@ -110,11 +126,11 @@ impl Trainer<'_> {
             ..self.scratch.capacity
         };
         let (mode, sh_degree) = (self.state.model.mode, state.sh_degree);
-        let bytes =
-            |stride, capacity| total(&state_needs(stride, sh_degree)) + step_bytes(capacity);
+        let bytes = |room, capacity| total(&state_needs(room)) + step_bytes(capacity);
         let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
         let plane = (16 * count).min(TRANSFER_BYTES) as u64;
-        self.check_room(freed, bytes(count, capacity) + plane)?;
+        let counts = Slots::of(&state.degrees).counts;
+        self.check_room(freed, bytes(counts, capacity) + plane)?;
         self.frames.release()?;
         let nothing = HostState::zeros(0, sh_degree);
         self.state = DeviceState::new(&self.gpu, &nothing, mode)?;
@@ -122,7 +138,7 @@ impl Trainer<'_> {
         if self.bands.count > 1 {
             self.state.keep_gradients(&self.gpu)?;
         }
-        self.extremes.splats = self.extremes.splats.max(count);
+        self.extremes.note(&state.degrees);
         self.remake(capacity)
     }
 

@@ -133,6 +133,7 @@ impl Gradients<'_> {
         let planes = trainer.gradients()?;
         let found = HostState {
             sh_degree: self.splats.sh_degree,
+            degrees: vec![self.splats.sh_degree as u8; self.splats.len()],
             m: planes.clone(),
             v: planes.clone(),
             params: planes,

@@ -1,0 +1,183 @@
+//! Which splats lie where on the device: those with harmonics up to the same degree together.
+//!
+//! A scene's own order stays the order of everything but the parameters: slots of parameters are in order of degree, and
+//! an index says whose they are. So splats of equal depth are drawn in the same order as without, and nobody but the
+//! kernels that read parameters has to know. Scenes whose splats are all of one degree need no index.
+
+use super::blocks::Block;
+use crate::scene::{Splats, sh_coefficient_count};
+
+/// Degrees that there are: 0 to 3.
+pub const DEGREES: usize = 4;
+
+/// Something for each degree, counts above all.
+pub type ByDegree = [usize; DEGREES];
+
+/// So many splats, all of one degree.
+pub fn of_degree(splats: usize, sh_degree: u32) -> ByDegree {
+    let mut counts = ByDegree::default();
+    counts[sh_degree as usize] = splats;
+    counts
+}
+
+/// Fewest splats of a degree that are stored apart from those of the next: it takes a dispatch of its own, which costs as
+/// much as what some hundred splats save on a CPU device, some thousand on others.
+const APART_MIN: usize = 2048;
+/// And the least share of a scene, so that even dispatches of large ones are worth theirs.
+const APART_SHARE: usize = 64;
+
+/// Raises degrees where too few splats have one: fewer than 2,048, or a 64th of the scene, join those of the next degree
+/// that any has. A pure function of how many splats there are of each degree. Raised splats have zeros for what they did
+/// not have: pictures stay the same.
+pub fn merge_degrees(degrees: &mut [u8]) {
+    let apart = APART_MIN.max(degrees.len().div_ceil(APART_SHARE));
+    let mut counts = count(degrees);
+    let mut raised: [u8; DEGREES] = [0, 1, 2, 3];
+    for degree in 0..DEGREES - 1 {
+        let next = (degree + 1..DEGREES).find(|&next| counts[next] > 0);
+        let Some(next) = next.filter(|_| (1..apart).contains(&counts[degree])) else {
+            continue;
+        };
+        counts[next] += std::mem::take(&mut counts[degree]);
+        for to in raised.iter_mut().filter(|to| **to as usize == degree) {
+            *to = next as u8;
+        }
+    }
+    let raise = |degree: &mut u8| *degree = raised[*degree as usize];
+    degrees.iter_mut().for_each(raise);
+}
+
+/// The degree of every splat: the highest with a coefficient that is not zero.
+pub fn degrees_used(splats: &Splats) -> Vec<u8> {
+    let stride = splats.sh_stride();
+    let used = |row: &[f32]| {
+        let most = row.iter().rposition(|&value| value != 0.0);
+        let coefficients = most.map_or(1, |last| last / 3 + 1);
+        let holds = |&degree: &u32| sh_coefficient_count(degree) >= coefficients;
+        (0..splats.sh_degree)
+            .find(holds)
+            .unwrap_or(splats.sh_degree) as u8
+    };
+    splats.sh.chunks_exact(stride).map(used).collect()
+}
+
+fn count(degrees: &[u8]) -> ByDegree {
+    let mut counts = ByDegree::default();
+    degrees.iter().for_each(|&d| counts[d as usize] += 1);
+    counts
+}
+
+/// Which splats lie where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Slots {
+    /// Splats of each degree.
+    pub counts: ByDegree,
+    /// In order of degree, those of one degree in their own order. `None`: slots are splats.
+    pub splat_from_slot: Option<Vec<u32>>,
+}
+
+impl Slots {
+    /// Of splats of these degrees, 0 to 3.
+    pub fn of(degrees: &[u8]) -> Slots {
+        let counts = count(degrees);
+        let is_mixed = counts.iter().filter(|&&count| count > 0).count() > 1;
+        let index = || {
+            let of = |wanted| (0..).zip(degrees).filter(move |&(_, &d)| d == wanted);
+            let slots = (0..DEGREES as u8).flat_map(of);
+            slots.map(|(splat, _)| splat).collect()
+        };
+        Slots {
+            counts,
+            splat_from_slot: is_mixed.then(index),
+        }
+    }
+
+    /// How a scene is stored: each splat with the degree that it uses, but where few would be apart.
+    pub fn of_scene(splats: &Splats) -> Slots {
+        let mut degrees = degrees_used(splats);
+        merge_degrees(&mut degrees);
+        Slots::of(&degrees)
+    }
+
+    /// The highest degree that any splat has; 0 where there is none.
+    pub fn sh_degree(&self) -> u32 {
+        self.counts
+            .iter()
+            .rposition(|&count| count > 0)
+            .unwrap_or(0) as u32
+    }
+
+    /// The splats of a block.
+    pub fn of_block(&self, block: &Block) -> Vec<u32> {
+        match &self.splat_from_slot {
+            Some(index) => index[block.slots()].to_vec(),
+            None => block.slots().map(|slot| slot as u32).collect(),
+        }
+    }
+
+    /// The splat of a slot.
+    pub fn splat(&self, slot: usize) -> usize {
+        let index = self.splat_from_slot.as_ref();
+        index.map_or(slot, |index| index[slot] as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_are_in_order_of_degree_and_then_of_splats() {
+        let slots = Slots::of(&[3, 0, 1, 0, 3, 1, 0]);
+        assert_eq!(slots.counts, [3, 2, 0, 2]);
+        assert_eq!(slots.splat_from_slot, Some(vec![1, 3, 6, 2, 5, 0, 4]));
+        assert_eq!((0..3).map(|slot| slots.splat(slot)).sum::<usize>(), 10);
+        for degrees in [&[][..], &[2, 2]] {
+            let slots = Slots::of(degrees);
+            assert_eq!(slots.splat_from_slot, None);
+            assert_eq!(slots.counts[2], degrees.len());
+        }
+    }
+
+    #[test]
+    fn few_splats_join_the_next_degree_that_there_is() {
+        let of = |counts: ByDegree| -> ByDegree {
+            let each = counts.iter().zip(0..);
+            let mut degrees: Vec<u8> = each
+                .flat_map(|(&count, degree)| std::iter::repeat_n(degree, count))
+                .collect();
+            let before = degrees.clone();
+            merge_degrees(&mut degrees);
+            assert!(
+                degrees
+                    .iter()
+                    .zip(&before)
+                    .all(|(after, before)| after >= before)
+            );
+            count(&degrees)
+        };
+        assert_eq!(of([5, 0, 0, 0]), [5, 0, 0, 0]);
+        assert_eq!(of([2_048, 0, 0, 1]), [2_048, 0, 0, 1]);
+        assert_eq!(of([2_047, 0, 0, 1]), [0, 0, 0, 2_048]);
+        // Two that join may be enough together.
+        assert_eq!(of([2_000, 48, 0, 9]), [0, 2_048, 0, 9]);
+        assert_eq!(of([2_000, 47, 5, 0]), [0, 0, 2_052, 0]);
+        assert_eq!(of([3_000, 0, 0, 188_999]), [3_000, 0, 0, 188_999]);
+        assert_eq!(of([3_000, 0, 0, 189_001]), [0, 0, 0, 192_001]);
+        assert_eq!(of([0; 4]), [0; 4]);
+    }
+
+    #[test]
+    fn a_degree_is_the_highest_with_something_in_it() {
+        let mut splats = Splats {
+            sh: vec![0.0; 5 * 48],
+            sh_degree: 3,
+            ..Splats::default()
+        };
+        for (splat, place) in [2, 11, 26, 47].into_iter().enumerate() {
+            splats.sh[48 * splat + place] = [1e-45, f32::NAN, -1.0, f32::INFINITY][splat];
+        }
+        splats.sh[4 * 48 + 30] = -0.0;
+        assert_eq!(degrees_used(&splats), [0, 1, 2, 3, 0]);
+    }
+}
