@@ -18,6 +18,8 @@ layout(constant_id = 3) const float LEVEL_MAX = 3.4e38;
 layout(constant_id = 4) const uint ORIGINAL = 0;
 // How parameters are stored: 0 as floats; 1: harmonics as pairs of halves; 2: all but means.
 layout(constant_id = 5) const uint PRECISION = 0;
+// Not 0: slots are not in the order of their splats, and the index says whose they are.
+layout(constant_id = 6) const uint INDEXED = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -32,7 +34,6 @@ layout(set = 0, binding = 6, scalar) readonly buffer Index { uint splat_from_slo
 layout(push_constant, scalar) uniform Push {
     uint splat_count;  // splats of this dispatch
     uint stride;       // elements between two planes of parameters
-    uint indexed;      // not 0: slots are not in the order of their splats, and the index says whose they are
 } push;
 
 // A splat as it is stored, but for its harmonics.
@@ -126,6 +127,6 @@ void main() {
     uint slot = global_index();
     if (slot >= push.splat_count) return;
     uint splat = slot;
-    if (push.indexed != 0) splat = splat_from_slot[slot];
+    if (INDEXED != 0) splat = splat_from_slot[slot];
     tile_count_from_splat[splat] = project(slot, splat);
 }

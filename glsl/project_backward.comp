@@ -12,6 +12,8 @@
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
+// Not 0: slots are not in the order of their splats, and the index says whose they are.
+layout(constant_id = 2) const uint INDEXED = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -36,7 +38,6 @@ layout(push_constant, scalar) uniform Push {
     float scale_penalty;    // added to dL/d scale of every splat and axis
     float size_penalty;     // times the scale, likewise: the slope of half of it times the squared scale
     uint banded;            // not 0: a splat that is seen, but begins at NOT_LISTED, is of another band
-    uint indexed;           // not 0: slots are not in the order of their splats, and the index says whose they are
 } push;
 
 struct Gradient {
@@ -203,7 +204,7 @@ void main() {
     uint slot = global_index();
     if (slot >= push.splat_count || counts[COUNT_FAILED] != 0) return;
     uint splat = slot;
-    if (push.indexed != 0) splat = splat_from_slot[slot];
+    if (INDEXED != 0) splat = splat_from_slot[slot];
     uint tile_count = tile_count_from_splat[splat];
     if (push.banded != 0 && tile_count != 0 && source_from_splat[splat] == NOT_LISTED) return;
     vec3 scale = exp(params[2 * push.stride + slot].xyz);

@@ -161,6 +161,47 @@ fn training_takes_what_the_formula_says() {
     }
 }
 
+/// Degrees are lowered in mid-run: what is taken falls to what the formula says of splats of such degrees.
+#[test]
+fn memory_falls_with_the_degrees() {
+    let gpu = device::gpu();
+    let dataset = dataset(20_000);
+    let config = TrainConfig::for_iterations(1_000);
+    let mut trainer = Trainer::new(&gpu, &dataset, config).unwrap();
+    trainer.step().unwrap();
+    let count = trainer.splat_count();
+    // Four of five at degree 0, the others at 3.
+    let degrees: Vec<u8> = (0..count).map(|i| 3 * u8::from(i % 5 == 0)).collect();
+    trainer.lower_degrees(&degrees).unwrap();
+    trainer.step().unwrap();
+    trainer.finish().unwrap();
+    let whole = trainer.size();
+    let lower = degrees.iter().filter(|&&degree| degree == 0).count();
+    assert_eq!(whole.lower, [lower, 0, 0]);
+    assert_eq!(whole.counts(), [lower, 0, 0, count - lower]);
+    let needs = whole.needs();
+    let taken: BTreeMap<_, _> = gpu.memory_by_name().into_iter().collect();
+    for (name, bytes) in [
+        ("params", 64 * lower + 240 * (count - lower)),
+        ("moment1", 64 * lower + 240 * (count - lower)),
+        ("moment2", 64 * lower + 240 * (count - lower)),
+        ("splat_from_slot", 4 * count),
+        ("gradients", 16_384.min(lower) * 64),
+    ] {
+        let need = needs.iter().find(|need| need.name == name).unwrap();
+        let bytes = (bytes as u64).max(match name {
+            "gradients" => 240 * (count - lower) as u64,
+            _ => 0,
+        });
+        assert_eq!(need.bytes, bytes, "{name}");
+        let found = taken[name].bytes;
+        assert!(
+            (bytes..bytes + 4 * ROUNDING).contains(&found),
+            "{name}: {found}, not {bytes}"
+        );
+    }
+}
+
 /// The most that a run may take of the device's memory, of the bytes of parameters, moments, photographs and lists.
 const SHARE_MAX: f64 = 1.3;
 

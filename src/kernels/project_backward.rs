@@ -20,6 +20,16 @@ impl ProjectBackward {
         })
     }
 
+    /// One for splats of each degree up to `highest`; `indexed`: whose slots are in an order of their own.
+    pub fn of_degrees(gpu: &Gpu, highest: u32, indexed: bool) -> Result<Vec<ProjectBackward>> {
+        let kernel = |degree| {
+            let mut choice = ProjectBackward::prefer(gpu.caps(), degree);
+            choice.spec.indexed = indexed.into();
+            ProjectBackward::new(gpu, choice)
+        };
+        (0..=highest).map(kernel).collect()
+    }
+
     /// Which variant and tuning suits a device, for splats of `sh_degree`.
     pub fn prefer(_caps: &Caps, sh_degree: u32) -> Choice {
         Choice {

@@ -109,9 +109,11 @@ impl Weigher {
             compatibility: lens.compatibility,
             ..RenderOptions::default()
         };
-        let forward = Forward::for_rendering(gpu, &options)?;
+        let mut forward = Forward::for_rendering(gpu, &options)?;
+        let model = Model::upload(gpu, splats)?;
+        forward.prepare(gpu, &model)?;
         let scales = Scales {
-            model: Model::upload(gpu, splats)?,
+            model,
             forward,
             afford: afford::Afford::new(gpu, afford)?,
             weigh: weigh::Weigh::new(gpu, weigh)?,

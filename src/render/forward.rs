@@ -5,6 +5,7 @@ use super::bands::{Bands, list_limit};
 use super::compatibility::Compositor;
 use super::model::Model;
 use super::options::RenderOptions;
+use super::projections::Projections;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use crate::Result;
 use crate::gpu::{Gpu, Groups, Recorder};
@@ -17,8 +18,7 @@ use crate::layout::*;
 /// The kernels of a frame, compiled for one device.
 #[derive(Debug)]
 pub struct Forward {
-    /// One per spherical-harmonic degree.
-    project: Vec<project::Project>,
+    project: Projections,
     scan: Scan,
     plan: plan::Plan,
     compact: compact::Compact,
@@ -63,10 +63,9 @@ impl Forward {
             let expand = expand::Expand::prefer(caps);
             options.compatibility.listing(accuracy, project, expand)
         };
+        let choices = (0..=options.sh_degree).map(|degree| listing(degree).0);
         Ok(Forward {
-            project: (0..=options.sh_degree)
-                .map(|degree| project::Project::new(gpu, listing(degree).0))
-                .collect::<Result<_>>()?,
+            project: Projections::new(gpu, choices.collect())?,
             scan: Scan::new(gpu)?,
             plan: plan::Plan::new(gpu, plan::Plan::prefer(caps))?,
             compact: compact::Compact::new(gpu, compact::Compact::prefer(caps))?,
@@ -78,6 +77,11 @@ impl Forward {
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
         })
+    }
+
+    /// Compiles what frames of a model need beyond what those of others do. Has to be done before the first of them.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
+        self.project.prepare(gpu, model)
     }
 
     /// Records a frame with harmonics up to `sh_degree`, in `bands`. The failed flag in `scratch.counts` is honoured,
@@ -137,7 +141,8 @@ impl Forward {
     fn project(&self, rec: &mut Recorder<'_>, model: &Model, s: &Scratch, sh_degree: u32) {
         for block in model.blocks.of(model.counts) {
             let at = model.places(&block);
-            self.project[sh_degree.min(block.degree) as usize].record(
+            let kernel = self.project.of(model, sh_degree.min(block.degree));
+            kernel.record(
                 rec,
                 project::Bindings {
                     view: &s.view,
@@ -151,7 +156,6 @@ impl Forward {
                 project::Params {
                     splat_count: block.count as u32,
                     stride: block.stride as u32,
-                    indexed: at.indexed,
                 },
             );
         }

@@ -13,6 +13,7 @@ mod memory;
 mod model;
 mod options;
 mod precision;
+mod projections;
 mod renderer;
 mod scratch;
 mod slots;

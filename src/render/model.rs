@@ -95,19 +95,22 @@ impl Model {
         })
     }
 
+    /// Whether slots are in an order of their own.
+    pub fn is_indexed(&self) -> bool {
+        !self.splat_from_slot.is_empty()
+    }
+
     /// What kernels need to know to find the splats of a block's slots.
     pub(crate) fn places(&self, block: &Block) -> Places {
         match self.splat_from_slot.get(block.index) {
             Some(index) => Places {
                 splats: 0..self.splat_count,
                 splat_from_slot: index.clone(),
-                indexed: 1,
             },
             None => Places {
                 splats: block.slots(),
                 // Nobody reads it: any buffer does.
                 splat_from_slot: self.params[block.index].cast(),
-                indexed: 0,
             },
         }
     }
@@ -118,9 +121,8 @@ impl Model {
 pub(crate) struct Places {
     /// The elements that they see.
     pub(crate) splats: Range<usize>,
-    /// Whose slots they are, among those, if that is `indexed`; else they are in order.
+    /// Whose slots they are, among those, where the model has an index; else they are in order.
     pub(crate) splat_from_slot: Buffer<u32>,
-    pub(crate) indexed: u32,
 }
 
 /// Buffers for an index by blocks; none where slots are splats.

@@ -176,6 +176,7 @@ impl Renderer {
             });
         }
         self.check(model)?;
+        self.forward.prepare(&self.gpu, model)?;
         let capacity = self.scratch.capacity;
         let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
         if capacity.max(wanted) != capacity {
@@ -300,6 +301,7 @@ impl Renderer {
         view: &ViewOptions,
     ) -> Result<Rendered> {
         self.check(model)?;
+        self.forward.prepare(&self.gpu, model)?;
         let expected = isects_expected(model.splat_count, camera.width, camera.height);
         self.reserve_some(model, camera, expected)?;
         let picture = Picture {

@@ -6,11 +6,12 @@ use super::photos::Bound;
 use super::schedule;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, PART_ALIGNMENT, Recorder};
+use crate::kernels::project_backward::ProjectBackward;
 use crate::kernels::{
     adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
 };
 use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
-use crate::render::{Bands, Block, Forward, Scratch, plane_count, tile_stride};
+use crate::render::{Bands, Block, Forward, Model, Scratch, plane_count, tile_stride};
 
 /// The value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
 const ALPHA_MASKS: u32 = 1;
@@ -24,7 +25,9 @@ pub(crate) struct Backward {
     loss_sum: loss_sum::LossSum,
     rasterize: rasterize_backward::RasterizeBackward,
     /// One per spherical-harmonic degree.
-    project: Vec<project_backward::ProjectBackward>,
+    project: Vec<ProjectBackward>,
+    /// The same for slots in an order of their own: none until a model has such.
+    indexed: Vec<ProjectBackward>,
     adam: adam::Adam,
     perturb: perturb::Perturb,
 }
@@ -109,7 +112,6 @@ impl Backward {
         let caps = gpu.caps();
         let rasterize = RasterizeBackward::prefer(caps);
         let rasterize = config.accuracy.of_rasterize_backward(rasterize);
-        use project_backward::ProjectBackward;
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
             comparison: Comparison::new(gpu, true)?,
@@ -118,12 +120,20 @@ impl Backward {
                 .transpose()?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::LossSum::prefer(caps))?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
-            project: (0..=config.sh_degree)
-                .map(|degree| ProjectBackward::new(gpu, ProjectBackward::prefer(caps, degree)))
-                .collect::<Result<_>>()?,
+            project: ProjectBackward::of_degrees(gpu, config.sh_degree, false)?,
+            indexed: Vec::new(),
             adam: adam::Adam::new(gpu, adam::Adam::prefer(caps))?,
             perturb: perturb::Perturb::new(gpu, perturb::Perturb::prefer(caps))?,
         })
+    }
+
+    /// Compiles what steps of a model need beyond what those of others do. Has to be done before the first of them.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
+        if model.is_indexed() && self.indexed.is_empty() {
+            let highest = self.project.len() as u32 - 1;
+            self.indexed = ProjectBackward::of_degrees(gpu, highest, true)?;
+        }
+        Ok(())
     }
 
     /// Records what follows the frame in a step. Gradients of a frame in bands are of all blocks at a time, which
@@ -274,7 +284,11 @@ impl Backward {
         let count = state.model.splat_count;
         let at = state.model.places(&block);
         let splats = at.splats;
-        self.project[step.sh_degree.min(block.degree) as usize].record(
+        let kernels = match state.model.is_indexed() {
+            true => &self.indexed,
+            false => &self.project,
+        };
+        kernels[step.sh_degree.min(block.degree) as usize].record(
             rec,
             project_backward::Bindings {
                 view: &s.view,
@@ -301,7 +315,6 @@ impl Backward {
                 // A sum: it is half of this times the square that has this slope.
                 size_penalty: 2.0 * penalties.size,
                 banded: s.trail.is_some().into(),
-                indexed: at.indexed,
             },
         );
         rec.timestamp("project_backward");
@@ -369,7 +382,7 @@ impl Backward {
                     seed: (config.seed ^ (config.seed >> 32)) as u32,
                     step: iteration,
                     amplitude,
-                    indexed: at.indexed,
+                    indexed: state.model.is_indexed().into(),
                 },
                 block.count,
             );

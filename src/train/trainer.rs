@@ -122,7 +122,7 @@ impl<'a> Trainer<'a> {
         let mut extremes = Extremes::default();
         extremes.note(&state.degrees);
         let (halved, photos) = halved::begin(gpu, dataset, &views, &config, iteration)?;
-        Ok(Trainer {
+        let mut trainer = Trainer {
             gpu: gpu.clone(),
             dataset,
             extent: dataset.extent(),
@@ -142,7 +142,9 @@ impl<'a> Trainer<'a> {
             pending: VecDeque::new(),
             done: VecDeque::new(),
             extremes,
-        })
+        };
+        trainer.prepare()?;
+        Ok(trainer)
     }
 
     /// The last iteration begun.

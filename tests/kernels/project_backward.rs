@@ -151,7 +151,6 @@ fn run_in_order(
         scale_penalty: SCALE_PENALTY,
         size_penalty: SIZE_PENALTY,
         banded: 0,
-        indexed: index.is_some().into(),
     };
     gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
     let statistics = floats(&read(gpu, &statistics));
@@ -211,6 +210,7 @@ fn sums_become_gradients_of_parameters() {
                 let spec = Spec {
                     workgroup,
                     sh_degree,
+                    ..Spec::default()
                 };
                 let kernel = ProjectBackward::new(&gpu, Choice { variant, spec }).unwrap();
                 for (name, scene, has_filters) in [
@@ -273,12 +273,20 @@ fn sums_become_gradients_of_parameters() {
 #[test]
 fn slots_may_lie_in_any_order() {
     let gpu = device::gpu();
-    let kernel = ProjectBackward::new(&gpu, Choice::default()).unwrap();
+    let indexed = Choice {
+        spec: Spec {
+            indexed: 1,
+            ..Spec::default()
+        },
+        ..Choice::default()
+    };
+    let [kernel, indexed] =
+        [Choice::default(), indexed].map(|choice| ProjectBackward::new(&gpu, choice).unwrap());
     let scene = scenes::hard(33, 270, 97, 129, 3);
     let case = prepare(&scene, Vec::new());
     let index = scenes::shuffled(270);
     let [ordered, seen] = run(&gpu, &kernel, &scene, &case, 0);
-    let [moved, seen_too] = run_in_order(&gpu, &kernel, &scene, &case, 0, Some(&index));
+    let [moved, seen_too] = run_in_order(&gpu, &indexed, &scene, &case, 0, Some(&index));
     let fours = |numbers: &[f64]| -> Vec<[f32; 4]> {
         let (fours, _) = numbers.as_chunks::<4>();
         fours.iter().map(|four| four.map(|x| x as f32)).collect()

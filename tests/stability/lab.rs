@@ -244,7 +244,6 @@ impl Lab {
         let params = Params {
             splat_count: count as u32,
             stride: count as u32,
-            indexed: 0,
         };
         gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
         let shapes = gpu.download(&shapes, 0..count).unwrap();

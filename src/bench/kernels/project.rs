@@ -39,7 +39,6 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         let all = Params {
             splat_count: count as u32,
             stride: count as u32,
-            indexed: 0,
         };
         for (variant, workgroup, case) in choices {
             let spec = Spec {

@@ -49,6 +49,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
             let spec = Spec {
                 workgroup,
                 sh_degree: DEGREE,
+                ..Spec::default()
             };
             let kernel = ProjectBackward::new(&gpu, Choice { variant, spec })?;
             let index = gpu.buffer("splat_from_slot", 1)?;

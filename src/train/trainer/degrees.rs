@@ -16,4 +16,11 @@ impl Trainer<'_> {
         self.take_over(&state)?;
         self.set_statistics(&statistics)
     }
+
+    /// Compiles what steps from the state as it lies on the device need.
+    pub(super) fn prepare(&mut self) -> Result<()> {
+        let model = &self.state.model;
+        self.forward.prepare(&self.gpu, model)?;
+        self.backward.prepare(&self.gpu, model)
+    }
 }

@@ -135,6 +135,7 @@ impl Trainer<'_> {
         let nothing = HostState::zeros(0, sh_degree);
         self.state = DeviceState::new(&self.gpu, &nothing, mode)?;
         self.state = DeviceState::new(&self.gpu, state, mode)?;
+        self.prepare()?;
         if self.bands.count > 1 {
             self.state.keep_gradients(&self.gpu)?;
         }
