@@ -44,7 +44,7 @@ pub const REQUIRED: Required = Required {
     ],
     extensions: &[],
     push_constant_bytes: 128,
-    storage_buffers: 13,
+    storage_buffers: 14,
     shared_bytes: 16_384,
 };
 
