@@ -5,7 +5,7 @@ use super::settings::{self, FrameSetting};
 use super::{Plan, training};
 use crate::Result;
 use crate::bench::{CpuClock, Summary};
-use crate::gpu::Gpu;
+use crate::gpu::{Buffer, Gpu};
 use crate::reference::bound::{Traced, trace};
 use crate::reference::{self, ray};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
@@ -109,7 +109,7 @@ impl Frames<'_> {
                 contender.time(self.cameras, &view)?;
             }
         }
-        let point = |c: &Contender| c.point(self.cameras.len(), self.splats.sh_degree);
+        let point = |c: &Contender| c.point(self.cameras.len());
         let points = contenders.iter().map(point).collect();
         Ok((points, (!by_rays.is_empty()).then(|| errors(by_rays))))
     }
@@ -191,7 +191,7 @@ impl Contender {
         Ok(())
     }
 
-    fn point(&self, views: usize, sh_degree: u32) -> FramePoint {
+    fn point(&self, views: usize) -> FramePoint {
         let pool = |of: fn(&Judged) -> &Vec<f64>| -> Vec<f64> {
             let mut all: Vec<f64> = self.errors.iter().flat_map(of).copied().collect();
             all.sort_by(f64::total_cmp);
@@ -213,7 +213,7 @@ impl Contender {
             knob: self.setting.knob.clone(),
             time_ms: milliseconds(&self.device_ns, views),
             cpu_ms: milliseconds(&self.cpu_ns, views).value,
-            scene_bytes: self.model.splat_count * self.setting.precision.splat_bytes(sh_degree),
+            scene_bytes: bytes(&self.model),
             error: Errors {
                 psnr_db: psnr(squares / (3.0 * pixels)),
                 ..percentiles(&errors)
@@ -226,6 +226,13 @@ impl Contender {
             excess: most(|j| j.excess),
         }
     }
+}
+
+/// What a scene takes on the device.
+fn bytes(model: &Model) -> usize {
+    let params = model.params.iter().map(Buffer::bytes);
+    let slots = model.splat_from_slot.iter().map(Buffer::bytes);
+    params.chain(slots).sum::<u64>() as usize
 }
 
 /// The median of runs over so many frames each, per frame.

@@ -5,8 +5,9 @@ use super::settings::FrameSetting;
 use super::training;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::parsimony::{Lens, Weigher, kept, prune};
+use crate::parsimony::{Lens, Weigher, kept, prune, reduce_harmonics};
 use crate::render::{Compatibility, Model, Precision};
+use std::borrow::Cow;
 use std::rc::Rc;
 
 /// See the module. Each is made once.
@@ -16,8 +17,11 @@ pub(super) struct Scenes<'a> {
     weigher: Weigher,
     /// By error: which splats go.
     removed: Vec<(f64, Vec<bool>)>,
-    models: Vec<(Option<f64>, Precision, Rc<Model>)>,
+    models: Vec<(Key, Rc<Model>)>,
 }
+
+/// What settings of one model have in common: the errors at which splats and harmonics go, and the numbers.
+type Key = (Option<f64>, Option<f64>, Precision);
 
 impl<'a> Scenes<'a> {
     pub(super) fn new(gpu: &'a Gpu, frames: &'a Frames<'a>) -> Result<Scenes<'a>> {
@@ -52,20 +56,20 @@ impl<'a> Scenes<'a> {
 
     /// The setting's model.
     pub(super) fn model(&mut self, setting: &FrameSetting) -> Result<Rc<Model>> {
-        let key = (setting.pruned, setting.precision);
-        if let Some((.., model)) = self.models.iter().find(|(p, q, _)| (*p, *q) == key) {
+        let key = (setting.pruned, setting.reduced, setting.precision);
+        if let Some((_, model)) = self.models.iter().find(|(known, _)| *known == key) {
             return Ok(Rc::clone(model));
         }
         let removed = self.removed(setting)?;
-        let model = match removed.is_empty() {
-            true => Model::upload_as(self.gpu, self.frames.splats, setting.precision)?,
-            false => {
-                let left = kept(self.frames.splats, &removed);
-                Model::upload_as(self.gpu, &left, setting.precision)?
-            }
-        };
-        let model = Rc::new(model);
-        self.models.push((key.0, key.1, Rc::clone(&model)));
+        let mut left = Cow::Borrowed(self.frames.splats);
+        if !removed.is_empty() {
+            left = Cow::Owned(kept(&left, &removed));
+        }
+        if let Some(error) = setting.reduced {
+            left = Cow::Owned(reduce_harmonics(&left, error).splats);
+        }
+        let model = Rc::new(Model::upload_as(self.gpu, &left, setting.precision)?);
+        self.models.push((key, Rc::clone(&model)));
         Ok(model)
     }
 }

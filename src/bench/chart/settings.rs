@@ -1,6 +1,7 @@
 //! Which knobs are turned, and how far.
 
 use super::Plan;
+use crate::parsimony::reduce_harmonics;
 use crate::reference::bound::{Savings, color_errors};
 use crate::render::{Accuracy, Precision};
 use crate::report::chart::Knob;
@@ -18,6 +19,8 @@ pub(super) struct FrameSetting {
     pub(super) precision: Precision,
     /// The error at which splats are pruned ([`parsimony`](crate::parsimony)), of 1; `None`: all are drawn.
     pub(super) pruned: Option<f64>,
+    /// The error at which each splat drops harmonics ([`reduce_harmonics`]), of 1; `None`: all are kept.
+    pub(super) reduced: Option<f64>,
 }
 
 impl FrameSetting {
@@ -26,18 +29,25 @@ impl FrameSetting {
         let kept = 3 * sh_coefficient_count(self.sh_degree);
         let is_whole = self.precision == Precision::Full;
         let stored = (!is_whole).then(|| self.precision.rounded(splats));
+        let reduced = self.reduced.map(|e| reduce_harmonics(splats, e).splats);
         let stride = splats.sh_stride();
-        let drawn = |i: usize| match &stored {
+        let drawn = |i: usize| match (&stored, &reduced) {
             _ if i % stride >= kept => 0.0,
-            Some(stored) => stored.sh[i],
-            None => splats.sh[i],
+            (_, Some(reduced)) => match (i % stride, reduced.sh_stride()) {
+                (place, stride_left) if place < stride_left => {
+                    reduced.sh[i / stride * stride_left + place]
+                }
+                _ => 0.0,
+            },
+            (Some(stored), None) => stored.sh[i],
+            (None, None) => splats.sh[i],
         };
         let accuracy = &self.accuracy;
         Savings {
             alpha_min: f64::from(accuracy.alpha_min),
             transmittance_min: f64::from(accuracy.transmittance_min),
             sigma_max: accuracy.sigma_max.map_or(f64::INFINITY, f64::from),
-            color_error: match is_whole && self.sh_degree >= splats.sh_degree {
+            color_error: match is_whole && reduced.is_none() && self.sh_degree >= splats.sh_degree {
                 true => Vec::new(),
                 false => color_errors(splats, |i| f64::from(drawn(i))),
             },
@@ -46,6 +56,12 @@ impl FrameSetting {
         }
     }
 }
+
+/// Series that are met in several places.
+const HARMONICS: &str = "harmonics";
+const HARMONICS_BY_SPLAT: &str = "harmonics by splat";
+const HALVES: &str = "stored as halves";
+const PRUNED: &str = "pruned";
 
 fn knob(series: &str, setting: impl Into<String>) -> Knob {
     Knob {
@@ -68,6 +84,7 @@ fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
         sh_degree: 3,
         precision: Precision::Full,
         pruned: None,
+        reduced: None,
     }
 }
 
@@ -104,7 +121,7 @@ fn harmonics(sh_degree: u32) -> FrameSetting {
     FrameSetting {
         sh_degree,
         ..frame(
-            "harmonics",
+            HARMONICS,
             format!("degree {sh_degree}"),
             Accuracy::default(),
         )
@@ -114,14 +131,21 @@ fn harmonics(sh_degree: u32) -> FrameSetting {
 fn stored(precision: Precision, setting: &str) -> FrameSetting {
     FrameSetting {
         precision,
-        ..frame("stored as halves", setting.into(), Accuracy::default())
+        ..frame(HALVES, setting.into(), Accuracy::default())
     }
 }
 
 fn pruned(number: u32) -> FrameSetting {
     FrameSetting {
         pruned: Some(1.0 / f64::from(number)),
-        ..frame("pruned", one_over(number), Accuracy::default())
+        ..frame(PRUNED, one_over(number), Accuracy::default())
+    }
+}
+
+fn reduced(number: u32) -> FrameSetting {
+    FrameSetting {
+        reduced: Some(1.0 / f64::from(number)),
+        ..frame(HARMONICS_BY_SPLAT, one_over(number), Accuracy::default())
     }
 }
 
@@ -164,6 +188,7 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
         sh_degree,
         precision: Precision::Full,
         pruned: None,
+        reduced: None,
     };
     let mut settings = vec![default];
     settings.extend([
@@ -171,12 +196,19 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
         stored(Precision::Half, "all but means"),
     ]);
     if plan.is_quick {
-        settings.extend([stop(1e-2), cut(32), deviations(2.0), pruned(64)]);
+        settings.extend([
+            stop(1e-2),
+            cut(32),
+            deviations(2.0),
+            pruned(64),
+            reduced(64),
+        ]);
         settings.extend((0..sh_degree.min(1)).map(harmonics));
     } else {
         settings.extend([1e-5, 1e-4, 1e-3, 4e-3, 1e-2, 3e-2].map(stop));
         settings.extend([1024, 512, 255, 128, 64, 32].map(cut));
         settings.extend([512, 128, 32].map(pruned));
+        settings.extend([512, 256, 128, 64, 32].map(reduced));
         settings.extend([4.0, 3.0, 2.5, 2.0].map(deviations));
         settings.extend((0..sh_degree).rev().map(harmonics));
         settings.extend(TOGETHER.map(|(t, number)| together(t, number)));
@@ -187,12 +219,12 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Of a training step: the cuts. Harmonics that are not drawn have no gradients to compare, halves do not train, and what is pruned has
-/// none.
+/// Of a training step: the cuts. Harmonics that are not drawn have no gradients to compare, halves do not train, and
+/// what is pruned has none.
 pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
-        !["harmonics", "stored as halves", "pruned"].contains(&setting.knob.series.as_str())
+        ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED].contains(&setting.knob.series.as_str())
     };
     all.filter(is_cut).collect()
 }
@@ -228,7 +260,7 @@ pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
         }
     };
     if plan.is_quick {
-        return vec![with("harmonics", "degree 0".into(), &|c| c.sh_degree = 0)];
+        return vec![with(HARMONICS, "degree 0".into(), &|c| c.sh_degree = 0)];
     }
     let mut runs = Vec::new();
     for steps in [plan.iterations / 2, plan.iterations * 2] {
@@ -244,7 +276,7 @@ pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
     }
     for sh_degree in [1, 0] {
         let setting = format!("degree {sh_degree}");
-        runs.push(with("harmonics", setting, &|c| c.sh_degree = sh_degree));
+        runs.push(with(HARMONICS, setting, &|c| c.sh_degree = sh_degree));
     }
     for frame in [together(1e-2, 255), together(1e-4, 128), together(1e-2, 64)] {
         let Knob {
