@@ -2,6 +2,7 @@
 
 use super::accuracy::Accuracy;
 use super::compatibility::Compatibility;
+use super::exponential::Exponential;
 use super::precision::Precision;
 use super::scratch::Capacity;
 use crate::kernels::rasterize::Extras;
@@ -21,6 +22,8 @@ pub struct RenderOptions {
     pub accuracy: Accuracy,
     /// In what numbers the models lie on the device that it draws ([`Model::upload_as`](super::Model::upload_as)).
     pub precision: Precision,
+    /// By what exponentials alphas are computed; training's are always exact.
+    pub exponential: Exponential,
     /// Whose rules frames are drawn by.
     pub compatibility: Compatibility,
 }
@@ -47,6 +50,7 @@ impl Default for RenderOptions {
             with_depth: false,
             accuracy: Accuracy::default(),
             precision: Precision::Full,
+            exponential: Exponential::Exact,
             compatibility: Compatibility::Engine,
         }
     }

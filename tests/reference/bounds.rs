@@ -2,6 +2,7 @@
 
 use crate::metamorphic::draw;
 use crate::scenes::{self, Scene};
+use ashfall::layout::ALPHA_MAX;
 use ashfall::reference::bound::{Savings, Traced, color_errors, trace};
 use ashfall::reference::frame::center;
 use ashfall::reference::rasterize::{composite, layer, power};
@@ -157,6 +158,54 @@ fn removed_splats_and_short_ones_keep_to_their_bounds() {
             ..Savings::NONE
         };
         judge("fewer", &fewer, &full(&scene, &[gone]), 0.1);
+    }
+}
+
+#[test]
+fn alphas_that_are_off_by_a_share_keep_to_their_bounds() {
+    for scene in cases() {
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let screen = frame::project_all(&Splat::<f64>::all(&scene.splats), &view);
+        let (list, _) = frame::sorted(&screen);
+        let cut = Cuts {
+            alpha_min: 1.0 / 64.0,
+            transmittance_min: 1e-2,
+            ..Cuts::ENGINE
+        };
+        // All too high, all too low, and by turns.
+        let signs = [[1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
+        for (cuts, share) in [
+            (Cuts::NONE, 1e-3),
+            (Cuts::NONE, 0.05),
+            (cut, 1e-3),
+            (cut, 0.05),
+        ] {
+            for signs in signs {
+                let width = scene.camera.width as usize;
+                let pixel = |i: usize| {
+                    let ranks = 0..list.len();
+                    let layers = ranks.filter_map(|rank| {
+                        let mut layer = layer(&list[rank], center(i, width), &cuts)?;
+                        let off = 1.0 + share * signs[rank % 2];
+                        layer.alpha = (layer.alpha * off).min(f64::from(ALPHA_MAX));
+                        Some(layer)
+                    });
+                    let stop = cuts.transmittance_min;
+                    composite(layers, scene.options.background, stop).0
+                };
+                let pixels: Vec<_> = (0..width * scene.camera.height as usize)
+                    .map(pixel)
+                    .collect();
+                let savings = Savings {
+                    alpha_min: cuts.alpha_min,
+                    transmittance_min: cuts.transmittance_min,
+                    alpha_error: share,
+                    ..Savings::NONE
+                };
+                let name = format!("alphas off by {share}, {signs:?}");
+                judge(&name, &pixels, &full(&scene, &[savings]), 0.1);
+            }
+        }
     }
 }
 

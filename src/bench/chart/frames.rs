@@ -75,6 +75,7 @@ impl Frames<'_> {
                 accuracy: setting.accuracy,
                 sh_degree: setting.sh_degree,
                 precision: setting.precision,
+                exponential: setting.exponential,
                 ..RenderOptions::default()
             };
             Ok(Contender {

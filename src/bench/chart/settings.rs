@@ -3,7 +3,7 @@
 use super::Plan;
 use crate::parsimony::reduce_harmonics;
 use crate::reference::bound::{Savings, color_errors};
-use crate::render::{Accuracy, Precision};
+use crate::render::{Accuracy, Exponential, Precision};
 use crate::report::chart::Knob;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 use crate::train::{StrategyKind, TrainConfig};
@@ -17,6 +17,8 @@ pub(super) struct FrameSetting {
     pub(super) sh_degree: u32,
     /// In what numbers the scene lies on the device.
     pub(super) precision: Precision,
+    /// By what exponentials its alphas are computed.
+    pub(super) exponential: Exponential,
     /// The error at which splats are pruned ([`parsimony`](crate::parsimony)), of 1; `None`: all are drawn.
     pub(super) pruned: Option<f64>,
     /// The error at which each splat drops harmonics ([`reduce_harmonics`]), of 1; `None`: all are kept.
@@ -47,6 +49,7 @@ impl FrameSetting {
             alpha_min: f64::from(accuracy.alpha_min),
             transmittance_min: f64::from(accuracy.transmittance_min),
             sigma_max: accuracy.sigma_max.map_or(f64::INFINITY, f64::from),
+            alpha_error: self.exponential.alpha_error(),
             color_error: match is_whole && reduced.is_none() && self.sh_degree >= splats.sh_degree {
                 true => Vec::new(),
                 false => color_errors(splats, |i| f64::from(drawn(i))),
@@ -60,6 +63,7 @@ impl FrameSetting {
 /// Series that are met in several places.
 const HARMONICS: &str = "harmonics";
 const HARMONICS_BY_SPLAT: &str = "harmonics by splat";
+const EXPONENTIAL: &str = "exponential";
 const HALVES: &str = "stored as halves";
 const PRUNED: &str = "pruned";
 
@@ -83,6 +87,7 @@ fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
         accuracy,
         sh_degree: 3,
         precision: Precision::Full,
+        exponential: Exponential::Exact,
         pruned: None,
         reduced: None,
     }
@@ -132,6 +137,13 @@ fn stored(precision: Precision, setting: &str) -> FrameSetting {
     FrameSetting {
         precision,
         ..frame(HALVES, setting.into(), Accuracy::default())
+    }
+}
+
+fn exponential(exponential: Exponential, setting: &str) -> FrameSetting {
+    FrameSetting {
+        exponential,
+        ..frame(EXPONENTIAL, setting.into(), Accuracy::default())
     }
 }
 
@@ -187,6 +199,7 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
         accuracy: Accuracy::default(),
         sh_degree,
         precision: Precision::Full,
+        exponential: Exponential::Exact,
         pruned: None,
         reduced: None,
     };
@@ -194,6 +207,8 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     settings.extend([
         stored(Precision::HalfHarmonics, "harmonics"),
         stored(Precision::Half, "all but means"),
+        exponential(Exponential::Cubic, "cubic"),
+        exponential(Exponential::Quadratic, "quadratic"),
     ]);
     if plan.is_quick {
         settings.extend([
@@ -219,12 +234,13 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Of a training step: the cuts. Harmonics that are not drawn have no gradients to compare, halves do not train, and
-/// what is pruned has none.
+/// Of a training step: the cuts. Harmonics that are not drawn have no gradients to compare, halves do not train,
+/// what is pruned has none, and exponentials are exact in training.
 pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
-        ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED].contains(&setting.knob.series.as_str())
+        ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED, EXPONENTIAL]
+            .contains(&setting.knob.series.as_str())
     };
     all.filter(is_cut).collect()
 }

@@ -40,8 +40,9 @@ pub struct GradientBounds {
 }
 
 /// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.cuts` are not made,
-/// and what is drawn must be the scene itself (no [`Savings::color_error`], nothing [`Savings::stored`]). Alphas may be off by the share `rounding` of
-/// themselves, and positions by that of a standard deviation.
+/// and what is drawn must be the scene itself (no [`Savings::color_error`], nothing [`Savings::stored`], no
+/// [`Savings::alpha_error`]). Alphas may be off by the share `rounding` of themselves, and positions by that of a
+/// standard deviation.
 pub fn gradient_bounds(
     splats: &Splats,
     camera: &Camera,
@@ -50,7 +51,8 @@ pub fn gradient_bounds(
     savings: &[Savings],
     rounding: f64,
 ) -> GradientBounds {
-    let is_scene = |s: &Savings| s.color_error.is_empty() && s.stored.is_none();
+    let is_scene =
+        |s: &Savings| s.color_error.is_empty() && s.stored.is_none() && s.alpha_error == 0.0;
     assert!(savings.iter().all(is_scene), "savings draw another scene");
     let screen = Screen::new(splats, camera, options);
     let width = camera.width as usize;

@@ -13,7 +13,9 @@
 //!   vector `d_l`, `δ ≤ Σ_l ‖d_l‖ √((2l+1) / 4π)` in every direction (Cauchy–Schwarz, and the addition
 //!   theorem, by which `Σ_m Y_lm² = (2l+1) / 4π`).
 //! * Alphas that are `αᵢ'` instead cost `Σ |αᵢ' − αᵢ| Tᵢ` times the range: exchanged one after the other from the
-//!   back, each finds the transmittance before it as it was. What is left out then counts with `αᵢ' Tᵢ'`.
+//!   back, each finds the transmittance before it as it was. What is left out then counts with `αᵢ' Tᵢ'`. Of
+//!   alphas that are off by the share `ε` each, `|αᵢ' − αᵢ| ≤ ε αᵢ`, capped ones too, and `Tᵢ'` lies between the products
+//!   of `1 − (1 ± ε) αₖ`.
 //!
 //! Gradients follow from the same: see [`gradient_bounds`].
 
@@ -35,6 +37,8 @@ pub struct Savings {
     pub transmittance_min: f64,
     /// What is farther than so many standard deviations from its centre may be left out.
     pub sigma_max: f64,
+    /// By what share of themselves alphas may be off, before their cap; what is left out is told by exact ones.
+    pub alpha_error: f64,
     /// By how much any channel of a splat's colour may be off, by splat; empty: nothing.
     pub color_error: Vec<f64>,
     /// Which splats are not drawn; empty: none.
@@ -62,6 +66,7 @@ impl Savings {
         alpha_min: 0.0,
         transmittance_min: 0.0,
         sigma_max: f64::INFINITY,
+        alpha_error: 0.0,
         color_error: Vec::new(),
         removed: Vec::new(),
         stored: None,

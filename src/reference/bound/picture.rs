@@ -116,8 +116,9 @@ fn traced<'a>(
 
 fn saved(stack: &Stack, savings: &Savings, stored: &Stored) -> Saved {
     let mut saved = Saved::default();
-    // As it is drawn, without what is left out.
-    let mut before = 1.0;
+    // As it is drawn, without what is left out: the most and the least that may pass.
+    let (mut before, mut least) = (1.0, 1.0_f64);
+    let share = savings.alpha_error;
     for slice in &stack.slices {
         let off = savings.color_error.get(slice.splat).copied().unwrap_or(0.0);
         saved.color += slice.alpha * slice.before * off;
@@ -125,17 +126,18 @@ fn saved(stack: &Stack, savings: &Savings, stored: &Stored) -> Saved {
             None => (slice.alpha, slice.level),
             Some(screen) => drawn(screen[slice.splat].as_ref(), stack.at),
         };
-        saved.moved += (alpha - slice.alpha).abs() * slice.before;
+        saved.moved += ((alpha - slice.alpha).abs() + share * alpha) * slice.before;
         if alpha >= FAINT {
             saved.color_most = saved.color_most.max(off);
             if savings.may_leave_out(slice.splat, alpha, level) {
-                saved.weight += alpha * before;
+                saved.weight += (1.0 + share) * alpha * before;
             }
         }
-        before *= 1.0 - alpha;
+        before *= 1.0 - (1.0 - share) * alpha;
+        least *= (1.0 - (1.0 + share) * alpha).max(0.0);
     }
     let stop = savings.transmittance_min * (1.0 + MARGIN);
-    if before < stop {
+    if least < stop {
         saved.behind = stop;
     }
     saved

@@ -17,7 +17,8 @@ setting; these are other views). Stopping at the transmittance t, the last splat
 the range: the <em>stop threshold</em>. Leaving out harmonics of degree l with coefficients d<sub>l</sub> \
 changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em> of all splats alike, those that are dropped <em>by splat</em>, of each as \
 many as its own colour loses no more than the setting by, and those that are <em>stored as halves</em>, where d<sub>l</sub> is what rounding takes from them; rounded rotations, scales and \
-opacities make other alphas, which cost at most Σ |αᵢ′ − αᵢ|Tᵢ times the range. \
+opacities make other alphas, which cost at most Σ |αᵢ′ − αᵢ|Tᵢ times the range, and so do <em>exponentials</em> by \
+polynomials, of which |αᵢ′ − αᵢ| ≤ εαᵢ with ε = 7.5·10⁻⁵ (cubic) and 1.7·10⁻³ (quadratic). \
 A point whose worst pixel lies beyond its bound and the rounding of <code>f32</code> has failed. The dashed line is no \
 setting but what all of them share: how far the model itself, EWA splatting by linear projection at each splat's \
 centre, is from the same splats in perspective along rays, in this scene and these views (on some of the pixels).";
