@@ -41,6 +41,7 @@ pub mod weigh;
 
 mod dual;
 mod real;
+mod terms;
 
 pub use dual::Dual;
 pub use frame::{Frame, render};
@@ -48,6 +49,7 @@ pub use gradient::{LossGradient, loss_gradient};
 pub use project::{ScreenSplat, Splat, Viewpoint, project};
 pub use rasterize::{Band, Pixel};
 pub use real::Real;
+pub use terms::Terms;
 
 use crate::layout;
 

@@ -1,7 +1,7 @@
 //! From the gradient of a splat on the screen to the gradient of its raw parameters, by duals.
 
 use super::project::GEOMETRY_PARAMETERS;
-use super::{Dual, Real, Splat, Viewpoint, project};
+use super::{Dual, Real, Splat, Terms, Viewpoint, project};
 
 /// Variables per pass: the geometry fits in one.
 const LANES: usize = GEOMETRY_PARAMETERS;
@@ -22,11 +22,24 @@ pub fn project_backward(splat: &Splat<f64>, view: &Viewpoint, by_screen: &[f64; 
 /// a splat that is not drawn.
 pub fn slopes(splat: &Splat<f64>, view: &Viewpoint) -> Vec<[f64; 10]> {
     let mut slopes = Vec::new();
-    for (lifted, lanes) in lifted(splat) {
+    for (lifted, lanes) in lifted(splat, Dual::<LANES>::variable) {
         let row = project(&lifted, view).map_or([Dual::of(0.0); 10], |screen| screen.row());
         slopes.extend((0..lanes).map(|lane| row.map(|number| number.d[lane])));
     }
     slopes
+}
+
+/// How far computed [`slopes`] may be off, in unit roundoffs, once gradients by the row have been multiplied by them and
+/// added up: see [`Terms`].
+pub fn slope_terms(splat: &Splat<f64>, view: &Viewpoint) -> Vec<[f64; 10]> {
+    let mut terms = Vec::new();
+    for (lifted, lanes) in lifted(splat, Terms::<LANES>::variable) {
+        let row = project(&lifted, view).map_or([Terms::of(0.0); 10], |screen| screen.row());
+        // A product and a sum for each of the row.
+        let off = row.map(|number| number.off(10.0));
+        terms.extend((0..lanes).map(|lane| off.map(|off| off[lane])));
+    }
+    terms
 }
 
 /// What is added to the loss for one splat, whether it is seen or not.
@@ -59,20 +72,23 @@ pub(super) fn differentiate(
     splat: &Splat<f64>,
     function: impl Fn(&Splat<Dual<LANES>>) -> Dual<LANES>,
 ) -> Vec<f64> {
-    let passes = lifted(splat).into_iter();
+    let passes = lifted(splat, Dual::variable).into_iter();
     passes
         .flat_map(|(lifted, lanes)| function(&lifted).d.into_iter().take(lanes))
         .collect()
 }
 
-/// A splat of which a few parameters at a time are variables, and how many.
-fn lifted(splat: &Splat<f64>) -> Vec<(Splat<Dual<LANES>>, usize)> {
+/// A splat of which a few parameters at a time are variables, and how many; `variable` makes one, or a constant.
+fn lifted<R: Real>(
+    splat: &Splat<f64>,
+    variable: impl Fn(f64, Option<usize>) -> R,
+) -> Vec<(Splat<R>, usize)> {
     let values = splat.parameters();
     let pass = |first: usize| {
-        let lifted: Vec<Dual<LANES>> = values
+        let lifted: Vec<R> = values
             .iter()
             .enumerate()
-            .map(|(i, &value)| Dual::variable(value, i.checked_sub(first)))
+            .map(|(i, &value)| variable(value, i.checked_sub(first)))
             .collect();
         (
             Splat::from_parameters(&lifted),

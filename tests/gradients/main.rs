@@ -14,6 +14,7 @@ mod oracle;
 #[path = "../common/pack.rs"]
 mod pack;
 mod relations;
+mod rounding;
 #[path = "../common/scenes.rs"]
 mod scenes;
 mod training;

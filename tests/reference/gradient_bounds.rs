@@ -1,7 +1,7 @@
 //! Bounds of what gradients may lose hold for every parameter, and are not idle.
 
 use crate::scenes::{self, Random, Scene};
-use ashfall::reference::bound::{GradientBounds, Savings, gradient_bounds};
+use ashfall::reference::bound::{GradientBounds, Rounding, Savings, gradient_bounds};
 use ashfall::reference::gradient::{SplatGradients, backward};
 use ashfall::reference::rasterize_backward::PixelGradient;
 use ashfall::reference::{Cuts, Options};
@@ -28,6 +28,12 @@ fn exact(scene: &Scene, cuts: Cuts) -> SplatGradients {
     backward(&scene.splats, &scene.camera, &options, &upstream).1
 }
 
+/// What the oracle's own may come to.
+const ROUNDING: Rounding = Rounding {
+    share: 1e-9,
+    unit: 1.0 / (1u64 << 53) as f64,
+};
+
 fn bounds(scene: &Scene, savings: &[Savings]) -> GradientBounds {
     gradient_bounds(
         &scene.splats,
@@ -35,7 +41,7 @@ fn bounds(scene: &Scene, savings: &[Savings]) -> GradientBounds {
         &scene.options,
         &upstream(scene),
         savings,
-        1e-9,
+        ROUNDING,
     )
 }
 
@@ -186,7 +192,10 @@ fn without_savings_nothing_but_rounding_is_allowed() {
                 &scene.options,
                 &upstream(&scene),
                 &[],
-                2e-9,
+                Rounding {
+                    share: 2.0 * ROUNDING.share,
+                    unit: 2.0 * ROUNDING.unit,
+                },
             )
             .rounding
         }),

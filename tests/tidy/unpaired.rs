@@ -16,6 +16,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
     ),
     ("src/reference/dual.rs", "numbers that carry derivatives"),
     (
+        "src/reference/terms.rs",
+        "numbers that carry what they are sums of",
+    ),
+    (
         "src/reference/linear.rs",
         "vectors and matrices of such numbers",
     ),

@@ -14,6 +14,10 @@
 //! What a parameter's gradient makes of `sᵢ` depends on the splat alone: `∂ ln αᵢ` by its numbers on the screen, and
 //! theirs by its parameters. Neither knows of any saving, and both enter by their magnitudes.
 //!
+//! Rounding is bounded apart, to first order, see [`Job::add_rounding`]: of what a pixel adds, and of the projection's
+//! derivatives, whose rounding is that of the terms that they are sums of, not of what these leave when they cancel. The
+//! gradient by the rotation of a nearly round splat is such a remainder.
+//!
 //! The loss of training is not linear, and no bound of this kind holds for it: the slope of its L1 part jumps where
 //! a pixel crosses its photograph.
 
@@ -22,10 +26,19 @@ use super::{MARGIN, Savings};
 use crate::layout::ALPHA_MAX;
 use crate::reference::gradient::SplatGradients;
 use crate::reference::project::margins;
-use crate::reference::project_backward::slopes;
+use crate::reference::project_backward::{slope_terms, slopes};
 use crate::reference::{Options, ScreenSplat, Splat, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
+
+/// By how much numbers are rounded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rounding {
+    /// Alphas may be off by this share of themselves, and positions by that of a standard deviation.
+    pub share: f64,
+    /// What one operation may be off by, relatively: 2⁻²⁴ in floats of 32 bits.
+    pub unit: f64,
+}
 
 /// How far gradients may be from the exact ones.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,75 +54,86 @@ pub struct GradientBounds {
 
 /// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.cuts` are not made,
 /// and what is drawn must be the scene itself (no [`Savings::color_error`], nothing [`Savings::stored`], no
-/// [`Savings::alpha_error`]). Alphas may be off by the share `rounding` of themselves, and positions by that of a
-/// standard deviation.
+/// [`Savings::alpha_error`]).
 pub fn gradient_bounds(
     splats: &Splats,
     camera: &Camera,
     options: &Options,
     upstream: &[[f64; 3]],
     savings: &[Savings],
-    rounding: f64,
+    rounding: Rounding,
 ) -> GradientBounds {
     let is_scene =
         |s: &Savings| s.color_error.is_empty() && s.stored.is_none() && s.alpha_error == 0.0;
     assert!(savings.iter().all(is_scene), "savings draw another scene");
     let screen = Screen::new(splats, camera, options);
-    let width = camera.width as usize;
     let job = Job {
         screen: &screen,
+        width: camera.width as usize,
         background: options.background,
         savings,
-        rounding,
+        rounding: rounding.share,
     };
-    // As many parts as there are threads, not one for each row: each has sums of its own.
-    let part = screen.height.div_ceil(rayon::current_num_threads());
-    let parts: Vec<usize> = (0..screen.height).step_by(part.max(1)).collect();
-    let sums = parts.into_par_iter().map(|first| {
-        let mut sums = vec![vec![[0.0; ROW]; splats.len()]; savings.len() + 1];
-        for row in first..(first + part).min(screen.height) {
-            for (stack, u) in screen.row(row).zip(&upstream[row * width..]) {
-                job.add(&stack, u, &mut sums);
-            }
-        }
-        sums
-    });
-    let sums = sums.collect::<Vec<_>>();
+    let sums = job.sums(upstream, splats.len());
     let view = Viewpoint::new(camera, options, splats.mode);
     let all = Splat::<f64>::all(splats);
     let slopes: Vec<Vec<[f64; 10]>> = all.par_iter().map(|splat| slopes(splat, &view)).collect();
+    let by_screen = |which: usize, splat: usize| -> [f64; ROW] {
+        let sum = |k: usize| sums.iter().map(|part| part[which][splat][k]).sum::<f64>();
+        std::array::from_fn(sum)
+    };
+    let share_of_terms = SAFETY * rounding.unit;
+    let entry = |slopes: &[f64; 10], by_screen: &[f64; ROW]| -> f64 {
+        let terms = slopes.iter().zip(by_screen);
+        terms.map(|(slope, sum)| slope.abs() * sum).sum()
+    };
     let by_parameters = |which: usize| {
         let row = |(splat, slopes): (usize, &Vec<[f64; 10]>)| -> Vec<f64> {
-            let by_screen = |k: usize| sums.iter().map(|part| part[which][splat][k]).sum::<f64>();
-            let by_screen: [f64; ROW] = std::array::from_fn(by_screen);
-            let entry = |slopes: &[f64; 10]| {
-                let terms = slopes.iter().zip(by_screen);
-                terms.map(|(slope, sum)| slope.abs() * sum).sum()
-            };
-            slopes.iter().map(entry).collect()
+            let by_screen = by_screen(which, splat);
+            slopes
+                .iter()
+                .map(|slopes| entry(slopes, &by_screen))
+                .collect()
         };
         let rows: Vec<Vec<f64>> = slopes.iter().enumerate().map(row).collect();
         SplatGradients::from_rows(&rows)
     };
+    let rounded = |(splat, (slopes, all)): (usize, (&Vec<[f64; 10]>, &Splat<f64>))| -> Vec<f64> {
+        let off = by_screen(savings.len(), splat);
+        let terms = by_screen(savings.len() + 1, splat);
+        let slope_terms = slope_terms(all, &view);
+        let both = slopes.iter().zip(&slope_terms);
+        both.map(|(slopes, slope_terms)| {
+            entry(slopes, &off) + share_of_terms * entry(slope_terms, &terms)
+        })
+        .collect()
+    };
+    let paired: Vec<_> = slopes.iter().zip(&all).enumerate().collect();
+    let rounded: Vec<Vec<f64>> = paired.into_par_iter().map(rounded).collect();
     let near_kink = |splat: &Splat<f64>| {
         let margins = margins(splat, &view);
-        margins.near.min(margins.limit).min(margins.color) < rounding
+        margins.near.min(margins.limit).min(margins.color) < rounding.share
     };
     GradientBounds {
         bounds: (0..savings.len()).map(by_parameters).collect(),
-        rounding: by_parameters(savings.len()),
+        rounding: SplatGradients::from_rows(&rounded),
         kinked: all.iter().map(near_kink).collect(),
     }
 }
 
+/// What the device may need more roundings for than the formulas of the reference: its functions are good to a few units
+/// in the last place, and it finds derivatives by a pass backwards over other intermediate numbers of the same size.
+const SAFETY: f64 = 4.0;
+
 /// Numbers of a splat on the screen that have a gradient: [`ScreenSplat::row`] without its depth.
 const ROW: usize = 9;
 
-/// Sums of magnitudes by `[saving, then rounding][splat]`.
+/// Sums of magnitudes by `[saving, then rounding, then terms][splat]`.
 type Sums = [Vec<[f64; ROW]>];
 
 struct Job<'a> {
     screen: &'a Screen,
+    width: usize,
     background: [f64; 3],
     savings: &'a [Savings],
     rounding: f64,
@@ -181,12 +205,32 @@ fn is_capped(slice: &Slice) -> Option<bool> {
 }
 
 impl Job<'_> {
+    /// Over all pixels, in parts that are to be added.
+    fn sums(&self, upstream: &[[f64; 3]], splats: usize) -> Vec<Vec<Vec<[f64; ROW]>>> {
+        let height = self.screen.height;
+        // As many parts as there are threads, not one for each row: each has sums of its own.
+        let part = height.div_ceil(rayon::current_num_threads());
+        let parts: Vec<usize> = (0..height).step_by(part.max(1)).collect();
+        let sums = parts.into_par_iter().map(|first| {
+            let mut sums = vec![vec![[0.0; ROW]; splats]; self.savings.len() + 2];
+            for row in first..(first + part).min(height) {
+                for (stack, u) in self.screen.row(row).zip(&upstream[row * self.width..]) {
+                    self.add(&stack, u, &mut sums);
+                }
+            }
+            sums
+        });
+        sums.collect()
+    }
+
     fn add(&self, stack: &Stack, u: &[f64; 3], sums: &mut Sums) {
         let linear = Linear::of(stack, self.background, u);
         for (savings, sums) in self.savings.iter().zip(sums.iter_mut()) {
             self.add_saved(stack, &linear, savings, sums);
         }
-        self.add_rounding(stack, &linear, &mut sums[self.savings.len()]);
+        if let [.., rounding, terms] = sums {
+            self.add_rounding(stack, &linear, rounding, terms);
+        }
     }
 
     /// What savings may change.
@@ -247,7 +291,17 @@ impl Job<'_> {
     /// What rounding may change. Transmittances are products of `1 − α`, whose relative errors are those of `α`
     /// times `α / (1 − α)`; a picture's colour is off by no more than the relative error of its alphas times its
     /// range.
-    fn add_rounding(&self, stack: &Stack, linear: &Linear, sums: &mut [[f64; ROW]]) {
+    ///
+    /// `terms` are the magnitudes of what is summed, by which the derivatives of the projection are multiplied with
+    /// their own rounding. The device takes second moments of whitened residuals `e = W d` and turns them back by
+    /// `Wᵀ`; the terms of that are `|W|ᵀ |e|`, at most what [`Slopes::scale`] is by Cauchy–Schwarz, as `Σ⁻¹ = WᵀW`.
+    fn add_rounding(
+        &self,
+        stack: &Stack,
+        linear: &Linear,
+        sums: &mut [[f64; ROW]],
+        terms: &mut [[f64; ROW]],
+    ) {
         let share = self.rounding;
         let mut amplified: f64 = 0.0;
         for (slice, step) in stack.slices.iter().zip(&linear.steps) {
@@ -258,12 +312,14 @@ impl Job<'_> {
             let shape = color * step + 2.0 * share * weight * linear.range;
             amplified += slice.alpha / (1.0 - slice.alpha);
             let slopes = Slopes::of(&self.screen.list[slice.rank], stack.at);
-            let sums = &mut sums[slice.splat];
+            let (sums, terms) = (&mut sums[slice.splat], &mut terms[slice.splat]);
             if is_capped(slice) != Some(true) {
                 // The slopes are rounded, too.
                 slopes.add(shape + 3.0 * share * weight * step, &slopes.scale, sums);
+                slopes.add(weight * step, &slopes.scale, terms);
             }
             add_color(color, &linear.u, sums);
+            add_color(weight, &linear.u, terms);
         }
     }
 }

@@ -23,7 +23,7 @@ mod gradient;
 mod picture;
 mod stack;
 
-pub use gradient::{GradientBounds, gradient_bounds};
+pub use gradient::{GradientBounds, Rounding, gradient_bounds};
 pub use picture::{Traced, color_errors, trace};
 
 use crate::scene::Splats;

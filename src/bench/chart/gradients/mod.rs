@@ -12,7 +12,7 @@ use super::{Plan, reduced, training};
 use crate::bench::CpuClock;
 use crate::gpu::Gpu;
 use crate::io::photo;
-use crate::reference::bound::{GradientBounds, Savings, Traced, gradient_bounds, trace};
+use crate::reference::bound::{GradientBounds, Rounding, Savings, Traced, gradient_bounds, trace};
 use crate::reference::gradient::{SplatGradients, backward};
 use crate::reference::rasterize_backward::PixelGradient;
 use crate::reference::{Cuts, Options};
@@ -158,10 +158,13 @@ impl Gradients<'_> {
             ..PixelGradient::default()
         };
         let pixels: Vec<PixelGradient> = upstream.iter().map(pixel).collect();
-        let share = rounding(camera);
+        let rounding = Rounding {
+            share: rounding(camera),
+            unit: f64::from(f32::EPSILON) / 2.0,
+        };
         Exact {
             gradients: backward(self.splats, camera, options, &pixels).1,
-            bounds: gradient_bounds(self.splats, camera, options, &upstream, savings, share),
+            bounds: gradient_bounds(self.splats, camera, options, &upstream, savings, rounding),
         }
     }
 }
