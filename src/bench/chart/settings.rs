@@ -111,7 +111,7 @@ fn cut(number: u32) -> FrameSetting {
         transmittance_min: TRANSMITTANCE_LEAST,
         ..Accuracy::default()
     };
-    frame("alpha cut alone", one_over(number), accuracy)
+    frame("cut alone", one_over(number), accuracy)
 }
 
 fn deviations(sigma_max: f32) -> FrameSetting {

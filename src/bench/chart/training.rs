@@ -30,10 +30,17 @@ pub(super) fn measure(
 ) -> Result<(Vec<RunPoint>, Splats)> {
     let mut judge = Judge::new(gpu, dataset)?;
     let default = settings::default_run(plan);
-    let (point, splats) = seeds(gpu, dataset, &mut judge, &default, plan, progress)?;
-    let mut points = vec![point];
+    let runs = seeds(gpu, dataset, &mut judge, &default, plan, progress)?;
+    let usual: Vec<f64> = runs.iter().map(Run::psnr_db).collect();
+    let mut points = vec![point(&default, &runs, &usual)];
+    let splats = runs
+        .into_iter()
+        .next()
+        .map(|run| run.splats)
+        .unwrap_or_default();
     for setting in settings::of_runs(plan, splats.len() as u32) {
-        points.push(seeds(gpu, dataset, &mut judge, &setting, plan, progress)?.0);
+        let runs = seeds(gpu, dataset, &mut judge, &setting, plan, progress)?;
+        points.push(point(&setting, &runs, &usual));
     }
     Ok((points, splats))
 }
@@ -56,7 +63,13 @@ struct Run {
     course: Vec<(f64, f64)>,
 }
 
-/// All seeds of a setting, and the splats of the first.
+impl Run {
+    fn psnr_db(&self) -> f64 {
+        self.score.psnr_db.unwrap_or(f64::NAN)
+    }
+}
+
+/// All seeds of a setting, in order.
 fn seeds(
     gpu: &Gpu,
     dataset: &Dataset,
@@ -64,7 +77,7 @@ fn seeds(
     setting: &RunSetting,
     plan: &Plan,
     progress: &mut dyn FnMut(&str),
-) -> Result<(RunPoint, Splats)> {
+) -> Result<Vec<Run>> {
     let mut runs = Vec::new();
     for seed in 0..plan.seeds.max(1) {
         let RunSetting { knob, config } = setting;
@@ -81,21 +94,27 @@ fn seeds(
         };
         runs.push(run(gpu, dataset, judge, config)?);
     }
+    Ok(runs)
+}
+
+/// What the runs of a setting come to; `usual` are the decibels of the default ones, by seed.
+fn point(setting: &RunSetting, runs: &[Run], usual: &[f64]) -> RunPoint {
     let mean = |figure: &dyn Fn(&Run) -> f64| {
         Interval::of_mean(&runs.iter().map(figure).collect::<Vec<f64>>())
     };
+    let pairs = runs.iter().zip(usual);
+    let gains: Vec<f64> = pairs.map(|(run, usual)| run.psnr_db() - usual).collect();
     let bytes = |splats: &Splats| 4 * splats.len() * (GEOMETRY_FLOATS + splats.sh_stride());
-    let point = RunPoint {
+    RunPoint {
         knob: setting.knob.clone(),
-        psnr_db: mean(&|r| r.score.psnr_db.unwrap_or(f64::NAN)),
+        psnr_db: mean(&Run::psnr_db),
+        gain_db: Interval::of_mean(&gains),
         ssim: mean(&|r| r.score.ssim.unwrap_or(f64::NAN)),
         seconds: mean(&|r| r.seconds),
         splats: mean(&|r| r.splats.len() as f64),
         megabytes: mean(&|r| bytes(&r.splats) as f64 * 1e-6),
-        course: course(&runs),
-    };
-    let first = runs.swap_remove(0);
-    Ok((point, first.splats))
+        course: course(runs),
+    }
 }
 
 /// Looks that all runs had, then their mean end.

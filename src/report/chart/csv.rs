@@ -49,6 +49,7 @@ pub fn csv(chart: &Chart) -> String {
         let knob = ("training", &point.knob);
         for (quantity, interval) in [
             ("psnr_db", &point.psnr_db),
+            ("psnr_gain_db", &point.gain_db),
             ("ssim", &point.ssim),
             ("seconds", &point.seconds),
             ("splats", &point.splats),
@@ -125,9 +126,7 @@ mod tests {
             "{text}"
         );
         assert!(
-            text.contains(
-                "\nrendering,stop threshold,a;b,yes,max_error,0.00200000,,,0.00300000,\n"
-            ),
+            text.contains("\nrendering,stop alone,a;b,yes,max_error,0.00200000,,,0.00300000,\n"),
             "{text}"
         );
         assert!(text.contains(",psnr_db_at_5_s,20.5000,"), "{text}");

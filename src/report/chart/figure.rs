@@ -130,24 +130,28 @@ impl Figure {
         let (columns, rows) = area.get_pixel_range();
         let frame = [columns.start, rows.start, columns.end, rows.end];
         for (name, level) in &self.levels {
-            self.draw_level(canvas, name, at(0.0, *level)[1], &frame)?;
+            let y = at(0.0, *level)[1];
+            let place = level_name(name, y, &self.signs(&at), &frame);
+            draw_level(canvas, name, place, y, &frame)?;
         }
         self.draw_lines(canvas, &at, &frame)?;
         self.draw_marks(canvas, &at)?;
         self.draw_names(canvas, &at, &frame)
     }
 
-    /// A dashed line at a height, and its name at its right end.
-    fn draw_level(&self, canvas: &Canvas<'_>, name: &str, y: i32, frame: &Area) -> Result<()> {
-        for left in (frame[0]..frame[2]).step_by(10) {
-            let dash = vec![(left, y), ((left + 6).min(frame[2]), y)];
-            let dash = PathElement::new(dash, INK.stroke_width(1));
-            canvas.draw(&dash).map_err(failed)?;
+    /// What names must not cover: signs, and the bars of bounds.
+    fn signs(&self, at: &dyn Fn(f64, f64) -> [i32; 2]) -> Vec<Area> {
+        let mut signs = Vec::new();
+        for mark in &self.marks {
+            let [x, y] = at(mark.x, mark.y);
+            let radius = if mark.is_default { 9 } else { 6 };
+            signs.push([x - radius, y - radius, x + radius, y + radius]);
+            if let Some([low, high]) = mark.y_bar {
+                let ([_, a], [_, b]) = (at(mark.x, low), at(mark.x, high));
+                signs.push([x - 1, a.min(b), x + 2, a.max(b)]);
+            }
         }
-        let left = frame[2] - labels::width(name);
-        let style = (FONT, 11).into_font().color(&INK);
-        let text = Text::new(name.to_owned(), (left, y - labels::HEIGHT - 1), style);
-        canvas.draw(&text).map_err(failed)
+        signs
     }
 
     /// The front as steps, series as hints of lines or as courses, and error bars.
@@ -249,22 +253,19 @@ impl Figure {
                 },
             })
             .collect();
-        let mut obstacles: Vec<Area> = Vec::new();
+        let signs = self.signs(at);
+        let mut obstacles = signs.clone();
         for (name, level) in &self.levels {
-            let y = at(0.0, *level)[1];
-            let left = frame[2] - labels::width(name);
-            obstacles.push([left, y - labels::HEIGHT - 1, frame[2], y + 1]);
+            obstacles.push(level_name(name, at(0.0, *level)[1], &signs, frame));
         }
-        for mark in &self.marks {
-            let [x, y] = at(mark.x, mark.y);
-            let radius = if mark.is_default { 9 } else { 6 };
-            obstacles.push([x - radius, y - radius, x + radius, y + radius]);
-            if let Some([low, high]) = mark.y_bar {
-                let ([_, a], [_, b]) = (at(mark.x, low), at(mark.x, high));
-                obstacles.push([x - 1, a.min(b), x + 2, a.max(b)]);
-            }
-        }
-        let placed = labels::place(&wishes, frame, &obstacles);
+        // A disturbed machine draws these across half the figure: names had better lie beside them.
+        let bar = |mark: &Mark| {
+            let [low, high] = mark.x_bar?;
+            let ([left, y], [right, _]) = (at(low, mark.y), at(high, mark.y));
+            Some([left, y - 1, right, y + 2])
+        };
+        let bars: Vec<Area> = self.marks.iter().filter_map(bar).collect();
+        let placed = labels::place(&wishes, frame, &obstacles, &bars);
         for ((_, mark), area) in named.iter().zip(&placed) {
             let Some([left, top, ..]) = area else {
                 continue;
@@ -280,6 +281,30 @@ impl Figure {
         }
         Ok(())
     }
+}
+
+/// Where the name of a height stands: above or below it, as far to the right as no sign is in its way.
+fn level_name(name: &str, y: i32, signs: &[Area], frame: &Area) -> Area {
+    let width = labels::width(name);
+    let tops = [y - labels::HEIGHT - 1, y + 2];
+    let at = |left: i32, top: i32| [left, top, left + width, top + labels::HEIGHT];
+    let rightmost = frame[2] - width;
+    let places = (frame[0]..=rightmost).rev().step_by(4);
+    let mut places = places.flat_map(|left| tops.map(|top| at(left, top)));
+    let is_free = |area: &Area| !signs.iter().any(|sign| labels::overlap(sign, area));
+    places.find(is_free).unwrap_or(at(rightmost, tops[0]))
+}
+
+/// A dashed line at a height, and its name.
+fn draw_level(canvas: &Canvas<'_>, name: &str, place: Area, y: i32, frame: &Area) -> Result<()> {
+    for left in (frame[0]..frame[2]).step_by(10) {
+        let dash = vec![(left, y), ((left + 6).min(frame[2]), y)];
+        let dash = PathElement::new(dash, INK.stroke_width(1));
+        canvas.draw(&dash).map_err(failed)?;
+    }
+    let style = (FONT, 11).into_font().color(&INK);
+    let text = Text::new(name.to_owned(), (place[0], place[1]), style);
+    canvas.draw(&text).map_err(failed)
 }
 
 /// A series' sign: shapes differ as well as colours.

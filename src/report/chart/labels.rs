@@ -42,7 +42,8 @@ fn candidates([x, y]: [i32; 2], text: &str) -> Vec<Area> {
     areas
 }
 
-fn overlap(a: &Area, b: &Area) -> bool {
+/// Whether two areas have a pixel in common.
+pub(super) fn overlap(a: &Area, b: &Area) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
@@ -50,8 +51,14 @@ fn within(inner: &Area, outer: &Area) -> bool {
     inner[0] >= outer[0] && inner[1] >= outer[1] && inner[2] <= outer[2] && inner[3] <= outer[3]
 }
 
-/// Places what finds a place inside `frame` clear of `obstacles` and of each other; the others get none.
-pub(super) fn place(wishes: &[Wish], frame: &Area, obstacles: &[Area]) -> Vec<Option<Area>> {
+/// Places what finds a place inside `frame` clear of `obstacles` and of each other; the others get none. Thin lines in
+/// `crossed` are crossed by names that find no other place.
+pub(super) fn place(
+    wishes: &[Wish],
+    frame: &Area,
+    obstacles: &[Area],
+    crossed: &[Area],
+) -> Vec<Option<Area>> {
     let mut order: Vec<usize> = (0..wishes.len()).collect();
     order.sort_by_key(|&i| wishes[i].rank);
     let mut taken = obstacles.to_vec();
@@ -59,7 +66,9 @@ pub(super) fn place(wishes: &[Wish], frame: &Area, obstacles: &[Area]) -> Vec<Op
     for index in order {
         let wish = &wishes[index];
         let free = |area: &Area| within(area, frame) && !taken.iter().any(|t| overlap(t, area));
-        let found = candidates(wish.at, &wish.text).into_iter().find(free);
+        let is_clear = |area: &Area| !crossed.iter().any(|line| overlap(line, area));
+        let places = || candidates(wish.at, &wish.text).into_iter().filter(free);
+        let found = places().find(is_clear).or_else(|| places().next());
         taken.extend(found);
         placed[index] = found;
     }
@@ -90,7 +99,7 @@ mod tests {
             .iter()
             .map(|w| [w.at[0] - 6, w.at[1] - 6, w.at[0] + 6, w.at[1] + 6])
             .collect();
-        let placed = place(&wishes, &frame, &points);
+        let placed = place(&wishes, &frame, &points, &[]);
         let areas: Vec<Area> = placed.iter().flatten().copied().collect();
         assert!(placed[40].is_some() && areas.len() > 5 && areas.len() < 41);
         for (i, area) in areas.iter().enumerate() {
@@ -98,5 +107,23 @@ mod tests {
             assert!(!points.iter().any(|point| overlap(point, area)));
             assert!(!areas[..i].iter().any(|other| overlap(other, area)));
         }
+    }
+
+    #[test]
+    fn names_cross_lines_only_where_there_is_no_other_place() {
+        let frame = [0, 0, 400, 300];
+        let wish = [Wish {
+            at: [100, 100],
+            text: "name".into(),
+            rank: 0,
+        }];
+        let bar = [20, 99, 300, 102];
+        let clear = place(&wish, &frame, &[], &[bar])[0];
+        assert!(clear.is_some_and(|area| !overlap(&area, &bar)));
+        // Lines everywhere.
+        let all: Vec<Area> = (0..60).map(|i| [0, 5 * i, 400, 5 * i + 2]).collect();
+        let found = place(&wish, &frame, &[], &all);
+        assert_eq!(found, place(&wish, &frame, &[], &[]));
+        assert!(found[0].is_some());
     }
 }

@@ -34,7 +34,7 @@ pub struct Chart {
 /// Which setting of which knob a point stands for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Knob {
-    /// What is varied: `stop threshold`.
+    /// What is varied: `stop alone`.
     pub series: String,
     /// To which value: `1e-3`.
     pub setting: String,
@@ -43,7 +43,7 @@ pub struct Knob {
 }
 
 impl Knob {
-    /// `stop threshold 1e-3`.
+    /// `stop alone 1e-3`.
     pub fn name(&self) -> String {
         format!("{} {}", self.series, self.setting)
     }
@@ -129,6 +129,9 @@ pub struct RunPoint {
     pub knob: Knob,
     /// Mean PSNR of the held-out views, decibels (float values).
     pub psnr_db: Interval,
+    /// How much more that is than the default's, seed by seed, decibels: of runs that begin alike, much of what chance
+    /// does is the same.
+    pub gain_db: Interval,
     /// Their mean SSIM.
     pub ssim: Interval,
     /// Wall time of the training steps, seconds; loading and evaluation excluded.
@@ -183,7 +186,7 @@ pub(crate) mod tests {
     pub(crate) fn frame(setting: &str, excess: f64) -> FramePoint {
         FramePoint {
             knob: Knob {
-                series: "stop threshold".into(),
+                series: "stop alone".into(),
                 setting: setting.into(),
                 is_default: false,
             },
@@ -224,7 +227,7 @@ pub(crate) mod tests {
         let broken = chart.broken();
         assert_eq!((broken.len(), chart.bounded()), (3, 5));
         assert!(
-            broken[0].starts_with("stop threshold 1e-2: a pixel lies 5.00e-4 beyond"),
+            broken[0].starts_with("stop alone 1e-2: a pixel lies 5.00e-4 beyond"),
             "{}",
             broken[0]
         );

@@ -3,7 +3,7 @@
 use super::figure::glyph;
 use super::panels::{self, Panel, series};
 use super::tables::{self, escaped};
-use super::{Chart, Knob};
+use super::{Chart, Knob, RunPoint};
 use crate::Result;
 
 const STYLE: &str = include_str!("page.css");
@@ -11,10 +11,11 @@ const STYLE: &str = include_str!("page.css");
 const OF_FRAMES: &str = "Frames are compared with the <code>f64</code> reference that skips nothing and stops \
 nowhere, so that every cut counts as error. The bounds are proven, pixel by pixel, before a frame is drawn. \
 With C = Σ cᵢαᵢTᵢ + T·background, leaving out a set S of contributions changes a pixel by at most \
-Σ<sub>S</sub> αᵢTᵢ times the range of its colours: that is the bound of the <em>alpha cut</em>, of \
-<em>standard deviations</em> and of splats that are <em>pruned</em> (those that no training view misses by more than the \
-setting; these are other views). Stopping at the transmittance t, the last splat included, costs at most t times \
-the range: the <em>stop threshold</em>. Leaving out harmonics of degree l with coefficients d<sub>l</sub> \
+Σ<sub>S</sub> αᵢTᵢ times the range of its colours: that is the bound of the <em>cut</em>, which leaves out alphas below \
+the setting, of <em>standard deviations</em>, beyond which splats end, and of splats that are <em>pruned</em> (those that \
+no training view misses by more than the setting; these are other views). The <em>stop</em> ends a pixel where less than \
+the setting t passes, the last splat included, at a cost of t times the range at most. Both are turned alone, with next to \
+nothing of the other, and together, as <em>stop and cut</em>; the default is the stop at 1e-4 and the cut at 1/255. Leaving out harmonics of degree l with coefficients d<sub>l</sub> \
 changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em> of all splats alike, those that are dropped <em>by splat</em>, of each as \
 many as its own colour loses no more than the setting by, and those that are <em>stored as halves</em>, where d<sub>l</sub> is what rounding takes from them; rounded rotations, scales and \
 opacities make other alphas, which cost at most Σ |αᵢ′ − αᵢ|Tᵢ times the range, and so do <em>exponentials</em> by \
@@ -35,7 +36,8 @@ All sums here come in a fixed order: the engine has no backward pass with float 
 bench kernels --filter yardstick</code> times the classical one).";
 
 const OF_RUNS: &str = "Whole runs, each setting with several seeds; signs are means and bars their 95 % confidence \
-intervals (Student's t). There is no proof of what training reaches: these bars are statistics.";
+intervals (Student's t). There is no proof of what training reaches: these bars are statistics. What a setting costs in \
+decibels is compared seed by seed with the default run, in the table and here:";
 
 /// The page's text.
 ///
@@ -66,6 +68,7 @@ pub fn html(chart: &Chart) -> Result<String> {
     if !runs.is_empty() {
         let knobs = runs.iter().map(|p| &p.knob);
         body += &format!("<h2>Training: quality against cost</h2>\n<p>{OF_RUNS}</p>\n");
+        body += &costs(runs);
         body += &legend(chart, knobs, false)?;
         body += &figures(&panels::of_runs(chart))?;
         body += &details(&tables::of_runs(chart));
@@ -146,6 +149,33 @@ fn legend<'a>(
 ")
 }
 
+/// One line for every setting of training: what it changes in decibels, and in time.
+fn costs(runs: &[RunPoint]) -> String {
+    let default = runs.iter().find(|run| run.knob.is_default);
+    let Some(usual) = default.map(|run| run.seconds.value) else {
+        return String::new();
+    };
+    let line = |run: &RunPoint| {
+        let RunPoint { knob, gain_db, .. } = run;
+        let is_told = gain_db.low > 0.0 || gain_db.high < 0.0;
+        format!(
+            "<li>{} {}: {} dB{} at {:.2} of the time</li>\n",
+            escaped(&knob.series),
+            escaped(&knob.setting),
+            tables::gain(gain_db),
+            if is_told {
+                ""
+            } else {
+                " (not told from nothing)"
+            },
+            run.seconds.value / usual
+        )
+    };
+    let others = runs.iter().filter(|run| !run.knob.is_default);
+    let lines: String = others.map(line).collect();
+    format!("<ul class=\"costs\">\n{lines}</ul>\n")
+}
+
 fn figures(panels: &[Panel]) -> Result<String> {
     let mut text = String::from("<div class=\"figures\">\n");
     for Panel { figure, caption } in panels {
@@ -167,7 +197,7 @@ fn details(table: &str) -> String {
 mod tests {
     use super::*;
     use crate::report::chart::tests::frame;
-    use crate::report::chart::{GradientErrors, GradientPoint, Interval, RunPoint};
+    use crate::report::chart::{GradientErrors, GradientPoint, Interval};
 
     fn chart(excess: f64) -> Chart {
         Chart {
@@ -218,6 +248,34 @@ mod tests {
         // The alarm's red, in every panel of frames.
         assert!(page.matches("#C80000").count() >= 3, "no alarm is drawn");
         assert!(!html(&chart(-1.0))?.contains("#C80000"));
+        Ok(())
+    }
+
+    #[test]
+    fn what_training_costs_is_said_in_decibels_with_its_interval() -> Result<()> {
+        let run = |setting: &str, seconds: f64, gains: &[f64]| RunPoint {
+            knob: Knob {
+                series: "loss".into(),
+                setting: setting.into(),
+                is_default: gains.is_empty(),
+            },
+            seconds: Interval::of_mean(&[seconds]),
+            gain_db: Interval::of_mean(gains),
+            ..RunPoint::default()
+        };
+        let page = html(&Chart {
+            runs: vec![
+                run("usual", 4.0, &[]),
+                run("every 2nd", 3.0, &[-0.5, -0.6, -0.7]),
+                run("every 4th", 2.0, &[-0.5, 0.6, -0.7]),
+            ],
+            ..Chart::default()
+        })?;
+        let told = "<li>loss every 2nd: -0.60 ± 0.25 dB at 0.75 of the time</li>";
+        assert!(page.contains(told), "{page}");
+        assert!(page.contains("dB (not told from nothing) at 0.50"));
+        assert_eq!(page.matches("<li>loss ").count(), 2);
+        assert!(page.contains("<td>-0.60 ± 0.25</td>"));
         Ok(())
     }
 

@@ -51,6 +51,12 @@ fn interval(interval: &Interval, digits: usize) -> String {
     }
 }
 
+/// A difference in decibels, with its sign and half its interval.
+pub(super) fn gain(gain: &Interval) -> String {
+    let half = 0.5 * (gain.high - gain.low);
+    format!("{:+.2} ± {half:.2}", gain.value)
+}
+
 pub(super) fn of_frames(chart: &Chart) -> String {
     let head = [
         "knob",
@@ -115,13 +121,25 @@ pub(super) fn of_gradients(chart: &Chart) -> String {
 
 pub(super) fn of_runs(chart: &Chart) -> String {
     let head = [
-        "knob", "setting", "runs", "PSNR, dB", "SSIM", "seconds", "splats", "MB",
+        "knob",
+        "setting",
+        "runs",
+        "PSNR, dB",
+        "to default, dB",
+        "SSIM",
+        "seconds",
+        "splats",
+        "MB",
     ];
     let rows = chart.runs.iter().map(|p| {
         let mut row = knob(&p.knob).to_vec();
         row.extend([
             p.psnr_db.count.to_string(),
             interval(&p.psnr_db, 2),
+            match p.knob.is_default {
+                true => String::new(),
+                false => gain(&p.gain_db),
+            },
             interval(&p.ssim, 4),
             interval(&p.seconds, 2),
             interval(&p.splats, 0),
