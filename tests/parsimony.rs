@@ -21,6 +21,8 @@ mod device;
 mod harmonics;
 #[path = "common/scenes.rs"]
 mod scenes;
+#[path = "parsimony/thrift.rs"]
+mod thrift;
 
 /// A scene seen from several sides.
 struct World {

@@ -70,6 +70,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         dir: &args.out,
         checkpoint_every: 0,
         eval_every: 0,
+        against: None,
         output,
     };
     if session.run(training, &mut record)? == Outcome::Interrupted {

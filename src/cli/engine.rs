@@ -10,10 +10,11 @@ use super::predict::Prediction;
 use super::train::{StepFigures, Steps};
 use crate::bench::{Bench, Options, Row};
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Limits};
+use crate::parsimony::{Ledger, Thrift};
 use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use crate::report::MemoryFigures;
 use crate::scene::{Camera, Dataset, RenderMode, Splats};
-use crate::train::checkpoint::{Checkpoint, fingerprint};
+use crate::train::checkpoint::{Checkpoint, Steering, fingerprint};
 use crate::train::{HostState, StepReport, TrainConfig, Trainer};
 use crate::{Error, Result};
 use std::path::Path;
@@ -131,8 +132,23 @@ impl Engine {
     ) -> Result<Training<'a>> {
         Ok(Training {
             trainer: Trainer::new(&self.gpu, dataset, config)?,
+            thrift: None,
             fingerprint: fingerprint(dataset),
         })
+    }
+
+    /// Begins training to no more splats than the scene needs; `preference_db` is the smallest gain worth paying for, in
+    /// decibels for a tenth more of them; an open run may end when it has converged.
+    pub(crate) fn train_thriftily<'a>(
+        &self,
+        dataset: &'a Dataset,
+        config: TrainConfig,
+        (preference_db, is_open): (f64, bool),
+    ) -> Result<Training<'a>> {
+        let mut training = self.train(dataset, config)?;
+        let thrift = Thrift::begin(&mut training.trainer, dataset, preference_db, is_open)?;
+        training.thrift = Some(thrift);
+        Ok(training)
     }
 
     /// Begins a short training of splats that are there, of which none comes or goes.
@@ -145,6 +161,7 @@ impl Engine {
         let state = HostState::from_splats(splats, splats.sh_degree);
         Ok(Training {
             trainer: Trainer::from_state(&self.gpu, dataset, config, &state, 0)?,
+            thrift: None,
             fingerprint: fingerprint(dataset),
         })
     }
@@ -155,9 +172,18 @@ impl Engine {
         saved.check_dataset(path, dataset)?;
         let (state, iteration) = (&saved.state, saved.iteration);
         let mut trainer = Trainer::from_state(&self.gpu, dataset, saved.config, state, iteration)?;
+        let thrift = match saved.steering {
+            None => None,
+            Some(Steering { notes, kept }) => {
+                let ledger = serde_json::from_value(notes)
+                    .map_err(|e| Error::file(path, format!("its notes cannot be read: {e}")))?;
+                Some(Thrift::resume(&mut trainer, dataset, ledger, kept)?)
+            }
+        };
         trainer.set_statistics(&saved.statistics)?;
         Ok(Training {
             trainer,
+            thrift,
             fingerprint: saved.fingerprint,
         })
     }
@@ -220,6 +246,8 @@ impl Artist {
 /// A training run on the device.
 pub(super) struct Training<'a> {
     trainer: Trainer<'a>,
+    /// What steers it, if anything does.
+    thrift: Option<Thrift<'a>>,
     fingerprint: u32,
 }
 
@@ -227,6 +255,11 @@ impl Training<'_> {
     /// The run's constants.
     pub(crate) fn config(&self) -> &TrainConfig {
         self.trainer.config()
+    }
+
+    /// What has been found of the splats that the scene needs, where that is looked for.
+    pub(crate) fn ledger(&self) -> Option<&Ledger> {
+        self.thrift.as_ref().map(Thrift::ledger)
     }
 
     /// What the run will take of the device's memory: how many splats it will have, if that can be known, or
@@ -261,7 +294,11 @@ impl Steps for Training<'_> {
     }
 
     fn step(&mut self) -> Result<Vec<StepFigures>> {
-        Ok(self.trainer.step()?.into_iter().map(figures).collect())
+        let report = self.trainer.step()?;
+        if let Some(thrift) = &mut self.thrift {
+            thrift.attend(&mut self.trainer)?;
+        }
+        Ok(report.into_iter().map(figures).collect())
     }
 
     fn finish(&mut self) -> Result<Vec<StepFigures>> {
@@ -272,6 +309,10 @@ impl Steps for Training<'_> {
         self.trainer.splats()
     }
 
+    fn end(&self) -> Option<u32> {
+        self.ledger().map(|ledger| ledger.end)
+    }
+
     fn checkpoint(&mut self, path: &Path) -> Result<()> {
         let state = self.trainer.download()?;
         let checkpoint = Checkpoint {
@@ -280,6 +321,10 @@ impl Steps for Training<'_> {
             state,
             statistics: self.trainer.statistics()?,
             fingerprint: self.fingerprint,
+            steering: self.thrift.as_ref().map(|thrift| Steering {
+                notes: serde_json::to_value(thrift.ledger()).unwrap_or_default(),
+                kept: thrift.kept().cloned(),
+            }),
         };
         checkpoint.write(path)
     }

@@ -17,6 +17,8 @@ const ROUNDING: f64 = 1e-3;
 pub struct Reduced {
     /// The scene, coefficients that are not needed set to zero; of the highest degree that any splat needs.
     pub splats: Splats,
+    /// The degree of each splat.
+    pub degrees: Vec<u8>,
     /// How many splats there are of each degree.
     pub count_from_degree: [usize; 4],
     /// Coefficients of all splats of their own degrees, in floats.
@@ -30,12 +32,14 @@ pub fn reduce_harmonics(splats: &Splats, error: f64) -> Reduced {
     let stride = splats.sh_stride();
     let mut sh = splats.sh.clone();
     let mut count_from_degree = [0; 4];
+    let mut degrees = Vec::with_capacity(splats.len());
     let mut floats = 0;
     for row in sh.chunks_exact_mut(stride) {
         let degree = degree_needed(row, splats.sh_degree, error);
         let needed = 3 * sh_coefficient_count(degree);
         row[needed..].fill(0.0);
         count_from_degree[degree as usize] += 1;
+        degrees.push(degree as u8);
         floats += needed;
     }
     let highest = count_from_degree.iter().rposition(|&count| count > 0);
@@ -48,6 +52,7 @@ pub fn reduce_harmonics(splats: &Splats, error: f64) -> Reduced {
             sh_degree,
             ..splats.clone()
         },
+        degrees,
         count_from_degree,
         floats,
     }
@@ -105,6 +110,7 @@ mod tests {
         let degrees = [0, 3, 1, 2, 3];
         let scene = scene(&degrees.map(|degree| row(degree, 0.5)));
         let reduced = reduce_harmonics(&scene, 0.01);
+        assert_eq!(reduced.degrees, degrees.map(|degree| degree as u8));
         assert_eq!(reduced.count_from_degree, [1, 1, 1, 2]);
         assert_eq!(reduced.floats, 3 * (1 + 4 + 9 + 16 + 16));
         assert_eq!(reduced.splats, scene);

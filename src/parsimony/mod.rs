@@ -24,13 +24,20 @@
 //! **Invariant:** the same scene, views and budget give the same set on the same device.
 
 mod change;
+pub mod gain;
 mod harmonics;
+mod judge;
+mod ledger;
 mod prune;
 mod refit;
+mod thrift;
 mod weigher;
 
 pub use change::{Change, Promise, measure};
 pub use harmonics::{Reduced, reduce_harmonics};
+pub use judge::{Judge, part};
+pub use ledger::{Act, Entry, Ledger, Phase, Round};
 pub use prune::{Pruned, kept, prune};
 pub use refit::refit_config;
-pub use weigher::{Lens, Loss, Shown, Weigher};
+pub use thrift::{PREFERENCE_DB, Thrift, thrifty};
+pub use weigher::{Lens, Loss, Shown, Weigher, Weight};

@@ -1,11 +1,13 @@
 //! What every splat of a scene weighs, view by view.
 
-use crate::gpu::{Buffer, Frames, Gpu, Recorder};
+mod record;
+
+use crate::gpu::{Buffer, Frames, Gpu};
 use crate::kernels::{afford, tally, weigh};
 use crate::layout::*;
 use crate::render::{
     Bands, Capacity, Compatibility, Extras, Forward, Model, RenderOptions, Scratch, ViewOptions,
-    isects_expected, list_limit, tile_stride, view_of,
+    isects_expected, list_limit, view_of,
 };
 use crate::scene::{Camera, Splats};
 use crate::{Error, Result};
@@ -31,6 +33,26 @@ pub struct Loss {
     pub sum: f32,
     /// The lowest rank, over the pixels where it counts, up to which all can go; huge where it counts nowhere.
     pub limit: f32,
+}
+
+/// What a splat weighs in some pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Weight {
+    /// The largest share of a pixel that it makes up.
+    pub most: f32,
+    /// The sum of its shares over all pixels.
+    pub sum: f32,
+}
+
+/// What a view is drawn for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Purpose {
+    /// Its picture.
+    Show,
+    /// What every splat weighs.
+    Weights,
+    /// What pixels that can lose so much would lose with every splat.
+    Losses(f32),
 }
 
 /// A picture, and what its tiles hold.
@@ -155,19 +177,43 @@ impl Weigher {
     ) -> Result<Option<Vec<Loss>>> {
         let count = self.splat_count();
         assert_eq!(ranks.len(), count, "a rank for every splat");
+        self.gpu.upload(&self.scales.ranks, 0, ranks)?;
+        let totals = self.totals(cameras, Purpose::Losses(budget), go_on)?;
+        let loss = |[most, sum, limit]: [f32; 3]| Loss { most, sum, limit };
+        Ok(totals.map(|totals| totals.into_iter().map(loss).collect()))
+    }
+
+    /// What each splat weighs in the views together. `None` as with [`Weigher::losses`].
+    ///
+    /// # Errors
+    /// As [`Weigher::losses`].
+    pub fn weights(
+        &mut self,
+        cameras: &[Camera],
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Weight>>> {
+        let totals = self.totals(cameras, Purpose::Weights, go_on)?;
+        let weight = |[most, sum, _]: [f32; 3]| Weight { most, sum };
+        Ok(totals.map(|totals| totals.into_iter().map(weight).collect()))
+    }
+
+    fn totals(
+        &mut self,
+        cameras: &[Camera],
+        purpose: Purpose,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<[f32; 3]>>> {
+        let count = self.splat_count();
         let nothing = [0.0, 0.0, f32::MAX];
         self.gpu
             .upload(&self.scales.totals, 0, &vec![nothing; count])?;
-        self.gpu.upload(&self.scales.ranks, 0, ranks)?;
         for camera in cameras {
             if !go_on() {
                 return Ok(None);
             }
-            self.draw(camera, 0, Some(budget))?;
+            self.draw(camera, 0, purpose)?;
         }
-        let totals = self.gpu.download(&self.scales.totals, 0..count)?;
-        let loss = |[most, sum, limit]: [f32; 3]| Loss { most, sum, limit };
-        Ok(Some(totals.into_iter().map(loss).collect()))
+        Ok(Some(self.gpu.download(&self.scales.totals, 0..count)?))
     }
 
     /// Draws a view with all its colours.
@@ -176,7 +222,7 @@ impl Weigher {
     /// As [`Weigher::losses`].
     pub fn show(&mut self, camera: &Camera) -> Result<Shown> {
         let (count, sh_degree) = (self.splat_count(), self.scales.model.sh_degree);
-        let counts = self.draw(camera, sh_degree, None)?;
+        let counts = self.draw(camera, sh_degree, Purpose::Show)?;
         let (gpu, s) = (&self.gpu, &self.scales.room.scratch);
         let capacity = Capacity::for_image(0, 0, camera.width, camera.height);
         let isects = counts[COUNT_ISECT as usize] as usize;
@@ -205,8 +251,8 @@ impl Weigher {
         })
     }
 
-    /// Draws a view, and weighs what it shows if there is a budget to weigh by; returns the counts.
-    fn draw(&mut self, camera: &Camera, sh_degree: u32, budget: Option<f32>) -> Result<Vec<u32>> {
+    /// Draws a view for a purpose; returns the counts.
+    fn draw(&mut self, camera: &Camera, sh_degree: u32, purpose: Purpose) -> Result<Vec<u32>> {
         let view = view_of(
             camera,
             &ViewOptions {
@@ -228,9 +274,7 @@ impl Weigher {
                 scales
                     .forward
                     .record(rec, &scales.model, s, &view, sh_degree, bands);
-                if let Some(budget) = budget {
-                    scales.record(rec, &view, budget);
-                }
+                scales.record(rec, &view, purpose);
                 rec.read_back(&s.counts, 0..COUNT_SLOTS as usize)
             })?;
             self.frames.wait(ticket)?;
@@ -279,62 +323,5 @@ impl Weigher {
             self.scales.room = Room::new(&self.gpu, capacity)?;
         }
         Ok(())
-    }
-}
-
-impl Scales {
-    /// Records the search for what pixels can afford, the weighing, and the sums by splat.
-    fn record(&self, rec: &mut Recorder<'_>, view: &View, budget: f32) {
-        let tiles = (view.tiles[0] * view.tiles[1]) as usize;
-        let room = &self.room;
-        let s = &room.scratch;
-        let source_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
-        let tile_stride = tile_stride(tiles);
-        rec.fill(&room.limit, 0);
-        // A pair that was counted and then not listed has a record that nobody writes: one that lets nothing go.
-        rec.fill(&room.records, 0);
-        for step in STEPS {
-            let io = afford::Bindings {
-                view: &s.view,
-                range_from_tile: &s.range_from_tile,
-                source_from_isect,
-                splat_from_source: &s.splat_from_source,
-                shape_from_splat: &s.shape_from_splat,
-                tone_from_splat: &s.tone_from_splat,
-                rank_from_splat: &self.ranks,
-                limit_from_pixel: &room.limit,
-                spent_from_pixel: &room.spent,
-            };
-            let params = afford::Params {
-                tile_stride,
-                step,
-                budget,
-            };
-            self.afford.record(rec, io, params, tiles);
-        }
-        let io = weigh::Bindings {
-            view: &s.view,
-            range_from_tile: &s.range_from_tile,
-            source_from_isect,
-            splat_from_source: &s.splat_from_source,
-            shape_from_splat: &s.shape_from_splat,
-            tone_from_splat: &s.tone_from_splat,
-            spent_from_pixel: &room.spent,
-            limit_from_pixel: &room.limit,
-            loss_from_source: &room.records,
-        };
-        let params = weigh::Params { tile_stride };
-        self.weigh.record(rec, io, params, tiles);
-        let io = tally::Bindings {
-            counts: &s.counts,
-            tile_count_from_splat: &s.tile_count_from_splat,
-            source_from_splat: &s.source_from_splat,
-            loss_from_source: &room.records,
-            loss_from_splat: &self.totals,
-        };
-        let params = tally::Params {
-            splat_count: self.model.splat_count as u32,
-        };
-        self.tally.record(rec, io, params);
     }
 }

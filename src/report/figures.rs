@@ -1,5 +1,6 @@
 //! `report.json`: the figures of a training run. Field names are an interface; units stand in them.
 
+use super::needs::Needs;
 use super::{MeanScore, ViewScore};
 use crate::Result;
 use crate::io::atomic::write_atomically;
@@ -45,6 +46,9 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// Every constant of the run.
     pub config: serde_json::Value,
+    /// What the scene needs, where the run looked for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub needs: Option<Needs>,
 }
 
 /// Device memory of training, since it was begun or resumed: measured, and by the formula of

@@ -2,6 +2,7 @@
 
 pub mod chart;
 mod figures;
+pub mod needs;
 mod pictures;
 mod score;
 pub mod stress;

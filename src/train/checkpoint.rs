@@ -27,6 +27,17 @@ pub struct Checkpoint {
     pub statistics: Vec<SplatStats>,
     /// Of the data set trained on: see [`fingerprint`].
     pub fingerprint: u32,
+    /// Of whoever steers the run, if anyone does.
+    pub steering: Option<Steering>,
+}
+
+/// What whoever steers a run between its steps goes by, beside the run itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Steering {
+    /// Its own affair.
+    pub notes: serde_json::Value,
+    /// A state that the run may go back to.
+    pub kept: Option<HostState>,
 }
 
 /// A checksum of a data set's training views: names, sizes and poses, in their order.
@@ -59,16 +70,29 @@ impl Checkpoint {
             "iteration": self.iteration,
             "splat_count": self.state.len(),
             "fingerprint": self.fingerprint,
+            "steering": self.steering.as_ref().map(|steering| &steering.notes),
+            "kept_count": self.kept().map(HostState::len),
         });
-        let [params, m, v] = [&self.state.params, &self.state.m, &self.state.v].map(flat);
-        let sections = [
+        let [params, m, v] = numbers(&self.state);
+        let mut sections = vec![
             Section::new("degrees", &self.state.degrees),
             Section::new("params", &params),
             Section::new("m", &m),
             Section::new("v", &v),
             Section::new("statistics", self.statistics.as_flattened()),
         ];
+        let kept = self.kept().map(numbers);
+        if let (Some(kept), Some([params, m, v])) = (self.kept(), &kept) {
+            sections.push(Section::new("kept degrees", &kept.degrees));
+            sections.push(Section::new("kept params", params));
+            sections.push(Section::new("kept m", m));
+            sections.push(Section::new("kept v", v));
+        }
         checkpoint::write(path, &meta, &sections)
+    }
+
+    fn kept(&self) -> Option<&HostState> {
+        self.steering.as_ref()?.kept.as_ref()
     }
 
     /// Reads a file and checks that its parts fit each other.
@@ -92,24 +116,37 @@ impl Checkpoint {
         if iteration > config.iterations {
             return Err(fault("it is beyond its own end"));
         }
-        let planes = |name: &str| {
+        let planes = |name: &str, count: usize| {
             let numbers = file.read::<f32>(name)?;
             unflat(&numbers, plane_count(config.sh_degree), count)
                 .ok_or_else(|| fault(&format!("{name} has not {count} splats")))
         };
-        let degrees = file.read::<u8>("degrees")?;
-        let is_below = degrees.iter().all(|&d| u32::from(d) <= config.sh_degree);
-        if degrees.len() != count || !is_below {
-            let what = format!("degrees are not {count} of at most {}", config.sh_degree);
-            return Err(fault(&what));
-        }
-        let state = HostState {
-            sh_degree: config.sh_degree,
-            degrees,
-            params: planes("params")?,
-            m: planes("m")?,
-            v: planes("v")?,
+        let state = |prefix: &str, count: usize| -> Result<HostState> {
+            let degrees = file.read::<u8>(&format!("{prefix}degrees"))?;
+            let is_below = degrees.iter().all(|&d| u32::from(d) <= config.sh_degree);
+            if degrees.len() != count || !is_below {
+                let most = config.sh_degree;
+                return Err(fault(&format!(
+                    "{prefix}degrees are not {count} of at most {most}"
+                )));
+            }
+            let planes = |name: &str| planes(&format!("{prefix}{name}"), count);
+            Ok(HostState {
+                sh_degree: config.sh_degree,
+                degrees,
+                params: planes("params")?,
+                m: planes("m")?,
+                v: planes("v")?,
+            })
         };
+        let present = |name: &str| meta.get(name).filter(|value| !value.is_null());
+        let kept = match present("kept_count") {
+            None => None,
+            Some(_) => Some(state("kept ", number("kept_count")? as usize)?),
+        };
+        let steering = present("steering").cloned();
+        let steering = steering.map(|notes| Steering { notes, kept });
+        let state = state("", count)?;
         let statistics = file.read::<f32>("statistics")?;
         if statistics.len() != count * 4 {
             return Err(fault(&format!("statistics has not {count} splats")));
@@ -120,6 +157,7 @@ impl Checkpoint {
             state,
             statistics: bytemuck::cast_slice(&statistics).to_vec(),
             fingerprint: number("fingerprint")?,
+            steering,
         })
     }
 
@@ -131,6 +169,11 @@ impl Checkpoint {
         let what = "the data set's training views are not those that this run was begun with";
         Err(Error::file(path, what))
     }
+}
+
+/// A state's parameters and moments one after the other.
+fn numbers(state: &HostState) -> [Vec<f32>; 3] {
+    [&state.params, &state.m, &state.v].map(flat)
 }
 
 fn flat(planes: &Planes) -> Vec<f32> {
@@ -180,6 +223,7 @@ mod tests {
             state,
             statistics: (0..count).map(|i| [i as f32, 1.0, 2.0, 0.0]).collect(),
             fingerprint: 5,
+            steering: None,
         }
     }
 

@@ -8,6 +8,7 @@ mod degrees;
 mod halved;
 mod inspect;
 mod room;
+mod steer;
 
 use super::backward::{Backward, Gradients, Step};
 use super::config::TrainConfig;
@@ -67,6 +68,8 @@ pub struct Trainer<'a> {
     views: Vec<usize>,
     config: TrainConfig,
     extent: f64,
+    /// Splats are added up to this count.
+    limit: usize,
     strategy: Box<dyn Strategy>,
     forward: Forward,
     backward: Backward,
@@ -126,6 +129,7 @@ impl<'a> Trainer<'a> {
             gpu: gpu.clone(),
             dataset,
             extent: dataset.extent(),
+            limit: config.splat_limit(),
             strategy: strategy(config.strategy),
             forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy)?,
             backward: Backward::new(gpu, &config)?,
@@ -363,6 +367,7 @@ impl<'a> Trainer<'a> {
                 iteration,
                 config: &self.config,
                 extent: self.extent,
+                limit: self.limit,
             };
             let report = self.strategy.refine(&mut state, &statistics, context);
             if let Some(last) = self.done.back_mut() {

@@ -67,7 +67,8 @@ const RANKS: &[(&str, &[&str])] = &[
     (
         "parsimony",
         &[
-            "train", "render", "kernels", "gpu", "scene", "error", "layout",
+            "train", "report", "render", "kernels", "gpu", "scene", "io", "metrics", "error",
+            "layout",
         ],
     ),
     (

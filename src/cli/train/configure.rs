@@ -77,6 +77,15 @@ pub(in crate::cli) enum AgainstArg {
 impl ConfigArgs {
     /// The configuration, checked.
     pub(crate) fn config(&self, is_software: bool) -> Result<TrainConfig> {
+        self.config_from(is_software, |config| config)
+    }
+
+    /// The same from other constants than the usual; what the options say comes after.
+    pub(crate) fn config_from(
+        &self,
+        is_software: bool,
+        other: impl FnOnce(TrainConfig) -> TrainConfig,
+    ) -> Result<TrainConfig> {
         let usual = if is_software {
             ITERATIONS_SOFTWARE
         } else {
@@ -87,7 +96,7 @@ impl ConfigArgs {
             Some(StrategyArg::Mcmc) => StrategyKind::Mcmc,
         };
         let config = TrainConfig::for_iterations(self.iterations.unwrap_or(usual));
-        let mut config = config.with_strategy(strategy);
+        let mut config = other(config.with_strategy(strategy));
         for against in &self.against {
             config = match against {
                 AgainstArg::Floaters => config.against_floaters(),

@@ -99,6 +99,9 @@ impl Record {
         let every = self.iterations.div_ceil(HISTORY_ENTRIES).max(1);
         if figures.iteration.is_multiple_of(every) || figures.iteration == self.iterations {
             let pending = std::mem::take(&mut self.pending);
+            // Steps that are taken twice, as rounds that compare do, count the second time.
+            self.history
+                .retain(|entry| entry.iteration < figures.iteration);
             self.history.push(HistoryEntry {
                 iteration: figures.iteration,
                 seconds: self.timings.train_seconds,

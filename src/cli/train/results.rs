@@ -4,11 +4,14 @@ use super::Session;
 use super::record::Record;
 use crate::cli::eval::{Scene, Scored};
 use crate::cli::output::{bytes, file_stem, grouped, score_text};
+use crate::io::atomic::write_atomically;
+use crate::report::needs::{self, Needs};
 use crate::report::{MeanScore, MemoryFigures, Report, ViewScore, comparison};
 use crate::scene::{Splats, Split};
 use crate::train::{StrategyKind, TrainConfig};
 use crate::{Error, Result, io};
 use serde_json::json;
+use std::io::Write;
 use std::time::Instant;
 
 /// Writes all results and says where they are.
@@ -18,6 +21,7 @@ pub(super) fn write(
     config: &TrainConfig,
     record: &mut Record,
     (splats, memory): (&Splats, MemoryFigures),
+    found: Option<(Needs, Option<&Report>)>,
 ) -> Result<()> {
     // The scene first: whatever fails after this, the training was not in vain.
     io::ply::write(&session.dir.join("scene.ply"), splats)?;
@@ -29,6 +33,8 @@ pub(super) fn write(
         &mut |_| Ok(()),
     )?;
     record.timings.evaluate_seconds += start.elapsed().as_secs_f64();
+    let score = MeanScore::of(&test);
+    let needs = found.map(|(needs, against)| needs.beside(against, score.psnr_db));
     let report = Report {
         iterations: record.iteration,
         seed: config.seed,
@@ -41,7 +47,7 @@ pub(super) fn write(
         sh_degree: splats.sh_degree,
         train_seconds: record.timings.train_seconds,
         loss: record.history.iter().rev().find_map(|entry| entry.loss),
-        test: MeanScore::of(&test),
+        test: score,
         train: MeanScore::of(&train),
         memory_peak_bytes: session.engine.memory_peak_bytes(),
         memory,
@@ -50,7 +56,14 @@ pub(super) fn write(
         timings: record.timings,
         warnings: record.warnings.clone(),
         config: serde_json::to_value(config).unwrap_or_default(),
+        needs,
     };
+    if let Some(needs) = &report.needs {
+        let page = needs::page::html(needs)?;
+        write_atomically(&session.dir.join("needs.html"), |file| {
+            write!(file, "{page}")
+        })?;
+    }
     report.write(&session.dir.join("report.json"))?;
     record.is_finished = true;
     record.write(session.dir)?;
@@ -92,6 +105,10 @@ fn tell(session: &Session<'_>, report: &Report) {
     for warning in &report.warnings {
         lines.push(format!("warning: {warning}"));
     }
+    if let Some(needs) = &report.needs {
+        lines.push(needs.sentence.clone());
+        lines.push(format!("why:      {dir}/needs.html"));
+    }
     lines.push(format!("scene:    {dir}/scene.ply"));
     lines.push(format!("report:   {dir}/report.json"));
     if report.test.views > 0 {
@@ -107,6 +124,7 @@ fn tell(session: &Session<'_>, report: &Report) {
             "splat_count": report.splat_count,
             "test": report.test,
             "train": report.train,
+            "needs": report.needs.as_ref().map(|needs| &needs.sentence),
             "scene": session.dir.join("scene.ply"),
             "report": session.dir.join("report.json"),
         })

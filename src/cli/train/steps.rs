@@ -20,6 +20,10 @@ pub(in crate::cli) trait Steps {
     fn step(&mut self) -> Result<Vec<StepFigures>>;
     /// Waits for all steps; gives the figures still outstanding.
     fn finish(&mut self) -> Result<Vec<StepFigures>>;
+    /// The step that the run ends after, where the run itself decides that.
+    fn end(&self) -> Option<u32> {
+        None
+    }
     /// The scene as it is.
     fn splats(&mut self) -> Result<Splats>;
     /// Writes all that is needed to go on.
@@ -57,6 +61,7 @@ pub(in crate::cli) fn run_steps(
         timed(record, |t| &mut t.train_seconds, || steps.step())?
             .into_iter()
             .for_each(|figures| display.show(record, figures));
+        record.iterations = steps.end().unwrap_or(record.iterations);
         let done = steps.iteration();
         let is_due =
             |every: u32| every > 0 && done.is_multiple_of(every) && done < record.iterations;

@@ -98,7 +98,7 @@ fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -
     for (_, row, fate) in wanted {
         // A clone adds a row; a split replaces one by two, which a row meant to be pruned has freed.
         let added = 1 + usize::from(fates[row] == Fate::Prune);
-        if count + added <= context.config.splat_limit() {
+        if count + added <= context.limit {
             fates[row] = fate;
             count += added;
         }
@@ -214,6 +214,7 @@ mod tests {
             iteration,
             config,
             extent: 1.0,
+            limit: config.splat_limit(),
         }
     }
 

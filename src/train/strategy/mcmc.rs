@@ -60,9 +60,8 @@ impl Strategy for Mcmc {
 
 /// How many splats are added to `count`.
 fn growth(count: usize, context: RefineContext<'_>) -> usize {
-    let limit = context.config.splat_limit();
     let wanted = (count as f64 * f64::from(context.config.mcmc.growth)).round() as usize;
-    wanted.min(limit).saturating_sub(count)
+    wanted.min(context.limit).saturating_sub(count)
 }
 
 /// The rows after `guests` (moved, added) have come to each host: hosts and guests share alike.
@@ -143,6 +142,7 @@ mod tests {
             iteration: 100,
             config,
             extent: 1.0,
+            limit: config.splat_limit(),
         };
         Mcmc.refine(state, &stats, context)
     }

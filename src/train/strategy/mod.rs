@@ -33,6 +33,8 @@ pub struct RefineContext<'a> {
     pub config: &'a TrainConfig,
     /// Scene extent in world units.
     pub extent: f64,
+    /// Splats are added up to this count, and no further.
+    pub limit: usize,
 }
 
 /// What a refinement did.

@@ -89,6 +89,7 @@ fn thousand_refinements(kind: StrategyKind) -> HostState {
             iteration: step * 10,
             config: &config,
             extent: 1.0,
+            limit: config.splat_limit(),
         };
         let report = strategy.refine(&mut state, &stats, context);
         check(&before, &state);

@@ -40,7 +40,7 @@ impl Trainer<'_> {
         })
     }
 
-    fn settle(&mut self) -> Result<()> {
+    pub(super) fn settle(&mut self) -> Result<()> {
         let reports = self.finish()?;
         self.done.extend(reports);
         Ok(())

@@ -1,0 +1,191 @@
+//! What has been tried and found in a run that ends with no more splats than its scene needs. All that its decisions go
+//! by stands here, so that a resumed run decides alike.
+
+use super::gain::mean;
+use crate::report::needs::{Law, NeedStep};
+use serde::{Deserialize, Serialize};
+
+/// What a run is at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Phase {
+    /// Splats are added.
+    #[default]
+    Growing,
+    /// The least of them are taken out, round by round.
+    Pruning,
+    /// The count is decided; the held-out views say when training has converged.
+    Converging,
+    /// All training views are seen.
+    Settled,
+}
+
+/// What was done at an iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Act {
+    /// Nothing: the held-out views were looked at.
+    Looked,
+    /// Growth ended.
+    Stopped,
+    /// The least important splats went.
+    Pruned,
+    /// The least important splats would have gone, had the held-out views not missed them.
+    Missed,
+}
+
+impl Act {
+    /// In words.
+    fn name(self) -> &'static str {
+        match self {
+            Act::Looked => "looked",
+            Act::Stopped => "growth stopped",
+            Act::Pruned => "the least important went",
+            Act::Missed => "the least important would be missed, and stayed",
+        }
+    }
+}
+
+/// What was done, and what was seen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Steps done.
+    pub iteration: u32,
+    /// What was done.
+    pub act: Act,
+    /// Splats, before anything went.
+    pub splats: usize,
+    /// PSNR with them, by held-out view; decibels.
+    pub psnr_db: Vec<f64>,
+    /// Splats without those that went or would have gone, and the PSNR after the same steps.
+    pub without: Option<(usize, Vec<f64>)>,
+    /// What a tenth more splats was worth, and its lower bound; decibels.
+    pub gain_db: Option<[f64; 2]>,
+}
+
+/// A round on its way: the same steps are taken from the same state twice, without the least important splats and then
+/// with them, so that nothing but their absence tells the two apart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    /// The iteration that both begin after.
+    pub from: u32,
+    /// Splats and PSNR of the first, once it is done.
+    pub without: Option<(usize, Vec<f64>)>,
+}
+
+/// The course and the state of the decisions.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ledger {
+    /// The smallest gain worth paying for: decibels for a tenth more splats.
+    pub preference_db: f64,
+    /// What the run is at.
+    pub phase: Phase,
+    /// The round on its way.
+    pub round: Option<Round>,
+    /// The share of splats that the next round tries to do without.
+    pub share: f64,
+    /// The iteration from which the count is fixed.
+    pub settled_from: Option<u32>,
+    /// The iteration that the run ends after, as far as is known.
+    pub end: u32,
+    /// Whether the run may end when it has converged.
+    pub is_open: bool,
+    /// By how much a channel of a splat's colour was off at most when the harmonics went that it hardly needs.
+    pub sh_error: f64,
+    /// The course so far.
+    pub entries: Vec<Entry>,
+}
+
+impl Ledger {
+    /// Splats, and the mean PSNR that the held-out views have with so many, as if all had been measured at the end of the
+    /// last round: what a round lost is known free of time, and is added up from there.
+    pub fn points(&self) -> Vec<[f64; 2]> {
+        let mut points = Vec::new();
+        let mut level = None;
+        for entry in self.entries.iter().rev() {
+            let Some((left, without)) = &entry.without else {
+                continue;
+            };
+            let (left, with, without) = (*left as f64, mean(&entry.psnr_db), mean(without));
+            let (splats, lost) = (entry.splats as f64, with - without);
+            let is_missed = entry.act == Act::Missed;
+            let after = level.unwrap_or_else(|| {
+                let end = if is_missed {
+                    [splats, with]
+                } else {
+                    [left, without]
+                };
+                points.push(end);
+                end[1]
+            });
+            if is_missed {
+                points.push([left, after - lost]);
+                level = Some(after);
+            } else {
+                points.push([splats, after + lost]);
+                level = Some(after + lost);
+            }
+        }
+        points.reverse();
+        points
+    }
+
+    /// The law through them.
+    pub fn law(&self) -> Option<Law> {
+        Law::through(&self.points())
+    }
+
+    /// The course as a report has it.
+    pub fn steps(&self) -> Vec<NeedStep> {
+        let step = |entry: &Entry| NeedStep {
+            iteration: entry.iteration,
+            act: entry.act.name().into(),
+            splats: entry.splats,
+            psnr_db: mean(&entry.psnr_db),
+            without: entry
+                .without
+                .as_ref()
+                .map(|(splats, psnr)| (*splats, mean(psnr))),
+            gain_db: entry.gain_db,
+        };
+        self.entries.iter().map(step).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_rounds_lost_adds_up_whatever_time_has_gained() {
+        let entry = |act, splats, with: f64, left, without: f64| Entry {
+            iteration: 0,
+            act,
+            splats,
+            psnr_db: vec![with],
+            without: Some((left, vec![without])),
+            gain_db: None,
+        };
+        let looked = Entry {
+            without: None,
+            ..entry(Act::Looked, 500, 10.0, 0, 0.0)
+        };
+        let ledger = Ledger {
+            entries: vec![
+                looked,
+                entry(Act::Pruned, 1000, 20.0, 800, 19.5),
+                entry(Act::Missed, 800, 24.0, 600, 22.0),
+                entry(Act::Pruned, 800, 26.0, 700, 25.0),
+            ],
+            ..Ledger::default()
+        };
+        let points = [[1000.0, 26.5], [600.0, 24.0], [800.0, 26.0], [700.0, 25.0]];
+        assert_eq!(ledger.points(), points);
+        let refused = Ledger {
+            entries: ledger.entries[..3].to_vec(),
+            ..Ledger::default()
+        };
+        let points = [[1000.0, 24.5], [600.0, 22.0], [800.0, 24.0]];
+        assert_eq!(refused.points(), points);
+    }
+}

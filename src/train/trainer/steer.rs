@@ -1,0 +1,56 @@
+//! What may be changed between two steps by whoever steers a run: which views it sees, what it goes on from, how far it
+//! may grow. A run that is resumed must be steered alike.
+
+use super::{Trainer, halved};
+use crate::train::state::HostState;
+use crate::{Error, Result};
+
+impl Trainer<'_> {
+    /// The views trained on, of the data set's.
+    pub fn views(&self) -> &[usize] {
+        &self.views
+    }
+
+    /// Trains on these of the data set's views from now on. Waits for the last step begun.
+    pub fn set_views(&mut self, views: Vec<usize>) -> Result<()> {
+        if views.is_empty() {
+            return Err(Error::Config("there is no view to train on".into()));
+        }
+        if views == self.views {
+            return Ok(());
+        }
+        self.settle()?;
+        (self.halved, self.photos) = halved::begin(
+            &self.gpu,
+            self.dataset,
+            &views,
+            &self.config,
+            self.iteration,
+        )?;
+        self.views = views;
+        Ok(())
+    }
+
+    /// From now on splats are added up to this count, and no more than the configuration allows.
+    pub fn set_limit(&mut self, limit: usize) {
+        self.limit = limit.min(self.config.splat_limit());
+    }
+
+    /// Goes on with another state in place of this one, which may have more splats or fewer; what density control has
+    /// gathered is forgotten. Waits for the last step begun.
+    pub fn replace(&mut self, state: &HostState) -> Result<()> {
+        self.settle()?;
+        self.take_over(state).map_err(|e| e.at_step(self.iteration))
+    }
+
+    /// Goes on from a state of an earlier iteration, as it was after that.
+    pub fn go_back(&mut self, state: &HostState, iteration: u32) -> Result<()> {
+        self.replace(state)?;
+        assert!(
+            iteration <= self.iteration,
+            "only what has been can be gone back to"
+        );
+        self.iteration = iteration;
+        Ok(())
+    }
+}

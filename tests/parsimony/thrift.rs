@@ -1,0 +1,185 @@
+//! Training to no more splats than a scene needs: built-in scenes, small pictures, short runs.
+
+use super::device::gpu;
+use ashfall::Result;
+use ashfall::gpu::Gpu;
+use ashfall::parsimony::gain::mean;
+use ashfall::parsimony::{Act, Ledger, Phase, Thrift, part, thrifty};
+use ashfall::scene::{Dataset, Split};
+use ashfall::synth::{Kind, SynthOptions, scene};
+use ashfall::train::checkpoint::{Checkpoint, Steering, fingerprint};
+use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
+use std::path::Path;
+
+const ITERATIONS: u32 = 320;
+
+fn options() -> SynthOptions {
+    SynthOptions {
+        views: 20,
+        width: 64,
+        height: 48,
+        points: 800,
+        ..SynthOptions::default()
+    }
+}
+
+fn dataset(kind: Kind) -> Dataset {
+    scene(kind).dataset(&options())
+}
+
+fn config(strategy: StrategyKind) -> TrainConfig {
+    let config = TrainConfig {
+        sh_degree: 1,
+        ..TrainConfig::for_iterations(ITERATIONS)
+    };
+    thrifty(config.with_strategy(strategy))
+}
+
+/// A run from its beginning to the end, and what it found.
+fn run(
+    gpu: &Gpu,
+    dataset: &Dataset,
+    config: TrainConfig,
+    gain: f64,
+) -> Result<(HostState, Ledger)> {
+    let mut trainer = Trainer::new(gpu, dataset, config)?;
+    let mut thrift = Thrift::begin(&mut trainer, dataset, gain, false)?;
+    while !trainer.is_done() {
+        trainer.step()?;
+        thrift.attend(&mut trainer)?;
+    }
+    Ok((trainer.download()?, thrift.ledger().clone()))
+}
+
+/// Writes a run down, forgets it and goes on from the file.
+fn reopened<'a>(
+    gpu: &Gpu,
+    dataset: &'a Dataset,
+    (mut trainer, thrift): (Trainer<'a>, Thrift<'a>),
+    path: &Path,
+) -> Result<(Trainer<'a>, Thrift<'a>)> {
+    let checkpoint = Checkpoint {
+        config: trainer.config().clone(),
+        state: trainer.download()?,
+        iteration: trainer.iteration(),
+        statistics: trainer.statistics()?,
+        fingerprint: fingerprint(dataset),
+        steering: Some(Steering {
+            notes: serde_json::to_value(thrift.ledger()).unwrap(),
+            kept: thrift.kept().cloned(),
+        }),
+    };
+    drop((trainer, thrift));
+    checkpoint.write(path)?;
+    let saved = Checkpoint::read(path)?;
+    assert!(saved == checkpoint, "a checkpoint comes back as another");
+    let mut trainer =
+        Trainer::from_state(gpu, dataset, saved.config, &saved.state, saved.iteration)?;
+    let steering = saved.steering.unwrap();
+    let ledger = serde_json::from_value(steering.notes).unwrap();
+    let thrift = Thrift::resume(&mut trainer, dataset, ledger, steering.kept)?;
+    trainer.set_statistics(&saved.statistics)?;
+    Ok((trainer, thrift))
+}
+
+#[test]
+fn who_pays_for_smaller_gains_gets_more_splats() -> Result<()> {
+    let gpu = gpu();
+    let dataset = dataset(Kind::Solids);
+    let mut counts = Vec::new();
+    for gain in [0.002, 0.05, 1.0] {
+        counts.push(
+            run(&gpu, &dataset, config(StrategyKind::Adc), gain)?
+                .0
+                .len(),
+        );
+    }
+    assert!(counts[0] > counts[1] && counts[1] > counts[2], "{counts:?}");
+    Ok(())
+}
+
+#[test]
+fn a_resumed_run_decides_and_ends_as_an_uninterrupted_one() -> Result<()> {
+    let gpu = gpu();
+    let dataset = dataset(Kind::Solids);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint");
+    for strategy in [StrategyKind::Adc, StrategyKind::Mcmc] {
+        let mut config = config(strategy);
+        config.max_splats = Some(1_500);
+        let whole = run(&gpu, &dataset, config.clone(), 0.02)?;
+        let mut trainer = Trainer::new(&gpu, &dataset, config)?;
+        let mut thrift = Thrift::begin(&mut trainer, &dataset, 0.02, false)?;
+        let mut phases = Vec::new();
+        while !trainer.is_done() {
+            trainer.step()?;
+            thrift.attend(&mut trainer)?;
+            // 49: where growth is looked at; 170: within a round; the others: wherever they fall.
+            if [49, 101, 170, 215, 300].contains(&trainer.iteration()) {
+                phases.push(thrift.ledger().phase);
+                (trainer, thrift) = reopened(&gpu, &dataset, (trainer, thrift), &path)?;
+            }
+        }
+        let found = (trainer.download()?, thrift.ledger().clone());
+        assert!(phases.contains(&Phase::Growing) && phases.contains(&Phase::Settled));
+        assert!(phases.contains(&Phase::Pruning), "{phases:?}");
+        assert_eq!(found.1, whole.1, "{strategy:?}");
+        assert!(found.0 == whole.0, "{strategy:?}: other splats");
+    }
+    Ok(())
+}
+
+#[test]
+fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
+    let gpu = gpu();
+    // A preference so small that hardly anything may go.
+    let (state, ledger) = run(&gpu, &dataset(Kind::Demo), config(StrategyKind::Adc), 1e-6)?;
+    let rounds = ledger
+        .entries
+        .iter()
+        .filter(|entry| entry.without.is_some());
+    let (mut splats, mut missed) = (None, 0);
+    for entry in rounds {
+        let (left, without) = entry.without.clone().unwrap();
+        let is_missed = mean(&entry.psnr_db) - mean(&without) > 1e-6 * 10.0;
+        assert_eq!(entry.splats, splats.unwrap_or(entry.splats));
+        assert_eq!(entry.act == Act::Missed, is_missed, "{entry:?}");
+        splats = Some(if is_missed { entry.splats } else { left });
+        missed += usize::from(is_missed);
+    }
+    assert_eq!(Some(state.len()), splats);
+    assert!(missed > 0, "nothing was missed");
+    Ok(())
+}
+
+#[test]
+fn views_are_held_out_evenly_and_are_never_test_views() {
+    for views in [8, 12, 43, 200] {
+        let mut dataset = dataset(Kind::Sphere);
+        dataset.views = (0..views).map(|i| dataset.views[i % 20].clone()).collect();
+        let train = dataset.split(Split::Train);
+        let (fitted, held) = part(&dataset);
+        assert!(held.iter().all(|view| train.contains(view)));
+        if train.len() < 8 {
+            assert_eq!((&fitted, &held), (&train, &train));
+            continue;
+        }
+        assert_eq!(held.len(), train.len().div_ceil(25).max(3));
+        assert_eq!(fitted.len() + held.len(), train.len());
+        assert!(fitted.iter().all(|view| !held.contains(view)));
+        assert!(held[0] > train[0] && held.last() < train.last());
+    }
+}
+
+#[test]
+fn a_preference_that_is_no_gain_is_refused() -> Result<()> {
+    let gpu = gpu();
+    let dataset = dataset(Kind::Sphere);
+    for gain in [0.0, -0.02, f64::NAN, f64::INFINITY] {
+        let mut trainer = Trainer::new(&gpu, &dataset, config(StrategyKind::Adc))?;
+        let refused = Thrift::begin(&mut trainer, &dataset, gain, false).err();
+        let text = refused.map(|e| e.to_string()).unwrap_or_default();
+        assert!(text.contains("smallest gain worth paying for"), "{text}");
+    }
+    Ok(())
+}
