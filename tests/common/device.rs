@@ -10,13 +10,38 @@
 )]
 
 use ashfall::gpu::{Faults, Gpu, GpuOptions, Limits};
+use std::cell::RefCell;
 use std::ops::Deref;
+use std::rc::{Rc, Weak};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A test's turn to use devices: until it is dropped no other test of the process has any.
+///
+/// The validation layer (1.3.239) looks devices up in a table that it does not lock: a call to one crashes now and then
+/// while another is created or destroyed.
+pub(crate) struct Turn(#[expect(dead_code, reason = "held, not read")] MutexGuard<'static, ()>);
+
+/// Waits for this thread's turn, or shares the one that it has.
+pub(crate) fn turn() -> Rc<Turn> {
+    static DEVICES: Mutex<()> = Mutex::new(());
+    thread_local!(static MINE: RefCell<Weak<Turn>> = const { RefCell::new(Weak::new()) });
+    MINE.with_borrow_mut(|mine| {
+        mine.upgrade().unwrap_or_else(|| {
+            // A test that failed is done with its devices.
+            let guard = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
+            let turn = Rc::new(Turn(guard));
+            *mine = Rc::downgrade(&turn);
+            turn
+        })
+    })
+}
 
 /// A device with validation on. Dropping it fails the test if the validation layer said anything; where it is the
 /// last handle, that includes what was leaked.
 pub(crate) struct TestGpu {
     gpu: Option<Gpu>,
     faults: Faults,
+    _turn: Rc<Turn>,
 }
 
 /// Creates one.
@@ -41,6 +66,7 @@ pub(crate) fn narrow(binding: u64) -> TestGpu {
 }
 
 fn create(options: &GpuOptions) -> TestGpu {
+    let turn = turn();
     let faults = Faults::default();
     let options = GpuOptions {
         faults: Some(faults.clone()),
@@ -50,6 +76,7 @@ fn create(options: &GpuOptions) -> TestGpu {
     TestGpu {
         gpu: Some(gpu),
         faults,
+        _turn: turn,
     }
 }
 

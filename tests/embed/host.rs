@@ -3,6 +3,7 @@
 //! It enables exactly what `ashfall::gpu::REQUIRED` lists, and destroys everything that is its own at the
 //! end, when the validation layer would complain about anything that the guest left behind.
 
+use crate::device::{Turn, turn};
 use crate::watch;
 use ash::vk;
 use ashfall::gpu::{HostDevice, HostFeatures, HostQueue, REQUIRED};
@@ -11,6 +12,7 @@ use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
 };
 use std::ffi::{CStr, c_void};
+use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
 type Messages = Mutex<Vec<String>>;
@@ -28,11 +30,13 @@ pub(crate) struct Host {
     pub(crate) allocator: Option<Arc<Mutex<Allocator>>>,
     storage_image_write_without_format: bool,
     _entry: ash::Entry,
+    _turn: Rc<Turn>,
 }
 
 impl Host {
     /// A device with what is required, and with what presenting needs if asked for.
     pub(crate) fn new(storage_image_write_without_format: bool) -> Host {
+        let turn = turn();
         let messages = Box::<Messages>::default();
         // SAFETY: the system's Vulkan loader.
         let entry = unsafe { ash::Entry::load() }.unwrap();
@@ -66,6 +70,7 @@ impl Host {
             device,
             storage_image_write_without_format,
             _entry: entry,
+            _turn: turn,
         }
     }
 

@@ -1,19 +1,21 @@
 //! Devices that are lost, and whose memory ends.
 
-use crate::device;
+use crate::device::{self, Turn};
 use crate::run::{STEPS, holds_only, scene, train, undisturbed};
 use ashfall::Error;
 use ashfall::gpu::{Faults, Gpu, GpuOptions};
 use std::collections::BTreeSet;
+use std::rc::Rc;
 
 /// A device of a test's own, validated, and the handle by which it fails.
-fn faulty() -> (Gpu, Faults) {
+fn faulty() -> (Rc<Turn>, Gpu, Faults) {
+    let turn = device::turn();
     let faults = Faults::default();
     let options = GpuOptions {
         faults: Some(faults.clone()),
         ..device::options()
     };
-    (Gpu::create(&options).unwrap(), faults)
+    (turn, Gpu::create(&options).unwrap(), faults)
 }
 
 /// Runs the training with a failure at every `stride`-th of the calls that `count` counts, and once more from what is
@@ -21,7 +23,7 @@ fn faulty() -> (Gpu, Faults) {
 fn fail_everywhere(stride: usize, count: fn(&Faults) -> u64, fail: fn(&Faults, u64)) -> Vec<Error> {
     let healthy = device::gpu();
     let expected = undisturbed(&healthy);
-    let (gpu, faults) = faulty();
+    let (_turn, gpu, faults) = faulty();
     let before = count(&faults);
     undisturbed(&gpu);
     let calls = count(&faults);
@@ -34,7 +36,7 @@ fn fail_everywhere(stride: usize, count: fn(&Faults) -> u64, fail: fn(&Faults, u
     );
     let errors = moments.map(|n| {
         let folder = tempfile::tempdir().unwrap();
-        let (gpu, faults) = faulty();
+        let (_turn, gpu, faults) = faulty();
         fail(&faults, n);
         let error = train(&gpu, folder.path()).expect_err("the failure goes unnoticed");
         assert!(!folder.path().join("scene.ply").exists());
@@ -112,13 +114,13 @@ fn f107_memory_that_ends_at_any_creation() {
 /// Training makes no image: those of our own are of benches and tests.
 #[test]
 fn f107_an_image_whose_memory_ends_leaks_nothing() {
-    let (gpu, faults) = faulty();
+    let (_turn, gpu, faults) = faulty();
     let before = faults.creations();
     drop(gpu.image("picture", [9, 7]).unwrap());
     let calls = faults.creations() - before;
     drop(gpu);
     for n in 1..=calls {
-        let (gpu, faults) = faulty();
+        let (_turn, gpu, faults) = faulty();
         faults.fail_creation(before + n);
         gpu.image("picture", [9, 7])
             .expect_err("the failure goes unnoticed");
@@ -132,7 +134,7 @@ fn f107_an_image_whose_memory_ends_leaks_nothing() {
 /// The check for leaks can fail: a buffer that is never dropped keeps its device.
 #[test]
 fn f107_a_leak_is_noticed() {
-    let (gpu, faults) = faulty();
+    let (_turn, gpu, faults) = faulty();
     let buffer = gpu.buffer::<u32>("leaked", 4).unwrap();
     drop(gpu);
     assert!(!faults.is_device_gone());
@@ -142,7 +144,7 @@ fn f107_a_leak_is_noticed() {
 
 #[test]
 fn f107_a_device_whose_memory_ended_goes_on_working() {
-    let (gpu, faults) = faulty();
+    let (_turn, gpu, faults) = faulty();
     let expected = undisturbed(&gpu);
     for n in [1, 10, 100] {
         faults.fail_creation(faults.creations() + n);

@@ -202,6 +202,7 @@ fn thirty_thousand_iterations_leave_memory_flat() {
         device: Some("0".into()),
         ..GpuOptions::default()
     };
+    let _turn = device::turn();
     soak(&Gpu::create(&options).unwrap(), 30_000, true);
 }
 

@@ -340,6 +340,7 @@ fn two_devices_work_side_by_side() {
 
 #[test]
 fn devices_are_chosen_by_index_or_name() {
+    let _turn = device::turn();
     let caps = devices().unwrap();
     let choose = |device: &str| {
         Gpu::create(&GpuOptions {

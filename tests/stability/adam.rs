@@ -148,7 +148,7 @@ fn f075_moments_follow_their_splats() {
                 iteration: iteration * 100,
                 config: &config,
                 extent: 4.0,
-                limit: usize::MAX,
+                limit: config.splat_limit(),
             };
             let report = strategy.refine(&mut state, &stats, context);
             touched += report.cloned + report.split + report.relocated;

@@ -99,7 +99,7 @@ pub(crate) fn refine(
         iteration: 5_000,
         config,
         extent: 1.0,
-        limit: usize::MAX,
+        limit: config.splat_limit(),
     };
     strategy(kind).refine(state, stats, context)
 }

@@ -1,7 +1,7 @@
 //! What every test here works with: one device for all of them, a renderer that stays warm, single training
 //! steps, and the form in which a measured error is reported beside its bound.
 
-use crate::machine;
+use crate::machine::{self, Turn};
 use crate::pack::Splat2d;
 use crate::scenes::Scene;
 use ashfall::gpu::Gpu;
@@ -16,6 +16,7 @@ use ashfall::render::{
 use ashfall::scene::{AlphaMode, Dataset, Photo, PhotoSource, Point, View};
 use ashfall::train::state::Planes;
 use ashfall::train::{Background, HostState, StepReport, TrainConfig, Trainer};
+use std::rc::Rc;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Half a unit in the last place of 1 in single precision.
@@ -32,12 +33,16 @@ struct Shared {
 }
 
 /// The device of all tests; dropping it fails the test if the validation layer has said anything.
-pub(crate) struct Lab(&'static Shared);
+pub(crate) struct Lab(
+    &'static Shared,
+    #[expect(dead_code, reason = "held, not read")] Rc<Turn>,
+);
 
 /// The one device, made by whoever comes first.
 pub(crate) fn lab() -> Lab {
     static SHARED: OnceLock<Shared> = OnceLock::new();
-    Lab(SHARED.get_or_init(|| {
+    let turn = machine::turn();
+    let shared = SHARED.get_or_init(|| {
         let gpu = Gpu::create(&machine::options()).expect("no device to test on");
         let options = RenderOptions {
             with_depth: true,
@@ -50,7 +55,8 @@ pub(crate) fn lab() -> Lab {
             gpu,
             renderer,
         }
-    }))
+    });
+    Lab(shared, turn)
 }
 
 impl Drop for Lab {
