@@ -23,7 +23,7 @@ pub struct Chosen {
 }
 
 /// Measurements on software devices.
-const ON_PROCESSORS: &str = "benches/record/llvmpipe-llvm-15-0-6-256-bits/2026-11-21.csv";
+const ON_PROCESSORS: &str = "benches/record/llvmpipe-llvm-15-0-6-256-bits/2026-11-22.csv";
 
 /// Reason for kernels of one invocation per element.
 const ELEMENTWISE: &str = "the only variant; 64 invocations as in all kernels of one per element, so that `plan` \
