@@ -2,8 +2,8 @@
 //!
 //! Splats are added as the strategy has it. Growth ends when the lower bound of what it gives some training views, for a
 //! tenth more splats, is under the preference; all that their scores have risen counts as its gain, though time has its
-//! share in that, so that growth never ends too soon. From then on those views are held out. (Held out from the beginning
-//! they take what only they saw from the scene: the fox at half size lost 0.3 dB of its test views by three of 43.) The
+//! share in that, so that growth never ends too soon. From then on those views are held out; not before, since
+//! what they alone saw would be missing from the scene. The
 //! splats of least weight go, a share of them in every round. A round takes the same steps from the same state twice,
 //! without those splats and with them, since scores rise with time as well; they go for good where the held-out views lose
 //! no more by it than they are worth by the preference, and otherwise a smaller share is tried. Last, the held-out views
@@ -23,9 +23,8 @@ use crate::train::schedule::is_refine;
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
 
-/// The preference where none is given: decibels for a tenth more splats. By rounds of 100 steps on the fox (half size,
-/// 2,000 iterations) the tenths from 63,000 to 47,000 splats are worth 0.007 each, those on to 29,500 0.037; 0.04 left
-/// 37,142 of the 89,000 that the fixed rules take.
+/// The preference where none is given: decibels for a tenth more splats. A first guess from single runs, of which no
+/// record is kept; repeated experiments have to settle it.
 pub const PREFERENCE_DB: f64 = 0.04;
 
 /// The share of splats that a round takes out.
@@ -66,9 +65,9 @@ pub struct Thrift<'a> {
 /// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
 /// three tenths to rounds and a quarter to the last fit.
 ///
-/// In runs of less than half the published length means and harmonics move twice as fast. (The fox at half size in 2,000
-/// iterations, 29,500 splats left of 57,000: 31.11 dB with the usual rates, 31.71 dB with these. Nothing in that is owed
-/// to pruning: 88,964 splats by the usual rules have 31.42 dB and 31.98 dB.)
+/// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not get
+/// to where it is going by the published rates. That helps as much without pruning, so it is no merit of this, and is not
+/// settled: single runs, no record.
 pub fn thrifty(mut config: TrainConfig) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.iterations / 20 * 9);
     if config.iterations < SHORT {
