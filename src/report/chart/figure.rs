@@ -102,27 +102,8 @@ impl Figure {
         let ys = self.marks.iter().flat_map(heights);
         let ys = ys.chain(self.levels.iter().map(|(_, y)| *y));
         let (x, y) = (Scale::of(xs, self.x.is_log), Scale::of(ys, self.y.is_log));
-        let mut chart = ChartBuilder::on(canvas)
-            .margin(10)
-            .margin_right(18)
-            .x_label_area_size(46)
-            .y_label_area_size(70)
-            .build_cartesian_2d(x.clone(), y.clone())
-            .map_err(failed)?;
-        chart
-            .configure_mesh()
-            .x_desc(self.x.title)
-            .y_desc(self.y.title)
-            .x_labels(x.ticks.len())
-            .y_labels(y.ticks.len())
-            .bold_line_style(GRID)
-            .light_line_style(TRANSPARENT)
-            .axis_style(FRONT)
-            .label_style((FONT, 12).into_font().color(&INK))
-            .axis_desc_style((FONT, 13).into_font().color(&INK))
-            .draw()
-            .map_err(failed)?;
-        let area = chart.plotting_area();
+        let titles = [self.x.title, self.y.title];
+        let area = axes(canvas, MARGINS, titles, [&x, &y])?;
         let at = |mark_x: f64, mark_y: f64| -> [i32; 2] {
             let (px, py) = area.map_coordinate(&(x.place(mark_x), y.place(mark_y)));
             [px, py]
@@ -343,4 +324,36 @@ pub(super) fn glyph(series: usize) -> Result<String> {
     canvas.present().map_err(failed)?;
     drop(canvas);
     Ok(text)
+}
+/// Pixels around a figure, at its right, for what stands under it and for what stands at its left.
+pub(in crate::report) const MARGINS: [u32; 4] = [10, 18, 46, 70];
+
+/// Draws the axes with their titles; returns where things are drawn between them.
+pub(in crate::report) fn axes<'a>(
+    canvas: &DrawingArea<SVGBackend<'a>, Shift>,
+    [margin, right, below, left]: [u32; 4],
+    [title_x, title_y]: [&str; 2],
+    [x, y]: [&Scale; 2],
+) -> Result<DrawingArea<SVGBackend<'a>, Cartesian2d<Scale, Scale>>> {
+    let mut chart = ChartBuilder::on(canvas)
+        .margin(margin)
+        .margin_right(right)
+        .x_label_area_size(below)
+        .y_label_area_size(left)
+        .build_cartesian_2d(x.clone(), y.clone())
+        .map_err(failed)?;
+    chart
+        .configure_mesh()
+        .x_desc(title_x)
+        .y_desc(title_y)
+        .x_labels(x.ticks.len())
+        .y_labels(y.ticks.len())
+        .bold_line_style(GRID)
+        .light_line_style(TRANSPARENT)
+        .axis_style(FRONT)
+        .label_style((FONT, 12).into_font().color(&INK))
+        .axis_desc_style((FONT, 13).into_font().color(&INK))
+        .draw()
+        .map_err(failed)?;
+    Ok(chart.plotting_area().clone())
 }

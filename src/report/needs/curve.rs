@@ -2,7 +2,7 @@
 
 use super::{NeedStep, Needs};
 use crate::Result;
-use crate::report::chart::figure::{ALARM, FONT, FRONT, GRID, INK, color, failed};
+use crate::report::chart::figure::{ALARM, FRONT, MARGINS, axes, color, failed};
 use crate::report::chart::scale::Scale;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -33,27 +33,8 @@ fn draw(needs: &Needs, canvas: &Canvas<'_>) -> Result<()> {
     let x = Scale::of(splats, true);
     let scores = steps.iter().map(|s| s.psnr_db);
     let y = Scale::of(scores.chain(needs.points.iter().map(|p| p[1])), false);
-    let mut chart = ChartBuilder::on(canvas)
-        .margin(10)
-        .margin_right(18)
-        .x_label_area_size(46)
-        .y_label_area_size(70)
-        .build_cartesian_2d(x.clone(), y.clone())
-        .map_err(failed)?;
-    chart
-        .configure_mesh()
-        .x_desc("splats")
-        .y_desc("PSNR of held-out training views, dB")
-        .x_labels(x.ticks.len())
-        .y_labels(y.ticks.len())
-        .bold_line_style(GRID)
-        .light_line_style(TRANSPARENT)
-        .axis_style(FRONT)
-        .label_style((FONT, 12).into_font().color(&INK))
-        .axis_desc_style((FONT, 13).into_font().color(&INK))
-        .draw()
-        .map_err(failed)?;
-    let area = chart.plotting_area();
+    let titles = ["splats", "PSNR of held-out training views, dB"];
+    let area = axes(canvas, MARGINS, titles, [&x, &y])?;
     let at = |splats: f64, psnr: f64| area.map_coordinate(&(x.place(splats), y.place(psnr)));
     let place = |step: &NeedStep| at(step.splats.max(1) as f64, step.psnr_db);
     if let Some(law) = &needs.law {

@@ -2,7 +2,7 @@
 
 use super::{Point, Sweep};
 use crate::Result;
-use crate::report::chart::figure::{ALARM, FONT, FRONT, GRID, INK, color, failed};
+use crate::report::chart::figure::{ALARM, axes, color, failed};
 use crate::report::chart::scale::Scale;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -27,27 +27,8 @@ fn draw(sweep: &Sweep, canvas: &Canvas<'_>) -> Result<()> {
     let points = &sweep.points;
     let x = Scale::of(points.iter().map(|p| p.x), sweep.is_log);
     let y = Scale::of(points.iter().flat_map(|p| [p.measured, p.bound]), true);
-    let mut chart = ChartBuilder::on(canvas)
-        .margin(8)
-        .margin_right(16)
-        .x_label_area_size(44)
-        .y_label_area_size(66)
-        .build_cartesian_2d(x.clone(), y.clone())
-        .map_err(failed)?;
-    chart
-        .configure_mesh()
-        .x_desc(sweep.parameter)
-        .y_desc(sweep.quantity)
-        .x_labels(x.ticks.len())
-        .y_labels(y.ticks.len())
-        .bold_line_style(GRID)
-        .light_line_style(TRANSPARENT)
-        .axis_style(FRONT)
-        .label_style((FONT, 12).into_font().color(&INK))
-        .axis_desc_style((FONT, 13).into_font().color(&INK))
-        .draw()
-        .map_err(failed)?;
-    let area = chart.plotting_area();
+    let titles = [sweep.parameter, sweep.quantity];
+    let area = axes(canvas, [8, 16, 44, 66], titles, [&x, &y])?;
     let at =
         |x_value: f64, y_value: f64| area.map_coordinate(&(x.place(x_value), y.place(y_value)));
     let line = |of: fn(&Point) -> f64, style: ShapeStyle| {
