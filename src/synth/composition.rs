@@ -3,6 +3,7 @@
 use super::material::{Material, Texture};
 use super::mesh::MeshTree;
 use super::model::{icosphere, knot};
+use super::random::Random;
 use super::shape::Shape;
 use super::{Object, Rig, Scene};
 use glam::{DMat3, DVec2, DVec3};
@@ -18,11 +19,30 @@ pub enum Kind {
     Solids,
     /// The demo: as `Solids`, with highlights and a knot made of triangles.
     Demo,
+    /// Two hundred small shapes, striped, rippled and shining, among knots on finely patterned ground.
+    Intricate,
 }
 
 impl Kind {
     /// All of them, simplest first.
-    pub const ALL: [Kind; 4] = [Kind::Plane, Kind::Sphere, Kind::Solids, Kind::Demo];
+    pub const ALL: [Kind; 5] = [
+        Kind::Plane,
+        Kind::Sphere,
+        Kind::Solids,
+        Kind::Demo,
+        Kind::Intricate,
+    ];
+
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Plane => "plane",
+            Kind::Sphere => "sphere",
+            Kind::Solids => "solids",
+            Kind::Demo => "demo",
+            Kind::Intricate => "intricate",
+        }
+    }
 }
 
 /// Builds a built-in scene.
@@ -32,6 +52,7 @@ pub fn scene(kind: Kind) -> Scene {
         Kind::Sphere => sphere(),
         Kind::Solids => solids(),
         Kind::Demo => demo(),
+        Kind::Intricate => intricate(),
     }
 }
 
@@ -139,3 +160,73 @@ fn demo() -> Scene {
     ]);
     scene
 }
+
+/// Small shapes of the intricate scene.
+const SHAPES: usize = 200;
+
+/// Ground that fills the pictures, shapes strewn over it by the golden angle, and two knots above them.
+fn intricate() -> Scene {
+    let random = &mut Random::new(31, 0);
+    let ground = Texture::ripples([0.5, 0.48, 0.45], 0.45, 0.13, 29)
+        .striped([1.0, 0.6, 0.0], 0.31, [0.12, 0.08, 0.02])
+        .striped([-0.5, 1.0, 0.0], 0.37, [0.03, 0.1, 0.12]);
+    let mut objects = vec![Object::new(Shape::Disc(9.0), Material::matt(ground))];
+    for i in 0..SHAPES {
+        let size = random.between(0.07, 0.16);
+        // Even over a disc, nothing in the middle, where the knots stand.
+        let place = DVec2::from_angle(i as f64 * GOLDEN_ANGLE)
+            * (0.9 + 2.6 * (i as f64 / SHAPES as f64).sqrt());
+        let base = DVec3::splat(0.45) + 0.3 * random.direction();
+        let texture = Texture::ripples(base.to_array(), 0.4, 0.1, 100 + i as u64).striped(
+            random.direction().to_array(),
+            random.between(0.1, 0.2),
+            (0.15 * random.direction()).to_array(),
+        );
+        let material = match i % 3 {
+            0 => Material::glossy(texture, 0.5, random.between(6.0, 30.0)),
+            _ => Material::matt(texture),
+        };
+        let shape = match i % 4 {
+            0 => Shape::Sphere(1.0),
+            1 => Shape::Cuboid(DVec3::new(0.8, 0.6, 1.0)),
+            2 => Shape::Cylinder {
+                radius: 0.6,
+                half_height: 1.0,
+            },
+            _ => Shape::Cuboid(DVec3::new(0.25, 0.25, 1.0)),
+        };
+        objects.push(
+            Object::new(shape, material)
+                .turned(DMat3::from_rotation_z(random.between(0.0, 3.0)))
+                .scaled(size)
+                .at(place.x, place.y, size),
+        );
+    }
+    objects.extend(knots());
+    Scene {
+        objects,
+        ..Scene::default()
+    }
+}
+
+/// Two shining tubes, one within the other.
+fn knots() -> [Object; 2] {
+    let texture = |seed| {
+        Texture::ripples([0.6, 0.5, 0.35], 0.35, 0.14, seed).striped(
+            [0.3, 1.0, 0.5],
+            0.16,
+            [0.15, 0.1, 0.05],
+        )
+    };
+    [(0.45, 0.9, 41), (0.3, 1.5, 43)].map(|(size, height, seed)| {
+        let tube = Shape::Mesh(MeshTree::new(&knot(0.2, 160, 16)));
+        Object::new(tube, Material::glossy(texture(seed), 0.4, 12.0))
+            .turned(DMat3::from_rotation_x(1.2))
+            .scaled(size)
+            .at(0.0, 0.0, height)
+            .shading(size)
+    })
+}
+
+/// Between two leaves of a spiral that never lie in a row, radians.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
