@@ -1,6 +1,6 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo test bench bench-native soak fuzz limits setup
+.PHONY: demo test needs bench bench-native soak fuzz limits setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
@@ -12,6 +12,11 @@ test: setup
 	cargo clippy --all-targets -- -D warnings
 	cargo test
 	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test frame --test large
+
+# What scenes need, against the fixed recipe and MCMC: out/needs/needs.html. Hours on a software device; goes on where it
+# was broken off. NEEDS="photos/ --seeds 1" says more.
+needs: setup
+	cargo run --release -- needs $(NEEDS)
 
 bench: setup
 	cargo bench

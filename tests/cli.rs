@@ -2,6 +2,8 @@
 
 #[path = "cli/chart.rs"]
 mod chart;
+#[path = "cli/needs.rs"]
+mod needs;
 #[path = "cli/prune.rs"]
 mod prune;
 
@@ -116,7 +118,9 @@ fn train<'a>(data: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 #[test]
 fn help_teaches_and_mistakes_are_told_apart() {
     let help = stdout(&["--help"]);
-    for command in ["train", "render", "eval", "prune", "info", "demo", "chart"] {
+    for command in [
+        "train", "render", "eval", "prune", "info", "demo", "chart", "needs",
+    ] {
         assert!(help.contains(&format!("\n  {command}")), "{help}");
         let own = stdout(&[command, "--help"]);
         assert!(own.lines().count() > 10, "{own}");

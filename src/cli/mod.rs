@@ -13,6 +13,7 @@ mod engine;
 mod eval;
 mod info;
 mod interrupt;
+mod needs;
 mod output;
 mod predict;
 mod prune;
@@ -40,6 +41,7 @@ Examples:
   ashfall render run/scene.ply --cameras photos/ --orbit 60 --out frames/
   ashfall prune run/scene.ply photos/             what can go at a proven error?
   ashfall chart                                   what does speed cost in accuracy?
+  ashfall needs                                   how many splats do scenes need?
   ashfall stress                                  does this device do what it should?
   ashfall info                                    which devices are there?
   ashfall info photos/ --predict                  how much memory will training take?
@@ -56,6 +58,7 @@ enum Command {
     Info(info::InfoArgs),
     Demo(demo::DemoArgs),
     Chart(chart::ChartArgs),
+    Needs(needs::NeedsArgs),
     Stress(stress::StressArgs),
     Bench(bench::BenchArgs),
 }
@@ -92,6 +95,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Info(args) => info::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Chart(args) => chart::run(&args),
+        Command::Needs(args) => needs::run(&args),
         Command::Stress(args) => stress::run(&args),
         Command::Bench(args) => bench::run(&args),
     }

@@ -2,18 +2,16 @@
 
 use super::Plan;
 use super::settings::{self, RunSetting};
+use crate::Result;
+use crate::bench::judge::Judge;
 use crate::gpu::Gpu;
-use crate::io::photo;
-use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
+use crate::report::MeanScore;
 use crate::report::chart::{Interval, RunPoint};
-use crate::report::{MeanScore, Target};
-use crate::scene::{Camera, Dataset, Splats, Split};
+use crate::scene::{Dataset, Splats};
 use crate::train::{TrainConfig, Trainer};
-use crate::{Error, Result};
 use std::time::Instant;
 
-/// Behind all splats.
-pub(super) const BACKGROUND: [f32; 3] = [0.0; 3];
+pub(super) use crate::bench::judge::BACKGROUND;
 
 /// Seconds of training after which a run is judged on the way: doubling, through 5, 10, 20 and 40.
 const FIRST_LOOK: f64 = 0.625;
@@ -163,49 +161,4 @@ fn run(gpu: &Gpu, dataset: &Dataset, judge: &mut Judge, config: TrainConfig) -> 
         seconds,
         course,
     })
-}
-
-/// The held-out views.
-struct Judge {
-    gpu: Gpu,
-    renderer: Renderer,
-    views: Vec<(String, Camera, Target)>,
-    near: f32,
-}
-
-impl Judge {
-    fn new(gpu: &Gpu, dataset: &Dataset) -> Result<Judge> {
-        let held_out = dataset.split(Split::Test);
-        if held_out.is_empty() {
-            let what = "training is charted on held-out views, and the data set has none";
-            return Err(Error::Config(what.into()));
-        }
-        let views = held_out.iter().map(|&index| {
-            let view = &dataset.views[index];
-            let photo = photo::load(view)?;
-            let target = Target::new(&photo, dataset.alpha, BACKGROUND);
-            Ok((view.name.clone(), view.camera, target))
-        });
-        Ok(Judge {
-            gpu: gpu.clone(),
-            renderer: Renderer::new(gpu, RenderOptions::default())?,
-            views: views.collect::<Result<_>>()?,
-            near: (dataset.extent() * f64::from(TrainConfig::default().near_factor)) as f32,
-        })
-    }
-
-    fn score(&mut self, splats: &Splats) -> Result<MeanScore> {
-        let model = Model::upload(&self.gpu, splats)?;
-        let view = ViewOptions {
-            background: BACKGROUND,
-            near: self.near,
-            mode: splats.mode,
-        };
-        let mut scores = Vec::new();
-        for (name, camera, target) in &self.views {
-            let drawn = self.renderer.render(&model, camera, &view)?;
-            scores.push(target.score(name, &drawn.rgb));
-        }
-        Ok(MeanScore::of(&scores))
-    }
 }

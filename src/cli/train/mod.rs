@@ -147,7 +147,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
 }
 
 /// A number of decibels above 0.
-fn parse_gain(text: &str) -> std::result::Result<f64, String> {
+pub(super) fn parse_gain(text: &str) -> std::result::Result<f64, String> {
     let gain = text.parse::<f64>().ok();
     gain.filter(|gain| *gain > 0.0 && gain.is_finite())
         .ok_or_else(|| "a number of decibels above 0 is expected, such as 0.02".into())

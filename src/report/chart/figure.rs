@@ -289,7 +289,12 @@ fn draw_level(canvas: &Canvas<'_>, name: &str, place: Area, y: i32, frame: &Area
 }
 
 /// A series' sign: shapes differ as well as colours.
-fn draw_glyph(canvas: &Canvas<'_>, [x, y]: [i32; 2], series: usize, is_filled: bool) -> Result<()> {
+pub(in crate::report) fn draw_glyph(
+    canvas: &Canvas<'_>,
+    [x, y]: [i32; 2],
+    series: usize,
+    is_filled: bool,
+) -> Result<()> {
     let (color, radius) = (color(series), 5);
     let polygon = |corners: &[(i32, i32)]| -> Result<()> {
         let corners: Vec<(i32, i32)> = corners.iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
@@ -317,7 +322,7 @@ fn draw_glyph(canvas: &Canvas<'_>, [x, y]: [i32; 2], series: usize, is_filled: b
 }
 
 /// A series' sign alone, for legends.
-pub(super) fn glyph(series: usize) -> Result<String> {
+pub(in crate::report) fn glyph(series: usize) -> Result<String> {
     let mut text = String::new();
     let canvas = SVGBackend::with_string(&mut text, (18, 18)).into_drawing_area();
     draw_glyph(&canvas, [9, 9], series, true)?;
@@ -325,6 +330,7 @@ pub(super) fn glyph(series: usize) -> Result<String> {
     drop(canvas);
     Ok(text)
 }
+
 /// Pixels around a figure, at its right, for what stands under it and for what stands at its left.
 pub(in crate::report) const MARGINS: [u32; 4] = [10, 18, 46, 70];
 

@@ -3,6 +3,7 @@
 mod curve;
 mod law;
 pub mod page;
+pub mod survey;
 
 pub use law::Law;
 

@@ -1,0 +1,121 @@
+//! `ashfall needs`: what scenes need, against the fixed recipe and MCMC, on one page.
+
+mod course;
+
+use super::Outcome;
+use super::args::{DataArgs, DeviceArgs};
+use super::engine::Engine;
+use super::interrupt::Interrupt;
+use super::output::Output;
+use super::train::parse_gain;
+use crate::io::atomic::write_atomically;
+use crate::parsimony::PREFERENCE_DB;
+use crate::report::needs::survey::{Recipe, csv, page};
+use crate::synth::Kind;
+use crate::{Error, Result, io};
+use clap::Args;
+use std::io::Write;
+use std::path::PathBuf;
+
+use course::Course;
+
+/// Show what scenes need: splats, harmonics, time
+///
+/// Trains every scene, the built-in ones and the photographs of every DATA, by the fixed recipe, to no more splats than it
+/// needs (`train --parsimony`), and by MCMC with as many splats as that ended with; for as many steps each, from several
+/// seeds. Writes needs.html, which needs no other file, and needs.csv, a line for every run, as runs end.
+///
+/// Ctrl-C stops after the current step; the same command goes on with the runs that needs.csv does not have.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct NeedsArgs {
+    /// Data sets, as for `ashfall train`; each is called by its folder's name
+    #[arg(value_name = "DATA")]
+    data: Vec<PathBuf>,
+    /// Folder for the page and its numbers, made if it is not there
+    #[arg(long, value_name = "DIR", default_value = "out/needs")]
+    out: PathBuf,
+    /// Runs of each recipe, of seeds 0 and up
+    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
+    seeds: u64,
+    /// Steps of every run
+    #[arg(long, value_name = "N", default_value_t = 2_000, value_parser = clap::value_parser!(u32).range(20..))]
+    iterations: u32,
+    /// Width of the built-in scenes' photographs in pixels
+    #[arg(long, value_name = "W", default_value_t = 192, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    width: u32,
+    /// Built-in scenes: plane, sphere, solids, demo, intricate, or none [default: all]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_scene)]
+    scenes: Option<Vec<Option<Kind>>>,
+    /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates [default: all that differ]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
+    recipes: Option<Vec<Recipe>>,
+    /// Run these recipes again even where DIR has their runs
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
+    again: Vec<Recipe>,
+    /// The smallest gain worth paying for: decibels for a tenth more splats
+    #[arg(long, value_name = "GAIN", default_value_t = PREFERENCE_DB, value_parser = parse_gain)]
+    gain: f64,
+    /// Begin anew even if DIR has runs with other settings
+    #[arg(long)]
+    overwrite: bool,
+    /// File the numbers as FILE, too
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    #[command(flatten)]
+    options: DataArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  ashfall needs                                     five made scenes: hours on a software device
+  ashfall needs --scenes plane,demo --seeds 1 --iterations 500
+  ashfall needs photos/ --downscale 2 --scenes none --gain 0.02";
+
+fn parse_scene(text: &str) -> std::result::Result<Option<Kind>, String> {
+    let found = Kind::ALL.into_iter().find(|kind| kind.name() == text);
+    let names = || Kind::ALL.map(Kind::name).join(", ");
+    match (found, text) {
+        (None, "none") => Ok(None),
+        (None, _) => Err(format!("there are {}, and none", names())),
+        (kind, _) => Ok(kind),
+    }
+}
+
+fn parse_recipe(text: &str) -> std::result::Result<Recipe, String> {
+    let found = Recipe::ALL.into_iter().find(|recipe| recipe.name() == text);
+    found.ok_or_else(|| format!("there are {}", Recipe::ALL.map(Recipe::name).join(", ")))
+}
+
+pub(super) fn run(args: &NeedsArgs) -> Result<Outcome> {
+    let output = Output { json: false };
+    let engine = Engine::open(&args.device)?;
+    let mut course = Course::begin(args, &engine, output)?;
+    std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
+    io::atomic::remove_leftovers(&args.out);
+    let outcome = course.run(&Interrupt::listen()?)?;
+    engine.check()?;
+    course.write()?;
+    if outcome == Outcome::Interrupted {
+        output.result("interrupted; the same command goes on", || unreachable!());
+        return Ok(outcome);
+    }
+    for scene in course.survey.scenes() {
+        if let Some(told) = page::quoted(&course.survey, scene) {
+            output.result(format_args!("{scene}: {told}"), || unreachable!());
+        }
+    }
+    let page = args.out.join("needs.html");
+    output.result(
+        format_args!("Look at {}", page.display()),
+        || unreachable!(),
+    );
+    if let Some(path) = &args.record {
+        let text = csv::csv(&course.survey.runs);
+        write_atomically(path, |file| file.write_all(text.as_bytes()))?;
+        output.remark(format_args!("Filed as {}", path.display()));
+    }
+    Ok(outcome)
+}

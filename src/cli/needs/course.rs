@@ -1,0 +1,282 @@
+//! A survey on its way: run after run, each written down as it ends.
+
+use super::NeedsArgs;
+use crate::bench::needs::{Task, made, recipes};
+use crate::cli::Outcome;
+use crate::cli::engine::Engine;
+use crate::cli::interrupt::Interrupt;
+use crate::cli::output::{Output, grouped};
+use crate::io::atomic::write_atomically;
+use crate::report::needs::survey::{Recipe, Run, Survey, csv, page};
+use crate::scene::Dataset;
+use crate::synth::Kind;
+use crate::{Error, Result};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// See the module.
+pub(super) struct Course<'a> {
+    args: &'a NeedsArgs,
+    engine: &'a Engine,
+    output: Output,
+    /// Scenes by name.
+    scenes: Vec<(String, Dataset)>,
+    recipes: Vec<Recipe>,
+    pub(super) survey: Survey,
+    /// Runs ended or found to have ended.
+    done: usize,
+}
+
+impl<'a> Course<'a> {
+    /// Makes and opens the scenes, and takes what is there of an earlier survey. Writes nothing.
+    ///
+    /// # Errors
+    /// When two scenes have one name, a data set cannot be read, or the folder has runs of another survey.
+    pub(super) fn begin(
+        args: &'a NeedsArgs,
+        engine: &'a Engine,
+        output: Output,
+    ) -> Result<Course<'a>> {
+        let mut scenes = Vec::new();
+        for path in &args.data {
+            let name = name(path);
+            let is_taken = |(other, _): &(String, Dataset)| *other == name;
+            if Kind::ALL.iter().any(|kind| kind.name() == name) || scenes.iter().any(is_taken) {
+                let what = format!("another scene is called {name}, too: rename the folder");
+                return Err(Error::file(path, what));
+            }
+            scenes.push((name, args.options.open(path, true)?));
+        }
+        let kinds = args.scenes.clone();
+        let kinds = kinds.unwrap_or_else(|| Kind::ALL.map(Some).to_vec());
+        let kinds = Kind::ALL
+            .into_iter()
+            .filter(|kind| kinds.contains(&Some(*kind)));
+        let built_in = kinds.map(|kind| {
+            output.remark(format_args!("photographing {}", kind.name()));
+            (kind.name().to_owned(), made(kind, args.width))
+        });
+        scenes = built_in.chain(std::mem::take(&mut scenes)).collect();
+        if scenes.is_empty() {
+            return Err(Error::Config("there is no scene to train".into()));
+        }
+        let differing = recipes(args.iterations);
+        let wanted = |recipe: &Recipe| match &args.recipes {
+            Some(chosen) => chosen.contains(recipe),
+            None => differing.contains(recipe),
+        };
+        let mut course = Course {
+            args,
+            engine,
+            output,
+            recipes: Recipe::ALL.into_iter().filter(wanted).collect(),
+            scenes,
+            survey: Survey::default(),
+            done: 0,
+        };
+        if !args.overwrite {
+            course.survey.runs = course.earlier()?;
+        }
+        Ok(course)
+    }
+
+    /// The runs that the folder has.
+    fn earlier(&self) -> Result<Vec<Run>> {
+        let path = self.args.out.join("needs.csv");
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(Error::io(&path)(error)),
+        };
+        let runs = csv::parse(&path, &text)?;
+        for (scene, dataset) in &self.scenes {
+            let planned = self.task((scene, dataset), self.recipes[0], 0, None);
+            let planned = planned.planned(self.engine.gpu());
+            if let Some(conflict) = runs.iter().find_map(|run| run.conflict(&planned)) {
+                let what = format!(
+                    "has runs of another survey ({conflict}): choose another --out, or begin anew with --overwrite"
+                );
+                return Err(Error::file(&path, what));
+            }
+        }
+        Ok(runs)
+    }
+
+    fn task<'b>(
+        &self,
+        (scene, dataset): (&'b str, &'b Dataset),
+        recipe: Recipe,
+        seed: u64,
+        max_splats: Option<u32>,
+    ) -> Task<'b> {
+        Task {
+            scene,
+            dataset,
+            recipe,
+            seed,
+            iterations: self.args.iterations,
+            gain_db: self.args.gain,
+            max_splats,
+        }
+    }
+
+    /// Does the runs that are missing. All scenes have their first seed before any has its second.
+    pub(super) fn run(&mut self, interrupt: &Interrupt) -> Result<Outcome> {
+        let scenes = std::mem::take(&mut self.scenes);
+        for seed in 0..self.args.seeds {
+            for (scene, dataset) in &scenes {
+                for recipe in self.recipes.clone() {
+                    let max_splats = match recipe {
+                        Recipe::Mcmc | Recipe::McmcRates => Some(self.count(scene, seed)?),
+                        _ => None,
+                    };
+                    let task = self.task((scene, dataset), recipe, seed, max_splats);
+                    self.done += 1;
+                    if self.has(&task) {
+                        continue;
+                    }
+                    let of = scenes.len() * self.recipes.len() * self.args.seeds as usize;
+                    if self.add(&task, of, interrupt)? == Outcome::Interrupted {
+                        return Ok(Outcome::Interrupted);
+                    }
+                }
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// The splats that MCMC may have.
+    fn count(&self, scene: &str, seed: u64) -> Result<u32> {
+        let mut runs = self.survey.of(scene, Recipe::Parsimony);
+        let run = runs.find(|run| run.seed == seed).ok_or_else(|| {
+            let what = "MCMC takes the count of the run to the scene's needs, and there is none: \
+                        have parsimony among --recipes";
+            Error::Config(what.into())
+        })?;
+        Ok(u32::try_from(run.splats).unwrap_or(u32::MAX).max(1))
+    }
+
+    /// Whether the run is there and still counts.
+    fn has(&self, task: &Task<'_>) -> bool {
+        let is_same = |run: &Run| {
+            run.scene == task.scene && run.recipe == task.recipe && run.seed == task.seed
+        };
+        let found = self.survey.runs.iter().find(|run| is_same(run));
+        let is_again = self.args.again.contains(&task.recipe);
+        found.is_some_and(|run| run.max_splats == task.max_splats && !is_again)
+    }
+
+    /// Does a run and writes it down.
+    fn add(&mut self, task: &Task<'_>, of: usize, interrupt: &Interrupt) -> Result<Outcome> {
+        let Task {
+            scene,
+            recipe,
+            seed,
+            ..
+        } = task;
+        let title = format!(
+            "{scene} · {} · seed {seed} · run {} of {of}",
+            recipe.title(),
+            self.done
+        );
+        let bar = self.output.bar(u64::from(task.iterations), "training");
+        bar.set_message(format!("· {title}"));
+        let mut progress = |iteration: u32| {
+            bar.set_position(u64::from(iteration));
+            !interrupt.is_requested()
+        };
+        let run = task.run(self.engine.gpu(), &self.args.out, &mut progress)?;
+        bar.finish_and_clear();
+        let Some(run) = run else {
+            return Ok(Outcome::Interrupted);
+        };
+        self.output.remark(format_args!(
+            "{title}: {} splats, {:.2} dB, {:.0} s",
+            grouped(run.splats),
+            run.psnr_db.unwrap_or(f64::NAN),
+            run.train_seconds
+        ));
+        let runs = &mut self.survey.runs;
+        match runs.iter_mut().find(|known| known.is_again(&run)) {
+            Some(known) => *known = run,
+            None => runs.push(run),
+        }
+        self.write()?;
+        Ok(Outcome::Done)
+    }
+
+    /// Writes the page and the numbers.
+    pub(super) fn write(&mut self) -> Result<()> {
+        self.survey.facts = self.facts();
+        let out = &self.args.out;
+        let text = csv::csv(&self.survey.runs);
+        write_atomically(&out.join("needs.csv"), |file| {
+            file.write_all(text.as_bytes())
+        })?;
+        let html = page::html(&self.survey)?;
+        write_atomically(&out.join("needs.html"), |file| {
+            file.write_all(html.as_bytes())
+        })
+    }
+
+    /// What a reader has to know of the figures.
+    fn facts(&self) -> Vec<(String, String)> {
+        let runs = &self.survey.runs;
+        let scene = |name: &str| {
+            let run = runs.iter().find(|run| run.scene == name)?;
+            let (all, test) = (run.train_views + run.test_views, run.test_views);
+            let (width, height) = (run.width, run.height);
+            Some(format!(
+                "{name}: {all} views, {test} held out, {width} × {height}"
+            ))
+        };
+        let scenes: Vec<String> = self.survey.scenes().into_iter().filter_map(scene).collect();
+        let dates = || runs.iter().map(|run| run.date.as_str());
+        let dates = match (dates().min(), dates().max()) {
+            (Some(first), Some(last)) if first != last => format!("{first} to {last}"),
+            (first, _) => first.unwrap_or_default().to_owned(),
+        };
+        let rows = [
+            ("scenes", scenes.join("; ")),
+            ("trained", format!("{} steps a run", self.args.iterations)),
+            (
+                "smallest gain worth paying for",
+                format!("{} dB for a tenth more splats", self.args.gain),
+            ),
+            ("device", self.engine.name().to_owned()),
+            ("date", dates),
+            ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),
+        ];
+        rows.map(|(name, value)| (name.to_owned(), value)).to_vec()
+    }
+}
+
+/// What a data set is called: its last folder, and of the path no more.
+fn name(path: &Path) -> String {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let folder = match whole.extension() {
+        Some(_) if whole.is_file() => whole.parent().map(PathBuf::from).unwrap_or(whole),
+        _ => whole,
+    };
+    let last = folder.components().next_back();
+    let last = last.map(|part| part.as_os_str().to_string_lossy().into_owned());
+    let safe = |c: char| match c {
+        ',' | '"' | ' ' => '_',
+        c if c.is_control() => '_',
+        c => c,
+    };
+    last.unwrap_or_default().chars().map(safe).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::name;
+    use std::path::Path;
+
+    #[test]
+    fn of_a_path_no_more_is_told_than_its_last_folder() {
+        assert_eq!(name(Path::new("/somewhere/private/fox/")), "fox");
+        assert_eq!(name(Path::new("/somewhere/a b,c")), "a_b_c");
+        assert_eq!(name(Path::new("fox")), "fox");
+    }
+}

@@ -1,0 +1,123 @@
+//! `ashfall needs`.
+
+use super::{data, error, folder, run, stdout, word};
+use std::fs;
+use std::path::Path;
+
+/// A survey of two scenes in a few steps.
+fn survey<'a>(out: &'a Path, more: &[&'a str]) -> Vec<&'a str> {
+    let tiny = ["--width", "24", "--iterations", "40", "--scenes", "sphere"];
+    let all = [&["needs", "--out", word(out)], &tiny[..], more];
+    all.concat()
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+#[test]
+fn every_run_is_written_down_drawn_and_not_run_again() {
+    let folder = folder();
+    let (out, filed) = (folder.path().join("needs"), folder.path().join("filed.csv"));
+    let data = word(data());
+    let recipes = ["--recipes", "fixed,parsimony,mcmc"];
+    let first = survey(
+        &out,
+        &[&[data, "--seeds", "1", "--validate"], &recipes[..]].concat(),
+    );
+    let said = stdout(&first);
+    assert!(
+        said.contains("sphere: this scene needs ") && said.contains("needs.html"),
+        "{said}"
+    );
+    let csv = read(&out.join("needs.csv"));
+    let lines: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    let column = |name: &str| {
+        let found = lines[0].iter().position(|column| *column == name);
+        found.unwrap_or_else(|| panic!("no column {name}"))
+    };
+    assert_eq!(lines.len(), 1 + 2 * 3);
+    // Of the data set's place no more is told than its last folder, and its scene goes by that.
+    assert_eq!([lines[1][0], lines[4][0]], ["sphere", "data"]);
+    assert!(
+        !csv.contains(data) && !csv.contains(word(folder.path())),
+        "{csv}"
+    );
+    for runs in [&lines[1..4], &lines[4..7]] {
+        assert_eq!(runs[2][column("max_splats")], runs[1][column("splats")]);
+        for run in runs {
+            let psnr: f64 = run[column("psnr_db")].parse().unwrap_or(0.0);
+            assert!((5.0..60.0).contains(&psnr), "{run:?}");
+            assert!(run[column("ply_bytes")].len() > 3, "{run:?}");
+        }
+    }
+    let page = read(&out.join("needs.html"));
+    assert_eq!(page.matches("<figure ").count(), 2);
+    assert!(page.contains("<h3>sphere</h3>") && page.contains("<h3>data</h3>"));
+    assert!(!page.contains(data) && page.ends_with("</html>\n"));
+    // One seed more: earlier lines stay to the byte, times and all.
+    let filing = ["--seeds", "2", "--record", word(&filed)];
+    stdout(&survey(
+        &out,
+        &[&[data], &filing[..], &recipes[..]].concat(),
+    ));
+    let both = read(&out.join("needs.csv"));
+    assert_eq!(both.lines().count(), 1 + 2 * 6);
+    let kept: Vec<&str> = both.lines().filter(|line| csv.contains(line)).collect();
+    assert_eq!(kept, csv.lines().collect::<Vec<_>>());
+    assert_eq!(read(&filed), both);
+    let names = fs::read_dir(&out).map(|entries| entries.count());
+    assert_eq!(names.ok(), Some(2), "something is left behind");
+}
+
+#[test]
+fn bad_input_is_refused_before_anything_is_written() {
+    let folder = folder();
+    let out = folder.path().join("needs");
+    for wrong in [
+        ["--scenes", "plain"],
+        ["--recipes", "adc"],
+        ["--gain", "-1"],
+        ["--seeds", "0"],
+        ["--iterations", "1"],
+    ] {
+        assert_eq!(
+            run(&survey(&out, &wrong)).status.code(),
+            Some(2),
+            "{wrong:?}"
+        );
+    }
+    let data = word(data());
+    let missing = error(&survey(&out, &["/no/such/folder"]));
+    assert!(missing.contains("/no/such/folder"), "{missing}");
+    let twice = error(&survey(&out, &[data, data]));
+    assert!(twice.contains("another scene is called data"), "{twice}");
+    let nothing = error(&["needs", "--scenes", "none", "--out", word(&out)]);
+    assert!(nothing.contains("no scene"), "{nothing}");
+    assert!(!out.exists());
+}
+
+#[test]
+fn runs_of_another_survey_are_not_mixed_in() {
+    let folder = folder();
+    let out = folder.path().join("needs");
+    let fixed = ["--recipes", "fixed", "--seeds", "1"];
+    stdout(&survey(&out, &fixed));
+    let before = read(&out.join("needs.csv"));
+    let other = error(&survey(&out, &[&fixed[..], &["--gain", "0.5"]].concat()));
+    assert!(
+        other.contains("needs.csv") && other.contains("the gain was 0.04"),
+        "{other}"
+    );
+    let count = error(&survey(&out, &["--recipes", "mcmc", "--seeds", "1"]));
+    assert!(count.contains("parsimony"), "{count}");
+    assert_eq!(read(&out.join("needs.csv")), before);
+    fs::write(out.join("needs.csv"), "scene,recipe\n").unwrap_or_else(|e| panic!("{e}"));
+    let spoilt = error(&survey(&out, &fixed));
+    assert!(spoilt.contains("needs.csv: is no record"), "{spoilt}");
+    stdout(&survey(
+        &out,
+        &[&fixed[..], &["--gain", "0.5", "--overwrite"]].concat(),
+    ));
+    assert!(read(&out.join("needs.csv")).contains(",0.5,"));
+}
