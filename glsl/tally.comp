@@ -2,12 +2,14 @@
 #include "shared/prelude.glsl"
 
 // Adds a view's records up by splat, to what the views before have come to: the largest of the first numbers, the
-// sum of the second, the smallest of the third.
+// sum of the second, the smallest of the third; or the sums of all three.
 //
 // One invocation per splat. A splat's records are contiguous and are taken in order, so that the result is the
 // same in every run. A frame that did not fit leaves everything as it was.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
+// Not 0: sums of all.
+layout(constant_id = 1) const uint SUMS = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
@@ -22,7 +24,8 @@ layout(push_constant, scalar) uniform Push {
 
 void add(uint source, inout vec3 total) {
     vec3 loss = loss_from_source[source];
-    total = vec3(max(total.x, loss.x), total.y + loss.y, min(total.z, loss.z));
+    vec3 sum = total + loss;
+    total = SUMS != 0 ? sum : vec3(max(total.x, loss.x), sum.y, min(total.z, loss.z));
 }
 
 void main() {

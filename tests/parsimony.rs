@@ -15,10 +15,14 @@ use ashfall::render::Compatibility;
 use ashfall::scene::{Camera, SH_C0, Splats};
 use scenes::{Random, Scene};
 
+#[path = "parsimony/colors.rs"]
+mod colors;
 #[path = "common/device.rs"]
 mod device;
 #[path = "parsimony/harmonics.rs"]
 mod harmonics;
+#[path = "parsimony/influence.rs"]
+mod influence;
 #[path = "common/scenes.rs"]
 mod scenes;
 #[path = "parsimony/thrift.rs"]

@@ -67,6 +67,7 @@ pub fn chosen(caps: &Caps) -> Vec<Chosen> {
         compact: compact::Compact::prefer(caps), ELEMENTWISE;
         expand: expand::Expand::prefer(caps), ELEMENTWISE;
         gather: gather::Gather::prefer(caps), ELEMENTWISE;
+        influence: influence::Influence::prefer(caps), influence::Influence::why(caps);
         loss: loss::Loss::prefer(caps), TILED;
         loss_backward: loss_backward::LossBackward::prefer(caps), TILED;
         loss_sum: loss_sum::LossSum::prefer(caps), ALONE;

@@ -15,6 +15,7 @@ pub mod compact;
 pub mod expand;
 pub mod gather;
 pub mod generated;
+pub mod influence;
 pub mod loss;
 pub mod loss_backward;
 pub mod loss_sum;

@@ -14,6 +14,8 @@ pub enum Phase {
     Growing,
     /// The least of them are taken out, round by round.
     Pruning,
+    /// Colours are fitted by fewer harmonics, round by round.
+    Lowering,
     /// The count is decided; the held-out views say when training has converged.
     Converging,
     /// All training views are seen.
@@ -32,6 +34,10 @@ pub enum Act {
     Pruned,
     /// The least important splats would have gone, had the held-out views not missed them.
     Missed,
+    /// Harmonics went.
+    Lowered,
+    /// Harmonics would have gone, had the held-out views not missed them.
+    LoweredInVain,
 }
 
 impl Act {
@@ -42,6 +48,8 @@ impl Act {
             Act::Stopped => "growth stopped",
             Act::Pruned => "the least important went",
             Act::Missed => "the least important would be missed, and stayed",
+            Act::Lowered => "harmonics went",
+            Act::LoweredInVain => "harmonics would be missed, and stayed",
         }
     }
 }
@@ -57,14 +65,14 @@ pub struct Entry {
     pub splats: usize,
     /// PSNR with them, by held-out view; decibels.
     pub psnr_db: Vec<f64>,
-    /// Splats without those that went or would have gone, and the PSNR after the same steps.
+    /// Splats without what went or would have gone, and the PSNR after the same steps.
     pub without: Option<(usize, Vec<f64>)>,
     /// What a tenth more splats was worth, and its lower bound; decibels.
     pub gain_db: Option<[f64; 2]>,
 }
 
-/// A round on its way: the same steps are taken from the same state twice, without the least important splats and then
-/// with them, so that nothing but their absence tells the two apart.
+/// A round on its way: the same steps are taken from the same state twice, without the least important splats or
+/// harmonics and then with them, so that nothing but their absence tells the two apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Round {
     /// The iteration that both begin after.
@@ -90,8 +98,8 @@ pub struct Ledger {
     pub end: u32,
     /// Whether the run may end when it has converged.
     pub is_open: bool,
-    /// By how much a channel of a splat's colour was off at most when the harmonics went that it hardly needs.
-    pub sh_error: f64,
+    /// What the held-out views lost by the harmonics that went, decibels; `None` while none have.
+    pub sh_lost_db: Option<f64>,
     /// The course so far.
     pub entries: Vec<Entry>,
 }
@@ -106,6 +114,9 @@ impl Ledger {
             let Some((left, without)) = &entry.without else {
                 continue;
             };
+            if !matches!(entry.act, Act::Pruned | Act::Missed) {
+                continue;
+            }
             let (left, with, without) = (*left as f64, mean(&entry.psnr_db), mean(without));
             let (splats, lost) = (entry.splats as f64, with - without);
             let is_missed = entry.act == Act::Missed;

@@ -24,6 +24,7 @@
 //! **Invariant:** the same scene, views and budget give the same set on the same device.
 
 mod change;
+mod colors;
 pub mod gain;
 mod harmonics;
 mod judge;
@@ -34,10 +35,11 @@ mod thrift;
 mod weigher;
 
 pub use change::{Change, Promise, measure};
+pub use colors::{Fits, Seen};
 pub use harmonics::{Reduced, reduce_harmonics};
 pub use judge::{Judge, part};
 pub use ledger::{Act, Entry, Ledger, Phase, Round};
 pub use prune::{Pruned, kept, prune};
 pub use refit::refit_config;
 pub use thrift::{PREFERENCE_DB, Thrift, thrifty};
-pub use weigher::{Lens, Loss, Shown, Weigher, Weight};
+pub use weigher::{Influence, Judgement, Lens, Loss, Shown, Weigher};

@@ -1,56 +1,34 @@
 //! Training to no more splats than a scene needs: what is done between two steps of a run, from growth to the last fit.
 //!
-//! Splats are added as the strategy has it. Growth ends when the lower bound of what it gives some training views, for a
+//! Splats are added as the strategy has it, more of them where errors are. Growth ends when the lower bound of what it gives some training views, for a
 //! tenth more splats, is under the preference; all that their scores have risen counts as its gain, though time has its
 //! share in that, so that growth never ends too soon. From then on those views are held out; not before, since
 //! what they alone saw would be missing from the scene. The
-//! splats of least weight go, a share of them in every round. A round takes the same steps from the same state twice,
+//! splats go without which the pictures would change least, a share of them in every round. A round takes the same steps from the same state twice,
 //! without those splats and with them, since scores rise with time as well; they go for good where the held-out views lose
-//! no more by it than they are worth by the preference, and otherwise a smaller share is tried. Last, the held-out views
-//! return.
+//! no more by it than they are worth by the preference, and otherwise a smaller share is tried. Then harmonics go by
+//! the same rule. Last, the held-out views return.
 //!
 //! **Invariant:** what happens is a function of configuration, preference, views and device, and what it goes by beside
 //! the trainer's state is in the [`Ledger`] and the state kept: a resumed run decides alike.
 
-use super::gain::{differences, estimate, mean, tenths};
-use super::harmonics::reduce_harmonics;
+mod growth;
+mod harmonics;
+mod rounds;
+mod survey;
+
+use super::gain::{differences, mean};
 use super::judge::{Judge, part};
-use super::ledger::{Act, Entry, Ledger, Phase, Round};
-use super::weigher::{Lens, Weigher, Weight};
-use crate::render::{Compatibility, ViewOptions};
-use crate::scene::{Camera, Dataset, Splats};
-use crate::train::schedule::is_refine;
+use super::ledger::{Act, Entry, Ledger, Phase};
+use crate::render::ViewOptions;
+use crate::scene::Dataset;
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
+use rounds::SHARE;
 
 /// The preference where none is given: decibels for a tenth more splats. A first guess from single runs, of which no
 /// record is kept; repeated experiments have to settle it.
-pub const PREFERENCE_DB: f64 = 0.04;
-
-/// The share of splats that a round takes out.
-const SHARE: f64 = 0.25;
-
-/// Rounds that cost less than half of what they might make the next one twice as bold, up to this share.
-const SHARE_MAX: f64 = 0.5;
-
-/// Rounds stop at this share: what one of so few is worth cannot be told from chance.
-const SHARE_MIN: f64 = 0.1;
-
-/// Looks whose rise together tells what growth gives.
-const LOOKS: usize = 3;
-
-/// Growth that has added less than this many tenths over those looks has ended by itself.
-const TENTHS_MIN: f64 = 0.5;
-
-/// Errors of colours that leaving out harmonics is tried with.
-const SH_ERRORS: [f64; 6] = [
-    1.0 / 256.0,
-    1.0 / 128.0,
-    1.0 / 64.0,
-    1.0 / 32.0,
-    1.0 / 16.0,
-    1.0 / 8.0,
-];
+pub const PREFERENCE_DB: f64 = 0.03;
 
 /// Steers a run.
 pub struct Thrift<'a> {
@@ -63,7 +41,7 @@ pub struct Thrift<'a> {
 }
 
 /// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
-/// three tenths to rounds and a quarter to the last fit.
+/// a fifth to rounds without splats, a tenth to rounds without harmonics and a quarter to the last fit.
 ///
 /// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not get
 /// to where it is going by the published rates. That helps as much without pruning, so it is no merit of this, and is not
@@ -117,19 +95,21 @@ impl<'a> Thrift<'a> {
         }
         let (fitted, held) = part(dataset);
         let judge = Judge::new(trainer.gpu(), dataset, &held, lens_options(trainer))?;
-        if matches!(ledger.phase, Phase::Pruning | Phase::Converging) {
+        if !matches!(ledger.phase, Phase::Growing | Phase::Settled) {
             trainer.set_views(fitted.clone())?;
         }
         if ledger.phase != Phase::Growing {
             trainer.set_limit(0);
         }
-        Ok(Thrift {
+        let thrift = Thrift {
             dataset,
             ledger,
             kept,
             judge,
             fitted,
-        })
+        };
+        thrift.point_out_errors(trainer)?;
+        Ok(thrift)
     }
 
     /// What has been found so far.
@@ -147,104 +127,9 @@ impl<'a> Thrift<'a> {
         let iteration = trainer.iteration();
         match self.ledger.phase {
             Phase::Growing => self.attend_growth(trainer, iteration),
-            Phase::Pruning => self.attend_round(trainer, iteration),
+            Phase::Pruning | Phase::Lowering => self.attend_round(trainer, iteration),
             Phase::Converging => self.attend_convergence(trainer, iteration),
             Phase::Settled => Ok(()),
-        }
-    }
-
-    fn attend_growth(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
-        let config = trainer.config();
-        let is_last = iteration >= config.refine.until;
-        // Before a refinement: what it adds has not been fitted yet.
-        if !is_last && !is_refine(config, iteration + 1) {
-            return Ok(());
-        }
-        let mut entry = self.look(trainer)?;
-        entry.gain_db = self.gain(&entry);
-        let is_enough = match entry.gain_db {
-            Some([_, low]) => low < self.ledger.preference_db,
-            None => false,
-        };
-        if is_last || is_enough {
-            entry.act = Act::Stopped;
-            self.ledger.entries.push(entry);
-            self.ledger.phase = Phase::Pruning;
-            trainer.set_limit(0);
-            trainer.set_views(self.fitted.clone())?;
-            return self.begin_round(trainer);
-        }
-        self.ledger.entries.push(entry);
-        Ok(())
-    }
-
-    /// What a tenth more splats has given over the last looks, and its lower bound.
-    fn gain(&self, now: &Entry) -> Option<[f64; 2]> {
-        let before = self.ledger.entries.iter().rev().nth(LOOKS - 1)?;
-        let risen = differences(&before.psnr_db, &now.psnr_db);
-        let added = tenths(before.splats, now.splats).max(TENTHS_MIN);
-        let each: Vec<f64> = risen.iter().map(|d| d / added).collect();
-        let found = estimate(&each);
-        Some([found.mean, found.low])
-    }
-
-    fn attend_round(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
-        let steps = round(trainer.config());
-        let round = match self.ledger.round.take() {
-            Some(round) if iteration >= round.from + steps => round,
-            waiting => {
-                self.ledger.round = waiting;
-                return Ok(());
-            }
-        };
-        let entry = self.look(trainer)?;
-        match (round.without, self.kept.take()) {
-            (None, Some(whole)) => {
-                self.kept = Some(trainer.download()?);
-                trainer.go_back(&whole, round.from)?;
-                self.ledger.round = Some(Round {
-                    without: Some((entry.splats, entry.psnr_db)),
-                    ..round
-                });
-                Ok(())
-            }
-            (Some(without), Some(less)) => self.judge_round(trainer, entry, without, &less),
-            // A checkpoint that lacks what it should hold: the round is over.
-            (_, None) => self.decide(trainer),
-        }
-    }
-
-    /// Compares what the same steps have led to with all splats, `entry`, and without the least important.
-    fn judge_round(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        mut entry: Entry,
-        without: (usize, Vec<f64>),
-        less: &HostState,
-    ) -> Result<()> {
-        let gone = tenths(without.0, entry.splats).max(1e-9);
-        let lost = differences(&without.1, &entry.psnr_db);
-        let each: Vec<f64> = lost.iter().map(|lost| lost / gone).collect();
-        let gain = estimate(&each);
-        entry.gain_db = Some([gain.mean, gain.low]);
-        entry.without = Some(without);
-        let preference = self.ledger.preference_db;
-        if gain.mean > preference {
-            entry.act = Act::Missed;
-            self.ledger.share /= 2.0;
-        } else {
-            entry.act = Act::Pruned;
-            trainer.replace(less)?;
-            if gain.mean < 0.5 * preference {
-                self.ledger.share = (2.0 * self.ledger.share).min(SHARE_MAX);
-            }
-        }
-        self.ledger.entries.push(entry);
-        let config = trainer.config();
-        let is_time = trainer.iteration() + round(config) > settle_by(config);
-        match is_time || self.ledger.share < SHARE_MIN {
-            true => self.decide(trainer),
-            false => self.begin_round(trainer),
         }
     }
 
@@ -280,25 +165,7 @@ impl<'a> Thrift<'a> {
         }
     }
 
-    /// Takes the least important splats out, for the steps of a round.
-    fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let state = trainer.download()?;
-        let weights = self.weigh(trainer)?;
-        let left = (state.len() as f64 * (1.0 - self.ledger.share)).ceil() as usize;
-        trainer.replace(&state.select(&heaviest(&weights, left)))?;
-        self.kept = Some(state);
-        self.ledger.round = Some(Round {
-            from: trainer.iteration(),
-            without: None,
-        });
-        Ok(())
-    }
-
     fn settle(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let splats = trainer.splats()?;
-        self.ledger.sh_error = self.sh_error(&splats)?;
-        let reduced = reduce_harmonics(&splats, self.ledger.sh_error);
-        trainer.lower_degrees(&reduced.degrees)?;
         self.ledger.phase = Phase::Settled;
         let config = trainer.config();
         self.ledger.end = config
@@ -310,36 +177,6 @@ impl<'a> Thrift<'a> {
         self.ledger.settled_from = Some(trainer.iteration());
         let all = self.dataset.split(crate::scene::Split::Train);
         trainer.set_views(all)
-    }
-
-    /// The largest error of [`SH_ERRORS`] up to which leaving out harmonics loses the held-out views no more than the
-    /// preference; 0 if none is.
-    fn sh_error(&mut self, splats: &Splats) -> Result<f64> {
-        let whole = self.judge.score(splats)?;
-        let mut found = 0.0;
-        for error in SH_ERRORS {
-            let less = self.judge.score(&reduce_harmonics(splats, error).splats)?;
-            if mean(&differences(&less, &whole)) > self.ledger.preference_db {
-                break;
-            }
-            found = error;
-        }
-        Ok(found)
-    }
-
-    fn weigh(&self, trainer: &mut Trainer<'a>) -> Result<Vec<Weight>> {
-        let splats = trainer.splats()?;
-        let options = lens_options(trainer);
-        let lens = Lens {
-            near: options.near,
-            background: options.background,
-            compatibility: Compatibility::Engine,
-        };
-        let mut weigher = Weigher::new(trainer.gpu(), &splats, lens)?;
-        let camera = |&view: &usize| self.dataset.views[view].camera;
-        let cameras: Vec<Camera> = self.fitted.iter().map(camera).collect();
-        let weights = weigher.weights(&cameras, &mut || true)?;
-        Ok(weights.unwrap_or_default())
     }
 
     /// How the scene is now.
@@ -356,14 +193,14 @@ impl<'a> Thrift<'a> {
     }
 }
 
-/// Steps of a round's fit.
-fn round(config: &TrainConfig) -> u32 {
-    (config.iterations / 20).clamp(25, 500)
-}
-
 /// Steps that all training views are seen in, at the end.
 fn last_fit(config: &TrainConfig) -> u32 {
     config.iterations / 4
+}
+
+/// The iteration from which no splats go any more, and harmonics do.
+fn prune_by(config: &TrainConfig) -> u32 {
+    config.iterations / 20 * 13
 }
 
 /// The iteration from which the count is fixed at the latest.
@@ -382,14 +219,4 @@ fn lens_options(trainer: &Trainer<'_>) -> ViewOptions {
         near: trainer.near(),
         mode: config.mode,
     }
-}
-
-/// The rows of the splats that weigh most, in their order; of equals the first.
-fn heaviest(weights: &[Weight], count: usize) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..weights.len() as u32).collect();
-    let weight = |row: u32| weights[row as usize].sum;
-    order.sort_unstable_by(|&a, &b| weight(b).total_cmp(&weight(a)).then(a.cmp(&b)));
-    order.truncate(count);
-    order.sort_unstable();
-    order
 }

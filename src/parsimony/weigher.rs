@@ -3,7 +3,7 @@
 mod record;
 
 use crate::gpu::{Buffer, Frames, Gpu};
-use crate::kernels::{afford, tally, weigh};
+use crate::kernels::{afford, influence, tally, weigh};
 use crate::layout::*;
 use crate::render::{
     Bands, Capacity, Compatibility, Extras, Forward, Model, RenderOptions, Scratch, ViewOptions,
@@ -35,22 +35,25 @@ pub struct Loss {
     pub limit: f32,
 }
 
-/// What a splat weighs in some pictures.
+/// What a splat does to a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Weight {
-    /// The largest share of a pixel that it makes up.
-    pub most: f32,
-    /// The sum of its shares over all pixels.
-    pub sum: f32,
+pub struct Influence {
+    /// The sum, over the pixels, of the shares of their colours that it makes up.
+    pub weight: f32,
+    /// The sum of those shares times the pixels' errors.
+    pub error: f32,
+    /// The sum, over pixels and channels, of the squares of what would change without it.
+    pub change: f32,
 }
+
+/// The error of each pixel of a picture, whose planes it is given, one channel after the other.
+pub type Judgement<'a> = &'a dyn Fn(&[f32]) -> Vec<f32>;
 
 /// What a view is drawn for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Purpose {
     /// Its picture.
     Show,
-    /// What every splat weighs.
-    Weights,
     /// What pixels that can lose so much would lose with every splat.
     Losses(f32),
 }
@@ -92,7 +95,10 @@ struct Scales {
     forward: Forward,
     afford: afford::Afford,
     weigh: weigh::Weigh,
+    influence: influence::Influence,
     tally: tally::Tally,
+    /// Of sums alone.
+    total: tally::Tally,
     room: Room,
     totals: Buffer<[f32; 3]>,
     ranks: Buffer<f32>,
@@ -124,7 +130,12 @@ impl Weigher {
         let caps = gpu.caps();
         let original = u32::from(lens.compatibility == Compatibility::Original);
         let (mut afford, mut weigh) = (afford::Afford::prefer(caps), weigh::Weigh::prefer(caps));
+        let mut influence = influence::Influence::prefer(caps);
         (afford.spec.original, weigh.spec.original) = (original, original);
+        influence.spec.original = original;
+        let tally = tally::Tally::prefer(caps);
+        let mut total = tally;
+        total.spec.sums = 1;
         let count = splats.len().max(1);
         let options = RenderOptions {
             sh_degree: splats.sh_degree,
@@ -139,7 +150,9 @@ impl Weigher {
             forward,
             afford: afford::Afford::new(gpu, afford)?,
             weigh: weigh::Weigh::new(gpu, weigh)?,
-            tally: tally::Tally::new(gpu, tally::Tally::prefer(caps))?,
+            influence: influence::Influence::new(gpu, influence)?,
+            tally: tally::Tally::new(gpu, tally)?,
+            total: tally::Tally::new(gpu, total)?,
             room: Room::new(gpu, Capacity::LEAST)?,
             totals: gpu.buffer("loss_from_splat", count)?,
             ranks: gpu.buffer("rank_from_splat", count)?,
@@ -178,32 +191,6 @@ impl Weigher {
         let count = self.splat_count();
         assert_eq!(ranks.len(), count, "a rank for every splat");
         self.gpu.upload(&self.scales.ranks, 0, ranks)?;
-        let totals = self.totals(cameras, Purpose::Losses(budget), go_on)?;
-        let loss = |[most, sum, limit]: [f32; 3]| Loss { most, sum, limit };
-        Ok(totals.map(|totals| totals.into_iter().map(loss).collect()))
-    }
-
-    /// What each splat weighs in the views together. `None` as with [`Weigher::losses`].
-    ///
-    /// # Errors
-    /// As [`Weigher::losses`].
-    pub fn weights(
-        &mut self,
-        cameras: &[Camera],
-        go_on: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Vec<Weight>>> {
-        let totals = self.totals(cameras, Purpose::Weights, go_on)?;
-        let weight = |[most, sum, _]: [f32; 3]| Weight { most, sum };
-        Ok(totals.map(|totals| totals.into_iter().map(weight).collect()))
-    }
-
-    fn totals(
-        &mut self,
-        cameras: &[Camera],
-        purpose: Purpose,
-        go_on: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Vec<[f32; 3]>>> {
-        let count = self.splat_count();
         let nothing = [0.0, 0.0, f32::MAX];
         self.gpu
             .upload(&self.scales.totals, 0, &vec![nothing; count])?;
@@ -211,9 +198,47 @@ impl Weigher {
             if !go_on() {
                 return Ok(None);
             }
-            self.draw(camera, 0, purpose)?;
+            self.draw(camera, 0, Purpose::Losses(budget))?;
         }
-        Ok(Some(self.gpu.download(&self.scales.totals, 0..count)?))
+        let loss = |[most, sum, limit]: [f32; 3]| Loss { most, sum, limit };
+        let totals = self.gpu.download(&self.scales.totals, 0..count)?;
+        Ok(Some(totals.into_iter().map(loss).collect()))
+    }
+
+    /// What each splat does to a view, whose pixels have the errors that `judge` finds.
+    ///
+    /// # Errors
+    /// As [`Weigher::losses`].
+    pub fn influences(
+        &mut self,
+        camera: &Camera,
+        judge: Option<Judgement<'_>>,
+    ) -> Result<Vec<Influence>> {
+        let sh_degree = self.scales.model.sh_degree;
+        self.draw(camera, sh_degree, Purpose::Show)?;
+        let (gpu, room) = (&self.gpu, &self.scales.room);
+        let pixels = (camera.width * camera.height) as usize;
+        let errors = match judge {
+            Some(judge) => judge(&gpu.download(&room.scratch.image, 0..3 * pixels)?),
+            None => vec![0.0; pixels],
+        };
+        gpu.upload(&room.spent, 0, &errors)?;
+        let count = self.splat_count();
+        gpu.upload(&self.scales.totals, 0, &vec![[0.0; 3]; count])?;
+        let scales = &self.scales;
+        let view = self.view(camera);
+        let (ticket, ()) = self.frames.submit(|rec| {
+            scales.record_influences(rec, &view);
+            Ok(())
+        })?;
+        self.frames.wait(ticket)?;
+        let influence = |[weight, error, change]: [f32; 3]| Influence {
+            weight,
+            error,
+            change,
+        };
+        let totals = self.gpu.download(&self.scales.totals, 0..count)?;
+        Ok(totals.into_iter().map(influence).collect())
     }
 
     /// Draws a view with all its colours.
@@ -251,16 +276,18 @@ impl Weigher {
         })
     }
 
+    fn view(&self, camera: &Camera) -> View {
+        let options = ViewOptions {
+            background: self.lens.background,
+            near: self.lens.near,
+            mode: self.scales.model.mode,
+        };
+        view_of(camera, &options)
+    }
+
     /// Draws a view for a purpose; returns the counts.
     fn draw(&mut self, camera: &Camera, sh_degree: u32, purpose: Purpose) -> Result<Vec<u32>> {
-        let view = view_of(
-            camera,
-            &ViewOptions {
-                background: self.lens.background,
-                near: self.lens.near,
-                mode: self.scales.model.mode,
-            },
-        );
+        let view = self.view(camera);
         self.reserve(
             camera,
             isects_expected(self.splat_count(), camera.width, camera.height),

@@ -18,6 +18,7 @@ pub mod bound;
 pub mod expand;
 pub mod frame;
 pub mod gradient;
+pub mod influence;
 pub mod linear;
 pub mod loss;
 pub mod original;

@@ -156,6 +156,20 @@ impl HostState {
         }
     }
 
+    /// Gives every splat another colour, of coefficients in the scene's own order, and keeps its moments.
+    ///
+    /// Panics unless there is a colour for every splat.
+    pub fn recolor(&mut self, splats: &Splats) {
+        assert_eq!(self.len(), splats.len(), "one colour per splat");
+        for (row, color) in splats.sh.chunks_exact(splats.sh_stride()).enumerate() {
+            let planes = self.params[SH_PLANE..].iter_mut();
+            let numbers = planes.flat_map(|plane| &mut plane[row]);
+            numbers
+                .zip(color)
+                .for_each(|(number, &value)| *number = value);
+        }
+    }
+
     /// Forgets the moments of a row: a new or moved splat has no history.
     pub fn clear_moments(&mut self, row: usize) {
         for plane in self.m.iter_mut().chain(&mut self.v) {

@@ -70,6 +70,8 @@ pub struct Trainer<'a> {
     extent: f64,
     /// Splats are added up to this count.
     limit: usize,
+    /// By splat, for the next refinement; empty where nobody has looked.
+    errors: Vec<f32>,
     strategy: Box<dyn Strategy>,
     forward: Forward,
     backward: Backward,
@@ -130,6 +132,7 @@ impl<'a> Trainer<'a> {
             dataset,
             extent: dataset.extent(),
             limit: config.splat_limit(),
+            errors: Vec::new(),
             strategy: strategy(config.strategy),
             forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy)?,
             backward: Backward::new(gpu, &config)?,
@@ -264,11 +267,6 @@ impl<'a> Trainer<'a> {
         statistics.map_err(|e| e.at_step(self.iteration))
     }
 
-    /// Puts back what [`Trainer::statistics`] gave, when a run is resumed.
-    pub fn set_statistics(&mut self, statistics: &[[f32; 4]]) -> Result<()> {
-        self.gpu.upload(&self.state.statistics, 0, statistics)
-    }
-
     fn submit(&mut self, iteration: u32) -> Result<Pending> {
         let index = schedule::view(&self.config, self.views.len(), iteration);
         let (dataset, camera) = match &self.halved {
@@ -368,6 +366,7 @@ impl<'a> Trainer<'a> {
                 config: &self.config,
                 extent: self.extent,
                 limit: self.limit,
+                errors: &std::mem::take(&mut self.errors),
             };
             let report = self.strategy.refine(&mut state, &statistics, context);
             if let Some(last) = self.done.back_mut() {

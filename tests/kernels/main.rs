@@ -20,6 +20,7 @@ mod compact;
 mod device;
 mod expand;
 mod gather;
+mod influence;
 #[path = "../common/lists.rs"]
 mod lists;
 mod longest;

@@ -66,7 +66,10 @@ fn records_are_added_up_by_splat() {
     let mut check = Check::new("tally");
     for variant in supported!(tally, gpu) {
         for workgroup in fitting(&gpu, [1, 8, 64, 256]) {
-            let spec = Spec { workgroup };
+            let spec = Spec {
+                workgroup,
+                ..Spec::default()
+            };
             let kernel = Tally::new(&gpu, Choice { variant, spec }).unwrap();
             for (name, len) in LENGTHS {
                 if workgroup == 1 && len > 300 {
@@ -103,6 +106,37 @@ fn records_are_added_up_by_splat() {
                 );
             }
         }
+    }
+    check.finish();
+}
+
+#[test]
+fn all_three_are_summed_where_asked() {
+    let gpu = device::gpu();
+    let spec = Spec {
+        sums: 1,
+        ..Spec::default()
+    };
+    let choice = Choice {
+        spec,
+        ..Choice::default()
+    };
+    let kernel = Tally::new(&gpu, choice).unwrap();
+    let input = input(130, 7);
+    let found = run(&gpu, &kernel, &input, &[]);
+    let mut check = Check::new("tally of sums");
+    for k in 0..3 {
+        let sum = |i: usize| {
+            let begin = input.begins[i] as usize;
+            let end = begin.saturating_add(input.counts[i] as usize);
+            let records = input.records.get(begin..end).unwrap_or_default();
+            let sum: f64 = records.iter().map(|r| f64::from(r[k])).sum();
+            f64::from(input.totals[i][k]) + sum
+        };
+        let found = found[..130].iter().map(|r| f64::from(r[k])).collect();
+        let wanted = (0..130).map(sum).collect();
+        let output = Output::relative("sum", found, wanted, 10.0 * 6e-8, 1.0);
+        check.outputs(["first", "second", "third"][k], vec![output]);
     }
     check.finish();
 }

@@ -36,6 +36,15 @@ pub(crate) fn near(lists: &Lists) -> Vec<bool> {
         .collect()
 }
 
+/// By source: whether a pixel of its tile is one of those.
+pub(crate) fn in_tiles(lists: &Lists, pixels: &[bool]) -> Vec<bool> {
+    let width = lists.grid.width as usize;
+    let tile = |i: usize| lists.grid.tile_from_position(center(i, width));
+    let tiles: BTreeSet<u32> = (0..pixels.len()).filter(|&i| pixels[i]).map(tile).collect();
+    let isects = lists.isects.iter();
+    isects.map(|isect| tiles.contains(&isect.tile)).collect()
+}
+
 /// Every variant in every number of lanes that the device has.
 fn choices(gpu: &Gpu) -> Vec<Choice> {
     let fits = |(variant, lanes): &(Variant, u32)| {
@@ -82,23 +91,10 @@ fn case((name, scene): (&'static str, Scene)) -> Case {
         &wide(&spent),
         &wide(&limit),
     );
-    let near_pixels = near(&lists);
-    let near_tiles: BTreeSet<u32> = (0..pixels)
-        .filter(|&i| near_pixels[i])
-        .map(|i| {
-            lists
-                .grid
-                .tile_from_position(center(i, lists.grid.width as usize))
-        })
-        .collect();
     let of = |isect| losses.get(isect).copied().unwrap_or(Loss::NOTHING);
     Case {
         expected: lists.isects.iter().map(of).collect(),
-        near: lists
-            .isects
-            .iter()
-            .map(|isect| near_tiles.contains(&isect.tile))
-            .collect(),
+        near: in_tiles(&lists, &near(&lists)),
         name,
         scene,
         lists,

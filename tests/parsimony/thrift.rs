@@ -85,9 +85,9 @@ fn reopened<'a>(
 #[test]
 fn who_pays_for_smaller_gains_gets_more_splats() -> Result<()> {
     let gpu = gpu();
-    let dataset = dataset(Kind::Solids);
+    let dataset = dataset(Kind::Intricate);
     let mut counts = Vec::new();
-    for gain in [0.002, 0.05, 1.0] {
+    for gain in [1e-4, 0.1, 2.0] {
         counts.push(
             run(&gpu, &dataset, config(StrategyKind::Adc), gain)?
                 .0

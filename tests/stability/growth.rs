@@ -100,6 +100,7 @@ pub(crate) fn refine(
         config,
         extent: 1.0,
         limit: config.splat_limit(),
+        errors: &[],
     };
     strategy(kind).refine(state, stats, context)
 }

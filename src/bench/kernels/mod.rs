@@ -6,6 +6,7 @@
 mod backward;
 mod composite;
 mod expand;
+mod influence;
 mod loss;
 mod original;
 mod present;
@@ -46,7 +47,8 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     loss::run(bench)?;
     project_backward::run(bench)?;
     update::run(bench)?;
-    weigh::run(bench)
+    weigh::run(bench)?;
+    influence::run(bench)
 }
 
 /// The choices of a kernel that the device can run and the filter wants, each as (variant, workgroup, case).

@@ -121,7 +121,7 @@ impl Scales {
 }
 
 /// In a subgroup there are no more lanes than it has.
-fn fits(bench: &Bench, variant: &str, lanes: u32) -> bool {
+pub(super) fn fits(bench: &Bench, variant: &str, lanes: u32) -> bool {
     variant != "subgroup" || lanes <= bench.gpu().caps().subgroup_size
 }
 
@@ -245,7 +245,10 @@ fn tallying(bench: &mut Bench, name: &str, composite: &Composite, case: &Scales)
     let totals: Buffer<[f32; 3]> = gpu.buffer("totals", splats)?;
     let work = Work::of(splats, Unit::Splats).moving(12 * lists.isects.len() + 32 * splats);
     for (variant, workgroup, trial) in wanted!(bench, tally, name, ELEMENTWISE, work) {
-        let spec = tally::Spec { workgroup };
+        let spec = tally::Spec {
+            workgroup,
+            ..tally::Spec::default()
+        };
         let kernel = tally::Tally::new(&gpu, tally::Choice { variant, spec })?;
         let io = tally::Bindings {
             counts: &counts,

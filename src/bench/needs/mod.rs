@@ -130,7 +130,7 @@ impl Task<'_> {
             frame_ms: frame.device_ms,
             frame_cpu_ms: frame.cpu_ms,
             settled_from: ledger.as_ref().and_then(|ledger| ledger.settled_from),
-            sh_error: ledger.as_ref().map(|ledger| ledger.sh_error),
+            sh_lost_db: ledger.as_ref().and_then(|ledger| ledger.sh_lost_db),
             knee: law.map(|law| law.knee(self.gain_db)),
             law: law.map_or(Vec::new(), |law| {
                 vec![law.limit_db, law.factor, law.exponent]

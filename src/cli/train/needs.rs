@@ -19,7 +19,7 @@ pub(super) fn found(dataset: &Dataset, ledger: &Ledger, splats: &Splats) -> Need
         splat_count: splats.len(),
         splats_by_degree: reduced.count_from_degree,
         bytes_by_degree: bytes_by_degree(reduced.count_from_degree),
-        sh_error: ledger.sh_error,
+        sh_lost_db: ledger.sh_lost_db,
         settled_from: ledger.settled_from,
         validation_views: held
             .iter()

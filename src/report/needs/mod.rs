@@ -24,8 +24,8 @@ pub struct Needs {
     pub splats_by_degree: [usize; 4],
     /// Their bytes, each stored at its own degree in 32-bit floats.
     pub bytes_by_degree: [u64; 4],
-    /// By how much a channel of a colour was off at most when its harmonics went, before the last fit.
-    pub sh_error: f64,
+    /// What the held-out views lost, before the last fit, by the harmonics that went, decibels; `None` if none did.
+    pub sh_lost_db: Option<f64>,
     /// The iteration from which the count was fixed and all training views were seen.
     pub settled_from: Option<u32>,
     /// The views that were held out until then, by name.

@@ -134,10 +134,13 @@ fn degrees(needs: &Needs) -> String {
         ]
     });
     let table = table(&head, rows);
-    format!(
-        "<p>Harmonics went as far as no channel of a colour was then off by more than {:.5} from any direction; the rest was fitted again.</p>\n{table}",
-        needs.sh_error
-    )
+    let lost = match needs.sh_lost_db {
+        Some(lost) => format!(
+            "Harmonics went as far as the held-out views did not miss them: they lost {lost:.3} dB, before the rest was fitted again."
+        ),
+        None => "All harmonics stayed.".into(),
+    };
+    format!("<p>{lost}</p>\n{table}")
 }
 
 #[cfg(test)]
@@ -165,7 +168,7 @@ mod tests {
             splat_count: 5,
             splats_by_degree: [2, 1, 1, 1],
             bytes_by_degree: [112, 92, 152, 236],
-            sh_error: 0.01,
+            sh_lost_db: Some(0.01),
             settled_from: Some(300),
             validation_views: vec!["<view>".into()],
             law: Some(law),

@@ -1,5 +1,6 @@
 //! MCMC: dead splats move onto live ones, chosen in proportion to opacity, and the count grows to its
-//! cap by the same rule; each group shares its opacity and size so that the picture stays as it was.
+//! cap by the same rule; each group shares its opacity and size so that the picture stays as it was. Where errors are
+//! known, they are chosen the more often the larger their share in them is.
 
 use super::relocation::relocated;
 use super::{Change, RefineContext, RefineReport, Row, SplatStats, Strategy, gather};
@@ -23,7 +24,7 @@ impl Strategy for Mcmc {
         let is_live = |row: usize| drawn(row) > least && state.is_finite(row);
         let live: Vec<bool> = (0..state.len()).map(is_live).collect();
         let weights = Weights::new((0..state.len()).map(|row| match live[row] {
-            true => state.opacity(row),
+            true => state.opacity(row) * chance(context, row),
             false => 0.0,
         }));
         let dead = live.iter().filter(|&&alive| !alive).count();
@@ -57,6 +58,17 @@ impl Strategy for Mcmc {
         }
     }
 }
+
+/// What a splat's errors make of its chance to be chosen, 0 to 1: all have the same where nobody has looked.
+fn chance(context: RefineContext<'_>, row: usize) -> f64 {
+    match context.errors.is_empty() {
+        true => 1.0,
+        false => f64::from(context.attraction(row)).min(ATTRACTION_MAX) / ATTRACTION_MAX,
+    }
+}
+
+/// More than that attracts no more.
+const ATTRACTION_MAX: f64 = 4.0;
 
 /// How many splats are added to `count`.
 fn growth(count: usize, context: RefineContext<'_>) -> usize {
@@ -143,6 +155,7 @@ mod tests {
             config,
             extent: 1.0,
             limit: config.splat_limit(),
+            errors: &[],
         };
         Mcmc.refine(state, &stats, context)
     }

@@ -35,6 +35,16 @@ pub struct RefineContext<'a> {
     pub extent: f64,
     /// Splats are added up to this count, and no further.
     pub limit: usize,
+    /// By row, the splat's share in the pixels' errors, relatively to the mean splat's; empty where nobody has looked.
+    pub errors: &'a [f32],
+}
+
+impl RefineContext<'_> {
+    /// How much more than others a row should grow, by its share in errors: the root of it, for a splat whose pixels are
+    /// wrong is worth more splats, but not all of them. 1 where nobody has looked.
+    fn attraction(&self, row: usize) -> f32 {
+        self.errors.get(row).map_or(1.0, |error| error.sqrt())
+    }
 }
 
 /// What a refinement did.

@@ -90,6 +90,7 @@ fn thousand_refinements(kind: StrategyKind) -> HostState {
             config: &config,
             extent: 1.0,
             limit: config.splat_limit(),
+            errors: &[],
         };
         let report = strategy.refine(&mut state, &stats, context);
         check(&before, &state);

@@ -36,6 +36,19 @@ impl Trainer<'_> {
         self.limit = limit.min(self.config.splat_limit());
     }
 
+    /// Puts back what [`Trainer::statistics`] gave, when a run is resumed.
+    pub fn set_statistics(&mut self, statistics: &[[f32; 4]]) -> Result<()> {
+        self.gpu.upload(&self.state.statistics, 0, statistics)
+    }
+
+    /// Tells the next refinement each splat's share in the pixels' errors, relatively to the mean splat's.
+    ///
+    /// Panics unless there is one for every splat.
+    pub fn set_errors(&mut self, errors: Vec<f32>) {
+        assert_eq!(errors.len(), self.splat_count(), "an error for every splat");
+        self.errors = errors;
+    }
+
     /// Goes on with another state in place of this one, which may have more splats or fewer; what density control has
     /// gathered is forgotten. Waits for the last step begun.
     pub fn replace(&mut self, state: &HostState) -> Result<()> {

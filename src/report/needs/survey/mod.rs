@@ -123,8 +123,8 @@ pub struct Run {
     pub frame_cpu_ms: Option<f64>,
     /// The iteration from which the count was fixed.
     pub settled_from: Option<u32>,
-    /// By how much a colour was off at most when its harmonics went.
-    pub sh_error: Option<f64>,
+    /// What the held-out views lost by the harmonics that went, before the last fit, decibels.
+    pub sh_lost_db: Option<f64>,
     /// Splats where a tenth more was worth just the gain, by the law.
     pub knee: Option<f64>,
     /// The law through what rounds found: limit (decibels), factor, exponent; or nothing.

@@ -1,0 +1,138 @@
+//! What splats do to the pixels of their tiles.
+
+use super::composite::{Composite, INPUTS, Input, LANES};
+use super::weigh::fits;
+use super::{nothing, read, wanted};
+use crate::Result;
+use crate::bench::check::Output;
+use crate::bench::{Bench, Work};
+use crate::gpu::{Buffer, Gpu};
+use crate::kernels::influence;
+use crate::reference::Cuts;
+use crate::reference::influence::{Influence, touches};
+use crate::render::tile_stride;
+use rayon::prelude::*;
+
+pub(super) fn run(bench: &mut Bench) -> Result<()> {
+    for (name, count, size, sigma) in INPUTS {
+        if wanted!(bench, influence, name, LANES, Work::default()).is_empty() {
+            continue;
+        }
+        let composite = Composite::new(count, size, sigma);
+        let gpu = bench.gpu().clone();
+        let input = Input::new(&gpu, &composite)?;
+        let case = Case::new(&gpu, &composite)?;
+        for (variant, workgroup, trial) in wanted!(bench, influence, name, LANES, composite.work())
+        {
+            if !fits(bench, variant.name(), workgroup) {
+                continue;
+            }
+            let spec = influence::Spec {
+                workgroup,
+                ..influence::Spec::default()
+            };
+            let kernel = influence::Influence::new(&gpu, influence::Choice { variant, spec })?;
+            let io = case.bindings(&input);
+            let params = influence::Params {
+                tile_stride: tile_stride(input.tiles),
+            };
+            let record = |rec: &mut crate::gpu::Recorder<'_>| {
+                kernel.record(rec, io, params, input.tiles);
+            };
+            bench.trial(&trial, nothing, record, || case.outputs(&gpu))?;
+        }
+    }
+    Ok(())
+}
+
+/// What splats are judged by, and what should come of it.
+struct Case {
+    image: Buffer<f32>,
+    errors: Buffer<f32>,
+    records: Buffer<[f32; 3]>,
+    /// By source.
+    expected: Vec<Influence>,
+    /// By source: whether its tile has a pixel near a threshold.
+    near: Vec<bool>,
+}
+
+/// A pixel's error, anything from 0 to 1.
+fn error(pixel: usize) -> f32 {
+    (pixel % 11) as f32 / 11.0
+}
+
+impl Case {
+    fn new(gpu: &Gpu, composite: &Composite) -> Result<Case> {
+        let pixels = composite.pixels.len();
+        let lists = &composite.lists;
+        let touched: Vec<_> = (0..pixels)
+            .into_par_iter()
+            .map(|pixel| {
+                let (tile, at) = composite.place(pixel);
+                let ranks = &composite.ranks_from_tile[tile];
+                let background = composite.background();
+                touches(&composite.splats, ranks, at, background, &Cuts::ENGINE)
+            })
+            .collect();
+        let mut expected = vec![Influence::default(); lists.isects.len()];
+        let mut near_tile = vec![false; lists.range_from_tile.len()];
+        for (pixel, touched) in touched.iter().enumerate() {
+            let (tile, _) = composite.place(pixel);
+            near_tile[tile] |= composite.pixels[pixel].near;
+            let ranks = &composite.ranks_from_tile[tile];
+            let begin = lists.range_from_tile[tile][0] as usize;
+            for touch in touched {
+                let isect = begin + ranks.partition_point(|&r| r < touch.splat);
+                let sum = &mut expected[lists.source_from_isect[isect] as usize];
+                *sum = sum.and(touch, f64::from(error(pixel)));
+            }
+        }
+        let planes: Vec<f32> = composite.planes().iter().map(|&c| c as f32).collect();
+        let errors: Vec<f32> = (0..pixels).map(error).collect();
+        let isects = lists.isects.iter();
+        Ok(Case {
+            image: gpu.buffer_from("image", &planes)?,
+            errors: gpu.buffer_from("errors", &errors)?,
+            records: gpu.buffer("records", lists.isects.len())?,
+            near: isects.map(|isect| near_tile[isect.tile as usize]).collect(),
+            expected,
+        })
+    }
+
+    fn bindings<'a>(&'a self, input: &'a Input) -> influence::Bindings<'a> {
+        influence::Bindings {
+            view: &input.view,
+            range_from_tile: &input.range_from_tile,
+            source_from_isect: &input.source_from_isect,
+            splat_from_source: &input.splat_from_source,
+            shape_from_splat: &input.records.shape,
+            tone_from_splat: &input.records.tone,
+            rest_from_splat: &input.records.rest,
+            image: &self.image,
+            error_from_pixel: &self.errors,
+            influence_from_source: &self.records,
+        }
+    }
+
+    /// Tolerances and shares are those of the kernel's test.
+    fn outputs(&self, gpu: &Gpu) -> Result<Vec<Output>> {
+        let found = read(gpu, &self.records)?;
+        let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
+        let wanted = |of: fn(&Influence) -> f64| self.expected.iter().map(of).collect::<Vec<_>>();
+        let units = |changes: Vec<f64>| -> Vec<f64> {
+            let pairs = changes.into_iter().zip(&self.expected);
+            pairs
+                .map(|(c, wanted)| c / wanted.slack.max(1e-30))
+                .collect()
+        };
+        let (near, jump) = (|| self.near.clone(), 128.0 * 2.0 / 255.0);
+        let sums = |name, i, of| Output::relative(name, column(i), wanted(of), 2e-5, 128.0);
+        let (changes, expected) = (units(column(2)), units(wanted(|i| i.change)));
+        let change = Output::relative("change", changes, expected, 2e-5, 1.0);
+        Ok(vec![
+            sums("weight", 0, |i| i.weight).near(near(), jump, 0.02),
+            sums("error", 1, |i| i.error).near(near(), jump, 0.02),
+            change.near(near(), f64::INFINITY, 0.02),
+        ])
+    }
+}

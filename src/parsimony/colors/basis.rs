@@ -1,0 +1,68 @@
+//! The basis of colours: real spherical harmonics up to degree 3, in the order and with the signs of 3DGS files.
+
+/// √(1 / 4π).
+const C0: f64 = 0.282_094_791_773_878_14;
+/// √(3 / 4π).
+const C1: f64 = 0.488_602_511_902_919_9;
+/// √(15 / 4π), √(5 / 16π), √(15 / 16π).
+const C2: [f64; 3] = [
+    1.092_548_430_592_079_2,
+    0.315_391_565_252_520_05,
+    0.546_274_215_296_039_6,
+];
+/// √(35 / 32π), √(105 / 4π), √(21 / 32π), √(7 / 16π), √(105 / 16π).
+const C3: [f64; 5] = [
+    0.590_043_589_926_643_5,
+    2.890_611_442_640_554,
+    0.457_045_799_464_465_8,
+    0.373_176_332_590_115_4,
+    1.445_305_721_320_277,
+];
+
+/// All functions at a unit vector.
+pub(super) fn basis([x, y, z]: [f64; 3]) -> [f64; 16] {
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    [
+        C0,
+        -C1 * y,
+        C1 * z,
+        -C1 * x,
+        C2[0] * x * y,
+        -C2[0] * y * z,
+        C2[1] * (2.0 * zz - xx - yy),
+        -C2[0] * x * z,
+        C2[2] * (xx - yy),
+        -C3[0] * y * (3.0 * xx - yy),
+        C3[1] * x * y * z,
+        -C3[2] * y * (4.0 * zz - xx - yy),
+        C3[3] * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+        -C3[2] * x * (4.0 * zz - xx - yy),
+        C3[4] * z * (xx - yy),
+        -C3[0] * x * (xx - 3.0 * yy),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By the addition theorem; `tests/parsimony/colors.rs` holds order and signs against the reference.
+    #[test]
+    fn squares_of_a_degree_sum_to_the_same_everywhere() {
+        for i in 0..50 {
+            let angle = f64::from(i) * 2.4;
+            let z = f64::from(i) / 25.0 - 0.98;
+            let r = (1.0 - z * z).sqrt();
+            let values = basis([r * angle.cos(), r * angle.sin(), z]);
+            for degree in 0..4_usize {
+                let band = &values[degree * degree..(degree + 1) * (degree + 1)];
+                let squares: f64 = band.iter().map(|value| value * value).sum();
+                let wanted = (2 * degree + 1) as f64 / (4.0 * std::f64::consts::PI);
+                assert!(
+                    (squares - wanted).abs() < 1e-12,
+                    "degree {degree}: {squares}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Harmonics where they are needed: those that the held-out views do not miss go. A float is a float: what a tenth more
+//! splats must be worth, a tenth more floats must be, too.
+
+use super::rounds::round;
+use super::survey::Survey;
+use super::{Phase, Thrift, settle_by};
+use crate::Result;
+use crate::parsimony::colors::{Fits, count};
+use crate::parsimony::gain::{differences, mean, tenths};
+use crate::parsimony::ledger::{Act, Entry};
+use crate::render::{degrees_used, merge_degrees};
+use crate::scene::Splats;
+use crate::train::{HostState, Trainer};
+
+/// The shares of the harmonics' floats that may turn out to be enough at once, one after the other; the last is degree 0
+/// everywhere.
+const SHARES: [f64; 6] = [0.75, 0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
+
+/// Harmonics that go at once may lose so much of the preference: those that nobody needed.
+const AT_ONCE: f64 = 0.25;
+
+/// Floats of a splat besides its harmonics: mean, quaternion, log-scale, opacity.
+const GEOMETRY_FLOATS: usize = 11;
+
+/// Views that colours are fitted to, at most.
+const VIEWS_MAX: usize = 64;
+
+impl<'a> Thrift<'a> {
+    /// Takes the harmonics that hardly show, and tries to do without half of the others.
+    pub(super) fn begin_lowering(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        self.ledger.phase = Phase::Lowering;
+        let splats = trainer.splats()?;
+        let fits = self.fits(trainer, &splats)?;
+        let whole = self.judge.score(&splats)?;
+        let mut found = None;
+        for share in SHARES {
+            let floats = (share * splats.sh.len() as f64) as usize;
+            let (degrees, less) = lowered(&fits, &splats, floats);
+            let lost = mean(&differences(&self.judge.score(&less)?, &whole));
+            if lost > AT_ONCE * self.ledger.preference_db {
+                break;
+            }
+            self.ledger.sh_lost_db = Some(lost);
+            found = Some((degrees, less));
+        }
+        if let Some((degrees, less)) = found {
+            let state = without(&trainer.download()?, &degrees, &less);
+            trainer.replace(&state)?;
+        }
+        self.begin_half(trainer)
+    }
+
+    /// Tries to do without half of the harmonics, if there is time and there are any.
+    fn begin_half(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let splats = trainer.splats()?;
+        let config = trainer.config();
+        if splats.sh_degree == 0 || trainer.iteration() + round(config) > settle_by(config) {
+            return self.decide(trainer);
+        }
+        let fits = self.fits(trainer, &splats)?;
+        let state = trainer.download()?;
+        let (degrees, less) = lowered(&fits, &splats, count(&degrees_used(&splats)) / 2);
+        let less = without(&state, &degrees, &less);
+        self.try_without(trainer, state, &less)
+    }
+
+    pub(super) fn judge_lowering(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        mut entry: Entry,
+        without: (usize, Vec<f64>),
+        less: &HostState,
+    ) -> Result<()> {
+        let lost = mean(&differences(&without.1, &entry.psnr_db));
+        let saved = tenths(size(less), size(&trainer.download()?));
+        let is_missed = lost > self.ledger.preference_db * saved;
+        entry.without = Some(without);
+        entry.act = match is_missed {
+            true => Act::LoweredInVain,
+            false => Act::Lowered,
+        };
+        self.ledger.entries.push(entry);
+        if is_missed {
+            return self.decide(trainer);
+        }
+        *self.ledger.sh_lost_db.get_or_insert(0.0) += lost;
+        trainer.replace(less)?;
+        self.begin_half(trainer)
+    }
+
+    /// Colours by fewer harmonics, for what the fitted views see.
+    fn fits(&self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<Fits> {
+        let step = self.fitted.len().div_ceil(VIEWS_MAX).max(1);
+        let views: Vec<usize> = self.fitted.iter().copied().step_by(step).collect();
+        let seen = Survey::begin(trainer, self.dataset)?.seen(&views)?;
+        Ok(Fits::new(splats, &seen))
+    }
+}
+
+/// Degrees that take about so many floats, and the scene with them.
+fn lowered(fits: &Fits, splats: &Splats, floats: usize) -> (Vec<u8>, Splats) {
+    let mut degrees = fits.degrees(floats);
+    merge_degrees(&mut degrees);
+    let less = fits.applied(splats, &degrees);
+    (degrees, less)
+}
+
+/// The floats of a scene.
+fn size(state: &HostState) -> usize {
+    GEOMETRY_FLOATS * state.len() + count(&state.degrees)
+}
+
+fn without(state: &HostState, degrees: &[u8], less: &Splats) -> HostState {
+    let mut state = state.clone();
+    state.recolor(less);
+    state.lower_degrees(degrees);
+    state
+}

@@ -1,0 +1,135 @@
+//! Rounds: the same steps from the same state without the least important splats, or harmonics, and with them.
+
+use super::survey::Survey;
+use super::{Phase, Thrift, prune_by};
+use crate::Result;
+use crate::parsimony::gain::{differences, estimate, tenths};
+use crate::parsimony::ledger::{Act, Entry, Round};
+use crate::train::{HostState, TrainConfig, Trainer};
+
+/// The share of splats that the first round takes out.
+pub(super) const SHARE: f64 = 0.5;
+
+/// Rounds that cost less than half of what they might make the next one twice as bold, up to this share.
+const SHARE_MAX: f64 = 0.8;
+
+/// Rounds stop at this share: what one of so few is worth cannot be told from chance.
+const SHARE_MIN: f64 = 0.1;
+
+impl<'a> Thrift<'a> {
+    pub(super) fn attend_round(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
+        let steps = round(trainer.config());
+        let round = match self.ledger.round.take() {
+            Some(round) if iteration >= round.from + steps => round,
+            waiting => {
+                self.ledger.round = waiting;
+                return Ok(());
+            }
+        };
+        let entry = self.look(trainer)?;
+        match (round.without, self.kept.take()) {
+            (None, Some(whole)) => {
+                self.kept = Some(trainer.download()?);
+                trainer.go_back(&whole, round.from)?;
+                self.ledger.round = Some(Round {
+                    without: Some((entry.splats, entry.psnr_db)),
+                    ..round
+                });
+                Ok(())
+            }
+            (Some(without), Some(less)) if self.ledger.phase == Phase::Lowering => {
+                self.judge_lowering(trainer, entry, without, &less)
+            }
+            (Some(without), Some(less)) => self.judge_round(trainer, entry, without, &less),
+            // A checkpoint that lacks what it should hold: the round is over.
+            (_, None) => self.decide(trainer),
+        }
+    }
+
+    /// Compares what the same steps have led to with all splats, `entry`, and without the least important.
+    fn judge_round(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        mut entry: Entry,
+        without: (usize, Vec<f64>),
+        less: &HostState,
+    ) -> Result<()> {
+        let gone = tenths(without.0, entry.splats).max(1e-9);
+        let lost = differences(&without.1, &entry.psnr_db);
+        let each: Vec<f64> = lost.iter().map(|lost| lost / gone).collect();
+        let gain = estimate(&each);
+        entry.gain_db = Some([gain.mean, gain.low]);
+        entry.without = Some(without);
+        let preference = self.ledger.preference_db;
+        if gain.mean > preference {
+            entry.act = Act::Missed;
+            self.ledger.share /= 2.0;
+        } else {
+            entry.act = Act::Pruned;
+            trainer.replace(less)?;
+            if gain.mean < 0.5 * preference {
+                self.ledger.share = (2.0 * self.ledger.share).min(SHARE_MAX);
+            }
+        }
+        self.ledger.entries.push(entry);
+        let config = trainer.config();
+        let is_time = trainer.iteration() + round(config) > prune_by(config);
+        match is_time || self.ledger.share < SHARE_MIN {
+            true => self.begin_lowering(trainer),
+            false => self.begin_round(trainer),
+        }
+    }
+
+    /// Takes out the splats without which the views would change least, for the steps of a round.
+    pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.fitted)?;
+        let state = trainer.download()?;
+        let left = (state.len() as f64 * (1.0 - self.ledger.share)).ceil() as usize;
+        let less = state.select(&largest(&changes, left));
+        self.try_without(trainer, state, &less)
+    }
+
+    /// Takes the first steps of a round from the lesser state.
+    pub(super) fn try_without(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        whole: HostState,
+        less: &HostState,
+    ) -> Result<()> {
+        trainer.replace(less)?;
+        self.kept = Some(whole);
+        self.ledger.round = Some(Round {
+            from: trainer.iteration(),
+            without: None,
+        });
+        Ok(())
+    }
+}
+
+/// Steps of a round's fit.
+pub(super) fn round(config: &TrainConfig) -> u32 {
+    (config.iterations / 20).clamp(25, 500)
+}
+
+/// The rows of the largest numbers, in their order; of equals the first.
+fn largest(numbers: &[f64], count: usize) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..numbers.len() as u32).collect();
+    let number = |row: u32| numbers[row as usize];
+    order.sort_unstable_by(|&a, &b| number(b).total_cmp(&number(a)).then(a.cmp(&b)));
+    order.truncate(count);
+    order.sort_unstable();
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_stay_in_their_order() {
+        let numbers = [0.5, 3.0, 0.5, 0.0, 2.0];
+        assert_eq!(largest(&numbers, 3), [0, 1, 4]);
+        assert_eq!(largest(&numbers, 9), [0, 1, 2, 3, 4]);
+        assert!(largest(&[], 2).is_empty());
+    }
+}
