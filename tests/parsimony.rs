@@ -23,6 +23,8 @@ mod device;
 mod harmonics;
 #[path = "parsimony/influence.rs"]
 mod influence;
+#[path = "parsimony/merge.rs"]
+mod merge;
 #[path = "common/scenes.rs"]
 mod scenes;
 #[path = "parsimony/thrift.rs"]

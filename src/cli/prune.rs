@@ -1,21 +1,23 @@
 //! `ashfall prune`: takes out of a scene what no training view misses, and proves it.
 
+mod figures;
+
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs, parse_color};
 use super::engine::Engine;
 use super::eval::{near, read_scene};
 use super::interrupt::Interrupt;
-use super::output::{Output, bytes, grouped, score_text};
+use super::output::{Output, grouped};
 use super::train::Steps;
 use crate::parsimony::{
-    Change, Lens, Promise, Pruned, Reduced, Weigher, kept, measure, prune, reduce_harmonics,
+    Lens, Promise, Weigher, difference, kept, measure, merge, prune, rates, reduce_harmonics,
     refit_config,
 };
 use crate::report::{MeanScore, Target};
-use crate::scene::{Camera, Dataset, Splats, Split, sh_coefficient_count};
+use crate::scene::{Camera, Dataset, Splats, Split};
 use crate::{Error, Result, io};
 use clap::Args;
-use serde_json::json;
+use figures::{Figures, Merging};
 use std::path::PathBuf;
 
 /// Remove what a scene does not need, at a proven error
@@ -24,6 +26,11 @@ use std::path::PathBuf;
 /// pixel of every training view, and takes them out. No pixel of those views can then change by more than ERROR
 /// times the range of the colours that it is mixed of. That is measured on all of them, and the exit code is 1 if
 /// one pixel breaks it. Splats that no training view shows go, too.
+///
+/// --merge first lets neighbours merge, two into the one that covers what both do as nearly as one can, without training.
+/// No bound of that is proven. What it does to the pictures of the training views is measured and printed by itself: the
+/// largest change, its root mean square, and the PSNR of the merged scene against the one before. The proof, its bound and
+/// the change measured beside it are those of what is removed after that, against the merged scene.
 ///
 /// --sh-error takes from each splat the harmonics that its colour hardly needs. Files keep the usual layout, with zeros
 /// in their place, up to the highest degree that any splat has.
@@ -42,6 +49,10 @@ pub(super) struct PruneArgs {
     /// Largest sum of weights that a pixel may lose: a fraction or a number above 0, at most 1
     #[arg(long, value_name = "ERROR", default_value = "1/512", value_parser = parse_error)]
     error: f64,
+    /// Merge neighbours first, cheapest pairs first, until SHARE of the splats is gone: a fraction or a number above 0,
+    /// below 1 [without SHARE: 0.5]
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.5", value_parser = parse_share)]
+    merge: Option<f64>,
     /// Drop the highest degrees of splats' harmonics where no channel of their colours is then off by more than this in
     /// any direction [default: only what is zero]
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
@@ -71,7 +82,8 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall prune run/scene.ply photos/                          what would go?
   ashfall prune run/scene.ply photos/ --error 1/64 --out less.ply
-  ashfall prune theirs.ply photos/ --error 1/16 --refit 500 --out less.ply";
+  ashfall prune theirs.ply photos/ --error 1/16 --refit 500 --out less.ply
+  ashfall prune theirs.ply photos/ --merge 0.5 --refit 500 --out half.ply";
 
 pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
     if args.refit.is_some() && args.compat == Compat::Original {
@@ -129,10 +141,10 @@ fn parse_error(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| "a number above 0 and at most 1 is expected, such as 1/512".into())
 }
 
-/// Bytes of a scene as a .ply: position, normal, harmonics, opacity, scale and rotation in 32 bits each.
-fn ply_bytes(splats: &Splats) -> u64 {
-    let floats = 14 + 3 * sh_coefficient_count(splats.sh_degree);
-    4 * floats as u64 * splats.len() as u64
+/// A share of the splats: as an error, but not all of them.
+fn parse_share(text: &str) -> std::result::Result<f64, String> {
+    let share = parse_error(text).ok().filter(|share| *share < 1.0);
+    share.ok_or_else(|| "a number above 0 and below 1 is expected, such as 0.5".into())
 }
 
 /// What a run is made of.
@@ -147,22 +159,29 @@ struct Work<'a> {
 impl Work<'_> {
     /// What is left, and what is to be said of it; `None` if interrupted.
     fn run(&self, splats: &Splats) -> Result<Option<Figures>> {
-        let output = Output {
-            json: self.args.json,
-        };
+        let output = self.output();
         let mut go_on = || !self.interrupt.is_requested();
         let error = self.args.error;
-        let mut weigher = self.weigher(splats)?;
         let views = self.cameras.len();
         output.remark(format_args!(
             "{} · {} splats · {views} training views",
             self.engine.name(),
             grouped(splats.len())
         ));
+        let merging = match self.args.merge {
+            None => None,
+            Some(share) => match self.merge(splats, share)? {
+                None => return Ok(None),
+                merging => merging,
+            },
+        };
+        // What is proven below is proven of this one.
+        let scene = merging.as_ref().map_or(splats, |m| &m.merged.splats);
+        let mut weigher = self.weigher(scene)?;
         let Some(pruned) = prune(&mut weigher, &self.cameras, error, &mut go_on)? else {
             return Ok(None);
         };
-        let left = kept(splats, &pruned.removed);
+        let left = kept(scene, &pruned.removed);
         let promise = Promise {
             weight: error,
             color: self.args.sh_error.unwrap_or(0.0),
@@ -188,12 +207,47 @@ impl Work<'_> {
         }
         let figures = Figures {
             views,
+            merging,
             pruned,
             reduced,
             change,
             test,
         };
         Ok(Some(figures))
+    }
+
+    fn output(&self) -> Output {
+        Output {
+            json: self.args.json,
+        }
+    }
+
+    /// The scene with neighbours merged, and how far its pictures have moved; `None` if interrupted.
+    fn merge(&self, splats: &Splats, share: f64) -> Result<Option<Merging>> {
+        let mut go_on = || !self.interrupt.is_requested();
+        let wanted = share * splats.len() as f64;
+        let bar = self.output().bar(wanted as u64, "merging");
+        let rates = rates(splats, &self.cameras, near(self.dataset));
+        let merged = merge(splats, &rates, share, &mut |gone| {
+            bar.set_position(gone as u64);
+            go_on()
+        });
+        bar.finish_and_clear();
+        let Some(merged) = merged else {
+            return Ok(None);
+        };
+        let [mut before, mut after] = [self.weigher(splats)?, self.weigher(&merged.splats)?];
+        let moved = difference(&mut before, &mut after, &self.cameras, &mut go_on)?;
+        drop((before, after));
+        let Some(moved) = moved else {
+            return Ok(None);
+        };
+        let test = self.score(&merged.splats)?;
+        Ok(Some(Merging {
+            merged,
+            moved,
+            test,
+        }))
     }
 
     fn weigher(&self, splats: &Splats) -> Result<Weigher> {
@@ -238,101 +292,6 @@ impl Work<'_> {
         }
         training.finish()?;
         Ok(Some(training.splats()?))
-    }
-}
-
-/// What there is to say.
-struct Figures {
-    views: usize,
-    pruned: Pruned,
-    /// What is left.
-    reduced: Reduced,
-    change: Change,
-    /// Of the scene as it was, of what is left, and of that after a re-fit.
-    test: Vec<MeanScore>,
-}
-
-impl Figures {
-    fn text(&self, args: &PruneArgs, before: &Splats) -> String {
-        let (pruned, change) = (&self.pruned, &self.change);
-        let after = &self.reduced.splats;
-        let share = 100.0 * pruned.count as f64 / before.len().max(1) as f64;
-        let mut lines = vec![
-            format!(
-                "{} splats, {} → {} splats, {}: {} went ({share:.1} %), {} of them seen by no training view",
-                grouped(before.len()),
-                bytes(ply_bytes(before)),
-                grouped(after.len()),
-                bytes(ply_bytes(after)),
-                grouped(pruned.count),
-                grouped(pruned.unseen),
-            ),
-            format!(
-                "{} weigh no more than {:.6} wherever they are seen; {} rounds over {} training views",
-                grouped(pruned.light),
-                args.error,
-                pruned.rounds,
-                self.views,
-            ),
-            format!(
-                "largest change of {} pixels: {:.6}, where {:.6} was the bound; nearest to a bound: {:.3} of it",
-                grouped(change.pixels),
-                change.most,
-                change.bound_there,
-                change.nearest,
-            ),
-        ];
-        let [zero, one, two, three] = self.reduced.count_from_degree.map(grouped);
-        let stored = before.sh_stride() * after.len();
-        lines.push(format!(
-            "degrees 0 to 3: {zero} · {one} · {two} · {three} splats, {:.1} % of their harmonics",
-            100.0 * self.reduced.floats as f64 / stored.max(1) as f64
-        ));
-        let names = [
-            "test views before",
-            "test views after ",
-            "after the re-fit ",
-        ];
-        let scores = names.iter().zip(&self.test);
-        lines.extend(scores.map(|(name, score)| format!("{name}: {}", score_text(score))));
-        lines.push(match &args.out {
-            Some(out) => format!("scene: {}", out.display()),
-            None => "nothing was written: no --out".into(),
-        });
-        lines.join("\n")
-    }
-
-    fn json(&self, args: &PruneArgs, before: &Splats) -> serde_json::Value {
-        let (change, after) = (&self.change, &self.reduced.splats);
-        json!({
-            "scene": args.scene,
-            "out": args.out,
-            "error": args.error,
-            "train_views": self.views,
-            "splats_before": before.len(),
-            "splats_after": after.len(),
-            "ply_bytes_before": ply_bytes(before),
-            "ply_bytes_after": ply_bytes(after),
-            "removed": self.pruned.count,
-            "unseen": self.pruned.unseen,
-            "light": self.pruned.light,
-            "rounds": self.pruned.rounds,
-            "sh_error": args.sh_error,
-            "splats_by_degree": self.reduced.count_from_degree,
-            "sh_floats": self.reduced.floats,
-            "change": {
-                "pixels": change.pixels,
-                "most": change.most,
-                "bound_there": change.bound_there,
-                "nearest": change.nearest,
-                "broken": change.broken,
-                "color_range": change.range,
-            },
-            "refit_iterations": args.refit,
-            "test_before": self.test.first(),
-            "test_after": self.test.get(1),
-            "test_after_refit": self.test.get(2),
-        })
     }
 }
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 
 /// Points a leaf holds at most; below this a scan is faster than a descent.
-const LEAF: usize = 8;
+pub(crate) const LEAF: usize = 8;
 
 /// Neighbours asked for (3DGS: "the mean of the distance to the closest three points").
 const NEIGHBORS: usize = 3;
@@ -35,7 +35,7 @@ fn compare(a: &[f32; 3], b: &[f32; 3]) -> Ordering {
 
 /// Halves the range at its median along the axes in turn. The depth is the logarithm of the count,
 /// whatever the points: duplicates cannot unbalance it.
-fn build(points: &[[f32; 3]], order: &mut [u32], axis: usize) {
+pub(crate) fn build(points: &[[f32; 3]], order: &mut [u32], axis: usize) {
     if order.len() <= LEAF {
         return;
     }

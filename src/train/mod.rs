@@ -9,7 +9,7 @@ pub mod checkpoint;
 pub mod config;
 mod device;
 pub mod init;
-mod knn;
+pub(crate) mod knn;
 mod memory;
 mod morton;
 mod photos;

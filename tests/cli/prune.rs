@@ -96,6 +96,86 @@ fn words_say_what_went_and_nothing_is_written_unasked() {
     }
 }
 
+/// What merging did is measured and said by itself; the proof is of what was pruned after it.
+#[test]
+fn merging_comes_first_and_is_told_apart_from_the_proof() {
+    let folder = folder();
+    let scene = scene(folder.path());
+    let less = folder.path().join("less.ply");
+    let arguments = ["prune", word(&scene), word(data()), "--error", "1/16"];
+    let with = |more: &[&str]| stdout(&[&arguments[..], more].concat());
+    let figures = json(&with(&[
+        "--merge",
+        "1/4",
+        "--json",
+        "--out",
+        word(&less),
+        "--refit",
+        "5",
+    ]));
+    let merge = &figures["merge"];
+    let count =
+        |of: &serde_json::Value, name: &str| of[name].as_u64().unwrap_or_else(|| panic!("{name}"));
+    let before = count(&figures, "splats_before");
+    assert_eq!(count(merge, "merged_away"), before / 4);
+    assert_eq!(count(merge, "splats_after_merge"), before - before / 4);
+    assert_eq!(
+        count(&figures, "splats_after"),
+        before - before / 4 - count(&figures, "removed")
+    );
+    assert!(
+        merge["bound"].is_null() && merge["share"] == 0.25,
+        "{merge}"
+    );
+    let change = &merge["train_change"];
+    let [most, rms, psnr] =
+        ["most", "rms", "psnr_db"].map(|name| change[name].as_f64().unwrap_or(f64::NAN));
+    assert!(
+        most > rms && rms > 0.0 && (psnr + 20.0 * rms.log10()).abs() < 1e-9,
+        "{change}"
+    );
+    assert_eq!(
+        count(change, "pixels"),
+        count(&figures, "train_views") * 45 * 34
+    );
+    assert!(psnr > 20.0, "{change}");
+    assert_eq!(figures["change"]["broken"], 0);
+    for test in [
+        &merge["test_after_merge"],
+        &figures["test_after"],
+        &figures["test_after_refit"],
+    ] {
+        assert!(test["psnr_db"].as_f64().is_some(), "{figures}");
+    }
+    let left = json(&stdout(&["info", word(&less), "--json"]));
+    assert_eq!(left["splat_count"], figures["splats_after"]);
+
+    let text = with(&["--merge"]);
+    for part in [
+        "splats went into neighbours (0.5 of all asked for)",
+        "no bound of that is proven",
+        "by merging, measured at",
+        "of merged against before",
+        "proven against the merged scene",
+        "test views merged",
+        "nearest to a bound",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let without = with(&["--json"]);
+    assert!(json(&without)["merge"].is_null(), "{without}");
+    let help = stdout(&["prune", "--help"]);
+    let help: Vec<&str> = help.split_whitespace().collect();
+    assert!(
+        help.join(" ").contains("No bound of that is proven"),
+        "{help:?}"
+    );
+    for bad in ["0", "1", "-1", "x"] {
+        let output = run(&[&arguments[..], &["--merge", bad]].concat());
+        assert_eq!(output.status.code(), Some(2), "{bad}");
+    }
+}
+
 /// An interrupted run leaves the file that was there as it was.
 #[cfg(unix)]
 #[test]
