@@ -1,14 +1,14 @@
 //! `ashfall needs`.
 
-use super::{data, error, folder, run, stdout, word};
+use super::{ashfall, data, error, folder, run, stdout, word};
 use std::fs;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 /// A survey of two scenes in a few steps.
 fn survey<'a>(out: &'a Path, more: &[&'a str]) -> Vec<&'a str> {
     let tiny = ["--width", "24", "--iterations", "40", "--scenes", "sphere"];
-    let all = [&["needs", "--out", word(out)], &tiny[..], more];
-    all.concat()
+    [&["needs", "--out", word(out)], &tiny[..], more].concat()
 }
 
 fn read(path: &Path) -> String {
@@ -120,4 +120,39 @@ fn runs_of_another_survey_are_not_mixed_in() {
         &[&fixed[..], &["--gain", "0.5", "--overwrite"]].concat(),
     ));
     assert!(read(&out.join("needs.csv")).contains(",0.5,"));
+}
+
+#[test]
+fn an_interrupted_survey_goes_on_with_the_run_that_was_broken_off() {
+    let folder = folder();
+    let out = folder.path().join("needs");
+    let recipes = ["--recipes", "fixed,parsimony", "--seeds", "1"];
+    let long = ["--width", "24", "--iterations", "150", "--scenes", "sphere"];
+    let arguments = [&["needs", "--out", word(&out)], &long[..], &recipes[..]].concat();
+    let mut child = ashfall(&arguments)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap_or_else(|e| panic!("cannot run the binary: {e}"));
+    let csv = || fs::read_to_string(out.join("needs.csv")).unwrap_or_default();
+    while csv().is_empty() {
+        let over = child.try_wait().is_ok_and(|status| status.is_some());
+        assert!(!over, "the survey ended before it could be stopped");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let sent = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(sent.is_ok_and(|status| status.success()));
+    let status = child.wait().unwrap_or_else(|e| panic!("cannot wait: {e}"));
+    assert_eq!(status.code(), Some(130));
+    let before = csv();
+    assert_eq!(before.lines().count(), 2, "{before}");
+    assert!(read(&out.join("needs.html")).contains("fixed recipe"));
+    stdout(&arguments);
+    let after = csv();
+    assert!(
+        after.starts_with(&before) && after.lines().count() == 3,
+        "{after}"
+    );
 }

@@ -6,6 +6,7 @@
 //!
 //! **Invariant:** but for times and the date, the same task gives the same run on the same device.
 
+mod harmonics;
 mod scenes;
 
 pub use scenes::{checksum, made};
@@ -72,6 +73,15 @@ pub fn recipes(iterations: u32) -> Vec<Recipe> {
 }
 
 impl Task<'_> {
+    /// All constants of the run.
+    fn config(&self) -> TrainConfig {
+        TrainConfig {
+            seed: self.seed,
+            max_splats: self.max_splats,
+            ..config(self.recipe, self.iterations)
+        }
+    }
+
     /// The run as far as it is known before it begins.
     pub fn planned(&self, gpu: &Gpu) -> Run {
         let count = |split| self.dataset.split(split).len();
@@ -114,6 +124,18 @@ impl Task<'_> {
         let model = Model::upload(gpu, splats)?;
         let frame = judge.time(splats, &model)?;
         let reduced = reduce_harmonics(splats, 0.0);
+        let settled_from = ledger.as_ref().and_then(|ledger| ledger.settled_from);
+        let sh_worth_db = match settled_from {
+            Some(from) => {
+                let found = (splats, &reduced.degrees[..], from);
+                let worth = harmonics::worth(self, gpu, &mut judge, found, progress)?;
+                if !progress(self.iterations) {
+                    return Ok(None);
+                }
+                worth
+            }
+            None => None,
+        };
         let law = ledger.as_ref().and_then(Ledger::law);
         let points = ledger.as_ref().map(Ledger::points).unwrap_or_default();
         Ok(Some(Run {
@@ -129,8 +151,9 @@ impl Task<'_> {
             sh_floats: reduced.floats,
             frame_ms: frame.device_ms,
             frame_cpu_ms: frame.cpu_ms,
-            settled_from: ledger.as_ref().and_then(|ledger| ledger.settled_from),
+            settled_from,
             sh_lost_db: ledger.as_ref().and_then(|ledger| ledger.sh_lost_db),
+            sh_worth_db,
             knee: law.map(|law| law.knee(self.gain_db)),
             law: law.map_or(Vec::new(), |law| {
                 vec![law.limit_db, law.factor, law.exponent]
@@ -142,12 +165,7 @@ impl Task<'_> {
     }
 
     fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<Trained>> {
-        let config = TrainConfig {
-            seed: self.seed,
-            max_splats: self.max_splats,
-            ..config(self.recipe, self.iterations)
-        };
-        let mut trainer = Trainer::new(gpu, self.dataset, config)?;
+        let mut trainer = Trainer::new(gpu, self.dataset, self.config())?;
         let (start, clock) = (Instant::now(), CpuClock::now());
         let mut thrift = match self.recipe {
             Recipe::Parsimony => Some(Thrift::begin(

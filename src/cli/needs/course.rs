@@ -222,22 +222,13 @@ impl<'a> Course<'a> {
     /// What a reader has to know of the figures.
     fn facts(&self) -> Vec<(String, String)> {
         let runs = &self.survey.runs;
-        let scene = |name: &str| {
-            let run = runs.iter().find(|run| run.scene == name)?;
-            let (all, test) = (run.train_views + run.test_views, run.test_views);
-            let (width, height) = (run.width, run.height);
-            Some(format!(
-                "{name}: {all} views, {test} held out, {width} × {height}"
-            ))
-        };
-        let scenes: Vec<String> = self.survey.scenes().into_iter().filter_map(scene).collect();
         let dates = || runs.iter().map(|run| run.date.as_str());
         let dates = match (dates().min(), dates().max()) {
             (Some(first), Some(last)) if first != last => format!("{first} to {last}"),
             (first, _) => first.unwrap_or_default().to_owned(),
         };
         let rows = [
-            ("scenes", scenes.join("; ")),
+            ("scenes", scenes(&self.survey)),
             ("trained", format!("{} steps a run", self.args.iterations)),
             (
                 "smallest gain worth paying for",
@@ -249,6 +240,25 @@ impl<'a> Course<'a> {
         ];
         rows.map(|(name, value)| (name.to_owned(), value)).to_vec()
     }
+}
+
+/// The scenes' names, those together that were photographed alike.
+fn scenes(survey: &Survey) -> String {
+    let mut groups: Vec<(String, Vec<&str>)> = Vec::new();
+    for name in survey.scenes() {
+        let Some(run) = survey.runs.iter().find(|run| run.scene == name) else {
+            continue;
+        };
+        let (all, test) = (run.train_views + run.test_views, run.test_views);
+        let (width, height) = (run.width, run.height);
+        let alike = format!("{all} views, {test} held out, {width} × {height}");
+        match groups.iter_mut().find(|(known, _)| *known == alike) {
+            Some((_, names)) => names.push(name),
+            None => groups.push((alike, vec![name])),
+        }
+    }
+    let group = |(alike, names): (String, Vec<&str>)| format!("{}: {alike}", names.join(", "));
+    groups.into_iter().map(group).collect::<Vec<_>>().join("; ")
 }
 
 /// What a data set is called: its last folder, and of the path no more.

@@ -125,6 +125,8 @@ pub struct Run {
     pub settled_from: Option<u32>,
     /// What the held-out views lost by the harmonics that went, before the last fit, decibels.
     pub sh_lost_db: Option<f64>,
+    /// What those that went would be worth: decibels of the test views, once both scenes are fitted on alike.
+    pub sh_worth_db: Option<f64>,
     /// Splats where a tenth more was worth just the gain, by the law.
     pub knee: Option<f64>,
     /// The law through what rounds found: limit (decibels), factor, exponent; or nothing.

@@ -16,15 +16,19 @@ const STYLE: [&str; 2] = [
 const OF_FIGURES: &str = "Every scene is trained on the same photographs for as many steps by each recipe, from several \
 seeds: the fixed recipe (adaptive density control with its usual constants), <em>parsimony</em> (splats for as long as a \
 tenth more is worth the preference on held-out training views, and then no more than those miss), and MCMC allowed as many \
-splats as parsimony ended with. <em>Same rates</em> stands for the learning rates that parsimony has: what rates do is no \
-merit of pruning. Differences and ratios are means over pairs of one seed, ± the half of their 95 % interval (Student's \
-t); decibels are those of test views, which no decision has seen. Red: the aim is missed. SH floats are those of \
-harmonics, each splat at its own degree; the count over seeds is half its range over the middle; times of frames are the \
-device's, of training those of the processor.";
+splats as parsimony ended with. <em>Same rates</em> stands for the same at the learning rates that parsimony has: what \
+rates do is no merit of pruning. Percentages are of the fixed recipe’s. Differences and ratios are means over pairs of one \
+seed, ± half their 95 % interval (Student’s t); decibels are those of test views, which no decision has seen. Red: the aim \
+is missed.";
+
+const OF_MEASURES: &str = "SH floats are those of harmonics, each splat at its own degree; what the <em>others</em> would \
+be worth is measured by fitting the scene that parsimony ended with once more, with the degrees that are left and with all, \
+for as many steps as after they went. The count by seed is half its range over the middle. Times of frames are the \
+device’s, of training those of the processor, with all that is done between steps.";
 
 const OF_PANELS: &str = "Marks are runs, one for each seed. The line is the law that a run found on its way on held-out \
 training views, through what its rounds measured (dots), moved to its mark, since other views have other decibels; a red \
-ring is the law's knee, where a tenth more splats is worth just the preference.";
+ring is the law’s knee, where a tenth more splats is worth just the preference.";
 
 /// The page's text.
 ///
@@ -39,7 +43,7 @@ pub fn html(survey: &Survey) -> Result<String> {
     if !survey.runs.is_empty() {
         body += &format!(
             "<h2>Against the fixed recipe and MCMC</h2>\n<p>{OF_FIGURES}</p>\n\
-             <div class=\"wide-table\">\n{}</div>\n{}",
+             <div class=\"wide-table\">\n{}</div>\n<p>{OF_MEASURES}</p>\n{}",
             tables::of_scenes(survey),
             tables::of_intricacy(survey)
         );
@@ -78,7 +82,10 @@ fn legend(survey: &Survey) -> Result<String> {
 
 /// A scene: its name, the sentence to quote, the figure.
 fn section(survey: &Survey, scene: &str) -> Result<String> {
-    let told = quoted(survey, scene).map_or(String::new(), |told| {
+    let told = quoted(survey, scene).map_or(String::new(), |mut told| {
+        if let Some(first) = told.get_mut(..1) {
+            first.make_ascii_uppercase();
+        }
         format!("<p>{}.</p>\n", escaped(&told))
     });
     Ok(format!(

@@ -4,14 +4,12 @@ use super::{Recipe, Run, Survey};
 use crate::Result;
 use crate::report::chart::figure::{ALARM, MARGINS, axes, color, draw_glyph, failed};
 use crate::report::chart::scale::Scale;
+use crate::report::needs::curve::of_law;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
 /// Pixels.
 const SIZE: (u32, u32) = (532, 390);
-
-/// Pieces that a law is drawn in.
-const PIECES: u32 = 60;
 
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
@@ -110,18 +108,13 @@ fn course(run: &Run) -> Option<Course> {
     let raised = |[splats, psnr]: [f64; 2]| [splats, psnr + rise];
     let counts = points.iter().map(|point| point[0]);
     let (least, most) = counts.fold((splats, splats), |(a, b), n| (n.min(a), n.max(b)));
-    let piece = |i: u32| least * (most / least).powf(f64::from(i) / f64::from(PIECES));
-    let line = law.map_or(Vec::new(), |law| {
-        (0..=PIECES)
-            .map(|i| raised([piece(i), law.at(piece(i))]))
-            .collect()
-    });
+    let line = law.map_or(Vec::new(), |law| of_law(&law, [least, most]));
     let knee = law
         .zip(run.knee)
         .map(|(law, knee)| raised([knee, law.at(knee)]));
     Some(Course {
         points: points.into_iter().map(raised).collect(),
-        line,
+        line: line.into_iter().map(raised).collect(),
         knee,
     })
 }

@@ -14,6 +14,8 @@ pub struct Targets {
     pub against_mcmc_db: f64,
     /// Floats of harmonics that are left, of all, at most.
     pub sh_share: f64,
+    /// What those that went may be worth, decibels at most.
+    pub sh_worth_db: f64,
     /// By how much the count may differ from seed to seed, to either side.
     pub spread: f64,
     /// Training time of that of the fixed recipe, at most.
@@ -29,6 +31,7 @@ impl Targets {
         against_fixed_db: -0.10,
         against_mcmc_db: 0.2,
         sh_share: 0.5,
+        sh_worth_db: 0.05,
         spread: 0.10,
         time: 1.0,
         intricacy: 20.0,
@@ -74,6 +77,8 @@ pub struct Figures {
     pub against_mcmc_rates_db: Option<Target>,
     /// The share of harmonics' floats that is left.
     pub sh_share: Option<Target>,
+    /// What the others would be worth, decibels.
+    pub sh_worth_db: Option<Target>,
     /// By how much the count differs from seed to seed.
     pub spread: Option<Target>,
     /// Bytes of the file, of those of the fixed recipe's.
@@ -105,6 +110,10 @@ impl Figures {
             against_mcmc_db: at_least(better(Recipe::Mcmc), aims.against_mcmc_db),
             against_mcmc_rates_db: at_least(better(Recipe::McmcRates), aims.against_mcmc_db),
             sh_share: at_most(sh, aims.sh_share),
+            sh_worth_db: at_most(
+                survey.mean(scene, Recipe::Parsimony, |run| run.sh_worth_db),
+                aims.sh_worth_db,
+            ),
             spread: at_most(spread.map(|s| Interval::new(s, s, s, 1)), aims.spread),
             file_ratio: known(ratio(|run| Some(run.ply_bytes as f64))),
             device_ratio: known(ratio(|run| Some(run.device_bytes() as f64))),
