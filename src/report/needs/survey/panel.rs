@@ -11,6 +11,9 @@ use plotters::prelude::*;
 /// Pixels.
 const SIZE: (u32, u32) = (532, 390);
 
+/// How far the axis of counts goes beyond them, by factor.
+const ROOM: f64 = 1.25;
+
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// The sign of a recipe.
@@ -50,7 +53,9 @@ fn draw(survey: &Survey, scene: &str, canvas: &Canvas<'_>) -> Result<()> {
         .map(|(_, at)| *at)
         .chain(measured.copied())
         .collect();
-    let x = Scale::of(all.iter().map(|at| at[0]), true);
+    // Room on both sides, so that counts close to each other have an axis with several marks.
+    let counts = all.iter().flat_map(|at| [at[0] / ROOM, at[0] * ROOM]);
+    let x = Scale::of(counts, true);
     let y = Scale::of(all.iter().map(|at| at[1]), false);
     let titles = ["splats", "PSNR of test views, dB"];
     let area = axes(canvas, MARGINS, titles, [&x, &y])?;

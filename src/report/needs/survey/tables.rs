@@ -114,28 +114,31 @@ pub(super) fn of_scenes(survey: &Survey) -> String {
 
 /// How many times as many splats the most intricate scene needs.
 pub(super) fn of_intricacy(survey: &Survey) -> String {
-    let found = intricacy(survey);
-    let Some((_, richest, _)) = found.first() else {
+    let Some((richest, others)) = intricacy(survey).filter(|(_, others)| !others.is_empty()) else {
         return String::new();
     };
-    let mut text = format!("<p>Of all scenes {} needs most splats:", escaped(richest));
-    for (i, (scene, _, target)) in found.iter().enumerate() {
-        let comma = if i > 0 { "," } else { "" };
-        let class = match (target.aim, target.is_missed()) {
-            (Some(_), true) => " class=\"missed\"",
-            _ => "",
+    let times = |(scene, target): &(&str, Target)| {
+        let class = if target.is_missed() {
+            " class=\"missed\""
+        } else {
+            ""
         };
-        text += &format!(
-            "{comma} <span{class}>{} as many as {}</span>",
+        format!(
+            "<span{class}>{} as many as {}</span>",
             self::text(&target.found, Unit::Times),
             escaped(scene)
-        );
-    }
-    let aimed = found.iter().find_map(|(_, _, target)| target.aim);
-    let aimed = aimed.map_or(String::new(), |aim| {
-        format!(" (aim: at least {aim:.0} × of the plane and of the sphere)")
+        )
+    };
+    let times: Vec<String> = others.iter().map(times).collect();
+    let aim = others.iter().find_map(|(_, target)| target.aim);
+    let aim = aim.map_or(String::new(), |aim| {
+        format!(" (aim: {aim:.0} × as many as each trivial one)")
     });
-    format!("{text}{aimed}.</p>\n")
+    format!(
+        "<p>The most intricate scene, {}, needs {}{aim}.</p>\n",
+        escaped(richest),
+        times.join(", ")
+    )
 }
 
 const RUN_HEAD: [&str; 16] = [
@@ -163,7 +166,7 @@ pub(super) fn of_runs(survey: &Survey) -> String {
         .iter()
         .map(|name| format!("<th>{name}</th>"))
         .collect();
-    let mut text = format!("<table>\n<tr>{head}</tr>\n");
+    let mut text = format!("<table class=\"runs\">\n<tr>{head}</tr>\n");
     for scene in survey.scenes() {
         for recipe in Recipe::ALL {
             for run in survey.of(scene, recipe) {

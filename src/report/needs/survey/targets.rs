@@ -123,29 +123,28 @@ impl Figures {
     }
 }
 
-/// How many times as many splats the scene with most of them needs, for every other scene in their order.
-pub(super) fn intricacy(survey: &Survey) -> Vec<(String, String, Target)> {
-    let count = |scene: &str| survey.mean(scene, Recipe::Parsimony, |run| Some(run.splats as f64));
+/// How many times as many splats the most intricate scene needs, the one with most of them but for trivial ones, as every
+/// other: its name, then theirs in their order.
+pub(super) fn intricacy(survey: &Survey) -> Option<(&str, Vec<(&str, Target)>)> {
+    let count = |scene| survey.mean(scene, Recipe::Parsimony, |run| Some(run.splats as f64));
     let counts = survey.scenes().into_iter();
     let counts: Vec<(&str, f64)> = counts
         .filter_map(|scene| Some((scene, count(scene)?.value)))
         .collect();
-    let most = counts.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-    let Some(&(richest, most)) = most else {
-        return Vec::new();
-    };
-    let others = counts.iter().filter(|(scene, _)| *scene != richest);
-    let times = |&(scene, count): &(&str, f64)| {
+    let is_trivial = |scene: &str| TRIVIAL.contains(&scene);
+    let intricate = counts.iter().filter(|(scene, _)| !is_trivial(scene));
+    let &(richest, most) = intricate.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let times = |count: f64, is_trivial: bool| {
         let times = most / count.max(1.0);
-        let is_trivial = TRIVIAL.contains(&scene);
-        let target = Target {
+        Target {
             found: Interval::new(times, times, times, 1),
             aim: is_trivial.then_some(Targets::SET.intricacy),
             is_floor: true,
-        };
-        (scene.to_owned(), richest.to_owned(), target)
+        }
     };
-    others.map(times).collect()
+    let others = counts.iter().filter(|(scene, _)| *scene != richest);
+    let others = others.map(|&(scene, count)| (scene, times(count, is_trivial(scene))));
+    Some((richest, others.collect()))
 }
 
 /// Scenes that are trivial on purpose.
@@ -203,18 +202,27 @@ mod tests {
     #[test]
     fn trivial_scenes_need_a_twentieth() {
         let mut survey = survey();
-        let found = intricacy(&survey);
-        assert_eq!(found.len(), 1);
-        let (scene, richest, times) = &found[0];
-        assert_eq!((scene.as_str(), richest.as_str()), ("a<b", "rich"));
-        assert!((times.found.value - 2505.0 / 105.0).abs() < 1e-9);
-        assert_eq!((times.aim, times.is_missed()), (None, false));
-        survey
-            .runs
-            .push(run("plane", Recipe::Parsimony, 0, 200, 30.0));
-        let plane = intricacy(&survey)
-            .pop()
-            .map(|(_, _, times)| times.is_missed());
-        assert_eq!(plane, Some(true));
+        let told = |survey: &Survey| {
+            let (richest, others) = intricacy(survey)?;
+            let other = |(scene, times): &(&str, Target)| {
+                (scene.to_string(), times.found.value, times.is_missed())
+            };
+            Some((
+                richest.to_owned(),
+                others.iter().map(other).collect::<Vec<_>>(),
+            ))
+        };
+        let lesser = ("a<b".to_owned(), 2505.0 / 105.0, false);
+        assert_eq!(told(&survey), Some(("rich".into(), vec![lesser.clone()])));
+        // However many splats a trivial scene has, it is no intricate one.
+        for (splats, is_missed) in [(100, false), (200, true), (5_010, true)] {
+            let plane = run("plane", Recipe::Parsimony, 0, splats, 30.0);
+            survey.runs.push(plane);
+            let trivial = ("plane".to_owned(), 2505.0 / splats as f64, is_missed);
+            let wanted = ("rich".to_owned(), vec![lesser.clone(), trivial]);
+            assert_eq!(told(&survey), Some(wanted));
+            survey.runs.pop();
+        }
+        assert_eq!(intricacy(&Survey::default()), None);
     }
 }
