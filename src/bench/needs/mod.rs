@@ -25,6 +25,9 @@ use crate::{Error, Result};
 use std::path::Path;
 use std::time::Instant;
 
+/// Steps that [`Task::warm_up`] takes.
+const WARM_UP: u32 = 3;
+
 /// A run that is to be.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
@@ -102,6 +105,16 @@ impl Task<'_> {
             version: env!("CARGO_PKG_VERSION").into(),
             ..Run::default()
         }
+    }
+
+    /// Takes a few steps that nobody counts: a device may compile kernels where they are first used, and the first run of
+    /// all would pay for it.
+    pub fn warm_up(&self, gpu: &Gpu) -> Result<()> {
+        let mut trainer = Trainer::new(gpu, self.dataset, self.config())?;
+        while trainer.iteration() < WARM_UP && !trainer.is_done() {
+            trainer.step()?;
+        }
+        trainer.finish().map(|_| ())
     }
 
     /// Trains and judges; `progress` hears of every step, and ends the run by saying `false`: then nothing comes of it.

@@ -123,6 +123,7 @@ impl<'a> Course<'a> {
     /// Does the runs that are missing. All scenes have their first seed before any has its second.
     pub(super) fn run(&mut self, interrupt: &Interrupt) -> Result<Outcome> {
         let scenes = std::mem::take(&mut self.scenes);
+        let mut is_warm = false;
         for seed in 0..self.args.seeds {
             for (scene, dataset) in &scenes {
                 for recipe in self.recipes.clone() {
@@ -134,6 +135,10 @@ impl<'a> Course<'a> {
                     self.done += 1;
                     if self.has(&task) {
                         continue;
+                    }
+                    if !is_warm {
+                        task.warm_up(self.engine.gpu())?;
+                        is_warm = true;
                     }
                     let of = scenes.len() * self.recipes.len() * self.args.seeds as usize;
                     if self.add(&task, of, interrupt)? == Outcome::Interrupted {

@@ -59,9 +59,12 @@ fn facts(needs: &Needs) -> String {
         rows.push(("count decided", text));
     }
     if let Some(law) = &needs.law {
+        let unit = law.factor.powf(1.0 / law.exponent);
         let text = format!(
-            "{:.2} − {:.3e} N^−{:.2} dB",
-            law.limit_db, law.factor, law.exponent
+            "{:.2} − ({} / N)^{:.2} dB",
+            law.limit_db,
+            grouped(unit.round() as usize),
+            law.exponent
         );
         rows.push(("law", text));
     }
@@ -87,7 +90,10 @@ fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let rows: String = rows
         .map(|row| format!("<tr>{}</tr>\n", cells("td", &row)))
         .collect();
-    format!("<table>\n<tr>{}</tr>\n{rows}</table>\n", cells("th", &head))
+    format!(
+        "<div class=\"scroll\">\n<table>\n<tr>{}</tr>\n{rows}</table>\n</div>\n",
+        cells("th", &head)
+    )
 }
 
 fn steps(needs: &Needs) -> String {
@@ -95,11 +101,11 @@ fn steps(needs: &Needs) -> String {
         "iteration",
         "step",
         "splats",
+        "PSNR dB",
         "left",
         "PSNR dB",
         "gain dB",
         "at least dB",
-        "bound",
     ];
     let number = |value: Option<f64>, digits: usize| match value {
         Some(value) => format!("{value:.digits$}"),
@@ -186,6 +192,16 @@ mod tests {
         assert_eq!(page.matches("<svg ").count(), 1);
         assert!(page.contains("&lt;view&gt;") && page.contains("a &lt; b"));
         assert!(!page.contains("NaN"));
+        // 900^(1 / 0.6) = 83,895, at which one decibel is missing.
+        assert!(
+            page.contains("<dd>31.00 − (83,895 / N)^0.60 dB</dd>"),
+            "{page}"
+        );
+        // Every cell has its heading.
+        let head = "<th>splats</th><th>PSNR dB</th><th>left</th><th>PSNR dB</th>";
+        assert!(page.contains(head));
+        let row = "<td>20,000</td><td>28.635</td><td>10,000</td><td>28.635</td>";
+        assert!(page.contains(row), "{page}");
         Ok(())
     }
 

@@ -43,7 +43,7 @@ pub fn html(survey: &Survey) -> Result<String> {
     if !survey.runs.is_empty() {
         body += &format!(
             "<h2>Against the fixed recipe and MCMC</h2>\n<p>{OF_FIGURES}</p>\n\
-             <div class=\"wide-table\">\n{}</div>\n<p>{OF_MEASURES}</p>\n{}",
+             <div class=\"scroll\">\n{}</div>\n<p>{OF_MEASURES}</p>\n{}",
             tables::of_scenes(survey),
             tables::of_intricacy(survey)
         );
@@ -55,7 +55,7 @@ pub fn html(survey: &Survey) -> Result<String> {
             body += &section(survey, scene)?;
         }
         body += &format!(
-            "</div>\n<h2>Every run</h2>\n<div class=\"wide-table\">\n{}</div>\n",
+            "</div>\n<h2>Every run</h2>\n<div class=\"scroll\">\n{}</div>\n",
             tables::of_runs(survey)
         );
     }
