@@ -43,7 +43,8 @@ fn draw(needs: &Needs, canvas: &Canvas<'_>) -> Result<()> {
     let course: Vec<[f64; 2]> = growing.map(place).collect();
     line(course.clone(), FRONT.stroke_width(1))?;
     if let Some(law) = &needs.law {
-        line(of_law(law, ends(needs)), color(1).stroke_width(2))?;
+        let ends = ends(&needs.points, needs.knee);
+        line(of_law(law, ends), color(1).stroke_width(2))?;
     }
     for (series, points) in [(0, &course), (1, &needs.points)] {
         for &point in points {
@@ -58,13 +59,12 @@ fn draw(needs: &Needs, canvas: &Canvas<'_>) -> Result<()> {
     Ok(())
 }
 
-/// From where to where the law is drawn: over what was measured, and to the knee if that is not far.
-fn ends(needs: &Needs) -> [f64; 2] {
-    let counts = needs.points.iter().map(|point| point[0]);
+/// From where to where a law is drawn: over what was measured, and to the knee if that is not far.
+pub(super) fn ends(points: &[[f64; 2]], knee: Option<f64>) -> [f64; 2] {
+    let counts = points.iter().map(|point| point[0]);
     let (least, most) = counts.fold((f64::MAX, 1.0_f64), |(a, b), n| (n.min(a), n.max(b)));
     let least = least.min(most);
-    let knee = needs.knee.unwrap_or(least);
-    let knee = knee.clamp(least / 2.0, 2.0 * most);
+    let knee = knee.unwrap_or(least).clamp(least / 2.0, 2.0 * most);
     [least.min(knee), most.max(knee)]
 }
 

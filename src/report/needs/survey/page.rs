@@ -28,7 +28,7 @@ device’s, of training those of the processor, with all that is done between st
 
 const OF_PANELS: &str = "Marks are runs, one for each seed. The line is the law that a run found on its way on held-out \
 training views, through what its rounds measured (dots), moved to its mark, since other views have other decibels; a red \
-ring is the law’s knee, where a tenth more splats is worth just the preference.";
+ring is the law’s knee, where a tenth more splats is worth just the preference, unless it is far from all that was measured.";
 
 /// The page's text.
 ///

@@ -4,7 +4,7 @@ use super::{Recipe, Run, Survey};
 use crate::Result;
 use crate::report::chart::figure::{ALARM, MARGINS, axes, color, draw_glyph, failed};
 use crate::report::chart::scale::Scale;
-use crate::report::needs::curve::of_law;
+use crate::report::needs::curve::{ends, of_law};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -47,7 +47,9 @@ fn draw(survey: &Survey, scene: &str, canvas: &Canvas<'_>) -> Result<()> {
         .of(scene, Recipe::Parsimony)
         .filter_map(course)
         .collect();
-    let measured = courses.iter().flat_map(|course| course.points.iter());
+    let measured = courses
+        .iter()
+        .flat_map(|course| course.points.iter().chain(&course.line));
     let all: Vec<[f64; 2]> = marks
         .iter()
         .map(|(_, at)| *at)
@@ -69,8 +71,7 @@ fn draw(survey: &Survey, scene: &str, canvas: &Canvas<'_>) -> Result<()> {
             let dot = Circle::new(at(place), 2, ink.mix(0.7).filled());
             canvas.draw(&dot).map_err(failed)?;
         }
-        let is_shown = |knee: &[f64; 2]| (x.span[0]..=x.span[1]).contains(&knee[0].log10());
-        if let Some(knee) = course.knee.filter(is_shown) {
+        if let Some(knee) = course.knee {
             let ring = Circle::new(at(knee), 8, ALARM.stroke_width(1));
             canvas.draw(&ring).map_err(failed)?;
         }
@@ -111,11 +112,13 @@ fn course(run: &Run) -> Option<Course> {
     };
     let rise = run.psnr_db? - level;
     let raised = |[splats, psnr]: [f64; 2]| [splats, psnr + rise];
-    let counts = points.iter().map(|point| point[0]);
-    let (least, most) = counts.fold((splats, splats), |(a, b), n| (n.min(a), n.max(b)));
-    let line = law.map_or(Vec::new(), |law| of_law(&law, [least, most]));
+    // What the law says of the run's own count and of the knee is worth drawing; of one far away it says nothing.
+    let own = points.iter().copied().chain([[splats, level]]);
+    let ends = ends(&own.collect::<Vec<_>>(), run.knee);
+    let line = law.map_or(Vec::new(), |law| of_law(&law, ends));
+    let is_near = |knee: &f64| (ends[0]..=ends[1]).contains(knee);
     let knee = law
-        .zip(run.knee)
+        .zip(run.knee.filter(is_near))
         .map(|(law, knee)| raised([knee, law.at(knee)]));
     Some(Course {
         points: points.into_iter().map(raised).collect(),
@@ -146,10 +149,16 @@ mod tests {
         );
         let ends = found.and_then(|c| Some([*c.line.first()?, *c.line.last()?]));
         let near = |[low, high]: [[f64; 2]; 2]| {
-            (low[0] - 500.0).abs() < 1e-9 && (low[1] - 33.0).abs() < 1e-9 && high[0] > 799.9
+            (low[0] - 400.0).abs() < 1e-9 && (low[1] - 32.5).abs() < 1e-9 && high[0] > 799.9
         };
         assert!(ends.is_some_and(near), "{ends:?}");
         assert_eq!(found.and_then(|c| c.knee), Some([400.0, 32.5]));
+        let far = Run {
+            knee: Some(1e6),
+            ..measured.clone()
+        };
+        let far = course(&far).map(|c| (c.knee, c.line.last().map(|end| end[0].round())));
+        assert_eq!(far, Some((None, Some(1_600.0))));
         // Without a law the point at the run's own count is what it went through.
         let lawless = Run {
             law: Vec::new(),
