@@ -29,7 +29,7 @@ use course::Course;
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct NeedsArgs {
-    /// Data sets, as for `ashfall train`; each is called by its folder's name
+    /// Data sets, as for `ashfall train`; each is called by its folder's name, or as NAME=DATA says
     #[arg(value_name = "DATA")]
     data: Vec<PathBuf>,
     /// Folder for the page and its numbers, made if it is not there
@@ -72,7 +72,7 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall needs                                     five made scenes: hours on a software device
   ashfall needs --scenes plane,demo --seeds 1 --iterations 500
-  ashfall needs photos/ --downscale 2 --scenes none --gain 0.02";
+  ashfall needs photos/ fox=data/colmap --downscale 2 --scenes none --gain 0.02";
 
 fn parse_scene(text: &str) -> std::result::Result<Option<Kind>, String> {
     let found = Kind::ALL.into_iter().find(|kind| kind.name() == text);

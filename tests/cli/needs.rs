@@ -92,6 +92,9 @@ fn bad_input_is_refused_before_anything_is_written() {
     assert!(missing.contains("/no/such/folder"), "{missing}");
     let twice = error(&survey(&out, &[data, data]));
     assert!(twice.contains("another scene is called data"), "{twice}");
+    let named = format!("plane={data}");
+    let taken = error(&survey(&out, &[&named]));
+    assert!(taken.contains("another scene is called plane"), "{taken}");
     let nothing = error(&["needs", "--scenes", "none", "--out", word(&out)]);
     assert!(nothing.contains("no scene"), "{nothing}");
     assert!(!out.exists());

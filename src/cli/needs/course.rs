@@ -38,14 +38,14 @@ impl<'a> Course<'a> {
         output: Output,
     ) -> Result<Course<'a>> {
         let mut scenes = Vec::new();
-        for path in &args.data {
-            let name = name(path);
+        for given in &args.data {
+            let (name, path) = named(given);
             let is_taken = |(other, _): &(String, Dataset)| *other == name;
             if Kind::ALL.iter().any(|kind| kind.name() == name) || scenes.iter().any(is_taken) {
-                let what = format!("another scene is called {name}, too: rename the folder");
-                return Err(Error::file(path, what));
+                let what = format!("another scene is called {name}, too: say NAME=DATA");
+                return Err(Error::file(&path, what));
             }
-            scenes.push((name, args.options.open(path, true)?));
+            scenes.push((name, args.options.open(&path, true)?));
         }
         let kinds = args.scenes.clone();
         let kinds = kinds.unwrap_or_else(|| Kind::ALL.map(Some).to_vec());
@@ -266,32 +266,52 @@ fn scenes(survey: &Survey) -> String {
     groups.into_iter().map(group).collect::<Vec<_>>().join("; ")
 }
 
-/// What a data set is called: its last folder, and of the path no more.
-fn name(path: &Path) -> String {
-    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let folder = match whole.extension() {
-        Some(_) if whole.is_file() => whole.parent().map(PathBuf::from).unwrap_or(whole),
-        _ => whole,
+/// What a data set is called, and where it is: NAME=DATA, else its last folder, and of the path no more.
+fn named(given: &Path) -> (String, PathBuf) {
+    let text = given.to_str().filter(|_| !given.exists());
+    if let Some((name, path)) = text.and_then(|text| text.split_once('=')) {
+        if !name.is_empty() && !name.contains(['/', '\\']) {
+            return (safe(name), path.into());
+        }
+    }
+    let whole = std::path::absolute(given).unwrap_or_else(|_| given.to_owned());
+    let folder = match whole.parent() {
+        Some(folder) if whole.is_file() => folder,
+        _ => &whole,
     };
     let last = folder.components().next_back();
     let last = last.map(|part| part.as_os_str().to_string_lossy().into_owned());
-    let safe = |c: char| match c {
-        ',' | '"' | ' ' => '_',
-        c if c.is_control() => '_',
-        c => c,
-    };
-    last.unwrap_or_default().chars().map(safe).collect()
+    (safe(&last.unwrap_or_default()), given.to_owned())
+}
+
+/// A name that shifts no columns.
+fn safe(name: &str) -> String {
+    let is_bad = |c: char| c.is_control() || [',', ';', '"', ' '].contains(&c);
+    name.replace(is_bad, "_")
 }
 
 #[cfg(test)]
 mod tests {
-    use super::name;
-    use std::path::Path;
+    use super::named;
+    use std::path::{Path, PathBuf};
 
     #[test]
     fn of_a_path_no_more_is_told_than_its_last_folder() {
-        assert_eq!(name(Path::new("/somewhere/private/fox/")), "fox");
-        assert_eq!(name(Path::new("/somewhere/a b,c")), "a_b_c");
-        assert_eq!(name(Path::new("fox")), "fox");
+        let name = |text| named(Path::new(text)).0;
+        assert_eq!(name("/somewhere/private/fox/"), "fox");
+        assert_eq!(name("/somewhere/a b,c"), "a_b_c");
+        assert_eq!(name("fox"), "fox");
+    }
+
+    #[test]
+    fn data_sets_can_be_given_names() {
+        let found = named(Path::new("fox=/some=where/colmap"));
+        assert_eq!(found, ("fox".into(), PathBuf::from("/some=where/colmap")));
+        let unnamed = named(Path::new("/some=where/colmap"));
+        assert_eq!(
+            unnamed,
+            ("colmap".into(), PathBuf::from("/some=where/colmap"))
+        );
+        assert_eq!(named(Path::new("=x")).0, "=x");
     }
 }
