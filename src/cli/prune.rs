@@ -50,7 +50,7 @@ pub(super) struct PruneArgs {
     #[arg(long, value_name = "ERROR", default_value = "1/512", value_parser = parse_error)]
     error: f64,
     /// Merge neighbours first, cheapest pairs first, until SHARE of the splats is gone: a fraction or a number above 0,
-    /// below 1 [without SHARE: 0.5]
+    /// below 1 [without SHARE: 0.5, about one merge for each that is left; errors of more add up]
     #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.5", value_parser = parse_share)]
     merge: Option<f64>,
     /// Drop the highest degrees of splats' harmonics where no channel of their colours is then off by more than this in
