@@ -1,19 +1,21 @@
 //! Training to no more splats than a scene needs: what is done between two steps of a run, from growth to the last fit.
 //!
-//! Splats are added as the strategy has it, more of them where errors are. Growth ends when the lower bound of what it gives some training views, for a
-//! tenth more splats, is under the preference; all that their scores have risen counts as its gain, though time has its
-//! share in that, so that growth never ends too soon. From then on those views are held out; not before, since
-//! what they alone saw would be missing from the scene. The
-//! splats go without which the pictures would change least, a share of them in every round. A round takes the same steps from the same state twice,
-//! without those splats and with them, since scores rise with time as well; they go for good where the held-out views lose
-//! no more by it than they are worth by the preference, and otherwise a smaller share is tried. Then harmonics go by
-//! the same rule. Last, the held-out views return.
+//! Splats are added as the strategy has it, more of them where errors are. Growth ends when the lower bound of what it
+//! gives some training views, for a tenth more splats, is under the preference; all that their scores have risen counts
+//! as its gain, though time has its share in that, so that growth never ends too soon. From then on those views are held
+//! out; not before, since what they alone saw would be missing from the scene.
+//!
+//! A share of the splats goes in every round: those without which the pictures would change least, or by merging. A
+//! round takes the same steps from the same state twice, without those splats and with them, since scores rise with time
+//! as well; they go for good where the held-out views lose no more by it than they are worth by the preference, and
+//! otherwise a smaller share is tried. Then harmonics go by the same rule. Last, the held-out views return.
 //!
 //! **Invariant:** what happens is a function of configuration, preference, views and device, and what it goes by beside
 //! the trainer's state is in the [`Ledger`] and the state kept: a resumed run decides alike.
 
 mod growth;
 mod harmonics;
+mod lesser;
 mod rounds;
 mod survey;
 

@@ -64,12 +64,9 @@ fn merging_half_costs_far_less_than_leaving_out_half() {
 
         let lens = lens(&scene.options, Compatibility::Engine);
         let mut scales = weigher(&gpu, &scene.splats, lens);
-        let weights = scales
-            .weights(&[scene.camera], &mut || true)
-            .unwrap()
-            .unwrap();
+        let weights = scales.influences(&scene.camera, None).unwrap();
         let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by(|&a, &b| weights[a].sum.total_cmp(&weights[b].sum));
+        order.sort_by(|&a, &b| weights[a].weight.total_cmp(&weights[b].weight));
         let without = |gone: &[usize]| {
             let mut removed = vec![false; count];
             gone.iter().for_each(|&i| removed[i] = true);

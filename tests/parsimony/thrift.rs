@@ -4,8 +4,8 @@ use super::device::gpu;
 use ashfall::Result;
 use ashfall::gpu::Gpu;
 use ashfall::parsimony::gain::mean;
-use ashfall::parsimony::{Act, Ledger, Phase, Thrift, part, thrifty};
-use ashfall::scene::{Dataset, Split};
+use ashfall::parsimony::{Act, Ledger, PREFERENCE_DB, Phase, Thrift, part, thrifty};
+use ashfall::scene::{Dataset, PhotoSource, Split};
 use ashfall::synth::{Kind, SynthOptions, scene};
 use ashfall::train::checkpoint::{Checkpoint, Steering, fingerprint};
 use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
@@ -96,6 +96,41 @@ fn who_pays_for_smaller_gains_gets_more_splats() -> Result<()> {
     }
     assert!(counts[0] > counts[1] && counts[1] > counts[2], "{counts:?}");
     Ok(())
+}
+
+/// A wall of one colour, which a handful of splats can show, and a scene full of detail.
+#[test]
+fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
+    let gpu = gpu();
+    let mut counts = Vec::new();
+    for kind in [Kind::Plane, Kind::Intricate] {
+        let mut dataset = dataset(kind);
+        if kind == Kind::Plane {
+            for view in &mut dataset.views {
+                let PhotoSource::Memory(photo) = &mut view.photo else {
+                    continue;
+                };
+                photo.rgba.fill([140, 120, 100, 255]);
+            }
+        }
+        let config = thrifty(TrainConfig {
+            sh_degree: 1,
+            ..TrainConfig::for_iterations(1_000)
+        });
+        let (state, _) = run(&gpu, &dataset, config, PREFERENCE_DB)?;
+        counts.push((state.len(), degrees(&state)));
+    }
+    assert!(20 * counts[0].0 <= counts[1].0, "{counts:?}");
+    assert_eq!(
+        counts[0].1[0], counts[0].0,
+        "harmonics where there is nothing to see"
+    );
+    Ok(())
+}
+
+/// Splats of degree 0 and 1.
+fn degrees(state: &HostState) -> [usize; 2] {
+    [0, 1].map(|degree| state.degrees.iter().filter(|&&d| d == degree).count())
 }
 
 #[test]

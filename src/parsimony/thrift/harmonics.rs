@@ -1,12 +1,12 @@
-//! Harmonics where they are needed: those that the held-out views do not miss go. A float is a float: what a tenth more
-//! splats must be worth, a tenth more floats must be, too.
+//! Harmonics where they are needed: those go that the held-out views do not miss; half of them may cost as much as a
+//! tenth of the splats.
 
 use super::rounds::round;
 use super::survey::Survey;
 use super::{Phase, Thrift, settle_by};
 use crate::Result;
 use crate::parsimony::colors::{Fits, count};
-use crate::parsimony::gain::{differences, mean, tenths};
+use crate::parsimony::gain::{differences, mean};
 use crate::parsimony::ledger::{Act, Entry};
 use crate::render::{degrees_used, merge_degrees};
 use crate::scene::Splats;
@@ -18,9 +18,6 @@ const SHARES: [f64; 6] = [0.75, 0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
 
 /// Harmonics that go at once may lose so much of the preference: those that nobody needed.
 const AT_ONCE: f64 = 0.25;
-
-/// Floats of a splat besides its harmonics: mean, quaternion, log-scale, opacity.
-const GEOMETRY_FLOATS: usize = 11;
 
 /// Views that colours are fitted to, at most.
 const VIEWS_MAX: usize = 64;
@@ -72,8 +69,7 @@ impl<'a> Thrift<'a> {
         less: &HostState,
     ) -> Result<()> {
         let lost = mean(&differences(&without.1, &entry.psnr_db));
-        let saved = tenths(size(less), size(&trainer.download()?));
-        let is_missed = lost > self.ledger.preference_db * saved;
+        let is_missed = lost > self.ledger.preference_db;
         entry.without = Some(without);
         entry.act = match is_missed {
             true => Act::LoweredInVain,
@@ -103,11 +99,6 @@ fn lowered(fits: &Fits, splats: &Splats, floats: usize) -> (Vec<u8>, Splats) {
     merge_degrees(&mut degrees);
     let less = fits.applied(splats, &degrees);
     (degrees, less)
-}
-
-/// The floats of a scene.
-fn size(state: &HostState) -> usize {
-    GEOMETRY_FLOATS * state.len() + count(&state.degrees)
 }
 
 fn without(state: &HostState, degrees: &[u8], less: &Splats) -> HostState {

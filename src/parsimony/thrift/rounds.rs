@@ -1,6 +1,5 @@
 //! Rounds: the same steps from the same state without the least important splats, or harmonics, and with them.
 
-use super::survey::Survey;
 use super::{Phase, Thrift, prune_by};
 use crate::Result;
 use crate::parsimony::gain::{differences, estimate, tenths};
@@ -80,12 +79,9 @@ impl<'a> Thrift<'a> {
         }
     }
 
-    /// Takes out the splats without which the views would change least, for the steps of a round.
+    /// Takes out a share of the splats, for the steps of a round.
     pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.fitted)?;
-        let state = trainer.download()?;
-        let left = (state.len() as f64 * (1.0 - self.ledger.share)).ceil() as usize;
-        let less = state.select(&largest(&changes, left));
+        let (state, less) = self.lesser(trainer)?;
         self.try_without(trainer, state, &less)
     }
 
@@ -109,27 +105,4 @@ impl<'a> Thrift<'a> {
 /// Steps of a round's fit.
 pub(super) fn round(config: &TrainConfig) -> u32 {
     (config.iterations / 20).clamp(25, 500)
-}
-
-/// The rows of the largest numbers, in their order; of equals the first.
-fn largest(numbers: &[f64], count: usize) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..numbers.len() as u32).collect();
-    let number = |row: u32| numbers[row as usize];
-    order.sort_unstable_by(|&a, &b| number(b).total_cmp(&number(a)).then(a.cmp(&b)));
-    order.truncate(count);
-    order.sort_unstable();
-    order
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_largest_stay_in_their_order() {
-        let numbers = [0.5, 3.0, 0.5, 0.0, 2.0];
-        assert_eq!(largest(&numbers, 3), [0, 1, 4]);
-        assert_eq!(largest(&numbers, 9), [0, 1, 2, 3, 4]);
-        assert!(largest(&[], 2).is_empty());
-    }
 }

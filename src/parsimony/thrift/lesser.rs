@@ -1,0 +1,109 @@
+//! Scenes with fewer splats for a round to try: without the least important, or with neighbours merged.
+//!
+//! Where nothing is to be seen, merging leaves larger splats in place of many, which steps of training cannot do in the
+//! time of a round; where there is detail, it blurs. Which it is, the held-out views say.
+
+use super::Thrift;
+use super::survey::Survey;
+use crate::Result;
+use crate::parsimony::gain::mean;
+use crate::parsimony::merge::{merge, rates};
+use crate::scene::{Camera, RenderMode, Splats};
+use crate::train::{HostState, Trainer};
+
+impl<'a> Thrift<'a> {
+    /// The scene as it is, and the better of two ways to have a share of its splats less, before it is fitted again.
+    pub(super) fn lesser(&mut self, trainer: &mut Trainer<'a>) -> Result<(HostState, HostState)> {
+        let (state, splats) = (trainer.download()?, trainer.splats()?);
+        let left = (state.len() as f64 * (1.0 - self.ledger.share)).ceil() as usize;
+        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.fitted)?;
+        let rows = largest(&changes, left);
+        if let Some(merged) = self.merged(trainer, &splats, left) {
+            let indices: Vec<usize> = rows.iter().map(|&row| row as usize).collect();
+            let without = self.judge.score(&splats.picked(&indices))?;
+            if mean(&self.judge.score(&merged)?) > mean(&without) {
+                let less = carried(&state, &splats, &merged);
+                return Ok((state, less));
+            }
+        }
+        let less = state.select(&rows);
+        Ok((state, less))
+    }
+
+    /// `None` in mip mode, where every splat has a filter of its own, which merged ones would lack.
+    fn merged(&self, trainer: &Trainer<'a>, splats: &Splats, left: usize) -> Option<Splats> {
+        if trainer.config().mode != RenderMode::Default {
+            return None;
+        }
+        let camera = |&view: &usize| self.dataset.views[view].camera;
+        let cameras: Vec<Camera> = self.fitted.iter().map(camera).collect();
+        let rates = rates(splats, &cameras, f64::from(trainer.near()));
+        let share = 1.0 - left as f64 / splats.len().max(1) as f64;
+        merge(splats, &rates, share, &mut |_| true).map(|merged| merged.splats)
+    }
+}
+
+/// The state of merged splats: those that did not merge, which are as they were and in their old order, keep their
+/// moments.
+fn carried(state: &HostState, before: &Splats, merged: &Splats) -> HostState {
+    let mut carried = HostState::from_splats(merged, state.sh_degree);
+    let mut old = 0;
+    for row in 0..merged.len() {
+        let is_same = |&old: &usize| {
+            before.mean[old] == merged.mean[row]
+                && before.log_scale[old] == merged.log_scale[row]
+                && before.opacity_logit[old] == merged.opacity_logit[row]
+        };
+        let Some(found) = (old..before.len()).find(is_same) else {
+            continue;
+        };
+        old = found + 1;
+        for (to, from) in [(&mut carried.m, &state.m), (&mut carried.v, &state.v)] {
+            for (to, from) in to.iter_mut().zip(from) {
+                to[row] = from[found];
+            }
+        }
+    }
+    carried
+}
+
+/// The rows of the largest numbers, in their order; of equals the first.
+fn largest(numbers: &[f64], count: usize) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..numbers.len() as u32).collect();
+    let number = |row: u32| numbers[row as usize];
+    order.sort_unstable_by(|&a, &b| number(b).total_cmp(&number(a)).then(a.cmp(&b)));
+    order.truncate(count);
+    order.sort_unstable();
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_stay_in_their_order() {
+        let numbers = [0.5, 3.0, 0.5, 0.0, 2.0];
+        assert_eq!(largest(&numbers, 3), [0, 1, 4]);
+        assert_eq!(largest(&numbers, 9), [0, 1, 2, 3, 4]);
+        assert!(largest(&[], 2).is_empty());
+    }
+
+    #[test]
+    fn who_did_not_merge_keeps_moments() {
+        let splats = |means: &[f32]| Splats {
+            mean: means.iter().map(|&x| [x; 3]).collect(),
+            quaternion: vec![[1.0, 0.0, 0.0, 0.0]; means.len()],
+            log_scale: vec![[0.0; 3]; means.len()],
+            opacity_logit: vec![0.0; means.len()],
+            sh: vec![0.0; 3 * means.len()],
+            ..Splats::default()
+        };
+        let before = splats(&[1.0, 2.0, 3.0, 4.0]);
+        let mut state = HostState::from_splats(&before, 0);
+        (0..4).for_each(|row| state.m[1][row] = [row as f32 + 1.0; 4]);
+        let found = carried(&state, &before, &splats(&[1.0, 2.5, 4.0]));
+        assert_eq!(found.m[1], [[1.0; 4], [0.0; 4], [4.0; 4]]);
+        assert_eq!(found.params[0][1][0], 2.5);
+    }
+}
