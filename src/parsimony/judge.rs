@@ -14,9 +14,12 @@ const VIEWS_MIN: usize = 3;
 /// One of so many training views is held out: 4 %.
 const VIEWS_EACH: usize = 25;
 
-/// The mean squared error of a hundredth of white, about the least contrast that an eye tells (Weber), counts on top of every
-/// view's own: without it a plain wall would be given splats for decibels beyond 40 that nobody sees.
+/// No view's mean squared error counts as less than that of a hundredth of white, about the least contrast that an eye
+/// tells (Weber): a plain wall would be given splats for decibels beyond 40 that nobody sees.
 const UNSEEN: f64 = 1e-4;
+
+/// So many decibels at most: those of that error.
+pub(super) const FULL_DB: f64 = 40.0;
 
 /// Parts the training views into those that are trained on and those that are judged by, which lie evenly among them.
 /// With fewer than eight views none can be spared: they are judged by what they were trained on.
@@ -63,7 +66,7 @@ impl Judge {
         })
     }
 
-    /// The PSNR of each view, decibels, with what nobody sees on top of its error: 40 at most.
+    /// The PSNR of each view, decibels; 40 at most, beyond which nobody sees what is wrong.
     pub fn score(&mut self, splats: &Splats) -> Result<Vec<f64>> {
         let degree = splats.sh_degree;
         let mut renderer = match self.renderer.take() {
@@ -82,9 +85,11 @@ impl Judge {
             let drawn = Image::new(target.width, target.height, &drawn.rgb);
             let photo = Image::new(target.width, target.height, &target.rgb);
             let error = mean_squared_error(drawn, photo, target.weights.as_deref());
-            let psnr = -10.0 * (error + UNSEEN).log10();
             // Broken numbers are as bad as it gets, not as good.
-            Ok(if psnr.is_finite() { psnr } else { 0.0 })
+            Ok(match error.is_finite() {
+                true => (-10.0 * error.max(UNSEEN).log10()).min(FULL_DB),
+                false => 0.0,
+            })
         };
         let scores = self.views.iter().map(score).collect();
         self.renderer = Some((degree, renderer));

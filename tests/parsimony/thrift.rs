@@ -87,7 +87,7 @@ fn who_pays_for_smaller_gains_gets_more_splats() -> Result<()> {
     let gpu = gpu();
     let dataset = dataset(Kind::Intricate);
     let mut counts = Vec::new();
-    for gain in [1e-4, 0.1, 2.0] {
+    for gain in [1e-4, 0.03, 2.0] {
         counts.push(
             run(&gpu, &dataset, config(StrategyKind::Adc), gain)?
                 .0
@@ -115,7 +115,7 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
         }
         let config = thrifty(TrainConfig {
             sh_degree: 1,
-            ..TrainConfig::for_iterations(1_000)
+            ..TrainConfig::for_iterations(600)
         });
         let (state, _) = run(&gpu, &dataset, config, PREFERENCE_DB)?;
         counts.push((state.len(), degrees(&state)));

@@ -4,6 +4,7 @@ use super::survey::Survey;
 use super::{Phase, Thrift};
 use crate::Result;
 use crate::parsimony::gain::{differences, estimate, tenths};
+use crate::parsimony::judge::FULL_DB;
 use crate::parsimony::ledger::{Act, Entry};
 use crate::train::Trainer;
 use crate::train::schedule::is_refine;
@@ -32,7 +33,8 @@ impl<'a> Thrift<'a> {
             Some([_, low]) => low < self.ledger.preference_db,
             None => false,
         };
-        if is_last || is_enough {
+        let is_full = entry.psnr_db.iter().all(|&psnr| psnr >= FULL_DB);
+        if is_last || is_enough || is_full {
             entry.act = Act::Stopped;
             self.ledger.entries.push(entry);
             self.ledger.phase = Phase::Pruning;
