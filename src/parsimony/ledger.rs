@@ -40,16 +40,18 @@ pub enum Act {
     LoweredInVain,
 }
 
-impl Act {
-    /// In words.
-    fn name(self) -> &'static str {
-        match self {
-            Act::Looked => "looked",
-            Act::Stopped => "growth stopped",
-            Act::Pruned => "the least important went",
-            Act::Missed => "the least important would be missed, and stayed",
-            Act::Lowered => "harmonics went",
-            Act::LoweredInVain => "harmonics would be missed, and stayed",
+impl Entry {
+    /// What was done, in words.
+    fn name(&self) -> &'static str {
+        match (self.act, self.is_merged) {
+            (Act::Looked, _) => "looked",
+            (Act::Stopped, _) => "growth stopped",
+            (Act::Pruned, false) => "the least important went",
+            (Act::Pruned, true) => "neighbours merged",
+            (Act::Missed, false) => "the least important would be missed, and stayed",
+            (Act::Missed, true) => "merged neighbours would be missed, and stayed",
+            (Act::Lowered, _) => "harmonics went",
+            (Act::LoweredInVain, _) => "harmonics would be missed, and stayed",
         }
     }
 }
@@ -69,6 +71,9 @@ pub struct Entry {
     pub without: Option<(usize, Vec<f64>)>,
     /// What a tenth more splats was worth, and its lower bound; decibels.
     pub gain_db: Option<[f64; 2]>,
+    /// Whether splats went by merging.
+    #[serde(default)]
+    pub is_merged: bool,
 }
 
 /// A round on its way: the same steps are taken from the same state twice, without the least important splats or
@@ -79,6 +84,9 @@ pub struct Round {
     pub from: u32,
     /// Splats and PSNR of the first, once it is done.
     pub without: Option<(usize, Vec<f64>)>,
+    /// Whether splats went by merging.
+    #[serde(default)]
+    pub is_merged: bool,
 }
 
 /// The course and the state of the decisions.
@@ -92,6 +100,12 @@ pub struct Ledger {
     pub round: Option<Round>,
     /// The share of splats that the next round tries to do without.
     pub share: f64,
+    /// The smallest share that was missed.
+    #[serde(default)]
+    pub missed_share: Option<f64>,
+    /// Whether merging has blurred what there is to see: then that is not tried again.
+    #[serde(default)]
+    pub has_detail: bool,
     /// The iteration from which the count is fixed.
     pub settled_from: Option<u32>,
     /// The iteration that the run ends after, as far as is known.
@@ -150,7 +164,7 @@ impl Ledger {
     pub fn steps(&self) -> Vec<NeedStep> {
         let step = |entry: &Entry| NeedStep {
             iteration: entry.iteration,
-            act: entry.act.name().into(),
+            act: entry.name().into(),
             splats: entry.splats,
             psnr_db: mean(&entry.psnr_db),
             without: entry
@@ -176,6 +190,7 @@ mod tests {
             psnr_db: vec![with],
             without: Some((left, vec![without])),
             gain_db: None,
+            is_merged: false,
         };
         let looked = Entry {
             without: None,

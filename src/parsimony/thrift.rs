@@ -43,7 +43,7 @@ pub struct Thrift<'a> {
 }
 
 /// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
-/// a fifth to rounds without splats, a tenth to rounds without harmonics and a quarter to the last fit.
+/// a quarter to rounds without splats, a twentieth to one without harmonics and a quarter to the last fit.
 ///
 /// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not get
 /// to where it is going by the published rates. That helps as much without pruning, so it is no merit of this, and is not
@@ -191,6 +191,7 @@ impl<'a> Thrift<'a> {
             psnr_db: self.judge.score(&splats)?,
             without: None,
             gain_db: None,
+            is_merged: false,
         })
     }
 }
@@ -202,7 +203,7 @@ fn last_fit(config: &TrainConfig) -> u32 {
 
 /// The iteration from which no splats go any more, and harmonics do.
 fn prune_by(config: &TrainConfig) -> u32 {
-    config.iterations / 20 * 13
+    config.iterations / 10 * 7
 }
 
 /// The iteration from which the count is fixed at the latest.

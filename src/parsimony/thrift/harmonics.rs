@@ -58,7 +58,7 @@ impl<'a> Thrift<'a> {
         let state = trainer.download()?;
         let (degrees, less) = lowered(&fits, &splats, count(&degrees_used(&splats)) / 2);
         let less = without(&state, &degrees, &less);
-        self.try_without(trainer, state, &less)
+        self.try_without(trainer, state, &less, false)
     }
 
     pub(super) fn judge_lowering(

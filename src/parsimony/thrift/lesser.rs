@@ -1,38 +1,57 @@
 //! Scenes with fewer splats for a round to try: without the least important, or with neighbours merged.
 //!
 //! Where nothing is to be seen, merging leaves larger splats in place of many, which steps of training cannot do in the
-//! time of a round; where there is detail, it blurs. Which it is, the held-out views say.
+//! time of a round. Where there is detail it blurs, and steps make up for less of that than for splats that are missing,
+//! however the two look before any. So it is for scenes that lose hardly anything by it at once.
 
 use super::Thrift;
 use super::survey::Survey;
 use crate::Result;
-use crate::parsimony::gain::mean;
+use crate::parsimony::gain::{differences, mean, tenths};
 use crate::parsimony::merge::{merge, rates};
 use crate::scene::{Camera, RenderMode, Splats};
 use crate::train::{HostState, Trainer};
 
+/// Merging may lose at once so much of what a round may.
+const AT_ONCE: f64 = 0.25;
+
+/// A scene, and with fewer splats.
+pub(super) struct Lesser {
+    pub(super) whole: HostState,
+    pub(super) less: HostState,
+    /// Whether neighbours were merged.
+    pub(super) is_merged: bool,
+}
+
 impl<'a> Thrift<'a> {
-    /// The scene as it is, and the better of two ways to have a share of its splats less, before it is fitted again.
-    pub(super) fn lesser(&mut self, trainer: &mut Trainer<'a>) -> Result<(HostState, HostState)> {
-        let (state, splats) = (trainer.download()?, trainer.splats()?);
-        let left = (state.len() as f64 * (1.0 - self.ledger.share)).ceil() as usize;
-        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.fitted)?;
-        let rows = largest(&changes, left);
+    /// The scene with a share of its splats less, before they are fitted again.
+    pub(super) fn lesser(&mut self, trainer: &mut Trainer<'a>) -> Result<Lesser> {
+        let (whole, splats) = (trainer.download()?, trainer.splats()?);
+        let left = (whole.len() as f64 * (1.0 - self.ledger.share)).ceil() as usize;
         if let Some(merged) = self.merged(trainer, &splats, left) {
-            let indices: Vec<usize> = rows.iter().map(|&row| row as usize).collect();
-            let without = self.judge.score(&splats.picked(&indices))?;
-            if mean(&self.judge.score(&merged)?) > mean(&without) {
-                let less = carried(&state, &splats, &merged);
-                return Ok((state, less));
+            let [before, after] = [&splats, &merged].map(|scene| self.judge.score(scene));
+            let lost = mean(&differences(&after?, &before?));
+            if lost <= AT_ONCE * self.ledger.preference_db * tenths(left, splats.len()) {
+                return Ok(Lesser {
+                    less: carried(&whole, &splats, &merged),
+                    whole,
+                    is_merged: true,
+                });
             }
+            self.ledger.has_detail = true;
         }
-        let less = state.select(&rows);
-        Ok((state, less))
+        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.fitted)?;
+        Ok(Lesser {
+            less: whole.select(&largest(&changes, left)),
+            whole,
+            is_merged: false,
+        })
     }
 
-    /// `None` in mip mode, where every splat has a filter of its own, which merged ones would lack.
+    /// `None` where that has cost too much, and in mip mode, where every splat has a filter of its own, which merged ones
+    /// would lack.
     fn merged(&self, trainer: &Trainer<'a>, splats: &Splats, left: usize) -> Option<Splats> {
-        if trainer.config().mode != RenderMode::Default {
+        if self.ledger.has_detail || trainer.config().mode != RenderMode::Default {
             return None;
         }
         let camera = |&view: &usize| self.dataset.views[view].camera;

@@ -9,7 +9,8 @@ use crate::train::{HostState, TrainConfig, Trainer};
 /// The share of splats that the first round takes out.
 pub(super) const SHARE: f64 = 0.5;
 
-/// Rounds that cost less than half of what they might make the next one twice as bold, up to this share.
+/// Rounds that cost less than half of what they might make the next one twice as bold, up to this share, or to three
+/// quarters of one that was missed.
 const SHARE_MAX: f64 = 0.8;
 
 /// Rounds stop at this share: what one of so few is worth cannot be told from chance.
@@ -25,7 +26,8 @@ impl<'a> Thrift<'a> {
                 return Ok(());
             }
         };
-        let entry = self.look(trainer)?;
+        let mut entry = self.look(trainer)?;
+        entry.is_merged = round.is_merged;
         match (round.without, self.kept.take()) {
             (None, Some(whole)) => {
                 self.kept = Some(trainer.download()?);
@@ -62,12 +64,17 @@ impl<'a> Thrift<'a> {
         let preference = self.ledger.preference_db;
         if gain.mean > preference {
             entry.act = Act::Missed;
+            self.ledger.missed_share = Some(self.ledger.share);
             self.ledger.share /= 2.0;
         } else {
             entry.act = Act::Pruned;
             trainer.replace(less)?;
             if gain.mean < 0.5 * preference {
-                self.ledger.share = (2.0 * self.ledger.share).min(SHARE_MAX);
+                let most = self
+                    .ledger
+                    .missed_share
+                    .map_or(SHARE_MAX, |missed| 0.75 * missed);
+                self.ledger.share = (2.0 * self.ledger.share).min(most);
             }
         }
         self.ledger.entries.push(entry);
@@ -81,8 +88,8 @@ impl<'a> Thrift<'a> {
 
     /// Takes out a share of the splats, for the steps of a round.
     pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let (state, less) = self.lesser(trainer)?;
-        self.try_without(trainer, state, &less)
+        let lesser = self.lesser(trainer)?;
+        self.try_without(trainer, lesser.whole, &lesser.less, lesser.is_merged)
     }
 
     /// Takes the first steps of a round from the lesser state.
@@ -91,12 +98,14 @@ impl<'a> Thrift<'a> {
         trainer: &mut Trainer<'a>,
         whole: HostState,
         less: &HostState,
+        is_merged: bool,
     ) -> Result<()> {
         trainer.replace(less)?;
         self.kept = Some(whole);
         self.ledger.round = Some(Round {
             from: trainer.iteration(),
             without: None,
+            is_merged,
         });
         Ok(())
     }

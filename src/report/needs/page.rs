@@ -12,8 +12,8 @@ important splats and without, added up from the last one; the line is the law PS
 red circle marks its knee, where a tenth more splats is worth just the preference; where it lies beyond the picture it \
 stands at the edge.";
 
-const OF_STEPS: &str = "Scores are means over the held-out views, PSNR with a hundredth of white on top of each view's error, since what \
-no eye tells is worth nothing; those on the right are without the splats that went, or \
+const OF_STEPS: &str = "Scores are means over the held-out views, PSNR, 40 dB at most, since what no eye \
+tells is worth nothing; those on the right are without the splats or harmonics that went, or \
 would have gone, after the same steps. The gain is that of a tenth more splats and its lower 95 % bound (Student's t over \
 the views): while growing, all that the scores have risen counts, so that growth ends too late rather than too soon.";
 
