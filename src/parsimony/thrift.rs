@@ -29,8 +29,7 @@ use crate::{Error, Result};
 use rounds::SHARE;
 
 /// The preference where none is given: decibels for a tenth more splats. With it the fox keeps a quarter to a third of
-/// the fixed recipe's splats at 0.06 to 0.40 dB less than that at the same rates (three seeds, `2026-11-22-needs-fox.csv`);
-/// with 0.04 single runs went to a fifth.
+/// the fixed recipe's splats at 0.06 to 0.40 dB less than that at the same rates (three seeds, `2026-11-22-needs-fox.csv`).
 pub const PREFERENCE_DB: f64 = 0.03;
 
 /// Steers a run.
