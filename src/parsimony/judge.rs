@@ -11,8 +11,8 @@ use crate::scene::{Camera, Dataset, Splats, Split};
 /// Held out at least, where there are enough views: a spread needs as many.
 const VIEWS_MIN: usize = 3;
 
-/// One of so many training views is held out: 4 %.
-const VIEWS_EACH: usize = 25;
+/// One of so many training views is held out, as many as are usually kept for tests.
+const VIEWS_EACH: usize = 8;
 
 /// No view's mean squared error counts as less than that of a hundredth of white, about the least contrast that an eye
 /// tells (Weber): a plain wall would be given splats for decibels beyond 40 that nobody sees.

@@ -177,8 +177,12 @@ impl<'a> Thrift<'a> {
             self.ledger.end = config.iterations;
         }
         self.ledger.settled_from = Some(trainer.iteration());
-        let all = self.dataset.split(crate::scene::Split::Train);
-        trainer.set_views(all)
+        trainer.set_views(self.all())
+    }
+
+    /// All training views, held out or not.
+    fn all(&self) -> Vec<usize> {
+        self.dataset.split(crate::scene::Split::Train)
     }
 
     /// How the scene is now.

@@ -84,10 +84,11 @@ impl<'a> Thrift<'a> {
         self.begin_half(trainer)
     }
 
-    /// Colours by fewer harmonics, for what the fitted views see.
+    /// Colours by fewer harmonics, for what the training views see.
     fn fits(&self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<Fits> {
-        let step = self.fitted.len().div_ceil(VIEWS_MAX).max(1);
-        let views: Vec<usize> = self.fitted.iter().copied().step_by(step).collect();
+        let all = self.all();
+        let step = all.len().div_ceil(VIEWS_MAX).max(1);
+        let views: Vec<usize> = all.into_iter().step_by(step).collect();
         let seen = Survey::begin(trainer, self.dataset)?.seen(&views)?;
         Ok(Fits::new(splats, &seen))
     }

@@ -40,7 +40,8 @@ impl<'a> Thrift<'a> {
             }
             self.ledger.has_detail = true;
         }
-        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.fitted)?;
+        // In the held-out views, too: what they alone see would be the first to go. Only where they stand is used.
+        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.all())?;
         Ok(Lesser {
             less: whole.select(&largest(&changes, left)),
             whole,
@@ -55,7 +56,7 @@ impl<'a> Thrift<'a> {
             return None;
         }
         let camera = |&view: &usize| self.dataset.views[view].camera;
-        let cameras: Vec<Camera> = self.fitted.iter().map(camera).collect();
+        let cameras: Vec<Camera> = self.all().iter().map(camera).collect();
         let rates = rates(splats, &cameras, f64::from(trainer.near()));
         let share = 1.0 - left as f64 / splats.len().max(1) as f64;
         merge(splats, &rates, share, &mut |_| true).map(|merged| merged.splats)

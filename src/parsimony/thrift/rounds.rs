@@ -3,14 +3,13 @@
 use super::{Phase, Thrift, prune_by};
 use crate::Result;
 use crate::parsimony::gain::{differences, estimate, tenths};
-use crate::parsimony::ledger::{Act, Entry, Round};
+use crate::parsimony::ledger::{Act, Entry, Ledger, Round};
 use crate::train::{HostState, TrainConfig, Trainer};
 
 /// The share of splats that the first round takes out.
 pub(super) const SHARE: f64 = 0.5;
 
-/// Rounds that cost less than half of what they might make the next one twice as bold, up to this share, or to three
-/// quarters of one that was missed.
+/// No round takes more than this share.
 const SHARE_MAX: f64 = 0.8;
 
 /// Rounds stop at this share: what one of so few is worth cannot be told from chance.
@@ -65,18 +64,11 @@ impl<'a> Thrift<'a> {
         if gain.mean > preference {
             entry.act = Act::Missed;
             self.ledger.missed_share = Some(self.ledger.share);
-            self.ledger.share /= 2.0;
         } else {
             entry.act = Act::Pruned;
             trainer.replace(less)?;
-            if gain.mean < 0.5 * preference {
-                let most = self
-                    .ledger
-                    .missed_share
-                    .map_or(SHARE_MAX, |missed| 0.75 * missed);
-                self.ledger.share = (2.0 * self.ledger.share).min(most);
-            }
         }
+        self.ledger.share = next_share(&self.ledger, gain.mean);
         self.ledger.entries.push(entry);
         let config = trainer.config();
         let is_time = trainer.iteration() + round(config) > prune_by(config);
@@ -111,7 +103,47 @@ impl<'a> Thrift<'a> {
     }
 }
 
+/// The share to try after a round that cost so much for every tenth.
+///
+/// The next tenth costs more than the last ones on average: about twice as much by how much what is left shows. So one
+/// that cost all it might is followed by none, one that cost half of it by as large a share again, one that cost nothing
+/// by twice that. After one that was missed, the share shrinks with the root of what it cost too much: that keeps the
+/// count from hanging on whether a large step was just allowed or just not.
+fn next_share(ledger: &Ledger, cost_db: f64) -> f64 {
+    let (share, relative) = (ledger.share, cost_db / ledger.preference_db);
+    if relative > 1.0 {
+        return share * relative.sqrt().recip().clamp(0.5, 0.9);
+    }
+    let most = ledger
+        .missed_share
+        .map_or(SHARE_MAX, |missed| 0.75 * missed);
+    (share * (2.0 - 2.0 * relative).min(2.0)).min(most)
+}
+
 /// Steps of a round's fit.
 pub(super) fn round(config: &TrainConfig) -> u32 {
     (config.iterations / 20).clamp(25, 500)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_next_share_goes_by_what_the_last_one_cost() {
+        let ledger = |missed_share| Ledger {
+            preference_db: 0.03,
+            share: 0.4,
+            missed_share,
+            ..Ledger::default()
+        };
+        let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}");
+        near(next_share(&ledger(None), -0.1), 0.8);
+        near(next_share(&ledger(None), 0.015), 0.4);
+        near(next_share(&ledger(None), 0.03), 0.0);
+        near(next_share(&ledger(Some(0.5)), 0.0), 0.375);
+        near(next_share(&ledger(None), 0.06), 0.4 / 2_f64.sqrt());
+        near(next_share(&ledger(None), 3.0), 0.2);
+        near(next_share(&ledger(None), 0.031), 0.36);
+    }
 }
