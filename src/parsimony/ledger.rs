@@ -78,7 +78,7 @@ pub struct Entry {
 
 /// A round on its way: the same steps are taken from the same state twice, without the least important splats or
 /// harmonics and then with them, so that nothing but their absence tells the two apart.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Round {
     /// The iteration that both begin after.
     pub from: u32,
@@ -87,6 +87,9 @@ pub struct Round {
     /// Whether splats went by merging.
     #[serde(default)]
     pub is_merged: bool,
+    /// Whether all harmonics went.
+    #[serde(default)]
+    pub is_bare: bool,
 }
 
 /// The course and the state of the decisions.

@@ -199,7 +199,7 @@ fn views_are_held_out_evenly_and_are_never_test_views() {
             assert_eq!((&fitted, &held), (&train, &train));
             continue;
         }
-        assert_eq!(held.len(), train.len().div_ceil(25).max(3));
+        assert_eq!(held.len(), train.len().div_ceil(8).max(3));
         assert_eq!(fitted.len() + held.len(), train.len());
         assert!(fitted.iter().all(|view| !held.contains(view)));
         assert!(held[0] > train[0] && held.last() < train.last());

@@ -40,7 +40,10 @@ impl<'a> Thrift<'a> {
             self.ledger.phase = Phase::Pruning;
             trainer.set_limit(0);
             trainer.set_views(self.fitted.clone())?;
-            return self.begin_round(trainer);
+            return match is_full {
+                true => self.begin_bare(trainer, iteration),
+                false => self.begin_round(trainer),
+            };
         }
         self.ledger.entries.push(entry);
         self.point_out_errors(trainer)

@@ -10,6 +10,7 @@ use crate::parsimony::gain::{differences, mean};
 use crate::parsimony::ledger::{Act, Entry};
 use crate::render::{degrees_used, merge_degrees};
 use crate::scene::Splats;
+use crate::train::schedule::sh_degree;
 use crate::train::{HostState, Trainer};
 
 /// The shares of the harmonics' floats that may turn out to be enough at once, one after the other; the last is degree 0
@@ -17,19 +18,56 @@ use crate::train::{HostState, Trainer};
 const SHARES: [f64; 6] = [0.75, 0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
 
 /// Harmonics that go at once may lose so much of the preference: those that nobody needed.
-const AT_ONCE: f64 = 0.25;
+const AT_ONCE: f64 = 0.5;
 
 /// Views that colours are fitted to, at most.
 const VIEWS_MAX: usize = 64;
 
 impl<'a> Thrift<'a> {
+    /// Tries to do without any harmonics, where growth has ended because nothing is left to them. Those that have not
+    /// been trained yet go in any case.
+    pub(super) fn begin_bare(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
+        let degree = sh_degree(trainer.config(), iteration);
+        if degree < trainer.config().sh_degree {
+            self.ledger.sh_lost_db = Some(0.0);
+            trainer.lower_degrees(&vec![degree as u8; trainer.splat_count()])?;
+        }
+        let splats = trainer.splats()?;
+        if splats.sh_degree == 0 {
+            return self.begin_round(trainer);
+        }
+        let fits = self.fits(trainer, &splats)?;
+        let state = trainer.download()?;
+        let bare = vec![0; splats.len()];
+        let less = without(&state, &bare, &fits.applied(&splats, &bare));
+        self.try_without(trainer, state, &less)?;
+        if let Some(round) = &mut self.ledger.round {
+            round.is_bare = true;
+        }
+        Ok(())
+    }
+
+    pub(super) fn judge_bare(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        entry: Entry,
+        without: (usize, Vec<f64>),
+        less: &HostState,
+    ) -> Result<()> {
+        self.settle_lowering(trainer, entry, without, less)?;
+        self.begin_round(trainer)
+    }
+
     /// Takes the harmonics that hardly show, and tries to do without half of the others.
     pub(super) fn begin_lowering(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         self.ledger.phase = Phase::Lowering;
         let splats = trainer.splats()?;
+        if splats.sh_degree == 0 {
+            return self.decide(trainer);
+        }
         let fits = self.fits(trainer, &splats)?;
         let whole = self.judge.score(&splats)?;
-        let mut found = None;
+        let (gone_before, mut found) = (self.ledger.sh_lost_db, None);
         for share in SHARES {
             let floats = (share * splats.sh.len() as f64) as usize;
             let (degrees, less) = lowered(&fits, &splats, floats);
@@ -37,7 +75,7 @@ impl<'a> Thrift<'a> {
             if lost > AT_ONCE * self.ledger.preference_db {
                 break;
             }
-            self.ledger.sh_lost_db = Some(lost);
+            self.ledger.sh_lost_db = Some(gone_before.unwrap_or(0.0) + lost);
             found = Some((degrees, less));
         }
         if let Some((degrees, less)) = found {
@@ -58,16 +96,30 @@ impl<'a> Thrift<'a> {
         let state = trainer.download()?;
         let (degrees, less) = lowered(&fits, &splats, count(&degrees_used(&splats)) / 2);
         let less = without(&state, &degrees, &less);
-        self.try_without(trainer, state, &less, false)
+        self.try_without(trainer, state, &less)
     }
 
     pub(super) fn judge_lowering(
         &mut self,
         trainer: &mut Trainer<'a>,
-        mut entry: Entry,
+        entry: Entry,
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
+        match self.settle_lowering(trainer, entry, without, less)? {
+            true => self.begin_half(trainer),
+            false => self.decide(trainer),
+        }
+    }
+
+    /// Goes on without the harmonics of a round if the held-out views do not miss them; says whether.
+    fn settle_lowering(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        mut entry: Entry,
+        without: (usize, Vec<f64>),
+        less: &HostState,
+    ) -> Result<bool> {
         let lost = mean(&differences(&without.1, &entry.psnr_db));
         let is_missed = lost > self.ledger.preference_db;
         entry.without = Some(without);
@@ -76,12 +128,11 @@ impl<'a> Thrift<'a> {
             false => Act::Lowered,
         };
         self.ledger.entries.push(entry);
-        if is_missed {
-            return self.decide(trainer);
+        if !is_missed {
+            *self.ledger.sh_lost_db.get_or_insert(0.0) += lost;
+            trainer.replace(less)?;
         }
-        *self.ledger.sh_lost_db.get_or_insert(0.0) += lost;
-        trainer.replace(less)?;
-        self.begin_half(trainer)
+        Ok(!is_missed)
     }
 
     /// Colours by fewer harmonics, for what the training views see.

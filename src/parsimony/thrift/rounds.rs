@@ -37,6 +37,9 @@ impl<'a> Thrift<'a> {
                 });
                 Ok(())
             }
+            (Some(without), Some(less)) if round.is_bare => {
+                self.judge_bare(trainer, entry, without, &less)
+            }
             (Some(without), Some(less)) if self.ledger.phase == Phase::Lowering => {
                 self.judge_lowering(trainer, entry, without, &less)
             }
@@ -81,7 +84,11 @@ impl<'a> Thrift<'a> {
     /// Takes out a share of the splats, for the steps of a round.
     pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let lesser = self.lesser(trainer)?;
-        self.try_without(trainer, lesser.whole, &lesser.less, lesser.is_merged)
+        self.try_without(trainer, lesser.whole, &lesser.less)?;
+        if let Some(round) = &mut self.ledger.round {
+            round.is_merged = lesser.is_merged;
+        }
+        Ok(())
     }
 
     /// Takes the first steps of a round from the lesser state.
@@ -90,14 +97,12 @@ impl<'a> Thrift<'a> {
         trainer: &mut Trainer<'a>,
         whole: HostState,
         less: &HostState,
-        is_merged: bool,
     ) -> Result<()> {
         trainer.replace(less)?;
         self.kept = Some(whole);
         self.ledger.round = Some(Round {
             from: trainer.iteration(),
-            without: None,
-            is_merged,
+            ..Round::default()
         });
         Ok(())
     }
@@ -105,10 +110,10 @@ impl<'a> Thrift<'a> {
 
 /// The share to try after a round that cost so much for every tenth.
 ///
-/// The next tenth costs more than the last ones on average: about twice as much by how much what is left shows. So one
-/// that cost all it might is followed by none, one that cost half of it by as large a share again, one that cost nothing
-/// by twice that. After one that was missed, the share shrinks with the root of what it cost too much: that keeps the
-/// count from hanging on whether a large step was just allowed or just not.
+/// The next tenth costs more than the last ones on average. So a round that cost half of what it might is followed by as
+/// large a share again, one that cost nothing by twice that, one that cost all of it by half. After one that was missed,
+/// the share shrinks with the root of what it cost too much: that keeps the count from hanging on whether a large step was
+/// just allowed or just not.
 fn next_share(ledger: &Ledger, cost_db: f64) -> f64 {
     let (share, relative) = (ledger.share, cost_db / ledger.preference_db);
     if relative > 1.0 {
@@ -117,7 +122,7 @@ fn next_share(ledger: &Ledger, cost_db: f64) -> f64 {
     let most = ledger
         .missed_share
         .map_or(SHARE_MAX, |missed| 0.75 * missed);
-    (share * (2.0 - 2.0 * relative).min(2.0)).min(most)
+    (share * (2.0 - 2.0 * relative).clamp(0.5, 2.0)).min(most)
 }
 
 /// Steps of a round's fit.
@@ -140,7 +145,7 @@ mod tests {
         let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}");
         near(next_share(&ledger(None), -0.1), 0.8);
         near(next_share(&ledger(None), 0.015), 0.4);
-        near(next_share(&ledger(None), 0.03), 0.0);
+        near(next_share(&ledger(None), 0.03), 0.2);
         near(next_share(&ledger(Some(0.5)), 0.0), 0.375);
         near(next_share(&ledger(None), 0.06), 0.4 / 2_f64.sqrt());
         near(next_share(&ledger(None), 3.0), 0.2);
