@@ -25,8 +25,8 @@ use crate::{Error, Result};
 use std::collections::VecDeque;
 
 pub use room::Extremes;
-use room::new_scratch;
 pub(crate) use room::with_margin;
+use room::{limit_splats, new_scratch};
 
 /// Steps in flight.
 pub(crate) const IN_FLIGHT: usize = 2;
@@ -82,8 +82,10 @@ pub struct Trainer<'a> {
     gradients: Gradients,
     /// Those of `halved` while there is one.
     photos: Photos,
-    /// The training views alone, as the first steps see them.
+    /// The training views alone at half their size, while steps see those.
     halved: Option<Dataset>,
+    /// Whether whoever steers the run has it so.
+    half_size: bool,
     frames: Frames,
     /// The last iteration recorded.
     iteration: u32,
@@ -126,7 +128,8 @@ impl<'a> Trainer<'a> {
         let scratch = new_scratch(gpu, capacity, Bands::default())?;
         let mut extremes = Extremes::default();
         extremes.note(&state.degrees);
-        let (halved, photos) = halved::begin(gpu, dataset, &views, &config, iteration)?;
+        let is_half = iteration < config.half_size_until;
+        let (halved, photos) = halved::begin(gpu, dataset, &views, &config, is_half)?;
         let mut trainer = Trainer {
             gpu: gpu.clone(),
             dataset,
@@ -142,6 +145,7 @@ impl<'a> Trainer<'a> {
             bands: Bands::default(),
             photos,
             halved,
+            half_size: false,
             frames: Frames::new(gpu, IN_FLIGHT, true)?,
             views,
             config,
@@ -280,7 +284,10 @@ impl<'a> Trainer<'a> {
             mode: self.config.mode,
         };
         let model = &self.state.model;
-        let view = view_of(camera, &options);
+        let mut view = view_of(camera, &options);
+        if self.halved.is_some() {
+            view.dilation *= halved::DILATION;
+        }
         let step = Step {
             config: &self.config,
             forward: &self.forward,
@@ -389,10 +396,4 @@ fn smooth(state: &mut HostState, dataset: &Dataset, config: &TrainConfig) {
         let near = dataset.extent() * f64::from(config.near_factor);
         smoothing::refresh(state, &cameras, near, &config.mip);
     }
-}
-
-/// No more splats than the device has room for.
-fn limit_splats(gpu: &Gpu, config: &mut TrainConfig) {
-    let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
-    config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));
 }

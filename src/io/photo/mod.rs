@@ -8,7 +8,7 @@ mod cache;
 mod header;
 mod resample;
 
-pub use resample::reduce;
+pub use resample::{half, reduce};
 
 pub use cache::PhotoCache;
 pub use header::dimensions;

@@ -3,6 +3,7 @@
 //! Colours are averaged with alpha as the weight, so that what lies under transparent pixels (often
 //! black, or arbitrary) does not bleed into the visible ones.
 
+use super::SIDE_MIN;
 use crate::scene::{Camera, Distortion, Photo};
 use glam::{DVec2, Vec4};
 
@@ -79,6 +80,11 @@ fn bilinear(photo: &Photo, at: DVec2) -> [u8; 4] {
         sum += weighted(photo.rgba[(row * width + column) as usize]) * weight;
     }
     unweighted(sum)
+}
+
+/// Half a width or height, rounded up.
+pub fn half(length: u32) -> u32 {
+    length.div_ceil(2).max(SIDE_MIN).min(length)
 }
 
 /// The photograph at `width` x `height`, each pixel the average over the area it covers.

@@ -1,58 +1,49 @@
-//! The training views at half their size, for the first steps of a run: a quarter of the pixels to draw.
+//! The training views at half their size: a quarter of the pixels to draw. For the first steps of a run, or for as long as
+//! whoever steers it has it so.
 
 use super::{IN_FLIGHT, Photos, TrainConfig, Trainer};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::io::photo;
-use crate::scene::{AlphaMode, Dataset, PhotoSource, Split, View};
+use crate::scene::{Dataset, PhotoSource, Split, View};
 use rayon::prelude::*;
+
+/// What splats are widened by on the screen, of what they are in whole pictures: as much of the scene, so that what fits the
+/// half is not too sharp for the whole. In pixels of twice the side an area is a quarter.
+pub(super) const DILATION: f32 = 0.25;
 
 /// A data set of the named views alone, in that order, at half their width and height, rounded up.
 fn halved(dataset: &Dataset, views: &[usize]) -> Result<Dataset> {
-    let half = |length: u32| length.div_ceil(2).max(photo::SIDE_MIN).min(length);
     let view = |&index: &usize| {
         let view = &dataset.views[index];
-        let (width, height) = (half(view.camera.width), half(view.camera.height));
-        let photo = photo::reduce(photo::load(view)?, width, height);
+        let [width, height] = [view.camera.width, view.camera.height].map(photo::half);
         Ok(View {
             name: view.name.clone(),
             camera: view.camera.resized(width, height),
-            photo: PhotoSource::Memory(photo),
+            photo: match &view.photo {
+                // Reduced whenever it is read: all of them in memory may be more than there is.
+                PhotoSource::File { .. } => view.photo.clone(),
+                _ => PhotoSource::Memory(photo::reduce(photo::load(view)?, width, height)),
+            },
         })
     };
-    // Where undistorting left empty borders, alpha says so, whatever else it may mean.
-    let has_border = |&index: &usize| {
-        let photo = &dataset.views[index].photo;
-        matches!(
-            photo,
-            PhotoSource::File {
-                distortion: Some(_),
-                ..
-            }
-        )
-    };
-    let masks = dataset.alpha == AlphaMode::Mask || views.iter().any(has_border);
     Ok(Dataset {
         views: views.par_iter().map(view).collect::<Result<_>>()?,
-        alpha: match masks {
-            true => AlphaMode::Mask,
-            false => AlphaMode::Composite,
-        },
+        alpha: dataset.alpha,
         ..Dataset::default()
     })
 }
 
-/// What a run that goes on from an iteration begins with: the reduced views, if they are still to be seen, and
-/// the photographs of those or of the whole ones.
+/// The reduced views, if those are to be seen, and the photographs of those or of the whole ones.
 pub(super) fn begin(
     gpu: &Gpu,
     dataset: &Dataset,
     views: &[usize],
     config: &TrainConfig,
-    iteration: u32,
+    is_half: bool,
 ) -> Result<(Option<Dataset>, Photos)> {
     let share = config.photo_share;
-    if iteration >= config.half_size_until {
+    if !is_half {
         return Ok((None, Photos::new(gpu, dataset, views, IN_FLIGHT, share)?));
     }
     let half = halved(dataset, views)?;
@@ -61,13 +52,24 @@ pub(super) fn begin(
 }
 
 impl Trainer<'_> {
+    /// Whether the next step is to see photographs of half the size.
+    pub(super) fn is_half(&self) -> bool {
+        self.half_size || self.iteration < self.config.half_size_until
+    }
+
     /// Goes over to whole photographs when their time has come. A step that did not fit comes first, again.
     pub(super) fn enlarge(&mut self) -> Result<()> {
-        if self.halved.is_some() && self.iteration >= self.config.half_size_until && self.drain()? {
-            self.halved = None;
-            let (dataset, share) = (self.dataset, self.config.photo_share);
-            self.photos = Photos::new(&self.gpu, dataset, &self.views, IN_FLIGHT, share)?;
+        if self.halved.is_some() && !self.is_half() && self.drain()? {
+            self.reload(self.views.clone())?;
         }
+        Ok(())
+    }
+
+    /// Trains on the photographs of these views from now on. No step is in flight.
+    pub(super) fn reload(&mut self, views: Vec<usize>) -> Result<()> {
+        let is_half = self.is_half();
+        (self.halved, self.photos) = begin(&self.gpu, self.dataset, &views, &self.config, is_half)?;
+        self.views = views;
         Ok(())
     }
 }

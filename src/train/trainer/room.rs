@@ -8,7 +8,7 @@ use crate::render::{
     Bands, ByDegree, Capacity, Extras, Scratch, Slots, Trail, frame_needs, list_limit, total,
 };
 use crate::train::backward::Gradients;
-use crate::train::config::StrategyKind;
+use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
 use crate::train::memory::{TrainSize, gradient_needs, splats_expected, state_needs};
 use crate::train::state::HostState;
@@ -172,4 +172,10 @@ pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: Bands) -> Result
 /// Bytes of the buffers of a step.
 fn step_bytes(capacity: Capacity) -> u64 {
     total(&frame_needs(capacity, Extras::TRAINING)) + total(&gradient_needs(capacity))
+}
+
+/// No more splats than the device has room for.
+pub(super) fn limit_splats(gpu: &Gpu, config: &mut TrainConfig) {
+    let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
+    config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));
 }

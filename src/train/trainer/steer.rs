@@ -1,7 +1,7 @@
-//! What may be changed between two steps by whoever steers a run: which views it sees, what it goes on from, how far it
-//! may grow. A run that is resumed must be steered alike.
+//! What may be changed between two steps by whoever steers a run: which views it sees and how large, what it goes on from,
+//! how far it may grow. A run that is resumed must be steered alike.
 
-use super::{Trainer, halved};
+use super::Trainer;
 use crate::train::state::HostState;
 use crate::{Error, Result};
 
@@ -20,14 +20,16 @@ impl Trainer<'_> {
             return Ok(());
         }
         self.settle()?;
-        (self.halved, self.photos) = halved::begin(
-            &self.gpu,
-            self.dataset,
-            &views,
-            &self.config,
-            self.iteration,
-        )?;
-        self.views = views;
+        self.reload(views)
+    }
+
+    /// Trains on photographs of half their width and height from now on, or on whole ones. Waits for the last step begun.
+    pub fn set_half_size(&mut self, half_size: bool) -> Result<()> {
+        self.settle()?;
+        self.half_size = half_size;
+        if self.halved.is_some() != self.is_half() {
+            self.reload(self.views.clone())?;
+        }
         Ok(())
     }
 
