@@ -56,6 +56,13 @@ pub fn mean(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len().max(1) as f64
 }
 
+/// The mean squared error, over all views, of views that have such PSNR; decibels.
+pub fn error(psnr_db: &[f64]) -> f64 {
+    let error = |psnr: &f64| 10_f64.powf(-psnr / 10.0);
+    let errors: Vec<f64> = psnr_db.iter().map(error).collect();
+    mean(&errors)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -68,6 +75,11 @@ mod tests {
         assert!((found.high - found.mean - 2.920 / 3_f64.sqrt()).abs() < 1e-9);
         assert_eq!(estimate(&[0.5]).low, 0.5);
         assert_eq!(estimate(&[]).mean, 0.0);
+    }
+
+    #[test]
+    fn errors_are_averaged_and_decibels_are_not() {
+        assert!((error(&[10.0, 20.0]) - 0.055).abs() < 1e-12);
     }
 
     #[test]

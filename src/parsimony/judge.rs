@@ -16,7 +16,7 @@ const VIEWS_EACH: usize = 8;
 
 /// No view's mean squared error counts as less than that of a hundredth of white, about the least contrast that an eye
 /// tells (Weber): a plain wall would be given splats for decibels beyond 40 that nobody sees.
-const UNSEEN: f64 = 1e-4;
+pub(super) const UNSEEN: f64 = 1e-4;
 
 /// So many decibels at most: those of that error.
 pub(super) const FULL_DB: f64 = 40.0;

@@ -1,8 +1,8 @@
 //! What has been tried and found in a run that ends with no more splats than its scene needs. All that its decisions go
 //! by stands here, so that a resumed run decides alike.
 
-use super::gain::mean;
-use crate::report::needs::{Law, NeedStep};
+use super::gain::{error, mean};
+use crate::report::needs::{HalfSize, Law, NeedStep};
 use serde::{Deserialize, Serialize};
 
 /// What a run is at.
@@ -28,6 +28,8 @@ pub enum Phase {
 pub enum Act {
     /// Nothing: the held-out views were looked at.
     Looked,
+    /// Training went over from photographs of half the size to whole ones.
+    Enlarged,
     /// Growth ended.
     Stopped,
     /// The least important splats went.
@@ -45,6 +47,7 @@ impl Entry {
     fn name(&self) -> &'static str {
         match (self.act, self.is_merged) {
             (Act::Looked, _) => "looked",
+            (Act::Enlarged, _) => "whole photographs from now on",
             (Act::Stopped, _) => "growth stopped",
             (Act::Pruned, false) => "the least important went",
             (Act::Pruned, true) => "neighbours merged",
@@ -109,6 +112,12 @@ pub struct Ledger {
     /// Whether merging has blurred what there is to see: then that is not tried again.
     #[serde(default)]
     pub has_detail: bool,
+    /// Whether training sees photographs of half the size.
+    #[serde(default)]
+    pub is_half: bool,
+    /// The mean squared error that photographs of half the size leave at least.
+    #[serde(default)]
+    pub lost_by_halving: f64,
     /// The iteration from which the count is fixed.
     pub settled_from: Option<u32>,
     /// The iteration that the run ends after, as far as is known.
@@ -163,6 +172,20 @@ impl Ledger {
         Law::through(&self.points())
     }
 
+    /// For how long photographs of half the size were enough; `None` where that was not asked.
+    pub fn half_size(&self) -> Option<HalfSize> {
+        let lost = self.lost_by_halving;
+        let mut entries = self.entries.iter();
+        let turn = entries.find(|entry| entry.act == Act::Enlarged);
+        let hidden = |turn: &Entry| (lost / error(&turn.psnr_db)).min(1.0);
+        let limit = -10.0 * lost.log10();
+        (turn.is_some() || lost > 0.0).then(|| HalfSize {
+            until: turn.map_or(0, |turn| turn.iteration),
+            limit_db: limit.is_finite().then_some(limit),
+            hidden_share: turn.map(hidden),
+        })
+    }
+
     /// The course as a report has it.
     pub fn steps(&self) -> Vec<NeedStep> {
         let step = |entry: &Entry| NeedStep {
@@ -183,6 +206,35 @@ impl Ledger {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_half_the_size_hides_is_a_share_of_what_is_wrong() {
+        let looked = |act, psnr_db: f64| Entry {
+            iteration: 149,
+            act,
+            splats: 7,
+            psnr_db: vec![psnr_db],
+            without: None,
+            gain_db: None,
+            is_merged: false,
+        };
+        let mut ledger = Ledger::default();
+        assert_eq!(ledger.half_size(), None);
+        ledger.lost_by_halving = 1e-4;
+        let found = |ledger: &Ledger| {
+            ledger
+                .half_size()
+                .map(|half| (half.until, half.hidden_share))
+        };
+        assert_eq!(found(&ledger), Some((0, None)));
+        ledger.entries = vec![looked(Act::Looked, 10.0), looked(Act::Enlarged, 30.0)];
+        let half = ledger.half_size().unwrap_or_default();
+        assert_eq!(half.until, 149);
+        assert!((half.limit_db.unwrap_or_default() - 40.0).abs() < 1e-9);
+        assert!((half.hidden_share.unwrap_or_default() - 0.1).abs() < 1e-9);
+        ledger.lost_by_halving = 0.0;
+        assert_eq!(ledger.half_size().and_then(|half| half.limit_db), None);
+    }
 
     #[test]
     fn what_rounds_lost_adds_up_whatever_time_has_gained() {

@@ -25,6 +25,7 @@
 
 mod change;
 mod colors;
+mod detail;
 pub mod gain;
 mod harmonics;
 mod judge;

@@ -16,6 +16,7 @@
 mod growth;
 mod harmonics;
 mod lesser;
+mod resolution;
 mod rounds;
 mod survey;
 
@@ -81,7 +82,9 @@ impl<'a> Thrift<'a> {
             is_open,
             ..Ledger::default()
         };
-        Thrift::resume(trainer, dataset, ledger, None)
+        let mut thrift = Thrift::resume(trainer, dataset, ledger, None)?;
+        thrift.begin_size(trainer)?;
+        Ok(thrift)
     }
 
     /// Goes on steering, as a checkpoint has it.
@@ -103,6 +106,7 @@ impl<'a> Thrift<'a> {
         if ledger.phase != Phase::Growing {
             trainer.set_limit(0);
         }
+        trainer.set_half_size(ledger.is_half)?;
         let thrift = Thrift {
             dataset,
             ledger,
@@ -177,6 +181,10 @@ impl<'a> Thrift<'a> {
             self.ledger.end = config.iterations;
         }
         self.ledger.settled_from = Some(trainer.iteration());
+        if self.ledger.is_half {
+            let entry = self.look(trainer)?;
+            self.enlarge(trainer, &entry)?;
+        }
         trainer.set_views(self.all())
     }
 

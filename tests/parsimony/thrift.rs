@@ -106,12 +106,7 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
     for kind in [Kind::Plane, Kind::Intricate] {
         let mut dataset = dataset(kind);
         if kind == Kind::Plane {
-            for view in &mut dataset.views {
-                let PhotoSource::Memory(photo) = &mut view.photo else {
-                    continue;
-                };
-                photo.rgba.fill([140, 120, 100, 255]);
-            }
+            paint(&mut dataset);
         }
         let config = thrifty(TrainConfig {
             sh_degree: 1,
@@ -128,9 +123,50 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
     Ok(())
 }
 
+/// Makes all photographs of one colour.
+fn paint(dataset: &mut Dataset) {
+    for view in &mut dataset.views {
+        if let PhotoSource::Memory(photo) = &mut view.photo {
+            photo.rgba.fill([140, 120, 100, 255]);
+        }
+    }
+}
+
 /// Splats of degree 0 and 1.
 fn degrees(state: &HostState) -> [usize; 2] {
     [0, 1].map(|degree| state.degrees.iter().filter(|&&d| d == degree).count())
+}
+
+/// A wall of one colour, of which half the size shows all, and a scene full of detail.
+#[test]
+fn photographs_stay_small_for_longer_where_there_is_less_to_see() -> Result<()> {
+    let gpu = gpu();
+    let mut turns = Vec::new();
+    for kind in [Kind::Plane, Kind::Intricate] {
+        let mut dataset = dataset(kind);
+        if kind == Kind::Plane {
+            paint(&mut dataset);
+        }
+        let config = config(StrategyKind::Adc);
+        let mut trainer = Trainer::new(&gpu, &dataset, config)?;
+        let mut thrift = Thrift::begin(&mut trainer, &dataset, PREFERENCE_DB, false)?;
+        while thrift.ledger().is_half {
+            trainer.step()?;
+            thrift.attend(&mut trainer)?;
+        }
+        let ledger = thrift.ledger();
+        let half = ledger.half_size().unwrap_or_default();
+        assert_eq!(half.until, trainer.iteration());
+        turns.push((half, ledger.phase, ledger.settled_from));
+    }
+    let [(plain, _, settled_from), (full, phase, _)] = &turns[..] else {
+        panic!("two scenes");
+    };
+    assert_eq!(Some(plain.until), *settled_from);
+    assert!(2 * full.until <= plain.until, "{turns:?}");
+    assert_eq!(*phase, Phase::Growing);
+    assert!(full.limit_db.unwrap() < 30.0, "{full:?}");
+    Ok(())
 }
 
 #[test]
@@ -145,19 +181,21 @@ fn a_resumed_run_decides_and_ends_as_an_uninterrupted_one() -> Result<()> {
         let whole = run(&gpu, &dataset, config.clone(), 0.02)?;
         let mut trainer = Trainer::new(&gpu, &dataset, config)?;
         let mut thrift = Thrift::begin(&mut trainer, &dataset, 0.02, false)?;
-        let mut phases = Vec::new();
+        let (mut phases, mut sizes) = (Vec::new(), Vec::new());
         while !trainer.is_done() {
             trainer.step()?;
             thrift.attend(&mut trainer)?;
             // 49: where growth is looked at; 170: within a round; the others: wherever they fall.
-            if [49, 101, 170, 215, 300].contains(&trainer.iteration()) {
+            if [30, 49, 101, 170, 215, 300].contains(&trainer.iteration()) {
                 phases.push(thrift.ledger().phase);
+                sizes.push(thrift.ledger().is_half);
                 (trainer, thrift) = reopened(&gpu, &dataset, (trainer, thrift), &path)?;
             }
         }
         let found = (trainer.download()?, thrift.ledger().clone());
         assert!(phases.contains(&Phase::Growing) && phases.contains(&Phase::Settled));
         assert!(phases.contains(&Phase::Pruning), "{phases:?}");
+        assert!(sizes[0] && !sizes[5], "{sizes:?}");
         assert_eq!(found.1, whole.1, "{strategy:?}");
         assert!(found.0 == whole.0, "{strategy:?}: other splats");
     }

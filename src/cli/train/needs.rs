@@ -21,6 +21,7 @@ pub(super) fn found(dataset: &Dataset, ledger: &Ledger, splats: &Splats) -> Need
         bytes_by_degree: bytes_by_degree(reduced.count_from_degree),
         sh_lost_db: ledger.sh_lost_db,
         settled_from: ledger.settled_from,
+        half_size: ledger.half_size(),
         validation_views: held
             .iter()
             .map(|&v| dataset.views[v].name.clone())

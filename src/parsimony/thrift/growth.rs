@@ -6,8 +6,8 @@ use crate::Result;
 use crate::parsimony::gain::{differences, estimate, tenths};
 use crate::parsimony::judge::FULL_DB;
 use crate::parsimony::ledger::{Act, Entry};
-use crate::train::Trainer;
 use crate::train::schedule::is_refine;
+use crate::train::{TrainConfig, Trainer};
 
 /// Looks whose rise together tells what growth gives.
 const LOOKS: usize = 3;
@@ -25,16 +25,30 @@ impl<'a> Thrift<'a> {
         let is_last = iteration >= config.refine.until;
         // Before a refinement: what it adds has not been fitted yet.
         if !is_last && !is_refine(config, iteration + 1) {
+            return self.attend_first_steps(trainer, iteration);
+        }
+        // A step that did not fit is begun again: what was seen before it must not count twice.
+        let last = self.ledger.entries.last();
+        if last.is_some_and(|last| last.iteration == iteration) {
             return Ok(());
         }
         let mut entry = self.look(trainer)?;
-        entry.gain_db = self.gain(&entry);
+        entry.gain_db = self.gain(trainer.config(), &entry);
         let is_enough = match entry.gain_db {
             Some([_, low]) => low < self.ledger.preference_db,
             None => false,
         };
         let is_full = entry.psnr_db.iter().all(|&psnr| psnr >= FULL_DB);
-        if is_last || is_enough || is_full {
+        // That photographs of half the size hide something may be why nothing more is gained: then growth goes on.
+        let is_hidden = self.is_detail_hidden();
+        let is_over = is_last || is_full || is_enough && !is_hidden;
+        let is_missed = is_enough || is_over || self.is_detail_missed(&entry.psnr_db);
+        if is_hidden && is_missed {
+            self.enlarge(trainer, &entry)?;
+        } else if !is_over {
+            self.ledger.entries.push(entry.clone());
+        }
+        if is_over {
             entry.act = Act::Stopped;
             self.ledger.entries.push(entry);
             self.ledger.phase = Phase::Pruning;
@@ -45,7 +59,6 @@ impl<'a> Thrift<'a> {
                 false => self.begin_round(trainer),
             };
         }
-        self.ledger.entries.push(entry);
         self.point_out_errors(trainer)
     }
 
@@ -63,9 +76,14 @@ impl<'a> Thrift<'a> {
         Ok(())
     }
 
-    /// What a tenth more splats has given over the last looks, and its lower bound.
-    fn gain(&self, now: &Entry) -> Option<[f64; 2]> {
-        let before = self.ledger.entries.iter().rev().nth(LOOKS - 1)?;
+    /// What a tenth more splats has given over the last looks, and its lower bound; since photographs are whole, if they
+    /// are, so that their gain is not taken for that of splats.
+    fn gain(&self, config: &TrainConfig, now: &Entry) -> Option<[f64; 2]> {
+        let is_look = |entry: &&Entry| is_refine(config, entry.iteration + 1);
+        let looks: Vec<&Entry> = self.ledger.entries.iter().filter(is_look).collect();
+        let is_enlarged = |entry: &&Entry| entry.act == Act::Enlarged;
+        let from = looks.iter().rposition(is_enlarged).unwrap_or(0);
+        let before = looks[from..].iter().rev().nth(LOOKS - 1)?;
         let risen = differences(&before.psnr_db, &now.psnr_db);
         let added = tenths(before.splats, now.splats).max(TENTHS_MIN);
         let each: Vec<f64> = risen.iter().map(|d| d / added).collect();

@@ -28,6 +28,9 @@ pub struct Needs {
     pub sh_lost_db: Option<f64>,
     /// The iteration from which the count was fixed and all training views were seen.
     pub settled_from: Option<u32>,
+    /// For how long photographs of half the size were enough.
+    #[serde(default)]
+    pub half_size: Option<HalfSize>,
     /// The views that were held out until then, by name.
     pub validation_views: Vec<String>,
     /// Splats and decibels as rounds have found them, time's share taken out.
@@ -40,6 +43,17 @@ pub struct Needs {
     pub steps: Vec<NeedStep>,
     /// The run with fixed rules that this one is compared with.
     pub against: Option<Against>,
+}
+
+/// For how long photographs of half the width and height were enough.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct HalfSize {
+    /// The iteration after which they were whole; 0: from the first on.
+    pub until: u32,
+    /// The PSNR of the held-out views that they allow at most; decibels. `None`: any.
+    pub limit_db: Option<f64>,
+    /// The share that what they lose had in the mean squared error at that iteration, at most.
+    pub hidden_share: Option<f64>,
 }
 
 /// Something that was done, and how the scene was before.

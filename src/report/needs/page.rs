@@ -1,6 +1,6 @@
 //! The page: the sentence, the curve, where the bytes are, and what every step did. It needs no other file and no script.
 
-use super::{Needs, curve, grouped};
+use super::{HalfSize, Needs, curve, grouped};
 use crate::Result;
 use crate::report::chart::tables::escaped;
 
@@ -58,6 +58,9 @@ fn facts(needs: &Needs) -> String {
         let text = format!("after iteration {from}, from which all training views were seen");
         rows.push(("count decided", text));
     }
+    if let Some(half) = &needs.half_size {
+        rows.push(("photographs of half the size", of_half(half)));
+    }
     if let Some(law) = &needs.law {
         let unit = law.factor.powf(1.0 / law.exponent);
         let text = format!(
@@ -79,6 +82,21 @@ fn facts(needs: &Needs) -> String {
     };
     let rows: String = rows.iter().map(row).collect();
     format!("<dl class=\"facts\">\n{rows}</dl>\n")
+}
+
+fn of_half(half: &HalfSize) -> String {
+    let mut text = match half.until {
+        0 => "never enough".into(),
+        until => format!("enough until iteration {until}"),
+    };
+    if let Some(share) = half.hidden_share {
+        let percent = 100.0 * share;
+        text += &format!(", of whose error they made {percent:.0} % at most");
+    }
+    if let Some(limit) = half.limit_db {
+        text += &format!("; {limit:.1} dB is all that they allow");
+    }
+    text
 }
 
 fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
@@ -176,6 +194,11 @@ mod tests {
             bytes_by_degree: [112, 92, 152, 236],
             sh_lost_db: Some(0.01),
             settled_from: Some(300),
+            half_size: Some(HalfSize {
+                until: 149,
+                limit_db: Some(30.5),
+                hidden_share: Some(0.25),
+            }),
             validation_views: vec!["<view>".into()],
             law: Some(law),
             knee: Some(law.knee(0.02)),
@@ -192,6 +215,8 @@ mod tests {
         assert_eq!(page.matches("<svg ").count(), 1);
         assert!(page.contains("&lt;view&gt;") && page.contains("a &lt; b"));
         assert!(!page.contains("NaN"));
+        let half = "iteration 149, of whose error they made 25 % at most; 30.5 dB is all that";
+        assert!(page.contains(half));
         // 900^(1 / 0.6) = 83,895, at which one decibel is missing.
         assert!(
             page.contains("<dd>31.00 − (83,895 / N)^0.60 dB</dd>"),

@@ -1,0 +1,73 @@
+//! How large photographs are: of half the size as long as the detail that halving loses is next to nothing of what is wrong
+//! with the scene.
+//!
+//! What halving loses, a mean squared error, is measured in the photographs themselves. Where that is nothing to speak of even
+//! beside the least error that counts, half the size does for all steps but the last fit. Otherwise whole photographs are
+//! due once the scene is so good that what halving loses begins to tell; a scene full of detail may begin with them.
+
+use super::{Thrift, lens_options};
+use crate::Result;
+use crate::parsimony::detail::lost_by_halving;
+use crate::parsimony::gain::error;
+use crate::parsimony::judge::{UNSEEN, part};
+use crate::parsimony::ledger::{Act, Entry};
+use crate::train::Trainer;
+
+/// What halving loses is never missed where it is less than this share of the least error that counts: where it allows 3 dB
+/// more than that.
+const SHARE_UNSEEN: f64 = 0.5;
+
+/// Otherwise it is missed from this share of all that is wrong on: 0.4 dB. Scenes full of detail end worse with a third.
+const SHARE_MISSED: f64 = 1.0 / 12.0;
+
+impl<'a> Thrift<'a> {
+    /// Begins with photographs of half the size, unless those would do for no step.
+    pub(super) fn begin_size(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let (_, held) = part(self.dataset);
+        let background = lens_options(trainer).background;
+        self.ledger.lost_by_halving = lost_by_halving(self.dataset, &held, background)?;
+        let scores = self.judge.score(&trainer.splats()?)?;
+        self.ledger.is_half = true;
+        if self.is_detail_missed(&scores) {
+            self.ledger.is_half = false;
+        }
+        trainer.set_half_size(self.ledger.is_half)
+    }
+
+    /// Before growth begins: goes over to whole photographs if it is time, as often as is looked at growth.
+    pub(super) fn attend_first_steps(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        iteration: u32,
+    ) -> Result<()> {
+        let every = trainer.config().refine.every;
+        if !self.is_detail_hidden() || !(iteration + 1).is_multiple_of(every) {
+            return Ok(());
+        }
+        let entry = self.look(trainer)?;
+        match self.is_detail_missed(&entry.psnr_db) {
+            true => self.enlarge(trainer, &entry),
+            false => Ok(()),
+        }
+    }
+
+    /// Goes over to whole photographs, from how the scene is now.
+    pub(super) fn enlarge(&mut self, trainer: &mut Trainer<'a>, now: &Entry) -> Result<()> {
+        self.ledger.is_half = false;
+        self.ledger.entries.push(Entry {
+            act: Act::Enlarged,
+            ..now.clone()
+        });
+        trainer.set_half_size(false)
+    }
+
+    /// Whether what halving loses will be missed sooner or later.
+    pub(super) fn is_detail_hidden(&self) -> bool {
+        self.ledger.is_half && self.ledger.lost_by_halving > SHARE_UNSEEN * UNSEEN
+    }
+
+    /// Whether a scene that has such scores is held back by it.
+    pub(super) fn is_detail_missed(&self, scores: &[f64]) -> bool {
+        self.is_detail_hidden() && self.ledger.lost_by_halving > SHARE_MISSED * error(scores)
+    }
+}
