@@ -17,7 +17,7 @@ use crate::train::Trainer;
 /// more than that.
 const SHARE_UNSEEN: f64 = 0.5;
 
-/// Otherwise it is missed from this share of all that is wrong on: 0.4 dB. Scenes full of detail end worse with a third.
+/// Otherwise it is missed from this share of all that is wrong on: 0.4 dB.
 const SHARE_MISSED: f64 = 1.0 / 12.0;
 
 impl<'a> Thrift<'a> {
