@@ -93,6 +93,9 @@ pub struct Round {
     /// Whether all harmonics went.
     #[serde(default)]
     pub is_bare: bool,
+    /// PSNR that some views which are trained on had after the first.
+    #[serde(default)]
+    pub own_db: Vec<f64>,
 }
 
 /// The course and the state of the decisions.

@@ -8,7 +8,8 @@
 //! A share of the splats goes in every round: those without which the pictures would change least, or by merging. A
 //! round takes the same steps from the same state twice, without those splats and with them, since scores rise with time
 //! as well; they go for good where the held-out views lose no more by it than they are worth by the preference, and
-//! otherwise a smaller share is tried. Then harmonics go by the same rule. Last, the held-out views return.
+//! otherwise a smaller share is tried. Then harmonics go by the same rule; all of them go first where growth has ended for
+//! want of anything to gain. Last, the held-out views return.
 //!
 //! **Invariant:** what happens is a function of configuration, preference, views and device, and what it goes by beside
 //! the trainer's state is in the [`Ledger`] and the state kept: a resumed run decides alike.
@@ -24,14 +25,14 @@ use super::gain::{differences, mean};
 use super::judge::{Judge, part};
 use super::ledger::{Act, Entry, Ledger, Phase};
 use crate::render::ViewOptions;
-use crate::scene::Dataset;
+use crate::scene::{Dataset, Split};
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
 use rounds::SHARE;
 
 /// The preference where none is given: decibels for a tenth more splats. With it the fox keeps a quarter to a third of
 /// the fixed recipe's splats at 0.06 to 0.40 dB less than that at the same rates (three seeds, `2026-11-22-needs-fox.csv`).
-pub const PREFERENCE_DB: f64 = 0.03;
+pub const PREFERENCE_DB: f64 = 0.08;
 
 /// Steers a run.
 pub struct Thrift<'a> {
@@ -40,6 +41,8 @@ pub struct Thrift<'a> {
     /// The other state of a round: the whole one while its first steps are taken, the lesser one while its second are.
     kept: Option<HostState>,
     judge: Judge,
+    /// By about as many of the views that are trained on.
+    own: Judge,
     fitted: Vec<usize>,
 }
 
@@ -99,7 +102,11 @@ impl<'a> Thrift<'a> {
             return Err(Error::Config(text.into()));
         }
         let (fitted, held) = part(dataset);
-        let judge = Judge::new(trainer.gpu(), dataset, &held, lens_options(trainer))?;
+        let options = lens_options(trainer);
+        let judge = Judge::new(trainer.gpu(), dataset, &held, options)?;
+        let step = fitted.len().div_ceil(held.len()).max(1);
+        let own: Vec<usize> = fitted.iter().copied().step_by(step).collect();
+        let own = Judge::new(trainer.gpu(), dataset, &own, options)?;
         if !matches!(ledger.phase, Phase::Growing | Phase::Settled) {
             trainer.set_views(fitted.clone())?;
         }
@@ -112,6 +119,7 @@ impl<'a> Thrift<'a> {
             ledger,
             kept,
             judge,
+            own,
             fitted,
         };
         thrift.point_out_errors(trainer)?;
@@ -190,7 +198,7 @@ impl<'a> Thrift<'a> {
 
     /// All training views, held out or not.
     fn all(&self) -> Vec<usize> {
-        self.dataset.split(crate::scene::Split::Train)
+        self.dataset.split(Split::Train)
     }
 
     /// How the scene is now.

@@ -55,8 +55,8 @@ pub(super) struct TrainArgs {
     #[arg(long)]
     overwrite: bool,
     /// Train to no more splats than the scene needs. GAIN is the smallest gain worth paying for: decibels, on training
-    /// views held out for the purpose, for a tenth more splats [default: 0.03]
-    #[arg(long, value_name = "GAIN", num_args = 0..=1, default_missing_value = "0.03", value_parser = parse_gain,
+    /// views held out for the purpose, for a tenth more splats [default: 0.08]
+    #[arg(long, value_name = "GAIN", num_args = 0..=1, default_missing_value = "0.08", value_parser = parse_gain,
           conflicts_with = "resume")]
     parsimony: Option<f64>,
     /// With --parsimony: say how many splats the run of this report.json took, and for how many decibels
@@ -333,7 +333,7 @@ mod tests {
     #[test]
     fn gains_are_decibels_above_0() {
         // What the option stands for without a number.
-        assert_eq!(parse_gain("0.03"), Ok(PREFERENCE_DB));
+        assert_eq!(parse_gain("0.08"), Ok(PREFERENCE_DB));
         assert_eq!(parse_gain("1"), Ok(1.0));
         for bad in ["", "0", "-0.1", "nan", "inf", "photos/"] {
             assert!(parse_gain(bad).is_err(), "{bad}");

@@ -2,7 +2,7 @@
 
 use super::{Phase, Thrift, prune_by};
 use crate::Result;
-use crate::parsimony::gain::{differences, estimate, tenths};
+use crate::parsimony::gain::{differences, estimate, mean, tenths};
 use crate::parsimony::ledger::{Act, Entry, Ledger, Round};
 use crate::train::{HostState, TrainConfig, Trainer};
 
@@ -11,6 +11,10 @@ pub(super) const SHARE: f64 = 0.5;
 
 /// No round takes more than this share.
 const SHARE_MAX: f64 = 0.8;
+
+/// What a tenth of the splats is worth to views that are trained on counts so much: few views, far apart, may be so badly
+/// foreseen that they hardly miss any splat, and what they judge would no longer be the scene of the photographs.
+const OWN: f64 = 0.5;
 
 /// Rounds stop at this share: what one of so few is worth cannot be told from chance.
 const SHARE_MIN: f64 = 0.1;
@@ -30,9 +34,11 @@ impl<'a> Thrift<'a> {
         match (round.without, self.kept.take()) {
             (None, Some(whole)) => {
                 self.kept = Some(trainer.download()?);
+                let own_db = self.own.score(&trainer.splats()?)?;
                 trainer.go_back(&whole, round.from)?;
                 self.ledger.round = Some(Round {
                     without: Some((entry.splats, entry.psnr_db)),
+                    own_db,
                     ..round
                 });
                 Ok(())
@@ -43,7 +49,11 @@ impl<'a> Thrift<'a> {
             (Some(without), Some(less)) if self.ledger.phase == Phase::Lowering => {
                 self.judge_lowering(trainer, entry, without, &less)
             }
-            (Some(without), Some(less)) => self.judge_round(trainer, entry, without, &less),
+            (Some(without), Some(less)) => {
+                let own = self.own.score(&trainer.splats()?)?;
+                let own_lost = mean(&differences(&round.own_db, &own));
+                self.judge_round(trainer, entry, (without, own_lost), &less)
+            }
             // A checkpoint that lacks what it should hold: the round is over.
             (_, None) => self.decide(trainer),
         }
@@ -54,7 +64,7 @@ impl<'a> Thrift<'a> {
         &mut self,
         trainer: &mut Trainer<'a>,
         mut entry: Entry,
-        without: (usize, Vec<f64>),
+        (without, own_lost): ((usize, Vec<f64>), f64),
         less: &HostState,
     ) -> Result<()> {
         let gone = tenths(without.0, entry.splats).max(1e-9);
@@ -64,14 +74,15 @@ impl<'a> Thrift<'a> {
         entry.gain_db = Some([gain.mean, gain.low]);
         entry.without = Some(without);
         let preference = self.ledger.preference_db;
-        if gain.mean > preference {
+        let cost = cost(gain.mean, own_lost / gone, preference);
+        if cost > preference {
             entry.act = Act::Missed;
             self.ledger.missed_share = Some(self.ledger.share);
         } else {
             entry.act = Act::Pruned;
             trainer.replace(less)?;
         }
-        self.ledger.share = next_share(&self.ledger, gain.mean);
+        self.ledger.share = next_share(&self.ledger, cost);
         self.ledger.entries.push(entry);
         let config = trainer.config();
         let is_time = trainer.iteration() + round(config) > prune_by(config);
@@ -108,6 +119,14 @@ impl<'a> Thrift<'a> {
     }
 }
 
+/// What a round has cost for every tenth, by what held-out views lost and those that are trained on.
+fn cost(lost_db: f64, own_lost_db: f64, preference_db: f64) -> f64 {
+    match OWN * own_lost_db > preference_db {
+        true => lost_db.max(OWN * own_lost_db),
+        false => lost_db,
+    }
+}
+
 /// The share to try after a round that cost so much for every tenth.
 ///
 /// The next tenth costs more than the last ones on average. So a round that cost half of what it might is followed by as
@@ -133,6 +152,13 @@ pub(super) fn round(config: &TrainConfig) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn views_that_are_trained_on_have_a_say_where_they_lose_much() {
+        assert_eq!(cost(-0.1, 0.15, 0.08), -0.1);
+        assert_eq!(cost(-0.1, 0.2, 0.08), 0.1);
+        assert_eq!(cost(0.3, 0.2, 0.08), 0.3);
+    }
 
     #[test]
     fn the_next_share_goes_by_what_the_last_one_cost() {
