@@ -49,6 +49,17 @@ fn training_repeats_to_the_bit_and_whatever_the_buffers_sizes() {
     assert!(small.0 == state, "a small buffer changed the result");
 }
 
+/// The data set in photographs of another size.
+fn resized(dataset: &Dataset, width: u32, height: u32) -> Dataset {
+    let mut dataset = dataset.clone();
+    for view in &mut dataset.views {
+        let photo = ashfall::io::photo::load(view).unwrap();
+        view.camera = view.camera.resized(width, height);
+        view.photo = PhotoSource::Memory(ashfall::io::photo::reduce(photo, width, height));
+    }
+    dataset
+}
+
 #[test]
 fn first_steps_see_photographs_of_half_the_size() {
     let gpu = device::gpu();
@@ -61,12 +72,7 @@ fn first_steps_see_photographs_of_half_the_size() {
         ..SynthOptions::default()
     };
     let dataset = ashfall::synth::scene(Kind::Solids).dataset(&options);
-    let (start, mut small) = (dataset.clone(), dataset.clone());
-    for view in &mut small.views {
-        let photo = ashfall::io::photo::load(view).unwrap();
-        view.camera = view.camera.resized(20, 17);
-        view.photo = PhotoSource::Memory(ashfall::io::photo::reduce(photo, 20, 17));
-    }
+    let (start, small) = (dataset.clone(), resized(&dataset, 20, 17));
     let train = |dataset: &Dataset, half_size_until: u32, steps: u32, tiny: bool| {
         let config = TrainConfig {
             half_size_until,
@@ -119,12 +125,7 @@ fn pictures_of_half_the_size_show_the_scene_as_it_is() {
         ..SynthOptions::default()
     };
     let dataset = ashfall::synth::scene(Kind::Solids).dataset(&options);
-    let mut small = dataset.clone();
-    for view in &mut small.views {
-        let photo = ashfall::io::photo::load(view).unwrap();
-        view.camera = view.camera.resized(32, 24);
-        view.photo = PhotoSource::Memory(ashfall::io::photo::reduce(photo, 32, 24));
-    }
+    let small = resized(&dataset, 32, 24);
     let config = TrainConfig::for_iterations(100);
     let splats = initial_splats(&dataset, dataset.extent(), &config).unwrap();
     let mut state = HostState::from_splats(&splats, config.sh_degree);

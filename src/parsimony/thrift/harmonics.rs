@@ -7,7 +7,7 @@ use super::{Phase, Thrift, settle_by};
 use crate::Result;
 use crate::parsimony::colors::{Fits, count};
 use crate::parsimony::gain::{differences, mean};
-use crate::parsimony::ledger::{Act, Entry};
+use crate::parsimony::ledger::{Act, Entry, Round};
 use crate::render::{degrees_used, merge_degrees};
 use crate::scene::Splats;
 use crate::train::schedule::sh_degree;
@@ -36,14 +36,9 @@ impl<'a> Thrift<'a> {
         if splats.sh_degree == 0 {
             return self.begin_round(trainer);
         }
-        let fits = self.fits(trainer, &splats)?;
-        let state = trainer.download()?;
-        let bare = vec![0; splats.len()];
-        let less = without(&state, &bare, &fits.applied(&splats, &bare));
-        self.try_without(trainer, state, &less)?;
-        if let Some(round) = &mut self.ledger.round {
-            round.is_bare = true;
-        }
+        // Degree 0 everywhere takes three floats a splat.
+        self.try_lowered(trainer, &splats, 3 * splats.len())?
+            .is_bare = true;
         Ok(())
     }
 
@@ -92,9 +87,20 @@ impl<'a> Thrift<'a> {
         if splats.sh_degree == 0 || trainer.iteration() + round(config) > settle_by(config) {
             return self.decide(trainer);
         }
-        let fits = self.fits(trainer, &splats)?;
+        self.try_lowered(trainer, &splats, count(&degrees_used(&splats)) / 2)
+            .map(|_| ())
+    }
+
+    /// Takes the first steps of a round with about so many floats for harmonics.
+    fn try_lowered(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        splats: &Splats,
+        floats: usize,
+    ) -> Result<&mut Round> {
+        let fits = self.fits(trainer, splats)?;
         let state = trainer.download()?;
-        let (degrees, less) = lowered(&fits, &splats, count(&degrees_used(&splats)) / 2);
+        let (degrees, less) = lowered(&fits, splats, floats);
         let less = without(&state, &degrees, &less);
         self.try_without(trainer, state, &less)
     }

@@ -67,6 +67,7 @@ impl<'a> Thrift<'a> {
 /// moments.
 fn carried(state: &HostState, before: &Splats, merged: &Splats) -> HostState {
     let mut carried = HostState::from_splats(merged, state.sh_degree);
+    // What harmonics have gone stay gone.
     carried.lower_degrees(&vec![merged.sh_degree as u8; merged.len()]);
     let mut old = 0;
     for row in 0..merged.len() {

@@ -28,9 +28,7 @@ impl<'a> Thrift<'a> {
         self.ledger.lost_by_halving = lost_by_halving(self.dataset, &held, background)?;
         let scores = self.judge.score(&trainer.splats()?)?;
         self.ledger.is_half = true;
-        if self.is_detail_missed(&scores) {
-            self.ledger.is_half = false;
-        }
+        self.ledger.is_half = !self.is_detail_missed(&scores);
         trainer.set_half_size(self.ledger.is_half)
     }
 

@@ -95,10 +95,8 @@ impl<'a> Thrift<'a> {
     /// Takes out a share of the splats, for the steps of a round.
     pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let lesser = self.lesser(trainer)?;
-        self.try_without(trainer, lesser.whole, &lesser.less)?;
-        if let Some(round) = &mut self.ledger.round {
-            round.is_merged = lesser.is_merged;
-        }
+        let round = self.try_without(trainer, lesser.whole, &lesser.less)?;
+        round.is_merged = lesser.is_merged;
         Ok(())
     }
 
@@ -108,14 +106,13 @@ impl<'a> Thrift<'a> {
         trainer: &mut Trainer<'a>,
         whole: HostState,
         less: &HostState,
-    ) -> Result<()> {
+    ) -> Result<&mut Round> {
         trainer.replace(less)?;
         self.kept = Some(whole);
-        self.ledger.round = Some(Round {
+        Ok(self.ledger.round.insert(Round {
             from: trainer.iteration(),
             ..Round::default()
-        });
-        Ok(())
+        }))
     }
 }
 
