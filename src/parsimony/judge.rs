@@ -19,7 +19,12 @@ const VIEWS_EACH: usize = 8;
 pub(super) const UNSEEN: f64 = 1e-4;
 
 /// So many decibels at most: those of that error.
-pub(super) const FULL_DB: f64 = 40.0;
+const FULL_DB: f64 = 40.0;
+
+/// Whether nobody sees what is wrong in any view.
+pub(super) fn is_full(psnr_db: &[f64]) -> bool {
+    psnr_db.iter().all(|&psnr| psnr >= FULL_DB)
+}
 
 /// Parts the training views into those that are trained on and those that are judged by, which lie evenly among them.
 /// With fewer than eight views none can be spared: they are judged by what they were trained on.

@@ -2,6 +2,7 @@
 //! by stands here, so that a resumed run decides alike.
 
 use super::gain::{error, mean};
+use super::judge::is_full;
 use crate::report::needs::{HalfSize, Law, NeedStep};
 use serde::{Deserialize, Serialize};
 
@@ -74,6 +75,9 @@ pub struct Entry {
     pub without: Option<(usize, Vec<f64>)>,
     /// What a tenth more splats was worth, and its lower bound; decibels.
     pub gain_db: Option<[f64; 2]>,
+    /// What all splats that went or would have gone were worth, as the decision counts it; decibels.
+    #[serde(default)]
+    pub lost_db: f64,
     /// Whether splats went by merging.
     #[serde(default)]
     pub is_merged: bool,
@@ -127,6 +131,9 @@ pub struct Ledger {
     pub end: u32,
     /// Whether the run may end when it has converged.
     pub is_open: bool,
+    /// The share of the harmonics that the next round tries to do without.
+    #[serde(default)]
+    pub sh_share: f64,
     /// What the held-out views lost by the harmonics that went, decibels; `None` while none have.
     pub sh_lost_db: Option<f64>,
     /// The course so far.
@@ -134,9 +141,22 @@ pub struct Ledger {
 }
 
 impl Ledger {
+    /// What the last round tried is missed.
+    pub(super) fn miss(&mut self) {
+        self.missed_share = Some(self.share);
+        if let Some(entry) = self.entries.last_mut() {
+            entry.act = Act::Missed;
+        }
+    }
+
     /// Splats, and the mean PSNR that the held-out views have with so many, as if all had been measured at the end of the
     /// last round: what a round lost is known free of time, and is added up from there.
     pub fn points(&self) -> Vec<[f64; 2]> {
+        self.chain(|entry, without| mean(&entry.psnr_db) - mean(without))
+    }
+
+    /// The points by what the rounds' entries lost.
+    fn chain(&self, lost: impl Fn(&Entry, &[f64]) -> f64) -> Vec<[f64; 2]> {
         let mut points = Vec::new();
         let mut level = None;
         for entry in self.entries.iter().rev() {
@@ -146,14 +166,14 @@ impl Ledger {
             if !matches!(entry.act, Act::Pruned | Act::Missed) {
                 continue;
             }
-            let (left, with, without) = (*left as f64, mean(&entry.psnr_db), mean(without));
-            let (splats, lost) = (entry.splats as f64, with - without);
+            let (splats, left) = (entry.splats as f64, *left as f64);
+            let (with, lost) = (mean(&entry.psnr_db), lost(entry, without));
             let is_missed = entry.act == Act::Missed;
             let after = level.unwrap_or_else(|| {
                 let end = if is_missed {
                     [splats, with]
                 } else {
-                    [left, without]
+                    [left, with - lost]
                 };
                 points.push(end);
                 end[1]
@@ -173,6 +193,19 @@ impl Ledger {
     /// The law through them.
     pub fn law(&self) -> Option<Law> {
         Law::through(&self.points())
+    }
+
+    /// The count at which a tenth more splats is worth just the preference, by the law through what was found so far; `None`
+    /// while there is none. Nor is there one for views that are as good as can be seen, however many splats there are:
+    /// they lose nothing at first, and then all at once.
+    pub fn knee(&self) -> Option<f64> {
+        let mut entries = self.entries.iter();
+        let stopped = entries.find(|entry| entry.act == Act::Stopped)?;
+        if is_full(&stopped.psnr_db) {
+            return None;
+        }
+        let law = Law::through(&self.chain(|entry, _| entry.lost_db))?;
+        Some(law.knee(self.preference_db))
     }
 
     /// For how long photographs of half the size were enough; `None` where that was not asked.
@@ -219,6 +252,7 @@ mod tests {
             psnr_db: vec![psnr_db],
             without: None,
             gain_db: None,
+            lost_db: 0.0,
             is_merged: false,
         };
         let mut ledger = Ledger::default();
@@ -248,6 +282,7 @@ mod tests {
             psnr_db: vec![with],
             without: Some((left, vec![without])),
             gain_db: None,
+            lost_db: 0.0,
             is_merged: false,
         };
         let looked = Entry {

@@ -4,7 +4,7 @@ use super::survey::Survey;
 use super::{Phase, Thrift};
 use crate::Result;
 use crate::parsimony::gain::{differences, estimate, tenths};
-use crate::parsimony::judge::FULL_DB;
+use crate::parsimony::judge::is_full;
 use crate::parsimony::ledger::{Act, Entry};
 use crate::train::schedule::is_refine;
 use crate::train::{TrainConfig, Trainer};
@@ -38,7 +38,7 @@ impl<'a> Thrift<'a> {
             Some([_, low]) => low < self.ledger.preference_db,
             None => false,
         };
-        let is_full = entry.psnr_db.iter().all(|&psnr| psnr >= FULL_DB);
+        let is_full = is_full(&entry.psnr_db);
         // That photographs of half the size hide something may be why nothing more is gained: then growth goes on.
         let is_hidden = self.is_detail_hidden();
         let is_over = is_last || is_full || is_enough && !is_hidden;

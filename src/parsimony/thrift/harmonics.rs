@@ -17,6 +17,12 @@ use crate::train::{HostState, Trainer};
 /// everywhere.
 const SHARES: [f64; 6] = [0.75, 0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
 
+/// The share of the harmonics that rounds try to do without.
+const HALF: f64 = 0.5;
+
+/// That which they try once the other was missed.
+const QUARTER: f64 = 0.25;
+
 /// Harmonics that go at once may lose so much of the preference: those that nobody needed.
 const AT_ONCE: f64 = 0.5;
 
@@ -49,11 +55,12 @@ impl<'a> Thrift<'a> {
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
-        self.settle_lowering(trainer, entry, without, less)?;
+        let most = self.ledger.preference_db;
+        self.settle_lowering(trainer, (entry, without), less, most)?;
         self.begin_round(trainer)
     }
 
-    /// Takes the harmonics that hardly show, and tries to do without half of the others.
+    /// Takes the harmonics that hardly show, and tries to do without half of the others, or a quarter.
     pub(super) fn begin_lowering(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         self.ledger.phase = Phase::Lowering;
         let splats = trainer.splats()?;
@@ -77,18 +84,21 @@ impl<'a> Thrift<'a> {
             let state = without(&trainer.download()?, &degrees, &less);
             trainer.replace(&state)?;
         }
-        self.begin_half(trainer)
+        self.ledger.sh_share = HALF;
+        self.begin_less(trainer)
     }
 
-    /// Tries to do without half of the harmonics, if there is time and there are any.
-    fn begin_half(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+    /// Tries to do without a share of the harmonics, if there is time and there are any.
+    fn begin_less(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let splats = trainer.splats()?;
         let config = trainer.config();
         if splats.sh_degree == 0 || trainer.iteration() + round(config) > settle_by(config) {
             return self.decide(trainer);
         }
-        self.try_lowered(trainer, &splats, count(&degrees_used(&splats)) / 2)
-            .map(|_| ())
+        let floats = count(&degrees_used(&splats)) as f64;
+        let left = (1.0 - self.ledger.sh_share) * floats;
+        self.try_lowered(trainer, &splats, left as usize)?;
+        Ok(())
     }
 
     /// Takes the first steps of a round with about so many floats for harmonics.
@@ -112,22 +122,27 @@ impl<'a> Thrift<'a> {
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
-        match self.settle_lowering(trainer, entry, without, less)? {
-            true => self.begin_half(trainer),
-            false => self.decide(trainer),
+        let most = self.ledger.sh_share / HALF * self.ledger.preference_db;
+        let is_lowered = self.settle_lowering(trainer, (entry, without), less, most)?;
+        if !is_lowered && self.ledger.sh_share == QUARTER {
+            return self.decide(trainer);
         }
+        if !is_lowered {
+            self.ledger.sh_share = QUARTER;
+        }
+        self.begin_less(trainer)
     }
 
-    /// Goes on without the harmonics of a round if the held-out views do not miss them; says whether.
+    /// Goes on without the harmonics of a round if the held-out views lose no more than `most_db` by it; says whether.
     fn settle_lowering(
         &mut self,
         trainer: &mut Trainer<'a>,
-        mut entry: Entry,
-        without: (usize, Vec<f64>),
+        (mut entry, without): (Entry, (usize, Vec<f64>)),
         less: &HostState,
+        most_db: f64,
     ) -> Result<bool> {
         let lost = mean(&differences(&without.1, &entry.psnr_db));
-        let is_missed = lost > self.ledger.preference_db;
+        let is_missed = lost > most_db;
         entry.without = Some(without);
         entry.act = match is_missed {
             true => Act::LoweredInVain,

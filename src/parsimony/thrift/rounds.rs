@@ -12,6 +12,9 @@ pub(super) const SHARE: f64 = 0.5;
 /// No round takes more than this share.
 const SHARE_MAX: f64 = 0.8;
 
+/// After a share that was missed, no round takes more than this of it.
+const AFTER_A_MISS: f64 = 0.9;
+
 /// What a tenth of the splats is worth to views that are trained on counts so much: few views, far apart, may be so badly
 /// foreseen that they hardly miss any splat, and what they judge would no longer be the scene of the photographs.
 const OWN: f64 = 0.5;
@@ -72,18 +75,19 @@ impl<'a> Thrift<'a> {
         let each: Vec<f64> = lost.iter().map(|lost| lost / gone).collect();
         let gain = estimate(&each);
         entry.gain_db = Some([gain.mean, gain.low]);
+        let left = without.0;
         entry.without = Some(without);
-        let preference = self.ledger.preference_db;
-        let cost = cost(gain.mean, own_lost / gone, preference);
-        if cost > preference {
-            entry.act = Act::Missed;
-            self.ledger.missed_share = Some(self.ledger.share);
+        let cost = cost(gain.mean, own_lost / gone, self.ledger.preference_db);
+        entry.lost_db = cost * gone;
+        entry.act = Act::Pruned;
+        self.ledger.entries.push(entry);
+        let is_beyond = |knee: f64| (left as f64) < (1.0 - SHARE_MIN) * knee;
+        if cost > self.ledger.preference_db || self.ledger.knee().is_some_and(is_beyond) {
+            self.ledger.miss();
         } else {
-            entry.act = Act::Pruned;
             trainer.replace(less)?;
         }
-        self.ledger.share = next_share(&self.ledger, cost);
-        self.ledger.entries.push(entry);
+        self.ledger.share = next_share(&self.ledger, cost, trainer.splat_count());
         let config = trainer.config();
         let is_time = trainer.iteration() + round(config) > prune_by(config);
         match is_time || self.ledger.share < SHARE_MIN {
@@ -124,16 +128,29 @@ fn cost(lost_db: f64, own_lost_db: f64, preference_db: f64) -> f64 {
     }
 }
 
-/// The share to try after a round that cost so much for every tenth.
+/// The share to try next with so many splats, after a round that cost so much for every tenth: all that lie beyond the knee,
+/// once rounds have shown where it is. That is far steadier than what single rounds cost: a round may be just allowed, or
+/// just not, by chance.
+fn next_share(ledger: &Ledger, cost_db: f64, splats: usize) -> f64 {
+    let Some(knee) = ledger.knee() else {
+        return share_by_cost(ledger, cost_db);
+    };
+    let most = ledger
+        .missed_share
+        .map_or(SHARE_MAX, |missed| AFTER_A_MISS * missed);
+    (1.0 - knee / splats as f64).min(most)
+}
+
+/// The share to try as long as no knee is known.
 ///
 /// The next tenth costs more than the last ones on average. So a round that cost half of what it might is followed by as
 /// large a share again, one that cost nothing by twice that, one that cost all of it by half. After one that was missed,
 /// the share shrinks with the root of what it cost too much: that keeps the count from hanging on whether a large step was
 /// just allowed or just not.
-fn next_share(ledger: &Ledger, cost_db: f64) -> f64 {
+fn share_by_cost(ledger: &Ledger, cost_db: f64) -> f64 {
     let (share, relative) = (ledger.share, cost_db / ledger.preference_db);
     if relative > 1.0 {
-        return share * relative.sqrt().recip().clamp(0.5, 0.9);
+        return share * relative.sqrt().recip().clamp(0.5, AFTER_A_MISS);
     }
     let most = ledger
         .missed_share
@@ -158,6 +175,44 @@ mod tests {
     }
 
     #[test]
+    fn rounds_aim_at_the_knee_once_it_is_known() {
+        let law = |splats: f64| 30.0 - 5.0 * (splats / 1e3).powf(-0.8);
+        let round = |splats: usize, left: usize, act| Entry {
+            iteration: 0,
+            act,
+            splats,
+            psnr_db: vec![law(splats as f64)],
+            without: Some((left, vec![law(left as f64)])),
+            gain_db: None,
+            lost_db: law(splats as f64) - law(left as f64),
+            is_merged: false,
+        };
+        let stopped = |psnr_db: f64| Entry {
+            psnr_db: vec![psnr_db],
+            without: None,
+            ..round(40_000, 20_000, Act::Stopped)
+        };
+        let mut ledger = Ledger {
+            preference_db: 0.08,
+            share: 0.5,
+            entries: vec![stopped(29.0), round(40_000, 20_000, Act::Pruned)],
+            ..Ledger::default()
+        };
+        assert_eq!(ledger.knee(), None, "two counts show no law");
+        assert!(next_share(&ledger, 0.0, 20_000) > 0.5, "by what it cost");
+        ledger.entries.push(round(20_000, 4_000, Act::Missed));
+        let knee = ledger.knee().unwrap_or_default();
+        let gain = law(1.1 * knee) - law(knee);
+        assert!((gain - 0.08).abs() < 1e-6, "{knee}: {gain}");
+        let share = next_share(&ledger, 1.0, 20_000);
+        assert!((share - (1.0 - knee / 20_000.0)).abs() < 1e-9);
+        ledger.missed_share = Some(0.1);
+        assert!((next_share(&ledger, 1.0, 20_000) - 0.09).abs() < 1e-9);
+        ledger.entries[0] = stopped(40.0);
+        assert_eq!(ledger.knee(), None, "nothing is left to see");
+    }
+
+    #[test]
     fn the_next_share_goes_by_what_the_last_one_cost() {
         let ledger = |missed_share| Ledger {
             preference_db: 0.03,
@@ -166,12 +221,12 @@ mod tests {
             ..Ledger::default()
         };
         let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}");
-        near(next_share(&ledger(None), -0.1), 0.8);
-        near(next_share(&ledger(None), 0.015), 0.4);
-        near(next_share(&ledger(None), 0.03), 0.2);
-        near(next_share(&ledger(Some(0.5)), 0.0), 0.375);
-        near(next_share(&ledger(None), 0.06), 0.4 / 2_f64.sqrt());
-        near(next_share(&ledger(None), 3.0), 0.2);
-        near(next_share(&ledger(None), 0.031), 0.36);
+        near(share_by_cost(&ledger(None), -0.1), 0.8);
+        near(share_by_cost(&ledger(None), 0.015), 0.4);
+        near(share_by_cost(&ledger(None), 0.03), 0.2);
+        near(share_by_cost(&ledger(Some(0.5)), 0.0), 0.375);
+        near(share_by_cost(&ledger(None), 0.06), 0.4 / 2_f64.sqrt());
+        near(share_by_cost(&ledger(None), 3.0), 0.2);
+        near(share_by_cost(&ledger(None), 0.031), 0.36);
     }
 }
