@@ -53,17 +53,16 @@ pub struct Thrift<'a> {
 ///
 /// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not get
 /// to where it is going by the published rates. That helps without pruning, too, so it is no merit of this, and not everywhere
-/// (`2026-11-22-needs-rates.csv`: the fox +0.66 to +0.97 dB, the sphere -0.43 dB).
-pub fn thrifty(mut config: TrainConfig) -> TrainConfig {
+/// (`2026-11-22-needs-rates.csv`: the fox +0.66 to +0.97 dB, the sphere -0.43 dB). Harmonics do so only where there are
+/// training views enough, `views` of them: from few directions they learn what is not there.
+pub fn thrifty(mut config: TrainConfig, views: usize) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.iterations / 20 * 9);
     if config.iterations < SHORT {
         let rates = &mut config.rates;
-        for rate in [
-            &mut rates.mean_start,
-            &mut rates.mean_end,
-            &mut rates.sh_rest,
-        ] {
-            *rate *= 2.0;
+        rates.mean_start *= 2.0;
+        rates.mean_end *= 2.0;
+        if views >= FEW {
+            rates.sh_rest *= 2.0;
         }
     }
     config
@@ -71,6 +70,9 @@ pub fn thrifty(mut config: TrainConfig) -> TrainConfig {
 
 /// Runs of fewer iterations are short: half of the published 30,000.
 const SHORT: u32 = 15_000;
+
+/// Fewer training views are few.
+const FEW: usize = 24;
 
 impl<'a> Thrift<'a> {
     /// Begins to steer a run that has not begun.

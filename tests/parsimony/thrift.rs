@@ -13,9 +13,12 @@ use std::path::Path;
 
 const ITERATIONS: u32 = 320;
 
+/// Photographs of a scene.
+const VIEWS: usize = 20;
+
 fn options() -> SynthOptions {
     SynthOptions {
-        views: 20,
+        views: VIEWS as _,
         width: 64,
         height: 48,
         points: 800,
@@ -32,7 +35,7 @@ fn config(strategy: StrategyKind) -> TrainConfig {
         sh_degree: 1,
         ..TrainConfig::for_iterations(ITERATIONS)
     };
-    thrifty(config.with_strategy(strategy))
+    thrifty(config.with_strategy(strategy), VIEWS)
 }
 
 /// A run from its beginning to the end, and what it found.
@@ -108,10 +111,11 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
         if kind == Kind::Plane {
             paint(&mut dataset);
         }
-        let config = thrifty(TrainConfig {
+        let config = TrainConfig {
             sh_degree: 1,
             ..TrainConfig::for_iterations(600)
-        });
+        };
+        let config = thrifty(config, VIEWS);
         let (state, _) = run(&gpu, &dataset, config, PREFERENCE_DB)?;
         counts.push((state.len(), degrees(&state)));
     }
@@ -238,8 +242,10 @@ fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
         let (left, without) = entry.without.clone().unwrap();
         let is_missed = mean(&entry.psnr_db) - mean(&without) > 1e-6 * 10.0;
         assert_eq!(entry.splats, splats.unwrap_or(entry.splats));
-        assert_eq!(entry.act == Act::Missed, is_missed, "{entry:?}");
-        splats = Some(if is_missed { entry.splats } else { left });
+        // What lies beyond the knee stays, too, though few of it may be missed.
+        let has_gone = matches!(entry.act, Act::Pruned | Act::Lowered);
+        assert!(!(has_gone && is_missed), "{entry:?}");
+        splats = Some(if has_gone { left } else { entry.splats });
         missed += usize::from(is_missed);
     }
     assert_eq!(Some(state.len()), splats);

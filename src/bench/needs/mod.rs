@@ -47,11 +47,11 @@ pub struct Task<'a> {
     pub max_splats: Option<u32>,
 }
 
-/// The constants of a run. MCMC has its cap yet to be told.
-pub fn config(recipe: Recipe, iterations: u32) -> TrainConfig {
+/// The constants of a run with so many training views. MCMC has its cap yet to be told.
+pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
     let usual = TrainConfig::for_iterations(iterations);
     let at_rates_of = |rates: LearningRates, config: TrainConfig| TrainConfig { rates, ..config };
-    let thrifty = thrifty(usual.clone());
+    let thrifty = thrifty(usual.clone(), views);
     match recipe {
         Recipe::Fixed => usual,
         Recipe::FixedRates => at_rates_of(thrifty.rates, usual),
@@ -65,7 +65,10 @@ pub fn config(recipe: Recipe, iterations: u32) -> TrainConfig {
 /// compare at the same ones.
 pub fn recipes(iterations: u32) -> Vec<Recipe> {
     let is_usual = |rates: Recipe, usual: Recipe| {
-        config(rates, iterations).rates == config(usual, iterations).rates
+        // What differs with few views differs with more, too.
+        let [rates, usual] =
+            [rates, usual].map(|recipe| config(recipe, iterations, usize::MAX).rates);
+        rates == usual
     };
     let differs = |recipe: &Recipe| match recipe {
         Recipe::FixedRates => !is_usual(*recipe, Recipe::Fixed),
@@ -81,7 +84,11 @@ impl Task<'_> {
         TrainConfig {
             seed: self.seed,
             max_splats: self.max_splats,
-            ..config(self.recipe, self.iterations)
+            ..config(
+                self.recipe,
+                self.iterations,
+                self.dataset.split(Split::Train).len(),
+            )
         }
     }
 
@@ -243,7 +250,7 @@ mod tests {
 
     #[test]
     fn recipes_differ_in_what_they_say_and_in_nothing_else() {
-        let [fixed, rates, thrifty, mcmc, mcmc_rates] = Recipe::ALL.map(|r| config(r, 2_000));
+        let [fixed, rates, thrifty, mcmc, mcmc_rates] = Recipe::ALL.map(|r| config(r, 2_000, 40));
         assert_eq!(fixed, TrainConfig::for_iterations(2_000));
         assert_eq!([rates.rates, mcmc_rates.rates], [thrifty.rates; 2]);
         let at_usual = |config: TrainConfig| TrainConfig {
@@ -260,7 +267,7 @@ mod tests {
         for iterations in [100, 2_000, 30_000] {
             let found = recipes(iterations)
                 .into_iter()
-                .map(|r| config(r, iterations));
+                .map(|r| config(r, iterations, 40));
             let found: Vec<TrainConfig> = found.collect();
             for (i, one) in found.iter().enumerate() {
                 assert!(found[..i].iter().all(|other| other != one), "{one:?}");

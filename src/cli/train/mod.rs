@@ -114,7 +114,9 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
             let is_software = engine.is_software();
             match args.parsimony {
                 Some(gain) => {
-                    let config = args.config.config_from(is_software, thrifty)?;
+                    let config = args.config.config_from(is_software, |usual| {
+                        thrifty(usual, dataset.split(Split::Train).len())
+                    })?;
                     let is_open = args.config.iterations.is_none();
                     engine.train_thriftily(&dataset, config, (gain, is_open))?
                 }

@@ -1,5 +1,6 @@
-//! Harmonics where they are needed: those go that the held-out views do not miss; half of them may cost as much as a
-//! tenth of the splats.
+//! Harmonics where they are needed: those go that the held-out views do not miss; half of them, or a quarter where half is
+//! missed, may cost as much as a tenth of the splats. Three quarters of a splat's bytes are harmonics.
+//! All that rounds take together may cost no more, beside what goes at once.
 
 use super::rounds::round;
 use super::survey::Survey;
@@ -55,8 +56,7 @@ impl<'a> Thrift<'a> {
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
-        let most = self.ledger.preference_db;
-        self.settle_lowering(trainer, (entry, without), less, most)?;
+        self.settle_lowering(trainer, entry, without, less)?;
         self.begin_round(trainer)
     }
 
@@ -122,8 +122,7 @@ impl<'a> Thrift<'a> {
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
-        let most = self.ledger.sh_share / HALF * self.ledger.preference_db;
-        let is_lowered = self.settle_lowering(trainer, (entry, without), less, most)?;
+        let is_lowered = self.settle_lowering(trainer, entry, without, less)?;
         if !is_lowered && self.ledger.sh_share == QUARTER {
             return self.decide(trainer);
         }
@@ -133,16 +132,18 @@ impl<'a> Thrift<'a> {
         self.begin_less(trainer)
     }
 
-    /// Goes on without the harmonics of a round if the held-out views lose no more than `most_db` by it; says whether.
+    /// Goes on without the harmonics of a round if the held-out views do not miss them; says whether.
     fn settle_lowering(
         &mut self,
         trainer: &mut Trainer<'a>,
-        (mut entry, without): (Entry, (usize, Vec<f64>)),
+        mut entry: Entry,
+        without: (usize, Vec<f64>),
         less: &HostState,
-        most_db: f64,
     ) -> Result<bool> {
         let lost = mean(&differences(&without.1, &entry.psnr_db));
-        let is_missed = lost > most_db;
+        let all_lost = self.ledger.sh_lost_db.unwrap_or(0.0) + lost;
+        let preference = self.ledger.preference_db;
+        let is_missed = lost > preference || all_lost > (1.0 + AT_ONCE) * preference;
         entry.without = Some(without);
         entry.act = match is_missed {
             true => Act::LoweredInVain,
