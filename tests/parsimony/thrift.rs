@@ -18,7 +18,7 @@ const VIEWS: usize = 20;
 
 fn options() -> SynthOptions {
     SynthOptions {
-        views: VIEWS as _,
+        views: VIEWS,
         width: 64,
         height: 48,
         points: 800,
@@ -236,15 +236,22 @@ fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
     let rounds = ledger
         .entries
         .iter()
-        .filter(|entry| entry.without.is_some());
+        .enumerate()
+        .filter(|(_, entry)| entry.without.is_some());
     let (mut splats, mut missed) = (None, 0);
-    for entry in rounds {
+    for (index, entry) in rounds {
         let (left, without) = entry.without.clone().unwrap();
         let is_missed = mean(&entry.psnr_db) - mean(&without) > 1e-6 * 10.0;
         assert_eq!(entry.splats, splats.unwrap_or(entry.splats));
-        // What lies beyond the knee stays, too, though few of it may be missed.
+        // What lies beyond the knee stays, too, though nobody misses it in this round: by the law it would be.
+        let known = Ledger {
+            entries: ledger.entries[..=index].to_vec(),
+            ..ledger.clone()
+        };
+        let is_beyond =
+            left < entry.splats && known.knee().is_some_and(|knee| (left as f64) < 0.9 * knee);
         let has_gone = matches!(entry.act, Act::Pruned | Act::Lowered);
-        assert!(!(has_gone && is_missed), "{entry:?}");
+        assert_eq!(!has_gone, is_missed || is_beyond, "{entry:?}");
         splats = Some(if has_gone { left } else { entry.splats });
         missed += usize::from(is_missed);
     }
