@@ -5,6 +5,7 @@ use super::create::GpuOptions;
 use super::debug::Messages;
 use super::faults::Faults;
 use super::memory::{Ledger, MemoryUse};
+use super::pipeline::Made;
 use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::{
@@ -55,6 +56,7 @@ pub(super) struct Shared {
     faults: Option<Faults>,
     memory_limit: u64,
     ledger: Mutex<Ledger>,
+    pub(super) pipelines: Made,
 }
 
 /// Bytes of the blocks that small buffers share; larger buffers have blocks of their own, which go back to
@@ -177,6 +179,7 @@ impl Parts {
             poison: options.validation,
             faults: options.faults.clone(),
             ledger: Mutex::default(),
+            pipelines: Made::default(),
         })))
     }
 }

@@ -4,7 +4,8 @@ use super::device::{Gpu, check};
 use crate::shader::{BindingKind, KernelInfo, Requirement};
 use crate::{Error, Result};
 use ash::vk;
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 pub(super) struct RawPipeline {
     gpu: Gpu,
@@ -14,7 +15,28 @@ pub(super) struct RawPipeline {
     pub(super) handle: vk::Pipeline,
 }
 
-/// A kernel ready to be dispatched. Clones share it.
+/// Where a module lies, and tunables.
+type Key = (usize, Vec<u32>);
+
+/// The pipelines that somebody holds.
+#[derive(Default)]
+pub(super) struct Made(Mutex<HashMap<Key, Weak<RawPipeline>>>);
+
+impl Made {
+    fn find(&self, key: &Key) -> Option<Arc<RawPipeline>> {
+        let made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        made.get(key).and_then(Weak::upgrade)
+    }
+
+    fn insert(&self, key: Key, raw: &Arc<RawPipeline>) {
+        let mut made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        made.retain(|_, raw| raw.strong_count() > 0);
+        made.insert(key, Arc::downgrade(raw));
+    }
+}
+
+/// A kernel ready to be dispatched. Clones share it, and so do all that are asked for while it is held: compiling takes
+/// longer than many a frame.
 #[derive(Clone)]
 pub struct Pipeline(pub(super) Arc<RawPipeline>);
 
@@ -51,6 +73,10 @@ impl Pipeline {
                 "workgroups of {invocations}; this device has them up to {most}"
             )));
         }
+        let key = (info.spirv.as_ptr() as usize, spec.to_vec());
+        if let Some(raw) = gpu.0.pipelines.find(&key) {
+            return Ok(Pipeline(raw));
+        }
         let mut raw = RawPipeline {
             gpu: gpu.clone(),
             info,
@@ -60,7 +86,9 @@ impl Pipeline {
         };
         raw.create_layouts()?;
         raw.create_pipeline(spec)?;
-        Ok(Pipeline(Arc::new(raw)))
+        let raw = Arc::new(raw);
+        gpu.0.pipelines.insert(key, &raw);
+        Ok(Pipeline(raw))
     }
 }
 

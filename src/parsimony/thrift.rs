@@ -30,6 +30,7 @@ use crate::scene::{Dataset, Split};
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
 use rounds::SHARE;
+use survey::Surveyor;
 
 /// The preference where none is given: decibels for a tenth more splats. After 2,000 steps the fox has as good test views with
 /// a sixth of the fixed recipe's splats, and the built-in scenes that do not reach 40 dB have with a sixth to a third
@@ -46,6 +47,7 @@ pub struct Thrift<'a> {
     /// By about as many of the views that are trained on.
     own: Judge,
     fitted: Vec<usize>,
+    _surveyor: Surveyor,
 }
 
 /// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
@@ -125,6 +127,7 @@ impl<'a> Thrift<'a> {
             judge,
             own,
             fitted,
+            _surveyor: Surveyor::new(trainer)?,
         };
         thrift.point_out_errors(trainer)?;
         Ok(thrift)

@@ -44,9 +44,13 @@ impl<'a> Thrift<'a> {
             return self.begin_round(trainer);
         }
         // Degree 0 everywhere takes three floats a splat.
-        self.try_lowered(trainer, &splats, 3 * splats.len())?
-            .is_bare = true;
-        Ok(())
+        match self.try_lowered(trainer, &splats, 3 * splats.len())? {
+            Some(round) => {
+                round.is_bare = true;
+                Ok(())
+            }
+            None => self.begin_round(trainer),
+        }
     }
 
     pub(super) fn judge_bare(
@@ -97,22 +101,28 @@ impl<'a> Thrift<'a> {
         }
         let floats = count(&degrees_used(&splats)) as f64;
         let left = (1.0 - self.ledger.sh_share) * floats;
-        self.try_lowered(trainer, &splats, left as usize)?;
-        Ok(())
+        match self.try_lowered(trainer, &splats, left as usize)? {
+            Some(_) => Ok(()),
+            None => self.decide(trainer),
+        }
     }
 
-    /// Takes the first steps of a round with about so many floats for harmonics.
+    /// Takes the first steps of a round with about so many floats for harmonics; `None` where none would go: degrees
+    /// that few splats have are rounded up.
     fn try_lowered(
         &mut self,
         trainer: &mut Trainer<'a>,
         splats: &Splats,
         floats: usize,
-    ) -> Result<&mut Round> {
+    ) -> Result<Option<&mut Round>> {
         let fits = self.fits(trainer, splats)?;
-        let state = trainer.download()?;
         let (degrees, less) = lowered(&fits, splats, floats);
+        if count(&degrees) >= count(&degrees_used(splats)) {
+            return Ok(None);
+        }
+        let state = trainer.download()?;
         let less = without(&state, &degrees, &less);
-        self.try_without(trainer, state, &less)
+        self.try_without(trainer, state, &less).map(Some)
     }
 
     pub(super) fn judge_lowering(

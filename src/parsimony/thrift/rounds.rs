@@ -3,6 +3,7 @@
 use super::{Phase, Thrift, prune_by};
 use crate::Result;
 use crate::parsimony::gain::{differences, estimate, mean, tenths};
+use crate::parsimony::judge::is_full;
 use crate::parsimony::ledger::{Act, Entry, Ledger, Round};
 use crate::train::{HostState, TrainConfig, Trainer};
 
@@ -34,32 +35,48 @@ impl<'a> Thrift<'a> {
         };
         let mut entry = self.look(trainer)?;
         entry.is_merged = round.is_merged;
-        match (round.without, self.kept.take()) {
+        match (round.without.clone(), self.kept.take()) {
             (None, Some(whole)) => {
-                self.kept = Some(trainer.download()?);
-                let own_db = self.own.score(&trainer.splats()?)?;
+                let without = (entry.splats, entry.psnr_db.clone());
+                let (less, own_db) = (trainer.download()?, self.own.score(&trainer.splats()?)?);
+                let round = Round { own_db, ..round };
+                // Nothing can be missed of what looks perfect without it.
+                if is_full(&entry.psnr_db) && is_full(&round.own_db) {
+                    entry.splats = whole.len();
+                    return self.judge_any(trainer, &round, entry, without, &less);
+                }
+                self.kept = Some(less);
                 trainer.go_back(&whole, round.from)?;
                 self.ledger.round = Some(Round {
-                    without: Some((entry.splats, entry.psnr_db)),
-                    own_db,
+                    without: Some(without),
                     ..round
                 });
                 Ok(())
             }
-            (Some(without), Some(less)) if round.is_bare => {
-                self.judge_bare(trainer, entry, without, &less)
-            }
-            (Some(without), Some(less)) if self.ledger.phase == Phase::Lowering => {
-                self.judge_lowering(trainer, entry, without, &less)
-            }
-            (Some(without), Some(less)) => {
-                let own = self.own.score(&trainer.splats()?)?;
-                let own_lost = mean(&differences(&round.own_db, &own));
-                self.judge_round(trainer, entry, (without, own_lost), &less)
-            }
+            (Some(without), Some(less)) => self.judge_any(trainer, &round, entry, without, &less),
             // A checkpoint that lacks what it should hold: the round is over.
             (_, None) => self.decide(trainer),
         }
+    }
+
+    /// Compares what the same steps have led to with all splats and harmonics, `entry`, and without some.
+    fn judge_any(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        round: &Round,
+        entry: Entry,
+        without: (usize, Vec<f64>),
+        less: &HostState,
+    ) -> Result<()> {
+        if round.is_bare {
+            return self.judge_bare(trainer, entry, without, less);
+        }
+        if self.ledger.phase == Phase::Lowering {
+            return self.judge_lowering(trainer, entry, without, less);
+        }
+        let own = self.own.score(&trainer.splats()?)?;
+        let own_lost = mean(&differences(&round.own_db, &own));
+        self.judge_round(trainer, entry, (without, own_lost), less)
     }
 
     /// Compares what the same steps have led to with all splats, `entry`, and without the least important.
@@ -76,13 +93,15 @@ impl<'a> Thrift<'a> {
         let gain = estimate(&each);
         entry.gain_db = Some([gain.mean, gain.low]);
         let left = without.0;
+        let is_perfect = is_full(&without.1);
         entry.without = Some(without);
         let cost = cost(gain.mean, own_lost / gone, self.ledger.preference_db);
         entry.lost_db = cost * gone;
         entry.act = Act::Pruned;
         self.ledger.entries.push(entry);
         let is_beyond = |knee: f64| (left as f64) < (1.0 - SHARE_MIN) * knee;
-        if cost > self.ledger.preference_db || self.ledger.knee().is_some_and(is_beyond) {
+        let is_too_few = !is_perfect && self.ledger.knee().is_some_and(is_beyond);
+        if cost > self.ledger.preference_db || is_too_few {
             self.ledger.miss();
         } else {
             trainer.replace(less)?;

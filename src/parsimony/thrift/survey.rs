@@ -5,7 +5,7 @@ use crate::parsimony::colors::Seen;
 use crate::parsimony::weigher::{Influence, Lens, Weigher};
 use crate::render::Compatibility;
 use crate::report::Target;
-use crate::scene::{Camera, Dataset, View};
+use crate::scene::{Camera, Dataset, Splats, View};
 use crate::train::Trainer;
 use crate::{Result, io};
 
@@ -16,22 +16,38 @@ const VIEWS_MAX: usize = 16;
 pub(super) struct Survey<'a> {
     dataset: &'a Dataset,
     weigher: Weigher,
-    background: [f32; 3],
+}
+
+/// What surveys share: as long as it is held, their kernels need not be compiled again.
+pub(super) struct Surveyor {
+    _idle: Weigher,
+}
+
+impl Surveyor {
+    pub(super) fn new(trainer: &Trainer<'_>) -> Result<Surveyor> {
+        let nothing = Splats::default();
+        Ok(Surveyor {
+            _idle: Weigher::new(trainer.gpu(), &nothing, lens(trainer))?,
+        })
+    }
+}
+
+/// As training draws.
+fn lens(trainer: &Trainer<'_>) -> Lens {
+    let options = lens_options(trainer);
+    Lens {
+        near: options.near,
+        background: options.background,
+        compatibility: Compatibility::Engine,
+    }
 }
 
 impl<'a> Survey<'a> {
     pub(super) fn begin(trainer: &mut Trainer<'_>, dataset: &'a Dataset) -> Result<Survey<'a>> {
-        let options = lens_options(trainer);
-        let lens = Lens {
-            near: options.near,
-            background: options.background,
-            compatibility: Compatibility::Engine,
-        };
         let splats = trainer.splats()?;
         Ok(Survey {
             dataset,
-            weigher: Weigher::new(trainer.gpu(), &splats, lens)?,
-            background: options.background,
+            weigher: Weigher::new(trainer.gpu(), &splats, lens(trainer))?,
         })
     }
 
@@ -78,7 +94,7 @@ impl<'a> Survey<'a> {
 
     fn judged(&mut self, view: &View) -> Result<Vec<Influence>> {
         let photo = io::photo::load(view)?;
-        let target = Target::new(&photo, self.dataset.alpha, self.background);
+        let target = Target::new(&photo, self.dataset.alpha, self.weigher.lens().background);
         let camera: Camera = view.camera;
         let errors = |planes: &[f32]| pixel_errors(planes, &target);
         self.weigher.influences(&camera, Some(&errors))
