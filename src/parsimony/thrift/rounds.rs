@@ -23,6 +23,9 @@ const OWN: f64 = 0.5;
 /// Rounds stop at this share: what one of so few is worth cannot be told from chance.
 const SHARE_MIN: f64 = 0.1;
 
+/// A count is at the knee that is off it by no more than this share.
+const NEAR: f64 = 0.05;
+
 impl<'a> Thrift<'a> {
     pub(super) fn attend_round(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let steps = round(trainer.config());
@@ -99,7 +102,7 @@ impl<'a> Thrift<'a> {
         entry.lost_db = cost * gone;
         entry.act = Act::Pruned;
         self.ledger.entries.push(entry);
-        let is_beyond = |knee: f64| (left as f64) < (1.0 - SHARE_MIN) * knee;
+        let is_beyond = |knee: f64| (left as f64) < (1.0 - NEAR) * knee;
         let is_too_few = !is_perfect && self.ledger.knee().is_some_and(is_beyond);
         if cost > self.ledger.preference_db || is_too_few {
             self.ledger.miss();
@@ -109,7 +112,8 @@ impl<'a> Thrift<'a> {
         self.ledger.share = next_share(&self.ledger, cost, trainer.splat_count());
         let config = trainer.config();
         let is_time = trainer.iteration() + round(config) > prune_by(config);
-        match is_time || self.ledger.share < SHARE_MIN {
+        let least = self.ledger.knee().map_or(SHARE_MIN, |_| NEAR);
+        match is_time || self.ledger.share < least {
             true => self.begin_lowering(trainer),
             false => self.begin_round(trainer),
         }
