@@ -55,8 +55,8 @@ pub struct Thrift<'a> {
 ///
 /// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not get
 /// to where it is going by the published rates. That helps without pruning, too, so it is no merit of this, and not everywhere
-/// (`2026-11-22-needs-rates.csv`: the fox +0.66 to +0.97 dB, the sphere -0.43 dB). Harmonics do so only where there are
-/// training views enough, `views` of them: from few directions they learn what is not there.
+/// (`2026-11-22-needs-rates.csv`: the fox +0.66 to +0.97 dB, the sphere -0.43 dB). From few
+/// training views, `views` of them, harmonics gain nothing by it (`2026-11-22-few-views.csv`), and keep the published rate.
 pub fn thrifty(mut config: TrainConfig, views: usize) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.iterations / 20 * 9);
     if config.iterations < SHORT {
