@@ -51,7 +51,8 @@ pub struct Thrift<'a> {
 }
 
 /// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
-/// a quarter to rounds without splats, a twentieth to one without harmonics and a quarter to the last fit.
+/// a quarter to rounds without splats, a twentieth to one without harmonics (or splats, where no harmonics are left) and
+/// a quarter to the last fit.
 ///
 /// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not get
 /// to where it is going by the published rates. That helps without pruning, too, so it is no merit of this, and not everywhere
@@ -229,7 +230,7 @@ fn last_fit(config: &TrainConfig) -> u32 {
     config.iterations / 4
 }
 
-/// The iteration from which no splats go any more, and harmonics do.
+/// The iteration from which no splats go any more, and harmonics do, where there are any.
 fn prune_by(config: &TrainConfig) -> u32 {
     config.iterations / 10 * 7
 }

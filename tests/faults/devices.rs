@@ -4,6 +4,7 @@ use crate::device::{self, Turn};
 use crate::run::{STEPS, holds_only, scene, train, undisturbed};
 use ashfall::Error;
 use ashfall::gpu::{Faults, Gpu, GpuOptions};
+use ashfall::kernels::compact::Compact;
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -129,6 +130,28 @@ fn f107_an_image_whose_memory_ends_leaks_nothing() {
         assert!(faults.is_device_gone(), "creation {n} failed");
         assert_eq!(faults.validation_messages(), [""; 0], "creation {n} failed");
     }
+}
+
+#[test]
+fn a_kernel_is_compiled_once_as_long_as_somebody_holds_it() {
+    let (_turn, gpu, faults) = faulty();
+    let choice = Compact::prefer(gpu.caps());
+    let mut other = choice;
+    other.spec.workgroup /= 2;
+    let creations = |choice| {
+        let before = faults.creations();
+        let made = Compact::new(&gpu, choice).unwrap();
+        (faults.creations() - before, made)
+    };
+    let (first, held) = creations(choice);
+    assert!(first > 0);
+    assert_eq!(creations(choice).0, 0, "shared");
+    assert_eq!(creations(other).0, first, "of another size");
+    drop(held);
+    assert_eq!(creations(choice).0, first, "nobody held it any more");
+    drop(gpu);
+    assert!(faults.is_device_gone(), "pipelines hold their device");
+    assert_eq!(faults.validation_messages(), [""; 0]);
 }
 
 /// The check for leaks can fail: a buffer that is never dropped keeps its device.

@@ -1,6 +1,6 @@
 //! Rounds: the same steps from the same state without the least important splats, or harmonics, and with them.
 
-use super::{Phase, Thrift, prune_by};
+use super::{Phase, Thrift, prune_by, settle_by};
 use crate::Result;
 use crate::parsimony::gain::{differences, estimate, mean, tenths};
 use crate::parsimony::judge::is_full;
@@ -111,7 +111,12 @@ impl<'a> Thrift<'a> {
         }
         self.ledger.share = next_share(&self.ledger, cost, trainer.splat_count());
         let config = trainer.config();
-        let is_time = trainer.iteration() + round(config) > prune_by(config);
+        // Where no harmonics are left, their round's steps are free.
+        let until = match less.degrees.iter().all(|&degree| degree == 0) {
+            true => settle_by(config),
+            false => prune_by(config),
+        };
+        let is_time = trainer.iteration() + round(config) > until;
         let least = self.ledger.knee().map_or(SHARE_MIN, |_| NEAR);
         match is_time || self.ledger.share < least {
             true => self.begin_lowering(trainer),
