@@ -6,11 +6,12 @@
 //! out; not before, since what they alone saw would be missing from the scene.
 //!
 //! A share of the splats goes in every round: those without which the pictures would change least, or by merging. A
-//! round takes the same steps from the same state twice, without those splats and with them, since scores rise with time
-//! as well; they go for good where the held-out views lose no more by it than they are worth by the preference, and
-//! otherwise a smaller share is tried. Three counts that were seen show the law that quality follows; from then on rounds
-//! aim at its knee, where a tenth more splats is worth just the preference. Then harmonics go by the same rule; all of them go first where growth has ended for
-//! want of anything to gain. Last, the held-out views return.
+//! round takes the same steps from the same state twice, without those splats and with them, since scores rise with
+//! time as well; they go for good where the held-out views lose no more by it than they are worth by the
+//! preference, and otherwise a smaller share is tried. Three counts that were seen show the law that quality
+//! follows; from then on rounds aim at its knee, where a tenth more splats is worth just the preference. Then
+//! harmonics go by the same rule; all of them go first where growth has ended for want of anything to gain. Last,
+//! the held-out views return.
 //!
 //! **Invariant:** what happens is a function of configuration, preference, views and device, and what it goes by beside
 //! the trainer's state is in the [`Ledger`] and the state kept: a resumed run decides alike.
@@ -54,10 +55,10 @@ pub struct Thrift<'a> {
 /// a quarter to rounds without splats, a twentieth to one without harmonics (or splats, where no harmonics are left) and
 /// a quarter to the last fit.
 ///
-/// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not get
-/// to where it is going by the published rates. That helps without pruning, too, so it is no merit of this, and not everywhere
-/// (`2026-11-22-needs-rates.csv`: the fox +0.66 to +0.97 dB, the sphere -0.43 dB). From few
-/// training views, `views` of them, harmonics gain nothing by it (`2026-11-22-few-views.csv`), and keep the published rate.
+/// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not
+/// get to where it is going by the published rates. That helps without pruning, too, so it is no merit of this, and
+/// not everywhere (`2026-11-22-needs-rates.csv`: the fox +0.66 to +0.97 dB, the sphere -0.43 dB). From few training
+/// views, `views` of them, harmonics gain nothing by it (`2026-11-22-few-views.csv`), and keep the published rate.
 pub fn thrifty(mut config: TrainConfig, views: usize) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.iterations / 20 * 9);
     if config.iterations < SHORT {
