@@ -26,16 +26,16 @@ mod survey;
 use super::gain::{differences, mean};
 use super::judge::{Judge, part};
 use super::ledger::{Act, Entry, Ledger, Phase};
+use super::weigher::Weigher;
 use crate::render::ViewOptions;
 use crate::scene::{Dataset, Split};
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
 use rounds::SHARE;
-use survey::Surveyor;
 
-/// The preference where none is given: decibels for a tenth more splats. After 2,000 steps the fox has as good test views with
-/// a sixth of the fixed recipe's splats, and the built-in scenes that do not reach 40 dB have with a sixth to a third
-/// (`2026-11-22-needs.csv`).
+/// The preference where none is given: decibels for a tenth more splats. After 2,000 steps the fox has as good
+/// test views with less than a fifth of the fixed recipe's splats, and the built-in scenes that do not reach 40 dB have
+/// with a sixth to a third (`2026-11-22-needs.csv`).
 pub const PREFERENCE_DB: f64 = 0.08;
 
 /// Steers a run.
@@ -48,7 +48,8 @@ pub struct Thrift<'a> {
     /// By about as many of the views that are trained on.
     own: Judge,
     fitted: Vec<usize>,
-    _surveyor: Surveyor,
+    /// Held for its kernels alone, which every survey shares.
+    _idle: Weigher,
 }
 
 /// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
@@ -129,7 +130,7 @@ impl<'a> Thrift<'a> {
             judge,
             own,
             fitted,
-            _surveyor: Surveyor::new(trainer)?,
+            _idle: survey::idle(trainer)?,
         };
         thrift.point_out_errors(trainer)?;
         Ok(thrift)

@@ -20,16 +20,16 @@ const AFTER_A_MISS: f64 = 0.9;
 /// foreseen that they hardly miss any splat, and what they judge would no longer be the scene of the photographs.
 const OWN: f64 = 0.5;
 
-/// Rounds stop at this share: what one of so few is worth cannot be told from chance.
+/// Rounds stop at this share where no knee is known: what one of so few is worth cannot be told from chance.
 const SHARE_MIN: f64 = 0.1;
 
-/// A count is at the knee that is off it by no more than this share.
+/// A count is at the knee that is off it by no more than this share: the knee is steadier than what a round costs.
 const NEAR: f64 = 0.05;
 
 impl<'a> Thrift<'a> {
     pub(super) fn attend_round(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let steps = round(trainer.config());
-        let round = match self.ledger.round.take() {
+        let mut round = match self.ledger.round.take() {
             Some(round) if iteration >= round.from + steps => round,
             waiting => {
                 self.ledger.round = waiting;
@@ -38,7 +38,7 @@ impl<'a> Thrift<'a> {
         };
         let mut entry = self.look(trainer)?;
         entry.is_merged = round.is_merged;
-        match (round.without.clone(), self.kept.take()) {
+        match (round.without.take(), self.kept.take()) {
             (None, Some(whole)) => {
                 let without = (entry.splats, entry.psnr_db.clone());
                 let (less, own_db) = (trainer.download()?, self.own.score(&trainer.splats()?)?);
@@ -62,7 +62,7 @@ impl<'a> Thrift<'a> {
         }
     }
 
-    /// Compares what the same steps have led to with all splats and harmonics, `entry`, and without some.
+    /// Decides on a round, whatever it has tried: `entry` is how the scene is with all, `without` and `less` without.
     fn judge_any(
         &mut self,
         trainer: &mut Trainer<'a>,
@@ -103,6 +103,7 @@ impl<'a> Thrift<'a> {
         entry.act = Act::Pruned;
         self.ledger.entries.push(entry);
         let is_beyond = |knee: f64| (left as f64) < (1.0 - NEAR) * knee;
+        // What looks perfect needs no law to go by.
         let is_too_few = !is_perfect && self.ledger.knee().is_some_and(is_beyond);
         if cost > self.ledger.preference_db || is_too_few {
             self.ledger.miss();

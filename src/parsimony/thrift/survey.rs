@@ -18,18 +18,9 @@ pub(super) struct Survey<'a> {
     weigher: Weigher,
 }
 
-/// What surveys share: as long as it is held, their kernels need not be compiled again.
-pub(super) struct Surveyor {
-    _idle: Weigher,
-}
-
-impl Surveyor {
-    pub(super) fn new(trainer: &Trainer<'_>) -> Result<Surveyor> {
-        let nothing = Splats::default();
-        Ok(Surveyor {
-            _idle: Weigher::new(trainer.gpu(), &nothing, lens(trainer))?,
-        })
-    }
+/// A weigher of nothing: while it is held, surveys need not compile their kernels, which takes longer than many a survey.
+pub(super) fn idle(trainer: &Trainer<'_>) -> Result<Weigher> {
+    Weigher::new(trainer.gpu(), &Splats::default(), lens(trainer))
 }
 
 /// As training draws.
