@@ -5,20 +5,25 @@
 //!
 //! E(d) = min_b Σ_v w_v (c(v) − b · Y(v))² + μ W ∫ (c − b · Y)² dΩ / 4π,  W = Σ_v w_v,
 //!
-//! as if the share μ of its light went in all directions alike, without which views between those would be at the mercy
-//! of chance. Each splat then takes the degree of least E(d) + λ n(d), n the coefficients: of all choices with as many in
-//! all, the one of least error; λ says how many.
+//! as if the share μ of its light went in all directions alike. Colours take a small μ: as near as they get, but for
+//! directions that no view tells of. Degrees take a large one: coefficients that training has made large are those that it
+//! will miss, even if others could stand in for them in the views there are. Each splat takes the degree of least
+//! E(d) + λ n(d), n the coefficients: of all choices with as many in all, the one of least error; λ says how many.
 
 mod basis;
 
+use crate::render::Slots;
 use crate::scene::{Camera, Splats, sh_coefficient_count};
 use basis::basis;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// The share μ of light that counts as going in all directions alike.
-const SHARE_ALL_ROUND: f64 = 0.1;
+/// The share μ of light that counts as going in all directions alike where colours are fitted.
+const FITTED_ALL_ROUND: f64 = 1e-3;
+
+/// The same where degrees are chosen.
+const CHOSEN_ALL_ROUND: f64 = 1.0;
 
 /// Halvings of the interval in which λ lies, in logarithms: to 2⁻⁴⁰ of its width.
 const HALVINGS: usize = 40;
@@ -62,31 +67,55 @@ impl Fits {
         }
     }
 
-    /// The degrees of least error that take no more floats than that, if degree 0 does.
-    pub fn degrees(&self, floats: usize) -> Vec<u8> {
+    /// The degrees of least error that take no more floats than that, if degree 0 does; but for the highest that any
+    /// splat takes, each is that of `apart` splats or more.
+    pub fn degrees(&self, floats: usize, apart: usize) -> Vec<u8> {
+        let sets = 1..1 << (self.sh_degree + 1);
+        let choices = sets.map(|set| self.within(floats, set));
+        let choices = choices.filter(|degrees| {
+            let counts = Slots::of(degrees).counts;
+            let highest = counts.iter().rposition(|&count| count > 0).unwrap_or(0);
+            let are_apart = |&count: &usize| count == 0 || count >= apart;
+            count(degrees) <= floats && counts[..highest].iter().all(are_apart)
+        });
+        let errors = choices.map(|degrees| (self.error(&degrees), degrees));
+        let least = errors.min_by(|a, b| a.0.total_cmp(&b.0));
+        least.map_or_else(|| vec![0; self.rows.len()], |(_, degrees)| degrees)
+    }
+
+    /// The degrees of least error of those in a set, a bit for each, that take no more floats than that, if its lowest
+    /// does.
+    fn within(&self, floats: usize, set: u32) -> Vec<u8> {
         let (mut low, mut high) = (-60.0_f64, 60.0_f64);
         for _ in 0..HALVINGS {
             let middle = (low + high) / 2.0;
-            match count(&self.choose(middle.exp2())) > floats {
+            match count(&self.choose(set, middle.exp2())) > floats {
                 true => low = middle,
                 false => high = middle,
             }
         }
-        self.choose(high.exp2())
+        self.choose(set, high.exp2())
     }
 
-    fn choose(&self, lambda: f64) -> Vec<u8> {
+    fn choose(&self, set: u32, lambda: f64) -> Vec<u8> {
         let choose = |fit: &Fit| {
-            let costs = fit.errors.iter().enumerate();
-            let cost = |(d, e): (usize, &f64)| (e + lambda * floats(d as u8) as f64, d);
             // What is no number stays as it is: it is not for this to repair.
             if fit.errors.iter().any(|e| e.is_nan()) {
                 return self.sh_degree as u8;
             }
-            let least = costs.map(cost).min_by(|a, b| a.0.total_cmp(&b.0));
+            let all = fit.errors.iter().enumerate();
+            let chosen = all.filter(|(degree, _)| set >> degree & 1 == 1);
+            let cost = |(d, e): (usize, &f64)| (e + lambda * floats(d as u8) as f64, d);
+            let least = chosen.map(cost).min_by(|a, b| a.0.total_cmp(&b.0));
             least.map_or(0, |(_, degree)| degree as u8)
         };
         self.rows.par_iter().map(choose).collect()
+    }
+
+    fn error(&self, degrees: &[u8]) -> f64 {
+        let pairs = self.rows.iter().zip(degrees);
+        let errors = pairs.map(|(fit, &degree)| fit.errors[degree as usize]);
+        errors.filter(|error| !error.is_nan()).sum()
     }
 
     /// The scene with such degrees, in the coefficients of its own; zeros stand for those that went.
@@ -131,7 +160,9 @@ fn fit(splats: &Splats, index: usize, views: &[Seen]) -> Fit {
         .collect();
     let mut found = Fit::default();
     for degree in 0..splats.sh_degree {
-        let (fitted, error) = fewer(row, &seen, sh_coefficient_count(degree));
+        let fewer = |share| fewer(row, &seen, sh_coefficient_count(degree), share);
+        let (fitted, _) = fewer(FITTED_ALL_ROUND);
+        let (_, error) = fewer(CHOSEN_ALL_ROUND);
         found.rows.push(fitted);
         found.errors.push(error);
     }
@@ -143,10 +174,10 @@ fn fit(splats: &Splats, index: usize, views: &[Seen]) -> Fit {
     found
 }
 
-/// The first `count` coefficients that fit best, and the error E.
-fn fewer(row: &[f32], seen: &[(f64, [f64; 16])], count: usize) -> (Vec<f32>, f64) {
+/// The first `count` coefficients that fit best, and the error E; `share` is μ.
+fn fewer(row: &[f32], seen: &[(f64, [f64; 16])], count: usize, share: f64) -> (Vec<f32>, f64) {
     let total: f64 = seen.iter().map(|(weight, _)| weight).sum();
-    let around = SHARE_ALL_ROUND * total / (4.0 * PI);
+    let around = share * total / (4.0 * PI);
     let at = |channel: usize| row.iter().skip(channel).step_by(3).map(|&c| f64::from(c));
     if total.is_nan() || total <= 0.0 {
         return (row[..3 * count].to_vec(), 0.0);
@@ -278,9 +309,9 @@ mod tests {
                 .collect(),
             ..splats.clone()
         };
-        // A tenth of the light goes all round: a hundredth and a bit of what cutting alone is off by.
+        // A thousandth of the light goes all round: a millionth of what cutting alone is off by.
         assert!(
-            off(&flat) < 0.02 * off(&cut),
+            off(&flat) < 2e-6 * off(&cut),
             "{} of {}",
             off(&flat),
             off(&cut)
@@ -325,12 +356,29 @@ mod tests {
         second.copy_from_slice(first);
         let places = [[1.0, 0.0, 0.2], [0.0, 1.0, -0.4], [-1.0, 0.5, 1.0]];
         let fits = Fits::new(&splats, &views(&places, &[0.001, 100.0]));
-        let degrees = fits.degrees(3 + 48);
+        let degrees = fits.degrees(3 + 48, 1);
         assert_eq!(degrees, [0, 3]);
-        assert_eq!(fits.degrees(96), [3, 3]);
-        assert_eq!(fits.degrees(6), [0, 0]);
+        assert_eq!(fits.degrees(96, 1), [3, 3]);
+        assert_eq!(fits.degrees(6, 1), [0, 0]);
         for budget in [6, 20, 33, 50, 70, 96] {
-            assert!(count(&fits.degrees(budget)) <= budget);
+            assert!(count(&fits.degrees(budget, 1)) <= budget);
+        }
+    }
+
+    #[test]
+    fn no_degree_but_the_highest_is_that_of_few() {
+        let splats = scene(30);
+        let weights: Vec<f32> = (0..30).map(|i| 1.3_f32.powi(i * 7 % 30)).collect();
+        let places = [[1.0, 0.0, 0.2], [0.0, 1.0, -0.4], [-1.0, 0.5, 1.0]];
+        let fits = Fits::new(&splats, &views(&places, &weights));
+        for budget in [90, 200, 400, 720, 1_200] {
+            let [free, bound] = [1, 8].map(|apart| fits.degrees(budget, apart));
+            let counts = Slots::of(&bound).counts;
+            let highest = counts.iter().rposition(|&count| count > 0).unwrap();
+            let are_apart = counts[..highest].iter().all(|&c| c == 0 || c >= 8);
+            assert!(are_apart, "{counts:?}");
+            assert!(count(&bound) <= budget && count(&free) <= budget);
+            assert!(fits.error(&free) <= fits.error(&bound));
         }
     }
 
@@ -339,7 +387,7 @@ mod tests {
         let mut splats = scene(2);
         splats.sh[50] = f32::NAN;
         let fits = Fits::new(&splats, &views(&[[1.0, 0.0, 0.0]], &[0.0, 1.0]));
-        let degrees = fits.degrees(51);
+        let degrees = fits.degrees(51, 1);
         assert_eq!(degrees, [0, 3]);
         let applied = fits.applied(&splats, &degrees);
         assert!(applied.sh[50].is_nan() && applied.sh[..3] == splats.sh[..3]);

@@ -73,6 +73,11 @@ impl Judge {
 
     /// The PSNR of each view, decibels; 40 at most, beyond which nobody sees what is wrong.
     pub fn score(&mut self, splats: &Splats) -> Result<Vec<f64>> {
+        self.score_up_to(splats, FULL_DB)
+    }
+
+    /// The same, `most` decibels at most.
+    pub(super) fn score_up_to(&mut self, splats: &Splats, most: f64) -> Result<Vec<f64>> {
         let degree = splats.sh_degree;
         let mut renderer = match self.renderer.take() {
             Some((of, renderer)) if of == degree => renderer,
@@ -92,7 +97,7 @@ impl Judge {
             let error = mean_squared_error(drawn, photo, target.weights.as_deref());
             // Broken numbers are as bad as it gets, not as good.
             Ok(match error.is_finite() {
-                true => (-10.0 * error.max(UNSEEN).log10()).min(FULL_DB),
+                true => (-10.0 * error.max(f64::MIN_POSITIVE).log10()).min(most),
                 false => 0.0,
             })
         };

@@ -35,6 +35,6 @@ pub use options::RenderOptions;
 pub use precision::Precision;
 pub use renderer::{Rendered, Renderer, Stats};
 pub use scratch::{Capacity, Scratch};
-pub use slots::{ByDegree, DEGREES, Slots, degrees_used, merge_degrees, of_degree};
+pub use slots::{ByDegree, DEGREES, Slots, apart, degrees_used, merge_degrees, of_degree};
 pub(crate) use trail::Trail;
 pub use view::{ViewOptions, view_of};

@@ -21,16 +21,21 @@ pub fn of_degree(splats: usize, sh_degree: u32) -> ByDegree {
 }
 
 /// Fewest splats of a degree that are stored apart from those of the next: it takes a dispatch of its own, which costs as
-/// much as what some hundred splats save on a CPU device, some thousand on others.
-const APART_MIN: usize = 2048;
+/// much as what some hundred splats save on a CPU device, and some microseconds on others.
+const APART_MIN: usize = 512;
 /// And the least share of a scene, so that even dispatches of large ones are worth theirs.
 const APART_SHARE: usize = 64;
 
-/// Raises degrees where too few splats have one: fewer than 2,048, or a 64th of the scene, join those of the next degree
+/// Fewest splats of a degree, of so many in all, that are stored apart from those of the next.
+pub fn apart(splats: usize) -> usize {
+    APART_MIN.max(splats.div_ceil(APART_SHARE))
+}
+
+/// Raises degrees where too few splats have one: fewer than 512, or a 64th of the scene, join those of the next degree
 /// that any has. A pure function of how many splats there are of each degree. Raised splats have zeros for what they did
 /// not have: pictures stay the same.
 pub fn merge_degrees(degrees: &mut [u8]) {
-    let apart = APART_MIN.max(degrees.len().div_ceil(APART_SHARE));
+    let apart = apart(degrees.len());
     let mut counts = count(degrees);
     let mut raised: [u8; DEGREES] = [0, 1, 2, 3];
     for degree in 0..DEGREES - 1 {
@@ -157,13 +162,13 @@ mod tests {
             count(&degrees)
         };
         assert_eq!(of([5, 0, 0, 0]), [5, 0, 0, 0]);
-        assert_eq!(of([2_048, 0, 0, 1]), [2_048, 0, 0, 1]);
-        assert_eq!(of([2_047, 0, 0, 1]), [0, 0, 0, 2_048]);
+        assert_eq!(of([512, 0, 0, 1]), [512, 0, 0, 1]);
+        assert_eq!(of([511, 0, 0, 1]), [0, 0, 0, 512]);
         // Two that join may be enough together.
-        assert_eq!(of([2_000, 48, 0, 9]), [0, 2_048, 0, 9]);
-        assert_eq!(of([2_000, 47, 5, 0]), [0, 0, 2_052, 0]);
-        assert_eq!(of([3_000, 0, 0, 188_999]), [3_000, 0, 0, 188_999]);
-        assert_eq!(of([3_000, 0, 0, 189_001]), [0, 0, 0, 192_001]);
+        assert_eq!(of([500, 12, 0, 9]), [0, 512, 0, 9]);
+        assert_eq!(of([500, 11, 5, 0]), [0, 0, 516, 0]);
+        assert_eq!(of([1_000, 0, 0, 63_000]), [1_000, 0, 0, 63_000]);
+        assert_eq!(of([1_000, 0, 0, 63_001]), [0, 0, 0, 64_001]);
         assert_eq!(of([0; 4]), [0; 4]);
     }
 

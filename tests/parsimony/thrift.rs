@@ -127,6 +127,35 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
     Ok(())
 }
 
+/// A wall of one colour looks perfect whatever goes, nearly: rounds that show it take their steps once.
+#[test]
+fn where_nothing_can_be_missed_a_round_takes_its_steps_once() -> Result<()> {
+    let gpu = gpu();
+    let mut dataset = dataset(Kind::Plane);
+    paint(&mut dataset);
+    let config = TrainConfig {
+        sh_degree: 1,
+        ..TrainConfig::for_iterations(600)
+    };
+    let mut trainer = Trainer::new(&gpu, &dataset, thrifty(config, VIEWS))?;
+    let mut thrift = Thrift::begin(&mut trainer, &dataset, PREFERENCE_DB, false)?;
+    let mut steps = 0;
+    while !trainer.is_done() {
+        trainer.step()?;
+        steps += 1;
+        thrift.attend(&mut trainer)?;
+    }
+    let entries = thrift.ledger().entries.iter();
+    let rounds: Vec<bool> = entries
+        .filter_map(|entry| entry.without.as_ref())
+        .map(|(_, psnr_db)| psnr_db.iter().all(|&psnr| psnr >= 40.0))
+        .collect();
+    let twice = rounds.iter().filter(|&&is_perfect| !is_perfect).count();
+    assert!(twice < rounds.len(), "{rounds:?}");
+    assert_eq!(steps, 600 + 30 * twice, "{rounds:?}");
+    Ok(())
+}
+
 /// Makes all photographs of one colour.
 fn paint(dataset: &mut Dataset) {
     for view in &mut dataset.views {

@@ -1,6 +1,8 @@
-//! Harmonics where they are needed: those go that the held-out views do not miss; half of them, or a quarter where half is
-//! missed, may cost as much as a tenth of the splats. Three quarters of a splat's bytes are harmonics.
-//! All that rounds take together may cost no more, beside what goes at once.
+//! Harmonics where they are needed: those that nobody needs go at once, if they are half of all or more. Else a round tries
+//! to do without half, and one without a quarter where that is missed; either may cost as much as a tenth of the splats.
+//! Three quarters of a splat's bytes are harmonics.
+//!
+//! All go in one step: colours that have been fitted anew no longer tell which of their harmonics are needed.
 
 use super::rounds::round;
 use super::survey::Survey;
@@ -9,23 +11,23 @@ use crate::Result;
 use crate::parsimony::colors::{Fits, count};
 use crate::parsimony::gain::{differences, mean};
 use crate::parsimony::ledger::{Act, Entry, Round};
-use crate::render::{degrees_used, merge_degrees};
-use crate::scene::Splats;
+use crate::render::{apart, degrees_used, merge_degrees};
+use crate::scene::{Splats, sh_coefficient_count};
 use crate::train::schedule::sh_degree;
 use crate::train::{HostState, Trainer};
 
 /// The shares of the harmonics' floats that may turn out to be enough at once, one after the other; the last is degree 0
 /// everywhere.
-const SHARES: [f64; 6] = [0.75, 0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
+const SHARES: [f64; 5] = [0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
 
-/// The share of the harmonics that rounds try to do without.
+/// Harmonics that go at once may lose so much of the preference: those that nobody needed.
+const AT_ONCE: f64 = 0.25;
+
+/// The share of the harmonics' floats that rounds try to do without.
 const HALF: f64 = 0.5;
 
 /// That which they try once the other was missed.
 const QUARTER: f64 = 0.25;
-
-/// Harmonics that go at once may lose so much of the preference: those that nobody needed.
-const AT_ONCE: f64 = 0.5;
 
 /// Views that colours are fitted to, at most.
 const VIEWS_MAX: usize = 64;
@@ -44,13 +46,9 @@ impl<'a> Thrift<'a> {
             return self.begin_round(trainer);
         }
         // Degree 0 everywhere takes three floats a splat.
-        match self.try_lowered(trainer, &splats, 3 * splats.len())? {
-            Some(round) => {
-                round.is_bare = true;
-                Ok(())
-            }
-            None => self.begin_round(trainer),
-        }
+        let round = self.try_lowered(trainer, &splats, 3 * splats.len())?;
+        round.is_bare = true;
+        Ok(())
     }
 
     pub(super) fn judge_bare(
@@ -64,65 +62,66 @@ impl<'a> Thrift<'a> {
         self.begin_round(trainer)
     }
 
-    /// Takes the harmonics that hardly show, and tries to do without half of the others, or a quarter.
+    /// Takes the harmonics that nobody needs, or tries to do without half of them.
     pub(super) fn begin_lowering(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         self.ledger.phase = Phase::Lowering;
         let splats = trainer.splats()?;
-        if splats.sh_degree == 0 {
+        if splats.sh_degree == 0 || self.take_unneeded(trainer, &splats)? {
             return self.decide(trainer);
-        }
-        let fits = self.fits(trainer, &splats)?;
-        let whole = self.judge.score(&splats)?;
-        let (gone_before, mut found) = (self.ledger.sh_lost_db, None);
-        for share in SHARES {
-            let floats = (share * splats.sh.len() as f64) as usize;
-            let (degrees, less) = lowered(&fits, &splats, floats);
-            let lost = mean(&differences(&self.judge.score(&less)?, &whole));
-            if lost > AT_ONCE * self.ledger.preference_db {
-                break;
-            }
-            self.ledger.sh_lost_db = Some(gone_before.unwrap_or(0.0) + lost);
-            found = Some((degrees, less));
-        }
-        if let Some((degrees, less)) = found {
-            let state = without(&trainer.download()?, &degrees, &less);
-            trainer.replace(&state)?;
         }
         self.ledger.sh_share = HALF;
         self.begin_less(trainer)
     }
 
-    /// Tries to do without a share of the harmonics, if there is time and there are any.
+    /// Takes the harmonics that hardly show, if they are enough; says whether.
+    fn take_unneeded(&mut self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<bool> {
+        let fits = self.fits(trainer, splats)?;
+        // Beyond 40 dB, too: a score that ends there would let all go down to it.
+        let whole = self.judge.score_up_to(splats, f64::INFINITY)?;
+        let mut found = None;
+        for share in SHARES {
+            let (degrees, less) = lowered(&fits, splats, floats(trainer, share));
+            let scores = self.judge.score_up_to(&less, f64::INFINITY)?;
+            let lost = mean(&differences(&scores, &whole));
+            if lost > AT_ONCE * self.ledger.preference_db {
+                break;
+            }
+            found = Some((degrees, less, lost));
+        }
+        let Some((degrees, less, lost)) = found else {
+            return Ok(false);
+        };
+        *self.ledger.sh_lost_db.get_or_insert(0.0) += lost;
+        let state = without(&trainer.download()?, &degrees, &less);
+        trainer.replace(&state)?;
+        Ok(true)
+    }
+
+    /// Tries to do without a share of the harmonics, if there is time and there are so many.
     fn begin_less(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let splats = trainer.splats()?;
         let config = trainer.config();
-        if splats.sh_degree == 0 || trainer.iteration() + round(config) > settle_by(config) {
+        let left = floats(trainer, 1.0 - self.ledger.sh_share);
+        let is_time = trainer.iteration() + round(config) <= settle_by(config);
+        if !is_time || count(&degrees_used(&splats)) <= left {
             return self.decide(trainer);
         }
-        let floats = count(&degrees_used(&splats)) as f64;
-        let left = (1.0 - self.ledger.sh_share) * floats;
-        match self.try_lowered(trainer, &splats, left as usize)? {
-            Some(_) => Ok(()),
-            None => self.decide(trainer),
-        }
+        self.try_lowered(trainer, &splats, left)?;
+        Ok(())
     }
 
-    /// Takes the first steps of a round with about so many floats for harmonics; `None` where none would go: degrees
-    /// that few splats have are rounded up.
+    /// Takes the first steps of a round with no more floats for harmonics than that.
     fn try_lowered(
         &mut self,
         trainer: &mut Trainer<'a>,
         splats: &Splats,
         floats: usize,
-    ) -> Result<Option<&mut Round>> {
+    ) -> Result<&mut Round> {
         let fits = self.fits(trainer, splats)?;
         let (degrees, less) = lowered(&fits, splats, floats);
-        if count(&degrees) >= count(&degrees_used(splats)) {
-            return Ok(None);
-        }
         let state = trainer.download()?;
         let less = without(&state, &degrees, &less);
-        self.try_without(trainer, state, &less).map(Some)
+        self.try_without(trainer, state, &less)
     }
 
     pub(super) fn judge_lowering(
@@ -133,12 +132,10 @@ impl<'a> Thrift<'a> {
         less: &HostState,
     ) -> Result<()> {
         let is_lowered = self.settle_lowering(trainer, entry, without, less)?;
-        if !is_lowered && self.ledger.sh_share == QUARTER {
+        if is_lowered || self.ledger.sh_share == QUARTER {
             return self.decide(trainer);
         }
-        if !is_lowered {
-            self.ledger.sh_share = QUARTER;
-        }
+        self.ledger.sh_share = QUARTER;
         self.begin_less(trainer)
     }
 
@@ -151,9 +148,7 @@ impl<'a> Thrift<'a> {
         less: &HostState,
     ) -> Result<bool> {
         let lost = mean(&differences(&without.1, &entry.psnr_db));
-        let all_lost = self.ledger.sh_lost_db.unwrap_or(0.0) + lost;
-        let preference = self.ledger.preference_db;
-        let is_missed = lost > preference || all_lost > (1.0 + AT_ONCE) * preference;
+        let is_missed = lost > self.ledger.preference_db;
         entry.without = Some(without);
         entry.act = match is_missed {
             true => Act::LoweredInVain,
@@ -177,9 +172,15 @@ impl<'a> Thrift<'a> {
     }
 }
 
-/// Degrees that take about so many floats, and the scene with them.
+/// A share of the floats that the harmonics of as many splats as there are take.
+fn floats(trainer: &Trainer<'_>, share: f64) -> usize {
+    let of_each = 3 * sh_coefficient_count(trainer.config().sh_degree);
+    (share * (of_each * trainer.splat_count()) as f64) as usize
+}
+
+/// Degrees that take no more floats than that, and the scene with them.
 fn lowered(fits: &Fits, splats: &Splats, floats: usize) -> (Vec<u8>, Splats) {
-    let mut degrees = fits.degrees(floats);
+    let mut degrees = fits.degrees(floats, apart(splats.len()));
     merge_degrees(&mut degrees);
     let less = fits.applied(splats, &degrees);
     (degrees, less)
