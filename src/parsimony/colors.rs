@@ -5,10 +5,13 @@
 //!
 //! E(d) = min_b Σ_v w_v (c(v) − b · Y(v))² + μ W ∫ (c − b · Y)² dΩ / 4π,  W = Σ_v w_v,
 //!
-//! as if the share μ of its light went in all directions alike. Colours take a small μ: as near as they get, but for
+//! as if μ times as much light went in all directions alike. Colours take a small μ: as near as they get, but for
 //! directions that no view tells of. Degrees take a large one: coefficients that training has made large are those that it
 //! will miss, even if others could stand in for them in the views there are. Each splat takes the degree of least
 //! E(d) + λ n(d), n the coefficients: of all choices with as many in all, the one of least error; λ says how many.
+//!
+//! None of this matters much after some hundred steps: half of the fox's harmonics cost it 0.08 to 0.12 dB by each of ten
+//! such rules, those of this one 0.08 and 0.10 (`2026-11-22-harmonics.csv`).
 
 mod basis;
 
@@ -19,10 +22,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// The share μ of light that counts as going in all directions alike where colours are fitted.
+/// The μ that colours are fitted with.
 const FITTED_ALL_ROUND: f64 = 1e-3;
 
-/// The same where degrees are chosen.
+/// The μ that degrees are chosen with.
 const CHOSEN_ALL_ROUND: f64 = 1.0;
 
 /// Halvings of the interval in which λ lies, in logarithms: to 2⁻⁴⁰ of its width.
