@@ -163,7 +163,7 @@ fn fit(splats: &Splats, index: usize, views: &[Seen]) -> Fit {
         .collect();
     let mut found = Fit::default();
     for degree in 0..splats.sh_degree {
-        let fewer = |share| fewer(row, &seen, sh_coefficient_count(degree), share);
+        let fewer = |all_round| fewer(row, &seen, sh_coefficient_count(degree), all_round);
         let (fitted, _) = fewer(FITTED_ALL_ROUND);
         let (_, error) = fewer(CHOSEN_ALL_ROUND);
         found.rows.push(fitted);
@@ -177,10 +177,10 @@ fn fit(splats: &Splats, index: usize, views: &[Seen]) -> Fit {
     found
 }
 
-/// The first `count` coefficients that fit best, and the error E; `share` is μ.
-fn fewer(row: &[f32], seen: &[(f64, [f64; 16])], count: usize, share: f64) -> (Vec<f32>, f64) {
+/// The first `count` coefficients that fit best, and the error E; `all_round` is μ.
+fn fewer(row: &[f32], seen: &[(f64, [f64; 16])], count: usize, all_round: f64) -> (Vec<f32>, f64) {
     let total: f64 = seen.iter().map(|(weight, _)| weight).sum();
-    let around = share * total / (4.0 * PI);
+    let around = all_round * total / (4.0 * PI);
     let at = |channel: usize| row.iter().skip(channel).step_by(3).map(|&c| f64::from(c));
     if total.is_nan() || total <= 0.0 {
         return (row[..3 * count].to_vec(), 0.0);

@@ -21,7 +21,7 @@ pub fn of_degree(splats: usize, sh_degree: u32) -> ByDegree {
 }
 
 /// Fewest splats of a degree that are stored apart from those of the next: it takes a dispatch of its own, which costs as
-/// much as what some hundred splats save on a CPU device, and some microseconds on others.
+/// much as what some hundred splats save on a CPU device, some thousand on others. Memory is saved on all.
 const APART_MIN: usize = 512;
 /// And the least share of a scene, so that even dispatches of large ones are worth theirs.
 const APART_SHARE: usize = 64;

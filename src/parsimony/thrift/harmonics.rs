@@ -2,7 +2,7 @@
 //! to do without half, and one without a quarter where that is missed; either may cost as much as a tenth of the splats.
 //! Three quarters of a splat's bytes are harmonics.
 //!
-//! All go in one step: colours that have been fitted anew no longer tell which of their harmonics are needed.
+//! All go in one step: what went is fitted into what stayed, whose size then no longer tells how much it is needed.
 
 use super::rounds::round;
 use super::survey::Survey;
@@ -11,7 +11,7 @@ use crate::Result;
 use crate::parsimony::colors::{Fits, count};
 use crate::parsimony::gain::{differences, mean};
 use crate::parsimony::ledger::{Act, Entry, Round};
-use crate::render::{apart, degrees_used, merge_degrees};
+use crate::render::{apart, degrees_used};
 use crate::scene::{Splats, sh_coefficient_count};
 use crate::train::schedule::sh_degree;
 use crate::train::{HostState, Trainer};
@@ -76,7 +76,7 @@ impl<'a> Thrift<'a> {
     /// Takes the harmonics that hardly show, if they are enough; says whether.
     fn take_unneeded(&mut self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<bool> {
         let fits = self.fits(trainer, splats)?;
-        // Beyond 40 dB, too: a score that ends there would let all go down to it.
+        // Scores that end at 40 dB would let all go down to that.
         let whole = self.judge.score_up_to(splats, f64::INFINITY)?;
         let mut found = None;
         for share in SHARES {
@@ -180,8 +180,7 @@ fn floats(trainer: &Trainer<'_>, share: f64) -> usize {
 
 /// Degrees that take no more floats than that, and the scene with them.
 fn lowered(fits: &Fits, splats: &Splats, floats: usize) -> (Vec<u8>, Splats) {
-    let mut degrees = fits.degrees(floats, apart(splats.len()));
-    merge_degrees(&mut degrees);
+    let degrees = fits.degrees(floats, apart(splats.len()));
     let less = fits.applied(splats, &degrees);
     (degrees, less)
 }
