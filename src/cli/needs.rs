@@ -22,8 +22,9 @@ use course::Course;
 /// Show what scenes need: splats, harmonics, time
 ///
 /// Trains every scene, the built-in ones and the photographs of every DATA, by the fixed recipe, to no more splats than it
-/// needs (`train --parsimony`), and by MCMC with as many splats as that ended with; for as many steps each, from several
-/// seeds. Writes needs.html, which needs no other file, and needs.csv, a line for every run, as runs end.
+/// needs (`train --parsimony`), likewise with all their harmonics, and by MCMC with as many splats as that ended with; for
+/// as many steps each, from several seeds. Writes needs.html, which needs no other file, and needs.csv, a line for every
+/// run, as runs end.
 ///
 /// Ctrl-C stops after the current step; the same command goes on with the runs that needs.csv does not have.
 #[derive(Clone, Debug, Args)]
@@ -47,7 +48,7 @@ pub(super) struct NeedsArgs {
     /// Built-in scenes: plane, sphere, solids, demo, intricate, or none [default: all]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_scene)]
     scenes: Option<Vec<Option<Kind>>>,
-    /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates [default: all that differ]
+    /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates, parsimony-all-sh [default: all that differ]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     recipes: Option<Vec<Recipe>>,
     /// Run these recipes again even where DIR has their runs

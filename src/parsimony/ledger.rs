@@ -39,8 +39,10 @@ pub enum Act {
     Missed,
     /// Harmonics went.
     Lowered,
-    /// Harmonics would have gone, had the held-out views not missed them.
-    LoweredInVain,
+    /// It was found that harmonics can go, which they do in the last fit.
+    Dispensable,
+    /// It was found that harmonics must stay, since the held-out views miss them.
+    Indispensable,
 }
 
 impl Entry {
@@ -55,7 +57,8 @@ impl Entry {
             (Act::Missed, false) => "the least important would be missed, and stayed",
             (Act::Missed, true) => "merged neighbours would be missed, and stayed",
             (Act::Lowered, _) => "harmonics went",
-            (Act::LoweredInVain, _) => "harmonics would be missed, and stayed",
+            (Act::Dispensable, _) => "harmonics would not be missed: they go in the last fit",
+            (Act::Indispensable, _) => "harmonics would be missed, and stayed",
         }
     }
 }
@@ -134,8 +137,14 @@ pub struct Ledger {
     /// The share of the harmonics that the next round tries to do without.
     #[serde(default)]
     pub sh_share: f64,
-    /// What the held-out views lost by the harmonics that went, decibels; `None` while none have.
+    /// The share of the harmonics that goes in the last fit; `None` if none does, and once it has gone.
+    #[serde(default)]
+    pub sh_goes: Option<f64>,
+    /// What the held-out views lost by the harmonics that went or go in the last fit, decibels; `None` while there are none.
     pub sh_lost_db: Option<f64>,
+    /// Whether all harmonics stay, whatever is found.
+    #[serde(default)]
+    pub keeps_harmonics: bool,
     /// The course so far.
     pub entries: Vec<Entry>,
 }

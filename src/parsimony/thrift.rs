@@ -10,8 +10,8 @@
 //! time as well; they go for good where the held-out views lose no more by it than they are worth by the
 //! preference, and otherwise a smaller share is tried. Three counts that were seen show the law that quality
 //! follows; from then on rounds aim at its knee, where a tenth more splats is worth just the preference. Then
-//! harmonics go by the same rule; all of them go first where growth has ended for want of anything to gain. Last,
-//! the held-out views return.
+//! a round shows by the same rule how many harmonics can go; all of them go first where growth has ended for want of
+//! anything to gain. Last, the held-out views return, and harmonics go when it is known best which.
 //!
 //! **Invariant:** what happens is a function of configuration, preference, views and device, and what it goes by beside
 //! the trainer's state is in the [`Ledger`] and the state kept: a resumed run decides alike.
@@ -136,6 +136,11 @@ impl<'a> Thrift<'a> {
         Ok(thrift)
     }
 
+    /// Lets no harmonics go: what those are worth that would have gone shows beside a run that lets them.
+    pub fn keep_harmonics(&mut self) {
+        self.ledger.keeps_harmonics = true;
+    }
+
     /// What has been found so far.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger
@@ -153,7 +158,7 @@ impl<'a> Thrift<'a> {
             Phase::Growing => self.attend_growth(trainer, iteration),
             Phase::Pruning | Phase::Lowering => self.attend_round(trainer, iteration),
             Phase::Converging => self.attend_convergence(trainer, iteration),
-            Phase::Settled => Ok(()),
+            Phase::Settled => self.attend_last_fit(trainer, iteration),
         }
     }
 
@@ -232,7 +237,7 @@ fn last_fit(config: &TrainConfig) -> u32 {
     config.iterations / 4
 }
 
-/// The iteration from which no splats go any more, and harmonics do, where there are any.
+/// The iteration from which no splats go any more, and rounds are about harmonics, where there are any.
 fn prune_by(config: &TrainConfig) -> u32 {
     config.iterations / 10 * 7
 }

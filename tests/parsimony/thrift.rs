@@ -257,16 +257,61 @@ fn a_run_resumed_at_half_the_size_goes_on_at_half_the_size() -> Result<()> {
     Ok(())
 }
 
+/// A run that is resumed just before harmonics go, and one that keeps them.
+#[test]
+fn harmonics_go_in_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps_them() -> Result<()> {
+    let gpu = gpu();
+    let dataset = dataset(Kind::Demo);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint");
+    let config = TrainConfig {
+        sh_degree: 1,
+        ..TrainConfig::for_iterations(600)
+    };
+    let config = thrifty(config, VIEWS);
+    let (state, ledger) = run(&gpu, &dataset, config.clone(), 0.03)?;
+    let (last, course) = ledger.entries.split_last().unwrap();
+    assert_eq!((last.act, last.iteration), (Act::Lowered, 510));
+    for keeps in [false, true] {
+        let mut trainer = Trainer::new(&gpu, &dataset, config.clone())?;
+        let mut thrift = Thrift::begin(&mut trainer, &dataset, 0.03, false)?;
+        if keeps {
+            thrift.keep_harmonics();
+        }
+        while !trainer.is_done() {
+            trainer.step()?;
+            thrift.attend(&mut trainer)?;
+            if trainer.iteration() == 500 {
+                assert!(thrift.ledger().sh_goes.is_some());
+                (trainer, thrift) = reopened(&gpu, &dataset, (trainer, thrift), &path)?;
+            }
+        }
+        let found = trainer.download()?;
+        if keeps {
+            assert_eq!(thrift.ledger().entries, course);
+            assert_eq!((found.len(), degrees(&found)[0]), (state.len(), 0));
+        } else {
+            assert_eq!(*thrift.ledger(), ledger);
+            assert!(found == state, "other splats");
+        }
+    }
+    // Of twelve floats a splat, a quarter goes at least.
+    let [bare, _] = degrees(&state);
+    assert!(9 * bare >= 3 * state.len(), "{bare} of {}", state.len());
+    Ok(())
+}
+
 #[test]
 fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
     let gpu = gpu();
     // A preference so small that hardly anything may go.
     let (state, ledger) = run(&gpu, &dataset(Kind::Demo), config(StrategyKind::Adc), 1e-6)?;
+    // What goes in the last fit was judged in a round.
     let rounds = ledger
         .entries
         .iter()
         .enumerate()
-        .filter(|(_, entry)| entry.without.is_some());
+        .filter(|(_, entry)| entry.without.is_some() && entry.act != Act::Lowered);
     let (mut splats, mut missed) = (None, 0);
     for (index, entry) in rounds {
         let (left, without) = entry.without.clone().unwrap();
@@ -281,7 +326,7 @@ fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
         let is_beyond = left < entry.splats
             && !is_perfect
             && known.knee().is_some_and(|knee| (left as f64) < 0.95 * knee);
-        let has_gone = matches!(entry.act, Act::Pruned | Act::Lowered);
+        let has_gone = matches!(entry.act, Act::Pruned | Act::Dispensable);
         assert_eq!(!has_gone, is_missed || is_beyond, "{entry:?}");
         splats = Some(if has_gone { left } else { entry.splats });
         missed += usize::from(is_missed);

@@ -43,8 +43,12 @@ impl<'a> Thrift<'a> {
                 let without = (entry.splats, entry.psnr_db.clone());
                 let (less, own_db) = (trainer.download()?, self.own.score(&trainer.splats()?)?);
                 let round = Round { own_db, ..round };
+                // Harmonics that do not go now leave the whole state to go on from.
+                let is_whole_needed = self.ledger.phase == Phase::Lowering
+                    || round.is_bare && self.ledger.keeps_harmonics;
                 // Nothing can be missed of what looks perfect without it.
-                if is_full(&entry.psnr_db) && is_full(&round.own_db) {
+                let is_perfect = is_full(&entry.psnr_db) && is_full(&round.own_db);
+                if is_perfect && !is_whole_needed {
                     entry.splats = whole.len();
                     return self.judge_any(trainer, &round, entry, without, &less);
                 }
@@ -75,7 +79,7 @@ impl<'a> Thrift<'a> {
             return self.judge_bare(trainer, entry, without, less);
         }
         if self.ledger.phase == Phase::Lowering {
-            return self.judge_lowering(trainer, entry, without, less);
+            return self.judge_lowering(trainer, entry, without);
         }
         let own = self.own.score(&trainer.splats()?)?;
         let own_lost = mean(&differences(&round.own_db, &own));
@@ -112,12 +116,7 @@ impl<'a> Thrift<'a> {
         }
         self.ledger.share = next_share(&self.ledger, cost, trainer.splat_count());
         let config = trainer.config();
-        // Where no harmonics are left, their round's steps are free.
-        let until = match less.degrees.iter().all(|&degree| degree == 0) {
-            true => settle_by(config),
-            false => prune_by(config),
-        };
-        let is_time = trainer.iteration() + round(config) > until;
+        let is_time = trainer.iteration() + round(config) > until(config, &less.degrees);
         let least = self.ledger.knee().map_or(SHARE_MIN, |_| NEAR);
         match is_time || self.ledger.share < least {
             true => self.begin_lowering(trainer),
@@ -187,6 +186,15 @@ fn share_by_cost(ledger: &Ledger, cost_db: f64) -> f64 {
     (share * (2.0 - 2.0 * relative).clamp(0.5, 2.0)).min(most)
 }
 
+/// The iteration by which the last round of splats has ended: where no harmonics are left, their round is one more of
+/// splats.
+fn until(config: &TrainConfig, degrees: &[u8]) -> u32 {
+    match degrees.iter().all(|&degree| degree == 0) {
+        true => settle_by(config),
+        false => prune_by(config),
+    }
+}
+
 /// Steps of a round's fit.
 pub(super) fn round(config: &TrainConfig) -> u32 {
     (config.iterations / 20).clamp(25, 500)
@@ -201,6 +209,15 @@ mod tests {
         assert_eq!(cost(-0.1, 0.15, 0.08), -0.1);
         assert_eq!(cost(-0.1, 0.2, 0.08), 0.1);
         assert_eq!(cost(0.3, 0.2, 0.08), 0.3);
+    }
+
+    #[test]
+    fn the_round_of_harmonics_is_one_of_splats_where_there_are_none() {
+        for iterations in [500, 2_000, 30_000] {
+            let config = TrainConfig::for_iterations(iterations);
+            let [bare, other] = [[0, 0], [0, 1]].map(|degrees| until(&config, &degrees));
+            assert!(other + round(&config) <= bare && bare < iterations);
+        }
     }
 
     #[test]

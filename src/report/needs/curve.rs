@@ -28,7 +28,9 @@ pub(super) fn svg(needs: &Needs) -> Result<String> {
 fn draw(needs: &Needs, canvas: &Canvas<'_>) -> Result<()> {
     canvas.fill(&WHITE).map_err(failed)?;
     let place = |step: &NeedStep| [step.splats.max(1) as f64, step.psnr_db];
-    let all = || needs.steps.iter().map(place).chain(needs.points.clone());
+    let growing = needs.steps.iter().filter(|step| step.without.is_none());
+    let course: Vec<[f64; 2]> = growing.map(place).collect();
+    let all = || course.iter().chain(&needs.points);
     let x = Scale::of(all().map(|point| point[0]), true);
     let y = Scale::of(all().map(|point| point[1]), false);
     let titles = ["splats", "PSNR of held-out training views, dB"];
@@ -39,8 +41,6 @@ fn draw(needs: &Needs, canvas: &Canvas<'_>) -> Result<()> {
         let line = PathElement::new(points, style);
         canvas.draw(&line).map_err(failed)
     };
-    let growing = needs.steps.iter().filter(|step| step.without.is_none());
-    let course: Vec<[f64; 2]> = growing.map(place).collect();
     line(course.clone(), FRONT.stroke_width(1))?;
     if let Some(law) = &needs.law {
         let ends = ends(&needs.points, needs.knee);

@@ -6,7 +6,7 @@ use serde_json::{Map, Number, Value};
 use std::path::Path;
 
 /// The columns. Lists are separated by spaces; what is not known is empty.
-pub const COLUMNS: [&str; 32] = [
+pub const COLUMNS: [&str; 31] = [
     "scene",
     "recipe",
     "seed",
@@ -34,7 +34,6 @@ pub const COLUMNS: [&str; 32] = [
     "frame_cpu_ms",
     "settled_from",
     "sh_lost_db",
-    "sh_worth_db",
     "knee",
     "law",
     "point_splats",

@@ -32,16 +32,19 @@ pub enum Recipe {
     Mcmc,
     /// The same at those learning rates.
     McmcRates,
+    /// To no more splats than the scene needs, with all their harmonics: what those are worth.
+    ParsimonyAllSh,
 }
 
 impl Recipe {
     /// All, in the order that they are run in: MCMC has to know a count.
-    pub const ALL: [Recipe; 5] = [
+    pub const ALL: [Recipe; 6] = [
         Recipe::Fixed,
         Recipe::FixedRates,
         Recipe::Parsimony,
         Recipe::Mcmc,
         Recipe::McmcRates,
+        Recipe::ParsimonyAllSh,
     ];
 
     /// The word for it, in files and on command lines.
@@ -52,6 +55,7 @@ impl Recipe {
             Recipe::Parsimony => "parsimony",
             Recipe::Mcmc => "mcmc",
             Recipe::McmcRates => "mcmc-rates",
+            Recipe::ParsimonyAllSh => "parsimony-all-sh",
         }
     }
 
@@ -63,6 +67,7 @@ impl Recipe {
             Recipe::Parsimony => "parsimony",
             Recipe::Mcmc => "MCMC, same count",
             Recipe::McmcRates => "MCMC, same count and rates",
+            Recipe::ParsimonyAllSh => "parsimony, all harmonics",
         }
     }
 }
@@ -123,10 +128,8 @@ pub struct Run {
     pub frame_cpu_ms: Option<f64>,
     /// The iteration from which the count was fixed.
     pub settled_from: Option<u32>,
-    /// What the held-out views lost by the harmonics that went, before the last fit, decibels.
+    /// What the held-out views lost by the harmonics that went or could have gone, before the last fit, decibels.
     pub sh_lost_db: Option<f64>,
-    /// What those that went would be worth: decibels of the test views, once both scenes are fitted on alike.
-    pub sh_worth_db: Option<f64>,
     /// Splats where a tenth more was worth just the gain, by the law.
     pub knee: Option<f64>,
     /// The law through what rounds found: limit (decibels), factor, exponent; or nothing.

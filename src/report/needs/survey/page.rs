@@ -21,10 +21,10 @@ rates do is no merit of pruning. Percentages are of the fixed recipe’s. Differ
 seed, ± half their 95 % interval (Student’s t); decibels are those of test views, which no decision has seen. Red: the aim \
 is missed.";
 
-const OF_MEASURES: &str = "SH floats are those of harmonics, each splat at its own degree; what the <em>others</em> would \
-be worth is measured by fitting the scene that parsimony ended with once more, with the degrees that are left and with all, \
-for as many steps as after they went. The count by seed is half its range over the middle. Times of frames are the \
-device’s, of training those of the processor, with all that is done between steps.";
+const OF_MEASURES: &str = "SH floats are those of harmonics, each splat at its own degree; the <em>others’ worth</em> is by \
+how much the same run that keeps them all (<em>all harmonics</em>) is better; where all go before any splats do, the two end \
+with other counts. The count by seed is half its range over the middle. Times of frames are the device’s, of training those \
+of the processor, with all that is done between steps.";
 
 const OF_PANELS: &str = "Marks are runs, one for each seed. The line is the law that a run found on its way on held-out \
 training views, through what its rounds measured (dots), moved to its mark, since other views have other decibels; a red \
