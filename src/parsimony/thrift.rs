@@ -35,7 +35,7 @@ use rounds::SHARE;
 
 /// The preference where none is given: decibels for a tenth more splats. After 2,000 steps the fox has as good
 /// test views with less than a fifth of the fixed recipe's splats, and the built-in scenes that do not reach 40 dB have
-/// with a sixth to a third (`2026-11-22-needs.csv`).
+/// with a sixth to a third (`2026-11-23-needs.csv`).
 pub const PREFERENCE_DB: f64 = 0.08;
 
 /// Steers a run.
