@@ -15,7 +15,7 @@ pub enum Phase {
     Growing,
     /// The least of them are taken out, round by round.
     Pruning,
-    /// Colours are fitted by fewer harmonics, round by round.
+    /// Rounds show how many harmonics can go.
     Lowering,
     /// The count is decided; the held-out views say when training has converged.
     Converging,
