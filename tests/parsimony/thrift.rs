@@ -38,6 +38,15 @@ fn config(strategy: StrategyKind) -> TrainConfig {
     thrifty(config.with_strategy(strategy), VIEWS)
 }
 
+/// Of a run long enough for a round of harmonics.
+fn longer() -> TrainConfig {
+    let config = TrainConfig {
+        sh_degree: 1,
+        ..TrainConfig::for_iterations(600)
+    };
+    thrifty(config, VIEWS)
+}
+
 /// A run from its beginning to the end, and what it found.
 fn run(
     gpu: &Gpu,
@@ -111,12 +120,7 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
         if kind == Kind::Plane {
             paint(&mut dataset);
         }
-        let config = TrainConfig {
-            sh_degree: 1,
-            ..TrainConfig::for_iterations(600)
-        };
-        let config = thrifty(config, VIEWS);
-        let (state, _) = run(&gpu, &dataset, config, PREFERENCE_DB)?;
+        let (state, _) = run(&gpu, &dataset, longer(), PREFERENCE_DB)?;
         counts.push((state.len(), degrees(&state)));
     }
     assert!(20 * counts[0].0 <= counts[1].0, "{counts:?}");
@@ -133,11 +137,7 @@ fn where_nothing_can_be_missed_a_round_takes_its_steps_once() -> Result<()> {
     let gpu = gpu();
     let mut dataset = dataset(Kind::Plane);
     paint(&mut dataset);
-    let config = TrainConfig {
-        sh_degree: 1,
-        ..TrainConfig::for_iterations(600)
-    };
-    let mut trainer = Trainer::new(&gpu, &dataset, thrifty(config, VIEWS))?;
+    let mut trainer = Trainer::new(&gpu, &dataset, longer())?;
     let mut thrift = Thrift::begin(&mut trainer, &dataset, PREFERENCE_DB, false)?;
     let mut steps = 0;
     while !trainer.is_done() {
@@ -264,16 +264,11 @@ fn harmonics_go_in_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps_the
     let dataset = dataset(Kind::Demo);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");
-    let config = TrainConfig {
-        sh_degree: 1,
-        ..TrainConfig::for_iterations(600)
-    };
-    let config = thrifty(config, VIEWS);
-    let (state, ledger) = run(&gpu, &dataset, config.clone(), 0.03)?;
+    let (state, ledger) = run(&gpu, &dataset, longer(), 0.03)?;
     let (last, course) = ledger.entries.split_last().unwrap();
     assert_eq!((last.act, last.iteration), (Act::Lowered, 510));
     for keeps in [false, true] {
-        let mut trainer = Trainer::new(&gpu, &dataset, config.clone())?;
+        let mut trainer = Trainer::new(&gpu, &dataset, longer())?;
         let mut thrift = Thrift::begin(&mut trainer, &dataset, 0.03, false)?;
         if keeps {
             thrift.keep_harmonics();

@@ -175,14 +175,14 @@ impl Task<'_> {
         let (start, clock) = (Instant::now(), CpuClock::now());
         let mut thrift = match self.recipe {
             Recipe::Parsimony | Recipe::ParsimonyAllSh => {
-                let begun = Thrift::begin(&mut trainer, self.dataset, self.gain_db, false);
-                Some(begun?)
+                let mut thrift = Thrift::begin(&mut trainer, self.dataset, self.gain_db, false)?;
+                if self.recipe == Recipe::ParsimonyAllSh {
+                    thrift.keep_harmonics();
+                }
+                Some(thrift)
             }
             _ => None,
         };
-        if let (Recipe::ParsimonyAllSh, Some(thrift)) = (self.recipe, &mut thrift) {
-            thrift.keep_harmonics();
-        }
         while !trainer.is_done() {
             if !progress(trainer.iteration()) {
                 return Ok(None);
