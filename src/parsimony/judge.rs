@@ -1,5 +1,6 @@
 //! Views that training does not see, to judge it by: never the test views, and only until the count is decided.
 
+use super::gain::mean;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::io;
@@ -24,6 +25,12 @@ const FULL_DB: f64 = 40.0;
 /// Whether nobody sees what is wrong in any view.
 pub(super) fn is_full(psnr_db: &[f64]) -> bool {
     psnr_db.iter().all(|&psnr| psnr >= FULL_DB)
+}
+
+/// What the views lack, on average, of being as good as can be seen; decibels.
+pub(super) fn short_of_full(psnr_db: &[f64]) -> f64 {
+    let short: Vec<f64> = psnr_db.iter().map(|psnr| FULL_DB - psnr).collect();
+    mean(&short)
 }
 
 /// Parts the training views into those that are trained on and those that are judged by, which lie evenly among them.
@@ -69,6 +76,11 @@ impl Judge {
             options,
             renderer: None,
         })
+    }
+
+    /// The scores of a scene that nobody sees anything wrong with.
+    pub(super) fn best(&self) -> Vec<f64> {
+        vec![FULL_DB; self.views.len()]
     }
 
     /// The PSNR of each view, decibels; 40 at most, beyond which nobody sees what is wrong.

@@ -1,7 +1,7 @@
 //! What has been tried and found in a run that ends with no more splats than its scene needs. All that its decisions go
 //! by stands here, so that a resumed run decides alike.
 
-use super::gain::{error, mean};
+use super::gain::{error, mean, tenths};
 use super::judge::is_full;
 use crate::report::needs::{HalfSize, Law, NeedStep};
 use serde::{Deserialize, Serialize};
@@ -37,6 +37,8 @@ pub enum Act {
     Pruned,
     /// The least important splats would have gone, had the held-out views not missed them.
     Missed,
+    /// Of the splats that the last round missed, as many went as would have been allowed.
+    PartPruned,
     /// Harmonics went.
     Lowered,
     /// It was found that harmonics can go, which they do in the last fit.
@@ -56,6 +58,7 @@ impl Entry {
             (Act::Pruned, true) => "neighbours merged",
             (Act::Missed, false) => "the least important would be missed, and stayed",
             (Act::Missed, true) => "merged neighbours would be missed, and stayed",
+            (Act::PartPruned, _) => "as many of those went as would not have been missed",
             (Act::Lowered, _) => "harmonics went",
             (Act::Dispensable, _) => "harmonics would not be missed: they go in the last fit",
             (Act::Indispensable, _) => "harmonics would be missed, and stayed",
@@ -72,7 +75,7 @@ pub struct Entry {
     pub act: Act,
     /// Splats, before anything went.
     pub splats: usize,
-    /// PSNR with them, by held-out view; decibels.
+    /// PSNR with them, by held-out view; decibels. 40 where that was not tried, since no more could be missed.
     pub psnr_db: Vec<f64>,
     /// Splats without what went or would have gone, and the PSNR after the same steps.
     pub without: Option<(usize, Vec<f64>)>,
@@ -204,13 +207,40 @@ impl Ledger {
         Law::through(&self.points())
     }
 
+    /// Whether growth ended because nothing was left to gain: every held-out view was as good as can be seen.
+    pub(super) fn has_plateau(&self) -> bool {
+        let mut entries = self.entries.iter();
+        let stopped = entries.find(|entry| entry.act == Act::Stopped);
+        stopped.is_some_and(|stopped| is_full(&stopped.psnr_db))
+    }
+
+    /// The PSNR of the held-out views after what was done last.
+    pub(super) fn psnr_db(&self) -> &[f64] {
+        let Some(last) = self.entries.last() else {
+            return &[];
+        };
+        match (&last.without, last.act) {
+            (Some((_, psnr_db)), Act::Pruned | Act::Lowered) => psnr_db,
+            _ => &last.psnr_db,
+        }
+    }
+
+    /// The share of the splats that the last round would have been allowed, where what it missed cost less than `most`
+    /// times the preference, as if what a tenth is worth grew in proportion with the share.
+    pub(super) fn nearly_allowed(&self, most: f64) -> Option<f64> {
+        let last = self.entries.last()?;
+        let (left, _) = last.without.as_ref().filter(|_| last.act == Act::Missed)?;
+        let cost = last.lost_db / tenths(*left, last.splats);
+        let relative = cost / self.preference_db;
+        let share = 1.0 - *left as f64 / last.splats as f64;
+        (relative < most).then(|| share / relative.max(1.0))
+    }
+
     /// The count at which a tenth more splats is worth just the preference, by the law through what was found so far; `None`
     /// while there is none. Nor is there one for views that are as good as can be seen, however many splats there are:
     /// they lose nothing at first, and then all at once.
     pub fn knee(&self) -> Option<f64> {
-        let mut entries = self.entries.iter();
-        let stopped = entries.find(|entry| entry.act == Act::Stopped)?;
-        if is_full(&stopped.psnr_db) {
+        if self.has_plateau() {
             return None;
         }
         let law = Law::through(&self.chain(|entry, _| entry.lost_db))?;
@@ -280,6 +310,30 @@ mod tests {
         assert!((half.hidden_share.unwrap_or_default() - 0.1).abs() < 1e-9);
         ledger.lost_by_halving = 0.0;
         assert_eq!(ledger.half_size().and_then(|half| half.limit_db), None);
+    }
+
+    #[test]
+    fn of_what_is_missed_by_little_some_is_allowed() {
+        let ledger = |act, lost_db| Ledger {
+            preference_db: 0.08,
+            entries: vec![Entry {
+                iteration: 0,
+                act,
+                splats: 1_100,
+                psnr_db: vec![40.0],
+                without: Some((1_000, vec![39.0])),
+                gain_db: None,
+                lost_db,
+                is_merged: false,
+            }],
+            ..Ledger::default()
+        };
+        let found = ledger(Act::Missed, 0.12).nearly_allowed(2.0);
+        assert!((found.unwrap_or_default() - (1.0 - 1.0 / 1.1) / 1.5).abs() < 1e-9);
+        assert_eq!(ledger(Act::Missed, 0.17).nearly_allowed(2.0), None);
+        assert_eq!(ledger(Act::Pruned, 0.12).nearly_allowed(2.0), None);
+        assert_eq!(ledger(Act::Missed, 0.0).psnr_db(), [40.0]);
+        assert_eq!(ledger(Act::Pruned, 0.0).psnr_db(), [39.0]);
     }
 
     #[test]

@@ -8,10 +8,11 @@
 //! A share of the splats goes in every round: those without which the pictures would change least, or by merging. A
 //! round takes the same steps from the same state twice, without those splats and with them, since scores rise with
 //! time as well; they go for good where the held-out views lose no more by it than they are worth by the
-//! preference, and otherwise a smaller share is tried. Three counts that were seen show the law that quality
-//! follows; from then on rounds aim at its knee, where a tenth more splats is worth just the preference. Then
-//! a round shows by the same rule how many harmonics can go; all of them go first where growth has ended for want of
-//! anything to gain. Last, the held-out views return, and harmonics go when it is known best which.
+//! preference, and otherwise a smaller share is tried. What the first steps tell for certain needs no second ones. Three
+//! counts that were seen show the law that quality follows; from then on rounds aim at its knee, where a tenth more splats
+//! is worth just the preference. Then a round shows by the same rule how many harmonics can go; all of them go first where
+//! growth has ended for want of anything to gain. Last, the held-out views return, and harmonics go when it is known best
+//! which.
 //!
 //! **Invariant:** what happens is a function of configuration, preference, views and device, and what it goes by beside
 //! the trainer's state is in the [`Ledger`] and the state kept: a resumed run decides alike.

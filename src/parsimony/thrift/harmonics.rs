@@ -12,7 +12,7 @@ use super::{Phase, Thrift, last_fit, settle_by};
 use crate::Result;
 use crate::parsimony::colors::{Fits, count};
 use crate::parsimony::gain::{differences, mean};
-use crate::parsimony::ledger::{Act, Entry, Round};
+use crate::parsimony::ledger::{Act, Entry};
 use crate::render::{apart, degrees_used};
 use crate::scene::{Splats, sh_coefficient_count};
 use crate::train::schedule::sh_degree;
@@ -24,6 +24,13 @@ const SHARES: [f64; 5] = [0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
 
 /// Harmonics that go at once may lose so much of the preference: those that nobody needed.
 const AT_ONCE: f64 = 0.25;
+
+/// All harmonics may cost so many preferences, as half of them may cost one.
+pub(super) const BARE: f64 = 2.0;
+
+/// All harmonics stay where without them so many times what they may cost is lost at once: the steps of a round win back
+/// up to three quarters of it.
+const HOPELESS: f64 = 4.0;
 
 /// The share of the harmonics' floats that rounds try to do without.
 const HALF: f64 = 0.5;
@@ -52,8 +59,21 @@ impl<'a> Thrift<'a> {
         if splats.sh_degree == 0 {
             return self.begin_round(trainer);
         }
+        let fits = self.fits(trainer, &splats)?;
         // Degree 0 everywhere takes three floats a splat.
-        let round = self.try_lowered(trainer, &splats, 3 * splats.len())?;
+        let (degrees, less) = lowered(&fits, &splats, 3 * splats.len());
+        let at_once = self.judge.score(&less)?;
+        let (count, lost) = (
+            less.len(),
+            mean(&differences(&at_once, self.ledger.psnr_db())),
+        );
+        let whole = trainer.download()?;
+        let less = without(&whole, &degrees, &less);
+        let is_hopeless = lost > HOPELESS * BARE * self.ledger.preference_db;
+        let round = match is_hopeless {
+            true => self.go_on_with(trainer, (count, at_once), less),
+            false => self.try_without(trainer, whole, &less)?,
+        };
         round.is_bare = true;
         Ok(())
     }
@@ -65,7 +85,7 @@ impl<'a> Thrift<'a> {
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
-        if self.could_go(entry, without, Act::Lowered) && !self.ledger.keeps_harmonics {
+        if self.could_go(entry, without, BARE, Act::Lowered) && !self.ledger.keeps_harmonics {
             trainer.replace(less)?;
         }
         self.begin_round(trainer)
@@ -75,21 +95,28 @@ impl<'a> Thrift<'a> {
     pub(super) fn begin_lowering(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         self.ledger.phase = Phase::Lowering;
         let splats = trainer.splats()?;
-        if splats.sh_degree == 0 || self.take_unneeded(trainer, &splats)? {
+        if splats.sh_degree == 0 {
             return self.decide(trainer);
         }
-        self.ledger.sh_share = HALF;
-        self.begin_less(trainer)
+        let fits = self.fits(trainer, &splats)?;
+        if self.take_unneeded(trainer, &splats, &fits)? {
+            return self.decide(trainer);
+        }
+        self.begin_less(trainer, HALF, (&splats, &fits))
     }
 
     /// Takes the harmonics that hardly show, if they are enough; says whether.
-    fn take_unneeded(&mut self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<bool> {
-        let fits = self.fits(trainer, splats)?;
+    fn take_unneeded(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        splats: &Splats,
+        fits: &Fits,
+    ) -> Result<bool> {
         // Scores that end at 40 dB would let all go down to that.
         let whole = self.judge.score_up_to(splats, f64::INFINITY)?;
         let mut found = None;
         for share in SHARES {
-            let (degrees, less) = lowered(&fits, splats, floats(trainer, share));
+            let (degrees, less) = lowered(fits, splats, floats(trainer, share));
             let scores = self.judge.score_up_to(&less, f64::INFINITY)?;
             let lost = mean(&differences(&scores, &whole));
             if lost > AT_ONCE * self.ledger.preference_db {
@@ -109,30 +136,22 @@ impl<'a> Thrift<'a> {
     }
 
     /// Tries to do without a share of the harmonics, if there is time and there are so many.
-    fn begin_less(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let splats = trainer.splats()?;
-        let config = trainer.config();
-        let left = floats(trainer, 1.0 - self.ledger.sh_share);
-        let is_time = trainer.iteration() + round(config) <= settle_by(config);
-        if !is_time || count(&degrees_used(&splats)) <= left {
-            return self.decide(trainer);
-        }
-        self.try_lowered(trainer, &splats, left)?;
-        Ok(())
-    }
-
-    /// Takes the first steps of a round with no more floats for harmonics than that.
-    fn try_lowered(
+    fn begin_less(
         &mut self,
         trainer: &mut Trainer<'a>,
-        splats: &Splats,
-        floats: usize,
-    ) -> Result<&mut Round> {
-        let fits = self.fits(trainer, splats)?;
-        let (degrees, less) = lowered(&fits, splats, floats);
+        share: f64,
+        (splats, fits): (&Splats, &Fits),
+    ) -> Result<()> {
+        let left = floats(trainer, 1.0 - share);
+        if !has_time(trainer) || count(&degrees_used(splats)) <= left {
+            return self.decide(trainer);
+        }
+        self.ledger.sh_share = share;
+        let (degrees, less) = lowered(fits, splats, left);
         let state = trainer.download()?;
         let less = without(&state, &degrees, &less);
-        self.try_without(trainer, state, &less)
+        self.try_without(trainer, state, &less)?;
+        Ok(())
     }
 
     pub(super) fn judge_lowering(
@@ -142,21 +161,29 @@ impl<'a> Thrift<'a> {
         without: (usize, Vec<f64>),
     ) -> Result<()> {
         let share = self.ledger.sh_share;
-        if self.could_go(entry, without, Act::Dispensable) {
+        if self.could_go(entry, without, 1.0, Act::Dispensable) {
             self.ledger.sh_goes = Some(share);
             return self.decide(trainer);
         }
-        if share == QUARTER {
+        if share == QUARTER || !has_time(trainer) {
             return self.decide(trainer);
         }
-        self.ledger.sh_share = QUARTER;
-        self.begin_less(trainer)
+        let splats = trainer.splats()?;
+        let fits = self.fits(trainer, &splats)?;
+        self.begin_less(trainer, QUARTER, (&splats, &fits))
     }
 
-    /// Whether the held-out views do not miss the harmonics of a round; `act` is what is done then.
-    fn could_go(&mut self, mut entry: Entry, without: (usize, Vec<f64>), act: Act) -> bool {
+    /// Whether the held-out views do not miss the harmonics of a round, which may cost so many preferences; `act` is what
+    /// is done then.
+    fn could_go(
+        &mut self,
+        mut entry: Entry,
+        without: (usize, Vec<f64>),
+        preferences: f64,
+        act: Act,
+    ) -> bool {
         let lost = mean(&differences(&without.1, &entry.psnr_db));
-        let is_missed = lost > self.ledger.preference_db;
+        let is_missed = lost > preferences * self.ledger.preference_db;
         entry.without = Some(without);
         entry.act = match is_missed {
             true => Act::Indispensable,
@@ -202,6 +229,12 @@ impl<'a> Thrift<'a> {
         let seen = Survey::begin(trainer, self.dataset)?.seen(&views)?;
         Ok(Fits::new(splats, &seen))
     }
+}
+
+/// Whether there is time for one more round.
+fn has_time(trainer: &Trainer<'_>) -> bool {
+    let config = trainer.config();
+    trainer.iteration() + round(config) <= settle_by(config)
 }
 
 /// A share of the floats that the harmonics of as many splats as there are take.

@@ -1,9 +1,10 @@
 //! Rounds: the same steps from the same state without the least important splats, or harmonics, and with them.
 
+use super::harmonics::BARE;
 use super::{Phase, Thrift, prune_by, settle_by};
 use crate::Result;
 use crate::parsimony::gain::{differences, estimate, mean, tenths};
-use crate::parsimony::judge::is_full;
+use crate::parsimony::judge::{is_full, short_of_full};
 use crate::parsimony::ledger::{Act, Entry, Ledger, Round};
 use crate::train::{HostState, TrainConfig, Trainer};
 
@@ -26,6 +27,12 @@ const SHARE_MIN: f64 = 0.1;
 /// A count is at the knee that is off it by no more than this share: the knee is steadier than what a round costs.
 const NEAR: f64 = 0.05;
 
+/// What a tenth of the splats is worth is known well enough by this share of the preference.
+const KNOWN: f64 = 0.1;
+
+/// Of splats that would be missed by less than so many times what is allowed, some can go.
+const NEARLY_ALLOWED: f64 = 2.0;
+
 impl<'a> Thrift<'a> {
     pub(super) fn attend_round(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let steps = round(trainer.config());
@@ -41,16 +48,18 @@ impl<'a> Thrift<'a> {
         match (round.without.take(), self.kept.take()) {
             (None, Some(whole)) => {
                 let without = (entry.splats, entry.psnr_db.clone());
-                let (less, own_db) = (trainer.download()?, self.own.score(&trainer.splats()?)?);
-                let round = Round { own_db, ..round };
-                // Harmonics that do not go now leave the whole state to go on from.
-                let is_whole_needed = self.ledger.phase == Phase::Lowering
-                    || round.is_bare && self.ledger.keeps_harmonics;
-                // Nothing can be missed of what looks perfect without it.
-                let is_perfect = is_full(&entry.psnr_db) && is_full(&round.own_db);
-                if is_perfect && !is_whole_needed {
+                let less = trainer.download()?;
+                if self.ledger.phase == Phase::Pruning && !round.is_bare {
+                    round.own_db = self.own.score(&trainer.splats()?)?;
+                }
+                if is_surely_allowed(&self.ledger, &round, &without, whole.len()) {
                     entry.splats = whole.len();
-                    return self.judge_any(trainer, &round, entry, without, &less);
+                    entry.psnr_db = self.judge.best();
+                    let own_lost = short_of_full(&round.own_db);
+                    return match round.is_bare {
+                        true => self.judge_bare(trainer, entry, without, &less),
+                        false => self.judge_round(trainer, entry, (without, own_lost), &less),
+                    };
                 }
                 self.kept = Some(less);
                 trainer.go_back(&whole, round.from)?;
@@ -118,10 +127,27 @@ impl<'a> Thrift<'a> {
         let config = trainer.config();
         let is_time = trainer.iteration() + round(config) > until(config, &less.degrees);
         let least = self.ledger.knee().map_or(SHARE_MIN, |_| NEAR);
-        match is_time || self.ledger.share < least {
-            true => self.begin_lowering(trainer),
-            false => self.begin_round(trainer),
+        if !is_time && self.ledger.share >= least {
+            return self.begin_round(trainer);
         }
+        self.take_some(trainer)?;
+        self.begin_lowering(trainer)
+    }
+
+    /// Where no law shows the knee, and the last round was missed by little: takes so many of its splats as would have been
+    /// allowed, if a tenth of them is worth the more the more of them go. Otherwise the count would hang on how few the
+    /// rounds before had left.
+    fn take_some(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let nearly = self.ledger.nearly_allowed(NEARLY_ALLOWED);
+        let Some(share) = nearly.filter(|_| self.ledger.has_plateau()) else {
+            return Ok(());
+        };
+        let mut entry = self.look(trainer)?;
+        entry.act = Act::PartPruned;
+        self.ledger.entries.push(entry);
+        self.ledger.share = share;
+        let lesser = self.lesser(trainer)?;
+        trainer.replace(&lesser.less)
     }
 
     /// Takes out a share of the splats, for the steps of a round.
@@ -130,6 +156,21 @@ impl<'a> Thrift<'a> {
         let round = self.try_without(trainer, lesser.whole, &lesser.less)?;
         round.is_merged = lesser.is_merged;
         Ok(())
+    }
+
+    /// Takes the second steps of a round alone: how the lesser state is before any is known to be bad enough.
+    pub(super) fn go_on_with(
+        &mut self,
+        trainer: &Trainer<'a>,
+        without: (usize, Vec<f64>),
+        less: HostState,
+    ) -> &mut Round {
+        self.kept = Some(less);
+        self.ledger.round.insert(Round {
+            from: trainer.iteration(),
+            without: Some(without),
+            ..Round::default()
+        })
     }
 
     /// Takes the first steps of a round from the lesser state.
@@ -146,6 +187,28 @@ impl<'a> Thrift<'a> {
             ..Round::default()
         }))
     }
+}
+
+/// Whether a round that has led to such a count and such scores is allowed, however good the same steps from so many
+/// splats would be: scores end at what can be seen, and with all splats they do not fall.
+fn is_surely_allowed(
+    ledger: &Ledger,
+    round: &Round,
+    (left, psnr_db): &(usize, Vec<f64>),
+    splats: usize,
+) -> bool {
+    let preference = ledger.preference_db;
+    let (most_lost, most_own_lost) = (short_of_full(psnr_db), short_of_full(&round.own_db));
+    // Harmonics that do not go now leave the whole state to go on from.
+    if ledger.phase == Phase::Lowering || round.is_bare {
+        let can_go = round.is_bare && !ledger.keeps_harmonics;
+        return can_go && most_lost <= BARE * preference;
+    }
+    let gone = tenths(*left, splats).max(1e-9);
+    let most = cost(most_lost / gone, most_own_lost / gone, preference);
+    // Shares go by what is lost, so that it must be known, and not only that it is not too much.
+    let unknown = most.min(short_of_full(ledger.psnr_db()) / gone);
+    most <= preference && unknown <= KNOWN * preference
 }
 
 /// What a round has cost for every tenth, by what held-out views lost and those that are trained on.
@@ -209,6 +272,45 @@ mod tests {
         assert_eq!(cost(-0.1, 0.15, 0.08), -0.1);
         assert_eq!(cost(-0.1, 0.2, 0.08), 0.1);
         assert_eq!(cost(0.3, 0.2, 0.08), 0.3);
+    }
+
+    #[test]
+    fn what_is_nearly_perfect_without_splats_need_not_be_seen_with_them() {
+        let stopped = |psnr_db: f64| Entry {
+            iteration: 0,
+            act: Act::Stopped,
+            splats: 1_100,
+            psnr_db: vec![40.0, psnr_db],
+            without: None,
+            gain_db: None,
+            lost_db: 0.0,
+            is_merged: false,
+        };
+        let is_sure = |before_db: f64, after_db: f64, own_db: f64, keeps_harmonics, is_bare| {
+            let ledger = Ledger {
+                preference_db: 0.1,
+                phase: Phase::Pruning,
+                keeps_harmonics,
+                entries: vec![stopped(before_db)],
+                ..Ledger::default()
+            };
+            let round = Round {
+                own_db: vec![own_db],
+                is_bare,
+                ..Round::default()
+            };
+            // A tenth of the splats is gone.
+            is_surely_allowed(&ledger, &round, &(1_000, vec![40.0, after_db]), 1_100)
+        };
+        let is_round_sure = |before, after, own| is_sure(before, after, own, false, false);
+        assert!(is_round_sure(40.0, 39.81, 40.0), "0.095 dB at most");
+        assert!(!is_round_sure(40.0, 39.79, 40.0), "maybe 0.105 dB");
+        assert!(!is_round_sure(39.0, 39.81, 40.0), "maybe a gain");
+        assert!(is_round_sure(39.0, 40.0, 40.0), "0 dB at most");
+        assert!(!is_round_sure(40.0, 40.0, 39.0), "maybe missed elsewhere");
+        assert!(is_sure(39.0, 39.61, 0.0, false, true), "twice as much");
+        assert!(!is_sure(40.0, 39.59, 0.0, false, true));
+        assert!(!is_sure(40.0, 40.0, 40.0, true, true), "they stay anyway");
     }
 
     #[test]
