@@ -77,7 +77,7 @@ pub struct Entry {
     pub splats: usize,
     /// PSNR with them, by held-out view; decibels. 40 where that was not tried, since no more could be missed.
     pub psnr_db: Vec<f64>,
-    /// Splats without what went or would have gone, and the PSNR after the same steps.
+    /// Splats without what went or would have gone, and the PSNR after the same steps, or at once where none were taken.
     pub without: Option<(usize, Vec<f64>)>,
     /// What a tenth more splats was worth, and its lower bound; decibels.
     pub gain_db: Option<[f64; 2]>,
@@ -220,7 +220,7 @@ impl Ledger {
             return &[];
         };
         match (&last.without, last.act) {
-            (Some((_, psnr_db)), Act::Pruned | Act::Lowered) => psnr_db,
+            (Some((_, psnr_db)), Act::Pruned | Act::PartPruned | Act::Lowered) => psnr_db,
             _ => &last.psnr_db,
         }
     }

@@ -143,11 +143,15 @@ impl<'a> Thrift<'a> {
             return Ok(());
         };
         let mut entry = self.look(trainer)?;
-        entry.act = Act::PartPruned;
-        self.ledger.entries.push(entry);
         self.ledger.share = share;
         let lesser = self.lesser(trainer)?;
-        trainer.replace(&lesser.less)
+        trainer.replace(&lesser.less)?;
+        let after = self.look(trainer)?;
+        entry.act = Act::PartPruned;
+        entry.is_merged = lesser.is_merged;
+        entry.without = Some((after.splats, after.psnr_db));
+        self.ledger.entries.push(entry);
+        Ok(())
     }
 
     /// Takes out a share of the splats, for the steps of a round.

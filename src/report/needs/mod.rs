@@ -67,7 +67,8 @@ pub struct NeedStep {
     pub splats: usize,
     /// Mean PSNR of the held-out views with them; decibels.
     pub psnr_db: f64,
-    /// Splats without those that went or would have gone, and the PSNR after the same steps.
+    /// Splats without those that went or would have gone, and the PSNR after the same steps, or at once where none were
+    /// taken.
     pub without: Option<(usize, f64)>,
     /// What a tenth more splats was found to be worth, and its lower 95 % bound; decibels.
     pub gain_db: Option<[f64; 2]>,
