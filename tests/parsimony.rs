@@ -25,6 +25,8 @@ mod harmonics;
 mod influence;
 #[path = "parsimony/merge.rs"]
 mod merge;
+#[path = "parsimony/plateau.rs"]
+mod plateau;
 #[path = "common/scenes.rs"]
 mod scenes;
 #[path = "parsimony/thrift.rs"]
