@@ -28,8 +28,8 @@ const AT_ONCE: f64 = 0.25;
 /// All harmonics may cost so many preferences, as half of them may cost one.
 pub(super) const BARE: f64 = 2.0;
 
-/// All harmonics stay where without them so many times what they may cost is lost at once: the steps of a round win back
-/// up to three quarters of it.
+/// All harmonics stay where without them so many times what they may cost is lost at once: more than the steps of a round
+/// were seen to win back.
 const HOPELESS: f64 = 4.0;
 
 /// The share of the harmonics' floats that rounds try to do without.
