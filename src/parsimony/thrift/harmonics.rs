@@ -28,8 +28,8 @@ const AT_ONCE: f64 = 0.25;
 /// All harmonics may cost so many preferences, as half of them may cost one.
 pub(super) const BARE: f64 = 2.0;
 
-/// All harmonics stay where without them so many times what they may cost is lost at once: more than the steps of a round
-/// were seen to win back.
+/// All harmonics stay where without them so many times what they may cost is lost at once: that is too much for the steps
+/// of a round to win back.
 const HOPELESS: f64 = 4.0;
 
 /// The share of the harmonics' floats that rounds try to do without.
@@ -63,15 +63,12 @@ impl<'a> Thrift<'a> {
         // Degree 0 everywhere takes three floats a splat.
         let (degrees, less) = lowered(&fits, &splats, 3 * splats.len());
         let at_once = self.judge.score(&less)?;
-        let (count, lost) = (
-            less.len(),
-            mean(&differences(&at_once, self.ledger.psnr_db())),
-        );
+        let lost = mean(&differences(&at_once, self.ledger.psnr_db()));
+        let is_hopeless = lost > HOPELESS * BARE * self.ledger.preference_db;
         let whole = trainer.download()?;
         let less = without(&whole, &degrees, &less);
-        let is_hopeless = lost > HOPELESS * BARE * self.ledger.preference_db;
         let round = match is_hopeless {
-            true => self.go_on_with(trainer, (count, at_once), less),
+            true => self.go_on_with(trainer, (less.len(), at_once), less),
             false => self.try_without(trainer, whole, &less)?,
         };
         round.is_bare = true;

@@ -162,7 +162,7 @@ impl<'a> Thrift<'a> {
         Ok(())
     }
 
-    /// Takes the second steps of a round alone: how the lesser state is before any is known to be bad enough.
+    /// Takes only the second steps of a round: the lesser state is so bad before any that its own would not help.
     pub(super) fn go_on_with(
         &mut self,
         trainer: &Trainer<'a>,
@@ -203,10 +203,12 @@ fn is_surely_allowed(
 ) -> bool {
     let preference = ledger.preference_db;
     let (most_lost, most_own_lost) = (short_of_full(psnr_db), short_of_full(&round.own_db));
-    // Harmonics that do not go now leave the whole state to go on from.
-    if ledger.phase == Phase::Lowering || round.is_bare {
-        let can_go = round.is_bare && !ledger.keeps_harmonics;
-        return can_go && most_lost <= BARE * preference;
+    if round.is_bare {
+        return !ledger.keeps_harmonics && most_lost <= BARE * preference;
+    }
+    // Harmonics that go later leave the whole state to go on from.
+    if ledger.phase == Phase::Lowering {
+        return false;
     }
     let gone = tenths(*left, splats).max(1e-9);
     let most = cost(most_lost / gone, most_own_lost / gone, preference);
