@@ -21,16 +21,16 @@ needs: setup
 bench: setup
 	cargo bench
 
-# The yardsticks, with the renderer on the processor built for the processor at hand. A target of its own, so that
+# The baselines, with the renderer on the processor built for the processor at hand. A target of its own, so that
 # other builds stay as they are.
 bench-native: setup
 	RUSTFLAGS="-C target-cpu=native" CARGO_TARGET_DIR=target/native \
-		cargo run --release -- bench kernels --filter yardstick
+		cargo run --release -- bench kernels --filter baseline
 
 setup:
 	@scripts/setup
 
-# Lesser devices: in all, 64 MiB to a binding (the tests' largest picture takes half of that), 1 GiB of memory,
+# Candidate devices: in all, 64 MiB to a binding (the tests' largest picture takes half of that), 1 GiB of memory,
 # workgroups of 64 and no subgroup operations; for tests of small pictures, 4 MiB to a binding.
 LESSER = binding=67108864,memory=1073741824,workgroup=64,subgroups=off
 LESSER_PICTURES = binding=4194304,memory=268435456,workgroup=64,subgroups=off

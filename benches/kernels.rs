@@ -1,13 +1,13 @@
-//! Every kernel, and the yardsticks: what `ashfall bench kernels` measures.
+//! Every kernel, and the baselines: what `ashfall bench kernels` measures.
 
 mod common;
 
-use ashfall::bench::{kernels, yardstick};
+use ashfall::bench::{baseline, kernels};
 
 fn main() -> common::Outcome<()> {
     common::run("kernels", |bench| {
         kernels::run(bench)?;
-        for ratio in yardstick::run(bench)? {
+        for ratio in baseline::run(bench)? {
             println!("{}", ratio.line());
         }
         Ok(())

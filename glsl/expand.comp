@@ -13,7 +13,7 @@ layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
 // Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
 layout(constant_id = 2) const float LEVEL_MAX = 3.4e38;
 // Not 0: tiles are those that the 3DGS code lists a splat for.
-layout(constant_id = 3) const uint ORIGINAL = 0;
+layout(constant_id = 3) const uint INRIA = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -21,17 +21,17 @@ layout(set = 0, binding = 1, scalar) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Ranks { uint splat_from_rank[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Offsets { uint isect_from_rank[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer TileCounts { uint tile_count_from_splat[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 ellipse_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer Tiles { uint tile_from_isect[]; };
-layout(set = 0, binding = 8, scalar) writeonly buffer Sources { uint source_from_isect[]; };
-layout(set = 0, binding = 9, scalar) writeonly buffer Owners { uint splat_from_source[]; };
-layout(set = 0, binding = 10, scalar) writeonly buffer Begins { uint source_from_splat[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer Sources { uint emitted_from_isect[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer Owners { uint splat_from_emitted[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer Begins { uint emitted_from_splat[]; };
 
 void list(uint isect, uint tile, uint splat) {
     tile_from_isect[isect] = tile;
-    source_from_isect[isect] = isect;
-    splat_from_source[isect] = splat;
+    emitted_from_isect[isect] = isect;
+    splat_from_emitted[isect] = splat;
 }
 
 void main() {
@@ -40,12 +40,12 @@ void main() {
     uint splat = splat_from_rank[rank];
     uint next = isect_from_rank[rank] - counts[COUNT_BAND_BASE];
     uint end = next + tile_count_from_splat[splat];
-    source_from_splat[splat] = next;
+    emitted_from_splat[splat] = next;
 
-    vec4 shape = shape_from_splat[splat];
-    vec2 whiten = tone_from_splat[splat].xy;
+    vec4 shape = ellipse_from_splat[splat];
+    vec2 whiten = whiten_rg_from_splat[splat].xy;
     Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN, LEVEL_MAX);
-    if (ORIGINAL != 0) e.square = original_square(shape, whiten);
+    if (INRIA != 0) e.square = inria_square(shape, whiten);
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = tile_columns(e, row, view.size);

@@ -15,7 +15,7 @@ layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
 // Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
 layout(constant_id = 3) const float LEVEL_MAX = 3.4e38;
 // Not 0: tiles are those that the 3DGS code lists a splat for.
-layout(constant_id = 4) const uint ORIGINAL = 0;
+layout(constant_id = 4) const uint INRIA = 0;
 // How parameters are stored: 0 as floats; 1: harmonics as pairs of halves; 2: all but means.
 layout(constant_id = 5) const uint PRECISION = 0;
 // Not 0: slots are not in the order of their splats, and the index says whose they are.
@@ -25,9 +25,9 @@ layout(local_size_x_id = 0) in;
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer ParamsBlock { vec4 params[]; };
 // A splat on the screen, in arrays of their own: a binding then reaches several million splats.
-layout(set = 0, binding = 2, scalar) writeonly buffer Shapes { vec4 shape_from_splat[]; };
-layout(set = 0, binding = 3, scalar) writeonly buffer Tones { vec4 tone_from_splat[]; };
-layout(set = 0, binding = 4, scalar) writeonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 2, scalar) writeonly buffer Shapes { vec4 ellipse_from_splat[]; };
+layout(set = 0, binding = 3, scalar) writeonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
+layout(set = 0, binding = 4, scalar) writeonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 5, scalar) writeonly buffer TileCounts { uint tile_count_from_splat[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer Index { uint splat_from_slot[]; };
 
@@ -108,12 +108,12 @@ uint project(uint slot, uint splat) {
     if (!sound) return 0;
 
     vec4 shape = vec4(mean_pixel, f.slope, log_opacity);
-    shape_from_splat[splat] = shape;
-    tone_from_splat[splat] = vec4(whiten, color.rg);
-    rest_from_splat[splat] = vec2(color.b, mean_view.z);
+    ellipse_from_splat[splat] = shape;
+    whiten_rg_from_splat[splat] = vec4(whiten, color.rg);
+    blue_depth_from_splat[splat] = vec2(color.b, mean_view.z);
 
     Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN, LEVEL_MAX);
-    if (ORIGINAL != 0) e.square = original_square(shape, whiten);
+    if (INRIA != 0) e.square = inria_square(shape, whiten);
     uint count = 0;
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {

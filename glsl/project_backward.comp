@@ -20,10 +20,10 @@ layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer ParamsBlock { vec4 params[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer TileCounts { uint tile_count_from_splat[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer Begins { uint source_from_splat[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
-layout(set = 0, binding = 7, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Begins { uint emitted_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 ellipse_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 8, scalar) readonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
 layout(set = 0, binding = 9, scalar) readonly buffer ToneGradients { vec4 d_tone_from_source[]; };
 layout(set = 0, binding = 10, scalar) readonly buffer RestGradients { float d_rest_from_source[]; };
@@ -113,7 +113,7 @@ void add_record(uint source, inout Records sum) {
 // Two a turn: llvmpipe leaves loops after 65,535 turns, and the largest image that it binds has 65,536 tiles.
 Records sum_of_records(uint splat, uint tile_count) {
     Records sum = Records(vec4(0.0), vec4(0.0), 0.0);
-    uint begin = source_from_splat[splat];
+    uint begin = emitted_from_splat[splat];
     uint end = begin + tile_count;
     for (uint source = begin; source < end; source += 2) {
         add_record(source, sum);
@@ -192,7 +192,7 @@ vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout 
     vec3 g_y = view.view_from_world * (axes * d_local_y);
     gradient.mean += mean_view_backward(mean_view, j, g_x, g_y, d_mean_pixel) * view.view_from_world;
 
-    vec3 color = vec3(tone_from_splat[splat].zw, rest_from_splat[splat].x);
+    vec3 color = vec3(whiten_rg_from_splat[splat].zw, blue_depth_from_splat[splat].x);
     seen.any = true;
     seen.distance = vector_length(offset);
     seen.direction = offset / seen.distance;
@@ -206,7 +206,7 @@ void main() {
     uint splat = slot;
     if (INDEXED != 0) splat = splat_from_slot[slot];
     uint tile_count = tile_count_from_splat[splat];
-    if (push.banded != 0 && tile_count != 0 && source_from_splat[splat] == NOT_LISTED) return;
+    if (push.banded != 0 && tile_count != 0 && emitted_from_splat[splat] == NOT_LISTED) return;
     vec3 scale = exp(params[2 * push.stride + slot].xyz);
     float opacity = sigmoid(params[slot].w);
     // A splat with a number that is none is not drawn, and no penalty makes a gradient of it.
@@ -227,7 +227,7 @@ void main() {
         if (is_finite(pull)) known.x += pull;
         known.y += 1.0;
         // What counts as covered does not depend on where drawing stops.
-        Ellipse e = ellipse(shape_from_splat[splat], tone_from_splat[splat].xy, -LOG2_255, 3.4e38);
+        Ellipse e = ellipse(ellipse_from_splat[splat], whiten_rg_from_splat[splat].xy, -LOG2_255, 3.4e38);
         known.z = max(known.z, max(e.extent.x, e.extent.y));
         statistics[splat] = known;
     }

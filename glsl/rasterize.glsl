@@ -23,14 +23,14 @@ layout(local_size_x_id = 0) in;
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
-layout(set = 0, binding = 3, scalar) readonly buffer Sources { uint source_from_isect[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer Owners { uint splat_from_source[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
-layout(set = 0, binding = 7, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Sources { uint emitted_from_isect[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Owners { uint splat_from_emitted[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Shapes { vec4 ellipse_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 8, scalar) buffer Image { float image[]; };
 layout(set = 0, binding = 9, scalar) buffer Depth { float depth[]; };
-layout(set = 0, binding = 10, scalar) writeonly buffer Ends { uint end_from_pixel[]; };
+layout(set = 0, binding = 10, scalar) writeonly buffer Ends { uint isect_end_from_pixel[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
@@ -83,8 +83,8 @@ void blend(Tile t, uint isect, Staged splat) {
 // Fetches the splats from `begin` on, one a lane; returns how many there are.
 uint stage_batch(uint begin, uint end) {
     uint isect = begin + stage_lane();
-    uint splat = splat_from_source[source_from_isect[min(isect, end - 1)]];
-    Staged mine = Staged(shape_from_splat[splat], tone_from_splat[splat], rest_from_splat[splat]);
+    uint splat = splat_from_emitted[emitted_from_isect[min(isect, end - 1)]];
+    Staged mine = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
     if (isect >= end) hide(mine);
     stage(mine);
     return min(WORKGROUP, end - begin);
@@ -143,7 +143,7 @@ void store_pixels(Tile t) {
             image[pixels + pixel] = green[q][r] + through * background.g;
             image[2 * pixels + pixel] = blue[q][r] + through * background.b;
             image[3 * pixels + pixel] = through;
-            if (WITH_ENDS != 0) end_from_pixel[pixel] = last[q][r];
+            if (WITH_ENDS != 0) isect_end_from_pixel[pixel] = last[q][r];
             if (WITH_DEPTH != 0) depth[pixel] = far[q][r];
         }
     }

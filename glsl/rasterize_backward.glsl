@@ -19,14 +19,14 @@ layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
-layout(set = 0, binding = 2, scalar) readonly buffer Sources { uint source_from_isect[]; };
-layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_source[]; };
-layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 shape_from_splat[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Tones { vec4 tone_from_splat[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 rest_from_splat[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Sources { uint emitted_from_isect[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_emitted[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 ellipse_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 7, scalar) buffer Image { float image[]; };
 layout(set = 0, binding = 8, scalar) readonly buffer ImageGradient { float d_image[]; };
-layout(set = 0, binding = 9, scalar) readonly buffer Ends { uint end_from_pixel[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer Ends { uint isect_end_from_pixel[]; };
 layout(set = 0, binding = 10, scalar) writeonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
 layout(set = 0, binding = 11, scalar) writeonly buffer ToneGradients { vec4 d_tone_from_source[]; };
 layout(set = 0, binding = 12, scalar) writeonly buffer RestGradients { float d_rest_from_source[]; };
@@ -75,7 +75,7 @@ uint load_pixels(Tile t) {
             d_green[q][r] = mine ? d_image[pixels + pixel] : 0.0;
             d_blue[q][r] = mine ? d_image[2 * pixels + pixel] : 0.0;
             transmittance[q][r] = mine ? image[3 * pixels + pixel] : 0.0;
-            end[q][r] = mine ? end_from_pixel[pixel] : 0;
+            end[q][r] = mine ? isect_end_from_pixel[pixel] : 0;
             last = max(last, end[q][r]);
         }
         behind[q] = d_red[q] * background.r + d_green[q] * background.g + d_blue[q] * background.b;
@@ -158,9 +158,9 @@ void store(uint source, Sums sums) {
 uint take_off_batch(Tile t, uint begin, uint end) {
     uint lane = stage_lane();
     bool mine = lane < end - begin;
-    uint source = source_from_isect[mine ? end - 1 - lane : begin];
-    uint splat = splat_from_source[source];
-    Staged staged = Staged(shape_from_splat[splat], tone_from_splat[splat], rest_from_splat[splat]);
+    uint source = emitted_from_isect[mine ? end - 1 - lane : begin];
+    uint splat = splat_from_emitted[source];
+    Staged staged = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
     if (!mine) hide(staged);
     stage(staged);
     uint count = min(WORKGROUP, end - begin);
@@ -191,7 +191,7 @@ void differentiate(uint tile) {
     }
     // Splats behind the last one that counted: nobody else clears their records.
     for (uint isect = last + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
-        store(source_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0));
+        store(emitted_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0));
     }
     if (push.band != 0) store_pixels(t);
 }

@@ -40,7 +40,7 @@ pub enum Error {
     },
     /// A kernel does not compute what the reference says.
     #[error("{kernel}: wrong result: {what}")]
-    Wrong {
+    Mismatch {
         /// The kernel, its input and its variant.
         kernel: String,
         /// What it wrote and what it should have.

@@ -6,9 +6,9 @@
     reason = "a test that cannot go on may say so by panicking"
 )]
 
+use ashfall::bench::baseline::scalar;
 use ashfall::bench::check::Output;
-use ashfall::bench::yardstick::scalar;
-use ashfall::bench::{Bench, Case, Options, Unit, Work, kernels, row, yardstick};
+use ashfall::bench::{Bench, Case, Options, Unit, Work, baseline, kernels, row};
 use ashfall::kernels::{KERNELS, SELFTESTS};
 use serde_json::Value;
 use std::cell::Cell;
@@ -138,7 +138,7 @@ fn every_kernel_is_measured() {
     // Nothing is called so: all is considered, and only the copy is run.
     let (mut bench, seen) = bench(&gpu, "no such kernel");
     kernels::run(&mut bench).unwrap();
-    yardstick::run(&mut bench).unwrap();
+    baseline::run(&mut bench).unwrap();
     assert_eq!(seen.get(), 1);
     let names = bench.names();
     for info in KERNELS {
@@ -177,10 +177,10 @@ fn kernels_are_checked_on_what_they_are_timed_on() {
     }
 }
 
-/// A yardstick that computes something else would measure nothing.
+/// A baseline that computes something else would measure nothing.
 #[test]
 fn a_yardstick_that_is_wrong_is_noticed() {
-    let composite = kernels::Composite::classical(300, [61, 47], 6.0);
+    let composite = kernels::Composite::baseline_16x16(300, [61, 47], 6.0);
     let gradient = kernels::Gradient::new(&composite);
     let input = scalar::Input::new(&composite);
     let planes = |image: &[[f32; 4]]| -> Vec<f32> {
@@ -188,9 +188,9 @@ fn a_yardstick_that_is_wrong_is_noticed() {
             .flat_map(|plane| image.iter().map(move |pixel| pixel[plane]))
             .collect()
     };
-    let case = Case::of("yardstick", "forward", "scalar", 0);
+    let case = Case::of("baseline", "forward", "scalar", 0);
     let (mut image, ends) = scalar::forward(&input);
-    let vectorised = planes(&yardstick::vector::forward(&input));
+    let vectorised = planes(&baseline::vector::forward(&input));
     case.judge(&composite.outputs(&planes(&image), Some(&ends)))
         .unwrap();
     case.judge(&composite.outputs(&vectorised, None)).unwrap();

@@ -13,7 +13,7 @@ mod scenes;
 
 use ashfall::gpu::Buffer;
 use ashfall::reference;
-use ashfall::reference::bound::{Savings, trace};
+use ashfall::reference::bound::{Approximations, trace};
 use ashfall::render::{
     Accuracy, Exponential, Model, Precision, RenderOptions, Rendered, Renderer, ViewOptions,
 };
@@ -25,12 +25,12 @@ use scenes::Scene;
 fn compare(scene: &Scene) -> (f64, f64, f64) {
     let gpu = device::gpu();
     let model = Model::upload(&gpu, &scene.splats).unwrap();
-    let cuts = &scene.options.cuts;
+    let thresholds = &scene.options.thresholds;
     let options = RenderOptions {
         with_depth: true,
         accuracy: Accuracy {
-            transmittance_min: cuts.transmittance_min as f32,
-            alpha_min: cuts.alpha_min as f32,
+            transmittance_min: thresholds.transmittance_min as f32,
+            alpha_min: thresholds.alpha_min as f32,
             sigma_max: None,
         },
         ..RenderOptions::default()
@@ -43,22 +43,23 @@ fn compare(scene: &Scene) -> (f64, f64, f64) {
     };
     let image = renderer.render(&model, &scene.camera, &view).unwrap();
     let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
-    let bands = reference::frame::bands(&scene.splats, &scene.camera, &scene.options);
+    let margins =
+        reference::frame::discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
     let (mut interior, mut near, mut flipped) = (0.0f64, 0usize, 0.0f64);
-    for (i, (pixel, band)) in expected.pixels.iter().zip(&bands).enumerate() {
+    for (i, (pixel, margin)) in expected.pixels.iter().zip(&margins).enumerate() {
         let error = (0..3)
             .map(|c| (f64::from(image.rgb[i][c]) - pixel.color[c]).abs())
             .fold(0.0, f64::max);
         let error = error.max((f64::from(image.transmittance[i]) - pixel.transmittance).abs());
         assert!(error.is_finite(), "pixel {i} is not finite");
-        if band.nearest() > 1e-4 {
+        if margin.nearest() > 1e-4 {
             interior = interior.max(error);
         } else {
             near += 1;
             flipped = flipped.max(error);
         }
     }
-    (interior, near as f64 / bands.len() as f64, flipped)
+    (interior, near as f64 / margins.len() as f64, flipped)
 }
 
 #[test]
@@ -114,8 +115,8 @@ fn frames_cut_as_they_are_told_to() {
         for make in [scenes::gentle, scenes::hard] {
             let mut scene = make(31, 150, 80, 61, 1);
             // As the device holds them.
-            scene.options.cuts.alpha_min = f64::from(alpha_min as f32);
-            scene.options.cuts.transmittance_min = f64::from(transmittance_min as f32);
+            scene.options.thresholds.alpha_min = f64::from(alpha_min as f32);
+            scene.options.thresholds.transmittance_min = f64::from(transmittance_min as f32);
             let (interior, near, flipped) = compare(&scene);
             println!("{alpha_min}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
             assert!(interior <= 1e-4, "{alpha_min}: {interior}");
@@ -249,7 +250,7 @@ fn frames_by_polynomial_exponentials_keep_to_their_bounds() {
         scenes::gentle(51, 150, 80, 61, 1),
         scenes::hard(52, 90, 80, 61, 1),
     ] {
-        scene.options.cuts = reference::Cuts::NONE;
+        scene.options.thresholds = reference::Thresholds::NONE;
         let model = Model::upload(&gpu, &scene.splats).unwrap();
         let view = ViewOptions {
             background: scene.options.background.map(|c| c as f32),
@@ -272,11 +273,11 @@ fn frames_by_polynomial_exponentials_keep_to_their_bounds() {
             };
             let drawn = draw(exponential);
             let exact = draw(Exponential::Exact);
-            let by = |share: f64| Savings {
+            let by = |share: f64| Approximations {
                 transmittance_min: 1e-9,
                 alpha_min: 1e-6,
                 alpha_error: share * exponential.alpha_error(),
-                ..Savings::NONE
+                ..Approximations::NONE
             };
             let traced = trace(
                 &scene.splats,

@@ -49,9 +49,10 @@ fn bits(image: &Rendered) -> Vec<u32> {
 /// The largest error against the oracle over pixels far from any discontinuity.
 fn error(scene: &Scene, image: &Rendered) -> f64 {
     let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
-    let bands = reference::frame::bands(&scene.splats, &scene.camera, &scene.options);
-    let pixels = expected.pixels.iter().zip(&bands).enumerate();
-    let sound = pixels.filter(|(_, (_, band))| band.nearest() > 1e-4);
+    let margins =
+        reference::frame::discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
+    let pixels = expected.pixels.iter().zip(&margins).enumerate();
+    let sound = pixels.filter(|(_, (_, margin))| margin.nearest() > 1e-4);
     sound
         .flat_map(|(i, (pixel, _))| {
             [0, 1, 2].map(|c| (f64::from(image.rgb[i][c]) - pixel.color[c]).abs())
@@ -202,7 +203,7 @@ fn a_scene_of_many_blocks_and_bands_is_trained_as_one() {
         ("one", scenes::gentle(1, 1, 43, 37, 3)),
         ("blocks", scenes::gentle(1, 300, 43, 37, 3)),
         ("hard", scenes::hard(2, 900, 43, 37, 2)),
-        ("bands", dense(3, 1500)),
+        ("margins", dense(3, 1500)),
     ] {
         let (found, expected) = (train(&narrow, &scene, 4), train(&wide, &scene, 4));
         assert_eq!(found.losses, expected.losses, "{name}: other losses");
@@ -214,7 +215,7 @@ fn a_scene_of_many_blocks_and_bands_is_trained_as_one() {
         let splats = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
         // Sixteen bytes of the widest array for each pair.
         let is_banded = found.isects as u64 > NARROW_TRAINING / 16;
-        let wanted = ["hard", "bands"].contains(&name);
+        let wanted = ["hard", "margins"].contains(&name);
         assert_eq!(is_banded, wanted, "{name}: {}", found.isects);
         assert!(
             found.state.params != splats.params,
@@ -237,7 +238,7 @@ fn a_list_longer_than_a_driver_runs_loops_is_trained_whole() {
     let seen = statistics.iter().filter(|of| of[1] == 1.0).count();
     let moved = state.m[0].iter().filter(|moment| moment[3] != 0.0).count();
     println!("{seen} splats seen, {moved} with a gradient");
-    // More than one band holds. An alpha of 1/255 is reached within 0.39 px of a splat's centre, which is half of
+    // More than one margin holds. An alpha of 1/255 is reached within 0.39 px of a splat's centre, which is half of
     // the pixels' area.
     assert!(seen > 100_000 && moved > seen / 2, "{moved} of {seen}");
 }

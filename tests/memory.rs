@@ -11,7 +11,7 @@ mod device;
 
 use ashfall::gpu::Gpu;
 use ashfall::render::{
-    Capacity, Extras, Model, RenderOptions, Renderer, Scratch, ViewOptions, frame_needs,
+    Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, frame_needs,
     isects_expected, model_needs, total,
 };
 use ashfall::scene::{Dataset, RenderMode};
@@ -43,7 +43,7 @@ fn peaks(gpu: &Gpu) -> BTreeMap<String, u64> {
         .collect()
 }
 
-const ALL: Extras = Extras {
+const ALL: Outputs = Outputs {
     depth: true,
     ends: true,
 };
@@ -52,16 +52,16 @@ const ALL: Extras = Extras {
 fn every_buffer_of_a_frame_is_in_the_formula() {
     let gpu = device::gpu();
     // Tables as long as the splats make them, and as the pairs do.
-    for (splats, isects, extras) in [
+    for (splats, isects, outputs) in [
         (70_000, 1_000, ALL),
-        (10, 900_000, Extras::default()),
-        (1, 1, Extras::TRAINING),
+        (10, 900_000, Outputs::default()),
+        (1, 1, Outputs::TRAINING),
     ] {
         let capacity = Capacity::for_image(splats, isects, 333, 77);
         gpu.reset_memory_peak();
-        let scratch = Scratch::new(&gpu, capacity, extras).unwrap();
+        let scratch = Scratch::new(&gpu, capacity, outputs).unwrap();
         let found = peaks(&gpu);
-        let needs = frame_needs(scratch.capacity, extras);
+        let needs = frame_needs(scratch.capacity, outputs);
         assert_eq!(
             found.keys().collect::<Vec<_>>(),
             {
@@ -122,7 +122,7 @@ fn compare(gpu: &Gpu, dataset: &Dataset, config: &TrainConfig, streamed: bool) {
         "moment1",
         "moment2",
         "gradients",
-        "shape_from_splat",
+        "ellipse_from_splat",
     ] {
         let need = needs.iter().find(|need| need.name == name).unwrap();
         let taken = found[name];
@@ -294,6 +294,7 @@ fn a_renderer_that_grows_never_holds_old_and_new() {
     renderer.reserve(&model, &camera, isects).unwrap();
     let capacity = Capacity::for_image(splats.len(), isects, camera.width, camera.height);
     let frame: u64 = peaks(&gpu).values().sum();
-    let wanted = total(&frame_needs(capacity, Extras::default())) + model_needs(model.blocks).bytes;
+    let wanted =
+        total(&frame_needs(capacity, Outputs::default())) + model_needs(model.blocks).bytes;
     assert!(frame < wanted + (1 << 20), "{frame} bytes, {wanted} needed");
 }

@@ -1,4 +1,4 @@
-//! Made data sets on disk, read back by the readers that real ones go through.
+//! PipelineCache data sets on disk, read back by the readers that real ones go through.
 
 use ashfall::io::{dataset, photo};
 use ashfall::scene::{PhotoSource, Split};

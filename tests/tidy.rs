@@ -173,7 +173,7 @@ fn base_variants_need_no_optional_feature() {
     ));
     assert!(is_optional("adam", Requirement::AtomicFloatAdd));
     assert!(!is_optional(
-        "classical_backward",
+        "baseline_16x16_backward",
         Requirement::AtomicFloatAdd
     ));
     assert!(!is_optional(

@@ -1,4 +1,4 @@
-// How a radix sort cuts keys into chunks. Their number is given; all are of one size but the last ones, which get
+// How a radix sort thresholds keys into chunks. Their number is given; all are of one size but the last ones, which get
 // what is left, if anything. A size of whole quadruples lets an invocation read four keys at a time.
 
 uint keys_per_chunk(uint count, uint chunk_count) {

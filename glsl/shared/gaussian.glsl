@@ -151,7 +151,7 @@ Ellipse ellipse(vec4 shape, vec2 whiten, float log2_alpha_min, float level_max) 
 }
 
 // Half the side of the square that the 3DGS code lists a splat for: three of its largest standard deviations.
-float original_square(vec4 shape, vec2 whiten) {
+float inria_square(vec4 shape, vec2 whiten) {
     precise float a = (WHITEN / whiten.x) * (WHITEN / whiten.x);
     precise float y_from_x = (WHITEN / whiten.y) * (WHITEN / whiten.y);
     precise float yy = y_from_x + shape.z * shape.z * a;
@@ -163,7 +163,7 @@ float original_square(vec4 shape, vec2 whiten) {
 
 // First and last of our tiles of `tile` pixels along an axis, within the 16-pixel tiles that the 3DGS code lists a
 // square for. It counts pixels' centres from 0.
-ivec2 original_tiles(float mean, float square, uint tile, uint pixel_count) {
+ivec2 inria_tiles(float mean, float square, uint tile, uint pixel_count) {
     float count = float((pixel_count + 15) / 16);
     precise float place = mean - 0.5;
     float first = clamp(trunc((place - square) / 16.0), 0.0, count);
@@ -184,7 +184,7 @@ ivec2 cells(float low, float high, uint cell, uint pixel_count) {
 
 // Rows of tiles that the ellipse, or its square, touches.
 ivec2 tile_rows(Ellipse e, uvec2 size) {
-    if (e.square > 0.0) return original_tiles(e.mean.y, e.square, TILE_HEIGHT, size.y);
+    if (e.square > 0.0) return inria_tiles(e.mean.y, e.square, TILE_HEIGHT, size.y);
     precise float low = e.mean.y - e.extent.y;
     precise float high = e.mean.y + e.extent.y;
     return cells(low, high, TILE_HEIGHT, size.y);
@@ -192,7 +192,7 @@ ivec2 tile_rows(Ellipse e, uvec2 size) {
 
 // Columns of tiles that the ellipse, or its square, touches in one row of tiles.
 ivec2 tile_columns(Ellipse e, int row, uvec2 size) {
-    if (e.square > 0.0) return original_tiles(e.mean.x, e.square, TILE_WIDTH, size.x);
+    if (e.square > 0.0) return inria_tiles(e.mean.x, e.square, TILE_WIDTH, size.x);
     // The strip between the row's first and last pixel centres in the image, as far as the ellipse reaches into it.
     precise float top = max(float(row) * float(TILE_HEIGHT) + 0.5 - e.mean.y, -e.extent.y);
     float end = min(float(row + 1) * float(TILE_HEIGHT), float(size.y));

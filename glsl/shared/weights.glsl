@@ -1,7 +1,7 @@
 // The weights alpha T by which compositing mixes a pixel's splats, found again as compositing found them: the
 // same exponents, the same products, the same end. Kernels that include this walk a tile's list from the front.
 //
-// They need `tile.glsl` and `stage.glsl`, a `view`, T_MIN, LOG2_ALPHA_MIN and ORIGINAL.
+// They need `tile.glsl` and `stage.glsl`, a `view`, T_MIN, LOG2_ALPHA_MIN and INRIA.
 
 bool any_lane(bool mine);
 
@@ -29,11 +29,11 @@ vec4 weights_of(Column column, uint q) {
     vec4 exponent = exponent_of(column, q, f);
     bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
                     greaterThanEqual(transmittance[q], vec4(T_MIN)));
-    float cap = ORIGINAL != 0 ? 0.99 : ALPHA_MAX;
+    float cap = INRIA != 0 ? 0.99 : ALPHA_MAX;
     vec4 alpha = mix(vec4(0.0), min(exp2(exponent), vec4(cap)), on);
     vec4 weight = alpha * transmittance[q];
     vec4 next = transmittance[q] * (vec4(1.0) - alpha);
-    if (ORIGINAL != 0) {
+    if (INRIA != 0) {
         // The splat that would take the pixel below the threshold is left out, and ends it.
         bvec4 ends = both(on, lessThan(next, vec4(T_MIN)));
         weight = mix(weight, vec4(0.0), ends);

@@ -203,28 +203,28 @@ fn frames(
     camera: &Camera,
 ) -> Result<(Row, Vec<(String, u64)>)> {
     let gpu = bench.gpu().clone();
-    let mut artist = Artist::new(&gpu, splats, near)?;
+    let mut scene_renderer = SceneRenderer::new(&gpu, splats, near)?;
     // From here on: uploading took staging memory that frames do not need.
     gpu.reset_memory_peak();
-    let row = bench.measure(case, || artist.draw(camera))?;
+    let row = bench.measure(case, || scene_renderer.draw(camera))?;
     let memory = note_memory(bench, &row);
     Ok((row, memory))
 }
 
 /// A scene on the device.
-struct Artist {
+struct SceneRenderer {
     renderer: Renderer,
     model: Model,
     view: ViewOptions,
 }
 
-impl Artist {
-    fn new(gpu: &Gpu, splats: &Splats, near: f32) -> Result<Artist> {
+impl SceneRenderer {
+    fn new(gpu: &Gpu, splats: &Splats, near: f32) -> Result<SceneRenderer> {
         let options = RenderOptions {
             sh_degree: splats.sh_degree,
             ..RenderOptions::default()
         };
-        Ok(Artist {
+        Ok(SceneRenderer {
             renderer: Renderer::new(gpu, options)?,
             model: Model::upload(gpu, splats)?,
             view: ViewOptions {
@@ -267,15 +267,15 @@ fn giant(bench: &mut Bench, plan: &FramePlan, growth: &Growth) -> Result<Option<
     );
     let gpu = bench.gpu().clone();
     let mut artists = [
-        Artist::new(&gpu, &without, NEAR)?,
-        Artist::new(&gpu, &volume::with_giant(&without), NEAR)?,
+        SceneRenderer::new(&gpu, &without, NEAR)?,
+        SceneRenderer::new(&gpu, &volume::with_giant(&without), NEAR)?,
     ];
     let mut runs = [Vec::new(), Vec::new()];
     let options = bench.options().clone();
     for round in 0..options.warm_up + options.runs.max(1) {
-        for (artist, runs) in artists.iter_mut().zip(&mut runs) {
+        for (scene_renderer, runs) in artists.iter_mut().zip(&mut runs) {
             let clock = super::CpuClock::now();
-            let mut times = artist.draw(&camera)?;
+            let mut times = scene_renderer.draw(&camera)?;
             times.cpu_ns = clock.elapsed_ns();
             if round >= options.warm_up {
                 runs.push(times);

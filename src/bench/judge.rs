@@ -16,7 +16,7 @@ pub(super) const BACKGROUND: [f32; 3] = [0.0; 3];
 const ROUNDS: usize = 5;
 
 /// The held-out views.
-pub(super) struct Judge {
+pub(super) struct Evaluator {
     gpu: Gpu,
     renderer: Renderer,
     views: Vec<(String, Camera, Target)>,
@@ -32,9 +32,9 @@ pub(super) struct FrameTime {
     pub(super) cpu_ms: Option<f64>,
 }
 
-impl Judge {
+impl Evaluator {
     /// Of a data set that holds views out.
-    pub(super) fn new(gpu: &Gpu, dataset: &Dataset) -> Result<Judge> {
+    pub(super) fn new(gpu: &Gpu, dataset: &Dataset) -> Result<Evaluator> {
         let held_out = dataset.split(Split::Test);
         if held_out.is_empty() {
             let what = "training is judged by held-out views, and the data set has none";
@@ -46,7 +46,7 @@ impl Judge {
             let target = Target::new(&photo, dataset.alpha, BACKGROUND);
             Ok((view.name.clone(), view.camera, target))
         });
-        Ok(Judge {
+        Ok(Evaluator {
             gpu: gpu.clone(),
             renderer: Renderer::new(gpu, RenderOptions::default())?,
             views: views.collect::<Result<_>>()?,

@@ -8,6 +8,7 @@
 //!
 //! **Invariant:** nothing here reads the environment or a fixed path: the caller says where to write.
 
+pub mod baseline;
 pub mod chart;
 pub mod check;
 pub mod clock;
@@ -24,12 +25,11 @@ pub mod session;
 pub mod stats;
 pub mod train;
 pub mod trial;
-pub mod yardstick;
 
+pub use baseline::Ratio;
 pub use clock::CpuClock;
 pub use report::Report;
 pub use row::{Row, Unit, Work};
 pub use session::{Bench, Case, Options, Times};
 pub use stats::Summary;
-pub use trial::Contender;
-pub use yardstick::Ratio;
+pub use trial::Subject;

@@ -1,8 +1,8 @@
 //! A run of `ashfall bench kernels` as one JSON object.
 
+use super::baseline::{Ratio, TARGET_FEATURES};
 use super::row::Row;
 use super::session::Bench;
-use super::yardstick::{Ratio, TARGET_FEATURES};
 use serde::Serialize;
 
 /// What was measured, on what.

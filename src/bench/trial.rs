@@ -1,4 +1,4 @@
-//! Checked, then timed; and several contenders timed in turns.
+//! Checked, then timed; and several subjects timed in turns.
 
 use super::check::Output;
 use super::clock::CpuClock;
@@ -29,11 +29,11 @@ impl Case {
     /// Whether the outputs are what the reference says.
     ///
     /// # Errors
-    /// [`Error::Wrong`], which names the case and the first output at fault.
+    /// [`Error::Mismatch`], which names the case and the first output at fault.
     pub fn judge(&self, outputs: &[Output]) -> Result<()> {
         let wrong = |what| {
             let kernel = format!("{} {}", self.input, self.variant);
-            Err(Error::Wrong { kernel, what })
+            Err(Error::Mismatch { kernel, what })
         };
         if outputs.is_empty() {
             return wrong("nothing to check it by".into());
@@ -67,30 +67,27 @@ impl Bench {
 
     /// Measures several things in turns, one run of each after the other, so that what happens on the machine
     /// meanwhile happens to all. Returns each one's runs.
-    pub fn measure_in_turns(
-        &mut self,
-        contenders: &mut [Contender<'_>],
-    ) -> Result<Vec<Vec<Times>>> {
-        for contender in contenders.iter_mut() {
+    pub fn measure_in_turns(&mut self, subjects: &mut [Subject<'_>]) -> Result<Vec<Vec<Times>>> {
+        for subject in subjects.iter_mut() {
             for _ in 0..self.options().warm_up {
-                (contender.run)()?;
+                (subject.run)()?;
             }
         }
-        let mut runs = vec![Vec::new(); contenders.len()];
+        let mut runs = vec![Vec::new(); subjects.len()];
         for _ in 0..self.options().runs.max(1) {
-            for (contender, runs) in contenders.iter_mut().zip(&mut runs) {
-                runs.push((contender.run)()?);
+            for (subject, runs) in subjects.iter_mut().zip(&mut runs) {
+                runs.push((subject.run)()?);
             }
         }
-        for (contender, runs) in contenders.iter().zip(&runs) {
-            self.keep(&contender.case, runs);
+        for (subject, runs) in subjects.iter().zip(&runs) {
+            self.keep(&subject.case, runs);
         }
         Ok(runs)
     }
 }
 
 /// One of several things that are measured in turns.
-pub struct Contender<'a> {
+pub struct Subject<'a> {
     /// What it is.
     pub case: Case,
     /// Runs it once.

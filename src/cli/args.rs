@@ -144,7 +144,7 @@ impl From<Compat> for Compatibility {
     fn from(compat: Compat) -> Compatibility {
         match compat {
             Compat::Engine => Compatibility::Engine,
-            Compat::Original => Compatibility::Original,
+            Compat::Original => Compatibility::Inria,
         }
     }
 }

@@ -29,7 +29,7 @@ enum What {
     Train(growth::TrainArgs),
 }
 
-/// Every kernel in every variant and workgroup, and yardsticks
+/// Every kernel in every variant and workgroup, and baselines
 ///
 /// Every result is held against the reference before it is timed; one that is wrong ends the run, with exit
 /// code 1.
@@ -51,7 +51,7 @@ struct KernelsArgs {
 /// What is measured, how often, and where the figures go.
 #[derive(Clone, Debug, Args)]
 pub(super) struct OutputArgs {
-    /// Only what has this in its name, `bench/input/variant`: `rasterize/small`, `subgroup`, `yardstick/sort`,
+    /// Only what has this in its name, `bench/input/variant`: `rasterize/small`, `subgroup`, `baseline/sort`,
     /// `frame/1000000`, `1920x1080`
     #[arg(long, value_name = "TEXT")]
     pub filter: Option<String>,
@@ -74,7 +74,7 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall bench kernels
   ashfall bench kernels --filter sort --runs 7 --csv sort.csv
-  ashfall bench kernels --filter yardstick --json yardsticks.json";
+  ashfall bench kernels --filter baseline --json baselines.json";
 
 pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
     match &args.what {
@@ -134,7 +134,7 @@ fn kernels(args: &KernelsArgs) -> Result<Outcome> {
     let progress = |row: &Row| eprintln!("measured {} {}", row.input, row.variant);
     let mut bench = engine.bench("kernels", args.output.options(), progress)?;
     bench::kernels::run(&mut bench)?;
-    let ratios = bench::yardstick::run(&mut bench)?;
+    let ratios = bench::baseline::run(&mut bench)?;
     // The copy is measured in any case.
     let filter = args.output.filter.as_deref().unwrap_or_default();
     let asked = |row: &Row| format!("kernels/{}/{}", row.input, row.variant).contains(filter);

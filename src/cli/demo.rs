@@ -94,13 +94,13 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
 /// Draws the trained scene from around, out of its file.
 fn draw_orbit(engine: &Engine, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
     let splats = eval::read_scene(&dir.join("scene.ply"))?;
-    let mut artist = engine.artist(&splats, eval::near(dataset), false)?;
+    let mut scene_renderer = engine.scene_renderer(&splats, eval::near(dataset), false)?;
     let orbit = dir.join("orbit");
     std::fs::create_dir_all(&orbit).map_err(Error::io(&orbit))?;
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
     let path = orbit_of_cameras(&cameras, dataset.extent(), count);
     for (i, camera) in path.iter().enumerate() {
-        let picture = artist.draw(camera, [0.0; 3])?;
+        let picture = scene_renderer.draw(camera, [0.0; 3])?;
         let path = orbit.join(format!("orbit_{i:04}.png"));
         io::png::write_rgb(&path, picture.width, picture.height, &picture.rgb)?;
     }

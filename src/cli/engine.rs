@@ -10,10 +10,10 @@ use super::predict::Prediction;
 use super::train::{StepFigures, Steps};
 use crate::bench::{Bench, Options, Row};
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Limits};
-use crate::parsimony::{Ledger, Thrift};
 use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use crate::report::MemoryFigures;
 use crate::scene::{Camera, Dataset, RenderMode, Splats};
+use crate::simplify::{CountController, History};
 use crate::train::checkpoint::{Checkpoint, Steering, fingerprint};
 use crate::train::{HostState, StepReport, TrainConfig, Trainer};
 use crate::{Error, Result};
@@ -98,25 +98,30 @@ impl Engine {
     }
 
     /// Brings a scene to the device to be drawn; nothing nearer than `near` world units is.
-    pub(crate) fn artist(&self, splats: &Splats, near: f64, with_depth: bool) -> Result<Artist> {
-        self.artist_like(splats, near, with_depth, Compatibility::Engine)
+    pub(crate) fn scene_renderer(
+        &self,
+        splats: &Splats,
+        near: f64,
+        with_depth: bool,
+    ) -> Result<SceneRenderer> {
+        self.scene_renderer_with(splats, near, with_depth, Compatibility::Engine)
     }
 
     /// The same by the rules of another method.
-    pub(crate) fn artist_like(
+    pub(crate) fn scene_renderer_with(
         &self,
         splats: &Splats,
         near: f64,
         with_depth: bool,
         compatibility: Compatibility,
-    ) -> Result<Artist> {
+    ) -> Result<SceneRenderer> {
         let options = RenderOptions {
             with_depth,
             compatibility,
             sh_degree: splats.sh_degree,
             ..RenderOptions::default()
         };
-        Ok(Artist {
+        Ok(SceneRenderer {
             renderer: Renderer::new(&self.gpu, options)?,
             model: Model::upload(&self.gpu, splats)?,
             near: near as f32,
@@ -132,22 +137,23 @@ impl Engine {
     ) -> Result<Training<'a>> {
         Ok(Training {
             trainer: Trainer::new(&self.gpu, dataset, config)?,
-            thrift: None,
+            controller: None,
             fingerprint: fingerprint(dataset),
         })
     }
 
     /// Begins training to no more splats than the scene needs; `preference_db` is the smallest gain worth paying for, in
     /// decibels for a tenth more of them; an open run may end when it has converged.
-    pub(crate) fn train_thriftily<'a>(
+    pub(crate) fn train_auto<'a>(
         &self,
         dataset: &'a Dataset,
         config: TrainConfig,
         (preference_db, is_open): (f64, bool),
     ) -> Result<Training<'a>> {
         let mut training = self.train(dataset, config)?;
-        let thrift = Thrift::begin(&mut training.trainer, dataset, preference_db, is_open)?;
-        training.thrift = Some(thrift);
+        let controller =
+            CountController::begin(&mut training.trainer, dataset, preference_db, is_open)?;
+        training.controller = Some(controller);
         Ok(training)
     }
 
@@ -161,7 +167,7 @@ impl Engine {
         let state = HostState::from_splats(splats, splats.sh_degree);
         Ok(Training {
             trainer: Trainer::from_state(&self.gpu, dataset, config, &state, 0)?,
-            thrift: None,
+            controller: None,
             fingerprint: fingerprint(dataset),
         })
     }
@@ -172,18 +178,23 @@ impl Engine {
         saved.check_dataset(path, dataset)?;
         let (state, iteration) = (&saved.state, saved.iteration);
         let mut trainer = Trainer::from_state(&self.gpu, dataset, saved.config, state, iteration)?;
-        let thrift = match saved.steering {
+        let controller = match saved.steering {
             None => None,
             Some(Steering { notes, kept }) => {
-                let ledger = serde_json::from_value(notes)
+                let history = serde_json::from_value(notes)
                     .map_err(|e| Error::file(path, format!("its notes cannot be read: {e}")))?;
-                Some(Thrift::resume(&mut trainer, dataset, ledger, kept)?)
+                Some(CountController::resume(
+                    &mut trainer,
+                    dataset,
+                    history,
+                    kept,
+                )?)
             }
         };
         trainer.set_statistics(&saved.statistics)?;
         Ok(Training {
             trainer,
-            thrift,
+            controller,
             fingerprint: saved.fingerprint,
         })
     }
@@ -223,14 +234,14 @@ impl From<Rendered> for Picture {
 }
 
 /// A scene on the device, ready to be drawn.
-pub(super) struct Artist {
+pub(super) struct SceneRenderer {
     renderer: Renderer,
     model: Model,
     near: f32,
     mode: RenderMode,
 }
 
-impl Artist {
+impl SceneRenderer {
     /// Draws a view.
     pub(crate) fn draw(&mut self, camera: &Camera, background: [f32; 3]) -> Result<Picture> {
         let view = ViewOptions {
@@ -247,7 +258,7 @@ impl Artist {
 pub(super) struct Training<'a> {
     trainer: Trainer<'a>,
     /// What steers it, if anything does.
-    thrift: Option<Thrift<'a>>,
+    controller: Option<CountController<'a>>,
     fingerprint: u32,
 }
 
@@ -258,8 +269,8 @@ impl Training<'_> {
     }
 
     /// What has been found of the splats that the scene needs, where that is looked for.
-    pub(crate) fn ledger(&self) -> Option<&Ledger> {
-        self.thrift.as_ref().map(Thrift::ledger)
+    pub(crate) fn history(&self) -> Option<&History> {
+        self.controller.as_ref().map(CountController::history)
     }
 
     /// What the run will take of the device's memory: how many splats it will have, if that can be known, or
@@ -295,8 +306,8 @@ impl Steps for Training<'_> {
 
     fn step(&mut self) -> Result<Vec<StepFigures>> {
         let report = self.trainer.step()?;
-        if let Some(thrift) = &mut self.thrift {
-            thrift.attend(&mut self.trainer)?;
+        if let Some(controller) = &mut self.controller {
+            controller.after_step(&mut self.trainer)?;
         }
         Ok(report.into_iter().map(figures).collect())
     }
@@ -310,7 +321,7 @@ impl Steps for Training<'_> {
     }
 
     fn end(&self) -> Option<u32> {
-        self.ledger().map(|ledger| ledger.end)
+        self.history().map(|history| history.end)
     }
 
     fn checkpoint(&mut self, path: &Path) -> Result<()> {
@@ -321,9 +332,9 @@ impl Steps for Training<'_> {
             state,
             statistics: self.trainer.statistics()?,
             fingerprint: self.fingerprint,
-            steering: self.thrift.as_ref().map(|thrift| Steering {
-                notes: serde_json::to_value(thrift.ledger()).unwrap_or_default(),
-                kept: thrift.kept().cloned(),
+            steering: self.controller.as_ref().map(|controller| Steering {
+                notes: serde_json::to_value(controller.history()).unwrap_or_default(),
+                kept: controller.kept().cloned(),
             }),
         };
         checkpoint.write(path)

@@ -155,13 +155,15 @@ impl Scene<'_> {
         if views.is_empty() {
             return Ok(Vec::new());
         }
-        let mut artist = self.engine.artist(splats, near(self.dataset), false)?;
+        let mut scene_renderer = self
+            .engine
+            .scene_renderer(splats, near(self.dataset), false)?;
         let mut scores = Vec::with_capacity(views.len());
         for &index in views {
             let view = &self.dataset.views[index];
             let photo = io::photo::load(view)?;
             let target = Target::new(&photo, self.dataset.alpha, self.background);
-            let picture = artist.draw(&view.camera, self.background)?;
+            let picture = scene_renderer.draw(&view.camera, self.background)?;
             scores.push(target.score(&view.name, &picture.rgb));
             each(&Scored {
                 view,

@@ -3,7 +3,7 @@
 use super::output::{bytes, grouped};
 use super::train::ConfigArgs;
 use crate::render::{
-    Blocks, ByDegree, Capacity, Extras, Need, Purpose, Slots, frame_needs, index_needs,
+    Blocks, ByDegree, Capacity, Need, Outputs, Purpose, Slots, frame_needs, index_needs,
     isects_expected, model_needs, of_degree, total,
 };
 use crate::scene::{Dataset, Splats};
@@ -112,7 +112,7 @@ impl Prediction {
         let mut needs = vec![model_needs(blocks)];
         needs.extend(Some(index_needs(blocks)).filter(|need| need.bytes > 0));
         let capacity = Capacity::for_image(splats.max(1), isects, width, height);
-        needs.extend(frame_needs(capacity, Extras::default()));
+        needs.extend(frame_needs(capacity, Outputs::default()));
         let essential = needs.iter().filter(|need| need.purpose.is_essential());
         Prediction {
             what: format!(

@@ -9,12 +9,12 @@ use super::eval::{near, read_scene};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::train::Steps;
-use crate::parsimony::{
-    Lens, Promise, Weigher, difference, kept, measure, merge, prune, rates, reduce_harmonics,
-    refit_config,
-};
 use crate::report::{MeanScore, Target};
 use crate::scene::{Camera, Dataset, Splats, Split};
+use crate::simplify::{
+    ContributionPass, PassOptions, Promise, difference, kept, measure, merge, prune, rates,
+    reduce_harmonics, refit_config,
+};
 use crate::{Error, Result, io};
 use clap::Args;
 use figures::{Figures, Merging};
@@ -113,7 +113,7 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
         return Ok(Outcome::Interrupted);
     };
     if figures.change.broken > 0 {
-        return Err(Error::Wrong {
+        return Err(Error::Mismatch {
             kernel: "prune".into(),
             what: format!(
                 "{} channels of pixels moved farther than their bound, the farthest by {:.6}; nothing was written",
@@ -250,13 +250,13 @@ impl Work<'_> {
         }))
     }
 
-    fn weigher(&self, splats: &Splats) -> Result<Weigher> {
-        let lens = Lens {
+    fn weigher(&self, splats: &Splats) -> Result<ContributionPass> {
+        let pass_options = PassOptions {
             near: near(self.dataset) as f32,
             background: self.args.background,
             compatibility: self.args.compat.into(),
         };
-        Weigher::new(self.engine.gpu(), splats, lens)
+        ContributionPass::new(self.engine.gpu(), splats, pass_options)
     }
 
     /// Means over the test views.
@@ -264,15 +264,15 @@ impl Work<'_> {
         let background = self.args.background;
         let compatibility = self.args.compat.into();
         let near = near(self.dataset);
-        let mut artist = self
-            .engine
-            .artist_like(splats, near, false, compatibility)?;
+        let mut scene_renderer =
+            self.engine
+                .scene_renderer_with(splats, near, false, compatibility)?;
         let mut scores = Vec::new();
         for index in self.dataset.split(Split::Test) {
             let view = &self.dataset.views[index];
             let photo = io::photo::load(view)?;
             let target = Target::new(&photo, self.dataset.alpha, background);
-            let picture = artist.draw(&view.camera, background)?;
+            let picture = scene_renderer.draw(&view.camera, background)?;
             scores.push(target.score(&view.name, &picture.rgb));
         }
         Ok(MeanScore::of(&scores))

@@ -95,7 +95,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     };
     let engine = Engine::open(&args.device)?;
     let with_depth = args.format == Format::Exr;
-    let mut artist = engine.artist_like(&splats, near, with_depth, args.compat.into())?;
+    let mut scene_renderer =
+        engine.scene_renderer_with(&splats, near, with_depth, args.compat.into())?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let bar = output.bar(shots.len() as u64, "pictures");
     // An EXR's colours are the splats' alone.
@@ -104,7 +105,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         Format::Exr => [0.0; 3],
     };
     for shot in &shots {
-        let picture = artist.draw(&shot.camera, background)?;
+        let picture = scene_renderer.draw(&shot.camera, background)?;
         let path = write(&args.out, &shot.stem, args.format, &picture)?;
         output.event(|| json!({"event": "picture", "path": path}));
         bar.inc(1);

@@ -1,6 +1,6 @@
 //! What a device can do: plain data, so that choices made from it can be tested without one.
 
-use super::create::Required;
+use super::create::Requirements;
 use crate::Error;
 use crate::shader::{KernelInfo, Requirement};
 use ash::vk;
@@ -171,7 +171,7 @@ impl Caps {
     }
 
     /// Which of the published limits the device misses, if any.
-    pub(super) fn check(&self, required: &Required) -> Result<(), Error> {
+    pub(super) fn check(&self, required: &Requirements) -> Result<(), Error> {
         let missing = |what: String| Err(Error::Unsupported { what });
         let (major, minor) = required.api;
         if self.api < (major, minor, 0) {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// What a device must have enabled for this crate to run on it; published for hosts.
 #[derive(Clone, Copy, Debug)]
-pub struct Required {
+pub struct Requirements {
     /// Lowest Vulkan version, as major and minor.
     pub api: (u32, u32),
     /// Features that must be enabled, by their names in the Vulkan specification.
@@ -30,7 +30,7 @@ pub struct Required {
 }
 
 /// What this crate asks of a device.
-pub const REQUIRED: Required = Required {
+pub const REQUIRED: Requirements = Requirements {
     api: (1, 3),
     features: &[
         "scalarBlockLayout",

@@ -4,8 +4,8 @@ use super::caps::Caps;
 use super::create::GpuOptions;
 use super::debug::Messages;
 use super::faults::Faults;
-use super::memory::{Ledger, MemoryUse};
-use super::pipeline::Made;
+use super::memory::{MemoryTracker, MemoryUse};
+use super::pipeline::PipelineCache;
 use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::{
@@ -55,8 +55,8 @@ pub(super) struct Shared {
     pub(super) poison: bool,
     faults: Option<Faults>,
     memory_limit: u64,
-    ledger: Mutex<Ledger>,
-    pub(super) pipelines: Made,
+    tracker: Mutex<MemoryTracker>,
+    pub(super) pipelines: PipelineCache,
 }
 
 /// Bytes of the blocks that small buffers share; larger buffers have blocks of their own, which go back to
@@ -85,29 +85,29 @@ impl Gpu {
 
     /// Bytes that buffers and images take now.
     pub fn memory_in_use(&self) -> u64 {
-        self.0.ledger().bytes
+        self.0.tracker().bytes
     }
 
     /// The most bytes they ever took.
     pub fn memory_peak(&self) -> u64 {
-        self.0.ledger().peak_bytes
+        self.0.tracker().peak_bytes
     }
 
     /// The most bytes that were taken from the device to make buffers of: the allocator takes blocks, of
     /// which it leaves a part unused. With a host's allocator, what the host took counts too.
     pub fn memory_reserved_peak(&self) -> u64 {
-        self.0.ledger().reserved_peak_bytes
+        self.0.tracker().reserved_peak_bytes
     }
 
     /// What the buffers of each name take, in the order of the names.
     pub fn memory_by_name(&self) -> Vec<(String, MemoryUse)> {
-        self.0.ledger().by_name()
+        self.0.tracker().by_name()
     }
 
     /// Forgets the peaks: they are what there is now.
     pub fn reset_memory_peak(&self) {
         let reserved = self.0.allocator().capacity();
-        self.0.ledger().reset_peak(reserved);
+        self.0.tracker().reset_peak(reserved);
     }
 
     /// Bytes that buffers may take in all: the user's limit, or the device's largest heap.
@@ -178,8 +178,8 @@ impl Parts {
             own: self.own,
             poison: options.validation,
             faults: options.faults.clone(),
-            ledger: Mutex::default(),
-            pipelines: Made::default(),
+            tracker: Mutex::default(),
+            pipelines: PipelineCache::default(),
         })))
     }
 }
@@ -204,8 +204,8 @@ impl Shared {
         shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn ledger(&self) -> MutexGuard<'_, Ledger> {
-        self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
+    fn tracker(&self) -> MutexGuard<'_, MemoryTracker> {
+        self.tracker.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// To be asked before an object is created: whether that is to fail, for a test's sake.
@@ -234,8 +234,8 @@ impl Shared {
         self.creating("vkAllocateMemory")?;
         let wanted = requirements.size;
         // Held to the end: two threads must not both take the last of it.
-        let mut ledger = self.ledger();
-        let available = self.memory_limit.saturating_sub(ledger.bytes);
+        let mut tracker = self.tracker();
+        let available = self.memory_limit.saturating_sub(tracker.bytes);
         let refuse = || Error::OutOfMemory {
             name: name.to_owned(),
             wanted,
@@ -253,7 +253,7 @@ impl Shared {
         };
         let mut allocator = self.allocator();
         let allocation = allocator.allocate(&desc).map_err(|_| refuse())?;
-        ledger.take(name, wanted, allocator.capacity());
+        tracker.take(name, wanted, allocator.capacity());
         Ok(allocation)
     }
 
@@ -261,7 +261,7 @@ impl Shared {
     pub(super) fn free(&self, allocation: Allocation, name: &str, size: u64) {
         // Freeing fails only for an allocation of another allocator, which this never is.
         let _ = self.allocator().free(allocation);
-        self.ledger().give(name, size);
+        self.tracker().give(name, size);
     }
 }
 

@@ -45,7 +45,7 @@ pub struct HostDevice {
     pub queue_family: u32,
     /// For blocking transfers and training; without it, only recording works.
     pub queue: Option<HostQueue>,
-    /// What of [`Required::optional_features`](super::Required::optional_features) is enabled.
+    /// What of [`Requirements::optional_features`](super::Requirements::optional_features) is enabled.
     pub enabled: HostFeatures,
     /// The host's allocator; `None`: we make one.
     pub allocator: Option<SharedAllocator>,
@@ -68,7 +68,7 @@ impl Gpu {
             caps.offers
                 .remove(&Requirement::StorageImageWriteWithoutFormat);
         }
-        // Only a yardstick adds floats atomically: hosts are not asked to enable it.
+        // Only a baseline adds floats atomically: hosts are not asked to enable it.
         caps.offers.remove(&Requirement::AtomicFloatAdd);
         if !host.enabled.subgroup_size_control {
             caps.without_size_control();

@@ -13,7 +13,7 @@ pub struct MemoryUse {
 
 /// Keeps account of allocations.
 #[derive(Debug, Default)]
-pub(super) struct Ledger {
+pub(super) struct MemoryTracker {
     by_name: BTreeMap<String, MemoryUse>,
     /// Bytes now.
     pub(super) bytes: u64,
@@ -23,7 +23,7 @@ pub(super) struct Ledger {
     pub(super) reserved_peak_bytes: u64,
 }
 
-impl Ledger {
+impl MemoryTracker {
     /// Notes an allocation; `reserved` is what the allocator holds of the device now.
     pub(super) fn take(&mut self, name: &str, bytes: u64, reserved: u64) {
         match self.by_name.get_mut(name) {
@@ -81,23 +81,31 @@ mod tests {
 
     #[test]
     fn the_peak_is_divided_among_names_as_it_was() {
-        let mut ledger = Ledger::default();
-        ledger.take("a", 10, 16);
-        ledger.take("b", 5, 16);
-        ledger.give("a", 10);
-        ledger.take("b", 4, 32);
-        ledger.give("b", 5);
+        let mut tracker = MemoryTracker::default();
+        tracker.take("a", 10, 16);
+        tracker.take("b", 5, 16);
+        tracker.give("a", 10);
+        tracker.take("b", 4, 32);
+        tracker.give("b", 5);
         let [a, b] = [(0, 10), (4, 5)].map(|(bytes, peak_bytes)| MemoryUse { bytes, peak_bytes });
-        assert_eq!(ledger.by_name(), [("a".into(), a), ("b".into(), b)]);
-        let totals = (ledger.bytes, ledger.peak_bytes, ledger.reserved_peak_bytes);
+        assert_eq!(tracker.by_name(), [("a".into(), a), ("b".into(), b)]);
+        let totals = (
+            tracker.bytes,
+            tracker.peak_bytes,
+            tracker.reserved_peak_bytes,
+        );
         assert_eq!(totals, (4, 15, 32));
-        ledger.reset_peak(16);
+        tracker.reset_peak(16);
         let b = MemoryUse {
             bytes: 4,
             peak_bytes: 4,
         };
-        assert_eq!(ledger.by_name(), [("b".into(), b)]);
-        let totals = (ledger.bytes, ledger.peak_bytes, ledger.reserved_peak_bytes);
+        assert_eq!(tracker.by_name(), [("b".into(), b)]);
+        let totals = (
+            tracker.bytes,
+            tracker.peak_bytes,
+            tracker.reserved_peak_bytes,
+        );
         assert_eq!(totals, (4, 4, 16));
     }
 }

@@ -31,7 +31,7 @@ mod transfer;
 
 pub use buffer::{Buffer, PART_ALIGNMENT};
 pub use caps::{Caps, DeviceKind, Limits};
-pub use create::{GpuOptions, REQUIRED, Required, devices};
+pub use create::{GpuOptions, REQUIRED, Requirements, devices};
 pub use device::Gpu;
 pub use faults::Faults;
 pub use frame::{Frames, STAGING_BYTES, Ticket};

@@ -20,9 +20,9 @@ type Key = (usize, Vec<u32>);
 
 /// The pipelines that somebody holds.
 #[derive(Default)]
-pub(super) struct Made(Mutex<HashMap<Key, Weak<RawPipeline>>>);
+pub(super) struct PipelineCache(Mutex<HashMap<Key, Weak<RawPipeline>>>);
 
-impl Made {
+impl PipelineCache {
     fn find(&self, key: &Key) -> Option<Arc<RawPipeline>> {
         let made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         made.get(key).and_then(Weak::upgrade)

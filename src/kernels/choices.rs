@@ -3,7 +3,7 @@
 //! A choice is a pure function of what the device can do. It is argued for by a record of measurements that lies
 //! in the repository; where there is none for a class of devices, the reason says so.
 
-use super::rasterize::Extras;
+use super::rasterize::Outputs;
 use super::*;
 use crate::gpu::{Caps, DeviceKind};
 
@@ -41,7 +41,7 @@ const ALONE: &str =
 const FIXED: &str = "the only variant, with nothing to tune";
 
 /// Reason for the kernel of the compatibility mode.
-const ORIGINAL: &str =
+const INRIA: &str =
     "the only variant; it draws as the 3DGS code does where that is asked for, and is not tuned";
 
 /// What is chosen for a device, in the order of the kernels' names; harmonics of degree 3, without depth.
@@ -63,31 +63,31 @@ pub fn chosen(caps: &Caps) -> Vec<Chosen> {
     }
     chosen! {
         adam: adam::Adam::prefer(caps), ELEMENTWISE;
-        afford: afford::Afford::prefer(caps), afford::Afford::why(caps);
         compact: compact::Compact::prefer(caps), ELEMENTWISE;
+        contribution: contribution::Contribution::prefer(caps), contribution::Contribution::why(caps);
         expand: expand::Expand::prefer(caps), ELEMENTWISE;
         gather: gather::Gather::prefer(caps), ELEMENTWISE;
-        influence: influence::Influence::prefer(caps), influence::Influence::why(caps);
         loss: loss::Loss::prefer(caps), TILED;
         loss_backward: loss_backward::LossBackward::prefer(caps), TILED;
         loss_sum: loss_sum::LossSum::prefer(caps), ALONE;
-        original: original::Original::prefer(caps, Extras::default()), ORIGINAL;
         perturb: perturb::Perturb::prefer(caps), ELEMENTWISE;
         plan: plan::Plan::prefer(caps), FIXED;
         present: present::Present::prefer(caps), FIXED;
         project: project::Project::prefer(caps, 3), ELEMENTWISE;
         project_backward: project_backward::ProjectBackward::prefer(caps, 3), ELEMENTWISE;
+        prune_limit: prune_limit::PruneLimit::prefer(caps), prune_limit::PruneLimit::why(caps);
         ranges: ranges::Ranges::prefer(caps), ELEMENTWISE;
-        rasterize: rasterize::Rasterize::prefer(caps, Extras::default()), rasterize::Rasterize::why(caps);
+        rasterize: rasterize::Rasterize::prefer(caps, Outputs::default()), rasterize::Rasterize::why(caps);
         rasterize_backward: rasterize_backward::RasterizeBackward::prefer(caps),
             rasterize_backward::RasterizeBackward::why(caps);
+        rasterize_inria: rasterize_inria::RasterizeInria::prefer(caps, Outputs::default()), INRIA;
+        removal_error: removal_error::RemovalError::prefer(caps), removal_error::RemovalError::why(caps);
         scan_apply: scan_apply::ScanApply::prefer(caps), ELEMENTWISE;
         scan_chunks: scan_chunks::ScanChunks::prefer(caps), ALONE;
         scan_reduce: scan_reduce::ScanReduce::prefer(caps), ELEMENTWISE;
         sort_count: sort_count::SortCount::prefer(caps), sort::why(caps);
         sort_scatter: sort_scatter::SortScatter::prefer(caps), sort::why(caps);
-        tally: tally::Tally::prefer(caps), ELEMENTWISE;
-        weigh: weigh::Weigh::prefer(caps), weigh::Weigh::why(caps);
+        sum_by_splat: sum_by_splat::SumBySplat::prefer(caps), ELEMENTWISE;
     }
 }
 
@@ -134,8 +134,8 @@ mod tests {
             let named: BTreeSet<&str> = chosen.iter().map(|choice| choice.kernel).collect();
             let missing = kernels.difference(&named).copied();
             assert!(
-                missing.eq(YARDSTICKS.into_iter().chain(SELFTESTS)),
-                "yardsticks and self-tests alone are never chosen"
+                missing.eq(BASELINES.into_iter().chain(SELFTESTS)),
+                "baselines and self-tests alone are never chosen"
             );
             for choice in chosen {
                 assert!(!choice.why.contains('\n'), "{}", choice.why);

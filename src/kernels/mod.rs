@@ -7,27 +7,28 @@
 //! **Invariant:** no `unsafe` and no `ash` here; barriers follow from the bindings' declared access.
 
 pub mod adam;
-pub mod afford;
+pub mod baseline_16x16;
+pub mod baseline_16x16_backward;
 pub mod choices;
-pub mod classical;
-pub mod classical_backward;
 pub mod compact;
+pub mod contribution;
 pub mod expand;
 pub mod gather;
 pub mod generated;
-pub mod influence;
 pub mod loss;
 pub mod loss_backward;
 pub mod loss_sum;
-pub mod original;
 pub mod perturb;
 pub mod plan;
 pub mod present;
 pub mod project;
 pub mod project_backward;
+pub mod prune_limit;
 pub mod ranges;
 pub mod rasterize;
 pub mod rasterize_backward;
+pub mod rasterize_inria;
+pub mod removal_error;
 pub mod scan;
 pub mod scan_apply;
 pub mod scan_chunks;
@@ -40,14 +41,13 @@ pub mod selftest_progress;
 pub mod sort;
 pub mod sort_count;
 pub mod sort_scatter;
-pub mod tally;
-pub mod weigh;
+pub mod sum_by_splat;
 
 pub use generated::KERNELS;
 
 /// Kernels that no frame and no training step runs: what the others are measured against. They may need what
 /// a device does not have to offer.
-pub const YARDSTICKS: [&str; 2] = ["classical", "classical_backward"];
+pub const BASELINES: [&str; 2] = ["baseline_16x16", "baseline_16x16_backward"];
 
 /// Kernels that no frame and no training step runs either: they ask whether a device does what the others rely on.
 pub const SELFTESTS: [&str; 5] = [

@@ -39,16 +39,16 @@ pub(super) fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
 
 /// What a frame leaves besides its image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Extras {
+pub struct Outputs {
     /// Expected depth.
     pub depth: bool,
     /// Where each pixel ended, which gradients are found from.
     pub ends: bool,
 }
 
-impl Extras {
+impl Outputs {
     /// What a training step needs.
-    pub const TRAINING: Extras = Extras {
+    pub const TRAINING: Outputs = Outputs {
         depth: false,
         ends: true,
     };
@@ -70,7 +70,7 @@ impl Rasterize {
 
     /// Which variant and tuning suits a device: lanes of one subgroup where it can vote and add, as many as make
     /// four pixels or more a lane.
-    pub fn prefer(caps: &Caps, extras: Extras) -> Choice {
+    pub fn prefer(caps: &Caps, outputs: Outputs) -> Choice {
         let (subgroup, workgroup) = lanes(caps, Variant::Subgroup.info());
         let variant = if subgroup {
             Variant::Subgroup
@@ -81,8 +81,8 @@ impl Rasterize {
             variant,
             spec: Spec {
                 workgroup,
-                with_depth: extras.depth.into(),
-                with_ends: extras.ends.into(),
+                with_depth: outputs.depth.into(),
+                with_ends: outputs.ends.into(),
                 ..Spec::default()
             },
         }

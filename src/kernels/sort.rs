@@ -1,7 +1,7 @@
 //! A stable radix sort of (key, value) pairs whose number only the device knows: for each digit, from the
 //! lowest, count, sum and scatter.
 
-use super::scan::{Io as ScanIo, Scan, What};
+use super::scan::{Io as ScanBuffers, Scan, What};
 use super::{sort_count, sort_scatter};
 use crate::Result;
 use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
@@ -167,7 +167,7 @@ impl Sort {
         }
     }
 
-    /// Chunks that `plan` cuts `count` keys into.
+    /// Chunks that `plan` thresholds `count` keys into.
     pub fn chunks(&self, layout: Layout, count: usize) -> usize {
         let twice = 2 * self.chunks_per_group as usize;
         match count {
@@ -222,7 +222,7 @@ impl Sort {
         );
         scan.record(
             rec,
-            ScanIo {
+            ScanBuffers {
                 counts,
                 values: &tables.counted,
                 offsets: &tables.places,

@@ -2,7 +2,7 @@
 
 use super::frame::depth_order;
 use super::tiles::{Grid, tiles};
-use super::{Cuts, ScreenSplat};
+use super::{ScreenSplat, Thresholds};
 
 /// A splat in a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -14,12 +14,16 @@ pub struct Isect {
 }
 
 /// All intersections, splats nearest first, each one's tiles ascending.
-pub fn expand(screen: &[Option<ScreenSplat<f64>>], grid: &Grid, cuts: &Cuts) -> Vec<Isect> {
+pub fn expand(
+    screen: &[Option<ScreenSplat<f64>>],
+    grid: &Grid,
+    thresholds: &Thresholds,
+) -> Vec<Isect> {
     let mut list = Vec::new();
     for index in depth_order(screen) {
         let touched = screen[index]
             .iter()
-            .flat_map(|splat| tiles(splat, grid, cuts));
+            .flat_map(|splat| tiles(splat, grid, thresholds));
         list.extend(touched.map(|tile| Isect {
             tile,
             splat: index as u32,

@@ -1,7 +1,9 @@
 //! A whole frame: every pixel over every splat, by depth, ties by index. No tiles.
 
-use super::rasterize::{band, rasterize};
-use super::{Band, Cuts, Options, Pixel, Real, ScreenSplat, Splat, Viewpoint, project};
+use super::rasterize::{discontinuity_margin, rasterize};
+use super::{
+    DiscontinuityMargin, Options, Pixel, Real, ScreenSplat, Splat, Thresholds, Viewpoint, project,
+};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -58,14 +60,14 @@ pub fn render_screen<R: Real>(
     width: u32,
     height: u32,
     background: [f64; 3],
-    cuts: &Cuts,
+    thresholds: &Thresholds,
 ) -> Frame<R> {
     let (list, _) = sorted(screen);
     let order: Vec<usize> = (0..list.len()).collect();
     let (width, height) = (width as usize, height as usize);
     let pixels = (0..width * height)
         .into_par_iter()
-        .map(|i| rasterize(&list, &order, center(i, width), background, cuts))
+        .map(|i| rasterize(&list, &order, center(i, width), background, thresholds))
         .collect();
     Frame {
         width,
@@ -79,7 +81,7 @@ pub fn render_splats<R: Real>(
     splats: &[Splat<R>],
     view: &Viewpoint,
     background: [f64; 3],
-    cuts: &Cuts,
+    thresholds: &Thresholds,
 ) -> Frame<R> {
     let screen = project_all(splats, view);
     render_screen(
@@ -87,7 +89,7 @@ pub fn render_splats<R: Real>(
         view.camera.width,
         view.camera.height,
         background,
-        cuts,
+        thresholds,
     )
 }
 
@@ -98,18 +100,22 @@ pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64>
         &Splat::all(splats),
         &view,
         options.background,
-        &options.cuts,
+        &options.thresholds,
     )
 }
 
 /// How near every pixel of [`render`] is to flipping.
-pub fn bands(splats: &Splats, camera: &Camera, options: &Options) -> Vec<Band> {
+pub fn discontinuity_margins(
+    splats: &Splats,
+    camera: &Camera,
+    options: &Options,
+) -> Vec<DiscontinuityMargin> {
     let view = Viewpoint::new(camera, options, splats.mode);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
     let order: Vec<usize> = (0..list.len()).collect();
     let (width, height) = (camera.width as usize, camera.height as usize);
     (0..width * height)
         .into_par_iter()
-        .map(|i| band(&list, &order, center(i, width), &options.cuts))
+        .map(|i| discontinuity_margin(&list, &order, center(i, width), &options.thresholds))
         .collect()
 }

@@ -75,7 +75,7 @@ pub fn loss_gradient(
         camera.width,
         camera.height,
         options.background,
-        &options.cuts,
+        &options.thresholds,
     );
     let image = frame.colors();
     let d_image = loss::gradient(&image, target);
@@ -110,7 +110,7 @@ pub fn backward(
         &screen,
         camera.width,
         options.background,
-        &options.cuts,
+        &options.thresholds,
         upstream,
     );
     let rows: Vec<Vec<f64>> = splats
@@ -152,7 +152,7 @@ pub fn loss_derivatives(
             .iter()
             .map(|row| Splat::from_parameters(row))
             .collect();
-        let frame = render_splats(&lifted, &view, options.background, &options.cuts);
+        let frame = render_splats(&lifted, &view, options.background, &options.thresholds);
         let loss = loss::loss(&frame.colors(), target);
         derivatives.extend(&loss.d[..chunk.len()]);
     }

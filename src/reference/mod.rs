@@ -7,29 +7,30 @@
 //! without any step size, `f32` shows what plain single precision would do.
 //!
 //! A frame is discontinuous where an alpha crosses 1/255, where a ray is declared finished, where two
-//! splats change order. The oracle says of every pixel how far it is from each of these ([`Band`]), so
+//! splats change order. The oracle says of every pixel how far it is from each of these ([`DiscontinuityMargin`]), so
 //! that comparisons keep their tight tolerance and excuse only the pixels that have the right to flip.
 //!
 //! **Invariant:** works without a Vulkan driver existing; imports `scene` and `layout` only.
 
 pub mod adam;
-pub mod afford;
 pub mod bound;
+pub mod contribution;
 pub mod expand;
 pub mod frame;
 pub mod gradient;
-pub mod influence;
 pub mod linear;
 pub mod loss;
-pub mod original;
 pub mod perturb;
 pub mod project;
 pub mod project_backward;
+pub mod prune_limit;
 pub mod ranges;
 pub mod rasterize;
 pub mod rasterize_backward;
+pub mod rasterize_inria;
 pub mod ray;
 pub mod relocate;
+pub mod removal_error;
 pub mod sample;
 pub mod scan;
 pub mod selftest;
@@ -38,25 +39,24 @@ pub mod smoothing;
 pub mod sort;
 pub mod ssim;
 pub mod tiles;
-pub mod weigh;
 
 mod dual;
 mod real;
-mod terms;
+mod running_error;
 
 pub use dual::Dual;
 pub use frame::{Frame, render};
 pub use gradient::{LossGradient, loss_gradient};
 pub use project::{ScreenSplat, Splat, Viewpoint, project};
-pub use rasterize::{Band, Pixel};
+pub use rasterize::{DiscontinuityMargin, Pixel};
 pub use real::Real;
-pub use terms::Terms;
+pub use running_error::Terms;
 
 use crate::layout;
 
-/// Where compositing cuts corners, each cut at a threshold of its own.
+/// Where compositing thresholds corners, each cut at a threshold of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cuts {
+pub struct Thresholds {
     /// A splat whose alpha at a pixel is below this is skipped there.
     pub alpha_min: f64,
     /// An alpha is capped at this, with zero gradient beyond.
@@ -65,19 +65,19 @@ pub struct Cuts {
     pub transmittance_min: f64,
 }
 
-impl Cuts {
+impl Thresholds {
     /// What the engine does: 1/255 (3DGS paper, appendix C), `ALPHA_MAX`, 1e-4.
-    pub const ENGINE: Cuts = Cuts {
+    pub const ENGINE: Thresholds = Thresholds {
         alpha_min: 1.0 / 255.0,
         alpha_max: layout::ALPHA_MAX as f64,
         transmittance_min: 1e-4,
     };
 
     /// Nothing skipped, nothing stopped; only the cap remains, which belongs to the model.
-    pub const NONE: Cuts = Cuts {
+    pub const NONE: Thresholds = Thresholds {
         alpha_min: 0.0,
         transmittance_min: 0.0,
-        ..Cuts::ENGINE
+        ..Thresholds::ENGINE
     };
 }
 
@@ -90,8 +90,8 @@ pub struct Options {
     pub near: f64,
     /// Highest spherical-harmonic degree that takes part.
     pub sh_degree: u32,
-    /// Which cuts compositing makes.
-    pub cuts: Cuts,
+    /// Which thresholds compositing makes.
+    pub thresholds: Thresholds,
 }
 
 impl Default for Options {
@@ -100,7 +100,7 @@ impl Default for Options {
             background: [0.0; 3],
             near: 0.01,
             sh_degree: 3,
-            cuts: Cuts::ENGINE,
+            thresholds: Thresholds::ENGINE,
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use super::linear::{Vec3, add, scale};
 use super::project::determinant;
-use super::{Cuts, Real, ScreenSplat};
+use super::{Real, ScreenSplat, Thresholds};
 
 /// A splat as one pixel sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +33,7 @@ pub struct Pixel<R> {
 /// How far a pixel is from each discontinuity, as the relative change of the quantity that would reach it;
 /// infinite where there is none. A comparison may excuse pixels where this is of the size of its rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Band {
+pub struct DiscontinuityMargin {
     /// min |α / alpha_min − 1| over the splats that are reached.
     pub alpha_min: f64,
     /// min |α / alpha_max − 1|: only the gradient jumps there.
@@ -44,9 +44,9 @@ pub struct Band {
     pub order: f64,
 }
 
-impl Band {
+impl DiscontinuityMargin {
     /// Far from everything.
-    pub const CLEAR: Band = Band {
+    pub const CLEAR: DiscontinuityMargin = DiscontinuityMargin {
         alpha_min: f64::INFINITY,
         alpha_max: f64::INFINITY,
         transmittance: f64::INFINITY,
@@ -79,10 +79,14 @@ pub fn raw_alpha<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
 }
 
 /// The splat at a pixel centre, or `None` where it is cut.
-pub fn layer<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2], cuts: &Cuts) -> Option<Layer<R>> {
+pub fn layer<R: Real>(
+    splat: &ScreenSplat<R>,
+    position: [f64; 2],
+    thresholds: &Thresholds,
+) -> Option<Layer<R>> {
     let alpha = raw_alpha(splat, position);
-    (alpha.value() >= cuts.alpha_min && alpha.value() > 0.0).then(|| Layer {
-        alpha: alpha.at_most(cuts.alpha_max),
+    (alpha.value() >= thresholds.alpha_min && alpha.value() > 0.0).then(|| Layer {
+        alpha: alpha.at_most(thresholds.alpha_max),
         color: splat.color,
         depth: splat.depth,
     })
@@ -141,15 +145,15 @@ pub fn blended(
     splats: &[ScreenSplat<f64>],
     order: &[usize],
     position: [f64; 2],
-    cuts: &Cuts,
+    thresholds: &Thresholds,
 ) -> Vec<usize> {
     let mut transmittance = 1.0;
     let mut list = Vec::new();
     for &index in order {
-        if transmittance < cuts.transmittance_min {
+        if transmittance < thresholds.transmittance_min {
             break;
         }
-        if let Some(layer) = layer(&splats[index], position, cuts) {
+        if let Some(layer) = layer(&splats[index], position, thresholds) {
             transmittance *= 1.0 - layer.alpha;
             list.push(index);
         }
@@ -163,16 +167,21 @@ pub fn rasterize<R: Real>(
     order: &[usize],
     position: [f64; 2],
     background: [f64; 3],
-    cuts: &Cuts,
+    thresholds: &Thresholds,
 ) -> Pixel<R> {
     let layers = order
         .iter()
-        .filter_map(|&i| layer(&splats[i], position, cuts));
-    composite(layers, background, cuts.transmittance_min).0
+        .filter_map(|&i| layer(&splats[i], position, thresholds));
+    composite(layers, background, thresholds.transmittance_min).0
 }
 
-/// How near the pixel is to flipping; see [`Band`].
-pub fn band(splats: &[ScreenSplat<f64>], order: &[usize], position: [f64; 2], cuts: &Cuts) -> Band {
+/// How near the pixel is to flipping; see [`DiscontinuityMargin`].
+pub fn discontinuity_margin(
+    splats: &[ScreenSplat<f64>],
+    order: &[usize],
+    position: [f64; 2],
+    thresholds: &Thresholds,
+) -> DiscontinuityMargin {
     let distance = |value: f64, threshold: f64| {
         if threshold > 0.0 {
             (value / threshold - 1.0).abs()
@@ -180,25 +189,25 @@ pub fn band(splats: &[ScreenSplat<f64>], order: &[usize], position: [f64; 2], cu
             f64::INFINITY
         }
     };
-    let mut band = Band::CLEAR;
+    let mut margin = DiscontinuityMargin::CLEAR;
     let mut transmittance = 1.0;
     let mut depth_before = None;
     for &index in order {
-        band.transmittance = band
+        margin.transmittance = margin
             .transmittance
-            .min(distance(transmittance, cuts.transmittance_min));
-        if transmittance < cuts.transmittance_min {
+            .min(distance(transmittance, thresholds.transmittance_min));
+        if transmittance < thresholds.transmittance_min {
             break;
         }
         let raw = raw_alpha(&splats[index], position);
-        band.alpha_min = band.alpha_min.min(distance(raw, cuts.alpha_min));
-        band.alpha_max = band.alpha_max.min(distance(raw, cuts.alpha_max));
-        if let Some(layer) = layer(&splats[index], position, cuts) {
+        margin.alpha_min = margin.alpha_min.min(distance(raw, thresholds.alpha_min));
+        margin.alpha_max = margin.alpha_max.min(distance(raw, thresholds.alpha_max));
+        if let Some(layer) = layer(&splats[index], position, thresholds) {
             transmittance *= 1.0 - layer.alpha;
             if let Some(before) = depth_before.replace(layer.depth) {
-                band.order = band.order.min((layer.depth - before) / before);
+                margin.order = margin.order.min((layer.depth - before) / before);
             }
         }
     }
-    band
+    margin
 }

@@ -8,7 +8,7 @@ use super::expand::Isect;
 use super::frame::{center, sorted};
 use super::rasterize::{Layer, Pixel, blended, layer};
 use super::tiles::Grid;
-use super::{Cuts, Dual, Real, ScreenSplat};
+use super::{Dual, Real, ScreenSplat, Thresholds};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -64,13 +64,13 @@ pub fn pixel_backward(
     order: &[usize],
     position: [f64; 2],
     background: [f64; 3],
-    cuts: &Cuts,
+    thresholds: &Thresholds,
     upstream: &PixelGradient,
 ) -> Vec<(usize, ScreenGradient)> {
-    let list = blended(splats, order, position, cuts);
+    let list = blended(splats, order, position, thresholds);
     let layers: Vec<Layer<f64>> = list
         .iter()
-        .filter_map(|&i| layer(&splats[i], position, cuts))
+        .filter_map(|&i| layer(&splats[i], position, thresholds))
         .collect();
     let mut before = vec![Pixel::clear()];
     for (rank, layer) in layers.iter().enumerate() {
@@ -83,7 +83,7 @@ pub fn pixel_backward(
         let (by_before, by_layer) = blend_slopes(&before[rank], &layers[rank], by_pixel);
         by_pixel = by_before;
         let weight = layers[rank].alpha * before[rank].transmittance;
-        let row = screen_slopes(&splats[index], position, cuts, by_layer);
+        let row = screen_slopes(&splats[index], position, thresholds, by_layer);
         let gradient = ScreenGradient {
             row,
             mean_abs: [row[0].abs(), row[1].abs()],
@@ -168,11 +168,11 @@ fn blend_slopes(
 fn screen_slopes(
     splat: &ScreenSplat<f64>,
     position: [f64; 2],
-    cuts: &Cuts,
+    thresholds: &Thresholds,
     by_layer: [f64; 5],
 ) -> [f64; 10] {
     let lifted: ScreenSplat<Dual<10>> = ScreenSplat::from_row(variables(splat.row(), 0));
-    let Some(layer) = layer(&lifted, position, cuts) else {
+    let Some(layer) = layer(&lifted, position, thresholds) else {
         return [0.0; 10];
     };
     let [r, g, b] = layer.color;
@@ -184,7 +184,7 @@ pub fn rasterize_backward(
     screen: &[Option<ScreenSplat<f64>>],
     width: u32,
     background: [f64; 3],
-    cuts: &Cuts,
+    thresholds: &Thresholds,
     upstream: &[PixelGradient],
 ) -> Vec<ScreenGradient> {
     let (list, splat_from_rank) = sorted(screen);
@@ -199,7 +199,8 @@ pub fn rasterize_backward(
             let mut sums = nothing();
             for (x, upstream) in row.iter().enumerate() {
                 let position = center(y * width + x, width);
-                let said = pixel_backward(&list, &order, position, background, cuts, upstream);
+                let said =
+                    pixel_backward(&list, &order, position, background, thresholds, upstream);
                 for (rank, gradient) in said {
                     sums[rank].absorb(&gradient);
                 }
@@ -222,7 +223,7 @@ pub fn isect_backward(
     screen: &[Option<ScreenSplat<f64>>],
     grid: &Grid,
     background: [f64; 3],
-    cuts: &Cuts,
+    thresholds: &Thresholds,
     upstream: &[PixelGradient],
 ) -> BTreeMap<Isect, ScreenGradient> {
     let (list, splat_from_rank) = sorted(screen);
@@ -231,7 +232,8 @@ pub fn isect_backward(
     for (index, upstream) in upstream.iter().enumerate() {
         let position = center(index, grid.width as usize);
         let tile = grid.tile_from_position(position);
-        for (rank, gradient) in pixel_backward(&list, &order, position, background, cuts, upstream)
+        for (rank, gradient) in
+            pixel_backward(&list, &order, position, background, thresholds, upstream)
         {
             let splat = splat_from_rank[rank] as u32;
             gradients

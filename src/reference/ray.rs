@@ -10,7 +10,7 @@
 use super::frame::{center, project_all, sorted};
 use super::linear::{covariance, dot, matrix, product, sub, transform, transpose, vector};
 use super::rasterize::{Layer, composite};
-use super::{Cuts, Options, ScreenSplat, Splat, Viewpoint};
+use super::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -22,7 +22,7 @@ struct Solid {
     inverse: [[f64; 3]; 3],
 }
 
-/// Colours of some pixels, given by their indices `y * width + x`; `options.cuts` are not made.
+/// Colours of some pixels, given by their indices `y * width + x`; `options.thresholds` are not made.
 pub fn colors(
     splats: &Splats,
     camera: &Camera,
@@ -57,7 +57,7 @@ fn layer(solid: &Solid, direction: [f64; 3]) -> Option<Layer<f64>> {
     let power = 0.5 * dot(apart, transform(solid.inverse, apart));
     // As `raw_alpha`: e⁻⁵⁰ is lost in the rounding of any sum here.
     (nearest > 0.0 && power <= 50.0).then(|| Layer {
-        alpha: (solid.screen.opacity * (-power).exp()).min(Cuts::NONE.alpha_max),
+        alpha: (solid.screen.opacity * (-power).exp()).min(Thresholds::NONE.alpha_max),
         color: solid.screen.color,
         depth: solid.screen.depth,
     })

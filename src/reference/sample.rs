@@ -8,7 +8,7 @@
 
 use super::frame::{center, sorted};
 use super::rasterize::{layer, power, raw_alpha};
-use super::{Cuts, Options, Pixel, ScreenSplat, Splat, Viewpoint, project};
+use super::{Options, Pixel, ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -128,7 +128,7 @@ pub fn sample(
         .map(|(&screen, &i)| Known::new(&Splat::of(splats, i), screen, camera))
         .collect();
     let of_pixel = |&index: &usize| {
-        let mut walk = Walk::new(options);
+        let mut walk = RayBound::new(options);
         let at = center(index, camera.width as usize);
         for splat in known.iter().filter(|splat| splat.reaches(at)) {
             if walk.is_over {
@@ -142,7 +142,7 @@ pub fn sample(
 }
 
 /// A ray on its way through the splats.
-struct Walk<'a> {
+struct RayBound<'a> {
     options: &'a Options,
     pixel: Pixel<f64>,
     /// Smallest and largest value of each channel so far.
@@ -155,15 +155,15 @@ struct Walk<'a> {
     transmittance: f64,
     layers: usize,
     /// The last splats that may have changed places with each other.
-    group: Exchange,
+    group: DepthTie,
     /// Whether it may have been stopped: what it met since counts for the range of colours only.
     may_be_over: bool,
     is_over: bool,
 }
 
-impl Walk<'_> {
-    fn new(options: &Options) -> Walk<'_> {
-        Walk {
+impl RayBound<'_> {
+    fn new(options: &Options) -> RayBound<'_> {
+        RayBound {
             options,
             pixel: Pixel::clear(),
             range: [options.background; 2],
@@ -171,7 +171,7 @@ impl Walk<'_> {
             color: 0.0,
             transmittance: 0.0,
             layers: 0,
-            group: Exchange::NOBODY,
+            group: DepthTie::EMPTY,
             may_be_over: false,
             is_over: false,
         }
@@ -179,43 +179,43 @@ impl Walk<'_> {
 
     /// Goes through a splat.
     fn meet(&mut self, splat: &Known, at: [f64; 2]) {
-        let cuts: &Cuts = &self.options.cuts;
+        let thresholds: &Thresholds = &self.options.thresholds;
         let before = self.pixel.transmittance;
         let (least, most) = (1.0 - self.transmittance, 1.0 + self.transmittance);
-        if before * most < cuts.transmittance_min {
+        if before * most < thresholds.transmittance_min {
             // Certainly stopped; splats that may have changed places may have stopped it sooner.
             if self.group.count > 1 {
-                self.share += cuts.transmittance_min;
+                self.share += thresholds.transmittance_min;
             }
             self.is_over = true;
             return;
         }
         let alpha = raw_alpha(&splat.screen, at);
         let error = splat.alpha_error(at, alpha);
-        if alpha + error < cuts.alpha_min {
+        if alpha + error < thresholds.alpha_min {
             return;
         }
         self.widen(splat.screen.color);
         if self.may_be_over {
             return;
         }
-        if before * least < cuts.transmittance_min {
+        if before * least < thresholds.transmittance_min {
             // Whether it goes on here or not is open: what is behind has no more than what gets here.
             self.share += before;
             self.may_be_over = true;
             return;
         }
-        let is_doubtful = (alpha - cuts.alpha_min).abs() <= error
+        let is_doubtful = (alpha - thresholds.alpha_min).abs() <= error
             || (splat.screen.depth - self.options.near).abs() <= splat.depth;
         self.share += before * if is_doubtful { alpha + error } else { error };
         self.exchange(splat, alpha, before);
         let is_seen = splat.screen.depth >= self.options.near;
-        if let Some(layer) = layer(&splat.screen, at, cuts).filter(|_| is_seen) {
+        if let Some(layer) = layer(&splat.screen, at, thresholds).filter(|_| is_seen) {
             self.color += before * layer.alpha * splat.color;
             self.pixel = self.pixel.over(&layer);
             self.layers += 1;
         }
-        let passed = 1.0 - alpha.min(cuts.alpha_max);
+        let passed = 1.0 - alpha.min(thresholds.alpha_max);
         let lost = if is_doubtful { alpha + error } else { error };
         self.transmittance += (lost / passed).min(1.0);
     }
@@ -231,9 +231,9 @@ impl Walk<'_> {
     fn exchange(&mut self, splat: &Known, alpha: f64, before: f64) {
         if splat.screen.depth - splat.depth > self.group.farthest {
             self.color += self.group.cost();
-            self.group = Exchange {
+            self.group = DepthTie {
                 light: before,
-                ..Exchange::NOBODY
+                ..DepthTie::EMPTY
             };
         }
         self.group.join(splat, alpha);
@@ -259,7 +259,7 @@ impl Walk<'_> {
 
 /// Splats that may come in any order.
 #[derive(Clone, Copy)]
-struct Exchange {
+struct DepthTie {
     count: usize,
     /// The farthest of them may be as far as this.
     farthest: f64,
@@ -273,8 +273,8 @@ struct Exchange {
     range: [[f64; 3]; 2],
 }
 
-impl Exchange {
-    const NOBODY: Exchange = Exchange {
+impl DepthTie {
+    const EMPTY: DepthTie = DepthTie {
         count: 0,
         farthest: f64::NEG_INFINITY,
         light: 1.0,

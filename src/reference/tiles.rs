@@ -6,7 +6,7 @@
 //! ([`alpha_max`]); it should list few others.
 
 use super::rasterize::{power, raw_alpha};
-use super::{Cuts, ScreenSplat};
+use super::{ScreenSplat, Thresholds};
 use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
 
 /// An image cut into tiles.
@@ -80,8 +80,13 @@ pub fn alpha_at_pixels(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32) -> f64 
 }
 
 /// Whether some pixel of the tile blends the splat if nothing lies before it.
-pub fn holds_pixel(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32, cuts: &Cuts) -> bool {
-    alpha_at_pixels(splat, grid, tile) >= cuts.alpha_min
+pub fn holds_pixel(
+    splat: &ScreenSplat<f64>,
+    grid: &Grid,
+    tile: u32,
+    thresholds: &Thresholds,
+) -> bool {
+    alpha_at_pixels(splat, grid, tile) >= thresholds.alpha_min
 }
 
 /// Largest raw alpha over the rectangle that the tile's pixel centres span; never less than
@@ -111,18 +116,18 @@ pub fn alpha_max(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32) -> f64 {
 }
 
 /// The tiles in which some pixel blends the splat if nothing lies before it, ascending.
-pub fn tiles(splat: &ScreenSplat<f64>, grid: &Grid, cuts: &Cuts) -> Vec<u32> {
+pub fn tiles(splat: &ScreenSplat<f64>, grid: &Grid, thresholds: &Thresholds) -> Vec<u32> {
     (0..grid.len())
-        .filter(|&tile| holds_pixel(splat, grid, tile, cuts))
+        .filter(|&tile| holds_pixel(splat, grid, tile, thresholds))
         .collect()
 }
 
 /// Half the width and half the height, in pixels, of the box around the ellipse where the splat is not cut;
 /// 0 where it is cut everywhere.
-pub fn extent(splat: &ScreenSplat<f64>, cuts: &Cuts) -> [f64; 2] {
+pub fn extent(splat: &ScreenSplat<f64>, thresholds: &Thresholds) -> [f64; 2] {
     // opacity · exp(−r² / 2) = alpha_min at the squared Mahalanobis radius r², and r times its standard
     // deviation is as far as an ellipse reaches along an axis.
-    let squared_radius = 2.0 * (splat.opacity / cuts.alpha_min).ln();
+    let squared_radius = 2.0 * (splat.opacity / thresholds.alpha_min).ln();
     let [xx, _, yy] = splat.covariance;
     [xx, yy].map(|variance| (squared_radius.max(0.0) * variance).sqrt())
 }

@@ -4,8 +4,8 @@ use super::accuracy::Accuracy;
 use super::options::RenderOptions;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::kernels::rasterize::Extras;
-use crate::kernels::{expand, original, project, rasterize};
+use crate::kernels::rasterize::Outputs;
+use crate::kernels::{expand, project, rasterize, rasterize_inria};
 
 /// Whose rules a frame is drawn by: where splats end, and where pixels do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub enum Compatibility {
     /// at 0.99, and the splat that would take the transmittance below 1e-4 is left out. Such frames leak up to 1 %
     /// of what lies behind an opaque wall, and bright splats have edges; neither [`Accuracy`] nor
     /// [`Exponential`](super::Exponential) is asked.
-    Original,
+    Inria,
 }
 
 impl Compatibility {
@@ -32,9 +32,9 @@ impl Compatibility {
     ) -> (project::Choice, expand::Choice) {
         match self {
             Compatibility::Engine => (accuracy.of_project(project), accuracy.of_expand(expand)),
-            Compatibility::Original => {
+            Compatibility::Inria => {
                 let (mut project, mut expand) = (project, expand);
-                (project.spec.original, expand.spec.original) = (1, 1);
+                (project.spec.inria, expand.spec.inria) = (1, 1);
                 (project, expand)
             }
         }
@@ -46,24 +46,24 @@ impl Compatibility {
 pub(super) enum Compositor {
     /// See [`Compatibility::Engine`].
     Engine(rasterize::Rasterize),
-    /// See [`Compatibility::Original`].
-    Original(original::Original),
+    /// See [`Compatibility::Inria`].
+    Inria(rasterize_inria::RasterizeInria),
 }
 
 impl Compositor {
     /// Compiles it.
-    pub(super) fn new(gpu: &Gpu, options: &RenderOptions, extras: Extras) -> Result<Compositor> {
+    pub(super) fn new(gpu: &Gpu, options: &RenderOptions, outputs: Outputs) -> Result<Compositor> {
         let caps = gpu.caps();
         Ok(match options.compatibility {
             Compatibility::Engine => {
-                let choice = rasterize::Rasterize::prefer(caps, extras);
+                let choice = rasterize::Rasterize::prefer(caps, outputs);
                 let mut choice = options.accuracy.of_rasterize(choice);
                 choice.spec.exponential_degree = options.exponential.degree();
                 Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
             }
-            Compatibility::Original => {
-                let choice = original::Original::prefer(caps, extras);
-                Compositor::Original(original::Original::new(gpu, choice)?)
+            Compatibility::Inria => {
+                let choice = rasterize_inria::RasterizeInria::prefer(caps, outputs);
+                Compositor::Inria(rasterize_inria::RasterizeInria::new(gpu, choice)?)
             }
         })
     }

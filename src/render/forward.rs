@@ -1,18 +1,18 @@
 //! The straight line of kernels from splats to an image; this file is the diagram.
 
 use super::accuracy::Accuracy;
-use super::bands::{Bands, list_limit};
 use super::compatibility::Compositor;
+use super::depth_bands::{DepthBands, list_limit};
 use super::model::Model;
 use super::options::RenderOptions;
 use super::projections::Projections;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use crate::Result;
 use crate::gpu::{Gpu, Groups, Recorder};
-use crate::kernels::rasterize::Extras;
-use crate::kernels::scan::{Io as ScanIo, Scan, What};
+use crate::kernels::rasterize::Outputs;
+use crate::kernels::scan::{Io as ScanBuffers, Scan, What};
 use crate::kernels::sort::{self, Layout, Pairs, Sort};
-use crate::kernels::{compact, expand, gather, original, plan, project, ranges, rasterize};
+use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize, rasterize_inria};
 use crate::layout::*;
 
 /// The kernels of a frame, compiled for one device.
@@ -45,15 +45,15 @@ impl Forward {
             accuracy: *accuracy,
             ..RenderOptions::default()
         };
-        Forward::new(gpu, &options, Extras::TRAINING)
+        Forward::new(gpu, &options, Outputs::TRAINING)
     }
 
     /// Compiles what a renderer with these options needs.
     pub(crate) fn for_rendering(gpu: &Gpu, options: &RenderOptions) -> Result<Forward> {
-        Forward::new(gpu, options, options.extras())
+        Forward::new(gpu, options, options.outputs())
     }
 
-    fn new(gpu: &Gpu, options: &RenderOptions, extras: Extras) -> Result<Forward> {
+    fn new(gpu: &Gpu, options: &RenderOptions, outputs: Outputs) -> Result<Forward> {
         let accuracy = &options.accuracy;
         accuracy.validate()?;
         let caps = gpu.caps();
@@ -73,7 +73,7 @@ impl Forward {
             gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
             expand: expand::Expand::new(gpu, listing(0).1)?,
             ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
-            compositor: Compositor::new(gpu, options, extras)?,
+            compositor: Compositor::new(gpu, options, outputs)?,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
         })
@@ -93,7 +93,7 @@ impl Forward {
         scratch: &Scratch,
         view: &View,
         sh_degree: u32,
-        bands: Bands,
+        bands: DepthBands,
     ) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let count = model.splat_count;
@@ -107,8 +107,8 @@ impl Forward {
         for band in 0..bands.count {
             self.list_band(rec, s, tiles, 1, (band, bands));
             self.composite(rec, s, tiles, (band, bands));
-            if let Some(trail) = &s.trail {
-                trail.keep(rec, s, band as usize);
+            if let Some(replay) = &s.replay {
+                replay.keep(rec, s, band as usize);
             }
         }
     }
@@ -120,7 +120,7 @@ impl Forward {
         s: &Scratch,
         tiles: usize,
         stage: u32,
-        (band, bands): (u32, Bands),
+        (band, bands): (u32, DepthBands),
     ) {
         let params = plan::Params {
             stage,
@@ -147,9 +147,9 @@ impl Forward {
                 project::Bindings {
                     view: &s.view,
                     params: &model.params[block.index],
-                    shape_from_splat: &s.shape_from_splat.part(at.splats.clone()),
-                    tone_from_splat: &s.tone_from_splat.part(at.splats.clone()),
-                    rest_from_splat: &s.rest_from_splat.part(at.splats.clone()),
+                    ellipse_from_splat: &s.ellipse_from_splat.part(at.splats.clone()),
+                    whiten_rg_from_splat: &s.whiten_rg_from_splat.part(at.splats.clone()),
+                    blue_depth_from_splat: &s.blue_depth_from_splat.part(at.splats.clone()),
                     tile_count_from_splat: &s.tile_count_from_splat.part(at.splats),
                     splat_from_slot: &at.splat_from_slot,
                 },
@@ -167,7 +167,7 @@ impl Forward {
         rec: &mut Recorder<'_>,
         s: &Scratch,
         tiles: usize,
-        (band, bands): (u32, Bands),
+        (band, bands): (u32, DepthBands),
     ) {
         let sorted = Forward::sorted_index(tiles);
         let tile_stride = tile_stride(tiles);
@@ -177,14 +177,14 @@ impl Forward {
                     view: &s.view,
                     counts: &s.counts,
                     range_from_tile: &s.range_from_tile,
-                    source_from_isect: &s.by_tile.values[sorted],
-                    splat_from_source: &s.splat_from_source,
-                    shape_from_splat: &s.shape_from_splat,
-                    tone_from_splat: &s.tone_from_splat,
-                    rest_from_splat: &s.rest_from_splat,
+                    emitted_from_isect: &s.by_tile.values[sorted],
+                    splat_from_emitted: &s.splat_from_emitted,
+                    ellipse_from_splat: &s.ellipse_from_splat,
+                    whiten_rg_from_splat: &s.whiten_rg_from_splat,
+                    blue_depth_from_splat: &s.blue_depth_from_splat,
                     image: &s.image,
                     depth: &s.depth,
-                    end_from_pixel: &s.end_from_pixel,
+                    isect_end_from_pixel: &s.isect_end_from_pixel,
                 };
                 let params = rasterize::Params {
                     tile_stride,
@@ -197,24 +197,24 @@ impl Forward {
                     _ => kernel.record_planned(rec, io, params, &s.args, ARGS_TILE),
                 }
             }
-            Compositor::Original(kernel) => {
-                let io = original::Bindings {
+            Compositor::Inria(kernel) => {
+                let io = rasterize_inria::Bindings {
                     view: &s.view,
                     range_from_tile: &s.range_from_tile,
-                    source_from_isect: &s.by_tile.values[sorted],
-                    splat_from_source: &s.splat_from_source,
-                    shape_from_splat: &s.shape_from_splat,
-                    tone_from_splat: &s.tone_from_splat,
-                    rest_from_splat: &s.rest_from_splat,
+                    emitted_from_isect: &s.by_tile.values[sorted],
+                    splat_from_emitted: &s.splat_from_emitted,
+                    ellipse_from_splat: &s.ellipse_from_splat,
+                    whiten_rg_from_splat: &s.whiten_rg_from_splat,
+                    blue_depth_from_splat: &s.blue_depth_from_splat,
                     image: &s.image,
                     depth: &s.depth,
-                    end_from_pixel: &s.end_from_pixel,
+                    isect_end_from_pixel: &s.isect_end_from_pixel,
                 };
                 assert_eq!(
                     bands.count, 1,
                     "a pixel that has ended is not told from others"
                 );
-                kernel.record(rec, io, original::Params { tile_stride }, tiles);
+                kernel.record(rec, io, rasterize_inria::Params { tile_stride }, tiles);
             }
         }
         rec.timestamp("rasterize");
@@ -256,7 +256,7 @@ impl Forward {
     /// Visible splats, compacted in the order of their index and sorted by depth: ties stay in that order.
     /// Then where each one's intersections go.
     fn order_by_depth(&self, rec: &mut Recorder<'_>, s: &Scratch, count: usize) {
-        let io = ScanIo {
+        let io = ScanBuffers {
             counts: &s.counts,
             values: &s.tile_count_from_splat,
             offsets: &s.visible_from_splat,
@@ -275,7 +275,7 @@ impl Forward {
                 counts: &s.counts,
                 tile_count_from_splat: &s.tile_count_from_splat,
                 visible_from_splat: &s.visible_from_splat,
-                rest_from_splat: &s.rest_from_splat,
+                blue_depth_from_splat: &s.blue_depth_from_splat,
                 depth_from_visible: &s.by_depth.keys[0],
                 splat_from_visible: &s.by_depth.values[0],
             },
@@ -294,7 +294,7 @@ impl Forward {
             &s.args,
             ARGS_VISIBLE,
         );
-        let io = ScanIo {
+        let io = ScanBuffers {
             values: &s.tile_count_from_rank,
             offsets: &s.isect_from_rank,
             ..io
@@ -321,12 +321,12 @@ impl Forward {
                 splat_from_rank: &s.by_depth.values[0],
                 isect_from_rank: &s.isect_from_rank,
                 tile_count_from_splat: &s.tile_count_from_splat,
-                shape_from_splat: &s.shape_from_splat,
-                tone_from_splat: &s.tone_from_splat,
+                ellipse_from_splat: &s.ellipse_from_splat,
+                whiten_rg_from_splat: &s.whiten_rg_from_splat,
                 tile_from_isect: &s.by_tile.keys[0],
-                source_from_isect: &s.by_tile.values[0],
-                splat_from_source: &s.splat_from_source,
-                source_from_splat: &s.source_from_splat,
+                emitted_from_isect: &s.by_tile.values[0],
+                splat_from_emitted: &s.splat_from_emitted,
+                emitted_from_splat: &s.emitted_from_splat,
             },
             &s.args,
             ARGS_EXPAND,

@@ -4,7 +4,7 @@
 
 use super::blocks::Blocks;
 use super::scratch::{Capacity, DEPTH_SORT, tile_sort_widest};
-use crate::kernels::rasterize::Extras;
+use crate::kernels::rasterize::Outputs;
 use crate::layout::*;
 
 /// What a buffer's bytes are for.
@@ -90,7 +90,7 @@ pub fn index_needs(blocks: Blocks) -> Need {
 }
 
 /// The buffers that a frame works in: [`super::Scratch`].
-pub fn frame_needs(capacity: Capacity, extras: Extras) -> Vec<Need> {
+pub fn frame_needs(capacity: Capacity, outputs: Outputs) -> Vec<Need> {
     let Capacity {
         splats,
         isects,
@@ -115,30 +115,30 @@ pub fn frame_needs(capacity: Capacity, extras: Extras) -> Vec<Need> {
             size_of::<DispatchArgs>(),
             ARGS_SLOTS as usize,
         ),
-        Need::new("shape_from_splat", Splats, 16, splats),
-        Need::new("tone_from_splat", Splats, 16, splats),
-        Need::new("rest_from_splat", Splats, 8, splats),
+        Need::new("ellipse_from_splat", Splats, 16, splats),
+        Need::new("whiten_rg_from_splat", Splats, 16, splats),
+        Need::new("blue_depth_from_splat", Splats, 8, splats),
         Need::new("tile_count_from_splat", Splats, 4, splats),
         Need::new("visible_from_splat", Splats, 4, splats),
         Need::new("depth_from_visible", Splats, 8, splats),
         Need::new("splat_from_visible", Splats, 8, splats),
         Need::new("tile_count_from_rank", Splats, 4, splats),
         Need::new("isect_from_rank", Splats, 4, splats),
-        Need::new("source_from_splat", Splats, 4, splats),
+        Need::new("emitted_from_splat", Splats, 4, splats),
         Need::new("tile_from_isect", Intersections, 8, isects),
-        Need::new("source_from_isect", Intersections, 8, isects),
-        Need::new("splat_from_source", Intersections, 4, isects),
+        Need::new("emitted_from_isect", Intersections, 8, isects),
+        Need::new("splat_from_emitted", Intersections, 4, isects),
         Need::new("table", sorting, 4, table),
         Need::new("places", sorting, 4, table),
         Need::new("sums", sorting, 4, sums),
         Need::new("range_from_tile", Pixels, 8, tiles),
         Need::new("image", Pixels, 16, pixels),
-        Need::new("depth", Pixels, 4, if extras.depth { pixels } else { 1 }),
+        Need::new("depth", Pixels, 4, if outputs.depth { pixels } else { 1 }),
         Need::new(
-            "end_from_pixel",
+            "isect_end_from_pixel",
             Pixels,
             4,
-            if extras.ends { pixels } else { 1 },
+            if outputs.ends { pixels } else { 1 },
         ),
     ]
 }

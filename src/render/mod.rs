@@ -5,9 +5,10 @@
 //! **Invariant:** `Renderer::record` never submits, waits, reads this frame back, or allocates once warm.
 
 mod accuracy;
-mod bands;
+mod band_replay;
 mod blocks;
 mod compatibility;
+mod depth_bands;
 mod exponential;
 mod forward;
 mod memory;
@@ -18,14 +19,14 @@ mod projections;
 mod renderer;
 mod scratch;
 mod slots;
-mod trail;
 mod view;
 
-pub use crate::kernels::rasterize::Extras;
+pub use crate::kernels::rasterize::Outputs;
 pub use accuracy::Accuracy;
-pub use bands::{Bands, list_limit, loop_turns};
+pub(crate) use band_replay::BandReplay;
 pub use blocks::{Block, Blocks};
 pub use compatibility::Compatibility;
+pub use depth_bands::{DepthBands, list_limit, loop_turns};
 pub use exponential::Exponential;
 pub use forward::{Forward, tile_stride};
 pub use memory::{Need, Purpose, frame_needs, index_needs, isects_expected, model_needs, total};
@@ -36,5 +37,4 @@ pub use precision::Precision;
 pub use renderer::{Rendered, Renderer, Stats};
 pub use scratch::{Capacity, Scratch};
 pub use slots::{ByDegree, DEGREES, Slots, apart, degrees_used, merge_degrees, of_degree};
-pub(crate) use trail::Trail;
 pub use view::{ViewOptions, view_of};

@@ -5,7 +5,7 @@ use super::compatibility::Compatibility;
 use super::exponential::Exponential;
 use super::precision::Precision;
 use super::scratch::Capacity;
-use crate::kernels::rasterize::Extras;
+use crate::kernels::rasterize::Outputs;
 
 /// How a renderer is set up.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +30,8 @@ pub struct RenderOptions {
 
 impl RenderOptions {
     /// What frames leave besides their images.
-    pub(crate) fn extras(&self) -> Extras {
-        Extras {
+    pub(crate) fn outputs(&self) -> Outputs {
+        Outputs {
             depth: self.with_depth,
             ends: false,
         }

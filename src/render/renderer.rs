@@ -1,7 +1,7 @@
 //! Rendering for users: record into a host's commands, or render and read back.
 
-use super::bands::{Bands, list_limit};
 use super::compatibility::Compatibility;
+use super::depth_bands::{DepthBands, list_limit};
 use super::forward::Forward;
 use super::memory::isects_expected;
 use super::model::Model;
@@ -47,7 +47,7 @@ pub struct Renderer {
     host_frames: Frames,
     options: RenderOptions,
     /// Of the pictures that a host will record next, as those that are done have shown.
-    bands: Bands,
+    bands: DepthBands,
     /// What the host's frames in flight have to report, by frame, oldest first.
     pending: VecDeque<Pending>,
 }
@@ -58,7 +58,7 @@ struct Pending {
     frame: u64,
     /// What it has room for.
     capacity: Capacity,
-    bands: Bands,
+    bands: DepthBands,
     /// What it leaves out.
     not_finite: Option<NotFinite>,
     /// What it will have counted.
@@ -73,7 +73,7 @@ pub struct Stats {
     /// Those it had room for at a time. If it wanted more, it was drawn in bands, one after the other, which takes
     /// longer: [`Renderer::reserve`] helps.
     pub isect_capacity: usize,
-    /// Bands that were recorded. That they do not suffice is known when a picture is done: those recorded from then
+    /// DepthBands that were recorded. That they do not suffice is known when a picture is done: those recorded from then
     /// on have more.
     pub bands: u32,
     /// Whether the picture shows all that it should. If not, the splats behind some depth are missing, or all.
@@ -115,12 +115,12 @@ impl Renderer {
             gpu: gpu.clone(),
             forward: Forward::for_rendering(gpu, &options)?,
             present: presents.then(present).transpose()?,
-            scratch: Scratch::new(gpu, options.capacity, options.extras())?,
+            scratch: Scratch::new(gpu, options.capacity, options.outputs())?,
             frames: Frames::new(gpu, 1, true)?,
             rendered: None,
             host_frames: Frames::new(gpu, options.frames_in_flight, false)?,
             options,
-            bands: Bands::default(),
+            bands: DepthBands::default(),
             pending: VecDeque::new(),
         })
     }
@@ -135,7 +135,7 @@ impl Renderer {
             // The old buffers go first, as far as no host's frame uses them: there may not be room for both.
             self.frames.release()?;
             for capacity in [Capacity::LEAST, capacity] {
-                self.scratch = Scratch::new(&self.gpu, capacity, self.options.extras())?;
+                self.scratch = Scratch::new(&self.gpu, capacity, self.options.outputs())?;
             }
         }
         Ok(())
@@ -257,10 +257,10 @@ impl Renderer {
     }
 
     /// The bands that a picture needs which has left `counts`.
-    fn bands_after(&self, bands: Bands, counts: &[u32]) -> Result<Bands> {
+    fn bands_after(&self, bands: DepthBands, counts: &[u32]) -> Result<DepthBands> {
         let limit = list_limit(self.gpu.caps().kind);
         let bands = bands.after(counts, &self.scratch.capacity, limit)?;
-        if bands.count > 1 && self.options.compatibility == Compatibility::Original {
+        if bands.count > 1 && self.options.compatibility == Compatibility::Inria {
             return Err(Error::Unsupported {
                 what: "a picture by the rules of the 3DGS code that takes more than one pass"
                     .into(),
@@ -309,7 +309,7 @@ impl Renderer {
             camera,
             view,
         };
-        let mut bands = Bands::default();
+        let mut bands = DepthBands::default();
         loop {
             let pixels = camera.width as usize * camera.height as usize;
             let (forward, scratch) = (&self.forward, &self.scratch);
@@ -349,7 +349,7 @@ fn record_frame(
     scratch: &Scratch,
     picture: Picture<'_>,
     sh_degree: u32,
-    bands: Bands,
+    bands: DepthBands,
 ) {
     rec.fill(&scratch.counts, 0);
     let view = view_of(picture.camera, picture.view);

@@ -1,9 +1,9 @@
 //! The buffers that a frame works in, sized by a stated capacity.
 
-use super::trail::Trail;
+use super::band_replay::BandReplay;
 use crate::Result;
 use crate::gpu::{Buffer, Caps, Gpu};
-use crate::kernels::rasterize::Extras;
+use crate::kernels::rasterize::Outputs;
 use crate::kernels::sort::{Layout, Pairs, Tables};
 use crate::layout::*;
 
@@ -69,24 +69,24 @@ pub struct Scratch {
     pub(crate) view: Buffer<View>,
     pub(crate) counts: Buffer<u32>,
     pub(crate) args: Buffer<DispatchArgs>,
-    pub(crate) shape_from_splat: Buffer<[f32; 4]>,
-    pub(crate) tone_from_splat: Buffer<[f32; 4]>,
-    pub(crate) rest_from_splat: Buffer<[f32; 2]>,
+    pub(crate) ellipse_from_splat: Buffer<[f32; 4]>,
+    pub(crate) whiten_rg_from_splat: Buffer<[f32; 4]>,
+    pub(crate) blue_depth_from_splat: Buffer<[f32; 2]>,
     pub(crate) tile_count_from_splat: Buffer<u32>,
     pub(crate) visible_from_splat: Buffer<u32>,
     pub(crate) by_depth: Pairs,
     pub(crate) tile_count_from_rank: Buffer<u32>,
     pub(crate) isect_from_rank: Buffer<u32>,
-    pub(crate) source_from_splat: Buffer<u32>,
+    pub(crate) emitted_from_splat: Buffer<u32>,
     pub(crate) by_tile: Pairs,
-    pub(crate) splat_from_source: Buffer<u32>,
+    pub(crate) splat_from_emitted: Buffer<u32>,
     pub(crate) tables: Tables,
     pub(crate) range_from_tile: Buffer<[u32; 2]>,
     pub(crate) image: Buffer<f32>,
     pub(crate) depth: Buffer<f32>,
-    pub(crate) end_from_pixel: Buffer<u32>,
+    pub(crate) isect_end_from_pixel: Buffer<u32>,
     /// What the bands of a frame leave behind, where gradients will be wanted of more than one.
-    pub(crate) trail: Option<Trail>,
+    pub(crate) replay: Option<BandReplay>,
 }
 
 /// Depths: four passes of eight bits over all 32.
@@ -130,7 +130,7 @@ pub(super) fn tile_sort_widest(tiles: usize) -> Layout {
 
 impl Scratch {
     /// Allocates the buffers, for images and what they come with.
-    pub fn new(gpu: &Gpu, capacity: Capacity, extras: Extras) -> Result<Scratch> {
+    pub fn new(gpu: &Gpu, capacity: Capacity, outputs: Outputs) -> Result<Scratch> {
         let capacity = capacity.within(gpu.caps(), 4);
         let Capacity {
             splats,
@@ -149,9 +149,9 @@ impl Scratch {
             view: gpu.buffer("view", 1)?,
             counts: gpu.buffer("counts", COUNT_SLOTS as usize)?,
             args: gpu.buffer("args", ARGS_SLOTS as usize)?,
-            shape_from_splat: gpu.buffer("shape_from_splat", splats)?,
-            tone_from_splat: gpu.buffer("tone_from_splat", splats)?,
-            rest_from_splat: gpu.buffer("rest_from_splat", splats)?,
+            ellipse_from_splat: gpu.buffer("ellipse_from_splat", splats)?,
+            whiten_rg_from_splat: gpu.buffer("whiten_rg_from_splat", splats)?,
+            blue_depth_from_splat: gpu.buffer("blue_depth_from_splat", splats)?,
             tile_count_from_splat: gpu.buffer("tile_count_from_splat", splats)?,
             visible_from_splat: gpu.buffer("visible_from_splat", splats)?,
             by_depth: Pairs {
@@ -160,12 +160,12 @@ impl Scratch {
             },
             tile_count_from_rank: gpu.buffer("tile_count_from_rank", splats)?,
             isect_from_rank: gpu.buffer("isect_from_rank", splats)?,
-            source_from_splat: gpu.buffer("source_from_splat", splats)?,
+            emitted_from_splat: gpu.buffer("emitted_from_splat", splats)?,
             by_tile: Pairs {
                 keys: pair("tile_from_isect", isects)?,
-                values: pair("source_from_isect", isects)?,
+                values: pair("emitted_from_isect", isects)?,
             },
-            splat_from_source: gpu.buffer("splat_from_source", isects)?,
+            splat_from_emitted: gpu.buffer("splat_from_emitted", isects)?,
             tables: Tables {
                 counted: gpu.buffer("table", table)?,
                 places: gpu.buffer("places", table)?,
@@ -173,9 +173,12 @@ impl Scratch {
             },
             range_from_tile: gpu.buffer("range_from_tile", tiles)?,
             image: gpu.buffer("image", 4 * pixels)?,
-            depth: gpu.buffer("depth", if extras.depth { pixels } else { 1 })?,
-            end_from_pixel: gpu.buffer("end_from_pixel", if extras.ends { pixels } else { 1 })?,
-            trail: None,
+            depth: gpu.buffer("depth", if outputs.depth { pixels } else { 1 })?,
+            isect_end_from_pixel: gpu.buffer(
+                "isect_end_from_pixel",
+                if outputs.ends { pixels } else { 1 },
+            )?,
+            replay: None,
         })
     }
 }

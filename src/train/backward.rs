@@ -11,7 +11,7 @@ use crate::kernels::{
     adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
 };
 use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
-use crate::render::{Bands, Block, Forward, Model, Scratch, plane_count, tile_stride};
+use crate::render::{Block, DepthBands, Forward, Model, Scratch, plane_count, tile_stride};
 
 /// The value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
 const ALPHA_MASKS: u32 = 1;
@@ -103,7 +103,7 @@ pub(crate) struct Step<'a> {
     pub(crate) extent: f64,
     pub(crate) view: &'a View,
     pub(crate) sh_degree: u32,
-    pub(crate) bands: Bands,
+    pub(crate) bands: DepthBands,
 }
 
 impl Backward {
@@ -149,8 +149,8 @@ impl Backward {
     ) {
         self.record_loss(rec, scratch, gradients, photo, step);
         let blocks = || state.model.blocks.of(state.model.counts);
-        let Some(trail) = &scratch.trail else {
-            let ends = &scratch.end_from_pixel;
+        let Some(replay) = &scratch.replay else {
+            let ends = &scratch.isect_end_from_pixel;
             self.record_rasterize(rec, scratch, gradients, step, (0, ends));
             // Block by block: gradients of one block are all that have to exist at a time.
             for block in blocks() {
@@ -164,8 +164,8 @@ impl Backward {
             let is_farthest = band + 1 == step.bands.count;
             let again = (band, step.bands);
             let turn = if is_farthest { 1 } else { 2 };
-            step.forward.list_again(rec, scratch, trail, tiles, again);
-            let ends = trail.end_from_pixel(band);
+            step.forward.relist(rec, scratch, replay, tiles, again);
+            let ends = replay.isect_end_from_pixel(band);
             self.record_rasterize(rec, scratch, gradients, step, (turn, ends));
             blocks().for_each(|b| self.record_project(rec, state, scratch, gradients, step, b));
         }
@@ -250,14 +250,14 @@ impl Backward {
             rasterize_backward::Bindings {
                 view: &s.view,
                 range_from_tile: &s.range_from_tile,
-                source_from_isect: &s.by_tile.values[Forward::sorted_index(tiles)],
-                splat_from_source: &s.splat_from_source,
-                shape_from_splat: &s.shape_from_splat,
-                tone_from_splat: &s.tone_from_splat,
-                rest_from_splat: &s.rest_from_splat,
+                emitted_from_isect: &s.by_tile.values[Forward::sorted_index(tiles)],
+                splat_from_emitted: &s.splat_from_emitted,
+                ellipse_from_splat: &s.ellipse_from_splat,
+                whiten_rg_from_splat: &s.whiten_rg_from_splat,
+                blue_depth_from_splat: &s.blue_depth_from_splat,
                 image: &s.image,
                 d_image: &g.d_image,
-                end_from_pixel: ends,
+                isect_end_from_pixel: ends,
                 d_shape_from_source: &g.d_shape_from_source,
                 d_tone_from_source: &g.d_tone_from_source,
                 d_rest_from_source: &g.d_rest_from_source,
@@ -295,10 +295,10 @@ impl Backward {
                 counts: &s.counts,
                 params: &state.model.params[block.index],
                 tile_count_from_splat: &s.tile_count_from_splat.part(splats.clone()),
-                source_from_splat: &s.source_from_splat.part(splats.clone()),
-                shape_from_splat: &s.shape_from_splat.part(splats.clone()),
-                tone_from_splat: &s.tone_from_splat.part(splats.clone()),
-                rest_from_splat: &s.rest_from_splat.part(splats.clone()),
+                emitted_from_splat: &s.emitted_from_splat.part(splats.clone()),
+                ellipse_from_splat: &s.ellipse_from_splat.part(splats.clone()),
+                whiten_rg_from_splat: &s.whiten_rg_from_splat.part(splats.clone()),
+                blue_depth_from_splat: &s.blue_depth_from_splat.part(splats.clone()),
                 d_shape_from_source: &g.d_shape_from_source,
                 d_tone_from_source: &g.d_tone_from_source,
                 d_rest_from_source: &g.d_rest_from_source,
@@ -314,7 +314,7 @@ impl Backward {
                 scale_penalty: penalties.scale / (3 * count) as f32,
                 // A sum: it is half of this times the square that has this slope.
                 size_penalty: 2.0 * penalties.size,
-                banded: s.trail.is_some().into(),
+                banded: s.replay.is_some().into(),
             },
         );
         rec.timestamp("project_backward");

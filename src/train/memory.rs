@@ -8,7 +8,7 @@ use super::schedule;
 use super::trainer::{IN_FLIGHT, with_margin};
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
 use crate::render::{
-    Blocks, ByDegree, Capacity, Extras, Need, Purpose, frame_needs, index_needs, isects_expected,
+    Blocks, ByDegree, Capacity, Need, Outputs, Purpose, frame_needs, index_needs, isects_expected,
     model_needs, of_degree, total,
 };
 use crate::scene::{Dataset, Split};
@@ -104,7 +104,7 @@ impl TrainSize {
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let mut needs = photo_needs(self.photos, self.splats);
         needs.extend(state_needs(self.counts()));
-        needs.extend(frame_needs(capacity, Extras::TRAINING));
+        needs.extend(frame_needs(capacity, Outputs::TRAINING));
         needs.extend(gradient_needs(capacity));
         needs
     }

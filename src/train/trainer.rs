@@ -4,10 +4,10 @@
 //! it; when its report arrives, buffers grow and training goes on from that very step. So results do not
 //! depend on how large buffers happened to be, and a resumed run repeats an uninterrupted one to the bit.
 
+mod capacity;
 mod degrees;
 mod halved;
 mod inspect;
-mod room;
 mod steer;
 
 use super::backward::{Backward, Gradients, Step};
@@ -19,14 +19,16 @@ use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
 use super::{adc_reset, initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
-use crate::render::{Bands, Capacity, Forward, Scratch, ViewOptions, isects_expected, view_of};
+use crate::render::{
+    Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, view_of,
+};
 use crate::scene::{Camera, Dataset, RenderMode, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
-pub use room::Extremes;
-pub(crate) use room::with_margin;
-use room::{limit_splats, new_scratch};
+pub use capacity::Extremes;
+pub(crate) use capacity::with_margin;
+use capacity::{limit_splats, new_scratch};
 
 /// Steps in flight.
 pub(crate) const IN_FLIGHT: usize = 2;
@@ -78,7 +80,7 @@ pub struct Trainer<'a> {
     state: DeviceState,
     scratch: Scratch,
     /// Of every step from now on.
-    bands: Bands,
+    bands: DepthBands,
     gradients: Gradients,
     /// Those of `halved` while there is one.
     photos: Photos,
@@ -125,7 +127,7 @@ impl<'a> Trainer<'a> {
                 Capacity::for_image(state.len(), isects, width, height)
             })
             .fold(Capacity::LEAST, Capacity::max);
-        let scratch = new_scratch(gpu, capacity, Bands::default())?;
+        let scratch = new_scratch(gpu, capacity, DepthBands::default())?;
         let mut extremes = Extremes::default();
         extremes.note(&state.degrees);
         let is_half = iteration < config.half_size_until;
@@ -142,7 +144,7 @@ impl<'a> Trainer<'a> {
             state: DeviceState::new(gpu, state, config.mode)?,
             gradients: Gradients::new(gpu, &scratch)?,
             scratch,
-            bands: Bands::default(),
+            bands: DepthBands::default(),
             photos,
             halved,
             half_size: false,
@@ -331,7 +333,7 @@ impl<'a> Trainer<'a> {
             self.pending
                 .drain(..)
                 .try_for_each(|later| self.frames.wait(later.ticket))?;
-            self.make_room(&counts)?;
+            self.grow_buffers(&counts)?;
             self.iteration = oldest.iteration - 1;
             return Ok(false);
         }

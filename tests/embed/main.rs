@@ -16,7 +16,7 @@ mod watch;
 
 use ash::vk;
 use ashfall::gpu::{Gpu, HostCommands, REQUIRED};
-use ashfall::kernels::{KERNELS, YARDSTICKS};
+use ashfall::kernels::{BASELINES, KERNELS};
 use ashfall::render::{Capacity, Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use ashfall::scene::Camera;
 use ashfall::shader::{BindingKind, Requirement};
@@ -383,7 +383,7 @@ fn what_is_published_covers_every_kernel() {
         for need in kernel
             .requirements
             .iter()
-            .filter(|_| kernel.variant.is_empty() && !YARDSTICKS.contains(&kernel.kernel))
+            .filter(|_| kernel.variant.is_empty() && !BASELINES.contains(&kernel.kernel))
         {
             // Optional, and published as such.
             let optional = *need == Requirement::StorageImageWriteWithoutFormat;

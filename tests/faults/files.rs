@@ -92,7 +92,7 @@ fn f098_empty_lines_of_points_do_not_shift_images() {
 }
 
 /// Sums of floats by atomics differ from run to run even on a software device: no kernel that renders or trains has
-/// any. The classical design has, which is a yardstick and nothing else, and here shows that they are found.
+/// any. The baseline_16x16 design has, which is a baseline and nothing else, and here shows that they are found.
 #[test]
 fn f111_no_kernel_adds_floats_by_atomics() {
     let adds = |info: &&&ashfall::shader::KernelInfo| {
@@ -110,6 +110,6 @@ fn f111_no_kernel_adds_floats_by_atomics() {
         .iter()
         .filter(adds)
         .map(|info| info.kernel);
-    assert_eq!(names.next(), Some("classical_backward"));
+    assert_eq!(names.next(), Some("baseline_16x16_backward"));
     assert_eq!(names.next(), None);
 }

@@ -264,7 +264,7 @@ fn a_dispatch_beyond_a_dimensions_limit_is_folded() {
         .unwrap();
     let offsets = gpu.buffer_from("visible_from_splat", &offsets).unwrap();
     let rests = gpu
-        .buffer_from("rest_from_splat", &vec![[0.0f32; 2]; count])
+        .buffer_from("blue_depth_from_splat", &vec![[0.0f32; 2]; count])
         .unwrap();
     let depths = gpu.buffer::<u32>("depth_from_visible", count).unwrap();
     let splats = gpu.buffer::<u32>("splat_from_visible", count).unwrap();
@@ -273,7 +273,7 @@ fn a_dispatch_beyond_a_dimensions_limit_is_folded() {
             counts: &counts,
             tile_count_from_splat: &ones,
             visible_from_splat: &offsets,
-            rest_from_splat: &rests,
+            blue_depth_from_splat: &rests,
             depth_from_visible: &depths,
             splat_from_visible: &splats,
         };

@@ -3,10 +3,10 @@
 use crate::scenes::{self, Scene};
 use crate::{BEGUN, config, dataset, device};
 use ashfall::gpu::Gpu;
-use ashfall::reference::bound::{GradientBounds, Rounding, Savings, gradient_bounds, trace};
+use ashfall::reference::bound::{Approximations, GradientBounds, Rounding, gradient_bounds, trace};
 use ashfall::reference::gradient::{SplatGradients, backward};
 use ashfall::reference::rasterize_backward::PixelGradient;
-use ashfall::reference::{Cuts, Options};
+use ashfall::reference::{Options, Thresholds};
 use ashfall::render::Accuracy;
 use ashfall::scene::{PhotoSource, Splats};
 use ashfall::train::{HostState, TrainConfig, Trainer};
@@ -17,11 +17,11 @@ const ACCURACY: Accuracy = Accuracy {
     transmittance_min: 1e-9,
     sigma_max: None,
 };
-fn savings() -> Savings {
-    Savings {
+fn approximations() -> Approximations {
+    Approximations {
         alpha_min: 1e-6,
         transmittance_min: 1e-9,
-        ..Savings::NONE
+        ..Approximations::NONE
     }
 }
 
@@ -51,11 +51,11 @@ fn found(gpu: &Gpu, scene: &Scene) -> (Splats, f64) {
 fn expected(scene: &Scene, near: f64, unit: f64) -> (SplatGradients, GradientBounds) {
     let options = Options {
         near,
-        cuts: Cuts::NONE,
+        thresholds: Thresholds::NONE,
         ..scene.options
     };
     let (splats, camera) = (&scene.splats, &scene.camera);
-    let traced = trace(splats, camera, &options, &[savings()]);
+    let traced = trace(splats, camera, &options, &[approximations()]);
     let slope = 1.0 / (3 * traced.len()) as f64;
     let upstream: Vec<[f64; 3]> = traced
         .iter()
@@ -69,7 +69,14 @@ fn expected(scene: &Scene, near: f64, unit: f64) -> (SplatGradients, GradientBou
     let rounding = Rounding { share: 1e-4, unit };
     (
         backward(splats, camera, &options, &pixels).1,
-        gradient_bounds(splats, camera, &options, &upstream, &[savings()], rounding),
+        gradient_bounds(
+            splats,
+            camera,
+            &options,
+            &upstream,
+            &[approximations()],
+            rounding,
+        ),
     )
 }
 

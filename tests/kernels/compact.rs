@@ -43,7 +43,7 @@ fn the_visible_are_listed_in_order() {
                         counts: &counts(&gpu, &[(COUNT_SPLAT, len as u32)]),
                         tile_count_from_splat: &buffer(&gpu, &tiles),
                         visible_from_splat: &buffer(&gpu, &offsets),
-                        rest_from_splat: &buffer(&gpu, &rests),
+                        blue_depth_from_splat: &buffer(&gpu, &rests),
                         depth_from_visible: &keys,
                         splat_from_visible: &values,
                     };

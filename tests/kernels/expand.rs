@@ -5,7 +5,7 @@ use crate::lists::{Lists, view};
 use crate::{device, pack, scenes, supported};
 use ashfall::kernels::expand::{Bindings, Choice, Expand, Spec};
 use ashfall::layout::{COUNT_BAND_BASE, COUNT_BAND_BEGIN, COUNT_BAND_END};
-use ashfall::reference::Cuts;
+use ashfall::reference::Thresholds;
 use ashfall::reference::frame::depth_order;
 use ashfall::reference::tiles::{alpha_at_pixels, alpha_max};
 use std::collections::BTreeSet;
@@ -76,12 +76,12 @@ fn every_tile_with_a_pixel_is_listed_and_few_others() {
                     splat_from_rank: &buffer(&gpu, &order),
                     isect_from_rank: &buffer(&gpu, &begins),
                     tile_count_from_splat: &buffer(&gpu, &counts_by_splat),
-                    shape_from_splat: &buffer(&gpu, &shapes),
-                    tone_from_splat: &buffer(&gpu, &tones),
+                    ellipse_from_splat: &buffer(&gpu, &shapes),
+                    whiten_rg_from_splat: &buffer(&gpu, &tones),
                     tile_from_isect: &listed,
-                    source_from_isect: &sources,
-                    splat_from_source: &owners,
-                    source_from_splat: &firsts,
+                    emitted_from_isect: &sources,
+                    splat_from_emitted: &owners,
+                    emitted_from_splat: &firsts,
                 };
                 let args = args(&gpu, order.len() - first_rank, workgroup);
                 gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();
@@ -110,7 +110,7 @@ fn every_tile_with_a_pixel_is_listed_and_few_others() {
                     for tile in 0..tiles {
                         let at_pixels = alpha_at_pixels(screen, &lists.grid, tile);
                         let at_most = alpha_max(screen, &lists.grid, tile);
-                        let cut = Cuts::ENGINE.alpha_min;
+                        let cut = Thresholds::ENGINE.alpha_min;
                         let needed = at_pixels >= cut * (1.0 + MARGIN);
                         member.push(f64::from(u8::from(set.contains(&tile))));
                         must.push(f64::from(u8::from(needed)));
@@ -156,12 +156,12 @@ fn a_splat_may_cover_more_tiles_than_a_driver_runs_loops() {
         splat_from_rank: &buffer(&gpu, &[0]),
         isect_from_rank: &buffer(&gpu, &[0]),
         tile_count_from_splat: &buffer(&gpu, &[tiles]),
-        shape_from_splat: &buffer(&gpu, &[shape]),
-        tone_from_splat: &buffer(&gpu, &[tone]),
+        ellipse_from_splat: &buffer(&gpu, &[shape]),
+        whiten_rg_from_splat: &buffer(&gpu, &[tone]),
         tile_from_isect: &listed,
-        source_from_isect: &unwritten(&gpu, tiles as usize),
-        splat_from_source: &unwritten(&gpu, tiles as usize),
-        source_from_splat: &unwritten(&gpu, 1),
+        emitted_from_isect: &unwritten(&gpu, tiles as usize),
+        splat_from_emitted: &unwritten(&gpu, tiles as usize),
+        emitted_from_splat: &unwritten(&gpu, 1),
     };
     let args = args(&gpu, 1, 64);
     gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();

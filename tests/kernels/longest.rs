@@ -1,12 +1,12 @@
 //! Lists as long as a tile's may be on a software device, which leaves loops after so many turns and says nothing: what
-//! walks one reaches its far end. Compositing itself and `weigh` are judged where their other tests are, over splats
+//! walks one reaches its far end. Compositing itself and `contribution` are judged where their other tests are, over splats
 //! that all count.
 
 use crate::check::*;
 use crate::lists::view;
 use crate::{device, scenes, supported};
 use ashfall::gpu::{Buffer, DeviceKind, Gpu};
-use ashfall::kernels::{original, rasterize_backward};
+use ashfall::kernels::{rasterize_backward, rasterize_inria};
 use ashfall::layout::{TILE_PIXELS, View};
 use ashfall::render::list_limit;
 
@@ -65,14 +65,14 @@ fn gradients_reach_the_front() {
         let io = rasterize_backward::Bindings {
             view: &list.view,
             range_from_tile: &list.range,
-            source_from_isect: &list.sources,
-            splat_from_source: &list.owners,
-            shape_from_splat: &list.shapes,
-            tone_from_splat: &list.tones,
-            rest_from_splat: &list.rests,
+            emitted_from_isect: &list.sources,
+            splat_from_emitted: &list.owners,
+            ellipse_from_splat: &list.shapes,
+            whiten_rg_from_splat: &list.tones,
+            blue_depth_from_splat: &list.rests,
             image: &buffer(&gpu, &image),
             d_image: &buffer(&gpu, &vec![1.0; 3 * PIXELS]),
-            end_from_pixel: &buffer(&gpu, &ends),
+            isect_end_from_pixel: &buffer(&gpu, &ends),
             d_shape_from_source: &shape,
             d_tone_from_source: &tone,
             d_rest_from_source: &rest,
@@ -94,24 +94,25 @@ fn gradients_reach_the_front() {
 }
 
 #[test]
-fn the_original_rules_reach_the_back() {
+fn the_inria_rules_reach_the_back() {
     let gpu = device::gpu();
     let list = Longest::new(&gpu, |len| len - 1);
-    let kernel = original::Original::new(&gpu, original::Choice::default()).unwrap();
+    let kernel =
+        rasterize_inria::RasterizeInria::new(&gpu, rasterize_inria::Choice::default()).unwrap();
     let end = unwritten::<u32>(&gpu, PIXELS);
-    let io = original::Bindings {
+    let io = rasterize_inria::Bindings {
         view: &list.view,
         range_from_tile: &list.range,
-        source_from_isect: &list.sources,
-        splat_from_source: &list.owners,
-        shape_from_splat: &list.shapes,
-        tone_from_splat: &list.tones,
-        rest_from_splat: &list.rests,
+        emitted_from_isect: &list.sources,
+        splat_from_emitted: &list.owners,
+        ellipse_from_splat: &list.shapes,
+        whiten_rg_from_splat: &list.tones,
+        blue_depth_from_splat: &list.rests,
         image: &unwritten(&gpu, 4 * PIXELS),
         depth: &unwritten(&gpu, PIXELS),
-        end_from_pixel: &end,
+        isect_end_from_pixel: &end,
     };
-    gpu.run(|rec| kernel.record(rec, io, original::Params { tile_stride: 1 }, 1))
+    gpu.run(|rec| kernel.record(rec, io, rasterize_inria::Params { tile_stride: 1 }, 1))
         .unwrap();
     assert!(read(&gpu, &end).iter().all(|&end| end as usize == list.len));
 }

@@ -10,17 +10,16 @@
 use ashfall::gpu::Gpu;
 
 mod adam;
-mod afford;
+mod baseline_16x16;
+mod baseline_16x16_backward;
 #[path = "../common/check.rs"]
 mod check;
-mod classical;
-mod classical_backward;
 mod compact;
+mod contribution;
 #[path = "../common/device.rs"]
 mod device;
 mod expand;
 mod gather;
-mod influence;
 #[path = "../common/lists.rs"]
 mod lists;
 mod longest;
@@ -32,16 +31,17 @@ mod plan;
 mod present;
 mod project;
 mod project_backward;
+mod prune_limit;
 mod ranges;
 mod rasterize;
 mod rasterize_backward;
+mod removal_error;
 mod scan;
 #[path = "../common/scenes.rs"]
 mod scenes;
 mod selftest;
 mod sort;
-mod tally;
-mod weigh;
+mod sum_by_splat;
 
 /// Lengths at which workgroups and chunks begin and end.
 const LENGTHS: [(&str, usize); 9] = [

@@ -102,7 +102,7 @@ fn offsets(tiles: &[u32]) -> Vec<u32> {
         .collect()
 }
 
-/// Bands as they should be: the splats and the intersections of each, taken as they come.
+/// DepthBands as they should be: the splats and the intersections of each, taken as they come.
 fn cut(tiles: &[u32], params: &Params) -> Vec<(u32, u32)> {
     let mut bands = vec![(0, 0)];
     for &count in tiles {

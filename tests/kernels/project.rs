@@ -9,7 +9,7 @@ use ashfall::kernels::project::{Bindings, Choice, Params, Project, Spec};
 use ashfall::reference::project::margins;
 use ashfall::reference::smoothing::smoothed;
 use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
-use ashfall::reference::{Cuts, Splat, project};
+use ashfall::reference::{Splat, Thresholds, project};
 use ashfall::render::planes_from_splats;
 use ashfall::scene::RenderMode;
 use scenes::Scene;
@@ -67,7 +67,7 @@ fn outputs(
 ) -> Vec<Output> {
     let at = viewpoint(scene);
     let grid = Grid::new(scene.camera.width, scene.camera.height);
-    let cut = Cuts::ENGINE.alpha_min;
+    let cut = Thresholds::ENGINE.alpha_min;
     let mut columns = Columns {
         found: Default::default(),
         expected: Default::default(),
@@ -155,9 +155,9 @@ fn run(
     let io = Bindings {
         view: &buffer(gpu, &[view(scene)]),
         params: &buffer(gpu, planes),
-        shape_from_splat: &shapes,
-        tone_from_splat: &tones,
-        rest_from_splat: &rests,
+        ellipse_from_splat: &shapes,
+        whiten_rg_from_splat: &tones,
+        blue_depth_from_splat: &rests,
         tile_count_from_splat: &tiles,
         splat_from_slot: &buffer(gpu, index.unwrap_or(&[UNWRITTEN])),
     };

@@ -12,7 +12,7 @@ use ashfall::reference::project::margins;
 use ashfall::reference::project_backward::{Penalties, penalty_backward};
 use ashfall::reference::smoothing::{smoothed, smoothed_backward};
 use ashfall::reference::tiles::extent;
-use ashfall::reference::{Cuts, Splat, project};
+use ashfall::reference::{Splat, Thresholds, project};
 use ashfall::render::planes_from_splats;
 use ashfall::scene::RenderMode;
 
@@ -56,8 +56,8 @@ fn prepare(scene: &Scene, filters: Vec<f32>) -> Case {
         let mut row = penalty_backward(&splat, weights);
         let mut seen = SEEN.map(f64::from);
         let sigma = f64::from(case.filters[i]);
-        let screen =
-            project(&smoothed(&splat, sigma), &at).filter(|s| s.opacity >= Cuts::ENGINE.alpha_min);
+        let screen = project(&smoothed(&splat, sigma), &at)
+            .filter(|s| s.opacity >= Thresholds::ENGINE.alpha_min);
         let margins = margins(&splat, &at);
         // At a discontinuity of the projection either side is right: left out.
         let sound = margins.limit.min(margins.color) > 1e-4;
@@ -87,9 +87,9 @@ fn prepare(scene: &Scene, filters: Vec<f32>) -> Case {
         let half = [scene.camera.width, scene.camera.height].map(|n| 0.5 * f64::from(n));
         seen[0] += (by_screen[0] * half[0]).hypot(by_screen[1] * half[1]);
         seen[1] += 1.0;
-        let [x, y] = extent(&screen, &Cuts::ENGINE);
+        let [x, y] = extent(&screen, &Thresholds::ENGINE);
         // The kernels widen the ellipse, so that rounding drops no pixel on its rim.
-        let level = 2.0 * (screen.opacity / Cuts::ENGINE.alpha_min).ln();
+        let level = 2.0 * (screen.opacity / Thresholds::ENGINE.alpha_min).ln();
         let wider = ((level * 1.00001 + 1e-5) / level).sqrt();
         seen[2] = seen[2].max(x * wider).max(y * wider);
         case.records.push(pack::splat2d(&screen));
@@ -133,10 +133,10 @@ fn run_in_order(
         counts: &counts(gpu, &[(COUNT_FAILED, failed)]),
         params: &buffer(gpu, &planes),
         tile_count_from_splat: &buffer(gpu, &case.tile_counts),
-        source_from_splat: &buffer(gpu, &case.begins),
-        shape_from_splat: &buffer(gpu, &shapes),
-        tone_from_splat: &buffer(gpu, &tones),
-        rest_from_splat: &buffer(gpu, &rests),
+        emitted_from_splat: &buffer(gpu, &case.begins),
+        ellipse_from_splat: &buffer(gpu, &shapes),
+        whiten_rg_from_splat: &buffer(gpu, &tones),
+        blue_depth_from_splat: &buffer(gpu, &rests),
         d_shape_from_source: &buffer(gpu, &case.shape),
         d_tone_from_source: &buffer(gpu, &case.tone),
         d_rest_from_source: &buffer(gpu, &case.rest),

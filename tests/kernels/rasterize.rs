@@ -8,8 +8,8 @@ use ashfall::gpu::{DeviceKind, Gpu};
 use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
 use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE};
 use ashfall::reference::frame::{center, depth_order};
-use ashfall::reference::rasterize::{band, blended, rasterize};
-use ashfall::reference::{Cuts, ScreenSplat};
+use ashfall::reference::rasterize::{blended, discontinuity_margin, rasterize};
+use ashfall::reference::{ScreenSplat, Thresholds};
 use ashfall::render::list_limit;
 
 /// Many faint splats over one tile: the list is long and ends by itself.
@@ -89,7 +89,7 @@ pub(crate) struct Expected {
 }
 
 pub(crate) fn expected(scene: &Scene, lists: &Lists) -> Expected {
-    let (cuts, background) = (Cuts::ENGINE, scene.options.background);
+    let (thresholds, background) = (Thresholds::ENGINE, scene.options.background);
     let order = depth_order(&lists.screen);
     let splats: Vec<ScreenSplat<f64>> = order.iter().filter_map(|&i| lists.screen[i]).collect();
     let ranks: Vec<usize> = (0..splats.len()).collect();
@@ -106,7 +106,7 @@ pub(crate) fn expected(scene: &Scene, lists: &Lists) -> Expected {
             &ranks,
             at,
             background.map(|c| f64::from(c as f32)),
-            &cuts,
+            &thresholds,
         );
         let [r, g, b] = pixel.color;
         for (plane, value) in [r, g, b, pixel.transmittance, pixel.depth]
@@ -116,12 +116,12 @@ pub(crate) fn expected(scene: &Scene, lists: &Lists) -> Expected {
             all.planes[plane].push(*value);
         }
         all.near
-            .push(band(&splats, &ranks, at, &cuts).nearest() < 1e-4);
-        let last = blended(&splats, &ranks, at, &cuts).last().copied();
+            .push(discontinuity_margin(&splats, &ranks, at, &thresholds).nearest() < 1e-4);
+        let last = blended(&splats, &ranks, at, &thresholds).last().copied();
         let [begin, end] = lists.range_from_tile[grid.tile_from_position(at) as usize];
         let place = last.and_then(|rank| {
             (begin..end).find(|&isect| {
-                let source = lists.source_from_isect[isect as usize];
+                let source = lists.emitted_from_isect[isect as usize];
                 lists.isects[source as usize].splat as usize == order[rank]
             })
         });
@@ -150,14 +150,14 @@ fn run(
             view: &buffer(gpu, &[view(scene)]),
             counts: &counts(gpu, &[done, (COUNT_VISIBLE, bands.len() as u32)]),
             range_from_tile: &buffer(gpu, slices),
-            source_from_isect: &buffer(gpu, &lists.source_from_isect),
-            splat_from_source: &buffer(gpu, &lists.splat_from_source()),
-            shape_from_splat: &buffer(gpu, &shapes),
-            tone_from_splat: &buffer(gpu, &tones),
-            rest_from_splat: &buffer(gpu, &rests),
+            emitted_from_isect: &buffer(gpu, &lists.emitted_from_isect),
+            splat_from_emitted: &buffer(gpu, &lists.splat_from_emitted()),
+            ellipse_from_splat: &buffer(gpu, &shapes),
+            whiten_rg_from_splat: &buffer(gpu, &tones),
+            blue_depth_from_splat: &buffer(gpu, &rests),
             image: &image,
             depth: &depth,
-            end_from_pixel: &end,
+            isect_end_from_pixel: &end,
         };
         // One band more is recorded than is needed.
         let params = Params {

@@ -9,9 +9,9 @@ use ashfall::kernels::rasterize_backward::{
     Bindings, Choice, Params, RasterizeBackward, Spec, Variant,
 };
 use ashfall::reference::frame::{center, depth_order};
-use ashfall::reference::rasterize::{band, blended, rasterize};
+use ashfall::reference::rasterize::{blended, discontinuity_margin, rasterize};
 use ashfall::reference::rasterize_backward::{PixelGradient, isect_backward};
-use ashfall::reference::{Cuts, ScreenSplat};
+use ashfall::reference::{ScreenSplat, Thresholds};
 
 /// What the forward pass left, a gradient of the image, and the sums that should come of it.
 pub(crate) struct Case {
@@ -23,7 +23,7 @@ pub(crate) struct Case {
 }
 
 pub(crate) fn prepare(scene: &Scene, lists: &Lists) -> Case {
-    let cuts = Cuts::ENGINE;
+    let thresholds = Thresholds::ENGINE;
     let background = scene.options.background.map(|c| f64::from(c as f32));
     let order = depth_order(&lists.screen);
     let splats: Vec<ScreenSplat<f64>> = order.iter().filter_map(|&i| lists.screen[i]).collect();
@@ -40,27 +40,27 @@ pub(crate) fn prepare(scene: &Scene, lists: &Lists) -> Case {
     let mut upstream = vec![PixelGradient::default(); pixels];
     for (i, upstream) in upstream.iter_mut().enumerate() {
         let at = center(i, grid.width as usize);
-        let pixel = rasterize(&splats, &ranks, at, background, &cuts);
+        let pixel = rasterize(&splats, &ranks, at, background, &thresholds);
         case.image[3 * pixels + i] = pixel.transmittance as f32;
         let [begin, end] = lists.range_from_tile[grid.tile_from_position(at) as usize];
-        if let Some(&rank) = blended(&splats, &ranks, at, &cuts).last() {
+        if let Some(&rank) = blended(&splats, &ranks, at, &thresholds).last() {
             let is_last = |&isect: &u32| {
-                let source = lists.source_from_isect[isect as usize];
+                let source = lists.emitted_from_isect[isect as usize];
                 lists.isects[source as usize].splat as usize == order[rank]
             };
             case.ends[i] = (begin..end).find(is_last).unwrap() + 1;
         }
         // A pixel at a discontinuity might go either way: it is given nothing to say.
-        let band = band(&splats, &ranks, at, &cuts);
+        let margin = discontinuity_margin(&splats, &ranks, at, &thresholds);
         // The cap itself is within 1.5e-5 of everything that it caps.
-        if band.nearest() > 1e-4 && band.alpha_max > 2e-6 {
+        if margin.nearest() > 1e-4 && margin.alpha_max > 2e-6 {
             upstream.color = [0; 3].map(|_| random.normal());
         }
         for channel in 0..3 {
             case.d_image[channel * pixels + i] = upstream.color[channel] as f32;
         }
     }
-    let gradients = isect_backward(&lists.screen, grid, background, &cuts, &upstream);
+    let gradients = isect_backward(&lists.screen, grid, background, &thresholds, &upstream);
     for isect in &lists.isects {
         let screen = lists.screen[isect.splat as usize].as_ref();
         let sums = match (screen, gradients.get(isect)) {
@@ -110,14 +110,14 @@ fn every_intersection_gets_its_gradient() {
                 let io = Bindings {
                     view: &buffer(&gpu, &[view(scene)]),
                     range_from_tile: &buffer(&gpu, &lists.range_from_tile),
-                    source_from_isect: &buffer(&gpu, &lists.source_from_isect),
-                    splat_from_source: &buffer(&gpu, &lists.splat_from_source()),
-                    shape_from_splat: &buffer(&gpu, &shapes),
-                    tone_from_splat: &buffer(&gpu, &tones),
-                    rest_from_splat: &buffer(&gpu, &rests),
+                    emitted_from_isect: &buffer(&gpu, &lists.emitted_from_isect),
+                    splat_from_emitted: &buffer(&gpu, &lists.splat_from_emitted()),
+                    ellipse_from_splat: &buffer(&gpu, &shapes),
+                    whiten_rg_from_splat: &buffer(&gpu, &tones),
+                    blue_depth_from_splat: &buffer(&gpu, &rests),
                     image: &buffer(&gpu, &case.image),
                     d_image: &buffer(&gpu, &case.d_image),
-                    end_from_pixel: &buffer(&gpu, &case.ends),
+                    isect_end_from_pixel: &buffer(&gpu, &case.ends),
                     d_shape_from_source: &shape,
                     d_tone_from_source: &tone,
                     d_rest_from_source: &rest,
@@ -144,7 +144,7 @@ fn every_intersection_gets_its_gradient() {
                 let tolerance = if *name == "capped" { 6e-3 } else { 1e-4 };
                 // Terms of a sum over 128 pixels carry the error of alpha (2e-5, see `rasterize`) and of the
                 // transmittance that is regained by one division per splat, 2u each; upstream signs alternate,
-                // so sums are smaller than their terms by about sqrt(128), and residuals weigh up to 3.3 squared.
+                // so sums are smaller than their terms by about sqrt(128), and residuals contribution up to 3.3 squared.
                 // What is small beside the typical sum is judged by that.
                 let outputs = (0..9).map(|quantity| {
                     let expected = case.sums[quantity].clone();

@@ -3,10 +3,10 @@
 use crate::metamorphic::draw;
 use crate::scenes::{self, Scene};
 use ashfall::layout::ALPHA_MAX;
-use ashfall::reference::bound::{Savings, Traced, color_errors, trace};
+use ashfall::reference::bound::{Approximations, Traced, color_errors, trace};
 use ashfall::reference::frame::center;
 use ashfall::reference::rasterize::{composite, layer, power};
-use ashfall::reference::{Cuts, Pixel, Splat, Viewpoint, frame};
+use ashfall::reference::{Pixel, Splat, Thresholds, Viewpoint, frame};
 use ashfall::scene::sh_coefficient_count;
 
 fn cases() -> Vec<Scene> {
@@ -17,8 +17,8 @@ fn cases() -> Vec<Scene> {
     ]
 }
 
-fn full(scene: &Scene, savings: &[Savings]) -> Vec<Traced> {
-    trace(&scene.splats, &scene.camera, &scene.options, savings)
+fn full(scene: &Scene, approximations: &[Approximations]) -> Vec<Traced> {
+    trace(&scene.splats, &scene.camera, &scene.options, approximations)
 }
 
 /// Largest difference of a channel.
@@ -49,8 +49,8 @@ fn judge(name: &str, pixels: &[Pixel<f64>], traced: &[Traced], tightness: f64) {
 #[test]
 fn without_savings_the_traced_frame_is_the_whole_one() {
     for mut scene in cases() {
-        let traced = full(&scene, &[Savings::NONE]);
-        scene.options.cuts = Cuts::NONE;
+        let traced = full(&scene, &[Approximations::NONE]);
+        scene.options.thresholds = Thresholds::NONE;
         for (pixel, traced) in draw(&scene).pixels.iter().zip(&traced) {
             assert!(error(pixel, traced) < 1e-12);
             // Splats too faint to be seen are the only thing that is never promised.
@@ -68,16 +68,16 @@ fn cuts_and_stops_keep_to_their_bounds() {
             (1e-6, 0.1),
             (0.1, 0.2),
         ] {
-            let savings = Savings {
+            let approximations = Approximations {
                 alpha_min,
                 transmittance_min,
-                ..Savings::NONE
+                ..Approximations::NONE
             };
-            let traced = full(&scene, &[savings]);
-            scene.options.cuts = Cuts {
+            let traced = full(&scene, &[approximations]);
+            scene.options.thresholds = Thresholds {
                 alpha_min,
                 transmittance_min,
-                ..Cuts::ENGINE
+                ..Thresholds::ENGINE
             };
             let name = format!("cut {alpha_min:.1e}, stop {transmittance_min:.1e}");
             judge(&name, &draw(&scene).pixels, &traced, 0.05);
@@ -88,7 +88,7 @@ fn cuts_and_stops_keep_to_their_bounds() {
 #[test]
 fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
     for mut scene in cases() {
-        scene.options.cuts = Cuts::NONE;
+        scene.options.thresholds = Thresholds::NONE;
         for degree in 0..scene.splats.sh_degree {
             let kept = 3 * sh_coefficient_count(degree);
             let (sh, stride) = (scene.splats.sh.clone(), scene.splats.sh_stride());
@@ -99,11 +99,11 @@ fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
                     0.0
                 }
             };
-            let savings = Savings {
+            let approximations = Approximations {
                 color_error: color_errors(&scene.splats, stored),
-                ..Savings::NONE
+                ..Approximations::NONE
             };
-            let traced = full(&scene, &[savings]);
+            let traced = full(&scene, &[approximations]);
             let mut shown = scene.clone();
             shown.options.sh_degree = degree;
             judge(
@@ -114,11 +114,11 @@ fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
             );
         }
         let coarse = |i: usize| f64::from((scene.splats.sh[i] * 64.0).round() / 64.0);
-        let savings = Savings {
+        let approximations = Approximations {
             color_error: color_errors(&scene.splats, coarse),
-            ..Savings::NONE
+            ..Approximations::NONE
         };
-        let traced = full(&scene, &[savings]);
+        let traced = full(&scene, &[approximations]);
         let mut shown = scene.clone();
         for value in &mut shown.splats.sh {
             *value = (*value * 64.0).round() / 64.0;
@@ -141,21 +141,21 @@ fn removed_splats_and_short_ones_keep_to_their_bounds() {
             let pixel = |i| {
                 let at = center(i, width);
                 let kept = (0..list.len()).filter(|&rank| keep(rank, at));
-                let layers = kept.filter_map(|rank| layer(&list[rank], at, &Cuts::NONE));
+                let layers = kept.filter_map(|rank| layer(&list[rank], at, &Thresholds::NONE));
                 composite(layers, scene.options.background, 0.0).0
             };
             pixels.map(pixel).collect()
         };
         let short = draw(&|rank, at| 2.0 * power(&list[rank], at) <= sigma_max * sigma_max);
-        let sigma = Savings {
+        let sigma = Approximations {
             sigma_max,
-            ..Savings::NONE
+            ..Approximations::NONE
         };
         judge("short", &short, &full(&scene, &[sigma]), 0.1);
         let fewer = draw(&|rank, _| !removed[splat_from_rank[rank]]);
-        let gone = Savings {
+        let gone = Approximations {
             removed,
-            ..Savings::NONE
+            ..Approximations::NONE
         };
         judge("fewer", &fewer, &full(&scene, &[gone]), 0.1);
     }
@@ -167,16 +167,16 @@ fn alphas_that_are_off_by_a_share_keep_to_their_bounds() {
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
         let screen = frame::project_all(&Splat::<f64>::all(&scene.splats), &view);
         let (list, _) = frame::sorted(&screen);
-        let cut = Cuts {
+        let cut = Thresholds {
             alpha_min: 1.0 / 64.0,
             transmittance_min: 1e-2,
-            ..Cuts::ENGINE
+            ..Thresholds::ENGINE
         };
         // All too high, all too low, and by turns.
         let signs = [[1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
-        for (cuts, share) in [
-            (Cuts::NONE, 1e-3),
-            (Cuts::NONE, 0.05),
+        for (thresholds, share) in [
+            (Thresholds::NONE, 1e-3),
+            (Thresholds::NONE, 0.05),
             (cut, 1e-3),
             (cut, 0.05),
         ] {
@@ -185,25 +185,25 @@ fn alphas_that_are_off_by_a_share_keep_to_their_bounds() {
                 let pixel = |i: usize| {
                     let ranks = 0..list.len();
                     let layers = ranks.filter_map(|rank| {
-                        let mut layer = layer(&list[rank], center(i, width), &cuts)?;
+                        let mut layer = layer(&list[rank], center(i, width), &thresholds)?;
                         let off = 1.0 + share * signs[rank % 2];
                         layer.alpha = (layer.alpha * off).min(f64::from(ALPHA_MAX));
                         Some(layer)
                     });
-                    let stop = cuts.transmittance_min;
+                    let stop = thresholds.transmittance_min;
                     composite(layers, scene.options.background, stop).0
                 };
                 let pixels: Vec<_> = (0..width * scene.camera.height as usize)
                     .map(pixel)
                     .collect();
-                let savings = Savings {
-                    alpha_min: cuts.alpha_min,
-                    transmittance_min: cuts.transmittance_min,
+                let approximations = Approximations {
+                    alpha_min: thresholds.alpha_min,
+                    transmittance_min: thresholds.transmittance_min,
                     alpha_error: share,
-                    ..Savings::NONE
+                    ..Approximations::NONE
                 };
                 let name = format!("alphas off by {share}, {signs:?}");
-                judge(&name, &pixels, &full(&scene, &[savings]), 0.1);
+                judge(&name, &pixels, &full(&scene, &[approximations]), 0.1);
             }
         }
     }
@@ -215,8 +215,8 @@ fn splats_of_one_depth_may_come_in_any_order() {
     let mut scene = scenes::gentle(64, 50, 24, 24, 0);
     let mean = scene.splats.mean[0];
     scene.splats.mean.fill(mean);
-    scene.options.cuts = Cuts::NONE;
-    let traced = full(&scene, &[Savings::NONE]);
+    scene.options.thresholds = Thresholds::NONE;
+    let traced = full(&scene, &[Approximations::NONE]);
     let mut turned = scene.clone();
     turned.splats.quaternion.reverse();
     turned.splats.log_scale.reverse();
@@ -246,23 +246,23 @@ fn scenes_stored_in_fewer_digits_keep_to_their_bounds() {
             .iter_mut()
             .for_each(round);
         stored.opacity_logit.iter_mut().for_each(round);
-        let exact = Savings {
+        let exact = Approximations {
             stored: Some(stored.clone()),
-            ..Savings::NONE
+            ..Approximations::NONE
         };
-        let cut = Savings {
+        let cut = Approximations {
             alpha_min: 1.0 / 64.0,
             transmittance_min: 1e-2,
             ..exact.clone()
         };
         let traced = [full(&scene, &[exact]), full(&scene, &[cut])];
         scene.splats = stored;
-        scene.options.cuts = Cuts::NONE;
+        scene.options.thresholds = Thresholds::NONE;
         judge("shapes", &draw(&scene).pixels, &traced[0], 0.2);
-        scene.options.cuts = Cuts {
+        scene.options.thresholds = Thresholds {
             alpha_min: 1.0 / 64.0,
             transmittance_min: 1e-2,
-            ..Cuts::ENGINE
+            ..Thresholds::ENGINE
         };
         judge("shapes, cut", &draw(&scene).pixels, &traced[1], 0.1);
     }

@@ -1,10 +1,10 @@
 //! Bounds of what gradients may lose hold for every parameter, and are not idle.
 
 use crate::scenes::{self, Random, Scene};
-use ashfall::reference::bound::{GradientBounds, Rounding, Savings, gradient_bounds};
+use ashfall::reference::bound::{Approximations, GradientBounds, Rounding, gradient_bounds};
 use ashfall::reference::gradient::{SplatGradients, backward};
 use ashfall::reference::rasterize_backward::PixelGradient;
-use ashfall::reference::{Cuts, Options};
+use ashfall::reference::{Options, Thresholds};
 
 /// A linear function of the picture: other weights for every pixel and channel, of either sign.
 fn upstream(scene: &Scene) -> Vec<[f64; 3]> {
@@ -15,14 +15,14 @@ fn upstream(scene: &Scene) -> Vec<[f64; 3]> {
         .collect()
 }
 
-fn exact(scene: &Scene, cuts: Cuts) -> SplatGradients {
+fn exact(scene: &Scene, thresholds: Thresholds) -> SplatGradients {
     let pixel = |color| PixelGradient {
         color,
         ..PixelGradient::default()
     };
     let upstream: Vec<PixelGradient> = upstream(scene).into_iter().map(pixel).collect();
     let options = Options {
-        cuts,
+        thresholds,
         ..scene.options
     };
     backward(&scene.splats, &scene.camera, &options, &upstream).1
@@ -34,13 +34,13 @@ const ROUNDING: Rounding = Rounding {
     unit: 1.0 / (1u64 << 53) as f64,
 };
 
-fn bounds(scene: &Scene, savings: &[Savings]) -> GradientBounds {
+fn bounds(scene: &Scene, approximations: &[Approximations]) -> GradientBounds {
     gradient_bounds(
         &scene.splats,
         &scene.camera,
         &scene.options,
         &upstream(scene),
-        savings,
+        approximations,
         ROUNDING,
     )
 }
@@ -98,22 +98,22 @@ fn gradients_under_cuts_and_stops_keep_to_their_bounds() {
         scenes::gentle(71, 60, 32, 24, 2),
         scenes::hard(72, 90, 33, 25, 1),
     ] {
-        let whole = exact(&scene, Cuts::NONE);
+        let whole = exact(&scene, Thresholds::NONE);
         for (alpha_min, transmittance_min) in [(1.0 / 255.0, 1e-4), (1.0 / 16.0, 1e-9), (1e-6, 0.1)]
         {
-            let savings = Savings {
+            let approximations = Approximations {
                 alpha_min,
                 transmittance_min,
-                ..Savings::NONE
+                ..Approximations::NONE
             };
-            let promised = bounds(&scene, &[savings]);
-            let cuts = Cuts {
+            let promised = bounds(&scene, &[approximations]);
+            let thresholds = Thresholds {
                 alpha_min,
                 transmittance_min,
-                ..Cuts::ENGINE
+                ..Thresholds::ENGINE
             };
             let name = format!("cut {alpha_min:.1e}, stop {transmittance_min:.1e}");
-            let found = exact(&scene, cuts);
+            let found = exact(&scene, thresholds);
             let GradientBounds {
                 bounds, rounding, ..
             } = &promised;
@@ -126,11 +126,11 @@ fn gradients_under_cuts_and_stops_keep_to_their_bounds() {
 fn gradients_without_some_splats_keep_to_their_bounds() {
     let scene = scenes::gentle(73, 50, 30, 22, 1);
     let removed: Vec<bool> = (0..scene.splats.len()).map(|i| i % 4 == 0).collect();
-    let gone = Savings {
+    let gone = Approximations {
         removed: removed.clone(),
-        ..Savings::NONE
+        ..Approximations::NONE
     };
-    let whole = exact(&scene, Cuts::NONE);
+    let whole = exact(&scene, Thresholds::NONE);
     let mut fewer = scene.clone();
     for (logit, gone) in fewer.splats.opacity_logit.iter_mut().zip(&removed) {
         if *gone {
@@ -138,7 +138,7 @@ fn gradients_without_some_splats_keep_to_their_bounds() {
         }
     }
     let promised = bounds(&scene, &[gone]);
-    let found = exact(&fewer, Cuts::NONE);
+    let found = exact(&fewer, Thresholds::NONE);
     judge(
         "fewer",
         &whole,
@@ -154,14 +154,14 @@ fn gradients_of_splats_of_one_depth_do_not_depend_on_their_order() {
     let mut scene = scenes::gentle(74, 20, 20, 20, 0);
     let mean = scene.splats.mean[0];
     scene.splats.mean.fill(mean);
-    let promised = bounds(&scene, &[Savings::NONE]);
+    let promised = bounds(&scene, &[Approximations::NONE]);
     let mut turned = scene.clone();
     turned.splats.quaternion.reverse();
     turned.splats.log_scale.reverse();
     turned.splats.opacity_logit.reverse();
     turned.splats.sh = scene.splats.sh.chunks(3).rev().flatten().copied().collect();
-    let whole = exact(&scene, Cuts::NONE);
-    let mut back = exact(&turned, Cuts::NONE);
+    let whole = exact(&scene, Thresholds::NONE);
+    let mut back = exact(&turned, Thresholds::NONE);
     back.mean.reverse();
     back.quaternion.reverse();
     back.log_scale.reverse();
@@ -176,7 +176,7 @@ fn gradients_of_splats_of_one_depth_do_not_depend_on_their_order() {
 #[test]
 fn without_savings_nothing_but_rounding_is_allowed() {
     let scene = scenes::hard(75, 60, 24, 24, 1);
-    let promised = bounds(&scene, &[Savings::NONE]);
+    let promised = bounds(&scene, &[Approximations::NONE]);
     for (group, bound) in groups(&promised.bounds[0]) {
         // The scene has splats at the cap of alpha, where a gradient may be on or off.
         let idle = bound.iter().filter(|b| **b == 0.0).count();

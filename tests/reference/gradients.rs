@@ -11,7 +11,7 @@ use ashfall::reference::rasterize::Layer;
 use ashfall::reference::rasterize_backward::{PixelGradient, isect_backward};
 use ashfall::reference::tiles::Grid;
 use ashfall::reference::{
-    Cuts, Dual, Options, Real, ScreenSplat, Splat, Viewpoint, frame, loss_gradient, rasterize,
+    Dual, Options, Real, ScreenSplat, Splat, Thresholds, Viewpoint, frame, loss_gradient, rasterize,
 };
 use ashfall::scene::RenderMode;
 
@@ -61,7 +61,7 @@ fn the_composed_gradient_is_that_of_the_whole() {
 #[test]
 fn without_cuts_the_gradient_is_the_limit_of_differences() {
     let mut scene = scenes::gentle(24, 8, 24, 19, 2);
-    scene.options.cuts = Cuts::NONE;
+    scene.options.thresholds = Thresholds::NONE;
     let photo = scenes::photo_values(&scenes::photo(4, 24, 19));
     let target = Target::new(24, &photo);
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
@@ -72,7 +72,7 @@ fn without_cuts_the_gradient_is_the_limit_of_differences() {
         row[parameter] = x;
         splats[splat] = Splat::from_parameters(&row);
         let options = &scene.options;
-        let frame = frame::render_splats(&splats, &view, options.background, &options.cuts);
+        let frame = frame::render_splats(&splats, &view, options.background, &options.thresholds);
         loss::loss(&frame.colors(), &target)
     };
     let composed = rows(&scene, &target);
@@ -115,9 +115,11 @@ fn transmittance_and_depth_have_gradients_too() {
             })
             .collect();
         let Options {
-            background, cuts, ..
+            background,
+            thresholds,
+            ..
         } = scene.options;
-        let frame = frame::render_screen(&lifted, 17, 21, background, &cuts);
+        let frame = frame::render_screen(&lifted, 17, 21, background, &thresholds);
         let objective: Dual<10> = frame
             .pixels
             .iter()
@@ -136,11 +138,13 @@ fn transmittance_and_depth_have_gradients_too() {
         assert!(gradient.weight_max <= gradient.weight_sum);
     }
     let Options {
-        background, cuts, ..
+        background,
+        thresholds,
+        ..
     } = scene.options;
     let grid = Grid::new(17, 21);
-    let by_tile = isect_backward(&screen, &grid, background, &cuts, &upstream);
-    let touched = expand(&screen, &grid, &cuts);
+    let by_tile = isect_backward(&screen, &grid, background, &thresholds, &upstream);
+    let touched = expand(&screen, &grid, &thresholds);
     let mut sums = vec![0.0; screen.len()];
     for (isect, gradient) in &by_tile {
         assert!(
@@ -168,11 +172,11 @@ fn a_capped_alpha_has_no_gradient() {
         slot += 1;
         Dual::<10>::variable(value, Some(slot - 1))
     }));
-    let at = |position| rasterize::layer(&lifted, position, &Cuts::ENGINE);
+    let at = |position| rasterize::layer(&lifted, position, &Thresholds::ENGINE);
     let peak: Option<Layer<Dual<10>>> = at([5.5, 5.5]);
     assert_eq!(
         peak.map(|l| l.alpha),
-        Some(Dual::of(Cuts::ENGINE.alpha_max))
+        Some(Dual::of(Thresholds::ENGINE.alpha_max))
     );
     assert!(at([7.5, 5.5]).is_some_and(|l| l.alpha.d[0] > 0.0));
 }
@@ -206,7 +210,7 @@ fn a_quaternions_length_has_no_gradient() {
 #[test]
 fn moving_all_splats_is_moving_the_camera_back() {
     let mut scene = scenes::gentle(27, 10, 27, 22, 2);
-    scene.options.cuts = Cuts::NONE;
+    scene.options.thresholds = Thresholds::NONE;
     let photo = scenes::photo_values(&scenes::photo(6, 27, 22));
     let target = Target::new(27, &photo);
     let d_mean = loss_gradient(&scene.splats, &scene.camera, &scene.options, &target)

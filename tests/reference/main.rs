@@ -2,7 +2,6 @@
 
 mod bounds;
 mod closed_forms;
-mod cuts;
 mod derivatives;
 mod gradient_bounds;
 mod gradients;
@@ -16,6 +15,7 @@ mod rays;
 mod sample;
 #[path = "../common/scenes.rs"]
 mod scenes;
+mod thresholds;
 
 /// Asserts that two numbers agree within `tolerance` times the larger magnitude, or absolutely within
 /// `tolerance * scale`.

@@ -4,7 +4,9 @@ use crate::assert_close;
 use crate::scenes::{self, POISON, Random, Scene};
 use ashfall::reference::frame::{center, project_all, render_screen, sorted};
 use ashfall::reference::rasterize::{blended, layer};
-use ashfall::reference::{Cuts, Frame, Options, ScreenSplat, Splat, Viewpoint, frame, render};
+use ashfall::reference::{
+    Frame, Options, ScreenSplat, Splat, Thresholds, Viewpoint, frame, render,
+};
 use ashfall::scene::{SH_C0, Splats};
 
 pub(crate) fn draw(scene: &Scene) -> Frame<f64> {
@@ -18,14 +20,16 @@ pub(crate) fn on_screen(scene: &Scene) -> Vec<Option<ScreenSplat<f64>>> {
 
 fn draw_screen(scene: &Scene, screen: &[Option<ScreenSplat<f64>>]) -> Frame<f64> {
     let Options {
-        background, cuts, ..
+        background,
+        thresholds,
+        ..
     } = scene.options;
     render_screen(
         screen,
         scene.camera.width,
         scene.camera.height,
         background,
-        &cuts,
+        &thresholds,
     )
 }
 
@@ -65,7 +69,7 @@ fn scale_does_not_show() {
             })
             .collect();
         let options = &scene.options;
-        let scaled = frame::render_splats(&splats, &far, options.background, &options.cuts);
+        let scaled = frame::render_splats(&splats, &far, options.background, &options.thresholds);
         for (a, b) in picture.pixels.iter().zip(&scaled.pixels) {
             assert_close(a.transmittance, b.transmittance, 1e-11, 1.0);
             assert_close(a.depth * factor, b.depth, 1e-11, factor);
@@ -112,7 +116,7 @@ fn two_halves_make_a_picture() {
         shifted.camera.width = 20;
         shifted.camera.center.x -= f64::from(20 * half);
         let options = &scene.options;
-        let part = frame::render_splats(&splats, &shifted, options.background, &options.cuts);
+        let part = frame::render_splats(&splats, &shifted, options.background, &options.thresholds);
         for (index, pixel) in part.pixels.iter().enumerate() {
             let expected = whole.pixels[index / 20 * 40 + index % 20 + 20 * half as usize];
             assert_close(pixel.color[0], expected.color[0], 1e-11, 1.0);
@@ -197,7 +201,7 @@ fn a_quaternions_length_does_not_show() {
 #[test]
 fn removal_is_worth_the_weight() {
     let mut scene = scenes::gentle(37, 20, 24, 24, 0);
-    scene.options.cuts = Cuts::NONE;
+    scene.options.thresholds = Thresholds::NONE;
     let screen = on_screen(&scene);
     let whole = draw_screen(&scene, &screen);
     let (list, _) = sorted(&screen);
@@ -215,8 +219,9 @@ fn removal_is_worth_the_weight() {
     for pixel in 0..whole.pixels.len() {
         let position = center(pixel, 24);
         let (mut transmittance, mut weight_one, mut weight_some) = (1.0, 0.0, 0.0);
-        for index in blended(&list, &order, position, &scene.options.cuts) {
-            let alpha = layer(&list[index], position, &scene.options.cuts).map_or(0.0, |l| l.alpha);
+        for index in blended(&list, &order, position, &scene.options.thresholds) {
+            let alpha =
+                layer(&list[index], position, &scene.options.thresholds).map_or(0.0, |l| l.alpha);
             if index == one {
                 weight_one = alpha * transmittance;
             }
@@ -276,7 +281,7 @@ fn one_colour_shows_the_coverage() {
 #[test]
 fn a_splat_twice_is_a_denser_splat() {
     let mut scene = scenes::gentle(40, 1, 24, 24, 0);
-    scene.options.cuts = Cuts::NONE;
+    scene.options.thresholds = Thresholds::NONE;
     let once = draw(&scene);
     scene.splats = permuted(&scene.splats, &[0, 0]);
     for (twice, once) in draw(&scene).pixels.iter().zip(&once.pixels) {

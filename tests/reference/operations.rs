@@ -13,7 +13,7 @@ use ashfall::reference::relocate;
 use ashfall::reference::scan::scan;
 use ashfall::reference::sort::sort;
 use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max, extent};
-use ashfall::reference::{Cuts, Splat, Viewpoint};
+use ashfall::reference::{Splat, Thresholds, Viewpoint};
 
 #[test]
 fn adams_first_step_is_the_learning_rate() {
@@ -118,8 +118,8 @@ fn the_extent_is_as_far_as_a_splat_reaches() {
         .iter()
         .flatten()
     {
-        let [half_width, half_height] = extent(splat, &Cuts::ENGINE);
-        let seen = |x: f64, y: f64| layer(splat, [x, y], &Cuts::ENGINE).is_some();
+        let [half_width, half_height] = extent(splat, &Thresholds::ENGINE);
+        let seen = |x: f64, y: f64| layer(splat, [x, y], &Thresholds::ENGINE).is_some();
         let [x, y] = splat.mean;
         let steps = || (-2000..=2000).map(|i| f64::from(i) / 2000.0);
         // On the box's edges the splat shows at the one point where the ellipse touches, not beyond.
@@ -140,7 +140,7 @@ fn expansion_goes_by_depth_then_tile() {
     let scene = scenes::gentle(6, 30, 40, 40, 0);
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
     let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
-    let list = expand(&screen, &Grid::new(40, 40), &Cuts::ENGINE);
+    let list = expand(&screen, &Grid::new(40, 40), &Thresholds::ENGINE);
     assert!(!list.is_empty());
     let key = |i: &ashfall::reference::expand::Isect| {
         (screen[i.splat as usize].map_or(0.0, |s| s.depth), i.tile)

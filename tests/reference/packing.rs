@@ -3,7 +3,7 @@
 use crate::scenes::{self, Random};
 use crate::{assert_close, pack};
 use ashfall::reference::rasterize_backward::{PixelGradient, ScreenGradient, pixel_backward};
-use ashfall::reference::{Cuts, Splat, Viewpoint, frame};
+use ashfall::reference::{Splat, Thresholds, Viewpoint, frame};
 
 #[test]
 fn packing_keeps_the_meaning() {
@@ -32,7 +32,7 @@ fn packing_keeps_the_meaning() {
                 &[0],
                 at,
                 scene.options.background,
-                &Cuts::NONE,
+                &Thresholds::NONE,
                 &upstream,
             );
             let d = &said[0].1;

@@ -1,12 +1,12 @@
 //! Splats along rays: where linear projection is exact in the limit, and where it is known to fail.
 
 use crate::scenes::{self, Scene};
-use ashfall::reference::{Cuts, ray, render};
+use ashfall::reference::{Thresholds, ray, render};
 
 /// Largest difference of a channel between linear projection and rays.
 fn apart(scene: &Scene) -> f64 {
     let mut options = scene.options;
-    options.cuts = Cuts::NONE;
+    options.thresholds = Thresholds::NONE;
     let linear = render(&scene.splats, &scene.camera, &options);
     let pixels: Vec<usize> = (0..linear.pixels.len()).collect();
     let rays = ray::colors(&scene.splats, &scene.camera, &options, &pixels);

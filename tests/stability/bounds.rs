@@ -9,7 +9,7 @@ use ashfall::kernels::expand::{self, Expand};
 use ashfall::layout::{COUNT_BAND_END, COUNT_SLOTS, DispatchArgs};
 use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::tiles::{Grid, alpha_max, extent};
-use ashfall::reference::{Cuts, ScreenSplat, Splat, Viewpoint, project};
+use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use ashfall::render::view_of;
 use ashfall::scene::RenderMode;
 
@@ -31,7 +31,7 @@ fn f031_radius() {
             .filter(|(_, s)| s[1] > 0.0)
         {
             let exact = project(&Splat::<f64>::of(&scene.splats, i), &view).unwrap();
-            let [x, y] = extent(&exact, &Cuts::ENGINE);
+            let [x, y] = extent(&exact, &Thresholds::ENGINE);
             // Near the cut the level is a difference of logarithms, with 1e-5 added to it.
             if exact.opacity > 1.2 / 255.0 {
                 worst = worst.max((f64::from(seen[2]) / x.max(y) - 1.0).abs());
@@ -141,7 +141,7 @@ fn f034_bounds_beyond_integers() {
 /// Tiles of a square image whose pixels' centres span a rectangle that the ellipse touches.
 pub(crate) fn touched_tiles(splat: &ScreenSplat<f64>, side: u32) -> u32 {
     let grid = Grid::new(side, side);
-    let over = |&tile: &u32| alpha_max(splat, &grid, tile) >= Cuts::ENGINE.alpha_min;
+    let over = |&tile: &u32| alpha_max(splat, &grid, tile) >= Thresholds::ENGINE.alpha_min;
     (0..grid.len()).filter(over).count() as u32
 }
 
@@ -160,7 +160,7 @@ fn f035_tiles_of_ellipses() {
             let Some(exact) = on_screen(&scene) else {
                 continue;
             };
-            let cut = Cuts::ENGINE.alpha_min;
+            let cut = Thresholds::ENGINE.alpha_min;
             let over = |cut: f64| {
                 (0..grid.len())
                     .filter(|&t| alpha_max(&exact, &grid, t) >= cut)
@@ -214,12 +214,12 @@ fn f036_count_and_list() {
             splat_from_rank: &gpu.buffer_from("ranks", &visible).unwrap(),
             isect_from_rank: &gpu.buffer_from("begins", &begins).unwrap(),
             tile_count_from_splat: &gpu.buffer_from("tiles", &tiles).unwrap(),
-            shape_from_splat: &gpu.buffer_from("shapes", &shapes).unwrap(),
-            tone_from_splat: &gpu.buffer_from("tones", &tones).unwrap(),
+            ellipse_from_splat: &gpu.buffer_from("shapes", &shapes).unwrap(),
+            whiten_rg_from_splat: &gpu.buffer_from("tones", &tones).unwrap(),
             tile_from_isect: &tile,
-            source_from_isect: &source,
-            splat_from_source: &owner,
-            source_from_splat: &gpu.buffer("begin", tiles.len()).unwrap(),
+            emitted_from_isect: &source,
+            splat_from_emitted: &owner,
+            emitted_from_splat: &gpu.buffer("begin", tiles.len()).unwrap(),
         };
         let args = DispatchArgs {
             x: (visible.len() as u32).div_ceil(64),

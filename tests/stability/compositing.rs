@@ -11,7 +11,7 @@ use ashfall::io::png::to_byte;
 use ashfall::layout::ALPHA_MAX;
 use ashfall::reference::frame::{center, project_all, sorted};
 use ashfall::reference::rasterize::{layer, raw_alpha};
-use ashfall::reference::{Cuts, ScreenSplat, Splat, Viewpoint, frame};
+use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint, frame};
 use glam::{DQuat, DVec3};
 
 /// An alpha that is no number is no opaque splat.
@@ -134,7 +134,7 @@ fn f055_stop_includes_the_last() {
     for seed in 0..40 {
         let mut scene = column(&opacities(random), seed);
         let image = lab.draw(&scene);
-        scene.options.cuts.transmittance_min = 0.0;
+        scene.options.thresholds.transmittance_min = 0.0;
         let whole = frame::render(&scene.splats, &scene.camera, &scene.options);
         for c in 0..3 {
             worst = worst.max((f64::from(image.rgb[0][c]) - whole.pixels[0].color[c]).abs());
@@ -150,7 +150,7 @@ fn f055_stop_includes_the_last() {
     );
 }
 
-/// What the cuts leave out of every pixel is worth no more than the weights that they drop.
+/// What the thresholds leave out of every pixel is worth no more than the weights that they drop.
 #[test]
 fn f056_what_the_cut_costs() {
     let lab = lab();
@@ -163,15 +163,15 @@ fn f056_what_the_cut_costs() {
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(&scene.splats), &view));
     let mut without = scene.clone();
-    without.options.cuts = Cuts::NONE;
+    without.options.thresholds = Thresholds::NONE;
     let whole = frame::render(&without.splats, &without.camera, &without.options);
     let (mut beyond, mut most) = (f64::NEG_INFINITY, 0.0f64);
     for (i, pixel) in whole.pixels.iter().enumerate() {
         let (mut through, mut dropped, mut range) = (1.0, 0.0, 1.0f64);
         for splat in &list {
-            let alpha = raw_alpha(splat, center(i, 48)).min(Cuts::ENGINE.alpha_max);
+            let alpha = raw_alpha(splat, center(i, 48)).min(Thresholds::ENGINE.alpha_max);
             // A little more than the cut: rounding may drop what lies on it.
-            if alpha < Cuts::ENGINE.alpha_min * 1.0001 {
+            if alpha < Thresholds::ENGINE.alpha_min * 1.0001 {
                 dropped += alpha * through;
             }
             range = splat.color.iter().fold(range, |m, &c| m.max(c));
@@ -335,7 +335,7 @@ fn f063_exponential() {
     let (mut worst, mut count) = (0.0f64, 0);
     for (i, through) in image.transmittance.iter().enumerate() {
         if let Some(exact) =
-            layer(&seen, center(i, 1024), &Cuts::ENGINE).filter(|l| l.alpha > 1.01 / 255.0)
+            layer(&seen, center(i, 1024), &Thresholds::ENGINE).filter(|l| l.alpha > 1.01 / 255.0)
         {
             // The transmittance rounds by U, whatever alpha is.
             let found = 1.0 - f64::from(*through);

@@ -6,7 +6,7 @@ use crate::props::{OPAQUE, Prop, place, stage};
 use crate::scenes::{self, Random, Scene};
 use ashfall::reference::linear::{dot, product, rotation, sub, vector};
 use ashfall::reference::rasterize::raw_alpha;
-use ashfall::reference::{Cuts, ScreenSplat, Splat, Viewpoint, project};
+use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use ashfall::scene::RenderMode;
 
 /// An opaque splat of an aspect and random orientation over the middle of the image, its long σ 1 to 2,000 px.
@@ -46,14 +46,14 @@ pub(crate) fn alpha_errors(scene: &Scene) -> Vec<f64> {
     };
     let image = lab().draw(scene);
     let width = scene.camera.width as usize;
-    let cuts = Cuts::ENGINE;
+    let thresholds = Thresholds::ENGINE;
     let mut errors = Vec::new();
     for (i, through) in image.transmittance.iter().enumerate() {
         let at = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
-        let alpha = raw_alpha(&exact, at).min(cuts.alpha_max);
-        if alpha > 1.02 * cuts.alpha_min {
+        let alpha = raw_alpha(&exact, at).min(thresholds.alpha_max);
+        if alpha > 1.02 * thresholds.alpha_min {
             errors.push((1.0 - f64::from(*through) - alpha).abs());
-        } else if alpha < 0.98 * cuts.alpha_min {
+        } else if alpha < 0.98 * thresholds.alpha_min {
             assert_eq!(
                 *through, 1.0,
                 "something is drawn outside the ellipse at {at:?}"

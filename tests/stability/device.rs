@@ -20,11 +20,11 @@ fn shaders() -> Vec<(PathBuf, String)> {
     for folder in [folder.join("shared"), folder] {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            // Yardsticks do as others do; nothing but a benchmark runs them.
-            let yardstick = path
+            // Baselines do as others do; nothing but a benchmark runs them.
+            let baseline = path
                 .file_name()
-                .is_some_and(|n| n.to_string_lossy().starts_with("classical"));
-            if path.is_file() && !yardstick {
+                .is_some_and(|n| n.to_string_lossy().starts_with("baseline_16x16"));
+            if path.is_file() && !baseline {
                 let text = fs::read_to_string(&path).unwrap();
                 let code = text
                     .lines()
@@ -66,10 +66,10 @@ fn f109_fresh_memory_is_poisoned() {
 /// Every kernel has a form that needs nothing special of the device.
 #[test]
 fn f110_portable_forms() {
-    // The classical ones are yardsticks, which nothing but a benchmark runs.
+    // The baseline_16x16 ones are baselines, which nothing but a benchmark runs.
     for info in KERNELS
         .iter()
-        .filter(|info| !info.kernel.starts_with("classical"))
+        .filter(|info| !info.kernel.starts_with("baseline_16x16"))
     {
         let base = KERNELS
             .iter()

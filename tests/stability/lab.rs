@@ -7,7 +7,7 @@ use crate::scenes::Scene;
 use ashfall::gpu::Gpu;
 use ashfall::kernels::project::{Bindings, Params, Project};
 use ashfall::reference;
-use ashfall::reference::frame::{self, bands};
+use ashfall::reference::frame::{self, discontinuity_margins};
 use ashfall::reference::gradient::SplatGradients;
 use ashfall::reference::rasterize_backward::PixelGradient;
 use ashfall::render::{
@@ -241,9 +241,9 @@ impl Lab {
         let io = Bindings {
             view: &gpu.buffer_from("view", &[view]).unwrap(),
             params: &gpu.buffer_from("params", &planes).unwrap(),
-            shape_from_splat: &shapes,
-            tone_from_splat: &tones,
-            rest_from_splat: &rests,
+            ellipse_from_splat: &shapes,
+            whiten_rg_from_splat: &tones,
+            blue_depth_from_splat: &rests,
             tile_count_from_splat: &tiles,
             splat_from_slot: &gpu.buffer("splat_from_slot", 1).unwrap(),
         };
@@ -285,18 +285,18 @@ pub(crate) fn rows(gradient: &SplatGradients) -> Vec<Vec<f64>> {
     crate::pack::gradient_rows(gradient)
 }
 
-/// The largest error of a drawn scene's colours and transmittance, where no discontinuity is within `band`.
-pub(crate) fn apart(scene: &Scene, image: &Rendered, band: f64) -> f64 {
+/// The largest error of a drawn scene's colours and transmittance, where no discontinuity is within `margin`.
+pub(crate) fn apart(scene: &Scene, image: &Rendered, margin: f64) -> f64 {
     let expected = frame::render(&scene.splats, &scene.camera, &scene.options);
-    let bands = bands(&scene.splats, &scene.camera, &scene.options);
+    let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
     let mut worst = 0.0f64;
-    for (i, (pixel, at)) in expected.pixels.iter().zip(&bands).enumerate() {
+    for (i, (pixel, at)) in expected.pixels.iter().zip(&margins).enumerate() {
         let mut error = (f64::from(image.transmittance[i]) - pixel.transmittance).abs();
         for c in 0..3 {
             error = error.max((f64::from(image.rgb[i][c]) - pixel.color[c]).abs());
         }
         assert!(error.is_finite(), "pixel {i} is not finite");
-        if at.nearest() > band {
+        if at.nearest() > margin {
             worst = worst.max(error);
         }
     }

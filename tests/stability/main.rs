@@ -42,11 +42,11 @@ mod numerics;
 mod numerics_more;
 mod numerics_order;
 mod optimiser;
-mod original;
 #[path = "../common/pack.rs"]
 mod pack;
 mod projection;
 mod props;
+mod rasterize_inria;
 mod relations;
 mod relations_light;
 mod relations_step;

@@ -6,7 +6,7 @@ use crate::lab::{Lab, lab, within};
 use crate::scenes::{self, Scene};
 use crate::trained::{cameras, psnr_db, train};
 use crate::{lab, pack};
-use ashfall::reference::frame::bands;
+use ashfall::reference::frame::discontinuity_margins;
 use ashfall::render::{
     Accuracy, Model, RenderOptions, Rendered, Renderer, ViewOptions, planes_from_splats,
 };
@@ -56,7 +56,7 @@ fn f029_zoom_sweep() {
     let lab = lab();
     let scene = synth::scene(Kind::Demo);
     let dataset = dataset(&scene);
-    // Training amplifies rounding: one run's gain is uncertain by some tenths of a decibel, the mean of three less.
+    // Training amplifies rounding: one run's gain is uncertain by some steps_of_ten_percent of a decibel, the mean of three less.
     let trained = [RenderMode::Default, RenderMode::Mip].map(|mode| {
         [0, 1, 2].map(|seed| {
             let config = TrainConfig {
@@ -240,8 +240,8 @@ fn f029_no_shimmer_between_pixels() {
 
 /// The largest difference of two pictures of a scene, away from its discontinuities.
 fn apart(scene: &Scene, a: &Rendered, b: &Rendered) -> f64 {
-    let bands = bands(&scene.splats, &scene.camera, &scene.options);
-    let pixels = a.rgb.iter().zip(&b.rgb).zip(&bands);
+    let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
+    let pixels = a.rgb.iter().zip(&b.rgb).zip(&margins);
     let away = pixels.filter(|(_, at)| at.nearest() > 1e-4);
     away.flat_map(|((a, b), _)| (0..3).map(|c| (f64::from(a[c]) - f64::from(b[c])).abs()))
         .fold(0.0, f64::max)

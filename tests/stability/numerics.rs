@@ -12,7 +12,7 @@ use ashfall::layout::{TILE_HEIGHT, TILE_WIDTH};
 use ashfall::reference::frame::center;
 use ashfall::reference::linear::{covariance, product};
 use ashfall::reference::rasterize::raw_alpha;
-use ashfall::reference::{ScreenSplat, Splat, Viewpoint, original, project};
+use ashfall::reference::{ScreenSplat, Splat, Viewpoint, project, rasterize_inria};
 use ashfall::scene::RenderMode;
 
 /// Reports what a formula's naive form and ours lose on the same inputs, and holds ours to its bound and to be better.
@@ -213,7 +213,7 @@ fn b05_bounds() {
     let mut ball = stage(96, 96);
     place(&mut ball, &Prop::ball([40.3, 40.3], 8.0, OPAQUE));
     let exact = on_screen(&ball).unwrap();
-    let [columns, rows] = original::square(&exact);
+    let [columns, rows] = rasterize_inria::square(&exact);
     let image = lab.draw(&ball);
     let (mut naive, mut ours) = (0.0f64, 0.0f64);
     for i in 0..96 * 96 {
@@ -243,7 +243,7 @@ fn b05_bounds() {
             let Some(exact) = on_screen(&scene) else {
                 continue;
             };
-            let spans = original::square(&exact);
+            let spans = rasterize_inria::square(&exact);
             let tiles = |(first, end): (f64, f64), tile: u32| {
                 (end.min(32.0) - first.min(32.0)) * 16.0 / f64::from(tile)
             };

@@ -9,7 +9,7 @@ use crate::sorting::{order_error, stack};
 use ashfall::reference::frame::{depth_order, project_all, render_screen};
 use ashfall::reference::linear::{matrix, transform, transpose};
 use ashfall::reference::rasterize::raw_alpha;
-use ashfall::reference::{Cuts, ScreenSplat, Splat, Viewpoint};
+use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint};
 use glam::{DMat3, DVec3};
 
 /// Keys of 18 bits, as many as a screen of 1920 × 1080 leaves in 32.
@@ -23,7 +23,7 @@ fn b02_full_depth_keys() {
         let scene = stack(903, &depths);
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
         let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
-        let exact = render_screen(&screen, 16, 16, [0.0; 3], &Cuts::ENGINE);
+        let exact = render_screen(&screen, 16, 16, [0.0; 3], &Thresholds::ENGINE);
         let mut order = depth_order(&screen);
         order.sort_unstable();
         let key = |i: &usize| {
@@ -42,7 +42,7 @@ fn b02_full_depth_keys() {
                 })
             })
             .collect();
-        let found = render_screen(&packed, 16, 16, [0.0; 3], &Cuts::ENGINE);
+        let found = render_screen(&packed, 16, 16, [0.0; 3], &Thresholds::ENGINE);
         let pairs = found.pixels.iter().zip(&exact.pixels);
         let naive = pairs
             .flat_map(|(f, e)| [0, 1, 2].map(|c| (f.color[c] - e.color[c]).abs()))
@@ -87,7 +87,7 @@ fn b03_include_last() {
         let (mut whole, mut cut) = ([0.0f64; 3], [0.0f32; 3]);
         let (mut through, mut through_cut, mut open) = (1.0f64, 1.0f32, true);
         for splat in &list {
-            let alpha = raw_alpha(splat, [0.5; 2]).min(Cuts::ENGINE.alpha_max);
+            let alpha = raw_alpha(splat, [0.5; 2]).min(Thresholds::ENGINE.alpha_max);
             if alpha < 1.0 / 255.0 {
                 continue;
             }

@@ -3,21 +3,21 @@
 use crate::lab::{U, image_bound, lab, same, within};
 use crate::props::{OPAQUE, Prop, picked, place, stage};
 use crate::scenes::{self, Random, Scene};
-use ashfall::reference::Band;
-use ashfall::reference::frame::bands;
+use ashfall::reference::DiscontinuityMargin;
+use ashfall::reference::frame::discontinuity_margins;
 use ashfall::render::Rendered;
 use ashfall::scene::RenderMode;
 use glam::{DMat3, DQuat, DVec3, Vec2Swizzles as _};
 
-fn exact_bands(scene: &Scene) -> Vec<Band> {
-    bands(&scene.splats, &scene.camera, &scene.options)
+fn exact_margins(scene: &Scene) -> Vec<DiscontinuityMargin> {
+    discontinuity_margins(&scene.splats, &scene.camera, &scene.options)
 }
 
-/// The largest difference of two pictures over the pixels that are farther than `band` from a discontinuity.
-fn interior(scene: &Scene, a: &Rendered, b: &Rendered, band: f64) -> f64 {
+/// The largest difference of two pictures over the pixels that are farther than `margin` from a discontinuity.
+fn interior(scene: &Scene, a: &Rendered, b: &Rendered, margin: f64) -> f64 {
     let mut worst = 0.0f64;
-    for (i, at) in exact_bands(scene).iter().enumerate() {
-        if at.nearest() > band {
+    for (i, at) in exact_margins(scene).iter().enumerate() {
+        if at.nearest() > margin {
             for c in 0..3 {
                 worst = worst.max((f64::from(a.rgb[i][c]) - f64::from(b.rgb[i][c])).abs());
             }
@@ -59,8 +59,8 @@ fn m01_rigid_motion() {
         let pixel = 3.0 * focal * U * (distance + 8.0) / 2.0 + 6.0 * 64.0 * U;
         let bound = 0.61 / 0.55 * pixel + image_bound(64, 0.55, 40, 1.0);
         // An exponent of up to 5.55 has the slope 3.33 / σ.
-        let band = 3.33 / 0.55 * pixel + 1e-4;
-        let error = interior(&scene, &lab.draw(&other), &clean, band);
+        let margin = 3.33 / 0.55 * pixel + 1e-4;
+        let error = interior(&scene, &lab.draw(&other), &clean, margin);
         within(
             "frame",
             "M1",
@@ -135,7 +135,7 @@ fn m04_halves() {
         place(&mut scene, &prop);
     }
     let whole = lab.draw(&scene);
-    let bands = exact_bands(&scene);
+    let margins = exact_margins(&scene);
     let mut worst = 0.0f64;
     for half in 0..2usize {
         let mut part = scene.clone();
@@ -144,7 +144,7 @@ fn m04_halves() {
         let image = lab.draw(&part);
         for i in 0..32 * 40 {
             let at = i / 32 * 64 + i % 32 + 32 * half;
-            if bands[at].nearest() > 1e-4 {
+            if margins[at].nearest() > 1e-4 {
                 for c in 0..3 {
                     worst = worst.max(f64::from((image.rgb[i][c] - whole.rgb[at][c]).abs()));
                 }
@@ -293,7 +293,7 @@ fn m13_transposition() {
     }
     let (upright, turned) = (lab.draw(&scene), lab.draw(&transposed(&scene)));
     let mut worst = 0.0f64;
-    for (i, at) in exact_bands(&scene)
+    for (i, at) in exact_margins(&scene)
         .iter()
         .enumerate()
         .filter(|(_, at)| at.nearest() > 1e-3)

@@ -8,9 +8,9 @@ use crate::props::picked;
 use crate::scenes::{self, Random, Scene};
 use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
 use ashfall::layout::COUNT_SLOTS;
-use ashfall::reference::frame::{bands, center, project_all, sorted};
+use ashfall::reference::frame::{center, discontinuity_margins, project_all, sorted};
 use ashfall::reference::rasterize::{blended, layer};
-use ashfall::reference::{Cuts, Splat, Viewpoint};
+use ashfall::reference::{Splat, Thresholds, Viewpoint};
 use ashfall::render::Rendered;
 use ashfall::scene::SH_C0;
 
@@ -51,7 +51,7 @@ fn m16_removal() {
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
     let (list, splat_from_rank) = sorted(&project_all(&Splat::<f64>::all(&scene.splats), &view));
     let order: Vec<usize> = (0..list.len()).collect();
-    let cuts = Cuts::ENGINE;
+    let thresholds = Thresholds::ENGINE;
     let mut range = 1.0f64;
     for splat in &list {
         range = splat.color.iter().fold(range, |m, &c| m.max(c));
@@ -59,8 +59,8 @@ fn m16_removal() {
     let mut worst = f64::NEG_INFINITY;
     for i in 0..whole.rgb.len() {
         let (mut through, mut weight) = (1.0, 0.0);
-        for index in blended(&list, &order, center(i, 40), &cuts) {
-            let alpha = layer(&list[index], center(i, 40), &cuts).map_or(0.0, |l| l.alpha);
+        for index in blended(&list, &order, center(i, 40), &thresholds) {
+            let alpha = layer(&list[index], center(i, 40), &thresholds).map_or(0.0, |l| l.alpha);
             if gone(splat_from_rank[index]) {
                 weight += alpha * through;
             }
@@ -175,18 +175,18 @@ fn m22_workgroups_and_variants() {
                         .buffer_from("counts", &[0; COUNT_SLOTS as usize])
                         .unwrap(),
                     range_from_tile: &gpu.buffer_from("ranges", &lists.range_from_tile).unwrap(),
-                    source_from_isect: &gpu
-                        .buffer_from("sources", &lists.source_from_isect)
+                    emitted_from_isect: &gpu
+                        .buffer_from("sources", &lists.emitted_from_isect)
                         .unwrap(),
-                    splat_from_source: &gpu
-                        .buffer_from("owners", &lists.splat_from_source())
+                    splat_from_emitted: &gpu
+                        .buffer_from("owners", &lists.splat_from_emitted())
                         .unwrap(),
-                    shape_from_splat: &gpu.buffer_from("shapes", &shapes).unwrap(),
-                    tone_from_splat: &gpu.buffer_from("tones", &tones).unwrap(),
-                    rest_from_splat: &gpu.buffer_from("rests", &rests).unwrap(),
+                    ellipse_from_splat: &gpu.buffer_from("shapes", &shapes).unwrap(),
+                    whiten_rg_from_splat: &gpu.buffer_from("tones", &tones).unwrap(),
+                    blue_depth_from_splat: &gpu.buffer_from("rests", &rests).unwrap(),
                     image: &image,
                     depth: &gpu.buffer("depth", pixels).unwrap(),
-                    end_from_pixel: &gpu.buffer("ends", pixels).unwrap(),
+                    isect_end_from_pixel: &gpu.buffer("ends", pixels).unwrap(),
                 };
                 let params = Params {
                     tile_stride,
@@ -203,9 +203,9 @@ fn m22_workgroups_and_variants() {
     }
     assert!(pictures.len() >= 6, "{} ways to composite", pictures.len());
     let bits = |picture: &[f32]| -> Vec<u32> { picture.iter().map(|x| x.to_bits()).collect() };
-    let clear: Vec<bool> = bands(&scene.splats, &scene.camera, &scene.options)
+    let clear: Vec<bool> = discontinuity_margins(&scene.splats, &scene.camera, &scene.options)
         .iter()
-        .map(|band| band.nearest() > 1e-4)
+        .map(|margin| margin.nearest() > 1e-4)
         .collect();
     let (lanes, first) = &pictures[0];
     let mut worst = 0.0f64;

@@ -16,7 +16,7 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
     ),
     ("src/reference/dual.rs", "numbers that carry derivatives"),
     (
-        "src/reference/terms.rs",
+        "src/reference/running_error.rs",
         "numbers that carry what they are sums of",
     ),
     (
@@ -69,12 +69,12 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "judges the host's relocation, which has no kernel",
     ),
     (
-        "src/reference/classical.rs",
-        "a yardstick: it composites what rasterize does",
+        "src/reference/baseline_16x16.rs",
+        "a baseline: it composites what rasterize does",
     ),
     (
-        "src/reference/classical_backward.rs",
-        "a yardstick: it differentiates what rasterize does",
+        "src/reference/baseline_16x16_backward.rs",
+        "a baseline: it differentiates what rasterize does",
     ),
     ("src/reference/compact.rs", "a filter: the test states it"),
     (
@@ -90,9 +90,12 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "several kernels, over the longest list that they are given",
     ),
     (
-        "tests/kernels/original.rs",
-        "judged by whole frames: tests/stability/original.rs",
+        "tests/kernels/rasterize_inria.rs",
+        "judged by whole frames: tests/stability/rasterize_inria.rs",
     ),
     ("src/reference/present.rs", "a copy: the test states it"),
-    ("src/reference/tally.rs", "folds: the test states them"),
+    (
+        "src/reference/sum_by_splat.rs",
+        "folds: the test states them",
+    ),
 ];

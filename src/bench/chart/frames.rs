@@ -40,7 +40,7 @@ pub struct Frames<'a> {
 }
 
 /// A setting, ready to be drawn.
-struct Contender {
+struct Subject {
     setting: FrameSetting,
     model: Rc<Model>,
     renderer: Renderer,
@@ -61,16 +61,16 @@ impl Frames<'_> {
         let settings = settings::of_frames(self.splats.sh_degree, plan);
         progress("frames: pruning");
         let mut scenes = Scenes::new(gpu, self)?;
-        let mut savings = Vec::new();
+        let mut approximations = Vec::new();
         for setting in &settings {
-            savings.push(setting.savings(self.splats, &scenes.removed(setting)?));
+            approximations.push(setting.approximations(self.splats, &scenes.removed(setting)?));
         }
         let view = ViewOptions {
             background: training::BACKGROUND,
             near: self.near,
             mode: self.splats.mode,
         };
-        let mut contender = |setting: FrameSetting| -> Result<Contender> {
+        let mut subject = |setting: FrameSetting| -> Result<Subject> {
             let options = RenderOptions {
                 accuracy: setting.accuracy,
                 sh_degree: setting.sh_degree,
@@ -78,7 +78,7 @@ impl Frames<'_> {
                 exponential: setting.exponential,
                 ..RenderOptions::default()
             };
-            Ok(Contender {
+            Ok(Subject {
                 model: scenes.model(&setting)?,
                 setting,
                 renderer: Renderer::new(gpu, options)?,
@@ -87,31 +87,31 @@ impl Frames<'_> {
                 errors: Vec::new(),
             })
         };
-        let mut contenders = settings
+        let mut subjects = settings
             .into_iter()
-            .map(&mut contender)
+            .map(&mut subject)
             .collect::<Result<Vec<_>>>()?;
         let mut by_rays = Vec::new();
         for (index, camera) in self.cameras.iter().enumerate() {
             let (number, of) = (index + 1, self.cameras.len());
             progress(&format!("frames: the exact view {number} of {of}"));
-            let traced = trace(self.splats, camera, &self.options(), &savings);
+            let traced = trace(self.splats, camera, &self.options(), &approximations);
             by_rays.extend(self.by_rays(camera, &traced, plan.ray_pixels));
-            for (which, contender) in contenders.iter_mut().enumerate() {
-                let drawn = contender.renderer.render(&contender.model, camera, &view)?;
+            for (which, subject) in subjects.iter_mut().enumerate() {
+                let drawn = subject.renderer.render(&subject.model, camera, &view)?;
                 let judged = judge(&drawn.rgb, &traced, which, rounding(camera));
-                contender.errors.push(judged);
+                subject.errors.push(judged);
             }
         }
         // In turns, so that what disturbs the machine disturbs all alike.
         for run in 0..plan.runs.max(1) {
             progress(&format!("frames: run {} of {}", run + 1, plan.runs));
-            for contender in &mut contenders {
-                contender.time(self.cameras, &view)?;
+            for subject in &mut subjects {
+                subject.time(self.cameras, &view)?;
             }
         }
-        let point = |c: &Contender| c.point(self.cameras.len());
-        let points = contenders.iter().map(point).collect();
+        let point = |c: &Subject| c.point(self.cameras.len());
+        let points = subjects.iter().map(point).collect();
         Ok((points, (!by_rays.is_empty()).then(|| errors(by_rays))))
     }
 
@@ -132,7 +132,7 @@ impl Frames<'_> {
             background: training::BACKGROUND.map(f64::from),
             near: f64::from(self.near),
             sh_degree: self.splats.sh_degree,
-            cuts: reference::Cuts::NONE,
+            thresholds: reference::Thresholds::NONE,
         }
     }
 }
@@ -179,7 +179,7 @@ pub fn judge(drawn: &[[f32; 3]], traced: &[Traced], which: usize, share: f64) ->
     judged
 }
 
-impl Contender {
+impl Subject {
     fn time(&mut self, cameras: &[Camera], view: &ViewOptions) -> Result<()> {
         let (clock, mut device_ns) = (CpuClock::now(), 0.0);
         for camera in cameras {

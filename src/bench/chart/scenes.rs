@@ -5,8 +5,8 @@ use super::settings::FrameSetting;
 use super::training;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::parsimony::{Lens, Weigher, kept, prune, reduce_harmonics};
 use crate::render::{Compatibility, Model, Precision};
+use crate::simplify::{ContributionPass, PassOptions, kept, prune, reduce_harmonics};
 use std::borrow::Cow;
 use std::rc::Rc;
 
@@ -14,7 +14,7 @@ use std::rc::Rc;
 pub(super) struct Scenes<'a> {
     gpu: &'a Gpu,
     frames: &'a Frames<'a>,
-    weigher: Weigher,
+    weigher: ContributionPass,
     /// By error: which splats go.
     removed: Vec<(f64, Vec<bool>)>,
     models: Vec<(Key, Rc<Model>)>,
@@ -25,7 +25,7 @@ type Key = (Option<f64>, Option<f64>, Precision);
 
 impl<'a> Scenes<'a> {
     pub(super) fn new(gpu: &'a Gpu, frames: &'a Frames<'a>) -> Result<Scenes<'a>> {
-        let lens = Lens {
+        let pass_options = PassOptions {
             near: frames.near,
             background: training::BACKGROUND,
             compatibility: Compatibility::Engine,
@@ -33,7 +33,7 @@ impl<'a> Scenes<'a> {
         Ok(Scenes {
             gpu,
             frames,
-            weigher: Weigher::new(gpu, frames.splats, lens)?,
+            weigher: ContributionPass::new(gpu, frames.splats, pass_options)?,
             removed: Vec::new(),
             models: Vec::new(),
         })

@@ -1,11 +1,11 @@
 //! Which knobs are turned, and how far.
 
 use super::Plan;
-use crate::parsimony::reduce_harmonics;
-use crate::reference::bound::{Savings, color_errors};
+use crate::reference::bound::{Approximations, color_errors};
 use crate::render::{Accuracy, Exponential, Precision};
 use crate::report::chart::Knob;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+use crate::simplify::reduce_harmonics;
 use crate::train::{StrategyKind, TrainConfig};
 
 /// How a frame is drawn.
@@ -27,7 +27,7 @@ pub(super) struct FrameSetting {
 
 impl FrameSetting {
     /// What it leaves out of a scene, as the reference counts it; `removed` is what has been pruned.
-    pub(super) fn savings(&self, splats: &Splats, removed: &[bool]) -> Savings {
+    pub(super) fn approximations(&self, splats: &Splats, removed: &[bool]) -> Approximations {
         let kept = 3 * sh_coefficient_count(self.sh_degree);
         let is_whole = self.precision == Precision::Full;
         let stored = (!is_whole).then(|| self.precision.rounded(splats));
@@ -45,7 +45,7 @@ impl FrameSetting {
             (None, None) => splats.sh[i],
         };
         let accuracy = &self.accuracy;
-        Savings {
+        Approximations {
             alpha_min: f64::from(accuracy.alpha_min),
             transmittance_min: f64::from(accuracy.transmittance_min),
             sigma_max: accuracy.sigma_max.map_or(f64::INFINITY, f64::from),
@@ -80,7 +80,7 @@ fn one_over(number: u32) -> String {
     format!("1/{number}")
 }
 
-/// A setting that draws with these cuts.
+/// A setting that draws with these thresholds.
 fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
     FrameSetting {
         knob: knob(series, setting),
@@ -171,11 +171,11 @@ fn together(transmittance_min: f32, number: u32) -> FrameSetting {
     frame("stop and cut", setting, accuracy)
 }
 
-/// Cuts and stops that leave next to nothing out: the least that are taken.
+/// Thresholds and stops that leave next to nothing out: the least that are taken.
 const ALPHA_LEAST: f32 = 1e-6;
 const TRANSMITTANCE_LEAST: f32 = 1e-9;
 
-/// Stops and cuts that cost about as much as each other, from exact to coarse, and some that do not.
+/// Stops and thresholds that cost about as much as each other, from exact to coarse, and some that do not.
 const TOGETHER: [(f32, u32); 9] = [
     (1e-3, 1024),
     (1e-3, 255),
@@ -234,7 +234,7 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Of a training step: the cuts. Harmonics that are not drawn have no gradients to compare, halves do not train,
+/// Of a training step: the thresholds. Harmonics that are not drawn have no gradients to compare, halves do not train,
 /// what is pruned has none, and exponentials are exact in training.
 pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();

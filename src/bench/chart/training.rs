@@ -3,7 +3,7 @@
 use super::Plan;
 use super::settings::{self, RunSetting};
 use crate::Result;
-use crate::bench::judge::Judge;
+use crate::bench::judge::Evaluator;
 use crate::gpu::Gpu;
 use crate::report::MeanScore;
 use crate::report::chart::{Interval, RunPoint};
@@ -26,7 +26,7 @@ pub(super) fn measure(
     plan: &Plan,
     progress: &mut dyn FnMut(&str),
 ) -> Result<(Vec<RunPoint>, Splats)> {
-    let mut judge = Judge::new(gpu, dataset)?;
+    let mut judge = Evaluator::new(gpu, dataset)?;
     let default = settings::default_run(plan);
     let runs = seeds(gpu, dataset, &mut judge, &default, plan, progress)?;
     let usual: Vec<f64> = runs.iter().map(Run::psnr_db).collect();
@@ -71,7 +71,7 @@ impl Run {
 fn seeds(
     gpu: &Gpu,
     dataset: &Dataset,
-    judge: &mut Judge,
+    judge: &mut Evaluator,
     setting: &RunSetting,
     plan: &Plan,
     progress: &mut dyn FnMut(&str),
@@ -131,7 +131,7 @@ fn course(runs: &[Run]) -> Vec<(f64, Interval)> {
     course
 }
 
-fn run(gpu: &Gpu, dataset: &Dataset, judge: &mut Judge, config: TrainConfig) -> Result<Run> {
+fn run(gpu: &Gpu, dataset: &Dataset, judge: &mut Evaluator, config: TrainConfig) -> Result<Run> {
     let mut trainer = Trainer::new(gpu, dataset, config)?;
     let (mut seconds, mut look) = (0.0, FIRST_LOOK);
     let mut course = Vec::new();

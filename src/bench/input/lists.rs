@@ -7,7 +7,7 @@ use crate::reference::expand::Isect;
 use crate::reference::frame::{depth_order, project_all};
 use crate::reference::ranges::ranges;
 use crate::reference::tiles::{Grid, extent, holds_pixel};
-use crate::reference::{Cuts, ScreenSplat, Splat, Viewpoint};
+use crate::reference::{ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::render::{ViewOptions, view_of};
 use rayon::prelude::*;
 
@@ -38,7 +38,7 @@ pub struct Lists {
     /// By source: nearest splat first, each one's tiles ascending.
     pub isects: Vec<Isect>,
     /// Sources by tile, nearest first in each.
-    pub source_from_isect: Vec<u32>,
+    pub emitted_from_isect: Vec<u32>,
     /// Slices of the above.
     pub range_from_tile: Vec<[u32; 2]>,
 }
@@ -52,7 +52,7 @@ impl Lists {
     /// Projects a scene and lists it by the tiles of `grid`.
     pub fn over(scene: &Scene, grid: Grid) -> Lists {
         let exact = project_all(&Splat::<f64>::all(&scene.splats), &viewpoint(scene));
-        let faint = |s: &ScreenSplat<f64>| s.opacity < Cuts::ENGINE.alpha_min;
+        let faint = |s: &ScreenSplat<f64>| s.opacity < Thresholds::ENGINE.alpha_min;
         let records: Vec<Option<Splat2d>> = exact
             .iter()
             .map(|s| s.as_ref().filter(|s| !faint(s)).map(pack::splat2d))
@@ -62,9 +62,9 @@ impl Lists {
             .map(|record| record.as_ref().map(pack::screen_splat))
             .collect();
         let isects = isects(&screen, &grid);
-        let mut source_from_isect: Vec<u32> = (0..isects.len() as u32).collect();
-        source_from_isect.sort_by_key(|&source| isects[source as usize].tile);
-        let sorted: Vec<u32> = source_from_isect
+        let mut emitted_from_isect: Vec<u32> = (0..isects.len() as u32).collect();
+        emitted_from_isect.sort_by_key(|&source| isects[source as usize].tile);
+        let sorted: Vec<u32> = emitted_from_isect
             .iter()
             .map(|&source| isects[source as usize].tile)
             .collect();
@@ -79,19 +79,19 @@ impl Lists {
             records: records.iter().map(|r| r.unwrap_or(nothing)).collect(),
             screen,
             isects,
-            source_from_isect,
+            emitted_from_isect,
         }
     }
 
     /// The splat of every source.
-    pub fn splat_from_source(&self) -> Vec<u32> {
+    pub fn splat_from_emitted(&self) -> Vec<u32> {
         self.isects.iter().map(|isect| isect.splat).collect()
     }
 
     /// The splat of every intersection, tile by tile.
     pub fn splat_from_isect(&self) -> Vec<u32> {
         let splat = |&source: &u32| self.isects[source as usize].splat;
-        self.source_from_isect.iter().map(splat).collect()
+        self.emitted_from_isect.iter().map(splat).collect()
     }
 }
 
@@ -111,7 +111,7 @@ fn isects(screen: &[Option<ScreenSplat<f64>>], grid: &Grid) -> Vec<Isect> {
 
 fn isects_of(index: usize, splat: &ScreenSplat<f64>, grid: &Grid) -> Vec<Isect> {
     tiles_near(splat, grid)
-        .filter(|&tile| holds_pixel(splat, grid, tile, &Cuts::ENGINE))
+        .filter(|&tile| holds_pixel(splat, grid, tile, &Thresholds::ENGINE))
         .map(|tile| Isect {
             tile,
             splat: index as u32,
@@ -121,7 +121,7 @@ fn isects_of(index: usize, splat: &ScreenSplat<f64>, grid: &Grid) -> Vec<Isect> 
 
 /// The tiles that the box around a splat's ellipse meets, ascending, and some more for rounding.
 pub fn tiles_near(splat: &ScreenSplat<f64>, grid: &Grid) -> impl Iterator<Item = u32> + use<> {
-    let [half_x, half_y] = extent(splat, &Cuts::ENGINE);
+    let [half_x, half_y] = extent(splat, &Thresholds::ENGINE);
     // Casts saturate at 0.
     let tiles = |mean: f64, half: f64, size: u32, count: u32| {
         let first = ((mean - half - 1.0) / f64::from(size)).floor() as u32;
@@ -151,7 +151,10 @@ mod tests {
                 tile_height: tile[1],
             };
             let lists = Lists::over(&scene, grid);
-            assert_eq!(lists.isects, expand(&lists.screen, &grid, &Cuts::ENGINE));
+            assert_eq!(
+                lists.isects,
+                expand(&lists.screen, &grid, &Thresholds::ENGINE)
+            );
             assert_eq!(lists.splat_from_isect().len(), lists.isects.len());
         }
     }

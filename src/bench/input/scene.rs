@@ -12,7 +12,7 @@ pub struct Scene {
     pub splats: Splats,
     /// The camera.
     pub camera: Camera,
-    /// Background, near plane, degree; the engine's cuts.
+    /// Background, near plane, degree; the engine's thresholds.
     pub options: Options,
 }
 

@@ -9,8 +9,8 @@ use crate::bench::check::{Output, floats, rms};
 use crate::bench::input::pack;
 use crate::bench::input::random::Random;
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::kernels::{classical_backward, rasterize_backward};
-use crate::reference::Cuts;
+use crate::kernels::{baseline_16x16_backward, rasterize_backward};
+use crate::reference::Thresholds;
 use crate::reference::rasterize_backward::{PixelGradient, ScreenGradient, pixel_backward};
 use crate::render::tile_stride;
 use rayon::prelude::*;
@@ -94,11 +94,18 @@ fn sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[f64; 9]
             let ranks = &composite.ranks_from_tile[tile];
             let background = composite.background();
             let splats = &composite.splats;
-            let said = pixel_backward(splats, ranks, at, background, &Cuts::ENGINE, &upstream);
+            let said = pixel_backward(
+                splats,
+                ranks,
+                at,
+                background,
+                &Thresholds::ENGINE,
+                &upstream,
+            );
             let begin = lists.range_from_tile[tile][0] as usize;
             let sourced = |(rank, gradient)| {
                 let place = ranks.partition_point(|&r| r < rank);
-                (lists.source_from_isect[begin + place] as usize, gradient)
+                (lists.emitted_from_isect[begin + place] as usize, gradient)
             };
             said.into_iter().map(sourced).collect()
         })
@@ -130,7 +137,7 @@ fn outputs(expected: &[[f64; 9]], found: impl Fn(usize) -> Vec<f64>) -> Vec<Outp
 pub struct Device {
     gpu: Gpu,
     pixels: [Buffer<f32>; 4],
-    end_from_pixel: Buffer<u32>,
+    isect_end_from_pixel: Buffer<u32>,
     d_shape: Buffer<[f32; 4]>,
     d_tone: Buffer<[f32; 4]>,
     d_rest: Buffer<f32>,
@@ -151,7 +158,7 @@ impl Device {
                 gpu.buffer_from("d_sampled", &gradient.d_sampled)?,
                 gpu.buffer("d_current", gradient.d_image.len())?,
             ],
-            end_from_pixel: gpu.buffer_from("ends", &ends)?,
+            isect_end_from_pixel: gpu.buffer_from("ends", &ends)?,
             d_shape: gpu.buffer("d_shape", isects)?,
             d_tone: gpu.buffer("d_tone", isects)?,
             d_rest: gpu.buffer("d_rest", isects)?,
@@ -170,32 +177,35 @@ impl Device {
         rasterize_backward::Bindings {
             view: &input.view,
             range_from_tile: &input.range_from_tile,
-            source_from_isect: &input.source_from_isect,
-            splat_from_source: &input.splat_from_source,
-            shape_from_splat: &input.records.shape,
-            tone_from_splat: &input.records.tone,
-            rest_from_splat: &input.records.rest,
+            emitted_from_isect: &input.emitted_from_isect,
+            splat_from_emitted: &input.splat_from_emitted,
+            ellipse_from_splat: &input.records.shape,
+            whiten_rg_from_splat: &input.records.tone,
+            blue_depth_from_splat: &input.records.rest,
             image: &self.pixels[0],
             d_image: &self.pixels[3],
-            end_from_pixel: &self.end_from_pixel,
+            isect_end_from_pixel: &self.isect_end_from_pixel,
             d_shape_from_source: &self.d_shape,
             d_tone_from_source: &self.d_tone,
             d_rest_from_source: &self.d_rest,
         }
     }
 
-    /// What the yardstick binds.
-    pub fn classical_backward<'a>(&'a self, input: &'a Input) -> classical_backward::Bindings<'a> {
-        classical_backward::Bindings {
+    /// What the baseline binds.
+    pub fn baseline_16x16_backward<'a>(
+        &'a self,
+        input: &'a Input,
+    ) -> baseline_16x16_backward::Bindings<'a> {
+        baseline_16x16_backward::Bindings {
             view: &input.view,
             range_from_tile: &input.range_from_tile,
             splat_from_isect: &input.splat_from_isect,
-            shape_from_splat: &input.records.shape,
-            tone_from_splat: &input.records.tone,
-            rest_from_splat: &input.records.rest,
+            ellipse_from_splat: &input.records.shape,
+            whiten_rg_from_splat: &input.records.tone,
+            blue_depth_from_splat: &input.records.rest,
             image: &self.pixels[0],
             d_image: &self.pixels[3],
-            end_from_pixel: &self.end_from_pixel,
+            isect_end_from_pixel: &self.isect_end_from_pixel,
             sum_from_splat: &self.sum_from_splat,
         }
     }
@@ -216,7 +226,7 @@ impl Device {
         }))
     }
 
-    /// What the yardstick left.
+    /// What the baseline left.
     pub fn judge_splats(&self, gradient: &Gradient) -> Result<Vec<Output>> {
         Ok(gradient.judge_splats(&read(&self.gpu, &self.sum_from_splat)?))
     }
@@ -235,8 +245,8 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         if !wanted!(bench, rasterize_backward, name, LANES, Work::default()).is_empty() {
             engine(bench, name, &Composite::new(count, size, sigma))?;
         }
-        if !wanted!(bench, classical_backward, name, [0], Work::default()).is_empty() {
-            yardstick(bench, name, &Composite::classical(count, size, sigma))?;
+        if !wanted!(bench, baseline_16x16_backward, name, [0], Work::default()).is_empty() {
+            baseline(bench, name, &Composite::baseline_16x16(count, size, sigma))?;
         }
     }
     Ok(())
@@ -277,19 +287,19 @@ fn engine(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> {
     Ok(())
 }
 
-fn yardstick(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> {
+fn baseline(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> {
     let gpu = bench.gpu().clone();
     let input = Input::new(&gpu, composite)?;
     let gradient = Gradient::new(composite);
     let device = Device::new(&gpu, composite, &gradient)?;
-    for (variant, _, case) in wanted!(bench, classical_backward, name, [0], composite.work()) {
-        let choice = classical_backward::Choice {
+    for (variant, _, case) in wanted!(bench, baseline_16x16_backward, name, [0], composite.work()) {
+        let choice = baseline_16x16_backward::Choice {
             variant,
-            ..classical_backward::Choice::default()
+            ..baseline_16x16_backward::Choice::default()
         };
-        let kernel = classical_backward::ClassicalBackward::new(&gpu, choice)?;
+        let kernel = baseline_16x16_backward::Baseline16x16Backward::new(&gpu, choice)?;
         let record = |rec: &mut Recorder<'_>| {
-            kernel.record(rec, device.classical_backward(&input), input.tiles);
+            kernel.record(rec, device.baseline_16x16_backward(&input), input.tiles);
         };
         gpu.run(|rec| device.upstream(rec, true))?;
         gpu.run(record)?;

@@ -7,12 +7,12 @@ use crate::bench::input::lists::{Lists, view};
 use crate::bench::input::scene::{Scene, scattered};
 use crate::bench::{Bench, Unit, Work};
 use crate::gpu::{Buffer, Gpu};
-use crate::kernels::{classical, rasterize};
+use crate::kernels::{baseline_16x16, rasterize};
 use crate::layout::View;
 use crate::reference::frame::center;
-use crate::reference::rasterize::{band, blended, rasterize};
+use crate::reference::rasterize::{blended, discontinuity_margin, rasterize};
 use crate::reference::tiles::Grid;
-use crate::reference::{Cuts, ScreenSplat};
+use crate::reference::{ScreenSplat, Thresholds};
 use crate::render::tile_stride;
 use rayon::prelude::*;
 
@@ -60,11 +60,11 @@ impl Composite {
         Composite::over(count, Grid::new(size[0], size[1]), sigma_max)
     }
 
-    /// By the square tiles of the classical design.
-    pub fn classical(count: usize, size: [u32; 2], sigma_max: f64) -> Composite {
+    /// By the square tiles of the baseline_16x16 design.
+    pub fn baseline_16x16(count: usize, size: [u32; 2], sigma_max: f64) -> Composite {
         let grid = Grid {
-            tile_width: classical::TILE,
-            tile_height: classical::TILE,
+            tile_width: baseline_16x16::TILE,
+            tile_height: baseline_16x16::TILE,
             ..Grid::new(size[0], size[1])
         };
         Composite::over(count, grid, sigma_max)
@@ -112,12 +112,12 @@ impl Composite {
     }
 
     fn expected_at(&self, pixel: usize) -> Expected {
-        let cuts = Cuts::ENGINE;
+        let thresholds = Thresholds::ENGINE;
         let (tile, at) = self.place(pixel);
         let ranks = &self.ranks_from_tile[tile];
-        let shown = rasterize(&self.splats, ranks, at, self.background(), &cuts);
-        let band = band(&self.splats, ranks, at, &cuts);
-        let taken = blended(&self.splats, ranks, at, &cuts);
+        let shown = rasterize(&self.splats, ranks, at, self.background(), &thresholds);
+        let margin = discontinuity_margin(&self.splats, ranks, at, &thresholds);
+        let taken = blended(&self.splats, ranks, at, &thresholds);
         let place = taken.last().and_then(|last| ranks.binary_search(last).ok());
         let begin = self.lists.range_from_tile[tile][0];
         let [red, green, blue] = shown.color;
@@ -125,8 +125,8 @@ impl Composite {
             planes: [red, green, blue, shown.transmittance],
             end: place.map_or(0, |place| begin + place as u32 + 1),
             blended: taken.len() as u32,
-            near: band.nearest() <= 1e-4,
-            capped: band.alpha_max <= 2e-6,
+            near: margin.nearest() <= 1e-4,
+            capped: margin.alpha_max <= 2e-6,
         }
     }
 
@@ -165,13 +165,13 @@ impl Composite {
 pub struct Input {
     pub(super) view: Buffer<View>,
     pub(super) range_from_tile: Buffer<[u32; 2]>,
-    pub(super) source_from_isect: Buffer<u32>,
-    pub(super) splat_from_source: Buffer<u32>,
+    pub(super) emitted_from_isect: Buffer<u32>,
+    pub(super) splat_from_emitted: Buffer<u32>,
     pub(super) splat_from_isect: Buffer<u32>,
     pub(super) records: Records,
     pub(super) image: Buffer<f32>,
     pub(super) depth: Buffer<f32>,
-    pub(super) end_from_pixel: Buffer<u32>,
+    pub(super) isect_end_from_pixel: Buffer<u32>,
     counts: Buffer<u32>,
     pub(super) tiles: usize,
 }
@@ -184,13 +184,14 @@ impl Input {
         Ok(Input {
             view: gpu.buffer_from("view", &[view(scene)])?,
             range_from_tile: gpu.buffer_from("range_from_tile", &lists.range_from_tile)?,
-            source_from_isect: gpu.buffer_from("source_from_isect", &lists.source_from_isect)?,
-            splat_from_source: gpu.buffer_from("splat_from_source", &lists.splat_from_source())?,
+            emitted_from_isect: gpu.buffer_from("emitted_from_isect", &lists.emitted_from_isect)?,
+            splat_from_emitted: gpu
+                .buffer_from("splat_from_emitted", &lists.splat_from_emitted())?,
             splat_from_isect: gpu.buffer_from("splat_from_isect", &lists.splat_from_isect())?,
             records: Records::new(gpu, &lists.records)?,
             image: gpu.buffer("image", 4 * pixels)?,
             depth: gpu.buffer("depth", pixels)?,
-            end_from_pixel: gpu.buffer("end_from_pixel", pixels)?,
+            isect_end_from_pixel: gpu.buffer("isect_end_from_pixel", pixels)?,
             tiles: lists.grid.len() as usize,
             counts: counts(gpu, &[])?,
         })
@@ -202,28 +203,28 @@ impl Input {
             view: &self.view,
             counts: &self.counts,
             range_from_tile: &self.range_from_tile,
-            source_from_isect: &self.source_from_isect,
-            splat_from_source: &self.splat_from_source,
-            shape_from_splat: &self.records.shape,
-            tone_from_splat: &self.records.tone,
-            rest_from_splat: &self.records.rest,
+            emitted_from_isect: &self.emitted_from_isect,
+            splat_from_emitted: &self.splat_from_emitted,
+            ellipse_from_splat: &self.records.shape,
+            whiten_rg_from_splat: &self.records.tone,
+            blue_depth_from_splat: &self.records.rest,
             image: &self.image,
             depth: &self.depth,
-            end_from_pixel: &self.end_from_pixel,
+            isect_end_from_pixel: &self.isect_end_from_pixel,
         }
     }
 
-    /// What the yardstick binds.
-    pub fn classical(&self) -> classical::Bindings<'_> {
-        classical::Bindings {
+    /// What the baseline binds.
+    pub fn baseline_16x16(&self) -> baseline_16x16::Bindings<'_> {
+        baseline_16x16::Bindings {
             view: &self.view,
             range_from_tile: &self.range_from_tile,
             splat_from_isect: &self.splat_from_isect,
-            shape_from_splat: &self.records.shape,
-            tone_from_splat: &self.records.tone,
-            rest_from_splat: &self.records.rest,
+            ellipse_from_splat: &self.records.shape,
+            whiten_rg_from_splat: &self.records.tone,
+            blue_depth_from_splat: &self.records.rest,
             image: &self.image,
-            end_from_pixel: &self.end_from_pixel,
+            isect_end_from_pixel: &self.isect_end_from_pixel,
         }
     }
 
@@ -248,7 +249,10 @@ impl Input {
 
     /// What the last run left, held against the oracle.
     pub fn outputs(&self, gpu: &Gpu, composite: &Composite) -> Result<Vec<Output>> {
-        let (image, ends) = (read(gpu, &self.image)?, read(gpu, &self.end_from_pixel)?);
+        let (image, ends) = (
+            read(gpu, &self.image)?,
+            read(gpu, &self.isect_end_from_pixel)?,
+        );
         Ok(composite.outputs(&image, Some(&ends)))
     }
 }
@@ -256,7 +260,7 @@ impl Input {
 pub(super) fn run(bench: &mut Bench) -> Result<()> {
     for (name, count, size, sigma) in INPUTS {
         engine(bench, name, count, size, sigma)?;
-        yardstick(bench, name, count, size, sigma)?;
+        baseline(bench, name, count, size, sigma)?;
     }
     Ok(())
 }
@@ -289,29 +293,23 @@ fn engine(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f6
     Ok(())
 }
 
-fn yardstick(
-    bench: &mut Bench,
-    name: &str,
-    count: usize,
-    size: [u32; 2],
-    sigma: f64,
-) -> Result<()> {
+fn baseline(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f64) -> Result<()> {
     let gpu = bench.gpu().clone();
-    if wanted!(bench, classical, name, [0], Work::default()).is_empty() {
+    if wanted!(bench, baseline_16x16, name, [0], Work::default()).is_empty() {
         return Ok(());
     }
-    let composite = Composite::classical(count, size, sigma);
+    let composite = Composite::baseline_16x16(count, size, sigma);
     let input = Input::new(&gpu, &composite)?;
-    for (variant, _, case) in wanted!(bench, classical, name, [0], composite.work()) {
-        let choice = classical::Choice {
+    for (variant, _, case) in wanted!(bench, baseline_16x16, name, [0], composite.work()) {
+        let choice = baseline_16x16::Choice {
             variant,
-            ..classical::Choice::default()
+            ..baseline_16x16::Choice::default()
         };
-        let kernel = classical::Classical::new(&gpu, choice)?;
+        let kernel = baseline_16x16::Baseline16x16::new(&gpu, choice)?;
         bench.trial(
             &case,
             nothing,
-            |rec| kernel.record(rec, input.classical(), input.tiles),
+            |rec| kernel.record(rec, input.baseline_16x16(), input.tiles),
             || input.outputs(&gpu, &composite),
         )?;
     }

@@ -10,7 +10,7 @@ use crate::bench::{Bench, Unit, Work};
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::expand::{Bindings, Choice, Expand, Spec};
 use crate::layout::{COUNT_BAND_END, View};
-use crate::reference::Cuts;
+use crate::reference::Thresholds;
 use crate::reference::frame::depth_order;
 use crate::reference::tiles::{alpha_at_pixels, alpha_max};
 
@@ -65,9 +65,9 @@ struct Input<'a> {
     tile_count_from_splat: Buffer<u32>,
     records: Records,
     tile_from_isect: Buffer<u32>,
-    source_from_isect: Buffer<u32>,
-    splat_from_source: Buffer<u32>,
-    source_from_splat: Buffer<u32>,
+    emitted_from_isect: Buffer<u32>,
+    splat_from_emitted: Buffer<u32>,
+    emitted_from_splat: Buffer<u32>,
 }
 
 impl<'a> Input<'a> {
@@ -90,9 +90,9 @@ impl<'a> Input<'a> {
             tile_count_from_splat: gpu.buffer_from("tile_counts", &tile_counts)?,
             records: Records::new(gpu, &lists.records)?,
             tile_from_isect: gpu.buffer("tiles", total)?,
-            source_from_isect: gpu.buffer("sources", total)?,
-            splat_from_source: gpu.buffer("owners", total)?,
-            source_from_splat: gpu.buffer("firsts", lists.screen.len())?,
+            emitted_from_isect: gpu.buffer("sources", total)?,
+            splat_from_emitted: gpu.buffer("owners", total)?,
+            emitted_from_splat: gpu.buffer("firsts", lists.screen.len())?,
             lists,
             order,
             begins,
@@ -106,12 +106,12 @@ impl<'a> Input<'a> {
             splat_from_rank: &self.splat_from_rank,
             isect_from_rank: &self.isect_from_rank,
             tile_count_from_splat: &self.tile_count_from_splat,
-            shape_from_splat: &self.records.shape,
-            tone_from_splat: &self.records.tone,
+            ellipse_from_splat: &self.records.shape,
+            whiten_rg_from_splat: &self.records.tone,
             tile_from_isect: &self.tile_from_isect,
-            source_from_isect: &self.source_from_isect,
-            splat_from_source: &self.splat_from_source,
-            source_from_splat: &self.source_from_splat,
+            emitted_from_isect: &self.emitted_from_isect,
+            splat_from_emitted: &self.splat_from_emitted,
+            emitted_from_splat: &self.emitted_from_splat,
         }
     }
 
@@ -134,8 +134,8 @@ impl<'a> Input<'a> {
         }
         let sound = vec![0.0; faults.len()];
         let sources = (0..self.total).map(|i| i as f64).collect();
-        let found_sources = words(&read(gpu, &self.source_from_isect)?);
-        let found_owners = words(&read(gpu, &self.splat_from_source)?);
+        let found_sources = words(&read(gpu, &self.emitted_from_isect)?);
+        let found_owners = words(&read(gpu, &self.splat_from_emitted)?);
         Ok(vec![
             Output::exact("sources", found_sources, sources),
             Output::exact("owners", found_owners, owners),
@@ -146,7 +146,7 @@ impl<'a> Input<'a> {
 
 /// Tiles that a kernel may list for a splat.
 fn room(lists: &Lists, splat: usize) -> u32 {
-    let cut = Cuts::ENGINE.alpha_min * (1.0 - MARGIN);
+    let cut = Thresholds::ENGINE.alpha_min * (1.0 - MARGIN);
     let touched = |screen| {
         let near = tiles_near(screen, &lists.grid);
         near.filter(|&tile| alpha_max(screen, &lists.grid, tile) >= cut)
@@ -159,7 +159,7 @@ fn faults_of(lists: &Lists, splat: usize, slots: &[u32]) -> f64 {
     let Some(screen) = lists.screen[splat].as_ref() else {
         return slots.len() as f64;
     };
-    let (grid, cut) = (&lists.grid, Cuts::ENGINE.alpha_min);
+    let (grid, cut) = (&lists.grid, Thresholds::ENGINE.alpha_min);
     let needs = |tile: &u32| alpha_at_pixels(screen, grid, *tile) >= cut * (1.0 + MARGIN);
     let missing = tiles_near(screen, grid)
         .filter(needs)

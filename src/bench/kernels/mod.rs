@@ -1,22 +1,22 @@
 //! Every kernel, in every variant and workgroup that the device can run, on inputs of several sizes: checked
 //! against the reference, then timed.
 //!
-//! A kernel that writes more than the reference can afford to judge is judged by samples, evenly spaced.
+//! A kernel that writes more than the reference can prune_limit to judge is judged by samples, evenly spaced.
 
 mod backward;
 mod composite;
+mod contribution;
 mod expand;
-mod influence;
 mod loss;
-mod original;
 mod present;
 mod project;
 mod project_backward;
+mod rasterize_inria;
+mod removal_error;
 mod sort;
 mod stream;
 mod sums;
 mod update;
-mod weigh;
 
 pub use backward::{Device, Gradient, params as backward_params};
 pub use composite::{Composite, Input};
@@ -41,14 +41,14 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     sort::run(bench)?;
     expand::run(bench)?;
     composite::run(bench)?;
-    original::run(bench)?;
+    rasterize_inria::run(bench)?;
     present::run(bench)?;
     backward::run(bench)?;
     loss::run(bench)?;
     project_backward::run(bench)?;
     update::run(bench)?;
-    weigh::run(bench)?;
-    influence::run(bench)
+    contribution::run(bench)?;
+    removal_error::run(bench)
 }
 
 /// The choices of a kernel that the device can run and the filter wants, each as (variant, workgroup, case).
@@ -128,9 +128,9 @@ impl Records {
     fn new(gpu: &Gpu, records: &[Splat2d]) -> Result<Records> {
         let (shape, tone, rest) = arrays(records);
         Ok(Records {
-            shape: gpu.buffer_from("shape_from_splat", &shape)?,
-            tone: gpu.buffer_from("tone_from_splat", &tone)?,
-            rest: gpu.buffer_from("rest_from_splat", &rest)?,
+            shape: gpu.buffer_from("ellipse_from_splat", &shape)?,
+            tone: gpu.buffer_from("whiten_rg_from_splat", &tone)?,
+            rest: gpu.buffer_from("blue_depth_from_splat", &rest)?,
         })
     }
 }

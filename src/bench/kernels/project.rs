@@ -9,7 +9,7 @@ use crate::bench::input::scene::{Scene, scattered};
 use crate::bench::{Bench, Unit, Work};
 use crate::kernels::project::{Bindings, Choice, Params, Project, Spec};
 use crate::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
-use crate::reference::{Cuts, Splat, project};
+use crate::reference::{Splat, Thresholds, project};
 use crate::render::{plane_count, planes_from_splats};
 
 /// Pixels of the picture.
@@ -31,9 +31,9 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         let scene = scattered(count, SIZE, 3.0, DEGREE);
         let view = gpu.buffer_from("view", &[view(&scene)])?;
         let params = gpu.buffer_from("params", &planes_from_splats(&scene.splats))?;
-        let shape = gpu.buffer("shape_from_splat", count)?;
-        let tone = gpu.buffer("tone_from_splat", count)?;
-        let rest = gpu.buffer("rest_from_splat", count)?;
+        let shape = gpu.buffer("ellipse_from_splat", count)?;
+        let tone = gpu.buffer("whiten_rg_from_splat", count)?;
+        let rest = gpu.buffer("blue_depth_from_splat", count)?;
         let tiles = gpu.buffer("tile_count_from_splat", count)?;
         let index = gpu.buffer("splat_from_slot", 1)?;
         let all = Params {
@@ -50,9 +50,9 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
             let io = Bindings {
                 view: &view,
                 params: &params,
-                shape_from_splat: &shape,
-                tone_from_splat: &tone,
-                rest_from_splat: &rest,
+                ellipse_from_splat: &shape,
+                whiten_rg_from_splat: &tone,
+                blue_depth_from_splat: &rest,
                 tile_count_from_splat: &tiles,
                 splat_from_slot: &index,
             };
@@ -81,7 +81,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
 fn outputs(scene: &Scene, records: &[Splat2d], tile_counts: &[u32]) -> Vec<Output> {
     let at = viewpoint(scene);
     let grid = Grid::new(scene.camera.width, scene.camera.height);
-    let cut = Cuts::ENGINE.alpha_min;
+    let cut = Thresholds::ENGINE.alpha_min;
     let [mut found, mut expected] = [(); 2].map(|()| [(); 5].map(|()| Vec::<f64>::new()));
     let (mut counted, mut allowed) = (Vec::new(), Vec::new());
     for i in sample(tile_counts.len(), SAMPLES) {

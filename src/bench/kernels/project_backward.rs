@@ -11,7 +11,7 @@ use crate::bench::{Bench, Unit, Work};
 use crate::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward, Spec};
 use crate::reference::project::margins;
 use crate::reference::project_backward::project_backward;
-use crate::reference::{Cuts, ScreenSplat, Splat, project};
+use crate::reference::{ScreenSplat, Splat, Thresholds, project};
 use crate::render::{plane_count, planes_from_splats};
 use rayon::prelude::*;
 
@@ -58,10 +58,10 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
                 counts: &counts,
                 params: &params,
                 tile_count_from_splat: &tiles,
-                source_from_splat: &begins,
-                shape_from_splat: &records.shape,
-                tone_from_splat: &records.tone,
-                rest_from_splat: &records.rest,
+                emitted_from_splat: &begins,
+                ellipse_from_splat: &records.shape,
+                whiten_rg_from_splat: &records.tone,
+                blue_depth_from_splat: &records.rest,
                 d_shape_from_source: &shape,
                 d_tone_from_source: &tone,
                 d_rest_from_source: &rest,
@@ -112,7 +112,8 @@ impl Input {
                 // At a discontinuity of the projection either side is right: left out.
                 let margins = margins(&splat, &at);
                 let sound = margins.limit.min(margins.color) > 1e-4;
-                let drawn = |s: &ScreenSplat<f64>| sound && s.opacity >= Cuts::ENGINE.alpha_min;
+                let drawn =
+                    |s: &ScreenSplat<f64>| sound && s.opacity >= Thresholds::ENGINE.alpha_min;
                 project(&splat, &at).filter(drawn)
             })
             .collect();

@@ -59,7 +59,7 @@ fn compact(bench: &mut Bench, count: usize) -> Result<()> {
             counts: &counts,
             tile_count_from_splat: &tiles,
             visible_from_splat: &places,
-            rest_from_splat: &rests,
+            blue_depth_from_splat: &rests,
             depth_from_visible: &depth,
             splat_from_visible: &splat,
         };

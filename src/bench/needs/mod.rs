@@ -10,14 +10,14 @@ mod scenes;
 
 pub use scenes::{checksum, made};
 
-use super::judge::Judge;
+use super::judge::Evaluator;
 use super::{CpuClock, record};
 use crate::gpu::{Buffer, Gpu};
 use crate::io;
-use crate::parsimony::{Ledger, Thrift, reduce_harmonics, thrifty};
 use crate::render::Model;
 use crate::report::needs::survey::{Recipe, Run};
 use crate::scene::{Dataset, Splats, Split};
+use crate::simplify::{CountController, History, for_auto_count, reduce_harmonics};
 use crate::train::config::LearningRates;
 use crate::train::{StrategyKind, TrainConfig, Trainer};
 use crate::{Error, Result};
@@ -50,13 +50,16 @@ pub struct Task<'a> {
 pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
     let usual = TrainConfig::for_iterations(iterations);
     let at_rates_of = |rates: LearningRates, config: TrainConfig| TrainConfig { rates, ..config };
-    let thrifty = thrifty(usual.clone(), views);
+    let for_auto_count = for_auto_count(usual.clone(), views);
     match recipe {
         Recipe::Fixed => usual,
-        Recipe::FixedRates => at_rates_of(thrifty.rates, usual),
-        Recipe::Parsimony | Recipe::ParsimonyAllSh => thrifty,
+        Recipe::FixedRates => at_rates_of(for_auto_count.rates, usual),
+        Recipe::Parsimony | Recipe::ParsimonyAllSh => for_auto_count,
         Recipe::Mcmc => usual.with_strategy(StrategyKind::Mcmc),
-        Recipe::McmcRates => at_rates_of(thrifty.rates, usual.with_strategy(StrategyKind::Mcmc)),
+        Recipe::McmcRates => at_rates_of(
+            for_auto_count.rates,
+            usual.with_strategy(StrategyKind::Mcmc),
+        ),
     }
 }
 
@@ -134,17 +137,19 @@ impl Task<'_> {
         folder: &Path,
         progress: &mut dyn FnMut(u32) -> bool,
     ) -> Result<Option<Run>> {
-        let mut judge = Judge::new(gpu, self.dataset)?;
+        let mut judge = Evaluator::new(gpu, self.dataset)?;
         let Some(trained) = self.train(gpu, progress)? else {
             return Ok(None);
         };
-        let Trained { splats, ledger, .. } = &trained;
+        let Trained {
+            splats, history, ..
+        } = &trained;
         let score = judge.score(splats)?;
         let model = Model::upload(gpu, splats)?;
         let frame = judge.time(splats, &model)?;
         let reduced = reduce_harmonics(splats, 0.0);
-        let law = ledger.as_ref().and_then(Ledger::law);
-        let points = ledger.as_ref().map(Ledger::points).unwrap_or_default();
+        let law = history.as_ref().and_then(History::law);
+        let points = history.as_ref().map(History::points).unwrap_or_default();
         Ok(Some(Run {
             date: record::today(),
             splats: splats.len(),
@@ -158,8 +163,8 @@ impl Task<'_> {
             sh_floats: reduced.floats,
             frame_ms: frame.device_ms,
             frame_cpu_ms: frame.cpu_ms,
-            settled_from: ledger.as_ref().and_then(|ledger| ledger.settled_from),
-            sh_lost_db: ledger.as_ref().and_then(|ledger| ledger.sh_lost_db),
+            settled_from: history.as_ref().and_then(|history| history.settled_from),
+            sh_lost_db: history.as_ref().and_then(|history| history.sh_lost_db),
             knee: law.map(|law| law.knee(self.gain_db)),
             law: law.map_or(Vec::new(), |law| {
                 vec![law.limit_db, law.factor, law.exponent]
@@ -173,13 +178,14 @@ impl Task<'_> {
     fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<Trained>> {
         let mut trainer = Trainer::new(gpu, self.dataset, self.config())?;
         let (start, clock) = (Instant::now(), CpuClock::now());
-        let mut thrift = match self.recipe {
+        let mut controller = match self.recipe {
             Recipe::Parsimony | Recipe::ParsimonyAllSh => {
-                let mut thrift = Thrift::begin(&mut trainer, self.dataset, self.gain_db, false)?;
+                let mut controller =
+                    CountController::begin(&mut trainer, self.dataset, self.gain_db, false)?;
                 if self.recipe == Recipe::ParsimonyAllSh {
-                    thrift.keep_harmonics();
+                    controller.keep_sh();
                 }
-                Some(thrift)
+                Some(controller)
             }
             _ => None,
         };
@@ -188,15 +194,15 @@ impl Task<'_> {
                 return Ok(None);
             }
             trainer.step()?;
-            if let Some(thrift) = &mut thrift {
-                thrift.attend(&mut trainer)?;
+            if let Some(controller) = &mut controller {
+                controller.after_step(&mut trainer)?;
             }
         }
         trainer.finish()?;
         Ok(Some(Trained {
             seconds: start.elapsed().as_secs_f64(),
             cpu_seconds: clock.elapsed_ns().map(|ns| 1e-9 * ns),
-            ledger: thrift.map(|thrift| thrift.ledger().clone()),
+            history: controller.map(|controller| controller.history().clone()),
             splats: trainer.splats()?,
         }))
     }
@@ -205,7 +211,7 @@ impl Task<'_> {
 /// What a run has made.
 struct Trained {
     splats: Splats,
-    ledger: Option<Ledger>,
+    history: Option<History>,
     seconds: f64,
     cpu_seconds: Option<f64>,
 }
@@ -237,11 +243,11 @@ mod tests {
 
     #[test]
     fn recipes_differ_in_what_they_say_and_in_nothing_else() {
-        let [fixed, rates, thrifty, mcmc, mcmc_rates, all_sh] =
+        let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] =
             Recipe::ALL.map(|r| config(r, 2_000, 40));
-        assert_eq!(all_sh, thrifty);
+        assert_eq!(all_sh, for_auto_count);
         assert_eq!(fixed, TrainConfig::for_iterations(2_000));
-        assert_eq!([rates.rates, mcmc_rates.rates], [thrifty.rates; 2]);
+        assert_eq!([rates.rates, mcmc_rates.rates], [for_auto_count.rates; 2]);
         let at_usual = |config: TrainConfig| TrainConfig {
             rates: fixed.rates,
             ..config

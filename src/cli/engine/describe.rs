@@ -27,7 +27,7 @@ pub(in crate::cli) fn devices() -> Result<(String, Value)> {
 pub(super) fn chosen(caps: &Caps, memory_limit: u64) -> (String, Value) {
     let (major, minor, patch) = caps.api;
     let mut text = format!("chosen: {}\n", caps.name);
-    let mut line = |name: &str, value: String| _ = writeln!(text, "  {name:<16} {value}");
+    let mut line = |name: &str, value: String| _ = writeln!(text, "  {name:<18} {value}");
     line(
         "Vulkan",
         format!("{major}.{minor}.{patch}, {}", caps.driver),
@@ -123,11 +123,11 @@ mod tests {
             offers: Default::default(),
         };
         let (text, _) = chosen(&caps, 1 << 30);
-        assert!(text.contains("memory           1.0 GiB"), "{text}");
+        assert!(text.contains("memory             1.0 GiB"), "{text}");
         for choice in chosen_kernels(&caps) {
             let line = text
                 .lines()
-                .find(|line| line.trim().starts_with(choice.kernel));
+                .find(|line| line.split_whitespace().next() == Some(choice.kernel));
             assert!(
                 line.is_some_and(|line| line.ends_with(choice.why)),
                 "{text}"

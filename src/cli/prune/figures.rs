@@ -2,9 +2,9 @@
 
 use super::PruneArgs;
 use crate::cli::output::{bytes, grouped, score_text};
-use crate::parsimony::{Change, Difference, Merged, Pruned, Reduced};
 use crate::report::MeanScore;
 use crate::scene::{Splats, sh_coefficient_count};
+use crate::simplify::{Change, Difference, Merged, Pruned, Reduced};
 use serde_json::json;
 
 /// Bytes of a scene as a .ply: position, normal, harmonics, opacity, scale and rotation in 32 bits each.
@@ -105,7 +105,7 @@ impl Figures {
                 grouped(pruned.unseen),
             ),
             format!(
-                "{} weigh no more than {:.6} wherever they are seen; {} rounds over {} training views",
+                "{} contribution no more than {:.6} wherever they are seen; {} rounds over {} training views",
                 grouped(pruned.light),
                 args.error,
                 pruned.rounds,

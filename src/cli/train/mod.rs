@@ -11,9 +11,9 @@ use super::engine::{Engine, Training};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::{Outcome, eval};
-use crate::parsimony::thrifty;
 use crate::report::Report;
 use crate::scene::{Dataset, Point, Split};
+use crate::simplify::for_auto_count;
 use crate::{Error, Result, io};
 use clap::Args;
 use glam::DVec3;
@@ -115,10 +115,10 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
             match args.parsimony {
                 Some(gain) => {
                     let config = args.config.config_from(is_software, |usual| {
-                        thrifty(usual, dataset.split(Split::Train).len())
+                        for_auto_count(usual, dataset.split(Split::Train).len())
                     })?;
                     let is_open = args.config.iterations.is_none();
-                    engine.train_thriftily(&dataset, config, (gain, is_open))?
+                    engine.train_auto(&dataset, config, (gain, is_open))?
                 }
                 None => engine.train(&dataset, args.config.config(is_software)?)?,
             }
@@ -318,9 +318,9 @@ impl Session<'_> {
             return Ok(outcome);
         }
         let (splats, memory) = (training.splats()?, training.memory());
-        let ledger = training.ledger().cloned();
+        let history = training.history().cloned();
         drop(training);
-        let found = ledger.map(|ledger| needs::found(self.dataset, &ledger, &splats));
+        let found = history.map(|history| needs::found(self.dataset, &history, &splats));
         let found = found.map(|needs| (needs, self.against));
         results::write(self, &scene, &config, record, (&splats, memory), found)?;
         Ok(Outcome::Done)
@@ -330,7 +330,7 @@ impl Session<'_> {
 #[cfg(test)]
 mod tests {
     use super::parse_gain;
-    use crate::parsimony::PREFERENCE_DB;
+    use crate::simplify::PREFERENCE_DB;
 
     #[test]
     fn gains_are_decibels_above_0() {

@@ -1,35 +1,35 @@
 //! What a run has found of its scene's needs, as its report has it.
 
-use crate::parsimony::{Ledger, part, reduce_harmonics};
 use crate::report::Report;
 use crate::report::needs::{Needs, bytes_by_degree, sentence};
 use crate::scene::{Dataset, Splats};
+use crate::simplify::{History, part, reduce_harmonics};
 use crate::{Error, Result};
 use std::path::Path;
 
 /// What there is to report of a scene and how it came to be.
-pub(super) fn found(dataset: &Dataset, ledger: &Ledger, splats: &Splats) -> Needs {
+pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Needs {
     // Degrees that went have left zeros.
     let reduced = reduce_harmonics(splats, 0.0);
-    let law = ledger.law();
+    let law = history.law();
     let (_, held) = part(dataset);
     Needs {
         sentence: sentence(reduced.count_from_degree, None),
-        preference_db: ledger.preference_db,
+        preference_db: history.preference_db,
         splat_count: splats.len(),
         splats_by_degree: reduced.count_from_degree,
         bytes_by_degree: bytes_by_degree(reduced.count_from_degree),
-        sh_lost_db: ledger.sh_lost_db,
-        settled_from: ledger.settled_from,
-        half_size: ledger.half_size(),
+        sh_lost_db: history.sh_lost_db,
+        settled_from: history.settled_from,
+        half_size: history.half_size(),
         validation_views: held
             .iter()
             .map(|&v| dataset.views[v].name.clone())
             .collect(),
-        knee: law.map(|law| law.knee(ledger.preference_db)),
+        knee: law.map(|law| law.knee(history.preference_db)),
         law,
-        points: ledger.points(),
-        steps: ledger.steps(),
+        points: history.points(),
+        steps: history.steps(),
         against: None,
     }
 }

@@ -22,7 +22,7 @@
 //! a pixel crosses its photograph.
 
 use super::stack::{Screen, Slice, Stack};
-use super::{MARGIN, Savings};
+use super::{Approximations, MARGIN};
 use crate::layout::ALPHA_MAX;
 use crate::reference::gradient::SplatGradients;
 use crate::reference::project::margins;
@@ -43,7 +43,7 @@ pub struct Rounding {
 /// How far gradients may be from the exact ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GradientBounds {
-    /// For each of the [`Savings`], the most that each parameter's gradient may be off.
+    /// For each of the [`Approximations`], the most that each parameter's gradient may be off.
     pub bounds: Vec<SplatGradients>,
     /// What rounding may add where it is the largest: where all is kept.
     pub rounding: SplatGradients,
@@ -52,26 +52,29 @@ pub struct GradientBounds {
     pub kinked: Vec<bool>,
 }
 
-/// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.cuts` are not made,
-/// and what is drawn must be the scene itself (no [`Savings::color_error`], nothing [`Savings::stored`], no
-/// [`Savings::alpha_error`]).
+/// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.thresholds` are not made,
+/// and what is drawn must be the scene itself (no [`Approximations::color_error`], nothing [`Approximations::stored`], no
+/// [`Approximations::alpha_error`]).
 pub fn gradient_bounds(
     splats: &Splats,
     camera: &Camera,
     options: &Options,
     upstream: &[[f64; 3]],
-    savings: &[Savings],
+    approximations: &[Approximations],
     rounding: Rounding,
 ) -> GradientBounds {
     let is_scene =
-        |s: &Savings| s.color_error.is_empty() && s.stored.is_none() && s.alpha_error == 0.0;
-    assert!(savings.iter().all(is_scene), "savings draw another scene");
+        |s: &Approximations| s.color_error.is_empty() && s.stored.is_none() && s.alpha_error == 0.0;
+    assert!(
+        approximations.iter().all(is_scene),
+        "approximations draw another scene"
+    );
     let screen = Screen::new(splats, camera, options);
     let job = Job {
         screen: &screen,
         width: camera.width as usize,
         background: options.background,
-        savings,
+        approximations,
         rounding: rounding.share,
     };
     let sums = job.sums(upstream, splats.len());
@@ -99,8 +102,8 @@ pub fn gradient_bounds(
         SplatGradients::from_rows(&rows)
     };
     let rounded = |(splat, (slopes, all)): (usize, (&Vec<[f64; 10]>, &Splat<f64>))| -> Vec<f64> {
-        let off = by_screen(savings.len(), splat);
-        let terms = by_screen(savings.len() + 1, splat);
+        let off = by_screen(approximations.len(), splat);
+        let terms = by_screen(approximations.len() + 1, splat);
         let slope_terms = slope_terms(all, &view);
         let both = slopes.iter().zip(&slope_terms);
         both.map(|(slopes, slope_terms)| {
@@ -115,7 +118,7 @@ pub fn gradient_bounds(
         margins.near.min(margins.limit).min(margins.color) < rounding.share
     };
     GradientBounds {
-        bounds: (0..savings.len()).map(by_parameters).collect(),
+        bounds: (0..approximations.len()).map(by_parameters).collect(),
         rounding: SplatGradients::from_rows(&rounded),
         kinked: all.iter().map(near_kink).collect(),
     }
@@ -135,7 +138,7 @@ struct Job<'a> {
     screen: &'a Screen,
     width: usize,
     background: [f64; 3],
-    savings: &'a [Savings],
+    approximations: &'a [Approximations],
     rounding: f64,
 }
 
@@ -193,8 +196,8 @@ impl Linear {
     }
 }
 
-fn leaves_out(savings: &Savings, slice: &Slice) -> bool {
-    savings.may_leave_out(slice.splat, slice.alpha, slice.level)
+fn leaves_out(approximations: &Approximations, slice: &Slice) -> bool {
+    approximations.may_leave_out(slice.splat, slice.alpha, slice.level)
 }
 
 /// Whether a slice's gradient by shape is switched off by the cap of its alpha; `None`: either.
@@ -212,7 +215,7 @@ impl Job<'_> {
         let part = height.div_ceil(rayon::current_num_threads());
         let parts: Vec<usize> = (0..height).step_by(part.max(1)).collect();
         let sums = parts.into_par_iter().map(|first| {
-            let mut sums = vec![vec![[0.0; ROW]; splats]; self.savings.len() + 2];
+            let mut sums = vec![vec![[0.0; ROW]; splats]; self.approximations.len() + 2];
             for row in first..(first + part).min(height) {
                 for (stack, u) in self.screen.row(row).zip(&upstream[row * self.width..]) {
                     self.add(&stack, u, &mut sums);
@@ -225,23 +228,23 @@ impl Job<'_> {
 
     fn add(&self, stack: &Stack, u: &[f64; 3], sums: &mut Sums) {
         let linear = Linear::of(stack, self.background, u);
-        for (savings, sums) in self.savings.iter().zip(sums.iter_mut()) {
-            self.add_saved(stack, &linear, savings, sums);
+        for (approximations, sums) in self.approximations.iter().zip(sums.iter_mut()) {
+            self.add_saved(stack, &linear, approximations, sums);
         }
         if let [.., rounding, terms] = sums {
             self.add_rounding(stack, &linear, rounding, terms);
         }
     }
 
-    /// What savings may change.
+    /// What approximations may change.
     fn add_saved(
         &self,
         stack: &Stack,
         linear: &Linear,
-        savings: &Savings,
+        approximations: &Approximations,
         sums: &mut [[f64; ROW]],
     ) {
-        let stop = savings.transmittance_min * (1.0 + MARGIN);
+        let stop = approximations.transmittance_min * (1.0 + MARGIN);
         // What is lost behind each slice, in weights of the whole frame.
         let mut lost = match stack.pixel.transmittance < stop {
             true => stop,
@@ -253,7 +256,7 @@ impl Job<'_> {
             .rev()
             .map(|slice| {
                 let behind = lost;
-                if leaves_out(savings, slice) {
+                if leaves_out(approximations, slice) {
                     lost += slice.alpha * slice.before;
                 }
                 behind
@@ -270,11 +273,11 @@ impl Job<'_> {
             let mut shape =
                 slice.alpha * (more * linear.steps[i] + passes * behind + exchanged * linear.range);
             let mut color = slice.alpha * more;
-            if slice.before < stop || leaves_out(savings, slice) {
+            if slice.before < stop || leaves_out(approximations, slice) {
                 shape = shape.max(slice.alpha * slice.before * linear.steps[i]);
                 color = color.max(slice.alpha * slice.before);
             }
-            if leaves_out(savings, slice) {
+            if leaves_out(approximations, slice) {
                 opened /= 1.0 - slice.alpha;
             }
             shape = match is_capped(slice) {

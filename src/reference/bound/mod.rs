@@ -4,7 +4,7 @@
 //! With `C = Σ cᵢ αᵢ Tᵢ + T_end · background` and `Bᵢ` what is seen through splat `i`, a splat that is left
 //! out changes the pixel by `αᵢ Tᵢ (Bᵢ − cᵢ)`. Taken out from the back, each splat of a set leaves the
 //! transmittance before the others alone, so that a set `S` costs at most `Σ_S αᵢ Tᵢ` times the range of the
-//! pixel's colours, with the weights of the whole frame. The other savings follow from it:
+//! pixel's colours, with the weights of the whole frame. The other approximations follow from it:
 //!
 //! * An alpha cut, a limit on standard deviations and removed splats leave out what they say.
 //! * A stop at the transmittance `t`, the last splat included, replaces what is behind by the background,
@@ -30,7 +30,7 @@ use crate::scene::Splats;
 
 /// What a frame saves.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Savings {
+pub struct Approximations {
     /// Alphas below this are left out.
     pub alpha_min: f64,
     /// A pixel is finished once less than this passes.
@@ -45,7 +45,7 @@ pub struct Savings {
     pub removed: Vec<bool>,
     /// The scene whose shapes and opacities are drawn in place of its own, splat by splat and with the same means,
     /// not noticeably larger: beyond ten of their own standard deviations splats are taken for nothing. Its colours
-    /// do not count: [`Savings::color_error`] does.
+    /// do not count: [`Approximations::color_error`] does.
     pub stored: Option<Splats>,
 }
 
@@ -60,9 +60,9 @@ const SAME_DEPTH: f64 = 2e-6;
 /// that they have.
 const FAINT: f64 = 1e-9;
 
-impl Savings {
+impl Approximations {
     /// None at all.
-    pub const NONE: Savings = Savings {
+    pub const NONE: Approximations = Approximations {
         alpha_min: 0.0,
         transmittance_min: 0.0,
         sigma_max: f64::INFINITY,

@@ -1,10 +1,10 @@
 //! The bound of a picture's colours.
 
 use super::stack::{Screen, Stack};
-use super::{FAINT, MARGIN, Savings};
+use super::{Approximations, FAINT, MARGIN};
 use crate::reference::frame::project_all;
 use crate::reference::rasterize::{layer, power};
-use crate::reference::{Cuts, Options, ScreenSplat, Splat, Viewpoint};
+use crate::reference::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 pub struct Traced {
     /// Its colour.
     pub color: [f64; 3],
-    /// For each of the [`Savings`], the most by which any channel may differ.
+    /// For each of the [`Approximations`], the most by which any channel may differ.
     pub bounds: Vec<f64>,
     /// Difference between the largest and the smallest value that a channel has among the pixel's splats
     /// and its background; the largest over the channels.
@@ -22,24 +22,24 @@ pub struct Traced {
     pub order: f64,
 }
 
-/// Traces every pixel of a frame; `options.cuts` are not made.
+/// Traces every pixel of a frame; `options.thresholds` are not made.
 pub fn trace(
     splats: &Splats,
     camera: &Camera,
     options: &Options,
-    savings: &[Savings],
+    approximations: &[Approximations],
 ) -> Vec<Traced> {
     let screen = Screen::new(splats, camera, options);
-    let stored = |savings: &Savings| {
-        let stored = savings.stored.as_ref()?;
+    let stored = |approximations: &Approximations| {
+        let stored = approximations.stored.as_ref()?;
         let view = Viewpoint::new(camera, options, stored.mode);
         Some(project_all(&Splat::<f64>::all(stored), &view))
     };
-    let stored: Vec<Stored> = savings.iter().map(stored).collect();
+    let stored: Vec<Stored> = approximations.iter().map(stored).collect();
     let rows = (0..screen.height).into_par_iter();
     rows.flat_map_iter(|row| {
         let pixels = screen.row(row);
-        let all = || savings.iter().zip(&stored);
+        let all = || approximations.iter().zip(&stored);
         let traced = pixels.map(|stack| traced(&stack, options.background, all()));
         traced.collect::<Vec<Traced>>()
     })
@@ -88,7 +88,7 @@ struct Saved {
 fn traced<'a>(
     stack: &Stack,
     background: [f64; 3],
-    savings: impl Iterator<Item = (&'a Savings, &'a Stored)>,
+    approximations: impl Iterator<Item = (&'a Approximations, &'a Stored)>,
 ) -> Traced {
     let range = stack.range(background, FAINT);
     let faint = stack.faint() * stack.range(background, 0.0);
@@ -98,8 +98,8 @@ fn traced<'a>(
         pairs += group.pairs;
         order += group.pairs * group.before;
     }
-    let bound = |(savings, stored): (&Savings, &Stored)| {
-        let saved = saved(stack, savings, stored);
+    let bound = |(approximations, stored): (&Approximations, &Stored)| {
+        let saved = saved(stack, approximations, stored);
         let range = range + 2.0 * saved.color_most;
         let weight = saved.weight + saved.moved;
         // A splat before two that change places may be left out, and more light reach them.
@@ -108,19 +108,23 @@ fn traced<'a>(
     };
     Traced {
         color: stack.pixel.over_background(background).color,
-        bounds: savings.map(bound).collect(),
+        bounds: approximations.map(bound).collect(),
         range,
         order: order * range,
     }
 }
 
-fn saved(stack: &Stack, savings: &Savings, stored: &Stored) -> Saved {
+fn saved(stack: &Stack, approximations: &Approximations, stored: &Stored) -> Saved {
     let mut saved = Saved::default();
     // As it is drawn, without what is left out: the most and the least that may pass.
     let (mut before, mut least) = (1.0, 1.0_f64);
-    let share = savings.alpha_error;
+    let share = approximations.alpha_error;
     for slice in &stack.slices {
-        let off = savings.color_error.get(slice.splat).copied().unwrap_or(0.0);
+        let off = approximations
+            .color_error
+            .get(slice.splat)
+            .copied()
+            .unwrap_or(0.0);
         saved.color += slice.alpha * slice.before * off;
         let (alpha, level) = match stored {
             None => (slice.alpha, slice.level),
@@ -129,14 +133,14 @@ fn saved(stack: &Stack, savings: &Savings, stored: &Stored) -> Saved {
         saved.moved += ((alpha - slice.alpha).abs() + share * alpha) * slice.before;
         if alpha >= FAINT {
             saved.color_most = saved.color_most.max(off);
-            if savings.may_leave_out(slice.splat, alpha, level) {
+            if approximations.may_leave_out(slice.splat, alpha, level) {
                 saved.weight += (1.0 + share) * alpha * before;
             }
         }
         before *= 1.0 - (1.0 - share) * alpha;
         least *= (1.0 - (1.0 + share) * alpha).max(0.0);
     }
-    let stop = savings.transmittance_min * (1.0 + MARGIN);
+    let stop = approximations.transmittance_min * (1.0 + MARGIN);
     if least < stop {
         saved.behind = stop;
     }
@@ -145,7 +149,8 @@ fn saved(stack: &Stack, savings: &Savings, stored: &Stored) -> Saved {
 
 /// Alpha and squared standard deviations at a position.
 fn drawn(splat: Option<&ScreenSplat<f64>>, at: [f64; 2]) -> (f64, f64) {
-    let layer = splat.and_then(|splat| Some((layer(splat, at, &Cuts::NONE)?, power(splat, at))));
+    let layer =
+        splat.and_then(|splat| Some((layer(splat, at, &Thresholds::NONE)?, power(splat, at))));
     layer.map_or((0.0, f64::INFINITY), |(layer, power)| {
         (layer.alpha, 2.0 * power)
     })

@@ -3,7 +3,7 @@
 use super::{FAINT, SAME_DEPTH};
 use crate::reference::frame::{center, project_all, sorted};
 use crate::reference::rasterize::{layer, power, raw_alpha};
-use crate::reference::{Cuts, Options, Pixel, ScreenSplat, Splat, Viewpoint};
+use crate::reference::{Options, Pixel, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::scene::{Camera, Splats};
 
 /// Squared standard deviations beyond which `raw_alpha` is 0: the power is over 50.
@@ -85,7 +85,7 @@ impl Screen {
         };
         for &rank in near {
             let splat = &self.list[rank];
-            let Some(layer) = layer(splat, at, &Cuts::NONE) else {
+            let Some(layer) = layer(splat, at, &Thresholds::NONE) else {
                 continue;
             };
             stack.slices.push(Slice {

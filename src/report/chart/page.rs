@@ -33,7 +33,7 @@ projection's derivatives, bounds the gradient of every parameter: means, rotatio
 Of the training loss itself nothing of the kind can be proven: its L1 part has a slope that jumps where a pixel \
 crosses its photograph, so that any change of the image, however small, may turn the sign of a pixel's share. \
 All sums here come in a fixed order: the engine has no backward pass with float atomics to compare with (<code>ashfall \
-bench kernels --filter yardstick</code> times the classical one).";
+bench kernels --filter baseline</code> times the classical one).";
 
 const OF_RUNS: &str = "Whole runs, each setting with several seeds; signs are means and bars their 95 % confidence \
 intervals (Student's t). There is no proof of what training reaches: these bars are statistics. What a setting costs in \

@@ -12,10 +12,12 @@ use super::{Plan, reduced, training};
 use crate::bench::CpuClock;
 use crate::gpu::Gpu;
 use crate::io::photo;
-use crate::reference::bound::{GradientBounds, Rounding, Savings, Traced, gradient_bounds, trace};
+use crate::reference::bound::{
+    Approximations, GradientBounds, Rounding, Traced, gradient_bounds, trace,
+};
 use crate::reference::gradient::{SplatGradients, backward};
 use crate::reference::rasterize_backward::PixelGradient;
-use crate::reference::{Cuts, Options};
+use crate::reference::{Options, Thresholds};
 use crate::report::chart::{GradientErrors, GradientPoint};
 use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, Split, View};
 use crate::train::{Background, HostState, TrainConfig, Trainer};
@@ -57,15 +59,15 @@ impl Gradients<'_> {
             background: training::BACKGROUND.map(f64::from),
             near: f64::from(timed[0].near()),
             sh_degree: self.splats.sh_degree,
-            cuts: Cuts::NONE,
+            thresholds: Thresholds::NONE,
         };
-        let savings: Vec<Savings> = settings
+        let approximations: Vec<Approximations> = settings
             .iter()
-            .map(|s| s.savings(self.splats, &[]))
+            .map(|s| s.approximations(self.splats, &[]))
             .collect();
-        let traced = trace(self.splats, &camera, &options, &savings);
+        let traced = trace(self.splats, &camera, &options, &approximations);
         let white = white(&camera, &traced);
-        let exact = self.exact(&camera, &options, &white, &savings);
+        let exact = self.exact(&camera, &options, &white, &approximations);
         let white = self.dataset_of(camera, white, AlphaMode::Mask);
         let mut points = Vec::new();
         for (which, setting) in settings.iter().enumerate() {
@@ -146,7 +148,7 @@ impl Gradients<'_> {
         camera: &Camera,
         options: &Options,
         white: &Photo,
-        savings: &[Savings],
+        approximations: &[Approximations],
     ) -> Exact {
         // The L1 loss is a mean over channels of the pixels that count.
         let counted = white.rgba.iter().filter(|pixel| pixel[3] != 0).count();
@@ -164,7 +166,14 @@ impl Gradients<'_> {
         };
         Exact {
             gradients: backward(self.splats, camera, options, &pixels).1,
-            bounds: gradient_bounds(self.splats, camera, options, &upstream, savings, rounding),
+            bounds: gradient_bounds(
+                self.splats,
+                camera,
+                options,
+                &upstream,
+                approximations,
+                rounding,
+            ),
         }
     }
 }

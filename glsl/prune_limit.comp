@@ -1,0 +1,20 @@
+#version 460
+#include "shared/prelude.glsl"
+
+// Finds how far down a ranking of splats each pixel can do without them.
+//
+// One workgroup per tile. Lanes pass splats round and vote on stopping through shared memory, so any subgroup size will do.
+
+#include "prune_limit.glsl"
+#include "shared/stage.shared.glsl"
+
+shared uint vote;
+
+bool any_lane(bool mine) {
+    barrier();
+    if (gl_LocalInvocationID.x == 0) vote = 0;
+    barrier();
+    if (mine) vote = 1;
+    barrier();
+    return vote != 0;
+}

@@ -1,0 +1,136 @@
+// What each splat of a tile's list does to the tile's pixels; `removal_error.comp` and its variants include this and say how
+// lanes agree and add up.
+//
+// With C = P + R, P what the splats up to splat i have added and R what is seen behind it, which passes the transmittance
+// T' behind it, leaving it out would change the pixel by w (R / T' - c), w its weight and c its colour. Where a pixel has
+// ended, the background is what lies behind.
+//
+// One record per (tile, splat) pair, written once and without atomics, as in `contribution.glsl`.
+
+layout(constant_id = 0) const uint WORKGROUP = 8;
+layout(constant_id = 1) const float T_MIN = 1e-4;
+layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
+// Not 0: pixels end as in the 3DGS code.
+layout(constant_id = 3) const uint INRIA = 0;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
+layout(set = 0, binding = 1, scalar) readonly buffer Ranges { uvec2 range_from_tile[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Sources { uint emitted_from_isect[]; };
+layout(set = 0, binding = 3, scalar) readonly buffer Owners { uint splat_from_emitted[]; };
+layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 ellipse_from_splat[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
+layout(set = 0, binding = 7, scalar) readonly buffer Image { float image[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer Errors { float error_from_pixel[]; };
+layout(set = 0, binding = 9, scalar) writeonly buffer Records { vec3 influence_from_source[]; };
+
+layout(push_constant, scalar) uniform Push {
+    uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
+} push;
+
+#include "shared/tile.glsl"
+#include "shared/stage.glsl"
+#include "shared/weights.glsl"
+
+// Over the lanes, whose pixels differ: the sums. All lanes call this.
+vec3 over_lanes(vec3 mine);
+
+// The lane's pixels: their errors, and what is still to come of each channel.
+vec4 error[QUADS];
+vec4 red[QUADS];
+vec4 green[QUADS];
+vec4 blue[QUADS];
+
+void load_pixels(Tile t) {
+    uint pixels = view.size.x * view.size.y;
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        error[q] = red[q] = green[q] = blue[q] = vec4(0.0);
+        [[unroll]] for (uint r = 0; r < 4; ++r) {
+            if (!inside(t, q, view)[r]) continue;
+            uint pixel = pixel_of(t, q * 4 + r, view);
+            error[q][r] = error_from_pixel[pixel];
+            red[q][r] = image[pixel];
+            green[q][r] = image[pixels + pixel];
+            blue[q][r] = image[2 * pixels + pixel];
+        }
+    }
+}
+
+// The square of the change of a channel, of which `rest` is to come behind the splat.
+vec4 change(vec4 weight, vec4 rest, vec4 passing, float color, float background) {
+    vec4 behind = mix(vec4(background), rest / max(passing, vec4(T_MIN)), greaterThanEqual(passing, vec4(T_MIN)));
+    vec4 off = weight * (behind - color);
+    return off * off;
+}
+
+// The lane's part: the sums of the weights, of weights times errors, and of the squared changes.
+vec3 removal_error(Tile t, Staged splat) {
+    Column column = column_of(t, splat.shape, splat.tone);
+    vec4 weights = vec4(0.0);
+    vec4 blame = vec4(0.0);
+    vec4 changes = vec4(0.0);
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        vec4 weight = weights_of(column, q);
+        vec4 passing = transmittance[q];
+        red[q] -= weight * splat.tone.z;
+        green[q] -= weight * splat.tone.w;
+        blue[q] -= weight * splat.rest.x;
+        weights += weight;
+        blame += weight * error[q];
+        changes += change(weight, red[q], passing, splat.tone.z, view.background.r);
+        changes += change(weight, green[q], passing, splat.tone.w, view.background.g);
+        changes += change(weight, blue[q], passing, splat.rest.x, view.background.b);
+    }
+    const vec4 one = vec4(1.0);
+    return vec3(dot(weights, one), dot(blame, one), dot(changes, one));
+}
+
+// A batch, the first from `begin` on.
+void take_batch(Tile t, uint begin, uint end) {
+    uint lane = stage_lane();
+    bool mine = lane < end - begin;
+    uint source = emitted_from_isect[mine ? begin + lane : begin];
+    uint splat = splat_from_emitted[source];
+    Staged staged = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
+    if (!mine) hide(staged);
+    stage(staged);
+    uint count = min(WORKGROUP, end - begin);
+    vec3 kept = vec3(0.0);
+    uint i = 0;
+    // Two a turn, which halves the turns that a software device counts; an odd one has a hidden partner.
+    do {
+        vec3 even = over_lanes(removal_error(t, staged_by(i)));
+        vec3 odd = over_lanes(removal_error(t, staged_by(i + 1)));
+        kept = lane == i ? even : lane == i + 1 ? odd : kept;
+        i += 2;
+    } while (i < count);
+    if (mine) influence_from_source[source] = kept;
+}
+
+void take_tile(uint tile) {
+    Tile t = tile_of(tile, view);
+    begin_pixels(t);
+    load_pixels(t);
+    uvec2 range = range_from_tile[tile];
+    uint begin = range.x;
+    // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+    if (begin < range.y) {
+        do {
+            take_batch(t, begin, range.y);
+            begin += WORKGROUP;
+            if (!any_open()) break;
+        } while (begin < range.y);
+    }
+    // Splats behind the last one that counted: nobody else clears their records.
+    for (uint isect = begin + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
+        influence_from_source[emitted_from_isect[isect]] = vec3(0.0);
+    }
+}
+
+void main() {
+    uint tile_count = view.tiles.x * view.tiles.y;
+    uint group = group_index();
+    if (group >= tile_count) return;
+    take_tile((group * push.tile_stride) % tile_count);
+}

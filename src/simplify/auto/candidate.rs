@@ -1,0 +1,133 @@
+//! Scenes with fewer splats for a round to try: without the least important, or with neighbours merged.
+//!
+//! Where nothing is to be seen, merging leaves larger splats in place of many, which steps of training cannot do in the
+//! time of a round. Where there is detail it blurs, and steps make up for less of that than for splats that are missing,
+//! however the two look before any. So it is for scenes that lose hardly anything by it at once.
+
+use super::CountController;
+use super::survey::Survey;
+use crate::Result;
+use crate::scene::{Camera, RenderMode, Splats};
+use crate::simplify::gain::{differences, mean, steps_of_ten_percent};
+use crate::simplify::merge::{merge, rates};
+use crate::train::{HostState, Trainer};
+
+/// Merging may lose at once so much of what a round may.
+const AT_ONCE: f64 = 0.25;
+
+/// A scene, and with fewer splats.
+pub(super) struct Candidate {
+    pub(super) whole: HostState,
+    pub(super) less: HostState,
+    /// Whether neighbours were merged.
+    pub(super) is_merged: bool,
+}
+
+impl<'a> CountController<'a> {
+    /// The scene with a share of its splats less, before they are fitted again.
+    pub(super) fn lesser(&mut self, trainer: &mut Trainer<'a>) -> Result<Candidate> {
+        let (whole, splats) = (trainer.download()?, trainer.splats()?);
+        let left = (whole.len() as f64 * (1.0 - self.history.share)).ceil() as usize;
+        if let Some(merged) = self.merged(trainer, &splats, left) {
+            let [before, after] = [&splats, &merged].map(|scene| self.judge.score(scene));
+            let lost = mean(&differences(&after?, &before?));
+            if lost
+                <= AT_ONCE * self.history.preference_db * steps_of_ten_percent(left, splats.len())
+            {
+                return Ok(Candidate {
+                    less: carried(&whole, &splats, &merged),
+                    whole,
+                    is_merged: true,
+                });
+            }
+            self.history.has_detail = true;
+        }
+        // In the held-out views, too: what they alone see would be the first to go. Only where they stand is used.
+        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.all())?;
+        Ok(Candidate {
+            less: whole.select(&largest(&changes, left)),
+            whole,
+            is_merged: false,
+        })
+    }
+
+    /// `None` where that has cost too much, and in mip mode, where every splat has a filter of its own, which merged ones
+    /// would lack.
+    fn merged(&self, trainer: &Trainer<'a>, splats: &Splats, left: usize) -> Option<Splats> {
+        if self.history.has_detail || trainer.config().mode != RenderMode::Default {
+            return None;
+        }
+        let camera = |&view: &usize| self.dataset.views[view].camera;
+        let cameras: Vec<Camera> = self.all().iter().map(camera).collect();
+        let rates = rates(splats, &cameras, f64::from(trainer.near()));
+        let share = 1.0 - left as f64 / splats.len().max(1) as f64;
+        merge(splats, &rates, share, &mut |_| true).map(|merged| merged.splats)
+    }
+}
+
+/// The state of merged splats: those that did not merge, which are as they were and in their old order, keep their
+/// moments.
+fn carried(state: &HostState, before: &Splats, merged: &Splats) -> HostState {
+    let mut carried = HostState::from_splats(merged, state.sh_degree);
+    // What harmonics have gone stay gone.
+    carried.lower_degrees(&vec![merged.sh_degree as u8; merged.len()]);
+    let mut old = 0;
+    for row in 0..merged.len() {
+        let is_same = |&old: &usize| {
+            before.mean[old] == merged.mean[row]
+                && before.log_scale[old] == merged.log_scale[row]
+                && before.opacity_logit[old] == merged.opacity_logit[row]
+        };
+        let Some(found) = (old..before.len()).find(is_same) else {
+            continue;
+        };
+        old = found + 1;
+        for (to, from) in [(&mut carried.m, &state.m), (&mut carried.v, &state.v)] {
+            for (to, from) in to.iter_mut().zip(from) {
+                to[row] = from[found];
+            }
+        }
+    }
+    carried
+}
+
+/// The rows of the largest numbers, in their order; of equals the first.
+fn largest(numbers: &[f64], count: usize) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..numbers.len() as u32).collect();
+    let number = |row: u32| numbers[row as usize];
+    order.sort_unstable_by(|&a, &b| number(b).total_cmp(&number(a)).then(a.cmp(&b)));
+    order.truncate(count);
+    order.sort_unstable();
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_stay_in_their_order() {
+        let numbers = [0.5, 3.0, 0.5, 0.0, 2.0];
+        assert_eq!(largest(&numbers, 3), [0, 1, 4]);
+        assert_eq!(largest(&numbers, 9), [0, 1, 2, 3, 4]);
+        assert!(largest(&[], 2).is_empty());
+    }
+
+    #[test]
+    fn who_did_not_merge_keeps_moments() {
+        let splats = |means: &[f32]| Splats {
+            mean: means.iter().map(|&x| [x; 3]).collect(),
+            quaternion: vec![[1.0, 0.0, 0.0, 0.0]; means.len()],
+            log_scale: vec![[0.0; 3]; means.len()],
+            opacity_logit: vec![0.0; means.len()],
+            sh: vec![0.0; 3 * means.len()],
+            ..Splats::default()
+        };
+        let before = splats(&[1.0, 2.0, 3.0, 4.0]);
+        let mut state = HostState::from_splats(&before, 0);
+        (0..4).for_each(|row| state.m[1][row] = [row as f32 + 1.0; 4]);
+        let found = carried(&state, &before, &splats(&[1.0, 2.5, 4.0]));
+        assert_eq!(found.m[1], [[1.0; 4], [0.0; 4], [4.0; 4]]);
+        assert_eq!(found.params[0][1][0], 2.5);
+    }
+}

@@ -1,0 +1,93 @@
+//! Growth: where it goes, and when it ends.
+
+use super::survey::Survey;
+use super::{CountController, Phase};
+use crate::Result;
+use crate::simplify::evaluator::is_full;
+use crate::simplify::gain::{differences, estimate, steps_of_ten_percent};
+use crate::simplify::history::{Act, Entry};
+use crate::train::schedule::is_refine;
+use crate::train::{TrainConfig, Trainer};
+
+/// Looks whose rise together tells what growth gives.
+const LOOKS: usize = 3;
+
+/// Growth that has added less than this many steps_of_ten_percent over those looks has ended by itself.
+const TENTHS_MIN: f64 = 0.5;
+
+impl<'a> CountController<'a> {
+    pub(super) fn after_growth_step(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        iteration: u32,
+    ) -> Result<()> {
+        let config = trainer.config();
+        let is_last = iteration >= config.refine.until;
+        // Before a refinement: what it adds has not been fitted yet.
+        if !is_last && !is_refine(config, iteration + 1) {
+            return self.after_first_steps(trainer, iteration);
+        }
+        // A step that did not fit is begun again: what was seen before it must not count twice.
+        let last = self.history.entries.last();
+        if last.is_some_and(|last| last.iteration == iteration) {
+            return Ok(());
+        }
+        let mut entry = self.look(trainer)?;
+        entry.gain_db = self.gain(trainer.config(), &entry);
+        let is_enough = match entry.gain_db {
+            Some([_, low]) => low < self.history.preference_db,
+            None => false,
+        };
+        let is_full = is_full(&entry.psnr_db);
+        // That photographs of half the size hide something may be why nothing more is gained: then growth goes on.
+        let is_hidden = self.is_detail_hidden();
+        let is_over = is_last || is_full || is_enough && !is_hidden;
+        let is_missed = is_enough || is_over || self.is_detail_missed(&entry.psnr_db);
+        if is_hidden && is_missed {
+            self.enlarge(trainer, &entry)?;
+        } else if !is_over {
+            self.history.entries.push(entry.clone());
+        }
+        if is_over {
+            entry.act = Act::Stopped;
+            self.history.entries.push(entry);
+            self.history.phase = Phase::Pruning;
+            trainer.set_limit(0);
+            trainer.set_views(self.fitted.clone())?;
+            return match is_full {
+                true => self.begin_round_without_sh(trainer, iteration),
+                false => self.begin_round(trainer),
+            };
+        }
+        self.set_densify_errors(trainer)
+    }
+
+    /// Tells a refinement that comes next where errors are.
+    pub(super) fn set_densify_errors(&self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let config = trainer.config();
+        let next = trainer.iteration() + 1;
+        if self.history.phase != Phase::Growing || !is_refine(config, next) {
+            return Ok(());
+        }
+        let turn = (next / config.refine.every) as usize;
+        let views = trainer.views().to_vec();
+        let errors = Survey::begin(trainer, self.dataset)?.errors(&views, turn)?;
+        trainer.set_errors(errors);
+        Ok(())
+    }
+
+    /// What a tenth more splats has given over the last looks, and its lower bound; since photographs are whole, if they
+    /// are, so that their gain is not taken for that of splats.
+    fn gain(&self, config: &TrainConfig, now: &Entry) -> Option<[f64; 2]> {
+        let is_look = |entry: &&Entry| is_refine(config, entry.iteration + 1);
+        let looks: Vec<&Entry> = self.history.entries.iter().filter(is_look).collect();
+        let is_enlarged = |entry: &&Entry| entry.act == Act::Enlarged;
+        let from = looks.iter().rposition(is_enlarged).unwrap_or(0);
+        let before = looks[from..].iter().rev().nth(LOOKS - 1)?;
+        let risen = differences(&before.psnr_db, &now.psnr_db);
+        let added = steps_of_ten_percent(before.splats, now.splats).max(TENTHS_MIN);
+        let each: Vec<f64> = risen.iter().map(|d| d / added).collect();
+        let found = estimate(&each);
+        Some([found.mean, found.low])
+    }
+}

@@ -1,0 +1,391 @@
+//! Rounds: the same steps from the same state without the least important splats, or harmonics, and with them.
+
+use super::sh_rounds::WITHOUT_SH;
+use super::{CountController, Phase, prune_by, settle_by};
+use crate::Result;
+use crate::simplify::evaluator::{is_full, short_of_full};
+use crate::simplify::gain::{differences, estimate, mean, steps_of_ten_percent};
+use crate::simplify::history::{Act, Entry, History, Round};
+use crate::train::{HostState, TrainConfig, Trainer};
+
+/// The share of splats that the first round takes out.
+pub(super) const SHARE: f64 = 0.5;
+
+/// No round takes more than this share.
+const SHARE_MAX: f64 = 0.8;
+
+/// After a share that was missed, no round takes more than this of it.
+const AFTER_A_MISS: f64 = 0.9;
+
+/// What a tenth of the splats is worth to views that are trained on counts so much: few views, far apart, may be so badly
+/// foreseen that they hardly miss any splat, and what they judge would no longer be the scene of the photographs.
+const OWN: f64 = 0.5;
+
+/// Rounds stop at this share where no knee is known: what one of so few is worth cannot be told from chance.
+const SHARE_MIN: f64 = 0.1;
+
+/// A count is at the knee that is off it by no more than this share: the knee is steadier than what a round costs.
+const NEAR: f64 = 0.05;
+
+/// What a tenth of the splats is worth is known well enough by this share of the preference.
+const KNOWN: f64 = 0.1;
+
+/// Of splats that would be missed by less than so many times what is allowed, some can go.
+const NEARLY_ALLOWED: f64 = 2.0;
+
+impl<'a> CountController<'a> {
+    pub(super) fn after_round_step(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        iteration: u32,
+    ) -> Result<()> {
+        let steps = round(trainer.config());
+        let mut round = match self.history.round.take() {
+            Some(round) if iteration >= round.from + steps => round,
+            waiting => {
+                self.history.round = waiting;
+                return Ok(());
+            }
+        };
+        let mut entry = self.look(trainer)?;
+        entry.is_merged = round.is_merged;
+        match (round.without.take(), self.kept.take()) {
+            (None, Some(whole)) => {
+                let without = (entry.splats, entry.psnr_db.clone());
+                let less = trainer.download()?;
+                if self.history.phase == Phase::Pruning && !round.is_without_sh {
+                    round.train_psnr_db = self.own.score(&trainer.splats()?)?;
+                }
+                if is_surely_allowed(&self.history, &round, &without, whole.len()) {
+                    entry.splats = whole.len();
+                    entry.psnr_db = self.judge.best();
+                    let own_lost = short_of_full(&round.train_psnr_db);
+                    return match round.is_without_sh {
+                        true => self.end_round_without_sh(trainer, entry, without, &less),
+                        false => self.judge_round(trainer, entry, (without, own_lost), &less),
+                    };
+                }
+                self.kept = Some(less);
+                trainer.go_back(&whole, round.from)?;
+                self.history.round = Some(Round {
+                    without: Some(without),
+                    ..round
+                });
+                Ok(())
+            }
+            (Some(without), Some(less)) => self.judge_any(trainer, &round, entry, without, &less),
+            // A checkpoint that lacks what it should hold: the round is over.
+            (_, None) => self.decide(trainer),
+        }
+    }
+
+    /// Decides on a round, whatever it has tried: `entry` is how the scene is with all, `without` and `less` without.
+    fn judge_any(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        round: &Round,
+        entry: Entry,
+        without: (usize, Vec<f64>),
+        less: &HostState,
+    ) -> Result<()> {
+        if round.is_without_sh {
+            return self.end_round_without_sh(trainer, entry, without, less);
+        }
+        if self.history.phase == Phase::Lowering {
+            return self.end_lowering_round(trainer, entry, without);
+        }
+        let own = self.own.score(&trainer.splats()?)?;
+        let own_lost = mean(&differences(&round.train_psnr_db, &own));
+        self.judge_round(trainer, entry, (without, own_lost), less)
+    }
+
+    /// Compares what the same steps have led to with all splats, `entry`, and without the least important.
+    fn judge_round(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        mut entry: Entry,
+        (without, own_lost): ((usize, Vec<f64>), f64),
+        less: &HostState,
+    ) -> Result<()> {
+        let gone = steps_of_ten_percent(without.0, entry.splats).max(1e-9);
+        let lost = differences(&without.1, &entry.psnr_db);
+        let each: Vec<f64> = lost.iter().map(|lost| lost / gone).collect();
+        let gain = estimate(&each);
+        entry.gain_db = Some([gain.mean, gain.low]);
+        let left = without.0;
+        let is_perfect = is_full(&without.1);
+        entry.without = Some(without);
+        let cost = cost(gain.mean, own_lost / gone, self.history.preference_db);
+        entry.lost_db = cost * gone;
+        entry.act = Act::Pruned;
+        self.history.entries.push(entry);
+        let is_beyond = |knee: f64| (left as f64) < (1.0 - NEAR) * knee;
+        // What looks perfect needs no law to go by.
+        let is_too_few = !is_perfect && self.history.knee().is_some_and(is_beyond);
+        if cost > self.history.preference_db || is_too_few {
+            self.history.miss();
+        } else {
+            trainer.replace(less)?;
+        }
+        self.history.share = next_share(&self.history, cost, trainer.splat_count());
+        let config = trainer.config();
+        let is_time = trainer.iteration() + round(config) > until(config, &less.degrees);
+        let least = self.history.knee().map_or(SHARE_MIN, |_| NEAR);
+        if !is_time && self.history.share >= least {
+            return self.begin_round(trainer);
+        }
+        self.take_some(trainer)?;
+        self.begin_lowering(trainer)
+    }
+
+    /// Where no law shows the knee, and the last round was missed by little: takes so many of its splats as would have been
+    /// allowed, if a tenth of them is worth the more the more of them go. Otherwise the count would hang on how few the
+    /// rounds before had left.
+    fn take_some(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let nearly = self.history.nearly_allowed(NEARLY_ALLOWED);
+        let Some(share) = nearly.filter(|_| self.history.has_plateau()) else {
+            return Ok(());
+        };
+        let mut entry = self.look(trainer)?;
+        self.history.share = share;
+        let lesser = self.lesser(trainer)?;
+        trainer.replace(&lesser.less)?;
+        let after = self.look(trainer)?;
+        entry.act = Act::PartPruned;
+        entry.is_merged = lesser.is_merged;
+        entry.without = Some((after.splats, after.psnr_db));
+        self.history.entries.push(entry);
+        Ok(())
+    }
+
+    /// Takes out a share of the splats, for the steps of a round.
+    pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let lesser = self.lesser(trainer)?;
+        let round = self.try_without(trainer, lesser.whole, &lesser.less)?;
+        round.is_merged = lesser.is_merged;
+        Ok(())
+    }
+
+    /// Takes only the second steps of a round: the lesser state is so bad before any that its own would not help.
+    pub(super) fn go_on_with(
+        &mut self,
+        trainer: &Trainer<'a>,
+        without: (usize, Vec<f64>),
+        less: HostState,
+    ) -> &mut Round {
+        self.kept = Some(less);
+        self.history.round.insert(Round {
+            from: trainer.iteration(),
+            without: Some(without),
+            ..Round::default()
+        })
+    }
+
+    /// Takes the first steps of a round from the lesser state.
+    pub(super) fn try_without(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        whole: HostState,
+        less: &HostState,
+    ) -> Result<&mut Round> {
+        trainer.replace(less)?;
+        self.kept = Some(whole);
+        Ok(self.history.round.insert(Round {
+            from: trainer.iteration(),
+            ..Round::default()
+        }))
+    }
+}
+
+/// Whether a round that has led to such a count and such scores is allowed, however good the same steps from so many
+/// splats would be: scores end at what can be seen, and with all splats they do not fall.
+fn is_surely_allowed(
+    history: &History,
+    round: &Round,
+    (left, psnr_db): &(usize, Vec<f64>),
+    splats: usize,
+) -> bool {
+    let preference = history.preference_db;
+    let (most_lost, most_own_lost) = (short_of_full(psnr_db), short_of_full(&round.train_psnr_db));
+    if round.is_without_sh {
+        return !history.keeps_sh && most_lost <= WITHOUT_SH * preference;
+    }
+    // Harmonics that go later leave the whole state to go on from.
+    if history.phase == Phase::Lowering {
+        return false;
+    }
+    let gone = steps_of_ten_percent(*left, splats).max(1e-9);
+    let most = cost(most_lost / gone, most_own_lost / gone, preference);
+    // Shares go by what is lost, so that it must be known, and not only that it is not too much.
+    let unknown = most.min(short_of_full(history.psnr_db()) / gone);
+    most <= preference && unknown <= KNOWN * preference
+}
+
+/// What a round has cost for every tenth, by what held-out views lost and those that are trained on.
+fn cost(lost_db: f64, own_lost_db: f64, preference_db: f64) -> f64 {
+    match OWN * own_lost_db > preference_db {
+        true => lost_db.max(OWN * own_lost_db),
+        false => lost_db,
+    }
+}
+
+/// The share to try next with so many splats, after a round that cost so much for every tenth: all that lie beyond the knee,
+/// once rounds have shown where it is. That is far steadier than what single rounds cost: a round may be just allowed, or
+/// just not, by chance.
+fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
+    let Some(knee) = history.knee() else {
+        return share_by_cost(history, cost_db);
+    };
+    let most = history
+        .missed_share
+        .map_or(SHARE_MAX, |missed| AFTER_A_MISS * missed);
+    (1.0 - knee / splats as f64).min(most)
+}
+
+/// The share to try as long as no knee is known.
+///
+/// The next tenth costs more than the last ones on average. So a round that cost half of what it might is followed by as
+/// large a share again, one that cost nothing by twice that, one that cost all of it by half. After one that was missed,
+/// the share shrinks with the root of what it cost too much: that keeps the count from hanging on whether a large step was
+/// just allowed or just not.
+fn share_by_cost(history: &History, cost_db: f64) -> f64 {
+    let (share, relative) = (history.share, cost_db / history.preference_db);
+    if relative > 1.0 {
+        return share * relative.sqrt().recip().clamp(0.5, AFTER_A_MISS);
+    }
+    let most = history
+        .missed_share
+        .map_or(SHARE_MAX, |missed| 0.75 * missed);
+    (share * (2.0 - 2.0 * relative).clamp(0.5, 2.0)).min(most)
+}
+
+/// The iteration by which the last round of splats has ended: where no harmonics are left, their round is one more of
+/// splats.
+fn until(config: &TrainConfig, degrees: &[u8]) -> u32 {
+    match degrees.iter().all(|&degree| degree == 0) {
+        true => settle_by(config),
+        false => prune_by(config),
+    }
+}
+
+/// Steps of a round's fit.
+pub(super) fn round(config: &TrainConfig) -> u32 {
+    (config.iterations / 20).clamp(25, 500)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_that_are_trained_on_have_a_say_where_they_lose_much() {
+        assert_eq!(cost(-0.1, 0.15, 0.08), -0.1);
+        assert_eq!(cost(-0.1, 0.2, 0.08), 0.1);
+        assert_eq!(cost(0.3, 0.2, 0.08), 0.3);
+    }
+
+    #[test]
+    fn what_is_nearly_perfect_without_splats_need_not_be_seen_with_them() {
+        let stopped = |psnr_db: f64| Entry {
+            iteration: 0,
+            act: Act::Stopped,
+            splats: 1_100,
+            psnr_db: vec![40.0, psnr_db],
+            without: None,
+            gain_db: None,
+            lost_db: 0.0,
+            is_merged: false,
+        };
+        let is_sure =
+            |before_db: f64, after_db: f64, train_psnr_db: f64, keeps_sh, is_without_sh| {
+                let history = History {
+                    preference_db: 0.1,
+                    phase: Phase::Pruning,
+                    keeps_sh,
+                    entries: vec![stopped(before_db)],
+                    ..History::default()
+                };
+                let round = Round {
+                    train_psnr_db: vec![train_psnr_db],
+                    is_without_sh,
+                    ..Round::default()
+                };
+                // A tenth of the splats is gone.
+                is_surely_allowed(&history, &round, &(1_000, vec![40.0, after_db]), 1_100)
+            };
+        let is_round_sure = |before, after, own| is_sure(before, after, own, false, false);
+        assert!(is_round_sure(40.0, 39.81, 40.0), "0.095 dB at most");
+        assert!(!is_round_sure(40.0, 39.79, 40.0), "maybe 0.105 dB");
+        assert!(!is_round_sure(39.0, 39.81, 40.0), "maybe a gain");
+        assert!(is_round_sure(39.0, 40.0, 40.0), "0 dB at most");
+        assert!(!is_round_sure(40.0, 40.0, 39.0), "maybe missed elsewhere");
+        assert!(is_sure(39.0, 39.61, 0.0, false, true), "twice as much");
+        assert!(!is_sure(40.0, 39.59, 0.0, false, true));
+        assert!(!is_sure(40.0, 40.0, 40.0, true, true), "they stay anyway");
+    }
+
+    #[test]
+    fn the_round_of_harmonics_is_one_of_splats_where_there_are_none() {
+        for iterations in [500, 2_000, 30_000] {
+            let config = TrainConfig::for_iterations(iterations);
+            let [bare, other] = [[0, 0], [0, 1]].map(|degrees| until(&config, &degrees));
+            assert!(other + round(&config) <= bare && bare < iterations);
+        }
+    }
+
+    #[test]
+    fn rounds_aim_at_the_knee_once_it_is_known() {
+        let law = |splats: f64| 30.0 - 5.0 * (splats / 1e3).powf(-0.8);
+        let round = |splats: usize, left: usize, act| Entry {
+            iteration: 0,
+            act,
+            splats,
+            psnr_db: vec![law(splats as f64)],
+            without: Some((left, vec![law(left as f64)])),
+            gain_db: None,
+            lost_db: law(splats as f64) - law(left as f64),
+            is_merged: false,
+        };
+        let stopped = |psnr_db: f64| Entry {
+            psnr_db: vec![psnr_db],
+            without: None,
+            ..round(40_000, 20_000, Act::Stopped)
+        };
+        let mut history = History {
+            preference_db: 0.08,
+            share: 0.5,
+            entries: vec![stopped(29.0), round(40_000, 20_000, Act::Pruned)],
+            ..History::default()
+        };
+        assert_eq!(history.knee(), None, "two counts show no law");
+        assert!(next_share(&history, 0.0, 20_000) > 0.5, "by what it cost");
+        history.entries.push(round(20_000, 4_000, Act::Missed));
+        let knee = history.knee().unwrap_or_default();
+        let gain = law(1.1 * knee) - law(knee);
+        assert!((gain - 0.08).abs() < 1e-6, "{knee}: {gain}");
+        let share = next_share(&history, 1.0, 20_000);
+        assert!((share - (1.0 - knee / 20_000.0)).abs() < 1e-9);
+        history.missed_share = Some(0.1);
+        assert!((next_share(&history, 1.0, 20_000) - 0.09).abs() < 1e-9);
+        history.entries[0] = stopped(40.0);
+        assert_eq!(history.knee(), None, "nothing is left to see");
+    }
+
+    #[test]
+    fn the_next_share_goes_by_what_the_last_one_cost() {
+        let history = |missed_share| History {
+            preference_db: 0.03,
+            share: 0.4,
+            missed_share,
+            ..History::default()
+        };
+        let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}");
+        near(share_by_cost(&history(None), -0.1), 0.8);
+        near(share_by_cost(&history(None), 0.015), 0.4);
+        near(share_by_cost(&history(None), 0.03), 0.2);
+        near(share_by_cost(&history(Some(0.5)), 0.0), 0.375);
+        near(share_by_cost(&history(None), 0.06), 0.4 / 2_f64.sqrt());
+        near(share_by_cost(&history(None), 3.0), 0.2);
+        near(share_by_cost(&history(None), 0.031), 0.36);
+    }
+}

@@ -1,0 +1,259 @@
+//! Harmonics where they are needed: those that nobody needs go at once, if they are half of all or more. Else a round shows
+//! whether half can go, and one whether a quarter can where half is missed; either may cost as much as a tenth of the
+//! splats. Three quarters of a splat's bytes are harmonics.
+//!
+//! How many can go is for held-out views to say; which, for a scene that has nearly got to where it is going. So they go in
+//! the last fit, and in one step: what went is fitted into what stayed, whose size then no longer tells how much it is
+//! needed.
+
+use super::rounds::round;
+use super::survey::Survey;
+use super::{CountController, Phase, last_fit, settle_by};
+use crate::Result;
+use crate::render::{apart, degrees_used};
+use crate::scene::{Splats, sh_coefficient_count};
+use crate::simplify::gain::{differences, mean};
+use crate::simplify::history::{Act, Entry};
+use crate::simplify::sh_fit::{Fits, count};
+use crate::train::schedule::sh_degree;
+use crate::train::{HostState, Trainer};
+
+/// The shares of the harmonics' floats that may turn out to be enough at once, one after the other; the last is degree 0
+/// everywhere.
+const SHARES: [f64; 5] = [0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
+
+/// Harmonics that go at once may lose so much of the preference: those that nobody needed.
+const AT_ONCE: f64 = 0.25;
+
+/// All harmonics may cost so many preferences, as half of them may cost one.
+pub(super) const WITHOUT_SH: f64 = 2.0;
+
+/// All harmonics stay where without them so many times what they may cost is lost at once: that is too much for the steps
+/// of a round to win back.
+const HOPELESS: f64 = 4.0;
+
+/// The share of the harmonics' floats that rounds try to do without.
+const HALF: f64 = 0.5;
+
+/// That which they try once the other was missed.
+const QUARTER: f64 = 0.25;
+
+/// The share of the last fit that is left when harmonics go. Half of them cost four scenes 0.02 to 0.03 dB less of test
+/// views then than in the round that found them dispensable; later still, what stays is not fitted to the end
+/// (`2026-11-23-harmonics.csv`).
+const LEFT: f64 = 0.6;
+
+/// Views that colours are fitted to, at most.
+const VIEWS_MAX: usize = 64;
+
+impl<'a> CountController<'a> {
+    /// Tries to do without any harmonics, where growth has ended because nothing is left to them. Those that have not
+    /// been trained yet go in any case.
+    pub(super) fn begin_round_without_sh(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        iteration: u32,
+    ) -> Result<()> {
+        let degree = sh_degree(trainer.config(), iteration);
+        if degree < trainer.config().sh_degree && !self.history.keeps_sh {
+            self.history.sh_lost_db = Some(0.0);
+            trainer.lower_degrees(&vec![degree as u8; trainer.splat_count()])?;
+        }
+        let splats = trainer.splats()?;
+        if splats.sh_degree == 0 {
+            return self.begin_round(trainer);
+        }
+        let fits = self.fits(trainer, &splats)?;
+        // Degree 0 everywhere takes three floats a splat.
+        let (degrees, less) = lowered(&fits, &splats, 3 * splats.len());
+        let at_once = self.judge.score(&less)?;
+        let lost = mean(&differences(&at_once, self.history.psnr_db()));
+        let is_rejected_at_once = lost > HOPELESS * WITHOUT_SH * self.history.preference_db;
+        let whole = trainer.download()?;
+        let less = without(&whole, &degrees, &less);
+        let round = match is_rejected_at_once {
+            true => self.go_on_with(trainer, (less.len(), at_once), less),
+            false => self.try_without(trainer, whole, &less)?,
+        };
+        round.is_without_sh = true;
+        Ok(())
+    }
+
+    pub(super) fn end_round_without_sh(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        entry: Entry,
+        without: (usize, Vec<f64>),
+        less: &HostState,
+    ) -> Result<()> {
+        if self.could_go(entry, without, WITHOUT_SH, Act::Lowered) && !self.history.keeps_sh {
+            trainer.replace(less)?;
+        }
+        self.begin_round(trainer)
+    }
+
+    /// Takes the harmonics that nobody needs, or tries to do without half of them.
+    pub(super) fn begin_lowering(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        self.history.phase = Phase::Lowering;
+        let splats = trainer.splats()?;
+        if splats.sh_degree == 0 {
+            return self.decide(trainer);
+        }
+        let fits = self.fits(trainer, &splats)?;
+        if self.take_unneeded(trainer, &splats, &fits)? {
+            return self.decide(trainer);
+        }
+        self.begin_share(trainer, HALF, (&splats, &fits))
+    }
+
+    /// Takes the harmonics that hardly show, if they are enough; says whether.
+    fn take_unneeded(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        splats: &Splats,
+        fits: &Fits,
+    ) -> Result<bool> {
+        // Scores that end at 40 dB would let all go down to that.
+        let whole = self.judge.score_up_to(splats, f64::INFINITY)?;
+        let mut found = None;
+        for share in SHARES {
+            let (degrees, less) = lowered(fits, splats, floats(trainer, share));
+            let scores = self.judge.score_up_to(&less, f64::INFINITY)?;
+            let lost = mean(&differences(&scores, &whole));
+            if lost > AT_ONCE * self.history.preference_db {
+                break;
+            }
+            found = Some((degrees, less, lost));
+        }
+        let Some((degrees, less, lost)) = found else {
+            return Ok(false);
+        };
+        *self.history.sh_lost_db.get_or_insert(0.0) += lost;
+        if !self.history.keeps_sh {
+            let state = without(&trainer.download()?, &degrees, &less);
+            trainer.replace(&state)?;
+        }
+        Ok(true)
+    }
+
+    /// Tries to do without a share of the harmonics, if there is time and there are so many.
+    fn begin_share(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        share: f64,
+        (splats, fits): (&Splats, &Fits),
+    ) -> Result<()> {
+        let left = floats(trainer, 1.0 - share);
+        if !has_time(trainer) || count(&degrees_used(splats)) <= left {
+            return self.decide(trainer);
+        }
+        self.history.sh_share = share;
+        let (degrees, less) = lowered(fits, splats, left);
+        let state = trainer.download()?;
+        let less = without(&state, &degrees, &less);
+        self.try_without(trainer, state, &less)?;
+        Ok(())
+    }
+
+    pub(super) fn end_lowering_round(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        entry: Entry,
+        without: (usize, Vec<f64>),
+    ) -> Result<()> {
+        let share = self.history.sh_share;
+        if self.could_go(entry, without, 1.0, Act::Dispensable) {
+            self.history.sh_goes = Some(share);
+            return self.decide(trainer);
+        }
+        if share == QUARTER || !has_time(trainer) {
+            return self.decide(trainer);
+        }
+        let splats = trainer.splats()?;
+        let fits = self.fits(trainer, &splats)?;
+        self.begin_share(trainer, QUARTER, (&splats, &fits))
+    }
+
+    /// Whether the held-out views do not miss the harmonics of a round, which may cost so many preferences; `act` is what
+    /// is done then.
+    fn could_go(
+        &mut self,
+        mut entry: Entry,
+        without: (usize, Vec<f64>),
+        preferences: f64,
+        act: Act,
+    ) -> bool {
+        let lost = mean(&differences(&without.1, &entry.psnr_db));
+        let is_missed = lost > preferences * self.history.preference_db;
+        entry.without = Some(without);
+        entry.act = match is_missed {
+            true => Act::Indispensable,
+            false => act,
+        };
+        self.history.entries.push(entry);
+        if !is_missed {
+            *self.history.sh_lost_db.get_or_insert(0.0) += lost;
+        }
+        !is_missed
+    }
+
+    /// Takes the harmonics that a round found dispensable, once the last fit is so far.
+    pub(super) fn after_last_fit_step(
+        &mut self,
+        trainer: &mut Trainer<'a>,
+        iteration: u32,
+    ) -> Result<()> {
+        let left = (f64::from(last_fit(trainer.config())) * LEFT) as u32;
+        if iteration + left < self.history.end {
+            return Ok(());
+        }
+        let share = self.history.sh_goes.take();
+        let Some(share) = share.filter(|_| !self.history.keeps_sh) else {
+            return Ok(());
+        };
+        let mut entry = self.look(trainer)?;
+        let splats = trainer.splats()?;
+        let fits = self.fits(trainer, &splats)?;
+        let (degrees, less) = lowered(&fits, &splats, floats(trainer, 1.0 - share));
+        entry.act = Act::Lowered;
+        entry.without = Some((less.len(), self.judge.score(&less)?));
+        self.history.entries.push(entry);
+        let state = without(&trainer.download()?, &degrees, &less);
+        trainer.replace(&state)
+    }
+
+    /// Colours by fewer harmonics, for what the training views see.
+    fn fits(&self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<Fits> {
+        let all = self.all();
+        let step = all.len().div_ceil(VIEWS_MAX).max(1);
+        let views: Vec<usize> = all.into_iter().step_by(step).collect();
+        let seen = Survey::begin(trainer, self.dataset)?.seen(&views)?;
+        Ok(Fits::new(splats, &seen))
+    }
+}
+
+/// Whether there is time for one more round.
+fn has_time(trainer: &Trainer<'_>) -> bool {
+    let config = trainer.config();
+    trainer.iteration() + round(config) <= settle_by(config)
+}
+
+/// A share of the floats that the harmonics of as many splats as there are take.
+fn floats(trainer: &Trainer<'_>, share: f64) -> usize {
+    let of_each = 3 * sh_coefficient_count(trainer.config().sh_degree);
+    (share * (of_each * trainer.splat_count()) as f64) as usize
+}
+
+/// Degrees that take no more floats than that, and the scene with them.
+fn lowered(fits: &Fits, splats: &Splats, floats: usize) -> (Vec<u8>, Splats) {
+    let degrees = fits.degrees(floats, apart(splats.len()));
+    let less = fits.applied(splats, &degrees);
+    (degrees, less)
+}
+
+fn without(state: &HostState, degrees: &[u8], less: &Splats) -> HostState {
+    let mut state = state.clone();
+    state.recolor(less);
+    state.lower_degrees(degrees);
+    state
+}

@@ -1,0 +1,129 @@
+//! What every splat does to the views, drawn as training draws them.
+
+use super::view_options;
+use crate::render::Compatibility;
+use crate::report::Target;
+use crate::scene::{Camera, Dataset, Splats, View};
+use crate::simplify::contribution::{ContributionPass, PassOptions, RemovalError};
+use crate::simplify::sh_fit::Seen;
+use crate::train::Trainer;
+use crate::{Result, io};
+
+/// Views that errors are looked at in, at most: so many show where they are.
+const VIEWS_MAX: usize = 16;
+
+/// A walk over views of the scene as it is now.
+pub(super) struct Survey<'a> {
+    dataset: &'a Dataset,
+    weigher: ContributionPass,
+}
+
+/// A weigher of nothing: while it is held, surveys need not compile their kernels, which takes longer than many a survey.
+pub(super) fn idle(trainer: &Trainer<'_>) -> Result<ContributionPass> {
+    ContributionPass::new(trainer.gpu(), &Splats::default(), pass_options(trainer))
+}
+
+/// As training draws.
+fn pass_options(trainer: &Trainer<'_>) -> PassOptions {
+    let options = view_options(trainer);
+    PassOptions {
+        near: options.near,
+        background: options.background,
+        compatibility: Compatibility::Engine,
+    }
+}
+
+impl<'a> Survey<'a> {
+    pub(super) fn begin(trainer: &mut Trainer<'_>, dataset: &'a Dataset) -> Result<Survey<'a>> {
+        let splats = trainer.splats()?;
+        Ok(Survey {
+            dataset,
+            weigher: ContributionPass::new(trainer.gpu(), &splats, pass_options(trainer))?,
+        })
+    }
+
+    /// By splat, what would change in the views without it: the sum of the squares, over pixels and channels.
+    pub(super) fn changes(&mut self, views: &[usize]) -> Result<Vec<f64>> {
+        let mut changes = vec![0.0; self.weigher.splat_count()];
+        for &view in views {
+            let camera = self.dataset.views[view].camera;
+            let found = self.weigher.removal_errors(&camera, None)?;
+            let sums = changes.iter_mut().zip(found);
+            sums.for_each(|(sum, removal_error)| *sum += f64::from(removal_error.change));
+        }
+        Ok(changes)
+    }
+
+    /// What each splat weighs, view by view.
+    pub(super) fn seen(&mut self, views: &[usize]) -> Result<Vec<Seen>> {
+        let seen = |&view: &usize| {
+            let camera = self.dataset.views[view].camera;
+            let found = self.weigher.removal_errors(&camera, None)?;
+            let weights = found
+                .iter()
+                .map(|removal_error| removal_error.weight)
+                .collect();
+            Ok(Seen { camera, weights })
+        };
+        views.iter().map(seen).collect()
+    }
+
+    /// By splat, its share in the pixels' errors, relatively to the mean splat's. Of many views, some: others the next
+    /// time.
+    pub(super) fn errors(&mut self, views: &[usize], turn: usize) -> Result<Vec<f32>> {
+        let step = views.len().div_ceil(VIEWS_MAX).max(1);
+        let mut sums = vec![0.0; self.weigher.splat_count()];
+        for &view in views.iter().skip(turn % step).step_by(step) {
+            let found = self.judged(&self.dataset.views[view])?;
+            let pairs = sums.iter_mut().zip(found);
+            pairs.for_each(|(sum, removal_error)| *sum += f64::from(removal_error.error));
+        }
+        let mean = sums.iter().sum::<f64>() / sums.len().max(1) as f64;
+        let relative = |sum: &f64| match mean > 0.0 {
+            true => (sum / mean) as f32,
+            false => 1.0,
+        };
+        Ok(sums.iter().map(relative).collect())
+    }
+
+    fn judged(&mut self, view: &View) -> Result<Vec<RemovalError>> {
+        let photo = io::photo::load(view)?;
+        let target = Target::new(
+            &photo,
+            self.dataset.alpha,
+            self.weigher.pass_options().background,
+        );
+        let camera: Camera = view.camera;
+        let errors = |planes: &[f32]| pixel_errors(planes, &target);
+        self.weigher.removal_errors(&camera, Some(&errors))
+    }
+}
+
+/// By pixel, the mean of the channels' errors, as much as the pixel counts. `planes` are drawn, one after the other.
+fn pixel_errors(planes: &[f32], target: &Target) -> Vec<f32> {
+    let pixels = target.rgb.len();
+    let error = |pixel: usize| {
+        let off = |channel: usize| planes[channel * pixels + pixel] - target.rgb[pixel][channel];
+        let counts = target.weights.as_ref().map_or(1.0, |w| w[pixel]);
+        (0..3).map(|c| off(c).abs()).sum::<f32>() / 3.0 * counts
+    };
+    (0..pixels).map(error).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_means_over_channels_and_count_as_their_pixels_do() {
+        let target = Target {
+            width: 2,
+            height: 1,
+            rgb: vec![[0.5, 0.5, 0.5], [1.0, 0.0, 0.0]],
+            weights: Some(vec![1.0, 0.5]),
+        };
+        let planes = [0.5, 0.0, 0.8, 0.0, 0.5, 0.5];
+        let found = pixel_errors(&planes, &target);
+        assert!((found[0] - 0.1).abs() < 1e-6 && (found[1] - 0.25).abs() < 1e-6);
+    }
+}

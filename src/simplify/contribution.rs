@@ -1,0 +1,357 @@
+//! What every splat of a scene weighs, view by view.
+
+mod record;
+
+use crate::gpu::{Buffer, Frames, Gpu};
+use crate::kernels::{contribution, prune_limit, removal_error, sum_by_splat};
+use crate::layout::*;
+use crate::render::{
+    Capacity, Compatibility, DepthBands, Forward, Model, Outputs, RenderOptions, Scratch,
+    ViewOptions, isects_expected, list_limit, view_of,
+};
+use crate::scene::{Camera, Splats};
+use crate::{Error, Result};
+
+/// How views are looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct PassOptions {
+    /// Splats nearer than this along z are not drawn; world units.
+    pub near: f32,
+    /// Colour behind everything.
+    pub background: [f32; 3],
+    /// Whose rules pictures are drawn by.
+    pub compatibility: Compatibility,
+}
+
+/// What some pixels would lose with a splat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SplatContribution {
+    /// The largest, over the pixels where it counts, of its weight and what is spent there together; 0 where it
+    /// counts nowhere.
+    pub most: f32,
+    /// The sum of its weights.
+    pub sum: f32,
+    /// The lowest rank, over the pixels where it counts, up to which all can go; huge where it counts nowhere.
+    pub limit: f32,
+}
+
+/// What a splat does to a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RemovalError {
+    /// The sum, over the pixels, of the shares of their colours that it makes up.
+    pub weight: f32,
+    /// The sum of those shares times the pixels' errors.
+    pub error: f32,
+    /// The sum, over pixels and channels, of the squares of what would change without it.
+    pub change: f32,
+}
+
+/// The error of each pixel of a picture, whose planes it is given, one channel after the other.
+pub type PixelErrors<'a> = &'a dyn Fn(&[f32]) -> Vec<f32>;
+
+/// What a view is drawn for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Purpose {
+    /// Its picture.
+    Show,
+    /// What pixels that can lose so much would lose with every splat.
+    Losses(f32),
+}
+
+/// A picture, and what its tiles hold.
+#[derive(Clone, Debug)]
+pub struct RenderedTiles {
+    /// Red, green, blue and transmittance, a plane each.
+    pub planes: Vec<f32>,
+    /// By tile: smallest and largest value of each channel over the splats listed for it and the background.
+    pub range_from_tile: Vec<[[f32; 2]; 3]>,
+    /// By tile: splats listed for it.
+    pub count_from_tile: Vec<u32>,
+}
+
+/// Ranks that are told apart: 1 to this. Rank 0 is what has been taken out.
+pub(super) const RANKS: usize = 255;
+
+/// The rank of what stays.
+pub(super) const STAYS: f32 = 1e9;
+
+/// Steps of the search for the largest of [`RANKS`].
+const STEPS: [f32; 4] = [64.0, 16.0, 4.0, 1.0];
+
+/// Bytes that a (splat, tile) pair takes of any one array.
+const ISECT_BYTES: u64 = 12;
+
+/// Walks over a scene's views.
+pub struct ContributionPass {
+    gpu: Gpu,
+    pass_options: PassOptions,
+    frames: Frames,
+    resources: Resources,
+}
+
+/// What is weighed, what with, and what comes of it.
+struct Resources {
+    model: Model,
+    forward: Forward,
+    prune_limit: prune_limit::PruneLimit,
+    contribution: contribution::Contribution,
+    removal_error: removal_error::RemovalError,
+    sum_by_splat: sum_by_splat::SumBySplat,
+    /// Of sums alone.
+    total: sum_by_splat::SumBySplat,
+    buffers: ViewBuffers,
+    totals: Buffer<[f32; 3]>,
+    ranks: Buffer<f32>,
+}
+
+/// What one view takes.
+struct ViewBuffers {
+    scratch: Scratch,
+    spent: Buffer<f32>,
+    limit: Buffer<f32>,
+    records: Buffer<[f32; 3]>,
+}
+
+impl ViewBuffers {
+    fn new(gpu: &Gpu, capacity: Capacity) -> Result<ViewBuffers> {
+        let capacity = capacity.within(gpu.caps(), ISECT_BYTES);
+        Ok(ViewBuffers {
+            scratch: Scratch::new(gpu, capacity, Outputs::default())?,
+            spent: gpu.buffer("spent_from_pixel", capacity.pixels)?,
+            limit: gpu.buffer("limit_from_pixel", capacity.pixels)?,
+            records: gpu.buffer("record_from_emitted", capacity.isects)?,
+        })
+    }
+}
+
+impl ContributionPass {
+    /// Brings a scene to the device.
+    pub fn new(gpu: &Gpu, splats: &Splats, pass_options: PassOptions) -> Result<ContributionPass> {
+        let caps = gpu.caps();
+        let inria = u32::from(pass_options.compatibility == Compatibility::Inria);
+        let (mut prune_limit, mut contribution) = (
+            prune_limit::PruneLimit::prefer(caps),
+            contribution::Contribution::prefer(caps),
+        );
+        let mut removal_error = removal_error::RemovalError::prefer(caps);
+        (prune_limit.spec.inria, contribution.spec.inria) = (inria, inria);
+        removal_error.spec.inria = inria;
+        let sum_by_splat = sum_by_splat::SumBySplat::prefer(caps);
+        let mut total = sum_by_splat;
+        total.spec.sums = 1;
+        let count = splats.len().max(1);
+        let options = RenderOptions {
+            sh_degree: splats.sh_degree,
+            compatibility: pass_options.compatibility,
+            ..RenderOptions::default()
+        };
+        let mut forward = Forward::for_rendering(gpu, &options)?;
+        let model = Model::upload(gpu, splats)?;
+        forward.prepare(gpu, &model)?;
+        let resources = Resources {
+            model,
+            forward,
+            prune_limit: prune_limit::PruneLimit::new(gpu, prune_limit)?,
+            contribution: contribution::Contribution::new(gpu, contribution)?,
+            removal_error: removal_error::RemovalError::new(gpu, removal_error)?,
+            sum_by_splat: sum_by_splat::SumBySplat::new(gpu, sum_by_splat)?,
+            total: sum_by_splat::SumBySplat::new(gpu, total)?,
+            buffers: ViewBuffers::new(gpu, Capacity::LEAST)?,
+            totals: gpu.buffer("sum_from_splat", count)?,
+            ranks: gpu.buffer("rank_from_splat", count)?,
+        };
+        Ok(ContributionPass {
+            gpu: gpu.clone(),
+            pass_options,
+            frames: Frames::new(gpu, 1, false)?,
+            resources,
+        })
+    }
+
+    /// How views are looked at.
+    pub fn pass_options(&self) -> &PassOptions {
+        &self.pass_options
+    }
+
+    /// Splats of the scene.
+    pub fn splat_count(&self) -> usize {
+        self.resources.model.splat_count
+    }
+
+    /// The loss of each splat over all the views. `ranks` says by splat what is gone (0), what may go (1 to 255) and
+    /// what stays (more), `budget` what a pixel can lose. `None` where `go_on`, which is asked before every view,
+    /// says no.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] where a view has more pairs of splats and tiles than a binding of the device reaches.
+    pub fn losses(
+        &mut self,
+        cameras: &[Camera],
+        ranks: &[f32],
+        budget: f32,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<SplatContribution>>> {
+        let count = self.splat_count();
+        assert_eq!(ranks.len(), count, "a rank for every splat");
+        self.gpu.upload(&self.resources.ranks, 0, ranks)?;
+        let nothing = [0.0, 0.0, f32::MAX];
+        self.gpu
+            .upload(&self.resources.totals, 0, &vec![nothing; count])?;
+        for camera in cameras {
+            if !go_on() {
+                return Ok(None);
+            }
+            self.draw(camera, 0, Purpose::Losses(budget))?;
+        }
+        let loss = |[most, sum, limit]: [f32; 3]| SplatContribution { most, sum, limit };
+        let totals = self.gpu.download(&self.resources.totals, 0..count)?;
+        Ok(Some(totals.into_iter().map(loss).collect()))
+    }
+
+    /// What each splat does to a view, whose pixels have the errors that `judge` finds.
+    ///
+    /// # Errors
+    /// As [`ContributionPass::losses`].
+    pub fn removal_errors(
+        &mut self,
+        camera: &Camera,
+        judge: Option<PixelErrors<'_>>,
+    ) -> Result<Vec<RemovalError>> {
+        let sh_degree = self.resources.model.sh_degree;
+        self.draw(camera, sh_degree, Purpose::Show)?;
+        let (gpu, buffers) = (&self.gpu, &self.resources.buffers);
+        let pixels = (camera.width * camera.height) as usize;
+        let errors = match judge {
+            Some(judge) => judge(&gpu.download(&buffers.scratch.image, 0..3 * pixels)?),
+            None => vec![0.0; pixels],
+        };
+        gpu.upload(&buffers.spent, 0, &errors)?;
+        let count = self.splat_count();
+        gpu.upload(&self.resources.totals, 0, &vec![[0.0; 3]; count])?;
+        let resources = &self.resources;
+        let view = self.view(camera);
+        let (ticket, ()) = self.frames.submit(|rec| {
+            resources.record_influences(rec, &view);
+            Ok(())
+        })?;
+        self.frames.wait(ticket)?;
+        let removal_error = |[weight, error, change]: [f32; 3]| RemovalError {
+            weight,
+            error,
+            change,
+        };
+        let totals = self.gpu.download(&self.resources.totals, 0..count)?;
+        Ok(totals.into_iter().map(removal_error).collect())
+    }
+
+    /// Draws a view with all its colours.
+    ///
+    /// # Errors
+    /// As [`ContributionPass::losses`].
+    pub fn show(&mut self, camera: &Camera) -> Result<RenderedTiles> {
+        let (count, sh_degree) = (self.splat_count(), self.resources.model.sh_degree);
+        let counts = self.draw(camera, sh_degree, Purpose::Show)?;
+        let (gpu, s) = (&self.gpu, &self.resources.buffers.scratch);
+        let capacity = Capacity::for_image(0, 0, camera.width, camera.height);
+        let isects = counts[COUNT_ISECT as usize] as usize;
+        let sorted = Forward::sorted_index(capacity.tiles);
+        let ranges = gpu.download(&s.range_from_tile, 0..capacity.tiles)?;
+        let sources = gpu.download(&s.by_tile.values[sorted], 0..isects)?;
+        let owners = gpu.download(&s.splat_from_emitted, 0..isects)?;
+        let tones = gpu.download(&s.whiten_rg_from_splat, 0..count)?;
+        let rests = gpu.download(&s.blue_depth_from_splat, 0..count)?;
+        let background = self.pass_options.background;
+        let range = |&[begin, end]: &[u32; 2]| {
+            let mut range = background.map(|c| [c, c]);
+            for &source in &sources[begin as usize..end as usize] {
+                let splat = owners[source as usize] as usize;
+                let color = [tones[splat][2], tones[splat][3], rests[splat][0]];
+                for (range, value) in range.iter_mut().zip(color) {
+                    *range = [range[0].min(value), range[1].max(value)];
+                }
+            }
+            range
+        };
+        Ok(RenderedTiles {
+            planes: gpu.download(&s.image, 0..4 * capacity.pixels)?,
+            range_from_tile: ranges.iter().map(range).collect(),
+            count_from_tile: ranges.iter().map(|[begin, end]| end - begin).collect(),
+        })
+    }
+
+    fn view(&self, camera: &Camera) -> View {
+        let options = ViewOptions {
+            background: self.pass_options.background,
+            near: self.pass_options.near,
+            mode: self.resources.model.mode,
+        };
+        view_of(camera, &options)
+    }
+
+    /// Draws a view for a purpose; returns the counts.
+    fn draw(&mut self, camera: &Camera, sh_degree: u32, purpose: Purpose) -> Result<Vec<u32>> {
+        let view = self.view(camera);
+        self.reserve(
+            camera,
+            isects_expected(self.splat_count(), camera.width, camera.height),
+        )?;
+        loop {
+            let resources = &self.resources;
+            let (ticket, counts) = self.frames.submit(|rec| {
+                let s = &resources.buffers.scratch;
+                rec.fill(&s.counts, 0);
+                let bands = DepthBands::default();
+                resources
+                    .forward
+                    .record(rec, &resources.model, s, &view, sh_degree, bands);
+                resources.record(rec, &view, purpose);
+                rec.read_back(&s.counts, 0..COUNT_SLOTS as usize)
+            })?;
+            self.frames.wait(ticket)?;
+            let counts = counts.get();
+            if counts[COUNT_FAILED as usize] == 0 {
+                return Ok(counts);
+            }
+            self.enlarge(camera, &counts)?;
+        }
+    }
+
+    /// Makes buffers for a view that did not fit.
+    fn enlarge(&mut self, camera: &Camera, counts: &[u32]) -> Result<()> {
+        if counts[COUNT_LIST_TOO_LONG as usize] != 0 {
+            let limit = list_limit(self.gpu.caps().kind);
+            return Err(Error::Unsupported {
+                what: format!(
+                    "weighing more than {limit} splats over one tile of 8x16 pixels: this software device would leave \
+                     its loops early"
+                ),
+            });
+        }
+        let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
+        self.reserve(camera, wanted.saturating_add(wanted / 8))?;
+        let buffers = self.resources.buffers.scratch.capacity.isects;
+        if buffers < wanted {
+            return Err(Error::Unsupported {
+                what: format!(
+                    "weighing {wanted} pairs of a splat and a tile in one view, where the device's bindings reach \
+                     {buffers}: smaller pictures (--downscale) have fewer"
+                ),
+            });
+        }
+        Ok(())
+    }
+
+    fn reserve(&mut self, camera: &Camera, isects: usize) -> Result<()> {
+        let had = self.resources.buffers.scratch.capacity;
+        let count = self.splat_count().max(1);
+        let wanted = Capacity::for_image(count, isects, camera.width, camera.height);
+        let capacity = had.max(wanted).within(self.gpu.caps(), ISECT_BYTES);
+        if capacity != had {
+            // The old buffers go first: there may not be buffers for both.
+            self.frames.release()?;
+            self.resources.buffers = ViewBuffers::new(&self.gpu, Capacity::LEAST)?;
+            self.resources.buffers = ViewBuffers::new(&self.gpu, capacity)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,112 @@
+//! What is recorded behind the drawing of a view, for what it is drawn for.
+
+use super::{Purpose, Resources, STEPS};
+use crate::gpu::Recorder;
+use crate::kernels::{contribution, prune_limit, removal_error, sum_by_splat};
+use crate::layout::*;
+use crate::render::{Forward, tile_stride};
+
+impl Resources {
+    /// Records what a purpose asks for behind the drawing.
+    pub(super) fn record(&self, rec: &mut Recorder<'_>, view: &View, purpose: Purpose) {
+        if let Purpose::Losses(budget) = purpose {
+            self.record_limits(rec, view, budget);
+            self.record_weights(rec, view);
+        }
+    }
+
+    /// Records the search for what pixels can prune_limit.
+    fn record_limits(&self, rec: &mut Recorder<'_>, view: &View, budget: f32) {
+        let tiles = (view.tiles[0] * view.tiles[1]) as usize;
+        let buffers = &self.buffers;
+        let s = &buffers.scratch;
+        let emitted_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
+        let tile_stride = tile_stride(tiles);
+        rec.fill(&buffers.limit, 0);
+        for step in STEPS {
+            let io = prune_limit::Bindings {
+                view: &s.view,
+                range_from_tile: &s.range_from_tile,
+                emitted_from_isect,
+                splat_from_emitted: &s.splat_from_emitted,
+                ellipse_from_splat: &s.ellipse_from_splat,
+                whiten_rg_from_splat: &s.whiten_rg_from_splat,
+                rank_from_splat: &self.ranks,
+                limit_from_pixel: &buffers.limit,
+                spent_from_pixel: &buffers.spent,
+            };
+            let params = prune_limit::Params {
+                tile_stride,
+                step,
+                budget,
+            };
+            self.prune_limit.record(rec, io, params, tiles);
+        }
+    }
+
+    /// Records the weighing, and the sums by splat.
+    fn record_weights(&self, rec: &mut Recorder<'_>, view: &View) {
+        let tiles = (view.tiles[0] * view.tiles[1]) as usize;
+        let buffers = &self.buffers;
+        let s = &buffers.scratch;
+        let emitted_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
+        let tile_stride = tile_stride(tiles);
+        // A pair that was counted and then not listed has a record that nobody writes: one that lets nothing go.
+        rec.fill(&buffers.records, 0);
+        let io = contribution::Bindings {
+            view: &s.view,
+            range_from_tile: &s.range_from_tile,
+            emitted_from_isect,
+            splat_from_emitted: &s.splat_from_emitted,
+            ellipse_from_splat: &s.ellipse_from_splat,
+            whiten_rg_from_splat: &s.whiten_rg_from_splat,
+            spent_from_pixel: &buffers.spent,
+            limit_from_pixel: &buffers.limit,
+            record_from_emitted: &buffers.records,
+        };
+        let params = contribution::Params { tile_stride };
+        self.contribution.record(rec, io, params, tiles);
+        self.record_totals(rec, &self.sum_by_splat);
+    }
+
+    /// Records, behind a drawing that is done, what splats do to it, whose pixels' errors are where else is what they
+    /// have spent.
+    pub(super) fn record_influences(&self, rec: &mut Recorder<'_>, view: &View) {
+        let tiles = (view.tiles[0] * view.tiles[1]) as usize;
+        let buffers = &self.buffers;
+        let s = &buffers.scratch;
+        rec.fill(&buffers.records, 0);
+        let io = removal_error::Bindings {
+            view: &s.view,
+            range_from_tile: &s.range_from_tile,
+            emitted_from_isect: &s.by_tile.values[Forward::sorted_index(tiles)],
+            splat_from_emitted: &s.splat_from_emitted,
+            ellipse_from_splat: &s.ellipse_from_splat,
+            whiten_rg_from_splat: &s.whiten_rg_from_splat,
+            blue_depth_from_splat: &s.blue_depth_from_splat,
+            image: &s.image,
+            error_from_pixel: &buffers.spent,
+            influence_from_source: &buffers.records,
+        };
+        let params = removal_error::Params {
+            tile_stride: tile_stride(tiles),
+        };
+        self.removal_error.record(rec, io, params, tiles);
+        self.record_totals(rec, &self.total);
+    }
+
+    fn record_totals(&self, rec: &mut Recorder<'_>, sum_by_splat: &sum_by_splat::SumBySplat) {
+        let (buffers, s) = (&self.buffers, &self.buffers.scratch);
+        let io = sum_by_splat::Bindings {
+            counts: &s.counts,
+            tile_count_from_splat: &s.tile_count_from_splat,
+            emitted_from_splat: &s.emitted_from_splat,
+            record_from_emitted: &buffers.records,
+            sum_from_splat: &self.totals,
+        };
+        let params = sum_by_splat::Params {
+            splat_count: self.model.splat_count as u32,
+        };
+        sum_by_splat.record(rec, io, params);
+    }
+}

@@ -1,0 +1,54 @@
+//! How far apart the pictures of two scenes are, where nothing was promised.
+
+use crate::Result;
+use crate::scene::Camera;
+use crate::simplify::ContributionPass;
+
+/// What was measured over all pixels of all views.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Difference {
+    /// Pixels looked at.
+    pub pixels: usize,
+    /// The largest difference of any channel of any pixel, where 1 is white.
+    pub most: f64,
+    /// The root of the mean squared difference.
+    pub rms: f64,
+}
+
+impl Difference {
+    /// The PSNR of one against the other, dB; infinite where they are the same.
+    pub fn psnr_db(&self) -> f64 {
+        -20.0 * self.rms.log10()
+    }
+}
+
+/// Draws all views of both scenes. `None` where `go_on`, which is asked before every view, says no.
+///
+/// # Errors
+/// As [`ContributionPass::losses`].
+pub fn difference(
+    before: &mut ContributionPass,
+    after: &mut ContributionPass,
+    cameras: &[Camera],
+    go_on: &mut dyn FnMut() -> bool,
+) -> Result<Option<Difference>> {
+    let (mut found, mut squares) = (Difference::default(), 0.0);
+    for camera in cameras {
+        if !go_on() {
+            return Ok(None);
+        }
+        let [before, after] = [before.show(camera)?, after.show(camera)?];
+        let pixels = camera.width as usize * camera.height as usize;
+        found.pixels += pixels;
+        let channels = before.planes.iter().zip(&after.planes).take(3 * pixels);
+        for (a, b) in channels {
+            let moved = (f64::from(*a) - f64::from(*b)).abs();
+            // A number that is none is as far off as can be.
+            let moved = if moved.is_nan() { f64::INFINITY } else { moved };
+            found.most = found.most.max(moved);
+            squares += moved * moved;
+        }
+    }
+    found.rms = (squares / (3 * found.pixels.max(1)) as f64).sqrt();
+    Ok(Some(found))
+}

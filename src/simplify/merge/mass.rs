@@ -1,0 +1,377 @@
+//! A splat as merging sees it: a Gaussian with a mass, and what two of them are together.
+
+use super::axes::{axes, mean_shadow};
+use super::joint::{Joint, square};
+use super::projection::Turned;
+use crate::layout::ALPHA_MAX;
+use crate::scene::{RenderMode, Splats};
+use glam::{DMat3, DQuat, DVec3};
+
+/// A quaternion that is not longer than this has no direction, and the splat is not drawn.
+const QUATERNION_MIN: f64 = 1e-18;
+
+/// How a render mode draws splats that are small beside a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PixelFilter {
+    /// What is added to the variances on the screen, px².
+    dilation: f64,
+    /// Whether opacities are lowered so that this adds no light.
+    keeps_light: bool,
+}
+
+impl PixelFilter {
+    /// That of a mode, as `render::view_of` has it.
+    pub(super) fn of(mode: RenderMode) -> PixelFilter {
+        let keeps_light = mode == RenderMode::Mip;
+        PixelFilter {
+            dilation: if keeps_light { 0.1 } else { 0.3 },
+            keeps_light,
+        }
+    }
+}
+
+/// A splat, or what several have become.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct MassGaussian {
+    pub mean: DVec3,
+    covariance: DMat3,
+    /// The least variance along any axis, which rounding may lose beside a large one.
+    thinnest: f64,
+    /// The variance that the screen adds, in world units.
+    pub filter_variance: f64,
+    opacity: f64,
+    /// Opacity × mean shadow: the light that it covers, averaged over all directions.
+    pub mass: f64,
+    /// As it is drawn: what the screen adds included.
+    pub drawn: Drawn,
+}
+
+/// A Gaussian `amplitude · exp(−½ dᵀ covariance⁻¹ d)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Drawn {
+    amplitude: f64,
+    pub covariance: DMat3,
+    pub shadow: f64,
+}
+
+impl MassGaussian {
+    /// A splat that is seen at `rate` pixels per world unit; `None` where it has no shape, no mass or no number.
+    pub(super) fn new(
+        splats: &Splats,
+        index: usize,
+        rate: f64,
+        pen: PixelFilter,
+    ) -> Option<MassGaussian> {
+        let [w, x, y, z] = splats.quaternion[index].map(f64::from);
+        let quaternion = DQuat::from_xyzw(x, y, z, w);
+        let directed = quaternion.length() > QUATERNION_MIN && quaternion.is_finite();
+        if !directed || rate.is_nan() || rate <= 0.0 {
+            return None;
+        }
+        let rotation = DMat3::from_quat(quaternion.normalize());
+        let deviations = DVec3::from(splats.log_scale[index].map(|s| f64::from(s).exp()));
+        let axes = rotation * DMat3::from_diagonal(deviations);
+        let variances = deviations * deviations;
+        let mut body = MassGaussian {
+            mean: DVec3::from(splats.mean[index].map(f64::from)),
+            covariance: axes * axes.transpose(),
+            thinnest: variances.min_element(),
+            filter_variance: pen.dilation / (rate * rate),
+            opacity: (1.0 + (-f64::from(splats.opacity_logit[index])).exp()).recip(),
+            mass: 0.0,
+            drawn: Drawn::NOTHING,
+        };
+        body.mass = body.opacity * body.shadow(pen);
+        body.drawn = Drawn::of(body.covariance, body.filter_variance);
+        body.drawn.amplitude = body.mass / body.drawn.shadow;
+        body.is_sound().then_some(body)
+    }
+
+    /// What both are together, and the one that stands for that: its mass, mean and covariance, and the opacity that
+    /// gives that mass; where none does, opaque and larger. `None` where a number leaves its range.
+    pub(super) fn merged(
+        &self,
+        other: &MassGaussian,
+        pen: PixelFilter,
+    ) -> Option<(MassGaussian, Joint)> {
+        let joint = Joint::of(self, other);
+        let mass = self.mass + other.mass - joint.mass;
+        let mix = |a: f64, b: f64| a + joint.share * (b - a);
+        let filter_variance = mix(self.filter_variance, other.filter_variance);
+        // Where the mean is, counted from this one's.
+        let mean = (other.mass * joint.offset - joint.mass * joint.common_offset) / mass;
+        let moment = |part: f64, covariance: DMat3, offset: DVec3| {
+            (covariance + square(offset - mean)) * (part / mass)
+        };
+        let without = DMat3::from_diagonal(DVec3::splat(filter_variance));
+        let mut body = MassGaussian {
+            mean: self.mean + mean,
+            covariance: moment(self.mass, self.covariance, DVec3::ZERO)
+                + moment(other.mass, other.covariance, joint.offset)
+                - moment(joint.mass, joint.covariance - without, joint.common_offset),
+            thinnest: mix(self.thinnest, other.thinnest),
+            filter_variance,
+            opacity: 0.0,
+            mass,
+            drawn: Drawn::NOTHING,
+        };
+        let (shadow, most) = (body.shadow(pen), f64::from(ALPHA_MAX));
+        if mass > most * shadow {
+            // Nothing is more than opaque: what is left over makes it larger.
+            body.covariance *= mass / (most * shadow);
+        }
+        let shadow = body.shadow(pen);
+        body.opacity = (mass / shadow).min(most);
+        body.mass = body.opacity * shadow;
+        body.drawn = Drawn::of(body.covariance, body.filter_variance);
+        body.drawn.amplitude = body.mass / body.drawn.shadow;
+        body.is_sound().then_some((body, joint))
+    }
+
+    /// The mean shadow that its opacity fills.
+    fn shadow(&self, pen: PixelFilter) -> f64 {
+        match pen.keeps_light {
+            true => mean_shadow(axes(self.covariance).0.max(DVec3::splat(self.thinnest))),
+            false => Drawn::of(self.covariance, self.filter_variance).shadow,
+        }
+    }
+
+    fn is_sound(&self) -> bool {
+        let positive = [
+            self.mass,
+            self.drawn.shadow,
+            self.drawn.amplitude,
+            self.filter_variance,
+        ];
+        positive.iter().all(|v| *v > 0.0 && v.is_finite())
+            && self.mean.is_finite()
+            && self.covariance.is_finite()
+    }
+
+    /// As it is drawn at `mean`, in other axes.
+    pub(super) fn turned(&self, mean: DVec3, axes: &DMat3) -> Turned {
+        let turn = axes.transpose();
+        Turned {
+            amplitude: self.drawn.amplitude,
+            covariance: turn * self.drawn.covariance * *axes,
+            mean: turn * mean,
+        }
+    }
+
+    /// Area of a pixel where it lies, world units².
+    pub(super) fn pixel(&self, pen: PixelFilter) -> f64 {
+        self.filter_variance / pen.dilation
+    }
+
+    /// Writes it over a splat, but for its harmonics.
+    pub(super) fn store(&self, splats: &mut Splats, index: usize) {
+        let (variances, rotation) = axes(self.covariance);
+        let q = DQuat::from_mat3(&rotation).normalize();
+        splats.mean[index] = self.mean.to_array().map(|v| v as f32);
+        splats.quaternion[index] = [q.w, q.x, q.y, q.z].map(|v| v as f32);
+        let log_scale = |v: f64| (0.5 * v.max(self.thinnest).max(f64::MIN_POSITIVE).ln()) as f32;
+        splats.log_scale[index] = variances.to_array().map(log_scale);
+        splats.opacity_logit[index] = (self.opacity / (1.0 - self.opacity)).ln() as f32;
+    }
+}
+
+impl Drawn {
+    const NOTHING: Drawn = Drawn {
+        amplitude: 0.0,
+        covariance: DMat3::ZERO,
+        shadow: 0.0,
+    };
+
+    fn of(covariance: DMat3, filter_variance: f64) -> Drawn {
+        let covariance = covariance + DMat3::from_diagonal(DVec3::splat(filter_variance));
+        let variances = axes(covariance).0.max(DVec3::splat(filter_variance));
+        Drawn {
+            amplitude: 0.0,
+            covariance,
+            shadow: mean_shadow(variances),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::rng::{self, Stream};
+
+    /// A splat of these numbers, in a scene of its own.
+    fn splat(
+        mean: [f32; 3],
+        quaternion: [f32; 4],
+        log_scale: [f32; 3],
+        opacity_logit: f32,
+    ) -> Splats {
+        Splats {
+            mean: vec![mean],
+            quaternion: vec![quaternion],
+            log_scale: vec![log_scale],
+            opacity_logit: vec![opacity_logit],
+            sh: vec![0.0; 3],
+            ..Splats::default()
+        }
+    }
+
+    fn random(i: u32, spread: f32) -> MassGaussian {
+        let [x, y, z, w] = rng::uniform(1, 0, i, Stream::RandomInit);
+        let [a, b, c, d] = rng::uniform(2, 0, i, Stream::RandomInit);
+        let quaternion = [a - 0.5, b - 0.5, c - 0.5, d - 0.4];
+        let log_scale = [3.0 * a - 3.0, 3.0 * c - 3.0, 3.0 * d - 3.0];
+        let mean = [x, y, z].map(|v| spread * v);
+        MassGaussian::new(
+            &splat(mean, quaternion, log_scale, 6.0 * w - 4.0),
+            0,
+            30.0,
+            PEN,
+        )
+        .unwrap()
+    }
+
+    const PEN: PixelFilter = PixelFilter {
+        dilation: 0.3,
+        keeps_light: false,
+    };
+
+    /// Mass, first and second moments about the world's origin.
+    fn moments(mass: f64, mean: DVec3, covariance: DMat3) -> [DMat3; 3] {
+        [
+            DMat3::from_diagonal(DVec3::splat(mass)),
+            DMat3::from_diagonal(mass * mean),
+            (covariance + square(mean)) * mass,
+        ]
+    }
+
+    #[test]
+    fn moments_of_what_both_cover_are_those_of_the_merged() {
+        for (spread, capped) in [(1.0, true), (4.0, true), (400.0, false)] {
+            let mut tested = 0;
+            for i in 0..200 {
+                let (a, b) = (random(2 * i, spread), random(2 * i + 1, spread));
+                let (merged, joint) = a.merged(&b, PEN).unwrap();
+                let common_mean = a.mean + joint.common_offset;
+                let filter_variance = DMat3::from_diagonal(DVec3::splat(merged.filter_variance));
+                let parts = [
+                    moments(a.mass, a.mean, a.covariance),
+                    moments(b.mass, b.mean, b.covariance),
+                    moments(-joint.mass, common_mean, joint.covariance - filter_variance),
+                ];
+                let full = a.mass + b.mass - joint.mass;
+                if merged.opacity >= f64::from(ALPHA_MAX) {
+                    assert!(capped && merged.mass <= full * (1.0 + 1e-12));
+                    continue;
+                }
+                assert!((merged.mass / full - 1.0).abs() < 1e-14);
+                tested += 1;
+                let found = moments(full, merged.mean, merged.covariance);
+                for (order, found) in found.into_iter().enumerate() {
+                    let wanted = parts[0][order] + parts[1][order] + parts[2][order];
+                    // A few dozen roundings of numbers of this size: masses times squares of coordinates.
+                    let size = (a.mass + b.mass) * (f64::from(spread) + 2.0).powi(order as i32);
+                    let off = (found - wanted).to_cols_array().map(f64::abs);
+                    assert!(
+                        off.iter().all(|&x| x < 64.0 * f64::EPSILON * size),
+                        "{i}: {off:?}"
+                    );
+                }
+                if !capped {
+                    assert!(
+                        joint.mass < 1e-3 * full,
+                        "so far apart they have nothing in common"
+                    );
+                    assert!((joint.share - b.mass / full).abs() < 1e-3);
+                }
+            }
+            assert!(tested > 50, "{tested}");
+        }
+    }
+
+    /// M19 without its order: 1 − (1 − α G)², whose light is 2 α − α² / 2 of one's.
+    #[test]
+    fn of_two_in_one_place_the_one_behind_is_covered() {
+        for logit in [-3.0, 0.0, 1.0, 6.0] {
+            let one = splat(
+                [1.0, 2.0, 3.0],
+                [0.3, 0.1, -0.2, 0.9],
+                [-1.0, -1.5, -0.5],
+                logit,
+            );
+            let body = MassGaussian::new(&one, 0, 1e6, PEN).unwrap();
+            let (merged, joint) = body.merged(&body, PEN).unwrap();
+            let alpha = body.opacity;
+            let share = merged.mass / body.mass;
+            assert!(
+                (share - (2.0 - alpha / 2.0)).abs() < 1e-6,
+                "{alpha}: {share}"
+            );
+            assert!((merged.mean - body.mean).length() < 1e-14);
+            assert!((joint.share - 0.5).abs() < 1e-15);
+            // A flatter top: wider than either, in the same shape.
+            let ratio = merged.covariance.determinant() / body.covariance.determinant();
+            assert!(ratio > 1.0 && ratio < 4.0, "{ratio}");
+            assert!(merged.opacity > alpha.min(0.99) && merged.opacity < 2.0 * alpha);
+        }
+    }
+
+    #[test]
+    fn what_is_written_has_the_merged_shape() {
+        let shapes = [
+            [0.0, 0.0, 0.0],
+            [1.0, -12.0, -12.0],
+            [0.5, 0.5, -12.0],
+            [-20.0, -20.0, -20.0],
+            [12.0, 11.0, -3.0],
+        ];
+        for (i, shape) in shapes.into_iter().enumerate() {
+            let other = shapes[(i + 1) % shapes.len()];
+            for other in [shape, other] {
+                let a = splat([0.1, 0.2, 0.3], [0.3, 0.1, -0.2, 0.9], shape, 2.0);
+                let b = splat([0.1, 0.21, 0.3], [0.3, 0.1, -0.2, 0.9], other, 20.0);
+                let [one, two] = [&a, &b].map(|s| MassGaussian::new(s, 0, 100.0, PEN).unwrap());
+                let (merged, _) = one.merged(&two, PEN).unwrap();
+                let mut written = a.clone();
+                merged.store(&mut written, 0);
+                assert_eq!(written.not_finite(), None, "{shape:?}");
+                let length: f32 = written.quaternion[0].iter().map(|q| q * q).sum();
+                assert!((length - 1.0).abs() < 1e-6);
+                let read = MassGaussian::new(&written, 0, 100.0, PEN).unwrap();
+                let off = (read.covariance - merged.covariance).to_cols_array();
+                let largest = merged.covariance.col(0)[0]
+                    + merged.covariance.col(1)[1]
+                    + merged.covariance.col(2)[2];
+                // Two roundings of 2⁻²⁴ of a logarithm of up to 20, four of a quaternion.
+                assert!(
+                    off.iter().all(|x| x.abs() < 1e-5 * largest),
+                    "{shape:?}: {off:?}"
+                );
+                assert!((read.opacity - merged.opacity).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn pens_draw_as_views_do() {
+        use crate::render::{ViewOptions, view_of};
+        use crate::scene::Camera;
+        let camera = Camera {
+            width: 8,
+            height: 8,
+            focal: glam::DVec2::ONE,
+            center: glam::DVec2::ONE,
+            rotation: DMat3::IDENTITY,
+            position: DVec3::ZERO,
+        };
+        for mode in [RenderMode::Default, RenderMode::Mip] {
+            let options = ViewOptions {
+                background: [0.0; 3],
+                near: 0.1,
+                mode,
+            };
+            let (view, pen) = (view_of(&camera, &options), PixelFilter::of(mode));
+            assert_eq!(view.dilation, pen.dilation as f32);
+            assert_eq!(view.compensate == 1, pen.keeps_light);
+        }
+    }
+}

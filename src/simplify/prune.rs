@@ -1,0 +1,165 @@
+//! Which splats can go: a set whose weights sum to no more than a budget at every pixel.
+
+use super::contribution::{ContributionPass, RANKS, STAYS, SplatContribution};
+use crate::Result;
+use crate::scene::{Camera, Splats};
+
+/// How far sums in `f32` may be below what they stand for, relatively: a pixel's n-th weight is a product of 2n rounded
+/// factors, and n of them are summed, which comes to 3 n 2⁻²⁴; a thousandth is n = 5,600.
+const ROUNDING: f64 = 1e-3;
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pruned {
+    /// By splat: whether it can go.
+    pub removed: Vec<bool>,
+    /// How many those are.
+    pub count: usize,
+    /// How many of them no view shows.
+    pub unseen: usize,
+    /// How many contribution no more than the budget wherever they are seen: no more than these could go.
+    pub light: usize,
+    /// How often all views were walked over.
+    pub rounds: usize,
+}
+
+/// Whether a splat goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fate {
+    Open,
+    Goes,
+    Stays,
+}
+
+/// Finds splats whose weights sum to no more than `error` at every pixel of every view, such that none could be added:
+/// what the greedy rule takes that goes through the splats from the one with the smallest sum of weights over all views
+/// on, and takes each that still fits.
+///
+/// Not one after the other: each round ranks the splats that are still open, and every pixel finds the rank up to
+/// which it could lose all of them. A splat within the limit of all its pixels goes, whatever is decided of others; one
+/// that a pixel cannot lose even alone, beside what has gone, stays. `None` where `go_on` says no.
+///
+/// # Errors
+/// As [`ContributionPass::losses`].
+pub fn prune(
+    weigher: &mut ContributionPass,
+    cameras: &[Camera],
+    error: f64,
+    go_on: &mut dyn FnMut() -> bool,
+) -> Result<Option<Pruned>> {
+    let count = weigher.splat_count();
+    let budget = (error * (1.0 - ROUNDING)) as f32;
+    let Some(first) = weigher.losses(cameras, &vec![STAYS; count], budget, go_on)? else {
+        return Ok(None);
+    };
+    let mut fates: Vec<Fate> = first.iter().map(|loss| fate(loss, budget)).collect();
+    let unseen = fates.iter().filter(|&&fate| fate == Fate::Goes).count();
+    let mut order: Vec<usize> = (0..count).filter(|&i| fates[i] == Fate::Open).collect();
+    let light = unseen + order.len();
+    order.sort_by(|&a, &b| first[a].sum.total_cmp(&first[b].sum).then(a.cmp(&b)));
+    let (mut rounds, mut fine) = (1, false);
+    while !order.is_empty() {
+        let ranks = ranks(&fates, &order, fine);
+        let Some(losses) = weigher.losses(cameras, &ranks, budget, go_on)? else {
+            return Ok(None);
+        };
+        rounds += 1;
+        let open = order.len();
+        for &i in &order {
+            if ranks[i] <= RANKS as f32 && losses[i].limit >= ranks[i] {
+                fates[i] = Fate::Goes;
+            } else if losses[i].most > budget {
+                fates[i] = Fate::Stays;
+            }
+        }
+        order.retain(|&i| fates[i] == Fate::Open);
+        let stuck = order.len() == open;
+        if stuck && fine {
+            // Only where two ways of summing round to either side of the budget.
+            fates[order.remove(0)] = Fate::Stays;
+        }
+        // Ranks of many splats each may all be too much somewhere: then the first few get ranks of their own.
+        fine = stuck;
+    }
+    let removed: Vec<bool> = fates.iter().map(|&fate| fate == Fate::Goes).collect();
+    Ok(Some(Pruned {
+        count: removed.iter().filter(|&&gone| gone).count(),
+        removed,
+        unseen,
+        light,
+        rounds,
+    }))
+}
+
+/// What a splat's own weights say.
+fn fate(loss: &SplatContribution, budget: f32) -> Fate {
+    match loss.most {
+        most if most > budget => Fate::Stays,
+        0.0 => Fate::Goes,
+        _ => Fate::Open,
+    }
+}
+
+/// By splat, its rank: that of those that are open by their order, as many to each as there must be, or the first ones
+/// alone, one to each.
+fn ranks(fates: &[Fate], order: &[usize], fine: bool) -> Vec<f32> {
+    let rank = |fate: &Fate| match fate {
+        Fate::Goes => 0.0,
+        Fate::Open | Fate::Stays => STAYS,
+    };
+    let mut ranks: Vec<f32> = fates.iter().map(rank).collect();
+    let each = match fine {
+        true => 1,
+        false => order.len().div_ceil(RANKS),
+    };
+    for (place, &i) in order.iter().enumerate().take(each * RANKS) {
+        ranks[i] = (1 + place / each) as f32;
+    }
+    ranks
+}
+
+/// The splats that are left.
+pub fn kept(splats: &Splats, removed: &[bool]) -> Splats {
+    assert_eq!(splats.len(), removed.len(), "a word on every splat");
+    let stays = |i: &usize| !removed[*i];
+    let indices: Vec<usize> = (0..splats.len()).filter(stays).collect();
+    splats.picked(&indices)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_follow_the_order_and_none_is_passed_over() {
+        let fates = [
+            vec![Fate::Goes; 3],
+            vec![Fate::Open; 700],
+            vec![Fate::Stays; 2],
+        ]
+        .concat();
+        let order: Vec<usize> = (3..703).rev().collect();
+        let coarse = ranks(&fates, &order, false);
+        assert_eq!((coarse[0], coarse[704]), (0.0, STAYS));
+        assert_eq!((coarse[702], coarse[699], coarse[3]), (1.0, 2.0, 234.0));
+        let fine = ranks(&fates, &order, true);
+        assert_eq!((fine[702], fine[702 - 254]), (1.0, 255.0));
+        assert_eq!(fine[702 - 255], STAYS);
+    }
+
+    #[test]
+    fn what_is_left_keeps_its_order_and_its_numbers() {
+        let splats = Splats {
+            mean: (0..4).map(|i| [i as f32; 3]).collect(),
+            quaternion: vec![[1.0; 4]; 4],
+            log_scale: vec![[0.5; 3]; 4],
+            opacity_logit: vec![1.0, 2.0, 3.0, 4.0],
+            sh: (0..12).map(|i| i as f32).collect(),
+            ..Splats::default()
+        };
+        let left = kept(&splats, &[true, false, true, false]);
+        assert_eq!(left.mean, [[1.0; 3], [3.0; 3]]);
+        assert_eq!(left.opacity_logit, [2.0, 4.0]);
+        assert_eq!(left.sh, [3.0, 4.0, 5.0, 9.0, 10.0, 11.0]);
+    }
+}

@@ -1,0 +1,182 @@
+//! Room: how large a run's buffers are. They are made anew where they do not fit, and the old go first, so
+//! that the device never holds both.
+
+use super::Trainer;
+use crate::gpu::{Gpu, TRANSFER_BYTES};
+use crate::layout::COUNT_ISECT_WANTED;
+use crate::render::{
+    BandReplay, ByDegree, Capacity, DepthBands, Outputs, Scratch, Slots, frame_needs, list_limit,
+    total,
+};
+use crate::train::backward::Gradients;
+use crate::train::config::{StrategyKind, TrainConfig};
+use crate::train::device::DeviceState;
+use crate::train::memory::{TrainSize, gradient_needs, splats_expected, state_needs};
+use crate::train::state::HostState;
+use crate::{Error, Result};
+
+/// What a run has needed at most so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extremes {
+    /// Splats trained at one time.
+    pub splats: usize,
+    /// Of them, those of each degree.
+    pub counts: ByDegree,
+    /// (Splat, tile) pairs of one frame.
+    pub isects: usize,
+}
+
+impl Extremes {
+    /// Takes note of the splats that are trained from now on.
+    pub(super) fn note(&mut self, degrees: &[u8]) {
+        if degrees.len() >= self.splats {
+            self.splats = degrees.len();
+            self.counts = Slots::of(degrees).counts;
+        }
+    }
+}
+
+/// Bytes that a (splat, tile) pair takes of any one array.
+const RECORD_BYTES: u64 = 16;
+
+/// Room for so many (splat, tile) pairs and an eighth more: the next view may want more, and making room
+/// for it costs the steps in flight.
+pub(crate) fn with_margin(isects: usize) -> usize {
+    isects + isects / 8
+}
+
+impl Trainer<'_> {
+    /// What the run has needed at most since it was begun or resumed.
+    pub fn extremes(&self) -> Extremes {
+        self.extremes
+    }
+
+    /// What the memory formula goes by: the splats and pairs that the run has had at most, or, before its first
+    /// step, those it begins with and those to expect of them.
+    pub fn size(&self) -> TrainSize {
+        let (config, limit) = (&self.config, self.gpu.memory_limit());
+        let mut size = TrainSize::of(self.dataset, config, limit, self.extremes.splats);
+        let (all, below) = (self.extremes.counts, config.sh_degree as usize);
+        size.lower = std::array::from_fn(|degree| if degree < below { all[degree] } else { 0 });
+        if self.extremes.isects > 0 {
+            size.isects = self.extremes.isects;
+        }
+        size
+    }
+
+    /// The most splats that the run will have, where that can be known: see [`splats_expected`].
+    pub fn splats_expected(&self) -> Option<usize> {
+        let most = DeviceState::splat_limit(&self.gpu, self.config.sh_degree);
+        let is_capped =
+            self.config.strategy == StrategyKind::Mcmc || self.config.splat_limit() < most;
+        is_capped
+            .then(|| splats_expected(&self.config, self.splat_count()))
+            .flatten()
+    }
+
+    /// Makes room for a frame that has left such counts; what one binding has no room for will come in bands. No
+    /// step is in flight.
+    pub(super) fn grow_buffers(&mut self, counts: &[u32]) -> Result<()> {
+        let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
+        let capacity = Capacity {
+            isects: with_margin(wanted),
+            ..self.scratch.capacity
+        };
+        let capacity = capacity.within(self.gpu.caps(), RECORD_BYTES);
+        let limit = list_limit(self.gpu.caps().kind);
+        let bands = self.bands.after(counts, &capacity, limit)?;
+        let was_banded = self.bands.count > 1;
+        self.bands = DepthBands {
+            // Other views may have needed more.
+            count: bands.count.max(self.bands.count),
+            ..bands
+        };
+        if self.bands.count > 1 && !was_banded {
+            self.state.keep_gradients(&self.gpu)?;
+        }
+        self.resize(capacity)
+    }
+
+    /// Makes the buffers of a step anew. None is in use: all steps have been waited for.
+    pub(super) fn resize(&mut self, capacity: Capacity) -> Result<()> {
+        self.check_room(step_bytes(self.scratch.capacity), step_bytes(capacity))?;
+        self.frames.release()?;
+        self.remake(capacity)
+    }
+
+    fn remake(&mut self, capacity: Capacity) -> Result<()> {
+        for capacity in [Capacity::LEAST, capacity] {
+            self.scratch = new_scratch(&self.gpu, capacity, self.bands)?;
+            self.gradients = Gradients::new(&self.gpu, &self.scratch)?;
+        }
+        Ok(())
+    }
+
+    /// Takes over a state of another size. The run is as it was if the memory limit has no room for it.
+    pub(super) fn take_over(&mut self, state: &HostState) -> Result<()> {
+        if self.state.fits(state) {
+            return self.state.fill(&self.gpu, state);
+        }
+        let (before, count) = (self.state.model.splat_count, state.len());
+        // The more splats, the more pairs: room for them now, since all is made anew anyway.
+        let growth = count.saturating_sub(before) as f64 / before.max(1) as f64;
+        let isects = (self.extremes.isects as f64 * (1.0 + 0.5 * growth)) as usize;
+        let capacity = Capacity {
+            splats: count,
+            isects: self.scratch.capacity.isects.max(isects),
+            ..self.scratch.capacity
+        };
+        let (mode, sh_degree) = (self.state.model.mode, state.sh_degree);
+        let bytes = |room, capacity| total(&state_needs(room)) + step_bytes(capacity);
+        let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
+        let plane = (16 * count).min(TRANSFER_BYTES) as u64;
+        let counts = Slots::of(&state.degrees).counts;
+        self.check_room(freed, bytes(counts, capacity) + plane)?;
+        self.frames.release()?;
+        let nothing = HostState::zeros(0, sh_degree);
+        self.state = DeviceState::new(&self.gpu, &nothing, mode)?;
+        self.state = DeviceState::new(&self.gpu, state, mode)?;
+        self.prepare()?;
+        if self.bands.count > 1 {
+            self.state.keep_gradients(&self.gpu)?;
+        }
+        self.extremes.note(&state.degrees);
+        self.remake(capacity)
+    }
+
+    /// Whether the limit leaves room for `wanted` bytes in place of `freed`.
+    fn check_room(&self, freed: u64, wanted: u64) -> Result<()> {
+        let taken = self.gpu.memory_in_use().saturating_sub(freed);
+        let available = self.gpu.memory_limit().saturating_sub(taken);
+        match wanted <= available {
+            true => Ok(()),
+            false => Err(Error::OutOfMemory {
+                name: "training's buffers".into(),
+                wanted,
+                available,
+            }),
+        }
+    }
+}
+
+/// Scratch whose counts are clean, for as many pairs at a time as one binding has room for.
+pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: DepthBands) -> Result<Scratch> {
+    let capacity = capacity.within(gpu.caps(), RECORD_BYTES);
+    let mut scratch = Scratch::new(gpu, capacity, Outputs::TRAINING)?;
+    if bands.count > 1 {
+        scratch.replay = Some(BandReplay::new(gpu, &capacity, bands)?);
+    }
+    gpu.run(|rec| rec.fill(&scratch.counts, 0))?;
+    Ok(scratch)
+}
+
+/// Bytes of the buffers of a step.
+fn step_bytes(capacity: Capacity) -> u64 {
+    total(&frame_needs(capacity, Outputs::TRAINING)) + total(&gradient_needs(capacity))
+}
+
+/// No more splats than the device has room for.
+pub(super) fn limit_splats(gpu: &Gpu, config: &mut TrainConfig) {
+    let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
+    config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));
+}
