@@ -3,10 +3,10 @@
 
 mod common;
 
-use ashfall::bench::Bench;
-use ashfall::bench::frame::{self, FramePlan};
-use ashfall::bench::train::{self, TrainPlan};
-use ashfall::synth::{Kind, SynthOptions, scene};
+use ashfall::lab::bench::Bench;
+use ashfall::lab::bench::frame::{self, FramePlan};
+use ashfall::lab::bench::train::{self, TrainPlan};
+use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use common::Outcome;
 
 fn main() -> Outcome<()> {

@@ -2,7 +2,8 @@
 
 mod common;
 
-use ashfall::bench::{baseline, kernels};
+use ashfall::lab::baseline;
+use ashfall::lab::bench::kernels;
 
 fn main() -> common::Outcome<()> {
     common::run("kernels", |bench| {

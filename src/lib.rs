@@ -5,22 +5,23 @@
 
 #![deny(unsafe_code)]
 
-pub mod bench;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod error;
 pub mod gpu;
 pub mod io;
 pub mod kernels;
+#[cfg(feature = "lab")]
+pub mod lab;
 pub mod layout;
 pub mod metrics;
+#[cfg(feature = "lab")]
 pub mod reference;
 pub mod render;
-pub mod report;
 pub mod scene;
 pub mod shader;
 pub mod simplify;
-pub mod stress;
-pub mod synth;
+pub mod stats;
 pub mod train;
 
 pub use error::{Error, Result};

@@ -6,10 +6,11 @@
     reason = "a test that cannot go on may say so by panicking"
 )]
 
-use ashfall::bench::baseline::scalar;
-use ashfall::bench::check::Output;
-use ashfall::bench::{Bench, Case, Options, Unit, Work, baseline, kernels, row};
 use ashfall::kernels::{KERNELS, SELFTESTS};
+use ashfall::lab::baseline;
+use ashfall::lab::baseline::scalar;
+use ashfall::lab::bench::check::Output;
+use ashfall::lab::bench::{Bench, Case, Options, Unit, Work, kernels, row};
 use serde_json::Value;
 use std::cell::Cell;
 use std::fs;
@@ -82,7 +83,7 @@ fn rows_and_files_agree() {
     }
     assert_eq!(rows.iter().filter(|row| row["input"] == "copy").count(), 1);
     assert_eq!(report["ratios"], Value::Array(Vec::new()));
-    let name = ashfall::bench::record::slug(report["device"].as_str().unwrap());
+    let name = ashfall::lab::bench::record::slug(report["device"].as_str().unwrap());
     let recorded = fs::read_dir(folder.path().join(name))
         .unwrap()
         .next()

@@ -7,8 +7,8 @@ mod needs;
 #[path = "cli/prune.rs"]
 mod prune;
 
+use ashfall::lab::synth::{self, Kind, SynthOptions};
 use ashfall::scene::PhotoSource;
-use ashfall::synth::{self, Kind, SynthOptions};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@
     reason = "a test that cannot go on may say so by panicking"
 )]
 
-use ashfall::synth::{self, Kind, SynthOptions};
+use ashfall::lab::synth::{self, Kind, SynthOptions};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

@@ -10,12 +10,12 @@
 mod device;
 
 use ashfall::gpu::Gpu;
+use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::render::{
     Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, frame_needs,
     isects_expected, model_needs, total,
 };
 use ashfall::scene::{Dataset, RenderMode};
-use ashfall::synth::{Kind, SynthOptions, scene};
 use ashfall::train::{
     Residency, StrategyKind, TrainConfig, TrainSize, Trainer, initial_splats, splats_expected,
 };

@@ -10,9 +10,9 @@
 mod device;
 
 use ashfall::io::ply;
-use ashfall::report::stress::Group;
+use ashfall::lab::stress::outcome::Group;
+use ashfall::lab::stress::{self, Plan, Subject};
 use ashfall::scene::Splats;
-use ashfall::stress::{self, Plan, Subject};
 use serde_json::Value;
 use std::fs;
 use std::ops::ControlFlow;

@@ -1,8 +1,8 @@
 //! PipelineCache data sets on disk, read back by the readers that real ones go through.
 
 use ashfall::io::{dataset, photo};
+use ashfall::lab::synth::{Kind, SynthOptions, save, scene};
 use ashfall::scene::{PhotoSource, Split};
-use ashfall::synth::{Kind, SynthOptions, save, scene};
 use glam::DVec2;
 
 #[test]

@@ -1,7 +1,7 @@
-//! What all benches share: the command line, and where the record is filed. The measuring is `ashfall::bench`.
+//! What all benches share: the command line, and where the record is filed. The measuring is `ashfall::lab::bench`.
 
-use ashfall::bench::{Bench, Options, record};
 use ashfall::gpu::{Gpu, GpuOptions};
+use ashfall::lab::bench::{Bench, Options, record};
 use clap::Parser;
 use std::error::Error;
 use std::path::Path;

@@ -5,8 +5,9 @@ mod growth;
 use super::Outcome;
 use super::args::DeviceArgs;
 use super::engine::Engine;
-use crate::bench::{self, Bench, Options, Ratio, Report, Row, record};
 use crate::io::atomic::write_atomically;
+use crate::lab::baseline::{self, KernelReport, Ratio};
+use crate::lab::bench::{self, Bench, Options, Row, record};
 use crate::{Error, Result};
 use clap::{Args, Subcommand};
 use serde::Serialize;
@@ -134,14 +135,14 @@ fn kernels(args: &KernelsArgs) -> Result<Outcome> {
     let progress = |row: &Row| eprintln!("measured {} {}", row.input, row.variant);
     let mut bench = engine.bench("kernels", args.output.options(), progress)?;
     bench::kernels::run(&mut bench)?;
-    let ratios = bench::baseline::run(&mut bench)?;
+    let ratios = baseline::run(&mut bench)?;
     // The copy is measured in any case.
     let filter = args.output.filter.as_deref().unwrap_or_default();
     let asked = |row: &Row| format!("kernels/{}/{}", row.input, row.variant).contains(filter);
     if !bench.rows().iter().any(asked) {
         return Err(Error::Config(format!("nothing is called {filter:?}")));
     }
-    let report = Report::of(&bench, &ratios);
+    let report = KernelReport::of(&bench, &ratios);
     let lines = ratios.iter().map(Ratio::line);
     args.output.write(&bench, lines, &report)?;
     engine.check()?;

@@ -5,12 +5,12 @@ use super::args::{DataArgs, DeviceArgs};
 use super::engine::Engine;
 use super::eval::read_scene;
 use super::output::Output;
-use crate::bench::chart::{Plan, measure};
-use crate::bench::record;
 use crate::io::atomic::write_atomically;
-use crate::report::chart::{Chart, csv, page};
+use crate::lab::bench::record;
+use crate::lab::chart::measure::{Plan, measure};
+use crate::lab::chart::{Chart, csv, page};
+use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::scene::{Dataset, Splats, Split};
-use crate::synth::{self, Kind, SynthOptions};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use std::io::Write;
@@ -225,7 +225,7 @@ fn facts(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::chart::FramePoint;
+    use crate::lab::chart::FramePoint;
 
     #[test]
     fn a_broken_bound_is_an_error_after_the_page_is_written() -> Result<()> {

@@ -1,7 +1,7 @@
 //! What a command says while it works: a progress bar for people, JSON lines for machines, silence for
 //! log files.
 
-use crate::report::MeanScore;
+use crate::metrics::MeanScore;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 use std::io::{IsTerminal, Write};

@@ -9,7 +9,7 @@ use super::eval::{near, read_scene};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::train::Steps;
-use crate::report::{MeanScore, Target};
+use crate::metrics::{MeanScore, Target};
 use crate::scene::{Camera, Dataset, Splats, Split};
 use crate::simplify::{
     ContributionPass, PassOptions, Promise, difference, kept, measure, merge, prune, rates,

@@ -7,10 +7,11 @@ use super::eval::read_scene;
 use super::interrupt::Interrupt;
 use super::output::Output;
 use super::render::orbit;
-use crate::bench::record;
 use crate::io::atomic::write_atomically;
-use crate::report::stress::{Stress, page};
-use crate::stress::{self, Plan, Subject};
+use crate::lab::bench::record;
+use crate::lab::stress::outcome::Stress;
+use crate::lab::stress::page;
+use crate::lab::stress::{self, Plan, Subject};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 use clap::Args;
@@ -66,7 +67,10 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     let engine = Engine::open(&args.device)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let plan = if args.quick { Plan::QUICK } else { Plan::USUAL };
-    let bar = output.bar(crate::report::stress::Group::ALL.len() as u64, "stress");
+    let bar = output.bar(
+        crate::lab::stress::outcome::Group::ALL.len() as u64,
+        "stress",
+    );
     let mut begun = 0;
     let found = stress::run(engine.gpu(), &subject, plan, &mut |group| {
         bar.set_position(begun);
@@ -162,7 +166,7 @@ fn write(found: &Stress, folder: &Path, json: Option<&Path>) -> Result<PathBuf> 
 }
 
 /// A check in a line.
-fn line(outcome: &crate::report::stress::Outcome) -> String {
+fn line(outcome: &crate::lab::stress::outcome::Outcome) -> String {
     format!(
         "FAILED: {}: {}: {} {}, bound {}",
         outcome.group.title(),
@@ -196,7 +200,7 @@ fn verdict(found: &Stress) -> Result<Outcome> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::stress::{Group, Outcome as Check};
+    use crate::lab::stress::outcome::{Group, Outcome as Check};
 
     #[test]
     fn a_failed_check_is_an_error_after_the_page_is_written() -> Result<()> {

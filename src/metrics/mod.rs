@@ -11,12 +11,14 @@
 //! **Invariant:** works on plain images; knows of no file and no device.
 
 mod psnr;
+mod score;
 mod ssim;
 
 #[cfg(test)]
 mod tests;
 
 pub use psnr::{mean_squared_error, psnr_db};
+pub use score::{MeanScore, Target, ViewScore};
 pub use ssim::ssim;
 
 use crate::scene::Photo;

@@ -1,11 +1,11 @@
 //! What photographs of half the size cannot tell.
 
-use super::gain::mean;
 use crate::Result;
 use crate::io::photo::{half, load, reduce};
+use crate::metrics::Target;
 use crate::metrics::{Image, mean_squared_error};
-use crate::report::Target;
 use crate::scene::{AlphaMode, Dataset, Photo};
+use crate::stats::mean;
 
 /// The mean squared error between the views' photographs, as training compares with them, and their halves brought back to
 /// full size: what a scene is off by that has been fitted to the halves as well as can be.

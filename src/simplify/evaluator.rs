@@ -1,13 +1,13 @@
 //! Views that training does not see, to judge it by: never the test views, and only until the count is decided.
 
-use super::gain::mean;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::io;
+use crate::metrics::Target;
 use crate::metrics::{Image, mean_squared_error};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
-use crate::report::Target;
 use crate::scene::{Camera, Dataset, Splats, Split};
+use crate::stats::mean;
 
 /// Held out at least, where there are enough views: a spread needs as many.
 const VIEWS_MIN: usize = 3;

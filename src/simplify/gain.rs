@@ -1,5 +1,7 @@
 //! What more splats are worth: decibels on held-out views, view by view, for every tenth more.
 
+use crate::stats::{mean, student_t_95};
+
 /// A mean over views, with the bounds that it lies within at 95 % each (Student's t).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
@@ -10,14 +12,6 @@ pub struct Estimate {
     /// The true mean lies above this in one case of twenty.
     pub high: f64,
 }
-
-/// The 95 % quantiles of Student's t of 1, 2, … degrees of freedom.
-const STUDENT: [f64; 12] = [
-    6.314, 2.920, 2.353, 2.132, 2.015, 1.943, 1.895, 1.860, 1.833, 1.812, 1.796, 1.782,
-];
-
-/// That of more degrees of freedom is no larger.
-const STUDENT_OF_MORE: f64 = 1.771;
 
 /// How many times a tenth more `after` is than `before`; negative if it is less.
 pub fn steps_of_ten_percent(before: usize, after: usize) -> f64 {
@@ -43,17 +37,12 @@ pub fn estimate(numbers: &[f64]) -> Estimate {
     }
     let square: f64 = numbers.iter().map(|x| (x - mean).powi(2)).sum();
     let error = (square / freedom as f64 / numbers.len() as f64).sqrt();
-    let width = STUDENT.get(freedom - 1).unwrap_or(&STUDENT_OF_MORE) * error;
+    let width = student_t_95(freedom) * error;
     Estimate {
         mean,
         low: mean - width,
         high: mean + width,
     }
-}
-
-/// The mean; 0 of none.
-pub fn mean(numbers: &[f64]) -> f64 {
-    numbers.iter().sum::<f64>() / numbers.len().max(1) as f64
 }
 
 /// The mean squared error, over all views, of views that have such PSNR; decibels.

@@ -2,8 +2,9 @@
 //! by stands here, so that a resumed run decides alike.
 
 use super::evaluator::is_full;
-use super::gain::{error, mean, steps_of_ten_percent};
-use crate::report::needs::{HalfSize, Law, NeedStep};
+use super::gain::{error, steps_of_ten_percent};
+use super::{Decision, HalfResolution, Law};
+use crate::stats::mean;
 use serde::{Deserialize, Serialize};
 
 /// What a run is at.
@@ -248,13 +249,13 @@ impl History {
     }
 
     /// For how long photographs of half the size were enough; `None` where that was not asked.
-    pub fn half_size(&self) -> Option<HalfSize> {
+    pub fn half_size(&self) -> Option<HalfResolution> {
         let lost = self.lost_by_halving;
         let mut entries = self.entries.iter();
         let turn = entries.find(|entry| entry.act == Act::Enlarged);
         let hidden = |turn: &Entry| (lost / error(&turn.psnr_db)).min(1.0);
         let limit = -10.0 * lost.log10();
-        (turn.is_some() || lost > 0.0).then(|| HalfSize {
+        (turn.is_some() || lost > 0.0).then(|| HalfResolution {
             until: turn.map_or(0, |turn| turn.iteration),
             limit_db: limit.is_finite().then_some(limit),
             hidden_share: turn.map(hidden),
@@ -262,8 +263,8 @@ impl History {
     }
 
     /// The course as a report has it.
-    pub fn steps(&self) -> Vec<NeedStep> {
-        let step = |entry: &Entry| NeedStep {
+    pub fn steps(&self) -> Vec<Decision> {
+        let step = |entry: &Entry| Decision {
             iteration: entry.iteration,
             act: entry.name().into(),
             splats: entry.splats,

@@ -26,10 +26,12 @@
 mod auto;
 mod change;
 mod contribution;
+mod decision;
 mod detail;
 mod evaluator;
 pub mod gain;
 mod history;
+mod law;
 mod merge;
 mod prune;
 mod refit;
@@ -41,8 +43,10 @@ pub use change::{Change, Promise, measure};
 pub use contribution::{
     ContributionPass, PassOptions, PixelErrors, RemovalError, RenderedTiles, SplatContribution,
 };
+pub use decision::{Decision, HalfResolution};
 pub use evaluator::{Evaluator, part};
 pub use history::{Act, Entry, History, Phase, Round};
+pub use law::Law;
 pub use merge::{Difference, Merged, difference, merge, rates};
 pub use prune::{Pruned, kept, prune};
 pub use refit::refit_config;

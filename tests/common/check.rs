@@ -12,7 +12,7 @@ use ashfall::layout::DispatchArgs;
 use bytemuck::Pod;
 use std::collections::BTreeMap;
 
-pub use ashfall::bench::check::{Output, UNWRITTEN, floats, rms, words};
+pub use ashfall::lab::bench::check::{Output, UNWRITTEN, floats, rms, words};
 
 /// The checks of one kernel.
 pub struct Check {

@@ -6,4 +6,4 @@
     reason = "shared by test binaries, each of which uses its own part"
 )]
 
-pub use ashfall::bench::input::lists::*;
+pub use ashfall::lab::bench::input::lists::*;

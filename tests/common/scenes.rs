@@ -8,8 +8,8 @@
     reason = "shared by test binaries, each of which uses its own part"
 )]
 
-pub use ashfall::bench::input::random::{Random, single};
-pub use ashfall::bench::input::scene::{Scene, Sketch, push};
+pub use ashfall::lab::bench::input::random::{Random, single};
+pub use ashfall::lab::bench::input::scene::{Scene, Sketch, push};
 use ashfall::reference::Options;
 use ashfall::scene::{Camera, RenderMode, Splats, sh_coefficient_count};
 use glam::{DMat3, DVec2, DVec3};

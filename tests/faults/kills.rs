@@ -2,7 +2,7 @@
 
 use crate::disks::limited;
 use crate::run::holds_only;
-use ashfall::synth::{self, Kind, SynthOptions};
+use ashfall::lab::synth::{self, Kind, SynthOptions};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;

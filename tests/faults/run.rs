@@ -3,8 +3,8 @@
 use ashfall::Result;
 use ashfall::gpu::Gpu;
 use ashfall::io::ply;
+use ashfall::lab::synth::{self, Kind, SynthOptions};
 use ashfall::scene::{Dataset, RenderMode};
-use ashfall::synth::{self, Kind, SynthOptions};
 use ashfall::train::checkpoint::{Checkpoint, fingerprint};
 use ashfall::train::{TrainConfig, Trainer};
 use std::path::Path;

@@ -3,8 +3,8 @@
 use crate::scenes::{self, Scene};
 use crate::{BEGUN, config, dataset, device};
 use ashfall::gpu::Gpu;
+use ashfall::lab::synth::{Kind, SynthOptions};
 use ashfall::scene::{Dataset, PhotoSource};
-use ashfall::synth::{Kind, SynthOptions};
 use ashfall::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats};
 
 /// The state and the reports after some steps; before each of the named ones, buffers are made that hold just so
@@ -71,7 +71,7 @@ fn first_steps_see_photographs_of_half_the_size() {
         test_every: 5,
         ..SynthOptions::default()
     };
-    let dataset = ashfall::synth::scene(Kind::Solids).dataset(&options);
+    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
     let (start, small) = (dataset.clone(), resized(&dataset, 20, 17));
     let train = |dataset: &Dataset, half_size_until: u32, steps: u32, tiny: bool| {
         let config = TrainConfig {
@@ -124,7 +124,7 @@ fn pictures_of_half_the_size_show_the_scene_as_it_is() {
         test_every: 0,
         ..SynthOptions::default()
     };
-    let dataset = ashfall::synth::scene(Kind::Solids).dataset(&options);
+    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
     let small = resized(&dataset, 32, 24);
     let config = TrainConfig::for_iterations(100);
     let splats = initial_splats(&dataset, dataset.extent(), &config).unwrap();
@@ -166,7 +166,7 @@ fn photographs_that_do_not_fit_are_streamed_with_the_same_result() {
         test_every: 0,
         ..SynthOptions::default()
     };
-    let dataset = ashfall::synth::scene(Kind::Solids).dataset(&options);
+    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
     let train = |photo_share: f32| {
         let config = TrainConfig {
             photo_share,

@@ -3,12 +3,12 @@
 use super::device::gpu;
 use ashfall::Result;
 use ashfall::gpu::Gpu;
+use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::scene::{Dataset, PhotoSource, Split};
-use ashfall::simplify::gain::mean;
 use ashfall::simplify::{
     Act, CountController, History, PREFERENCE_DB, Phase, for_auto_count, part,
 };
-use ashfall::synth::{Kind, SynthOptions, scene};
+use ashfall::stats::mean;
 use ashfall::train::checkpoint::{Checkpoint, Steering, fingerprint};
 use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
 use std::path::Path;

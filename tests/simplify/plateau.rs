@@ -4,10 +4,10 @@ use super::auto::{ITERATIONS, config, dataset, longer, paint};
 use super::device::gpu;
 use ashfall::Result;
 use ashfall::gpu::Gpu;
+use ashfall::lab::synth::Kind;
 use ashfall::scene::Dataset;
 use ashfall::simplify::gain::steps_of_ten_percent;
 use ashfall::simplify::{Act, CountController, Entry, History, PREFERENCE_DB, Phase, Round, part};
-use ashfall::synth::Kind;
 use ashfall::train::{StrategyKind, Trainer};
 
 /// A wall of one colour looks perfect whatever goes, nearly: rounds that show it take their steps once.

@@ -3,8 +3,8 @@
 
 use crate::lab::{Lab, lab, within};
 use crate::trained::{cameras, psnr_db, train};
+use ashfall::lab::synth::{self, Kind, Scene, SynthOptions};
 use ashfall::scene::{Camera, Dataset, Splats, Split};
-use ashfall::synth::{self, Kind, Scene, SynthOptions};
 use ashfall::train::TrainConfig;
 use glam::DVec3;
 

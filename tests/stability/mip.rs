@@ -6,12 +6,12 @@ use crate::lab::{Lab, lab, within};
 use crate::scenes::{self, Scene};
 use crate::trained::{cameras, psnr_db, train};
 use crate::{lab, pack};
+use ashfall::lab::synth::{self, Kind, SynthOptions};
 use ashfall::reference::frame::discontinuity_margins;
 use ashfall::render::{
     Accuracy, Model, RenderOptions, Rendered, Renderer, ViewOptions, planes_from_splats,
 };
 use ashfall::scene::{Camera, Dataset, RenderMode, Splats, Split};
-use ashfall::synth::{self, Kind, SynthOptions};
 use ashfall::train::smoothing::{refresh, sampling_rates};
 use ashfall::train::{HostState, TrainConfig};
 use glam::{DMat3, DVec2, DVec3};

@@ -2,10 +2,10 @@
 //! camera: the ray caster is asked for the truth.
 
 use crate::lab::Lab;
+use ashfall::lab::synth::Scene;
 use ashfall::metrics::{Image, mean_squared_error};
 use ashfall::render::{Model, RenderOptions, Renderer, ViewOptions};
 use ashfall::scene::{Camera, Dataset, Splats, Split};
-use ashfall::synth::Scene;
 use ashfall::train::{TrainConfig, Trainer};
 
 /// Trains to the end.

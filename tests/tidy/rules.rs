@@ -20,85 +20,6 @@ const OPERATIONS: [(&str, &str); 4] = [
     ("selftest_", "selftest"),
 ];
 
-/// Who may import whom, by the first component of the path after `crate::`.
-const RANKS: &[(&str, &[&str])] = &[
-    ("error", &[]),
-    ("shader", &[]),
-    ("layout", &[]),
-    ("scene", &["error", "layout"]),
-    ("io", &["scene", "error"]),
-    ("synth", &["scene", "error"]),
-    ("metrics", &["scene", "error"]),
-    ("reference", &["scene", "layout"]),
-    ("gpu", &["shader", "error"]),
-    ("kernels", &["gpu", "layout", "shader", "error"]),
-    (
-        "render",
-        &[
-            "kernels", "gpu", "scene", "io", "synth", "metrics", "error", "shader", "layout",
-        ],
-    ),
-    (
-        "report",
-        &[
-            "render", "kernels", "gpu", "scene", "io", "synth", "metrics", "error", "shader",
-            "layout",
-        ],
-    ),
-    (
-        "bench",
-        &[
-            "simplify",
-            "train",
-            "report",
-            "render",
-            "kernels",
-            "gpu",
-            "scene",
-            "io",
-            "synth",
-            "metrics",
-            "reference",
-            "error",
-            "shader",
-            "layout",
-        ],
-    ),
-    (
-        "simplify",
-        &[
-            "train", "report", "render", "kernels", "gpu", "scene", "io", "metrics", "error",
-            "layout",
-        ],
-    ),
-    (
-        "stress",
-        &[
-            "bench",
-            "train",
-            "report",
-            "render",
-            "kernels",
-            "gpu",
-            "scene",
-            "io",
-            "synth",
-            "metrics",
-            "reference",
-            "error",
-            "shader",
-            "layout",
-        ],
-    ),
-    (
-        "train",
-        &[
-            "render", "kernels", "gpu", "scene", "io", "synth", "metrics", "error", "shader",
-            "layout",
-        ],
-    ),
-];
-
 /// Words of code that have a place: where they may stand, and why nowhere else.
 const PLACES: &[(&str, &[&str], &str)] = &[
     (
@@ -134,7 +55,7 @@ fn stem(path: &str) -> &str {
     name.split('.').next().unwrap_or(name)
 }
 
-fn words(code: &str) -> impl Iterator<Item = &str> {
+pub(crate) fn words(code: &str) -> impl Iterator<Item = &str> {
     code.split(|c: char| !c.is_alphanumeric() && c != '_')
         .filter(|word| !word.is_empty())
 }
@@ -185,55 +106,6 @@ pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<St
         }
     }
     faults
-}
-
-/// Imports point down.
-pub(crate) fn ranks_hold(files: &[File]) -> Vec<String> {
-    let mut faults = Vec::new();
-    for (path, text) in files.iter().filter(|(path, _)| path.starts_with("src/")) {
-        let module = path["src/".len()..]
-            .split(['/', '.'])
-            .next()
-            .unwrap_or_default();
-        let Some((_, allowed)) = RANKS.iter().find(|(name, _)| *name == module) else {
-            if !["lib", "main", "cli"].contains(&module) {
-                faults.push(format!("{path}: the module {module} has no rank"));
-            }
-            continue;
-        };
-        for import in imports(&code(text)) {
-            if import != module && !allowed.contains(&import.as_str()) {
-                faults.push(format!("{path}: {module} must not import {import}"));
-            }
-        }
-    }
-    faults
-}
-
-/// The modules named after `crate::`, `crate::Error` and `crate::Result` being those of `error`.
-fn imports(code: &str) -> BTreeSet<String> {
-    let mut found = BTreeSet::new();
-    for (at, prefix) in code.match_indices("crate::") {
-        let rest = &code[at + prefix.len()..];
-        let group = rest
-            .strip_prefix('{')
-            .map(|rest| &rest[..rest.find("};").unwrap_or(rest.len())]);
-        let mut depth = 0;
-        let mut heads = vec![group.unwrap_or(rest)];
-        for (i, c) in group.unwrap_or_default().char_indices() {
-            depth += i32::from(c == '{') - i32::from(c == '}');
-            if c == ',' && depth == 0 {
-                heads.push(&group.unwrap_or_default()[i + 1..]);
-            }
-        }
-        let name = |head: &str| words(head).next().unwrap_or_default().to_owned();
-        found.extend(heads.into_iter().map(name).filter(|name| !name.is_empty()));
-    }
-    let error = |name: String| match name.as_str() {
-        "Error" | "Result" => "error".to_owned(),
-        _ => name,
-    };
-    found.into_iter().map(error).collect()
 }
 
 /// `unsafe`, Vulkan and the environment stay where they belong.

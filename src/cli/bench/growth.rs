@@ -1,9 +1,6 @@
 //! `ashfall bench frame` and `ashfall bench train`: whole frames and steps, and how they grow.
 
 use super::OutputArgs;
-use crate::bench::frame::{self, DOUBLING_MAX, FramePlan, Growth, Point};
-use crate::bench::train::{self, Memory, TrainPlan};
-use crate::bench::{Bench, Row};
 use crate::cli::Outcome;
 use crate::cli::args::{DataArgs, DeviceArgs};
 use crate::cli::engine::Engine;
@@ -11,6 +8,9 @@ use crate::cli::eval::read_scene;
 use crate::cli::output::{bytes, grouped};
 use crate::cli::predict::parse_image_size;
 use crate::cli::render::orbit::{orbit_of_splats, radius};
+use crate::lab::bench::frame::{self, DOUBLING_MAX, FramePlan, Growth, Point};
+use crate::lab::bench::train::{self, Memory, TrainPlan};
+use crate::lab::bench::{Bench, Row};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 use clap::Args;

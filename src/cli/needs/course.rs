@@ -1,15 +1,15 @@
 //! A survey on its way: run after run, each written down as it ends.
 
 use super::NeedsArgs;
-use crate::bench::needs::{Task, made, recipes};
 use crate::cli::Outcome;
 use crate::cli::engine::Engine;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{Output, grouped};
 use crate::io::atomic::write_atomically;
-use crate::report::needs::survey::{Recipe, Run, Survey, csv, page};
+use crate::lab::survey::runner::{Task, made, recipes};
+use crate::lab::survey::{Recipe, Run, Survey, csv, page};
+use crate::lab::synth::Kind;
 use crate::scene::Dataset;
-use crate::synth::Kind;
 use crate::{Error, Result};
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use super::PruneArgs;
 use crate::cli::output::{bytes, grouped, score_text};
-use crate::report::MeanScore;
+use crate::metrics::MeanScore;
 use crate::scene::{Splats, sh_coefficient_count};
 use crate::simplify::{Change, Difference, Merged, Pruned, Reduced};
 use serde_json::json;

@@ -11,7 +11,7 @@ use super::engine::{Engine, Training};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::{Outcome, eval};
-use crate::report::Report;
+use crate::lab::report::Report;
 use crate::scene::{Dataset, Point, Split};
 use crate::simplify::for_auto_count;
 use crate::{Error, Result, io};
@@ -298,7 +298,7 @@ impl Session<'_> {
         };
         let outcome = run_steps(&mut training, record, &plan, &mut |splats| {
             let scores = scene.evaluate(splats, &test, &mut |_| Ok(()))?;
-            Ok(crate::report::MeanScore::of(&scores))
+            Ok(crate::metrics::MeanScore::of(&scores))
         });
         let outcome = outcome.inspect_err(|_| {
             let dir = self.dir.display();

@@ -1,7 +1,7 @@
 //! What a run has found of its scene's needs, as its report has it.
 
-use crate::report::Report;
-use crate::report::needs::{Needs, bytes_by_degree, sentence};
+use crate::lab::report::Report;
+use crate::lab::report::needs::{Needs, bytes_by_degree, sentence};
 use crate::scene::{Dataset, Splats};
 use crate::simplify::{History, part, reduce_harmonics};
 use crate::{Error, Result};

@@ -3,8 +3,8 @@
 
 use crate::cli::args::DataArgs;
 use crate::io::atomic::write_atomically;
-use crate::report::MeanScore;
-use crate::report::{HistoryEntry, Timings};
+use crate::lab::report::{HistoryEntry, Timings};
+use crate::metrics::MeanScore;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::io::Write;

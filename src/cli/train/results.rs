@@ -5,8 +5,10 @@ use super::record::Record;
 use crate::cli::eval::{Scene, Scored};
 use crate::cli::output::{bytes, file_stem, grouped, score_text};
 use crate::io::atomic::write_atomically;
-use crate::report::needs::{self, Needs};
-use crate::report::{MeanScore, MemoryFigures, Report, ViewScore, comparison};
+use crate::lab::report::needs::Needs;
+use crate::lab::report::page;
+use crate::lab::report::{MemoryFigures, Report, comparison};
+use crate::metrics::{MeanScore, ViewScore};
 use crate::scene::{Splats, Split};
 use crate::train::{StrategyKind, TrainConfig};
 use crate::{Error, Result, io};
@@ -59,7 +61,7 @@ pub(super) fn write(
         needs,
     };
     if let Some(needs) = &report.needs {
-        let page = needs::page::html(needs)?;
+        let page = page::html(needs)?;
         write_atomically(&session.dir.join("needs.html"), |file| {
             write!(file, "{page}")
         })?;

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::cli::Outcome;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{Output, Pace, grouped};
-use crate::report::MeanScore;
+use crate::metrics::MeanScore;
 use crate::scene::Splats;
 use indicatif::ProgressBar;
 use serde_json::json;
@@ -110,7 +110,7 @@ fn drain(steps: &mut impl Steps, record: &mut Record, display: &mut Display) -> 
 /// Runs something and adds the time it takes to one of the record's.
 fn timed<T>(
     record: &mut Record,
-    part: impl FnOnce(&mut crate::report::Timings) -> &mut f64,
+    part: impl FnOnce(&mut crate::lab::report::Timings) -> &mut f64,
     run: impl FnOnce() -> Result<T>,
 ) -> Result<T> {
     let start = Instant::now();

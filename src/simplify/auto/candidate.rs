@@ -8,8 +8,9 @@ use super::CountController;
 use super::survey::Survey;
 use crate::Result;
 use crate::scene::{Camera, RenderMode, Splats};
-use crate::simplify::gain::{differences, mean, steps_of_ten_percent};
+use crate::simplify::gain::{differences, steps_of_ten_percent};
 use crate::simplify::merge::{merge, rates};
+use crate::stats::mean;
 use crate::train::{HostState, Trainer};
 
 /// Merging may lose at once so much of what a round may.

@@ -26,10 +26,11 @@ mod survey;
 
 use super::contribution::ContributionPass;
 use super::evaluator::{Evaluator, part};
-use super::gain::{differences, mean};
+use super::gain::differences;
 use super::history::{Act, Entry, History, Phase};
 use crate::render::ViewOptions;
 use crate::scene::{Dataset, Split};
+use crate::stats::mean;
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
 use rounds::SHARE;

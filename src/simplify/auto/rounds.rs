@@ -4,8 +4,9 @@ use super::sh_rounds::WITHOUT_SH;
 use super::{CountController, Phase, prune_by, settle_by};
 use crate::Result;
 use crate::simplify::evaluator::{is_full, short_of_full};
-use crate::simplify::gain::{differences, estimate, mean, steps_of_ten_percent};
+use crate::simplify::gain::{differences, estimate, steps_of_ten_percent};
 use crate::simplify::history::{Act, Entry, History, Round};
+use crate::stats::mean;
 use crate::train::{HostState, TrainConfig, Trainer};
 
 /// The share of splats that the first round takes out.

@@ -12,9 +12,10 @@ use super::{CountController, Phase, last_fit, settle_by};
 use crate::Result;
 use crate::render::{apart, degrees_used};
 use crate::scene::{Splats, sh_coefficient_count};
-use crate::simplify::gain::{differences, mean};
+use crate::simplify::gain::differences;
 use crate::simplify::history::{Act, Entry};
 use crate::simplify::sh_fit::{Fits, count};
+use crate::stats::mean;
 use crate::train::schedule::sh_degree;
 use crate::train::{HostState, Trainer};
 

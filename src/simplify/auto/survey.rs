@@ -1,8 +1,8 @@
 //! What every splat does to the views, drawn as training draws them.
 
 use super::view_options;
+use crate::metrics::Target;
 use crate::render::Compatibility;
-use crate::report::Target;
 use crate::scene::{Camera, Dataset, Splats, View};
 use crate::simplify::contribution::{ContributionPass, PassOptions, RemovalError};
 use crate::simplify::sh_fit::Seen;

@@ -1,0 +1,226 @@
+//! Contests of compositing, forward and backward.
+
+use super::scalar::{self, Input as HostInput};
+use super::{NATIVE, Ratio, TARGET_FEATURES, on_processor, vector};
+use crate::Result;
+use crate::gpu::{Frames, Gpu, Recorder};
+use crate::kernels::rasterize::Outputs;
+use crate::kernels::{baseline_16x16, baseline_16x16_backward, rasterize, rasterize_backward};
+use crate::lab::bench::check::Output;
+use crate::lab::bench::kernels::{Composite, Device, Gradient, Input, backward_params};
+use crate::lab::bench::session::{Bench, Case};
+use crate::lab::bench::trial::{Subject, device_times, host_times};
+
+const COUNT: usize = 50_000;
+const SIZE: [u32; 2] = [480, 272];
+const SIGMA_MAX: f64 = 3.0;
+
+/// Names of the baselines on the processor.
+const SCALAR: &str = "processor scalar";
+
+fn vectorised() -> String {
+    format!("processor vectorised {TARGET_FEATURES}")
+}
+
+/// Checks a device's commands and makes a subject of them.
+fn on_device<'a>(
+    gpu: &Gpu,
+    case: Case,
+    prepare: impl Fn(&mut Recorder<'_>),
+    record: impl Fn(&mut Recorder<'_>) + 'a,
+    outputs: impl FnOnce() -> Result<Vec<Output>>,
+) -> Result<Subject<'a>> {
+    gpu.run(prepare)?;
+    gpu.run(&record)?;
+    case.judge(&outputs()?)?;
+    let mut frames = Frames::new(gpu, 1, true)?;
+    Ok(Subject {
+        case,
+        run: Box::new(move || device_times(&mut frames, |_| {}, &record)),
+    })
+}
+
+fn on_host<'a>(case: Case, run: impl Fn() + 'a) -> Subject<'a> {
+    Subject {
+        case,
+        run: Box::new(move || Ok(host_times(&run))),
+    }
+}
+
+/// What is compared: one of ours, how the baseline's name begins, and the least ratio that is demanded.
+type Demand<'a> = (&'a str, &'a str, Option<f64>);
+
+/// Measures in turns and compares as demanded.
+fn contest(
+    bench: &mut Bench,
+    what: &str,
+    mut subjects: Vec<Subject<'_>>,
+    demands: &[Demand<'_>],
+) -> Result<Vec<Ratio>> {
+    let runs = bench.measure_in_turns(&mut subjects)?;
+    let by_processor = on_processor(bench);
+    let named = |name: &str| {
+        let mut all = subjects.iter().zip(&runs);
+        all.find(|(subject, _)| subject.case.variant.starts_with(name))
+            .map(|(subject, times)| (subject.case.variant.as_str(), times.as_slice()))
+    };
+    let ratio = |&(ours, baseline, least): &Demand<'_>| {
+        let pair = [named(ours)?, named(baseline)?];
+        Some(Ratio::of(what, pair, by_processor, least))
+    };
+    Ok(demands.iter().filter_map(ratio).collect())
+}
+
+fn case(what: &str, variant: &str) -> Case {
+    Case::of("baseline", what, variant, 0)
+}
+
+/// Whether one of a contest's participants is asked for: then all are.
+fn wanted(bench: &Bench, what: &str, variants: &[&str]) -> bool {
+    variants
+        .iter()
+        .any(|variant| bench.wants(&case(what, variant)))
+}
+
+/// An image by pixel as planes.
+fn planes(image: &[[f32; 4]]) -> Vec<f32> {
+    (0..4)
+        .flat_map(|plane| image.iter().map(move |pixel| pixel[plane]))
+        .collect()
+}
+
+pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
+    let gpu = bench.gpu().clone();
+    let [image_choice, choice] = [Outputs::default(), Outputs::TRAINING]
+        .map(|outputs| rasterize::Rasterize::prefer(gpu.caps(), outputs));
+    let lanes = choice.spec.workgroup;
+    // What is drawn for training says where pixels end; so do the baselines but the vectorised one.
+    let ours = format!("rasterize {}/{lanes}", choice.variant.name());
+    let image_ours = format!("rasterize image {}/{lanes}", choice.variant.name());
+    let names = [&ours, &image_ours, "baseline_16x16", SCALAR, &vectorised()];
+    if !wanted(bench, "forward", &names) {
+        return Ok(Vec::new());
+    }
+    let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
+    let squares = Composite::baseline_16x16(COUNT, SIZE, SIGMA_MAX);
+    let (input, square_input) = (Input::new(&gpu, &engine)?, Input::new(&gpu, &squares)?);
+    let host = HostInput::new(&squares);
+    let work = engine.work();
+    let case = |variant: &str| case("forward", variant).doing(work);
+    let kernel = rasterize::Rasterize::new(&gpu, choice)?;
+    let image_kernel = rasterize::Rasterize::new(&gpu, image_choice)?;
+    let old = baseline_16x16::Baseline16x16::new(
+        &gpu,
+        baseline_16x16::Baseline16x16::prefer(gpu.caps()),
+    )?;
+    let record = |kernel: &rasterize::Rasterize, rec: &mut Recorder<'_>| {
+        kernel.record(rec, input.rasterize(), input.params(), input.tiles());
+    };
+
+    let (image, ends) = scalar::forward(&host);
+    case(SCALAR).judge(&squares.outputs(&planes(&image), Some(&ends)))?;
+    let image = vector::forward(&host);
+    case(&vectorised()).judge(&squares.outputs(&planes(&image), None))?;
+    let subjects = vec![
+        on_device(
+            &gpu,
+            case(&ours),
+            |_| {},
+            |rec| record(&kernel, rec),
+            || input.outputs(&gpu, &engine),
+        )?,
+        on_device(
+            &gpu,
+            case(&image_ours),
+            |_| {},
+            |rec| record(&image_kernel, rec),
+            || input.image_outputs(&gpu, &engine),
+        )?,
+        on_device(
+            &gpu,
+            case("baseline_16x16"),
+            |_| {},
+            |rec| old.record(rec, square_input.baseline_16x16(), square_input.tiles()),
+            || square_input.outputs(&gpu, &squares),
+        )?,
+        on_host(case(SCALAR), || drop(scalar::forward(&host))),
+        on_host(case(&vectorised()), || drop(vector::forward(&host))),
+    ];
+    let demands = [
+        (ours.as_str(), "baseline_16x16", Some(6.0)),
+        (&ours, SCALAR, Some(5.0)),
+        (&image_ours, "processor vectorised", NATIVE.then_some(0.75)),
+    ];
+    contest(bench, "forward", subjects, &demands)
+}
+
+pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
+    let gpu = bench.gpu().clone();
+    let choice = rasterize_backward::RasterizeBackward::prefer(gpu.caps());
+    let ours = format!(
+        "rasterize_backward {}/{}",
+        choice.variant.name(),
+        choice.spec.workgroup
+    );
+    if !wanted(bench, "backward", &[&ours, "baseline_16x16", SCALAR]) {
+        return Ok(Vec::new());
+    }
+    let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
+    let squares = Composite::baseline_16x16(COUNT, SIZE, SIGMA_MAX);
+    let (input, square_input) = (Input::new(&gpu, &engine)?, Input::new(&gpu, &squares)?);
+    let (gradient, square_gradient) = (Gradient::new(&engine), Gradient::new(&squares));
+    let device = Device::new(&gpu, &engine, &gradient)?;
+    let square_device = Device::new(&gpu, &squares, &square_gradient)?;
+    let host = HostInput::new(&squares);
+    let work = engine.work();
+    let case = |variant: &str| case("backward", variant).doing(work);
+    let kernel = rasterize_backward::RasterizeBackward::new(&gpu, choice)?;
+
+    let (image, ends) = scalar::forward(&host);
+    let sums = scalar::backward(&host, &image, &ends, &square_gradient.d_sampled);
+    case(SCALAR).judge(&square_gradient.judge_splats(&scalar::whitened(&host, &sums)))?;
+    let mut subjects = vec![on_device(
+        &gpu,
+        case(&ours),
+        |rec| device.upstream(rec, true),
+        |rec| {
+            let params = backward_params(&input);
+            kernel.record(
+                rec,
+                device.rasterize_backward(&input),
+                params,
+                input.tiles(),
+            );
+        },
+        || device.judge_sources(&gradient),
+    )?];
+    // Where floats cannot be added atomically there is no such design to compare with.
+    let old = baseline_16x16_backward::Baseline16x16Backward::prefer(gpu.caps());
+    if gpu.caps().supports(old.variant.info()).is_ok() {
+        let old = baseline_16x16_backward::Baseline16x16Backward::new(&gpu, old)?;
+        let (device, input) = (&square_device, &square_input);
+        subjects.push(on_device(
+            &gpu,
+            case("baseline_16x16"),
+            |rec| device.upstream(rec, true),
+            move |rec| old.record(rec, device.baseline_16x16_backward(input), input.tiles()),
+            || device.judge_splats(&square_gradient),
+        )?);
+    }
+    subjects.push(on_host(case(SCALAR), || {
+        drop(scalar::backward(
+            &host,
+            &image,
+            &ends,
+            &square_gradient.d_image,
+        ));
+    }));
+    for device in [&device, &square_device] {
+        gpu.run(|rec| device.upstream(rec, false))?;
+    }
+    let demands = [
+        (ours.as_str(), "baseline_16x16", Some(10.0)),
+        (&ours, SCALAR, Some(4.0)),
+    ];
+    contest(bench, "backward", subjects, &demands)
+}

@@ -1,0 +1,251 @@
+//! A straightforward renderer on the processor: rayon over rows, one pixel at a time, `f32`, the library's `exp` for
+//! every pair of a pixel and a splat on its tile's list, as the formula reads (3DGS paper, section 6).
+
+use crate::lab::bench::input::pack::Splat2d;
+use crate::lab::bench::kernels::Composite;
+use crate::layout::ALPHA_MAX;
+use crate::reference::Thresholds;
+use rayon::prelude::*;
+
+/// A splat by the inverse of its covariance.
+#[derive(Clone, Copy, Debug)]
+struct Conic {
+    mean: [f32; 2],
+    /// xx, xy, yy; px^-2.
+    inverse: [f32; 3],
+    opacity: f32,
+    color: [f32; 3],
+}
+
+impl Conic {
+    fn of(record: &Splat2d) -> Conic {
+        let [mean_x, mean_y, slope, log2_opacity] = record.shape;
+        let [p, q, red, green] = record.tone;
+        // The exponent is -(p dx)^2 - (q (dy - slope dx))^2, of two; half the form is the exponent of e.
+        let twice = 2.0 * std::f32::consts::LN_2;
+        Conic {
+            mean: [mean_x, mean_y],
+            inverse: [
+                twice * (p * p + q * q * slope * slope),
+                -twice * q * q * slope,
+                twice * q * q,
+            ],
+            opacity: log2_opacity.exp2(),
+            color: [red, green, record.rest[0]],
+        }
+    }
+
+    /// The distance of a pixel's centre, and the raw alpha there.
+    fn alpha(&self, x: usize, y: usize) -> ([f32; 2], f32) {
+        let (dx, dy) = (x as f32 + 0.5 - self.mean[0], y as f32 + 0.5 - self.mean[1]);
+        let [xx, xy, yy] = self.inverse;
+        let power = -0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy;
+        ([dx, dy], self.opacity * power.exp())
+    }
+}
+
+/// What the renderers on the processor read: lists by square tiles.
+pub struct Input<'a> {
+    /// Width and height, pixels.
+    pub size: [usize; 2],
+    /// Width and height of a tile, pixels.
+    pub tile: usize,
+    /// Slices of the next.
+    pub range_from_tile: &'a [[u32; 2]],
+    /// Nearest first in each tile.
+    pub splat_from_isect: Vec<u32>,
+    /// By splat.
+    pub records: &'a [Splat2d],
+    /// The same for the plain renderer.
+    conics: Vec<Conic>,
+    /// Colour behind everything.
+    pub background: [f32; 3],
+}
+
+impl<'a> Input<'a> {
+    /// Reads a composite, whose tiles must be square.
+    pub fn new(composite: &'a Composite) -> Input<'a> {
+        let grid = &composite.lists.grid;
+        assert_eq!(grid.tile_width, grid.tile_height, "tiles are square here");
+        Input {
+            size: [grid.width as usize, grid.height as usize],
+            tile: grid.tile_width as usize,
+            range_from_tile: &composite.lists.range_from_tile,
+            splat_from_isect: composite.lists.splat_from_isect(),
+            records: &composite.lists.records,
+            conics: composite.lists.records.iter().map(Conic::of).collect(),
+            background: composite.scene.options.background.map(|c| c as f32),
+        }
+    }
+
+    /// Pixels.
+    pub fn len(&self) -> usize {
+        self.size[0] * self.size[1]
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The list of a tile, and where it begins.
+    pub fn list(&self, tile: usize) -> (&[u32], u32) {
+        let [begin, end] = self.range_from_tile[tile];
+        (&self.splat_from_isect[begin as usize..end as usize], begin)
+    }
+
+    fn tile_at(&self, x: usize, y: usize) -> usize {
+        y / self.tile * self.size[0].div_ceil(self.tile) + x / self.tile
+    }
+}
+
+/// Transmittance below which a pixel is done.
+const T_MIN: f32 = Thresholds::ENGINE.transmittance_min as f32;
+
+/// Alpha below which a splat is left out of a pixel.
+const ALPHA_MIN: f32 = Thresholds::ENGINE.alpha_min as f32;
+
+/// Red, green, blue, transmittance of every pixel, and one past the last intersection that counts for it.
+pub fn forward(input: &Input<'_>) -> (Vec<[f32; 4]>, Vec<u32>) {
+    let width = input.size[0];
+    let mut image = vec![[0.0; 4]; input.len()];
+    let mut ends = vec![0; input.len()];
+    let rows = image.par_chunks_mut(width).zip(ends.par_chunks_mut(width));
+    rows.enumerate().for_each(|(y, (row, ends))| {
+        for x in 0..width {
+            (row[x], ends[x]) = pixel(input, x, y);
+        }
+    });
+    (image, ends)
+}
+
+fn pixel(input: &Input<'_>, x: usize, y: usize) -> ([f32; 4], u32) {
+    let (list, begin) = input.list(input.tile_at(x, y));
+    let (mut rgb, mut transmittance, mut end) = ([0.0; 3], 1.0, 0);
+    for (i, &splat) in list.iter().enumerate() {
+        if transmittance < T_MIN {
+            break;
+        }
+        let splat = &input.conics[splat as usize];
+        let (_, raw) = splat.alpha(x, y);
+        if raw < ALPHA_MIN {
+            continue;
+        }
+        let alpha = raw.min(ALPHA_MAX);
+        let weight = alpha * transmittance;
+        for (sum, channel) in rgb.iter_mut().zip(splat.color) {
+            *sum += weight * channel;
+        }
+        transmittance *= 1.0 - alpha;
+        end = begin + i as u32 + 1;
+    }
+    for (sum, behind) in rgb.iter_mut().zip(input.background) {
+        *sum += transmittance * behind;
+    }
+    ([rgb[0], rgb[1], rgb[2], transmittance], end)
+}
+
+/// Nine sums of every splat: with `s = alpha dL/d alpha` and the distance d from the centre in pixels, those of s,
+/// s dx, s dy, s dx², s dx dy, s dy² and of the blending weight times the upstream gradient. That gradient comes
+/// by `[channel][pixel]`, with what the forward pass left. Every thread has sums of its own, added up at the end.
+pub fn backward(input: &Input<'_>, image: &[[f32; 4]], ends: &[u32], d_image: &[f32]) -> Vec<f32> {
+    let threads = rayon::current_num_threads();
+    let empty = || vec![0.0f32; 9 * input.records.len()];
+    (0..threads)
+        .into_par_iter()
+        .map(|thread| {
+            let mut sums = empty();
+            for y in (thread..input.size[1]).step_by(threads) {
+                for x in 0..input.size[0] {
+                    let at = y * input.size[0] + x;
+                    let d = [0, 1, 2].map(|channel| d_image[channel * input.len() + at]);
+                    pixel_backward(input, [x, y], image[at][3], ends[at], d, &mut sums);
+                }
+            }
+            sums
+        })
+        .reduce(empty, |mut all, part| {
+            all.iter_mut()
+                .zip(part)
+                .for_each(|(sum, term)| *sum += term);
+            all
+        })
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn pixel_backward(
+    input: &Input<'_>,
+    [x, y]: [usize; 2],
+    mut transmittance: f32,
+    end: u32,
+    d: [f32; 3],
+    sums: &mut [f32],
+) {
+    let (list, begin) = input.list(input.tile_at(x, y));
+    let mut behind = dot(d, input.background);
+    for &index in list[..end.saturating_sub(begin) as usize].iter().rev() {
+        let splat = &input.conics[index as usize];
+        let ([dx, dy], raw) = splat.alpha(x, y);
+        if raw < ALPHA_MIN {
+            continue;
+        }
+        let alpha = raw.min(ALPHA_MAX);
+        transmittance /= 1.0 - alpha;
+        let weight = alpha * transmittance;
+        let ahead = dot(d, splat.color);
+        // The cap passes no gradient to what it caps.
+        let s = if raw < ALPHA_MAX {
+            weight * (ahead - behind)
+        } else {
+            0.0
+        };
+        behind += alpha * (ahead - behind);
+        let terms = [
+            s,
+            s * dx,
+            s * dy,
+            s * dx * dx,
+            s * dx * dy,
+            s * dy * dy,
+            weight * d[0],
+            weight * d[1],
+            weight * d[2],
+        ];
+        let row = &mut sums[9 * index as usize..][..9];
+        row.iter_mut()
+            .zip(terms)
+            .for_each(|(sum, term)| *sum += term);
+    }
+}
+
+/// The sums of [`backward`] as the kernels have them, by whitened residuals (see `pack::whitened_sums`).
+pub fn whitened(input: &Input<'_>, sums: &[f32]) -> Vec<f32> {
+    let rows = input.records.iter().zip(sums.chunks_exact(9));
+    let whiten = |(record, row): (&Splat2d, &[f32])| -> [f32; 9] {
+        let [slope, p, q] = [record.shape[2], record.tone[0], record.tone[1]].map(f64::from);
+        let sum = |i: usize| f64::from(row[i]);
+        let moved = [
+            sum(0),
+            p * sum(1),
+            q * (sum(2) - slope * sum(1)),
+            p * p * sum(3),
+            p * q * (sum(4) - slope * sum(3)),
+            q * q * (sum(5) - 2.0 * slope * sum(4) + slope * slope * sum(3)),
+            sum(6),
+            sum(7),
+            sum(8),
+        ];
+        // Of a splat that is not drawn there is nothing, and no shape either.
+        moved.map(|x| {
+            if sum(0) == 0.0 && !x.is_finite() {
+                0.0
+            } else {
+                x as f32
+            }
+        })
+    };
+    rows.flat_map(whiten).collect()
+}

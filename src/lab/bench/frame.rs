@@ -1,0 +1,382 @@
+//! `ashfall bench frame`: whole frames by number of splats and size of the picture, stage by stage, with the
+//! memory of every buffer, and how both grow.
+//!
+//! A frame is [`Renderer::render`]: recorded, submitted, waited for and read back. Its stages are the device's by
+//! timestamps, and `host` is the rest of the wall time: recording, submitting, copying the picture.
+
+use super::growth::Exponent;
+use super::input::volume;
+use super::row::{Row, Unit, Work};
+use super::session::{Bench, Case, Times};
+use crate::gpu::Gpu;
+use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
+use crate::scene::{Camera, Splats};
+use crate::{Error, Result};
+use serde::Serialize;
+use std::time::Instant;
+
+/// Numbers of splats by default: neighbours at most 2.5 times apart.
+pub const SPLATS: [usize; 9] = [
+    10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000, 2_000_000, 4_000_000,
+];
+/// Sizes of pictures by default, four times the pixels from one to the next.
+pub const SIZES: [[u32; 2]; 4] = [[480, 270], [960, 540], [1920, 1080], [3840, 2160]];
+
+/// Nothing of a made scene is nearer, world units.
+const NEAR: f32 = 0.01;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct FramePlan {
+    /// Numbers of splats.
+    pub splats: Vec<usize>,
+    /// Sizes of the pictures.
+    pub sizes: Vec<[u32; 2]>,
+    /// Degree of the made scene.
+    pub sh_degree: u32,
+    /// A scene to draw in place of the made one, sampled to each number of splats, a camera before it, and what is
+    /// nearer than anything that is drawn, world units.
+    pub scene: Option<(Splats, Camera, f32)>,
+    /// Whether one splat that covers all of the picture is added among the largest number that is measured.
+    pub giant: bool,
+}
+
+impl FramePlan {
+    fn splats_for(&self, count: usize, aspect: f64) -> Splats {
+        match &self.scene {
+            Some((scene, ..)) => volume::exactly(scene, count, 1),
+            None => volume::splats(count, self.sh_degree, aspect, 1),
+        }
+    }
+
+    fn camera_for(&self, [width, height]: [u32; 2]) -> Camera {
+        match &self.scene {
+            Some((_, camera, _)) => camera.resized(width, height),
+            None => volume::camera([width, height]),
+        }
+    }
+}
+
+/// One size of scene and picture.
+#[derive(Clone, Debug, Serialize)]
+pub struct Point {
+    /// Splats.
+    pub splats: usize,
+    /// Width and height of the picture.
+    pub size: [u32; 2],
+    /// Median wall time of a frame or a step, s; `None`: the device cannot hold it.
+    pub wall_s: Option<f64>,
+    /// Median processor time of the process in user and system mode, s.
+    pub processor_s: Option<f64>,
+    /// Bytes of each buffer when all together took most, by name.
+    pub memory: Vec<(String, u64)>,
+    /// Why it was not measured.
+    pub fault: Option<String>,
+}
+
+/// What one splat over all of the picture costs among many others.
+#[derive(Clone, Debug, Serialize)]
+pub struct Giant {
+    /// The others.
+    pub splats: usize,
+    /// The picture.
+    pub size: [u32; 2],
+    /// Wall time of a frame with it over that of one without: the median of the rounds' ratios.
+    pub ratio: f64,
+    /// Its 95 % interval.
+    pub interval: [f64; 2],
+    /// What it should be at most.
+    pub demanded: f64,
+}
+
+/// All that came out.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Growth {
+    /// Every point asked for, also those that the device could not hold.
+    pub points: Vec<Point>,
+    /// How times grow.
+    pub exponents: Vec<Exponent>,
+    /// Whether one splat is worth a scene.
+    pub giant: Option<Giant>,
+}
+
+/// Most that doubling splats or pixels should cost.
+pub const DOUBLING_MAX: f64 = 2.1;
+/// Most that a frame with a splat all over it should take, in frames without.
+const GIANT_MAX: f64 = 2.0;
+
+/// Measures.
+///
+/// # Errors
+/// What Vulkan reports, but for scenes that the device cannot hold: those are points with a fault.
+pub fn run(bench: &mut Bench, plan: &FramePlan) -> Result<Growth> {
+    let mut growth = Growth::default();
+    for &count in &plan.splats {
+        // The made scene depends on the shape of the picture alone.
+        let mut made: Option<(f64, Splats)> = None;
+        for &size in &plan.sizes {
+            let case = case("frame", count, size);
+            if !bench.wants(&case) {
+                continue;
+            }
+            let aspect = f64::from(size[1]) / f64::from(size[0]);
+            let (_, splats) = match made.take_if(|made| made.0 == aspect) {
+                Some(known) => made.insert(known),
+                None => made.insert((aspect, plan.splats_for(count, aspect))),
+            };
+            let near = plan.scene.as_ref().map_or(NEAR, |(.., near)| *near);
+            let measured = frames(bench, &case, (splats, near), &plan.camera_for(size));
+            growth.points.push(point(count, size, measured)?);
+        }
+    }
+    if plan.giant {
+        growth.giant = giant(bench, plan, &growth)?;
+    }
+    growth.exponents = exponents(&growth.points);
+    Ok(growth)
+}
+
+/// What a point is called.
+pub(super) fn case(what: &str, splats: usize, [width, height]: [u32; 2]) -> Case {
+    Case {
+        input: format!("{what}/{splats}/{width}x{height}"),
+        work: Work::of(splats, Unit::Splats),
+        ..Case::default()
+    }
+}
+
+/// A row's times, or why there are none.
+pub(super) fn point(
+    splats: usize,
+    size: [u32; 2],
+    measured: Result<(Row, Vec<(String, u64)>)>,
+) -> Result<Point> {
+    let nothing = Point {
+        splats,
+        size,
+        wall_s: None,
+        processor_s: None,
+        memory: Vec::new(),
+        fault: None,
+    };
+    match measured {
+        Ok((row, memory)) => Ok(Point {
+            wall_s: Some(1e-9 * row.median_ns),
+            processor_s: Some(1e-9 * row.cpu_ns),
+            memory,
+            ..nothing
+        }),
+        Err(fault @ (Error::OutOfMemory { .. } | Error::Unsupported { .. })) => Ok(Point {
+            fault: Some(fault.to_string()),
+            ..nothing
+        }),
+        Err(error) => Err(error),
+    }
+}
+
+/// Bytes of each buffer at the peak, also as rows of the bench, `memory/<name>`.
+pub(super) fn note_memory(bench: &mut Bench, total: &Row) -> Vec<(String, u64)> {
+    let by_name = bench.gpu().memory_by_name();
+    let memory: Vec<(String, u64)> = by_name
+        .into_iter()
+        .filter(|(_, memory)| memory.peak_bytes > 0)
+        .map(|(name, memory)| (name, memory.peak_bytes))
+        .collect();
+    let rows: Vec<Row> = memory
+        .iter()
+        .map(|(name, bytes)| Row {
+            bench: total.bench.clone(),
+            input: total.input.clone(),
+            stage: format!("memory/{name}"),
+            bytes: *bytes,
+            ..Row::default()
+        })
+        .collect();
+    bench.note(rows);
+    memory
+}
+
+fn frames(
+    bench: &mut Bench,
+    case: &Case,
+    (splats, near): (&Splats, f32),
+    camera: &Camera,
+) -> Result<(Row, Vec<(String, u64)>)> {
+    let gpu = bench.gpu().clone();
+    let mut scene_renderer = SceneRenderer::new(&gpu, splats, near)?;
+    // From here on: uploading took staging memory that frames do not need.
+    gpu.reset_memory_peak();
+    let row = bench.measure(case, || scene_renderer.draw(camera))?;
+    let memory = note_memory(bench, &row);
+    Ok((row, memory))
+}
+
+/// A scene on the device.
+struct SceneRenderer {
+    renderer: Renderer,
+    model: Model,
+    view: ViewOptions,
+}
+
+impl SceneRenderer {
+    fn new(gpu: &Gpu, splats: &Splats, near: f32) -> Result<SceneRenderer> {
+        let options = RenderOptions {
+            sh_degree: splats.sh_degree,
+            ..RenderOptions::default()
+        };
+        Ok(SceneRenderer {
+            renderer: Renderer::new(gpu, options)?,
+            model: Model::upload(gpu, splats)?,
+            view: ViewOptions {
+                background: [0.0; 3],
+                near,
+                mode: splats.mode,
+            },
+        })
+    }
+
+    fn draw(&mut self, camera: &Camera) -> Result<Times> {
+        let start = Instant::now();
+        self.renderer.render(&self.model, camera, &self.view)?;
+        let wall = start.elapsed().as_nanos() as f64;
+        let mut stages = self.renderer.timings()?;
+        let device: f64 = stages.iter().map(|(_, ns)| ns).sum();
+        stages.push(("host", (wall - device).max(0.0)));
+        Ok(stages.into())
+    }
+}
+
+/// In turns, among the most splats and at the smallest picture that were measured without fault.
+fn giant(bench: &mut Bench, plan: &FramePlan, growth: &Growth) -> Result<Option<Giant>> {
+    let measured = growth.points.iter().filter(|point| point.fault.is_none());
+    let Some(most) = measured.clone().map(|point| point.splats).max() else {
+        return Ok(None);
+    };
+    // The demand speaks of a million.
+    let splats = most.min(1_000_000);
+    let Some(&size) = plan.sizes.first() else {
+        return Ok(None);
+    };
+    if !bench.wants(&case("giant", splats, size)) {
+        return Ok(None);
+    }
+    let aspect = f64::from(size[1]) / f64::from(size[0]);
+    let (without, camera) = (
+        volume::splats(splats, plan.sh_degree, aspect, 1),
+        volume::camera(size),
+    );
+    let gpu = bench.gpu().clone();
+    let mut artists = [
+        SceneRenderer::new(&gpu, &without, NEAR)?,
+        SceneRenderer::new(&gpu, &volume::with_giant(&without), NEAR)?,
+    ];
+    let mut runs = [Vec::new(), Vec::new()];
+    let options = bench.options().clone();
+    for round in 0..options.warm_up + options.runs.max(1) {
+        for (scene_renderer, runs) in artists.iter_mut().zip(&mut runs) {
+            let clock = super::CpuClock::now();
+            let mut times = scene_renderer.draw(&camera)?;
+            times.cpu_ns = clock.elapsed_ns();
+            if round >= options.warm_up {
+                runs.push(times);
+            }
+        }
+    }
+    for (name, runs) in ["without", "with"].iter().zip(&runs) {
+        let mut case = case("giant", splats, size);
+        case.variant = (*name).into();
+        bench.keep(&case, runs);
+    }
+    let wall = |times: &Times| times.stages.iter().map(|(_, ns)| ns).sum::<f64>();
+    let rounds = runs[0].iter().zip(&runs[1]);
+    let ratios: Vec<f64> = rounds.map(|(a, b)| wall(b) / wall(a)).collect();
+    let summary = crate::stats::Summary::of(&ratios);
+    Ok(Some(Giant {
+        splats,
+        size,
+        ratio: summary.median,
+        interval: summary.interval,
+        demanded: GIANT_MAX,
+    }))
+}
+
+/// Over splats at every size, over pixels at every number of splats, by the clock and by the processor.
+pub(super) fn exponents(points: &[Point]) -> Vec<Exponent> {
+    let mut found = Vec::new();
+    let mut sizes: Vec<[u32; 2]> = points.iter().map(|point| point.size).collect();
+    let mut counts: Vec<usize> = points.iter().map(|point| point.splats).collect();
+    sizes.sort_unstable();
+    sizes.dedup();
+    counts.sort_unstable();
+    counts.dedup();
+    for by in ["clock", "processor"] {
+        let time = |point: &Point| match by {
+            "clock" => point.wall_s,
+            _ => point.processor_s,
+        };
+        for &size in &sizes {
+            let at = points.iter().filter(|point| point.size == size);
+            let pairs: Vec<(f64, f64)> = at
+                .filter_map(|point| Some((point.splats as f64, time(point)?)))
+                .collect();
+            let name = format!("{}x{}", size[0], size[1]);
+            found.extend(Exponent::of(["splats", by], name, &pairs));
+        }
+        for &count in &counts {
+            let at = points.iter().filter(|point| point.splats == count);
+            let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
+            let pairs: Vec<(f64, f64)> = at
+                .filter_map(|point| Some((pixels(point.size), time(point)?)))
+                .collect();
+            found.extend(Exponent::of(
+                ["pixels", by],
+                format!("{count} splats"),
+                &pairs,
+            ));
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponents_are_taken_along_either_axis() {
+        let mut points = Vec::new();
+        for splats in [1_000, 2_000, 4_000] {
+            for size in [[10, 10], [20, 20], [40, 40]] {
+                let pixels = f64::from(size[0] * size[1]);
+                let wall = 1e-3 * (splats as f64).powf(0.8) * pixels.powf(0.5);
+                points.push(Point {
+                    splats,
+                    size,
+                    wall_s: Some(wall),
+                    processor_s: None,
+                    memory: Vec::new(),
+                    fault: None,
+                });
+            }
+        }
+        points[8].wall_s = None;
+        let found = exponents(&points);
+        assert_eq!(found.len(), 6);
+        for exponent in found {
+            let wanted = if exponent.over == "splats" { 0.8 } else { 0.5 };
+            assert!((exponent.slope - wanted).abs() < 1e-9, "{exponent:?}");
+        }
+    }
+
+    #[test]
+    fn what_the_device_cannot_hold_is_a_point() {
+        let error = || Error::OutOfMemory {
+            name: "image".into(),
+            wanted: 2,
+            available: 1,
+        };
+        let point_of = |error| point(5, [1, 1], Err(error)).map(|point| point.fault.is_some());
+        assert!(matches!(point_of(error()), Ok(true)));
+        assert!(point_of(Error::Config("bad".into())).is_err());
+    }
+}

@@ -1,0 +1,248 @@
+//! Training steps of every setting: their time, and how far their gradients are from the exact ones.
+//!
+//! Times are those of the usual step. Gradients are judged for another objective, of which bounds can be proven: the
+//! brightness of the picture. A step on a white photograph by the L1 loss alone has just that gradient, wherever no
+//! picture reaches white; pixels that might are masked out.
+
+mod judge;
+
+use super::frames::{milliseconds, rounding};
+use super::settings::{self, FrameSetting};
+use super::{Plan, reduced, training};
+use crate::gpu::Gpu;
+use crate::io::photo;
+use crate::lab::bench::CpuClock;
+use crate::lab::chart::{GradientErrors, GradientPoint};
+use crate::reference::bound::{
+    Approximations, GradientBounds, Rounding, Traced, gradient_bounds, trace,
+};
+use crate::reference::gradient::{SplatGradients, backward};
+use crate::reference::rasterize_backward::PixelGradient;
+use crate::reference::{Options, Thresholds};
+use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, Split, View};
+use crate::train::{Background, HostState, TrainConfig, Trainer};
+use crate::{Error, Result};
+use judge::{judge, percentile};
+
+/// The step that is taken: late in a long run, when all harmonics are trained and nothing is refined.
+const BEGUN: u32 = 20_000;
+
+/// What steps are taken from.
+pub(super) struct Gradients<'a> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) dataset: &'a Dataset,
+    pub(super) splats: &'a Splats,
+}
+
+/// The exact gradient of the brightness, and what settings may make of it.
+struct Exact {
+    gradients: SplatGradients,
+    bounds: GradientBounds,
+}
+
+impl Gradients<'_> {
+    /// Times a step of every setting and judges its gradient.
+    pub(super) fn measure(
+        &self,
+        plan: &Plan,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Vec<GradientPoint>> {
+        let settings = settings::of_gradients(self.splats.sh_degree, plan);
+        let camera = self.camera(plan)?;
+        let usual = self.dataset_of(camera, self.photo(&camera)?, AlphaMode::Composite);
+        let mut timed = settings
+            .iter()
+            .map(|setting| self.trainer(&usual, config(setting, self.splats)))
+            .collect::<Result<Vec<_>>>()?;
+        progress("gradients: the exact ones");
+        let options = Options {
+            background: training::BACKGROUND.map(f64::from),
+            near: f64::from(timed[0].near()),
+            sh_degree: self.splats.sh_degree,
+            thresholds: Thresholds::NONE,
+        };
+        let approximations: Vec<Approximations> = settings
+            .iter()
+            .map(|s| s.approximations(self.splats, &[]))
+            .collect();
+        let traced = trace(self.splats, &camera, &options, &approximations);
+        let white = white(&camera, &traced);
+        let exact = self.exact(&camera, &options, &white, &approximations);
+        let white = self.dataset_of(camera, white, AlphaMode::Mask);
+        let mut points = Vec::new();
+        for (which, setting) in settings.iter().enumerate() {
+            let config = TrainConfig {
+                lambda_dssim: 0.0,
+                ..config(setting, self.splats)
+            };
+            let found = self.step(&white, config)?;
+            points.push(point(setting, &found, &exact, which));
+        }
+        time(&mut timed, &mut points, plan, progress)?;
+        Ok(points)
+    }
+
+    /// A training view, small enough for the reference.
+    fn camera(&self, plan: &Plan) -> Result<Camera> {
+        let view = self.view()?;
+        Ok(reduced(&view.camera, plan.gradient_pixels))
+    }
+
+    fn view(&self) -> Result<&View> {
+        let index = self.dataset.split(Split::Train).first().copied();
+        let view = index.map(|i| &self.dataset.views[i]);
+        view.ok_or_else(|| Error::Config("the data set has no training view".into()))
+    }
+
+    /// The view's photograph, alpha composited once and for all.
+    fn photo(&self, camera: &Camera) -> Result<Photo> {
+        let (width, height) = (camera.width, camera.height);
+        let photo = photo::reduce(photo::load(self.view()?)?, width, height);
+        let target =
+            crate::metrics::Target::new(&photo, AlphaMode::Composite, training::BACKGROUND);
+        Ok(Photo::from_rgb(width, height, &target.rgb))
+    }
+
+    /// One view, in a data set of the same extent.
+    fn dataset_of(&self, camera: Camera, photo: Photo, alpha: AlphaMode) -> Dataset {
+        // The extent of a data set with one camera is 1.1 times the distance of its points.
+        let ahead = camera.rotation.row(2) * (self.dataset.extent() / 1.1);
+        let point = Point {
+            position: (camera.position + ahead).to_array(),
+            color: [0.5; 3],
+        };
+        Dataset {
+            views: vec![View {
+                name: "view".into(),
+                camera,
+                photo: PhotoSource::Memory(photo),
+            }],
+            points: vec![point],
+            alpha,
+            ..Dataset::default()
+        }
+    }
+
+    fn trainer<'d>(&self, dataset: &'d Dataset, config: TrainConfig) -> Result<Trainer<'d>> {
+        let state = HostState::from_splats(self.splats, self.splats.sh_degree);
+        Trainer::from_state(self.gpu, dataset, config, &state, BEGUN)
+    }
+
+    /// The gradient that one step goes by.
+    fn step(&self, dataset: &Dataset, config: TrainConfig) -> Result<Splats> {
+        let mut trainer = self.trainer(dataset, config)?;
+        trainer.keep_gradients()?;
+        trainer.step()?;
+        let planes = trainer.gradients()?;
+        let found = HostState {
+            sh_degree: self.splats.sh_degree,
+            degrees: vec![self.splats.sh_degree as u8; self.splats.len()],
+            m: planes.clone(),
+            v: planes.clone(),
+            params: planes,
+        };
+        Ok(found.to_splats(self.splats.mode))
+    }
+
+    fn exact(
+        &self,
+        camera: &Camera,
+        options: &Options,
+        white: &Photo,
+        approximations: &[Approximations],
+    ) -> Exact {
+        // The L1 loss is a mean over channels of the pixels that count.
+        let counted = white.rgba.iter().filter(|pixel| pixel[3] != 0).count();
+        let slope = -1.0 / (3.0 * counted.max(1) as f64);
+        let slope = |pixel: &[u8; 4]| [if pixel[3] != 0 { slope } else { 0.0 }; 3];
+        let upstream: Vec<[f64; 3]> = white.rgba.iter().map(slope).collect();
+        let pixel = |&color: &[f64; 3]| PixelGradient {
+            color,
+            ..PixelGradient::default()
+        };
+        let pixels: Vec<PixelGradient> = upstream.iter().map(pixel).collect();
+        let rounding = Rounding {
+            share: rounding(camera),
+            unit: f64::from(f32::EPSILON) / 2.0,
+        };
+        Exact {
+            gradients: backward(self.splats, camera, options, &pixels).1,
+            bounds: gradient_bounds(
+                self.splats,
+                camera,
+                options,
+                &upstream,
+                approximations,
+                rounding,
+            ),
+        }
+    }
+}
+
+/// A white photograph that counts where no setting's picture can reach white.
+fn white(camera: &Camera, traced: &[Traced]) -> Photo {
+    let share = rounding(camera);
+    let pixel = |traced: &Traced| {
+        let most = traced.color.iter().copied().fold(0.0, f64::max);
+        let off = traced.bounds.iter().copied().fold(0.0, f64::max);
+        let is_below = most + off + share * traced.range + traced.order < 1.0;
+        [255, 255, 255, if is_below { 255 } else { 0 }]
+    };
+    Photo {
+        width: camera.width,
+        height: camera.height,
+        rgba: traced.iter().map(pixel).collect(),
+    }
+}
+
+fn config(setting: &FrameSetting, splats: &Splats) -> TrainConfig {
+    TrainConfig {
+        sh_degree: splats.sh_degree,
+        accuracy: setting.accuracy,
+        mode: splats.mode,
+        background: Background::Fixed(training::BACKGROUND),
+        ..TrainConfig::for_iterations(30_000)
+    }
+}
+
+fn point(setting: &FrameSetting, found: &Splats, exact: &Exact, which: usize) -> GradientPoint {
+    let judged = judge(found, &exact.gradients, &exact.bounds, which);
+    let errors = |sorted: &[f64]| GradientErrors {
+        median: percentile(sorted, 0.5),
+        p99: percentile(sorted, 0.99),
+    };
+    GradientPoint {
+        knob: setting.knob.clone(),
+        error: errors(&judged.errors),
+        bound: errors(&judged.bounds),
+        excess: judged.excess,
+        ..GradientPoint::default()
+    }
+}
+
+/// Times steps in turns, so that what disturbs the machine disturbs all alike.
+fn time(
+    trainers: &mut [Trainer<'_>],
+    points: &mut [GradientPoint],
+    plan: &Plan,
+    progress: &mut dyn FnMut(&str),
+) -> Result<()> {
+    let mut times = vec![(Vec::new(), Vec::new()); trainers.len()];
+    // The first step compiles and grows buffers.
+    trainers.iter_mut().try_for_each(|t| t.step().map(|_| ()))?;
+    for run in 0..plan.runs.max(1) {
+        progress(&format!("gradients: run {} of {}", run + 1, plan.runs));
+        for (trainer, (device_ns, cpu_ns)) in trainers.iter_mut().zip(&mut times) {
+            let clock = CpuClock::now();
+            trainer.step()?;
+            let stages = trainer.timings()?;
+            device_ns.push(stages.iter().map(|(_, ns)| ns).sum());
+            cpu_ns.extend(clock.elapsed_ns());
+        }
+    }
+    for (point, (device_ns, cpu_ns)) in points.iter_mut().zip(&times) {
+        point.time_ms = milliseconds(device_ns, 1);
+        point.cpu_ms = milliseconds(cpu_ns, 1).value;
+    }
+    Ok(())
+}

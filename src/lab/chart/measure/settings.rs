@@ -1,0 +1,353 @@
+//! Which knobs are turned, and how far.
+
+use super::Plan;
+use crate::lab::chart::Knob;
+use crate::reference::bound::{Approximations, color_errors};
+use crate::render::{Accuracy, Exponential, Precision};
+use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+use crate::simplify::reduce_harmonics;
+use crate::train::{StrategyKind, TrainConfig};
+
+/// How a frame is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FrameSetting {
+    pub(super) knob: Knob,
+    pub(super) accuracy: Accuracy,
+    /// Highest degree of harmonics drawn.
+    pub(super) sh_degree: u32,
+    /// In what numbers the scene lies on the device.
+    pub(super) precision: Precision,
+    /// By what exponentials its alphas are computed.
+    pub(super) exponential: Exponential,
+    /// The error at which splats are pruned ([`parsimony`](crate::parsimony)), of 1; `None`: all are drawn.
+    pub(super) pruned: Option<f64>,
+    /// The error at which each splat drops harmonics ([`reduce_harmonics`]), of 1; `None`: all are kept.
+    pub(super) reduced: Option<f64>,
+}
+
+impl FrameSetting {
+    /// What it leaves out of a scene, as the reference counts it; `removed` is what has been pruned.
+    pub(super) fn approximations(&self, splats: &Splats, removed: &[bool]) -> Approximations {
+        let kept = 3 * sh_coefficient_count(self.sh_degree);
+        let is_whole = self.precision == Precision::Full;
+        let stored = (!is_whole).then(|| self.precision.rounded(splats));
+        let reduced = self.reduced.map(|e| reduce_harmonics(splats, e).splats);
+        let stride = splats.sh_stride();
+        let drawn = |i: usize| match (&stored, &reduced) {
+            _ if i % stride >= kept => 0.0,
+            (_, Some(reduced)) => match (i % stride, reduced.sh_stride()) {
+                (place, stride_left) if place < stride_left => {
+                    reduced.sh[i / stride * stride_left + place]
+                }
+                _ => 0.0,
+            },
+            (Some(stored), None) => stored.sh[i],
+            (None, None) => splats.sh[i],
+        };
+        let accuracy = &self.accuracy;
+        Approximations {
+            alpha_min: f64::from(accuracy.alpha_min),
+            transmittance_min: f64::from(accuracy.transmittance_min),
+            sigma_max: accuracy.sigma_max.map_or(f64::INFINITY, f64::from),
+            alpha_error: self.exponential.alpha_error(),
+            color_error: match is_whole && reduced.is_none() && self.sh_degree >= splats.sh_degree {
+                true => Vec::new(),
+                false => color_errors(splats, |i| f64::from(drawn(i))),
+            },
+            removed: removed.to_vec(),
+            stored,
+        }
+    }
+}
+
+/// Series that are met in several places.
+const HARMONICS: &str = "harmonics";
+const HARMONICS_BY_SPLAT: &str = "harmonics by splat";
+const EXPONENTIAL: &str = "exponential";
+const HALVES: &str = "stored as halves";
+const PRUNED: &str = "pruned";
+
+fn knob(series: &str, setting: impl Into<String>) -> Knob {
+    Knob {
+        series: series.into(),
+        setting: setting.into(),
+        is_default: false,
+    }
+}
+
+/// `1/255` for 255.
+fn one_over(number: u32) -> String {
+    format!("1/{number}")
+}
+
+/// A setting that draws with these thresholds.
+fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
+    FrameSetting {
+        knob: knob(series, setting),
+        accuracy,
+        sh_degree: 3,
+        precision: Precision::Full,
+        exponential: Exponential::Exact,
+        pruned: None,
+        reduced: None,
+    }
+}
+
+/// The stop alone: next to nothing is cut.
+fn stop(transmittance_min: f32) -> FrameSetting {
+    let setting = format!("{transmittance_min:.0e}");
+    let accuracy = Accuracy {
+        transmittance_min,
+        alpha_min: ALPHA_LEAST,
+        ..Accuracy::default()
+    };
+    frame("stop alone", setting, accuracy)
+}
+
+/// The cut alone: next to nothing is stopped.
+fn cut(number: u32) -> FrameSetting {
+    let accuracy = Accuracy {
+        alpha_min: 1.0 / number as f32,
+        transmittance_min: TRANSMITTANCE_LEAST,
+        ..Accuracy::default()
+    };
+    frame("cut alone", one_over(number), accuracy)
+}
+
+fn deviations(sigma_max: f32) -> FrameSetting {
+    let accuracy = Accuracy {
+        sigma_max: Some(sigma_max),
+        ..Accuracy::default()
+    };
+    frame("standard deviations", format!("{sigma_max}σ"), accuracy)
+}
+
+fn harmonics(sh_degree: u32) -> FrameSetting {
+    FrameSetting {
+        sh_degree,
+        ..frame(
+            HARMONICS,
+            format!("degree {sh_degree}"),
+            Accuracy::default(),
+        )
+    }
+}
+
+fn stored(precision: Precision, setting: &str) -> FrameSetting {
+    FrameSetting {
+        precision,
+        ..frame(HALVES, setting.into(), Accuracy::default())
+    }
+}
+
+fn exponential(exponential: Exponential, setting: &str) -> FrameSetting {
+    FrameSetting {
+        exponential,
+        ..frame(EXPONENTIAL, setting.into(), Accuracy::default())
+    }
+}
+
+fn pruned(number: u32) -> FrameSetting {
+    FrameSetting {
+        pruned: Some(1.0 / f64::from(number)),
+        ..frame(PRUNED, one_over(number), Accuracy::default())
+    }
+}
+
+fn reduced(number: u32) -> FrameSetting {
+    FrameSetting {
+        reduced: Some(1.0 / f64::from(number)),
+        ..frame(HARMONICS_BY_SPLAT, one_over(number), Accuracy::default())
+    }
+}
+
+fn together(transmittance_min: f32, number: u32) -> FrameSetting {
+    let setting = format!("{transmittance_min:.0e}, 1/{number}");
+    let accuracy = Accuracy {
+        transmittance_min,
+        alpha_min: 1.0 / number as f32,
+        ..Accuracy::default()
+    };
+    frame("stop and cut", setting, accuracy)
+}
+
+/// Thresholds and stops that leave next to nothing out: the least that are taken.
+const ALPHA_LEAST: f32 = 1e-6;
+const TRANSMITTANCE_LEAST: f32 = 1e-9;
+
+/// Stops and thresholds that cost about as much as each other, from exact to coarse, and some that do not.
+const TOGETHER: [(f32, u32); 9] = [
+    (1e-3, 1024),
+    (1e-3, 255),
+    (1e-2, 1024),
+    (4e-3, 512),
+    (1e-2, 512),
+    (1e-3, 128),
+    (4e-3, 64),
+    (1e-2, 64),
+    (3e-2, 32),
+];
+
+/// The default, and every knob on its own from exact to coarse; then stop and cut together.
+pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
+    let default = FrameSetting {
+        knob: Knob {
+            series: "default".into(),
+            setting: "1e-4, 1/255".into(),
+            is_default: true,
+        },
+        accuracy: Accuracy::default(),
+        sh_degree,
+        precision: Precision::Full,
+        exponential: Exponential::Exact,
+        pruned: None,
+        reduced: None,
+    };
+    let mut settings = vec![default];
+    settings.extend([
+        stored(Precision::HalfHarmonics, "harmonics"),
+        stored(Precision::Half, "all but means"),
+        exponential(Exponential::Cubic, "cubic"),
+        exponential(Exponential::Quadratic, "quadratic"),
+    ]);
+    if plan.is_quick {
+        settings.extend([
+            stop(1e-2),
+            cut(32),
+            deviations(2.0),
+            pruned(64),
+            reduced(64),
+        ]);
+        settings.extend((0..sh_degree.min(1)).map(harmonics));
+    } else {
+        settings.extend([1e-5, 1e-4, 1e-3, 4e-3, 1e-2, 3e-2].map(stop));
+        settings.extend([1024, 512, 255, 128, 64, 32].map(cut));
+        settings.extend([512, 128, 32].map(pruned));
+        settings.extend([512, 256, 128, 64, 32].map(reduced));
+        settings.extend([4.0, 3.0, 2.5, 2.0].map(deviations));
+        settings.extend((0..sh_degree).rev().map(harmonics));
+        settings.extend(TOGETHER.map(|(t, number)| together(t, number)));
+    }
+    for setting in &mut settings {
+        setting.sh_degree = setting.sh_degree.min(sh_degree);
+    }
+    settings
+}
+
+/// Of a training step: the thresholds. Harmonics that are not drawn have no gradients to compare, halves do not train,
+/// what is pruned has none, and exponentials are exact in training.
+pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
+    let all = of_frames(sh_degree, plan).into_iter();
+    let is_cut = |setting: &FrameSetting| {
+        ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED, EXPONENTIAL]
+            .contains(&setting.knob.series.as_str())
+    };
+    all.filter(is_cut).collect()
+}
+
+/// How a scene is trained.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct RunSetting {
+    pub(super) knob: Knob,
+    pub(super) config: TrainConfig,
+}
+
+/// The default run.
+pub(super) fn default_run(plan: &Plan) -> RunSetting {
+    RunSetting {
+        knob: Knob {
+            series: "default".into(),
+            setting: format!("{} steps", plan.iterations),
+            is_default: true,
+        },
+        config: TrainConfig::for_iterations(plan.iterations),
+    }
+}
+
+/// The other runs; the default one ended with so many splats.
+pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
+    let base = TrainConfig::for_iterations(plan.iterations);
+    let with = |series: &str, setting: String, change: &dyn Fn(&mut TrainConfig)| {
+        let mut config = base.clone();
+        change(&mut config);
+        RunSetting {
+            knob: knob(series, setting),
+            config,
+        }
+    };
+    if plan.is_quick {
+        return vec![with(HARMONICS, "degree 0".into(), &|c| c.sh_degree = 0)];
+    }
+    let mut runs = Vec::new();
+    for steps in [plan.iterations / 2, plan.iterations * 2] {
+        runs.push(with("steps", steps.to_string(), &|c| {
+            *c = TrainConfig::for_iterations(steps);
+        }));
+    }
+    for share in [2, 4] {
+        let most = (splats / share).max(1);
+        runs.push(with("splats at most", most.to_string(), &|c| {
+            c.max_splats = Some(most)
+        }));
+    }
+    for sh_degree in [1, 0] {
+        let setting = format!("degree {sh_degree}");
+        runs.push(with(HARMONICS, setting, &|c| c.sh_degree = sh_degree));
+    }
+    for frame in [together(1e-2, 255), together(1e-4, 128), together(1e-2, 64)] {
+        let Knob {
+            series, setting, ..
+        } = frame.knob;
+        runs.push(with(&series, setting, &|c| c.accuracy = frame.accuracy));
+    }
+    for percent in [25, 50] {
+        let until = plan.iterations * percent / 100;
+        let setting = format!("first {percent} % at half");
+        runs.push(with("photographs", setting, &|c| c.half_size_until = until));
+    }
+    for (skipped, setting) in [(1, "SSIM every 2nd step"), (3, "SSIM every 4th step")] {
+        runs.push(with("loss", setting.into(), &|c| c.ssim_skipped = skipped));
+    }
+    runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
+    runs.push(with("render mode", "mip".into(), &|c| {
+        c.mode = RenderMode::Mip
+    }));
+    for most in [splats, (splats / 2).max(1)] {
+        let setting = format!("MCMC, {most} splats");
+        runs.push(with("strategy", setting, &|c| {
+            *c = c.clone().with_strategy(StrategyKind::Mcmc);
+            c.max_splats = Some(most);
+        }));
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_setting_is_valid_and_named_once() {
+        for plan in [Plan::USUAL, Plan::QUICK] {
+            for sh_degree in 0..=3 {
+                let frames = of_frames(sh_degree, &plan);
+                let names: BTreeSet<(String, String)> = frames
+                    .iter()
+                    .map(|s| (s.knob.series.clone(), s.knob.setting.clone()))
+                    .collect();
+                assert_eq!(names.len(), frames.len());
+                assert_eq!(frames.iter().filter(|s| s.knob.is_default).count(), 1);
+                for setting in &frames {
+                    assert!(setting.accuracy.validate().is_ok(), "{setting:?}");
+                    assert!(setting.sh_degree <= sh_degree);
+                }
+            }
+            assert!(
+                of_runs(&plan, 1000)
+                    .iter()
+                    .all(|run| run.config.validate().is_ok())
+            );
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Training runs of every setting and several seeds: what they reach on held-out views, and when.
+
+use super::Plan;
+use super::settings::{self, RunSetting};
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::lab::chart::RunPoint;
+use crate::lab::evaluator::Evaluator;
+use crate::metrics::MeanScore;
+use crate::scene::{Dataset, Splats};
+use crate::stats::Interval;
+use crate::train::{TrainConfig, Trainer};
+use std::time::Instant;
+
+pub(super) use crate::lab::evaluator::BACKGROUND;
+
+/// Seconds of training after which a run is judged on the way: doubling, through 5, 10, 20 and 40.
+const FIRST_LOOK: f64 = 0.625;
+
+/// Floats of a splat besides its harmonics: mean, quaternion, log-scale, opacity.
+const GEOMETRY_FLOATS: usize = 11;
+
+/// Runs everything. Also returns what the first default run made.
+pub(super) fn measure(
+    gpu: &Gpu,
+    dataset: &Dataset,
+    plan: &Plan,
+    progress: &mut dyn FnMut(&str),
+) -> Result<(Vec<RunPoint>, Splats)> {
+    let mut judge = Evaluator::new(gpu, dataset)?;
+    let default = settings::default_run(plan);
+    let runs = seeds(gpu, dataset, &mut judge, &default, plan, progress)?;
+    let usual: Vec<f64> = runs.iter().map(Run::psnr_db).collect();
+    let mut points = vec![point(&default, &runs, &usual)];
+    let splats = runs
+        .into_iter()
+        .next()
+        .map(|run| run.splats)
+        .unwrap_or_default();
+    for setting in settings::of_runs(plan, splats.len() as u32) {
+        let runs = seeds(gpu, dataset, &mut judge, &setting, plan, progress)?;
+        points.push(point(&setting, &runs, &usual));
+    }
+    Ok((points, splats))
+}
+
+/// The result of one run, unjudged.
+pub(super) fn splats(gpu: &Gpu, dataset: &Dataset, config: TrainConfig) -> Result<Splats> {
+    let mut trainer = Trainer::new(gpu, dataset, config)?;
+    while !trainer.is_done() {
+        trainer.step()?;
+    }
+    trainer.splats()
+}
+
+/// What one run came to.
+struct Run {
+    splats: Splats,
+    seconds: f64,
+    score: MeanScore,
+    /// Seconds and PSNR on the way.
+    course: Vec<(f64, f64)>,
+}
+
+impl Run {
+    fn psnr_db(&self) -> f64 {
+        self.score.psnr_db.unwrap_or(f64::NAN)
+    }
+}
+
+/// All seeds of a setting, in order.
+fn seeds(
+    gpu: &Gpu,
+    dataset: &Dataset,
+    judge: &mut Evaluator,
+    setting: &RunSetting,
+    plan: &Plan,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Vec<Run>> {
+    let mut runs = Vec::new();
+    for seed in 0..plan.seeds.max(1) {
+        let RunSetting { knob, config } = setting;
+        let of = plan.seeds;
+        progress(&format!(
+            "training: {} {}, run {} of {of}",
+            knob.series,
+            knob.setting,
+            seed + 1
+        ));
+        let config = TrainConfig {
+            seed,
+            ..config.clone()
+        };
+        runs.push(run(gpu, dataset, judge, config)?);
+    }
+    Ok(runs)
+}
+
+/// What the runs of a setting come to; `usual` are the decibels of the default ones, by seed.
+fn point(setting: &RunSetting, runs: &[Run], usual: &[f64]) -> RunPoint {
+    let mean = |figure: &dyn Fn(&Run) -> f64| {
+        Interval::of_mean(&runs.iter().map(figure).collect::<Vec<f64>>())
+    };
+    let pairs = runs.iter().zip(usual);
+    let gains: Vec<f64> = pairs.map(|(run, usual)| run.psnr_db() - usual).collect();
+    let bytes = |splats: &Splats| 4 * splats.len() * (GEOMETRY_FLOATS + splats.sh_stride());
+    RunPoint {
+        knob: setting.knob.clone(),
+        psnr_db: mean(&Run::psnr_db),
+        gain_db: Interval::of_mean(&gains),
+        ssim: mean(&|r| r.score.ssim.unwrap_or(f64::NAN)),
+        seconds: mean(&|r| r.seconds),
+        splats: mean(&|r| r.splats.len() as f64),
+        megabytes: mean(&|r| bytes(&r.splats) as f64 * 1e-6),
+        course: course(runs),
+    }
+}
+
+/// Looks that all runs had, then their mean end.
+fn course(runs: &[Run]) -> Vec<(f64, Interval)> {
+    let mut course = Vec::new();
+    for (look, _) in &runs[0].course {
+        let same = |run: &Run| run.course.iter().find(|(at, _)| at == look).copied();
+        let values: Vec<f64> = runs.iter().filter_map(same).map(|(_, psnr)| psnr).collect();
+        if values.len() == runs.len() {
+            course.push((*look, Interval::of_mean(&values)));
+        }
+    }
+    let ends: Vec<f64> = runs.iter().filter_map(|r| r.score.psnr_db).collect();
+    let seconds: Vec<f64> = runs.iter().map(|r| r.seconds).collect();
+    course.push((Interval::of_mean(&seconds).value, Interval::of_mean(&ends)));
+    course
+}
+
+fn run(gpu: &Gpu, dataset: &Dataset, judge: &mut Evaluator, config: TrainConfig) -> Result<Run> {
+    let mut trainer = Trainer::new(gpu, dataset, config)?;
+    let (mut seconds, mut look) = (0.0, FIRST_LOOK);
+    let mut course = Vec::new();
+    while !trainer.is_done() {
+        let start = Instant::now();
+        trainer.step()?;
+        if seconds + start.elapsed().as_secs_f64() >= look {
+            // What is still on its way belongs to the time; looking does not.
+            trainer.finish()?;
+            seconds += start.elapsed().as_secs_f64();
+            let score = judge.score(&trainer.splats()?)?;
+            course.push((look, score.psnr_db.unwrap_or(f64::NAN)));
+            while look <= seconds {
+                look *= 2.0;
+            }
+        } else {
+            seconds += start.elapsed().as_secs_f64();
+        }
+    }
+    let start = Instant::now();
+    trainer.finish()?;
+    seconds += start.elapsed().as_secs_f64();
+    let splats = trainer.splats()?;
+    Ok(Run {
+        score: judge.score(&splats)?,
+        splats,
+        seconds,
+        course,
+    })
+}

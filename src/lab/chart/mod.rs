@@ -1,0 +1,237 @@
+//! The chart of speed against accuracy: what was measured, what was promised, and whether it was kept.
+//!
+//! Points come from [`bench::chart`](crate::lab::chart::measure); here they are judged ([`Chart::broken`]), compared
+//! ([`pareto`]) and written, as one self-contained page with figures ([`page`]) and as the CSV behind it
+//! ([`csv`]).
+
+pub mod csv;
+pub(super) mod figure;
+mod labels;
+pub mod measure;
+pub mod page;
+mod panels;
+pub mod pareto;
+pub(super) mod scale;
+pub(super) mod tables;
+
+use crate::stats::Interval;
+
+/// Everything on the page.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chart {
+    /// What was measured, on what, when and with which version: name and value.
+    pub facts: Vec<(String, String)>,
+    /// Frames.
+    pub frames: Vec<FramePoint>,
+    /// How far linear projection, which all frames and the reference draw by, is from perspective along rays.
+    pub projection: Option<Errors>,
+    /// Training steps.
+    pub gradients: Vec<GradientPoint>,
+    /// Training runs.
+    pub runs: Vec<RunPoint>,
+}
+
+/// Which setting of which knob a point stands for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Knob {
+    /// What is varied: `stop alone`.
+    pub series: String,
+    /// To which value: `1e-3`.
+    pub setting: String,
+    /// Whether this is what the engine does unless told otherwise.
+    pub is_default: bool,
+}
+
+impl Knob {
+    /// `stop alone 1e-3`.
+    pub fn name(&self) -> String {
+        format!("{} {}", self.series, self.setting)
+    }
+}
+
+/// Errors of a frame in units of colour, 1 being the brightest that a photograph holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// Of the worst pixel's worst channel.
+    pub max: f64,
+    /// 99 of 100 pixels are at most this far off in their worst channel.
+    pub p99: f64,
+    /// Peak signal-to-noise ratio, decibels.
+    pub psnr_db: f64,
+}
+
+/// Frames drawn with one setting, against the `f64` reference without any cut.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FramePoint {
+    /// Which setting.
+    pub knob: Knob,
+    /// Median time of a frame on the device, milliseconds, with the median's 95 % interval.
+    pub time_ms: Interval,
+    /// Median processor time of a frame, milliseconds; on a software device that is the work itself.
+    pub cpu_ms: f64,
+    /// Bytes that the scene takes on the device.
+    pub scene_bytes: usize,
+    /// What was measured.
+    pub error: Errors,
+    /// What was proven beforehand, without rounding: no pixel is farther off than its own bound, and these
+    /// are the bounds' maximum, percentile and root mean square in decibels.
+    pub bound: Errors,
+    /// What rounding to `f32` may add; the most that any pixel is allowed.
+    pub rounding: f64,
+    /// How far the worst pixel lies beyond its bound and rounding; not above 0 if the bound is kept.
+    pub excess: f64,
+}
+
+impl FramePoint {
+    /// Whether no pixel is farther off than was proven. What is no number keeps no promise.
+    pub fn holds(&self) -> bool {
+        self.excess <= 0.0
+    }
+}
+
+/// Relative errors of gradients: of the exact value, or of 1 % of its kind's root mean square where that is more.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GradientErrors {
+    /// Median over the parameters.
+    pub median: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+/// Training steps with one setting, against the exact gradient of the `f64` reference without any cut.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GradientPoint {
+    /// Which setting.
+    pub knob: Knob,
+    /// Median time of a step on the device, milliseconds, with the median's 95 % interval.
+    pub time_ms: Interval,
+    /// Median processor time of a step, milliseconds.
+    pub cpu_ms: f64,
+    /// What was measured.
+    pub error: GradientErrors,
+    /// What was proven beforehand, without rounding: the same percentiles of the parameters' own bounds.
+    pub bound: GradientErrors,
+    /// How far, relatively, the worst parameter lies beyond its bound and rounding; not above 0 if it is kept.
+    pub excess: f64,
+}
+
+impl GradientPoint {
+    /// Whether no parameter's gradient is farther off than was proven.
+    pub fn holds(&self) -> bool {
+        self.excess <= 0.0
+    }
+}
+
+/// Training runs with one setting and several seeds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RunPoint {
+    /// Which setting.
+    pub knob: Knob,
+    /// Mean PSNR of the held-out views, decibels (float values).
+    pub psnr_db: Interval,
+    /// How much more that is than the default's, seed by seed, decibels: of runs that begin alike, much of what chance
+    /// does is the same.
+    pub gain_db: Interval,
+    /// Their mean SSIM.
+    pub ssim: Interval,
+    /// Wall time of the training steps, seconds; loading and evaluation excluded.
+    pub seconds: Interval,
+    /// Splats of the result.
+    pub splats: Interval,
+    /// Megabytes (10⁶ bytes) that its parameters take as `f32`.
+    pub megabytes: Interval,
+    /// PSNR of the held-out views on the way: seconds of training, decibels.
+    pub course: Vec<(f64, Interval)>,
+}
+
+impl Chart {
+    /// How many points have a bound to keep.
+    pub fn bounded(&self) -> usize {
+        self.frames.len() + self.gradients.len()
+    }
+
+    /// One sentence for every point that breaks its bound.
+    pub fn broken(&self) -> Vec<String> {
+        let frames = self.frames.iter().filter(|point| !point.holds());
+        let frames = frames.map(|point| {
+            format!(
+                "{}: a pixel lies {:.2e} beyond what was proven (largest error {:.2e}, largest bound {:.2e}, \
+                 rounding {:.2e})",
+                point.knob.name(),
+                point.excess,
+                point.error.max,
+                point.bound.max,
+                point.rounding
+            )
+        });
+        let gradients = self.gradients.iter().filter(|point| !point.holds());
+        let gradients = gradients.map(|point| {
+            format!(
+                "{}: a gradient lies {:.2e} of its size beyond what was proven (99 % of errors up to {:.2e}, of \
+                 bounds up to {:.2e})",
+                point.knob.name(),
+                point.excess,
+                point.error.p99,
+                point.bound.p99
+            )
+        });
+        frames.chain(gradients).collect()
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn frame(setting: &str, excess: f64) -> FramePoint {
+        FramePoint {
+            knob: Knob {
+                series: "stop alone".into(),
+                setting: setting.into(),
+                is_default: false,
+            },
+            time_ms: Interval::new(2.0, 1.5, 2.5, 9),
+            error: Errors {
+                max: 2e-3,
+                p99: 1e-3,
+                psnr_db: 60.0,
+            },
+            bound: Errors {
+                max: 3e-3,
+                p99: 2e-3,
+                psnr_db: 50.0,
+            },
+            rounding: 1e-4,
+            excess,
+            ..FramePoint::default()
+        }
+    }
+
+    #[test]
+    fn a_point_beyond_its_bound_is_named() {
+        let chart = Chart {
+            frames: vec![
+                frame("1e-4", -1e-3),
+                frame("1e-2", 5e-4),
+                frame("1", f64::NAN),
+            ],
+            gradients: vec![
+                GradientPoint::default(),
+                GradientPoint {
+                    excess: 0.5,
+                    ..GradientPoint::default()
+                },
+            ],
+            ..Chart::default()
+        };
+        let broken = chart.broken();
+        assert_eq!((broken.len(), chart.bounded()), (3, 5));
+        assert!(
+            broken[0].starts_with("stop alone 1e-2: a pixel lies 5.00e-4 beyond"),
+            "{}",
+            broken[0]
+        );
+        assert!(broken[1].contains("NaN"), "{}", broken[1]);
+        assert!(broken[2].contains("gradient lies 5.00e-1"), "{}", broken[2]);
+    }
+}

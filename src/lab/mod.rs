@@ -1,0 +1,13 @@
+//! Laboratory: benchmarks, the speed-accuracy chart, the survey of splat counts, the stress suite, made scenes and
+//! the pages that show their results.
+//!
+//! Only the command line, tests and benchmarks use it; the engine is built without it (feature `lab`).
+
+pub mod baseline;
+pub mod bench;
+pub mod chart;
+mod evaluator;
+pub mod report;
+pub mod stress;
+pub mod survey;
+pub mod synth;

@@ -1,0 +1,112 @@
+//! `report.json`: the figures of a training run. Field names are an interface; units stand in them.
+
+use super::needs::Needs;
+use crate::Result;
+use crate::io::atomic::write_atomically;
+use crate::metrics::{MeanScore, ViewScore};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
+
+/// A training run in figures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Steps done; fewer than `config.iterations` if the run was interrupted.
+    pub iterations: u32,
+    /// Key of the random numbers.
+    pub seed: u64,
+    /// `adc` or `mcmc`.
+    pub strategy: String,
+    /// Name of the Vulkan device.
+    pub device: String,
+    /// Splats in the final scene.
+    pub splat_count: usize,
+    /// Highest spherical-harmonic degree of the final scene.
+    pub sh_degree: u32,
+    /// Wall time spent in training steps, over all resumed parts; without loading and evaluation.
+    pub train_seconds: f64,
+    /// Mean training loss over the last entry of the history; `None` before the first step.
+    pub loss: Option<f64>,
+    /// Means over the held-out views.
+    pub test: MeanScore,
+    /// Means over the views trained on.
+    pub train: MeanScore,
+    /// Most device memory held by buffers at one time, evaluation included.
+    pub memory_peak_bytes: u64,
+    /// Where training's part of it went.
+    pub memory: MemoryFigures,
+    /// The course of the run.
+    pub history: Vec<HistoryEntry>,
+    /// Scores of each held-out view.
+    pub test_views: Vec<ViewScore>,
+    /// Where the wall time went.
+    pub timings: Timings,
+    /// What was repaired, left out or noteworthy, one sentence each.
+    pub warnings: Vec<String>,
+    /// Every constant of the run.
+    pub config: serde_json::Value,
+    /// What the scene needs, where the run looked for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub needs: Option<Needs>,
+}
+
+/// Device memory of training, since it was begun or resumed: measured, and by the formula of
+/// `ashfall info --predict`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MemoryFigures {
+    /// Most bytes that buffers held at one time.
+    pub peak_bytes: u64,
+    /// Most bytes that were taken from the device to make buffers of.
+    pub reserved_peak_bytes: u64,
+    /// What the formula says for `splats_peak` and `isects_peak`.
+    pub predicted_bytes: u64,
+    /// The part of it without which nothing can be trained: parameters, moments, photographs and the lists of
+    /// (splat, tile) pairs with what is kept for each of them.
+    pub essential_bytes: u64,
+    /// Most splats trained at one time.
+    pub splats_peak: usize,
+    /// Most (splat, tile) pairs of one frame.
+    pub isects_peak: usize,
+    /// Bytes at the peak by the name of the buffers.
+    pub buffers: BTreeMap<String, u64>,
+}
+
+/// A point in the course of a run: means over the steps since the entry before.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HistoryEntry {
+    /// Steps done.
+    pub iteration: u32,
+    /// Wall time spent in training steps so far.
+    pub seconds: f64,
+    /// Splats at that time.
+    pub splat_count: usize,
+    /// Mean loss; `None` where it is no number.
+    pub loss: Option<f64>,
+    /// Mean PSNR of the steps' training views as they were drawn, decibels.
+    pub psnr_db: Option<f64>,
+    /// Means over the held-out views, where they were evaluated at that time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test: Option<MeanScore>,
+}
+
+/// Wall times of a run's parts in seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timings {
+    /// Reading the data set and preparing the device.
+    pub load_seconds: f64,
+    /// Training steps, refinement included.
+    pub train_seconds: f64,
+    /// Writing checkpoints.
+    pub checkpoint_seconds: f64,
+    /// Rendering and scoring views.
+    pub evaluate_seconds: f64,
+}
+
+impl Report {
+    /// Writes the report as JSON, whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self);
+        write_atomically(path, |file| writeln!(file, "{}", text?))
+    }
+}

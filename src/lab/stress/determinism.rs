@@ -1,0 +1,72 @@
+//! The same work again gives the same bits.
+
+use super::outcome::{Group, Outcome};
+use super::step::{Stepped, steps};
+use super::{Lab, Pair, differing, subject};
+use crate::Result;
+use crate::render::{Model, RenderOptions, Renderer};
+
+pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+    let (splats, near) = (lab.subject.splats.clone(), lab.subject.near);
+    let cameras = lab.subject.cameras.clone();
+    let mut first = Vec::new();
+    for camera in &cameras {
+        first.push(lab.draw(&splats, camera, near)?);
+    }
+    let mut again = 0;
+    for _ in 0..4 {
+        for (camera, first) in cameras.iter().zip(&first) {
+            again += differing(&lab.draw(&splats, camera, near)?, first);
+        }
+    }
+    let what = format!("{} views in turns, five times", cameras.len());
+    add(lab, "frames again", what, again, "pixels that changed");
+    let mut other = Renderer::new(lab.gpu, RenderOptions::default())?;
+    let model = Model::upload(lab.gpu, &splats)?;
+    let view = subject::view_options(&splats, near);
+    let drawn = other.render(&model, &cameras[0], &view)?;
+    let changed = differing(&drawn, &first[0]);
+    let what = "a second renderer, whose buffers have never held anything".into();
+    add(
+        lab,
+        "another renderer",
+        what,
+        changed,
+        "pixels that changed",
+    );
+    if lab.subject.is_made {
+        // No two of these splats lie at one depth, so that their order is no matter.
+        let backwards: Vec<usize> = (0..splats.len()).rev().collect();
+        let turned = lab.draw(&splats.picked(&backwards), &cameras[0], near)?;
+        let changed = differing(&turned, &first[0]);
+        let what = "the splats in the reverse order".into();
+        add(lab, "order of splats", what, changed, "pixels that changed");
+    }
+    let pair = Pair::of(lab.subject).thinned(2_000);
+    for (count, name) in [
+        (1, "a training step again"),
+        (20, "20 training steps again"),
+    ] {
+        let run = |lab: &Lab<'_>| steps(lab.gpu, &pair.drawn, &cameras[0], near, count);
+        let (a, b) = (run(lab)?, run(lab)?);
+        let what = format!("parameters and moments of {} splats", a.splat_count());
+        let unlike = changed_numbers(&a, &b);
+        add(lab, name, what, unlike, "numbers that changed");
+    }
+    Ok(())
+}
+
+fn add(lab: &mut Lab<'_>, name: &str, what: String, count: usize, unit: &'static str) {
+    let pair = [count as f64, 0.0];
+    lab.add(Outcome::at_most(Group::Determinism, name, what, pair, unit));
+}
+
+/// Numbers of the optimiser's state that differ in any bit.
+fn changed_numbers(a: &Stepped, b: &Stepped) -> usize {
+    let numbers = |s: &Stepped| -> Vec<u32> {
+        let planes = s.after.params.iter().chain(&s.after.m).chain(&s.after.v);
+        planes.flatten().flatten().map(|x| x.to_bits()).collect()
+    };
+    let (a, b) = (numbers(a), numbers(b));
+    a.len().abs_diff(b.len()) + a.iter().zip(&b).filter(|(a, b)| a != b).count()
+}

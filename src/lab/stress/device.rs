@@ -1,0 +1,327 @@
+//! What the device does with the operations that every kernel rests on.
+
+use super::Lab;
+use super::outcome::{Group, Outcome, Point, Sweep};
+use super::page::number;
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::kernels::selftest_atomics::{self, SelftestAtomics};
+use crate::kernels::selftest_lanes::{self, SelftestLanes};
+use crate::kernels::selftest_loops::{self, SelftestLoops};
+use crate::kernels::selftest_math::{self, SelftestMath};
+use crate::kernels::selftest_progress::{self, SelftestProgress};
+use crate::reference::selftest::{self, FUNCTIONS, Function};
+use crate::render::loop_turns;
+use bytemuck::Pod;
+
+pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+    let outcome = atomics(lab.gpu)?;
+    lab.add(outcome);
+    for variant in selftest_lanes::Variant::ALL {
+        if lab.gpu.caps().supports(variant.info()).is_ok() {
+            let outcome = lanes(lab.gpu, *variant)?;
+            lab.add(outcome);
+        }
+    }
+    functions(lab)?;
+    let outcome = special_values(lab.gpu)?;
+    lab.add(outcome);
+    let outcome = loops(lab.gpu)?;
+    lab.add(outcome);
+    let outcome = progress(lab.gpu)?;
+    lab.add(outcome);
+    Ok(())
+}
+
+fn exactly(name: &str, what: String, wrong: usize, unit: &'static str) -> Outcome {
+    Outcome::at_most(Group::Device, name, what, [wrong as f64, 0.0], unit)
+}
+
+fn wrong<T: PartialEq>(found: &[T], expected: &[T]) -> usize {
+    let missing = found.len().abs_diff(expected.len());
+    missing + found.iter().zip(expected).filter(|(a, b)| a != b).count()
+}
+
+fn read<T: Pod>(gpu: &Gpu, buffer: &crate::gpu::Buffer<T>) -> Result<Vec<T>> {
+    gpu.download(buffer, 0..buffer.len())
+}
+
+fn atomics(gpu: &Gpu) -> Result<Outcome> {
+    const INVOCATIONS: u32 = 100_000;
+    let choice = SelftestAtomics::prefer(gpu.caps());
+    let kernel = SelftestAtomics::new(gpu, choice)?;
+    let expected = selftest::atomics(INVOCATIONS);
+    let counts = gpu.buffer_from("selftest", &vec![0u32; expected.len()])?;
+    let io = selftest_atomics::Bindings { counts: &counts };
+    let params = selftest_atomics::Params {
+        invocation_count: INVOCATIONS,
+    };
+    let groups = INVOCATIONS.div_ceil(choice.spec.workgroup);
+    gpu.run(|rec| kernel.record(rec, io, params, groups))?;
+    let what = format!(
+        "{} invocations draw tickets, and add, compare and flip bits in common words",
+        number(INVOCATIONS.into())
+    );
+    let wrong = wrong(&read(gpu, &counts)?, &expected);
+    Ok(exactly("atomic operations", what, wrong, "wrong words"))
+}
+
+fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<Outcome> {
+    const ROUNDS: u32 = 100;
+    let choice = SelftestLanes::choice(gpu.caps(), variant);
+    let lanes = choice.spec.workgroup;
+    let kernel = SelftestLanes::new(gpu, choice)?;
+    let found = gpu.buffer::<u32>("selftest", 8 * lanes as usize)?;
+    let io = selftest_lanes::Bindings { found: &found };
+    let params = selftest_lanes::Params { rounds: ROUNDS };
+    gpu.run(|rec| kernel.record(rec, io, params, 1))?;
+    let wrong = wrong(&read(gpu, &found)?, &selftest::lanes(lanes, ROUNDS));
+    let (name, how) = match variant.name() {
+        "" | "base" => ("shared memory", "through shared memory"),
+        _ => ("subgroup operations", "by subgroup operations"),
+    };
+    let what = format!("{lanes} lanes add, vote, count and exchange numbers {how}, {ROUNDS} times");
+    Ok(exactly(name, what, wrong, "wrong results"))
+}
+
+/// Runs the functions on arguments: `[function][argument]`.
+fn computed(gpu: &Gpu, arguments: &[f32]) -> Result<Vec<Vec<f32>>> {
+    let choice = SelftestMath::prefer(gpu.caps());
+    let kernel = SelftestMath::new(gpu, choice)?;
+    let found = gpu.buffer::<f32>("selftest", FUNCTIONS.len() * arguments.len())?;
+    let io = selftest_math::Bindings {
+        arguments: &gpu.buffer_from("selftest", arguments)?,
+        found: &found,
+    };
+    let params = selftest_math::Params {
+        argument_count: arguments.len() as u32,
+    };
+    let groups = params.argument_count.div_ceil(choice.spec.workgroup);
+    gpu.run(|rec| kernel.record(rec, io, params, groups))?;
+    let found = read(gpu, &found)?;
+    Ok(found.chunks(arguments.len()).map(<[f32]>::to_vec).collect())
+}
+
+/// Where a function is tried: all that single precision holds of its results, evenly in the argument or its logarithm.
+fn arguments(function: Function) -> Vec<f32> {
+    const COUNT: usize = 20_000;
+    let between = |low: f64, high: f64| {
+        let at = move |i: usize| low + (high - low) * i as f64 / (COUNT - 1) as f64;
+        (0..COUNT).map(at)
+    };
+    match function {
+        // Results from the least normal number to the largest.
+        Function::Exp => between(-87.3, 88.7).map(|x| x as f32).collect(),
+        Function::Exp2 => between(-126.0, 127.9).map(|x| x as f32).collect(),
+        _ => between(-126.0, 127.0).map(|x| x.exp2() as f32).collect(),
+    }
+}
+
+fn name(function: Function) -> &'static str {
+    match function {
+        Function::Exp => "exp",
+        Function::Exp2 => "exp2",
+        Function::Log2 => "log2",
+        Function::Sqrt => "sqrt",
+        Function::InverseSqrt => "inversesqrt",
+        Function::Reciprocal => "1 / x",
+    }
+}
+
+fn functions(lab: &mut Lab<'_>) -> Result<()> {
+    for (index, &function) in FUNCTIONS.iter().enumerate() {
+        let arguments = arguments(function);
+        let found = &computed(lab.gpu, &arguments)?[index];
+        let share = |(&x, &found): (&f32, &f32)| {
+            let x = f64::from(x);
+            (f64::from(found) - function.exact(x)).abs() / function.allowance(x)
+        };
+        let each = arguments.iter().zip(found).map(share);
+        // What is no number must not be lost.
+        let most = each.fold(
+            0.0,
+            |most: f64, s| if s > most || s.is_nan() { s } else { most },
+        );
+        let what = format!(
+            "{} arguments over its whole range, against the specification's precision",
+            number(arguments.len() as f64)
+        );
+        let pair = [most, 1.0];
+        let unit = "of the error allowed";
+        lab.add(Outcome::at_most(
+            Group::Device,
+            name(function),
+            what,
+            pair,
+            unit,
+        ));
+        if function == Function::Exp {
+            lab.found.sweeps.push(curve_of_exp(&arguments, found));
+        }
+    }
+    Ok(())
+}
+
+/// The error of exp over its range, the worst of each of some pieces.
+fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
+    const PIECES: usize = 90;
+    let size = arguments.len().div_ceil(PIECES);
+    let worst = |(arguments, found): (&[f32], &[f32])| {
+        let each = arguments.iter().zip(found).map(|(&x, &found)| {
+            let x = f64::from(x);
+            let ulp = x.exp().log2().floor().exp2() * f64::from(f32::EPSILON);
+            Point {
+                x,
+                measured: (f64::from(found) - x.exp()).abs() / ulp,
+                bound: Function::Exp.allowance(x) / ulp,
+            }
+        });
+        each.max_by(|a, b| a.measured.total_cmp(&b.measured))
+    };
+    let pieces = arguments.chunks(size).zip(found.chunks(size));
+    Sweep {
+        group: Group::Device,
+        title: "exp over its whole range".into(),
+        parameter: "argument of exp",
+        is_log: false,
+        quantity: "largest error, ulp",
+        caption: "In units in the last place of the result. The specification allows 3 + 2 |x|; where results are \
+                  hardly larger than the least normal number, that number is allowed."
+            .into(),
+        points: pieces.filter_map(worst).collect(),
+        stills: Vec::new(),
+    }
+}
+
+/// Values that compositing and projection meet at the ends of their ranges.
+fn special_values(gpu: &Gpu) -> Result<Outcome> {
+    let arguments = [
+        f32::NEG_INFINITY,
+        -1e30,
+        -200.0,
+        0.0,
+        200.0,
+        f32::INFINITY,
+        f32::NAN,
+    ];
+    let found = computed(gpu, &arguments)?;
+    let mut wrong = 0;
+    for exponential in &found[..2] {
+        let [least, hidden, tiny, one, huge, most, none] = exponential[..] else {
+            wrong += arguments.len();
+            continue;
+        };
+        let zero = |value: f32| (0.0..f32::MIN_POSITIVE).contains(&value);
+        let right = [
+            zero(least),
+            // What is hidden from compositing has this exponent.
+            zero(hidden),
+            zero(tiny),
+            one == 1.0,
+            huge == f32::INFINITY,
+            most == f32::INFINITY,
+            none.is_nan(),
+        ];
+        wrong += right.iter().filter(|right| !**right).count();
+    }
+    let what = "exp and exp2 of ±∞, −1e30, ±200, 0 and NaN are 0, 1, ∞ or NaN";
+    Ok(exactly(
+        "special values",
+        what.into(),
+        wrong,
+        "wrong values",
+    ))
+}
+
+/// Turns of a loop that are tried at most: a fraction of a second on any device.
+const TURNS_MAX: u32 = 1 << 22;
+
+fn loops(gpu: &Gpu) -> Result<Outcome> {
+    let choice = SelftestLoops::prefer(gpu.caps());
+    let kernel = SelftestLoops::new(gpu, choice)?;
+    let lanes = choice.spec.workgroup;
+    let found = gpu.buffer::<u32>("selftest", lanes as usize)?;
+    let runs_to_its_end = |turns: u32| -> Result<bool> {
+        let io = selftest_loops::Bindings { found: &found };
+        gpu.run(|rec| kernel.record(rec, io, selftest_loops::Params { turns }, 1))?;
+        let expected: Vec<u32> = (0..lanes).map(|i| selftest::chain(i, turns)).collect();
+        Ok(read(gpu, &found)? == expected)
+    };
+    let longest = longest(TURNS_MAX, runs_to_its_end)?;
+    let needed = loop_turns(gpu.caps().kind);
+    let what = match needed < TURNS_MAX {
+        true => "the longest loop that runs to its end; longer lists are drawn in several passes",
+        false => "the longest loop that runs to its end; no more are tried",
+    };
+    let pair = [longest.into(), needed.min(TURNS_MAX).into()];
+    Ok(Outcome::at_least(
+        Group::Device,
+        "length of loops",
+        what,
+        pair,
+        "turns",
+    ))
+}
+
+/// The largest number up to `most` for which something holds, if it does for all below; 0 if for none.
+fn longest(most: u32, mut holds: impl FnMut(u32) -> Result<bool>) -> Result<u32> {
+    if holds(most)? {
+        return Ok(most);
+    }
+    let (mut good, mut bad) = (0, most);
+    while bad - good > 1 {
+        let middle = good + (bad - good) / 2;
+        match holds(middle)? {
+            true => good = middle,
+            false => bad = middle,
+        }
+    }
+    Ok(good)
+}
+
+fn progress(gpu: &Gpu) -> Result<Outcome> {
+    // More than one dimension of a dispatch holds everywhere.
+    const GROUPS: u32 = 70_000;
+    const ROUNDS: u32 = 3;
+    let choice = SelftestProgress::prefer(gpu.caps());
+    let kernel = SelftestProgress::new(gpu, choice)?;
+    let counts = gpu.buffer_from("selftest", &vec![0u32; GROUPS as usize])?;
+    let found = gpu.buffer::<u32>("selftest", GROUPS as usize)?;
+    let io = selftest_progress::Bindings {
+        counts: &counts,
+        found: &found,
+    };
+    let params = selftest_progress::Params {
+        group_count: GROUPS,
+        rounds: ROUNDS,
+    };
+    gpu.run(|rec| kernel.record(rec, io, params, GROUPS))?;
+    let expected = selftest::progress(GROUPS, choice.spec.workgroup, ROUNDS);
+    let wrong = wrong(&read(gpu, &counts)?, &vec![1; GROUPS as usize])
+        + wrong(&read(gpu, &found)?, &expected);
+    let what = format!(
+        "{} workgroups run once each, their lanes on unequal ways to common barriers; no kernel waits for another \
+         workgroup",
+        number(GROUPS.into())
+    );
+    Ok(exactly("forward progress", what, wrong, "wrong groups"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_loop_is_found() -> Result<()> {
+        for limit in [0, 1, 65_535, 65_536, 999_999, 1_000_000] {
+            assert_eq!(longest(1_000_000, |turns| Ok(turns <= limit))?, limit);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn differences_are_counted() {
+        assert_eq!(wrong(&[1, 2, 3], &[1, 5, 3]), 1);
+        assert_eq!(wrong(&[1, 2], &[1, 2, 3]), 1);
+    }
+}

@@ -1,0 +1,194 @@
+//! The gradient of a training step against the exact one.
+
+use super::outcome::{Group, Outcome, Point, Sweep};
+use super::step::step;
+use super::subject::reference_options;
+use super::sweeps::stretched;
+use super::{Lab, Pair};
+use crate::Result;
+use crate::reference::loss::Target;
+use crate::reference::{Options, loss_gradient};
+use crate::scene::{Camera, Splats};
+
+/// What parameters are of one kind, in the order of `reference::Splat::parameters`.
+const KINDS: [(&str, std::ops::Range<usize>); 5] = [
+    ("mean", 0..3),
+    ("quaternion", 3..7),
+    ("log-scale", 7..10),
+    ("opacity", 10..11),
+    ("harmonics", 11..usize::MAX),
+];
+
+/// An error counts relatively to the reference, or to this share of its kind's root mean square where the reference is
+/// smaller: what is small beside its kind is the remainder of terms that cancel.
+const SHARE: f64 = 0.01;
+
+/// Of the median and of the 99th percentile. Rounding of single precision is amplified by what cancels within a
+/// gradient, which is its scene's affair; these are what the developers' suite holds gentle and difficult scenes to.
+const BOUNDS: [f64; 2] = [1e-5, 1e-3];
+
+/// What is added to the bound of needles for each unit of their aspect: sixteen roundings of numbers as long as a needle
+/// are that much of its width.
+const NEEDLE: f64 = 16.0 / 16_777_216.0;
+
+/// Splats of a judged step at most.
+const SPLATS: usize = 150;
+
+/// Errors of a step, by kind.
+struct Errors {
+    loss: f64,
+    /// Ascending.
+    kinds: Vec<Vec<f64>>,
+}
+
+impl Errors {
+    fn at(&self, kind: usize, share: f64) -> f64 {
+        let errors = &self.kinds[kind];
+        let last = errors.len().saturating_sub(1);
+        errors
+            .get((last as f64 * share) as usize)
+            .copied()
+            .unwrap_or(f64::NAN)
+    }
+}
+
+pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+    let camera = small(lab.subject.camera());
+    let pair = seen(lab, &camera);
+    let errors = judge(lab, &pair, &camera)?;
+    let unit = "relative";
+    let what = "(1 − λ) L1 + λ (1 − SSIM) against the exact one";
+    let pair_of = [errors.loss, 1e-5];
+    lab.add(Outcome::at_most(
+        Group::Gradients,
+        "loss",
+        what,
+        pair_of,
+        unit,
+    ));
+    for (kind, (name, _)) in KINDS.iter().enumerate() {
+        for (share, bound, word) in [(0.5, BOUNDS[0], "median"), (0.99, BOUNDS[1], "99 %")] {
+            let name = format!("{name}, {word}");
+            let what = format!(
+                "{} derivatives of {} splats",
+                errors.kinds[kind].len(),
+                pair.drawn.len()
+            );
+            let found = [errors.at(kind, share), bound];
+            lab.add(Outcome::at_most(Group::Gradients, name, what, found, unit));
+        }
+    }
+    let step = if lab.plan.is_quick { 2 } else { 1 };
+    let mut points = Vec::new();
+    for exponent in (0..=8).step_by(step) {
+        let aspect = 10f64.powf(0.5 * f64::from(exponent));
+        let needles = pair.map(|splats| stretched(splats, aspect));
+        let errors = judge(lab, &needles, &camera)?;
+        let worst = (0..KINDS.len()).map(|kind| errors.at(kind, 0.99));
+        points.push(Point {
+            x: aspect,
+            // What is no number must not be lost.
+            measured: worst.fold(
+                0.0,
+                |most: f64, e| if e > most || e.is_nan() { e } else { most },
+            ),
+            bound: BOUNDS[1] + NEEDLE * aspect,
+        });
+    }
+    let sweep = Sweep {
+        group: Group::Gradients,
+        title: "Gradients of needles".into(),
+        parameter: "axes stretched apart by a factor of",
+        is_log: true,
+        quantity: "relative error, 99 %",
+        caption: "The 99th percentile of the kind of parameters that is worst. The bound grows by sixteen roundings of \
+                  a needle's length, in units of its width.".into(),
+        points,
+        stills: Vec::new(),
+    };
+    lab.sweep(sweep, unit);
+    Ok(())
+}
+
+/// The reference takes every pixel through every splat, forward and backward.
+fn small(camera: &Camera) -> Camera {
+    let side = camera.width.max(camera.height);
+    let length = |of: u32| (of * 48).div_ceil(side).max(1);
+    super::subject::exact(&camera.resized(length(camera.width), length(camera.height)))
+}
+
+/// Some of the splats that the picture shows.
+fn seen(lab: &Lab<'_>, camera: &Camera) -> Pair {
+    let inside = |mean: &[f32; 3]| {
+        let place = glam::DVec3::from(mean.map(f64::from));
+        let depth = camera.view_from_world(place).z;
+        let pixel = camera.pixel_from_world(place);
+        let size = glam::DVec2::new(f64::from(camera.width), f64::from(camera.height));
+        depth > 2.0 * lab.subject.near
+            && pixel.is_some_and(|p| p.cmpge(glam::DVec2::ZERO).all() && p.cmplt(size).all())
+    };
+    let splats = &lab.subject.splats;
+    let kept: Vec<usize> = (0..splats.len())
+        .filter(|&i| inside(&splats.mean[i]))
+        .collect();
+    Pair::of(lab.subject)
+        .map(|splats: &Splats| splats.picked(&kept))
+        .thinned(SPLATS)
+}
+
+/// Takes a step on the device and by the reference.
+fn judge(lab: &Lab<'_>, pair: &Pair, camera: &Camera) -> Result<Errors> {
+    let found = step(lab.gpu, &pair.drawn, camera, lab.subject.near)?;
+    let options = Options {
+        near: found.near,
+        ..reference_options(&pair.exact, found.near)
+    };
+    let photo = vec![[0.0; 3]; camera.width as usize * camera.height as usize];
+    let target = Target {
+        lambda: found.lambda,
+        ..Target::new(camera.width as usize, &photo)
+    };
+    let exact = loss_gradient(&pair.exact, camera, &options, &target);
+    let rows = crate::lab::bench::input::pack::gradient_rows(&exact.d_splats);
+    let of_kind = |range: &std::ops::Range<usize>| -> Vec<f64> {
+        let mut pairs = Vec::new();
+        for (splat, row) in rows.iter().enumerate() {
+            let range = range.start..range.end.min(row.len());
+            let found = found.row(splat);
+            let both = found[range.clone()].iter().zip(&row[range]);
+            pairs.extend(both.map(|(&found, &exact)| (f64::from(found), exact)));
+        }
+        relative(&pairs)
+    };
+    Ok(Errors {
+        loss: (found.loss / exact.loss - 1.0).abs(),
+        kinds: KINDS.iter().map(|(_, range)| of_kind(range)).collect(),
+    })
+}
+
+/// Errors of (found, exact), ascending; of what has no derivative only if it was given one.
+fn relative(pairs: &[(f64, f64)]) -> Vec<f64> {
+    let square: f64 = pairs.iter().map(|(_, exact)| exact * exact).sum();
+    let floor = SHARE * (square / pairs.len().max(1) as f64).sqrt();
+    let judged = pairs
+        .iter()
+        .filter(|(found, exact)| *exact != 0.0 || *found != 0.0);
+    let mut errors: Vec<f64> = judged
+        .map(|(found, exact)| (found - exact).abs() / exact.abs().max(floor))
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    errors
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_relative_to_what_is_usual() {
+        let errors = relative(&[(1.01, 1.0), (0.0, 0.0), (1e-9, 0.0), (-1.0, -1.0)]);
+        assert_eq!(errors.len(), 3);
+        assert_eq!(errors[0], 0.0);
+        assert!((errors[2] - 0.01).abs() < 1e-12 && errors[1] < 1e-6);
+    }
+}

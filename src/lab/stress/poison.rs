@@ -1,0 +1,202 @@
+//! Numbers that are none, or hardly, in every slot of a splat's parameters.
+
+use super::outcome::{Group, Outcome, Sweep};
+use super::step::{Stepped, step};
+use super::{Lab, Pair, differing, still};
+use crate::Result;
+use crate::render::Rendered;
+use crate::scene::{Camera, Splats};
+use std::ops::Range;
+
+/// Numbers that are none.
+const NONE: [f32; 4] = [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+
+/// Numbers, but hardly: the ends of the range, below the normal ones, and where an exponential or a cast runs over.
+const EXTREME: [f32; 14] = [
+    0.0,
+    -0.0,
+    f32::MIN_POSITIVE,
+    1e-40,
+    -1e-40,
+    1e20,
+    -1e20,
+    1e38,
+    f32::MAX,
+    f32::MIN,
+    88.73,
+    -104.0,
+    3e9,
+    16_777_217.0,
+];
+
+/// What kind of parameter a slot is of, and its slots.
+fn kinds(splats: &Splats) -> [(&'static str, Range<usize>); 5] {
+    [
+        ("mean", 0..3),
+        ("quaternion", 3..7),
+        ("log-scale", 7..10),
+        ("opacity", 10..11),
+        ("harmonics", 11..11 + splats.sh_stride()),
+    ]
+}
+
+/// Writes into one of a splat's parameters.
+fn set(splats: &mut Splats, splat: usize, slot: usize, value: f32) {
+    let stride = splats.sh_stride();
+    match slot {
+        0..3 => splats.mean[splat][slot] = value,
+        3..7 => splats.quaternion[splat][slot - 3] = value,
+        7..10 => splats.log_scale[splat][slot - 7] = value,
+        10 => splats.opacity_logit[splat] = value,
+        _ => splats.sh[splat * stride + slot - 11] = value,
+    }
+}
+
+/// The scene and behind it, for each of the values, a copy of one of its splats with the value in the slot.
+fn poisoned(splats: &Splats, slots: Range<usize>, values: &[f32]) -> Splats {
+    let count = splats.len();
+    let copies = slots.len() * values.len();
+    let order: Vec<usize> = (0..count)
+        .chain((0..copies).map(|i| i * 7919 % count))
+        .collect();
+    let mut more = splats.picked(&order);
+    let all = slots.flat_map(|slot| values.iter().map(move |&value| (slot, value)));
+    for (i, (slot, value)) in all.enumerate() {
+        set(&mut more, count + i, slot, value);
+    }
+    more
+}
+
+fn not_finite(image: &Rendered) -> usize {
+    let pixels = image.rgb.iter().zip(&image.transmittance);
+    pixels
+        .filter(|(rgb, passes)| !rgb.iter().chain([*passes]).all(|value| value.is_finite()))
+        .count()
+}
+
+pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+    let splats = lab.subject.splats.clone();
+    if splats.is_empty() {
+        return Ok(());
+    }
+    let (camera, near) = (*lab.subject.camera(), lab.subject.near);
+    let clean = lab.draw(&splats, &camera, near)?;
+    let mut stills = vec![still("clean", &clean)];
+    for (kind, slots) in kinds(&splats) {
+        let mut worst = [0, 0];
+        let mut last = None;
+        for slot in slots.clone() {
+            let none = lab.draw(&poisoned(&splats, slot..slot + 1, &NONE), &camera, near)?;
+            worst[0] = worst[0].max(differing(&none, &clean));
+            let extreme = lab.draw(&poisoned(&splats, slot..slot + 1, &EXTREME), &camera, near)?;
+            worst[1] = worst[1].max(not_finite(&extreme));
+            last = Some((none, extreme));
+        }
+        let place = match slots.len() {
+            1 => "its slot".into(),
+            count => format!("each of {count} slots"),
+        };
+        let what = format!("NaN and ±∞ in {place}, one splat each");
+        add(
+            lab,
+            format!("{kind}: no number"),
+            what,
+            worst[0],
+            "pixels that changed",
+        );
+        let what = format!(
+            "{} finite numbers in {place}, one splat each",
+            EXTREME.len()
+        );
+        add(
+            lab,
+            format!("{kind}: extreme numbers"),
+            what,
+            worst[1],
+            "pixels not finite",
+        );
+        if let Some((none, extreme)) = last {
+            stills.push(still(format!("{kind}: NaN, ±∞"), &none));
+            stills.push(still(format!("{kind}: extremes"), &extreme));
+        }
+    }
+    lab.found.sweeps.push(Sweep {
+        group: Group::Poison,
+        title: "As drawn".into(),
+        parameter: "",
+        is_log: false,
+        quantity: "",
+        caption: "Pictures with numbers that are none must be the clean one. Extreme numbers may show: they are \
+                  drawn as what they say, in the last slot of each kind."
+            .into(),
+        points: Vec::new(),
+        stills,
+    });
+    learning(lab, &camera)
+}
+
+fn add(lab: &mut Lab<'_>, name: String, what: String, count: usize, unit: &'static str) {
+    lab.add(Outcome::at_most(
+        Group::Poison,
+        name,
+        what,
+        [count as f64, 0.0],
+        unit,
+    ));
+}
+
+/// A training step from a scene with every kind of poison in it.
+fn learning(lab: &mut Lab<'_>, camera: &Camera) -> Result<()> {
+    let pair = Pair::of(lab.subject).thinned(200);
+    let splats = &pair.drawn;
+    let all = 0..11 + splats.sh_stride();
+    let clean = step(lab.gpu, splats, camera, lab.subject.near)?;
+    let none = step(
+        lab.gpu,
+        &poisoned(splats, all.clone(), &NONE),
+        camera,
+        lab.subject.near,
+    )?;
+    let changed = (0..splats.len())
+        .filter(|&i| bits(&clean, i) != bits(&none, i))
+        .count();
+    let moved = (splats.len()..none.splat_count())
+        .filter(|&i| none.row(i).iter().any(|d| *d != 0.0))
+        .count();
+    let what = "NaN and ±∞ in every slot, one splat each: the gradients of all others";
+    add(
+        lab,
+        "a training step: others".into(),
+        what.into(),
+        changed,
+        "splats that changed",
+    );
+    let what = "the gradients of the poisoned splats themselves are 0";
+    add(
+        lab,
+        "a training step: poisoned".into(),
+        what.into(),
+        moved,
+        "splats with a gradient",
+    );
+    let extreme = step(
+        lab.gpu,
+        &poisoned(splats, all, &EXTREME),
+        camera,
+        lab.subject.near,
+    )?;
+    let broken = extreme.moments_not_finite();
+    let what = "finite numbers at the ends of the range in every slot: the optimiser's moments stay finite";
+    add(
+        lab,
+        "a training step: extremes".into(),
+        what.into(),
+        broken,
+        "moments not finite",
+    );
+    Ok(())
+}
+
+fn bits(stepped: &Stepped, splat: usize) -> Vec<u32> {
+    stepped.row(splat).iter().map(|d| d.to_bits()).collect()
+}

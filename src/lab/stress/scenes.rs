@@ -1,0 +1,193 @@
+//! Scenes and cameras that leave formulas without a divisor, an order or anything to see.
+
+use super::outcome::{Group, Outcome, Still, Sweep};
+use super::{Lab, OF_RANGE, Pair, still, subject};
+use crate::Result;
+use crate::scene::{Camera, Splats};
+use glam::{DMat3, DVec2, DVec3};
+
+/// A change of the scene.
+type Change = fn(&mut Splats, &Camera);
+
+/// Splats made alike, and what to expect.
+const SCENES: [(&str, &str, Change); 13] = [
+    ("no splats", "nothing but background", |s, _| {
+        *s = s.picked(&[])
+    }),
+    ("one splat", "one alone", |s, _| *s = s.picked(&[0])),
+    (
+        "one place",
+        "all splats have one centre, so that only their index orders them",
+        |s, _| {
+            let middle = s.mean[0];
+            s.mean.fill(middle);
+        },
+    ),
+    (
+        "one splat, many times",
+        "300 copies of one splat",
+        |s, _| {
+            *s = s.picked(&[0; 300]);
+        },
+    ),
+    (
+        "one plane",
+        "all splats at one depth, where rounding decides which come first",
+        |s, camera| {
+            let forward = camera.rotation.row(2);
+            let middle = camera.position + 3.0 * forward;
+            for mean in &mut s.mean {
+                let place = DVec3::from(mean.map(f64::from));
+                let off = forward * (place - middle).dot(forward);
+                *mean = (place - off).as_vec3().to_array();
+            }
+        },
+    ),
+    (
+        "at the camera",
+        "a splat at the camera's very centre",
+        |s, camera| {
+            s.mean[0] = camera.position.as_vec3().to_array();
+        },
+    ),
+    ("transparent", "opacities of 4e-18", |s, _| {
+        s.opacity_logit.fill(-40.0)
+    }),
+    ("opaque", "opacities of 1 − 4e-18", |s, _| {
+        s.opacity_logit.fill(40.0)
+    }),
+    ("points", "standard deviations of 1e-26", |s, _| {
+        s.log_scale.fill([-60.0; 3])
+    }),
+    ("discs without thickness", "one axis of 1e-39", |s, _| {
+        s.log_scale.iter_mut().for_each(|scale| scale[2] = -90.0);
+    }),
+    (
+        "without orientation",
+        "quaternions of length 0: no splat is drawn",
+        |s, _| {
+            s.quaternion.fill([0.0; 4]);
+        },
+    ),
+    ("odd quaternions", "lengths of 1e12 and 1e-12", |s, _| {
+        for (i, quaternion) in s.quaternion.iter_mut().enumerate() {
+            let factor = if i % 2 == 0 { 1e12 } else { 1e-12 };
+            *quaternion = quaternion.map(|q| q * factor);
+        }
+    }),
+    ("glaring", "colours of 100 and below 0", |s, _| {
+        s.sh.iter_mut().for_each(|value| *value *= 200.0);
+    }),
+];
+
+/// A change of the camera: it, and the point that it looks at.
+type Turn = fn(&Camera, DVec3) -> Camera;
+
+const CAMERAS: [(&str, &str, Turn); 9] = [
+    (
+        "looking away",
+        "everything lies behind the camera",
+        |c, target| c.look_at(c.position, 2.0 * c.position - target, DVec3::NEG_Y),
+    ),
+    (
+        "in the midst",
+        "the camera stands where it looked at",
+        |c, target| Camera {
+            position: target,
+            ..*c
+        },
+    ),
+    (
+        "from very far",
+        "a thousand times the distance",
+        |c, target| Camera {
+            position: target + (c.position - target) * 1e3,
+            ..*c
+        },
+    ),
+    ("very wide", "a field of view of 179°", |c, _| Camera {
+        focal: c.focal * (0.0087 * 0.5 * f64::from(c.width) / c.focal.x),
+        ..*c
+    }),
+    (
+        "very narrow",
+        "a field of view of a hundredth of a degree",
+        |c, _| Camera {
+            focal: c.focal * (f64::from(c.width) / (1.745e-4 * c.focal.x)),
+            ..*c
+        },
+    ),
+    (
+        "unequal focal lengths",
+        "pixels a hundred times as high as wide",
+        |c, _| Camera {
+            focal: DVec2::new(c.focal.x, 0.01 * c.focal.y),
+            ..*c
+        },
+    ),
+    (
+        "principal point",
+        "five widths beside the picture, and the camera turned as far",
+        |c, _| {
+            let beside = 5.0 * f64::from(c.width);
+            let turn = DMat3::from_rotation_y(-(beside / c.focal.x).atan());
+            Camera {
+                center: c.center + DVec2::new(beside, 0.0),
+                rotation: turn * c.rotation,
+                ..*c
+            }
+        },
+    ),
+    ("mirrored", "left is right", |c, _| Camera {
+        rotation: DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)) * c.rotation,
+        ..*c
+    }),
+    ("upside down", "turned by half a circle", |c, _| Camera {
+        rotation: DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0)) * c.rotation,
+        ..*c
+    }),
+];
+
+pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+    let pair = Pair::of(lab.subject);
+    let camera = *lab.subject.camera();
+    let mut stills = Vec::new();
+    for (index, camera) in lab.subject.cameras.iter().enumerate() {
+        let name = format!("view {}", index + 1);
+        stills.push(check(lab, &name, "the scene as it is", &pair, camera)?);
+    }
+    if lab.subject.is_made {
+        for (name, what, change) in SCENES {
+            let changed = pair.with(|splats| change(splats, &camera));
+            stills.push(check(lab, name, what, &changed, &camera)?);
+        }
+    }
+    for (name, what, turn) in CAMERAS {
+        let turned = subject::exact(&turn(&camera, lab.subject.target));
+        stills.push(check(lab, name, what, &pair, &turned)?);
+    }
+    lab.found.sweeps.push(Sweep {
+        group: Group::Scenes,
+        title: "As drawn".into(),
+        parameter: "",
+        is_log: false,
+        quantity: "",
+        caption: String::new(),
+        points: Vec::new(),
+        stills,
+    });
+    Ok(())
+}
+
+fn check(lab: &mut Lab<'_>, name: &str, what: &str, pair: &Pair, camera: &Camera) -> Result<Still> {
+    let (image, compared) = lab.look(pair, camera, lab.subject.near)?;
+    let errors = [compared.measured, compared.bound];
+    lab.add(Outcome::at_most(
+        Group::Scenes,
+        name,
+        what,
+        errors,
+        OF_RANGE,
+    ));
+    Ok(still(name, &image))
+}

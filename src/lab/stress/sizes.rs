@@ -1,0 +1,107 @@
+//! Pictures of every shape: one pixel, one row, one column, and as long as the largest displays and longer.
+
+use super::outcome::{Group, Outcome, Point, Sweep};
+use super::{Lab, OF_RANGE, Pair, still, subject};
+use crate::scene::Camera;
+use crate::{Error, Result};
+use glam::DVec2;
+
+const SIZES: [[u32; 2]; 16] = [
+    [1, 1],
+    [2, 1],
+    [1, 3],
+    [7, 5],
+    [1, 17],
+    [17, 1],
+    [8, 16],
+    [33, 47],
+    [129, 97],
+    [257, 5],
+    [640, 480],
+    [4096, 1],
+    [1, 4096],
+    [1920, 1080],
+    [1, 16_385],
+    [16_385, 1],
+];
+
+/// Sides that pictures of a quick run have at most.
+const QUICK: u32 = 700;
+
+pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+    let pair = Pair::of(lab.subject);
+    let quick = lab.plan.is_quick;
+    let (mut points, mut stills) = (Vec::new(), Vec::new());
+    for [width, height] in SIZES {
+        // The longest pictures have few pixels, and are what this is for.
+        if quick && width * height > QUICK * QUICK {
+            continue;
+        }
+        let camera = shaped(lab.subject.camera(), width, height);
+        let name = format!("{width} × {height}");
+        let (image, compared) = match lab.look(&pair, &camera, lab.subject.near) {
+            // A device that has no room for it has said so, as it should.
+            Err(error @ Error::OutOfMemory { .. }) => {
+                let fact = (name, format!("left out: {error}"));
+                lab.found.facts.push(fact);
+                continue;
+            }
+            looked => looked?,
+        };
+        let errors = [compared.measured, compared.bound];
+        let all = (width * height) as usize;
+        let what = match lab.plan.pixels < all {
+            true => format!("{} of its pixels", lab.plan.pixels),
+            false => "all its pixels".into(),
+        };
+        lab.add(Outcome::at_most(
+            Group::Sizes,
+            &name,
+            what,
+            errors,
+            OF_RANGE,
+        ));
+        points.push(Point {
+            x: f64::from(width.max(height)),
+            measured: compared.measured,
+            bound: compared.bound,
+        });
+        if width.min(height) > 4 && width.max(height) < 700 {
+            stills.push(still(name, &image));
+        }
+    }
+    points.sort_by(|a, b| a.x.total_cmp(&b.x));
+    // Of pictures of one length, the one closest to its bound.
+    points.dedup_by(|b, a| {
+        let is_one = a.x == b.x;
+        let share = |p: &Point| (p.measured / p.bound).abs();
+        // NaN is the greatest of all.
+        if is_one && share(b).total_cmp(&share(a)).is_gt() {
+            *a = *b;
+        }
+        is_one
+    });
+    lab.found.sweeps.push(Sweep {
+        group: Group::Sizes,
+        title: "Error over size".into(),
+        parameter: "longer side, px",
+        is_log: true,
+        quantity: "error, of 1",
+        caption: "The longer side shows as much of the scene as the first view's does, so that all of its splats grow with it.".into(),
+        points,
+        stills,
+    });
+    Ok(())
+}
+
+/// A camera of another shape whose longer side sees as much as that of the first.
+fn shaped(camera: &Camera, width: u32, height: u32) -> Camera {
+    let factor = f64::from(width.max(height)) / f64::from(camera.width.max(camera.height));
+    subject::exact(&Camera {
+        width,
+        height,
+        focal: camera.focal * factor,
+        center: 0.5 * DVec2::new(f64::from(width), f64::from(height)),
+        ..*camera
+    })
+}

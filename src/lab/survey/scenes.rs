@@ -1,0 +1,50 @@
+//! What is surveyed: built-in scenes, all photographed alike; and how data sets are told apart.
+
+use crate::lab::synth::{self, Kind, SynthOptions};
+use crate::scene::Dataset;
+use crate::train::checkpoint::fingerprint;
+
+/// Photographs of a built-in scene.
+const VIEWS: usize = 48;
+
+/// A built-in scene in photographs of this width, by three quarters of that, every eighth of them held out.
+pub fn made(kind: Kind, width: u32) -> Dataset {
+    synth::scene(kind).dataset(&SynthOptions {
+        views: VIEWS,
+        width,
+        height: (width * 3 / 4).max(1),
+        ..SynthOptions::default()
+    })
+}
+
+/// A checksum of a data set's training views and points, hexadecimal. Photographs that change alone are not noticed, but
+/// points have their colours.
+pub fn checksum(dataset: &Dataset) -> String {
+    let mut hash = crc32fast::Hasher::new();
+    hash.update(&fingerprint(dataset).to_le_bytes());
+    for point in &dataset.points {
+        let position = point.position.iter().flat_map(|x| x.to_le_bytes());
+        let color = point.color.iter().flat_map(|x| x.to_le_bytes());
+        hash.update(&position.chain(color).collect::<Vec<u8>>());
+    }
+    format!("{:08x}", hash.finalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_sizes_and_scenes_have_other_checksums() {
+        let found = [
+            made(Kind::Plane, 16),
+            made(Kind::Plane, 20),
+            made(Kind::Sphere, 16),
+        ];
+        let [plane, larger, sphere] = found.each_ref().map(checksum);
+        assert_eq!(plane, checksum(&made(Kind::Plane, 16)));
+        assert!(plane != larger && plane != sphere && larger != sphere);
+        assert_eq!(plane.len(), 8);
+        assert_eq!(found[0].split(crate::scene::Split::Test).len(), VIEWS / 8);
+    }
+}
