@@ -8,6 +8,7 @@ use super::train::{Session, begin_made};
 use super::{Outcome, eval};
 use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::scene::{Camera, Dataset};
+use crate::simplify::AutoRun;
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
 use clap::Args;
@@ -49,6 +50,8 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         "making the scene and its photographs in {}",
         args.out.display()
     ));
+    std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
+    let _lock = io::FolderLock::take(&args.out)?;
     let data = args.out.join("data");
     std::fs::create_dir_all(&data).map_err(Error::io(&data))?;
     synth::save(
@@ -61,9 +64,9 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let mut config = TrainConfig::for_iterations(args.iterations);
     config.seed = args.seed;
     config.validate()?;
-    let training = engine.train(&dataset, config)?;
-    let mut record = begin_made(&data, &options, args.iterations)?;
-    record.timings.load_seconds = start.elapsed().as_secs_f64();
+    let run = AutoRun::new(engine.gpu(), &dataset, config)?;
+    let mut state = begin_made(&data, &options, args.iterations)?;
+    state.timings.load_seconds = start.elapsed().as_secs_f64();
     let session = Session {
         engine: &engine,
         dataset: &dataset,
@@ -73,7 +76,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         against: None,
         output,
     };
-    if session.run(training, &mut record)? == Outcome::Interrupted {
+    if session.run(run, &mut state)? == Outcome::Interrupted {
         return Ok(Outcome::Interrupted);
     }
     let orbit = args.out.join("orbit");

@@ -2,16 +2,18 @@
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};
-use super::engine::{Engine, Picture};
+use super::engine::Engine;
 use super::output::{Output, file_stem, score_text};
+use crate::gpu::Gpu;
 use crate::lab::report::comparison;
-use crate::metrics::{MeanScore, Target, ViewScore};
-use crate::scene::{Dataset, Splats, View};
-use crate::train::{Background, TrainConfig};
+use crate::metrics::{MeanScore, ViewScore};
+use crate::render::{Evaluated, Evaluator, ViewOptions};
+use crate::scene::{Dataset, RenderMode, Splats};
+use crate::train::TrainConfig;
 use crate::{Error, Result, io};
 use clap::Args;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Score a scene against the photographs of a data set
 ///
@@ -64,20 +66,16 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
         std::fs::create_dir_all(dir).map_err(Error::io(dir))?;
     }
     let engine = Engine::open(&args.device)?;
-    let scene = Scene {
-        engine: &engine,
-        dataset: &dataset,
-        background: args.background,
-    };
+    let mut evaluator = evaluator(engine.gpu(), &dataset, &views, args.background);
     let bar = output.bar(views.len() as u64, "views");
-    let scores = scene.evaluate(&splats, &views, &mut |scored| {
+    let mut scores = Vec::new();
+    evaluator.for_each(&splats, &mut |evaluated| {
         bar.inc(1);
-        let Some(dir) = &args.pictures else {
-            return Ok(());
-        };
-        let path = dir.join(file_stem(&scored.view.name) + ".png");
-        let size = [scored.target.width, scored.target.height];
-        comparison(&path, size, &scored.target.rgb, &scored.picture.rgb)
+        scores.push(evaluated.score());
+        match &args.pictures {
+            Some(dir) => write_comparison(dir, evaluated),
+            None => Ok(()),
+        }
     })?;
     bar.finish_and_clear();
     engine.check()?;
@@ -95,7 +93,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
 }
 
 /// Reads splats and prints what was repaired or left out.
-pub(super) fn read_scene(path: &std::path::Path) -> Result<Splats> {
+pub(super) fn read_scene(path: &Path) -> Result<Splats> {
     let loaded = io::splats::read(path)?;
     for warning in &loaded.warnings {
         eprintln!("warning: {warning}");
@@ -130,61 +128,30 @@ fn table(scores: &[ViewScore], mean: &MeanScore) -> String {
     text + "mean: " + &score_text(mean)
 }
 
-/// What a scene is judged in.
-pub(super) struct Scene<'a> {
-    pub engine: &'a Engine,
-    pub dataset: &'a Dataset,
-    /// Colour behind the splats, and behind photographs with alpha.
-    pub background: [f32; 3],
+/// Evaluator of some of a data set's views.
+pub(super) fn evaluator<'d>(
+    gpu: &Gpu,
+    dataset: &'d Dataset,
+    views: &[usize],
+    background: [f32; 3],
+) -> Evaluator<'d> {
+    let options = ViewOptions {
+        background,
+        near: near(dataset) as f32,
+        mode: RenderMode::Default,
+    };
+    Evaluator::new(gpu, dataset, views, options)
 }
 
-/// A view that has been rendered and scored.
-pub(super) struct Scored<'a> {
-    pub view: &'a View,
-    pub target: &'a Target,
-    pub picture: &'a Picture,
-}
-
-impl Scene<'_> {
-    /// Renders and scores some views, in their order.
-    pub(crate) fn evaluate(
-        &self,
-        splats: &Splats,
-        views: &[usize],
-        each: &mut dyn FnMut(&Scored<'_>) -> Result<()>,
-    ) -> Result<Vec<ViewScore>> {
-        if views.is_empty() {
-            return Ok(Vec::new());
-        }
-        let mut scene_renderer = self
-            .engine
-            .scene_renderer(splats, near(self.dataset), false)?;
-        let mut scores = Vec::with_capacity(views.len());
-        for &index in views {
-            let view = &self.dataset.views[index];
-            let photo = io::photo::load(view)?;
-            let target = Target::new(&photo, self.dataset.alpha, self.background);
-            let picture = scene_renderer.draw(&view.camera, self.background)?;
-            scores.push(target.score(&view.name, &picture.rgb));
-            each(&Scored {
-                view,
-                target: &target,
-                picture: &picture,
-            })?;
-        }
-        Ok(scores)
-    }
+/// Writes photograph | rendering | difference of a view to a folder, under the view's name.
+pub(super) fn write_comparison(dir: &Path, evaluated: Evaluated<'_>) -> Result<()> {
+    let path = dir.join(file_stem(&evaluated.view.name) + ".png");
+    let target = evaluated.target;
+    let size = [target.width, target.height];
+    comparison(&path, size, &target.rgb, &evaluated.rendered.rgb)
 }
 
 /// The near plane of a data set's views in world units, as in training.
 pub(super) fn near(dataset: &Dataset) -> f64 {
     dataset.extent() * f64::from(TrainConfig::default().near_factor)
-}
-
-/// The background that a configuration's results are judged before.
-pub(super) fn background(config: &TrainConfig) -> [f32; 3] {
-    match config.background {
-        Background::Fixed(color) => color,
-        Background::Random => [0.0; 3],
-    }
 }

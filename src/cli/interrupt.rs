@@ -1,39 +1,38 @@
-//! Ctrl-C: the first asks for an orderly end, the second ends at once.
+//! Requests to stop: SIGINT (Ctrl-C) and SIGTERM ask for an orderly end; a second SIGINT ends the process at once.
 
 use super::EXIT_INTERRUPTED;
 use crate::{Error, Result};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag::{register, register_conditional_shutdown};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether the user asked to stop (SIGINT, or SIGTERM from a job scheduler).
+/// Request of the user, or of a job scheduler, to stop.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Interrupt(Arc<AtomicBool>);
+pub(super) struct Interrupt {
+    requested: Arc<AtomicBool>,
+    announced: Arc<AtomicBool>,
+}
 
 impl Interrupt {
-    /// Listens from now on. A process can do this once.
+    /// Listens from now on.
     pub(crate) fn listen() -> Result<Interrupt> {
         let interrupt = Interrupt::default();
-        let heard = interrupt.clone();
-        let installed = ctrlc::set_handler(move || {
-            if heard.0.swap(true, Ordering::Relaxed) {
-                std::process::exit(i32::from(EXIT_INTERRUPTED));
-            }
-            eprintln!(
-                "\nstopping after this step; Ctrl-C again stops at once, without a checkpoint"
-            );
-        });
-        installed.map_err(|e| Error::Config(format!("cannot listen for Ctrl-C: {e}")))?;
+        let flag = || Arc::clone(&interrupt.requested);
+        // In this order a SIGINT finds the flag set only from the second time on. SIGTERM may be sent several times.
+        register_conditional_shutdown(SIGINT, i32::from(EXIT_INTERRUPTED), flag())
+            .and_then(|_| register(SIGINT, flag()))
+            .and_then(|_| register(SIGTERM, flag()))
+            .map_err(|e| Error::Config(format!("cannot listen for signals: {e}")))?;
         Ok(interrupt)
     }
 
-    /// Whether to stop.
+    /// Whether to stop; says so the first time.
     pub(crate) fn is_requested(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-
-    /// As if the user had asked.
-    #[cfg(test)]
-    pub(crate) fn request(&self) {
-        self.0.store(true, Ordering::Relaxed);
+        let is_requested = self.requested.load(Ordering::Relaxed);
+        if is_requested && !self.announced.swap(true, Ordering::Relaxed) {
+            eprintln!("\nstopping after this step; Ctrl-C stops at once, without a checkpoint");
+        }
+        is_requested
     }
 }

@@ -1,5 +1,4 @@
-//! What a command says while it works: a progress bar for people, JSON lines for machines, silence for
-//! log files.
+//! Output of a command at work: a progress bar on a terminal, a line now and then in a log file, JSON lines for machines.
 
 use crate::metrics::MeanScore;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -40,20 +39,52 @@ impl Output {
         }
     }
 
-    /// A bar of `length` steps, drawn only on a terminal.
-    pub(crate) fn bar(self, length: u64, what: &'static str) -> ProgressBar {
-        if self.json || !std::io::stderr().is_terminal() {
+    /// A bar of `length` steps; where standard error is no terminal, a line every [`LINE_EVERY`] instead.
+    pub(crate) fn bar(self, length: u64, name: &'static str) -> ProgressBar {
+        if self.json {
             return ProgressBar::hidden();
         }
         // Ten frames a second: drawing more often costs steps on a slow machine.
-        let target = ProgressDrawTarget::stderr_with_hz(10);
+        let target = match std::io::stderr().is_terminal() {
+            true => ProgressDrawTarget::stderr_with_hz(10),
+            false => ProgressDrawTarget::hidden(),
+        };
+        let is_hidden = target.is_hidden();
         let bar = ProgressBar::with_draw_target(Some(length), target);
         let template = "{prefix} {bar:16} {pos}/{len} · {eta} left {msg}";
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
-        bar.with_prefix(what)
+        if is_hidden {
+            write_lines(&bar, name, LINE_EVERY, |line| eprintln!("{line}"));
+        }
+        bar.with_prefix(name)
     }
+}
+
+/// Time between two lines of progress.
+const LINE_EVERY: Duration = Duration::from_secs(30);
+
+/// Writes a line of progress every so often until the bar is dropped.
+fn write_lines(
+    bar: &ProgressBar,
+    name: &'static str,
+    every: Duration,
+    write: impl Fn(String) + Send + 'static,
+) {
+    let bar = bar.downgrade();
+    std::thread::spawn(move || {
+        loop {
+            std::thread::sleep(every);
+            match bar.upgrade() {
+                Some(bar) if !bar.is_finished() => {
+                    let (done, all) = (bar.position(), bar.length().unwrap_or(0));
+                    write(format!("{name} {done} of {all} {}", bar.message()));
+                }
+                _ => return,
+            }
+        }
+    });
 }
 
 /// Lets something happen at most every so often.
@@ -161,6 +192,22 @@ mod tests {
         assert_eq!(file_stem("../../etc/passwd"), "_.._etc_passwd");
         assert_eq!(file_stem("a b\u{e9}.JPG"), "a_b_");
         assert_eq!(file_stem(".."), "view");
+    }
+
+    #[test]
+    fn lines_are_written_until_the_bar_is_gone() {
+        let (send, receive) = std::sync::mpsc::channel();
+        let bar = ProgressBar::hidden();
+        bar.set_length(9);
+        bar.set_position(4);
+        bar.set_message("· loss 0.1");
+        write_lines(&bar, "training", Duration::from_millis(1), move |line| {
+            _ = send.send(line);
+        });
+        assert_eq!(receive.recv().as_deref(), Ok("training 4 of 9 · loss 0.1"));
+        drop(bar);
+        // The thread ends and lets go of the sender.
+        assert_eq!(receive.iter().filter(|line| line.is_empty()).count(), 0);
     }
 
     #[test]

@@ -5,15 +5,14 @@ mod figures;
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs, parse_color};
 use super::engine::Engine;
-use super::eval::{near, read_scene};
+use super::eval::{evaluator, near, read_scene};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
-use super::train::Steps;
-use crate::metrics::{MeanScore, Target};
+use crate::metrics::MeanScore;
 use crate::scene::{Camera, Dataset, Splats, Split};
 use crate::simplify::{
-    ContributionPass, PassOptions, Promise, difference, kept, measure, merge, prune, rates,
-    reduce_harmonics, refit_config,
+    AutoRun, ContributionPass, PassOptions, Promise, difference, kept, measure, merge, prune,
+    rates, reduce_harmonics, refit_config,
 };
 use crate::{Error, Result, io};
 use clap::Args;
@@ -261,21 +260,15 @@ impl Work<'_> {
 
     /// Means over the test views.
     fn score(&self, splats: &Splats) -> Result<MeanScore> {
-        let background = self.args.background;
-        let compatibility = self.args.compat.into();
-        let near = near(self.dataset);
-        let mut scene_renderer =
-            self.engine
-                .scene_renderer_with(splats, near, false, compatibility)?;
-        let mut scores = Vec::new();
-        for index in self.dataset.split(Split::Test) {
-            let view = &self.dataset.views[index];
-            let photo = io::photo::load(view)?;
-            let target = Target::new(&photo, self.dataset.alpha, background);
-            let picture = scene_renderer.draw(&view.camera, background)?;
-            scores.push(target.score(&view.name, &picture.rgb));
-        }
-        Ok(MeanScore::of(&scores))
+        let views = self.dataset.split(Split::Test);
+        let mut evaluator = evaluator(
+            self.engine.gpu(),
+            self.dataset,
+            &views,
+            self.args.background,
+        )
+        .drawing_as(self.args.compat.into());
+        Ok(MeanScore::of(&evaluator.scores(splats)?))
     }
 
     fn refit(&self, splats: &Splats, iterations: u32) -> Result<Option<Splats>> {
@@ -283,15 +276,15 @@ impl Work<'_> {
             return Ok(Some(splats.clone()));
         }
         let config = refit_config(splats, iterations, self.args.background);
-        let mut training = self.engine.refit(self.dataset, config, splats)?;
-        while training.iteration() < iterations {
+        let mut run = AutoRun::from_splats(self.engine.gpu(), self.dataset, config, splats)?;
+        while run.iteration() < iterations {
             if self.interrupt.is_requested() {
                 return Ok(None);
             }
-            training.step()?;
+            run.step()?;
         }
-        training.finish()?;
-        Ok(Some(training.splats()?))
+        run.finish()?;
+        Ok(Some(run.splats()?))
     }
 }
 

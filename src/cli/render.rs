@@ -4,9 +4,10 @@ pub(super) mod orbit;
 
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs, SplitArg, parse_color};
-use super::engine::{Engine, Picture};
+use super::engine::Engine;
 use super::eval::{near, read_scene};
 use super::output::{Output, file_stem};
+use crate::render::Rendered;
 use crate::scene::{Camera, Dataset};
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
@@ -154,7 +155,7 @@ fn shots(
     Ok(views.iter().zip(cameras).map(shot).collect())
 }
 
-fn write(dir: &Path, stem: &str, format: Format, picture: &Picture) -> Result<PathBuf> {
+fn write(dir: &Path, stem: &str, format: Format, picture: &Rendered) -> Result<PathBuf> {
     let (width, height) = (picture.width, picture.height);
     match format {
         Format::Png => {
@@ -164,9 +165,9 @@ fn write(dir: &Path, stem: &str, format: Format, picture: &Picture) -> Result<Pa
         }
         Format::Exr => {
             let path = dir.join(format!("{stem}.exr"));
-            let pixels = picture.rgb.iter().zip(&picture.alpha);
-            let rgba: Vec<[f32; 4]> = pixels.map(|(rgb, &alpha)| linear(*rgb, alpha)).collect();
-            io::exr::write(&path, width, height, &rgba, &picture.depth)?;
+            let pixels = picture.rgb.iter().zip(picture.alpha());
+            let rgba: Vec<[f32; 4]> = pixels.map(|(rgb, alpha)| linear(*rgb, alpha)).collect();
+            io::exr::write(&path, width, height, &rgba, &picture.mean_depth())?;
             Ok(path)
         }
     }

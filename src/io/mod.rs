@@ -15,6 +15,7 @@ pub mod colmap;
 pub mod dataset;
 pub mod exr;
 mod listing;
+mod lock;
 pub mod obj;
 pub mod photo;
 pub mod ply;
@@ -26,4 +27,5 @@ pub mod splats;
 pub mod transforms;
 
 pub use listing::{Listed, Listing};
+pub use lock::FolderLock;
 pub use source::Source;

@@ -33,6 +33,30 @@ pub struct Rendered {
     pub depth: Vec<f32>,
 }
 
+/// Coverage below which a pixel has no depth: one level of 8 bits.
+const COVERAGE_MIN: f32 = 1.0 / 255.0;
+
+impl Rendered {
+    /// Coverage of each pixel, 0 to 1.
+    pub fn alpha(&self) -> Vec<f32> {
+        self.transmittance.iter().map(|t| 1.0 - t).collect()
+    }
+
+    /// Mean depth of each pixel along the view's z axis in world units; infinite where coverage is below 1/255. Empty
+    /// unless depth was asked for.
+    pub fn mean_depth(&self) -> Vec<f32> {
+        let mean = |(sum, transmittance): (&f32, &f32)| match 1.0 - transmittance {
+            alpha if alpha >= COVERAGE_MIN => sum / alpha,
+            _ => f32::INFINITY,
+        };
+        self.depth
+            .iter()
+            .zip(&self.transmittance)
+            .map(mean)
+            .collect()
+    }
+}
+
 /// Renders scenes on one device.
 pub struct Renderer {
     gpu: Gpu,

@@ -1,8 +1,8 @@
 //! What has been tried and found in a run that ends with no more splats than its scene needs. All that its decisions go
 //! by stands here, so that a resumed run decides alike.
 
-use super::evaluator::is_full;
 use super::gain::{error, steps_of_ten_percent};
+use super::held_out::is_full;
 use super::{Decision, HalfResolution, Law};
 use crate::stats::mean;
 use serde::{Deserialize, Serialize};

@@ -28,8 +28,8 @@ mod change;
 mod contribution;
 mod decision;
 mod detail;
-mod evaluator;
 pub mod gain;
+mod held_out;
 mod history;
 mod law;
 mod merge;
@@ -38,13 +38,13 @@ mod refit;
 mod sh_error;
 mod sh_fit;
 
-pub use auto::{CountController, PREFERENCE_DB, for_auto_count};
+pub use auto::{AutoRun, CountController, PREFERENCE_DB, for_auto_count};
 pub use change::{Change, Promise, measure};
 pub use contribution::{
     ContributionPass, PassOptions, PixelErrors, RemovalError, RenderedTiles, SplatContribution,
 };
 pub use decision::{Decision, HalfResolution};
-pub use evaluator::{Evaluator, part};
+pub use held_out::split_views;
 pub use history::{Act, Entry, History, Phase, Round};
 pub use law::Law;
 pub use merge::{Difference, Merged, difference, merge, rates};

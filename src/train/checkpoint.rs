@@ -27,18 +27,25 @@ pub struct Checkpoint {
     pub statistics: Vec<SplatStats>,
     /// Of the data set trained on: see [`fingerprint`].
     pub fingerprint: u32,
-    /// Of whoever steers the run, if anyone does.
-    pub steering: Option<Steering>,
+    /// State of the controller that steers the run, if one does.
+    pub controller: Option<ControllerState>,
 }
 
-/// What whoever steers a run between its steps goes by, beside the run itself.
+/// State of a [`Controller`](super::Controller) between two steps.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Steering {
-    /// Its own affair.
-    pub notes: serde_json::Value,
-    /// A state that the run may go back to.
+pub struct ControllerState {
+    /// [`Controller::NAME`](super::Controller::NAME).
+    pub name: String,
+    /// [`Controller::VERSION`](super::Controller::VERSION) of the program that wrote it.
+    pub version: u32,
+    /// [`Controller::State`](super::Controller::State) as JSON.
+    pub state: serde_json::Value,
+    /// Second scene state that the run may go back to.
     pub kept: Option<HostState>,
 }
+
+/// Name and version of the controller in checkpoints from before these were written.
+const UNNAMED: (&str, u32) = ("count", 1);
 
 /// A checksum of a data set's training views: names, sizes and poses, in their order.
 pub fn fingerprint(dataset: &Dataset) -> u32 {
@@ -70,7 +77,11 @@ impl Checkpoint {
             "iteration": self.iteration,
             "splat_count": self.state.len(),
             "fingerprint": self.fingerprint,
-            "steering": self.steering.as_ref().map(|steering| &steering.notes),
+            "controller": self.controller.as_ref().map(|controller| json!({
+                "name": controller.name,
+                "version": controller.version,
+                "state": controller.state,
+            })),
             "kept_count": self.kept().map(HostState::len),
         });
         let [params, m, v] = numbers(&self.state);
@@ -92,7 +103,7 @@ impl Checkpoint {
     }
 
     fn kept(&self) -> Option<&HostState> {
-        self.steering.as_ref()?.kept.as_ref()
+        self.controller.as_ref()?.kept.as_ref()
     }
 
     /// Reads a file and checks that its parts fit each other.
@@ -144,8 +155,7 @@ impl Checkpoint {
             None => None,
             Some(_) => Some(state("kept ", number("kept_count")? as usize)?),
         };
-        let steering = present("steering").cloned();
-        let steering = steering.map(|notes| Steering { notes, kept });
+        let controller = controller(meta, kept).map_err(|what| fault(&what))?;
         let state = state("", count)?;
         let statistics = file.read::<f32>("statistics")?;
         if statistics.len() != count * 4 {
@@ -157,7 +167,7 @@ impl Checkpoint {
             state,
             statistics: bytemuck::cast_slice(&statistics).to_vec(),
             fingerprint: number("fingerprint")?,
-            steering,
+            controller,
         })
     }
 
@@ -169,6 +179,31 @@ impl Checkpoint {
         let what = "the data set's training views are not those that this run was begun with";
         Err(Error::file(path, what))
     }
+}
+
+/// Controller state in a header, of this version or an earlier one.
+fn controller(
+    meta: &serde_json::Value,
+    kept: Option<HostState>,
+) -> std::result::Result<Option<ControllerState>, String> {
+    let present = |name: &str| meta.get(name).filter(|value| !value.is_null());
+    let (name, version, state) = match (present("controller"), present("steering")) {
+        (Some(saved), _) => {
+            let version = saved["version"].as_u64();
+            let version = version.and_then(|version| u32::try_from(version).ok());
+            let named = saved["name"].as_str().zip(version);
+            let (name, version) = named.ok_or("its controller has no name or no version")?;
+            (name, version, &saved["state"])
+        }
+        (None, Some(state)) => (UNNAMED.0, UNNAMED.1, state),
+        (None, None) => return Ok(None),
+    };
+    Ok(Some(ControllerState {
+        name: name.into(),
+        version,
+        state: state.clone(),
+        kept,
+    }))
 }
 
 /// A state's parameters and moments one after the other.
@@ -223,7 +258,7 @@ mod tests {
             state,
             statistics: (0..count).map(|i| [i as f32, 1.0, 2.0, 0.0]).collect(),
             fingerprint: 5,
-            steering: None,
+            controller: None,
         }
     }
 

@@ -192,7 +192,7 @@ impl<'a> Trainer<'a> {
 
     /// What the camera's near plane is, world units.
     pub fn near(&self) -> f32 {
-        (self.extent * f64::from(self.config.near_factor)) as f32
+        self.config.near(self.extent)
     }
 
     /// Begins the next iteration; returns the report of an earlier one, if one has finished.

@@ -66,7 +66,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
             state,
             statistics: trainer.statistics()?,
             fingerprint: fingerprint(dataset),
-            steering: None,
+            controller: None,
         };
         before(trainer.iteration());
         checkpoint.write(&path)?;

@@ -73,11 +73,11 @@ fn watch() {
         std::thread::spawn(|| {
             loop {
                 std::thread::sleep(Duration::from_secs(1));
-                if let Some((name, bytes, since)) = &*running() {
-                    if since.elapsed() > PATIENCE {
-                        eprintln!("{name} hangs on {}", keep(name, bytes).display());
-                        std::process::abort();
-                    }
+                if let Some((name, bytes, since)) = &*running()
+                    && since.elapsed() > PATIENCE
+                {
+                    eprintln!("{name} hangs on {}", keep(name, bytes).display());
+                    std::process::abort();
                 }
             }
         });

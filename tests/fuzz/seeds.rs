@@ -199,7 +199,7 @@ fn checkpoint() -> Vec<u8> {
         state: HostState::from_splats(&splats(0, RenderMode::Default), 0),
         statistics: vec![[1.0, 2.0, 3.0, 0.0]; 2],
         fingerprint: 5,
-        steering: None,
+        controller: None,
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");

@@ -137,7 +137,7 @@ fn a_run_of_several_degrees_repeats_and_resumes_to_the_bit() {
         state: first.download().unwrap(),
         statistics: first.statistics().unwrap(),
         fingerprint: fingerprint(&dataset),
-        steering: None,
+        controller: None,
     }
     .write(&path)
     .unwrap();

@@ -6,10 +6,10 @@ use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::scene::{Dataset, PhotoSource, Split};
 use ashfall::simplify::{
-    Act, CountController, History, PREFERENCE_DB, Phase, for_auto_count, part,
+    Act, AutoRun, CountController, History, PREFERENCE_DB, Phase, for_auto_count, split_views,
 };
 use ashfall::stats::mean;
-use ashfall::train::checkpoint::{Checkpoint, Steering, fingerprint};
+use ashfall::train::checkpoint::Checkpoint;
 use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
 use std::path::Path;
 
@@ -50,50 +50,59 @@ pub(super) fn longer() -> TrainConfig {
 }
 
 /// A run from its beginning to the end, and what it found.
-fn run(
+fn run_to_end(
     gpu: &Gpu,
     dataset: &Dataset,
     config: TrainConfig,
     gain: f64,
 ) -> Result<(HostState, History)> {
-    let mut trainer = Trainer::new(gpu, dataset, config)?;
-    let mut controller = CountController::begin(&mut trainer, dataset, gain, false)?;
-    while !trainer.is_done() {
-        trainer.step()?;
-        controller.after_step(&mut trainer)?;
+    let mut run = controlled(gpu, dataset, config, gain)?;
+    while !run.is_done() {
+        run.step()?;
     }
-    Ok((trainer.download()?, controller.history().clone()))
+    Ok((state_of(&mut run)?, history_of(&run).clone()))
 }
 
-/// Writes a run down, forgets it and goes on from the file.
+/// Saves a run, drops it and resumes it from the file.
 fn reopened<'a>(
     gpu: &Gpu,
     dataset: &'a Dataset,
-    (mut trainer, controller): (Trainer<'a>, CountController<'a>),
+    mut run: AutoRun<'a>,
     path: &Path,
-) -> Result<(Trainer<'a>, CountController<'a>)> {
-    let checkpoint = Checkpoint {
-        config: trainer.config().clone(),
-        state: trainer.download()?,
-        iteration: trainer.iteration(),
-        statistics: trainer.statistics()?,
-        fingerprint: fingerprint(dataset),
-        steering: Some(Steering {
-            notes: serde_json::to_value(controller.history()).unwrap(),
-            kept: controller.kept().cloned(),
-        }),
-    };
-    drop((trainer, controller));
-    checkpoint.write(path)?;
+) -> Result<AutoRun<'a>> {
+    run.save(path)?;
     let saved = Checkpoint::read(path)?;
-    assert!(saved == checkpoint, "a checkpoint comes back as another");
-    let mut trainer =
-        Trainer::from_state(gpu, dataset, saved.config, &saved.state, saved.iteration)?;
-    let steering = saved.steering.unwrap();
-    let history = serde_json::from_value(steering.notes).unwrap();
-    let controller = CountController::resume(&mut trainer, dataset, history, steering.kept)?;
-    trainer.set_statistics(&saved.statistics)?;
-    Ok((trainer, controller))
+    drop(run);
+    let run = AutoRun::resume(gpu, dataset, path)?;
+    let copy = path.with_extension("copy");
+    saved.write(&copy)?;
+    assert!(
+        Checkpoint::read(&copy)? == saved,
+        "a checkpoint comes back as another"
+    );
+    Ok(run)
+}
+
+fn controlled<'a>(
+    gpu: &Gpu,
+    dataset: &'a Dataset,
+    config: TrainConfig,
+    gain: f64,
+) -> Result<AutoRun<'a>> {
+    AutoRun::new(gpu, dataset, config)?
+        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, gain, false))
+}
+
+fn history_of<'r>(run: &'r AutoRun<'_>) -> &'r History {
+    run.controller().unwrap().history()
+}
+
+/// Parameters and moments, from a checkpoint.
+fn state_of(run: &mut AutoRun<'_>) -> Result<HostState> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint");
+    run.save(&path)?;
+    Ok(Checkpoint::read(&path)?.state)
 }
 
 #[test]
@@ -103,7 +112,7 @@ fn who_pays_for_smaller_gains_gets_more_splats() -> Result<()> {
     let mut counts = Vec::new();
     for gain in [1e-4, 0.03, 2.0] {
         counts.push(
-            run(&gpu, &dataset, config(StrategyKind::Adc), gain)?
+            run_to_end(&gpu, &dataset, config(StrategyKind::Adc), gain)?
                 .0
                 .len(),
         );
@@ -122,7 +131,7 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
         if kind == Kind::Plane {
             paint(&mut dataset);
         }
-        let (state, _) = run(&gpu, &dataset, longer(), PREFERENCE_DB)?;
+        let (state, _) = run_to_end(&gpu, &dataset, longer(), PREFERENCE_DB)?;
         counts.push((state.len(), degrees(&state)));
     }
     assert!(20 * counts[0].0 <= counts[1].0, "{counts:?}");
@@ -158,15 +167,13 @@ fn photographs_stay_small_for_longer_where_there_is_less_to_see() -> Result<()> 
             paint(&mut dataset);
         }
         let config = config(StrategyKind::Adc);
-        let mut trainer = Trainer::new(&gpu, &dataset, config)?;
-        let mut controller = CountController::begin(&mut trainer, &dataset, PREFERENCE_DB, false)?;
-        while controller.history().is_half {
-            trainer.step()?;
-            controller.after_step(&mut trainer)?;
+        let mut run = controlled(&gpu, &dataset, config, PREFERENCE_DB)?;
+        while history_of(&run).is_half {
+            run.step()?;
         }
-        let history = controller.history();
+        let history = history_of(&run);
         let half = history.half_size().unwrap_or_default();
-        assert_eq!(half.until, trainer.iteration());
+        assert_eq!(half.until, run.iteration());
         turns.push((half, history.phase, history.settled_from));
     }
     let [(plain, _, settled_from), (full, phase, _)] = &turns[..] else {
@@ -188,20 +195,18 @@ fn a_resumed_run_decides_and_ends_as_an_uninterrupted_one() -> Result<()> {
     for strategy in [StrategyKind::Adc, StrategyKind::Mcmc] {
         let mut config = config(strategy);
         config.max_splats = Some(1_500);
-        let whole = run(&gpu, &dataset, config.clone(), 0.02)?;
-        let mut trainer = Trainer::new(&gpu, &dataset, config)?;
-        let mut controller = CountController::begin(&mut trainer, &dataset, 0.02, false)?;
+        let whole = run_to_end(&gpu, &dataset, config.clone(), 0.02)?;
+        let mut run = controlled(&gpu, &dataset, config, 0.02)?;
         let mut phases = Vec::new();
-        while !trainer.is_done() {
-            trainer.step()?;
-            controller.after_step(&mut trainer)?;
+        while !run.is_done() {
+            run.step()?;
             // 49: where growth is looked at; 170: within a round; the others: wherever they fall.
-            if [49, 101, 170, 215, 300].contains(&trainer.iteration()) {
-                phases.push(controller.history().phase);
-                (trainer, controller) = reopened(&gpu, &dataset, (trainer, controller), &path)?;
+            if [49, 101, 170, 215, 300].contains(&run.iteration()) {
+                phases.push(history_of(&run).phase);
+                run = reopened(&gpu, &dataset, run, &path)?;
             }
         }
-        let found = (trainer.download()?, controller.history().clone());
+        let found = (state_of(&mut run)?, history_of(&run).clone());
         assert!(phases.contains(&Phase::Growing) && phases.contains(&Phase::Settled));
         assert!(phases.contains(&Phase::Pruning), "{phases:?}");
         assert_eq!(found.1, whole.1, "{strategy:?}");
@@ -216,21 +221,19 @@ fn a_run_resumed_at_half_the_size_goes_on_at_half_the_size() -> Result<()> {
     let mut dataset = dataset(Kind::Plane);
     paint(&mut dataset);
     let config = config(StrategyKind::Adc);
-    let whole = run(&gpu, &dataset, config.clone(), PREFERENCE_DB)?;
+    let whole = run_to_end(&gpu, &dataset, config.clone(), PREFERENCE_DB)?;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");
-    let mut trainer = Trainer::new(&gpu, &dataset, config)?;
-    let mut controller = CountController::begin(&mut trainer, &dataset, PREFERENCE_DB, false)?;
-    while !trainer.is_done() {
-        trainer.step()?;
-        controller.after_step(&mut trainer)?;
-        if [30, 110].contains(&trainer.iteration()) {
-            assert!(controller.history().is_half);
-            (trainer, controller) = reopened(&gpu, &dataset, (trainer, controller), &path)?;
+    let mut run = controlled(&gpu, &dataset, config, PREFERENCE_DB)?;
+    while !run.is_done() {
+        run.step()?;
+        if [30, 110].contains(&run.iteration()) {
+            assert!(history_of(&run).is_half);
+            run = reopened(&gpu, &dataset, run, &path)?;
         }
     }
-    assert_eq!(*controller.history(), whole.1);
-    assert!(trainer.download()? == whole.0, "other splats");
+    assert_eq!(*history_of(&run), whole.1);
+    assert!(state_of(&mut run)? == whole.0, "other splats");
     Ok(())
 }
 
@@ -241,29 +244,31 @@ fn harmonics_go_in_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps_the
     let dataset = dataset(Kind::Demo);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");
-    let (state, history) = run(&gpu, &dataset, longer(), 0.03)?;
+    let (state, history) = run_to_end(&gpu, &dataset, longer(), 0.03)?;
     let (last, course) = history.entries.split_last().unwrap();
     assert_eq!((last.act, last.iteration), (Act::Lowered, 510));
     for keeps in [false, true] {
-        let mut trainer = Trainer::new(&gpu, &dataset, longer())?;
-        let mut controller = CountController::begin(&mut trainer, &dataset, 0.03, false)?;
-        if keeps {
-            controller.keep_sh();
-        }
-        while !trainer.is_done() {
-            trainer.step()?;
-            controller.after_step(&mut trainer)?;
-            if trainer.iteration() == 500 {
-                assert!(controller.history().sh_goes.is_some());
-                (trainer, controller) = reopened(&gpu, &dataset, (trainer, controller), &path)?;
+        let run = AutoRun::new(&gpu, &dataset, longer())?;
+        let mut run = run.controlled(|trainer, dataset| {
+            let mut controller = CountController::begin(trainer, dataset, 0.03, false)?;
+            if keeps {
+                controller.keep_sh();
+            }
+            Ok(controller)
+        })?;
+        while !run.is_done() {
+            run.step()?;
+            if run.iteration() == 500 {
+                assert!(history_of(&run).sh_goes.is_some());
+                run = reopened(&gpu, &dataset, run, &path)?;
             }
         }
-        let found = trainer.download()?;
+        let found = state_of(&mut run)?;
         if keeps {
-            assert_eq!(controller.history().entries, course);
+            assert_eq!(history_of(&run).entries, course);
             assert_eq!((found.len(), degrees(&found)[0]), (state.len(), 0));
         } else {
-            assert_eq!(*controller.history(), history);
+            assert_eq!(*history_of(&run), history);
             assert!(found == state, "other splats");
         }
     }
@@ -277,7 +282,7 @@ fn harmonics_go_in_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps_the
 fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
     let gpu = gpu();
     // A preference so small that hardly anything may go.
-    let (state, history) = run(&gpu, &dataset(Kind::Demo), config(StrategyKind::Adc), 1e-6)?;
+    let (state, history) = run_to_end(&gpu, &dataset(Kind::Demo), config(StrategyKind::Adc), 1e-6)?;
     // What goes in the last fit was judged in a round.
     let rounds = history
         .entries
@@ -314,7 +319,7 @@ fn views_are_held_out_evenly_and_are_never_test_views() {
         let mut dataset = dataset(Kind::Sphere);
         dataset.views = (0..views).map(|i| dataset.views[i % 20].clone()).collect();
         let train = dataset.split(Split::Train);
-        let (fitted, held) = part(&dataset);
+        let (fitted, held) = split_views(&dataset);
         assert!(held.iter().all(|view| train.contains(view)));
         if train.len() < 8 {
             assert_eq!((&fitted, &held), (&train, &train));

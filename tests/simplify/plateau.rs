@@ -7,8 +7,10 @@ use ashfall::gpu::Gpu;
 use ashfall::lab::synth::Kind;
 use ashfall::scene::Dataset;
 use ashfall::simplify::gain::steps_of_ten_percent;
-use ashfall::simplify::{Act, CountController, Entry, History, PREFERENCE_DB, Phase, Round, part};
-use ashfall::train::{StrategyKind, Trainer};
+use ashfall::simplify::{
+    Act, CountController, Entry, History, PREFERENCE_DB, Phase, Round, split_views,
+};
+use ashfall::train::{Controller, StrategyKind, Trainer};
 
 /// A wall of one colour looks perfect whatever goes, nearly: rounds that show it take their steps once.
 #[test]
@@ -46,7 +48,7 @@ fn after_last_round(
     while trainer.iteration() < 200 {
         trainer.step()?;
     }
-    let (splats, (fitted, held)) = (trainer.splat_count(), part(dataset));
+    let (splats, (fitted, held)) = (trainer.splat_count(), split_views(dataset));
     let own = fitted.len().div_ceil(fitted.len().div_ceil(held.len()));
     let stopped = Entry {
         iteration: 200,

@@ -14,7 +14,7 @@ const RANKS: &[(&str, &str)] = &[
     ("io", "scene error"),
     ("metrics", "scene error"),
     ("kernels", "gpu layout shader error"),
-    ("render", "kernels gpu scene metrics layout error"),
+    ("render", "kernels gpu scene io metrics layout error"),
     ("train", "render kernels gpu scene io metrics layout error"),
     (
         "simplify",

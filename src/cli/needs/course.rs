@@ -269,10 +269,11 @@ fn scenes(survey: &Survey) -> String {
 /// What a data set is called, and where it is: NAME=DATA, else its last folder, and of the path no more.
 fn named(given: &Path) -> (String, PathBuf) {
     let text = given.to_str().filter(|_| !given.exists());
-    if let Some((name, path)) = text.and_then(|text| text.split_once('=')) {
-        if !name.is_empty() && !name.contains(['/', '\\']) {
-            return (safe(name), path.into());
-        }
+    if let Some((name, path)) = text.and_then(|text| text.split_once('='))
+        && !name.is_empty()
+        && !name.contains(['/', '\\'])
+    {
+        return (safe(name), path.into());
     }
     let whole = std::path::absolute(given).unwrap_or_else(|_| given.to_owned());
     let folder = match whole.parent() {

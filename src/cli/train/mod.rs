@@ -2,18 +2,23 @@
 
 mod configure;
 mod needs;
-mod record;
 mod results;
+mod state;
 mod steps;
 
 use super::args::{DataArgs, DeviceArgs};
-use super::engine::{Engine, Training};
+use super::engine::Engine;
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
+use super::predict::Prediction;
 use super::{Outcome, eval};
-use crate::lab::report::Report;
+use crate::io::FolderLock;
+use crate::lab::report::{MemoryFigures, Report};
+use crate::metrics::MeanScore;
+use crate::render::Evaluator;
 use crate::scene::{Dataset, Point, Split};
-use crate::simplify::for_auto_count;
+use crate::simplify::{AutoRun, CountController, for_auto_count};
+use crate::train::TrainConfig;
 use crate::{Error, Result, io};
 use clap::Args;
 use glam::DVec3;
@@ -22,10 +27,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub(super) use configure::ConfigArgs;
-pub(super) use record::{Record, StepFigures};
-pub(super) use steps::Steps;
+pub(super) use state::RunState;
 
-use steps::{Plan, run_steps};
+use state::absolute;
+use steps::{Schedule, run_steps};
 
 /// Fit splats to the photographs of a data set
 ///
@@ -97,46 +102,35 @@ const MESH_POINTS: usize = 100_000;
 
 pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
-    let (dir, mut record) = begin(args)?;
+    let (dir, mut state, lock) = begin(args)?;
     let against = args.compare.as_deref().map(needs::read).transpose()?;
     let start = Instant::now();
-    let mut dataset = record.options.open(&record.data, true)?;
-    if let Some(init) = &record.init {
+    let mut dataset = state.options.open(&state.data, true)?;
+    if let Some(init) = &state.init {
         let origin = dataset.origin;
         dataset.set_origin(DVec3::ZERO);
         dataset.points = points(init)?;
         dataset.set_origin(origin);
     }
     let engine = Engine::open(&args.device)?;
-    let mut training = match &args.resume {
-        Some(_) => engine.resume(&dataset, &dir.join("checkpoint"))?,
-        None => {
-            let is_software = engine.is_software();
-            match args.parsimony {
-                Some(gain) => {
-                    let config = args.config.config_from(is_software, |usual| {
-                        for_auto_count(usual, dataset.split(Split::Train).len())
-                    })?;
-                    let is_open = args.config.iterations.is_none();
-                    engine.train_auto(&dataset, config, (gain, is_open))?
-                }
-                None => engine.train(&dataset, args.config.config(is_software)?)?,
-            }
-        }
+    let mut run = match &args.resume {
+        Some(_) => AutoRun::resume(engine.gpu(), &dataset, &dir.join("checkpoint"))?,
+        None => new_run(args, &engine, &dataset)?,
     };
     // Nothing is written before all that can be checked has been.
     std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
+    let _lock = lock.map_or_else(|| FolderLock::take(&dir), Ok)?;
     io::atomic::remove_leftovers(&dir);
-    record.iterations = training.end().unwrap_or(training.config().iterations);
-    record.rewind(training.iteration());
+    state.iterations = run.end();
+    state.rewind(run.iteration());
     if args.resume.is_none() {
-        record.warnings = dataset.warnings.clone();
-        training.checkpoint(&dir.join("checkpoint"))?;
-        record.write(&dir)?;
+        state.warnings = dataset.warnings.clone();
+        run.save(&dir.join("checkpoint"))?;
+        state.write(&dir)?;
     }
-    record.timings.load_seconds += start.elapsed().as_secs_f64();
-    announce(output, &engine, &dataset, &training, &record);
-    let plan = Session {
+    state.timings.load_seconds += start.elapsed().as_secs_f64();
+    announce(output, &engine, &dataset, &run, &state);
+    let session = Session {
         engine: &engine,
         dataset: &dataset,
         dir: &dir,
@@ -145,7 +139,20 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
         against: against.as_ref(),
         output,
     };
-    plan.run(training, &mut record)
+    session.run(run, &mut state)
+}
+
+fn new_run<'a>(args: &TrainArgs, engine: &Engine, dataset: &'a Dataset) -> Result<AutoRun<'a>> {
+    let is_software = engine.is_software();
+    let Some(gain_db) = args.parsimony else {
+        return AutoRun::new(engine.gpu(), dataset, args.config.config(is_software)?);
+    };
+    let config = args.config.config_from(is_software, |usual| {
+        for_auto_count(usual, dataset.split(Split::Train).len())
+    })?;
+    let is_open = args.config.iterations.is_none();
+    AutoRun::new(engine.gpu(), dataset, config)?
+        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, gain_db, is_open))
 }
 
 /// A number of decibels above 0.
@@ -155,43 +162,44 @@ pub(super) fn parse_gain(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| "a number of decibels above 0 is expected, such as 0.02".into())
 }
 
-/// Where the run lives, and what is known of it: from the command line, or from the run resumed.
-fn begin(args: &TrainArgs) -> Result<(PathBuf, Record)> {
-    let absolute = |path: &Path| std::path::absolute(path).map_err(Error::io(path));
+/// Folder and state of the run, from the command line or from the run resumed; and the folder's lock, where there has
+/// been a run in it.
+fn begin(args: &TrainArgs) -> Result<(PathBuf, RunState, Option<FolderLock>)> {
     if let Some(dir) = &args.resume {
-        let mut record = Record::read(dir)?;
+        let mut state = RunState::read(dir)?;
+        let lock = FolderLock::take(dir)?;
         if let Some(data) = &args.data {
-            record.data = absolute(data)?;
+            state.data = absolute(data)?;
         }
-        return Ok((dir.clone(), record));
+        return Ok((dir.clone(), state, Some(lock)));
     }
     let (Some(data), Some(out)) = (&args.data, &args.out) else {
         return Err(Error::Config("DATA and --out are needed".into()));
     };
+    let has_run = out.join("run.json").exists();
+    let lock = has_run.then(|| FolderLock::take(out)).transpose()?;
     if !args.overwrite {
         refuse_unfinished(out)?;
     }
-    let record = Record {
-        data: absolute(data)?,
-        options: args.options.clone(),
-        init: args.init.as_deref().map(absolute).transpose()?,
-        ..Record::default()
-    };
-    Ok((out.clone(), record))
+    let mut state = begin_made(data, &args.options, 0)?;
+    state.init = args.init.as_deref().map(absolute).transpose()?;
+    Ok((out.clone(), state, lock))
 }
 
-/// The record of a new run on a data set made in place.
-pub(super) fn begin_made(data: &Path, options: &DataArgs, iterations: u32) -> Result<Record> {
-    Ok(Record {
-        data: std::path::absolute(data).map_err(Error::io(data))?,
-        options: options.clone(),
+/// State of a new run.
+pub(super) fn begin_made(data: &Path, options: &DataArgs, iterations: u32) -> Result<RunState> {
+    let mut options = options.clone();
+    options.images = options.images.as_deref().map(absolute).transpose()?;
+    Ok(RunState {
+        data: absolute(data)?,
+        options,
         iterations,
-        ..Record::default()
+        ..RunState::default()
     })
 }
 
 fn refuse_unfinished(dir: &Path) -> Result<()> {
-    match Record::read(dir) {
+    match RunState::read(dir) {
         Ok(old) if !old.is_finished && old.iteration > 0 => Err(Error::Config(format!(
             "{dir} holds a run interrupted at iteration {} of {}: go on with `ashfall train --resume \
              {dir}`, or begin anew with --overwrite",
@@ -231,13 +239,15 @@ fn announce(
     output: Output,
     engine: &Engine,
     dataset: &Dataset,
-    training: &Training<'_>,
-    record: &Record,
+    run: &AutoRun<'_>,
+    state: &RunState,
 ) {
-    let (config, prediction) = (training.config(), training.prediction());
+    let trainer = run.trainer();
+    let prediction = Prediction::of(trainer.size(), trainer.splats_expected());
+    let config = run.config();
     let train = dataset.split(Split::Train).len();
     let test = dataset.split(Split::Test).len();
-    let part = match record.iteration {
+    let part = match state.iteration {
         0 => format!("{} iterations", grouped(config.iterations as usize)),
         done => format!(
             "iteration {} of {}",
@@ -258,7 +268,7 @@ fn announce(
             "train_views": train,
             "test_views": test,
             "points": dataset.points.len(),
-            "iteration": record.iteration,
+            "iteration": state.iteration,
             "memory": prediction.value(),
             "config": config,
         })
@@ -278,27 +288,21 @@ pub(super) struct Session<'a> {
     pub output: Output,
 }
 
-impl Session<'_> {
+impl<'a> Session<'a> {
     /// Trains to the end and writes the results, or to an interruption and says how to go on.
-    pub(crate) fn run(&self, mut training: Training<'_>, record: &mut Record) -> Result<Outcome> {
+    pub(crate) fn run(&self, mut run: AutoRun<'_>, state: &mut RunState) -> Result<Outcome> {
         let interrupt = Interrupt::listen()?;
-        let plan = Plan {
+        let schedule = Schedule {
             dir: self.dir,
             checkpoint_every: self.checkpoint_every,
             eval_every: self.eval_every,
             output: self.output,
             interrupt: &interrupt,
         };
-        let config = training.config().clone();
-        let test = self.dataset.split(Split::Test);
-        let scene = eval::Scene {
-            engine: self.engine,
-            dataset: self.dataset,
-            background: eval::background(&config),
-        };
-        let outcome = run_steps(&mut training, record, &plan, &mut |splats| {
-            let scores = scene.evaluate(splats, &test, &mut |_| Ok(()))?;
-            Ok(crate::metrics::MeanScore::of(&scores))
+        let config = run.config().clone();
+        let outcome = run_steps(&mut run, state, &schedule, &mut |splats| {
+            let scores = self.evaluator(&config, Split::Test).scores(splats)?;
+            Ok(MeanScore::of(&scores))
         });
         let outcome = outcome.inspect_err(|_| {
             let dir = self.dir.display();
@@ -307,23 +311,32 @@ impl Session<'_> {
         })?;
         self.engine.check()?;
         if outcome == Outcome::Interrupted {
-            let (dir, iteration) = (self.dir.display(), record.iteration);
+            let (dir, iteration) = (self.dir.display(), state.iteration);
             self.output.result(
                 format_args!(
                     "interrupted after iteration {iteration} of {}; go on with: ashfall train --resume {dir}",
-                    record.iterations
+                    state.iterations
                 ),
                 || json!({"event": "interrupted", "iteration": iteration, "dir": self.dir}),
             );
             return Ok(outcome);
         }
-        let (splats, memory) = (training.splats()?, training.memory());
-        let history = training.history().cloned();
-        drop(training);
+        let (splats, memory) = (run.splats()?, MemoryFigures::of(run.trainer()));
+        let history = run
+            .controller()
+            .map(|controller| controller.history().clone());
+        drop(run);
         let found = history.map(|history| needs::found(self.dataset, &history, &splats));
         let found = found.map(|needs| (needs, self.against));
-        results::write(self, &scene, &config, record, (&splats, memory), found)?;
+        results::write(self, &config, state, (&splats, memory), found)?;
         Ok(Outcome::Done)
+    }
+
+    /// Evaluator of the views of a split.
+    fn evaluator(&self, config: &TrainConfig, split: Split) -> Evaluator<'a> {
+        let views = self.dataset.split(split);
+        let background = config.evaluation_background();
+        eval::evaluator(self.engine.gpu(), self.dataset, &views, background)
     }
 }
 

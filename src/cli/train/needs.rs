@@ -3,7 +3,7 @@
 use crate::lab::report::Report;
 use crate::lab::report::needs::{Needs, bytes_by_degree, sentence};
 use crate::scene::{Dataset, Splats};
-use crate::simplify::{History, part, reduce_harmonics};
+use crate::simplify::{History, reduce_harmonics, split_views};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -12,7 +12,7 @@ pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Ne
     // Degrees that went have left zeros.
     let reduced = reduce_harmonics(splats, 0.0);
     let law = history.law();
-    let (_, held) = part(dataset);
+    let (_, held) = split_views(dataset);
     Needs {
         sentence: sentence(reduced.count_from_degree, None),
         preference_db: history.preference_db,

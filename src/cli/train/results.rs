@@ -1,13 +1,13 @@
 //! What a finished run leaves: the scene, pictures of the held-out views, the report.
 
 use super::Session;
-use super::record::Record;
-use crate::cli::eval::{Scene, Scored};
-use crate::cli::output::{bytes, file_stem, grouped, score_text};
+use super::state::RunState;
+use crate::cli::eval::write_comparison;
+use crate::cli::output::{bytes, grouped, score_text};
 use crate::io::atomic::write_atomically;
 use crate::lab::report::needs::Needs;
 use crate::lab::report::page;
-use crate::lab::report::{MemoryFigures, Report, comparison};
+use crate::lab::report::{MemoryFigures, Report};
 use crate::metrics::{MeanScore, ViewScore};
 use crate::scene::{Splats, Split};
 use crate::train::{StrategyKind, TrainConfig};
@@ -19,26 +19,21 @@ use std::time::Instant;
 /// Writes all results and says where they are.
 pub(super) fn write(
     session: &Session<'_>,
-    scene: &Scene<'_>,
     config: &TrainConfig,
-    record: &mut Record,
+    state: &mut RunState,
     (splats, memory): (&Splats, MemoryFigures),
     found: Option<(Needs, Option<&Report>)>,
 ) -> Result<()> {
     // The scene first: whatever fails after this, the training was not in vain.
     io::ply::write(&session.dir.join("scene.ply"), splats)?;
     let start = Instant::now();
-    let test = test_pictures(session, scene, splats)?;
-    let train = scene.evaluate(
-        splats,
-        &session.dataset.split(Split::Train),
-        &mut |_| Ok(()),
-    )?;
-    record.timings.evaluate_seconds += start.elapsed().as_secs_f64();
+    let test = test_pictures(session, config, splats)?;
+    let train = session.evaluator(config, Split::Train).scores(splats)?;
+    state.timings.evaluate_seconds += start.elapsed().as_secs_f64();
     let score = MeanScore::of(&test);
     let needs = found.map(|(needs, against)| needs.beside(against, score.psnr_db));
     let report = Report {
-        iterations: record.iteration,
+        iterations: state.iteration,
         seed: config.seed,
         strategy: match config.strategy {
             StrategyKind::Adc => "adc".into(),
@@ -47,16 +42,16 @@ pub(super) fn write(
         device: session.engine.name().to_string(),
         splat_count: splats.len(),
         sh_degree: splats.sh_degree,
-        train_seconds: record.timings.train_seconds,
-        loss: record.history.iter().rev().find_map(|entry| entry.loss),
+        train_seconds: state.timings.train_seconds,
+        loss: state.history.iter().rev().find_map(|entry| entry.loss),
         test: score,
         train: MeanScore::of(&train),
         memory_peak_bytes: session.engine.memory_peak_bytes(),
         memory,
-        history: record.history.clone(),
+        history: state.history.clone(),
         test_views: test,
-        timings: record.timings,
-        warnings: record.warnings.clone(),
+        timings: state.timings,
+        warnings: state.warnings.clone(),
         config: serde_json::to_value(config).unwrap_or_default(),
         needs,
     };
@@ -67,8 +62,8 @@ pub(super) fn write(
         })?;
     }
     report.write(&session.dir.join("report.json"))?;
-    record.is_finished = true;
-    record.write(session.dir)?;
+    state.is_finished = true;
+    state.write(session.dir)?;
     tell(session, &report);
     Ok(())
 }
@@ -76,19 +71,20 @@ pub(super) fn write(
 /// Scores the held-out views and writes photograph | rendering | difference of each.
 fn test_pictures(
     session: &Session<'_>,
-    scene: &Scene<'_>,
+    config: &TrainConfig,
     splats: &Splats,
 ) -> Result<Vec<ViewScore>> {
     let dir = session.dir.join("test");
-    let views = session.dataset.split(Split::Test);
-    if !views.is_empty() {
+    let mut evaluator = session.evaluator(config, Split::Test);
+    if evaluator.view_count() > 0 {
         std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
     }
-    scene.evaluate(splats, &views, &mut |scored: &Scored<'_>| {
-        let path = dir.join(file_stem(&scored.view.name) + ".png");
-        let size = [scored.target.width, scored.target.height];
-        comparison(&path, size, &scored.target.rgb, &scored.picture.rgb)
-    })
+    let mut scores = Vec::new();
+    evaluator.for_each(splats, &mut |evaluated| {
+        scores.push(evaluated.score());
+        write_comparison(&dir, evaluated)
+    })?;
+    Ok(scores)
 }
 
 fn tell(session: &Session<'_>, report: &Report) {

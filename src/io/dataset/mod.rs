@@ -171,10 +171,11 @@ fn colmap_photos(path: &Path, options: &OpenOptions) -> PathBuf {
         path.join("../..").join(&images),
     ];
     let is_model = path.join("cameras.bin").is_file() || path.join("cameras.txt").is_file();
-    if is_model && !own.is_dir() {
-        if let Some(found) = above.into_iter().find(|folder| folder.is_dir()) {
-            return found;
-        }
+    if is_model
+        && !own.is_dir()
+        && let Some(found) = above.into_iter().find(|folder| folder.is_dir())
+    {
+        return found;
     }
     own
 }

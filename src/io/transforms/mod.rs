@@ -146,13 +146,13 @@ fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(Listed, bool)> {
 }
 
 fn check_model(scope: &Scope<'_>) -> Check<()> {
-    if let Some(model) = scope.text("camera_model")? {
-        if !MODELS.contains(&model) {
-            return Err(format!(
-                "the camera model {} is not supported: undistort the photographs first",
-                super::reader::excerpt(model)
-            ));
-        }
+    if let Some(model) = scope.text("camera_model")?
+        && !MODELS.contains(&model)
+    {
+        return Err(format!(
+            "the camera model {} is not supported: undistort the photographs first",
+            super::reader::excerpt(model)
+        ));
     }
     if scope.value("is_fisheye") == Some(&Value::Bool(true)) {
         return Err("fisheye cameras are not supported: undistort the photographs first".into());

@@ -125,10 +125,10 @@ impl Output {
                 return Err(format!("element {i} is {f:e}, not {e:e}: off by {error:e}"));
             }
         }
-        if let Comparator::Boundary { share, .. } = self.by {
-            if flips as f64 > share * found.len() as f64 {
-                return Err(format!("{flips} of {} elements flipped", found.len()));
-            }
+        if let Comparator::Boundary { share, .. } = self.by
+            && flips as f64 > share * found.len() as f64
+        {
+            return Err(format!("{flips} of {} elements flipped", found.len()));
         }
         Ok(worst)
     }

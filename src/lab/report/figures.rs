@@ -4,6 +4,7 @@ use super::needs::Needs;
 use crate::Result;
 use crate::io::atomic::write_atomically;
 use crate::metrics::{MeanScore, ViewScore};
+use crate::train::Trainer;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -70,6 +71,26 @@ pub struct MemoryFigures {
     pub isects_peak: usize,
     /// Bytes at the peak by the name of the buffers.
     pub buffers: BTreeMap<String, u64>,
+}
+
+impl MemoryFigures {
+    /// Memory of a trainer and its device so far.
+    pub fn of(trainer: &Trainer<'_>) -> MemoryFigures {
+        let (gpu, size) = (trainer.gpu(), trainer.size());
+        let buffers = gpu.memory_by_name().into_iter();
+        MemoryFigures {
+            peak_bytes: gpu.memory_peak(),
+            reserved_peak_bytes: gpu.memory_reserved_peak(),
+            predicted_bytes: size.bytes(),
+            essential_bytes: size.essential_bytes(),
+            splats_peak: size.splats,
+            isects_peak: size.isects,
+            buffers: buffers
+                .filter(|(_, memory)| memory.peak_bytes > 0)
+                .map(|(name, memory)| (name, memory.peak_bytes))
+                .collect(),
+        }
+    }
 }
 
 /// A point in the course of a run: means over the steps since the entry before.

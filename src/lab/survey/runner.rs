@@ -12,10 +12,11 @@ use super::{Recipe, Run};
 use crate::gpu::{Buffer, Gpu};
 use crate::io;
 use crate::lab::bench::{CpuClock, record};
-use crate::lab::evaluator::Evaluator;
+use crate::lab::evaluator::{frame_time, held_out};
+use crate::metrics::MeanScore;
 use crate::render::Model;
 use crate::scene::{Dataset, Splats, Split};
-use crate::simplify::{CountController, History, for_auto_count, reduce_harmonics};
+use crate::simplify::{AutoRun, CountController, History, for_auto_count, reduce_harmonics};
 use crate::train::config::LearningRates;
 use crate::train::{StrategyKind, TrainConfig, Trainer};
 use crate::{Error, Result};
@@ -135,16 +136,16 @@ impl Task<'_> {
         folder: &Path,
         progress: &mut dyn FnMut(u32) -> bool,
     ) -> Result<Option<Run>> {
-        let mut judge = Evaluator::new(gpu, self.dataset)?;
+        let mut evaluator = held_out(gpu, self.dataset)?;
         let Some(trained) = self.train(gpu, progress)? else {
             return Ok(None);
         };
         let Trained {
             splats, history, ..
         } = &trained;
-        let score = judge.score(splats)?;
+        let score = MeanScore::of(&evaluator.scores(splats)?);
         let model = Model::upload(gpu, splats)?;
-        let frame = judge.time(splats, &model)?;
+        let frame = frame_time(gpu, self.dataset, splats, &model)?;
         let reduced = reduce_harmonics(splats, 0.0);
         let law = history.as_ref().and_then(History::law);
         let points = history.as_ref().map(History::points).unwrap_or_default();
@@ -174,34 +175,31 @@ impl Task<'_> {
     }
 
     fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<Trained>> {
-        let mut trainer = Trainer::new(gpu, self.dataset, self.config())?;
+        let mut run = AutoRun::new(gpu, self.dataset, self.config())?;
         let (start, clock) = (Instant::now(), CpuClock::now());
-        let mut controller = match self.recipe {
-            Recipe::Parsimony | Recipe::ParsimonyAllSh => {
-                let mut controller =
-                    CountController::begin(&mut trainer, self.dataset, self.gain_db, false)?;
+        if matches!(self.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
+            run = run.controlled(|trainer, dataset| {
+                let mut controller = CountController::begin(trainer, dataset, self.gain_db, false)?;
                 if self.recipe == Recipe::ParsimonyAllSh {
                     controller.keep_sh();
                 }
-                Some(controller)
-            }
-            _ => None,
-        };
-        while !trainer.is_done() {
-            if !progress(trainer.iteration()) {
+                Ok(controller)
+            })?;
+        }
+        while !run.is_done() {
+            if !progress(run.iteration()) {
                 return Ok(None);
             }
-            trainer.step()?;
-            if let Some(controller) = &mut controller {
-                controller.after_step(&mut trainer)?;
-            }
+            run.step()?;
         }
-        trainer.finish()?;
+        run.finish()?;
         Ok(Some(Trained {
             seconds: start.elapsed().as_secs_f64(),
             cpu_seconds: clock.elapsed_ns().map(|ns| 1e-9 * ns),
-            history: controller.map(|controller| controller.history().clone()),
-            splats: trainer.splats()?,
+            history: run
+                .controller()
+                .map(|controller| controller.history().clone()),
+            splats: run.splats()?,
         }))
     }
 }

@@ -9,6 +9,7 @@ use super::survey::Survey;
 use crate::Result;
 use crate::scene::{Camera, RenderMode, Splats};
 use crate::simplify::gain::{differences, steps_of_ten_percent};
+use crate::simplify::held_out::{self, FULL_DB};
 use crate::simplify::merge::{merge, rates};
 use crate::stats::mean;
 use crate::train::{HostState, Trainer};
@@ -30,7 +31,8 @@ impl<'a> CountController<'a> {
         let (whole, splats) = (trainer.download()?, trainer.splats()?);
         let left = (whole.len() as f64 * (1.0 - self.history.share)).ceil() as usize;
         if let Some(merged) = self.merged(trainer, &splats, left) {
-            let [before, after] = [&splats, &merged].map(|scene| self.judge.score(scene));
+            let [before, after] = [&splats, &merged]
+                .map(|scene| held_out::psnr_db(&mut self.held_out, scene, FULL_DB));
             let lost = mean(&differences(&after?, &before?));
             if lost
                 <= AT_ONCE * self.history.preference_db * steps_of_ten_percent(left, splats.len())

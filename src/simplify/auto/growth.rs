@@ -3,8 +3,8 @@
 use super::survey::Survey;
 use super::{CountController, Phase};
 use crate::Result;
-use crate::simplify::evaluator::is_full;
 use crate::simplify::gain::{differences, estimate, steps_of_ten_percent};
+use crate::simplify::held_out::is_full;
 use crate::simplify::history::{Act, Entry};
 use crate::train::schedule::is_refine;
 use crate::train::{TrainConfig, Trainer};

@@ -25,13 +25,13 @@ mod sh_rounds;
 mod survey;
 
 use super::contribution::ContributionPass;
-use super::evaluator::{Evaluator, part};
 use super::gain::differences;
+use super::held_out::{self, FULL_DB, split_views};
 use super::history::{Act, Entry, History, Phase};
-use crate::render::ViewOptions;
+use crate::render::{Evaluator, ViewOptions};
 use crate::scene::{Dataset, Split};
 use crate::stats::mean;
-use crate::train::{Background, HostState, TrainConfig, Trainer};
+use crate::train::{Controller, HostState, Run, TrainConfig, Trainer};
 use crate::{Error, Result};
 use rounds::SHARE;
 
@@ -46,13 +46,18 @@ pub struct CountController<'a> {
     history: History,
     /// The other state of a round: the whole one while its first steps are taken, the lesser one while its second are.
     kept: Option<HostState>,
-    judge: Evaluator,
-    /// By about as many of the views that are trained on.
-    own: Evaluator,
+    /// Evaluator of the held-out views.
+    held_out: Evaluator<'a>,
+    /// Evaluator of about as many views that are trained on.
+    trained: Evaluator<'a>,
+    /// Views trained on while others are held out.
     fitted: Vec<usize>,
     /// Held for its kernels alone, which every survey shares.
     _idle: ContributionPass,
 }
+
+/// Training run with an optional [`CountController`].
+pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 
 /// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
 /// a quarter to rounds without splats, a twentieth to one without harmonics (or splats, where no harmonics are left) and
@@ -96,13 +101,18 @@ impl<'a> CountController<'a> {
             is_open,
             ..History::default()
         };
-        let mut controller = CountController::resume(trainer, dataset, history, None)?;
+        let mut controller = CountController::from_history(trainer, dataset, history, None)?;
         controller.begin_size(trainer)?;
         Ok(controller)
     }
 
-    /// Goes on steering, as a checkpoint has it.
-    pub fn resume(
+    /// What has been found so far.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// Controller in the state that a history and a kept scene state describe.
+    fn from_history(
         trainer: &mut Trainer<'a>,
         dataset: &'a Dataset,
         history: History,
@@ -112,12 +122,12 @@ impl<'a> CountController<'a> {
             let text = "the smallest gain worth paying for must be a number of decibels above 0";
             return Err(Error::Config(text.into()));
         }
-        let (fitted, held) = part(dataset);
+        let (fitted, held) = split_views(dataset);
         let options = view_options(trainer);
-        let judge = Evaluator::new(trainer.gpu(), dataset, &held, options)?;
+        let held_out = Evaluator::new(trainer.gpu(), dataset, &held, options).with_photos()?;
         let step = fitted.len().div_ceil(held.len()).max(1);
         let own: Vec<usize> = fitted.iter().copied().step_by(step).collect();
-        let own = Evaluator::new(trainer.gpu(), dataset, &own, options)?;
+        let trained = Evaluator::new(trainer.gpu(), dataset, &own, options).with_photos()?;
         if !matches!(history.phase, Phase::Growing | Phase::Settled) {
             trainer.set_views(fitted.clone())?;
         }
@@ -129,8 +139,8 @@ impl<'a> CountController<'a> {
             dataset,
             history,
             kept,
-            judge,
-            own,
+            held_out,
+            trained,
             fitted,
             _idle: survey::idle(trainer)?,
         };
@@ -141,27 +151,6 @@ impl<'a> CountController<'a> {
     /// Lets no harmonics go: what those are worth that would have gone shows beside a run that lets them.
     pub fn keep_sh(&mut self) {
         self.history.keeps_sh = true;
-    }
-
-    /// What has been found so far.
-    pub fn history(&self) -> &History {
-        &self.history
-    }
-
-    /// The other state of the round on its way.
-    pub fn kept(&self) -> Option<&HostState> {
-        self.kept.as_ref()
-    }
-
-    /// Does what there is to do after the trainer's last step.
-    pub fn after_step(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let iteration = trainer.iteration();
-        match self.history.phase {
-            Phase::Growing => self.after_growth_step(trainer, iteration),
-            Phase::Pruning | Phase::Lowering => self.after_round_step(trainer, iteration),
-            Phase::Converging => self.after_convergence_step(trainer, iteration),
-            Phase::Settled => self.after_last_fit_step(trainer, iteration),
-        }
     }
 
     /// The count is decided.
@@ -225,12 +214,49 @@ impl<'a> CountController<'a> {
             iteration: trainer.iteration(),
             act: Act::Looked,
             splats: splats.len(),
-            psnr_db: self.judge.score(&splats)?,
+            psnr_db: held_out::psnr_db(&mut self.held_out, &splats, FULL_DB)?,
             without: None,
             gain_db: None,
             lost_db: 0.0,
             is_merged: false,
         })
+    }
+}
+
+impl<'a> Controller<'a> for CountController<'a> {
+    const NAME: &'static str = "count";
+    const VERSION: u32 = 1;
+    type State = History;
+
+    fn resume(
+        trainer: &mut Trainer<'a>,
+        dataset: &'a Dataset,
+        history: History,
+        kept: Option<HostState>,
+    ) -> Result<CountController<'a>> {
+        CountController::from_history(trainer, dataset, history, kept)
+    }
+
+    fn after_step(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let iteration = trainer.iteration();
+        match self.history.phase {
+            Phase::Growing => self.after_growth_step(trainer, iteration),
+            Phase::Pruning | Phase::Lowering => self.after_round_step(trainer, iteration),
+            Phase::Converging => self.after_convergence_step(trainer, iteration),
+            Phase::Settled => self.after_last_fit_step(trainer, iteration),
+        }
+    }
+
+    fn end(&self) -> u32 {
+        self.history.end
+    }
+
+    fn state(&self) -> &History {
+        &self.history
+    }
+
+    fn kept(&self) -> Option<&HostState> {
+        self.kept.as_ref()
     }
 }
 
@@ -253,10 +279,7 @@ fn settle_by(config: &TrainConfig) -> u32 {
 fn view_options(trainer: &Trainer<'_>) -> ViewOptions {
     let config = trainer.config();
     ViewOptions {
-        background: match config.background {
-            Background::Fixed(color) => color,
-            Background::Random => [0.0; 3],
-        },
+        background: config.evaluation_background(),
         near: trainer.near(),
         mode: config.mode,
     }

@@ -8,8 +8,8 @@
 use super::{CountController, view_options};
 use crate::Result;
 use crate::simplify::detail::lost_by_halving;
-use crate::simplify::evaluator::{UNSEEN, part};
 use crate::simplify::gain::error;
+use crate::simplify::held_out::{self, FULL_DB, UNSEEN, split_views};
 use crate::simplify::history::{Act, Entry};
 use crate::train::Trainer;
 
@@ -23,10 +23,10 @@ const SHARE_MISSED: f64 = 1.0 / 12.0;
 impl<'a> CountController<'a> {
     /// Begins with photographs of half the size, unless those would do for no step.
     pub(super) fn begin_size(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let (_, held) = part(self.dataset);
+        let (_, held) = split_views(self.dataset);
         let background = view_options(trainer).background;
         self.history.lost_by_halving = lost_by_halving(self.dataset, &held, background)?;
-        let scores = self.judge.score(&trainer.splats()?)?;
+        let scores = held_out::psnr_db(&mut self.held_out, &trainer.splats()?, FULL_DB)?;
         self.history.is_half = true;
         self.history.is_half = !self.is_detail_missed(&scores);
         trainer.set_half_size(self.history.is_half)

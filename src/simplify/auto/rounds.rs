@@ -3,8 +3,8 @@
 use super::sh_rounds::WITHOUT_SH;
 use super::{CountController, Phase, prune_by, settle_by};
 use crate::Result;
-use crate::simplify::evaluator::{is_full, short_of_full};
 use crate::simplify::gain::{differences, estimate, steps_of_ten_percent};
+use crate::simplify::held_out::{self, FULL_DB, is_full, short_of_full};
 use crate::simplify::history::{Act, Entry, History, Round};
 use crate::stats::mean;
 use crate::train::{HostState, TrainConfig, Trainer};
@@ -55,11 +55,12 @@ impl<'a> CountController<'a> {
                 let without = (entry.splats, entry.psnr_db.clone());
                 let less = trainer.download()?;
                 if self.history.phase == Phase::Pruning && !round.is_without_sh {
-                    round.train_psnr_db = self.own.score(&trainer.splats()?)?;
+                    round.train_psnr_db =
+                        held_out::psnr_db(&mut self.trained, &trainer.splats()?, FULL_DB)?;
                 }
                 if is_surely_allowed(&self.history, &round, &without, whole.len()) {
                     entry.splats = whole.len();
-                    entry.psnr_db = self.judge.best();
+                    entry.psnr_db = vec![FULL_DB; self.held_out.view_count()];
                     let own_lost = short_of_full(&round.train_psnr_db);
                     return match round.is_without_sh {
                         true => self.end_round_without_sh(trainer, entry, without, &less),
@@ -95,7 +96,7 @@ impl<'a> CountController<'a> {
         if self.history.phase == Phase::Lowering {
             return self.end_lowering_round(trainer, entry, without);
         }
-        let own = self.own.score(&trainer.splats()?)?;
+        let own = held_out::psnr_db(&mut self.trained, &trainer.splats()?, FULL_DB)?;
         let own_lost = mean(&differences(&round.train_psnr_db, &own));
         self.judge_round(trainer, entry, (without, own_lost), less)
     }

@@ -13,6 +13,7 @@ use crate::Result;
 use crate::render::{apart, degrees_used};
 use crate::scene::{Splats, sh_coefficient_count};
 use crate::simplify::gain::differences;
+use crate::simplify::held_out::{self, FULL_DB};
 use crate::simplify::history::{Act, Entry};
 use crate::simplify::sh_fit::{Fits, count};
 use crate::stats::mean;
@@ -67,7 +68,7 @@ impl<'a> CountController<'a> {
         let fits = self.fits(trainer, &splats)?;
         // Degree 0 everywhere takes three floats a splat.
         let (degrees, less) = lowered(&fits, &splats, 3 * splats.len());
-        let at_once = self.judge.score(&less)?;
+        let at_once = held_out::psnr_db(&mut self.held_out, &less, FULL_DB)?;
         let lost = mean(&differences(&at_once, self.history.psnr_db()));
         let is_rejected_at_once = lost > HOPELESS * WITHOUT_SH * self.history.preference_db;
         let whole = trainer.download()?;
@@ -115,11 +116,11 @@ impl<'a> CountController<'a> {
         fits: &Fits,
     ) -> Result<bool> {
         // Scores that end at 40 dB would let all go down to that.
-        let whole = self.judge.score_up_to(splats, f64::INFINITY)?;
+        let whole = held_out::psnr_db(&mut self.held_out, splats, f64::INFINITY)?;
         let mut found = None;
         for share in SHARES {
             let (degrees, less) = lowered(fits, splats, floats(trainer, share));
-            let scores = self.judge.score_up_to(&less, f64::INFINITY)?;
+            let scores = held_out::psnr_db(&mut self.held_out, &less, f64::INFINITY)?;
             let lost = mean(&differences(&scores, &whole));
             if lost > AT_ONCE * self.history.preference_db {
                 break;
@@ -217,7 +218,10 @@ impl<'a> CountController<'a> {
         let fits = self.fits(trainer, &splats)?;
         let (degrees, less) = lowered(&fits, &splats, floats(trainer, 1.0 - share));
         entry.act = Act::Lowered;
-        entry.without = Some((less.len(), self.judge.score(&less)?));
+        entry.without = Some((
+            less.len(),
+            held_out::psnr_db(&mut self.held_out, &less, FULL_DB)?,
+        ));
         self.history.entries.push(entry);
         let state = without(&trainer.download()?, &degrees, &less);
         trainer.replace(&state)

@@ -312,6 +312,19 @@ impl TrainConfig {
         self
     }
 
+    /// Distance of the near plane in world units, for a scene of this extent.
+    pub fn near(&self, extent: f64) -> f32 {
+        (extent * f64::from(self.near_factor)) as f32
+    }
+
+    /// Background of pictures that the run's scenes are evaluated with: the fixed one, or black.
+    pub fn evaluation_background(&self) -> [f32; 3] {
+        match self.background {
+            Background::Fixed(color) => color,
+            Background::Random => [0.0; 3],
+        }
+    }
+
     /// Splats at most, whatever the strategy.
     pub fn splat_limit(&self) -> usize {
         let limit = match (self.max_splats, self.strategy) {

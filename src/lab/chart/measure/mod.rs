@@ -103,7 +103,7 @@ pub fn measure(
         }
     };
     let cameras = cameras(dataset, plan)?;
-    let near = (dataset.extent() * f64::from(TrainConfig::default().near_factor)) as f32;
+    let near = TrainConfig::default().near(dataset.extent());
     let pruned_by = training_cameras(dataset, plan);
     let frames = Frames {
         splats: &made,

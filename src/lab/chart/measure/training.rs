@@ -5,8 +5,9 @@ use super::settings::{self, RunSetting};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::lab::chart::RunPoint;
-use crate::lab::evaluator::Evaluator;
+use crate::lab::evaluator::held_out;
 use crate::metrics::MeanScore;
+use crate::render::Evaluator;
 use crate::scene::{Dataset, Splats};
 use crate::stats::Interval;
 use crate::train::{TrainConfig, Trainer};
@@ -27,9 +28,9 @@ pub(super) fn measure(
     plan: &Plan,
     progress: &mut dyn FnMut(&str),
 ) -> Result<(Vec<RunPoint>, Splats)> {
-    let mut judge = Evaluator::new(gpu, dataset)?;
+    let mut evaluator = held_out(gpu, dataset)?;
     let default = settings::default_run(plan);
-    let runs = seeds(gpu, dataset, &mut judge, &default, plan, progress)?;
+    let runs = seeds(gpu, dataset, &mut evaluator, &default, plan, progress)?;
     let usual: Vec<f64> = runs.iter().map(Run::psnr_db).collect();
     let mut points = vec![point(&default, &runs, &usual)];
     let splats = runs
@@ -38,7 +39,7 @@ pub(super) fn measure(
         .map(|run| run.splats)
         .unwrap_or_default();
     for setting in settings::of_runs(plan, splats.len() as u32) {
-        let runs = seeds(gpu, dataset, &mut judge, &setting, plan, progress)?;
+        let runs = seeds(gpu, dataset, &mut evaluator, &setting, plan, progress)?;
         points.push(point(&setting, &runs, &usual));
     }
     Ok((points, splats))
@@ -72,7 +73,7 @@ impl Run {
 fn seeds(
     gpu: &Gpu,
     dataset: &Dataset,
-    judge: &mut Evaluator,
+    evaluator: &mut Evaluator<'_>,
     setting: &RunSetting,
     plan: &Plan,
     progress: &mut dyn FnMut(&str),
@@ -91,7 +92,7 @@ fn seeds(
             seed,
             ..config.clone()
         };
-        runs.push(run(gpu, dataset, judge, config)?);
+        runs.push(run(gpu, dataset, evaluator, config)?);
     }
     Ok(runs)
 }
@@ -132,7 +133,12 @@ fn course(runs: &[Run]) -> Vec<(f64, Interval)> {
     course
 }
 
-fn run(gpu: &Gpu, dataset: &Dataset, judge: &mut Evaluator, config: TrainConfig) -> Result<Run> {
+fn run(
+    gpu: &Gpu,
+    dataset: &Dataset,
+    evaluator: &mut Evaluator<'_>,
+    config: TrainConfig,
+) -> Result<Run> {
     let mut trainer = Trainer::new(gpu, dataset, config)?;
     let (mut seconds, mut look) = (0.0, FIRST_LOOK);
     let mut course = Vec::new();
@@ -143,7 +149,7 @@ fn run(gpu: &Gpu, dataset: &Dataset, judge: &mut Evaluator, config: TrainConfig)
             // What is still on its way belongs to the time; looking does not.
             trainer.finish()?;
             seconds += start.elapsed().as_secs_f64();
-            let score = judge.score(&trainer.splats()?)?;
+            let score = MeanScore::of(&evaluator.scores(&trainer.splats()?)?);
             course.push((look, score.psnr_db.unwrap_or(f64::NAN)));
             while look <= seconds {
                 look *= 2.0;
@@ -157,7 +163,7 @@ fn run(gpu: &Gpu, dataset: &Dataset, judge: &mut Evaluator, config: TrainConfig)
     seconds += start.elapsed().as_secs_f64();
     let splats = trainer.splats()?;
     Ok(Run {
-        score: judge.score(&splats)?,
+        score: MeanScore::of(&evaluator.scores(&splats)?),
         splats,
         seconds,
         course,

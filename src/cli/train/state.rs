@@ -1,10 +1,11 @@
-//! What a run's folder knows of the run beside the trainer's checkpoint: where the data came from, and
-//! the course so far. With both, `--resume DIR` needs no other word.
+//! `run.json`: the data set of a run and its history so far. With the checkpoint beside it, `--resume DIR` needs no
+//! other option.
 
 use crate::cli::args::DataArgs;
 use crate::io::atomic::write_atomically;
 use crate::lab::report::{HistoryEntry, Timings};
 use crate::metrics::MeanScore;
+use crate::train::StepReport;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -13,43 +14,29 @@ use std::path::{Path, PathBuf};
 /// Entries of the history of an uninterrupted run, about.
 const HISTORY_ENTRIES: u32 = 200;
 
-/// The figures of one training step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::cli) struct StepFigures {
-    /// The step.
-    pub iteration: u32,
-    /// Its loss.
-    pub loss: f64,
-    /// PSNR of its training view, decibels.
-    pub psnr_db: f64,
-    /// Splats drawn from.
-    pub splat_count: usize,
-    /// The first splat whose gradient was not finite, if there was one.
-    pub poisoned: Option<usize>,
-}
-
-/// The run as written to `run.json`.
+/// Run as written to `run.json`. In the file, paths below the run's folder are relative to it, so that the folder can
+/// be moved; in memory all are absolute.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(in crate::cli) struct Record {
-    /// The data set, absolute.
+pub(in crate::cli) struct RunState {
+    /// Data set.
     pub data: PathBuf,
-    /// How it was read.
+    /// Options that it was read with.
     pub options: DataArgs,
-    /// Where the first splats came from, if not from the data set; absolute.
+    /// File of the first points, if not the data set.
     pub init: Option<PathBuf>,
     /// Steps asked for.
     pub iterations: u32,
     /// Steps done when this was written.
     pub iteration: u32,
-    /// Whether the results have been written.
+    /// Whether the results are written.
     pub is_finished: bool,
     /// Wall times so far.
     pub timings: Timings,
-    /// The course so far.
+    /// History so far.
     pub history: Vec<HistoryEntry>,
-    /// Noteworthy things so far.
+    /// Warnings so far.
     pub warnings: Vec<String>,
-    /// What has come since the last entry of the history.
+    /// Sums since the last entry of the history.
     #[serde(skip)]
     pub pending: Pending,
 }
@@ -81,31 +68,31 @@ impl Mean {
     }
 }
 
-impl Record {
+impl RunState {
     /// Takes a step's figures; every so often an entry of the history is made of them.
-    pub(crate) fn add(&mut self, figures: StepFigures) {
-        if !figures.loss.is_finite() {
-            self.warn_once(NO_LOSS, NO_LOSS, figures.iteration);
+    pub(crate) fn add(&mut self, report: &StepReport) {
+        if !report.loss.is_finite() {
+            self.warn_once(NO_LOSS, NO_LOSS, report.iteration);
         }
-        if let Some(splat) = figures.poisoned {
+        if let Some(splat) = report.poisoned_first {
             let what = format!("{POISONED} (splat {splat} the first of them)");
-            self.warn_once(POISONED, &what, figures.iteration);
+            self.warn_once(POISONED, &what, report.iteration);
         }
-        if figures.splat_count == 0 {
-            self.warn_once(NO_SPLATS, NO_SPLATS, figures.iteration);
+        if report.splat_count == 0 {
+            self.warn_once(NO_SPLATS, NO_SPLATS, report.iteration);
         }
-        self.pending.loss.add(figures.loss);
-        self.pending.psnr_db.add(figures.psnr_db);
+        self.pending.loss.add(report.loss);
+        self.pending.psnr_db.add(report.psnr_db);
         let every = self.iterations.div_ceil(HISTORY_ENTRIES).max(1);
-        if figures.iteration.is_multiple_of(every) || figures.iteration == self.iterations {
+        if report.iteration.is_multiple_of(every) || report.iteration == self.iterations {
             let pending = std::mem::take(&mut self.pending);
             // Steps that are taken twice, as rounds that compare do, count the second time.
             self.history
-                .retain(|entry| entry.iteration < figures.iteration);
+                .retain(|entry| entry.iteration < report.iteration);
             self.history.push(HistoryEntry {
-                iteration: figures.iteration,
+                iteration: report.iteration,
                 seconds: self.timings.train_seconds,
-                splat_count: figures.splat_count,
+                splat_count: report.splat_count,
                 loss: pending.loss.get(),
                 psnr_db: pending.psnr_db.get(),
                 test: None,
@@ -147,19 +134,39 @@ impl Record {
         }
     }
 
-    /// Reads a run's folder.
-    pub(crate) fn read(dir: &Path) -> Result<Record> {
+    /// Reads the file in a run's folder.
+    pub(crate) fn read(dir: &Path) -> Result<RunState> {
         let path = file(dir);
         let text = std::fs::read(&path).map_err(Error::io(&path))?;
         let fault = |e| Error::file(&path, format!("is no record of a run: {e}"));
-        serde_json::from_slice(&text).map_err(fault)
+        let mut state: RunState = serde_json::from_slice(&text).map_err(fault)?;
+        let dir = absolute(dir)?;
+        state.paths().for_each(|path| *path = dir.join(&*path));
+        Ok(state)
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes the file, whole or not at all.
     pub(crate) fn write(&self, dir: &Path) -> Result<()> {
-        let text = serde_json::to_string_pretty(self);
+        let mut state = self.clone();
+        let folder = absolute(dir)?;
+        for path in state.paths() {
+            if let Ok(inside) = path.strip_prefix(&folder) {
+                *path = inside.to_owned();
+            }
+        }
+        let text = serde_json::to_string_pretty(&state);
         write_atomically(&file(dir), |file| writeln!(file, "{}", text?))
     }
+
+    fn paths(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let optional = self.init.iter_mut().chain(&mut self.options.images);
+        std::iter::once(&mut self.data).chain(optional)
+    }
+}
+
+/// Path from the root of the file system.
+pub(super) fn absolute(path: &Path) -> Result<PathBuf> {
+    std::path::absolute(path).map_err(Error::io(path))
 }
 
 const NO_LOSS: &str = "the training loss is not a number";
@@ -174,73 +181,96 @@ fn file(dir: &Path) -> PathBuf {
 mod tests {
     use super::*;
 
-    fn step(iteration: u32, loss: f64) -> StepFigures {
-        StepFigures {
+    fn step(iteration: u32, loss: f64) -> StepReport {
+        StepReport {
             iteration,
             loss,
             psnr_db: f64::INFINITY,
             splat_count: 10,
-            poisoned: None,
+            isect_count: 0,
+            poisoned: 0,
+            poisoned_first: None,
+            refined: None,
         }
     }
 
     #[test]
+    fn a_folder_that_moves_takes_its_data_with_it() -> Result<()> {
+        let dir = tempfile::tempdir().map_err(Error::io("."))?;
+        let [old, new] = ["old", "new"].map(|name| dir.path().join(name));
+        std::fs::create_dir(&old).map_err(Error::io(&old))?;
+        let outside = dir.path().join("photos");
+        let state = RunState {
+            data: old.join("data"),
+            init: Some(outside.clone()),
+            ..RunState::default()
+        };
+        state.write(&old)?;
+        assert_eq!(RunState::read(&old)?, state);
+        std::fs::rename(&old, &new).map_err(Error::io(&old))?;
+        let moved = RunState::read(&new)?;
+        assert_eq!((moved.data, moved.init), (new.join("data"), Some(outside)));
+        Ok(())
+    }
+
+    #[test]
     fn poisoned_gradients_are_told_once_by_splat_and_step() {
-        let mut record = Record::default();
+        let mut state = RunState::default();
         for (iteration, poisoned) in [(1, None), (2, Some(7)), (3, Some(5))] {
-            record.add(StepFigures {
-                poisoned,
+            state.add(&StepReport {
+                poisoned_first: poisoned,
                 ..step(iteration, 0.1)
             });
         }
         let warning = "gradients that were not finite changed nothing (splat 7 the first of them), \
                        first at iteration 2";
-        assert_eq!(record.warnings, [warning]);
+        assert_eq!(state.warnings, [warning]);
     }
 
     #[test]
     fn the_history_holds_means_and_ends_with_the_run() {
-        let mut record = Record {
+        let mut state = RunState {
             iterations: 1_003,
-            ..Record::default()
+            ..RunState::default()
         };
-        (1..=1_003).for_each(|i| record.add(step(i, f64::from(i))));
-        let iterations: Vec<u32> = record.history.iter().map(|e| e.iteration).collect();
+        (1..=1_003).for_each(|i| state.add(&step(i, f64::from(i))));
+        let iterations: Vec<u32> = state.history.iter().map(|e| e.iteration).collect();
         assert_eq!(iterations[..3], [6, 12, 18]);
         assert_eq!(iterations.last(), Some(&1_003));
-        assert_eq!(record.history[1].loss, Some(9.5));
-        assert_eq!(record.history[1].psnr_db, None);
+        assert_eq!(state.history[1].loss, Some(9.5));
+        assert_eq!(state.history[1].psnr_db, None);
     }
 
     #[test]
     fn a_broken_loss_is_warned_of_once_and_left_out() {
-        let mut record = Record {
+        let mut state = RunState {
             iterations: 4,
-            ..Record::default()
+            ..RunState::default()
         };
         let losses = [1.0, f64::NAN, f64::NAN];
         for (&loss, iteration) in losses.iter().zip(1..) {
-            record.add(step(iteration, loss));
+            state.add(&step(iteration, loss));
         }
         assert_eq!(
-            record.warnings,
+            state.warnings,
             ["the training loss is not a number, first at iteration 2"]
         );
-        assert_eq!(record.history[1].loss, None);
+        assert_eq!(state.history[1].loss, None);
     }
 
     #[test]
-    fn a_rewound_record_goes_on_where_the_checkpoint_is() -> Result<()> {
-        let mut record = Record {
+    fn a_rewound_state_goes_on_where_the_checkpoint_is() -> Result<()> {
+        let mut state = RunState {
+            data: absolute(Path::new("photos"))?,
             iterations: 10,
-            ..Record::default()
+            ..RunState::default()
         };
-        (1..=8).for_each(|i| record.add(step(i, 1.0)));
-        record.add_test(5, 10, MeanScore::default());
+        (1..=8).for_each(|i| state.add(&step(i, 1.0)));
+        state.add_test(5, 10, MeanScore::default());
         let dir = tempfile::tempdir().map_err(Error::io("."))?;
-        record.write(dir.path())?;
-        let mut read = Record::read(dir.path())?;
-        assert_eq!(read, record);
+        state.write(dir.path())?;
+        let mut read = RunState::read(dir.path())?;
+        assert_eq!(read, state);
         read.rewind(5);
         assert_eq!(read.history.len(), 5);
         assert!(read.history[4].test.is_some());

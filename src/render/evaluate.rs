@@ -1,0 +1,169 @@
+//! Evaluation: views of a data set rendered and compared with their photographs.
+
+use super::compatibility::Compatibility;
+use super::model::Model;
+use super::options::RenderOptions;
+use super::renderer::{Rendered, Renderer};
+use super::view::ViewOptions;
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::io::photo;
+use crate::metrics::{Image, Target, ViewScore, mean_squared_error};
+use crate::scene::{Dataset, Splats, View};
+
+/// Renders and scores views of a data set for one scene after the other.
+pub struct Evaluator<'d> {
+    gpu: Gpu,
+    dataset: &'d Dataset,
+    views: Vec<usize>,
+    /// Background and near plane; the mode is the scene's.
+    options: ViewOptions,
+    compatibility: Compatibility,
+    /// Photographs of all views; `None`: each is decoded when its turn comes.
+    targets: Option<Vec<Target>>,
+    /// Renderer of the last scene's SH degree.
+    renderer: Option<(u32, Renderer)>,
+}
+
+/// View that has been rendered, with its photograph.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluated<'e> {
+    /// The view.
+    pub view: &'e View,
+    /// Photograph over the background, or with its mask.
+    pub target: &'e Target,
+    /// Rendering of the scene.
+    pub rendered: &'e Rendered,
+}
+
+impl Evaluated<'_> {
+    /// PSNR and SSIM of the rendering.
+    pub fn score(&self) -> ViewScore {
+        self.target.score(&self.view.name, &self.rendered.rgb)
+    }
+
+    /// Mean squared error of the rendering over pixels and channels.
+    pub fn mean_squared_error(&self) -> f64 {
+        let Target { width, height, .. } = *self.target;
+        let rendered = Image::new(width, height, &self.rendered.rgb);
+        let photo = Image::new(width, height, &self.target.rgb);
+        mean_squared_error(rendered, photo, self.target.weights.as_deref())
+    }
+}
+
+impl<'d> Evaluator<'d> {
+    /// Evaluator of these of the data set's views.
+    pub fn new(
+        gpu: &Gpu,
+        dataset: &'d Dataset,
+        views: &[usize],
+        options: ViewOptions,
+    ) -> Evaluator<'d> {
+        Evaluator {
+            gpu: gpu.clone(),
+            dataset,
+            views: views.to_vec(),
+            options,
+            compatibility: Compatibility::Engine,
+            targets: None,
+            renderer: None,
+        }
+    }
+
+    /// The same evaluator, drawing by the rules of another method.
+    pub fn drawing_as(mut self, compatibility: Compatibility) -> Evaluator<'d> {
+        self.compatibility = compatibility;
+        self
+    }
+
+    /// The same evaluator with all photographs decoded now and kept in memory.
+    pub fn with_photos(mut self) -> Result<Evaluator<'d>> {
+        let targets = self.views.iter().map(|&view| self.target(view));
+        self.targets = Some(targets.collect::<Result<_>>()?);
+        Ok(self)
+    }
+
+    /// Number of views.
+    pub fn view_count(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Renders each view in order and hands it to `each`; stops at the first error.
+    pub fn for_each(
+        &mut self,
+        splats: &Splats,
+        each: &mut dyn FnMut(Evaluated<'_>) -> Result<()>,
+    ) -> Result<()> {
+        if self.views.is_empty() {
+            return Ok(());
+        }
+        let mut renderer = self.renderer(splats.sh_degree)?;
+        let model = Model::upload(&self.gpu, splats)?;
+        let options = ViewOptions {
+            mode: splats.mode,
+            ..self.options
+        };
+        for (i, &index) in self.views.iter().enumerate() {
+            let view = &self.dataset.views[index];
+            let decoded;
+            let target = match &self.targets {
+                Some(targets) => &targets[i],
+                None => {
+                    decoded = self.target(index)?;
+                    &decoded
+                }
+            };
+            let rendered = &renderer.render(&model, &view.camera, &options)?;
+            each(Evaluated {
+                view,
+                target,
+                rendered,
+            })?;
+        }
+        self.renderer = Some((splats.sh_degree, renderer));
+        Ok(())
+    }
+
+    /// Scores of all views.
+    pub fn scores(&mut self, splats: &Splats) -> Result<Vec<ViewScore>> {
+        let mut scores = Vec::with_capacity(self.views.len());
+        self.for_each(splats, &mut |evaluated| {
+            scores.push(evaluated.score());
+            Ok(())
+        })?;
+        Ok(scores)
+    }
+
+    /// Mean squared error of each view.
+    pub fn mean_squared_errors(&mut self, splats: &Splats) -> Result<Vec<f64>> {
+        let mut errors = Vec::with_capacity(self.views.len());
+        self.for_each(splats, &mut |evaluated| {
+            errors.push(evaluated.mean_squared_error());
+            Ok(())
+        })?;
+        Ok(errors)
+    }
+
+    fn target(&self, view: usize) -> Result<Target> {
+        let photo = photo::load(&self.dataset.views[view])?;
+        Ok(Target::new(
+            &photo,
+            self.dataset.alpha,
+            self.options.background,
+        ))
+    }
+
+    fn renderer(&mut self, sh_degree: u32) -> Result<Renderer> {
+        match self.renderer.take() {
+            Some((degree, renderer)) if degree == sh_degree => Ok(renderer),
+            _ => {
+                let options = RenderOptions {
+                    sh_degree,
+                    compatibility: self.compatibility,
+                    ..RenderOptions::default()
+                };
+                Renderer::new(&self.gpu, options)
+            }
+        }
+    }
+}
