@@ -10,10 +10,8 @@
 layout(constant_id = 0) const uint WORKGROUP = 64;
 // Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
-// Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
-layout(constant_id = 2) const float LEVEL_MAX = 3.4e38;
 // Not 0: tiles are those that the 3DGS code lists a splat for.
-layout(constant_id = 3) const uint INRIA = 0;
+layout(constant_id = 2) const uint INRIA = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -44,7 +42,7 @@ void main() {
 
     vec4 shape = ellipse_from_splat[splat];
     vec2 whiten = whiten_rg_from_splat[splat].xy;
-    Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN, LEVEL_MAX);
+    Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
     if (INRIA != 0) e.square = inria_square(shape, whiten);
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {

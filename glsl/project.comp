@@ -12,14 +12,12 @@ layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
 // Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
-// Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
-layout(constant_id = 3) const float LEVEL_MAX = 3.4e38;
 // Not 0: tiles are those that the 3DGS code lists a splat for.
-layout(constant_id = 4) const uint INRIA = 0;
+layout(constant_id = 3) const uint INRIA = 0;
 // How parameters are stored: 0 as floats; 1: harmonics as pairs of halves; 2: all but means.
-layout(constant_id = 5) const uint PRECISION = 0;
+layout(constant_id = 4) const uint PRECISION = 0;
 // Not 0: slots are not in the order of their splats, and the index says whose they are.
-layout(constant_id = 6) const uint INDEXED = 0;
+layout(constant_id = 5) const uint INDEXED = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -112,7 +110,7 @@ uint project(uint slot, uint splat) {
     whiten_rg_from_splat[splat] = vec4(whiten, color.rg);
     blue_depth_from_splat[splat] = vec2(color.b, mean_view.z);
 
-    Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN, LEVEL_MAX);
+    Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
     if (INRIA != 0) e.square = inria_square(shape, whiten);
     uint count = 0;
     ivec2 rows = tile_rows(e, view.size);

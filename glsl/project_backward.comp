@@ -227,7 +227,7 @@ void main() {
         if (is_finite(pull)) known.x += pull;
         known.y += 1.0;
         // What counts as covered does not depend on where drawing stops.
-        Ellipse e = ellipse(ellipse_from_splat[splat], whiten_rg_from_splat[splat].xy, -LOG2_255, 3.4e38);
+        Ellipse e = ellipse(ellipse_from_splat[splat], whiten_rg_from_splat[splat].xy, -LOG2_255);
         known.z = max(known.z, max(e.extent.x, e.extent.y));
         statistics[splat] = known;
     }

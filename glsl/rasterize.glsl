@@ -16,8 +16,6 @@ layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
 layout(constant_id = 3) const uint WITH_DEPTH = 0;
 // 0: nobody asks where pixels ended (training does), and neither register nor memory is spent on it.
 layout(constant_id = 4) const uint WITH_ENDS = 1;
-// Degree of the polynomial that alphas are exponentials by; 0: none, they are exact.
-layout(constant_id = 5) const uint EXPONENTIAL_DEGREE = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -40,7 +38,6 @@ layout(push_constant, scalar) uniform Push {
 
 #include "shared/tile.glsl"
 #include "shared/stage.glsl"
-#include "shared/exponential.glsl"
 
 bool any_lane(bool mine);
 
@@ -69,7 +66,7 @@ void blend(Tile t, uint isect, Staged splat) {
         vec4 exponent = exponent_of(column, q, f);
         bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
                         greaterThanEqual(transmittance[q], vec4(T_MIN)));
-        vec4 alpha = mix(vec4(0.0), min(power_of_two(EXPONENTIAL_DEGREE, exponent), vec4(ALPHA_MAX)), on);
+        vec4 alpha = mix(vec4(0.0), min(exp2(exponent), vec4(ALPHA_MAX)), on);
         vec4 weight = alpha * transmittance[q];
         red[q] += weight * splat.tone.z;
         green[q] += weight * splat.tone.w;

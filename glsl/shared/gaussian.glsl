@@ -130,14 +130,14 @@ struct Ellipse {
     float square;       // half the side of the square that the 3DGS code lists it for, or 0: it is an ellipse
 };
 
-// Where alpha is at least 2^log2_alpha_min and the squared Mahalanobis distance at most level_max.
-Ellipse ellipse(vec4 shape, vec2 whiten, float log2_alpha_min, float level_max) {
+// Region where alpha is at least 2^log2_alpha_min.
+Ellipse ellipse(vec4 shape, vec2 whiten, float log2_alpha_min) {
     Ellipse e;
     precise float a = (WHITEN / whiten.x) * (WHITEN / whiten.x);
     precise float y_from_x = (WHITEN / whiten.y) * (WHITEN / whiten.y);
     precise float yy = y_from_x + shape.z * shape.z * a;
     // A little wider than exact, so that rounding never drops a pixel on the rim.
-    precise float reach = min(max(shape.w - log2_alpha_min, 0.0) * (1.0 / (WHITEN * WHITEN)), level_max);
+    precise float reach = max(shape.w - log2_alpha_min, 0.0) * (1.0 / (WHITEN * WHITEN));
     precise float level = reach * 1.00001 + 1e-5;
     e.mean = shape.xy;
     e.slope_x = shape.z;

@@ -11,7 +11,7 @@ use super::train::parse_gain;
 use crate::io::atomic::write_atomically;
 use crate::lab::survey::{Recipe, csv, page};
 use crate::lab::synth::Kind;
-use crate::simplify::PREFERENCE_DB;
+use crate::train::TrainConfig;
 use crate::{Error, Result, io};
 use clap::Args;
 use std::io::Write;
@@ -55,7 +55,7 @@ pub(super) struct NeedsArgs {
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     again: Vec<Recipe>,
     /// The smallest gain worth paying for: decibels for a tenth more splats
-    #[arg(long, value_name = "GAIN", default_value_t = PREFERENCE_DB, value_parser = parse_gain)]
+    #[arg(long, value_name = "GAIN", default_value_t = TrainConfig::default().auto.preference_db, value_parser = parse_gain)]
     gain: f64,
     /// Begin anew even if DIR has runs with other settings
     #[arg(long)]

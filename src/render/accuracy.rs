@@ -18,10 +18,6 @@ pub struct Accuracy {
     /// Alphas below this are left out: 1/255 (3DGS). What is lost is at most Σ α T of those left out, times
     /// the colour range.
     pub alpha_min: f32,
-    /// A splat is listed for tiles within this many of its standard deviations; `None`: as far as `alpha_min`
-    /// lets it reach. 3 in the 3DGS code, which loses at most Σ α T of what lies beyond, times the colour
-    /// range.
-    pub sigma_max: Option<f32>,
 }
 
 impl Default for Accuracy {
@@ -29,7 +25,6 @@ impl Default for Accuracy {
         Accuracy {
             transmittance_min: 1e-4,
             alpha_min: 1.0 / 255.0,
-            sigma_max: None,
         }
     }
 }
@@ -40,11 +35,9 @@ impl Accuracy {
     /// # Errors
     /// [`Error::Config`] names the first field that is out of its range.
     pub fn validate(&self) -> Result<()> {
-        let sigma_max = self.sigma_max.unwrap_or(1.0);
         for (name, value, least, most) in [
             ("transmittance_min", self.transmittance_min, 1e-9, 0.5),
             ("alpha_min", self.alpha_min, 1e-6, 0.5),
-            ("sigma_max", sigma_max, 0.1, 100.0),
         ] {
             if !(least..=most).contains(&value) {
                 return Err(Error::Config(format!(
@@ -59,21 +52,13 @@ impl Accuracy {
         f64::from(self.alpha_min).log2() as f32
     }
 
-    /// Squared standard deviations within which tiles are touched.
-    fn level_max(&self) -> f32 {
-        let unlimited = project::Spec::default().level_max;
-        self.sigma_max.map_or(unlimited, |sigma| sigma * sigma)
-    }
-
     pub(crate) fn of_project(&self, mut choice: project::Choice) -> project::Choice {
         choice.spec.log2_alpha_min = self.log2_alpha_min();
-        choice.spec.level_max = self.level_max();
         choice
     }
 
     pub(crate) fn of_expand(&self, mut choice: expand::Choice) -> expand::Choice {
         choice.spec.log2_alpha_min = self.log2_alpha_min();
-        choice.spec.level_max = self.level_max();
         choice
     }
 
@@ -122,7 +107,5 @@ mod tests {
             Err("accuracy.alpha_min is 0, but must be from 0.000001 to 0.5".into())
         );
         assert!(message(|a| a.transmittance_min = f32::NAN).is_err());
-        assert!(message(|a| a.sigma_max = Some(0.0)).is_err());
-        assert_eq!(message(|a| a.sigma_max = Some(3.0)), Ok(()));
     }
 }

@@ -17,8 +17,8 @@ pub enum Compatibility {
     /// Those of the 3DGS code, for scenes that were trained elsewhere and are to be seen as their authors saw them: a
     /// splat reaches as far as the 16 × 16 tiles that a square of three of its standard deviations touches, alphas end
     /// at 0.99, and the splat that would take the transmittance below 1e-4 is left out. Such frames leak up to 1 %
-    /// of what lies behind an opaque wall, and bright splats have edges; neither [`Accuracy`] nor
-    /// [`Exponential`](super::Exponential) is asked.
+    /// of what lies behind an opaque wall, and bright splats have edges; [`Accuracy`] does
+    /// not apply.
     Inria,
 }
 
@@ -57,8 +57,7 @@ impl Compositor {
         Ok(match options.compatibility {
             Compatibility::Engine => {
                 let choice = rasterize::Rasterize::prefer(caps, outputs);
-                let mut choice = options.accuracy.of_rasterize(choice);
-                choice.spec.exponential_degree = options.exponential.degree();
+                let choice = options.accuracy.of_rasterize(choice);
                 Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
             }
             Compatibility::Inria => {

@@ -2,7 +2,6 @@
 
 use super::accuracy::Accuracy;
 use super::compatibility::Compatibility;
-use super::exponential::Exponential;
 use super::precision::Precision;
 use super::scratch::Capacity;
 use crate::kernels::rasterize::Outputs;
@@ -22,8 +21,6 @@ pub struct RenderOptions {
     pub accuracy: Accuracy,
     /// In what numbers the models lie on the device that it draws ([`Model::upload_as`](super::Model::upload_as)).
     pub precision: Precision,
-    /// By what exponentials alphas are computed; training's are always exact.
-    pub exponential: Exponential,
     /// Whose rules frames are drawn by.
     pub compatibility: Compatibility,
 }
@@ -50,7 +47,6 @@ impl Default for RenderOptions {
             with_depth: false,
             accuracy: Accuracy::default(),
             precision: Precision::Full,
-            exponential: Exponential::Exact,
             compatibility: Compatibility::Engine,
         }
     }

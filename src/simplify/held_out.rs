@@ -5,37 +5,28 @@ use crate::Result;
 use crate::render::Evaluator;
 use crate::scene::{Dataset, Splats, Split};
 use crate::stats::mean;
+use crate::train::config::AutoConfig;
 
-/// Smallest number of held-out views, where there are enough views: a spread needs as many.
-const VIEWS_MIN: usize = 3;
+impl AutoConfig {
+    /// Whether no view has a visible error.
+    pub(super) fn is_full(&self, psnr_db: &[f64]) -> bool {
+        psnr_db.iter().all(|&psnr| psnr >= self.full_db)
+    }
 
-/// Training views for each held-out one, as are usually kept for tests.
-const VIEWS_EACH: usize = 8;
-
-/// Smallest mean squared error that counts: that of a hundredth of white, about the least contrast that an eye tells
-/// (Weber). Without it a plain wall would be given splats for invisible decibels beyond 40.
-pub(super) const UNSEEN: f64 = 1e-4;
-
-/// PSNR at that error: a view cannot score higher.
-pub(super) const FULL_DB: f64 = 40.0;
-
-/// Whether no view has a visible error.
-pub(super) fn is_full(psnr_db: &[f64]) -> bool {
-    psnr_db.iter().all(|&psnr| psnr >= FULL_DB)
+    /// Mean distance of the views from a PSNR without visible error, decibels.
+    pub(super) fn short_of_full(&self, psnr_db: &[f64]) -> f64 {
+        let short: Vec<f64> = psnr_db.iter().map(|psnr| self.full_db - psnr).collect();
+        mean(&short)
+    }
 }
 
-/// Mean distance of the views from a PSNR without visible error, decibels.
-pub(super) fn short_of_full(psnr_db: &[f64]) -> f64 {
-    let short: Vec<f64> = psnr_db.iter().map(|psnr| FULL_DB - psnr).collect();
-    mean(&short)
-}
-
-/// Indices of the training views: those trained on, and the held-out ones, which lie evenly among them. With fewer than
-/// eight views none is held out, and both lists are all views.
-pub fn split_views(dataset: &Dataset) -> (Vec<usize>, Vec<usize>) {
+/// Indices of the training views: those trained on, and the held-out ones, which lie evenly among them. With too few views
+/// none is held out, and both lists are all views.
+pub fn split_views(dataset: &Dataset, config: &AutoConfig) -> (Vec<usize>, Vec<usize>) {
     let views = dataset.split(Split::Train);
-    let count = (views.len().div_ceil(VIEWS_EACH)).max(VIEWS_MIN);
-    if views.len() < 2 * VIEWS_MIN + 2 {
+    let least = config.held_out_min as usize;
+    let count = (views.len().div_ceil(config.held_out_every as usize)).max(least);
+    if views.len() < 2 * least + 2 {
         return (views.clone(), views);
     }
     // Middles of equal ranges: neighbours on both sides are trained on.

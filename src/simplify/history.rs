@@ -2,9 +2,9 @@
 //! by stands here, so that a resumed run decides alike.
 
 use super::gain::{error, steps_of_ten_percent};
-use super::held_out::is_full;
 use super::{Decision, HalfResolution, Law};
 use crate::stats::mean;
+use crate::train::config::AutoConfig;
 use serde::{Deserialize, Serialize};
 
 /// What a run is at.
@@ -114,6 +114,9 @@ pub struct Round {
 pub struct History {
     /// The smallest gain worth paying for: decibels for a tenth more splats.
     pub preference_db: f64,
+    /// Constants of the controller, which the run's configuration holds.
+    #[serde(skip)]
+    pub config: AutoConfig,
     /// What the run is at.
     pub phase: Phase,
     /// The round on its way.
@@ -212,7 +215,7 @@ impl History {
     pub(super) fn has_plateau(&self) -> bool {
         let mut entries = self.entries.iter();
         let stopped = entries.find(|entry| entry.act == Act::Stopped);
-        stopped.is_some_and(|stopped| is_full(&stopped.psnr_db))
+        stopped.is_some_and(|stopped| self.config.is_full(&stopped.psnr_db))
     }
 
     /// The PSNR of the held-out views after what was done last.

@@ -38,7 +38,7 @@ mod refit;
 mod sh_error;
 mod sh_fit;
 
-pub use auto::{AutoRun, CountController, PREFERENCE_DB, for_auto_count};
+pub use auto::{AutoRun, CountController, for_auto_count};
 pub use change::{Change, Promise, measure};
 pub use contribution::{
     ContributionPass, PassOptions, PixelErrors, RemovalError, RenderedTiles, SplatContribution,

@@ -20,8 +20,6 @@ const ALPHA_MASKS: u32 = 1;
 #[derive(Debug)]
 pub(crate) struct Backward {
     comparison: Comparison,
-    /// For steps that go by L1 alone, where there are some.
-    plain: Option<Comparison>,
     loss_sum: loss_sum::LossSum,
     rasterize: rasterize_backward::RasterizeBackward,
     /// One per spherical-harmonic degree.
@@ -114,10 +112,7 @@ impl Backward {
         let rasterize = config.accuracy.of_rasterize_backward(rasterize);
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
-            comparison: Comparison::new(gpu, true)?,
-            plain: schedule::skips_ssim(config)
-                .then(|| Comparison::new(gpu, false))
-                .transpose()?,
+            comparison: Comparison::new(gpu, config.lambda_dssim > 0.0)?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::LossSum::prefer(caps))?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
             project: ProjectBackward::of_degrees(gpu, config.sh_degree, false)?,
@@ -183,11 +178,8 @@ impl Backward {
         let [width, height] = step.view.size;
         let tiles = (width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT)) as usize;
         let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
-        let lambda = f64::from(schedule::lambda_dssim(step.config, step.iteration));
-        let kernels = match &self.plain {
-            Some(plain) if lambda == 0.0 => plain,
-            _ => &self.comparison,
-        };
+        let lambda = f64::from(step.config.lambda_dssim);
+        let kernels = &self.comparison;
         kernels.loss.record(
             rec,
             loss::Bindings {

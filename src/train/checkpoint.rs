@@ -119,7 +119,7 @@ impl Checkpoint {
             value.ok_or_else(|| fault(&format!("{name} is missing from its header")))
         };
         let config = meta.get("config").cloned().unwrap_or_default();
-        let config: TrainConfig = serde_json::from_value(config)
+        let config = TrainConfig::from_saved(config)
             .map_err(|e| fault(&format!("the configuration cannot be read: {e}")))?;
         config.validate().map_err(|e| fault(&e.to_string()))?;
         let count = number("splat_count")? as usize;

@@ -56,20 +56,6 @@ pub fn bias_corrections(config: &TrainConfig, iteration: u32) -> [f32; 2] {
     })
 }
 
-/// Weight of 1 − SSIM in the loss of an iteration.
-pub fn lambda_dssim(config: &TrainConfig, iteration: u32) -> f32 {
-    let every = config.ssim_skipped.saturating_add(1);
-    match iteration % every == 1 % every {
-        true => config.lambda_dssim,
-        false => 0.0,
-    }
-}
-
-/// Whether some iteration's loss is L1 alone.
-pub fn skips_ssim(config: &TrainConfig) -> bool {
-    config.ssim_skipped > 0 || config.lambda_dssim == 0.0
-}
-
 /// The colour degree trained and drawn at an iteration.
 pub fn sh_degree(config: &TrainConfig, iteration: u32) -> u32 {
     let reached = config
@@ -172,23 +158,6 @@ pub fn penalties(config: &TrainConfig, extent: f64) -> Penalties {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ssim_counts_in_the_first_step_and_in_every_so_many() {
-        let steps = |ssim_skipped: u32| -> Vec<u32> {
-            let config = TrainConfig {
-                ssim_skipped,
-                ..TrainConfig::default()
-            };
-            (1..=7)
-                .filter(|&i| lambda_dssim(&config, i) > 0.0)
-                .collect()
-        };
-        assert_eq!(steps(0), [1, 2, 3, 4, 5, 6, 7]);
-        assert_eq!(steps(1), [1, 3, 5, 7]);
-        assert_eq!(steps(2), [1, 4, 7]);
-        assert_eq!(steps(u32::MAX), [1]);
-    }
 
     #[test]
     fn the_mean_rate_decays_exponentially_from_start_to_end() {

@@ -288,7 +288,7 @@ impl<'a> Trainer<'a> {
         let model = &self.state.model;
         let mut view = view_of(camera, &options);
         if self.halved.is_some() {
-            view.dilation *= halved::DILATION;
+            view.dilation *= self.config.half_size_dilation;
         }
         let step = Step {
             config: &self.config,
@@ -338,7 +338,7 @@ impl<'a> Trainer<'a> {
             return Ok(false);
         }
         let [l1, dssim, square, weight] = oldest.loss.get()[0].map(f64::from);
-        let lambda = f64::from(schedule::lambda_dssim(&self.config, oldest.iteration));
+        let lambda = f64::from(self.config.lambda_dssim);
         let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
         self.done.push_back(StepReport {
             iteration: oldest.iteration,

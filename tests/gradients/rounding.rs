@@ -15,7 +15,6 @@ use ashfall::train::{HostState, TrainConfig, Trainer};
 const ACCURACY: Accuracy = Accuracy {
     alpha_min: 1e-6,
     transmittance_min: 1e-9,
-    sigma_max: None,
 };
 fn approximations() -> Approximations {
     Approximations {

@@ -2,10 +2,9 @@
 
 use crate::metamorphic::draw;
 use crate::scenes::{self, Scene};
-use ashfall::layout::ALPHA_MAX;
 use ashfall::reference::bound::{Approximations, Traced, color_errors, trace};
 use ashfall::reference::frame::center;
-use ashfall::reference::rasterize::{composite, layer, power};
+use ashfall::reference::rasterize::{composite, layer};
 use ashfall::reference::{Pixel, Splat, Thresholds, Viewpoint, frame};
 use ashfall::scene::sh_coefficient_count;
 
@@ -128,84 +127,29 @@ fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
 }
 
 #[test]
-fn removed_splats_and_short_ones_keep_to_their_bounds() {
+fn removed_splats_keep_to_their_bounds() {
     for scene in cases() {
         let removed: Vec<bool> = (0..scene.splats.len()).map(|i| i % 3 == 0).collect();
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
         let screen = frame::project_all(&Splat::<f64>::all(&scene.splats), &view);
         let (list, splat_from_rank) = frame::sorted(&screen);
-        let sigma_max = 2.0;
-        let draw = |keep: &dyn Fn(usize, [f64; 2]) -> bool| -> Vec<Pixel<f64>> {
+        let draw = |keep: &dyn Fn(usize) -> bool| -> Vec<Pixel<f64>> {
             let width = scene.camera.width as usize;
             let pixels = 0..width * scene.camera.height as usize;
             let pixel = |i| {
                 let at = center(i, width);
-                let kept = (0..list.len()).filter(|&rank| keep(rank, at));
+                let kept = (0..list.len()).filter(|&rank| keep(rank));
                 let layers = kept.filter_map(|rank| layer(&list[rank], at, &Thresholds::NONE));
                 composite(layers, scene.options.background, 0.0).0
             };
             pixels.map(pixel).collect()
         };
-        let short = draw(&|rank, at| 2.0 * power(&list[rank], at) <= sigma_max * sigma_max);
-        let sigma = Approximations {
-            sigma_max,
-            ..Approximations::NONE
-        };
-        judge("short", &short, &full(&scene, &[sigma]), 0.1);
-        let fewer = draw(&|rank, _| !removed[splat_from_rank[rank]]);
+        let fewer = draw(&|rank| !removed[splat_from_rank[rank]]);
         let gone = Approximations {
             removed,
             ..Approximations::NONE
         };
         judge("fewer", &fewer, &full(&scene, &[gone]), 0.1);
-    }
-}
-
-#[test]
-fn alphas_that_are_off_by_a_share_keep_to_their_bounds() {
-    for scene in cases() {
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
-        let screen = frame::project_all(&Splat::<f64>::all(&scene.splats), &view);
-        let (list, _) = frame::sorted(&screen);
-        let cut = Thresholds {
-            alpha_min: 1.0 / 64.0,
-            transmittance_min: 1e-2,
-            ..Thresholds::ENGINE
-        };
-        // All too high, all too low, and by turns.
-        let signs = [[1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
-        for (thresholds, share) in [
-            (Thresholds::NONE, 1e-3),
-            (Thresholds::NONE, 0.05),
-            (cut, 1e-3),
-            (cut, 0.05),
-        ] {
-            for signs in signs {
-                let width = scene.camera.width as usize;
-                let pixel = |i: usize| {
-                    let ranks = 0..list.len();
-                    let layers = ranks.filter_map(|rank| {
-                        let mut layer = layer(&list[rank], center(i, width), &thresholds)?;
-                        let off = 1.0 + share * signs[rank % 2];
-                        layer.alpha = (layer.alpha * off).min(f64::from(ALPHA_MAX));
-                        Some(layer)
-                    });
-                    let stop = thresholds.transmittance_min;
-                    composite(layers, scene.options.background, stop).0
-                };
-                let pixels: Vec<_> = (0..width * scene.camera.height as usize)
-                    .map(pixel)
-                    .collect();
-                let approximations = Approximations {
-                    alpha_min: thresholds.alpha_min,
-                    transmittance_min: thresholds.transmittance_min,
-                    alpha_error: share,
-                    ..Approximations::NONE
-                };
-                let name = format!("alphas off by {share}, {signs:?}");
-                judge(&name, &pixels, &full(&scene, &[approximations]), 0.1);
-            }
-        }
     }
 }
 

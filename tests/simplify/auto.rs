@@ -6,11 +6,12 @@ use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::scene::{Dataset, PhotoSource, Split};
 use ashfall::simplify::{
-    Act, AutoRun, CountController, History, PREFERENCE_DB, Phase, for_auto_count, split_views,
+    Act, AutoRun, CountController, History, Phase, for_auto_count, split_views,
 };
 use ashfall::stats::mean;
 use ashfall::train::checkpoint::Checkpoint;
-use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
+use ashfall::train::config::AutoConfig;
+use ashfall::train::{HostState, StrategyKind, TrainConfig};
 use std::path::Path;
 
 pub(super) const ITERATIONS: u32 = 320;
@@ -86,11 +87,12 @@ fn reopened<'a>(
 fn controlled<'a>(
     gpu: &Gpu,
     dataset: &'a Dataset,
-    config: TrainConfig,
+    mut config: TrainConfig,
     gain: f64,
 ) -> Result<AutoRun<'a>> {
+    config.auto.preference_db = gain;
     AutoRun::new(gpu, dataset, config)?
-        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, gain, false))
+        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, false))
 }
 
 fn history_of<'r>(run: &'r AutoRun<'_>) -> &'r History {
@@ -131,7 +133,12 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
         if kind == Kind::Plane {
             paint(&mut dataset);
         }
-        let (state, _) = run_to_end(&gpu, &dataset, longer(), PREFERENCE_DB)?;
+        let (state, _) = run_to_end(
+            &gpu,
+            &dataset,
+            longer(),
+            AutoConfig::default().preference_db,
+        )?;
         counts.push((state.len(), degrees(&state)));
     }
     assert!(20 * counts[0].0 <= counts[1].0, "{counts:?}");
@@ -167,7 +174,7 @@ fn photographs_stay_small_for_longer_where_there_is_less_to_see() -> Result<()> 
             paint(&mut dataset);
         }
         let config = config(StrategyKind::Adc);
-        let mut run = controlled(&gpu, &dataset, config, PREFERENCE_DB)?;
+        let mut run = controlled(&gpu, &dataset, config, AutoConfig::default().preference_db)?;
         while history_of(&run).is_half {
             run.step()?;
         }
@@ -221,10 +228,15 @@ fn a_run_resumed_at_half_the_size_goes_on_at_half_the_size() -> Result<()> {
     let mut dataset = dataset(Kind::Plane);
     paint(&mut dataset);
     let config = config(StrategyKind::Adc);
-    let whole = run_to_end(&gpu, &dataset, config.clone(), PREFERENCE_DB)?;
+    let whole = run_to_end(
+        &gpu,
+        &dataset,
+        config.clone(),
+        AutoConfig::default().preference_db,
+    )?;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");
-    let mut run = controlled(&gpu, &dataset, config, PREFERENCE_DB)?;
+    let mut run = controlled(&gpu, &dataset, config, AutoConfig::default().preference_db)?;
     while !run.is_done() {
         run.step()?;
         if [30, 110].contains(&run.iteration()) {
@@ -248,9 +260,11 @@ fn harmonics_go_in_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps_the
     let (last, course) = history.entries.split_last().unwrap();
     assert_eq!((last.act, last.iteration), (Act::Lowered, 510));
     for keeps in [false, true] {
-        let run = AutoRun::new(&gpu, &dataset, longer())?;
+        let mut config = longer();
+        config.auto.preference_db = 0.03;
+        let run = AutoRun::new(&gpu, &dataset, config)?;
         let mut run = run.controlled(|trainer, dataset| {
-            let mut controller = CountController::begin(trainer, dataset, 0.03, false)?;
+            let mut controller = CountController::begin(trainer, dataset, false)?;
             if keeps {
                 controller.keep_sh();
             }
@@ -319,7 +333,7 @@ fn views_are_held_out_evenly_and_are_never_test_views() {
         let mut dataset = dataset(Kind::Sphere);
         dataset.views = (0..views).map(|i| dataset.views[i % 20].clone()).collect();
         let train = dataset.split(Split::Train);
-        let (fitted, held) = split_views(&dataset);
+        let (fitted, held) = split_views(&dataset, &AutoConfig::default());
         assert!(held.iter().all(|view| train.contains(view)));
         if train.len() < 8 {
             assert_eq!((&fitted, &held), (&train, &train));
@@ -337,10 +351,9 @@ fn a_preference_that_is_no_gain_is_refused() -> Result<()> {
     let gpu = gpu();
     let dataset = dataset(Kind::Sphere);
     for gain in [0.0, -0.02, f64::NAN, f64::INFINITY] {
-        let mut trainer = Trainer::new(&gpu, &dataset, config(StrategyKind::Adc))?;
-        let refused = CountController::begin(&mut trainer, &dataset, gain, false).err();
+        let refused = controlled(&gpu, &dataset, config(StrategyKind::Adc), gain).err();
         let text = refused.map(|e| e.to_string()).unwrap_or_default();
-        assert!(text.contains("smallest gain worth paying for"), "{text}");
+        assert!(text.starts_with("auto.preference_db is"), "{text}");
     }
     Ok(())
 }

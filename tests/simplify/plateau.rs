@@ -7,9 +7,8 @@ use ashfall::gpu::Gpu;
 use ashfall::lab::synth::Kind;
 use ashfall::scene::Dataset;
 use ashfall::simplify::gain::steps_of_ten_percent;
-use ashfall::simplify::{
-    Act, CountController, Entry, History, PREFERENCE_DB, Phase, Round, split_views,
-};
+use ashfall::simplify::{Act, CountController, Entry, History, Phase, Round, split_views};
+use ashfall::train::config::AutoConfig;
 use ashfall::train::{Controller, StrategyKind, Trainer};
 
 /// A wall of one colour looks perfect whatever goes, nearly: rounds that show it take their steps once.
@@ -19,7 +18,7 @@ fn where_nothing_can_be_missed_a_round_takes_its_steps_once() -> Result<()> {
     let mut dataset = dataset(Kind::Plane);
     paint(&mut dataset);
     let mut trainer = Trainer::new(&gpu, &dataset, longer())?;
-    let mut controller = CountController::begin(&mut trainer, &dataset, PREFERENCE_DB, false)?;
+    let mut controller = CountController::begin(&mut trainer, &dataset, false)?;
     let mut steps = 0;
     while !trainer.is_done() {
         trainer.step()?;
@@ -48,7 +47,10 @@ fn after_last_round(
     while trainer.iteration() < 200 {
         trainer.step()?;
     }
-    let (splats, (fitted, held)) = (trainer.splat_count(), split_views(dataset));
+    let (splats, (fitted, held)) = (
+        trainer.splat_count(),
+        split_views(dataset, &AutoConfig::default()),
+    );
     let own = fitted.len().div_ceil(fitted.len().div_ceil(held.len()));
     let stopped = Entry {
         iteration: 200,
@@ -68,7 +70,7 @@ fn after_last_round(
         ..Round::default()
     };
     let history = History {
-        preference_db: PREFERENCE_DB,
+        preference_db: AutoConfig::default().preference_db,
         phase: Phase::Pruning,
         share: 0.5,
         end: ITERATIONS,
@@ -95,7 +97,7 @@ fn of_splats_that_the_last_round_missed_by_little_some_go() -> Result<()> {
     assert!(history.entries.iter().all(|e| e.act != Act::PartPruned));
 
     let gone = steps_of_ten_percent(splats / 2, splats);
-    let nearly = |psnr: &f64| psnr - 1.25 * PREFERENCE_DB * gone;
+    let nearly = |psnr: &f64| psnr - 1.25 * AutoConfig::default().preference_db * gone;
     let without_db = missed.psnr_db.iter().map(nearly).collect();
     let (history, left) = after_last_round(&gpu, &dataset, without_db)?;
     let [_, missed, part] = &history.entries[..3] else {

@@ -109,7 +109,6 @@ fn the_inria_rules_differ_where_they_should() {
         accuracy: Accuracy {
             transmittance_min: 0.1,
             alpha_min: 0.1,
-            sigma_max: Some(1.0),
         },
         ..RenderOptions::default()
     };

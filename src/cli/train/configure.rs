@@ -231,7 +231,7 @@ mod tests {
         assert!(message("foo=1").contains("there are accuracy, adam, adc, background"));
         assert!(message("seed").contains("NAME=VALUE"));
         assert!(message("seed=-1").contains("--set seed=-1: invalid value"));
-        assert!(message("sh_degree=7").contains("must be 0, 1, 2 or 3"));
+        assert!(message("sh_degree=7").contains("must be from 0 to 3"));
     }
 
     #[test]

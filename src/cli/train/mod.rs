@@ -147,12 +147,13 @@ fn new_run<'a>(args: &TrainArgs, engine: &Engine, dataset: &'a Dataset) -> Resul
     let Some(gain_db) = args.parsimony else {
         return AutoRun::new(engine.gpu(), dataset, args.config.config(is_software)?);
     };
-    let config = args.config.config_from(is_software, |usual| {
+    let config = args.config.config_from(is_software, |mut usual| {
+        usual.auto.preference_db = gain_db;
         for_auto_count(usual, dataset.split(Split::Train).len())
     })?;
     let is_open = args.config.iterations.is_none();
     AutoRun::new(engine.gpu(), dataset, config)?
-        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, gain_db, is_open))
+        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))
 }
 
 /// A number of decibels above 0.
@@ -343,12 +344,15 @@ impl<'a> Session<'a> {
 #[cfg(test)]
 mod tests {
     use super::parse_gain;
-    use crate::simplify::PREFERENCE_DB;
+    use crate::train::TrainConfig;
 
     #[test]
     fn gains_are_decibels_above_0() {
         // What the option stands for without a number.
-        assert_eq!(parse_gain("0.08"), Ok(PREFERENCE_DB));
+        assert_eq!(
+            parse_gain("0.08"),
+            Ok(TrainConfig::default().auto.preference_db)
+        );
         assert_eq!(parse_gain("1"), Ok(1.0));
         for bad in ["", "0", "-0.1", "nan", "inf", "photos/"] {
             assert!(parse_gain(bad).is_err(), "{bad}");

@@ -12,7 +12,7 @@ pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Ne
     // Degrees that went have left zeros.
     let reduced = reduce_harmonics(splats, 0.0);
     let law = history.law();
-    let (_, held) = split_views(dataset);
+    let (_, held) = split_views(dataset, &history.config);
     Needs {
         sentence: sentence(reduced.count_from_degree, None),
         preference_db: history.preference_db,

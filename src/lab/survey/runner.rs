@@ -82,15 +82,12 @@ pub fn recipes(iterations: u32) -> Vec<Recipe> {
 impl Task<'_> {
     /// All constants of the run.
     fn config(&self) -> TrainConfig {
-        TrainConfig {
-            seed: self.seed,
-            max_splats: self.max_splats,
-            ..config(
-                self.recipe,
-                self.iterations,
-                self.dataset.split(Split::Train).len(),
-            )
-        }
+        let views = self.dataset.split(Split::Train).len();
+        let mut config = config(self.recipe, self.iterations, views);
+        config.seed = self.seed;
+        config.max_splats = self.max_splats;
+        config.auto.preference_db = self.gain_db;
+        config
     }
 
     /// The run as far as it is known before it begins.
@@ -179,7 +176,7 @@ impl Task<'_> {
         let (start, clock) = (Instant::now(), CpuClock::now());
         if matches!(self.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
             run = run.controlled(|trainer, dataset| {
-                let mut controller = CountController::begin(trainer, dataset, self.gain_db, false)?;
+                let mut controller = CountController::begin(trainer, dataset, false)?;
                 if self.recipe == Recipe::ParsimonyAllSh {
                     controller.keep_sh();
                 }

@@ -53,8 +53,7 @@ pub struct GradientBounds {
 }
 
 /// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.thresholds` are not made,
-/// and what is drawn must be the scene itself (no [`Approximations::color_error`], nothing [`Approximations::stored`], no
-/// [`Approximations::alpha_error`]).
+/// and what is drawn must be the scene itself (no [`Approximations::color_error`], nothing [`Approximations::stored`]).
 pub fn gradient_bounds(
     splats: &Splats,
     camera: &Camera,
@@ -63,8 +62,7 @@ pub fn gradient_bounds(
     approximations: &[Approximations],
     rounding: Rounding,
 ) -> GradientBounds {
-    let is_scene =
-        |s: &Approximations| s.color_error.is_empty() && s.stored.is_none() && s.alpha_error == 0.0;
+    let is_scene = |s: &Approximations| s.color_error.is_empty() && s.stored.is_none();
     assert!(
         approximations.iter().all(is_scene),
         "approximations draw another scene"
@@ -197,7 +195,7 @@ impl Linear {
 }
 
 fn leaves_out(approximations: &Approximations, slice: &Slice) -> bool {
-    approximations.may_leave_out(slice.splat, slice.alpha, slice.level)
+    approximations.may_leave_out(slice.splat, slice.alpha)
 }
 
 /// Whether a slice's gradient by shape is switched off by the cap of its alpha; `None`: either.

@@ -35,10 +35,6 @@ pub struct Approximations {
     pub alpha_min: f64,
     /// A pixel is finished once less than this passes.
     pub transmittance_min: f64,
-    /// What is farther than so many standard deviations from its centre may be left out.
-    pub sigma_max: f64,
-    /// By what share of themselves alphas may be off, before their cap; what is left out is told by exact ones.
-    pub alpha_error: f64,
     /// By how much any channel of a splat's colour may be off, by splat; empty: nothing.
     pub color_error: Vec<f64>,
     /// Which splats are not drawn; empty: none.
@@ -65,18 +61,13 @@ impl Approximations {
     pub const NONE: Approximations = Approximations {
         alpha_min: 0.0,
         transmittance_min: 0.0,
-        sigma_max: f64::INFINITY,
-        alpha_error: 0.0,
         color_error: Vec::new(),
         removed: Vec::new(),
         stored: None,
     };
 
-    /// Whether a splat may be left out of a pixel where it has that alpha, so many squared standard deviations from
-    /// its centre; the stop aside.
-    fn may_leave_out(&self, splat: usize, alpha: f64, level: f64) -> bool {
-        alpha < self.alpha_min * (1.0 + MARGIN)
-            || level > self.sigma_max * self.sigma_max * (1.0 - MARGIN)
-            || self.removed.get(splat).copied().unwrap_or(false)
+    /// Whether a splat may be left out of a pixel where it has this alpha, the transmittance threshold aside.
+    fn may_leave_out(&self, splat: usize, alpha: f64) -> bool {
+        alpha < self.alpha_min * (1.0 + MARGIN) || self.removed.get(splat).copied().unwrap_or(false)
     }
 }

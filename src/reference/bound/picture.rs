@@ -3,7 +3,7 @@
 use super::stack::{Screen, Stack};
 use super::{Approximations, FAINT, MARGIN};
 use crate::reference::frame::project_all;
-use crate::reference::rasterize::{layer, power};
+use crate::reference::rasterize::layer;
 use crate::reference::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
@@ -118,7 +118,6 @@ fn saved(stack: &Stack, approximations: &Approximations, stored: &Stored) -> Sav
     let mut saved = Saved::default();
     // As it is drawn, without what is left out: the most and the least that may pass.
     let (mut before, mut least) = (1.0, 1.0_f64);
-    let share = approximations.alpha_error;
     for slice in &stack.slices {
         let off = approximations
             .color_error
@@ -126,19 +125,19 @@ fn saved(stack: &Stack, approximations: &Approximations, stored: &Stored) -> Sav
             .copied()
             .unwrap_or(0.0);
         saved.color += slice.alpha * slice.before * off;
-        let (alpha, level) = match stored {
-            None => (slice.alpha, slice.level),
+        let alpha = match stored {
+            None => slice.alpha,
             Some(screen) => drawn(screen[slice.splat].as_ref(), stack.at),
         };
-        saved.moved += ((alpha - slice.alpha).abs() + share * alpha) * slice.before;
+        saved.moved += (alpha - slice.alpha).abs() * slice.before;
         if alpha >= FAINT {
             saved.color_most = saved.color_most.max(off);
-            if approximations.may_leave_out(slice.splat, alpha, level) {
-                saved.weight += (1.0 + share) * alpha * before;
+            if approximations.may_leave_out(slice.splat, alpha) {
+                saved.weight += alpha * before;
             }
         }
-        before *= 1.0 - (1.0 - share) * alpha;
-        least *= (1.0 - (1.0 + share) * alpha).max(0.0);
+        before *= 1.0 - alpha;
+        least *= (1.0 - alpha).max(0.0);
     }
     let stop = approximations.transmittance_min * (1.0 + MARGIN);
     if least < stop {
@@ -147,11 +146,8 @@ fn saved(stack: &Stack, approximations: &Approximations, stored: &Stored) -> Sav
     saved
 }
 
-/// Alpha and squared standard deviations at a position.
-fn drawn(splat: Option<&ScreenSplat<f64>>, at: [f64; 2]) -> (f64, f64) {
-    let layer =
-        splat.and_then(|splat| Some((layer(splat, at, &Thresholds::NONE)?, power(splat, at))));
-    layer.map_or((0.0, f64::INFINITY), |(layer, power)| {
-        (layer.alpha, 2.0 * power)
-    })
+/// Alpha at a position.
+fn drawn(splat: Option<&ScreenSplat<f64>>, at: [f64; 2]) -> f64 {
+    let layer = splat.and_then(|splat| layer(splat, at, &Thresholds::NONE));
+    layer.map_or(0.0, |layer| layer.alpha)
 }

@@ -2,7 +2,7 @@
 
 use super::{FAINT, SAME_DEPTH};
 use crate::reference::frame::{center, project_all, sorted};
-use crate::reference::rasterize::{layer, power, raw_alpha};
+use crate::reference::rasterize::{layer, raw_alpha};
 use crate::reference::{Options, Pixel, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::scene::{Camera, Splats};
 
@@ -28,8 +28,6 @@ pub(super) struct Slice {
     pub(super) raw: f64,
     pub(super) color: [f64; 3],
     pub(super) depth: f64,
-    /// Squared standard deviations from its centre.
-    pub(super) level: f64,
     /// Transmittance before it.
     pub(super) before: f64,
 }
@@ -95,7 +93,6 @@ impl Screen {
                 raw: raw_alpha(splat, at),
                 color: layer.color,
                 depth: layer.depth,
-                level: 2.0 * power(splat, at),
                 before: stack.pixel.transmittance,
             });
             stack.pixel = stack.pixel.over(&layer);

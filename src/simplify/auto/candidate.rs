@@ -9,13 +9,10 @@ use super::survey::Survey;
 use crate::Result;
 use crate::scene::{Camera, RenderMode, Splats};
 use crate::simplify::gain::{differences, steps_of_ten_percent};
-use crate::simplify::held_out::{self, FULL_DB};
+use crate::simplify::held_out;
 use crate::simplify::merge::{merge, rates};
 use crate::stats::mean;
 use crate::train::{HostState, Trainer};
-
-/// Merging may lose at once so much of what a round may.
-const AT_ONCE: f64 = 0.25;
 
 /// A scene, and with fewer splats.
 pub(super) struct Candidate {
@@ -31,11 +28,14 @@ impl<'a> CountController<'a> {
         let (whole, splats) = (trainer.download()?, trainer.splats()?);
         let left = (whole.len() as f64 * (1.0 - self.history.share)).ceil() as usize;
         if let Some(merged) = self.merged(trainer, &splats, left) {
-            let [before, after] = [&splats, &merged]
-                .map(|scene| held_out::psnr_db(&mut self.held_out, scene, FULL_DB));
+            let [before, after] = [&splats, &merged].map(|scene| {
+                held_out::psnr_db(&mut self.held_out, scene, self.history.config.full_db)
+            });
             let lost = mean(&differences(&after?, &before?));
             if lost
-                <= AT_ONCE * self.history.preference_db * steps_of_ten_percent(left, splats.len())
+                <= self.history.config.merge_cost
+                    * self.history.preference_db
+                    * steps_of_ten_percent(left, splats.len())
             {
                 return Ok(Candidate {
                     less: carried(&whole, &splats, &merged),

@@ -4,16 +4,9 @@ use super::survey::Survey;
 use super::{CountController, Phase};
 use crate::Result;
 use crate::simplify::gain::{differences, estimate, steps_of_ten_percent};
-use crate::simplify::held_out::is_full;
 use crate::simplify::history::{Act, Entry};
 use crate::train::schedule::is_refine;
 use crate::train::{TrainConfig, Trainer};
-
-/// Looks whose rise together tells what growth gives.
-const LOOKS: usize = 3;
-
-/// Growth that has added less than this many steps_of_ten_percent over those looks has ended by itself.
-const TENTHS_MIN: f64 = 0.5;
 
 impl<'a> CountController<'a> {
     pub(super) fn after_growth_step(
@@ -38,7 +31,7 @@ impl<'a> CountController<'a> {
             Some([_, low]) => low < self.history.preference_db,
             None => false,
         };
-        let is_full = is_full(&entry.psnr_db);
+        let is_full = self.history.config.is_full(&entry.psnr_db);
         // That photographs of half the size hide something may be why nothing more is gained: then growth goes on.
         let is_hidden = self.is_detail_hidden();
         let is_over = is_last || is_full || is_enough && !is_hidden;
@@ -71,7 +64,11 @@ impl<'a> CountController<'a> {
         }
         let turn = (next / config.refine.every) as usize;
         let views = trainer.views().to_vec();
-        let errors = Survey::begin(trainer, self.dataset)?.errors(&views, turn)?;
+        let errors = Survey::begin(trainer, self.dataset)?.errors(
+            &views,
+            self.history.config.error_views as usize,
+            turn,
+        )?;
         trainer.set_errors(errors);
         Ok(())
     }
@@ -79,13 +76,17 @@ impl<'a> CountController<'a> {
     /// What a tenth more splats has given over the last looks, and its lower bound; since photographs are whole, if they
     /// are, so that their gain is not taken for that of splats.
     fn gain(&self, config: &TrainConfig, now: &Entry) -> Option<[f64; 2]> {
+        let auto = &self.history.config;
         let is_look = |entry: &&Entry| is_refine(config, entry.iteration + 1);
         let looks: Vec<&Entry> = self.history.entries.iter().filter(is_look).collect();
         let is_enlarged = |entry: &&Entry| entry.act == Act::Enlarged;
         let from = looks.iter().rposition(is_enlarged).unwrap_or(0);
-        let before = looks[from..].iter().rev().nth(LOOKS - 1)?;
+        let before = looks[from..]
+            .iter()
+            .rev()
+            .nth(auto.growth_refinements as usize - 1)?;
         let risen = differences(&before.psnr_db, &now.psnr_db);
-        let added = steps_of_ten_percent(before.splats, now.splats).max(TENTHS_MIN);
+        let added = steps_of_ten_percent(before.splats, now.splats).max(auto.growth_steps_min);
         let each: Vec<f64> = risen.iter().map(|d| d / added).collect();
         let found = estimate(&each);
         Some([found.mean, found.low])

@@ -26,19 +26,13 @@ mod survey;
 
 use super::contribution::ContributionPass;
 use super::gain::differences;
-use super::held_out::{self, FULL_DB, split_views};
+use super::held_out::{self, split_views};
 use super::history::{Act, Entry, History, Phase};
 use crate::render::{Evaluator, ViewOptions};
 use crate::scene::{Dataset, Split};
 use crate::stats::mean;
 use crate::train::{Controller, HostState, Run, TrainConfig, Trainer};
 use crate::{Error, Result};
-use rounds::SHARE;
-
-/// The preference where none is given: decibels for a tenth more splats. After 2,000 steps the fox has as good
-/// test views with less than a fifth of the fixed recipe's splats, and the built-in scenes that do not reach 40 dB have
-/// with a sixth to a third (`2026-11-23-needs.csv`).
-pub const PREFERENCE_DB: f64 = 0.08;
 
 /// Steers a run.
 pub struct CountController<'a> {
@@ -68,35 +62,32 @@ pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 /// not everywhere (`2026-11-22-needs-rates.csv`: the fox +0.66 to +0.97 dB, the sphere -0.43 dB). From few training
 /// views, `views` of them, harmonics gain nothing by it (`2026-11-22-few-views.csv`), and keep the published rate.
 pub fn for_auto_count(mut config: TrainConfig, views: usize) -> TrainConfig {
-    config.refine.until = config.refine.until.min(config.iterations / 20 * 9);
-    if config.iterations < SHORT {
-        let rates = &mut config.rates;
-        rates.mean_start *= 2.0;
-        rates.mean_end *= 2.0;
-        if views >= FEW {
-            rates.sh_rest *= 2.0;
+    config.refine.until = config
+        .refine
+        .until
+        .min(config.auto.growth_until(config.iterations));
+    if config.iterations < config.auto.short_iterations {
+        let (rates, factor) = (&mut config.rates, config.auto.short_rate_factor);
+        rates.mean_start *= factor;
+        rates.mean_end *= factor;
+        if views >= config.auto.sh_rate_views as usize {
+            rates.sh_rest *= factor;
         }
     }
     config
 }
-
-/// Runs of fewer iterations are short: half of the published 30,000.
-const SHORT: u32 = 15_000;
-
-/// Fewer training views are few.
-const FEW: usize = 24;
 
 impl<'a> CountController<'a> {
     /// Begins to steer a run that has not begun.
     pub fn begin(
         trainer: &mut Trainer<'a>,
         dataset: &'a Dataset,
-        preference_db: f64,
         is_open: bool,
     ) -> Result<CountController<'a>> {
+        let config = &trainer.config().auto;
         let history = History {
-            preference_db,
-            share: SHARE,
+            preference_db: config.preference_db,
+            share: config.share_first,
             end: trainer.config().iterations,
             is_open,
             ..History::default()
@@ -115,14 +106,15 @@ impl<'a> CountController<'a> {
     fn from_history(
         trainer: &mut Trainer<'a>,
         dataset: &'a Dataset,
-        history: History,
+        mut history: History,
         kept: Option<HostState>,
     ) -> Result<CountController<'a>> {
+        history.config = trainer.config().auto;
         if !(history.preference_db > 0.0 && history.preference_db.is_finite()) {
             let text = "the smallest gain worth paying for must be a number of decibels above 0";
             return Err(Error::Config(text.into()));
         }
-        let (fitted, held) = split_views(dataset);
+        let (fitted, held) = split_views(dataset, &history.config);
         let options = view_options(trainer);
         let held_out = Evaluator::new(trainer.gpu(), dataset, &held, options).with_photos()?;
         let step = fitted.len().div_ceil(held.len()).max(1);
@@ -163,10 +155,10 @@ impl<'a> CountController<'a> {
 
     fn after_convergence_step(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let config = trainer.config();
-        if !self.history.is_open || iteration >= settle_by(config) {
+        if !self.history.is_open || iteration >= config.auto.settle_by(config.iterations) {
             return self.settle(trainer);
         }
-        let window = (config.iterations / 8).clamp(1, 1_000);
+        let window = config.auto.convergence_steps(config.iterations);
         let last = self.history.entries.last().map_or(0, |e| e.iteration);
         if iteration < last + window {
             return Ok(());
@@ -190,7 +182,7 @@ impl<'a> CountController<'a> {
         let config = trainer.config();
         self.history.end = config
             .iterations
-            .min(trainer.iteration() + last_fit(config));
+            .min(trainer.iteration() + config.auto.last_fit(config.iterations));
         if !self.history.is_open {
             self.history.end = config.iterations;
         }
@@ -214,7 +206,7 @@ impl<'a> CountController<'a> {
             iteration: trainer.iteration(),
             act: Act::Looked,
             splats: splats.len(),
-            psnr_db: held_out::psnr_db(&mut self.held_out, &splats, FULL_DB)?,
+            psnr_db: held_out::psnr_db(&mut self.held_out, &splats, self.history.config.full_db)?,
             without: None,
             gain_db: None,
             lost_db: 0.0,
@@ -258,21 +250,6 @@ impl<'a> Controller<'a> for CountController<'a> {
     fn kept(&self) -> Option<&HostState> {
         self.kept.as_ref()
     }
-}
-
-/// Steps that all training views are seen in, at the end.
-fn last_fit(config: &TrainConfig) -> u32 {
-    config.iterations / 4
-}
-
-/// The iteration from which no splats go any more, and rounds are about harmonics, where there are any.
-fn prune_by(config: &TrainConfig) -> u32 {
-    config.iterations / 10 * 7
-}
-
-/// The iteration from which the count is fixed at the latest.
-fn settle_by(config: &TrainConfig) -> u32 {
-    config.iterations - last_fit(config)
 }
 
 /// How training's pictures are judged.

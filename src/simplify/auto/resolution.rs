@@ -9,24 +9,21 @@ use super::{CountController, view_options};
 use crate::Result;
 use crate::simplify::detail::lost_by_halving;
 use crate::simplify::gain::error;
-use crate::simplify::held_out::{self, FULL_DB, UNSEEN, split_views};
+use crate::simplify::held_out::{self, split_views};
 use crate::simplify::history::{Act, Entry};
 use crate::train::Trainer;
-
-/// What halving loses is never missed where it is less than this share of the least error that counts: where it allows 3 dB
-/// more than that.
-const SHARE_UNSEEN: f64 = 0.5;
-
-/// Otherwise it is missed from this share of all that is wrong on: 0.4 dB.
-const SHARE_MISSED: f64 = 1.0 / 12.0;
 
 impl<'a> CountController<'a> {
     /// Begins with photographs of half the size, unless those would do for no step.
     pub(super) fn begin_size(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let (_, held) = split_views(self.dataset);
+        let (_, held) = split_views(self.dataset, &self.history.config);
         let background = view_options(trainer).background;
         self.history.lost_by_halving = lost_by_halving(self.dataset, &held, background)?;
-        let scores = held_out::psnr_db(&mut self.held_out, &trainer.splats()?, FULL_DB)?;
+        let scores = held_out::psnr_db(
+            &mut self.held_out,
+            &trainer.splats()?,
+            self.history.config.full_db,
+        )?;
         self.history.is_half = true;
         self.history.is_half = !self.is_detail_missed(&scores);
         trainer.set_half_size(self.history.is_half)
@@ -61,11 +58,14 @@ impl<'a> CountController<'a> {
 
     /// Whether what halving loses will be missed sooner or later.
     pub(super) fn is_detail_hidden(&self) -> bool {
-        self.history.is_half && self.history.lost_by_halving > SHARE_UNSEEN * UNSEEN
+        let config = &self.history.config;
+        let hidden = config.half_size_hidden * config.invisible_error();
+        self.history.is_half && self.history.lost_by_halving > hidden
     }
 
     /// Whether a scene that has such scores is held back by it.
     pub(super) fn is_detail_missed(&self, scores: &[f64]) -> bool {
-        self.is_detail_hidden() && self.history.lost_by_halving > SHARE_MISSED * error(scores)
+        self.is_detail_hidden()
+            && self.history.lost_by_halving > self.history.config.half_size_missed * error(scores)
     }
 }

@@ -1,38 +1,12 @@
 //! Rounds: the same steps from the same state without the least important splats, or harmonics, and with them.
 
-use super::sh_rounds::WITHOUT_SH;
-use super::{CountController, Phase, prune_by, settle_by};
+use super::{CountController, Phase};
 use crate::Result;
 use crate::simplify::gain::{differences, estimate, steps_of_ten_percent};
-use crate::simplify::held_out::{self, FULL_DB, is_full, short_of_full};
+use crate::simplify::held_out;
 use crate::simplify::history::{Act, Entry, History, Round};
 use crate::stats::mean;
 use crate::train::{HostState, TrainConfig, Trainer};
-
-/// The share of splats that the first round takes out.
-pub(super) const SHARE: f64 = 0.5;
-
-/// No round takes more than this share.
-const SHARE_MAX: f64 = 0.8;
-
-/// After a share that was missed, no round takes more than this of it.
-const AFTER_A_MISS: f64 = 0.9;
-
-/// What a tenth of the splats is worth to views that are trained on counts so much: few views, far apart, may be so badly
-/// foreseen that they hardly miss any splat, and what they judge would no longer be the scene of the photographs.
-const OWN: f64 = 0.5;
-
-/// Rounds stop at this share where no knee is known: what one of so few is worth cannot be told from chance.
-const SHARE_MIN: f64 = 0.1;
-
-/// A count is at the knee that is off it by no more than this share: the knee is steadier than what a round costs.
-const NEAR: f64 = 0.05;
-
-/// What a tenth of the splats is worth is known well enough by this share of the preference.
-const KNOWN: f64 = 0.1;
-
-/// Of splats that would be missed by less than so many times what is allowed, some can go.
-const NEARLY_ALLOWED: f64 = 2.0;
 
 impl<'a> CountController<'a> {
     pub(super) fn after_round_step(
@@ -40,7 +14,8 @@ impl<'a> CountController<'a> {
         trainer: &mut Trainer<'a>,
         iteration: u32,
     ) -> Result<()> {
-        let steps = round(trainer.config());
+        let config = trainer.config();
+        let steps = config.auto.round(config.iterations);
         let mut round = match self.history.round.take() {
             Some(round) if iteration >= round.from + steps => round,
             waiting => {
@@ -55,13 +30,16 @@ impl<'a> CountController<'a> {
                 let without = (entry.splats, entry.psnr_db.clone());
                 let less = trainer.download()?;
                 if self.history.phase == Phase::Pruning && !round.is_without_sh {
-                    round.train_psnr_db =
-                        held_out::psnr_db(&mut self.trained, &trainer.splats()?, FULL_DB)?;
+                    round.train_psnr_db = held_out::psnr_db(
+                        &mut self.trained,
+                        &trainer.splats()?,
+                        self.history.config.full_db,
+                    )?;
                 }
                 if is_surely_allowed(&self.history, &round, &without, whole.len()) {
                     entry.splats = whole.len();
-                    entry.psnr_db = vec![FULL_DB; self.held_out.view_count()];
-                    let own_lost = short_of_full(&round.train_psnr_db);
+                    entry.psnr_db = vec![self.history.config.full_db; self.held_out.view_count()];
+                    let own_lost = self.history.config.short_of_full(&round.train_psnr_db);
                     return match round.is_without_sh {
                         true => self.end_round_without_sh(trainer, entry, without, &less),
                         false => self.judge_round(trainer, entry, (without, own_lost), &less),
@@ -96,7 +74,11 @@ impl<'a> CountController<'a> {
         if self.history.phase == Phase::Lowering {
             return self.end_lowering_round(trainer, entry, without);
         }
-        let own = held_out::psnr_db(&mut self.trained, &trainer.splats()?, FULL_DB)?;
+        let own = held_out::psnr_db(
+            &mut self.trained,
+            &trainer.splats()?,
+            self.history.config.full_db,
+        )?;
         let own_lost = mean(&differences(&round.train_psnr_db, &own));
         self.judge_round(trainer, entry, (without, own_lost), less)
     }
@@ -115,13 +97,14 @@ impl<'a> CountController<'a> {
         let gain = estimate(&each);
         entry.gain_db = Some([gain.mean, gain.low]);
         let left = without.0;
-        let is_perfect = is_full(&without.1);
+        let is_perfect = self.history.config.is_full(&without.1);
         entry.without = Some(without);
-        let cost = cost(gain.mean, own_lost / gone, self.history.preference_db);
+        let cost = cost(&self.history, gain.mean, own_lost / gone);
         entry.lost_db = cost * gone;
         entry.act = Act::Pruned;
         self.history.entries.push(entry);
-        let is_beyond = |knee: f64| (left as f64) < (1.0 - NEAR) * knee;
+        let tolerance = self.history.config.knee_tolerance;
+        let is_beyond = |knee: f64| (left as f64) < (1.0 - tolerance) * knee;
         // What looks perfect needs no law to go by.
         let is_too_few = !is_perfect && self.history.knee().is_some_and(is_beyond);
         if cost > self.history.preference_db || is_too_few {
@@ -131,8 +114,12 @@ impl<'a> CountController<'a> {
         }
         self.history.share = next_share(&self.history, cost, trainer.splat_count());
         let config = trainer.config();
-        let is_time = trainer.iteration() + round(config) > until(config, &less.degrees);
-        let least = self.history.knee().map_or(SHARE_MIN, |_| NEAR);
+        let is_time = trainer.iteration() + config.auto.round(config.iterations)
+            > until(config, &less.degrees);
+        let least = self
+            .history
+            .knee()
+            .map_or(self.history.config.share_min, |_| tolerance);
         if !is_time && self.history.share >= least {
             return self.begin_round(trainer);
         }
@@ -144,7 +131,9 @@ impl<'a> CountController<'a> {
     /// allowed, if a tenth of them is worth the more the more of them go. Otherwise the count would hang on how few the
     /// rounds before had left.
     fn take_some(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let nearly = self.history.nearly_allowed(NEARLY_ALLOWED);
+        let nearly = self
+            .history
+            .nearly_allowed(self.history.config.partial_cost_max);
         let Some(share) = nearly.filter(|_| self.history.has_plateau()) else {
             return Ok(());
         };
@@ -207,26 +196,28 @@ fn is_surely_allowed(
     (left, psnr_db): &(usize, Vec<f64>),
     splats: usize,
 ) -> bool {
-    let preference = history.preference_db;
-    let (most_lost, most_own_lost) = (short_of_full(psnr_db), short_of_full(&round.train_psnr_db));
+    let (preference, config) = (history.preference_db, &history.config);
+    let [most_lost, most_own_lost] =
+        [psnr_db, &round.train_psnr_db].map(|psnr_db| config.short_of_full(psnr_db));
     if round.is_without_sh {
-        return !history.keeps_sh && most_lost <= WITHOUT_SH * preference;
+        return !history.keeps_sh && most_lost <= config.sh_all_cost * preference;
     }
     // Harmonics that go later leave the whole state to go on from.
     if history.phase == Phase::Lowering {
         return false;
     }
     let gone = steps_of_ten_percent(*left, splats).max(1e-9);
-    let most = cost(most_lost / gone, most_own_lost / gone, preference);
+    let most = cost(history, most_lost / gone, most_own_lost / gone);
     // Shares go by what is lost, so that it must be known, and not only that it is not too much.
-    let unknown = most.min(short_of_full(history.psnr_db()) / gone);
-    most <= preference && unknown <= KNOWN * preference
+    let unknown = most.min(config.short_of_full(history.psnr_db()) / gone);
+    most <= preference && unknown <= config.cost_precision * preference
 }
 
 /// What a round has cost for every tenth, by what held-out views lost and those that are trained on.
-fn cost(lost_db: f64, own_lost_db: f64, preference_db: f64) -> f64 {
-    match OWN * own_lost_db > preference_db {
-        true => lost_db.max(OWN * own_lost_db),
+fn cost(history: &History, lost_db: f64, own_lost_db: f64) -> f64 {
+    let weighted_db = history.config.train_view_weight * own_lost_db;
+    match weighted_db > history.preference_db {
+        true => lost_db.max(weighted_db),
         false => lost_db,
     }
 }
@@ -240,7 +231,9 @@ fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
     };
     let most = history
         .missed_share
-        .map_or(SHARE_MAX, |missed| AFTER_A_MISS * missed);
+        .map_or(history.config.share_max, |missed| {
+            history.config.share_after_rejection * missed
+        });
     (1.0 - knee / splats as f64).min(most)
 }
 
@@ -253,11 +246,15 @@ fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
 fn share_by_cost(history: &History, cost_db: f64) -> f64 {
     let (share, relative) = (history.share, cost_db / history.preference_db);
     if relative > 1.0 {
-        return share * relative.sqrt().recip().clamp(0.5, AFTER_A_MISS);
+        return share
+            * relative
+                .sqrt()
+                .recip()
+                .clamp(0.5, history.config.share_after_rejection);
     }
     let most = history
         .missed_share
-        .map_or(SHARE_MAX, |missed| 0.75 * missed);
+        .map_or(history.config.share_max, |missed| 0.75 * missed);
     (share * (2.0 - 2.0 * relative).clamp(0.5, 2.0)).min(most)
 }
 
@@ -265,14 +262,9 @@ fn share_by_cost(history: &History, cost_db: f64) -> f64 {
 /// splats.
 fn until(config: &TrainConfig, degrees: &[u8]) -> u32 {
     match degrees.iter().all(|&degree| degree == 0) {
-        true => settle_by(config),
-        false => prune_by(config),
+        true => config.auto.settle_by(config.iterations),
+        false => config.auto.prune_until(config.iterations),
     }
-}
-
-/// Steps of a round's fit.
-pub(super) fn round(config: &TrainConfig) -> u32 {
-    (config.iterations / 20).clamp(25, 500)
 }
 
 #[cfg(test)]
@@ -281,9 +273,13 @@ mod tests {
 
     #[test]
     fn views_that_are_trained_on_have_a_say_where_they_lose_much() {
-        assert_eq!(cost(-0.1, 0.15, 0.08), -0.1);
-        assert_eq!(cost(-0.1, 0.2, 0.08), 0.1);
-        assert_eq!(cost(0.3, 0.2, 0.08), 0.3);
+        let history = History {
+            preference_db: 0.08,
+            ..History::default()
+        };
+        assert_eq!(cost(&history, -0.1, 0.15), -0.1);
+        assert_eq!(cost(&history, -0.1, 0.2), 0.1);
+        assert_eq!(cost(&history, 0.3, 0.2), 0.3);
     }
 
     #[test]
@@ -331,7 +327,7 @@ mod tests {
         for iterations in [500, 2_000, 30_000] {
             let config = TrainConfig::for_iterations(iterations);
             let [bare, other] = [[0, 0], [0, 1]].map(|degrees| until(&config, &degrees));
-            assert!(other + round(&config) <= bare && bare < iterations);
+            assert!(other + config.auto.round(config.iterations) <= bare && bare < iterations);
         }
     }
 

@@ -6,47 +6,18 @@
 //! the last fit, and in one step: what went is fitted into what stayed, whose size then no longer tells how much it is
 //! needed.
 
-use super::rounds::round;
 use super::survey::Survey;
-use super::{CountController, Phase, last_fit, settle_by};
+use super::{CountController, Phase};
 use crate::Result;
 use crate::render::{apart, degrees_used};
 use crate::scene::{Splats, sh_coefficient_count};
 use crate::simplify::gain::differences;
-use crate::simplify::held_out::{self, FULL_DB};
+use crate::simplify::held_out;
 use crate::simplify::history::{Act, Entry};
 use crate::simplify::sh_fit::{Fits, count};
 use crate::stats::mean;
 use crate::train::schedule::sh_degree;
 use crate::train::{HostState, Trainer};
-
-/// The shares of the harmonics' floats that may turn out to be enough at once, one after the other; the last is degree 0
-/// everywhere.
-const SHARES: [f64; 5] = [0.5, 0.35, 0.2, 0.1, 1.0 / 16.0];
-
-/// Harmonics that go at once may lose so much of the preference: those that nobody needed.
-const AT_ONCE: f64 = 0.25;
-
-/// All harmonics may cost so many preferences, as half of them may cost one.
-pub(super) const WITHOUT_SH: f64 = 2.0;
-
-/// All harmonics stay where without them so many times what they may cost is lost at once: that is too much for the steps
-/// of a round to win back.
-const HOPELESS: f64 = 4.0;
-
-/// The share of the harmonics' floats that rounds try to do without.
-const HALF: f64 = 0.5;
-
-/// That which they try once the other was missed.
-const QUARTER: f64 = 0.25;
-
-/// The share of the last fit that is left when harmonics go. Half of them cost four scenes 0.02 to 0.03 dB less of test
-/// views then than in the round that found them dispensable; later still, what stays is not fitted to the end
-/// (`2026-11-23-harmonics.csv`).
-const LEFT: f64 = 0.6;
-
-/// Views that colours are fitted to, at most.
-const VIEWS_MAX: usize = 64;
 
 impl<'a> CountController<'a> {
     /// Tries to do without any harmonics, where growth has ended because nothing is left to them. Those that have not
@@ -68,9 +39,11 @@ impl<'a> CountController<'a> {
         let fits = self.fits(trainer, &splats)?;
         // Degree 0 everywhere takes three floats a splat.
         let (degrees, less) = lowered(&fits, &splats, 3 * splats.len());
-        let at_once = held_out::psnr_db(&mut self.held_out, &less, FULL_DB)?;
+        let at_once = held_out::psnr_db(&mut self.held_out, &less, self.history.config.full_db)?;
         let lost = mean(&differences(&at_once, self.history.psnr_db()));
-        let is_rejected_at_once = lost > HOPELESS * WITHOUT_SH * self.history.preference_db;
+        let config = &self.history.config;
+        let is_rejected_at_once =
+            lost > config.sh_all_cost_at_once * config.sh_all_cost * self.history.preference_db;
         let whole = trainer.download()?;
         let less = without(&whole, &degrees, &less);
         let round = match is_rejected_at_once {
@@ -88,7 +61,13 @@ impl<'a> CountController<'a> {
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
-        if self.could_go(entry, without, WITHOUT_SH, Act::Lowered) && !self.history.keeps_sh {
+        if self.could_go(
+            entry,
+            without,
+            self.history.config.sh_all_cost,
+            Act::Lowered,
+        ) && !self.history.keeps_sh
+        {
             trainer.replace(less)?;
         }
         self.begin_round(trainer)
@@ -105,7 +84,8 @@ impl<'a> CountController<'a> {
         if self.take_unneeded(trainer, &splats, &fits)? {
             return self.decide(trainer);
         }
-        self.begin_share(trainer, HALF, (&splats, &fits))
+        let [share, _] = self.history.config.sh_round_shares;
+        self.begin_share(trainer, share, (&splats, &fits))
     }
 
     /// Takes the harmonics that hardly show, if they are enough; says whether.
@@ -118,11 +98,11 @@ impl<'a> CountController<'a> {
         // Scores that end at 40 dB would let all go down to that.
         let whole = held_out::psnr_db(&mut self.held_out, splats, f64::INFINITY)?;
         let mut found = None;
-        for share in SHARES {
+        for share in self.history.config.sh_shares {
             let (degrees, less) = lowered(fits, splats, floats(trainer, share));
             let scores = held_out::psnr_db(&mut self.held_out, &less, f64::INFINITY)?;
             let lost = mean(&differences(&scores, &whole));
-            if lost > AT_ONCE * self.history.preference_db {
+            if lost > self.history.config.sh_cost_at_once * self.history.preference_db {
                 break;
             }
             found = Some((degrees, less, lost));
@@ -168,12 +148,13 @@ impl<'a> CountController<'a> {
             self.history.sh_goes = Some(share);
             return self.decide(trainer);
         }
-        if share == QUARTER || !has_time(trainer) {
+        let [_, second] = self.history.config.sh_round_shares;
+        if share == second || !has_time(trainer) {
             return self.decide(trainer);
         }
         let splats = trainer.splats()?;
         let fits = self.fits(trainer, &splats)?;
-        self.begin_share(trainer, QUARTER, (&splats, &fits))
+        self.begin_share(trainer, second, (&splats, &fits))
     }
 
     /// Whether the held-out views do not miss the harmonics of a round, which may cost so many preferences; `act` is what
@@ -205,7 +186,9 @@ impl<'a> CountController<'a> {
         trainer: &mut Trainer<'a>,
         iteration: u32,
     ) -> Result<()> {
-        let left = (f64::from(last_fit(trainer.config())) * LEFT) as u32;
+        let config = trainer.config();
+        let left =
+            (f64::from(config.auto.last_fit(config.iterations)) * config.auto.sh_fit_left) as u32;
         if iteration + left < self.history.end {
             return Ok(());
         }
@@ -220,7 +203,7 @@ impl<'a> CountController<'a> {
         entry.act = Act::Lowered;
         entry.without = Some((
             less.len(),
-            held_out::psnr_db(&mut self.held_out, &less, FULL_DB)?,
+            held_out::psnr_db(&mut self.held_out, &less, self.history.config.full_db)?,
         ));
         self.history.entries.push(entry);
         let state = without(&trainer.download()?, &degrees, &less);
@@ -230,7 +213,10 @@ impl<'a> CountController<'a> {
     /// Colours by fewer harmonics, for what the training views see.
     fn fits(&self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<Fits> {
         let all = self.all();
-        let step = all.len().div_ceil(VIEWS_MAX).max(1);
+        let step = all
+            .len()
+            .div_ceil(self.history.config.sh_fit_views as usize)
+            .max(1);
         let views: Vec<usize> = all.into_iter().step_by(step).collect();
         let seen = Survey::begin(trainer, self.dataset)?.seen(&views)?;
         Ok(Fits::new(splats, &seen))
@@ -240,7 +226,8 @@ impl<'a> CountController<'a> {
 /// Whether there is time for one more round.
 fn has_time(trainer: &Trainer<'_>) -> bool {
     let config = trainer.config();
-    trainer.iteration() + round(config) <= settle_by(config)
+    trainer.iteration() + config.auto.round(config.iterations)
+        <= config.auto.settle_by(config.iterations)
 }
 
 /// A share of the floats that the harmonics of as many splats as there are take.

@@ -9,9 +9,6 @@ use crate::simplify::sh_fit::Seen;
 use crate::train::Trainer;
 use crate::{Result, io};
 
-/// Views that errors are looked at in, at most: so many show where they are.
-const VIEWS_MAX: usize = 16;
-
 /// A walk over views of the scene as it is now.
 pub(super) struct Survey<'a> {
     dataset: &'a Dataset,
@@ -70,8 +67,13 @@ impl<'a> Survey<'a> {
 
     /// By splat, its share in the pixels' errors, relatively to the mean splat's. Of many views, some: others the next
     /// time.
-    pub(super) fn errors(&mut self, views: &[usize], turn: usize) -> Result<Vec<f32>> {
-        let step = views.len().div_ceil(VIEWS_MAX).max(1);
+    pub(super) fn errors(
+        &mut self,
+        views: &[usize],
+        views_max: usize,
+        turn: usize,
+    ) -> Result<Vec<f32>> {
+        let step = views.len().div_ceil(views_max).max(1);
         let mut sums = vec![0.0; self.weigher.splat_count()];
         for &view in views.iter().skip(turn % step).step_by(step) {
             let found = self.judged(&self.dataset.views[view])?;

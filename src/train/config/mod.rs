@@ -1,10 +1,19 @@
-//! Every constant of training, with its unit and where it comes from; nothing else in `train` has one.
+//! Every constant that tunes training, with its unit and source.
 //!
 //! "3DGS" is Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023, whose
 //! timetables are for 30,000 iterations; "MCMC" is Kheradmand et al., "3D Gaussian Splatting as Markov
 //! Chain Monte Carlo", 2024. [`TrainConfig::for_iterations`] says how the timetables follow the length.
 
+mod auto;
+mod constants;
+mod groups;
+mod retired;
 mod validate;
+
+pub use auto::AutoConfig;
+pub use groups::{
+    AdamConfig, AdcConfig, InitConfig, LearningRates, McmcConfig, MipConfig, RefineTimes,
+};
 
 use crate::render::Accuracy;
 use crate::scene::RenderMode;
@@ -55,9 +64,6 @@ pub struct TrainConfig {
     pub sh_degree_from: [u32; 3],
     /// Weight λ of 1 − SSIM in the loss (1 − λ) L1 + λ (1 − SSIM); 0.2, 3DGS section 5.
     pub lambda_dssim: f32,
-    /// After each step that goes by that loss so many go by L1 alone, which costs less: 0 (3DGS).
-    #[serde(default)]
-    pub ssim_skipped: u32,
     /// Step sizes of the optimiser.
     pub rates: LearningRates,
     /// Constants of the optimiser.
@@ -89,133 +95,20 @@ pub struct TrainConfig {
     /// 0: never. What that costs in quality is for measurement to say.
     #[serde(default)]
     pub half_size_until: u32,
+    /// Dilation of splats on half-size photographs, of that on whole ones: 1/4, the same part of the scene, so that splats
+    /// fitted to half the size are not too sharp for the whole.
+    #[serde(default = "half_size_dilation")]
+    pub half_size_dilation: f32,
     /// Where frames and gradients may save work at a bounded error.
     #[serde(default)]
     pub accuracy: Accuracy,
+    /// Constants of a run that chooses its splat count.
+    #[serde(default)]
+    pub auto: AutoConfig,
 }
 
-/// The 3D smoothing filter of mip mode (Mip-Splatting, section 5.1 and its code).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MipConfig {
-    /// The filter's variance in squared sampling intervals of the closest view: 0.2; 0: no filter.
-    pub smoothing: f32,
-    /// Views also see what lies outside their image by this share of its size: 0.15.
-    pub margin: f32,
-}
-
-/// Step sizes of Adam, one per parameter group (3DGS, its code's defaults).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LearningRates {
-    /// Of the means at the first iteration, in scene extents: 1.6e-4.
-    pub mean_start: f32,
-    /// Of the means at the last iteration, in scene extents: 1.6e-6; between them exponential.
-    pub mean_end: f32,
-    /// Of the quaternions: 1e-3.
-    pub quaternion: f32,
-    /// Of the log-scales: 5e-3.
-    pub log_scale: f32,
-    /// Of the opacity logits: 0.05 (0.025 in later versions of the 3DGS code).
-    pub opacity: f32,
-    /// Of the constant colour coefficient: 2.5e-3.
-    pub sh_dc: f32,
-    /// Of the other colour coefficients: `sh_dc` / 20.
-    pub sh_rest: f32,
-}
-
-/// Constants of Adam (Kingma and Ba 2014; epsilon after 3DGS).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AdamConfig {
-    /// Decay of the first moment a step: 0.9.
-    pub beta1: f32,
-    /// Decay of the second moment a step: 0.999.
-    pub beta2: f32,
-    /// Added to the root of the second moment: 1e-15, because gradients of single splats are tiny.
-    pub epsilon: f32,
-}
-
-/// When splats are added and removed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RefineTimes {
-    /// Not at or before this iteration: 500 of 30,000.
-    pub from: u32,
-    /// Not at or after this iteration: half of the run (ADC), 25,000 of 30,000 (MCMC).
-    pub until: u32,
-    /// Every so many iterations: 100.
-    pub every: u32,
-}
-
-/// Adaptive density control (3DGS section 5.2 and its code).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AdcConfig {
-    /// Mean norm of the loss gradient on a splat's screen position, per normalised device coordinate
-    /// (pixel gradient × half the image size), from which it is cloned or split: 2e-4.
-    pub grad_threshold: f32,
-    /// Cloned up to this largest standard deviation in scene extents, split above: 0.01.
-    pub dense_fraction: f32,
-    /// A split splat's standard deviations are divided by this: 1.6 = 0.8 · 2 children.
-    pub split_factor: f32,
-    /// Removed below this opacity: 0.005.
-    pub prune_opacity: f32,
-    /// Removed above this standard deviation in scene extents: 0.1.
-    pub prune_scale: f32,
-    /// Removed where it ever covered more than this radius in pixels since the last refinement; 0:
-    /// never. 3DGS names 20, but its code forgets the radii before the test, so its results are
-    /// those of never.
-    pub prune_radius_px: f32,
-    /// `prune_scale` and `prune_radius_px` act after this iteration: 3,000, the first opacity reset.
-    pub prune_big_from: u32,
-    /// Opacities are lowered every so many iterations while refining, 0: never; 3,000.
-    pub opacity_reset_every: u32,
-    /// The opacity they are lowered to: 0.05. The published 0.01 leaves no gradient to splats of which only a rim
-    /// shows: there they lie below the least alpha that is drawn.
-    pub opacity_reset_value: f32,
-}
-
-/// Markov chain Monte Carlo (MCMC and its code).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct McmcConfig {
-    /// Splats at most where [`TrainConfig::max_splats`] is not given: 1,000,000.
-    pub default_cap: u32,
-    /// Noise on the means in units of their learning rate, at the reference extent: 5e5.
-    pub noise_rate: f32,
-    /// Weight of the mean opacity in the loss: 0.01.
-    pub opacity_regularization: f32,
-    /// Weight of the mean standard deviation in the loss, at the reference extent: 0.01.
-    pub scale_regularization: f32,
-    /// World units of scene extent for which the published noise and scale weights were chosen: 5, that
-    /// of the Mip-NeRF 360 scenes. At other extents both follow the unit, so that a scene and its
-    /// scaled copy train alike.
-    pub reference_extent: f32,
-    /// The count grows by this factor a refinement, up to the cap: 1.05, more in short runs.
-    pub growth: f32,
-    /// A splat up to this opacity is dead and moves: 0.005.
-    pub min_opacity: f32,
-}
-
-/// What training starts from.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct InitConfig {
-    /// Opacity of the first splats: 0.1 (3DGS), 0.5 (MCMC).
-    pub opacity: f32,
-    /// Their standard deviation in mean distances to the three nearest points: 1 (3DGS), 0.1 (MCMC
-    /// in runs of 15,000 or more).
-    pub scale_factor: f32,
-    /// How many are placed in the cameras' frusta where the data set has no points: 100,000 (3DGS for
-    /// Blender scenes).
-    pub random_count: u32,
-    /// Points that fewer training views see are left out: 0, and 2 against floaters.
-    pub cull_views: u32,
-    /// Points that lie further outside the points' bulk than this many times its size are left out, axis by
-    /// axis; the bulk is what lies between the quartiles. 0 for none, and 3 against floaters (Tukey's outer
-    /// fence).
-    pub cull_fence: f32,
+fn half_size_dilation() -> f32 {
+    0.25
 }
 
 /// The length of run that the published timetables are for.
@@ -252,7 +145,6 @@ impl TrainConfig {
             sh_degree: 3,
             sh_degree_from: [share(1_000), share(5_000), share(10_000)],
             lambda_dssim: 0.2,
-            ssim_skipped: 0,
             rates: LearningRates::default(),
             adam: AdamConfig::default(),
             refine: RefineTimes {
@@ -269,7 +161,9 @@ impl TrainConfig {
             near_factor: 0.01,
             photo_share: 0.25,
             half_size_until: 0,
+            half_size_dilation: half_size_dilation(),
             accuracy: Accuracy::default(),
+            auto: AutoConfig::default(),
         }
     }
 
@@ -333,80 +227,5 @@ impl TrainConfig {
             (None, StrategyKind::Adc) => u32::MAX,
         };
         limit as usize
-    }
-}
-
-impl Default for LearningRates {
-    fn default() -> LearningRates {
-        LearningRates {
-            mean_start: 1.6e-4,
-            mean_end: 1.6e-6,
-            quaternion: 1e-3,
-            log_scale: 5e-3,
-            opacity: 0.05,
-            sh_dc: 2.5e-3,
-            sh_rest: 2.5e-3 / 20.0,
-        }
-    }
-}
-
-impl Default for MipConfig {
-    fn default() -> MipConfig {
-        MipConfig {
-            smoothing: 0.2,
-            margin: 0.15,
-        }
-    }
-}
-
-impl Default for AdamConfig {
-    fn default() -> AdamConfig {
-        AdamConfig {
-            beta1: 0.9,
-            beta2: 0.999,
-            epsilon: 1e-15,
-        }
-    }
-}
-
-impl Default for AdcConfig {
-    fn default() -> AdcConfig {
-        AdcConfig {
-            grad_threshold: 2e-4,
-            dense_fraction: 0.01,
-            split_factor: 1.6,
-            prune_opacity: 0.005,
-            prune_scale: 0.1,
-            prune_radius_px: 0.0,
-            prune_big_from: 3_000,
-            opacity_reset_every: 3_000,
-            opacity_reset_value: 0.05,
-        }
-    }
-}
-
-impl Default for McmcConfig {
-    fn default() -> McmcConfig {
-        McmcConfig {
-            default_cap: 1_000_000,
-            noise_rate: 5e5,
-            opacity_regularization: 0.01,
-            scale_regularization: 0.01,
-            reference_extent: 5.0,
-            growth: 1.05,
-            min_opacity: 0.005,
-        }
-    }
-}
-
-impl Default for InitConfig {
-    fn default() -> InitConfig {
-        InitConfig {
-            opacity: 0.1,
-            scale_factor: 1.0,
-            random_count: 100_000,
-            cull_views: 0,
-            cull_fence: 0.0,
-        }
     }
 }

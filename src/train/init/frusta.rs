@@ -1,43 +1,43 @@
 //! Points where cameras look, for data sets without points.
 
 use crate::scene::{Camera, Point, focus};
+use crate::train::config::InitConfig;
 use crate::train::rng::{self, Stream};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
-
-/// Candidates drawn for a point, of which the one seen by the most cameras is taken: what only one
-/// camera sees has no parallax to be placed by.
-const CANDIDATES: u32 = 4;
-
-/// Depths drawn, in distances from the camera to where the cameras look.
-const DEPTH_RANGE: [f64; 2] = [0.2, 2.0];
-
-/// Cameras asked whether they see a candidate, at most.
-const JURY: usize = 32;
 
 /// `count` grey points inside the cameras' frusta, most of them in the view of many cameras. They lie
 /// around the place the cameras look at or, where their axes meet nowhere, within the scene extent.
 ///
 /// Panics if there are no cameras.
-pub fn points_in_frusta(cameras: &[Camera], count: usize, extent: f64, seed: u64) -> Vec<Point> {
+pub fn points_in_frusta(
+    cameras: &[Camera],
+    count: usize,
+    extent: f64,
+    seed: u64,
+    config: &InitConfig,
+) -> Vec<Point> {
     assert!(!cameras.is_empty(), "points in frusta need a camera");
     let depths: Vec<f64> = match focus(cameras) {
         Some(focus) => cameras.iter().map(|c| c.position.distance(focus)).collect(),
         None => vec![extent; cameras.len()],
     };
-    let jury: Vec<&Camera> = cameras
-        .iter()
-        .step_by(cameras.len().div_ceil(JURY))
-        .collect();
+    let step = cameras.len().div_ceil(config.random_cameras as usize);
+    let voters: Vec<&Camera> = cameras.iter().step_by(step).collect();
     let point = |i: usize| {
         let (camera, depth) = (&cameras[i % cameras.len()], depths[i % cameras.len()]);
         let candidate = |draw: u32| {
-            let position = draw_position(camera, depth, seed, i as u32, draw);
-            let votes = jury.iter().filter(|c| sees(c, position)).count();
+            let position = draw_position(
+                camera,
+                depth,
+                config.random_depths,
+                [seed, i as u64, draw.into()],
+            );
+            let votes = voters.iter().filter(|c| sees(c, position)).count();
             (votes, position)
         };
         // The first of equals is kept.
-        let best = (1..CANDIDATES)
+        let best = (1..config.random_candidates)
             .map(candidate)
             .fold(
                 candidate(0),
@@ -54,10 +54,15 @@ pub fn points_in_frusta(cameras: &[Camera], count: usize, extent: f64, seed: u64
 }
 
 /// Uniform over the picture, and over depth.
-fn draw_position(camera: &Camera, depth: f64, seed: u64, index: u32, draw: u32) -> DVec3 {
-    let [u, v, w, _] = rng::uniform(seed, draw, index, Stream::RandomInit).map(f64::from);
+fn draw_position(
+    camera: &Camera,
+    depth: f64,
+    [near, far]: [f64; 2],
+    [seed, index, draw]: [u64; 3],
+) -> DVec3 {
+    let [u, v, w, _] =
+        rng::uniform(seed, draw as u32, index as u32, Stream::RandomInit).map(f64::from);
     let pixel = DVec2::new(u * f64::from(camera.width), v * f64::from(camera.height));
-    let [near, far] = DEPTH_RANGE;
     camera.position + camera.ray_from_pixel(pixel) * (depth * (near + (far - near) * w))
 }
 
@@ -99,9 +104,12 @@ mod tests {
     #[test]
     fn points_lie_where_many_cameras_look() {
         let cameras = ring(DVec3::ZERO);
-        let points = points_in_frusta(&cameras, 500, 4.4, 1);
+        let points = points_in_frusta(&cameras, 500, 4.4, 1, &InitConfig::default());
         assert_eq!(points.len(), 500);
-        assert_eq!(points, points_in_frusta(&cameras, 500, 4.4, 1));
+        assert_eq!(
+            points,
+            points_in_frusta(&cameras, 500, 4.4, 1, &InitConfig::default())
+        );
         let votes = |p: &Point| {
             let position = DVec3::from(p.position);
             cameras.iter().filter(|c| sees(c, position)).count()
@@ -114,7 +122,7 @@ mod tests {
     #[test]
     fn a_lone_camera_uses_the_extent() {
         let one = [camera(DVec3::ZERO, DVec3::Z)];
-        let points = points_in_frusta(&one, 100, 3.0, 1);
+        let points = points_in_frusta(&one, 100, 3.0, 1, &InitConfig::default());
         assert!(
             points
                 .iter()

@@ -12,13 +12,6 @@ use crate::{Error, Result};
 
 pub use frusta::points_in_frusta;
 
-/// Least and most standard deviation of a first splat, in scene extents: points in one place have no
-/// spacing (its logarithm is −∞), and a lone point far outside would cover every picture.
-const SCALE_RANGE: [f64; 2] = [1e-5, 0.1];
-
-/// Standard deviation of a splat that has no neighbour at all, in scene extents.
-const LONE_SCALE: f64 = 0.01;
-
 /// The first splats of a data set: from its points or, where it has none that are finite and not culled, from
 /// random ones inside its cameras' frusta; `extent` is the scene extent in world units.
 ///
@@ -37,7 +30,7 @@ pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> R
         return Err(Error::Config(what.into()));
     }
     let count = config.splat_limit().min(config.init.random_count as usize);
-    let points = points_in_frusta(&cameras, count, extent, config.seed);
+    let points = points_in_frusta(&cameras, count, extent, config.seed, &config.init);
     Ok(splats_from_points(&points, extent, config))
 }
 
@@ -54,9 +47,9 @@ pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -
         let spacing = if *distance > 0.0 {
             *distance
         } else {
-            LONE_SCALE * extent
+            config.init.lone_scale * extent
         };
-        let [least, most] = SCALE_RANGE.map(|share| share * extent);
+        let [least, most] = config.init.scale_range.map(|share| share * extent);
         [(spacing * factor).clamp(least, most).ln() as f32; 3]
     };
     let stride = sh_coefficient_count(config.sh_degree) * 3;
@@ -132,7 +125,10 @@ mod tests {
         ] {
             let splats = splats_from_points(&points(&set), 2.0, &config());
             assert_eq!(splats.len(), set.len());
-            let [least, most] = SCALE_RANGE.map(|share| (share * 2.0).ln() as f32);
+            let [least, most] = config()
+                .init
+                .scale_range
+                .map(|share| (share * 2.0).ln() as f32);
             for scale in splats.log_scale.iter().flatten() {
                 assert!((least..=most).contains(scale), "{scale} of {set:?}");
             }

@@ -63,12 +63,12 @@ impl Strategy for Mcmc {
 fn chance(context: RefineContext<'_>, row: usize) -> f64 {
     match context.errors.is_empty() {
         true => 1.0,
-        false => f64::from(context.attraction(row)).min(ATTRACTION_MAX) / ATTRACTION_MAX,
+        false => {
+            let most = context.config.mcmc.error_max;
+            f64::from(context.attraction(row)).min(most) / most
+        }
     }
 }
-
-/// More than that attracts no more.
-const ATTRACTION_MAX: f64 = 4.0;
 
 /// How many splats are added to `count`.
 fn growth(count: usize, context: RefineContext<'_>) -> usize {

@@ -8,10 +8,6 @@ use crate::io::photo;
 use crate::scene::{Dataset, PhotoSource, Split, View};
 use rayon::prelude::*;
 
-/// What splats are widened by on the screen, of what they are in whole pictures: as much of the scene, so that what fits the
-/// half is not too sharp for the whole. In pixels of twice the side an area is a quarter.
-pub(super) const DILATION: f32 = 0.25;
-
 /// A data set of the named views alone, in that order, at half their width and height, rounded up.
 fn halved(dataset: &Dataset, views: &[usize]) -> Result<Dataset> {
     let view = |&index: &usize| {

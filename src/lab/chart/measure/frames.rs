@@ -77,7 +77,6 @@ impl Frames<'_> {
                 accuracy: setting.accuracy,
                 sh_degree: setting.sh_degree,
                 precision: setting.precision,
-                exponential: setting.exponential,
                 ..RenderOptions::default()
             };
             Ok(Subject {

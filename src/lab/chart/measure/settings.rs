@@ -3,7 +3,7 @@
 use super::Plan;
 use crate::lab::chart::Knob;
 use crate::reference::bound::{Approximations, color_errors};
-use crate::render::{Accuracy, Exponential, Precision};
+use crate::render::{Accuracy, Precision};
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 use crate::simplify::reduce_harmonics;
 use crate::train::{StrategyKind, TrainConfig};
@@ -17,9 +17,7 @@ pub(super) struct FrameSetting {
     pub(super) sh_degree: u32,
     /// In what numbers the scene lies on the device.
     pub(super) precision: Precision,
-    /// By what exponentials its alphas are computed.
-    pub(super) exponential: Exponential,
-    /// The error at which splats are pruned ([`parsimony`](crate::parsimony)), of 1; `None`: all are drawn.
+    /// The error at which splats are pruned ([`prune`](crate::simplify::prune)), of 1; `None`: all are drawn.
     pub(super) pruned: Option<f64>,
     /// The error at which each splat drops harmonics ([`reduce_harmonics`]), of 1; `None`: all are kept.
     pub(super) reduced: Option<f64>,
@@ -48,8 +46,6 @@ impl FrameSetting {
         Approximations {
             alpha_min: f64::from(accuracy.alpha_min),
             transmittance_min: f64::from(accuracy.transmittance_min),
-            sigma_max: accuracy.sigma_max.map_or(f64::INFINITY, f64::from),
-            alpha_error: self.exponential.alpha_error(),
             color_error: match is_whole && reduced.is_none() && self.sh_degree >= splats.sh_degree {
                 true => Vec::new(),
                 false => color_errors(splats, |i| f64::from(drawn(i))),
@@ -63,7 +59,6 @@ impl FrameSetting {
 /// Series that are met in several places.
 const HARMONICS: &str = "harmonics";
 const HARMONICS_BY_SPLAT: &str = "harmonics by splat";
-const EXPONENTIAL: &str = "exponential";
 const HALVES: &str = "stored as halves";
 const PRUNED: &str = "pruned";
 
@@ -87,7 +82,6 @@ fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
         accuracy,
         sh_degree: 3,
         precision: Precision::Full,
-        exponential: Exponential::Exact,
         pruned: None,
         reduced: None,
     }
@@ -99,7 +93,6 @@ fn stop(transmittance_min: f32) -> FrameSetting {
     let accuracy = Accuracy {
         transmittance_min,
         alpha_min: ALPHA_LEAST,
-        ..Accuracy::default()
     };
     frame("stop alone", setting, accuracy)
 }
@@ -109,17 +102,8 @@ fn cut(number: u32) -> FrameSetting {
     let accuracy = Accuracy {
         alpha_min: 1.0 / number as f32,
         transmittance_min: TRANSMITTANCE_LEAST,
-        ..Accuracy::default()
     };
     frame("cut alone", one_over(number), accuracy)
-}
-
-fn deviations(sigma_max: f32) -> FrameSetting {
-    let accuracy = Accuracy {
-        sigma_max: Some(sigma_max),
-        ..Accuracy::default()
-    };
-    frame("standard deviations", format!("{sigma_max}σ"), accuracy)
 }
 
 fn harmonics(sh_degree: u32) -> FrameSetting {
@@ -137,13 +121,6 @@ fn stored(precision: Precision, setting: &str) -> FrameSetting {
     FrameSetting {
         precision,
         ..frame(HALVES, setting.into(), Accuracy::default())
-    }
-}
-
-fn exponential(exponential: Exponential, setting: &str) -> FrameSetting {
-    FrameSetting {
-        exponential,
-        ..frame(EXPONENTIAL, setting.into(), Accuracy::default())
     }
 }
 
@@ -166,7 +143,6 @@ fn together(transmittance_min: f32, number: u32) -> FrameSetting {
     let accuracy = Accuracy {
         transmittance_min,
         alpha_min: 1.0 / number as f32,
-        ..Accuracy::default()
     };
     frame("stop and cut", setting, accuracy)
 }
@@ -199,7 +175,6 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
         accuracy: Accuracy::default(),
         sh_degree,
         precision: Precision::Full,
-        exponential: Exponential::Exact,
         pruned: None,
         reduced: None,
     };
@@ -207,24 +182,15 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     settings.extend([
         stored(Precision::HalfHarmonics, "harmonics"),
         stored(Precision::Half, "all but means"),
-        exponential(Exponential::Cubic, "cubic"),
-        exponential(Exponential::Quadratic, "quadratic"),
     ]);
     if plan.is_quick {
-        settings.extend([
-            stop(1e-2),
-            cut(32),
-            deviations(2.0),
-            pruned(64),
-            reduced(64),
-        ]);
+        settings.extend([stop(1e-2), cut(32), pruned(64), reduced(64)]);
         settings.extend((0..sh_degree.min(1)).map(harmonics));
     } else {
         settings.extend([1e-5, 1e-4, 1e-3, 4e-3, 1e-2, 3e-2].map(stop));
         settings.extend([1024, 512, 255, 128, 64, 32].map(cut));
         settings.extend([512, 128, 32].map(pruned));
         settings.extend([512, 256, 128, 64, 32].map(reduced));
-        settings.extend([4.0, 3.0, 2.5, 2.0].map(deviations));
         settings.extend((0..sh_degree).rev().map(harmonics));
         settings.extend(TOGETHER.map(|(t, number)| together(t, number)));
     }
@@ -235,12 +201,11 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
 }
 
 /// Of a training step: the thresholds. Harmonics that are not drawn have no gradients to compare, halves do not train,
-/// what is pruned has none, and exponentials are exact in training.
+/// and pruned splats have none.
 pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
-        ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED, EXPONENTIAL]
-            .contains(&setting.knob.series.as_str())
+        ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED].contains(&setting.knob.series.as_str())
     };
     all.filter(is_cut).collect()
 }
@@ -304,9 +269,6 @@ pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
         let until = plan.iterations * percent / 100;
         let setting = format!("first {percent} % at half");
         runs.push(with("photographs", setting, &|c| c.half_size_until = until));
-    }
-    for (skipped, setting) in [(1, "SSIM every 2nd step"), (3, "SSIM every 4th step")] {
-        runs.push(with("loss", setting.into(), &|c| c.ssim_skipped = skipped));
     }
     runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
     runs.push(with("render mode", "mip".into(), &|c| {

@@ -1,0 +1,136 @@
+//! Constants of the optimiser, of density control and of the first splats.
+
+use super::constants::{BELOW_ONE, constants};
+
+constants! {
+    /// 3D smoothing filter of mip mode (Mip-Splatting, section 5.1 and its code).
+    MipConfig as "mip" {
+        /// Variance of the filter in squared sampling intervals of the closest view: 0.2; 0: no filter.
+        smoothing: f32 = 0.2, 0.0..=f32::MAX;
+        /// Border of an image, as a share of its size, within which the view still samples a splat: 0.15.
+        margin: f32 = 0.15, 0.0..=f32::MAX;
+    }
+}
+
+constants! {
+    /// Step sizes of Adam, one per parameter group (3DGS, its code's defaults).
+    LearningRates as "rates" {
+        /// Means at the first iteration, in scene extents: 1.6e-4.
+        mean_start: f32 = 1.6e-4, 0.0..=f32::MAX;
+        /// Means at the last iteration, in scene extents: 1.6e-6; between them exponential.
+        mean_end: f32 = 1.6e-6, 0.0..=f32::MAX;
+        /// Quaternions: 1e-3.
+        quaternion: f32 = 1e-3, 0.0..=f32::MAX;
+        /// Log-scales: 5e-3.
+        log_scale: f32 = 5e-3, 0.0..=f32::MAX;
+        /// Opacity logits: 0.05 (0.025 in later versions of the 3DGS code).
+        opacity: f32 = 0.05, 0.0..=f32::MAX;
+        /// SH coefficient of degree 0: 2.5e-3.
+        sh_dc: f32 = 2.5e-3, 0.0..=f32::MAX;
+        /// Other SH coefficients: `sh_dc` / 20.
+        sh_rest: f32 = 2.5e-3 / 20.0, 0.0..=f32::MAX;
+    }
+}
+
+constants! {
+    /// Constants of Adam (Kingma and Ba 2014; epsilon after 3DGS).
+    AdamConfig as "adam" {
+        /// Decay of the first moment a step: 0.9.
+        beta1: f32 = 0.9, 0.0..=BELOW_ONE;
+        /// Decay of the second moment a step: 0.999.
+        beta2: f32 = 0.999, 0.0..=BELOW_ONE;
+        /// Summand beside the root of the second moment: 1e-15, because gradients of single splats are tiny.
+        epsilon: f32 = 1e-15, f32::MIN_POSITIVE..=1.0;
+    }
+}
+
+constants! {
+    /// Iterations that splats are added and removed at; defaults are those of 30,000 iterations.
+    RefineTimes as "refine" {
+        /// Last iteration before the first refinement can come: 500 of 30,000.
+        from: u32 = 500, 0..=u32::MAX;
+        /// First iteration without refinements: half of the run (ADC), 25,000 of 30,000 (MCMC).
+        until: u32 = 15_000, 0..=u32::MAX;
+        /// Iterations between refinements: 100.
+        every: u32 = 100, 1..=u32::MAX;
+    }
+}
+
+constants! {
+    /// Adaptive density control (3DGS section 5.2 and its code).
+    AdcConfig as "adc" {
+        /// Mean norm of the loss gradient on a splat's screen position, per normalised device coordinate
+        /// (pixel gradient × half the image size), from which it is cloned or split: 2e-4.
+        grad_threshold: f32 = 2e-4, 0.0..=f32::MAX;
+        /// Largest standard deviation that is cloned, in scene extents; larger splats are split: 0.01.
+        dense_fraction: f32 = 0.01, 0.0..=f32::MAX;
+        /// Divisor of the standard deviations of a split splat: 1.6 = 0.8 · 2 children.
+        split_factor: f32 = 1.6, 1.0..=100.0;
+        /// Opacity below which a splat is removed: 0.005.
+        prune_opacity: f32 = 0.005, 1e-6..=BELOW_ONE;
+        /// Standard deviation above which a splat is removed, in scene extents: 0.1.
+        prune_scale: f32 = 0.1, 0.0..=f32::MAX;
+        /// Radius on the screen since the last refinement above which a splat is removed, pixels; 0: any. 3DGS names 20,
+        /// but its code forgets the radii before the test, so its results are those of 0.
+        prune_radius_px: f32 = 0.0, 0.0..=f32::MAX;
+        /// Iteration after which `prune_scale` and `prune_radius_px` act: 3,000, the first opacity reset.
+        prune_big_from: u32 = 3_000, 0..=u32::MAX;
+        /// Iterations between opacity resets while refining: 3,000; 0: none.
+        opacity_reset_every: u32 = 3_000, 0..=u32::MAX;
+        /// Opacity after a reset: 0.05. The published 0.01 leaves no gradient to splats of which only a rim shows: there
+        /// they lie below the least alpha that is drawn.
+        opacity_reset_value: f32 = 0.05, 1e-6..=BELOW_ONE;
+    }
+}
+
+constants! {
+    /// Markov chain Monte Carlo (MCMC and its code).
+    McmcConfig as "mcmc" {
+        /// Splat limit where [`TrainConfig::max_splats`](super::TrainConfig::max_splats) is not given: 1,000,000.
+        default_cap: u32 = 1_000_000, 0..=u32::MAX;
+        /// Noise on the means in units of their learning rate, at the reference extent: 5e5.
+        noise_rate: f32 = 5e5, 0.0..=f32::MAX;
+        /// Weight of the mean opacity in the loss: 0.01.
+        opacity_regularization: f32 = 0.01, 0.0..=f32::MAX;
+        /// Weight of the mean standard deviation in the loss, at the reference extent: 0.01.
+        scale_regularization: f32 = 0.01, 0.0..=f32::MAX;
+        /// Scene extent in world units for which the published noise and scale weights were chosen: 5, that of the
+        /// Mip-NeRF 360 scenes. At other extents both follow the unit, so that a scene and its scaled copy train alike.
+        reference_extent: f32 = 5.0, f32::MIN_POSITIVE..=1e6;
+        /// Factor of the splat count at a refinement, up to the limit: 1.05, more in short runs.
+        growth: f32 = 1.05, 1.0..=8.0;
+        /// Opacity up to which a splat is dead and is relocated: 0.005.
+        min_opacity: f32 = 0.005, 1e-6..=BELOW_ONE;
+        /// Error, relative to the mean splat's, above which a splat is no more likely to be cloned: 4.
+        error_max: f64 = 4.0, 1e-3..=1e6;
+    }
+}
+
+constants! {
+    /// First splats of a run.
+    InitConfig as "init" {
+        /// Opacity: 0.1 (3DGS), 0.5 (MCMC).
+        opacity: f32 = 0.1, 1e-6..=BELOW_ONE;
+        /// Standard deviation in mean distances to the three nearest points: 1 (3DGS), 0.1 (MCMC in runs of 15,000 or
+        /// more).
+        scale_factor: f32 = 1.0, 1e-6..=1e6;
+        /// Smallest and largest standard deviation in scene extents: points in one place have no spacing, and a lone point
+        /// far outside would cover every picture.
+        scale_range: [f64; 2] = [1e-5, 0.1], 1e-9..=1e3;
+        /// Standard deviation of a splat without a neighbour, in scene extents.
+        lone_scale: f64 = 0.01, 1e-9..=1e3;
+        /// Points placed in the cameras' frusta where the data set has none: 100,000 (3DGS for Blender scenes).
+        random_count: u32 = 100_000, 1..=u32::MAX;
+        /// Nearest and farthest such point, in distances from its camera to the point that the cameras look at.
+        random_depths: [f64; 2] = [0.2, 2.0], 1e-6..=1e6;
+        /// Positions drawn for such a point, of which the one that most cameras see is taken.
+        random_candidates: u32 = 4, 1..=1_000;
+        /// Cameras, at most, that a position is tested with.
+        random_cameras: u32 = 32, 1..=u32::MAX;
+        /// Smallest number of training views that see a point; others are left out: 0, and 2 against floaters.
+        cull_views: u32 = 0, 0..=u32::MAX;
+        /// Distance outside the interval between the quartiles of all points, in its lengths and axis by axis, from which a
+        /// point is left out: 0 for none, and 3 against floaters (Tukey's outer fence).
+        cull_fence: f32 = 0.0, 0.0..=f32::MAX;
+    }
+}

@@ -1,0 +1,56 @@
+//! Constants of earlier versions: files that hold them at their defaults still load.
+
+use super::TrainConfig;
+use serde_json::{Value, json};
+
+/// Path of each retired constant, and the value at which it changed nothing.
+fn retired() -> [(&'static str, Value); 2] {
+    [
+        ("/ssim_skipped", json!(0)),
+        ("/accuracy/sigma_max", Value::Null),
+    ]
+}
+
+impl TrainConfig {
+    /// Configuration as a file of this version or an earlier one holds it.
+    ///
+    /// # Errors
+    /// A sentence that names an unknown constant, a value of the wrong type, or a retired constant that was in use.
+    pub fn from_saved(mut saved: Value) -> Result<TrainConfig, String> {
+        for (path, neutral) in retired() {
+            let (parent, name) = path.rsplit_once('/').unwrap_or_default();
+            let Some(Value::Object(fields)) = saved.pointer_mut(parent) else {
+                continue;
+            };
+            if let Some(value) = fields.remove(name)
+                && value != neutral
+            {
+                let name = path[1..].replace('/', ".");
+                return Err(format!(
+                    "{name} is {value}, and this version has no such constant"
+                ));
+            }
+        }
+        serde_json::from_value(saved).map_err(|e| e.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn retired_constants_load_where_they_change_nothing() {
+        let config = TrainConfig::for_iterations(100);
+        let saved = |skipped: u32, sigma: Value| {
+            let mut saved = serde_json::to_value(&config).unwrap_or_default();
+            saved["ssim_skipped"] = json!(skipped);
+            saved["accuracy"]["sigma_max"] = sigma;
+            TrainConfig::from_saved(saved)
+        };
+        assert_eq!(saved(0, Value::Null), Ok(config.clone()));
+        let refused = |name: &str| Err(format!("{name}, and this version has no such constant"));
+        assert_eq!(saved(3, Value::Null), refused("ssim_skipped is 3"));
+        assert_eq!(saved(0, json!(3.0)), refused("accuracy.sigma_max is 3.0"));
+    }
+}
