@@ -183,7 +183,7 @@ fn kernels_are_checked_on_what_they_are_timed_on() {
 fn a_yardstick_that_is_wrong_is_noticed() {
     let composite = kernels::Composite::baseline_16x16(300, [61, 47], 6.0);
     let gradient = kernels::Gradient::new(&composite);
-    let input = scalar::Input::new(&composite);
+    let input = scalar::HostInput::new(&composite);
     let planes = |image: &[[f32; 4]]| -> Vec<f32> {
         (0..4)
             .flat_map(|plane| image.iter().map(move |pixel| pixel[plane]))
