@@ -109,7 +109,7 @@ impl OutputArgs {
             _ = writeln!(out, "{line}");
         }
         if let Some(path) = &self.csv {
-            write_text(path, &bench::row::csv(bench.rows()))?;
+            write_text(path, &bench::row::csv(bench.rows())?)?;
         }
         if let Some(path) = &self.json {
             let text = serde_json::to_string_pretty(report)

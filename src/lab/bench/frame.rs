@@ -56,6 +56,9 @@ impl FramePlan {
     }
 }
 
+/// Names and bytes of buffers.
+pub(super) type BufferBytes = Vec<(String, u64)>;
+
 /// Times and memory at one splat count and image size.
 #[derive(Clone, Debug, Serialize)]
 pub struct ScalingPoint {
@@ -144,7 +147,7 @@ pub(super) fn case(task: &str, splats: usize, [width, height]: [u32; 2]) -> Case
 pub(super) fn point(
     splats: usize,
     size: [u32; 2],
-    measured: Result<(Row, Vec<(String, u64)>)>,
+    measured: Result<(Row, BufferBytes)>,
 ) -> Result<ScalingPoint> {
     let nothing = ScalingPoint {
         splats,
@@ -170,9 +173,9 @@ pub(super) fn point(
 }
 
 /// Bytes of each buffer at the peak, also as rows of the bench, `memory/<name>`.
-pub(super) fn note_memory(bench: &mut Bench, total: &Row) -> Vec<(String, u64)> {
+pub(super) fn note_memory(bench: &mut Bench, total: &Row) -> BufferBytes {
     let by_name = bench.gpu().memory_by_name();
-    let memory: Vec<(String, u64)> = by_name
+    let memory: BufferBytes = by_name
         .into_iter()
         .filter(|(_, memory)| memory.peak_bytes > 0)
         .map(|(name, memory)| (name, memory.peak_bytes))
@@ -196,7 +199,7 @@ fn frames(
     case: &Case,
     (splats, near): (&Splats, f32),
     camera: &Camera,
-) -> Result<(Row, Vec<(String, u64)>)> {
+) -> Result<(Row, BufferBytes)> {
     let gpu = bench.gpu().clone();
     let mut frame_bench = FrameBench::new(&gpu, splats, near)?;
     // The peak of frames excludes the staging memory of the upload.

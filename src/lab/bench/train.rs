@@ -5,7 +5,7 @@
 //! process, user and system, over these steps.
 
 use super::CpuClock;
-use super::frame::{Scaling, case, exponents, note_memory, point};
+use super::frame::{BufferBytes, Scaling, case, exponents, note_memory, point};
 use super::input::volume;
 use super::row::Row;
 use super::session::{Bench, Times};
@@ -102,7 +102,7 @@ fn steps(
     dataset: &Dataset,
     (config, plan): (&TrainConfig, &TrainPlan),
     (splats, size): (&Splats, [u32; 2]),
-) -> Result<(Row, TrainMemory, Vec<(String, u64)>)> {
+) -> Result<(Row, TrainMemory, BufferBytes)> {
     let gpu = bench.gpu().clone();
     gpu.reset_memory_peak();
     let state = HostState::from_splats(splats, plan.sh_degree);

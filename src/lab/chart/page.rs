@@ -1,12 +1,9 @@
-//! The page: figures, what to read from them, and the numbers. It needs no other file and no script.
+//! Page of the chart: figures, their explanation, and tables.
 
-use super::figure::glyph;
 use super::panels::{self, Panel, series};
-use super::tables::{self, escaped};
-use super::{Chart, Knob, RunPoint};
+use super::{Chart, Knob, RunPoint, tables};
 use crate::Result;
-
-const STYLE: &str = include_str!("page.css");
+use crate::lab::page::{self, document, escaped};
 
 const OF_FRAMES: &str = "Frames are compared with the <code>f64</code> reference that skips nothing and stops \
 nowhere, so that every cut counts as error. The bounds are proven, pixel by pixel, before a frame is drawn. \
@@ -24,7 +21,7 @@ A point whose worst pixel lies beyond its bound and the rounding of <code>f32</c
 setting but what all of them share: how far the model itself, EWA splatting by linear projection at each splat's \
 centre, is from the same splats in perspective along rays, in this scene and these views (on some of the pixels).";
 
-const OF_GRADIENTS: &str = "Times are those of a usual training step. Gradients are judged, parameter by parameter, for \
+const OF_GRADIENTS: &str = "Times are those of a usual training step. Gradients are compared, parameter by parameter, for \
 an objective of which bounds can be proven, the brightness of the picture: the same step on a white photograph by the \
 L1 loss alone, without the pixels that may reach white. What is left out of a pixel takes αᵢTᵢ⟨u, cᵢ − Bᵢ⟩ from the \
 gradient of what is left out, lets more light through to what lies behind it, and changes what is seen through what \
@@ -73,83 +70,52 @@ pub fn html(chart: &Chart) -> Result<String> {
         body += &figures(&panels::of_runs(chart))?;
         body += &details(&tables::of_runs(chart));
     }
-    Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n\
-         <title>ashfall: speed against accuracy</title>\n<style>\n{STYLE}</style>\n</head>\n\
-         <body>\n{body}</body>\n</html>\n"
-    ))
+    Ok(document("speed against accuracy", &body))
 }
 
 fn heading(chart: &Chart) -> String {
-    let mut text = String::from("<h1>Speed against accuracy</h1>\n<dl class=\"facts\">\n");
-    for (name, value) in &chart.facts {
-        text += &format!("<dt>{}</dt><dd>{}</dd>\n", escaped(name), escaped(value));
-    }
-    text += "</dl>\n";
-    let broken = chart.broken();
-    let count = chart.bounded();
-    if broken.is_empty() && count > 0 {
-        text +=
-            &format!("<p class=\"verdict\">All {count} settings keep their proven bounds.</p>\n");
-    }
-    if !broken.is_empty() {
-        let all: String = broken
-            .iter()
-            .map(|b| format!("<br>{}", escaped(b)))
-            .collect();
-        text += &format!(
-            "<p class=\"verdict broken\"><strong>{} of {count} settings break their bounds.</strong>{all}</p>\n",
-            broken.len()
-        );
-    }
-    text
+    let text = format!(
+        "<h1>Speed against accuracy</h1>\n{}",
+        page::facts(&chart.facts)
+    );
+    let (broken, count) = (chart.broken(), chart.bounded());
+    let summary = match broken.len() {
+        0 if count == 0 => return text,
+        0 => format!("All {count} settings keep their proven bounds."),
+        failed => format!("{failed} of {count} settings break their bounds."),
+    };
+    text + &page::verdict(&summary, &broken)
 }
 
-/// The signs of the series that some points belong to.
+/// Glyphs of the series that some points belong to, and the meaning of their parts.
 fn legend<'a>(
     chart: &Chart,
     knobs: impl Iterator<Item = &'a Knob>,
     is_bounded: bool,
 ) -> Result<String> {
     let used: Vec<&str> = knobs.map(|knob| knob.series.as_str()).collect();
-    let mut text = String::from(
-        "<ul class=\"legend\">
-",
-    );
-    for (index, name) in series(chart).iter().enumerate() {
-        if used.contains(name) {
-            text += &format!(
-                "<li>{}{}</li>
-",
-                glyph(index)?,
-                escaped(name)
-            );
-        }
+    let names = series(chart).into_iter().enumerate();
+    let names = names.filter(|(_, name)| used.contains(name));
+    let mut parts = vec![
+        "filled: on the Pareto front (grey steps)",
+        "hollow: beaten",
+        "ringed: the default",
+        "horizontal bar: 95 % interval",
+    ];
+    if is_bounded {
+        parts.extend([
+            "vertical bar: to the proven bound",
+            "red cross: bound broken",
+        ]);
     }
-    text += "</ul>
-<ul class=\"legend\">
-\
-             <li>filled: on the Pareto front (grey steps)</li>
-<li>hollow: beaten</li>
-\
-             <li>ringed: the default</li>
-<li>horizontal bar: 95 % interval</li>
-";
-    text += match is_bounded {
-        true => {
-            "<li>vertical bar: to the proven bound</li>
-<li>red cross: bound broken</li>
-"
-        }
-        false => "",
-    };
-    Ok(text
-        + "</ul>
-")
+    let parts: String = parts
+        .iter()
+        .map(|part| format!("<li>{part}</li>\n"))
+        .collect();
+    Ok(page::legend(names)? + &format!("<ul class=\"legend\">\n{parts}</ul>\n"))
 }
 
-/// One line for every setting of training: what it changes in decibels, and in time.
+/// One line for every setting of training: its change in decibels and in time.
 fn costs(runs: &[RunPoint]) -> String {
     let default = runs.iter().find(|run| run.knob.is_default);
     let Some(usual) = default.map(|run| run.seconds.value) else {
@@ -157,16 +123,16 @@ fn costs(runs: &[RunPoint]) -> String {
     };
     let line = |run: &RunPoint| {
         let RunPoint { knob, gain_db, .. } = run;
-        let is_told = gain_db.low > 0.0 || gain_db.high < 0.0;
+        let is_significant = gain_db.low > 0.0 || gain_db.high < 0.0;
         format!(
             "<li>{} {}: {} dB{} at {:.2} of the time</li>\n",
             escaped(&knob.series),
             escaped(&knob.setting),
             tables::gain(gain_db),
-            if is_told {
+            if is_significant {
                 ""
             } else {
-                " (not told from nothing)"
+                " (within the interval)"
             },
             run.seconds.value / usual
         )
@@ -178,13 +144,9 @@ fn costs(runs: &[RunPoint]) -> String {
 
 fn figures(panels: &[Panel]) -> Result<String> {
     let mut text = String::from("<div class=\"figures\">\n");
-    for Panel { figure, caption } in panels {
-        let class = if figure.size[0] > 600 { "wide" } else { "half" };
-        text += &format!(
-            "<figure class=\"{class}\">\n{}<figcaption>{}</figcaption>\n</figure>\n",
-            figure.svg()?,
-            escaped(caption)
-        );
+    for Panel { plot, caption } in panels {
+        let class = if plot.size[0] > 600 { "wide" } else { "half" };
+        text += &page::figure(class, &plot.svg()?, &escaped(caption));
     }
     Ok(text + "</div>\n")
 }
@@ -253,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn what_training_costs_is_said_in_decibels_with_its_interval() -> Result<()> {
+    fn costs_of_training_are_decibels_with_their_interval() -> Result<()> {
         let run = |setting: &str, seconds: f64, gains: &[f64]| RunPoint {
             knob: Knob {
                 series: "loss".into(),
@@ -274,7 +236,7 @@ mod tests {
         })?;
         let told = "<li>loss every 2nd: -0.60 ± 0.25 dB at 0.75 of the time</li>";
         assert!(page.contains(told), "{page}");
-        assert!(page.contains("dB (not told from nothing) at 0.50"));
+        assert!(page.contains("dB (within the interval) at 0.50"));
         assert_eq!(page.matches("<li>loss ").count(), 2);
         assert!(page.contains("<td>-0.60 ± 0.25</td>"));
         Ok(())

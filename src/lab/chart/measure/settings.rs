@@ -1,6 +1,6 @@
 //! Which knobs are turned, and how far.
 
-use super::Plan;
+use super::ChartPlan;
 use crate::lab::chart::Knob;
 use crate::reference::bound::{Approximations, color_errors};
 use crate::render::{Accuracy, Exponential, Precision};
@@ -189,7 +189,7 @@ const TOGETHER: [(f32, u32); 9] = [
 ];
 
 /// The default, and every knob on its own from exact to coarse; then stop and cut together.
-pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
+pub(super) fn of_frames(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     let default = FrameSetting {
         knob: Knob {
             series: "default".into(),
@@ -236,7 +236,7 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
 
 /// Of a training step: the thresholds. Harmonics that are not drawn have no gradients to compare, halves do not train,
 /// what is pruned has none, and exponentials are exact in training.
-pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
+pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
         ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED, EXPONENTIAL]
@@ -253,7 +253,7 @@ pub(super) struct RunSetting {
 }
 
 /// The default run.
-pub(super) fn default_run(plan: &Plan) -> RunSetting {
+pub(super) fn default_run(plan: &ChartPlan) -> RunSetting {
     RunSetting {
         knob: Knob {
             series: "default".into(),
@@ -265,7 +265,7 @@ pub(super) fn default_run(plan: &Plan) -> RunSetting {
 }
 
 /// The other runs; the default one ended with so many splats.
-pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
+pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     let base = TrainConfig::for_iterations(plan.iterations);
     let with = |series: &str, setting: String, change: &dyn Fn(&mut TrainConfig)| {
         let mut config = base.clone();
@@ -329,7 +329,7 @@ mod tests {
 
     #[test]
     fn every_setting_is_valid_and_named_once() {
-        for plan in [Plan::USUAL, Plan::QUICK] {
+        for plan in [ChartPlan::USUAL, ChartPlan::QUICK] {
             for sh_degree in 0..=3 {
                 let frames = of_frames(sh_degree, &plan);
                 let names: BTreeSet<(String, String)> = frames
