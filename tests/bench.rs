@@ -38,7 +38,7 @@ fn bench(gpu: &ashfall::gpu::Gpu, filter: &str) -> (Bench, Rc<Cell<usize>>) {
     };
     let seen = Rc::new(Cell::new(0));
     let count = seen.clone();
-    let progress = move |_: &row::Row| count.set(count.get() + 1);
+    let progress = move |_: &row::BenchRow| count.set(count.get() + 1);
     (Bench::new("kernels", gpu, options, progress).unwrap(), seen)
 }
 

@@ -7,7 +7,7 @@ use super::args::DeviceArgs;
 use super::engine::Engine;
 use crate::io::atomic::write_atomically;
 use crate::lab::baseline::{self, KernelReport, Ratio};
-use crate::lab::bench::{self, Bench, Options, Row, record};
+use crate::lab::bench::{self, Bench, BenchRow, Options, record};
 use crate::{Error, Result};
 use clap::{Args, Subcommand};
 use serde::Serialize;
@@ -65,7 +65,7 @@ pub(super) struct OutputArgs {
     /// Write rows, ratios and exponents to this file, as one JSON object
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// File the rows under the device's name and today's date in a folder, keeping what is there of others
+    /// File the rows under the device's name and today's date in a folder, besides other measurements
     #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "benches/record")]
     pub record: Option<PathBuf>,
 }
@@ -104,7 +104,7 @@ impl OutputArgs {
         let mut out = std::io::stdout().lock();
         // Rows of bytes have no times.
         let timed = bench.rows().iter().filter(|row| row.runs > 0);
-        for line in timed.map(Row::line).chain(more) {
+        for line in timed.map(BenchRow::line).chain(more) {
             // A closed pipe is no error.
             _ = writeln!(out, "{line}");
         }
@@ -131,13 +131,13 @@ fn write_text(path: &Path, text: &str) -> Result<()> {
 fn kernels(args: &KernelsArgs) -> Result<Outcome> {
     let engine = Engine::open(&args.device)?;
     eprintln!("{}", engine.name());
-    let progress = |row: &Row| eprintln!("measured {} {}", row.input, row.variant);
+    let progress = |row: &BenchRow| eprintln!("measured {} {}", row.input, row.variant);
     let mut bench = engine.bench("kernels", args.output.options(), progress)?;
     bench::kernels::run(&mut bench)?;
     let ratios = baseline::run(&mut bench)?;
     // The copy is measured in any case.
     let filter = args.output.filter.as_deref().unwrap_or_default();
-    let asked = |row: &Row| format!("kernels/{}/{}", row.input, row.variant).contains(filter);
+    let asked = |row: &BenchRow| format!("kernels/{}/{}", row.input, row.variant).contains(filter);
     if !bench.rows().iter().any(asked) {
         return Err(Error::Config(format!("nothing is called {filter:?}")));
     }

@@ -9,7 +9,7 @@ use super::args::DeviceArgs;
 use super::predict::Prediction;
 use super::train::{StepFigures, Steps};
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Limits};
-use crate::lab::bench::{Bench, Options, Row};
+use crate::lab::bench::{Bench, BenchRow, Options};
 use crate::lab::report::MemoryFigures;
 use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use crate::scene::{Camera, Dataset, RenderMode, Splats};
@@ -74,7 +74,7 @@ impl Engine {
         &self,
         name: &'static str,
         options: Options,
-        progress: impl FnMut(&Row) + 'static,
+        progress: impl FnMut(&BenchRow) + 'static,
     ) -> Result<Bench> {
         Bench::new(name, &self.gpu, options, progress)
     }

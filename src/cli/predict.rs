@@ -18,8 +18,8 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Prediction")]
 pub(super) struct PredictArgs {
-    /// Predict the device memory of training, on the data set at PATH or on --photos photographs of --size; of a scene at
-    /// PATH, or without photographs, that of drawing
+    /// Predict the device memory of training, on the data set at PATH or on --photos photographs of --size; of a
+    /// scene at PATH, or without photographs, that of drawing
     #[arg(long)]
     pub predict: bool,
     /// Splats [default: as many as the strategy ends with, if that is known; else those it begins with]

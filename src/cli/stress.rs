@@ -10,7 +10,7 @@ use super::render::orbit;
 use crate::io::atomic::write_atomically;
 use crate::lab::bench::record;
 use crate::lab::page::{Fact, number};
-use crate::lab::stress::outcome::{Check, CheckGroup, StressReport};
+use crate::lab::stress::outcome::{CheckGroup, StressCheck, StressReport};
 use crate::lab::stress::page;
 use crate::lab::stress::{self, StressPlan, StressScene};
 use crate::train::TrainConfig;
@@ -161,7 +161,7 @@ fn write(found: &StressReport, folder: &Path, json: Option<&Path>) -> Result<Pat
 }
 
 /// A check in a line.
-fn line(check: &Check) -> String {
+fn line(check: &StressCheck) -> String {
     format!(
         "FAILED: {}: {}: {} {}, bound {}",
         check.group.title(),
@@ -200,8 +200,8 @@ mod tests {
     fn a_failed_check_is_an_error_after_the_page_is_written() -> Result<()> {
         let found = |measured: f64| StressReport {
             outcomes: vec![
-                Check::at_most(CheckGroup::Device, "atomics", "", [0.0, 0.0], "wrong words"),
-                Check::at_most(CheckGroup::Sizes, "1 × 1", "", [measured, 1e-4], "of 1"),
+                StressCheck::at_most(CheckGroup::Device, "atomics", "", [0.0, 0.0], "wrong words"),
+                StressCheck::at_most(CheckGroup::Sizes, "1 × 1", "", [measured, 1e-4], "of 1"),
             ],
             ..StressReport::default()
         };

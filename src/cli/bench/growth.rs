@@ -11,7 +11,7 @@ use crate::cli::render::orbit::{orbit_of_splats, radius};
 use crate::lab::bench::frame::{self, FramePlan, Scaling, ScalingPoint};
 use crate::lab::bench::growth::Exponent;
 use crate::lab::bench::train::{self, TrainMemory, TrainPlan};
-use crate::lab::bench::{Bench, Row};
+use crate::lab::bench::{Bench, BenchRow};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 use clap::Args;
@@ -70,7 +70,7 @@ pub(super) struct BenchTrainArgs {
     /// Numbers of splats [default: 50000,200000]
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_count)]
     splats: Vec<usize>,
-    /// Steps that count, in as many parts as --runs says
+    /// Timed steps, in as many parts as --runs
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
     /// Steps before them
@@ -109,7 +109,7 @@ fn parse_count(text: &str) -> std::result::Result<usize, String> {
 struct ScalingReport<'a> {
     device: &'a str,
     driver: &'a str,
-    rows: &'a [Row],
+    rows: &'a [BenchRow],
     #[serde(flatten)]
     scaling: &'a Scaling,
     /// Device memory of training, measured and by the formula.
@@ -167,7 +167,7 @@ pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
     finish(&engine, &args.output, &bench, (&scaling, &memory), lines)
 }
 
-fn progress(row: &Row) {
+fn progress(row: &BenchRow) {
     if row.stage == "total" {
         eprintln!("measured {} {}", row.input, row.variant);
     }
@@ -244,7 +244,8 @@ fn step_line(point: &ScalingPoint) -> Option<String> {
 fn memory_line(memory: &TrainMemory) -> String {
     let share = |of: u64| memory.peak_bytes as f64 / of.max(1) as f64;
     format!(
-        "memory with {} splats: {} at most, {:.3} of the prediction, {:.2} of parameters, moments, photographs and lists alone",
+        "memory with {} splats: {} at most, {:.3} of the prediction, {:.2} of parameters, moments, photographs \
+         and lists alone",
         grouped(memory.splats),
         bytes(memory.peak_bytes),
         share(memory.predicted_bytes),

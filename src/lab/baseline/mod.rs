@@ -1,7 +1,7 @@
 //! Baselines, timed in turns with the engine: the 16×16 tile design on the same device, and renderers and a sort on
 //! the processor. Every result is compared with the reference before it is timed.
 //!
-//! The input is always 480×272 pixels and 50,000 splats whose standard deviations are log-uniform from 1 to
+//! The input is always 480×272 pixels and 50,000 splats of standard deviations log-uniform from 1 to
 //! 3 px; sorts take 2^20 random pairs of 32 bits each.
 
 mod compositing;
@@ -29,7 +29,7 @@ pub fn run(bench: &mut Bench) -> Result<Vec<Ratio>> {
     Ok(ratios)
 }
 
-/// True for a software device, whose work is measured by processor time.
+/// True for a software device, measured by processor time.
 fn on_processor(bench: &Bench) -> bool {
     bench.gpu().caps().kind == DeviceKind::Cpu
 }

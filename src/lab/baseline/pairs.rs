@@ -33,7 +33,7 @@ fn on_device<'a>(gpu: &Gpu, name: &str, sorting: &'a Sorting) -> Result<Subject<
     })
 }
 
-/// The design that gives a chunk to a workgroup, whose subgroups rank their keys by ballots.
+/// Sort with a chunk for each workgroup and keys ranked by ballots of subgroups.
 fn ballot(gpu: &Gpu, workgroup: u32) -> Result<Option<Sorting>> {
     let caps = gpu.caps();
     let count = sort_count::Choice {

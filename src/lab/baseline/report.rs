@@ -1,7 +1,7 @@
 //! A run of `ashfall bench kernels` as one JSON object.
 
 use super::{Ratio, TARGET_FEATURES};
-use crate::lab::bench::{Bench, Row};
+use crate::lab::bench::{Bench, BenchRow};
 use serde::Serialize;
 
 /// Device, rows and ratios of one run.
@@ -14,7 +14,7 @@ pub struct KernelReport<'a> {
     /// Vector instructions that the compiler was allowed to use.
     pub target_features: &'static str,
     /// All measurements.
-    pub rows: &'a [Row],
+    pub rows: &'a [BenchRow],
     /// Comparisons with the baselines.
     pub ratios: &'a [Ratio],
 }

@@ -54,7 +54,7 @@ pub struct HostInput<'a> {
     pub range_from_tile: &'a [[u32; 2]],
     /// Nearest first in each tile.
     pub splat_from_isect: Vec<u32>,
-    /// By splat.
+    /// Records of the splats.
     pub records: &'a [Splat2d],
     /// The same splats for the scalar renderer.
     conics: Vec<Conic>,
@@ -63,7 +63,7 @@ pub struct HostInput<'a> {
 }
 
 impl<'a> HostInput<'a> {
-    /// Reads a composite, whose tiles must be square.
+    /// Input of a composite with square tiles.
     pub fn new(composite: &'a Composite) -> HostInput<'a> {
         let grid = &composite.lists.grid;
         assert_eq!(grid.tile_width, grid.tile_height, "tiles are square here");
@@ -146,8 +146,9 @@ fn pixel(input: &HostInput<'_>, x: usize, y: usize) -> ([f32; 4], u32) {
 }
 
 /// Nine sums of every splat: with `s = alpha dL/d alpha` and the distance d from the centre in pixels, those of s,
-/// s dx, s dy, s dx², s dx dy, s dy² and of the blending weight times the upstream gradient. That gradient comes
-/// by `[channel][pixel]`, with the image and the list ends of the forward pass. Every thread has sums of its own, added up at the end.
+/// s dx, s dy, s dx², s dx dy, s dy² and of the blending weight times the upstream gradient. That gradient is
+/// laid out by `[channel][pixel]`; image and list ends are those of the forward pass. Every thread has sums of its own,
+/// added up at the end.
 pub fn backward(
     input: &HostInput<'_>,
     image: &[[f32; 4]],
@@ -243,7 +244,7 @@ pub fn whitened(input: &HostInput<'_>, sums: &[f32]) -> Vec<f32> {
             sum(7),
             sum(8),
         ];
-        // Of a splat that is not drawn there is nothing, and no shape either.
+        // Splats outside the image have zero sums and may have no finite shape.
         moved.map(|x| {
             if sum(0) == 0.0 && !x.is_finite() {
                 0.0

@@ -20,7 +20,7 @@ type TileRow = [f32; TILE];
 /// A tile's pixels: red, green, blue, transmittance.
 struct Tile([[TileRow; 4]; TILE]);
 
-/// Red, green, blue, transmittance of every pixel, `[pixel]`. Tiles must be [`TILE`] pixels wide and high.
+/// Red, green, blue, transmittance of every pixel, `[pixel]`. Tiles must be `TILE` pixels wide and high.
 pub fn forward(input: &HostInput<'_>) -> Vec<[f32; 4]> {
     assert_eq!(input.tile, TILE, "tiles of 16 by 16 pixels");
     let [width, height] = input.size;

@@ -6,7 +6,7 @@
 
 use super::growth::Exponent;
 use super::input::volume;
-use super::row::{Row, Unit, Work};
+use super::row::{BenchRow, Unit, Work};
 use super::session::{Bench, Case, Times};
 use crate::gpu::Gpu;
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
@@ -147,7 +147,7 @@ pub(super) fn case(task: &str, splats: usize, [width, height]: [u32; 2]) -> Case
 pub(super) fn point(
     splats: usize,
     size: [u32; 2],
-    measured: Result<(Row, BufferBytes)>,
+    measured: Result<(BenchRow, BufferBytes)>,
 ) -> Result<ScalingPoint> {
     let nothing = ScalingPoint {
         splats,
@@ -173,21 +173,21 @@ pub(super) fn point(
 }
 
 /// Bytes of each buffer at the peak, also as rows of the bench, `memory/<name>`.
-pub(super) fn note_memory(bench: &mut Bench, total: &Row) -> BufferBytes {
+pub(super) fn note_memory(bench: &mut Bench, total: &BenchRow) -> BufferBytes {
     let by_name = bench.gpu().memory_by_name();
     let memory: BufferBytes = by_name
         .into_iter()
         .filter(|(_, memory)| memory.peak_bytes > 0)
         .map(|(name, memory)| (name, memory.peak_bytes))
         .collect();
-    let rows: Vec<Row> = memory
+    let rows: Vec<BenchRow> = memory
         .iter()
-        .map(|(name, bytes)| Row {
+        .map(|(name, bytes)| BenchRow {
             bench: total.bench.clone(),
             input: total.input.clone(),
             stage: format!("memory/{name}"),
             bytes: *bytes,
-            ..Row::default()
+            ..BenchRow::default()
         })
         .collect();
     bench.note(rows);
@@ -199,7 +199,7 @@ fn frames(
     case: &Case,
     (splats, near): (&Splats, f32),
     camera: &Camera,
-) -> Result<(Row, BufferBytes)> {
+) -> Result<(BenchRow, BufferBytes)> {
     let gpu = bench.gpu().clone();
     let mut frame_bench = FrameBench::new(&gpu, splats, near)?;
     // The peak of frames excludes the staging memory of the upload.

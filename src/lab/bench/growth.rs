@@ -67,7 +67,8 @@ impl Exponent {
             None => String::new(),
         };
         format!(
-            "{} time over {} at {}: exponent {:.2}{interval} from {} sizes; doubling costs {:.2} times at most (from {})",
+            "{} time over {} at {}: exponent {:.2}{interval} from {} sizes; doubling costs {:.2} times at most \
+             (from {})",
             self.by, self.over, self.at, self.slope, self.points, self.doubling, self.doubling_from
         )
     }

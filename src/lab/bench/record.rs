@@ -1,7 +1,7 @@
 //! Records: measurements on a device on a day, in `<folder>/<device>/<date>.csv`. Committed, they are the evidence of
 //! the choices that [`prefer`](crate::kernels) makes.
 
-use super::row::{COLUMNS, KEY_COLUMNS, Row, csv_of_fields};
+use super::row::{BenchRow, COLUMNS, KEY_COLUMNS, csv_of_fields};
 use crate::io::atomic::write_atomically;
 use crate::{Error, Result};
 use std::collections::HashMap;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Files rows under a device and today's date (UTC), besides other measurements of that day. Returns the file.
-pub fn write(folder: &Path, device: &str, rows: &[Row]) -> Result<PathBuf> {
+pub fn write(folder: &Path, device: &str, rows: &[BenchRow]) -> Result<PathBuf> {
     let path = file(folder, device, ".csv")?;
     let earlier = match std::fs::read_to_string(&path) {
         Ok(text) => text,
@@ -48,8 +48,8 @@ pub fn slug(device: &str) -> String {
 
 /// Earlier rows without those that are measured again, and the new ones. Columns go by name, so that records of
 /// earlier versions can be added to.
-fn merged(earlier: &str, rows: &[Row]) -> Result<String> {
-    let measured: Vec<[String; COLUMNS.len()]> = rows.iter().map(Row::fields).collect();
+fn merged(earlier: &str, rows: &[BenchRow]) -> Result<String> {
+    let measured: Vec<[String; COLUMNS.len()]> = rows.iter().map(BenchRow::fields).collect();
     let mut all = Vec::new();
     for line in csv::Reader::from_reader(earlier.as_bytes()).deserialize() {
         let line: csv::Result<HashMap<String, String>> = line;
@@ -101,12 +101,12 @@ mod tests {
 
     #[test]
     fn a_record_keeps_other_measurements() -> Result<()> {
-        let row = |input: &str, median_ns: f64| Row {
+        let row = |input: &str, median_ns: f64| BenchRow {
             bench: "kernels".into(),
             input: input.into(),
             stage: "total".into(),
             median_ns,
-            ..Row::default()
+            ..BenchRow::default()
         };
         let first = merged("", &[row("a", 1.0), row("b", 2.0)])?;
         let second = merged(&first, &[row("b", 3.0), row("c", 4.0)])?;

@@ -73,7 +73,7 @@ impl Work {
 
 /// One measurement.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Row {
+pub struct BenchRow {
     /// Bench: `kernels`, `frame`, `train`.
     pub bench: String,
     /// Task and input: `rasterize/small`.
@@ -128,10 +128,10 @@ pub const COLUMNS: [&str; 15] = [
 /// Leading columns that identify a measurement.
 pub const KEY_COLUMNS: usize = 4;
 
-impl Row {
+impl BenchRow {
     /// The row with the times of its runs.
-    pub fn with_times(self, times: &Summary, cpu_ns: f64) -> Row {
-        Row {
+    pub fn with_times(self, times: &Summary, cpu_ns: f64) -> BenchRow {
+        BenchRow {
             runs: times.runs,
             median_ns: times.median,
             mad_ns: times.mad,
@@ -143,7 +143,7 @@ impl Row {
     }
 
     /// The row with its rates, from its times. `copy_rate` is the device's, bytes per second.
-    pub fn with_work(self, work: Work, copy_rate: Option<f64>) -> Row {
+    pub fn with_work(self, work: Work, copy_rate: Option<f64>) -> BenchRow {
         let seconds = self.median_ns * 1e-9;
         let per_second = |count: u64| {
             if seconds > 0.0 {
@@ -152,7 +152,7 @@ impl Row {
                 0.0
             }
         };
-        Row {
+        BenchRow {
             items: work.items,
             unit: work.unit.name(),
             rate: per_second(work.items),
@@ -216,8 +216,8 @@ impl Row {
 ///
 /// # Errors
 /// Those of the CSV writer.
-pub fn csv(rows: &[Row]) -> Result<String> {
-    csv_of_fields(rows.iter().map(Row::fields))
+pub fn csv(rows: &[BenchRow]) -> Result<String> {
+    csv_of_fields(rows.iter().map(BenchRow::fields))
 }
 
 /// Fields of rows as CSV, with a header.
@@ -245,10 +245,10 @@ mod tests {
 
     #[test]
     fn rates_follow_from_times() -> Result<()> {
-        let row = Row {
+        let row = BenchRow {
             input: "a,b".into(),
             stage: "total".into(),
-            ..Row::default()
+            ..BenchRow::default()
         };
         let row = row.with_times(&Summary::of(&[1e6, 2e6, 3e6]), 4e6);
         let work = Work::of(1000, Unit::Keys).moving(8000);
@@ -262,7 +262,7 @@ mod tests {
             ",\"a,b\",,total,3,2000000,1000000,1000000,3000000,4000000,1000,keys,500000,8000,0.5000"
         );
         assert!(row.line().contains("0.5 M keys/s"), "{}", row.line());
-        let never = Row::default().with_work(work, None);
+        let never = BenchRow::default().with_work(work, None);
         assert_eq!(never.rate, 0.0);
         Ok(())
     }

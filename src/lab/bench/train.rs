@@ -7,7 +7,7 @@
 use super::CpuClock;
 use super::frame::{BufferBytes, Scaling, case, exponents, note_memory, point};
 use super::input::volume;
-use super::row::Row;
+use super::row::BenchRow;
 use super::session::{Bench, Times};
 use crate::Result;
 use crate::scene::{Dataset, Splats, Split};
@@ -33,7 +33,7 @@ pub struct TrainPlan {
     pub scene: Option<Splats>,
 }
 
-/// Steps whose stages are timed, one at a time.
+/// Number of steps timed by stage, one at a time.
 const STAGED: usize = 5;
 
 /// Device memory of one splat count.
@@ -102,7 +102,7 @@ fn steps(
     dataset: &Dataset,
     (config, plan): (&TrainConfig, &TrainPlan),
     (splats, size): (&Splats, [u32; 2]),
-) -> Result<(Row, TrainMemory, BufferBytes)> {
+) -> Result<(BenchRow, TrainMemory, BufferBytes)> {
     let gpu = bench.gpu().clone();
     gpu.reset_memory_peak();
     let state = HostState::from_splats(splats, plan.sh_degree);

@@ -1,7 +1,7 @@
 //! Chart of speed against accuracy: measurements, their proven bounds, and the bounds that are broken.
 //!
-//! [`measure`] measures the points; here they are checked ([`Chart::broken`]), compared ([`pareto`]) and written, as one
-//! page with figures ([`page`]) and as the CSV behind it ([`csv`]).
+//! [`mod@measure`] measures the points; here they are checked ([`Chart::broken`]), compared ([`pareto`]) and written,
+//! as one page with figures ([`page`]) and as the CSV behind it ([`csv`]).
 
 pub mod csv;
 pub mod measure;
@@ -49,9 +49,9 @@ impl Knob {
 /// Errors of a frame in units of colour, 1 being the brightest that a photograph holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameErrors {
-    /// Of the worst pixel's worst channel.
+    /// Largest error of any pixel's channel.
     pub max: f64,
-    /// 99 of 100 pixels are at most this far off in their worst channel.
+    /// 99th percentile of the pixels' largest errors.
     pub p99: f64,
     /// Peak signal-to-noise ratio, decibels.
     pub psnr_db: f64,

@@ -5,36 +5,11 @@ use super::{Chart, Knob, RunPoint, tables};
 use crate::Result;
 use crate::lab::page::{self, document, escaped};
 
-const OF_FRAMES: &str = "Frames are compared with the <code>f64</code> reference that skips nothing and stops \
-nowhere, so that every cut counts as error. The bounds are proven, pixel by pixel, before a frame is drawn. \
-With C = Σ cᵢαᵢTᵢ + T·background, leaving out a set S of contributions changes a pixel by at most \
-Σ<sub>S</sub> αᵢTᵢ times the range of its colours: that is the bound of the <em>cut</em>, which leaves out alphas below \
-the setting, of <em>standard deviations</em>, beyond which splats end, and of splats that are <em>pruned</em> (those that \
-no training view misses by more than the setting; these are other views). The <em>stop</em> ends a pixel where less than \
-the setting t passes, the last splat included, at a cost of t times the range at most. Both are turned alone, with next to \
-nothing of the other, and together, as <em>stop and cut</em>; the default is the stop at 1e-4 and the cut at 1/255. Leaving out harmonics of degree l with coefficients d<sub>l</sub> \
-changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em> of all splats alike, those that are dropped <em>by splat</em>, of each as \
-many as its own colour loses no more than the setting by, and those that are <em>stored as halves</em>, where d<sub>l</sub> is what rounding takes from them; rounded rotations, scales and \
-opacities make other alphas, which cost at most Σ |αᵢ′ − αᵢ|Tᵢ times the range, and so do <em>exponentials</em> by \
-polynomials, of which |αᵢ′ − αᵢ| ≤ εαᵢ with ε = 7.5·10⁻⁵ (cubic) and 1.7·10⁻³ (quadratic). \
-A point whose worst pixel lies beyond its bound and the rounding of <code>f32</code> has failed. The dashed line is no \
-setting but what all of them share: how far the model itself, EWA splatting by linear projection at each splat's \
-centre, is from the same splats in perspective along rays, in this scene and these views (on some of the pixels).";
+const OF_FRAMES: &str = include_str!("frames.html");
 
-const OF_GRADIENTS: &str = "Times are those of a usual training step. Gradients are compared, parameter by parameter, for \
-an objective of which bounds can be proven, the brightness of the picture: the same step on a white photograph by the \
-L1 loss alone, without the pixels that may reach white. What is left out of a pixel takes αᵢTᵢ⟨u, cᵢ − Bᵢ⟩ from the \
-gradient of what is left out, lets more light through to what lies behind it, and changes what is seen through what \
-lies before it; each has its bound, and the sum of magnitudes over the pixels, carried on by the magnitudes of the \
-projection's derivatives, bounds the gradient of every parameter: means, rotations, scales, opacities and harmonics. \
-Of the training loss itself nothing of the kind can be proven: its L1 part has a slope that jumps where a pixel \
-crosses its photograph, so that any change of the image, however small, may turn the sign of a pixel's share. \
-All sums here come in a fixed order: the engine has no backward pass with float atomics to compare with (<code>ashfall \
-bench kernels --filter baseline</code> times the classical one).";
+const OF_GRADIENTS: &str = include_str!("gradients.html");
 
-const OF_RUNS: &str = "Whole runs, each setting with several seeds; signs are means and bars their 95 % confidence \
-intervals (Student's t). There is no proof of what training reaches: these bars are statistics. What a setting costs in \
-decibels is compared seed by seed with the default run, in the table and here:";
+const OF_RUNS: &str = include_str!("runs.html");
 
 /// The page's text.
 ///
@@ -50,21 +25,21 @@ pub fn html(chart: &Chart) -> Result<String> {
     } = chart;
     if !frames.is_empty() {
         let knobs = frames.iter().map(|p| &p.knob);
-        body += &format!("<h2>Rendering: time against error</h2>\n<p>{OF_FRAMES}</p>\n");
+        body += &format!("<h2>Rendering: time against error</h2>\n{OF_FRAMES}");
         body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_frames(chart))?;
         body += &details(&tables::of_frames(chart));
     }
     if !gradients.is_empty() {
         let knobs = gradients.iter().map(|p| &p.knob);
-        body += &format!("<h2>Gradients: time against error</h2>\n<p>{OF_GRADIENTS}</p>\n");
+        body += &format!("<h2>Gradients: time against error</h2>\n{OF_GRADIENTS}");
         body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_gradients(chart))?;
         body += &details(&tables::of_gradients(chart));
     }
     if !runs.is_empty() {
         let knobs = runs.iter().map(|p| &p.knob);
-        body += &format!("<h2>Training: quality against cost</h2>\n<p>{OF_RUNS}</p>\n");
+        body += &format!("<h2>Training: quality against cost</h2>\n{OF_RUNS}");
         body += &costs(runs);
         body += &legend(chart, knobs, false)?;
         body += &figures(&panels::of_runs(chart))?;

@@ -104,7 +104,7 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
             },
             value: |e| e.p99,
             is_high_good: false,
-            caption: "99th percentile of the pixels' errors. Bars end at the same percentile of the pixels' own bounds.",
+            caption: "99th percentile of the pixels' errors. Bars end at that of the pixels' own bounds.",
         },
         FrameView {
             size: HALF,

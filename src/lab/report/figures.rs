@@ -40,7 +40,7 @@ pub struct Report {
     pub history: Vec<HistoryEntry>,
     /// Scores of each held-out view.
     pub test_views: Vec<ViewScore>,
-    /// Where the wall time went.
+    /// Wall time by part.
     pub timings: Timings,
     /// Warnings, one sentence each.
     pub warnings: Vec<String>,

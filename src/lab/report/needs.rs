@@ -15,7 +15,7 @@ pub struct Needs {
     pub preference_db: f64,
     /// Splats in the end.
     pub splat_count: usize,
-    /// How many of them are of degree 0, 1, 2 and 3.
+    /// Splats of degree 0, 1, 2 and 3.
     pub splats_by_degree: [usize; 4],
     /// Their bytes, each stored at its own degree in 32-bit floats.
     pub bytes_by_degree: [u64; 4],
@@ -37,22 +37,22 @@ pub struct Needs {
     /// Decisions in order.
     pub steps: Vec<Decision>,
     /// Comparison with a run of fixed rules.
-    pub against: Option<Comparison>,
+    pub against: Option<RunComparison>,
 }
 
 /// Comparison with another run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Comparison {
+pub struct RunComparison {
     /// Its splats.
     pub splat_count: usize,
     /// PSNR of its test views minus that of this run's, decibels.
     pub better_db: f64,
 }
 
-impl Comparison {
+impl RunComparison {
     /// Comparison with a report, for a run with test views of so many decibels; `None` if either has no test view.
-    pub fn of(report: &Report, psnr_db: Option<f64>) -> Option<Comparison> {
-        Some(Comparison {
+    pub fn of(report: &Report, psnr_db: Option<f64>) -> Option<RunComparison> {
+        Some(RunComparison {
             splat_count: report.splat_count,
             better_db: report.test.psnr_db? - psnr_db?,
         })
@@ -62,7 +62,7 @@ impl Comparison {
 impl Needs {
     /// Adds the comparison with another run; `psnr_db` is that of this run's test views.
     pub fn beside(mut self, other: Option<&Report>, psnr_db: Option<f64>) -> Needs {
-        self.against = other.and_then(|report| Comparison::of(report, psnr_db));
+        self.against = other.and_then(|report| RunComparison::of(report, psnr_db));
         self.sentence = sentence(self.splats_by_degree, self.against.as_ref());
         self
     }
@@ -80,14 +80,14 @@ pub fn bytes_by_degree(splats: [usize; 4]) -> [u64; 4] {
 }
 
 /// Summary in one sentence.
-pub fn sentence(splats_by_degree: [usize; 4], against: Option<&Comparison>) -> String {
+pub fn sentence(splats_by_degree: [usize; 4], against: Option<&RunComparison>) -> String {
     let count: usize = splats_by_degree.iter().sum();
     let share = 100.0 * splats_by_degree[0] as f64 / count.max(1) as f64;
     let mut text = format!(
         "this scene needs {} splats, {share:.0} % at degree 0",
         grouped(count)
     );
-    if let Some(Comparison {
+    if let Some(RunComparison {
         splat_count,
         better_db,
     }) = against
@@ -111,7 +111,7 @@ mod tests {
         let degrees = [31_980, 4_000, 3_000, 2_020];
         let alone = "this scene needs 41,000 splats, 78 % at degree 0";
         assert_eq!(sentence(degrees, None), alone);
-        let against = |better_db| Comparison {
+        let against = |better_db| RunComparison {
             splat_count: 180_000,
             better_db,
         };

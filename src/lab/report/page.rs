@@ -6,17 +6,17 @@ use crate::Result;
 use crate::lab::page::{self, decimals, document, escaped, grouped, table};
 use crate::simplify::HalfResolution;
 
-const OF_CURVE: &str = "Blue: quality while splats were added, with training going on, so that these points also rise \
-with time. Orange: quality by splat count alone, from rounds that took the same steps from the same state with and \
-without the least important splats, added up from the last round; the line is the law PSNR = a − b N<sup>−γ</sup> \
-fitted to them. A red circle marks its knee, where a tenth more splats gains just the preference; a knee outside the \
-figure stands at its edge.";
+const OF_CURVE: &str = "Blue: quality while splats were added, with training going on, so that these points also \
+rise with time. Orange: quality by splat count alone, from rounds that took the same steps from the same state \
+with and without the least important splats, added up from the last round; the line is the law PSNR = a − b \
+N<sup>−γ</sup> fitted to them. A red circle marks its knee, where a tenth more splats gains just the preference; a \
+knee outside the figure stands at its edge.";
 
-const OF_STEPS: &str = "Scores are mean PSNR over the held-out views, 40 dB at most; those on the right are without the \
-removed or tested splats or harmonics, after the same steps, or at once where none were taken. 40 dB on the left stand \
-for a step that was decided without training with all splats. The gain is that of a tenth more splats and its lower \
-95 % bound (Student's t over the views); while growing, it includes the gain of training time, so that growth ends too \
-late rather than too soon.";
+const OF_STEPS: &str = "Scores are mean PSNR over the held-out views, 40 dB at most; those on the right are \
+without the removed or tested splats or harmonics, after the same steps, or at once where none were taken. 40 dB \
+on the left stand for a step that was decided without training with all splats. The gain is that of a tenth more \
+splats and its lower 95 % bound (Student's t over the views); while growing, it includes the gain of training \
+time, so that growth ends too late rather than too soon.";
 
 /// The page's text.
 ///

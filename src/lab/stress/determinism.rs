@@ -1,6 +1,6 @@
 //! The same work again gives the same bits.
 
-use super::outcome::{Check, CheckGroup};
+use super::outcome::{CheckGroup, StressCheck};
 use super::step::{StepResult, steps};
 use super::{ScenePair, StressRun, differing, subject};
 use crate::Result;
@@ -58,7 +58,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
 
 fn add(lab: &mut StressRun<'_>, name: &str, what: String, count: usize, unit: &'static str) {
     let pair = [count as f64, 0.0];
-    lab.add(Check::at_most(
+    lab.add(StressCheck::at_most(
         CheckGroup::Determinism,
         name,
         what,

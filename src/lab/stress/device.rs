@@ -1,7 +1,7 @@
 //! What the device does with the operations that every kernel rests on.
 
 use super::StressRun;
-use super::outcome::{Check, CheckGroup, Sweep, SweepPoint};
+use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::selftest_atomics::{self, SelftestAtomics};
@@ -33,8 +33,8 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     Ok(())
 }
 
-fn exactly(name: &str, what: String, wrong: usize, unit: &'static str) -> Check {
-    Check::at_most(CheckGroup::Device, name, what, [wrong as f64, 0.0], unit)
+fn exactly(name: &str, what: String, wrong: usize, unit: &'static str) -> StressCheck {
+    StressCheck::at_most(CheckGroup::Device, name, what, [wrong as f64, 0.0], unit)
 }
 
 fn wrong<T: PartialEq>(found: &[T], expected: &[T]) -> usize {
@@ -46,7 +46,7 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &crate::gpu::Buffer<T>) -> Result<Vec<T>> {
     gpu.download(buffer, 0..buffer.len())
 }
 
-fn atomics(gpu: &Gpu) -> Result<Check> {
+fn atomics(gpu: &Gpu) -> Result<StressCheck> {
     const INVOCATIONS: u32 = 100_000;
     let choice = SelftestAtomics::prefer(gpu.caps());
     let kernel = SelftestAtomics::new(gpu, choice)?;
@@ -66,7 +66,7 @@ fn atomics(gpu: &Gpu) -> Result<Check> {
     Ok(exactly("atomic operations", what, wrong, "wrong words"))
 }
 
-fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<Check> {
+fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<StressCheck> {
     const ROUNDS: u32 = 100;
     let choice = SelftestLanes::choice(gpu.caps(), variant);
     let lanes = choice.spec.workgroup;
@@ -148,7 +148,7 @@ fn functions(lab: &mut StressRun<'_>) -> Result<()> {
         );
         let pair = [most, 1.0];
         let unit = "of the error allowed";
-        lab.add(Check::at_most(
+        lab.add(StressCheck::at_most(
             CheckGroup::Device,
             name(function),
             what,
@@ -194,7 +194,7 @@ fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
 }
 
 /// Values that compositing and projection meet at the ends of their ranges.
-fn special_values(gpu: &Gpu) -> Result<Check> {
+fn special_values(gpu: &Gpu) -> Result<StressCheck> {
     let arguments = [
         f32::NEG_INFINITY,
         -1e30,
@@ -236,7 +236,7 @@ fn special_values(gpu: &Gpu) -> Result<Check> {
 /// Turns of a loop that are tried at most: a fraction of a second on any device.
 const TURNS_MAX: u32 = 1 << 22;
 
-fn loops(gpu: &Gpu) -> Result<Check> {
+fn loops(gpu: &Gpu) -> Result<StressCheck> {
     let choice = SelftestLoops::prefer(gpu.caps());
     let kernel = SelftestLoops::new(gpu, choice)?;
     let lanes = choice.spec.workgroup;
@@ -254,7 +254,7 @@ fn loops(gpu: &Gpu) -> Result<Check> {
         false => "the longest loop that runs to its end; no more are tried",
     };
     let pair = [longest.into(), needed.min(TURNS_MAX).into()];
-    Ok(Check::at_least(
+    Ok(StressCheck::at_least(
         CheckGroup::Device,
         "length of loops",
         what,
@@ -279,7 +279,7 @@ fn longest(most: u32, mut holds: impl FnMut(u32) -> Result<bool>) -> Result<u32>
     Ok(good)
 }
 
-fn progress(gpu: &Gpu) -> Result<Check> {
+fn progress(gpu: &Gpu) -> Result<StressCheck> {
     // More than one dimension of a dispatch holds everywhere.
     const GROUPS: u32 = 70_000;
     const ROUNDS: u32 = 3;

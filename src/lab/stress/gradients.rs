@@ -1,6 +1,6 @@
 //! The gradient of a training step against the exact one.
 
-use super::outcome::{Check, CheckGroup, Sweep, SweepPoint};
+use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
 use super::step::step;
 use super::subject::reference_options;
 use super::sweeps::stretched;
@@ -59,7 +59,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let unit = "relative";
     let what = "(1 − λ) L1 + λ (1 − SSIM) against the exact one";
     let pair_of = [errors.loss, 1e-5];
-    lab.add(Check::at_most(
+    lab.add(StressCheck::at_most(
         CheckGroup::Gradients,
         "loss",
         what,
@@ -75,7 +75,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
                 pair.drawn.len()
             );
             let found = [errors.at(kind, share), bound];
-            lab.add(Check::at_most(
+            lab.add(StressCheck::at_most(
                 CheckGroup::Gradients,
                 name,
                 what,

@@ -25,7 +25,7 @@ use crate::gpu::Gpu;
 use crate::reference::sample::{Sampled, sample, spread};
 use crate::render::{Model, RenderOptions, Rendered, Renderer};
 use crate::scene::{Camera, Splats};
-use outcome::{Check, CheckGroup, StressReport, Sweep, Thumbnail};
+use outcome::{CheckGroup, StressCheck, StressReport, Sweep, Thumbnail};
 use std::ops::ControlFlow;
 use subject::{reference_options, view_options};
 
@@ -169,7 +169,7 @@ impl StressRun<'_> {
         Ok((image, compared))
     }
 
-    fn add(&mut self, outcome: Check) {
+    fn add(&mut self, outcome: StressCheck) {
         self.found.outcomes.push(outcome);
     }
 

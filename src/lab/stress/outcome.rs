@@ -64,7 +64,7 @@ pub enum Sense {
 
 /// A check with its bound and measurement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Check {
+pub struct StressCheck {
     /// Its group.
     pub group: CheckGroup,
     /// Subject, in a few words.
@@ -83,16 +83,16 @@ pub struct Check {
     pub passed: bool,
 }
 
-impl Check {
-    /// Check of an upper bound; NaN breaks it.
+impl StressCheck {
+    /// StressCheck of an upper bound; NaN breaks it.
     pub fn at_most(
         group: CheckGroup,
         name: impl Into<String>,
         what: impl Into<String>,
         [measured, bound]: [f64; 2],
         unit: &'static str,
-    ) -> Check {
-        Check {
+    ) -> StressCheck {
+        StressCheck {
             group,
             name: name.into(),
             what: what.into(),
@@ -104,18 +104,18 @@ impl Check {
         }
     }
 
-    /// Check of a lower bound; NaN breaks it.
+    /// StressCheck of a lower bound; NaN breaks it.
     pub fn at_least(
         group: CheckGroup,
         name: impl Into<String>,
         what: impl Into<String>,
         [measured, bound]: [f64; 2],
         unit: &'static str,
-    ) -> Check {
-        Check {
+    ) -> StressCheck {
+        StressCheck {
             sense: Sense::AtLeast,
             passed: measured >= bound,
-            ..Check::at_most(group, name, what, [measured, bound], unit)
+            ..StressCheck::at_most(group, name, what, [measured, bound], unit)
         }
     }
 }
@@ -177,7 +177,7 @@ impl Sweep {
     }
 
     /// Its point closest to the bound as a check.
-    pub fn outcome(&self, unit: &'static str) -> Check {
+    pub fn outcome(&self, unit: &'static str) -> StressCheck {
         let at = |p: &SweepPoint| format!("closest to its bound at {}", short_number(p.x));
         let (pair, at) = match self.closest() {
             Some(p) => ([p.measured, p.bound], at(&p)),
@@ -185,9 +185,9 @@ impl Sweep {
         };
         let count = self.points.len();
         let what = format!("{count} values; {at}");
-        Check {
+        StressCheck {
             passed: count > 0 && self.points.iter().all(SweepPoint::holds),
-            ..Check::at_most(self.group, self.title.clone(), what, pair, unit)
+            ..StressCheck::at_most(self.group, self.title.clone(), what, pair, unit)
         }
     }
 }
@@ -198,14 +198,14 @@ pub struct StressReport {
     /// Device, scene, date and version.
     pub facts: Vec<Fact>,
     /// The checks.
-    pub outcomes: Vec<Check>,
+    pub outcomes: Vec<StressCheck>,
     /// The sweeps.
     pub sweeps: Vec<Sweep>,
 }
 
 impl StressReport {
     /// The checks that failed.
-    pub fn failed(&self) -> Vec<&Check> {
+    pub fn failed(&self) -> Vec<&StressCheck> {
         self.outcomes.iter().filter(|o| !o.passed).collect()
     }
 
@@ -218,7 +218,7 @@ impl StressReport {
         struct StressJson<'a> {
             passed: bool,
             facts: serde_json::Map<String, serde_json::Value>,
-            outcomes: &'a [Check],
+            outcomes: &'a [StressCheck],
             sweeps: &'a [Sweep],
         }
         let facts = self.facts.iter().cloned();
@@ -270,15 +270,15 @@ pub(crate) mod tests {
         let stress = StressReport {
             facts: vec![("device".into(), "a device".into())],
             outcomes: vec![
-                Check::at_most(
+                StressCheck::at_most(
                     CheckGroup::Device,
                     "atomics",
                     "…",
                     [0.0, 0.0],
                     "wrong counts",
                 ),
-                Check::at_least(CheckGroup::Device, "loops", "…", [65_535.0, 1e6], "turns"),
-                Check::at_most(CheckGroup::Sizes, "1 × 1", "…", [f64::NAN, 1.0], "of 1"),
+                StressCheck::at_least(CheckGroup::Device, "loops", "…", [65_535.0, 1e6], "turns"),
+                StressCheck::at_most(CheckGroup::Sizes, "1 × 1", "…", [f64::NAN, 1.0], "of 1"),
             ],
             sweeps: vec![sweep(&[[1.0, 1e-6, 1e-4]])],
         };

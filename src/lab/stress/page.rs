@@ -1,7 +1,7 @@
 //! Page of the stability suite: checks with measurements and bounds, and sweeps as curves and pictures.
 
 use super::curve;
-use super::outcome::{Check, CheckGroup, Sense, StressReport, Sweep};
+use super::outcome::{CheckGroup, Sense, StressCheck, StressReport, Sweep};
 use crate::Result;
 use crate::lab::page::{self, document, escaped, number};
 
@@ -45,7 +45,7 @@ pub fn html(report: &StressReport) -> Result<String> {
     let mut body = heading(report);
     for group in CheckGroup::ALL {
         let outcomes = report.outcomes.iter().filter(|o| o.group == group);
-        let outcomes: Vec<&Check> = outcomes.collect();
+        let outcomes: Vec<&StressCheck> = outcomes.collect();
         let sweeps = report.sweeps.iter().filter(|s| s.group == group);
         if outcomes.is_empty() {
             continue;
@@ -70,13 +70,13 @@ fn heading(report: &StressReport) -> String {
         0 => format!("All {count} checks keep their bounds."),
         failed => format!("{failed} of {count} checks failed."),
     };
-    let name = |check: &&Check| format!("{}: {}", check.group.title(), check.name);
+    let name = |check: &&StressCheck| format!("{}: {}", check.group.title(), check.name);
     let failed: Vec<String> = failed.iter().map(name).collect();
     text + &page::verdict(&summary, &failed)
 }
 
-fn table(checks: &[&Check]) -> String {
-    let row = |check: &&Check| {
+fn table(checks: &[&StressCheck]) -> String {
+    let row = |check: &&StressCheck| {
         let sense = match check.sense {
             Sense::AtMost => "≤",
             Sense::AtLeast => "≥",
@@ -145,7 +145,7 @@ mod tests {
         StressReport {
             facts: vec![("scene".into(), "a<b".into())],
             outcomes: vec![
-                Check::at_most(
+                StressCheck::at_most(
                     CheckGroup::Device,
                     "atomics",
                     "x",

@@ -1,6 +1,6 @@
 //! Numbers that are none, or hardly, in every slot of a splat's parameters.
 
-use super::outcome::{Check, CheckGroup, Sweep};
+use super::outcome::{CheckGroup, StressCheck, Sweep};
 use super::step::{StepResult, step};
 use super::{ScenePair, StressRun, differing, thumbnail};
 use crate::Result;
@@ -136,7 +136,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
 }
 
 fn add(lab: &mut StressRun<'_>, name: String, what: String, count: usize, unit: &'static str) {
-    lab.add(Check::at_most(
+    lab.add(StressCheck::at_most(
         CheckGroup::Poison,
         name,
         what,

@@ -1,6 +1,6 @@
 //! Scenes and cameras that leave formulas without a divisor, an order or anything to see.
 
-use super::outcome::{Check, CheckGroup, Sweep, Thumbnail};
+use super::outcome::{CheckGroup, StressCheck, Sweep, Thumbnail};
 use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
 use crate::Result;
 use crate::scene::{Camera, Splats};
@@ -188,7 +188,7 @@ fn check(
 ) -> Result<Thumbnail> {
     let (image, compared) = lab.look(pair, camera, lab.subject.near)?;
     let errors = [compared.measured, compared.bound];
-    lab.add(Check::at_most(
+    lab.add(StressCheck::at_most(
         CheckGroup::Scenes,
         name,
         what,

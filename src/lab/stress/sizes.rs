@@ -1,6 +1,6 @@
 //! Pictures of every shape: one pixel, one row, one column, and as long as the largest displays and longer.
 
-use super::outcome::{Check, CheckGroup, Sweep, SweepPoint};
+use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
 use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
 use crate::scene::Camera;
 use crate::{Error, Result};
@@ -54,7 +54,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
             true => format!("{} of its pixels", lab.plan.pixels),
             false => "all its pixels".into(),
         };
-        lab.add(Check::at_most(
+        lab.add(StressCheck::at_most(
             CheckGroup::Sizes,
             &name,
             what,

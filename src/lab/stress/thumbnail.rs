@@ -18,7 +18,7 @@ pub struct Thumbnail {
 const SIDE_MAX: u32 = 400;
 
 impl Thumbnail {
-    /// From display-referred colours `[row][column]`, 0 to 1; of large pictures every n-th pixel.
+    /// Thumbnail of display-referred colours `[row][column]`, 0 to 1; large pictures are subsampled.
     ///
     /// Panics if there are not as many colours as pixels.
     pub fn new(

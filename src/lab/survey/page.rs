@@ -5,12 +5,13 @@ use crate::Result;
 use crate::lab::page::scatter::{Axis, Marker, ScatterPlot};
 use crate::lab::page::{self, Fact, document, escaped, figure, interval, legend, table};
 
-const OF_TABLE: &str = "Every scene is trained on the same photographs for the same number of steps by each recipe, from \
-several seeds: the fixed recipe (adaptive density control with its usual constants), <em>parsimony</em> (as many splats \
-as gain the preference on held-out training views), and MCMC limited to the splats that parsimony ended with. <em>Same \
-rates</em> stands for the learning rates of parsimony. Values are means over seeds, ± half their 95 % interval \
-(Student’s t). The difference to the fixed recipe is paired by seed. Quality is that of test views, which no decision \
-has used. SH floats count each splat at its own degree. Times of frames are the device’s.";
+const OF_TABLE: &str = "Every scene is trained on the same photographs for the same number of steps by each \
+recipe, from several seeds: the fixed recipe (adaptive density control with its usual constants), \
+<em>parsimony</em> (as many splats as gain the preference on held-out training views), and MCMC limited to the \
+splats that parsimony ended with. <em>Same rates</em> stands for the learning rates of parsimony. Values are means \
+over seeds, ± half their 95 % interval (Student’s t). The difference to the fixed recipe is paired by seed. \
+Quality is that of test views, which no decision has used. SH floats count each splat at its own degree. Times of \
+frames are the device’s.";
 
 /// Title, value and decimals of a column.
 type Column = (&'static str, fn(&SurveyRun) -> Option<f64>, usize);

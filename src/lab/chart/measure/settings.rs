@@ -1,4 +1,4 @@
-//! Which knobs are turned, and how far.
+//! Knobs of the chart and their settings.
 
 use super::ChartPlan;
 use crate::lab::chart::Knob;
@@ -8,25 +8,25 @@ use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 use crate::simplify::reduce_harmonics;
 use crate::train::{StrategyKind, TrainConfig};
 
-/// How a frame is drawn.
+/// Options of a drawn frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FrameSetting {
     pub(super) knob: Knob,
     pub(super) accuracy: Accuracy,
     /// Highest degree of harmonics drawn.
     pub(super) sh_degree: u32,
-    /// In what numbers the scene lies on the device.
+    /// Storage precision of the scene on the device.
     pub(super) precision: Precision,
-    /// By what exponentials its alphas are computed.
+    /// Exponential of its alphas.
     pub(super) exponential: Exponential,
-    /// The error at which splats are pruned ([`parsimony`](crate::parsimony)), of 1; `None`: all are drawn.
+    /// The error at which splats are pruned ([`prune`](crate::simplify::prune())), of 1; `None`: all are drawn.
     pub(super) pruned: Option<f64>,
     /// The error at which each splat drops harmonics ([`reduce_harmonics`]), of 1; `None`: all are kept.
     pub(super) reduced: Option<f64>,
 }
 
 impl FrameSetting {
-    /// What it leaves out of a scene, as the reference counts it; `removed` is what has been pruned.
+    /// Approximations of the setting for the reference; `removed` flags the pruned splats.
     pub(super) fn approximations(&self, splats: &Splats, removed: &[bool]) -> Approximations {
         let kept = 3 * sh_coefficient_count(self.sh_degree);
         let is_whole = self.precision == Precision::Full;
@@ -60,7 +60,7 @@ impl FrameSetting {
     }
 }
 
-/// Series that are met in several places.
+/// Names of series.
 const HARMONICS: &str = "harmonics";
 const HARMONICS_BY_SPLAT: &str = "harmonics by splat";
 const EXPONENTIAL: &str = "exponential";
@@ -93,7 +93,7 @@ fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
     }
 }
 
-/// The stop alone: next to nothing is cut.
+/// Stop alone, with the smallest cut.
 fn stop(transmittance_min: f32) -> FrameSetting {
     let setting = format!("{transmittance_min:.0e}");
     let accuracy = Accuracy {
@@ -104,7 +104,7 @@ fn stop(transmittance_min: f32) -> FrameSetting {
     frame("stop alone", setting, accuracy)
 }
 
-/// The cut alone: next to nothing is stopped.
+/// Cut alone, with the smallest stop.
 fn cut(number: u32) -> FrameSetting {
     let accuracy = Accuracy {
         alpha_min: 1.0 / number as f32,
@@ -171,7 +171,7 @@ fn together(transmittance_min: f32, number: u32) -> FrameSetting {
     frame("stop and cut", setting, accuracy)
 }
 
-/// Thresholds and stops that leave next to nothing out: the least that are taken.
+/// Smallest cut and stop.
 const ALPHA_LEAST: f32 = 1e-6;
 const TRANSMITTANCE_LEAST: f32 = 1e-9;
 
@@ -234,8 +234,8 @@ pub(super) fn of_frames(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Of a training step: the thresholds. Harmonics that are not drawn have no gradients to compare, halves do not train,
-/// what is pruned has none, and exponentials are exact in training.
+/// Settings of a training step: cuts and stops. Harmonics that are not drawn and pruned splats have no gradients to
+/// compare, halves are not trained, and exponentials are exact in training.
 pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
@@ -245,7 +245,7 @@ pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting
     all.filter(is_cut).collect()
 }
 
-/// How a scene is trained.
+/// Configuration of a training run.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RunSetting {
     pub(super) knob: Knob,
