@@ -21,8 +21,8 @@ fn frames_and_steps(bench: &mut Bench) -> Outcome<()> {
         scene: None,
         giant: true,
     };
-    let growth = frame::run(bench, &plan)?;
-    growth
+    let scaling = frame::run(bench, &plan)?;
+    scaling
         .exponents
         .iter()
         .for_each(|exponent| println!("{}", exponent.line()));

@@ -38,7 +38,7 @@ fn bench(gpu: &ashfall::gpu::Gpu, filter: &str) -> (Bench, Rc<Cell<usize>>) {
     };
     let seen = Rc::new(Cell::new(0));
     let count = seen.clone();
-    let progress = move |_: &row::Row| count.set(count.get() + 1);
+    let progress = move |_: &row::BenchRow| count.set(count.get() + 1);
     (Bench::new("kernels", gpu, options, progress).unwrap(), seen)
 }
 
@@ -183,7 +183,7 @@ fn kernels_are_checked_on_what_they_are_timed_on() {
 fn a_yardstick_that_is_wrong_is_noticed() {
     let composite = kernels::Composite::baseline_16x16(300, [61, 47], 6.0);
     let gradient = kernels::Gradient::new(&composite);
-    let input = scalar::Input::new(&composite);
+    let input = scalar::HostInput::new(&composite);
     let planes = |image: &[[f32; 4]]| -> Vec<f32> {
         (0..4)
             .flat_map(|plane| image.iter().map(move |pixel| pixel[plane]))

@@ -10,8 +10,8 @@
 mod device;
 
 use ashfall::io::ply;
-use ashfall::lab::stress::outcome::Group;
-use ashfall::lab::stress::{self, Plan, Subject};
+use ashfall::lab::stress::outcome::CheckGroup;
+use ashfall::lab::stress::{self, StressPlan, StressScene};
 use ashfall::scene::Splats;
 use serde_json::Value;
 use std::fs;
@@ -87,7 +87,7 @@ fn every_group_is_tried_and_keeps_its_bounds() {
     }
     let page = fs::read_to_string(folder.path().join("page/stress.html")).unwrap();
     assert!(page.contains("checks keep their bounds.</p>") && page.ends_with("</html>\n"));
-    for title in Group::ALL.map(Group::title) {
+    for title in CheckGroup::ALL.map(CheckGroup::title) {
         assert!(page.contains(&format!("<h2>{title}</h2>")), "{title}");
     }
     assert!(page.matches("<svg ").count() >= 8 && page.matches("<img ").count() > 40);
@@ -96,7 +96,7 @@ fn every_group_is_tried_and_keeps_its_bounds() {
 #[test]
 fn a_scene_of_ones_own_is_tried_with_all_its_faults() {
     let folder = tempfile::tempdir().unwrap();
-    let mut splats = Subject::made().splats;
+    let mut splats = StressScene::made().splats;
     splats.mean[5] = [f32::NAN; 3];
     splats.log_scale[9] = [f32::INFINITY; 3];
     splats.log_scale[11] = [3.0, -9.0, 0.5];
@@ -127,22 +127,26 @@ fn a_scene_of_ones_own_is_tried_with_all_its_faults() {
 #[test]
 fn what_is_wrong_is_noticed_wherever_it_shows() {
     let gpu = device::gpu();
-    let mut subject = Subject::made();
+    let mut subject = StressScene::made();
     for logit in &mut subject.exact.opacity_logit {
         *logit += 0.01;
     }
     let mut goes_on = |_| ControlFlow::Continue(());
-    let found = stress::run(&gpu, &subject, Plan::QUICK, &mut goes_on).unwrap();
+    let found = stress::run(&gpu, &subject, StressPlan::QUICK, &mut goes_on).unwrap();
     let found = found.expect("nobody ended it");
-    for group in Group::ALL {
+    for group in CheckGroup::ALL {
         let of_group = found.failed().into_iter().filter(|o| o.group == group);
         let compares = matches!(
             group,
-            Group::Scenes | Group::Sizes | Group::Sweeps | Group::Gradients
+            CheckGroup::Scenes | CheckGroup::Sizes | CheckGroup::Sweeps | CheckGroup::Gradients
         );
         assert_eq!(of_group.count() > 0, compares, "{group:?}");
     }
-    for sweep in found.sweeps.iter().filter(|s| s.group == Group::Sweeps) {
+    for sweep in found
+        .sweeps
+        .iter()
+        .filter(|s| s.group == CheckGroup::Sweeps)
+    {
         assert!(!sweep.points.iter().all(|p| p.holds()), "{}", sweep.title);
     }
 }
@@ -154,10 +158,10 @@ fn it_ends_when_it_is_told_to() {
     let mut ends = |group| {
         begun += 1;
         match group {
-            Group::Scenes => ControlFlow::Break(()),
+            CheckGroup::Scenes => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),
         }
     };
-    let found = stress::run(&gpu, &Subject::made(), Plan::QUICK, &mut ends).unwrap();
+    let found = stress::run(&gpu, &StressScene::made(), StressPlan::QUICK, &mut ends).unwrap();
     assert!(found.is_none() && begun == 2);
 }

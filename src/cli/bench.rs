@@ -1,4 +1,4 @@
-//! `ashfall bench`: how fast the device does what.
+//! `ashfall bench`: speed of kernels, frames and training steps on a device.
 
 mod growth;
 
@@ -7,7 +7,7 @@ use super::args::DeviceArgs;
 use super::engine::Engine;
 use crate::io::atomic::write_atomically;
 use crate::lab::baseline::{self, KernelReport, Ratio};
-use crate::lab::bench::{self, Bench, Options, Row, record};
+use crate::lab::bench::{self, Bench, BenchRow, Options, record};
 use crate::{Error, Result};
 use clap::{Args, Subcommand};
 use serde::Serialize;
@@ -20,26 +20,25 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Args)]
 pub(super) struct BenchArgs {
     #[command(subcommand)]
-    what: What,
+    command: BenchCommand,
 }
 
 #[derive(Clone, Debug, Subcommand)]
-enum What {
+enum BenchCommand {
     Kernels(KernelsArgs),
-    Frame(growth::FrameArgs),
-    Train(growth::TrainArgs),
+    Frame(growth::BenchFrameArgs),
+    Train(growth::BenchTrainArgs),
 }
 
 /// Every kernel in every variant and workgroup, and baselines
 ///
-/// Every result is held against the reference before it is timed; one that is wrong ends the run, with exit
-/// code 1.
+/// Every result is compared with the reference before it is timed; a wrong one ends the run, with exit code 1.
 ///
 /// Times are the device's own timestamps, summed up by their median and the median absolute deviation from it,
 /// with the processor time of the process beside them. Rates are in the unit that means something, and of
-/// kernels that mainly move memory also as a share of the rate at which the device copies. At the end stands
-/// how the engine's choices compare with the classical design on the same device and with renderers and a
-/// sort on the processor, all measured in turns.
+/// kernels that mainly move memory also as a share of the rate at which the device copies. At the end stand
+/// the ratios of the engine's choices to the 16×16 tile design on the same device and to renderers and a sort on the
+/// processor, all measured in turns.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 struct KernelsArgs {
@@ -49,10 +48,10 @@ struct KernelsArgs {
     device: DeviceArgs,
 }
 
-/// What is measured, how often, and where the figures go.
+/// Selection, repetitions and output files.
 #[derive(Clone, Debug, Args)]
 pub(super) struct OutputArgs {
-    /// Only what has this in its name, `bench/input/variant`: `rasterize/small`, `subgroup`, `baseline/sort`,
+    /// Only cases with this text in their name, `bench/input/variant`: `rasterize/small`, `subgroup`, `baseline/sort`,
     /// `frame/1000000`, `1920x1080`
     #[arg(long, value_name = "TEXT")]
     pub filter: Option<String>,
@@ -63,10 +62,10 @@ pub(super) struct OutputArgs {
     /// Write the rows to this file, as CSV
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// Write rows and what follows from them to this file, as one JSON object
+    /// Write rows, ratios and exponents to this file, as one JSON object
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// File the rows under the device's name and today's date in a folder, keeping what is there of others
+    /// File the rows under the device's name and today's date in a folder, besides other measurements
     #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "benches/record")]
     pub record: Option<PathBuf>,
 }
@@ -78,15 +77,15 @@ Examples:
   ashfall bench kernels --filter baseline --json baselines.json";
 
 pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
-    match &args.what {
-        What::Kernels(args) => kernels(args),
-        What::Frame(args) => growth::frame(args),
-        What::Train(args) => growth::train(args),
+    match &args.command {
+        BenchCommand::Kernels(args) => kernels(args),
+        BenchCommand::Frame(args) => growth::frame(args),
+        BenchCommand::Train(args) => growth::train(args),
     }
 }
 
 impl OutputArgs {
-    /// What a bench is asked for.
+    /// Options of the bench.
     pub(super) fn options(&self) -> Options {
         Options {
             filter: self.filter.clone(),
@@ -95,7 +94,7 @@ impl OutputArgs {
         }
     }
 
-    /// Prints the table and what follows from it, and writes the files that are asked for.
+    /// Prints the table and `more`, and writes the files of the options.
     fn write(
         &self,
         bench: &Bench,
@@ -105,12 +104,12 @@ impl OutputArgs {
         let mut out = std::io::stdout().lock();
         // Rows of bytes have no times.
         let timed = bench.rows().iter().filter(|row| row.runs > 0);
-        for line in timed.map(Row::line).chain(more) {
-            // A reader that has gone away is no reason to fail.
+        for line in timed.map(BenchRow::line).chain(more) {
+            // A closed pipe is no error.
             _ = writeln!(out, "{line}");
         }
         if let Some(path) = &self.csv {
-            write_text(path, &bench::row::csv(bench.rows()))?;
+            write_text(path, &bench::row::csv(bench.rows())?)?;
         }
         if let Some(path) = &self.json {
             let text = serde_json::to_string_pretty(report)
@@ -132,13 +131,13 @@ fn write_text(path: &Path, text: &str) -> Result<()> {
 fn kernels(args: &KernelsArgs) -> Result<Outcome> {
     let engine = Engine::open(&args.device)?;
     eprintln!("{}", engine.name());
-    let progress = |row: &Row| eprintln!("measured {} {}", row.input, row.variant);
+    let progress = |row: &BenchRow| eprintln!("measured {} {}", row.input, row.variant);
     let mut bench = engine.bench("kernels", args.output.options(), progress)?;
     bench::kernels::run(&mut bench)?;
     let ratios = baseline::run(&mut bench)?;
     // The copy is measured in any case.
     let filter = args.output.filter.as_deref().unwrap_or_default();
-    let asked = |row: &Row| format!("kernels/{}/{}", row.input, row.variant).contains(filter);
+    let asked = |row: &BenchRow| format!("kernels/{}/{}", row.input, row.variant).contains(filter);
     if !bench.rows().iter().any(asked) {
         return Err(Error::Config(format!("nothing is called {filter:?}")));
     }

@@ -7,8 +7,9 @@ use super::eval::read_scene;
 use super::output::Output;
 use crate::io::atomic::write_atomically;
 use crate::lab::bench::record;
-use crate::lab::chart::measure::{Plan, measure};
+use crate::lab::chart::measure::{ChartPlan, measure};
 use crate::lab::chart::{Chart, csv, page};
+use crate::lab::page::Fact;
 use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::scene::{Dataset, Splats, Split};
 use crate::{Error, Result};
@@ -18,12 +19,11 @@ use std::path::{Path, PathBuf};
 
 /// Chart speed against accuracy
 ///
-/// Turns every knob that trades one for the other and measures both: frames against an f64 reference that
-/// skips nothing, gradients against exact ones, training runs by held-out views over several seeds. Every
-/// setting of rendering carries the error bound that was proven for it, pixel by pixel; one that breaks its
-/// bound ends the command with exit code 1.
+/// Measures time and error for every setting of the options that trade one for the other: frames against an f64
+/// reference without cuts, gradients against exact ones, training runs by held-out views over several seeds. Every
+/// setting of rendering has a proven error bound, pixel by pixel; a broken bound ends the command with exit code 1.
 ///
-/// Writes chart.html, which needs no other file, and chart.csv, the numbers behind it. Without a scene it
+/// Writes chart.html, one file without references to others, and chart.csv with its numbers. Without a scene it
 /// trains one; without a data set it makes one.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
@@ -35,19 +35,19 @@ pub(super) struct ChartArgs {
     /// Folder for the page, made if it is not there
     #[arg(long, value_name = "DIR", default_value = "out/chart")]
     out: PathBuf,
-    /// Few settings and tiny inputs: whether all works, in seconds
+    /// Few settings and tiny inputs, in seconds
     #[arg(long)]
     quick: bool,
     /// Only a part of it
     #[arg(long, value_name = "PART")]
-    only: Option<Part>,
+    only: Option<ChartPart>,
     /// Steps of a training run [default: 300; quick: 20]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     iterations: Option<u32>,
     /// Training runs of each setting [default: 3; quick: 2]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
-    /// Times that every frame and step is timed [default: 15; quick: 2]
+    /// Repetitions of every timed frame and step [default: 15; quick: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     runs: Option<u64>,
     /// Print the numbers as CSV
@@ -70,7 +70,7 @@ Examples:
 
 /// A part of the chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Part {
+enum ChartPart {
     /// Frames and gradients
     Accuracy,
     /// Training runs
@@ -105,7 +105,7 @@ pub(super) fn run(args: &ChartArgs) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// Broken bounds are an error: what was proven does not hold.
+/// Error for broken bounds: the proof or the engine is wrong.
 fn verdict(chart: &Chart) -> Result<Outcome> {
     let broken = chart.broken();
     match broken.as_slice() {
@@ -118,7 +118,7 @@ fn verdict(chart: &Chart) -> Result<Outcome> {
     }
 }
 
-/// The page, and the numbers behind it.
+/// Writes the page and its numbers.
 fn write(chart: &Chart, folder: &Path) -> Result<()> {
     let html = page::html(chart)?;
     write_atomically(&folder.join("chart.html"), |file| {
@@ -130,19 +130,22 @@ fn write(chart: &Chart, folder: &Path) -> Result<()> {
     })
 }
 
-fn plan(args: &ChartArgs) -> Plan {
-    let usual = if args.quick { Plan::QUICK } else { Plan::USUAL };
-    Plan {
+fn plan(args: &ChartArgs) -> ChartPlan {
+    let usual = match args.quick {
+        true => ChartPlan::QUICK,
+        false => ChartPlan::USUAL,
+    };
+    ChartPlan {
         iterations: args.iterations.unwrap_or(usual.iterations),
         seeds: args.seeds.unwrap_or(usual.seeds),
         runs: args.runs.map_or(usual.runs, |runs| runs as usize),
-        with_accuracy: args.only != Some(Part::Training),
-        with_training: args.only != Some(Part::Accuracy),
+        with_accuracy: args.only != Some(ChartPart::Training),
+        with_training: args.only != Some(ChartPart::Accuracy),
         ..usual
     }
 }
 
-/// What is charted, and what it is called.
+/// Scene, data set and name.
 fn subject(args: &ChartArgs) -> Result<(Option<Splats>, Dataset, String)> {
     let (scene, data) = match args.paths.as_slice() {
         [] => return Ok((None, made(args.quick), "made in code".into())),
@@ -176,14 +179,14 @@ fn made(is_quick: bool) -> Dataset {
     synth::scene(Kind::Demo).dataset(&options)
 }
 
-/// What a reader has to know of the figures.
+/// Facts at the top of the page.
 fn facts(
     engine: &Engine,
     dataset: &Dataset,
     scene: Option<&Splats>,
     name: &str,
-    plan: &Plan,
-) -> Vec<(String, String)> {
+    plan: &ChartPlan,
+) -> Vec<Fact> {
     let views = dataset.split(Split::Test).len();
     let drawn = match scene {
         Some(splats) => format!("{} splats of degree {}", splats.len(), splats.sh_degree),

@@ -4,7 +4,7 @@ mod describe;
 
 use super::args::DeviceArgs;
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Limits};
-use crate::lab::bench::{Bench, Options, Row};
+use crate::lab::bench::{Bench, BenchRow, Options};
 use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, ViewOptions};
 use crate::scene::{Camera, RenderMode, Splats};
 use crate::{Error, Result};
@@ -64,7 +64,7 @@ impl Engine {
         &self,
         name: &'static str,
         options: Options,
-        progress: impl FnMut(&Row) + 'static,
+        progress: impl FnMut(&BenchRow) + 'static,
     ) -> Result<Bench> {
         Bench::new(name, &self.gpu, options, progress)
     }

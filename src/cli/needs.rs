@@ -1,6 +1,6 @@
-//! `ashfall needs`: what scenes need, against the fixed recipe and MCMC, on one page.
+//! `ashfall needs`: splat counts of scenes by recipe, on one page.
 
-mod course;
+mod session;
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
@@ -9,7 +9,7 @@ use super::interrupt::Interrupt;
 use super::output::Output;
 use super::train::parse_gain;
 use crate::io::atomic::write_atomically;
-use crate::lab::survey::{Recipe, csv, page};
+use crate::lab::survey::Recipe;
 use crate::lab::synth::Kind;
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
@@ -17,23 +17,23 @@ use clap::Args;
 use std::io::Write;
 use std::path::PathBuf;
 
-use course::Course;
+use session::SurveySession;
 
-/// Show what scenes need: splats, harmonics, time
+/// Compare splats, harmonics, quality and time of scenes by recipe
 ///
-/// Trains every scene, the built-in ones and the photographs of every DATA, by the fixed recipe, to no more splats than it
-/// needs (`train --parsimony`), likewise with all their harmonics, and by MCMC with as many splats as that ended with; for
-/// as many steps each, from several seeds. Writes needs.html, which needs no other file, and needs.csv, a line for every
-/// run, as runs end.
+/// Trains every scene, the built-in ones and the photographs of every DATA, by the fixed recipe, to no more splats
+/// than it needs (`train --parsimony`), likewise with all harmonics, and by MCMC with as many splats as that ended
+/// with, for the same number of steps and from several seeds. Writes needs.csv, a line for every run, as runs end, and needs.html with a
+/// table of all recipes and a figure for every scene.
 ///
-/// Ctrl-C stops after the current step; the same command goes on with the runs that needs.csv does not have.
+/// Ctrl-C stops after the current step; the same command goes on with the runs that are missing in needs.csv.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct NeedsArgs {
-    /// Data sets, as for `ashfall train`; each is called by its folder's name, or as NAME=DATA says
+    /// Data sets, as for `ashfall train`; each is called by its folder's name, or by NAME of NAME=DATA
     #[arg(value_name = "DATA")]
     data: Vec<PathBuf>,
-    /// Folder for the page and its numbers, made if it is not there
+    /// Folder for the page and its numbers, made if it is missing
     #[arg(long, value_name = "DIR", default_value = "out/needs")]
     out: PathBuf,
     /// Runs of each recipe, of seeds 0 and up
@@ -51,7 +51,7 @@ pub(super) struct NeedsArgs {
     /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates, parsimony-all-sh [default: all that differ]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     recipes: Option<Vec<Recipe>>,
-    /// Run these recipes again even where DIR has their runs
+    /// Run these recipes again even if DIR has their runs
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     again: Vec<Recipe>,
     /// The smallest gain worth paying for: decibels for a tenth more splats
@@ -93,28 +93,21 @@ fn parse_recipe(text: &str) -> std::result::Result<Recipe, String> {
 pub(super) fn run(args: &NeedsArgs) -> Result<Outcome> {
     let output = Output { json: false };
     let engine = Engine::open(&args.device)?;
-    let mut course = Course::begin(args, &engine, output)?;
+    let mut session = SurveySession::begin(args, &engine, output)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     io::atomic::remove_leftovers(&args.out);
-    let outcome = course.run(&Interrupt::listen()?)?;
+    let outcome = session.run(&Interrupt::listen()?)?;
     engine.check()?;
-    course.write()?;
+    session.write()?;
     if outcome == Outcome::Interrupted {
         output.result("interrupted; the same command goes on", || unreachable!());
         return Ok(outcome);
     }
-    for scene in course.survey.scenes() {
-        if let Some(told) = page::quoted(&course.survey, scene) {
-            output.result(format_args!("{scene}: {told}"), || unreachable!());
-        }
-    }
     let page = args.out.join("needs.html");
-    output.result(
-        format_args!("Look at {}", page.display()),
-        || unreachable!(),
-    );
+    let text = format!("Look at {}", page.display());
+    output.result(text, || unreachable!());
     if let Some(path) = &args.record {
-        let text = csv::csv(&course.survey.runs);
+        let text = session.csv()?;
         write_atomically(path, |file| file.write_all(text.as_bytes()))?;
         output.remark(format_args!("Filed as {}", path.display()));
     }

@@ -7,6 +7,8 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+pub(super) use crate::lab::page::grouped;
+
 /// How a command speaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Output {
@@ -126,19 +128,6 @@ pub(super) fn score_text(score: &MeanScore) -> String {
     )
 }
 
-/// A count with separators: 1,234,567.
-pub(super) fn grouped(count: usize) -> String {
-    let digits = count.to_string();
-    let mut text = String::with_capacity(digits.len() * 4 / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 /// Bytes in the unit that leaves at most four digits.
 pub(super) fn bytes(count: u64) -> String {
     let mut value = count as f64;
@@ -172,10 +161,6 @@ mod tests {
 
     #[test]
     fn numbers_read_well() {
-        assert_eq!(
-            [0, 999, 1_000, 1_234_567].map(grouped),
-            ["0", "999", "1,000", "1,234,567"]
-        );
         assert_eq!(bytes(0), "0 B");
         assert_eq!(bytes(1 << 20), "1.0 MiB");
         assert_eq!(bytes(u64::MAX), "16777216.0 TiB");

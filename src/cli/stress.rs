@@ -9,9 +9,10 @@ use super::output::Output;
 use super::render::orbit;
 use crate::io::atomic::write_atomically;
 use crate::lab::bench::record;
-use crate::lab::stress::outcome::Stress;
+use crate::lab::page::{Fact, number};
+use crate::lab::stress::outcome::{CheckGroup, StressCheck, StressReport};
 use crate::lab::stress::page;
-use crate::lab::stress::{self, Plan, Subject};
+use crate::lab::stress::{self, StressPlan, StressScene};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 use clap::Args;
@@ -20,17 +21,16 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Try what breaks others, on this device and a scene
+/// Test numerical stability on this device and a scene
 ///
-/// Asks the device whether it does what every kernel relies on (atomic and subgroup operations, exponentials over
-/// their whole range, long loops, forward progress), then draws and trains where such programs fail: degenerate
-/// scenes and cameras, numbers that are none in every parameter, pictures of 1 x 1 to 16385 x 1, needles, zoom, a
-/// near plane amid the scene, scenes far from the origin; gradients against exact ones, and frames and steps once
-/// more, to the bit. Every check states a bound and what was measured; one that fails ends the command with exit
-/// code 1.
+/// Tests the operations that every kernel relies on (atomic and subgroup operations, exponentials over their whole
+/// range, long loops, forward progress), then draws and trains at the limits: degenerate scenes and cameras, NaN and
+/// infinities in every parameter, pictures of 1 x 1 to 16385 x 1, needles, zoom, a near plane amid the scene, scenes
+/// far from the origin; gradients against exact ones, and repeated frames and steps, to the bit. Every check has a
+/// bound and a measurement; a broken bound ends the command with exit code 1.
 ///
-/// Writes stress.html, which needs no other file: the checks, and the sweeps as curves and pictures. Without a scene
-/// it takes a built-in one.
+/// Writes stress.html, one file without references to others: the checks, and the sweeps as curves and pictures.
+/// Without a scene it takes a built-in one.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct StressArgs {
@@ -43,7 +43,7 @@ pub(super) struct StressArgs {
     /// Write checks and sweeps to this file, as one JSON object
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Few steps and small pictures: whether all works, in seconds
+    /// Few steps and small pictures, in seconds
     #[arg(long)]
     quick: bool,
     #[command(flatten)]
@@ -66,11 +66,11 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     let (subject, name) = subject(args.scene.as_deref())?;
     let engine = Engine::open(&args.device)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
-    let plan = if args.quick { Plan::QUICK } else { Plan::USUAL };
-    let bar = output.bar(
-        crate::lab::stress::outcome::Group::ALL.len() as u64,
-        "stress",
-    );
+    let plan = match args.quick {
+        true => StressPlan::QUICK,
+        false => StressPlan::USUAL,
+    };
+    let bar = output.bar(CheckGroup::ALL.len() as u64, "stress");
     let mut begun = 0;
     let found = stress::run(engine.gpu(), &subject, plan, &mut |group| {
         bar.set_position(begun);
@@ -86,7 +86,7 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     let Some(mut found) = found else {
         return Ok(Outcome::Interrupted);
     };
-    // What was left out stands behind.
+    // Facts of the suite itself come last.
     found
         .facts
         .splice(0..0, facts(&engine, &subject, name, started));
@@ -102,10 +102,10 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     verdict(&found)
 }
 
-/// What is tried, and what it is called.
-fn subject(path: Option<&Path>) -> Result<(Subject, String)> {
+/// Tested scene and its name.
+fn subject(path: Option<&Path>) -> Result<(StressScene, String)> {
     let Some(path) = path else {
-        let subject = Subject::made();
+        let subject = StressScene::made();
         let name = format!("built in, {} splats", subject.splats.len());
         return Ok((subject, name));
     };
@@ -115,18 +115,13 @@ fn subject(path: Option<&Path>) -> Result<(Subject, String)> {
     }
     let cameras = orbit::orbit_of_splats(&splats, Some(VIEWS));
     let near = orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor);
-    let subject = Subject::of(&splats, &cameras, orbit::center(&splats), near);
+    let subject = StressScene::of(&splats, &cameras, orbit::center(&splats), near);
     let name = format!("{}, {} splats", path.display(), splats.len());
     Ok((subject, name))
 }
 
-/// What a reader has to know of the figures.
-fn facts(
-    engine: &Engine,
-    subject: &Subject,
-    scene: String,
-    started: Instant,
-) -> Vec<(String, String)> {
+/// Facts at the top of the page.
+fn facts(engine: &Engine, subject: &StressScene, scene: String, started: Instant) -> Vec<Fact> {
     let caps = engine.gpu().caps();
     let camera = subject.camera();
     let views = format!(
@@ -151,8 +146,8 @@ fn facts(
     .collect()
 }
 
-/// The page, and the JSON if it is asked for; where the page is.
-fn write(found: &Stress, folder: &Path, json: Option<&Path>) -> Result<PathBuf> {
+/// Writes the page and the optional JSON; returns the page's path.
+fn write(found: &StressReport, folder: &Path, json: Option<&Path>) -> Result<PathBuf> {
     let path = folder.join("stress.html");
     let html = page::html(found)?;
     write_atomically(&path, |file| file.write_all(html.as_bytes()))?;
@@ -166,24 +161,24 @@ fn write(found: &Stress, folder: &Path, json: Option<&Path>) -> Result<PathBuf> 
 }
 
 /// A check in a line.
-fn line(outcome: &crate::lab::stress::outcome::Outcome) -> String {
+fn line(check: &StressCheck) -> String {
     format!(
         "FAILED: {}: {}: {} {}, bound {}",
-        outcome.group.title(),
-        outcome.name,
-        page::number(outcome.measured),
-        outcome.unit,
-        page::number(outcome.bound)
+        check.group.title(),
+        check.name,
+        number(check.measured),
+        check.unit,
+        number(check.bound)
     )
 }
 
-fn summary(found: &Stress) -> String {
+fn summary(found: &StressReport) -> String {
     let (failed, count) = (found.failed().len(), found.outcomes.len());
     format!("{} of {count} checks keep their bounds", count - failed)
 }
 
-/// A check that fails is an error: the device, the driver or the engine does not do what it should.
-fn verdict(found: &Stress) -> Result<Outcome> {
+/// Error for a broken bound: the device, the driver or the engine is wrong.
+fn verdict(found: &StressReport) -> Result<Outcome> {
     let failed = found.failed();
     match failed.as_slice() {
         [] if !found.outcomes.is_empty() => Ok(Outcome::Done),
@@ -200,16 +195,15 @@ fn verdict(found: &Stress) -> Result<Outcome> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::stress::outcome::{Group, Outcome as Check};
 
     #[test]
     fn a_failed_check_is_an_error_after_the_page_is_written() -> Result<()> {
-        let found = |measured: f64| Stress {
+        let found = |measured: f64| StressReport {
             outcomes: vec![
-                Check::at_most(Group::Device, "atomics", "", [0.0, 0.0], "wrong words"),
-                Check::at_most(Group::Sizes, "1 × 1", "", [measured, 1e-4], "of 1"),
+                StressCheck::at_most(CheckGroup::Device, "atomics", "", [0.0, 0.0], "wrong words"),
+                StressCheck::at_most(CheckGroup::Sizes, "1 × 1", "", [measured, 1e-4], "of 1"),
             ],
-            ..Stress::default()
+            ..StressReport::default()
         };
         assert_eq!(verdict(&found(1e-5))?, Outcome::Done);
         for measured in [2e-4, f64::NAN] {
@@ -219,7 +213,7 @@ mod tests {
             let expected = "1 of 2 checks failed; the first: 1 × 1";
             assert_eq!(message.as_deref(), Some(expected));
         }
-        assert!(verdict(&Stress::default()).is_err());
+        assert!(verdict(&StressReport::default()).is_err());
         let dir = tempfile::tempdir().map_err(Error::io(Path::new("a temporary folder")))?;
         let json = dir.path().join("stress.json");
         let page = write(&found(1.0), dir.path(), Some(&json))?;

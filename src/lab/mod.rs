@@ -1,5 +1,5 @@
 //! Laboratory: benchmarks, the speed-accuracy chart, the survey of splat counts, the stress suite, made scenes and
-//! the pages that show their results.
+//! the pages of their results.
 //!
 //! Only the command line, tests and benchmarks use it; the engine is built without it (feature `lab`).
 
@@ -7,6 +7,7 @@ pub mod baseline;
 pub mod bench;
 pub mod chart;
 mod evaluator;
+pub(crate) mod page;
 pub mod report;
 pub mod stress;
 pub mod survey;

@@ -26,10 +26,7 @@ fn every_run_is_written_down_drawn_and_not_run_again() {
         &[&[data, "--seeds", "1", "--validate"], &recipes[..]].concat(),
     );
     let said = stdout(&first);
-    assert!(
-        said.contains("sphere: this scene needs ") && said.contains("needs.html"),
-        "{said}"
-    );
+    assert!(said.contains("needs.html"), "{said}");
     let csv = read(&out.join("needs.csv"));
     let lines: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
     let column = |name: &str| {

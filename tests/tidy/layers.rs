@@ -22,19 +22,20 @@ const RANKS: &[(&str, &str)] = &[
     ),
     ("reference", "scene layout"),
     ("lab::synth", "scene error"),
+    ("lab::page", "stats error"),
     ("lab::evaluator", "lab::bench ENGINE"),
     ("lab::bench", "reference ENGINE"),
     ("lab::baseline", "lab::bench reference ENGINE"),
     (
         "lab::chart",
-        "lab::bench lab::evaluator lab::synth reference ENGINE",
+        "lab::bench lab::evaluator lab::page lab::synth reference ENGINE",
     ),
-    ("lab::report", "lab::chart ENGINE"),
+    ("lab::report", "lab::page ENGINE"),
     (
         "lab::survey",
-        "lab::bench lab::evaluator lab::chart lab::report lab::synth reference ENGINE",
+        "lab::bench lab::evaluator lab::page lab::synth reference ENGINE",
     ),
-    ("lab::stress", "lab::bench lab::chart reference ENGINE"),
+    ("lab::stress", "lab::bench lab::page reference ENGINE"),
 ];
 
 /// Modules that are built without the feature `lab`: `ENGINE` in the table above.

@@ -1,4 +1,4 @@
-//! `ashfall bench frame` and `ashfall bench train`: whole frames and steps, and how they grow.
+//! `ashfall bench frame` and `ashfall bench train`: whole frames and steps by size.
 
 use super::OutputArgs;
 use crate::cli::Outcome;
@@ -8,9 +8,10 @@ use crate::cli::eval::read_scene;
 use crate::cli::output::{bytes, grouped};
 use crate::cli::predict::parse_image_size;
 use crate::cli::render::orbit::{orbit_of_splats, radius};
-use crate::lab::bench::frame::{self, DOUBLING_MAX, FramePlan, Growth, Point};
-use crate::lab::bench::train::{self, Memory, TrainPlan};
-use crate::lab::bench::{Bench, Row};
+use crate::lab::bench::frame::{self, FramePlan, Scaling, ScalingPoint};
+use crate::lab::bench::growth::Exponent;
+use crate::lab::bench::train::{self, TrainMemory, TrainPlan};
+use crate::lab::bench::{Bench, BenchRow};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 use clap::Args;
@@ -21,13 +22,13 @@ use std::path::PathBuf;
 ///
 /// Without SCENE the splats are made: a volume before the camera in which every pixel lies under as many splats as
 /// in trained scenes, however many there are (σ ∝ 1/√N), with harmonics of degree 3. A frame is recorded, submitted,
-/// waited for and read back; stages are the device's by its timestamps, `host` is the rest of the wall time. What
-/// the device cannot hold is said, not left out. At the end stand the exponents of time over splats and over pixels
-/// (least squares of the logarithms, 95 % interval), the most that any doubling costs, the memory of every buffer,
-/// and what one splat over all of the picture costs among the others (a million, if so many are measured).
+/// waited for and read back; stages are the device's by its timestamps, `host` is the rest of the wall time. A scene
+/// too large for the device is listed with its error. At the end stand the exponents of time over splats and over
+/// pixels (least squares of the logarithms, 95 % interval), the largest cost of doubling, the memory of every buffer,
+/// and the cost of one splat over all of the picture among the others (a million, if so many are measured).
 #[derive(Clone, Debug, Args)]
 #[command(after_help = FRAME_EXAMPLES)]
-pub(super) struct FrameArgs {
+pub(super) struct BenchFrameArgs {
     /// A scene to draw instead (.ply or .splat), from the first camera of an orbit; sampled to each number of splats
     #[arg(value_name = "SCENE")]
     scene: Option<PathBuf>,
@@ -59,7 +60,7 @@ Examples:
 /// process per step in a run of them, `alone` the device's stages of single ones.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = TRAIN_EXAMPLES)]
-pub(super) struct TrainArgs {
+pub(super) struct BenchTrainArgs {
     /// The data set
     #[arg(value_name = "DATA")]
     data: PathBuf,
@@ -69,7 +70,7 @@ pub(super) struct TrainArgs {
     /// Numbers of splats [default: 50000,200000]
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_count)]
     splats: Vec<usize>,
-    /// Steps that count, in as many parts as --runs says
+    /// Timed steps, in as many parts as --runs
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
     /// Steps before them
@@ -103,20 +104,20 @@ fn parse_count(text: &str) -> std::result::Result<usize, String> {
     count.ok_or_else(|| "a number of splats is whole, 1 to 1e9".into())
 }
 
-/// All of it as one JSON object.
+/// All results as one JSON object.
 #[derive(Serialize)]
-struct Report<'a> {
+struct ScalingReport<'a> {
     device: &'a str,
     driver: &'a str,
-    rows: &'a [Row],
+    rows: &'a [BenchRow],
     #[serde(flatten)]
-    growth: &'a Growth,
-    /// Of training: what was taken, and what the formula says.
-    #[serde(skip_serializing_if = "<[Memory]>::is_empty")]
-    memory: &'a [Memory],
+    scaling: &'a Scaling,
+    /// Device memory of training, measured and by the formula.
+    #[serde(skip_serializing_if = "<[TrainMemory]>::is_empty")]
+    memory: &'a [TrainMemory],
 }
 
-pub(super) fn frame(args: &FrameArgs) -> Result<Outcome> {
+pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
     let engine = Engine::open(&args.device)?;
     eprintln!("{}", engine.name());
     let scene = match &args.scene {
@@ -140,11 +141,11 @@ pub(super) fn frame(args: &FrameArgs) -> Result<Outcome> {
         scene,
     };
     let mut bench = engine.bench("frame", args.output.options(), progress)?;
-    let growth = frame::run(&mut bench, &plan)?;
-    finish(&engine, &args.output, &bench, (&growth, &[]), Vec::new())
+    let scaling = frame::run(&mut bench, &plan)?;
+    finish(&engine, &args.output, &bench, (&scaling, &[]), Vec::new())
 }
 
-pub(super) fn train(args: &TrainArgs) -> Result<Outcome> {
+pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
     let mut dataset = args.options.open(&args.data, true)?;
     let scene = args.init.as_deref().map(read_scene).transpose()?;
     if let Some(scene) = &scene {
@@ -160,17 +161,13 @@ pub(super) fn train(args: &TrainArgs) -> Result<Outcome> {
         scene,
     };
     let mut bench = engine.bench("train", args.output.options(), progress)?;
-    let (growth, memory) = train::run(&mut bench, &dataset, &plan)?;
-    let mut lines: Vec<String> = growth
-        .points
-        .iter()
-        .flat_map(|p| step_line(p, args.sh_degree))
-        .collect();
+    let (scaling, memory) = train::run(&mut bench, &dataset, &plan)?;
+    let mut lines: Vec<String> = scaling.points.iter().filter_map(step_line).collect();
     lines.extend(memory.iter().map(memory_line));
-    finish(&engine, &args.output, &bench, (&growth, &memory), lines)
+    finish(&engine, &args.output, &bench, (&scaling, &memory), lines)
 }
 
-fn progress(row: &Row) {
+fn progress(row: &BenchRow) {
     if row.stage == "total" {
         eprintln!("measured {} {}", row.input, row.variant);
     }
@@ -187,39 +184,31 @@ fn finish(
     engine: &Engine,
     output: &OutputArgs,
     bench: &Bench,
-    (growth, memory): (&Growth, &[Memory]),
+    (scaling, memory): (&Scaling, &[TrainMemory]),
     mut lines: Vec<String>,
 ) -> Result<Outcome> {
-    if growth.points.is_empty() {
+    if scaling.points.is_empty() {
         let filter = output.filter.as_deref().unwrap_or_default();
         return Err(Error::Config(format!("nothing is called {filter:?}")));
     }
-    lines.extend(growth.points.iter().flat_map(point_lines));
-    for exponent in &growth.exponents {
-        let verdict = match exponent.doubling <= DOUBLING_MAX {
-            true => String::new(),
-            false => format!(", more than {DOUBLING_MAX}"),
-        };
-        lines.push(exponent.line() + &verdict);
-    }
-    if let Some(giant) = &growth.giant {
+    lines.extend(scaling.points.iter().map(point_line));
+    lines.extend(scaling.exponents.iter().map(Exponent::line));
+    if let Some(giant) = &scaling.giant {
         let [low, high] = giant.interval;
         lines.push(format!(
-            "a splat all over the picture among {} at {}x{}: {:.2} [{low:.2}, {high:.2}] times the frame without, \
-             at most {} demanded",
+            "a splat all over the picture among {} at {}x{}: {:.2} [{low:.2}, {high:.2}] times the frame without",
             grouped(giant.splats),
             giant.size[0],
             giant.size[1],
-            giant.ratio,
-            giant.demanded
+            giant.ratio
         ));
     }
     let caps = bench.gpu().caps();
-    let report = Report {
+    let report = ScalingReport {
         device: &caps.name,
         driver: &caps.driver,
         rows: bench.rows(),
-        growth,
+        scaling,
         memory,
     };
     output.write(bench, lines, &report)?;
@@ -227,12 +216,12 @@ fn finish(
     Ok(Outcome::Done)
 }
 
-/// A point's memory, or why there is none.
-fn point_lines(point: &Point) -> Vec<String> {
+/// A point's memory by buffer, or its error.
+fn point_line(point: &ScalingPoint) -> String {
     let [width, height] = point.size;
     let name = format!("{} splats at {width}x{height}", grouped(point.splats));
     if let Some(fault) = &point.fault {
-        return vec![format!("{name}: not held by the device: {fault}")];
+        return format!("{name}: not held by the device: {fault}");
     }
     let sum: u64 = point.memory.iter().map(|(_, size)| size).sum();
     let mut buffers = point.memory.clone();
@@ -241,29 +230,22 @@ fn point_lines(point: &Point) -> Vec<String> {
         .iter()
         .map(|(name, size)| format!("{name} {}", bytes(*size)))
         .collect();
-    vec![format!("{name}: {} ({})", bytes(sum), buffers.join(", "))]
+    format!("{name}: {} ({})", bytes(sum), buffers.join(", "))
 }
 
-fn step_line(point: &Point, sh_degree: u32) -> Option<String> {
+fn step_line(point: &ScalingPoint) -> Option<String> {
     let (wall, processor) = (point.wall_s?, point.processor_s?);
-    let bar = match train::bar(point, sh_degree) {
-        Some(bar) => format!(
-            " (demanded on two idle cores: {:.2} and {bar:.2})",
-            0.6 * bar
-        ),
-        None => String::new(),
-    };
     Some(format!(
-        "a step with {} splats: {wall:.4} s, {processor:.4} CPU-s{bar}",
+        "a step with {} splats: {wall:.4} s, {processor:.4} CPU-s",
         grouped(point.splats)
     ))
 }
 
-fn memory_line(memory: &Memory) -> String {
+fn memory_line(memory: &TrainMemory) -> String {
     let share = |of: u64| memory.peak_bytes as f64 / of.max(1) as f64;
     format!(
-        "memory with {} splats: {} at most, {:.3} of what was predicted, {:.2} of parameters, moments, photographs and \
-         lists alone",
+        "memory with {} splats: {} at most, {:.3} of the prediction, {:.2} of parameters, moments, photographs \
+         and lists alone",
         grouped(memory.splats),
         bytes(memory.peak_bytes),
         share(memory.predicted_bytes),

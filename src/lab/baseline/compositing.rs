@@ -1,7 +1,7 @@
-//! Contests of compositing, forward and backward.
+//! Compositing against baselines, forward and backward.
 
-use super::scalar::{self, Input as HostInput};
-use super::{NATIVE, Ratio, TARGET_FEATURES, on_processor, vector};
+use super::scalar::{self, HostInput};
+use super::{Ratio, TARGET_FEATURES, on_processor, vector};
 use crate::Result;
 use crate::gpu::{Frames, Gpu, Recorder};
 use crate::kernels::rasterize::Outputs;
@@ -22,7 +22,7 @@ fn vectorised() -> String {
     format!("processor vectorised {TARGET_FEATURES}")
 }
 
-/// Checks a device's commands and makes a subject of them.
+/// Checks the commands of a device and prepares them for timing.
 fn on_device<'a>(
     gpu: &Gpu,
     case: Case,
@@ -47,15 +47,12 @@ fn on_host<'a>(case: Case, run: impl Fn() + 'a) -> Subject<'a> {
     }
 }
 
-/// What is compared: one of ours, how the baseline's name begins, and the least ratio that is demanded.
-type Demand<'a> = (&'a str, &'a str, Option<f64>);
-
-/// Measures in turns and compares as demanded.
-fn contest(
+/// Measures in turns and compares; a pair is the name of an engine's kernel and the prefix of a baseline's name.
+fn compare(
     bench: &mut Bench,
     what: &str,
     mut subjects: Vec<Subject<'_>>,
-    demands: &[Demand<'_>],
+    pairs: &[[&str; 2]],
 ) -> Result<Vec<Ratio>> {
     let runs = bench.measure_in_turns(&mut subjects)?;
     let by_processor = on_processor(bench);
@@ -64,18 +61,21 @@ fn contest(
         all.find(|(subject, _)| subject.case.variant.starts_with(name))
             .map(|(subject, times)| (subject.case.variant.as_str(), times.as_slice()))
     };
-    let ratio = |&(ours, baseline, least): &Demand<'_>| {
-        let pair = [named(ours)?, named(baseline)?];
-        Some(Ratio::of(what, pair, by_processor, least))
+    let ratio = |&[ours, baseline]: &[&str; 2]| {
+        Some(Ratio::of(
+            what,
+            [named(ours)?, named(baseline)?],
+            by_processor,
+        ))
     };
-    Ok(demands.iter().filter_map(ratio).collect())
+    Ok(pairs.iter().filter_map(ratio).collect())
 }
 
 fn case(what: &str, variant: &str) -> Case {
     Case::of("baseline", what, variant, 0)
 }
 
-/// Whether one of a contest's participants is asked for: then all are.
+/// True if the filter selects one of the variants: then all of the comparison are measured.
 fn wanted(bench: &Bench, what: &str, variants: &[&str]) -> bool {
     variants
         .iter()
@@ -94,7 +94,7 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let [image_choice, choice] = [Outputs::default(), Outputs::TRAINING]
         .map(|outputs| rasterize::Rasterize::prefer(gpu.caps(), outputs));
     let lanes = choice.spec.workgroup;
-    // What is drawn for training says where pixels end; so do the baselines but the vectorised one.
+    // Outputs for training include the end of each pixel's list, as do all baselines but the vectorised one.
     let ours = format!("rasterize {}/{lanes}", choice.variant.name());
     let image_ours = format!("rasterize image {}/{lanes}", choice.variant.name());
     let names = [&ours, &image_ours, "baseline_16x16", SCALAR, &vectorised()];
@@ -146,12 +146,12 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
         on_host(case(SCALAR), || drop(scalar::forward(&host))),
         on_host(case(&vectorised()), || drop(vector::forward(&host))),
     ];
-    let demands = [
-        (ours.as_str(), "baseline_16x16", Some(6.0)),
-        (&ours, SCALAR, Some(5.0)),
-        (&image_ours, "processor vectorised", NATIVE.then_some(0.75)),
+    let pairs = [
+        [ours.as_str(), "baseline_16x16"],
+        [&ours, SCALAR],
+        [&image_ours, "processor vectorised"],
     ];
-    contest(bench, "forward", subjects, &demands)
+    compare(bench, "forward", subjects, &pairs)
 }
 
 pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
@@ -194,7 +194,7 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
         },
         || device.judge_sources(&gradient),
     )?];
-    // Where floats cannot be added atomically there is no such design to compare with.
+    // The design needs atomic addition of floats.
     let old = baseline_16x16_backward::Baseline16x16Backward::prefer(gpu.caps());
     if gpu.caps().supports(old.variant.info()).is_ok() {
         let old = baseline_16x16_backward::Baseline16x16Backward::new(&gpu, old)?;
@@ -218,9 +218,6 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     for device in [&device, &square_device] {
         gpu.run(|rec| device.upstream(rec, false))?;
     }
-    let demands = [
-        (ours.as_str(), "baseline_16x16", Some(10.0)),
-        (&ours, SCALAR, Some(4.0)),
-    ];
-    contest(bench, "backward", subjects, &demands)
+    let pairs = [[ours.as_str(), "baseline_16x16"], [&ours, SCALAR]];
+    compare(bench, "backward", subjects, &pairs)
 }

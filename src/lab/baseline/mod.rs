@@ -1,7 +1,7 @@
-//! What the engine is measured against, in one run and in turns: the baseline_16x16 design on the same device, and
-//! renderers on the processor. All of them are held against the oracle before anything is timed.
+//! Baselines, timed in turns with the engine: the 16×16 tile design on the same device, and renderers and a sort on
+//! the processor. Every result is compared with the reference before it is timed.
 //!
-//! The input is always 480×272 pixels and 50,000 splats whose standard deviations are log-uniform from 1 to
+//! The input is always 480×272 pixels and 50,000 splats of standard deviations log-uniform from 1 to
 //! 3 px; sorts take 2^20 random pairs of 32 bits each.
 
 mod compositing;
@@ -18,10 +18,10 @@ use super::bench::session::Bench;
 use crate::Result;
 use crate::gpu::DeviceKind;
 
-/// Measures the contests that are asked for.
+/// Measures the comparisons that the filter selects.
 ///
 /// # Errors
-/// Whoever is wrong, before anything is timed; anything that Vulkan reports.
+/// A wrong result, before it is timed; errors of Vulkan.
 pub fn run(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let mut ratios = compositing::forward(bench)?;
     ratios.extend(compositing::backward(bench)?);
@@ -29,12 +29,12 @@ pub fn run(bench: &mut Bench) -> Result<Vec<Ratio>> {
     Ok(ratios)
 }
 
-/// Whether a device's work is the processor's, so that processor time measures it.
+/// True for a software device, measured by processor time.
 fn on_processor(bench: &Bench) -> bool {
     bench.gpu().caps().kind == DeviceKind::Cpu
 }
 
-/// What the compiler was allowed to use of the processor's vector units, as far as it matters here.
+/// Vector instructions that the compiler was allowed to use.
 pub const TARGET_FEATURES: &str = if cfg!(target_feature = "avx512f") {
     "avx512f"
 } else if cfg!(all(target_feature = "avx2", target_feature = "fma")) {
@@ -48,6 +48,3 @@ pub const TARGET_FEATURES: &str = if cfg!(target_feature = "avx512f") {
 } else {
     "no vectors"
 };
-
-/// Whether that is what a build for the processor at hand would have: the vectorised renderer is a bar only then.
-pub const NATIVE: bool = cfg!(any(target_feature = "avx2", target_feature = "neon"));

@@ -1,4 +1,4 @@
-//! Contests of sorting: 2^20 random pairs of 32 bits each.
+//! Sorting against baselines: 2^20 random pairs of 32 bits each.
 
 use super::{Ratio, on_processor};
 use crate::Result;
@@ -17,7 +17,7 @@ fn case(variant: &str) -> Case {
     Case::of("baseline", "sort", variant, 0)
 }
 
-/// Checks a sort and makes a subject of it.
+/// Checks a sort and prepares it for timing.
 fn on_device<'a>(gpu: &Gpu, name: &str, sorting: &'a Sorting) -> Result<Subject<'a>> {
     let case = case(name).doing(sorting.work());
     gpu.run(|rec| {
@@ -33,7 +33,7 @@ fn on_device<'a>(gpu: &Gpu, name: &str, sorting: &'a Sorting) -> Result<Subject<
     })
 }
 
-/// The design that gives a chunk to a workgroup, whose subgroups rank their keys by ballots.
+/// Sort with a chunk for each workgroup and keys ranked by ballots of subgroups.
 fn ballot(gpu: &Gpu, workgroup: u32) -> Result<Option<Sorting>> {
     let caps = gpu.caps();
     let count = sort_count::Choice {
@@ -85,12 +85,8 @@ pub(super) fn sort(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let others = subjects.iter().zip(&runs).skip(1);
     let ratio = |(subject, times): (&Subject<'_>, &Vec<_>)| {
         let name = subject.case.variant.as_str();
-        let demanded = match name {
-            "radsort" => 0.2,
-            _ => 2.4,
-        };
         let pair = [(names[0], runs[0].as_slice()), (name, times.as_slice())];
-        Ratio::of("sort", pair, by_processor, Some(demanded))
+        Ratio::of("sort", pair, by_processor)
     };
     Ok(others.map(ratio).collect())
 }

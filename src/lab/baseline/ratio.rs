@@ -1,38 +1,29 @@
-//! How much faster one is than another.
+//! Speed ratio of two implementations.
 
 use crate::lab::bench::session::Times;
 use crate::stats::Summary;
 use serde::Serialize;
 
-/// A comparison of two that were measured in turns.
+/// Ratio of two times that were measured in turns.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ratio {
-    /// What is compared: `forward`, `backward`, `sort`.
+    /// Task: `forward`, `backward`, `sort`.
     pub what: String,
-    /// The engine's choice.
+    /// Name of the engine's choice.
     pub ours: String,
-    /// What it is held against.
+    /// Name of the baseline.
     pub baseline: String,
     /// The baseline's time over ours, the median of the rounds' ratios.
     pub ratio: f64,
     /// The 95 % interval of that median.
     pub interval: [f64; 2],
-    /// Which time: `processor` (of all threads, where the device is a processor) or `device`.
+    /// Clock: `processor` (all threads, on a software device) or `device`.
     pub by: &'static str,
-    /// What the ratio should be at least.
-    pub demanded: Option<f64>,
-    /// Whether it is.
-    pub met: Option<bool>,
 }
 
 impl Ratio {
-    /// The ratio of rounds in which both ran once, by the processor's time or by that of the clock.
-    pub fn of(
-        what: &str,
-        [ours, baseline]: [(&str, &[Times]); 2],
-        by_processor: bool,
-        demanded: Option<f64>,
-    ) -> Ratio {
+    /// Median ratio over rounds in which both ran once, by processor time or by device time.
+    pub fn of(what: &str, [ours, baseline]: [(&str, &[Times]); 2], by_processor: bool) -> Ratio {
         let time = |times: &Times| {
             let clock = || times.stages.iter().map(|(_, ns)| ns).sum::<f64>();
             match times.cpu_ns {
@@ -52,21 +43,14 @@ impl Ratio {
             ratio: summary.median,
             interval: summary.interval,
             by: if by_processor { "processor" } else { "device" },
-            demanded,
-            met: demanded.map(|demanded| summary.median >= demanded),
         }
     }
 
-    /// A line for people.
+    /// One line of text.
     pub fn line(&self) -> String {
         let [low, high] = self.interval;
-        let verdict = match (self.demanded, self.met) {
-            (Some(demanded), Some(true)) => format!("; at least {demanded:.2} demanded: met"),
-            (Some(demanded), _) => format!("; at least {demanded:.2} demanded: short of it"),
-            _ => String::new(),
-        };
         format!(
-            "{:<9} {:.2} × {} ({low:.2} to {high:.2}, {} time, {}){verdict}",
+            "{:<9} {:.2} × {} ({low:.2} to {high:.2}, {} time, {})",
             self.what, self.ratio, self.baseline, self.by, self.ours
         )
     }
@@ -88,9 +72,10 @@ mod tests {
         // The machine is half as fast in the second round: for both.
         let (ours, baseline) = (times([1.0, 2.0, 1.0]), times([6.0, 12.0, 7.0]));
         let pair = [("a", ours.as_slice()), ("b", baseline.as_slice())];
-        let ratio = Ratio::of("forward", pair, true, Some(6.5));
-        assert_eq!((ratio.ratio, ratio.met), (6.0, Some(false)));
-        assert!(ratio.line().contains("6.00 × b"), "{}", ratio.line());
-        assert_eq!(Ratio::of("forward", pair, false, None).met, None);
+        for (by_processor, by) in [(true, "processor"), (false, "device")] {
+            let ratio = Ratio::of("forward", pair, by_processor);
+            assert_eq!((ratio.ratio, ratio.by), (6.0, by));
+            assert!(ratio.line().contains("6.00 × b"), "{}", ratio.line());
+        }
     }
 }

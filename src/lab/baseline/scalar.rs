@@ -1,5 +1,5 @@
-//! A straightforward renderer on the processor: rayon over rows, one pixel at a time, `f32`, the library's `exp` for
-//! every pair of a pixel and a splat on its tile's list, as the formula reads (3DGS paper, section 6).
+//! Scalar renderer on the processor: rayon over rows, one pixel at a time, `f32`, the library's `exp` for every pair
+//! of a pixel and a splat on its tile's list (3DGS paper, section 6).
 
 use crate::lab::bench::input::pack::Splat2d;
 use crate::lab::bench::kernels::Composite;
@@ -44,30 +44,30 @@ impl Conic {
     }
 }
 
-/// What the renderers on the processor read: lists by square tiles.
-pub struct Input<'a> {
+/// Input of the renderers on the processor: lists by square tiles.
+pub struct HostInput<'a> {
     /// Width and height, pixels.
     pub size: [usize; 2],
     /// Width and height of a tile, pixels.
     pub tile: usize,
-    /// Slices of the next.
+    /// Slices of `splat_from_isect`.
     pub range_from_tile: &'a [[u32; 2]],
     /// Nearest first in each tile.
     pub splat_from_isect: Vec<u32>,
-    /// By splat.
+    /// Records of the splats.
     pub records: &'a [Splat2d],
-    /// The same for the plain renderer.
+    /// The same splats for the scalar renderer.
     conics: Vec<Conic>,
     /// Colour behind everything.
     pub background: [f32; 3],
 }
 
-impl<'a> Input<'a> {
-    /// Reads a composite, whose tiles must be square.
-    pub fn new(composite: &'a Composite) -> Input<'a> {
+impl<'a> HostInput<'a> {
+    /// Input of a composite with square tiles.
+    pub fn new(composite: &'a Composite) -> HostInput<'a> {
         let grid = &composite.lists.grid;
         assert_eq!(grid.tile_width, grid.tile_height, "tiles are square here");
-        Input {
+        HostInput {
             size: [grid.width as usize, grid.height as usize],
             tile: grid.tile_width as usize,
             range_from_tile: &composite.lists.range_from_tile,
@@ -83,12 +83,12 @@ impl<'a> Input<'a> {
         self.size[0] * self.size[1]
     }
 
-    /// Whether there are none.
+    /// True without pixels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The list of a tile, and where it begins.
+    /// The list of a tile, and its first index.
     pub fn list(&self, tile: usize) -> (&[u32], u32) {
         let [begin, end] = self.range_from_tile[tile];
         (&self.splat_from_isect[begin as usize..end as usize], begin)
@@ -106,7 +106,7 @@ const T_MIN: f32 = Thresholds::ENGINE.transmittance_min as f32;
 const ALPHA_MIN: f32 = Thresholds::ENGINE.alpha_min as f32;
 
 /// Red, green, blue, transmittance of every pixel, and one past the last intersection that counts for it.
-pub fn forward(input: &Input<'_>) -> (Vec<[f32; 4]>, Vec<u32>) {
+pub fn forward(input: &HostInput<'_>) -> (Vec<[f32; 4]>, Vec<u32>) {
     let width = input.size[0];
     let mut image = vec![[0.0; 4]; input.len()];
     let mut ends = vec![0; input.len()];
@@ -119,7 +119,7 @@ pub fn forward(input: &Input<'_>) -> (Vec<[f32; 4]>, Vec<u32>) {
     (image, ends)
 }
 
-fn pixel(input: &Input<'_>, x: usize, y: usize) -> ([f32; 4], u32) {
+fn pixel(input: &HostInput<'_>, x: usize, y: usize) -> ([f32; 4], u32) {
     let (list, begin) = input.list(input.tile_at(x, y));
     let (mut rgb, mut transmittance, mut end) = ([0.0; 3], 1.0, 0);
     for (i, &splat) in list.iter().enumerate() {
@@ -146,9 +146,15 @@ fn pixel(input: &Input<'_>, x: usize, y: usize) -> ([f32; 4], u32) {
 }
 
 /// Nine sums of every splat: with `s = alpha dL/d alpha` and the distance d from the centre in pixels, those of s,
-/// s dx, s dy, s dx², s dx dy, s dy² and of the blending weight times the upstream gradient. That gradient comes
-/// by `[channel][pixel]`, with what the forward pass left. Every thread has sums of its own, added up at the end.
-pub fn backward(input: &Input<'_>, image: &[[f32; 4]], ends: &[u32], d_image: &[f32]) -> Vec<f32> {
+/// s dx, s dy, s dx², s dx dy, s dy² and of the blending weight times the upstream gradient. That gradient is
+/// laid out by `[channel][pixel]`; image and list ends are those of the forward pass. Every thread has sums of its own,
+/// added up at the end.
+pub fn backward(
+    input: &HostInput<'_>,
+    image: &[[f32; 4]],
+    ends: &[u32],
+    d_image: &[f32],
+) -> Vec<f32> {
     let threads = rayon::current_num_threads();
     let empty = || vec![0.0f32; 9 * input.records.len()];
     (0..threads)
@@ -177,7 +183,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 fn pixel_backward(
-    input: &Input<'_>,
+    input: &HostInput<'_>,
     [x, y]: [usize; 2],
     mut transmittance: f32,
     end: u32,
@@ -196,7 +202,7 @@ fn pixel_backward(
         transmittance /= 1.0 - alpha;
         let weight = alpha * transmittance;
         let ahead = dot(d, splat.color);
-        // The cap passes no gradient to what it caps.
+        // A capped alpha has no gradient.
         let s = if raw < ALPHA_MAX {
             weight * (ahead - behind)
         } else {
@@ -222,7 +228,7 @@ fn pixel_backward(
 }
 
 /// The sums of [`backward`] as the kernels have them, by whitened residuals (see `pack::whitened_sums`).
-pub fn whitened(input: &Input<'_>, sums: &[f32]) -> Vec<f32> {
+pub fn whitened(input: &HostInput<'_>, sums: &[f32]) -> Vec<f32> {
     let rows = input.records.iter().zip(sums.chunks_exact(9));
     let whiten = |(record, row): (&Splat2d, &[f32])| -> [f32; 9] {
         let [slope, p, q] = [record.shape[2], record.tone[0], record.tone[1]].map(f64::from);
@@ -238,7 +244,7 @@ pub fn whitened(input: &Input<'_>, sums: &[f32]) -> Vec<f32> {
             sum(7),
             sum(8),
         ];
-        // Of a splat that is not drawn there is nothing, and no shape either.
+        // Splats outside the image have zero sums and may have no finite shape.
         moved.map(|x| {
             if sum(0) == 0.0 && !x.is_finite() {
                 0.0

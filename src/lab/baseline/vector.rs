@@ -1,8 +1,7 @@
-//! A renderer on the processor that compilers vectorise: splat after splat over the pixels of a tile, rows that a
-//! splat does not reach left out, an exponential without branches. Built for the processor at hand
-//! (`-C target-cpu=native`), it is as fast as compositing gets there without intrinsics.
+//! Vectorised renderer on the processor: splat after splat over the pixels of a tile, without rows outside the
+//! splat's extent, with an exponential without branches. It is meant to be built with `-C target-cpu=native`.
 
-use super::scalar::Input;
+use super::scalar::HostInput;
 use crate::lab::bench::input::pack::Splat2d;
 use crate::layout::{ALPHA_MAX, LOG2_255};
 use crate::reference::Thresholds;
@@ -10,19 +9,19 @@ use rayon::prelude::*;
 
 /// Pixels of a row of a tile; tiles are as high.
 const TILE: usize = 16;
-/// Splats between two looks at whether the tile is done.
+/// Splats between two checks for a finished tile.
 const BATCH: usize = 16;
 /// Transmittance below which a pixel is done.
 const T_MIN: f32 = Thresholds::ENGINE.transmittance_min as f32;
 
 /// One row of a tile, a number for every pixel.
-type Row = [f32; TILE];
+type TileRow = [f32; TILE];
 
 /// A tile's pixels: red, green, blue, transmittance.
-struct Tile([[Row; 4]; TILE]);
+struct Tile([[TileRow; 4]; TILE]);
 
-/// Red, green, blue, transmittance of every pixel, `[pixel]`. Tiles must be [`TILE`] pixels wide and high.
-pub fn forward(input: &Input<'_>) -> Vec<[f32; 4]> {
+/// Red, green, blue, transmittance of every pixel, `[pixel]`. Tiles must be `TILE` pixels wide and high.
+pub fn forward(input: &HostInput<'_>) -> Vec<[f32; 4]> {
     assert_eq!(input.tile, TILE, "tiles of 16 by 16 pixels");
     let [width, height] = input.size;
     let columns = width.div_ceil(TILE);
@@ -45,12 +44,12 @@ pub fn forward(input: &Input<'_>) -> Vec<[f32; 4]> {
     image
 }
 
-fn composite(input: &Input<'_>, tile: usize, columns: usize) -> Tile {
+fn composite(input: &HostInput<'_>, tile: usize, columns: usize) -> Tile {
     let corner = [tile % columns * TILE, tile / columns * TILE].map(|at| at as f32);
     let mut pixels = Tile([[[0.0; TILE], [0.0; TILE], [0.0; TILE], [1.0; TILE]]; TILE]);
     let (list, _) = input.list(tile);
     for batch in list.chunks(BATCH) {
-        let alive = |row: &[Row; 4]| row[3].iter().any(|&t| t >= T_MIN);
+        let alive = |row: &[TileRow; 4]| row[3].iter().any(|&t| t >= T_MIN);
         if !pixels.0.iter().any(alive) {
             break;
         }
@@ -61,20 +60,20 @@ fn composite(input: &Input<'_>, tile: usize, columns: usize) -> Tile {
     pixels
 }
 
-/// Blends a splat behind what a tile has, row by row.
+/// Blends a splat behind a tile's earlier splats, row by row.
 fn add(pixels: &mut Tile, splat: &Splat2d, corner: [f32; 2]) {
     let [mean_x, mean_y, slope, top] = splat.shape;
     let [scale_x, scale_y, red, green] = splat.tone;
     let blue = splat.rest[0];
     let (mean_x, mean_y) = (mean_x - corner[0], mean_y - corner[1]);
-    // What x adds to the exponent and to the residual in y is the same in every row.
+    // The share of x in the exponent and in the residual in y is the same in every row.
     let (mut limit, mut shift) = ([0.0; TILE], [0.0; TILE]);
     for x in 0..TILE {
         let dx = x as f32 + 0.5 - mean_x;
         limit[x] = top - (dx * scale_x) * (dx * scale_x);
         shift[x] = (mean_y + slope * dx) * scale_y;
     }
-    // The ellipse's half height, from the variance of y: that at fixed x and what the slope adds.
+    // The ellipse's half height, from the variance of y: that at fixed x and that by the slope.
     let level = (top + LOG2_255).max(0.0);
     let half = (level * (1.0 / (scale_y * scale_y) + slope * slope / (scale_x * scale_x))).sqrt();
     let first = (mean_y - half - 0.5).floor().max(0.0) as usize;

@@ -1,12 +1,12 @@
-//! `ashfall bench frame`: whole frames by number of splats and size of the picture, stage by stage, with the
-//! memory of every buffer, and how both grow.
+//! `ashfall bench frame`: whole frames by splat count and image size, stage by stage, with the memory of every
+//! buffer, and the exponents of their scaling.
 //!
 //! A frame is [`Renderer::render`]: recorded, submitted, waited for and read back. Its stages are the device's by
-//! timestamps, and `host` is the rest of the wall time: recording, submitting, copying the picture.
+//! timestamps, and `host` is the rest of the wall time: recording, submitting, copying the image.
 
 use super::growth::Exponent;
 use super::input::volume;
-use super::row::{Row, Unit, Work};
+use super::row::{BenchRow, Unit, Work};
 use super::session::{Bench, Case, Times};
 use crate::gpu::Gpu;
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
@@ -15,29 +15,28 @@ use crate::{Error, Result};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Numbers of splats by default: neighbours at most 2.5 times apart.
+/// Default splat counts, neighbours at most 2.5 times apart.
 pub const SPLATS: [usize; 9] = [
     10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000, 2_000_000, 4_000_000,
 ];
-/// Sizes of pictures by default, four times the pixels from one to the next.
+/// Default image sizes, four times the pixels from one to the next.
 pub const SIZES: [[u32; 2]; 4] = [[480, 270], [960, 540], [1920, 1080], [3840, 2160]];
 
-/// Nothing of a made scene is nearer, world units.
+/// Near plane of made scenes, world units.
 const NEAR: f32 = 0.01;
 
-/// What is measured.
+/// Sizes to measure.
 #[derive(Clone, Debug)]
 pub struct FramePlan {
-    /// Numbers of splats.
+    /// Splat counts.
     pub splats: Vec<usize>,
-    /// Sizes of the pictures.
+    /// Image sizes.
     pub sizes: Vec<[u32; 2]>,
-    /// Degree of the made scene.
+    /// SH degree of the made scene.
     pub sh_degree: u32,
-    /// A scene to draw in place of the made one, sampled to each number of splats, a camera before it, and what is
-    /// nearer than anything that is drawn, world units.
+    /// Scene in place of the made one, sampled to each splat count, with its camera and near plane in world units.
     pub scene: Option<(Splats, Camera, f32)>,
-    /// Whether one splat that covers all of the picture is added among the largest number that is measured.
+    /// Adds a comparison with one splat that covers the whole image, among the most splats measured.
     pub giant: bool,
 }
 
@@ -57,62 +56,61 @@ impl FramePlan {
     }
 }
 
-/// One size of scene and picture.
+/// Names and bytes of buffers.
+pub(super) type BufferBytes = Vec<(String, u64)>;
+
+/// Times and memory at one splat count and image size.
 #[derive(Clone, Debug, Serialize)]
-pub struct Point {
-    /// Splats.
+pub struct ScalingPoint {
+    /// Splat count.
     pub splats: usize,
-    /// Width and height of the picture.
+    /// Width and height of the image, pixels.
     pub size: [u32; 2],
-    /// Median wall time of a frame or a step, s; `None`: the device cannot hold it.
+    /// Median wall time of a frame or a step, s; `None`: the device cannot hold the scene.
     pub wall_s: Option<f64>,
     /// Median processor time of the process in user and system mode, s.
     pub processor_s: Option<f64>,
     /// Bytes of each buffer when all together took most, by name.
     pub memory: Vec<(String, u64)>,
-    /// Why it was not measured.
+    /// Error of a scene that the device cannot hold.
     pub fault: Option<String>,
 }
 
-/// What one splat over all of the picture costs among many others.
+/// Cost of one splat that covers the whole image among many others.
 #[derive(Clone, Debug, Serialize)]
-pub struct Giant {
-    /// The others.
+pub struct GiantSplat {
+    /// Count of the others.
     pub splats: usize,
-    /// The picture.
+    /// Width and height of the image, pixels.
     pub size: [u32; 2],
-    /// Wall time of a frame with it over that of one without: the median of the rounds' ratios.
+    /// Wall time of a frame with it over that of one without: the median of the ratios by round.
     pub ratio: f64,
     /// Its 95 % interval.
     pub interval: [f64; 2],
-    /// What it should be at most.
-    pub demanded: f64,
 }
 
-/// All that came out.
+/// Times and memory by size.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Growth {
-    /// Every point asked for, also those that the device could not hold.
-    pub points: Vec<Point>,
-    /// How times grow.
+pub struct Scaling {
+    /// All points of the plan, including those that the device cannot hold.
+    pub points: Vec<ScalingPoint>,
+    /// Times as powers of splat and pixel counts.
     pub exponents: Vec<Exponent>,
-    /// Whether one splat is worth a scene.
-    pub giant: Option<Giant>,
+    /// Cost of one splat that covers the whole image.
+    pub giant: Option<GiantSplat>,
 }
 
-/// Most that doubling splats or pixels should cost.
-pub const DOUBLING_MAX: f64 = 2.1;
-/// Most that a frame with a splat all over it should take, in frames without.
-const GIANT_MAX: f64 = 2.0;
+/// Most splats beside the giant one.
+const GIANT_SPLATS: usize = 1_000_000;
 
 /// Measures.
 ///
 /// # Errors
-/// What Vulkan reports, but for scenes that the device cannot hold: those are points with a fault.
-pub fn run(bench: &mut Bench, plan: &FramePlan) -> Result<Growth> {
-    let mut growth = Growth::default();
+/// Those of Vulkan; a scene too large for the device is a point with a fault.
+pub fn run(bench: &mut Bench, plan: &FramePlan) -> Result<Scaling> {
+    let mut scaling = Scaling::default();
     for &count in &plan.splats {
-        // The made scene depends on the shape of the picture alone.
+        // The made scene depends on the image's aspect alone.
         let mut made: Option<(f64, Splats)> = None;
         for &size in &plan.sizes {
             let case = case("frame", count, size);
@@ -126,32 +124,32 @@ pub fn run(bench: &mut Bench, plan: &FramePlan) -> Result<Growth> {
             };
             let near = plan.scene.as_ref().map_or(NEAR, |(.., near)| *near);
             let measured = frames(bench, &case, (splats, near), &plan.camera_for(size));
-            growth.points.push(point(count, size, measured)?);
+            scaling.points.push(point(count, size, measured)?);
         }
     }
     if plan.giant {
-        growth.giant = giant(bench, plan, &growth)?;
+        scaling.giant = giant(bench, plan, &scaling)?;
     }
-    growth.exponents = exponents(&growth.points);
-    Ok(growth)
+    scaling.exponents = exponents(&scaling.points);
+    Ok(scaling)
 }
 
-/// What a point is called.
-pub(super) fn case(what: &str, splats: usize, [width, height]: [u32; 2]) -> Case {
+/// Case of a point, named by its sizes.
+pub(super) fn case(task: &str, splats: usize, [width, height]: [u32; 2]) -> Case {
     Case {
-        input: format!("{what}/{splats}/{width}x{height}"),
+        input: format!("{task}/{splats}/{width}x{height}"),
         work: Work::of(splats, Unit::Splats),
         ..Case::default()
     }
 }
 
-/// A row's times, or why there are none.
+/// ScalingPoint of a row, or of the error if the device cannot hold the scene.
 pub(super) fn point(
     splats: usize,
     size: [u32; 2],
-    measured: Result<(Row, Vec<(String, u64)>)>,
-) -> Result<Point> {
-    let nothing = Point {
+    measured: Result<(BenchRow, BufferBytes)>,
+) -> Result<ScalingPoint> {
+    let nothing = ScalingPoint {
         splats,
         size,
         wall_s: None,
@@ -160,13 +158,13 @@ pub(super) fn point(
         fault: None,
     };
     match measured {
-        Ok((row, memory)) => Ok(Point {
+        Ok((row, memory)) => Ok(ScalingPoint {
             wall_s: Some(1e-9 * row.median_ns),
             processor_s: Some(1e-9 * row.cpu_ns),
             memory,
             ..nothing
         }),
-        Err(fault @ (Error::OutOfMemory { .. } | Error::Unsupported { .. })) => Ok(Point {
+        Err(fault @ (Error::OutOfMemory { .. } | Error::Unsupported { .. })) => Ok(ScalingPoint {
             fault: Some(fault.to_string()),
             ..nothing
         }),
@@ -175,21 +173,21 @@ pub(super) fn point(
 }
 
 /// Bytes of each buffer at the peak, also as rows of the bench, `memory/<name>`.
-pub(super) fn note_memory(bench: &mut Bench, total: &Row) -> Vec<(String, u64)> {
+pub(super) fn note_memory(bench: &mut Bench, total: &BenchRow) -> BufferBytes {
     let by_name = bench.gpu().memory_by_name();
-    let memory: Vec<(String, u64)> = by_name
+    let memory: BufferBytes = by_name
         .into_iter()
         .filter(|(_, memory)| memory.peak_bytes > 0)
         .map(|(name, memory)| (name, memory.peak_bytes))
         .collect();
-    let rows: Vec<Row> = memory
+    let rows: Vec<BenchRow> = memory
         .iter()
-        .map(|(name, bytes)| Row {
+        .map(|(name, bytes)| BenchRow {
             bench: total.bench.clone(),
             input: total.input.clone(),
             stage: format!("memory/{name}"),
             bytes: *bytes,
-            ..Row::default()
+            ..BenchRow::default()
         })
         .collect();
     bench.note(rows);
@@ -201,30 +199,30 @@ fn frames(
     case: &Case,
     (splats, near): (&Splats, f32),
     camera: &Camera,
-) -> Result<(Row, Vec<(String, u64)>)> {
+) -> Result<(BenchRow, BufferBytes)> {
     let gpu = bench.gpu().clone();
-    let mut scene_renderer = SceneRenderer::new(&gpu, splats, near)?;
-    // From here on: uploading took staging memory that frames do not need.
+    let mut frame_bench = FrameBench::new(&gpu, splats, near)?;
+    // The peak of frames excludes the staging memory of the upload.
     gpu.reset_memory_peak();
-    let row = bench.measure(case, || scene_renderer.draw(camera))?;
+    let row = bench.measure(case, || frame_bench.draw(camera))?;
     let memory = note_memory(bench, &row);
     Ok((row, memory))
 }
 
-/// A scene on the device.
-struct SceneRenderer {
+/// Scene on the device with its renderer.
+struct FrameBench {
     renderer: Renderer,
     model: Model,
     view: ViewOptions,
 }
 
-impl SceneRenderer {
-    fn new(gpu: &Gpu, splats: &Splats, near: f32) -> Result<SceneRenderer> {
+impl FrameBench {
+    fn new(gpu: &Gpu, splats: &Splats, near: f32) -> Result<FrameBench> {
         let options = RenderOptions {
             sh_degree: splats.sh_degree,
             ..RenderOptions::default()
         };
-        Ok(SceneRenderer {
+        Ok(FrameBench {
             renderer: Renderer::new(gpu, options)?,
             model: Model::upload(gpu, splats)?,
             view: ViewOptions {
@@ -246,14 +244,13 @@ impl SceneRenderer {
     }
 }
 
-/// In turns, among the most splats and at the smallest picture that were measured without fault.
-fn giant(bench: &mut Bench, plan: &FramePlan, growth: &Growth) -> Result<Option<Giant>> {
-    let measured = growth.points.iter().filter(|point| point.fault.is_none());
+/// Frames with and without the giant splat in turns, at the plan's first image size.
+fn giant(bench: &mut Bench, plan: &FramePlan, scaling: &Scaling) -> Result<Option<GiantSplat>> {
+    let measured = scaling.points.iter().filter(|point| point.fault.is_none());
     let Some(most) = measured.clone().map(|point| point.splats).max() else {
         return Ok(None);
     };
-    // The demand speaks of a million.
-    let splats = most.min(1_000_000);
+    let splats = most.min(GIANT_SPLATS);
     let Some(&size) = plan.sizes.first() else {
         return Ok(None);
     };
@@ -266,16 +263,16 @@ fn giant(bench: &mut Bench, plan: &FramePlan, growth: &Growth) -> Result<Option<
         volume::camera(size),
     );
     let gpu = bench.gpu().clone();
-    let mut artists = [
-        SceneRenderer::new(&gpu, &without, NEAR)?,
-        SceneRenderer::new(&gpu, &volume::with_giant(&without), NEAR)?,
+    let mut frame_benches = [
+        FrameBench::new(&gpu, &without, NEAR)?,
+        FrameBench::new(&gpu, &volume::with_giant(&without), NEAR)?,
     ];
     let mut runs = [Vec::new(), Vec::new()];
     let options = bench.options().clone();
     for round in 0..options.warm_up + options.runs.max(1) {
-        for (scene_renderer, runs) in artists.iter_mut().zip(&mut runs) {
+        for (frame_bench, runs) in frame_benches.iter_mut().zip(&mut runs) {
             let clock = super::CpuClock::now();
-            let mut times = scene_renderer.draw(&camera)?;
+            let mut times = frame_bench.draw(&camera)?;
             times.cpu_ns = clock.elapsed_ns();
             if round >= options.warm_up {
                 runs.push(times);
@@ -291,17 +288,16 @@ fn giant(bench: &mut Bench, plan: &FramePlan, growth: &Growth) -> Result<Option<
     let rounds = runs[0].iter().zip(&runs[1]);
     let ratios: Vec<f64> = rounds.map(|(a, b)| wall(b) / wall(a)).collect();
     let summary = crate::stats::Summary::of(&ratios);
-    Ok(Some(Giant {
+    Ok(Some(GiantSplat {
         splats,
         size,
         ratio: summary.median,
         interval: summary.interval,
-        demanded: GIANT_MAX,
     }))
 }
 
-/// Over splats at every size, over pixels at every number of splats, by the clock and by the processor.
-pub(super) fn exponents(points: &[Point]) -> Vec<Exponent> {
+/// Exponents over splats at every image size and over pixels at every splat count, by wall and by processor time.
+pub(super) fn exponents(points: &[ScalingPoint]) -> Vec<Exponent> {
     let mut found = Vec::new();
     let mut sizes: Vec<[u32; 2]> = points.iter().map(|point| point.size).collect();
     let mut counts: Vec<usize> = points.iter().map(|point| point.splats).collect();
@@ -310,7 +306,7 @@ pub(super) fn exponents(points: &[Point]) -> Vec<Exponent> {
     counts.sort_unstable();
     counts.dedup();
     for by in ["clock", "processor"] {
-        let time = |point: &Point| match by {
+        let time = |point: &ScalingPoint| match by {
             "clock" => point.wall_s,
             _ => point.processor_s,
         };
@@ -349,7 +345,7 @@ mod tests {
             for size in [[10, 10], [20, 20], [40, 40]] {
                 let pixels = f64::from(size[0] * size[1]);
                 let wall = 1e-3 * (splats as f64).powf(0.8) * pixels.powf(0.5);
-                points.push(Point {
+                points.push(ScalingPoint {
                     splats,
                     size,
                     wall_s: Some(wall),
@@ -369,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_device_cannot_hold_is_a_point() {
+    fn a_scene_too_large_for_the_device_is_a_point() {
         let error = || Error::OutOfMemory {
             name: "image".into(),
             wanted: 2,

@@ -1,4 +1,4 @@
-//! How a time grows with the size of what takes it.
+//! Times as powers of a size, with confidence intervals.
 
 use crate::stats::{Line, student_t_975};
 use serde::Serialize;
@@ -6,21 +6,21 @@ use serde::Serialize;
 /// Time as a power of size, fitted to measurements.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Exponent {
-    /// What grows: `splats` or `pixels`.
+    /// Varied size: `splats` or `pixels`.
     pub over: &'static str,
-    /// What stays as it is meanwhile: `1920x1080`.
+    /// Fixed size: `1920x1080`.
     pub at: String,
-    /// Which time: `clock` or `processor`.
+    /// Time: `clock` or `processor`.
     pub by: &'static str,
-    /// Sizes measured.
+    /// Number of sizes.
     pub points: usize,
-    /// The slope of log time over log size, by least squares.
+    /// Slope of log time over log size, by least squares.
     pub slope: f64,
-    /// Its 95 % interval by Student's t, for errors that are normal and alike; none for two points.
+    /// 95 % interval of the slope by Student's t, for normal errors of equal variance; `None` for two points.
     pub interval: Option<[f64; 2]>,
-    /// The most that doubling the size costs between any two neighbouring sizes, as a factor.
+    /// Largest factor by which doubling the size multiplies the time, over neighbouring sizes.
     pub doubling: f64,
-    /// The size below which that was.
+    /// Smaller of those two sizes.
     pub doubling_from: f64,
 }
 
@@ -60,14 +60,15 @@ impl Exponent {
         })
     }
 
-    /// A line of a table for people.
+    /// One line of text.
     pub fn line(&self) -> String {
         let interval = match self.interval {
             Some([low, high]) => format!(" [{low:.2}, {high:.2}]"),
             None => String::new(),
         };
         format!(
-            "{} time over {} at {}: exponent {:.2}{interval} from {} sizes; doubling costs {:.2} times at most (from {})",
+            "{} time over {} at {}: exponent {:.2}{interval} from {} sizes; doubling costs {:.2} times at most \
+             (from {})",
             self.by, self.over, self.at, self.slope, self.points, self.doubling, self.doubling_from
         )
     }

@@ -1,10 +1,10 @@
-//! Measurement: what `ashfall bench` and `cargo bench` share.
+//! Measurements shared by `ashfall bench` and `cargo bench`.
 //!
-//! Times are the device's own timestamps; beside them stands the processor time that the process spent,
-//! which on a software device is the work itself and does not grow when the machine has other things to
-//! do. A measurement is warmed up, run several times and summed up by its median and the median absolute
-//! deviation from it, which a stray interruption does not move ([`stats`](crate::stats)). Each becomes a [`Row`]; rows
-//! are printed, written as CSV or JSON ([`row`]), or filed under a device and a date ([`record`]).
+//! Times are the device's own timestamps, with the processor time of the process, which on a software device is the
+//! work itself and does not grow with the load of the machine. A measurement is warmed up, run several times and
+//! summarised by its median and the median absolute deviation, which are robust against single interruptions
+//! ([`stats`](crate::stats)). Each becomes a [`BenchRow`]; rows are printed, written
+//! as CSV or JSON ([`row`]), or filed under a device and a date ([`record`]).
 //!
 //! **Invariant:** nothing here reads the environment or a fixed path: the caller says where to write.
 
@@ -21,6 +21,6 @@ pub mod train;
 pub mod trial;
 
 pub use clock::CpuClock;
-pub use row::{Row, Unit, Work};
+pub use row::{BenchRow, Unit, Work};
 pub use session::{Bench, Case, Options, Times};
 pub use trial::Subject;

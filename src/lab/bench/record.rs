@@ -1,28 +1,28 @@
-//! The record: what was measured on a device on a day, in `<folder>/<device>/<date>.csv`. Committed, it
-//! argues for the choices that [`prefer`](crate::kernels) makes.
+//! Records: measurements on a device on a day, in `<folder>/<device>/<date>.csv`. Committed, they are the evidence of
+//! the choices that [`prefer`](crate::kernels) makes.
 
-use super::row::{COLUMNS, KEY_COLUMNS, Row, line};
+use super::row::{BenchRow, COLUMNS, KEY_COLUMNS, csv_of_fields};
 use crate::io::atomic::write_atomically;
 use crate::{Error, Result};
+use std::collections::HashMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Files rows under a device and today's date (UTC), keeping what is there of other measurements. Returns
-/// the file.
-pub fn write(folder: &Path, device: &str, rows: &[Row]) -> Result<PathBuf> {
+/// Files rows under a device and today's date (UTC), besides other measurements of that day. Returns the file.
+pub fn write(folder: &Path, device: &str, rows: &[BenchRow]) -> Result<PathBuf> {
     let path = file(folder, device, ".csv")?;
     let earlier = match std::fs::read_to_string(&path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
         Err(error) => return Err(Error::io(&path)(error)),
     };
-    let text = merged(&earlier, rows);
+    let text = merged(&earlier, rows)?;
     write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
     Ok(path)
 }
 
-/// `<folder>/<device>/<today><ending>`, in a folder that is there.
+/// `<folder>/<device>/<today><ending>`, in a folder made on demand.
 pub fn file(folder: &Path, device: &str, ending: &str) -> Result<PathBuf> {
     let folder = folder.join(slug(device));
     std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
@@ -46,25 +46,24 @@ pub fn slug(device: &str) -> String {
     }
 }
 
-/// Earlier rows, less those that are measured again, and the new ones. Columns go by name, so that records
-/// of earlier versions can be added to.
-fn merged(earlier: &str, rows: &[Row]) -> String {
-    let mut lines = earlier.lines();
-    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let place = COLUMNS.map(|column| header.iter().position(|name| *name == column));
-    let measured: Vec<[String; COLUMNS.len()]> = rows.iter().map(Row::fields).collect();
-    let mut text = COLUMNS.join(",") + "\n";
-    for earlier in lines {
-        let fields: Vec<&str> = earlier.split(',').collect();
-        let field = |at: Option<usize>| at.and_then(|at| fields.get(at)).copied().unwrap_or("");
-        let fields = place.map(|at| field(at).to_owned());
-        let again = |row: &[String; COLUMNS.len()]| row[..KEY_COLUMNS] == fields[..KEY_COLUMNS];
-        if !measured.iter().any(again) {
-            text.push_str(&line(&fields));
+/// Earlier rows without those that are measured again, and the new ones. Columns go by name, so that records of
+/// earlier versions can be added to.
+fn merged(earlier: &str, rows: &[BenchRow]) -> Result<String> {
+    let measured: Vec<[String; COLUMNS.len()]> = rows.iter().map(BenchRow::fields).collect();
+    let mut all = Vec::new();
+    for line in csv::Reader::from_reader(earlier.as_bytes()).deserialize() {
+        let line: csv::Result<HashMap<String, String>> = line;
+        let mut line = line.map_err(|error| Error::Config(format!("the record: {error}")))?;
+        let fields = COLUMNS.map(|column| line.remove(column).unwrap_or_default());
+        if !measured
+            .iter()
+            .any(|row| row[..KEY_COLUMNS] == fields[..KEY_COLUMNS])
+        {
+            all.push(fields);
         }
     }
-    measured.iter().for_each(|row| text.push_str(&line(row)));
-    text
+    all.extend(measured);
+    csv_of_fields(all)
 }
 
 /// Year-month-day of a count of days since 1970 (Hinnant, "chrono-compatible low-level date algorithms").
@@ -101,16 +100,16 @@ mod tests {
     }
 
     #[test]
-    fn a_record_keeps_what_was_not_measured_again() {
-        let row = |input: &str, median_ns: f64| Row {
+    fn a_record_keeps_other_measurements() -> Result<()> {
+        let row = |input: &str, median_ns: f64| BenchRow {
             bench: "kernels".into(),
             input: input.into(),
             stage: "total".into(),
             median_ns,
-            ..Row::default()
+            ..BenchRow::default()
         };
-        let first = merged("", &[row("a", 1.0), row("b", 2.0)]);
-        let second = merged(&first, &[row("b", 3.0), row("c", 4.0)]);
+        let first = merged("", &[row("a", 1.0), row("b", 2.0)])?;
+        let second = merged(&first, &[row("b", 3.0), row("c", 4.0)])?;
         let inputs: Vec<(&str, &str)> = second
             .lines()
             .skip(1)
@@ -122,7 +121,21 @@ mod tests {
         assert_eq!(inputs, [("a", "1"), ("b", "3"), ("c", "4")]);
         // A file with fewer columns, in another order.
         let old = "stage,bench,input,median_ns\ntotal,kernels,a,5\n";
-        let both = merged(old, &[row("b", 6.0)]);
+        let both = merged(old, &[row("b", 6.0)])?;
         assert!(both.contains("\nkernels,a,,total,,5,,,,,,,,,\n"), "{both}");
+        Ok(())
+    }
+
+    #[test]
+    fn committed_records_are_written_as_they_are() -> Result<()> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/record");
+        let folder = folder.join("llvmpipe-llvm-15-0-6-256-bits");
+        for date in ["2026-11-21", "2026-11-22"] {
+            let path = folder.join(format!("{date}.csv"));
+            let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+            assert!(text.lines().count() > 100);
+            assert_eq!(merged(&text, &[])?, text);
+        }
+        Ok(())
     }
 }

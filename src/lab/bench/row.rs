@@ -1,14 +1,15 @@
-//! What was measured, one row each, and how rows are written.
+//! Measurements, a row each, as CSV and text.
 
 use crate::stats::Summary;
+use crate::{Error, Result};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// What a rate counts.
+/// Unit of a rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Unit {
-    /// Nothing: only the time matters.
+    /// None: time alone.
     #[default]
     None,
     /// Bytes read and written.
@@ -26,7 +27,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// As it stands in tables and files.
+    /// Name in tables and files.
     pub fn name(self) -> &'static str {
         match self {
             Unit::None => "",
@@ -40,19 +41,19 @@ impl Unit {
     }
 }
 
-/// The work that one run does.
+/// Work of one run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
-    /// How many.
+    /// Count.
     pub items: u64,
-    /// Of what.
+    /// Unit of the count.
     pub unit: Unit,
-    /// Bytes that have to be read and written, where that is what a kernel does most; else 0.
+    /// Bytes that a memory-bound kernel has to read and write; else 0.
     pub bytes: u64,
 }
 
 impl Work {
-    /// So many items, which are not a matter of bytes.
+    /// Work of so many items, without bytes.
     pub fn of(items: usize, unit: Unit) -> Work {
         Work {
             items: items as u64,
@@ -61,7 +62,7 @@ impl Work {
         }
     }
 
-    /// The same, for a kernel that mainly moves so many bytes.
+    /// The same, for a memory-bound kernel of so many bytes.
     pub fn moving(self, bytes: usize) -> Work {
         Work {
             bytes: bytes as u64,
@@ -72,16 +73,16 @@ impl Work {
 
 /// One measurement.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Row {
-    /// Which bench: `kernels`, `frame`, `train`.
+pub struct BenchRow {
+    /// Bench: `kernels`, `frame`, `train`.
     pub bench: String,
-    /// What was measured, on what: `rasterize/small`.
+    /// Task and input: `rasterize/small`.
     pub input: String,
-    /// How: variant and workgroup, `subgroup/8`; empty where there is no choice.
+    /// Variant and workgroup, `subgroup/8`; empty without a choice.
     pub variant: String,
-    /// Which part of it; `total` is all of it.
+    /// Part of the task; `total` for all of it.
     pub stage: String,
-    /// Runs that count.
+    /// Number of runs.
     pub runs: usize,
     /// Median of the time, ns.
     pub median_ns: f64,
@@ -95,13 +96,13 @@ pub struct Row {
     pub cpu_ns: f64,
     /// Work of one run.
     pub items: u64,
-    /// What that counts.
+    /// Unit of the work.
     pub unit: &'static str,
     /// Items per second.
     pub rate: f64,
-    /// Bytes read and written by one run; 0 where that is not the point.
+    /// Bytes read and written by one run of a memory-bound kernel; else 0.
     pub bytes: u64,
-    /// Bytes per second as a share of what the device's own copying reaches; 0 where not measured.
+    /// Bytes per second as a share of the device's rate of copying; 0 where not measured.
     pub copy_share: f64,
 }
 
@@ -124,13 +125,13 @@ pub const COLUMNS: [&str; 15] = [
     "copy_share",
 ];
 
-/// Columns that say which measurement a row is.
+/// Leading columns that identify a measurement.
 pub const KEY_COLUMNS: usize = 4;
 
-impl Row {
-    /// A row's times, from those of its runs.
-    pub fn with_times(self, times: &Summary, cpu_ns: f64) -> Row {
-        Row {
+impl BenchRow {
+    /// The row with the times of its runs.
+    pub fn with_times(self, times: &Summary, cpu_ns: f64) -> BenchRow {
+        BenchRow {
             runs: times.runs,
             median_ns: times.median,
             mad_ns: times.mad,
@@ -141,8 +142,8 @@ impl Row {
         }
     }
 
-    /// A row's rates; its times must stand. `copy_rate` is the device's, bytes per second.
-    pub fn with_work(self, work: Work, copy_rate: Option<f64>) -> Row {
+    /// The row with its rates, from its times. `copy_rate` is the device's, bytes per second.
+    pub fn with_work(self, work: Work, copy_rate: Option<f64>) -> BenchRow {
         let seconds = self.median_ns * 1e-9;
         let per_second = |count: u64| {
             if seconds > 0.0 {
@@ -151,7 +152,7 @@ impl Row {
                 0.0
             }
         };
-        Row {
+        BenchRow {
             items: work.items,
             unit: work.unit.name(),
             rate: per_second(work.items),
@@ -161,7 +162,7 @@ impl Row {
         }
     }
 
-    /// Its fields, in the order of [`COLUMNS`].
+    /// Fields in the order of [`COLUMNS`].
     pub fn fields(&self) -> [String; COLUMNS.len()] {
         let whole = |ns: f64| format!("{ns:.0}");
         [
@@ -183,7 +184,7 @@ impl Row {
         ]
     }
 
-    /// A line of a table for people.
+    /// One line of text.
     pub fn line(&self) -> String {
         let name = match (self.stage.as_str(), self.variant.as_str()) {
             ("total", "") => self.input.clone(),
@@ -211,20 +212,31 @@ impl Row {
     }
 }
 
-/// All rows as CSV, with a header.
-pub fn csv(rows: &[Row]) -> String {
-    let mut text = COLUMNS.join(",") + "\n";
-    for row in rows {
-        text.push_str(&line(&row.fields()));
-    }
-    text
+/// Rows as CSV, with a header.
+///
+/// # Errors
+/// Those of the CSV writer.
+pub fn csv(rows: &[BenchRow]) -> Result<String> {
+    csv_of_fields(rows.iter().map(BenchRow::fields))
 }
 
-/// Fields as one line of CSV. Names of inputs and variants are ours and hold no commas; were one to appear,
-/// it must not shift the columns.
-pub(super) fn line(fields: &[String]) -> String {
-    let fields: Vec<String> = fields.iter().map(|f| f.replace([',', '\n'], ";")).collect();
-    fields.join(",") + "\n"
+/// Fields of rows as CSV, with a header.
+pub(super) fn csv_of_fields(
+    rows: impl IntoIterator<Item = [String; COLUMNS.len()]>,
+) -> Result<String> {
+    csv_text([COLUMNS.map(String::from)].into_iter().chain(rows))
+}
+
+/// Serialised lines as CSV; those of structs have a header.
+pub(in crate::lab) fn csv_text<T: Serialize>(lines: impl IntoIterator<Item = T>) -> Result<String> {
+    let text = || -> std::result::Result<String, Box<dyn std::error::Error>> {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        for line in lines {
+            writer.serialize(line)?;
+        }
+        Ok(String::from_utf8(writer.into_inner()?)?)
+    };
+    text().map_err(|error| Error::Config(format!("the CSV: {error}")))
 }
 
 #[cfg(test)]
@@ -232,25 +244,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rates_follow_from_times() {
-        let row = Row {
+    fn rates_follow_from_times() -> Result<()> {
+        let row = BenchRow {
             input: "a,b".into(),
             stage: "total".into(),
-            ..Row::default()
+            ..BenchRow::default()
         };
         let row = row.with_times(&Summary::of(&[1e6, 2e6, 3e6]), 4e6);
         let work = Work::of(1000, Unit::Keys).moving(8000);
         let row = row.with_work(work, Some(8e6));
         assert_eq!((row.median_ns, row.rate, row.copy_share), (2e6, 5e5, 0.5));
-        let text = csv(std::slice::from_ref(&row));
+        let text = csv(std::slice::from_ref(&row))?;
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], COLUMNS.join(","));
         assert_eq!(
             lines[1],
-            ",a;b,,total,3,2000000,1000000,1000000,3000000,4000000,1000,keys,500000,8000,0.5000"
+            ",\"a,b\",,total,3,2000000,1000000,1000000,3000000,4000000,1000,keys,500000,8000,0.5000"
         );
         assert!(row.line().contains("0.5 M keys/s"), "{}", row.line());
-        let never = Row::default().with_work(work, None);
+        let never = BenchRow::default().with_work(work, None);
         assert_eq!(never.rate, 0.0);
+        Ok(())
     }
 }

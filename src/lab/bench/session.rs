@@ -1,7 +1,7 @@
 //! Taking measurements on one device.
 
 use super::clock::CpuClock;
-use super::row::{Row, Work};
+use super::row::{BenchRow, Work};
 use super::trial::device_times;
 use crate::gpu::{Frames, Gpu, Recorder};
 use crate::stats::Summary;
@@ -68,10 +68,10 @@ pub struct Bench {
     options: Options,
     gpu: Gpu,
     copy_rate: Option<f64>,
-    rows: Vec<Row>,
+    rows: Vec<BenchRow>,
     names: RefCell<BTreeSet<String>>,
     /// Called with each row as it is measured.
-    progress: Box<dyn FnMut(&Row)>,
+    progress: Box<dyn FnMut(&BenchRow)>,
 }
 
 impl Bench {
@@ -83,7 +83,7 @@ impl Bench {
         name: &'static str,
         gpu: &Gpu,
         options: Options,
-        progress: impl FnMut(&Row) + 'static,
+        progress: impl FnMut(&BenchRow) + 'static,
     ) -> Result<Bench> {
         if gpu.caps().timestamp_period_ns <= 0.0 {
             let what = format!("measuring: {} has no timestamps", gpu.caps().name);
@@ -111,7 +111,7 @@ impl Bench {
     }
 
     /// All rows so far, in the order of measurement.
-    pub fn rows(&self) -> &[Row] {
+    pub fn rows(&self) -> &[BenchRow] {
         &self.rows
     }
 
@@ -131,7 +131,11 @@ impl Bench {
 
     /// Runs something again and again, and keeps a row for each of its stages (if there are several) and
     /// one for the total, which is returned.
-    pub fn measure(&mut self, case: &Case, mut run: impl FnMut() -> Result<Times>) -> Result<Row> {
+    pub fn measure(
+        &mut self,
+        case: &Case,
+        mut run: impl FnMut() -> Result<Times>,
+    ) -> Result<BenchRow> {
         for _ in 0..self.options.warm_up {
             run()?;
         }
@@ -147,14 +151,14 @@ impl Bench {
 
     /// Keeps the rows of runs that were taken elsewhere; see [`Bench::measure`]. There must be some, and all
     /// must have the same stages.
-    pub fn keep(&mut self, case: &Case, runs: &[Times]) -> Row {
+    pub fn keep(&mut self, case: &Case, runs: &[Times]) -> BenchRow {
         let stages: Vec<&str> = runs[0].stages.iter().map(|(label, _)| *label).collect();
-        let row = |stage: &str| Row {
+        let row = |stage: &str| BenchRow {
             bench: self.name.into(),
             input: case.input.clone(),
             variant: case.variant.clone(),
             stage: stage.into(),
-            ..Row::default()
+            ..BenchRow::default()
         };
         let total = |times: &Times| times.stages.iter().map(|(_, ns)| ns).sum();
         let totals: Vec<f64> = runs.iter().map(total).collect();
@@ -173,7 +177,7 @@ impl Bench {
     }
 
     /// Keeps rows that hold no times.
-    pub fn note(&mut self, rows: impl IntoIterator<Item = Row>) {
+    pub fn note(&mut self, rows: impl IntoIterator<Item = BenchRow>) {
         self.rows.extend(rows);
     }
 
@@ -184,7 +188,7 @@ impl Bench {
         case: &Case,
         prepare: impl Fn(&mut Recorder<'_>),
         record: impl Fn(&mut Recorder<'_>),
-    ) -> Result<Row> {
+    ) -> Result<BenchRow> {
         let mut frames = Frames::new(&self.gpu, 1, true)?;
         self.measure(case, || device_times(&mut frames, &prepare, &record))
     }

@@ -2,7 +2,7 @@
 
 use super::check::Output;
 use super::clock::CpuClock;
-use super::row::{Row, Work};
+use super::row::{BenchRow, Work};
 use super::session::{Bench, Case, Times};
 use crate::gpu::{Frames, Recorder};
 use crate::{Error, Result};
@@ -58,7 +58,7 @@ impl Bench {
         prepare: impl Fn(&mut Recorder<'_>),
         record: impl Fn(&mut Recorder<'_>),
         outputs: impl FnOnce() -> Result<Vec<Output>>,
-    ) -> Result<Row> {
+    ) -> Result<BenchRow> {
         self.gpu().run(&prepare)?;
         self.gpu().run(&record)?;
         case.judge(&outputs()?)?;

@@ -1,28 +1,28 @@
-//! The numbers behind the page, one a line, for other programs.
+//! Points of the chart as CSV, one number a line.
 
-use super::{Chart, Errors, Knob};
+use super::{Chart, FrameErrors, Knob};
 use crate::stats::Interval;
 
-/// The columns. `bound` is what was proven of the value, `count` the measurements behind it; fields that say
-/// nothing are empty.
+/// Columns. `bound` is the proven bound of the value, `count` the number of measurements behind it; fields without a
+/// meaning are empty.
 pub const HEADER: &str = "chart,series,setting,default,quantity,value,low,high,bound,count";
 
 /// All points.
 pub fn csv(chart: &Chart) -> String {
-    let mut lines = Lines(format!("{HEADER}\n"));
+    let mut lines = CsvLines(format!("{HEADER}\n"));
     for point in &chart.frames {
         let knob = ("rendering", &point.knob);
         lines.interval(knob, "time_ms", &point.time_ms);
         lines.number(knob, "cpu_ms", point.cpu_ms, None);
         lines.number(knob, "scene_bytes", point.scene_bytes as f64, None);
-        let Errors { max, p99, psnr_db } = point.error;
+        let FrameErrors { max, p99, psnr_db } = point.error;
         lines.number(knob, "max_error", max, Some(point.bound.max));
         lines.number(knob, "p99_error", p99, Some(point.bound.p99));
         lines.number(knob, "psnr_db", psnr_db, Some(point.bound.psnr_db));
         lines.number(knob, "excess", point.excess, Some(0.0));
         lines.number(knob, "rounding", point.rounding, None);
     }
-    if let Some(Errors { max, p99, psnr_db }) = chart.projection {
+    if let Some(FrameErrors { max, p99, psnr_db }) = chart.projection {
         let knob = Knob {
             series: "linear projection".into(),
             setting: "against rays".into(),
@@ -65,11 +65,11 @@ pub fn csv(chart: &Chart) -> String {
     lines.0
 }
 
-struct Lines(String);
+struct CsvLines(String);
 
-impl Lines {
+impl CsvLines {
     fn push(&mut self, (chart, knob): (&str, &Knob), quantity: &str, numbers: [String; 5]) {
-        // Names are ours and hold no comma; were one to appear, it must not shift the columns.
+        // Settings of two numbers hold a comma; with `;` in its place lines can be split without a parser.
         let [series, setting] = [&knob.series, &knob.setting].map(|name| name.replace(',', ";"));
         let default = if knob.is_default { "yes" } else { "" };
         let numbers = numbers.join(",");

@@ -1,44 +1,41 @@
-//! The chart of speed against accuracy: what was measured, what was promised, and whether it was kept.
+//! Chart of speed against accuracy: measurements, their proven bounds, and the bounds that are broken.
 //!
-//! Points come from [`bench::chart`](crate::lab::chart::measure); here they are judged ([`Chart::broken`]), compared
-//! ([`pareto`]) and written, as one self-contained page with figures ([`page`]) and as the CSV behind it
-//! ([`csv`]).
+//! [`mod@measure`] measures the points; here they are checked ([`Chart::broken`]), compared ([`pareto`]) and written,
+//! as one page with figures ([`page`]) and as the CSV behind it ([`csv`]).
 
 pub mod csv;
-pub(super) mod figure;
-mod labels;
 pub mod measure;
 pub mod page;
 mod panels;
 pub mod pareto;
-pub(super) mod scale;
-pub(super) mod tables;
+mod tables;
 
+use crate::lab::page::Fact;
 use crate::stats::Interval;
 
-/// Everything on the page.
+/// All points of the page.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
-    /// What was measured, on what, when and with which version: name and value.
-    pub facts: Vec<(String, String)>,
+    /// Scene, device, date and version.
+    pub facts: Vec<Fact>,
     /// Frames.
     pub frames: Vec<FramePoint>,
-    /// How far linear projection, which all frames and the reference draw by, is from perspective along rays.
-    pub projection: Option<Errors>,
+    /// Errors of linear projection, which all frames and the reference draw by, against perspective along rays.
+    pub projection: Option<FrameErrors>,
     /// Training steps.
     pub gradients: Vec<GradientPoint>,
     /// Training runs.
     pub runs: Vec<RunPoint>,
 }
 
-/// Which setting of which knob a point stands for.
+/// Knob and setting of a point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Knob {
-    /// What is varied: `stop alone`.
+    /// Name of the knob: `stop alone`.
     pub series: String,
-    /// To which value: `1e-3`.
+    /// Its value: `1e-3`.
     pub setting: String,
-    /// Whether this is what the engine does unless told otherwise.
+    /// True for the engine's default.
     pub is_default: bool,
 }
 
@@ -51,10 +48,10 @@ impl Knob {
 
 /// Errors of a frame in units of colour, 1 being the brightest that a photograph holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Errors {
-    /// Of the worst pixel's worst channel.
+pub struct FrameErrors {
+    /// Largest error of any pixel's channel.
     pub max: f64,
-    /// 99 of 100 pixels are at most this far off in their worst channel.
+    /// 99th percentile of the pixels' largest errors.
     pub p99: f64,
     /// Peak signal-to-noise ratio, decibels.
     pub psnr_db: f64,
@@ -63,7 +60,7 @@ pub struct Errors {
 /// Frames drawn with one setting, against the `f64` reference without any cut.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FramePoint {
-    /// Which setting.
+    /// Setting.
     pub knob: Knob,
     /// Median time of a frame on the device, milliseconds, with the median's 95 % interval.
     pub time_ms: Interval,
@@ -71,19 +68,18 @@ pub struct FramePoint {
     pub cpu_ms: f64,
     /// Bytes that the scene takes on the device.
     pub scene_bytes: usize,
-    /// What was measured.
-    pub error: Errors,
-    /// What was proven beforehand, without rounding: no pixel is farther off than its own bound, and these
-    /// are the bounds' maximum, percentile and root mean square in decibels.
-    pub bound: Errors,
-    /// What rounding to `f32` may add; the most that any pixel is allowed.
+    /// Measured errors.
+    pub error: FrameErrors,
+    /// Proven bounds, without rounding: maximum, percentile and root mean square in decibels of the pixels' own bounds.
+    pub bound: FrameErrors,
+    /// Largest error that rounding to `f32` may add to a pixel.
     pub rounding: f64,
-    /// How far the worst pixel lies beyond its bound and rounding; not above 0 if the bound is kept.
+    /// Largest distance of a pixel beyond its bound and rounding; not above 0 if all bounds are kept.
     pub excess: f64,
 }
 
 impl FramePoint {
-    /// Whether no pixel is farther off than was proven. What is no number keeps no promise.
+    /// True if all pixels keep their bounds; NaN breaks them.
     pub fn holds(&self) -> bool {
         self.excess <= 0.0
     }
@@ -101,22 +97,22 @@ pub struct GradientErrors {
 /// Training steps with one setting, against the exact gradient of the `f64` reference without any cut.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GradientPoint {
-    /// Which setting.
+    /// Setting.
     pub knob: Knob,
     /// Median time of a step on the device, milliseconds, with the median's 95 % interval.
     pub time_ms: Interval,
     /// Median processor time of a step, milliseconds.
     pub cpu_ms: f64,
-    /// What was measured.
+    /// Measured errors.
     pub error: GradientErrors,
-    /// What was proven beforehand, without rounding: the same percentiles of the parameters' own bounds.
+    /// Proven bounds, without rounding: the same percentiles of the parameters' own bounds.
     pub bound: GradientErrors,
-    /// How far, relatively, the worst parameter lies beyond its bound and rounding; not above 0 if it is kept.
+    /// Largest relative distance of a gradient beyond its bound and rounding; not above 0 if all bounds are kept.
     pub excess: f64,
 }
 
 impl GradientPoint {
-    /// Whether no parameter's gradient is farther off than was proven.
+    /// True if all gradients keep their bounds; NaN breaks them.
     pub fn holds(&self) -> bool {
         self.excess <= 0.0
     }
@@ -125,12 +121,11 @@ impl GradientPoint {
 /// Training runs with one setting and several seeds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunPoint {
-    /// Which setting.
+    /// Setting.
     pub knob: Knob,
     /// Mean PSNR of the held-out views, decibels (float values).
     pub psnr_db: Interval,
-    /// How much more that is than the default's, seed by seed, decibels: of runs that begin alike, much of what chance
-    /// does is the same.
+    /// Difference to the default's, paired by seed, decibels.
     pub gain_db: Interval,
     /// Their mean SSIM.
     pub ssim: Interval,
@@ -145,17 +140,17 @@ pub struct RunPoint {
 }
 
 impl Chart {
-    /// How many points have a bound to keep.
+    /// Number of points with a bound.
     pub fn bounded(&self) -> usize {
         self.frames.len() + self.gradients.len()
     }
 
-    /// One sentence for every point that breaks its bound.
+    /// A sentence for every point that breaks its bound.
     pub fn broken(&self) -> Vec<String> {
         let frames = self.frames.iter().filter(|point| !point.holds());
         let frames = frames.map(|point| {
             format!(
-                "{}: a pixel lies {:.2e} beyond what was proven (largest error {:.2e}, largest bound {:.2e}, \
+                "{}: a pixel lies {:.2e} beyond its proven bound (largest error {:.2e}, largest bound {:.2e}, \
                  rounding {:.2e})",
                 point.knob.name(),
                 point.excess,
@@ -167,7 +162,7 @@ impl Chart {
         let gradients = self.gradients.iter().filter(|point| !point.holds());
         let gradients = gradients.map(|point| {
             format!(
-                "{}: a gradient lies {:.2e} of its size beyond what was proven (99 % of errors up to {:.2e}, of \
+                "{}: a gradient lies {:.2e} of its size beyond its proven bound (99 % of errors up to {:.2e}, of \
                  bounds up to {:.2e})",
                 point.knob.name(),
                 point.excess,
@@ -191,12 +186,12 @@ pub(crate) mod tests {
                 is_default: false,
             },
             time_ms: Interval::new(2.0, 1.5, 2.5, 9),
-            error: Errors {
+            error: FrameErrors {
                 max: 2e-3,
                 p99: 1e-3,
                 psnr_db: 60.0,
             },
-            bound: Errors {
+            bound: FrameErrors {
                 max: 3e-3,
                 p99: 2e-3,
                 psnr_db: 50.0,

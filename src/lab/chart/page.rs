@@ -1,43 +1,15 @@
-//! The page: figures, what to read from them, and the numbers. It needs no other file and no script.
+//! Page of the chart: figures, their explanation, and tables.
 
-use super::figure::glyph;
 use super::panels::{self, Panel, series};
-use super::tables::{self, escaped};
-use super::{Chart, Knob, RunPoint};
+use super::{Chart, Knob, RunPoint, tables};
 use crate::Result;
+use crate::lab::page::{self, document, escaped};
 
-const STYLE: &str = include_str!("page.css");
+const OF_FRAMES: &str = include_str!("frames.html");
 
-const OF_FRAMES: &str = "Frames are compared with the <code>f64</code> reference that skips nothing and stops \
-nowhere, so that every cut counts as error. The bounds are proven, pixel by pixel, before a frame is drawn. \
-With C = Σ cᵢαᵢTᵢ + T·background, leaving out a set S of contributions changes a pixel by at most \
-Σ<sub>S</sub> αᵢTᵢ times the range of its colours: that is the bound of the <em>cut</em>, which leaves out alphas below \
-the setting, of <em>standard deviations</em>, beyond which splats end, and of splats that are <em>pruned</em> (those that \
-no training view misses by more than the setting; these are other views). The <em>stop</em> ends a pixel where less than \
-the setting t passes, the last splat included, at a cost of t times the range at most. Both are turned alone, with next to \
-nothing of the other, and together, as <em>stop and cut</em>; the default is the stop at 1e-4 and the cut at 1/255. Leaving out harmonics of degree l with coefficients d<sub>l</sub> \
-changes a colour by at most Σ ‖d<sub>l</sub>‖√((2l+1)/4π), weighted with αᵢTᵢ: the <em>harmonics</em> of all splats alike, those that are dropped <em>by splat</em>, of each as \
-many as its own colour loses no more than the setting by, and those that are <em>stored as halves</em>, where d<sub>l</sub> is what rounding takes from them; rounded rotations, scales and \
-opacities make other alphas, which cost at most Σ |αᵢ′ − αᵢ|Tᵢ times the range, and so do <em>exponentials</em> by \
-polynomials, of which |αᵢ′ − αᵢ| ≤ εαᵢ with ε = 7.5·10⁻⁵ (cubic) and 1.7·10⁻³ (quadratic). \
-A point whose worst pixel lies beyond its bound and the rounding of <code>f32</code> has failed. The dashed line is no \
-setting but what all of them share: how far the model itself, EWA splatting by linear projection at each splat's \
-centre, is from the same splats in perspective along rays, in this scene and these views (on some of the pixels).";
+const OF_GRADIENTS: &str = include_str!("gradients.html");
 
-const OF_GRADIENTS: &str = "Times are those of a usual training step. Gradients are judged, parameter by parameter, for \
-an objective of which bounds can be proven, the brightness of the picture: the same step on a white photograph by the \
-L1 loss alone, without the pixels that may reach white. What is left out of a pixel takes αᵢTᵢ⟨u, cᵢ − Bᵢ⟩ from the \
-gradient of what is left out, lets more light through to what lies behind it, and changes what is seen through what \
-lies before it; each has its bound, and the sum of magnitudes over the pixels, carried on by the magnitudes of the \
-projection's derivatives, bounds the gradient of every parameter: means, rotations, scales, opacities and harmonics. \
-Of the training loss itself nothing of the kind can be proven: its L1 part has a slope that jumps where a pixel \
-crosses its photograph, so that any change of the image, however small, may turn the sign of a pixel's share. \
-All sums here come in a fixed order: the engine has no backward pass with float atomics to compare with (<code>ashfall \
-bench kernels --filter baseline</code> times the classical one).";
-
-const OF_RUNS: &str = "Whole runs, each setting with several seeds; signs are means and bars their 95 % confidence \
-intervals (Student's t). There is no proof of what training reaches: these bars are statistics. What a setting costs in \
-decibels is compared seed by seed with the default run, in the table and here:";
+const OF_RUNS: &str = include_str!("runs.html");
 
 /// The page's text.
 ///
@@ -53,103 +25,72 @@ pub fn html(chart: &Chart) -> Result<String> {
     } = chart;
     if !frames.is_empty() {
         let knobs = frames.iter().map(|p| &p.knob);
-        body += &format!("<h2>Rendering: time against error</h2>\n<p>{OF_FRAMES}</p>\n");
+        body += &format!("<h2>Rendering: time against error</h2>\n{OF_FRAMES}");
         body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_frames(chart))?;
         body += &details(&tables::of_frames(chart));
     }
     if !gradients.is_empty() {
         let knobs = gradients.iter().map(|p| &p.knob);
-        body += &format!("<h2>Gradients: time against error</h2>\n<p>{OF_GRADIENTS}</p>\n");
+        body += &format!("<h2>Gradients: time against error</h2>\n{OF_GRADIENTS}");
         body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_gradients(chart))?;
         body += &details(&tables::of_gradients(chart));
     }
     if !runs.is_empty() {
         let knobs = runs.iter().map(|p| &p.knob);
-        body += &format!("<h2>Training: quality against cost</h2>\n<p>{OF_RUNS}</p>\n");
+        body += &format!("<h2>Training: quality against cost</h2>\n{OF_RUNS}");
         body += &costs(runs);
         body += &legend(chart, knobs, false)?;
         body += &figures(&panels::of_runs(chart))?;
         body += &details(&tables::of_runs(chart));
     }
-    Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n\
-         <title>ashfall: speed against accuracy</title>\n<style>\n{STYLE}</style>\n</head>\n\
-         <body>\n{body}</body>\n</html>\n"
-    ))
+    Ok(document("speed against accuracy", &body))
 }
 
 fn heading(chart: &Chart) -> String {
-    let mut text = String::from("<h1>Speed against accuracy</h1>\n<dl class=\"facts\">\n");
-    for (name, value) in &chart.facts {
-        text += &format!("<dt>{}</dt><dd>{}</dd>\n", escaped(name), escaped(value));
-    }
-    text += "</dl>\n";
-    let broken = chart.broken();
-    let count = chart.bounded();
-    if broken.is_empty() && count > 0 {
-        text +=
-            &format!("<p class=\"verdict\">All {count} settings keep their proven bounds.</p>\n");
-    }
-    if !broken.is_empty() {
-        let all: String = broken
-            .iter()
-            .map(|b| format!("<br>{}", escaped(b)))
-            .collect();
-        text += &format!(
-            "<p class=\"verdict broken\"><strong>{} of {count} settings break their bounds.</strong>{all}</p>\n",
-            broken.len()
-        );
-    }
-    text
+    let text = format!(
+        "<h1>Speed against accuracy</h1>\n{}",
+        page::facts(&chart.facts)
+    );
+    let (broken, count) = (chart.broken(), chart.bounded());
+    let summary = match broken.len() {
+        0 if count == 0 => return text,
+        0 => format!("All {count} settings keep their proven bounds."),
+        failed => format!("{failed} of {count} settings break their bounds."),
+    };
+    text + &page::verdict(&summary, &broken)
 }
 
-/// The signs of the series that some points belong to.
+/// Glyphs of the series that some points belong to, and the meaning of their parts.
 fn legend<'a>(
     chart: &Chart,
     knobs: impl Iterator<Item = &'a Knob>,
     is_bounded: bool,
 ) -> Result<String> {
     let used: Vec<&str> = knobs.map(|knob| knob.series.as_str()).collect();
-    let mut text = String::from(
-        "<ul class=\"legend\">
-",
-    );
-    for (index, name) in series(chart).iter().enumerate() {
-        if used.contains(name) {
-            text += &format!(
-                "<li>{}{}</li>
-",
-                glyph(index)?,
-                escaped(name)
-            );
-        }
+    let names = series(chart).into_iter().enumerate();
+    let names = names.filter(|(_, name)| used.contains(name));
+    let mut parts = vec![
+        "filled: on the Pareto front (grey steps)",
+        "hollow: beaten",
+        "ringed: the default",
+        "horizontal bar: 95 % interval",
+    ];
+    if is_bounded {
+        parts.extend([
+            "vertical bar: to the proven bound",
+            "red cross: bound broken",
+        ]);
     }
-    text += "</ul>
-<ul class=\"legend\">
-\
-             <li>filled: on the Pareto front (grey steps)</li>
-<li>hollow: beaten</li>
-\
-             <li>ringed: the default</li>
-<li>horizontal bar: 95 % interval</li>
-";
-    text += match is_bounded {
-        true => {
-            "<li>vertical bar: to the proven bound</li>
-<li>red cross: bound broken</li>
-"
-        }
-        false => "",
-    };
-    Ok(text
-        + "</ul>
-")
+    let parts: String = parts
+        .iter()
+        .map(|part| format!("<li>{part}</li>\n"))
+        .collect();
+    Ok(page::legend(names)? + &format!("<ul class=\"legend\">\n{parts}</ul>\n"))
 }
 
-/// One line for every setting of training: what it changes in decibels, and in time.
+/// One line for every setting of training: its change in decibels and in time.
 fn costs(runs: &[RunPoint]) -> String {
     let default = runs.iter().find(|run| run.knob.is_default);
     let Some(usual) = default.map(|run| run.seconds.value) else {
@@ -157,16 +98,16 @@ fn costs(runs: &[RunPoint]) -> String {
     };
     let line = |run: &RunPoint| {
         let RunPoint { knob, gain_db, .. } = run;
-        let is_told = gain_db.low > 0.0 || gain_db.high < 0.0;
+        let is_significant = gain_db.low > 0.0 || gain_db.high < 0.0;
         format!(
             "<li>{} {}: {} dB{} at {:.2} of the time</li>\n",
             escaped(&knob.series),
             escaped(&knob.setting),
             tables::gain(gain_db),
-            if is_told {
+            if is_significant {
                 ""
             } else {
-                " (not told from nothing)"
+                " (within the interval)"
             },
             run.seconds.value / usual
         )
@@ -178,13 +119,9 @@ fn costs(runs: &[RunPoint]) -> String {
 
 fn figures(panels: &[Panel]) -> Result<String> {
     let mut text = String::from("<div class=\"figures\">\n");
-    for Panel { figure, caption } in panels {
-        let class = if figure.size[0] > 600 { "wide" } else { "half" };
-        text += &format!(
-            "<figure class=\"{class}\">\n{}<figcaption>{}</figcaption>\n</figure>\n",
-            figure.svg()?,
-            escaped(caption)
-        );
+    for Panel { plot, caption } in panels {
+        let class = if plot.size[0] > 600 { "wide" } else { "half" };
+        text += &page::figure(class, &plot.svg()?, &escaped(caption));
     }
     Ok(text + "</div>\n")
 }
@@ -253,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn what_training_costs_is_said_in_decibels_with_its_interval() -> Result<()> {
+    fn costs_of_training_are_decibels_with_their_interval() -> Result<()> {
         let run = |setting: &str, seconds: f64, gains: &[f64]| RunPoint {
             knob: Knob {
                 series: "loss".into(),
@@ -274,7 +211,7 @@ mod tests {
         })?;
         let told = "<li>loss every 2nd: -0.60 ± 0.25 dB at 0.75 of the time</li>";
         assert!(page.contains(told), "{page}");
-        assert!(page.contains("dB (not told from nothing) at 0.50"));
+        assert!(page.contains("dB (within the interval) at 0.50"));
         assert_eq!(page.matches("<li>loss ").count(), 2);
         assert!(page.contains("<td>-0.60 ± 0.25</td>"));
         Ok(())

@@ -1,22 +1,22 @@
-//! Which figures the page has, and what each shows.
+//! Figures of the chart.
 
-use super::figure::{Axis, Figure, Mark};
 use super::pareto::front;
-use super::{Chart, Errors, GradientErrors, Knob, RunPoint};
+use super::{Chart, FrameErrors, GradientErrors, Knob, RunPoint};
+use crate::lab::page::scatter::{Axis, Marker, ScatterPlot};
 use crate::stats::Interval;
 
-/// A figure and what to read from it.
+/// A plot and its caption.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Panel {
-    pub(super) figure: Figure,
+    pub(super) plot: ScatterPlot,
     pub(super) caption: String,
 }
 
-/// Pixels: one across the page, and two beside each other.
+/// Sizes in pixels: one figure across the page, and two beside each other.
 const WIDE: [u32; 2] = [1080, 470];
 const HALF: [u32; 2] = [532, 390];
 
-/// What the height of that name means.
+/// Name of the model's own error.
 const PROJECTION: &str = "EWA against rays";
 
 const TIME_OF_FRAME: Axis = Axis {
@@ -24,8 +24,7 @@ const TIME_OF_FRAME: Axis = Axis {
     is_log: false,
 };
 
-/// The names of all series of the page, each once, in the order of their first point: a name has the same sign
-/// everywhere.
+/// Names of all series of the page in the order of their first point; a series has the same glyph everywhere.
 pub(super) fn series(chart: &Chart) -> Vec<&str> {
     let frames = chart.frames.iter().map(|p| &p.knob);
     let gradients = chart.gradients.iter().map(|p| &p.knob);
@@ -39,8 +38,8 @@ pub(super) fn series(chart: &Chart) -> Vec<&str> {
     names
 }
 
-fn mark(names: &[&str], knob: &Knob, x: f64, y: f64) -> Mark {
-    Mark {
+fn mark(names: &[&str], knob: &Knob, x: f64, y: f64) -> Marker {
+    Marker {
         series: names.iter().position(|n| *n == knob.series).unwrap_or(0),
         text: match knob.is_default {
             true => "default".into(),
@@ -49,39 +48,39 @@ fn mark(names: &[&str], knob: &Knob, x: f64, y: f64) -> Mark {
         x,
         y,
         is_default: knob.is_default,
-        ..Mark::default()
+        ..Marker::default()
     }
 }
 
-/// The ends of an interval, where it has a width.
+/// Ends of an interval of some width.
 fn bar(interval: &Interval) -> Option<[f64; 2]> {
     (interval.high > interval.low).then_some([interval.low, interval.high])
 }
 
-/// From what was measured to what was proven.
+/// Bar from the measured value to its proven bound.
 fn bound_bar(value: f64, bound: f64) -> Option<[f64; 2]> {
     let is_bounded = bound.is_finite();
     is_bounded.then_some([value.min(bound), value.max(bound)])
 }
 
-/// Of values that should be low; where high is good, they come negated.
-fn front_of(marks: &[Mark], is_high_good: bool) -> Vec<usize> {
+/// Pareto front of low x and low y; of high y if `is_high_good`.
+fn front_of(markers: &[Marker], is_high_good: bool) -> Vec<usize> {
     let sign = if is_high_good { -1.0 } else { 1.0 };
-    let points: Vec<[f64; 2]> = marks.iter().map(|m| [m.x, sign * m.y]).collect();
+    let points: Vec<[f64; 2]> = markers.iter().map(|m| [m.x, sign * m.y]).collect();
     front(&points)
 }
 
-/// What decides how a panel of frames looks.
+/// Look of a panel of frames.
 struct FrameView {
     size: [u32; 2],
     y: Axis,
-    /// The value.
-    value: fn(&Errors) -> f64,
+    /// Plotted value.
+    value: fn(&FrameErrors) -> f64,
     is_high_good: bool,
     caption: &'static str,
 }
 
-/// Time of a frame against its errors.
+/// Panels of frame time against errors.
 pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
     let names = series(chart);
     let views = [
@@ -105,7 +104,7 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
             },
             value: |e| e.p99,
             is_high_good: false,
-            caption: "What 99 of 100 pixels keep to. Bars end at the same percentile of the pixels' own bounds.",
+            caption: "99th percentile of the pixels' errors. Bars end at that of the pixels' own bounds.",
         },
         FrameView {
             size: HALF,
@@ -120,12 +119,12 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
         },
     ];
     let panel = |view: FrameView| {
-        let marks: Vec<Mark> = chart
+        let markers: Vec<Marker> = chart
             .frames
             .iter()
             .map(|point| {
                 let (value, bound) = ((view.value)(&point.error), (view.value)(&point.bound));
-                Mark {
+                Marker {
                     x_bar: bar(&point.time_ms),
                     y_bar: bound_bar(value, bound),
                     is_broken: !point.holds(),
@@ -134,12 +133,12 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
             })
             .collect();
         Panel {
-            figure: Figure {
+            plot: ScatterPlot {
                 size: view.size,
                 x: TIME_OF_FRAME,
                 y: view.y,
-                front: front_of(&marks, view.is_high_good),
-                marks,
+                front: front_of(&markers, view.is_high_good),
+                markers,
                 levels: chart
                     .projection
                     .iter()
@@ -153,16 +152,16 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
     views.into_iter().map(panel).collect()
 }
 
-/// Time of a step against the errors of its gradient.
+/// Panels of step time against the errors of its gradient.
 pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
     let names = series(chart);
     let panel = |title, value: fn(&GradientErrors) -> f64, caption: &str| {
-        let marks: Vec<Mark> = chart
+        let markers: Vec<Marker> = chart
             .gradients
             .iter()
             .map(|point| {
                 let (error, bound) = (value(&point.error), value(&point.bound));
-                Mark {
+                Marker {
                     x_bar: bar(&point.time_ms),
                     y_bar: bound_bar(error, bound),
                     is_broken: !point.holds(),
@@ -171,7 +170,7 @@ pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
             })
             .collect();
         Panel {
-            figure: Figure {
+            plot: ScatterPlot {
                 size: HALF,
                 x: Axis {
                     title: "time of a training step on the device, ms",
@@ -181,8 +180,8 @@ pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
                     title,
                     is_log: true,
                 },
-                front: front_of(&marks, false),
-                marks,
+                front: front_of(&markers, false),
+                markers,
                 levels: Vec::new(),
                 are_courses: false,
             },
@@ -205,7 +204,7 @@ pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
     ]
 }
 
-/// What a panel of runs shows.
+/// Axes, values and caption of a panel of runs.
 type RunView = (
     Axis,
     fn(&RunPoint) -> &Interval,
@@ -214,7 +213,7 @@ type RunView = (
     &'static str,
 );
 
-/// Quality of training runs against what they cost, and over time.
+/// Panels of the quality of training runs against cost, and over time.
 pub(super) fn of_runs(chart: &Chart) -> Vec<Panel> {
     let names = series(chart);
     let axis = |title, is_log| Axis { title, is_log };
@@ -249,22 +248,22 @@ pub(super) fn of_runs(chart: &Chart) -> Vec<Panel> {
         ),
     ];
     let panel = |(x, x_of, y, y_of, caption): RunView| {
-        let marks: Vec<Mark> = chart
+        let markers: Vec<Marker> = chart
             .runs
             .iter()
-            .map(|point| Mark {
+            .map(|point| Marker {
                 x_bar: bar(x_of(point)),
                 y_bar: bar(y_of(point)),
                 ..mark(&names, &point.knob, x_of(point).value, y_of(point).value)
             })
             .collect();
         Panel {
-            figure: Figure {
+            plot: ScatterPlot {
                 size: HALF,
                 x,
                 y,
-                front: front_of(&marks, true),
-                marks,
+                front: front_of(&markers, true),
+                markers,
                 levels: Vec::new(),
                 are_courses: false,
             },
@@ -276,7 +275,7 @@ pub(super) fn of_runs(chart: &Chart) -> Vec<Panel> {
     panels
 }
 
-/// Of every series the setting that was turned farthest, by its series' sign; a line ends with its name.
+/// Quality over time of the last setting of every series; a line ends with its name.
 fn courses(chart: &Chart, names: &[&str]) -> Panel {
     let is_last = |index: usize| {
         let series = &chart.runs[index].knob.series;
@@ -285,15 +284,15 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
             .all(|run| run.knob.series != *series)
     };
     let shown: Vec<usize> = (0..chart.runs.len()).filter(|&i| is_last(i)).collect();
-    let mut marks = Vec::new();
+    let mut markers = Vec::new();
     for (rank, &index) in shown.iter().enumerate() {
         let run = &chart.runs[index];
         let last = run.course.len().saturating_sub(1);
-        // Apart, so that bars at one time can be told apart.
+        // Bars at one time stand side by side.
         let apart = 1.0 + APART * (rank as f64 - 0.5 * shown.len() as f64);
         for (i, (seconds, psnr)) in run.course.iter().enumerate() {
             let shift = if i == last { 1.0 } else { apart };
-            marks.push(Mark {
+            markers.push(Marker {
                 y_bar: bar(psnr),
                 is_default: false,
                 text: match i == last {
@@ -306,7 +305,7 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
         }
     }
     Panel {
-        figure: Figure {
+        plot: ScatterPlot {
             size: WIDE,
             x: Axis {
                 title: "training time, s",
@@ -316,7 +315,7 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
                 title: "PSNR of held-out views, dB",
                 is_log: false,
             },
-            marks,
+            markers,
             front: Vec::new(),
             levels: Vec::new(),
             are_courses: true,
@@ -329,5 +328,5 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
     }
 }
 
-/// Relative distance of two lines' signs at one time.
+/// Relative distance of two lines' glyphs at one time.
 const APART: f64 = 0.01;

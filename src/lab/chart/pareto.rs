@@ -1,7 +1,7 @@
-//! Which points nothing beats.
+//! Pareto front.
 
 /// Indices of the points that no other is at least as low as in both coordinates and lower in one, by their
-/// first coordinate. Equal points are all kept; what is not finite is left out.
+/// first coordinate. Equal points are all kept; points that are not finite are left out.
 pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let finite = |point: &[f64; 2]| point.iter().all(|x| x.is_finite());
     let mut order: Vec<usize> = (0..points.len()).filter(|&i| finite(&points[i])).collect();
@@ -29,7 +29,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_front_is_what_nothing_beats() {
+    fn points_of_the_front_are_not_beaten() {
         let points = [
             [3.0, 1.0],
             [1.0, 5.0],

@@ -1,54 +1,23 @@
-//! The numbers of the page, as HTML tables.
+//! Tables of the chart.
 
 use super::{Chart, Knob};
+use crate::lab::page::{interval, table};
 use crate::stats::Interval;
-
-/// Text as it may stand in HTML.
-pub(in crate::lab) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-}
-
-/// A table from its head and rows of finished cells.
-fn table(head: &[&str], rows: impl Iterator<Item = (bool, Vec<String>)>) -> String {
-    let cells = |tag: &str, cells: &[String]| -> String {
-        let cell = |text: &String| format!("<{tag}>{text}</{tag}>");
-        cells.iter().map(cell).collect()
-    };
-    let head: Vec<String> = head.iter().map(|name| (*name).to_owned()).collect();
-    let mut text = format!("<table>\n<tr>{}</tr>\n", cells("th", &head));
-    for (is_broken, row) in rows {
-        let class = if is_broken { " class=\"broken\"" } else { "" };
-        text += &format!("<tr{class}>{}</tr>\n", cells("td", &row));
-    }
-    text + "</table>\n"
-}
 
 fn knob(knob: &Knob) -> [String; 2] {
     let star = if knob.is_default { " (default)" } else { "" };
-    [escaped(&knob.series), escaped(&knob.setting) + star]
+    [knob.series.clone(), format!("{}{star}", knob.setting)]
 }
 
 fn error(value: f64) -> String {
     format!("{value:.1e}")
 }
 
-/// Whether nothing lies beyond its bound. What is no number keeps none.
+/// State of a bound; NaN breaks it.
 fn verdict(excess: f64) -> String {
     match excess <= 0.0 {
         true => "kept".into(),
         false => format!("broken by {excess:.1e}"),
-    }
-}
-
-/// A figure with half its interval.
-fn interval(interval: &Interval, digits: usize) -> String {
-    let half = 0.5 * (interval.high - interval.low);
-    match half > 0.0 {
-        true => format!("{:.digits$} ± {half:.digits$}", interval.value),
-        false => format!("{:.digits$}", interval.value),
     }
 }
 
@@ -89,7 +58,7 @@ pub(super) fn of_frames(chart: &Chart) -> String {
         ]);
         (!p.holds(), row)
     });
-    table(&head, rows)
+    table("", &head, rows)
 }
 
 pub(super) fn of_gradients(chart: &Chart) -> String {
@@ -117,7 +86,7 @@ pub(super) fn of_gradients(chart: &Chart) -> String {
         ]);
         (!p.holds(), row)
     });
-    table(&head, rows)
+    table("", &head, rows)
 }
 
 pub(super) fn of_runs(chart: &Chart) -> String {
@@ -148,5 +117,5 @@ pub(super) fn of_runs(chart: &Chart) -> String {
         ]);
         (false, row)
     });
-    table(&head, rows)
+    table("", &head, rows)
 }

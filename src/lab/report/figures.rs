@@ -35,19 +35,19 @@ pub struct Report {
     pub train: MeanScore,
     /// Most device memory held by buffers at one time, evaluation included.
     pub memory_peak_bytes: u64,
-    /// Where training's part of it went.
+    /// Memory of training by buffer.
     pub memory: MemoryFigures,
-    /// The course of the run.
+    /// Loss and quality over time.
     pub history: Vec<HistoryEntry>,
     /// Scores of each held-out view.
     pub test_views: Vec<ViewScore>,
-    /// Where the wall time went.
+    /// Wall time by part.
     pub timings: Timings,
-    /// What was repaired, left out or noteworthy, one sentence each.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
     /// Every constant of the run.
     pub config: serde_json::Value,
-    /// What the scene needs, where the run looked for it.
+    /// Splat count and SH degrees that the run chose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs: Option<Needs>,
 }
@@ -58,12 +58,11 @@ pub struct Report {
 pub struct MemoryFigures {
     /// Most bytes that buffers held at one time.
     pub peak_bytes: u64,
-    /// Most bytes that were taken from the device to make buffers of.
+    /// Most bytes reserved from the device at one time.
     pub reserved_peak_bytes: u64,
-    /// What the formula says for `splats_peak` and `isects_peak`.
+    /// Bytes by the formula for `splats_peak` and `isects_peak`.
     pub predicted_bytes: u64,
-    /// The part of it without which nothing can be trained: parameters, moments, photographs and the lists of
-    /// (splat, tile) pairs with what is kept for each of them.
+    /// Bytes of parameters, moments, photographs and the lists of (splat, tile) pairs with their data.
     pub essential_bytes: u64,
     /// Most splats trained at one time.
     pub splats_peak: usize,
@@ -102,11 +101,11 @@ pub struct HistoryEntry {
     pub seconds: f64,
     /// Splats at that time.
     pub splat_count: usize,
-    /// Mean loss; `None` where it is no number.
+    /// Mean loss; `None` for NaN.
     pub loss: Option<f64>,
     /// Mean PSNR of the steps' training views as they were drawn, decibels.
     pub psnr_db: Option<f64>,
-    /// Means over the held-out views, where they were evaluated at that time.
+    /// Means over the held-out views, if they were evaluated at that time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test: Option<MeanScore>,
 }

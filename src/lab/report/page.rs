@@ -1,24 +1,22 @@
-//! The page: the sentence, the curve, where the bytes are, and what every step did. It needs no other file and no script.
+//! Page of a run that chose its splat count: curve, steps, and bytes by SH degree.
 
 use super::curve;
-use super::needs::{Needs, grouped};
+use super::needs::Needs;
 use crate::Result;
-use crate::lab::chart::tables::escaped;
+use crate::lab::page::{self, decimals, document, escaped, grouped, table};
 use crate::simplify::HalfResolution;
 
-const STYLE: &str = include_str!("../chart/page.css");
+const OF_CURVE: &str = "Blue: quality while splats were added, with training going on, so that these points also \
+rise with time. Orange: quality by splat count alone, from rounds that took the same steps from the same state \
+with and without the least important splats, added up from the last round; the line is the law PSNR = a − b \
+N<sup>−γ</sup> fitted to them. A red circle marks its knee, where a tenth more splats gains just the preference; a \
+knee outside the figure stands at its edge.";
 
-const OF_CURVE: &str = "Blue: while splats were added, with training going on, so that these points rise with time, \
-too. Orange: what so many splats are worth, from rounds that took the same steps from the same state with the least \
-important splats and without, added up from the last one; the line is the law PSNR = a − b N<sup>−γ</sup> through them. A \
-red circle marks its knee, where a tenth more splats is worth just the preference; where it lies beyond the picture it \
-stands at the edge.";
-
-const OF_STEPS: &str = "Scores are means over the held-out views, PSNR, 40 dB at most, since what no eye \
-tells is worth nothing; those on the right are without the splats or harmonics that went, or \
-would have gone, after the same steps, or at once where none were taken. Where they tell enough, nothing was tried with \
-all, and 40 dB stand on the left. The gain is that of a tenth more splats and its lower 95 % bound (Student's t over \
-the views): while growing, all that the scores have risen counts, so that growth ends too late rather than too soon.";
+const OF_STEPS: &str = "Scores are mean PSNR over the held-out views, 40 dB at most; those on the right are \
+without the removed or tested splats or harmonics, after the same steps, or at once where none were taken. 40 dB \
+on the left stand for a step that was decided without training with all splats. The gain is that of a tenth more \
+splats and its lower 95 % bound (Student's t over the views); while growing, it includes the gain of training \
+time, so that growth ends too late rather than too soon.";
 
 /// The page's text.
 ///
@@ -31,22 +29,12 @@ pub fn html(needs: &Needs) -> Result<String> {
     }
     let mut body = format!("<h1>{}.</h1>\n{}", escaped(&sentence), facts(needs));
     if !needs.steps.is_empty() {
-        body += &format!(
-            "<h2>Quality over splats</h2>\n<figure class=\"wide\">\n{}<figcaption>{OF_CURVE}</figcaption></figure>\n",
-            curve::svg(needs)?
-        );
-        body += &format!(
-            "<h2>What was done</h2>\n<p>{OF_STEPS}</p>\n{}",
-            steps(needs)
-        );
+        body += "<h2>Quality over splats</h2>\n";
+        body += &page::figure("wide", &curve::svg(needs)?, OF_CURVE);
+        body += &format!("<h2>Steps</h2>\n<p>{OF_STEPS}</p>\n{}", steps(needs));
     }
     body += &format!("<h2>Splats by degree</h2>\n{}", degrees(needs));
-    Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n\
-         <title>ashfall: what the scene needs</title>\n<style>\n{STYLE}</style>\n</head>\n\
-         <body>\n{body}</body>\n</html>\n"
-    ))
+    Ok(document("splats of the scene", &body))
 }
 
 fn facts(needs: &Needs) -> String {
@@ -58,7 +46,7 @@ fn facts(needs: &Needs) -> String {
         ("views held out", needs.validation_views.join(", ")),
     ];
     if let Some(from) = needs.settled_from {
-        let text = format!("after iteration {from}, from which all training views were seen");
+        let text = format!("after iteration {from}, from which all training views were used");
         rows.push(("count decided", text));
     }
     if let Some(half) = &needs.half_size {
@@ -80,11 +68,8 @@ fn facts(needs: &Needs) -> String {
             format!("{} splats", grouped(knee.round() as usize)),
         ));
     }
-    let row = |(name, value): &(&str, String)| {
-        format!("<dt>{}</dt><dd>{}</dd>\n", escaped(name), escaped(value))
-    };
-    let rows: String = rows.iter().map(row).collect();
-    format!("<dl class=\"facts\">\n{rows}</dl>\n")
+    let rows = rows.into_iter().map(|(name, value)| (name.into(), value));
+    page::facts(&rows.collect::<Vec<_>>())
 }
 
 fn of_half(half: &HalfResolution) -> String {
@@ -94,27 +79,12 @@ fn of_half(half: &HalfResolution) -> String {
     };
     if let Some(share) = half.hidden_share {
         let percent = 100.0 * share;
-        text += &format!(", of whose error they made {percent:.0} % at most");
+        text += &format!(", at most {percent:.0} % of whose error they caused");
     }
     if let Some(limit) = half.limit_db {
-        text += &format!("; {limit:.1} dB is all that they allow");
+        text += &format!("; they allow {limit:.1} dB at most");
     }
     text
-}
-
-fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
-    let cells = |tag: &str, cells: &[String]| -> String {
-        let cell = |text: &String| format!("<{tag}>{}</{tag}>", escaped(text));
-        cells.iter().map(cell).collect()
-    };
-    let head: Vec<String> = head.iter().map(|name| (*name).to_string()).collect();
-    let rows: String = rows
-        .map(|row| format!("<tr>{}</tr>\n", cells("td", &row)))
-        .collect();
-    format!(
-        "<div class=\"scroll\">\n<table>\n<tr>{}</tr>\n{rows}</table>\n</div>\n",
-        cells("th", &head)
-    )
 }
 
 fn steps(needs: &Needs) -> String {
@@ -128,24 +98,21 @@ fn steps(needs: &Needs) -> String {
         "gain dB",
         "at least dB",
     ];
-    let number = |value: Option<f64>, digits: usize| match value {
-        Some(value) => format!("{value:.digits$}"),
-        None => "–".into(),
-    };
     let rows = needs.steps.iter().map(|step| {
-        vec![
+        let cells = vec![
             grouped(step.iteration as usize),
             step.act.clone(),
             grouped(step.splats),
             format!("{:.3}", step.psnr_db),
             step.without
                 .map_or("–".into(), |(splats, _)| grouped(splats)),
-            number(step.without.map(|(_, psnr)| psnr), 3),
-            number(step.gain_db.map(|gain| gain[0]), 4),
-            number(step.gain_db.map(|gain| gain[1]), 4),
-        ]
+            decimals(step.without.map(|(_, psnr)| psnr), 3),
+            decimals(step.gain_db.map(|gain| gain[0]), 4),
+            decimals(step.gain_db.map(|gain| gain[1]), 4),
+        ];
+        (false, cells)
     });
-    table(&head, rows)
+    table("", &head, rows)
 }
 
 fn degrees(needs: &Needs) -> String {
@@ -153,19 +120,20 @@ fn degrees(needs: &Needs) -> String {
     let total = needs.splats_by_degree.iter().sum::<usize>().max(1);
     let rows = (0..4).map(|degree| {
         let count = needs.splats_by_degree[degree];
-        vec![
+        let cells = vec![
             degree.to_string(),
             grouped(count),
             format!("{:.1} %", 100.0 * count as f64 / total as f64),
             grouped(needs.bytes_by_degree[degree] as usize),
-        ]
+        ];
+        (false, cells)
     });
-    let table = table(&head, rows);
+    let table = table("", &head, rows);
     let lost = match needs.sh_lost_db {
         Some(lost) => format!(
-            "Harmonics went as far as the held-out views did not miss them: they lost {lost:.3} dB, before the rest was fitted again."
+            "The held-out views lost {lost:.3} dB by the harmonics that were removed, before the last fit."
         ),
-        None => "All harmonics stayed.".into(),
+        None => "All harmonics were kept.".into(),
     };
     format!("<p>{lost}</p>\n{table}")
 }
@@ -212,15 +180,15 @@ mod tests {
     }
 
     #[test]
-    fn the_page_is_whole_and_escapes_what_it_is_given() -> Result<()> {
+    fn the_page_is_whole_and_escaped() -> Result<()> {
         let page = html(&needs())?;
         assert!(page.contains("<h1>This scene needs 5 splats.</h1>"));
         assert_eq!(page.matches("<svg ").count(), 1);
         assert!(page.contains("&lt;view&gt;") && page.contains("a &lt; b"));
         assert!(!page.contains("NaN"));
-        let half = "iteration 149, of whose error they made 25 % at most; 30.5 dB is all that";
+        let half = "iteration 149, at most 25 % of whose error they caused; they allow 30.5 dB";
         assert!(page.contains(half));
-        // 900^(1 / 0.6) = 83,895, at which one decibel is missing.
+        // 900^(1 / 0.6) = 83,895, the count that lacks one decibel.
         assert!(
             page.contains("<dd>31.00 − (83,895 / N)^0.60 dB</dd>"),
             "{page}"
@@ -234,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_of_which_nothing_is_known_has_a_page_too() -> Result<()> {
+    fn a_run_without_steps_has_a_page_too() -> Result<()> {
         let empty = Needs {
             steps: Vec::new(),
             law: None,

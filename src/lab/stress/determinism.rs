@@ -1,12 +1,12 @@
 //! The same work again gives the same bits.
 
-use super::outcome::{Group, Outcome};
-use super::step::{Stepped, steps};
-use super::{Lab, Pair, differing, subject};
+use super::outcome::{CheckGroup, StressCheck};
+use super::step::{StepResult, steps};
+use super::{ScenePair, StressRun, differing, subject};
 use crate::Result;
 use crate::render::{Model, RenderOptions, Renderer};
 
-pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let (splats, near) = (lab.subject.splats.clone(), lab.subject.near);
     let cameras = lab.subject.cameras.clone();
     let mut first = Vec::new();
@@ -42,12 +42,12 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
         let what = "the splats in the reverse order".into();
         add(lab, "order of splats", what, changed, "pixels that changed");
     }
-    let pair = Pair::of(lab.subject).thinned(2_000);
+    let pair = ScenePair::of(lab.subject).thinned(2_000);
     for (count, name) in [
         (1, "a training step again"),
         (20, "20 training steps again"),
     ] {
-        let run = |lab: &Lab<'_>| steps(lab.gpu, &pair.drawn, &cameras[0], near, count);
+        let run = |lab: &StressRun<'_>| steps(lab.gpu, &pair.drawn, &cameras[0], near, count);
         let (a, b) = (run(lab)?, run(lab)?);
         let what = format!("parameters and moments of {} splats", a.splat_count());
         let unlike = changed_numbers(&a, &b);
@@ -56,14 +56,20 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
     Ok(())
 }
 
-fn add(lab: &mut Lab<'_>, name: &str, what: String, count: usize, unit: &'static str) {
+fn add(lab: &mut StressRun<'_>, name: &str, what: String, count: usize, unit: &'static str) {
     let pair = [count as f64, 0.0];
-    lab.add(Outcome::at_most(Group::Determinism, name, what, pair, unit));
+    lab.add(StressCheck::at_most(
+        CheckGroup::Determinism,
+        name,
+        what,
+        pair,
+        unit,
+    ));
 }
 
 /// Numbers of the optimiser's state that differ in any bit.
-fn changed_numbers(a: &Stepped, b: &Stepped) -> usize {
-    let numbers = |s: &Stepped| -> Vec<u32> {
+fn changed_numbers(a: &StepResult, b: &StepResult) -> usize {
+    let numbers = |s: &StepResult| -> Vec<u32> {
         let planes = s.after.params.iter().chain(&s.after.m).chain(&s.after.v);
         planes.flatten().flatten().map(|x| x.to_bits()).collect()
     };

@@ -1,8 +1,7 @@
 //! What the device does with the operations that every kernel rests on.
 
-use super::Lab;
-use super::outcome::{Group, Outcome, Point, Sweep};
-use super::page::number;
+use super::StressRun;
+use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::selftest_atomics::{self, SelftestAtomics};
@@ -10,11 +9,12 @@ use crate::kernels::selftest_lanes::{self, SelftestLanes};
 use crate::kernels::selftest_loops::{self, SelftestLoops};
 use crate::kernels::selftest_math::{self, SelftestMath};
 use crate::kernels::selftest_progress::{self, SelftestProgress};
+use crate::lab::page::number;
 use crate::reference::selftest::{self, FUNCTIONS, Function};
 use crate::render::loop_turns;
 use bytemuck::Pod;
 
-pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let outcome = atomics(lab.gpu)?;
     lab.add(outcome);
     for variant in selftest_lanes::Variant::ALL {
@@ -33,8 +33,8 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
     Ok(())
 }
 
-fn exactly(name: &str, what: String, wrong: usize, unit: &'static str) -> Outcome {
-    Outcome::at_most(Group::Device, name, what, [wrong as f64, 0.0], unit)
+fn exactly(name: &str, what: String, wrong: usize, unit: &'static str) -> StressCheck {
+    StressCheck::at_most(CheckGroup::Device, name, what, [wrong as f64, 0.0], unit)
 }
 
 fn wrong<T: PartialEq>(found: &[T], expected: &[T]) -> usize {
@@ -46,7 +46,7 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &crate::gpu::Buffer<T>) -> Result<Vec<T>> {
     gpu.download(buffer, 0..buffer.len())
 }
 
-fn atomics(gpu: &Gpu) -> Result<Outcome> {
+fn atomics(gpu: &Gpu) -> Result<StressCheck> {
     const INVOCATIONS: u32 = 100_000;
     let choice = SelftestAtomics::prefer(gpu.caps());
     let kernel = SelftestAtomics::new(gpu, choice)?;
@@ -66,7 +66,7 @@ fn atomics(gpu: &Gpu) -> Result<Outcome> {
     Ok(exactly("atomic operations", what, wrong, "wrong words"))
 }
 
-fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<Outcome> {
+fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<StressCheck> {
     const ROUNDS: u32 = 100;
     let choice = SelftestLanes::choice(gpu.caps(), variant);
     let lanes = choice.spec.workgroup;
@@ -128,7 +128,7 @@ fn name(function: Function) -> &'static str {
     }
 }
 
-fn functions(lab: &mut Lab<'_>) -> Result<()> {
+fn functions(lab: &mut StressRun<'_>) -> Result<()> {
     for (index, &function) in FUNCTIONS.iter().enumerate() {
         let arguments = arguments(function);
         let found = &computed(lab.gpu, &arguments)?[index];
@@ -148,8 +148,8 @@ fn functions(lab: &mut Lab<'_>) -> Result<()> {
         );
         let pair = [most, 1.0];
         let unit = "of the error allowed";
-        lab.add(Outcome::at_most(
-            Group::Device,
+        lab.add(StressCheck::at_most(
+            CheckGroup::Device,
             name(function),
             what,
             pair,
@@ -170,7 +170,7 @@ fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
         let each = arguments.iter().zip(found).map(|(&x, &found)| {
             let x = f64::from(x);
             let ulp = x.exp().log2().floor().exp2() * f64::from(f32::EPSILON);
-            Point {
+            SweepPoint {
                 x,
                 measured: (f64::from(found) - x.exp()).abs() / ulp,
                 bound: Function::Exp.allowance(x) / ulp,
@@ -180,7 +180,7 @@ fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
     };
     let pieces = arguments.chunks(size).zip(found.chunks(size));
     Sweep {
-        group: Group::Device,
+        group: CheckGroup::Device,
         title: "exp over its whole range".into(),
         parameter: "argument of exp",
         is_log: false,
@@ -189,12 +189,12 @@ fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
                   hardly larger than the least normal number, that number is allowed."
             .into(),
         points: pieces.filter_map(worst).collect(),
-        stills: Vec::new(),
+        thumbnails: Vec::new(),
     }
 }
 
 /// Values that compositing and projection meet at the ends of their ranges.
-fn special_values(gpu: &Gpu) -> Result<Outcome> {
+fn special_values(gpu: &Gpu) -> Result<StressCheck> {
     let arguments = [
         f32::NEG_INFINITY,
         -1e30,
@@ -236,7 +236,7 @@ fn special_values(gpu: &Gpu) -> Result<Outcome> {
 /// Turns of a loop that are tried at most: a fraction of a second on any device.
 const TURNS_MAX: u32 = 1 << 22;
 
-fn loops(gpu: &Gpu) -> Result<Outcome> {
+fn loops(gpu: &Gpu) -> Result<StressCheck> {
     let choice = SelftestLoops::prefer(gpu.caps());
     let kernel = SelftestLoops::new(gpu, choice)?;
     let lanes = choice.spec.workgroup;
@@ -254,8 +254,8 @@ fn loops(gpu: &Gpu) -> Result<Outcome> {
         false => "the longest loop that runs to its end; no more are tried",
     };
     let pair = [longest.into(), needed.min(TURNS_MAX).into()];
-    Ok(Outcome::at_least(
-        Group::Device,
+    Ok(StressCheck::at_least(
+        CheckGroup::Device,
         "length of loops",
         what,
         pair,
@@ -279,7 +279,7 @@ fn longest(most: u32, mut holds: impl FnMut(u32) -> Result<bool>) -> Result<u32>
     Ok(good)
 }
 
-fn progress(gpu: &Gpu) -> Result<Outcome> {
+fn progress(gpu: &Gpu) -> Result<StressCheck> {
     // More than one dimension of a dispatch holds everywhere.
     const GROUPS: u32 = 70_000;
     const ROUNDS: u32 = 3;

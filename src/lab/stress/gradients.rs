@@ -1,10 +1,10 @@
 //! The gradient of a training step against the exact one.
 
-use super::outcome::{Group, Outcome, Point, Sweep};
+use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
 use super::step::step;
 use super::subject::reference_options;
 use super::sweeps::stretched;
-use super::{Lab, Pair};
+use super::{ScenePair, StressRun};
 use crate::Result;
 use crate::reference::loss::Target;
 use crate::reference::{Options, loss_gradient};
@@ -35,13 +35,13 @@ const NEEDLE: f64 = 16.0 / 16_777_216.0;
 const SPLATS: usize = 150;
 
 /// Errors of a step, by kind.
-struct Errors {
+struct ParameterErrors {
     loss: f64,
     /// Ascending.
     kinds: Vec<Vec<f64>>,
 }
 
-impl Errors {
+impl ParameterErrors {
     fn at(&self, kind: usize, share: f64) -> f64 {
         let errors = &self.kinds[kind];
         let last = errors.len().saturating_sub(1);
@@ -52,15 +52,15 @@ impl Errors {
     }
 }
 
-pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let camera = small(lab.subject.camera());
     let pair = seen(lab, &camera);
     let errors = judge(lab, &pair, &camera)?;
     let unit = "relative";
     let what = "(1 − λ) L1 + λ (1 − SSIM) against the exact one";
     let pair_of = [errors.loss, 1e-5];
-    lab.add(Outcome::at_most(
-        Group::Gradients,
+    lab.add(StressCheck::at_most(
+        CheckGroup::Gradients,
         "loss",
         what,
         pair_of,
@@ -75,7 +75,13 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
                 pair.drawn.len()
             );
             let found = [errors.at(kind, share), bound];
-            lab.add(Outcome::at_most(Group::Gradients, name, what, found, unit));
+            lab.add(StressCheck::at_most(
+                CheckGroup::Gradients,
+                name,
+                what,
+                found,
+                unit,
+            ));
         }
     }
     let step = if lab.plan.is_quick { 2 } else { 1 };
@@ -85,7 +91,7 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
         let needles = pair.map(|splats| stretched(splats, aspect));
         let errors = judge(lab, &needles, &camera)?;
         let worst = (0..KINDS.len()).map(|kind| errors.at(kind, 0.99));
-        points.push(Point {
+        points.push(SweepPoint {
             x: aspect,
             // What is no number must not be lost.
             measured: worst.fold(
@@ -96,7 +102,7 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
         });
     }
     let sweep = Sweep {
-        group: Group::Gradients,
+        group: CheckGroup::Gradients,
         title: "Gradients of needles".into(),
         parameter: "axes stretched apart by a factor of",
         is_log: true,
@@ -104,7 +110,7 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
         caption: "The 99th percentile of the kind of parameters that is worst. The bound grows by sixteen roundings of \
                   a needle's length, in units of its width.".into(),
         points,
-        stills: Vec::new(),
+        thumbnails: Vec::new(),
     };
     lab.sweep(sweep, unit);
     Ok(())
@@ -118,7 +124,7 @@ fn small(camera: &Camera) -> Camera {
 }
 
 /// Some of the splats that the picture shows.
-fn seen(lab: &Lab<'_>, camera: &Camera) -> Pair {
+fn seen(lab: &StressRun<'_>, camera: &Camera) -> ScenePair {
     let inside = |mean: &[f32; 3]| {
         let place = glam::DVec3::from(mean.map(f64::from));
         let depth = camera.view_from_world(place).z;
@@ -131,13 +137,13 @@ fn seen(lab: &Lab<'_>, camera: &Camera) -> Pair {
     let kept: Vec<usize> = (0..splats.len())
         .filter(|&i| inside(&splats.mean[i]))
         .collect();
-    Pair::of(lab.subject)
+    ScenePair::of(lab.subject)
         .map(|splats: &Splats| splats.picked(&kept))
         .thinned(SPLATS)
 }
 
 /// Takes a step on the device and by the reference.
-fn judge(lab: &Lab<'_>, pair: &Pair, camera: &Camera) -> Result<Errors> {
+fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<ParameterErrors> {
     let found = step(lab.gpu, &pair.drawn, camera, lab.subject.near)?;
     let options = Options {
         near: found.near,
@@ -160,7 +166,7 @@ fn judge(lab: &Lab<'_>, pair: &Pair, camera: &Camera) -> Result<Errors> {
         }
         relative(&pairs)
     };
-    Ok(Errors {
+    Ok(ParameterErrors {
         loss: (found.loss / exact.loss - 1.0).abs(),
         kinds: KINDS.iter().map(|(_, range)| of_kind(range)).collect(),
     })

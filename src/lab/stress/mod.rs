@@ -1,10 +1,10 @@
 //! The stability suite for users: their device, and their scene if they have one.
 //!
 //! `tests/stability` is the suite for developers: every failure on record, each with its test. This is the smaller
-//! instrument that goes where the library goes. Each check states a bound that is derived where it stands and
-//! measures against it; what was found is a [`Stress`], which [`crate::lab::stress::outcome`] writes.
+//! instrument that goes where the library goes. Each check has a bound, derived where it stands, and a measured value;
+//! the result is a [`StressReport`], which [`page`] shows.
 //!
-//! **Invariant:** nothing here reads a file or prints; a check that could not be made is no success.
+//! **Invariant:** nothing here reads a file or prints; a check without a measurement has failed.
 
 mod curve;
 mod determinism;
@@ -16,39 +16,39 @@ mod poison;
 mod scenes;
 mod sizes;
 mod step;
-mod still;
 mod subject;
 mod sweeps;
+mod thumbnail;
 
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::reference::sample::{Sampled, sample, spread};
 use crate::render::{Model, RenderOptions, Rendered, Renderer};
 use crate::scene::{Camera, Splats};
-use outcome::{Group, Outcome, Still, Stress, Sweep};
+use outcome::{CheckGroup, StressCheck, StressReport, Sweep, Thumbnail};
 use std::ops::ControlFlow;
 use subject::{reference_options, view_options};
 
-pub use subject::Subject;
+pub use subject::StressScene;
 
-/// How much is tried.
+/// Size of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Plan {
+pub struct StressPlan {
     /// Pixels of each picture that are compared with the reference.
     pub pixels: usize,
-    /// Whether sweeps take few steps and the largest pictures are left out.
+    /// Few steps of sweeps, and no large pictures.
     pub is_quick: bool,
 }
 
-impl Plan {
+impl StressPlan {
     /// Well under two minutes on a software device.
-    pub const USUAL: Plan = Plan {
+    pub const USUAL: StressPlan = StressPlan {
         pixels: 600,
         is_quick: false,
     };
 
-    /// A few seconds: whether all works.
-    pub const QUICK: Plan = Plan {
+    /// A few seconds, for tests.
+    pub const QUICK: StressPlan = StressPlan {
         pixels: 150,
         is_quick: true,
     };
@@ -63,29 +63,29 @@ const OF_RANGE: &str = "of 1, the brightest";
 /// Those of the device; a check that fails is an outcome, not an error.
 pub fn run(
     gpu: &Gpu,
-    subject: &Subject,
-    plan: Plan,
-    progress: &mut dyn FnMut(Group) -> ControlFlow<()>,
-) -> Result<Option<Stress>> {
-    let mut lab = Lab {
+    subject: &StressScene,
+    plan: StressPlan,
+    progress: &mut dyn FnMut(CheckGroup) -> ControlFlow<()>,
+) -> Result<Option<StressReport>> {
+    let mut lab = StressRun {
         gpu,
         subject,
         plan,
         renderer: Renderer::new(gpu, RenderOptions::default())?,
-        found: Stress::default(),
+        found: StressReport::default(),
     };
-    for group in Group::ALL {
+    for group in CheckGroup::ALL {
         if progress(group).is_break() {
             return Ok(None);
         }
         match group {
-            Group::Device => device::run(&mut lab)?,
-            Group::Scenes => scenes::run(&mut lab)?,
-            Group::Poison => poison::run(&mut lab)?,
-            Group::Sizes => sizes::run(&mut lab)?,
-            Group::Sweeps => sweeps::run(&mut lab)?,
-            Group::Gradients => gradients::run(&mut lab)?,
-            Group::Determinism => determinism::run(&mut lab)?,
+            CheckGroup::Device => device::run(&mut lab)?,
+            CheckGroup::Scenes => scenes::run(&mut lab)?,
+            CheckGroup::Poison => poison::run(&mut lab)?,
+            CheckGroup::Sizes => sizes::run(&mut lab)?,
+            CheckGroup::Sweeps => sweeps::run(&mut lab)?,
+            CheckGroup::Gradients => gradients::run(&mut lab)?,
+            CheckGroup::Determinism => determinism::run(&mut lab)?,
         }
     }
     Ok(Some(lab.found))
@@ -93,29 +93,29 @@ pub fn run(
 
 /// Scenes as the device and as the reference have them.
 #[derive(Clone)]
-struct Pair {
+struct ScenePair {
     drawn: Splats,
     exact: Splats,
 }
 
-impl Pair {
-    fn of(subject: &Subject) -> Pair {
-        Pair {
+impl ScenePair {
+    fn of(subject: &StressScene) -> ScenePair {
+        ScenePair {
             drawn: subject.splats.clone(),
             exact: subject.exact.clone(),
         }
     }
 
     /// Both changed in the same way.
-    fn map(&self, change: impl Fn(&Splats) -> Splats) -> Pair {
-        Pair {
+    fn map(&self, change: impl Fn(&Splats) -> Splats) -> ScenePair {
+        ScenePair {
             drawn: change(&self.drawn),
             exact: change(&self.exact),
         }
     }
 
     /// As `map`, in place.
-    fn with(&self, change: impl Fn(&mut Splats)) -> Pair {
+    fn with(&self, change: impl Fn(&mut Splats)) -> ScenePair {
         self.map(|splats| {
             let mut splats = splats.clone();
             change(&mut splats);
@@ -124,30 +124,30 @@ impl Pair {
     }
 
     /// At most so many of the splats, spread over all.
-    fn thinned(&self, most: usize) -> Pair {
+    fn thinned(&self, most: usize) -> ScenePair {
         let step = self.drawn.len().div_ceil(most).max(1);
         let some: Vec<usize> = (0..self.drawn.len()).step_by(step).collect();
         self.map(|splats| splats.picked(&some))
     }
 }
 
-/// What checks work with.
-struct Lab<'a> {
+/// State of a run of the suite.
+struct StressRun<'a> {
     gpu: &'a Gpu,
-    subject: &'a Subject,
-    plan: Plan,
+    subject: &'a StressScene,
+    plan: StressPlan,
     renderer: Renderer,
-    found: Stress,
+    found: StressReport,
 }
 
-/// What the worst pixel of a picture is off by, and may be.
+/// Error and bound of the worst pixel of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Compared {
+struct PixelError {
     measured: f64,
     bound: f64,
 }
 
-impl Lab<'_> {
+impl StressRun<'_> {
     fn draw(&mut self, splats: &Splats, camera: &Camera, near: f64) -> Result<Rendered> {
         let model = Model::upload(self.gpu, splats)?;
         self.renderer
@@ -155,7 +155,12 @@ impl Lab<'_> {
     }
 
     /// Draws a picture and compares it with the reference, in some pixels of it.
-    fn look(&mut self, pair: &Pair, camera: &Camera, near: f64) -> Result<(Rendered, Compared)> {
+    fn look(
+        &mut self,
+        pair: &ScenePair,
+        camera: &Camera,
+        near: f64,
+    ) -> Result<(Rendered, PixelError)> {
         let image = self.draw(&pair.drawn, camera, near)?;
         let pixels = spread(camera.width, camera.height, self.plan.pixels);
         let options = reference_options(&pair.exact, f64::from(near as f32));
@@ -164,7 +169,7 @@ impl Lab<'_> {
         Ok((image, compared))
     }
 
-    fn add(&mut self, outcome: Outcome) {
+    fn add(&mut self, outcome: StressCheck) {
         self.found.outcomes.push(outcome);
     }
 
@@ -176,8 +181,8 @@ impl Lab<'_> {
 }
 
 /// The pixel that comes closest to its bound; one that is no number, anywhere in the picture, is beyond all.
-fn compare(image: &Rendered, sampled: &[Sampled]) -> Compared {
-    let mut worst = Compared {
+fn compare(image: &Rendered, sampled: &[Sampled]) -> PixelError {
+    let mut worst = PixelError {
         measured: 0.0,
         bound: f64::MIN_POSITIVE,
     };
@@ -188,7 +193,7 @@ fn compare(image: &Rendered, sampled: &[Sampled]) -> Compared {
     }
     let mut consider = |measured: f64, bound: f64| {
         if measured / bound >= worst.measured / worst.bound {
-            worst = Compared { measured, bound };
+            worst = PixelError { measured, bound };
         }
     };
     for pixel in sampled {
@@ -203,8 +208,8 @@ fn compare(image: &Rendered, sampled: &[Sampled]) -> Compared {
 }
 
 /// A picture for the page.
-fn still(label: impl Into<String>, image: &Rendered) -> Still {
-    Still::new(label, [image.width, image.height], &image.rgb)
+fn thumbnail(label: impl Into<String>, image: &Rendered) -> Thumbnail {
+    Thumbnail::new(label, [image.width, image.height], &image.rgb)
 }
 
 /// Pixels that differ in any bit, colour or transmittance.

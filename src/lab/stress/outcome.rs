@@ -1,22 +1,19 @@
-//! What the stability suite has found on a device: every check with its bound and what was measured, and the sweeps
-//! behind them.
-//!
-//! Outcomes come from [`stress`](crate::lab::stress); here they are judged ([`Stress::failed`]) and written, as one page
-//! that needs no other file ([`page`]) and as JSON ([`Stress::json`]).
+//! Results of the stability suite: every check with its bound and measurement, the sweeps behind them, and JSON.
 
+use crate::lab::page::{Fact, short_number};
 use serde::Serialize;
 
-pub use super::still::Still;
+pub use super::thumbnail::Thumbnail;
 
-/// What belongs together.
+/// Groups of checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Group {
-    /// What the device does with the basic operations.
+pub enum CheckGroup {
+    /// Basic operations of the device.
     Device,
-    /// Scenes and cameras at the edge of sense.
+    /// Degenerate scenes and cameras.
     Scenes,
-    /// Numbers that are none, or hardly, in every parameter.
+    /// NaN, infinities and extreme values in every parameter.
     Poison,
     /// Images of all sizes.
     Sizes,
@@ -24,78 +21,78 @@ pub enum Group {
     Sweeps,
     /// Gradients of training steps.
     Gradients,
-    /// The same again, to the bit.
+    /// Repetition, compared to the bit.
     Determinism,
 }
 
-impl Group {
+impl CheckGroup {
     /// All, in the order of the page.
-    pub const ALL: [Group; 7] = [
-        Group::Device,
-        Group::Scenes,
-        Group::Poison,
-        Group::Sizes,
-        Group::Sweeps,
-        Group::Gradients,
-        Group::Determinism,
+    pub const ALL: [CheckGroup; 7] = [
+        CheckGroup::Device,
+        CheckGroup::Scenes,
+        CheckGroup::Poison,
+        CheckGroup::Sizes,
+        CheckGroup::Sweeps,
+        CheckGroup::Gradients,
+        CheckGroup::Determinism,
     ];
 
-    /// As a heading.
+    /// Heading on the page.
     pub fn title(self) -> &'static str {
         match self {
-            Group::Device => "The device's own tests",
-            Group::Scenes => "Degenerate scenes and cameras",
-            Group::Poison => "Poisoned parameters",
-            Group::Sizes => "Sizes of images",
-            Group::Sweeps => "Sweeps",
-            Group::Gradients => "Gradients",
-            Group::Determinism => "Determinism",
+            CheckGroup::Device => "The device's own tests",
+            CheckGroup::Scenes => "Degenerate scenes and cameras",
+            CheckGroup::Poison => "Poisoned parameters",
+            CheckGroup::Sizes => "Sizes of images",
+            CheckGroup::Sweeps => "Sweeps",
+            CheckGroup::Gradients => "Gradients",
+            CheckGroup::Determinism => "Determinism",
         }
     }
 }
 
-/// How measured and bound are to be.
+/// Direction of a bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sense {
-    /// No more than the bound.
+    /// Upper bound.
     #[default]
     AtMost,
-    /// No less.
+    /// Lower bound.
     AtLeast,
 }
 
-/// A check, and how it went.
+/// A check with its bound and measurement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Outcome {
-    /// Where it belongs.
-    pub group: Group,
-    /// What is tried, in a few words.
+pub struct StressCheck {
+    /// Its group.
+    pub group: CheckGroup,
+    /// Subject, in a few words.
     pub name: String,
-    /// What was done and what the bound is, in a sentence.
+    /// Method and origin of the bound, in a sentence.
     pub what: String,
-    /// What was found; NaN (null in JSON) if a number came out that is none.
+    /// Measured value; NaN (null in JSON) if the result holds a NaN.
     pub measured: f64,
-    /// What it must not exceed, or not fall below.
+    /// Bound of the measured value.
     pub bound: f64,
-    /// Which of both.
+    /// Direction of the bound.
     pub sense: Sense,
-    /// Of both numbers.
+    /// Unit of both.
     pub unit: &'static str,
-    /// Whether it keeps its bound.
+    /// True if the bound is kept.
     pub passed: bool,
 }
 
-impl Outcome {
-    /// Something that must not exceed its bound. What is no number does.
+impl StressCheck {
+    /// StressCheck of an upper bound; NaN breaks it.
     pub fn at_most(
-        group: Group,
+        group: CheckGroup,
         name: impl Into<String>,
         what: impl Into<String>,
         [measured, bound]: [f64; 2],
         unit: &'static str,
-    ) -> Outcome {
-        Outcome {
+    ) -> StressCheck {
+        StressCheck {
             group,
             name: name.into(),
             what: what.into(),
@@ -107,35 +104,35 @@ impl Outcome {
         }
     }
 
-    /// Something that must not fall below its bound.
+    /// StressCheck of a lower bound; NaN breaks it.
     pub fn at_least(
-        group: Group,
+        group: CheckGroup,
         name: impl Into<String>,
         what: impl Into<String>,
         [measured, bound]: [f64; 2],
         unit: &'static str,
-    ) -> Outcome {
-        Outcome {
+    ) -> StressCheck {
+        StressCheck {
             sense: Sense::AtLeast,
             passed: measured >= bound,
-            ..Outcome::at_most(group, name, what, [measured, bound], unit)
+            ..StressCheck::at_most(group, name, what, [measured, bound], unit)
         }
     }
 }
 
 /// One value of a sweep's parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Point {
+pub struct SweepPoint {
     /// The parameter.
     pub x: f64,
-    /// What was found there.
+    /// Measured value.
     pub measured: f64,
-    /// What it must not exceed.
+    /// Upper bound.
     pub bound: f64,
 }
 
-impl Point {
-    /// What is no number keeps no bound.
+impl SweepPoint {
+    /// True if the bound is kept; NaN breaks it.
     pub fn holds(&self) -> bool {
         self.measured <= self.bound
     }
@@ -144,32 +141,32 @@ impl Point {
 /// A parameter varied over its range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sweep {
-    /// Where it belongs.
-    pub group: Group,
-    /// What is varied.
+    /// Its group.
+    pub group: CheckGroup,
+    /// Heading on the page.
     pub title: String,
-    /// What the horizontal axis shows, with its unit.
+    /// Title of the horizontal axis, with its unit.
     pub parameter: &'static str,
-    /// Whether that axis is logarithmic.
+    /// Logarithmic horizontal axis.
     pub is_log: bool,
-    /// What the vertical axis shows, with its unit; always logarithmic.
+    /// Title of the vertical axis, with its unit; always logarithmic.
     pub quantity: &'static str,
-    /// What to see in it.
+    /// Explanation of the figure.
     pub caption: String,
-    /// The curve, by ascending parameter; empty where there are only pictures.
-    pub points: Vec<Point>,
-    /// Pictures on the way.
+    /// Curve, by ascending parameter; empty for pictures alone.
+    pub points: Vec<SweepPoint>,
+    /// Pictures of some points.
     #[serde(skip)]
-    pub stills: Vec<Still>,
+    pub thumbnails: Vec<Thumbnail>,
 }
 
 impl Sweep {
     /// The point that comes closest to its bound, or lies farthest beyond it.
-    pub fn closest(&self) -> Option<Point> {
+    pub fn closest(&self) -> Option<SweepPoint> {
         let mut points = self.points.iter().copied();
         let first = points.next()?;
         Some(points.fold(first, |worst, point| {
-            let share = |p: &Point| p.measured / p.bound;
+            let share = |p: &SweepPoint| p.measured / p.bound;
             let is_worse = share(&point) > share(&worst) || share(&point).is_nan();
             if is_worse && !share(&worst).is_nan() {
                 point
@@ -180,52 +177,52 @@ impl Sweep {
     }
 
     /// Its point closest to the bound as a check.
-    pub fn outcome(&self, unit: &'static str) -> Outcome {
-        let at = |p: &Point| format!("closest to its bound at {}", super::page::short(p.x));
+    pub fn outcome(&self, unit: &'static str) -> StressCheck {
+        let at = |p: &SweepPoint| format!("closest to its bound at {}", short_number(p.x));
         let (pair, at) = match self.closest() {
             Some(p) => ([p.measured, p.bound], at(&p)),
             None => ([f64::NAN; 2], "nothing was measured".into()),
         };
         let count = self.points.len();
         let what = format!("{count} values; {at}");
-        Outcome {
-            passed: count > 0 && self.points.iter().all(Point::holds),
-            ..Outcome::at_most(self.group, self.title.clone(), what, pair, unit)
+        StressCheck {
+            passed: count > 0 && self.points.iter().all(SweepPoint::holds),
+            ..StressCheck::at_most(self.group, self.title.clone(), what, pair, unit)
         }
     }
 }
 
-/// All that was found.
+/// Results of the suite.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Stress {
-    /// On what, when and with which version: name and value.
-    pub facts: Vec<(String, String)>,
+pub struct StressReport {
+    /// Device, scene, date and version.
+    pub facts: Vec<Fact>,
     /// The checks.
-    pub outcomes: Vec<Outcome>,
+    pub outcomes: Vec<StressCheck>,
     /// The sweeps.
     pub sweeps: Vec<Sweep>,
 }
 
-impl Stress {
+impl StressReport {
     /// The checks that failed.
-    pub fn failed(&self) -> Vec<&Outcome> {
+    pub fn failed(&self) -> Vec<&StressCheck> {
         self.outcomes.iter().filter(|o| !o.passed).collect()
     }
 
-    /// All but the pictures, for machines.
+    /// JSON of everything but the pictures.
     ///
     /// # Errors
     /// Those of serialising; there are none of these types.
     pub fn json(&self) -> serde_json::Result<String> {
         #[derive(Serialize)]
-        struct Whole<'a> {
+        struct StressJson<'a> {
             passed: bool,
             facts: serde_json::Map<String, serde_json::Value>,
-            outcomes: &'a [Outcome],
+            outcomes: &'a [StressCheck],
             sweeps: &'a [Sweep],
         }
         let facts = self.facts.iter().cloned();
-        serde_json::to_string_pretty(&Whole {
+        serde_json::to_string_pretty(&StressJson {
             passed: self.failed().is_empty(),
             facts: facts.map(|(name, value)| (name, value.into())).collect(),
             outcomes: &self.outcomes,
@@ -239,16 +236,16 @@ pub(crate) mod tests {
     use super::*;
 
     pub(crate) fn sweep(points: &[[f64; 3]]) -> Sweep {
-        let point = |&[x, measured, bound]: &[f64; 3]| Point { x, measured, bound };
+        let point = |&[x, measured, bound]: &[f64; 3]| SweepPoint { x, measured, bound };
         Sweep {
-            group: Group::Sweeps,
+            group: CheckGroup::Sweeps,
             title: "needles".into(),
             parameter: "aspect",
             is_log: true,
             quantity: "error, of the colour range",
             caption: "thin & thinner".into(),
             points: points.iter().map(point).collect(),
-            stills: vec![Still::new("1", [2, 1], &[[0.0; 3], [1.0; 3]])],
+            thumbnails: vec![Thumbnail::new("1", [2, 1], &[[0.0; 3], [1.0; 3]])],
         }
     }
 
@@ -269,13 +266,19 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_machines_read_says_what_failed() -> serde_json::Result<()> {
-        let stress = Stress {
+    fn json_has_the_failed_checks() -> serde_json::Result<()> {
+        let stress = StressReport {
             facts: vec![("device".into(), "a device".into())],
             outcomes: vec![
-                Outcome::at_most(Group::Device, "atomics", "…", [0.0, 0.0], "wrong counts"),
-                Outcome::at_least(Group::Device, "loops", "…", [65_535.0, 1e6], "turns"),
-                Outcome::at_most(Group::Sizes, "1 × 1", "…", [f64::NAN, 1.0], "of 1"),
+                StressCheck::at_most(
+                    CheckGroup::Device,
+                    "atomics",
+                    "…",
+                    [0.0, 0.0],
+                    "wrong counts",
+                ),
+                StressCheck::at_least(CheckGroup::Device, "loops", "…", [65_535.0, 1e6], "turns"),
+                StressCheck::at_most(CheckGroup::Sizes, "1 × 1", "…", [f64::NAN, 1.0], "of 1"),
             ],
             sweeps: vec![sweep(&[[1.0, 1e-6, 1e-4]])],
         };

@@ -1,43 +1,39 @@
-//! The page: what was tried, what came out and what was allowed, and the sweeps as pictures. It needs no other file
-//! and no script.
+//! Page of the stability suite: checks with measurements and bounds, and sweeps as curves and pictures.
 
 use super::curve;
-use super::outcome::{Group, Outcome, Sense, Stress, Sweep};
+use super::outcome::{CheckGroup, Sense, StressCheck, StressReport, Sweep};
 use crate::Result;
-use crate::lab::chart::tables::escaped;
+use crate::lab::page::{self, document, escaped, number};
 
-/// The look that all pages share, and what is this one's own.
-const STYLE: [&str; 2] = [include_str!("../chart/page.css"), include_str!("page.css")];
-
-/// What to know of a group before its table.
-fn introduction(group: Group) -> &'static str {
+/// Introduction of a group's table.
+fn introduction(group: CheckGroup) -> &'static str {
     match group {
-        Group::Device => {
-            "What every kernel relies on, asked of the device by kernels that do nothing else. Integers must be exact. \
-             Functions may be off by what the Vulkan specification allows, and where single precision has no normal \
-             numbers, by the least of those."
+        CheckGroup::Device => {
+            "Operations that every kernel relies on, tested by kernels of their own. Integers must be exact. Functions \
+             may have the errors that the Vulkan specification allows, and below the normal numbers of single \
+             precision the smallest of those."
         }
-        Group::Scenes => {
+        CheckGroup::Scenes => {
             "Scenes and cameras that leave formulas without a divisor, an order or anything to see, against the \
              <code>f64</code> reference."
         }
-        Group::Poison => {
-            "A splat with a number that is none must not be drawn, and no other splat may notice it: the picture and \
-             the gradients stay the same to the bit. Finite numbers, however extreme, must give finite pictures."
+        CheckGroup::Poison => {
+            "A splat with NaN or infinities must not be drawn, and must not change other splats: the picture and the \
+             gradients stay the same to the bit. Extreme finite numbers must give finite pictures."
         }
-        Group::Sizes => "Pictures of every shape, against the <code>f64</code> reference.",
-        Group::Sweeps => {
+        CheckGroup::Sizes => "Pictures of every shape, against the <code>f64</code> reference.",
+        CheckGroup::Sweeps => {
             "One parameter over its whole range. A picture is compared with the <code>f64</code> reference pixel by \
              pixel, each with its own bound: the rounding of <code>f32</code> on the way to each alpha, weighted with \
              the light that gets there, and a splat's whole share where it may have crossed a discontinuity (the cut \
              at 1/255, the stop at 1e-4, the near plane, an exchange in depth). The curve shows the pixel that comes \
              closest to its bound."
         }
-        Group::Gradients => {
+        CheckGroup::Gradients => {
             "The gradient of one training step by every parameter, against the exact one. An error counts relatively \
              to the reference, or to 1 % of its parameter group's root mean square where that is more."
         }
-        Group::Determinism => "The same work again gives the same bits.",
+        CheckGroup::Determinism => "The same work again gives the same bits.",
     }
 }
 
@@ -45,12 +41,12 @@ fn introduction(group: Group) -> &'static str {
 ///
 /// # Errors
 /// When a figure cannot be drawn.
-pub fn html(stress: &Stress) -> Result<String> {
-    let mut body = heading(stress);
-    for group in Group::ALL {
-        let outcomes = stress.outcomes.iter().filter(|o| o.group == group);
-        let outcomes: Vec<&Outcome> = outcomes.collect();
-        let sweeps = stress.sweeps.iter().filter(|s| s.group == group);
+pub fn html(report: &StressReport) -> Result<String> {
+    let mut body = heading(report);
+    for group in CheckGroup::ALL {
+        let outcomes = report.outcomes.iter().filter(|o| o.group == group);
+        let outcomes: Vec<&StressCheck> = outcomes.collect();
+        let sweeps = report.sweeps.iter().filter(|s| s.group == group);
         if outcomes.is_empty() {
             continue;
         }
@@ -64,90 +60,39 @@ pub fn html(stress: &Stress) -> Result<String> {
             body += &drawn(sweep)?;
         }
     }
-    Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n\
-         <title>ashfall: stability</title>\n<style>\n{}{}</style>\n</head>\n\
-         <body>\n{body}</body>\n</html>\n",
-        STYLE[0], STYLE[1]
-    ))
+    Ok(document("stability", &body))
 }
 
-fn heading(stress: &Stress) -> String {
-    let mut text = String::from("<h1>Stability</h1>\n<dl class=\"facts\">\n");
-    for (name, value) in &stress.facts {
-        text += &format!("<dt>{}</dt><dd>{}</dd>\n", escaped(name), escaped(value));
-    }
-    text += "</dl>\n";
-    let (failed, count) = (stress.failed(), stress.outcomes.len());
-    match failed.is_empty() {
-        true => {
-            text += &format!("<p class=\"verdict\">All {count} checks keep their bounds.</p>\n");
-        }
-        false => {
-            let name = |o: &&Outcome| format!("<br>{}: {}", o.group.title(), escaped(&o.name));
-            let names: String = failed.iter().map(name).collect();
-            text += &format!(
-                "<p class=\"verdict broken\"><strong>{} of {count} checks failed.</strong>{names}</p>\n",
-                failed.len()
-            );
-        }
-    }
-    text
+fn heading(report: &StressReport) -> String {
+    let text = format!("<h1>Stability</h1>\n{}", page::facts(&report.facts));
+    let (failed, count) = (report.failed(), report.outcomes.len());
+    let summary = match failed.len() {
+        0 => format!("All {count} checks keep their bounds."),
+        failed => format!("{failed} of {count} checks failed."),
+    };
+    let name = |check: &&StressCheck| format!("{}: {}", check.group.title(), check.name);
+    let failed: Vec<String> = failed.iter().map(name).collect();
+    text + &page::verdict(&summary, &failed)
 }
 
-/// A number in as many digits as it deserves.
-pub fn number(value: f64) -> String {
-    let size = value.abs();
-    match value.fract() == 0.0 {
-        _ if !size.is_finite() => "none".into(),
-        true if size < 1e6 => grouped(value),
-        false if size >= 100.0 => format!("{value:.0}"),
-        false if size >= 0.01 => {
-            let text = format!("{value:.3}");
-            text.trim_end_matches('0').to_owned()
-        }
-        _ => format!("{value:.1e}"),
-    }
-}
-
-/// The same where space is scarce.
-pub fn short(value: f64) -> String {
-    number(value).replace(".0e", "e")
-}
-
-/// A whole number below a million, with a separator.
-fn grouped(value: f64) -> String {
-    match value.abs() < 1e4 {
-        true => format!("{value}"),
-        false => format!("{},{:03}", (value / 1e3).trunc(), (value % 1e3).abs()),
-    }
-}
-
-fn table(outcomes: &[&Outcome]) -> String {
-    let mut text = String::from(
-        "<table class=\"checks\">\n<tr><th>check</th><th>how</th><th>measured</th><th>bound</th><th>unit</th>\
-         <th></th></tr>\n",
-    );
-    for outcome in outcomes {
-        let (class, verdict) = match outcome.passed {
-            true => ("", "<span class=\"pass\">pass</span>"),
-            false => (" class=\"broken\"", "FAIL"),
-        };
-        let sense = match outcome.sense {
+fn table(checks: &[&StressCheck]) -> String {
+    let row = |check: &&StressCheck| {
+        let sense = match check.sense {
             Sense::AtMost => "≤",
             Sense::AtLeast => "≥",
         };
-        text += &format!(
-            "<tr{class}><td>{}</td><td>{}</td><td>{}</td><td>{sense} {}</td><td>{}</td><td>{verdict}</td></tr>\n",
-            escaped(&outcome.name),
-            escaped(&outcome.what),
-            number(outcome.measured),
-            number(outcome.bound),
-            escaped(outcome.unit),
-        );
-    }
-    text + "</table>\n"
+        let cells = vec![
+            check.name.clone(),
+            check.what.clone(),
+            number(check.measured),
+            format!("{sense} {}", number(check.bound)),
+            check.unit.to_owned(),
+            if check.passed { "pass" } else { "FAIL" }.to_owned(),
+        ];
+        (!check.passed, cells)
+    };
+    let head = ["check", "method", "measured", "bound", "unit", ""];
+    page::table("checks", &head, checks.iter().map(row))
 }
 
 /// The curve, then the pictures.
@@ -157,23 +102,20 @@ fn drawn(sweep: &Sweep) -> Result<String> {
     text += &format!("<p>{}</p>\n", escaped(&sweep.caption));
     text += "<div class=\"both\">\n";
     if !sweep.points.is_empty() {
-        text += &format!(
-            "<figure class=\"half\">\n{}<figcaption><span class=\"measured\">measured</span> \
-             <span class=\"bound\">bound</span></figcaption>\n</figure>\n",
-            curve::svg(sweep)?
-        );
+        let caption = "<span class=\"measured\">measured</span> <span class=\"bound\">bound</span>";
+        text += &page::figure("half", &curve::svg(sweep)?, caption);
     }
-    if !sweep.stills.is_empty() {
-        text += "<div class=\"stills\">\n";
-        for still in &sweep.stills {
-            let label = escaped(&still.label);
-            let shown = enlarged(still.size);
-            // What stands under it needs some room.
+    if !sweep.thumbnails.is_empty() {
+        text += "<div class=\"thumbnails\">\n";
+        for thumbnail in &sweep.thumbnails {
+            let label = escaped(&thumbnail.label);
+            let shown = enlarged(thumbnail.size);
+            // Room for the caption.
             let width = shown[0].max(60);
             text += &format!(
                 "<figure style=\"width: {width}px\"><img src=\"{}\" alt=\"{title}: {label}\" width=\"{}\" \
                  height=\"{}\"><figcaption>{label}</figcaption></figure>\n",
-                still.address()?,
+                thumbnail.address()?,
                 shown[0],
                 shown[1],
             );
@@ -183,7 +125,7 @@ fn drawn(sweep: &Sweep) -> Result<String> {
     Ok(text + "</div>\n</section>\n")
 }
 
-/// Very small pictures are enlarged, so that they are seen at all.
+/// Displayed size; very small pictures are enlarged.
 fn enlarged(size: [u32; 2]) -> [u32; 2] {
     let scale = match size[0].max(size[1]) {
         0..=24 => 4,
@@ -198,12 +140,18 @@ mod tests {
     use super::super::outcome::tests::sweep;
     use super::*;
 
-    fn stress(measured: f64) -> Stress {
+    fn stress(measured: f64) -> StressReport {
         let sweep = sweep(&[[1.0, 1e-6, 1e-4], [10.0, measured, 1e-4]]);
-        Stress {
+        StressReport {
             facts: vec![("scene".into(), "a<b".into())],
             outcomes: vec![
-                Outcome::at_most(Group::Device, "atomics", "x", [0.0, 0.0], "wrong counts"),
+                StressCheck::at_most(
+                    CheckGroup::Device,
+                    "atomics",
+                    "x",
+                    [0.0, 0.0],
+                    "wrong counts",
+                ),
                 sweep.outcome("of the colour range"),
             ],
             sweeps: vec![sweep],
@@ -234,19 +182,5 @@ mod tests {
             assert!(page.contains("<tr class=\"broken\">") && page.contains("#C80000"));
         }
         Ok(())
-    }
-
-    #[test]
-    fn numbers_have_as_many_digits_as_they_deserve() {
-        assert_eq!(number(0.0), "0");
-        assert_eq!(number(65_535.0), "65,535");
-        assert_eq!(number(4_194_304.0), "4.2e6");
-        assert_eq!([0.5, 1.25, 123.4].map(number), ["0.5", "1.25", "123"]);
-        assert_eq!(
-            [3e-7, 2.5e-4, 1e6].map(number),
-            ["3.0e-7", "2.5e-4", "1.0e6"]
-        );
-        assert_eq!([1e6, 0.03, 2.5e-4].map(short), ["1e6", "0.03", "2.5e-4"]);
-        assert_eq!(number(f64::NAN), "none");
     }
 }

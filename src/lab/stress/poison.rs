@@ -1,8 +1,8 @@
 //! Numbers that are none, or hardly, in every slot of a splat's parameters.
 
-use super::outcome::{Group, Outcome, Sweep};
-use super::step::{Stepped, step};
-use super::{Lab, Pair, differing, still};
+use super::outcome::{CheckGroup, StressCheck, Sweep};
+use super::step::{StepResult, step};
+use super::{ScenePair, StressRun, differing, thumbnail};
 use crate::Result;
 use crate::render::Rendered;
 use crate::scene::{Camera, Splats};
@@ -74,14 +74,14 @@ fn not_finite(image: &Rendered) -> usize {
         .count()
 }
 
-pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let splats = lab.subject.splats.clone();
     if splats.is_empty() {
         return Ok(());
     }
     let (camera, near) = (*lab.subject.camera(), lab.subject.near);
     let clean = lab.draw(&splats, &camera, near)?;
-    let mut stills = vec![still("clean", &clean)];
+    let mut thumbnails = vec![thumbnail("clean", &clean)];
     for (kind, slots) in kinds(&splats) {
         let mut worst = [0, 0];
         let mut last = None;
@@ -116,12 +116,12 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
             "pixels not finite",
         );
         if let Some((none, extreme)) = last {
-            stills.push(still(format!("{kind}: NaN, ±∞"), &none));
-            stills.push(still(format!("{kind}: extremes"), &extreme));
+            thumbnails.push(thumbnail(format!("{kind}: NaN, ±∞"), &none));
+            thumbnails.push(thumbnail(format!("{kind}: extremes"), &extreme));
         }
     }
     lab.found.sweeps.push(Sweep {
-        group: Group::Poison,
+        group: CheckGroup::Poison,
         title: "As drawn".into(),
         parameter: "",
         is_log: false,
@@ -130,14 +130,14 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
                   drawn as what they say, in the last slot of each kind."
             .into(),
         points: Vec::new(),
-        stills,
+        thumbnails,
     });
     learning(lab, &camera)
 }
 
-fn add(lab: &mut Lab<'_>, name: String, what: String, count: usize, unit: &'static str) {
-    lab.add(Outcome::at_most(
-        Group::Poison,
+fn add(lab: &mut StressRun<'_>, name: String, what: String, count: usize, unit: &'static str) {
+    lab.add(StressCheck::at_most(
+        CheckGroup::Poison,
         name,
         what,
         [count as f64, 0.0],
@@ -146,8 +146,8 @@ fn add(lab: &mut Lab<'_>, name: String, what: String, count: usize, unit: &'stat
 }
 
 /// A training step from a scene with every kind of poison in it.
-fn learning(lab: &mut Lab<'_>, camera: &Camera) -> Result<()> {
-    let pair = Pair::of(lab.subject).thinned(200);
+fn learning(lab: &mut StressRun<'_>, camera: &Camera) -> Result<()> {
+    let pair = ScenePair::of(lab.subject).thinned(200);
     let splats = &pair.drawn;
     let all = 0..11 + splats.sh_stride();
     let clean = step(lab.gpu, splats, camera, lab.subject.near)?;
@@ -197,6 +197,6 @@ fn learning(lab: &mut Lab<'_>, camera: &Camera) -> Result<()> {
     Ok(())
 }
 
-fn bits(stepped: &Stepped, splat: usize) -> Vec<u32> {
+fn bits(stepped: &StepResult, splat: usize) -> Vec<u32> {
     stepped.row(splat).iter().map(|d| d.to_bits()).collect()
 }

@@ -1,16 +1,16 @@
 //! Scenes and cameras that leave formulas without a divisor, an order or anything to see.
 
-use super::outcome::{Group, Outcome, Still, Sweep};
-use super::{Lab, OF_RANGE, Pair, still, subject};
+use super::outcome::{CheckGroup, StressCheck, Sweep, Thumbnail};
+use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
 use crate::Result;
 use crate::scene::{Camera, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
 /// A change of the scene.
-type Change = fn(&mut Splats, &Camera);
+type SceneEdit = fn(&mut Splats, &Camera);
 
 /// Splats made alike, and what to expect.
-const SCENES: [(&str, &str, Change); 13] = [
+const SCENES: [(&str, &str, SceneEdit); 13] = [
     ("no splats", "nothing but background", |s, _| {
         *s = s.picked(&[])
     }),
@@ -81,9 +81,9 @@ const SCENES: [(&str, &str, Change); 13] = [
 ];
 
 /// A change of the camera: it, and the point that it looks at.
-type Turn = fn(&Camera, DVec3) -> Camera;
+type CameraEdit = fn(&Camera, DVec3) -> Camera;
 
-const CAMERAS: [(&str, &str, Turn); 9] = [
+const CAMERAS: [(&str, &str, CameraEdit); 9] = [
     (
         "looking away",
         "everything lies behind the camera",
@@ -148,46 +148,52 @@ const CAMERAS: [(&str, &str, Turn); 9] = [
     }),
 ];
 
-pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
-    let pair = Pair::of(lab.subject);
+pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
+    let pair = ScenePair::of(lab.subject);
     let camera = *lab.subject.camera();
-    let mut stills = Vec::new();
+    let mut thumbnails = Vec::new();
     for (index, camera) in lab.subject.cameras.iter().enumerate() {
         let name = format!("view {}", index + 1);
-        stills.push(check(lab, &name, "the scene as it is", &pair, camera)?);
+        thumbnails.push(check(lab, &name, "the scene as it is", &pair, camera)?);
     }
     if lab.subject.is_made {
         for (name, what, change) in SCENES {
             let changed = pair.with(|splats| change(splats, &camera));
-            stills.push(check(lab, name, what, &changed, &camera)?);
+            thumbnails.push(check(lab, name, what, &changed, &camera)?);
         }
     }
     for (name, what, turn) in CAMERAS {
         let turned = subject::exact(&turn(&camera, lab.subject.target));
-        stills.push(check(lab, name, what, &pair, &turned)?);
+        thumbnails.push(check(lab, name, what, &pair, &turned)?);
     }
     lab.found.sweeps.push(Sweep {
-        group: Group::Scenes,
+        group: CheckGroup::Scenes,
         title: "As drawn".into(),
         parameter: "",
         is_log: false,
         quantity: "",
         caption: String::new(),
         points: Vec::new(),
-        stills,
+        thumbnails,
     });
     Ok(())
 }
 
-fn check(lab: &mut Lab<'_>, name: &str, what: &str, pair: &Pair, camera: &Camera) -> Result<Still> {
+fn check(
+    lab: &mut StressRun<'_>,
+    name: &str,
+    what: &str,
+    pair: &ScenePair,
+    camera: &Camera,
+) -> Result<Thumbnail> {
     let (image, compared) = lab.look(pair, camera, lab.subject.near)?;
     let errors = [compared.measured, compared.bound];
-    lab.add(Outcome::at_most(
-        Group::Scenes,
+    lab.add(StressCheck::at_most(
+        CheckGroup::Scenes,
         name,
         what,
         errors,
         OF_RANGE,
     ));
-    Ok(still(name, &image))
+    Ok(thumbnail(name, &image))
 }

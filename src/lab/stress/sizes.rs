@@ -1,7 +1,7 @@
 //! Pictures of every shape: one pixel, one row, one column, and as long as the largest displays and longer.
 
-use super::outcome::{Group, Outcome, Point, Sweep};
-use super::{Lab, OF_RANGE, Pair, still, subject};
+use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
+use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
 use crate::scene::Camera;
 use crate::{Error, Result};
 use glam::DVec2;
@@ -28,10 +28,10 @@ const SIZES: [[u32; 2]; 16] = [
 /// Sides that pictures of a quick run have at most.
 const QUICK: u32 = 700;
 
-pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
-    let pair = Pair::of(lab.subject);
+pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
+    let pair = ScenePair::of(lab.subject);
     let quick = lab.plan.is_quick;
-    let (mut points, mut stills) = (Vec::new(), Vec::new());
+    let (mut points, mut thumbnails) = (Vec::new(), Vec::new());
     for [width, height] in SIZES {
         // The longest pictures have few pixels, and are what this is for.
         if quick && width * height > QUICK * QUICK {
@@ -54,27 +54,27 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
             true => format!("{} of its pixels", lab.plan.pixels),
             false => "all its pixels".into(),
         };
-        lab.add(Outcome::at_most(
-            Group::Sizes,
+        lab.add(StressCheck::at_most(
+            CheckGroup::Sizes,
             &name,
             what,
             errors,
             OF_RANGE,
         ));
-        points.push(Point {
+        points.push(SweepPoint {
             x: f64::from(width.max(height)),
             measured: compared.measured,
             bound: compared.bound,
         });
         if width.min(height) > 4 && width.max(height) < 700 {
-            stills.push(still(name, &image));
+            thumbnails.push(thumbnail(name, &image));
         }
     }
     points.sort_by(|a, b| a.x.total_cmp(&b.x));
     // Of pictures of one length, the one closest to its bound.
     points.dedup_by(|b, a| {
         let is_one = a.x == b.x;
-        let share = |p: &Point| (p.measured / p.bound).abs();
+        let share = |p: &SweepPoint| (p.measured / p.bound).abs();
         // NaN is the greatest of all.
         if is_one && share(b).total_cmp(&share(a)).is_gt() {
             *a = *b;
@@ -82,14 +82,14 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
         is_one
     });
     lab.found.sweeps.push(Sweep {
-        group: Group::Sizes,
+        group: CheckGroup::Sizes,
         title: "Error over size".into(),
         parameter: "longer side, px",
         is_log: true,
         quantity: "error, of 1",
         caption: "The longer side shows as much of the scene as the first view's does, so that all of its splats grow with it.".into(),
         points,
-        stills,
+        thumbnails,
     });
     Ok(())
 }

@@ -12,7 +12,7 @@ const BEGUN: u32 = 20_000;
 
 /// What a step saw and went by.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Stepped {
+pub(super) struct StepResult {
     /// By every parameter, `[plane][splat]`.
     gradients: Planes,
     /// Where the optimiser is afterwards.
@@ -25,7 +25,7 @@ pub(super) struct Stepped {
     pub(super) lambda: f64,
 }
 
-impl Stepped {
+impl StepResult {
     pub(super) fn splat_count(&self) -> usize {
         self.after.len()
     }
@@ -89,7 +89,7 @@ fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
 }
 
 /// Takes a step.
-pub(super) fn step(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64) -> Result<Stepped> {
+pub(super) fn step(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64) -> Result<StepResult> {
     steps(gpu, splats, camera, near, 1)
 }
 
@@ -100,7 +100,7 @@ pub(super) fn steps(
     camera: &Camera,
     near: f64,
     count: u32,
-) -> Result<Stepped> {
+) -> Result<StepResult> {
     let config = config(splats);
     let lambda = f64::from(config.lambda_dssim);
     let dataset = dataset(camera, near, &config);
@@ -114,7 +114,7 @@ pub(super) fn steps(
     let gradients = trainer.gradients()?;
     let after = trainer.download()?;
     reports.extend(trainer.finish()?);
-    Ok(Stepped {
+    Ok(StepResult {
         gradients,
         after,
         loss: reports.last().map_or(f64::NAN, |report| report.loss),

@@ -11,7 +11,7 @@ pub(super) const BACKGROUND: [f32; 3] = [0.125, 0.125, 0.15625];
 
 /// A scene to be looked at.
 #[derive(Clone, Debug)]
-pub struct Subject {
+pub struct StressScene {
     /// What the device draws.
     pub splats: Splats,
     /// What the reference takes it for: the same, unless someone wants to see the suite fail.
@@ -32,12 +32,12 @@ const SPLATS_MAX: usize = 50_000;
 /// Longest side of the pictures, px.
 const SIDE: u32 = 96;
 
-impl Subject {
+impl StressScene {
     /// A scene of one's own and cameras around it; pictures are as small as the reference needs them. Of a large scene
     /// every n-th splat is taken.
     ///
     /// Panics without a camera.
-    pub fn of(splats: &Splats, cameras: &[Camera], target: DVec3, near: f64) -> Subject {
+    pub fn of(splats: &Splats, cameras: &[Camera], target: DVec3, near: f64) -> StressScene {
         assert!(!cameras.is_empty(), "a scene is looked at from somewhere");
         let step = splats.len().div_ceil(SPLATS_MAX).max(1);
         let some: Vec<usize> = (0..splats.len()).step_by(step).collect();
@@ -47,7 +47,7 @@ impl Subject {
             let length = |of: u32| (of * SIDE).div_ceil(side).max(1);
             exact(&camera.resized(length(camera.width), length(camera.height)))
         };
-        Subject {
+        StressScene {
             exact: splats.clone(),
             splats,
             cameras: cameras.iter().map(small).collect(),
@@ -58,7 +58,7 @@ impl Subject {
     }
 
     /// The built-in scene: a ball and a ring over a chequered floor, 800 splats of degree 1.
-    pub fn made() -> Subject {
+    pub fn made() -> StressScene {
         let splats = still_life();
         let camera = Camera {
             width: SIDE,
@@ -72,7 +72,7 @@ impl Subject {
             let position = DVec3::new(3.6 * angle.sin(), -height, -3.6 * angle.cos());
             exact(&camera.look_at(position, DVec3::ZERO, DVec3::NEG_Y))
         };
-        Subject {
+        StressScene {
             exact: splats.clone(),
             splats,
             cameras: vec![place(0.4, 1.4), place(2.5, 0.6), place(4.4, 2.6)],

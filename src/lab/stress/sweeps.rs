@@ -1,14 +1,14 @@
 //! One parameter over its whole range: needles, zoom, the way into the scene, the near plane, the way from the origin.
 
-use super::outcome::{Group, Point, Still, Sweep};
-use super::page::short;
-use super::{Lab, OF_RANGE, Pair, still, subject};
+use super::outcome::{CheckGroup, Sweep, SweepPoint, Thumbnail};
+use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
 use crate::Result;
 use crate::lab::bench::input::random::single;
+use crate::lab::page::short_number;
 use crate::scene::{Camera, Splats};
 use glam::DVec3;
 
-pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
+pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     needles(lab)?;
     zoom(lab)?;
     approach(lab)?;
@@ -20,31 +20,31 @@ pub(super) fn run(lab: &mut Lab<'_>) -> Result<()> {
 struct Setting {
     x: f64,
     label: String,
-    pair: Pair,
+    pair: ScenePair,
     camera: Camera,
     near: f64,
 }
 
 /// Every picture of a sweep beside the reference.
 fn take(
-    lab: &mut Lab<'_>,
+    lab: &mut StressRun<'_>,
     settings: impl IntoIterator<Item = Setting>,
-) -> Result<(Vec<Point>, Vec<Still>)> {
-    let (mut points, mut stills) = (Vec::new(), Vec::new());
+) -> Result<(Vec<SweepPoint>, Vec<Thumbnail>)> {
+    let (mut points, mut thumbnails) = (Vec::new(), Vec::new());
     for setting in settings {
         let (image, compared) = lab.look(&setting.pair, &setting.camera, setting.near)?;
-        points.push(Point {
+        points.push(SweepPoint {
             x: setting.x,
             measured: compared.measured,
             bound: compared.bound,
         });
-        stills.push(still(setting.label, &image));
+        thumbnails.push(thumbnail(setting.label, &image));
     }
-    Ok((points, stills))
+    Ok((points, thumbnails))
 }
 
 /// `count` powers of a base from an exponent on, fewer in a quick run.
-fn powers(lab: &Lab<'_>, base: f64, from: i32, count: i32) -> Vec<f64> {
+fn powers(lab: &StressRun<'_>, base: f64, from: i32, count: i32) -> Vec<f64> {
     let step = if lab.plan.is_quick { 3 } else { 1 };
     let exponents = (from..from + count).step_by(step);
     exponents.map(|exponent| base.powi(exponent)).collect()
@@ -63,20 +63,20 @@ pub(super) fn stretched(splats: &Splats, aspect: f64) -> Splats {
     needles
 }
 
-fn needles(lab: &mut Lab<'_>) -> Result<()> {
-    let few = Pair::of(lab.subject).thinned(120);
+fn needles(lab: &mut StressRun<'_>) -> Result<()> {
+    let few = ScenePair::of(lab.subject).thinned(120);
     let (camera, near) = (*lab.subject.camera(), lab.subject.near);
     let setting = |aspect: f64| Setting {
         x: aspect,
-        label: format!("× {}", short(aspect)),
+        label: format!("× {}", short_number(aspect)),
         pair: few.map(|splats| stretched(splats, aspect)),
         camera,
         near,
     };
     let aspects = powers(lab, 10.0, 0, 7);
-    let (points, stills) = take(lab, aspects.into_iter().map(setting))?;
+    let (points, thumbnails) = take(lab, aspects.into_iter().map(setting))?;
     let sweep = Sweep {
-        group: Group::Sweeps,
+        group: CheckGroup::Sweeps,
         title: "Needles".into(),
         parameter: "axes stretched apart by a factor of",
         is_log: true,
@@ -85,18 +85,18 @@ fn needles(lab: &mut Lab<'_>) -> Result<()> {
                   cancel."
             .into(),
         points,
-        stills,
+        thumbnails,
     };
     lab.sweep(sweep, OF_RANGE);
     Ok(())
 }
 
-fn zoom(lab: &mut Lab<'_>) -> Result<()> {
-    let pair = Pair::of(lab.subject);
+fn zoom(lab: &mut StressRun<'_>) -> Result<()> {
+    let pair = ScenePair::of(lab.subject);
     let (camera, near) = (*lab.subject.camera(), lab.subject.near);
     let setting = |factor: f64| Setting {
         x: factor,
-        label: format!("× {}", short(factor)),
+        label: format!("× {}", short_number(factor)),
         pair: pair.clone(),
         camera: subject::exact(&Camera {
             focal: camera.focal * factor,
@@ -105,28 +105,28 @@ fn zoom(lab: &mut Lab<'_>) -> Result<()> {
         near,
     };
     let factors = powers(lab, 2.0, -5, 13);
-    let (points, stills) = take(lab, factors.into_iter().map(setting))?;
+    let (points, thumbnails) = take(lab, factors.into_iter().map(setting))?;
     let sweep = Sweep {
-        group: Group::Sweeps,
+        group: CheckGroup::Sweeps,
         title: "Zoom".into(),
         parameter: "focal length, of the first view's",
         is_log: true,
         quantity: "error, of 1",
         caption: "From splats much smaller than a pixel to splats wider than the picture.".into(),
         points,
-        stills,
+        thumbnails,
     };
     lab.sweep(sweep, OF_RANGE);
     Ok(())
 }
 
-fn approach(lab: &mut Lab<'_>) -> Result<()> {
-    let pair = Pair::of(lab.subject);
+fn approach(lab: &mut StressRun<'_>) -> Result<()> {
+    let pair = ScenePair::of(lab.subject);
     let (camera, target) = (*lab.subject.camera(), lab.subject.target);
     let near = single(1e-3 * lab.subject.distance());
     let setting = |share: f64| Setting {
         x: share,
-        label: short(share),
+        label: short_number(share),
         pair: pair.clone(),
         camera: subject::exact(&Camera {
             position: target + (camera.position - target) * share,
@@ -136,9 +136,9 @@ fn approach(lab: &mut Lab<'_>) -> Result<()> {
     };
     let shares = (0..13).step_by(if lab.plan.is_quick { 3 } else { 1 });
     let shares = shares.map(|i| 0.6f64.powi(12 - i)).collect::<Vec<f64>>();
-    let (points, stills) = take(lab, shares.into_iter().map(setting))?;
+    let (points, thumbnails) = take(lab, shares.into_iter().map(setting))?;
     let sweep = Sweep {
-        group: Group::Sweeps,
+        group: CheckGroup::Sweeps,
         title: "Into the scene".into(),
         parameter: "distance from what is looked at, of the first view's",
         is_log: true,
@@ -147,41 +147,41 @@ fn approach(lab: &mut Lab<'_>) -> Result<()> {
             "Splats pass by the camera at any distance; the near plane is a thousandth of the way."
                 .into(),
         points,
-        stills,
+        thumbnails,
     };
     lab.sweep(sweep, OF_RANGE);
     Ok(())
 }
 
-fn near_plane(lab: &mut Lab<'_>) -> Result<()> {
-    let pair = Pair::of(lab.subject);
+fn near_plane(lab: &mut StressRun<'_>) -> Result<()> {
+    let pair = ScenePair::of(lab.subject);
     let (camera, distance) = (*lab.subject.camera(), lab.subject.distance());
     let shares = [1e-6, 1e-3, 0.03, 0.1, 0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 2.0];
     let setting = |&share: &f64| Setting {
         x: share,
-        label: short(share),
+        label: short_number(share),
         pair: pair.clone(),
         camera,
         near: single(share * distance),
     };
     let step = if lab.plan.is_quick { 3 } else { 1 };
-    let (points, stills) = take(lab, shares.iter().step_by(step).map(setting))?;
+    let (points, thumbnails) = take(lab, shares.iter().step_by(step).map(setting))?;
     let sweep = Sweep {
-        group: Group::Sweeps,
+        group: CheckGroup::Sweeps,
         title: "Near plane".into(),
         parameter: "near plane, of the distance to what is looked at",
         is_log: true,
         quantity: "error, of 1",
         caption: "Splats whose centre is nearer are not drawn.".into(),
         points,
-        stills,
+        thumbnails,
     };
     lab.sweep(sweep, OF_RANGE);
     Ok(())
 }
 
-fn far_origin(lab: &mut Lab<'_>) -> Result<()> {
-    let pair = Pair::of(lab.subject);
+fn far_origin(lab: &mut StressRun<'_>) -> Result<()> {
+    let pair = ScenePair::of(lab.subject);
     let (camera, near) = (*lab.subject.camera(), lab.subject.near);
     let distance = lab.subject.distance();
     let setting = |factor: f64| {
@@ -189,7 +189,7 @@ fn far_origin(lab: &mut Lab<'_>) -> Result<()> {
         let place = |mean: &[f32; 3]| (DVec3::from(mean.map(f64::from)) + by).as_vec3().to_array();
         Setting {
             x: factor,
-            label: format!("× {}", short(factor)),
+            label: format!("× {}", short_number(factor)),
             pair: pair.with(|splats| splats.mean = splats.mean.iter().map(place).collect()),
             camera: subject::exact(&Camera {
                 position: camera.position + by,
@@ -199,9 +199,9 @@ fn far_origin(lab: &mut Lab<'_>) -> Result<()> {
         }
     };
     let factors = powers(lab, 10.0, 0, 8);
-    let (points, stills) = take(lab, factors.into_iter().map(setting))?;
+    let (points, thumbnails) = take(lab, factors.into_iter().map(setting))?;
     let sweep = Sweep {
-        group: Group::Sweeps,
+        group: CheckGroup::Sweeps,
         title: "Far from the origin".into(),
         parameter: "distance of scene and camera from the origin, of that between them",
         is_log: true,
@@ -210,7 +210,7 @@ fn far_origin(lab: &mut Lab<'_>) -> Result<()> {
                   is stored is drawn as exactly as ever: differences are taken first."
             .into(),
         points,
-        stills,
+        thumbnails,
     };
     lab.sweep(sweep, OF_RANGE);
     Ok(())

@@ -1,14 +1,13 @@
-//! What scenes need, measured: one training run of a survey, from its recipe to the figures that it leaves.
+//! One training run of a survey, from its recipe to its results.
 //!
-//! The same steps on the same photographs for every recipe; what a recipe differs in stands in [`config`]. Time is that
-//! of the steps and of all that is done between them, loading and judging left out. The page is
-//! [`report::needs::survey`](crate::lab::survey).
+//! All recipes take the same steps on the same photographs; [`config`] has their differences. Time includes the work
+//! between steps, but not loading and evaluation.
 //!
-//! **Invariant:** but for times and the date, the same task gives the same run on the same device.
+//! **Invariant:** except for times and the date, the same task gives the same run on the same device.
 
-pub use super::scenes::{checksum, made};
+pub use super::scenes::{built_in, checksum};
 
-use super::{Recipe, Run};
+use super::{Recipe, SurveyRun};
 use crate::gpu::{Buffer, Gpu};
 use crate::io;
 use crate::lab::bench::{CpuClock, record};
@@ -26,26 +25,26 @@ use std::time::Instant;
 /// Steps that [`Task::warm_up`] takes.
 const WARM_UP: u32 = 3;
 
-/// A run that is to be.
+/// Settings of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
-    /// What the scene is called.
+    /// Name of the scene.
     pub scene: &'a str,
-    /// Its photographs; some must be held out.
+    /// Its photographs, some of them held out.
     pub dataset: &'a Dataset,
-    /// How it is trained.
+    /// Method of training.
     pub recipe: Recipe,
-    /// The seed of all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Steps.
     pub iterations: u32,
-    /// The smallest gain worth paying for, decibels for a tenth more splats.
+    /// Preference: decibels gained by a tenth more splats.
     pub gain_db: f64,
-    /// Splats that MCMC may have.
+    /// Limit of the splat count, for MCMC.
     pub max_splats: Option<u32>,
 }
 
-/// The constants of a run with so many training views. MCMC has its cap yet to be told.
+/// Constants of a run with so many training views, without the limit of MCMC.
 pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
     let usual = TrainConfig::for_iterations(iterations);
     let at_rates_of = |rates: LearningRates, config: TrainConfig| TrainConfig { rates, ..config };
@@ -62,11 +61,10 @@ pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
     }
 }
 
-/// The recipes that differ at this length: where runs to a scene's needs have the usual rates, there is nothing to
-/// compare at the same ones.
-pub fn recipes(iterations: u32) -> Vec<Recipe> {
+/// Recipes that differ in a run of so many steps: if parsimony has the usual rates, those at its rates are left out.
+pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
     let is_usual = |rates: Recipe, usual: Recipe| {
-        // What differs with few views differs with more, too.
+        // A difference with few views is one with more, too.
         let [rates, usual] =
             [rates, usual].map(|recipe| config(recipe, iterations, usize::MAX).rates);
         rates == usual
@@ -80,7 +78,7 @@ pub fn recipes(iterations: u32) -> Vec<Recipe> {
 }
 
 impl Task<'_> {
-    /// All constants of the run.
+    /// Constants of the run.
     fn config(&self) -> TrainConfig {
         let views = self.dataset.split(Split::Train).len();
         let mut config = config(self.recipe, self.iterations, views);
@@ -90,11 +88,11 @@ impl Task<'_> {
         config
     }
 
-    /// The run as far as it is known before it begins.
-    pub fn planned(&self, gpu: &Gpu) -> Run {
+    /// The run without its results.
+    pub fn planned(&self, gpu: &Gpu) -> SurveyRun {
         let count = |split| self.dataset.split(split).len();
         let first = self.dataset.views.first().map(|view| view.camera);
-        Run {
+        SurveyRun {
             scene: self.scene.into(),
             recipe: self.recipe,
             seed: self.seed,
@@ -108,12 +106,11 @@ impl Task<'_> {
             data: checksum(self.dataset),
             device: record::slug(&gpu.caps().name),
             version: env!("CARGO_PKG_VERSION").into(),
-            ..Run::default()
+            ..SurveyRun::default()
         }
     }
 
-    /// Takes a few steps that nobody counts: a device may compile kernels where they are first used, and the first run of
-    /// all would pay for it.
+    /// Takes a few steps that are not timed: a device may compile kernels at their first use.
     pub fn warm_up(&self, gpu: &Gpu) -> Result<()> {
         let mut trainer = Trainer::new(gpu, self.dataset, self.config())?;
         while trainer.iteration() < WARM_UP && !trainer.is_done() {
@@ -122,8 +119,8 @@ impl Task<'_> {
         trainer.finish().map(|_| ())
     }
 
-    /// Trains and judges; `progress` hears of every step, and ends the run by saying `false`: then nothing comes of it.
-    /// The scene's file is written in `folder` for its size, and removed.
+    /// Trains and evaluates. `progress` is called before every step; if it returns `false` the result is `None`. The
+    /// scene's file is written in `folder` for its size, and removed.
     ///
     /// # Errors
     /// Those of the device, of photographs that cannot be read, and of a folder that cannot be written to.
@@ -132,12 +129,12 @@ impl Task<'_> {
         gpu: &Gpu,
         folder: &Path,
         progress: &mut dyn FnMut(u32) -> bool,
-    ) -> Result<Option<Run>> {
+    ) -> Result<Option<SurveyRun>> {
         let mut evaluator = held_out(gpu, self.dataset)?;
         let Some(trained) = self.train(gpu, progress)? else {
             return Ok(None);
         };
-        let Trained {
+        let TrainingOutput {
             splats, history, ..
         } = &trained;
         let score = MeanScore::of(&evaluator.scores(splats)?);
@@ -146,7 +143,7 @@ impl Task<'_> {
         let reduced = reduce_harmonics(splats, 0.0);
         let law = history.as_ref().and_then(History::law);
         let points = history.as_ref().map(History::points).unwrap_or_default();
-        Ok(Some(Run {
+        Ok(Some(SurveyRun {
             date: record::today(),
             splats: splats.len(),
             splats_by_degree: reduced.count_from_degree.to_vec(),
@@ -171,7 +168,11 @@ impl Task<'_> {
         }))
     }
 
-    fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<Trained>> {
+    fn train(
+        &self,
+        gpu: &Gpu,
+        progress: &mut dyn FnMut(u32) -> bool,
+    ) -> Result<Option<TrainingOutput>> {
         let mut run = AutoRun::new(gpu, self.dataset, self.config())?;
         let (start, clock) = (Instant::now(), CpuClock::now());
         if matches!(self.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
@@ -190,7 +191,7 @@ impl Task<'_> {
             run.step()?;
         }
         run.finish()?;
-        Ok(Some(Trained {
+        Ok(Some(TrainingOutput {
             seconds: start.elapsed().as_secs_f64(),
             cpu_seconds: clock.elapsed_ns().map(|ns| 1e-9 * ns),
             history: run
@@ -201,15 +202,15 @@ impl Task<'_> {
     }
 }
 
-/// What a run has made.
-struct Trained {
+/// Scene, history and times of a run.
+struct TrainingOutput {
     splats: Splats,
     history: Option<History>,
     seconds: f64,
     cpu_seconds: Option<f64>,
 }
 
-/// Bytes of the scene's file, as it is written.
+/// Bytes of the scene's file.
 fn file_bytes(folder: &Path, splats: &Splats) -> Result<u64> {
     let path = folder.join("needs.ply");
     io::ply::write(&path, splats)?;
@@ -219,7 +220,7 @@ fn file_bytes(folder: &Path, splats: &Splats) -> Result<u64> {
     Ok(bytes)
 }
 
-/// What splats stored at each degree take on the device.
+/// Bytes on the device by the stored degree.
 fn device_bytes(model: &Model) -> Vec<u64> {
     let mut bytes = vec![0; 4];
     for block in model.blocks.of(model.counts) {
@@ -235,7 +236,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn recipes_differ_in_what_they_say_and_in_nothing_else() {
+    fn recipes_differ_in_their_own_constants_alone() {
         let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] =
             Recipe::ALL.map(|r| config(r, 2_000, 40));
         assert_eq!(all_sh, for_auto_count);
@@ -253,8 +254,8 @@ mod tests {
     #[test]
     fn nothing_is_run_twice_under_two_names() {
         for iterations in [100, 2_000, 30_000] {
-            let constants = recipes(iterations).into_iter();
-            // Which differs in no constant.
+            let constants = distinct_recipes(iterations).into_iter();
+            // `ParsimonyAllSh` has the constants of `Parsimony`.
             let found = constants
                 .filter(|recipe| *recipe != Recipe::ParsimonyAllSh)
                 .map(|r| config(r, iterations, 40));
@@ -263,6 +264,6 @@ mod tests {
                 assert!(found[..i].iter().all(|other| other != one), "{one:?}");
             }
         }
-        assert!(recipes(2_000).contains(&Recipe::Mcmc));
+        assert!(distinct_recipes(2_000).contains(&Recipe::Mcmc));
     }
 }

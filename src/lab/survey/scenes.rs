@@ -1,4 +1,4 @@
-//! What is surveyed: built-in scenes, all photographed alike; and how data sets are told apart.
+//! Built-in scenes of a survey, and checksums of data sets.
 
 use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::scene::Dataset;
@@ -8,7 +8,7 @@ use crate::train::checkpoint::fingerprint;
 const VIEWS: usize = 48;
 
 /// A built-in scene in photographs of this width, by three quarters of that, every eighth of them held out.
-pub fn made(kind: Kind, width: u32) -> Dataset {
+pub fn built_in(kind: Kind, width: u32) -> Dataset {
     synth::scene(kind).dataset(&SynthOptions {
         views: VIEWS,
         width,
@@ -17,8 +17,8 @@ pub fn made(kind: Kind, width: u32) -> Dataset {
     })
 }
 
-/// A checksum of a data set's training views and points, hexadecimal. Photographs that change alone are not noticed, but
-/// points have their colours.
+/// A checksum of a data set's training views and points, hexadecimal. Photographs are not
+/// included, but the colours of points are.
 pub fn checksum(dataset: &Dataset) -> String {
     let mut hash = crc32fast::Hasher::new();
     hash.update(&fingerprint(dataset).to_le_bytes());
@@ -37,12 +37,12 @@ mod tests {
     #[test]
     fn other_sizes_and_scenes_have_other_checksums() {
         let found = [
-            made(Kind::Plane, 16),
-            made(Kind::Plane, 20),
-            made(Kind::Sphere, 16),
+            built_in(Kind::Plane, 16),
+            built_in(Kind::Plane, 20),
+            built_in(Kind::Sphere, 16),
         ];
         let [plane, larger, sphere] = found.each_ref().map(checksum);
-        assert_eq!(plane, checksum(&made(Kind::Plane, 16)));
+        assert_eq!(plane, checksum(&built_in(Kind::Plane, 16)));
         assert!(plane != larger && plane != sphere && larger != sphere);
         assert_eq!(plane.len(), 8);
         assert_eq!(found[0].split(crate::scene::Split::Test).len(), VIEWS / 8);

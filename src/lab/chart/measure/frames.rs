@@ -1,12 +1,12 @@
-//! Frames of every setting: their time, their errors, and whether each pixel keeps its bound.
+//! Frames of every setting: time, errors and broken bounds.
 
-use super::scenes::Scenes;
+use super::scenes::ModelCache;
 use super::settings::{self, FrameSetting};
-use super::{Plan, training};
+use super::{ChartPlan, training};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::lab::bench::CpuClock;
-use crate::lab::chart::{Errors, FramePoint};
+use crate::lab::chart::{FrameErrors, FramePoint};
 use crate::reference::bound::{Traced, trace};
 use crate::reference::{self, ray};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
@@ -15,8 +15,8 @@ use crate::stats::Interval;
 use crate::stats::Summary;
 use std::rc::Rc;
 
-/// What rounding to `f32` may change, of the colour range, in images up to [`ROUNDING_SIZE`] pixels wide: what
-/// `tests/frame.rs` holds every frame to, fifty times the largest error seen there.
+/// Bound of rounding to `f32`, of the colour range, in images up to [`ROUNDING_SIZE`] pixels wide: the tolerance of
+/// the tests of frames, fifty times the largest error seen there.
 const ROUNDING: f64 = 1e-4;
 
 /// Positions are rounded relatively to the image's size: in larger ones [`ROUNDING`] grows with it.
@@ -28,41 +28,41 @@ pub(super) fn rounding(camera: &Camera) -> f64 {
     ROUNDING * (size / ROUNDING_SIZE).max(1.0)
 }
 
-/// What is drawn.
+/// Scene and views of the compared frames.
 #[derive(Clone, Copy, Debug)]
-pub struct Frames<'a> {
+pub(super) struct FrameInputs<'a> {
     /// The scene.
-    pub splats: &'a Splats,
-    /// From where.
-    pub cameras: &'a [Camera],
-    /// The views that splats are pruned by: none of theirs shows more than the error.
-    pub pruned_by: &'a [Camera],
+    pub(super) splats: &'a Splats,
+    /// Views.
+    pub(super) cameras: &'a [Camera],
+    /// Views that bound the error of pruning.
+    pub(super) pruned_by: &'a [Camera],
     /// Near plane, world units.
-    pub near: f32,
+    pub(super) near: f32,
 }
 
-/// A setting, ready to be drawn.
-struct Subject {
+/// A setting with its model and renderer.
+struct SettingBench {
     setting: FrameSetting,
     model: Rc<Model>,
     renderer: Renderer,
     /// Nanoseconds of each timed run, over all views: on the device, and of the process.
     device_ns: Vec<f64>,
     cpu_ns: Vec<f64>,
-    errors: Vec<Judged>,
+    errors: Vec<FrameComparison>,
 }
 
-impl Frames<'_> {
-    /// Times and judges every setting, and the projection that all share.
+impl FrameInputs<'_> {
+    /// Times and compares every setting, and the projection that all share.
     pub(super) fn measure(
         &self,
         gpu: &Gpu,
-        plan: &Plan,
+        plan: &ChartPlan,
         progress: &mut dyn FnMut(&str),
-    ) -> Result<(Vec<FramePoint>, Option<Errors>)> {
+    ) -> Result<(Vec<FramePoint>, Option<FrameErrors>)> {
         let settings = settings::of_frames(self.splats.sh_degree, plan);
         progress("frames: pruning");
-        let mut scenes = Scenes::new(gpu, self)?;
+        let mut scenes = ModelCache::new(gpu, self)?;
         let mut approximations = Vec::new();
         for setting in &settings {
             approximations.push(setting.approximations(self.splats, &scenes.removed(setting)?));
@@ -72,14 +72,14 @@ impl Frames<'_> {
             near: self.near,
             mode: self.splats.mode,
         };
-        let mut subject = |setting: FrameSetting| -> Result<Subject> {
+        let mut bench = |setting: FrameSetting| -> Result<SettingBench> {
             let options = RenderOptions {
                 accuracy: setting.accuracy,
                 sh_degree: setting.sh_degree,
                 precision: setting.precision,
                 ..RenderOptions::default()
             };
-            Ok(Subject {
+            Ok(SettingBench {
                 model: scenes.model(&setting)?,
                 setting,
                 renderer: Renderer::new(gpu, options)?,
@@ -88,37 +88,39 @@ impl Frames<'_> {
                 errors: Vec::new(),
             })
         };
-        let mut subjects = settings
+        let mut benches = settings
             .into_iter()
-            .map(&mut subject)
+            .map(&mut bench)
             .collect::<Result<Vec<_>>>()?;
         let mut by_rays = Vec::new();
-        for (index, camera) in self.cameras.iter().enumerate() {
-            let (number, of) = (index + 1, self.cameras.len());
+        for (number, camera) in (1..).zip(self.cameras) {
+            let of = self.cameras.len();
             progress(&format!("frames: the exact view {number} of {of}"));
             let traced = trace(self.splats, camera, &self.options(), &approximations);
             by_rays.extend(self.by_rays(camera, &traced, plan.ray_pixels));
-            for (which, subject) in subjects.iter_mut().enumerate() {
-                let drawn = subject.renderer.render(&subject.model, camera, &view)?;
-                let judged = judge(&drawn.rgb, &traced, which, rounding(camera));
-                subject.errors.push(judged);
+            for (index, bench) in benches.iter_mut().enumerate() {
+                let drawn = bench.renderer.render(&bench.model, camera, &view)?;
+                let rounding = rounding(camera);
+                bench
+                    .errors
+                    .push(compare_frame(&drawn.rgb, &traced, index, rounding));
             }
         }
-        // In turns, so that what disturbs the machine disturbs all alike.
+        // In turns, so that disturbances of the machine affect all alike.
         for run in 0..plan.runs.max(1) {
             progress(&format!("frames: run {} of {}", run + 1, plan.runs));
-            for subject in &mut subjects {
-                subject.time(self.cameras, &view)?;
+            for bench in &mut benches {
+                bench.time(self.cameras, &view)?;
             }
         }
-        let point = |c: &Subject| c.point(self.cameras.len());
-        let points = subjects.iter().map(point).collect();
+        let point = |c: &SettingBench| c.point(self.cameras.len());
+        let points = benches.iter().map(point).collect();
         Ok((points, (!by_rays.is_empty()).then(|| errors(by_rays))))
     }
 
-    /// By how much each channel of some pixels differs between linear projection and rays.
+    /// Differences between linear projection and rays, by channel of some pixels.
     fn by_rays(&self, camera: &Camera, traced: &[Traced], most: usize) -> Vec<[f64; 3]> {
-        // Every so many of the image's pixels, row after row; an odd number, so as to take all columns.
+        // An odd stride over the image's pixels takes all columns.
         let every = traced.len().div_ceil(most.max(1)) | 1;
         let pixels: Vec<usize> = (0..traced.len()).step_by(every).collect();
         let seen = ray::colors(self.splats, camera, &self.options(), &pixels);
@@ -138,49 +140,54 @@ impl Frames<'_> {
     }
 }
 
-/// A frame beside the exact one.
+/// Errors and bounds of a frame by pixel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Judged {
+struct FrameComparison {
     /// Largest error of each pixel.
     errors: Vec<f64>,
     bounds: Vec<f64>,
     /// Sum of squares over pixels and channels.
     square: f64,
     rounding: f64,
-    /// The most that a pixel lies beyond its bound and rounding.
-    pub excess: f64,
+    /// Largest distance of a pixel beyond its bound and rounding.
+    excess: f64,
 }
 
-/// Compares a frame with the exact one; `which` of its bounds counts, and rounding may change so much of a pixel's
-/// colour range.
-pub fn judge(drawn: &[[f32; 3]], traced: &[Traced], which: usize, share: f64) -> Judged {
+/// Compares a frame with the exact one, by the bounds of an index and the share of a pixel's colour range that rounding
+/// may change.
+fn compare_frame(
+    drawn: &[[f32; 3]],
+    traced: &[Traced],
+    index: usize,
+    share: f64,
+) -> FrameComparison {
     assert_eq!(drawn.len(), traced.len(), "sizes differ");
-    let mut judged = Judged {
+    let mut comparison = FrameComparison {
         errors: Vec::with_capacity(drawn.len()),
-        bounds: traced.iter().map(|t| t.bounds[which]).collect(),
+        bounds: traced.iter().map(|t| t.bounds[index]).collect(),
         square: 0.0,
         rounding: 0.0,
         excess: f64::NEG_INFINITY,
     };
-    for ((pixel, exact), bound) in drawn.iter().zip(traced).zip(&judged.bounds) {
+    for ((pixel, exact), bound) in drawn.iter().zip(traced).zip(&comparison.bounds) {
         let off = [0, 1, 2].map(|c| (f64::from(pixel[c]) - exact.color[c]).abs());
-        judged.square += off.iter().map(|d| d * d).sum::<f64>();
+        comparison.square += off.iter().map(|d| d * d).sum::<f64>();
         // NaN must win.
         let error = off
             .into_iter()
             .fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a });
         let rounding = share * exact.range + exact.order;
-        judged.rounding = judged.rounding.max(rounding);
+        comparison.rounding = comparison.rounding.max(rounding);
         let excess = error - bound - rounding;
-        if excess > judged.excess || excess.is_nan() {
-            judged.excess = excess;
+        if excess > comparison.excess || excess.is_nan() {
+            comparison.excess = excess;
         }
-        judged.errors.push(error);
+        comparison.errors.push(error);
     }
-    judged
+    comparison
 }
 
-impl Subject {
+impl SettingBench {
     fn time(&mut self, cameras: &[Camera], view: &ViewOptions) -> Result<()> {
         let (clock, mut device_ns) = (CpuClock::now(), 0.0);
         for camera in cameras {
@@ -194,7 +201,7 @@ impl Subject {
     }
 
     fn point(&self, views: usize) -> FramePoint {
-        let pool = |of: fn(&Judged) -> &Vec<f64>| -> Vec<f64> {
+        let pool = |of: fn(&FrameComparison) -> &Vec<f64>| -> Vec<f64> {
             let mut all: Vec<f64> = self.errors.iter().flat_map(of).copied().collect();
             all.sort_by(f64::total_cmp);
             all
@@ -204,7 +211,7 @@ impl Subject {
         let psnr = |mean_square: f64| -10.0 * mean_square.log10();
         let squares: f64 = self.errors.iter().map(|j| j.square).sum();
         let promised: f64 = bounds.iter().map(|b| b * b).sum();
-        let most = |of: fn(&Judged) -> f64| {
+        let most = |of: fn(&FrameComparison) -> f64| {
             let all = self.errors.iter().map(of);
             all.fold(
                 f64::NEG_INFINITY,
@@ -216,11 +223,11 @@ impl Subject {
             time_ms: milliseconds(&self.device_ns, views),
             cpu_ms: milliseconds(&self.cpu_ns, views).value,
             scene_bytes: bytes(&self.model),
-            error: Errors {
+            error: FrameErrors {
                 psnr_db: psnr(squares / (3.0 * pixels)),
                 ..percentiles(&errors)
             },
-            bound: Errors {
+            bound: FrameErrors {
                 psnr_db: psnr(promised / pixels),
                 ..percentiles(&bounds)
             },
@@ -230,14 +237,14 @@ impl Subject {
     }
 }
 
-/// What a scene takes on the device.
+/// Bytes of a scene on the device.
 fn bytes(model: &Model) -> usize {
     let params = model.params.iter().map(Buffer::bytes);
     let slots = model.splat_from_slot.iter().map(Buffer::bytes);
     params.chain(slots).sum::<u64>() as usize
 }
 
-/// The median of runs over so many frames each, per frame.
+/// Median time of a frame, from runs of so many frames each.
 pub(super) fn milliseconds(runs_ns: &[f64], frames: usize) -> Interval {
     let share = 1e-6 / frames as f64;
     let summary = Summary::of(runs_ns);
@@ -250,23 +257,23 @@ pub(super) fn milliseconds(runs_ns: &[f64], frames: usize) -> Interval {
     )
 }
 
-/// Of pixels' channels.
-fn errors(pixels: Vec<[f64; 3]>) -> Errors {
+/// Errors from those of pixels' channels.
+fn errors(pixels: Vec<[f64; 3]>) -> FrameErrors {
     let square = |pixel: &[f64; 3]| pixel.iter().map(|d| d * d).sum::<f64>();
     let mean = pixels.iter().map(square).sum::<f64>() / (3 * pixels.len()) as f64;
     let largest = |pixel: &[f64; 3]| pixel.iter().copied().fold(0.0, f64::max);
     let mut worst: Vec<f64> = pixels.iter().map(largest).collect();
     worst.sort_by(f64::total_cmp);
-    Errors {
+    FrameErrors {
         psnr_db: -10.0 * mean.log10(),
         ..percentiles(&worst)
     }
 }
 
-/// Of ascending values.
-fn percentiles(sorted: &[f64]) -> Errors {
+/// Maximum and percentile of ascending values.
+fn percentiles(sorted: &[f64]) -> FrameErrors {
     let at = |share: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * share).round() as usize);
-    Errors {
+    FrameErrors {
         max: at(1.0).copied().unwrap_or(f64::NAN),
         p99: at(0.99).copied().unwrap_or(f64::NAN),
         psnr_db: f64::NAN,
@@ -290,19 +297,19 @@ mod tests {
     fn a_pixel_beyond_its_own_bound_is_found() {
         let traced = [exact(1e-2), exact(1e-3)];
         let drawn = [[0.509, 0.25, 0.0], [0.5, 0.25, 0.0009]];
-        let kept = judge(&drawn, &traced, 1, 1e-4);
+        let kept = compare_frame(&drawn, &traced, 1, 1e-4);
         assert!(kept.excess < 0.0, "{}", kept.excess);
         // Below the largest bound, but above its own.
-        let broken = judge(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 1e-4);
+        let broken = compare_frame(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 1e-4);
         assert!(
             (broken.excess - (5e-3 - 1e-3 - 1e-4)).abs() < 1e-6,
             "{}",
             broken.excess
         );
-        // Rounding may explain it.
-        let large = judge(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 64e-4);
+        // Within a larger share of rounding.
+        let large = compare_frame(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 64e-4);
         assert!(large.excess < 0.0, "{}", large.excess);
-        let poison = judge(&[[f32::NAN; 3], drawn[1]], &traced, 1, 1e-4);
+        let poison = compare_frame(&[[f32::NAN; 3], drawn[1]], &traced, 1, 1e-4);
         assert!(poison.excess.is_nan());
     }
 }

@@ -1,8 +1,8 @@
-//! The measurements of the chart of speed against accuracy: every setting of every knob, timed and judged.
+//! Measurements of the chart: every setting of every knob, timed and compared with the reference.
 //!
-//! Frames are judged against the `f64` reference that saves nothing, pixel by pixel, each pixel by its own
-//! proven bound ([`crate::reference::bound`]); gradients likewise, parameter by parameter; training runs by views
-//! that were held out, over several seeds. The page itself is [`crate::lab::chart`].
+//! Frames are compared with the `f64` reference without cuts, pixel by pixel, each pixel with its own proven bound
+//! ([`crate::reference::bound`]); gradients likewise, parameter by parameter; training runs by held-out views, over
+//! several seeds.
 
 mod frames;
 mod gradients;
@@ -16,37 +16,37 @@ use crate::scene::{Camera, Dataset, Splats, Split};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 
-pub use frames::{Frames, judge};
-use gradients::Gradients;
+use frames::FrameInputs;
+use gradients::GradientInputs;
 
-/// How much is measured.
+/// Sizes and repetitions of the measurements.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
-    /// Pixels of a judged frame at most: the reference takes every pixel through all splats.
+pub struct ChartPlan {
+    /// Most pixels of a compared frame: the reference takes every pixel through all splats.
     pub frame_pixels: usize,
-    /// Pixels of a view at most that are also seen along rays, where every splat counts for every pixel.
+    /// Most pixels of a view that are also drawn along rays, through all splats.
     pub ray_pixels: usize,
-    /// Pixels of a judged training step at most: its reference is slower still.
+    /// Most pixels of a compared training step, the slowest reference.
     pub gradient_pixels: usize,
-    /// Views that frames are judged in.
+    /// Views of compared frames.
     pub views: usize,
-    /// Times that every frame and step is timed.
+    /// Repetitions of every timed frame and step.
     pub runs: usize,
-    /// Runs of training for each setting.
+    /// Training runs of each setting.
     pub seeds: u64,
     /// Steps of such a run.
     pub iterations: u32,
-    /// Whether knobs have few settings.
+    /// Few settings of each knob.
     pub is_quick: bool,
-    /// Whether frames and gradients are charted.
+    /// Measure frames and gradients.
     pub with_accuracy: bool,
-    /// Whether training runs are.
+    /// Measure training runs.
     pub with_training: bool,
 }
 
-impl Plan {
+impl ChartPlan {
     /// A few minutes on a software device.
-    pub const USUAL: Plan = Plan {
+    pub const USUAL: ChartPlan = ChartPlan {
         frame_pixels: 40_000,
         ray_pixels: 4_000,
         gradient_pixels: 8_000,
@@ -59,8 +59,8 @@ impl Plan {
         with_training: true,
     };
 
-    /// A few seconds: whether all works, not what comes out.
-    pub const QUICK: Plan = Plan {
+    /// A few seconds, for tests.
+    pub const QUICK: ChartPlan = ChartPlan {
         frame_pixels: 1_500,
         ray_pixels: 300,
         gradient_pixels: 600,
@@ -69,12 +69,12 @@ impl Plan {
         seeds: 2,
         iterations: 20,
         is_quick: true,
-        ..Plan::USUAL
+        ..ChartPlan::USUAL
     };
 }
 
-/// Measures everything that the plan asks for, and says what it is at. Without a `scene`, frames and gradients
-/// are those of the first training run with default options.
+/// Measures the plan's points and reports progress in words. Without a `scene`, frames and gradients are those of the
+/// first training run with default options.
 ///
 /// # Errors
 /// When the data set has no view to train on or to hold out, and those of the device.
@@ -82,7 +82,7 @@ pub fn measure(
     gpu: &Gpu,
     dataset: &Dataset,
     scene: Option<&Splats>,
-    plan: &Plan,
+    plan: &ChartPlan,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Chart> {
     let mut chart = Chart::default();
@@ -105,14 +105,14 @@ pub fn measure(
     let cameras = cameras(dataset, plan)?;
     let near = TrainConfig::default().near(dataset.extent());
     let pruned_by = training_cameras(dataset, plan);
-    let frames = Frames {
+    let frames = FrameInputs {
         splats: &made,
         cameras: &cameras,
         pruned_by: &pruned_by,
         near,
     };
     (chart.frames, chart.projection) = frames.measure(gpu, plan, progress)?;
-    let gradients = Gradients {
+    let gradients = GradientInputs {
         gpu,
         dataset,
         splats: &made,
@@ -129,8 +129,8 @@ fn reduced(camera: &Camera, pixels: usize) -> Camera {
     camera.resized(side(camera.width), side(camera.height))
 }
 
-/// The training views, of the size that frames are judged in.
-fn training_cameras(dataset: &Dataset, plan: &Plan) -> Vec<Camera> {
+/// The training views at the size of compared frames.
+fn training_cameras(dataset: &Dataset, plan: &ChartPlan) -> Vec<Camera> {
     let views = dataset.split(Split::Train).into_iter();
     views
         .map(|view| reduced(&dataset.views[view].camera, plan.frame_pixels))
@@ -138,7 +138,7 @@ fn training_cameras(dataset: &Dataset, plan: &Plan) -> Vec<Camera> {
 }
 
 /// Some of the held-out views, else of all, spread evenly.
-fn cameras(dataset: &Dataset, plan: &Plan) -> Result<Vec<Camera>> {
+fn cameras(dataset: &Dataset, plan: &ChartPlan) -> Result<Vec<Camera>> {
     let test = dataset.split(Split::Test);
     let views = if test.is_empty() {
         dataset.split(Split::All)

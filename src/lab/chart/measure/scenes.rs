@@ -1,6 +1,6 @@
-//! The scene as settings draw it: in other numbers, or without what can go.
+//! Models of the scene as settings draw it: in another precision, pruned, or with fewer harmonics.
 
-use super::frames::Frames;
+use super::frames::FrameInputs;
 use super::settings::FrameSetting;
 use super::training;
 use crate::Result;
@@ -10,36 +10,36 @@ use crate::simplify::{ContributionPass, PassOptions, kept, prune, reduce_harmoni
 use std::borrow::Cow;
 use std::rc::Rc;
 
-/// See the module. Each is made once.
-pub(super) struct Scenes<'a> {
+/// Cache of the models, each made once.
+pub(super) struct ModelCache<'a> {
     gpu: &'a Gpu,
-    frames: &'a Frames<'a>,
-    weigher: ContributionPass,
-    /// By error: which splats go.
+    frames: &'a FrameInputs<'a>,
+    pass: ContributionPass,
+    /// Flags of the pruned splats by the error that prunes them.
     removed: Vec<(f64, Vec<bool>)>,
-    models: Vec<(Key, Rc<Model>)>,
+    models: Vec<(ModelKey, Rc<Model>)>,
 }
 
-/// What settings of one model have in common: the errors at which splats and harmonics go, and the numbers.
-type Key = (Option<f64>, Option<f64>, Precision);
+/// Errors at which splats are pruned and harmonics dropped, and the precision of a model.
+type ModelKey = (Option<f64>, Option<f64>, Precision);
 
-impl<'a> Scenes<'a> {
-    pub(super) fn new(gpu: &'a Gpu, frames: &'a Frames<'a>) -> Result<Scenes<'a>> {
+impl<'a> ModelCache<'a> {
+    pub(super) fn new(gpu: &'a Gpu, frames: &'a FrameInputs<'a>) -> Result<ModelCache<'a>> {
         let pass_options = PassOptions {
             near: frames.near,
             background: training::BACKGROUND,
             compatibility: Compatibility::Engine,
         };
-        Ok(Scenes {
+        Ok(ModelCache {
             gpu,
             frames,
-            weigher: ContributionPass::new(gpu, frames.splats, pass_options)?,
+            pass: ContributionPass::new(gpu, frames.splats, pass_options)?,
             removed: Vec::new(),
             models: Vec::new(),
         })
     }
 
-    /// Which splats a setting does not draw; empty: none.
+    /// Flags of the splats that a setting does not draw; empty for none.
     pub(super) fn removed(&mut self, setting: &FrameSetting) -> Result<Vec<bool>> {
         let Some(error) = setting.pruned else {
             return Ok(Vec::new());
@@ -48,7 +48,7 @@ impl<'a> Scenes<'a> {
             return Ok(removed.clone());
         }
         let views = self.frames.pruned_by;
-        let found = prune(&mut self.weigher, views, error, &mut || true)?;
+        let found = prune(&mut self.pass, views, error, &mut || true)?;
         let removed = found.map_or_else(Vec::new, |found| found.removed);
         self.removed.push((error, removed.clone()));
         Ok(removed)

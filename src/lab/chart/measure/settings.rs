@@ -1,6 +1,6 @@
-//! Which knobs are turned, and how far.
+//! Knobs of the chart and their settings.
 
-use super::Plan;
+use super::ChartPlan;
 use crate::lab::chart::Knob;
 use crate::reference::bound::{Approximations, color_errors};
 use crate::render::{Accuracy, Precision};
@@ -8,23 +8,23 @@ use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 use crate::simplify::reduce_harmonics;
 use crate::train::{StrategyKind, TrainConfig};
 
-/// How a frame is drawn.
+/// Options of a drawn frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FrameSetting {
     pub(super) knob: Knob,
     pub(super) accuracy: Accuracy,
     /// Highest degree of harmonics drawn.
     pub(super) sh_degree: u32,
-    /// In what numbers the scene lies on the device.
+    /// Storage precision of the scene on the device.
     pub(super) precision: Precision,
-    /// The error at which splats are pruned ([`prune`](crate::simplify::prune)), of 1; `None`: all are drawn.
+    /// The error at which splats are pruned ([`prune`](crate::simplify::prune())), of 1; `None`: all are drawn.
     pub(super) pruned: Option<f64>,
     /// The error at which each splat drops harmonics ([`reduce_harmonics`]), of 1; `None`: all are kept.
     pub(super) reduced: Option<f64>,
 }
 
 impl FrameSetting {
-    /// What it leaves out of a scene, as the reference counts it; `removed` is what has been pruned.
+    /// Approximations of the setting for the reference; `removed` flags the pruned splats.
     pub(super) fn approximations(&self, splats: &Splats, removed: &[bool]) -> Approximations {
         let kept = 3 * sh_coefficient_count(self.sh_degree);
         let is_whole = self.precision == Precision::Full;
@@ -56,7 +56,7 @@ impl FrameSetting {
     }
 }
 
-/// Series that are met in several places.
+/// Names of series.
 const HARMONICS: &str = "harmonics";
 const HARMONICS_BY_SPLAT: &str = "harmonics by splat";
 const HALVES: &str = "stored as halves";
@@ -87,7 +87,7 @@ fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
     }
 }
 
-/// The stop alone: next to nothing is cut.
+/// Stop alone, with the smallest cut.
 fn stop(transmittance_min: f32) -> FrameSetting {
     let setting = format!("{transmittance_min:.0e}");
     let accuracy = Accuracy {
@@ -97,7 +97,7 @@ fn stop(transmittance_min: f32) -> FrameSetting {
     frame("stop alone", setting, accuracy)
 }
 
-/// The cut alone: next to nothing is stopped.
+/// Cut alone, with the smallest stop.
 fn cut(number: u32) -> FrameSetting {
     let accuracy = Accuracy {
         alpha_min: 1.0 / number as f32,
@@ -147,7 +147,7 @@ fn together(transmittance_min: f32, number: u32) -> FrameSetting {
     frame("stop and cut", setting, accuracy)
 }
 
-/// Thresholds and stops that leave next to nothing out: the least that are taken.
+/// Smallest cut and stop.
 const ALPHA_LEAST: f32 = 1e-6;
 const TRANSMITTANCE_LEAST: f32 = 1e-9;
 
@@ -165,7 +165,7 @@ const TOGETHER: [(f32, u32); 9] = [
 ];
 
 /// The default, and every knob on its own from exact to coarse; then stop and cut together.
-pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
+pub(super) fn of_frames(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     let default = FrameSetting {
         knob: Knob {
             series: "default".into(),
@@ -200,9 +200,9 @@ pub(super) fn of_frames(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Of a training step: the thresholds. Harmonics that are not drawn have no gradients to compare, halves do not train,
-/// and pruned splats have none.
-pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
+/// Settings of a training step: thresholds. Harmonics that are not drawn and pruned splats have no gradients to compare,
+/// and halves are not trained.
+pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
         ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED].contains(&setting.knob.series.as_str())
@@ -210,7 +210,7 @@ pub(super) fn of_gradients(sh_degree: u32, plan: &Plan) -> Vec<FrameSetting> {
     all.filter(is_cut).collect()
 }
 
-/// How a scene is trained.
+/// Configuration of a training run.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RunSetting {
     pub(super) knob: Knob,
@@ -218,7 +218,7 @@ pub(super) struct RunSetting {
 }
 
 /// The default run.
-pub(super) fn default_run(plan: &Plan) -> RunSetting {
+pub(super) fn default_run(plan: &ChartPlan) -> RunSetting {
     RunSetting {
         knob: Knob {
             series: "default".into(),
@@ -230,7 +230,7 @@ pub(super) fn default_run(plan: &Plan) -> RunSetting {
 }
 
 /// The other runs; the default one ended with so many splats.
-pub(super) fn of_runs(plan: &Plan, splats: u32) -> Vec<RunSetting> {
+pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     let base = TrainConfig::for_iterations(plan.iterations);
     let with = |series: &str, setting: String, change: &dyn Fn(&mut TrainConfig)| {
         let mut config = base.clone();
@@ -291,7 +291,7 @@ mod tests {
 
     #[test]
     fn every_setting_is_valid_and_named_once() {
-        for plan in [Plan::USUAL, Plan::QUICK] {
+        for plan in [ChartPlan::USUAL, ChartPlan::QUICK] {
             for sh_degree in 0..=3 {
                 let frames = of_frames(sh_degree, &plan);
                 let names: BTreeSet<(String, String)> = frames

@@ -1,6 +1,6 @@
-//! Training runs of every setting and several seeds: what they reach on held-out views, and when.
+//! Training runs of every setting and several seeds: quality of held-out views over time.
 
-use super::Plan;
+use super::ChartPlan;
 use super::settings::{self, RunSetting};
 use crate::Result;
 use crate::gpu::Gpu;
@@ -15,23 +15,24 @@ use std::time::Instant;
 
 pub(super) use crate::lab::evaluator::BACKGROUND;
 
-/// Seconds of training after which a run is judged on the way: doubling, through 5, 10, 20 and 40.
-const FIRST_LOOK: f64 = 0.625;
+/// Seconds of training before the first evaluation on the way; later ones are at doubled times, through 5, 10, 20
+/// and 40.
+const FIRST_EVALUATION: f64 = 0.625;
 
 /// Floats of a splat besides its harmonics: mean, quaternion, log-scale, opacity.
 const GEOMETRY_FLOATS: usize = 11;
 
-/// Runs everything. Also returns what the first default run made.
+/// Points of all settings, and the scene of the first default run.
 pub(super) fn measure(
     gpu: &Gpu,
     dataset: &Dataset,
-    plan: &Plan,
+    plan: &ChartPlan,
     progress: &mut dyn FnMut(&str),
 ) -> Result<(Vec<RunPoint>, Splats)> {
     let mut evaluator = held_out(gpu, dataset)?;
     let default = settings::default_run(plan);
     let runs = seeds(gpu, dataset, &mut evaluator, &default, plan, progress)?;
-    let usual: Vec<f64> = runs.iter().map(Run::psnr_db).collect();
+    let usual: Vec<f64> = runs.iter().map(TrainingRun::psnr_db).collect();
     let mut points = vec![point(&default, &runs, &usual)];
     let splats = runs
         .into_iter()
@@ -45,7 +46,7 @@ pub(super) fn measure(
     Ok((points, splats))
 }
 
-/// The result of one run, unjudged.
+/// The scene of one run.
 pub(super) fn splats(gpu: &Gpu, dataset: &Dataset, config: TrainConfig) -> Result<Splats> {
     let mut trainer = Trainer::new(gpu, dataset, config)?;
     while !trainer.is_done() {
@@ -54,8 +55,8 @@ pub(super) fn splats(gpu: &Gpu, dataset: &Dataset, config: TrainConfig) -> Resul
     trainer.splats()
 }
 
-/// What one run came to.
-struct Run {
+/// Scene, time and quality of one run.
+struct TrainingRun {
     splats: Splats,
     seconds: f64,
     score: MeanScore,
@@ -63,7 +64,7 @@ struct Run {
     course: Vec<(f64, f64)>,
 }
 
-impl Run {
+impl TrainingRun {
     fn psnr_db(&self) -> f64 {
         self.score.psnr_db.unwrap_or(f64::NAN)
     }
@@ -75,9 +76,9 @@ fn seeds(
     dataset: &Dataset,
     evaluator: &mut Evaluator<'_>,
     setting: &RunSetting,
-    plan: &Plan,
+    plan: &ChartPlan,
     progress: &mut dyn FnMut(&str),
-) -> Result<Vec<Run>> {
+) -> Result<Vec<TrainingRun>> {
     let mut runs = Vec::new();
     for seed in 0..plan.seeds.max(1) {
         let RunSetting { knob, config } = setting;
@@ -97,9 +98,9 @@ fn seeds(
     Ok(runs)
 }
 
-/// What the runs of a setting come to; `usual` are the decibels of the default ones, by seed.
-fn point(setting: &RunSetting, runs: &[Run], usual: &[f64]) -> RunPoint {
-    let mean = |figure: &dyn Fn(&Run) -> f64| {
+/// Means over the runs of a setting; `usual` are the decibels of the default ones, by seed.
+fn point(setting: &RunSetting, runs: &[TrainingRun], usual: &[f64]) -> RunPoint {
+    let mean = |figure: &dyn Fn(&TrainingRun) -> f64| {
         Interval::of_mean(&runs.iter().map(figure).collect::<Vec<f64>>())
     };
     let pairs = runs.iter().zip(usual);
@@ -107,7 +108,7 @@ fn point(setting: &RunSetting, runs: &[Run], usual: &[f64]) -> RunPoint {
     let bytes = |splats: &Splats| 4 * splats.len() * (GEOMETRY_FLOATS + splats.sh_stride());
     RunPoint {
         knob: setting.knob.clone(),
-        psnr_db: mean(&Run::psnr_db),
+        psnr_db: mean(&TrainingRun::psnr_db),
         gain_db: Interval::of_mean(&gains),
         ssim: mean(&|r| r.score.ssim.unwrap_or(f64::NAN)),
         seconds: mean(&|r| r.seconds),
@@ -117,14 +118,14 @@ fn point(setting: &RunSetting, runs: &[Run], usual: &[f64]) -> RunPoint {
     }
 }
 
-/// Looks that all runs had, then their mean end.
-fn course(runs: &[Run]) -> Vec<(f64, Interval)> {
+/// Evaluations at times that all runs have, then their mean end.
+fn course(runs: &[TrainingRun]) -> Vec<(f64, Interval)> {
     let mut course = Vec::new();
-    for (look, _) in &runs[0].course {
-        let same = |run: &Run| run.course.iter().find(|(at, _)| at == look).copied();
+    for (time, _) in &runs[0].course {
+        let same = |run: &TrainingRun| run.course.iter().find(|(at, _)| at == time).copied();
         let values: Vec<f64> = runs.iter().filter_map(same).map(|(_, psnr)| psnr).collect();
         if values.len() == runs.len() {
-            course.push((*look, Interval::of_mean(&values)));
+            course.push((*time, Interval::of_mean(&values)));
         }
     }
     let ends: Vec<f64> = runs.iter().filter_map(|r| r.score.psnr_db).collect();
@@ -138,21 +139,21 @@ fn run(
     dataset: &Dataset,
     evaluator: &mut Evaluator<'_>,
     config: TrainConfig,
-) -> Result<Run> {
+) -> Result<TrainingRun> {
     let mut trainer = Trainer::new(gpu, dataset, config)?;
-    let (mut seconds, mut look) = (0.0, FIRST_LOOK);
+    let (mut seconds, mut next) = (0.0, FIRST_EVALUATION);
     let mut course = Vec::new();
     while !trainer.is_done() {
         let start = Instant::now();
         trainer.step()?;
-        if seconds + start.elapsed().as_secs_f64() >= look {
-            // What is still on its way belongs to the time; looking does not.
+        if seconds + start.elapsed().as_secs_f64() >= next {
+            // The steps in flight count as training time, the evaluation does not.
             trainer.finish()?;
             seconds += start.elapsed().as_secs_f64();
             let score = MeanScore::of(&evaluator.scores(&trainer.splats()?)?);
-            course.push((look, score.psnr_db.unwrap_or(f64::NAN)));
-            while look <= seconds {
-                look *= 2.0;
+            course.push((next, score.psnr_db.unwrap_or(f64::NAN)));
+            while next <= seconds {
+                next *= 2.0;
             }
         } else {
             seconds += start.elapsed().as_secs_f64();
@@ -162,7 +163,7 @@ fn run(
     trainer.finish()?;
     seconds += start.elapsed().as_secs_f64();
     let splats = trainer.splats()?;
-    Ok(Run {
+    Ok(TrainingRun {
         score: MeanScore::of(&evaluator.scores(&splats)?),
         splats,
         seconds,

@@ -1,14 +1,14 @@
-//! Training steps of every setting: their time, and how far their gradients are from the exact ones.
+//! Training steps of every setting: time, and errors of their gradients.
 //!
-//! Times are those of the usual step. Gradients are judged for another objective, of which bounds can be proven: the
-//! brightness of the picture. A step on a white photograph by the L1 loss alone has just that gradient, wherever no
-//! picture reaches white; pixels that might are masked out.
+//! Times are those of the usual step. Gradients are compared for another objective, the brightness of the image, for
+//! which bounds can be proven. A step on a white photograph by the L1 loss alone has this gradient wherever no image
+//! reaches white; pixels that may reach it are masked out.
 
-mod judge;
+mod compare;
 
 use super::frames::{milliseconds, rounding};
 use super::settings::{self, FrameSetting};
-use super::{Plan, reduced, training};
+use super::{ChartPlan, reduced, training};
 use crate::gpu::Gpu;
 use crate::io::photo;
 use crate::lab::bench::CpuClock;
@@ -22,29 +22,29 @@ use crate::reference::{Options, Thresholds};
 use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, Split, View};
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
-use judge::{judge, percentile};
+use compare::{compare, percentile};
 
-/// The step that is taken: late in a long run, when all harmonics are trained and nothing is refined.
+/// Iteration of the compared step: late in a long run, with all harmonics and without refinement.
 const BEGUN: u32 = 20_000;
 
-/// What steps are taken from.
-pub(super) struct Gradients<'a> {
+/// Device, photographs and scene of the compared steps.
+pub(super) struct GradientInputs<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) dataset: &'a Dataset,
     pub(super) splats: &'a Splats,
 }
 
-/// The exact gradient of the brightness, and what settings may make of it.
-struct Exact {
+/// The exact gradient of the brightness, and the bounds of all settings.
+struct ExactGradient {
     gradients: SplatGradients,
     bounds: GradientBounds,
 }
 
-impl Gradients<'_> {
-    /// Times a step of every setting and judges its gradient.
+impl GradientInputs<'_> {
+    /// Times a step of every setting and compares its gradient.
     pub(super) fn measure(
         &self,
-        plan: &Plan,
+        plan: &ChartPlan,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Vec<GradientPoint>> {
         let settings = settings::of_gradients(self.splats.sh_degree, plan);
@@ -70,20 +70,20 @@ impl Gradients<'_> {
         let exact = self.exact(&camera, &options, &white, &approximations);
         let white = self.dataset_of(camera, white, AlphaMode::Mask);
         let mut points = Vec::new();
-        for (which, setting) in settings.iter().enumerate() {
+        for (index, setting) in settings.iter().enumerate() {
             let config = TrainConfig {
                 lambda_dssim: 0.0,
                 ..config(setting, self.splats)
             };
             let found = self.step(&white, config)?;
-            points.push(point(setting, &found, &exact, which));
+            points.push(point(setting, &found, &exact, index));
         }
         time(&mut timed, &mut points, plan, progress)?;
         Ok(points)
     }
 
     /// A training view, small enough for the reference.
-    fn camera(&self, plan: &Plan) -> Result<Camera> {
+    fn camera(&self, plan: &ChartPlan) -> Result<Camera> {
         let view = self.view()?;
         Ok(reduced(&view.camera, plan.gradient_pixels))
     }
@@ -128,7 +128,7 @@ impl Gradients<'_> {
         Trainer::from_state(self.gpu, dataset, config, &state, BEGUN)
     }
 
-    /// The gradient that one step goes by.
+    /// Gradient of one step.
     fn step(&self, dataset: &Dataset, config: TrainConfig) -> Result<Splats> {
         let mut trainer = self.trainer(dataset, config)?;
         trainer.keep_gradients()?;
@@ -150,8 +150,8 @@ impl Gradients<'_> {
         options: &Options,
         white: &Photo,
         approximations: &[Approximations],
-    ) -> Exact {
-        // The L1 loss is a mean over channels of the pixels that count.
+    ) -> ExactGradient {
+        // The L1 loss is a mean over the channels of unmasked pixels.
         let counted = white.rgba.iter().filter(|pixel| pixel[3] != 0).count();
         let slope = -1.0 / (3.0 * counted.max(1) as f64);
         let slope = |pixel: &[u8; 4]| [if pixel[3] != 0 { slope } else { 0.0 }; 3];
@@ -165,7 +165,7 @@ impl Gradients<'_> {
             share: rounding(camera),
             unit: f64::from(f32::EPSILON) / 2.0,
         };
-        Exact {
+        ExactGradient {
             gradients: backward(self.splats, camera, options, &pixels).1,
             bounds: gradient_bounds(
                 self.splats,
@@ -179,7 +179,7 @@ impl Gradients<'_> {
     }
 }
 
-/// A white photograph that counts where no setting's picture can reach white.
+/// A white photograph, masked out wherever an image of some setting may reach white.
 fn white(camera: &Camera, traced: &[Traced]) -> Photo {
     let share = rounding(camera);
     let pixel = |traced: &Traced| {
@@ -205,26 +205,31 @@ fn config(setting: &FrameSetting, splats: &Splats) -> TrainConfig {
     }
 }
 
-fn point(setting: &FrameSetting, found: &Splats, exact: &Exact, which: usize) -> GradientPoint {
-    let judged = judge(found, &exact.gradients, &exact.bounds, which);
+fn point(
+    setting: &FrameSetting,
+    found: &Splats,
+    exact: &ExactGradient,
+    index: usize,
+) -> GradientPoint {
+    let comparison = compare(found, &exact.gradients, &exact.bounds, index);
     let errors = |sorted: &[f64]| GradientErrors {
         median: percentile(sorted, 0.5),
         p99: percentile(sorted, 0.99),
     };
     GradientPoint {
         knob: setting.knob.clone(),
-        error: errors(&judged.errors),
-        bound: errors(&judged.bounds),
-        excess: judged.excess,
+        error: errors(&comparison.errors),
+        bound: errors(&comparison.bounds),
+        excess: comparison.excess,
         ..GradientPoint::default()
     }
 }
 
-/// Times steps in turns, so that what disturbs the machine disturbs all alike.
+/// Times steps in turns, so that disturbances of the machine affect all alike.
 fn time(
     trainers: &mut [Trainer<'_>],
     points: &mut [GradientPoint],
-    plan: &Plan,
+    plan: &ChartPlan,
     progress: &mut dyn FnMut(&str),
 ) -> Result<()> {
     let mut times = vec![(Vec::new(), Vec::new()); trainers.len()];

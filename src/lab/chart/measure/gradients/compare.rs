@@ -1,20 +1,20 @@
-//! Gradients beside the exact ones: their errors, and whether each keeps its bound.
+//! Comparison of gradients with the exact ones: errors and broken bounds.
 
 use crate::reference::bound::GradientBounds;
 use crate::reference::gradient::SplatGradients;
 use crate::scene::Splats;
 
-/// Errors count relatively to the exact value, or to this share of its kind's root mean square where that is
-/// more: what is small beside its kind is the remainder of terms that cancel.
+/// Errors are relative to the exact value, or to this share of its group's root mean square where that is more: a value
+/// that is small in its group is the remainder of terms that cancel.
 const SHARE: f64 = 0.01;
 
 /// Errors of all gradients, relative, ascending.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Judged {
+pub(super) struct GradientComparison {
     pub(super) errors: Vec<f64>,
-    /// What was proven of each.
+    /// Proven bounds of the same, ascending.
     pub(super) bounds: Vec<f64>,
-    /// The most that one lies beyond its bound and rounding; not above 0 if all are kept.
+    /// Largest distance of a gradient beyond its bound and rounding; not above 0 if all bounds are kept.
     pub(super) excess: f64,
 }
 
@@ -27,30 +27,30 @@ pub(super) fn percentile(sorted: &[f64], share: f64) -> f64 {
         .unwrap_or(0.0)
 }
 
-/// A kind of parameters, those of a splat one after the other.
-struct Kind<'a> {
+/// A group of parameters, those of a splat one after the other.
+struct ParameterGroup<'a> {
     found: &'a [f32],
     exact: &'a [f64],
     bound: &'a [f64],
     rounding: &'a [f64],
 }
 
-/// Compares gradients with the exact ones; `which` of the bounds counts. Splats on a kink are left out.
-pub(super) fn judge(
+/// Compares gradients with the exact ones, by the bounds of an index. Splats on a kink are left out.
+pub(super) fn compare(
     found: &Splats,
     exact: &SplatGradients,
     bounds: &GradientBounds,
-    which: usize,
-) -> Judged {
-    let (bound, rounding) = (&bounds.bounds[which], &bounds.rounding);
-    let mut judged = Judged {
+    index: usize,
+) -> GradientComparison {
+    let (bound, rounding) = (&bounds.bounds[index], &bounds.rounding);
+    let mut comparison = GradientComparison {
         errors: Vec::new(),
         bounds: Vec::new(),
         excess: f64::NEG_INFINITY,
     };
     macro_rules! kind {
         ($field:ident $(. $flat:ident ())?) => {
-            Kind {
+            ParameterGroup {
                 found: found.$field $(.$flat())?.as_ref(),
                 exact: exact.$field $(.$flat())?.as_ref(),
                 bound: bound.$field $(.$flat())?.as_ref(),
@@ -65,21 +65,21 @@ pub(super) fn judge(
         kind!(opacity_logit),
         kind!(sh),
     ] {
-        judged.add(&kind, &bounds.kinked);
+        comparison.add(&kind, &bounds.kinked);
     }
-    judged.errors.sort_by(f64::total_cmp);
-    judged.bounds.sort_by(f64::total_cmp);
-    judged
+    comparison.errors.sort_by(f64::total_cmp);
+    comparison.bounds.sort_by(f64::total_cmp);
+    comparison
 }
 
-impl Judged {
-    fn add(&mut self, kind: &Kind<'_>, kinked: &[bool]) {
+impl GradientComparison {
+    fn add(&mut self, kind: &ParameterGroup<'_>, kinked: &[bool]) {
         let numbers = kind.exact.len() / kinked.len().max(1);
         let square: f64 = kind.exact.iter().map(|e| e * e).sum();
         let floor = SHARE * (square / kind.exact.len().max(1) as f64).sqrt();
         for (i, (&found, &exact)) in kind.found.iter().zip(kind.exact).enumerate() {
             let off = (f64::from(found) - exact).abs();
-            // Splats that are not seen have no gradient, and no error.
+            // Invisible splats have no gradient, and no error.
             if kinked[i / numbers] || (off == 0.0 && exact == 0.0) {
                 continue;
             }
@@ -126,16 +126,16 @@ mod tests {
             rounding: gradients(0.0625, 0.0),
             kinked: vec![false, kinked],
         };
-        let kept = judge(&found(1.25, 2.5), &exact, &bounds(false), 1);
-        // Both keep to their bounds, one to the last bit.
+        let kept = compare(&found(1.25, 2.5), &exact, &bounds(false), 1);
+        // One error equals its bound to the last bit.
         assert_eq!(kept.excess, 0.0);
         assert_eq!((kept.errors.len(), kept.bounds.len()), (8, 8));
         assert_eq!(kept.errors[7], 0.25);
-        let broken = judge(&found(1.5, 2.0), &exact, &bounds(false), 1);
+        let broken = compare(&found(1.5, 2.0), &exact, &bounds(false), 1);
         assert_eq!(broken.excess, 0.5 - 0.25 - 0.0625);
-        // On a kink it may be anything.
-        assert!(judge(&found(1.5, 2.0), &exact, &bounds(true), 1).excess <= 0.0);
-        let poison = judge(&found(f32::NAN, 2.0), &exact, &bounds(false), 1);
+        // On a kink there is no bound.
+        assert!(compare(&found(1.5, 2.0), &exact, &bounds(true), 1).excess <= 0.0);
+        let poison = compare(&found(f32::NAN, 2.0), &exact, &bounds(false), 1);
         assert!(poison.excess.is_nan());
     }
 }

@@ -1,29 +1,28 @@
-//! Axes: where a value lies, and which values are marked.
+//! Scales of axes: place of a value, ticks and their labels.
 //!
-//! A logarithmic axis is a linear one of logarithms with its own labels, so that one kind of axis draws all.
+//! A logarithmic scale is a linear one of logarithms with its own labels.
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use std::ops::Range;
 
-/// One axis.
+/// Linear or logarithmic scale.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::lab) struct Scale {
+pub(crate) struct Scale {
     is_log: bool,
     /// First and last place.
-    pub(in crate::lab) span: [f64; 2],
-    /// Places that are marked.
-    pub(in crate::lab) ticks: Vec<f64>,
+    pub(crate) span: [f64; 2],
+    /// Places of the ticks.
+    pub(crate) ticks: Vec<f64>,
     /// Distance between ticks where they are linear, for the number of digits.
     step: f64,
 }
 
-/// Marks of a linear axis, about.
+/// Approximate number of ticks of a linear scale.
 const TICKS: f64 = 6.0;
 
 impl Scale {
-    /// An axis that holds all finite values, with a margin. Of a logarithmic one they must be positive;
-    /// others are ignored.
-    pub(in crate::lab) fn of(values: impl IntoIterator<Item = f64>, is_log: bool) -> Scale {
+    /// Scale over all finite values, with a margin. A logarithmic one ignores values that are not positive.
+    pub(crate) fn of(values: impl IntoIterator<Item = f64>, is_log: bool) -> Scale {
         let places = values.into_iter().map(|v| place(v, is_log));
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for place in places.filter(|p| p.is_finite()) {
@@ -32,7 +31,7 @@ impl Scale {
         if low > high {
             (low, high) = (0.0, 1.0);
         }
-        // One value alone stands in the middle of something.
+        // A single value stands in the middle.
         let width = (high - low).max(if is_log {
             0.2
         } else {
@@ -53,13 +52,13 @@ impl Scale {
         }
     }
 
-    /// Where a value lies between the ends of `span`.
-    pub(in crate::lab) fn place(&self, value: f64) -> f64 {
+    /// Place of a value between the ends of `span`.
+    pub(crate) fn place(&self, value: f64) -> f64 {
         place(value, self.is_log).clamp(self.span[0], self.span[1])
     }
 
-    /// What a tick's label says.
-    pub(in crate::lab) fn label(&self, place: f64) -> String {
+    /// Label of a tick.
+    pub(crate) fn label(&self, place: f64) -> String {
         if !self.is_log {
             let digits = (-self.step.log10().floor()).clamp(0.0, 9.0) as usize;
             return match self.step >= 1000.0 {

@@ -1,12 +1,12 @@
-//! Small pictures that lie within the page.
+//! Thumbnails: small pictures embedded in the page.
 
 use crate::Result;
 use crate::io::png;
 
-/// A picture on the page.
+/// A picture of the page.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Still {
-    /// What stands under it.
+pub struct Thumbnail {
+    /// Caption.
     pub label: String,
     /// Width and height, pixels.
     pub size: [u32; 2],
@@ -14,27 +14,31 @@ pub struct Still {
     rgb: Vec<u8>,
 }
 
-/// Pixels of a side at most: larger pictures are shown by every n-th pixel.
+/// Longest side in pixels; larger pictures are subsampled.
 const SIDE_MAX: u32 = 400;
 
-impl Still {
-    /// From display-referred colours `[row][column]`, 0 to 1; of large pictures every n-th pixel.
+impl Thumbnail {
+    /// Thumbnail of display-referred colours `[row][column]`, 0 to 1; large pictures are subsampled.
     ///
     /// Panics if there are not as many colours as pixels.
-    pub fn new(label: impl Into<String>, [width, height]: [u32; 2], colors: &[[f32; 3]]) -> Still {
+    pub fn new(
+        label: impl Into<String>,
+        [width, height]: [u32; 2],
+        colors: &[[f32; 3]],
+    ) -> Thumbnail {
         let pixels = width as usize * height as usize;
         assert_eq!(colors.len(), pixels, "as many colours as pixels");
         let step = width.max(height).div_ceil(SIDE_MAX) as usize;
         let rows = colors.chunks(width as usize).step_by(step);
         let kept = rows.flat_map(|row| row.iter().step_by(step));
-        Still {
+        Thumbnail {
             label: label.into(),
             size: [width, height].map(|side| side.div_ceil(step as u32)),
             rgb: kept.flatten().map(|&value| png::to_byte(value)).collect(),
         }
     }
 
-    /// The picture as an address that holds it.
+    /// The picture as a data URL.
     pub(super) fn address(&self) -> Result<String> {
         let file = png::encode_rgb(self.size[0], self.size[1], &self.rgb)?;
         Ok(format!("data:image/png;base64,{}", base64(&file)))
@@ -80,11 +84,11 @@ mod tests {
     #[test]
     fn large_pictures_are_thinned() {
         let colors = vec![[0.5; 3]; 1000];
-        let still = Still::new("wide", [1000, 1], &colors);
-        assert_eq!(still.size, [334, 1]);
-        assert_eq!(still.rgb.len(), 334 * 3);
+        let thumbnail = Thumbnail::new("wide", [1000, 1], &colors);
+        assert_eq!(thumbnail.size, [334, 1]);
+        assert_eq!(thumbnail.rgb.len(), 334 * 3);
         assert!(
-            still
+            thumbnail
                 .address()
                 .is_ok_and(|a| a.starts_with("data:image/png;base64,iVBOR"))
         );

@@ -1,4 +1,4 @@
-//! A survey on its way: run after run, each written down as it ends.
+//! A survey in progress: run after run, each written as it ends.
 
 use super::NeedsArgs;
 use crate::cli::Outcome;
@@ -6,43 +6,44 @@ use crate::cli::engine::Engine;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{Output, grouped};
 use crate::io::atomic::write_atomically;
-use crate::lab::survey::runner::{Task, made, recipes};
-use crate::lab::survey::{Recipe, Run, Survey, csv, page};
+use crate::lab::page::Fact;
+use crate::lab::survey::runner::{Task, built_in, distinct_recipes};
+use crate::lab::survey::{self, Recipe, SurveyRun, page, record};
 use crate::lab::synth::Kind;
 use crate::scene::Dataset;
 use crate::{Error, Result};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// See the module.
-pub(super) struct Course<'a> {
+/// Scenes, recipes and runs of a survey.
+pub(super) struct SurveySession<'a> {
     args: &'a NeedsArgs,
     engine: &'a Engine,
     output: Output,
     /// Scenes by name.
     scenes: Vec<(String, Dataset)>,
     recipes: Vec<Recipe>,
-    pub(super) survey: Survey,
-    /// Runs ended or found to have ended.
+    runs: Vec<SurveyRun>,
+    /// Runs done, in this session or before.
     done: usize,
 }
 
-impl<'a> Course<'a> {
-    /// Makes and opens the scenes, and takes what is there of an earlier survey. Writes nothing.
+impl<'a> SurveySession<'a> {
+    /// Makes and opens the scenes, and reads the runs of an earlier session. Writes nothing.
     ///
     /// # Errors
-    /// When two scenes have one name, a data set cannot be read, or the folder has runs of another survey.
+    /// Two scenes of one name, a data set that cannot be read, or runs of another survey in the folder.
     pub(super) fn begin(
         args: &'a NeedsArgs,
         engine: &'a Engine,
         output: Output,
-    ) -> Result<Course<'a>> {
+    ) -> Result<SurveySession<'a>> {
         let mut scenes = Vec::new();
         for given in &args.data {
             let (name, path) = named(given);
             let is_taken = |(other, _): &(String, Dataset)| *other == name;
             if Kind::ALL.iter().any(|kind| kind.name() == name) || scenes.iter().any(is_taken) {
-                let what = format!("another scene is called {name}, too: say NAME=DATA");
+                let what = format!("another scene is called {name}, too: give NAME=DATA");
                 return Err(Error::file(&path, what));
             }
             scenes.push((name, args.options.open(&path, true)?));
@@ -52,43 +53,43 @@ impl<'a> Course<'a> {
         let kinds = Kind::ALL
             .into_iter()
             .filter(|kind| kinds.contains(&Some(*kind)));
-        let built_in = kinds.map(|kind| {
+        let made = kinds.map(|kind| {
             output.remark(format_args!("photographing {}", kind.name()));
-            (kind.name().to_owned(), made(kind, args.width))
+            (kind.name().to_owned(), built_in(kind, args.width))
         });
-        scenes = built_in.chain(std::mem::take(&mut scenes)).collect();
+        scenes = made.chain(std::mem::take(&mut scenes)).collect();
         if scenes.is_empty() {
             return Err(Error::Config("there is no scene to train".into()));
         }
-        let differing = recipes(args.iterations);
+        let distinct = distinct_recipes(args.iterations);
         let wanted = |recipe: &Recipe| match &args.recipes {
             Some(chosen) => chosen.contains(recipe),
-            None => differing.contains(recipe),
+            None => distinct.contains(recipe),
         };
-        let mut course = Course {
+        let mut session = SurveySession {
             args,
             engine,
             output,
             recipes: Recipe::ALL.into_iter().filter(wanted).collect(),
             scenes,
-            survey: Survey::default(),
+            runs: Vec::new(),
             done: 0,
         };
         if !args.overwrite {
-            course.survey.runs = course.earlier()?;
+            session.runs = session.earlier()?;
         }
-        Ok(course)
+        Ok(session)
     }
 
-    /// The runs that the folder has.
-    fn earlier(&self) -> Result<Vec<Run>> {
+    /// The runs of the folder.
+    fn earlier(&self) -> Result<Vec<SurveyRun>> {
         let path = self.args.out.join("needs.csv");
         let text = match std::fs::read_to_string(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
             Err(error) => return Err(Error::io(&path)(error)),
         };
-        let runs = csv::parse(&path, &text)?;
+        let runs = record::read(&path, &text)?;
         for (scene, dataset) in &self.scenes {
             let planned = self.task((scene, dataset), self.recipes[0], 0, None);
             let planned = planned.planned(self.engine.gpu());
@@ -120,7 +121,7 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// Does the runs that are missing. All scenes have their first seed before any has its second.
+    /// Does the missing runs, seed by seed over all scenes.
     pub(super) fn run(&mut self, interrupt: &Interrupt) -> Result<Outcome> {
         let scenes = std::mem::take(&mut self.scenes);
         let mut is_warm = false;
@@ -150,28 +151,27 @@ impl<'a> Course<'a> {
         Ok(Outcome::Done)
     }
 
-    /// The splats that MCMC may have.
+    /// Limit of the splat count of MCMC.
     fn count(&self, scene: &str, seed: u64) -> Result<u32> {
-        let mut runs = self.survey.of(scene, Recipe::Parsimony);
-        let run = runs.find(|run| run.seed == seed).ok_or_else(|| {
-            let what = "MCMC takes the count of the run to the scene's needs, and there is none: \
-                        have parsimony among --recipes";
+        let key = (scene, Recipe::Parsimony, seed);
+        let run = self.runs.iter().find(|run| run.key() == key);
+        let run = run.ok_or_else(|| {
+            let what =
+                "MCMC takes the count of a parsimony run, and there is none: add parsimony to --recipes";
             Error::Config(what.into())
         })?;
         Ok(u32::try_from(run.splats).unwrap_or(u32::MAX).max(1))
     }
 
-    /// Whether the run is there and still counts.
+    /// True if the run is done and is not to be repeated.
     fn has(&self, task: &Task<'_>) -> bool {
-        let is_same = |run: &Run| {
-            run.scene == task.scene && run.recipe == task.recipe && run.seed == task.seed
-        };
-        let found = self.survey.runs.iter().find(|run| is_same(run));
+        let key = (task.scene, task.recipe, task.seed);
+        let found = self.runs.iter().find(|run| run.key() == key);
         let is_again = self.args.again.contains(&task.recipe);
         found.is_some_and(|run| run.max_splats == task.max_splats && !is_again)
     }
 
-    /// Does a run and writes it down.
+    /// Does a run and writes the survey.
     fn add(&mut self, task: &Task<'_>, of: usize, interrupt: &Interrupt) -> Result<Outcome> {
         let Task {
             scene,
@@ -201,42 +201,44 @@ impl<'a> Course<'a> {
             run.psnr_db.unwrap_or(f64::NAN),
             run.train_seconds
         ));
-        let runs = &mut self.survey.runs;
-        match runs.iter_mut().find(|known| known.is_again(&run)) {
+        match self.runs.iter_mut().find(|known| known.key() == run.key()) {
             Some(known) => *known = run,
-            None => runs.push(run),
+            None => self.runs.push(run),
         }
         self.write()?;
         Ok(Outcome::Done)
     }
 
-    /// Writes the page and the numbers.
-    pub(super) fn write(&mut self) -> Result<()> {
-        self.survey.facts = self.facts();
+    /// Runs as CSV.
+    pub(super) fn csv(&self) -> Result<String> {
+        record::write(&self.runs)
+    }
+
+    /// Writes the page and the CSV.
+    pub(super) fn write(&self) -> Result<()> {
         let out = &self.args.out;
-        let text = csv::csv(&self.survey.runs);
+        let text = self.csv()?;
         write_atomically(&out.join("needs.csv"), |file| {
             file.write_all(text.as_bytes())
         })?;
-        let html = page::html(&self.survey)?;
+        let html = page::html(&self.facts(), &self.runs)?;
         write_atomically(&out.join("needs.html"), |file| {
             file.write_all(html.as_bytes())
         })
     }
 
-    /// What a reader has to know of the figures.
-    fn facts(&self) -> Vec<(String, String)> {
-        let runs = &self.survey.runs;
-        let dates = || runs.iter().map(|run| run.date.as_str());
+    /// Facts at the top of the page.
+    fn facts(&self) -> Vec<Fact> {
+        let dates = || self.runs.iter().map(|run| run.date.as_str());
         let dates = match (dates().min(), dates().max()) {
             (Some(first), Some(last)) if first != last => format!("{first} to {last}"),
             (first, _) => first.unwrap_or_default().to_owned(),
         };
         let rows = [
-            ("scenes", scenes(&self.survey)),
+            ("scenes", scenes(&self.runs)),
             ("trained", format!("{} steps a run", self.args.iterations)),
             (
-                "smallest gain worth paying for",
+                "preference",
                 format!("{} dB for a tenth more splats", self.args.gain),
             ),
             ("device", self.engine.name().to_owned()),
@@ -247,11 +249,11 @@ impl<'a> Course<'a> {
     }
 }
 
-/// The scenes' names, those together that were photographed alike.
-fn scenes(survey: &Survey) -> String {
+/// Names of the scenes, grouped by the number and size of their photographs.
+fn scenes(runs: &[SurveyRun]) -> String {
     let mut groups: Vec<(String, Vec<&str>)> = Vec::new();
-    for name in survey.scenes() {
-        let Some(run) = survey.runs.iter().find(|run| run.scene == name) else {
+    for name in survey::scenes(runs) {
+        let Some(run) = runs.iter().find(|run| run.scene == name) else {
             continue;
         };
         let (all, test) = (run.train_views + run.test_views, run.test_views);
@@ -266,7 +268,7 @@ fn scenes(survey: &Survey) -> String {
     groups.into_iter().map(group).collect::<Vec<_>>().join("; ")
 }
 
-/// What a data set is called, and where it is: NAME=DATA, else its last folder, and of the path no more.
+/// Name and path of a data set given as NAME=DATA, or named by its last folder.
 fn named(given: &Path) -> (String, PathBuf) {
     let text = given.to_str().filter(|_| !given.exists());
     if let Some((name, path)) = text.and_then(|text| text.split_once('='))
@@ -285,7 +287,7 @@ fn named(given: &Path) -> (String, PathBuf) {
     (safe(&last.unwrap_or_default()), given.to_owned())
 }
 
-/// A name that shifts no columns.
+/// A name without separators.
 fn safe(name: &str) -> String {
     let is_bad = |c: char| c.is_control() || [',', ';', '"', ' '].contains(&c);
     name.replace(is_bad, "_")
@@ -297,7 +299,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     #[test]
-    fn of_a_path_no_more_is_told_than_its_last_folder() {
+    fn a_data_set_is_named_by_its_last_folder() {
         let name = |text| named(Path::new(text)).0;
         assert_eq!(name("/somewhere/private/fox/"), "fox");
         assert_eq!(name("/somewhere/a b,c"), "a_b_c");

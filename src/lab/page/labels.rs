@@ -1,14 +1,14 @@
-//! Where the names of points stand, so that none covers another, a point or the frame.
+//! Placement of labels beside points, without overlap of each other, the points and the frame.
 
-/// Pixels: left, top, right, bottom.
-pub(super) type Area = [i32; 4];
+/// Left, top, right, bottom, pixels.
+pub(super) type PixelRect = [i32; 4];
 
 /// Height of a line of text, pixels.
 pub(super) const HEIGHT: i32 = 13;
 
-/// A name that wants to stand near a point.
+/// A label and its point.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Wish {
+pub(super) struct LabelRequest {
     /// The point, pixels.
     pub(super) at: [i32; 2],
     pub(super) text: String,
@@ -16,13 +16,13 @@ pub(super) struct Wish {
     pub(super) rank: u32,
 }
 
-/// Width of a text, pixels: fonts differ, so a generous one.
+/// Upper bound of a text's width, pixels.
 pub(super) fn width(text: &str) -> i32 {
     (text.chars().count() as i32 * 68 + 20) / 10
 }
 
-/// Where the text lies around a point of radius 6: right, left, above, below, and then a little farther.
-fn candidates([x, y]: [i32; 2], text: &str) -> Vec<Area> {
+/// Places around a point of radius 6: right, left, above, below, and then a little farther.
+fn candidates([x, y]: [i32; 2], text: &str) -> Vec<PixelRect> {
     let (w, h) = (width(text), HEIGHT);
     let mut areas = Vec::new();
     for far in [9, 15, 22] {
@@ -42,32 +42,37 @@ fn candidates([x, y]: [i32; 2], text: &str) -> Vec<Area> {
     areas
 }
 
-/// Whether two areas have a pixel in common.
-pub(super) fn overlap(a: &Area, b: &Area) -> bool {
+/// True if two rectangles have a pixel in common.
+pub(super) fn overlap(a: &PixelRect, b: &PixelRect) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
-fn within(inner: &Area, outer: &Area) -> bool {
+fn within(inner: &PixelRect, outer: &PixelRect) -> bool {
     inner[0] >= outer[0] && inner[1] >= outer[1] && inner[2] <= outer[2] && inner[3] <= outer[3]
 }
 
-/// Places what finds a place inside `frame` clear of `obstacles` and of each other; the others get none. Thin lines in
-/// `crossed` are crossed by names that find no other place.
+/// Places labels inside `frame`, clear of `obstacles` and of each other; `None` without a free place. Thin lines in
+/// `crossed` are crossed by labels without any other place.
 pub(super) fn place(
-    wishes: &[Wish],
-    frame: &Area,
-    obstacles: &[Area],
-    crossed: &[Area],
-) -> Vec<Option<Area>> {
-    let mut order: Vec<usize> = (0..wishes.len()).collect();
-    order.sort_by_key(|&i| wishes[i].rank);
+    requests: &[LabelRequest],
+    frame: &PixelRect,
+    obstacles: &[PixelRect],
+    crossed: &[PixelRect],
+) -> Vec<Option<PixelRect>> {
+    let mut order: Vec<usize> = (0..requests.len()).collect();
+    order.sort_by_key(|&i| requests[i].rank);
     let mut taken = obstacles.to_vec();
-    let mut placed = vec![None; wishes.len()];
+    let mut placed = vec![None; requests.len()];
     for index in order {
-        let wish = &wishes[index];
-        let free = |area: &Area| within(area, frame) && !taken.iter().any(|t| overlap(t, area));
-        let is_clear = |area: &Area| !crossed.iter().any(|line| overlap(line, area));
-        let places = || candidates(wish.at, &wish.text).into_iter().filter(free);
+        let request = &requests[index];
+        let free =
+            |area: &PixelRect| within(area, frame) && !taken.iter().any(|t| overlap(t, area));
+        let is_clear = |area: &PixelRect| !crossed.iter().any(|line| overlap(line, area));
+        let places = || {
+            candidates(request.at, &request.text)
+                .into_iter()
+                .filter(free)
+        };
         let found = places().find(is_clear).or_else(|| places().next());
         taken.extend(found);
         placed[index] = found;
@@ -83,24 +88,24 @@ mod tests {
     fn names_cover_nothing() {
         let frame = [0, 0, 400, 300];
         // A dense cluster in a corner, and one alone.
-        let mut wishes: Vec<Wish> = (0..40)
-            .map(|i| Wish {
+        let mut requests: Vec<LabelRequest> = (0..40)
+            .map(|i| LabelRequest {
                 at: [380 - i % 7 * 9, 12 + i / 7 * 11],
                 text: format!("1/{}", 1 << (i % 12)),
                 rank: (i % 3) as u32,
             })
             .collect();
-        wishes.push(Wish {
+        requests.push(LabelRequest {
             at: [100, 200],
             text: "alone".into(),
             rank: 9,
         });
-        let points: Vec<Area> = wishes
+        let points: Vec<PixelRect> = requests
             .iter()
             .map(|w| [w.at[0] - 6, w.at[1] - 6, w.at[0] + 6, w.at[1] + 6])
             .collect();
-        let placed = place(&wishes, &frame, &points, &[]);
-        let areas: Vec<Area> = placed.iter().flatten().copied().collect();
+        let placed = place(&requests, &frame, &points, &[]);
+        let areas: Vec<PixelRect> = placed.iter().flatten().copied().collect();
         assert!(placed[40].is_some() && areas.len() > 5 && areas.len() < 41);
         for (i, area) in areas.iter().enumerate() {
             assert!(within(area, &frame));
@@ -112,18 +117,18 @@ mod tests {
     #[test]
     fn names_cross_lines_only_where_there_is_no_other_place() {
         let frame = [0, 0, 400, 300];
-        let wish = [Wish {
+        let request = [LabelRequest {
             at: [100, 100],
             text: "name".into(),
             rank: 0,
         }];
         let bar = [20, 99, 300, 102];
-        let clear = place(&wish, &frame, &[], &[bar])[0];
+        let clear = place(&request, &frame, &[], &[bar])[0];
         assert!(clear.is_some_and(|area| !overlap(&area, &bar)));
         // Lines everywhere.
-        let all: Vec<Area> = (0..60).map(|i| [0, 5 * i, 400, 5 * i + 2]).collect();
-        let found = place(&wish, &frame, &[], &all);
-        assert_eq!(found, place(&wish, &frame, &[], &[]));
+        let all: Vec<PixelRect> = (0..60).map(|i| [0, 5 * i, 400, 5 * i + 2]).collect();
+        let found = place(&request, &frame, &[], &all);
+        assert_eq!(found, place(&request, &frame, &[], &[]));
         assert!(found[0].is_some());
     }
 }
