@@ -1,17 +1,26 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo test needs bench bench-native soak fuzz limits setup
+.PHONY: demo check test lints needs bench bench-native soak fuzz limits setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
 	cargo run --release -- demo
 
-# Everything that is checked before a change is merged.
-test: setup
+# For every change, in minutes: format, lints, the engine by itself, tests without a device, kernels and frames.
+check: setup lints
+	cargo test --lib --test host
+	cargo test --test device -- kernels:: frame::
+
+# For every merge: all tests, those of documentation, and frames on a lesser device.
+test: setup lints
+	cargo test
+	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test device -- frame:: large::
+
+# The engine without its tools is a build of its own: hosts that embed it have that one.
+lints:
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
-	cargo test
-	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test frame --test large
+	cargo clippy --lib --no-default-features -- -D warnings
 
 # What scenes need, against the fixed recipe and MCMC: out/needs/needs.html. Hours on a software device; goes on where it
 # was broken off. NEEDS="photos/ --seeds 1" says more.
@@ -37,13 +46,13 @@ LESSER_PICTURES = binding=4194304,memory=268435456,workgroup=64,subgroups=off
 
 # The suite on lesser devices. Tests of the binary take the device as it is: only tests read these limits.
 limits: setup
-	ASHFALL_TEST_LIMITS=$(LESSER) cargo test
-	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test frame --test large --test kernels --test gradients
+	ASHFALL_TEST_LIMITS=$(LESSER) cargo test --test device
+	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test device -- frame:: large:: kernels:: gradients::
 
 # Every failure at every moment, a hundred kills, and a long run: about an hour on two cores. Prints its counts.
 soak: setup
-	cargo test --test faults -- --ignored --skip disks:: --nocapture --test-threads 1
-	cargo test --test kernels -- --ignored large_
+	cargo test --test device -- faults:: --ignored --skip disks:: --nocapture --test-threads 1
+	cargo test --test device -- --ignored large_
 
 # Ten million executions of every fuzz target under libFuzzer; `scripts/fuzz` takes other numbers.
 fuzz: setup

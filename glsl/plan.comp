@@ -4,7 +4,7 @@
 // Turns a count that only the device knows into dispatch sizes, and notices what does not fit.
 //
 // One invocation. Stage 0 runs when the visible splats are counted, stage 1 when their intersections are: it thresholds
-// off a band, as many splats in depth order as the buffers have room for. DepthBands are composited one over the
+// off a band, as many splats in depth order as the buffers have room for. Bands are composited one over the
 // other, so that a frame may want more intersections than there is room for. A frame that is not done with the last
 // band recorded sets COUNT_FAILED, and one with a single band plans nothing then; while that stands every later
 // frame plans nothing either, so that the host can grow the buffers and go on exactly where it left off. Stage 2

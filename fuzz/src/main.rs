@@ -1,16 +1,16 @@
-//! The targets of `tests/fuzz` under libFuzzer. `FUZZ_TARGET` names the one that a process runs; the other
+//! The targets of `tests/slow/fuzz` under libFuzzer. `FUZZ_TARGET` names the one that a process runs; the other
 //! arguments are libFuzzer's. `scripts/fuzz` builds this with coverage and runs it.
 
 #![no_main]
 
-#[path = "../../tests/fuzz/execute.rs"]
+#[path = "../../tests/slow/fuzz/execute.rs"]
 mod execute;
-#[path = "../../tests/fuzz/mutate.rs"]
+#[path = "../../tests/slow/fuzz/mutate.rs"]
 mod mutate;
-#[path = "../../tests/fuzz/repair.rs"]
+#[path = "../../tests/slow/fuzz/repair.rs"]
 mod repair;
 #[rustfmt::skip]
-#[path = "../../tests/fuzz/targets.rs"]
+#[path = "../../tests/slow/fuzz/targets.rs"]
 mod targets;
 
 use libfuzzer_sys::{fuzz_mutator, fuzz_target, fuzzer_mutate};
@@ -19,7 +19,7 @@ use std::sync::LazyLock;
 use targets::{TARGETS, Target};
 
 /// The folder with the photograph and the cloud that inputs may name.
-const BESIDE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/fuzz/beside");
+const BESIDE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/slow/fuzz/beside");
 
 static TARGET: LazyLock<&Target> = LazyLock::new(|| {
     let name = std::env::var("FUZZ_TARGET").unwrap_or_default();

@@ -2,7 +2,7 @@
 //!
 //! Twice: [`loss_gradient`] composes the operations' own backward passes and is fast;
 //! [`loss_derivatives`] sends dual numbers through the whole of projection, compositing and loss at once,
-//! is slow, and has no chain rule written out anywhere. `tests/reference.rs` compares them.
+//! is slow, and has no chain rule written out anywhere. `tests/host/reference` compares them.
 
 use super::frame::{project_all, render_screen, render_splats};
 use super::loss::{self, Target};

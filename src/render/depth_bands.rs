@@ -1,4 +1,4 @@
-//! DepthBands: how a frame is drawn that wants more than its buffers hold.
+//! Depth bands: parts of a frame that wants more than its buffers hold.
 //!
 //! A band is some splats that follow each other in depth. Their (splat, tile) pairs are listed, sorted and
 //! composited, then those of the next band in the same buffers, over the image as it stands. Every pixel meets the
@@ -17,7 +17,7 @@ const BANDS_MAX: u32 = 4095;
 /// The bands of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DepthBands {
-    /// DepthBands that are recorded; those that turn out to be empty cost little.
+    /// Bands that are recorded; those that turn out to be empty cost little.
     pub count: u32,
     /// Splats that a band may hold.
     pub ranks: u32,

@@ -97,7 +97,7 @@ pub struct Stats {
     /// Those it had room for at a time. If it wanted more, it was drawn in bands, one after the other, which takes
     /// longer: [`Renderer::reserve`] helps.
     pub isect_capacity: usize,
-    /// DepthBands that were recorded. That they do not suffice is known when a picture is done: those recorded from then
+    /// Bands that were recorded. That they do not suffice is known when a picture is done: those recorded from then
     /// on have more.
     pub bands: u32,
     /// Whether the picture shows all that it should. If not, the splats behind some depth are missing, or all.

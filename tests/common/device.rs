@@ -4,11 +4,6 @@
 //! `ASHFALL_TEST_LIMITS` takes it for a lesser one, for all tests alike, e.g.
 //! `binding=8388608,memory=536870912,workgroup=128,subgroups=off`.
 
-#![allow(
-    dead_code,
-    reason = "shared by test binaries, each of which uses its own part"
-)]
-
 use ashfall::gpu::{Faults, Gpu, GpuOptions, Limits};
 use std::cell::RefCell;
 use std::ops::Deref;

@@ -228,7 +228,7 @@ mod tests {
         assert!(message("adc.gradthreshold=1").starts_with(
             "--set adc.gradthreshold=1: there is no such constant in adc; there are dense_fraction,"
         ));
-        assert!(message("foo=1").contains("there are accuracy, adam, adc, background"));
+        assert!(message("foo=1").contains("there are accuracy, adam, adc, auto, background"));
         assert!(message("seed").contains("NAME=VALUE"));
         assert!(message("seed=-1").contains("--set seed=-1: invalid value"));
         assert!(message("sh_degree=7").contains("must be from 0 to 3"));

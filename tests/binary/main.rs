@@ -1,0 +1,17 @@
+//! Tests of the `ashfall` executable.
+
+#![allow(
+    clippy::expect_used,
+    clippy::unwrap_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod bench;
+mod broken;
+mod cli;
+mod growth;
+mod predict;
+mod stress;

@@ -1,0 +1,100 @@
+//! A whole training step on the device (frame, loss, gradients) against the oracle's exact gradient, and what
+//! must hold of it without any oracle: relations, determinism, harmless poison, sizes of buffers that do not
+//! matter.
+
+mod degrees;
+mod oracle;
+mod relations;
+mod rounding;
+mod training;
+
+use crate::common::scenes::Scene;
+use ashfall::gpu::Gpu;
+use ashfall::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, View};
+use ashfall::train::state::Planes;
+use ashfall::train::{Background, HostState, StepReport, TrainConfig, Trainer};
+
+/// The iteration that runs go on from: all harmonics are trained by then, and density control is over.
+const BEGUN: u32 = 20_000;
+
+fn config(scene: &Scene) -> TrainConfig {
+    TrainConfig {
+        mode: scene.splats.mode,
+        sh_degree: scene.splats.sh_degree,
+        background: Background::Fixed(scene.options.background.map(|c| c as f32)),
+        ..TrainConfig::for_iterations(30_000)
+    }
+}
+
+/// A data set of one view, whose extent puts the near plane where the scene wants it.
+fn dataset(scene: &Scene, camera: &Camera) -> Dataset {
+    let (width, height) = (camera.width, camera.height);
+    let rgba = crate::common::scenes::photo(7, width, height)
+        .iter()
+        .map(|&[r, g, b]| [r, g, b, 255])
+        .collect();
+    let distance = scene.options.near / (1.1 * f64::from(config(scene).near_factor));
+    let ray = camera.rotation.row(2) * distance;
+    let point = Point {
+        position: (camera.position + ray).to_array(),
+        color: [0.5; 3],
+    };
+    Dataset {
+        views: vec![View {
+            name: "view".into(),
+            camera: *camera,
+            photo: PhotoSource::Memory(Photo {
+                width,
+                height,
+                rgba,
+            }),
+        }],
+        points: vec![point],
+        test_every: 0,
+        held_out: Vec::new(),
+        alpha: AlphaMode::Composite,
+        ..Dataset::default()
+    }
+}
+
+/// What one step saw and went by.
+#[derive(Clone, Debug, PartialEq)]
+struct Stepped {
+    image: Vec<f32>,
+    gradients: Planes,
+    after: HostState,
+    report: StepReport,
+    near: f32,
+}
+
+fn step(gpu: &Gpu, scene: &Scene) -> Stepped {
+    step_smoothed(gpu, scene, &[])
+}
+
+/// With the 3D filters of the splats, one each; none: no filter.
+fn step_smoothed(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Stepped {
+    let mut state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
+    for (row, &filter) in state.params[2].iter_mut().zip(filters) {
+        row[3] = filter;
+    }
+    step_from(gpu, scene, &state)
+}
+
+/// From a state of that scene's splats.
+fn step_from(gpu: &Gpu, scene: &Scene, state: &HostState) -> Stepped {
+    let dataset = dataset(scene, &scene.camera);
+    let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), state, BEGUN).unwrap();
+    trainer.keep_gradients().unwrap();
+    trainer.step().unwrap();
+    let gradients = trainer.gradients().unwrap();
+    let image = trainer.image().unwrap();
+    let after = trainer.download().unwrap();
+    let report = trainer.finish().unwrap().pop().unwrap();
+    Stepped {
+        image,
+        gradients,
+        after,
+        report,
+        near: trainer.near(),
+    }
+}

@@ -1,0 +1,184 @@
+//! Some steps in a row: the same bits every time, however large buffers happen to be.
+
+use crate::common::device;
+use crate::common::scenes::{self, Scene};
+use crate::gradients::{BEGUN, config, dataset};
+use ashfall::gpu::Gpu;
+use ashfall::lab::synth::{Kind, SynthOptions};
+use ashfall::scene::{Dataset, PhotoSource};
+use ashfall::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats};
+
+/// The state and the reports after some steps; before each of the named ones, buffers are made that hold just so
+/// many intersections.
+fn train(
+    gpu: &Gpu,
+    scene: &Scene,
+    steps: u32,
+    tiny: &[(u32, usize)],
+) -> (HostState, Vec<StepReport>) {
+    let dataset = dataset(scene, &scene.camera);
+    let state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
+    let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), &state, BEGUN).unwrap();
+    let mut reports = Vec::new();
+    let mut tiny = tiny.iter().peekable();
+    while trainer.iteration() < BEGUN + steps {
+        let next = trainer.iteration() + 1 - BEGUN;
+        if let Some((_, isects)) = tiny.next_if(|(at, _)| *at == next) {
+            trainer.set_isect_capacity(*isects).unwrap();
+        }
+        reports.extend(trainer.step().unwrap());
+    }
+    reports.extend(trainer.finish().unwrap());
+    assert!(tiny.next().is_none(), "not all sizes were tried");
+    (trainer.download().unwrap(), reports)
+}
+
+#[test]
+fn training_repeats_to_the_bit_and_whatever_the_buffers_sizes() {
+    let gpu = device::gpu();
+    let scene = scenes::hard(60, 90, 48, 40, 2);
+    let (state, reports) = train(&gpu, &scene, 20, &[]);
+    assert_eq!(reports.len(), 20);
+    let numbers: Vec<u32> = reports.iter().map(|r| r.iteration - BEGUN).collect();
+    assert_eq!(numbers, (1..=20).collect::<Vec<u32>>());
+    assert!(
+        train(&gpu, &scene, 20, &[]) == (state.clone(), reports.clone()),
+        "not the same bits twice"
+    );
+    let small = train(&gpu, &scene, 20, &[(1, 3), (7, 100), (8, 1), (20, 50)]);
+    assert_eq!(small.1, reports, "reports with a small buffer");
+    assert!(small.0 == state, "a small buffer changed the result");
+}
+
+/// The data set in photographs of another size.
+fn resized(dataset: &Dataset, width: u32, height: u32) -> Dataset {
+    let mut dataset = dataset.clone();
+    for view in &mut dataset.views {
+        let photo = ashfall::io::photo::load(view).unwrap();
+        view.camera = view.camera.resized(width, height);
+        view.photo = PhotoSource::Memory(ashfall::io::photo::reduce(photo, width, height));
+    }
+    dataset
+}
+
+#[test]
+fn first_steps_see_photographs_of_half_the_size() {
+    let gpu = device::gpu();
+    let options = SynthOptions {
+        views: 5,
+        width: 40,
+        height: 33,
+        points: 300,
+        test_every: 5,
+        ..SynthOptions::default()
+    };
+    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
+    let (start, small) = (dataset.clone(), resized(&dataset, 20, 17));
+    let train = |dataset: &Dataset, half_size_until: u32, steps: u32, tiny: bool| {
+        let config = TrainConfig {
+            half_size_until,
+            ..TrainConfig::for_iterations(12)
+        };
+        // Where training starts may depend on what a pixel covers.
+        let splats = initial_splats(&start, start.extent(), &config).unwrap();
+        let state = HostState::from_splats(&splats, config.sh_degree);
+        let mut trainer = Trainer::from_state(&gpu, dataset, config, &state, 0).unwrap();
+        let mut shrink = tiny;
+        while trainer.iteration() < steps {
+            if shrink && trainer.iteration() == 5 {
+                shrink = false;
+                trainer.set_isect_capacity(10).unwrap();
+            }
+            trainer.step().unwrap();
+        }
+        trainer.finish().unwrap();
+        trainer.download().unwrap()
+    };
+    assert!(train(&dataset, 6, 6, false) != train(&dataset, 0, 6, false));
+    // Then it is not, and a step that did not fit at the turn does not matter.
+    let turned = train(&dataset, 6, 12, false);
+    assert!(turned != train(&small, 0, 12, false));
+    assert!(turned == train(&dataset, 6, 12, true));
+    // From a state at the turn, whole photographs make the same steps.
+    let state = train(&dataset, 6, 6, false);
+    let config = TrainConfig {
+        half_size_until: 6,
+        ..TrainConfig::for_iterations(12)
+    };
+    let mut resumed = Trainer::from_state(&gpu, &dataset, config, &state, 6).unwrap();
+    while !resumed.is_done() {
+        resumed.step().unwrap();
+    }
+    assert!(resumed.download().unwrap() == turned);
+}
+
+/// The pictures of steps that see half the size are the whole ones, reduced; splats drawn as wide as at any other size
+/// would be something else.
+#[test]
+fn pictures_of_half_the_size_show_the_scene_as_it_is() {
+    let gpu = device::gpu();
+    let options = SynthOptions {
+        views: 2,
+        width: 64,
+        height: 48,
+        points: 900,
+        test_every: 0,
+        ..SynthOptions::default()
+    };
+    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
+    let small = resized(&dataset, 32, 24);
+    let config = TrainConfig::for_iterations(100);
+    let splats = initial_splats(&dataset, dataset.extent(), &config).unwrap();
+    let mut state = HostState::from_splats(&splats, config.sh_degree);
+    // Of about a pixel, so that it matters.
+    state.params[2]
+        .iter_mut()
+        .for_each(|scale| *scale = [-4.0, -4.0, -4.0, 0.0]);
+    // What the first step sees of the scene, which it has not changed yet.
+    let image = |dataset: &Dataset, half_size: bool| {
+        let config = config.clone();
+        let mut trainer = Trainer::from_state(&gpu, dataset, config, &state, 0).unwrap();
+        trainer.set_half_size(half_size).unwrap();
+        trainer.step().unwrap();
+        trainer.image().unwrap()
+    };
+    let whole = image(&dataset, false);
+    let reduced = |at: usize| {
+        let (plane, x, y) = (at / (32 * 24), at % 32, at / 32 % 24);
+        let pixel = |dx: usize, dy: usize| whole[(plane * 48 + 2 * y + dy) * 64 + 2 * x + dx];
+        (pixel(0, 0) + pixel(1, 0) + pixel(0, 1) + pixel(1, 1)) / 4.0
+    };
+    let off = |image: &[f32]| -> f32 {
+        let square = |at: usize| (image[at] - reduced(at)).powi(2);
+        (0..4 * 32 * 24).map(square).sum::<f32>() / (4.0 * 32.0 * 24.0)
+    };
+    let (half, other) = (off(&image(&dataset, true)), off(&image(&small, false)));
+    assert!(2.0 * half < other, "{half} and {other}");
+}
+
+#[test]
+fn photographs_that_do_not_fit_are_streamed_with_the_same_result() {
+    let gpu = device::gpu();
+    let options = SynthOptions {
+        views: 5,
+        width: 40,
+        height: 33,
+        points: 300,
+        test_every: 0,
+        ..SynthOptions::default()
+    };
+    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
+    let train = |photo_share: f32| {
+        let config = TrainConfig {
+            photo_share,
+            sh_degree: 0,
+            ..TrainConfig::for_iterations(12)
+        };
+        let mut trainer = Trainer::new(&gpu, &dataset, config).unwrap();
+        while !trainer.is_done() {
+            trainer.step().unwrap();
+        }
+        trainer.download().unwrap()
+    };
+    assert!(train(0.25) == train(0.0), "streaming changed the result");
+}

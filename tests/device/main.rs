@@ -1,0 +1,21 @@
+//! Tests on a Vulkan device: kernels, frames, gradients, training, failures, embedding.
+
+#![allow(
+    clippy::expect_used,
+    clippy::unwrap_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod embed;
+mod faults;
+mod frame;
+mod gpu;
+mod gradients;
+mod kernels;
+mod large;
+mod memory;
+mod simplify;
+mod stability;

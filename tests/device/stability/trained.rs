@@ -1,0 +1,48 @@
+//! Small scenes of which everything is known, trained in seconds, and what their pictures are worth from any
+//! camera: the ray caster is asked for the truth.
+
+use crate::stability::lab::Lab;
+use ashfall::lab::synth::Scene;
+use ashfall::metrics::{Image, mean_squared_error};
+use ashfall::render::{Model, RenderOptions, Renderer, ViewOptions};
+use ashfall::scene::{Camera, Dataset, Splats, Split};
+use ashfall::train::{TrainConfig, Trainer};
+
+/// Trains to the end.
+pub(crate) fn train(lab: &Lab, dataset: &Dataset, config: &TrainConfig) -> Splats {
+    let mut trainer = Trainer::new(lab.gpu(), dataset, config.clone()).unwrap();
+    while !trainer.is_done() {
+        trainer.step().unwrap();
+    }
+    trainer.splats().unwrap()
+}
+
+/// The cameras of a split.
+pub(crate) fn cameras(dataset: &Dataset, split: Split) -> Vec<Camera> {
+    let views = dataset.split(split).into_iter();
+    views.map(|view| dataset.views[view].camera).collect()
+}
+
+/// Mean over the cameras of the PSNR of a scene's pictures against rays, `samples` × `samples` a pixel.
+pub(crate) fn psnr_db(
+    lab: &Lab,
+    splats: &Splats,
+    truth: &Scene,
+    cameras: &[Camera],
+    samples: u32,
+) -> f64 {
+    let model = Model::upload(lab.gpu(), splats).unwrap();
+    let mut renderer = Renderer::new(lab.gpu(), RenderOptions::default()).unwrap();
+    let options = ViewOptions {
+        background: truth.background.map(|c| c as f32),
+        near: 0.01,
+        mode: splats.mode,
+    };
+    let score = |camera: &Camera| {
+        let found = renderer.render(&model, camera, &options).unwrap();
+        let wanted = truth.image(camera, samples);
+        let image = |rgb| Image::new(camera.width, camera.height, rgb);
+        -10.0 * mean_squared_error(image(&found.rgb), image(&wanted), None).log10()
+    };
+    cameras.iter().map(score).sum::<f64>() / cameras.len() as f64
+}

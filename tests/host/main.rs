@@ -1,0 +1,17 @@
+//! Tests without a device: sources, file formats, the f64 reference and the build script.
+
+#![allow(
+    clippy::expect_used,
+    clippy::unwrap_used,
+    reason = "a test that cannot go on may say so by panicking"
+)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod build_script;
+mod dependencies;
+mod io;
+mod reference;
+mod synth;
+mod tidy;

@@ -1,0 +1,249 @@
+//! The readers under test: one target a format. A target takes any bytes and panics unless they end as promised:
+//! in values that hold what their types promise, or in an error of one line that names the file.
+
+use super::repair;
+use ashfall::io::colmap::Files;
+use ashfall::io::{Listing, Source, colmap, obj, photo, ply, splats, transforms};
+use ashfall::io::ply::Loaded;
+use ashfall::scene::{Mesh, Photo, PhotoSource, View};
+use ashfall::train::checkpoint::Checkpoint;
+use ashfall::{Error, Result};
+use std::path::Path;
+
+/// A format and its reader.
+pub(crate) struct Target {
+    /// Also the name of its folder of inputs.
+    pub(crate) name: &'static str,
+    /// Returns what the reader said, or nothing where it was content.
+    pub(crate) run: fn(&[u8]) -> String,
+    /// Makes checksums and lengths right again, so that what lies behind them is reached.
+    pub(crate) repair: fn(&mut Vec<u8>),
+    /// Words of the format.
+    pub(crate) words: &'static [&'static str],
+    /// The most bytes of memory that reading so many may take beyond [`SLACK`]: see there.
+    pub(crate) memory: fn(&[u8]) -> usize,
+}
+
+/// Memory that any input may take: buffers of fixed size.
+pub(crate) const SLACK: usize = 1 << 20;
+
+pub(crate) const TARGETS: &[Target] = &[
+    Target {
+        name: "ply",
+        run: |bytes| check("scene.ply", splats::read(at("scene.ply", bytes)), check_splats),
+        repair: |_| {},
+        words: PLY_WORDS,
+        memory: |bytes| 64 * bytes.len(),
+    },
+    Target {
+        name: "cloud",
+        run: |bytes| check("cloud.ply", ply::read_points(at("cloud.ply", bytes)), |_| Vec::new()),
+        repair: |_| {},
+        words: PLY_WORDS,
+        memory: |bytes| 64 * bytes.len(),
+    },
+    Target {
+        name: "splat",
+        run: |bytes| check("scene.splat", splats::read(at("scene.splat", bytes)), check_splats),
+        repair: |_| {},
+        words: &[],
+        memory: |bytes| 64 * bytes.len(),
+    },
+    Target {
+        name: "colmap_bin",
+        run: |bytes| check_model(true, repair::parts_by_length(bytes)),
+        repair: |_| {},
+        words: &["../", "/", "a.png", "\0", "\u{1b}[2J"],
+        memory: |bytes| 64 * bytes.len(),
+    },
+    Target {
+        name: "colmap_txt",
+        run: |bytes| check_model(false, repair::parts_by_separator(bytes)),
+        repair: |_| {},
+        words: &[
+            "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FOV", "#", "\r\n", "\u{1e}", "../",
+        ],
+        memory: |bytes| 64 * bytes.len(),
+    },
+    Target {
+        name: "transforms",
+        run: check_transforms,
+        repair: |_| {},
+        words: JSON_WORDS,
+        // An empty object in a list is three bytes, and 32 in memory; with a key, seven and a node of its map.
+        memory: |bytes| 256 * bytes.len(),
+    },
+    Target {
+        name: "checkpoint",
+        run: |bytes| check("checkpoint", Checkpoint::read(at("checkpoint", bytes)), check_checkpoint),
+        repair: repair::checkpoint,
+        words: &["\"params\"", "\"m\"", "\"f32\"", "\"u8\"", "\"bytes\":", "\"sections\":", "\"meta\":", "null", "{}", "[]"],
+        memory: |bytes| 256 * bytes.len(),
+    },
+    Target {
+        name: "obj",
+        run: |bytes| check("mesh.obj", obj::read(at("mesh.obj", bytes)), check_mesh),
+        repair: |_| {},
+        words: &["v ", "f ", "f 1 2 3\n", "vn ", "vt ", "o a\n", "g a\n", "usemtl a\n", "l 1 2\n", "1//1", "1/1/1", "-1", "\\\n"],
+        memory: |bytes| 256 * bytes.len(),
+    },
+    Target {
+        name: "png",
+        run: check_photo,
+        repair: |bytes| repair::png(bytes),
+        words: &["IHDR", "IDAT", "IEND", "PLTE", "tRNS", "acTL", "fcTL", "fdAT", "iCCP", "zTXt", "eXIf", "gAMA"],
+        memory: repair::photo_bytes,
+    },
+    Target {
+        name: "jpeg",
+        run: check_photo,
+        repair: |_| {},
+        words: &["\u{ff}", "JFIF\0", "Exif\0\0", "Adobe\0"],
+        memory: repair::photo_bytes,
+    },
+];
+
+const PLY_WORDS: &[&str] = &[
+    "ply\n", "format ascii 1.0\n", "format binary_little_endian 1.0\n", "format binary_big_endian 1.0\n",
+    "element vertex 2\n", "element face 1\n", "element chunk 1\n", "property float x\n", "property double y\n",
+    "property uchar z\n", "property list uchar int vertex_indices\n", "property list float double a\n", "property ",
+    "end_header\n", "comment SplatRenderMode: mip\n", "comment antialiased 1\n", "obj_info a\n", "\r\n", "red", "f_rest_0",
+];
+
+const JSON_WORDS: &[&str] = &[
+    "null", "true", "[]", "{}", "[", "]", "{", "}", ",", "\"frames\":", "\"transform_matrix\":", "\"file_path\":",
+    "\"ply_file_path\":\"cloud.ply\",", "\"camera_angle_x\":1,", "\"w\":8,", "\"h\":6,", "\"k1\":0.1,", "\"fl_x\":9,",
+    "\"camera_model\":\"OPENCV\",", "\"is_fisheye\":true,", "\"a.png\"", "\"../a\"", "\\u0000", "\\ud800", "\\\\",
+];
+
+fn at<'a>(name: &'static str, bytes: &'a [u8]) -> Source<'a> {
+    Source::bytes(Path::new(name), bytes)
+}
+
+/// Judges an outcome: a value by `judge`, an error by its message. Returns the message or the warnings.
+#[track_caller]
+fn check<T>(name: &str, outcome: Result<T>, judge: impl FnOnce(T) -> Vec<String>) -> String {
+    match outcome {
+        Ok(value) => {
+            let warnings = judge(value).concat();
+            assert!(!warnings.chars().any(char::is_control), "control characters: {warnings:?}");
+            warnings
+        }
+        Err(error) => check_error(name, &error),
+    }
+}
+
+#[track_caller]
+fn check_error(name: &str, error: &Error) -> String {
+    assert!(matches!(error, Error::File { .. }), "of another kind: {error:?}");
+    let text = error.to_string();
+    let what = text.strip_prefix(name).and_then(|rest| rest.strip_prefix(": "));
+    assert!(what.is_some_and(|what| what.len() > 8), "names no file, or no rule: {text}");
+    // What a file holds must not reach the terminal as commands, nor fill it.
+    assert!(!text.chars().any(char::is_control), "control characters: {text:?}");
+    assert!(text.len() < 1500, "{} bytes long: {text}", text.len());
+    text
+}
+
+fn check_splats(Loaded { splats, warnings }: Loaded) -> Vec<String> {
+    let count = splats.len();
+    assert!(splats.sh_degree <= 3);
+    let lengths = [splats.mean.len(), splats.quaternion.len(), splats.log_scale.len(), splats.opacity_logit.len()];
+    assert_eq!(lengths, [count; 4], "one of each");
+    assert_eq!(splats.sh.len(), count * splats.sh_stride());
+    let geometry = splats.mean.as_flattened().iter().chain(splats.log_scale.as_flattened());
+    let all = geometry.chain(splats.quaternion.as_flattened()).chain(&splats.opacity_logit).chain(&splats.sh);
+    assert!(all.into_iter().all(|v| v.is_finite()), "every number is finite");
+    assert!(splats.quaternion.iter().all(|q| q.iter().any(|v| *v != 0.0)), "every splat has a rotation");
+    warnings
+}
+
+fn check_listing(listing: Listing) -> Vec<String> {
+    assert!(!listing.views.is_empty(), "an empty model is an error");
+    for view in &listing.views {
+        let camera = &view.camera;
+        assert!((1..=65_535).contains(&camera.width) && (1..=65_535).contains(&camera.height));
+        // Shaders see cameras as single precision.
+        let numbers = [camera.focal.as_vec2(), camera.center.as_vec2()];
+        assert!(numbers.iter().all(|v| v.is_finite()), "{camera:?}");
+        assert!(camera.focal.as_vec2().min_element() > 0.0, "{camera:?}");
+        assert!(camera.position.as_vec3().is_finite(), "{camera:?}");
+        let error = camera.rotation * camera.rotation.transpose() - glam::DMat3::IDENTITY;
+        assert!(error.to_cols_array().iter().all(|e| e.abs() < 1e-6), "{camera:?}");
+        let path = view.photo.strip_prefix(super::BESIDE).unwrap_or(&view.photo);
+        assert!(path.components().all(|part| part != std::path::Component::ParentDir), "{path:?}");
+        assert!(!view.name.chars().any(char::is_control), "{:?}", view.name);
+    }
+    listing.warnings
+}
+
+fn check_model(binary: bool, [cameras, images, points]: [&[u8]; 3]) -> String {
+    let extension = if binary { "bin" } else { "txt" };
+    let names = ["cameras", "images", "points3D"].map(|stem| format!("{stem}.{extension}"));
+    let files = Files {
+        binary,
+        cameras: Source::bytes(names[0].as_ref(), cameras),
+        images: Source::bytes(names[1].as_ref(), images),
+        points: Some(Source::bytes(names[2].as_ref(), points)),
+    };
+    let outcome = colmap::read_files(&files, Path::new("images"));
+    let blamed = match &outcome {
+        Err(error) => names.iter().find(|name| error.to_string().starts_with(*name)),
+        Ok(_) => None,
+    };
+    check(blamed.map_or("one of the three", String::as_str), outcome, check_listing)
+}
+
+/// The folder with the photograph and the cloud that inputs may name.
+fn beside() -> &'static Path {
+    Path::new(super::BESIDE)
+}
+
+fn check_transforms(bytes: &[u8]) -> String {
+    let name = beside().join("transforms.json");
+    let outcome = transforms::read(Source::bytes(&name, bytes), None);
+    check(&name.display().to_string(), outcome, |listing| {
+        listing.views.iter().take(4).for_each(|view| {
+            // As a data set is opened: the camera takes the size of the file, and the file is undistorted.
+            let Ok((width, height)) = photo::dimensions(&view.photo) else { return };
+            let camera = view.camera.resized(width, height);
+            let source = PhotoSource::File { path: view.photo.clone(), distortion: view.distortion };
+            let view = View { name: view.name.clone(), camera, photo: source };
+            let loaded = photo::load(&view);
+            assert!(loaded.is_ok_and(|photo| photo.rgba.len() == (width * height) as usize));
+        });
+        check_listing(listing)
+    })
+}
+
+fn check_checkpoint(checkpoint: Checkpoint) -> Vec<String> {
+    let count = checkpoint.state.len();
+    assert_eq!(checkpoint.statistics.len(), count);
+    let state = &checkpoint.state;
+    assert!(state.params.iter().chain(&state.m).chain(&state.v).all(|plane| plane.len() == count));
+    assert!(checkpoint.iteration <= checkpoint.config.iterations);
+    let splats = state.to_splats(ashfall::scene::RenderMode::Default);
+    assert_eq!(splats.len(), count);
+    Vec::new()
+}
+
+fn check_mesh(mesh: Mesh) -> Vec<String> {
+    let count = mesh.positions.len() as u32;
+    assert!(!mesh.triangles.is_empty(), "a mesh without faces is an error");
+    assert!(mesh.triangles.iter().flatten().all(|v| *v < count));
+    assert!(mesh.positions.iter().flatten().all(|v| v.is_finite()));
+    assert!(mesh.colors.is_empty() || mesh.colors.len() == mesh.positions.len());
+    let points = obj::sample(&mesh, 8, 1);
+    assert!(points.is_empty() || points.len() == 8);
+    assert!(points.iter().all(|p| p.is_finite()));
+    Vec::new()
+}
+
+fn check_photo(bytes: &[u8]) -> String {
+    check("photo", photo::decode(at("photo", bytes)), |photo: Photo| {
+        assert_eq!(photo.rgba.len(), (photo.width * photo.height) as usize);
+        let size = photo::dimensions(at("photo", bytes));
+        assert!(size.is_ok_and(|size| size == (photo.width, photo.height)));
+        Vec::new()
+    })
+}
