@@ -1,6 +1,6 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo check test lints needs bench bench-native soak fuzz limits setup
+.PHONY: demo check test lints examples needs bench bench-native soak fuzz limits setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
@@ -12,9 +12,16 @@ check: setup lints
 	cargo test --test device -- kernels:: frame::
 
 # For every merge: all tests, those of documentation, and frames on a lesser device.
-test: setup lints
+test: setup lints examples
 	cargo test
 	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test device -- frame:: large::
+
+# The programs of `examples`, run; pictures go to out/examples.
+examples: setup
+	mkdir -p out/examples
+	cargo run --example embed
+	cargo run --example train_builtin out/examples/trained.png 100
+	cargo run --example render_ply out/examples/trained.ply out/examples/rendered.png
 
 # The engine without its tools is a build of its own: hosts that embed it have that one.
 lints:

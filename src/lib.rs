@@ -1,27 +1,50 @@
-//! ashfall: a Vulkan-native 3D Gaussian splatting engine.
+//! A Vulkan-native 3D Gaussian splatting engine.
 //!
-//! It trains scenes from photographs and renders them on any Vulkan 1.3 device, a software one
-//! included: [`io`] reads data sets into [`scene`], `train` fits splats to them, `render` draws them.
-
-#![deny(unsafe_code)]
+#![doc = include_str!("../docs/architecture.md")]
+#![deny(missing_docs, unsafe_code)]
 
 #[cfg(feature = "cli")]
-pub mod cli;
+mod cli;
 pub mod error;
 pub mod gpu;
 pub mod io;
+#[doc(hidden)]
 pub mod kernels;
 #[cfg(feature = "lab")]
 pub mod lab;
+#[doc(hidden)]
 pub mod layout;
 pub mod metrics;
 #[cfg(feature = "lab")]
 pub mod reference;
 pub mod render;
 pub mod scene;
+#[doc(hidden)]
 pub mod shader;
 pub mod simplify;
 pub mod stats;
 pub mod train;
 
+// Scenes and data sets.
+pub use io::dataset::open as open_dataset;
+pub use io::splats::{read as read_splats, write as write_splats};
+pub use scene::{Camera, Dataset, RenderMode, Splats, Split, View};
+
+// Rendering, on a device of its own or on a host's.
+pub use gpu::{Gpu, GpuOptions, HostCommands, HostDevice, HostImage, REQUIRED};
+pub use render::{Evaluator, Model, RenderOptions, Rendered, Renderer, ViewOptions};
+
+// Training and simplification.
+pub use simplify::{AutoRun as Run, CountController, prune};
+pub use train::{StepReport, TrainConfig};
+
 pub use error::{Error, Result};
+
+/// Entry of the `ashfall` binary.
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub use cli::main;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,5 +1,5 @@
 //! The `ashfall` binary: everything is in the library's `cli`.
 
 fn main() -> std::process::ExitCode {
-    ashfall::cli::main()
+    ashfall::main()
 }

@@ -6,7 +6,8 @@
 //!
 //! **Invariant:** the only `ash` and the only `unsafe` of the crate. Nothing here has heard of a
 //! Gaussian, reads an environment variable, or keeps global state.
-
+//!
+#![doc = include_str!("../../docs/embedding.md")]
 #![allow(
     unsafe_code,
     reason = "Vulkan is a C interface; this module is where it is made safe"

@@ -8,6 +8,8 @@
 //! Every writer goes through [`atomic`], so that a crash leaves the old file or the new one.
 //!
 //! **Invariant:** no Vulkan, no environment variables, no global state.
+//!
+#![doc = include_str!("../../docs/formats.md")]
 
 pub mod atomic;
 pub mod checkpoint;

@@ -39,7 +39,7 @@ pub fn write(path: &Path, splats: &Splats) -> Result<()> {
     ply::write(path, splats)
 }
 
-/// Refuses names that [`write`] would, before there is anything to write.
+/// Refuses names that [`write()`] would, before there is anything to write.
 pub fn check_name(path: &Path) -> Result<()> {
     match extension(path).as_str() {
         "ply" => Ok(()),

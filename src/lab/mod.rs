@@ -2,6 +2,8 @@
 //! the pages of their results.
 //!
 //! Only the command line, tests and benchmarks use it; the engine is built without it (feature `lab`).
+//!
+#![doc = include_str!("../../docs/measuring.md")]
 
 pub mod baseline;
 pub mod bench;

@@ -11,6 +11,8 @@
 //! that comparisons keep their tight tolerance and excuse only the pixels that have the right to flip.
 //!
 //! **Invariant:** works without a Vulkan driver existing; imports `scene` and `layout` only.
+//!
+#![doc = include_str!("../../docs/numerics.md")]
 
 pub mod adam;
 pub mod bound;

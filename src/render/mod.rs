@@ -3,6 +3,8 @@
 //! [`Forward`] is the straight line of kernels that training shares; [`Renderer`] is what users hold.
 //!
 //! **Invariant:** `Renderer::record` never submits, waits, reads this frame back, or allocates once warm.
+//!
+#![doc = include_str!("../../docs/rendering.md")]
 
 mod accuracy;
 mod band_replay;

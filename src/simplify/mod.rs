@@ -11,7 +11,7 @@
 //! leave 0 to 1). A pixel that ended early, with T < t left of the light, may show more of what lies behind it once
 //! something is gone; as if that had been added first, which costs T · range, and S been taken out then. In all
 //!
-//! |ΔC| ≤ (Σ_S wᵢ + T [T < t]) · range, and rounding.
+//! |ΔC| ≤ (Σ_S wᵢ + T \[T < t\]) · range, and rounding.
 //!
 //! Colours that are off by δ at most, as [`reduce_harmonics`] leaves them, move a pixel by δ at most, since the weights
 //! sum to no more than 1; and widen its range by 2 δ.
@@ -22,6 +22,8 @@
 //! that could be added.
 //!
 //! **Invariant:** the same scene, views and budget give the same set on the same device.
+//!
+#![doc = include_str!("../../docs/simplify.md")]
 
 mod auto;
 mod change;

@@ -3,19 +3,25 @@
 //! **Invariant:** what happens at which step is a pure function of (configuration, seed, step), and
 //! refinement is a pure function of the optimiser's state on the CPU; the device only does arithmetic.
 //! Nothing here reads a file but the checkpoint it is given.
+//!
+#![doc = include_str!("../../docs/training.md")]
 
 mod backward;
 pub mod checkpoint;
 pub mod config;
 mod device;
+#[doc(hidden)]
 pub mod init;
 pub(crate) mod knn;
 mod memory;
 mod morton;
 mod photos;
+#[doc(hidden)]
 pub mod rng;
 mod run;
+#[doc(hidden)]
 pub mod schedule;
+#[doc(hidden)]
 pub mod smoothing;
 pub mod state;
 pub mod strategy;

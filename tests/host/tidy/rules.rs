@@ -24,27 +24,27 @@ const OPERATIONS: [(&str, &str); 4] = [
 const PLACES: &[(&str, &[&str], &str)] = &[
     (
         "unsafe",
-        &["src/gpu/", "tests/device/embed"],
+        &["src/gpu/", "tests/device/embed", "examples/embed.rs"],
         "what can go wrong unseen is kept in one folder",
     ),
     (
         "ash",
-        &["src/gpu/", "tests/device/embed"],
+        &["src/gpu/", "tests/device/embed", "examples/embed.rs"],
         "only gpu speaks Vulkan",
     ),
     (
         "vk",
-        &["src/gpu/", "tests/device/embed"],
+        &["src/gpu/", "tests/device/embed", "examples/embed.rs"],
         "only gpu speaks Vulkan",
     ),
     (
         "gpu_allocator",
-        &["src/gpu/", "tests/device/embed"],
+        &["src/gpu/", "tests/device/embed", "examples/embed.rs"],
         "only gpu speaks Vulkan",
     ),
     (
         "var",
-        &["src/main.rs", "src/cli/", "tests/", "benches/"],
+        &["src/main.rs", "src/cli/", "tests/", "benches/", "examples/"],
         "options are typed and passed",
     ),
     (

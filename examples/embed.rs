@@ -1,0 +1,223 @@
+//! A host with a Vulkan device of its own lets the engine draw into its image, in its command buffer.
+//!
+//!     cargo run --release --example embed
+//!
+//! Left out: a window, several frames in flight, and destruction of the host's objects.
+
+use ash::vk;
+use ashfall::gpu::{HostFeatures, HostQueue, ImageState};
+use ashfall::{
+    Camera, Gpu, HostCommands, HostDevice, HostImage, Model, REQUIRED, RenderMode, RenderOptions,
+    Renderer, Splats, ViewOptions,
+};
+use glam::{DMat3, DVec2, DVec3};
+use std::error::Error;
+
+const SIZE: [u32; 2] = [320, 240];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let host = Host::new()?;
+    let gpu = host.introduce()?;
+    let model = Model::upload(&gpu, &ball())?;
+    let mut renderer = Renderer::new(&gpu, RenderOptions::default())?;
+    renderer.reserve(&model, &camera(), 1 << 16)?;
+
+    let (image, view) = host.create_image()?;
+    let commands = host.command_buffer()?;
+    let device = &host.device;
+    // SAFETY: the command buffer is not in use.
+    unsafe { device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()) }?;
+    {
+        let before = ImageState {
+            layout: vk::ImageLayout::UNDEFINED,
+            stage: vk::PipelineStageFlags2::NONE,
+            access: vk::AccessFlags2::NONE,
+        };
+        let after = ImageState {
+            layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+            stage: vk::PipelineStageFlags2::COPY,
+            access: vk::AccessFlags2::TRANSFER_READ,
+        };
+        // SAFETY: the command buffer is recording, and the image has storage usage.
+        let (mut commands, target) = unsafe {
+            (
+                HostCommands::wrap(commands),
+                HostImage::wrap(image, view, SIZE, before, after),
+            )
+        };
+        let options = ViewOptions {
+            background: [0.1; 3],
+            near: 0.01,
+            mode: RenderMode::Default,
+        };
+        renderer.record(&mut commands, &model, &camera(), &options, &target)?;
+    }
+    let submitted = [commands];
+    let submit = vk::SubmitInfo::default().command_buffers(&submitted);
+    // SAFETY: all that was recorded is alive until the queue is idle.
+    unsafe {
+        device.end_command_buffer(commands)?;
+        device.queue_submit(host.queue, &[submit], vk::Fence::null())?;
+        device.queue_wait_idle(host.queue)?;
+    }
+    println!("drew {} splats into the host's image", model.splat_count);
+    Ok(())
+}
+
+/// Vulkan objects of the host.
+struct Host {
+    _entry: ash::Entry,
+    instance: ash::Instance,
+    physical_device: vk::PhysicalDevice,
+    device: ash::Device,
+    queue: vk::Queue,
+}
+
+impl Host {
+    fn new() -> Result<Host, Box<dyn Error>> {
+        // SAFETY: the system's Vulkan loader.
+        let entry = unsafe { ash::Entry::load() }?;
+        let (major, minor) = REQUIRED.api;
+        let application =
+            vk::ApplicationInfo::default().api_version(vk::make_api_version(0, major, minor, 0));
+        let info = vk::InstanceCreateInfo::default().application_info(&application);
+        // SAFETY: `info` outlives the call.
+        let instance = unsafe { entry.create_instance(&info, None) }?;
+        // SAFETY: the instance is alive.
+        let physical_device = unsafe { instance.enumerate_physical_devices() }?[0];
+        let device = create_device(&instance, physical_device)?;
+        // SAFETY: the device has one queue of family 0.
+        let queue = unsafe { device.get_device_queue(0, 0) };
+        Ok(Host {
+            _entry: entry,
+            instance,
+            physical_device,
+            device,
+            queue,
+        })
+    }
+
+    /// The engine as a guest on the host's device.
+    fn introduce(&self) -> ashfall::Result<Gpu> {
+        let host = HostDevice {
+            instance: self.instance.clone(),
+            physical_device: self.physical_device,
+            device: self.device.clone(),
+            queue_family: 0,
+            queue: Some(HostQueue { queue: self.queue }),
+            enabled: HostFeatures {
+                storage_image_write_without_format: true,
+                subgroup_size_control: false,
+            },
+            allocator: None,
+        };
+        // SAFETY: the handles belong together and outlive the guest; REQUIRED is enabled.
+        unsafe { Gpu::adopt(host) }
+    }
+
+    fn command_buffer(&self) -> Result<vk::CommandBuffer, Box<dyn Error>> {
+        let pool = vk::CommandPoolCreateInfo::default();
+        // SAFETY: plain objects of the host's device.
+        let pool = unsafe { self.device.create_command_pool(&pool, None) }?;
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .command_buffer_count(1);
+        // SAFETY: the pool is new.
+        Ok(unsafe { self.device.allocate_command_buffers(&info) }?[0])
+    }
+
+    fn create_image(&self) -> Result<(vk::Image, vk::ImageView), Box<dyn Error>> {
+        let format = vk::Format::R8G8B8A8_UNORM;
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(format)
+            .extent(vk::Extent3D {
+                width: SIZE[0],
+                height: SIZE[1],
+                depth: 1,
+            })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .usage(vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC);
+        let range = vk::ImageSubresourceRange::default()
+            .aspect_mask(vk::ImageAspectFlags::COLOR)
+            .level_count(1)
+            .layer_count(1);
+        // SAFETY: plain objects of the host's device; the memory is bound once and fits.
+        unsafe {
+            let device = &self.device;
+            let image = device.create_image(&info, None)?;
+            let needs = device.get_image_memory_requirements(image);
+            let types = self
+                .instance
+                .get_physical_device_memory_properties(self.physical_device);
+            let kind =
+                (0..types.memory_type_count).find(|kind| needs.memory_type_bits >> kind & 1 == 1);
+            let allocation = vk::MemoryAllocateInfo::default()
+                .allocation_size(needs.size)
+                .memory_type_index(kind.ok_or("no memory for an image")?);
+            device.bind_image_memory(image, device.allocate_memory(&allocation, None)?, 0)?;
+            let view = vk::ImageViewCreateInfo::default()
+                .image(image)
+                .view_type(vk::ImageViewType::TYPE_2D)
+                .format(format)
+                .subresource_range(range);
+            Ok((image, device.create_image_view(&view, None)?))
+        }
+    }
+}
+
+/// Device with everything that REQUIRED lists, and writes to storage images of any format.
+fn create_device(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+) -> Result<ash::Device, Box<dyn Error>> {
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
+    for &feature in REQUIRED.features {
+        match feature {
+            "scalarBlockLayout" => v12.scalar_block_layout = vk::TRUE,
+            "timelineSemaphore" => v12.timeline_semaphore = vk::TRUE,
+            "synchronization2" => v13.synchronization2 = vk::TRUE,
+            "maintenance4" => v13.maintenance4 = vk::TRUE,
+            other => return Err(format!("{other} is required").into()),
+        }
+    }
+    let base =
+        vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(true);
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(0)
+        .queue_priorities(&[1.0])];
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_features(&base)
+        .push_next(&mut v12)
+        .push_next(&mut v13);
+    // SAFETY: `info` outlives the call.
+    Ok(unsafe { instance.create_device(physical, &info, None) }?)
+}
+
+/// One orange splat at the origin.
+fn ball() -> Splats {
+    Splats {
+        mean: vec![[0.0; 3]],
+        quaternion: vec![[1.0, 0.0, 0.0, 0.0]],
+        log_scale: vec![[-1.5; 3]],
+        opacity_logit: vec![4.0],
+        sh: vec![1.5, 0.2, -1.0],
+        sh_degree: 0,
+        ..Splats::default()
+    }
+}
+
+fn camera() -> Camera {
+    Camera {
+        width: SIZE[0],
+        height: SIZE[1],
+        focal: DVec2::splat(f64::from(SIZE[1])),
+        center: DVec2::new(f64::from(SIZE[0]), f64::from(SIZE[1])) / 2.0,
+        rotation: DMat3::IDENTITY,
+        position: DVec3::new(0.0, 0.0, -3.0),
+    }
+}
