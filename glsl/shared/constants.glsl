@@ -5,6 +5,9 @@ const uint TILE_WIDTH = 8;
 const uint TILE_HEIGHT = 16;
 const uint TILE_PIXELS = 128;
 
+// Width and height of a tile of the baselines of compositing, pixels.
+const uint BASELINE_TILE = 16;
+
 // A tile of the loss in pixels. Tall, because each row of a tile's halo costs as much as one of the tile; as
 // tall as the shared memory goes that every device has.
 const uint LOSS_TILE_WIDTH = 16;

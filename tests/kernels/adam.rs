@@ -4,6 +4,7 @@ use crate::check::*;
 use crate::fitting;
 use crate::scenes::Random;
 use crate::{device, supported};
+use ashfall::gpu::Groups;
 use ashfall::kernels::adam::{Adam, Bindings, Choice, Params, Spec};
 use ashfall::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST};
 use ashfall::reference::adam::{self, State};
@@ -185,7 +186,9 @@ fn parameters_and_moments_step_together() {
                     log_aspect_max: input.log_aspect_max,
                     ..params(input.count, input.stride)
                 };
-                gpu.run(|rec| kernel.record(rec, io, params, PLANES))
+                let row = params.splat_count.div_ceil(workgroup);
+                let groups = Groups::Grid([row, PLANES as u32, 1]);
+                gpu.run(|rec| kernel.record(rec, io, params, groups))
                     .unwrap();
                 let ([value, moment1, moment2], poisoned, first_poisoned) = expected(input);
                 let found = |buffer| floats(&read(&gpu, buffer));

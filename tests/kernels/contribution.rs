@@ -5,7 +5,7 @@ use crate::lists::{Lists, view};
 use crate::rasterize::cases;
 use crate::scenes::{self, Random, Scene};
 use crate::{device, pack, supported};
-use ashfall::gpu::{DeviceKind, Gpu};
+use ashfall::gpu::{DeviceKind, Gpu, Groups};
 use ashfall::kernels::contribution::{Bindings, Choice, Contribution, Params, Spec, Variant};
 use ashfall::reference::contribution::{Loss, contribution};
 use ashfall::reference::frame::{center, depth_order};
@@ -119,8 +119,15 @@ fn run(gpu: &Gpu, kernel: &Contribution, case: &Case, slices: &[[u32; 2]]) -> Ve
         record_from_emitted: &records,
     };
     let tiles = lists.grid.len() as usize;
-    gpu.run(|rec| kernel.record(rec, io, Params { tile_stride: 1 }, tiles))
-        .unwrap();
+    gpu.run(|rec| {
+        kernel.record(
+            rec,
+            io,
+            Params { tile_stride: 1 },
+            Groups::Count(tiles as u32),
+        )
+    })
+    .unwrap();
     read(gpu, &records)
 }
 

@@ -4,6 +4,7 @@ use crate::check::*;
 use crate::fitting;
 use crate::scenes::Random;
 use crate::{LENGTHS, device, supported};
+use ashfall::gpu::Groups;
 use ashfall::kernels::gather::{Bindings, Choice, Gather, Spec};
 use ashfall::layout::COUNT_VISIBLE;
 
@@ -36,7 +37,8 @@ fn every_rank_gets_its_splat() {
                     tile_count_from_rank: &target,
                 };
                 let args = args(&gpu, len, workgroup);
-                gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();
+                gpu.run(|rec| kernel.record(rec, io, Groups::indirect(&args, 0)))
+                    .unwrap();
                 let mut expected: Vec<f64> = index
                     .iter()
                     .map(|&i| f64::from(source[i as usize]))

@@ -5,7 +5,7 @@
 use crate::check::*;
 use crate::lists::view;
 use crate::{device, scenes, supported};
-use ashfall::gpu::{Buffer, DeviceKind, Gpu};
+use ashfall::gpu::{Buffer, DeviceKind, Gpu, Groups};
 use ashfall::kernels::{rasterize_backward, rasterize_inria};
 use ashfall::layout::{TILE_PIXELS, View};
 use ashfall::render::list_limit;
@@ -81,7 +81,8 @@ fn gradients_reach_the_front() {
             tile_stride: 1,
             band: 0,
         };
-        gpu.run(|rec| kernel.record(rec, io, params, 1)).unwrap();
+        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
+            .unwrap();
         let blue = read(&gpu, &rest);
         // Half of every pixel, less what a deviation of 1e-3 of a standard one takes: under 1e-4.
         assert!(
@@ -112,7 +113,14 @@ fn the_inria_rules_reach_the_back() {
         depth: &unwritten(&gpu, PIXELS),
         isect_end_from_pixel: &end,
     };
-    gpu.run(|rec| kernel.record(rec, io, rasterize_inria::Params { tile_stride: 1 }, 1))
-        .unwrap();
+    gpu.run(|rec| {
+        kernel.record(
+            rec,
+            io,
+            rasterize_inria::Params { tile_stride: 1 },
+            Groups::Count(1),
+        )
+    })
+    .unwrap();
     assert!(read(&gpu, &end).iter().all(|&end| end as usize == list.len));
 }

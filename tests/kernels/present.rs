@@ -3,7 +3,7 @@
 use crate::check::*;
 use crate::scenes::Random;
 use crate::{device, supported};
-use ashfall::kernels::present::{Bindings, Choice, Present};
+use ashfall::kernels::present::{Bindings, Choice, Present, groups};
 use ashfall::layout::View;
 
 /// Sizes at which blocks of 8x8 invocations begin and end.
@@ -43,7 +43,7 @@ fn every_pixel_gets_its_colour_and_its_opacity() {
                 image: &buffer(&gpu, &planes),
                 target: &target,
             };
-            gpu.run(|rec| kernel.record(rec, io, size)).unwrap();
+            gpu.run(|rec| kernel.record(rec, io, groups(size))).unwrap();
             let mut expected = Vec::new();
             for (y, x) in (0..=height).flat_map(|y| (0..=width).map(move |x| (y, x))) {
                 let is_in = x < width && y < height;

@@ -6,7 +6,7 @@ use crate::lists::{Lists, view};
 use crate::rasterize::cases;
 use crate::scenes::{Random, Scene};
 use crate::{device, pack, supported};
-use ashfall::gpu::Gpu;
+use ashfall::gpu::{Gpu, Groups};
 use ashfall::kernels::prune_limit::{Bindings, Choice, Params, PruneLimit, Spec, Variant};
 use ashfall::reference::Thresholds;
 use ashfall::reference::contribution::weights;
@@ -90,7 +90,7 @@ fn run(
                 step,
                 budget,
             };
-            kernel.record(rec, io, params, tiles);
+            kernel.record(rec, io, params, Groups::Count(tiles as u32));
         }
     })
     .unwrap();

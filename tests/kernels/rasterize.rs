@@ -4,7 +4,7 @@ use crate::check::*;
 use crate::lists::{Lists, view};
 use crate::scenes::{self, Scene};
 use crate::{device, pack, supported};
-use ashfall::gpu::{DeviceKind, Gpu};
+use ashfall::gpu::{DeviceKind, Gpu, Groups};
 use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
 use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE};
 use ashfall::reference::frame::{center, depth_order};
@@ -166,7 +166,7 @@ fn run(
             band_count: bands.len() as u32 + 1,
         };
         let tiles = lists.grid.len() as usize;
-        gpu.run(|rec| kernel.record(rec, io, params, tiles))
+        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(tiles as u32)))
             .unwrap();
         ends.push(read(gpu, &end));
     }

@@ -5,6 +5,7 @@ use crate::lists::{Lists, view};
 use crate::rasterize::cases;
 use crate::scenes::{Random, Scene};
 use crate::{device, pack, supported};
+use ashfall::gpu::Groups;
 use ashfall::kernels::rasterize_backward::{
     Bindings, Choice, Params, RasterizeBackward, Spec, Variant,
 };
@@ -127,7 +128,7 @@ fn every_intersection_gets_its_gradient() {
                     tile_stride: 1,
                     band: 0,
                 };
-                gpu.run(|rec| kernel.record(rec, io, params, tiles))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(tiles as u32)))
                     .unwrap();
                 let (shape, tone) = (floats(&read(&gpu, &shape)), floats(&read(&gpu, &tone)));
                 let rest = floats(&read(&gpu, &rest));

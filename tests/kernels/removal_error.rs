@@ -7,7 +7,7 @@ use crate::pack;
 use crate::rasterize::{cases, expected as drawn};
 use crate::scenes::{Random, Scene};
 use crate::{device, supported};
-use ashfall::gpu::Gpu;
+use ashfall::gpu::{Gpu, Groups};
 use ashfall::kernels::removal_error::{
     Bindings, Choice, Params, RemovalError as Kernel, Spec, Variant,
 };
@@ -90,8 +90,15 @@ fn run(gpu: &Gpu, kernel: &Kernel, case: &Case) -> Vec<[f32; 3]> {
         influence_from_source: &records,
     };
     let tiles = lists.grid.len() as usize;
-    gpu.run(|rec| kernel.record(rec, io, Params { tile_stride: 1 }, tiles))
-        .unwrap();
+    gpu.run(|rec| {
+        kernel.record(
+            rec,
+            io,
+            Params { tile_stride: 1 },
+            Groups::Count(tiles as u32),
+        )
+    })
+    .unwrap();
     read(gpu, &records)
 }
 

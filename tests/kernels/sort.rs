@@ -3,7 +3,7 @@
 use crate::check::*;
 use crate::scenes::Random;
 use crate::{device, supported};
-use ashfall::gpu::Gpu;
+use ashfall::gpu::{Gpu, Groups};
 use ashfall::kernels::scan::Scan;
 use ashfall::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
 use ashfall::kernels::{sort_count, sort_scatter};
@@ -116,7 +116,7 @@ fn digits_are_counted_by_chunk() {
                     digit_count: 1 << bits,
                 };
                 let args = args(&gpu, chunks, if subgroup { 1 } else { workgroup });
-                gpu.run(|rec| kernel.record(rec, io, params, &args, 0))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)))
                     .unwrap();
                 let case = format!("{name}, {cut:?}, {variant:?} {workgroup}");
                 let expected = [words(&expected), vec![f64::NAN]].concat();
@@ -163,7 +163,7 @@ fn one_pass_sorts_by_one_digit_and_is_stable() {
                     digit_count: 1 << bits,
                 };
                 let args = args(&gpu, chunks, if subgroup { 1 } else { workgroup });
-                gpu.run(|rec| kernel.record(rec, io, params, &args, 0))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)))
                     .unwrap();
                 let mask = ((1u32 << bits) - 1) << shift;
                 let (sorted, moved) = sort::sort(keys, &values, mask);

@@ -6,6 +6,7 @@ use crate::pack::arrays;
 use crate::props::picked;
 
 use crate::scenes::{self, Random, Scene};
+use ashfall::gpu::Groups;
 use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
 use ashfall::layout::COUNT_SLOTS;
 use ashfall::reference::frame::{center, discontinuity_margins, project_all, sorted};
@@ -194,7 +195,7 @@ fn m22_workgroups_and_variants() {
                     band_count: 1,
                 };
                 let tiles = lists.grid.len() as usize;
-                gpu.run(|rec| kernel.record(rec, io, params, tiles))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(tiles as u32)))
                     .unwrap();
                 let found: Vec<f32> = gpu.download(&image, 0..4 * pixels).unwrap();
                 pictures.push((workgroup, found));

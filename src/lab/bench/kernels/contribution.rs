@@ -157,7 +157,7 @@ fn weighing(
             tile_stride: tile_stride(input.tiles),
         };
         let record = |rec: &mut crate::gpu::Recorder<'_>| {
-            kernel.record(rec, io, params, input.tiles);
+            kernel.record(rec, io, params, input.groups());
         };
         bench.trial(&trial, nothing, record, || case.records(&gpu))?;
     }
@@ -205,7 +205,7 @@ fn affording(
                     step,
                     budget: BUDGET,
                 };
-                kernel.record(rec, io, params, input.tiles);
+                kernel.record(rec, io, params, input.groups());
             }
         };
         let outputs = || {
@@ -272,7 +272,7 @@ fn tallying(bench: &mut Bench, name: &str, composite: &Composite, case: &Scales)
         bench.trial(
             &trial,
             |rec| rec.fill(&totals, 0),
-            |rec| kernel.record(rec, io, params),
+            |rec| kernel.record(rec, io, params, kernel.groups(splats)),
             outputs,
         )?;
     }

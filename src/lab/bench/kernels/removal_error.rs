@@ -39,7 +39,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
                 tile_stride: tile_stride(input.tiles),
             };
             let record = |rec: &mut crate::gpu::Recorder<'_>| {
-                kernel.record(rec, io, params, input.tiles);
+                kernel.record(rec, io, params, input.groups());
             };
             bench.trial(&trial, nothing, record, || case.outputs(&gpu))?;
         }
