@@ -11,7 +11,7 @@
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
 // Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
-layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
+layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Squared standard deviations beyond which no tile is touched; without a limit unless one is asked for.
 layout(constant_id = 3) const float LEVEL_MAX = 3.4e38;
 // Not 0: tiles are those that the 3DGS code lists a splat for.

@@ -27,6 +27,9 @@ const float WHITEN = 0.8493218002880191;
 // log2(255): splats and pixels whose alpha is under 1/255 are skipped (3DGS paper, appendix C).
 const float LOG2_255 = 7.994353436858858;
 
+// Transmittance under which a pixel ends (3DGS paper, appendix C).
+const float TRANSMITTANCE_MIN = 1e-4;
+
 // The brightest that a splat can be, of a display that ends at 1: sums and squares of such colours, and gradients
 // by them, stay finite whatever the coefficients are.
 const float COLOR_MAX = 1e6;

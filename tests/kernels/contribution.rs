@@ -4,9 +4,9 @@ use crate::check::*;
 use crate::lists::{Lists, view};
 use crate::rasterize::cases;
 use crate::scenes::{self, Random, Scene};
-use crate::{device, pack, supported};
+use crate::{device, lane_choices, pack};
 use ashfall::gpu::{DeviceKind, Gpu, Groups};
-use ashfall::kernels::contribution::{Bindings, Choice, Contribution, Params, Spec, Variant};
+use ashfall::kernels::contribution::{Bindings, Contribution, Params};
 use ashfall::reference::contribution::{Loss, contribution};
 use ashfall::reference::frame::{center, depth_order};
 use ashfall::reference::rasterize::discontinuity_margin;
@@ -43,24 +43,6 @@ pub(crate) fn in_tiles(lists: &Lists, pixels: &[bool]) -> Vec<bool> {
     let tiles: BTreeSet<u32> = (0..pixels.len()).filter(|&i| pixels[i]).map(tile).collect();
     let isects = lists.isects.iter();
     isects.map(|isect| tiles.contains(&isect.tile)).collect()
-}
-
-/// Every variant in every number of lanes that the device has.
-fn choices(gpu: &Gpu) -> Vec<Choice> {
-    let fits = |(variant, lanes): &(Variant, u32)| {
-        *variant == Variant::Base || *lanes <= gpu.caps().subgroup_size
-    };
-    supported!(contribution, gpu)
-        .flat_map(|variant| [8, 16, 32].map(|lanes| (variant, lanes)))
-        .filter(fits)
-        .map(|(variant, workgroup)| Choice {
-            variant,
-            spec: Spec {
-                workgroup,
-                ..Spec::default()
-            },
-        })
-        .collect()
 }
 
 struct Case {
@@ -136,7 +118,7 @@ fn every_pair_is_weighed() {
     let gpu = device::gpu();
     let mut check = Check::new("contribution");
     let cases: Vec<Case> = cases().into_iter().map(case).collect();
-    for choice in choices(&gpu) {
+    for choice in lane_choices!(contribution, gpu) {
         let kernel = Contribution::new(&gpu, choice).unwrap();
         for case in &cases {
             let found = run(&gpu, &kernel, case, &case.lists.range_from_tile);
@@ -174,9 +156,8 @@ fn every_pair_is_weighed() {
 fn variants_agree_to_the_last_bit_of_maxima() {
     let gpu = device::gpu();
     let case = case(("hard", scenes::hard(16, 90, 33, 47, 0)));
-    let runs: Vec<Vec<[u32; 2]>> = choices(&gpu)
-        .iter()
-        .map(|&choice| {
+    let runs: Vec<Vec<[u32; 2]>> = lane_choices!(contribution, gpu)
+        .map(|choice| {
             let kernel = Contribution::new(&gpu, choice).unwrap();
             let found = run(&gpu, &kernel, &case, &case.lists.range_from_tile);
             found
@@ -208,7 +189,7 @@ fn a_list_as_long_as_allowed_is_weighed_to_its_end() {
         expected: Vec::new(),
         near: Vec::new(),
     };
-    for choice in choices(&gpu) {
+    for choice in lane_choices!(contribution, gpu) {
         let kernel = Contribution::new(&gpu, choice).unwrap();
         let found = run(&gpu, &kernel, &case, &[[0, len as u32]]);
         assert_eq!(found.len(), count);

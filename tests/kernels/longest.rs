@@ -53,8 +53,7 @@ fn gradients_reach_the_front() {
     let (image, ends) = (vec![0.5; 4 * PIXELS], vec![list.len as u32; PIXELS]);
     for variant in supported!(rasterize_backward, gpu) {
         let spec = rasterize_backward::Spec::default();
-        let subgroup = variant == rasterize_backward::Variant::Subgroup;
-        if subgroup && spec.workgroup > gpu.caps().subgroup_size {
+        if !gpu.caps().lanes_fit(variant.info(), spec.workgroup) {
             continue;
         }
         let choice = rasterize_backward::Choice { variant, spec };

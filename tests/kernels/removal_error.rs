@@ -6,30 +6,11 @@ use crate::lists::{Lists, view};
 use crate::pack;
 use crate::rasterize::{cases, expected as drawn};
 use crate::scenes::{Random, Scene};
-use crate::{device, supported};
+use crate::{device, lane_choices};
 use ashfall::gpu::{Gpu, Groups};
-use ashfall::kernels::removal_error::{
-    Bindings, Choice, Params, RemovalError as Kernel, Spec, Variant,
-};
+use ashfall::kernels::removal_error::{Bindings, Params, RemovalError as Kernel};
 use ashfall::reference::Thresholds;
 use ashfall::reference::removal_error::{RemovalError, removal_error};
-
-/// Every variant in every number of lanes that the device has.
-fn choices(gpu: &Gpu) -> Vec<Choice> {
-    let lanes_max = gpu.caps().subgroup_size;
-    let fits = |(variant, lanes): &(Variant, u32)| *variant == Variant::Base || *lanes <= lanes_max;
-    supported!(removal_error, gpu)
-        .flat_map(|variant| [8, 16, 32].map(|lanes| (variant, lanes)))
-        .filter(fits)
-        .map(|(variant, workgroup)| Choice {
-            variant,
-            spec: Spec {
-                workgroup,
-                ..Spec::default()
-            },
-        })
-        .collect()
-}
 
 struct Case {
     name: &'static str,
@@ -107,7 +88,7 @@ fn every_pair_has_its_influence() {
     let gpu = device::gpu();
     let mut check = Check::new("removal_error");
     let cases: Vec<Case> = cases().into_iter().map(case).collect();
-    for choice in choices(&gpu) {
+    for choice in lane_choices!(removal_error, gpu) {
         let kernel = Kernel::new(&gpu, choice).unwrap();
         for case in &cases {
             let found = run(&gpu, &kernel, case);

@@ -160,7 +160,7 @@ fn m22_workgroups_and_variants() {
             continue;
         }
         for workgroup in [8, 16, 32] {
-            if variant == Variant::Subgroup && workgroup > gpu.caps().subgroup_size {
+            if !gpu.caps().lanes_fit(variant.info(), workgroup) {
                 continue;
             }
             for tile_stride in [1, 7] {

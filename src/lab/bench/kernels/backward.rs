@@ -260,8 +260,7 @@ fn engine(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> {
     for (variant, workgroup, case) in
         wanted!(bench, rasterize_backward, name, LANES, composite.work())
     {
-        let in_subgroup = variant == rasterize_backward::Variant::Subgroup;
-        if in_subgroup && workgroup > gpu.caps().subgroup_size {
+        if !gpu.caps().lanes_fit(variant.info(), workgroup) {
             continue;
         }
         let spec = rasterize_backward::Spec {

@@ -274,8 +274,7 @@ fn engine(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f6
     let input = Input::new(&gpu, &composite)?;
     let work = composite.work();
     for (variant, workgroup, case) in wanted!(bench, rasterize, name, LANES, work) {
-        let in_subgroup = variant == rasterize::Variant::Subgroup;
-        if in_subgroup && workgroup > gpu.caps().subgroup_size {
+        if !gpu.caps().lanes_fit(variant.info(), workgroup) {
             continue;
         }
         let spec = rasterize::Spec {
