@@ -7,7 +7,7 @@ use super::source::At;
 use std::fmt::Write;
 
 /// `subgroup_wide` as `SubgroupWide`; the base variant as `Base`.
-fn camel(variant: &str) -> String {
+pub(crate) fn camel(variant: &str) -> String {
     if variant.is_empty() {
         return "Base".to_owned();
     }

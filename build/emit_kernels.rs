@@ -1,6 +1,6 @@
 //! `kernels.rs`: for every kernel a module with its variants, tunables, parameters, bindings and wrapper.
 
-use super::emit_choice::{choice, spec, variant_enum};
+use super::emit_choice::{camel, choice, spec, variant_enum};
 use super::emit_layout::structure;
 use super::kernel::{Kernel, Variant};
 use super::model::{Binding, Bound, Spec};
@@ -89,42 +89,64 @@ fn bindings(text: &mut String, kernel: &Kernel) {
     let _ = writeln!(text, "    }}");
 }
 
+/// The type that is dispatched, named after the kernel.
 fn wrapper(text: &mut String, kernel: &Kernel) {
     let Some(base) = kernel.variants.first() else {
         return;
     };
-    let name = &kernel.name;
+    let (kernel_name, name) = (&kernel.name, camel(&kernel.name));
     let (argument, bytes) = match base.module.params {
         Some(_) => ("params: Params, ", "bytemuck::bytes_of(&params)"),
         None => ("", "&[]"),
     };
     let slots: Vec<String> = base.module.bindings.iter().map(slot).collect();
+    let sized = kernel.specs.iter().any(|spec| spec.name == "workgroup");
+    let (field, value, groups) = match sized {
+        true => (FIELD, "workgroup: choice.spec.workgroup,", GROUPS),
+        false => ("", "", ""),
+    };
     let _ = write!(
         text,
         r#"
-    /// `{name}`, ready to be dispatched.
+    /// `{kernel_name}`, ready to be dispatched.
     #[derive(Debug)]
-    pub struct Kernel(Pipeline);
+    pub struct {name} {{
+        pipeline: Pipeline,{field}
+    }}
 
-    impl Kernel {{
+    impl {name} {{
         /// Makes the pipeline.
         ///
         /// # Errors
         ///
         /// When the device cannot run the chosen variant, or Vulkan fails.
-        pub fn new(gpu: &Gpu, choice: Choice) -> Result<Kernel> {{
-            Ok(Kernel(Pipeline::new(gpu, choice.variant.info(), &choice.spec.values())?))
+        pub fn new(gpu: &Gpu, choice: Choice) -> Result<{name}> {{
+            let pipeline = Pipeline::new(gpu, choice.variant.info(), &choice.spec.values())?;
+            Ok({name} {{ pipeline, {value} }})
         }}
-
+{groups}
         /// Records one dispatch, after the barriers that its bindings call for.
         pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, {argument}groups: Groups<'_>) {{
-            rec.dispatch(&self.0, &[{slots}], {bytes}, groups);
+            rec.dispatch(&self.pipeline, &[{slots}], {bytes}, groups);
         }}
     }}
 "#,
         slots = slots.join(", ")
     );
 }
+
+/// Field of a kernel whose workgroup is tunable.
+const FIELD: &str = r"
+        /// Invocations of a workgroup.
+        pub workgroup: u32,";
+
+/// Method of a kernel whose workgroup is tunable.
+const GROUPS: &str = r"
+        /// Workgroups of a dispatch with one invocation per element.
+        pub fn groups(&self, elements: usize) -> Groups<'static> {
+            Groups::Count((elements as u32).div_ceil(self.workgroup))
+        }
+";
 
 fn slot(binding: &Binding) -> String {
     format!("Slot::from(io.{})", binding.name)

@@ -20,7 +20,7 @@ layout(set = 0, binding = 7, scalar) writeonly buffer Ends { uint isect_end_from
 
 #include "shared/baseline_16x16.glsl"
 
-const float T_MIN = 1e-4;
+const float T_MIN = TRANSMITTANCE_MIN;
 
 shared uint votes;
 

@@ -5,8 +5,8 @@
 // each, and pass them round; in the end each lane holds, and stores, the record of the splat that it fetched.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
-layout(constant_id = 1) const float T_MIN = 1e-4;
-layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
+layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
+layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Not 0: pixels end as in the 3DGS code.
 layout(constant_id = 3) const uint INRIA = 0;
 layout(local_size_x_id = 0) in;

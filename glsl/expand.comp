@@ -9,7 +9,7 @@
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 // Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
-layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
+layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Not 0: tiles are those that the 3DGS code lists a splat for.
 layout(constant_id = 2) const uint INRIA = 0;
 layout(local_size_x_id = 0) in;

@@ -11,7 +11,7 @@
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
 // Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
-layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
+layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Not 0: tiles are those that the 3DGS code lists a splat for.
 layout(constant_id = 3) const uint INRIA = 0;
 // How parameters are stored: 0 as floats; 1: harmonics as pairs of halves; 2: all but means.

@@ -11,8 +11,8 @@
 // numbers that the lane held, and the background is put behind the last. So bands change no bit.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
-layout(constant_id = 1) const float T_MIN = 1e-4;
-layout(constant_id = 2) const float LOG2_ALPHA_MIN = -7.994353436858858;
+layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
+layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 layout(constant_id = 3) const uint WITH_DEPTH = 0;
 // 0: nobody asks where pixels ended (training does), and neither register nor memory is spent on it.
 layout(constant_id = 4) const uint WITH_ENDS = 1;

@@ -14,7 +14,7 @@
 // held: bands change no bit of a record.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
-layout(constant_id = 1) const float LOG2_ALPHA_MIN = -7.994353436858858;
+layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };

@@ -10,7 +10,7 @@
 layout(constant_id = 0) const uint WITH_DEPTH = 0;
 // The most that an alpha may be, and the least transmittance (3DGS code, forward.cu).
 layout(constant_id = 1) const float ALPHA_CAP = 0.99;
-layout(constant_id = 2) const float T_MIN = 1e-4;
+layout(constant_id = 2) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 3) const uint WITH_ENDS = 1;
 layout(local_size_x = 128) in;
 

@@ -1,7 +1,6 @@
 // What the two baselines of compositing share: tiles of 16x16 pixels, one invocation per pixel, and batches
 // of splats that a workgroup fetches together.
 
-const uint BASELINE_TILE = 16;
 const uint BASELINE_BATCH = 256;
 
 // A batch of splats; positions relative to the tile, where they are small and so is their rounding.

@@ -5,6 +5,9 @@ const uint TILE_WIDTH = 8;
 const uint TILE_HEIGHT = 16;
 const uint TILE_PIXELS = 128;
 
+// Width and height of a tile of the baselines of compositing, pixels.
+const uint BASELINE_TILE = 16;
+
 // A tile of the loss in pixels. Tall, because each row of a tile's halo costs as much as one of the tile; as
 // tall as the shared memory goes that every device has.
 const uint LOSS_TILE_WIDTH = 16;
@@ -23,6 +26,9 @@ const float WHITEN = 0.8493218002880191;
 
 // log2(255): splats and pixels whose alpha is under 1/255 are skipped (3DGS paper, appendix C).
 const float LOG2_255 = 7.994353436858858;
+
+// Transmittance under which a pixel ends (3DGS paper, appendix C).
+const float TRANSMITTANCE_MIN = 1e-4;
 
 // The brightest that a splat can be, of a display that ends at 1: sums and squares of such colours, and gradients
 // by them, stay finite whatever the coefficients are.

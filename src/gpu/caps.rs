@@ -81,6 +81,11 @@ impl Caps {
         }
     }
 
+    /// Whether a tile can have so many lanes: where a kernel uses subgroups, all of a tile's lanes are in one.
+    pub fn lanes_fit(&self, kernel: &KernelInfo, lanes: u32) -> bool {
+        !kernel.uses_subgroups() || lanes <= self.subgroup_size
+    }
+
     pub(super) fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Caps {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();

@@ -1,7 +1,7 @@
 //! A compiled kernel made executable with one set of tunables.
 
 use super::device::{Gpu, check};
-use crate::shader::{BindingKind, KernelInfo, Requirement};
+use crate::shader::{BindingKind, KernelInfo};
 use crate::{Error, Result};
 use ash::vk;
 use std::collections::HashMap;
@@ -153,8 +153,6 @@ impl RawPipeline {
         })?;
         // Where the size varies, a kernel that relies on subgroups gets the one that `Caps` reports.
         let caps = self.gpu.caps();
-        let needs = self.info.requirements.iter();
-        let by_subgroup = needs.copied().any(Requirement::is_of_subgroups);
         let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
             .required_subgroup_size(caps.subgroup_size);
         let mut stage = vk::PipelineShaderStageCreateInfo::default()
@@ -162,7 +160,7 @@ impl RawPipeline {
             .module(module)
             .name(c"main")
             .specialization_info(&specialization);
-        if by_subgroup && caps.subgroup_range.0 < caps.subgroup_range.1 {
+        if self.info.uses_subgroups() && caps.subgroup_range.0 < caps.subgroup_range.1 {
             stage = stage.push_next(&mut size);
         }
         let info = vk::ComputePipelineCreateInfo::default()

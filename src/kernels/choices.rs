@@ -3,7 +3,6 @@
 //! A choice is a pure function of what the device can do. It is argued for by a record of measurements that lies
 //! in the repository; where there is none for a class of devices, the reason says so.
 
-use super::rasterize::Outputs;
 use super::*;
 use crate::gpu::{Caps, DeviceKind};
 
@@ -62,32 +61,32 @@ pub fn chosen(caps: &Caps) -> Vec<Chosen> {
         };
     }
     chosen! {
-        adam: adam::Adam::prefer(caps), ELEMENTWISE;
-        compact: compact::Compact::prefer(caps), ELEMENTWISE;
-        contribution: contribution::Contribution::prefer(caps), contribution::Contribution::why(caps);
-        expand: expand::Expand::prefer(caps), ELEMENTWISE;
-        gather: gather::Gather::prefer(caps), ELEMENTWISE;
-        loss: loss::Loss::prefer(caps), TILED;
-        loss_backward: loss_backward::LossBackward::prefer(caps), TILED;
-        loss_sum: loss_sum::LossSum::prefer(caps), ALONE;
-        perturb: perturb::Perturb::prefer(caps), ELEMENTWISE;
-        plan: plan::Plan::prefer(caps), FIXED;
-        present: present::Present::prefer(caps), FIXED;
-        project: project::Project::prefer(caps, 3), ELEMENTWISE;
-        project_backward: project_backward::ProjectBackward::prefer(caps, 3), ELEMENTWISE;
-        prune_limit: prune_limit::PruneLimit::prefer(caps), prune_limit::PruneLimit::why(caps);
-        ranges: ranges::Ranges::prefer(caps), ELEMENTWISE;
-        rasterize: rasterize::Rasterize::prefer(caps, Outputs::default()), rasterize::Rasterize::why(caps);
-        rasterize_backward: rasterize_backward::RasterizeBackward::prefer(caps),
-            rasterize_backward::RasterizeBackward::why(caps);
-        rasterize_inria: rasterize_inria::RasterizeInria::prefer(caps, Outputs::default()), INRIA;
-        removal_error: removal_error::RemovalError::prefer(caps), removal_error::RemovalError::why(caps);
-        scan_apply: scan_apply::ScanApply::prefer(caps), ELEMENTWISE;
-        scan_chunks: scan_chunks::ScanChunks::prefer(caps), ALONE;
-        scan_reduce: scan_reduce::ScanReduce::prefer(caps), ELEMENTWISE;
-        sort_count: sort_count::SortCount::prefer(caps), sort::why(caps);
-        sort_scatter: sort_scatter::SortScatter::prefer(caps), sort::why(caps);
-        sum_by_splat: sum_by_splat::SumBySplat::prefer(caps), ELEMENTWISE;
+        adam: adam::Choice::default(), ELEMENTWISE;
+        compact: compact::Choice::default(), ELEMENTWISE;
+        contribution: contribution::Choice::prefer(caps), contribution::Choice::why(caps);
+        expand: expand::Choice::default(), ELEMENTWISE;
+        gather: gather::Choice::default(), ELEMENTWISE;
+        loss: loss::Choice::default(), TILED;
+        loss_backward: loss_backward::Choice::default(), TILED;
+        loss_sum: loss_sum::Choice::default(), ALONE;
+        perturb: perturb::Choice::default(), ELEMENTWISE;
+        plan: plan::Choice::default(), FIXED;
+        present: present::Choice::default(), FIXED;
+        project: project::Choice::of_degree(3), ELEMENTWISE;
+        project_backward: project_backward::Choice::of_degree(3), ELEMENTWISE;
+        prune_limit: prune_limit::Choice::prefer(caps), prune_limit::Choice::why(caps);
+        ranges: ranges::Choice::default(), ELEMENTWISE;
+        rasterize: rasterize::Choice::prefer(caps), rasterize::Choice::why(caps);
+        rasterize_backward: rasterize_backward::Choice::prefer(caps),
+            rasterize_backward::Choice::why(caps);
+        rasterize_inria: rasterize_inria::Choice::default(), INRIA;
+        removal_error: removal_error::Choice::prefer(caps), removal_error::Choice::why(caps);
+        scan_apply: scan_apply::Choice::default(), ELEMENTWISE;
+        scan_chunks: scan_chunks::Choice::default(), ALONE;
+        scan_reduce: scan_reduce::Choice::default(), ELEMENTWISE;
+        sort_count: sort_count::Choice::prefer(caps), sort::why(caps);
+        sort_scatter: sort_scatter::Choice::prefer(caps), sort::why(caps);
+        sum_by_splat: sum_by_splat::Choice::default(), ELEMENTWISE;
     }
 }
 

@@ -1,14 +1,12 @@
 //! Composites the sorted splats of every tile into an image, front to back.
 
-pub use super::generated::rasterize::{Bindings, Choice, Kernel, Params, Spec, Variant};
-use crate::Result;
-use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
-use crate::layout::DispatchArgs;
+pub use super::generated::rasterize::*;
+use crate::gpu::{Caps, DeviceKind};
 use crate::shader::KernelInfo;
 
 /// Whether a device composites a tile within one subgroup by `kernel`, and the lanes of a workgroup: as many as
 /// leave each at least four pixels.
-pub(super) fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
+fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
     let subgroup = caps.supports(kernel).is_ok() && caps.subgroup_size >= 8;
     (
         subgroup,
@@ -21,7 +19,7 @@ pub(super) fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
 }
 
 /// Why [`lanes`] are as many, in a sentence.
-pub(super) fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
+fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
     match (lanes(caps, kernel), caps.kind) {
         ((true, _), DeviceKind::Cpu) => {
             "one subgroup a tile, many pixels a lane: lanes fetch a splat each, pass it round and agree without \
@@ -54,61 +52,40 @@ impl Outputs {
     };
 }
 
-/// The kernel, ready to record.
-#[derive(Debug)]
-pub struct Rasterize {
-    kernel: Kernel,
+/// Choices of the kernels that walk the list of each tile as compositing does.
+macro_rules! choices {
+    ($($kernel:ident)*) => {$(
+        impl super::generated::$kernel::Choice {
+            /// Choice for a device: lanes of one subgroup where it can vote and add, as many as make four pixels or
+            /// more a lane.
+            pub fn prefer(caps: &Caps) -> Self {
+                use super::generated::$kernel::Variant;
+                let (subgroup, workgroup) = lanes(caps, Variant::Subgroup.info());
+                let mut choice = Self::default();
+                choice.spec.workgroup = workgroup;
+                if subgroup {
+                    choice.variant = Variant::Subgroup;
+                }
+                choice
+            }
+
+            /// Why that is preferred, in a sentence.
+            pub fn why(caps: &Caps) -> &'static str {
+                use super::generated::$kernel::Variant;
+                why(caps, Variant::Subgroup.info())
+            }
+        }
+    )*};
 }
 
-impl Rasterize {
-    /// Compiles it as chosen.
-    pub fn new(gpu: &Gpu, choice: Choice) -> Result<Rasterize> {
-        Ok(Rasterize {
-            kernel: Kernel::new(gpu, choice)?,
-        })
-    }
+choices! { contribution prune_limit rasterize rasterize_backward removal_error }
 
-    /// Which variant and tuning suits a device: lanes of one subgroup where it can vote and add, as many as make
-    /// four pixels or more a lane.
-    pub fn prefer(caps: &Caps, outputs: Outputs) -> Choice {
-        let (subgroup, workgroup) = lanes(caps, Variant::Subgroup.info());
-        let variant = if subgroup {
-            Variant::Subgroup
-        } else {
-            Variant::Base
-        };
-        Choice {
-            variant,
-            spec: Spec {
-                workgroup,
-                with_depth: outputs.depth.into(),
-                with_ends: outputs.ends.into(),
-                ..Spec::default()
-            },
-        }
-    }
-
-    /// Why that is preferred, in a sentence.
-    pub fn why(caps: &Caps) -> &'static str {
-        why(caps, Variant::Subgroup.info())
-    }
-
-    /// Records it over `tiles` tiles.
-    pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, params: Params, tiles: usize) {
-        self.kernel
-            .record(rec, io, params, Groups::Count(tiles as u32));
-    }
-
-    /// Records it; element `index` of `groups` holds the dispatch size that `plan` derived.
-    pub fn record_planned(
-        &self,
-        rec: &mut Recorder<'_>,
-        io: Bindings<'_>,
-        params: Params,
-        groups: &Buffer<DispatchArgs>,
-        index: u32,
-    ) {
-        self.kernel
-            .record(rec, io, params, Groups::indirect(groups, index as usize));
+impl Choice {
+    /// The same choice for a frame with these outputs.
+    #[must_use]
+    pub fn of_outputs(mut self, outputs: Outputs) -> Choice {
+        self.spec.with_depth = outputs.depth.into();
+        self.spec.with_ends = outputs.ends.into();
+        self
     }
 }

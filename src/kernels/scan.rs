@@ -45,9 +45,9 @@ impl Scan {
     /// Compiles the kernels.
     pub fn new(gpu: &Gpu) -> Result<Scan> {
         Ok(Scan {
-            reduce: scan_reduce::ScanReduce::new(gpu, scan_reduce::ScanReduce::prefer(gpu.caps()))?,
-            chunks: scan_chunks::ScanChunks::new(gpu, scan_chunks::ScanChunks::prefer(gpu.caps()))?,
-            apply: scan_apply::ScanApply::new(gpu, scan_apply::ScanApply::prefer(gpu.caps()))?,
+            reduce: scan_reduce::ScanReduce::new(gpu, scan_reduce::Choice::default())?,
+            chunks: scan_chunks::ScanChunks::new(gpu, scan_chunks::Choice::default())?,
+            apply: scan_apply::ScanApply::new(gpu, scan_apply::Choice::default())?,
         })
     }
 
@@ -94,6 +94,7 @@ impl Scan {
                 count_slot,
                 total_slot,
             },
+            Groups::Count(1),
         );
         self.apply.record(
             rec,

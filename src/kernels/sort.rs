@@ -94,11 +94,11 @@ const WORKGROUP_KEYS: u32 = 4096;
 const KEYS_PER_ENTRY: u32 = 24;
 
 /// Invocations of a workgroup of the variants that give a chunk to a whole workgroup.
-pub(super) const SUBGROUP_WORKGROUP: u32 = 256;
+const SUBGROUP_WORKGROUP: u32 = 256;
 
 /// Whether a chunk is best sorted by a whole workgroup: not where a processor runs one lane after the other.
 /// Both kernels of the sort go by this, since both must cut the keys alike.
-pub(super) fn by_subgroup(caps: &Caps) -> bool {
+fn by_subgroup(caps: &Caps) -> bool {
     caps.kind != DeviceKind::Cpu
         && caps
             .supports(sort_scatter::Variant::Subgroup.info())
@@ -106,6 +106,24 @@ pub(super) fn by_subgroup(caps: &Caps) -> bool {
         && caps.max_workgroup >= SUBGROUP_WORKGROUP
         && SUBGROUP_WORKGROUP.is_multiple_of(caps.subgroup_size.max(1))
 }
+
+macro_rules! choices {
+    ($($kernel:ident)*) => {$(
+        impl $kernel::Choice {
+            /// Choice for a device: a workgroup per chunk where lanes are many and cheap, else an invocation per chunk.
+            pub fn prefer(caps: &Caps) -> Self {
+                let mut choice = Self::default();
+                if by_subgroup(caps) {
+                    choice.variant = $kernel::Variant::Subgroup;
+                    choice.spec.workgroup = SUBGROUP_WORKGROUP;
+                }
+                choice
+            }
+        }
+    )*};
+}
+
+choices! { sort_count sort_scatter }
 
 /// Why the sort's kernels are as they are, in a sentence.
 pub(super) fn why(caps: &Caps) -> &'static str {
@@ -129,8 +147,8 @@ impl Sort {
     pub fn new(gpu: &Gpu) -> Result<Sort> {
         Sort::with(
             gpu,
-            sort_count::SortCount::prefer(gpu.caps()),
-            sort_scatter::SortScatter::prefer(gpu.caps()),
+            sort_count::Choice::prefer(gpu.caps()),
+            sort_scatter::Choice::prefer(gpu.caps()),
         )
     }
 
@@ -203,6 +221,7 @@ impl Sort {
         } = io;
         let (from, to) = ((pass % 2) as usize, (pass % 2) as usize ^ 1);
         let (count_slot, chunk_slot) = (layout.count_slot, layout.chunk_slot);
+        let chunks = Groups::indirect(args, layout.chunk_args as usize);
         let (shift, digit_count) = (pass * layout.digit_bits, layout.digit_count());
         self.count.record(
             rec,
@@ -217,8 +236,7 @@ impl Sort {
                 shift,
                 digit_count,
             },
-            args,
-            layout.chunk_args,
+            chunks,
         );
         scan.record(
             rec,
@@ -251,8 +269,7 @@ impl Sort {
                 shift,
                 digit_count,
             },
-            args,
-            layout.chunk_args,
+            chunks,
         );
     }
 }

@@ -56,12 +56,12 @@ impl Compositor {
         let caps = gpu.caps();
         Ok(match options.compatibility {
             Compatibility::Engine => {
-                let choice = rasterize::Rasterize::prefer(caps, outputs);
+                let choice = rasterize::Choice::prefer(caps).of_outputs(outputs);
                 let choice = options.accuracy.of_rasterize(choice);
                 Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
             }
             Compatibility::Inria => {
-                let choice = rasterize_inria::RasterizeInria::prefer(caps, outputs);
+                let choice = rasterize_inria::Choice::of_outputs(outputs);
                 Compositor::Inria(rasterize_inria::RasterizeInria::new(gpu, choice)?)
             }
         })

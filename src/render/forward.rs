@@ -58,21 +58,21 @@ impl Forward {
         accuracy.validate()?;
         let caps = gpu.caps();
         let listing = |degree| {
-            let mut project = project::Project::prefer(caps, degree);
+            let mut project = project::Choice::of_degree(degree);
             project.spec.precision = options.precision.code();
-            let expand = expand::Expand::prefer(caps);
+            let expand = expand::Choice::default();
             options.compatibility.listing(accuracy, project, expand)
         };
         let choices = (0..=options.sh_degree).map(|degree| listing(degree).0);
         Ok(Forward {
             project: Projections::new(gpu, choices.collect())?,
             scan: Scan::new(gpu)?,
-            plan: plan::Plan::new(gpu, plan::Plan::prefer(caps))?,
-            compact: compact::Compact::new(gpu, compact::Compact::prefer(caps))?,
+            plan: plan::Plan::new(gpu, plan::Choice::default())?,
+            compact: compact::Compact::new(gpu, compact::Choice::default())?,
             sort: Sort::new(gpu)?,
-            gather: gather::Gather::new(gpu, gather::Gather::prefer(caps))?,
+            gather: gather::Gather::new(gpu, gather::Choice::default())?,
             expand: expand::Expand::new(gpu, listing(0).1)?,
-            ranges: ranges::Ranges::new(gpu, ranges::Ranges::prefer(caps))?,
+            ranges: ranges::Ranges::new(gpu, ranges::Choice::default())?,
             compositor: Compositor::new(gpu, options, outputs)?,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
@@ -157,6 +157,7 @@ impl Forward {
                     splat_count: block.count as u32,
                     stride: block.stride as u32,
                 },
+                kernel.groups(block.count),
             );
         }
     }
@@ -191,11 +192,12 @@ impl Forward {
                     band,
                     band_count: bands.count,
                 };
-                match band {
+                let groups = match band {
                     // Without any splat there is a background to draw.
-                    0 => kernel.record(rec, io, params, tiles),
-                    _ => kernel.record_planned(rec, io, params, &s.args, ARGS_TILE),
-                }
+                    0 => Groups::Count(tiles as u32),
+                    _ => Groups::indirect(&s.args, ARGS_TILE as usize),
+                };
+                kernel.record(rec, io, params, groups);
             }
             Compositor::Inria(kernel) => {
                 let io = rasterize_inria::Bindings {
@@ -214,7 +216,8 @@ impl Forward {
                     bands.count, 1,
                     "a pixel that has ended is not told from others"
                 );
-                kernel.record(rec, io, rasterize_inria::Params { tile_stride }, tiles);
+                let params = rasterize_inria::Params { tile_stride };
+                kernel.record(rec, io, params, Groups::Count(tiles as u32));
             }
         }
         rec.timestamp("rasterize");
@@ -250,6 +253,7 @@ impl Forward {
                 isect_from_rank: &s.isect_from_rank,
             },
             params,
+            Groups::Count(1),
         );
     }
 
@@ -279,7 +283,7 @@ impl Forward {
                 depth_from_visible: &s.by_depth.keys[0],
                 splat_from_visible: &s.by_depth.values[0],
             },
-            count,
+            self.compact.groups(count),
         );
         self.sort
             .record(rec, &self.scan, sort_io(s, &s.by_depth), DEPTH_SORT);
@@ -291,8 +295,7 @@ impl Forward {
                 tile_count_from_splat: &s.tile_count_from_splat,
                 tile_count_from_rank: &s.tile_count_from_rank,
             },
-            &s.args,
-            ARGS_VISIBLE,
+            Groups::indirect(&s.args, ARGS_VISIBLE as usize),
         );
         let io = ScanBuffers {
             values: &s.tile_count_from_rank,
@@ -328,8 +331,7 @@ impl Forward {
                 splat_from_emitted: &s.splat_from_emitted,
                 emitted_from_splat: &s.emitted_from_splat,
             },
-            &s.args,
-            ARGS_EXPAND,
+            Groups::indirect(&s.args, ARGS_EXPAND as usize),
         );
     }
 
@@ -351,8 +353,7 @@ impl Forward {
                 tile_count: tiles as u32,
                 list_limit: self.list_limit,
             },
-            &s.args,
-            ARGS_ISECT,
+            Groups::indirect(&s.args, ARGS_ISECT as usize),
         );
     }
 }

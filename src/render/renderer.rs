@@ -134,7 +134,7 @@ impl Renderer {
     /// Compiles the kernels, but for those that somebody else on this device holds, and allocates for `options.capacity`.
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
         let presents = gpu.caps().supports(present::Variant::Base.info()).is_ok();
-        let present = || present::Present::new(gpu, present::Present::prefer(gpu.caps()));
+        let present = || present::Present::new(gpu, present::Choice::default());
         Ok(Renderer {
             gpu: gpu.clone(),
             forward: Forward::for_rendering(gpu, &options)?,
@@ -235,7 +235,7 @@ impl Renderer {
             target: target.image(),
         };
         if let Some(present) = &self.present {
-            present.record(&mut rec, io, size);
+            present.record(&mut rec, io, present::groups(size));
         }
         rec.release(target);
         let counts = rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?;

@@ -106,3 +106,11 @@ pub struct KernelInfo {
     /// What the device must offer.
     pub requirements: &'static [Requirement],
 }
+
+impl KernelInfo {
+    /// Whether its invocations exchange values within a subgroup.
+    pub fn uses_subgroups(&self) -> bool {
+        let mut needs = self.requirements.iter();
+        needs.any(|need| need.is_of_subgroups())
+    }
+}

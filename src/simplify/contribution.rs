@@ -130,13 +130,13 @@ impl ContributionPass {
         let caps = gpu.caps();
         let inria = u32::from(pass_options.compatibility == Compatibility::Inria);
         let (mut prune_limit, mut contribution) = (
-            prune_limit::PruneLimit::prefer(caps),
-            contribution::Contribution::prefer(caps),
+            prune_limit::Choice::prefer(caps),
+            contribution::Choice::prefer(caps),
         );
-        let mut removal_error = removal_error::RemovalError::prefer(caps);
+        let mut removal_error = removal_error::Choice::prefer(caps);
         (prune_limit.spec.inria, contribution.spec.inria) = (inria, inria);
         removal_error.spec.inria = inria;
-        let sum_by_splat = sum_by_splat::SumBySplat::prefer(caps);
+        let sum_by_splat = sum_by_splat::Choice::default();
         let mut total = sum_by_splat;
         total.spec.sums = 1;
         let count = splats.len().max(1);

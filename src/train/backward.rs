@@ -5,7 +5,7 @@ use super::device::DeviceState;
 use super::photos::Bound;
 use super::schedule;
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, PART_ALIGNMENT, Recorder};
+use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
 use crate::kernels::project_backward::ProjectBackward;
 use crate::kernels::{
     adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
@@ -39,8 +39,8 @@ struct Comparison {
 
 impl Comparison {
     fn new(gpu: &Gpu, with_ssim: bool) -> Result<Comparison> {
-        let mut loss = loss::Loss::prefer(gpu.caps());
-        let mut loss_backward = loss_backward::LossBackward::prefer(gpu.caps());
+        let mut loss = loss::Choice::default();
+        let mut loss_backward = loss_backward::Choice::default();
         loss.spec.with_ssim = u32::from(with_ssim);
         loss_backward.spec.with_ssim = u32::from(with_ssim);
         Ok(Comparison {
@@ -108,17 +108,17 @@ impl Backward {
     /// Compiles the kernels.
     pub(crate) fn new(gpu: &Gpu, config: &TrainConfig) -> Result<Backward> {
         let caps = gpu.caps();
-        let rasterize = RasterizeBackward::prefer(caps);
+        let rasterize = rasterize_backward::Choice::prefer(caps);
         let rasterize = config.accuracy.of_rasterize_backward(rasterize);
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
             comparison: Comparison::new(gpu, config.lambda_dssim > 0.0)?,
-            loss_sum: loss_sum::LossSum::new(gpu, loss_sum::LossSum::prefer(caps))?,
+            loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
             project: ProjectBackward::of_degrees(gpu, config.sh_degree, false)?,
             indexed: Vec::new(),
-            adam: adam::Adam::new(gpu, adam::Adam::prefer(caps))?,
-            perturb: perturb::Perturb::new(gpu, perturb::Perturb::prefer(caps))?,
+            adam: adam::Adam::new(gpu, adam::Choice::default())?,
+            perturb: perturb::Perturb::new(gpu, perturb::Choice::default())?,
         })
     }
 
@@ -176,7 +176,7 @@ impl Backward {
         step: &Step<'_>,
     ) {
         let [width, height] = step.view.size;
-        let tiles = (width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT)) as usize;
+        let tiles = width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT);
         let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
         let lambda = f64::from(step.config.lambda_dssim);
         let kernels = &self.comparison;
@@ -190,7 +190,7 @@ impl Backward {
                 loss_from_tile: &g.loss_from_tile,
             },
             loss::Params { alpha_mode },
-            tiles,
+            Groups::Count(tiles),
         );
         self.loss_sum.record(
             rec,
@@ -198,9 +198,8 @@ impl Backward {
                 loss_from_tile: &g.loss_from_tile,
                 loss: &g.loss,
             },
-            loss_sum::Params {
-                tile_count: tiles as u32,
-            },
+            loss_sum::Params { tile_count: tiles },
+            Groups::Count(1),
         );
         rec.timestamp("loss");
         // A photograph that is masked out entirely teaches nothing.
@@ -223,7 +222,7 @@ impl Backward {
                 l1_scale: ((1.0 - lambda) * share) as f32,
                 ssim_scale: (lambda * share) as f32,
             },
-            tiles,
+            Groups::Count(tiles),
         );
         rec.timestamp("loss_backward");
     }
@@ -258,7 +257,7 @@ impl Backward {
                 tile_stride: tile_stride(tiles),
                 band,
             },
-            tiles,
+            Groups::Count(tiles as u32),
         );
         rec.timestamp("rasterize_backward");
     }
@@ -280,7 +279,8 @@ impl Backward {
             true => &self.indexed,
             false => &self.project,
         };
-        kernels[step.sh_degree.min(block.degree) as usize].record(
+        let kernel = &kernels[step.sh_degree.min(block.degree) as usize];
+        kernel.record(
             rec,
             project_backward::Bindings {
                 view: &s.view,
@@ -308,6 +308,7 @@ impl Backward {
                 size_penalty: 2.0 * penalties.size,
                 banded: s.replay.is_some().into(),
             },
+            kernel.groups(block.count),
         );
         rec.timestamp("project_backward");
     }
@@ -320,15 +321,12 @@ impl Backward {
         step: &Step<'_>,
         block: Block,
     ) {
-        let Step {
-            config,
-            iteration,
-            extent,
-            ..
-        } = *step;
+        let (config, iteration, extent) = (step.config, step.iteration, step.extent);
         let rates = schedule::rates(config, extent, iteration);
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);
         let (splat_count, stride) = (block.count as u32, block.stride as u32);
+        let planes = plane_count(step.sh_degree.min(block.degree)) as u32;
+        let row = splat_count.div_ceil(self.adam.workgroup);
         self.adam.record(
             rec,
             adam::Bindings {
@@ -355,7 +353,7 @@ impl Backward {
                 correction2,
                 log_aspect_max: config.max_aspect.max(1.0).ln(),
             },
-            plane_count(step.sh_degree.min(block.degree)),
+            Groups::Grid([row, planes, 1]),
         );
         let amplitude = schedule::noise_scale(config, extent, iteration);
         if amplitude > 0.0 {
@@ -376,7 +374,7 @@ impl Backward {
                     amplitude,
                     indexed: state.model.is_indexed().into(),
                 },
-                block.count,
+                self.perturb.groups(block.count),
             );
         }
         rec.timestamp("adam");

@@ -92,7 +92,7 @@ fn planes(image: &[[f32; 4]]) -> Vec<f32> {
 pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let gpu = bench.gpu().clone();
     let [image_choice, choice] = [Outputs::default(), Outputs::TRAINING]
-        .map(|outputs| rasterize::Rasterize::prefer(gpu.caps(), outputs));
+        .map(|outputs| rasterize::Choice::prefer(gpu.caps()).of_outputs(outputs));
     let lanes = choice.spec.workgroup;
     // Outputs for training include the end of each pixel's list, as do all baselines but the vectorised one.
     let ours = format!("rasterize {}/{lanes}", choice.variant.name());
@@ -109,12 +109,9 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let case = |variant: &str| case("forward", variant).doing(work);
     let kernel = rasterize::Rasterize::new(&gpu, choice)?;
     let image_kernel = rasterize::Rasterize::new(&gpu, image_choice)?;
-    let old = baseline_16x16::Baseline16x16::new(
-        &gpu,
-        baseline_16x16::Baseline16x16::prefer(gpu.caps()),
-    )?;
+    let old = baseline_16x16::Baseline16x16::new(&gpu, baseline_16x16::Choice::default())?;
     let record = |kernel: &rasterize::Rasterize, rec: &mut Recorder<'_>| {
-        kernel.record(rec, input.rasterize(), input.params(), input.tiles());
+        kernel.record(rec, input.rasterize(), input.params(), input.groups());
     };
 
     let (image, ends) = scalar::forward(&host);
@@ -140,7 +137,10 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
             &gpu,
             case("baseline_16x16"),
             |_| {},
-            |rec| old.record(rec, square_input.baseline_16x16(), square_input.tiles()),
+            |rec| {
+                let groups = square_input.groups();
+                old.record(rec, square_input.baseline_16x16(), groups);
+            },
             || square_input.outputs(&gpu, &squares),
         )?,
         on_host(case(SCALAR), || drop(scalar::forward(&host))),
@@ -156,7 +156,7 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
 
 pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let gpu = bench.gpu().clone();
-    let choice = rasterize_backward::RasterizeBackward::prefer(gpu.caps());
+    let choice = rasterize_backward::Choice::prefer(gpu.caps());
     let ours = format!(
         "rasterize_backward {}/{}",
         choice.variant.name(),
@@ -184,18 +184,13 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
         case(&ours),
         |rec| device.upstream(rec, true),
         |rec| {
-            let params = backward_params(&input);
-            kernel.record(
-                rec,
-                device.rasterize_backward(&input),
-                params,
-                input.tiles(),
-            );
+            let io = device.rasterize_backward(&input);
+            kernel.record(rec, io, backward_params(&input), input.groups());
         },
         || device.judge_sources(&gradient),
     )?];
     // The design needs atomic addition of floats.
-    let old = baseline_16x16_backward::Baseline16x16Backward::prefer(gpu.caps());
+    let old = baseline_16x16_backward::Choice::default();
     if gpu.caps().supports(old.variant.info()).is_ok() {
         let old = baseline_16x16_backward::Baseline16x16Backward::new(&gpu, old)?;
         let (device, input) = (&square_device, &square_input);
@@ -203,7 +198,10 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
             &gpu,
             case("baseline_16x16"),
             |rec| device.upstream(rec, true),
-            move |rec| old.record(rec, device.baseline_16x16_backward(input), input.tiles()),
+            move |rec| {
+                let io = device.baseline_16x16_backward(input);
+                old.record_cleared(rec, io, input.groups());
+            },
             || device.judge_splats(&square_gradient),
         )?);
     }

@@ -3,7 +3,7 @@
 use super::StressRun;
 use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
 use crate::Result;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Groups};
 use crate::kernels::selftest_atomics::{self, SelftestAtomics};
 use crate::kernels::selftest_lanes::{self, SelftestLanes};
 use crate::kernels::selftest_loops::{self, SelftestLoops};
@@ -48,7 +48,7 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &crate::gpu::Buffer<T>) -> Result<Vec<T>> {
 
 fn atomics(gpu: &Gpu) -> Result<StressCheck> {
     const INVOCATIONS: u32 = 100_000;
-    let choice = SelftestAtomics::prefer(gpu.caps());
+    let choice = selftest_atomics::Choice::default();
     let kernel = SelftestAtomics::new(gpu, choice)?;
     let expected = selftest::atomics(INVOCATIONS);
     let counts = gpu.buffer_from("selftest", &vec![0u32; expected.len()])?;
@@ -57,7 +57,7 @@ fn atomics(gpu: &Gpu) -> Result<StressCheck> {
         invocation_count: INVOCATIONS,
     };
     let groups = INVOCATIONS.div_ceil(choice.spec.workgroup);
-    gpu.run(|rec| kernel.record(rec, io, params, groups))?;
+    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(groups)))?;
     let what = format!(
         "{} invocations draw tickets, and add, compare and flip bits in common words",
         number(INVOCATIONS.into())
@@ -68,13 +68,13 @@ fn atomics(gpu: &Gpu) -> Result<StressCheck> {
 
 fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<StressCheck> {
     const ROUNDS: u32 = 100;
-    let choice = SelftestLanes::choice(gpu.caps(), variant);
+    let choice = selftest_lanes::Choice::of_variant(gpu.caps(), variant);
     let lanes = choice.spec.workgroup;
     let kernel = SelftestLanes::new(gpu, choice)?;
     let found = gpu.buffer::<u32>("selftest", 8 * lanes as usize)?;
     let io = selftest_lanes::Bindings { found: &found };
     let params = selftest_lanes::Params { rounds: ROUNDS };
-    gpu.run(|rec| kernel.record(rec, io, params, 1))?;
+    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))?;
     let wrong = wrong(&read(gpu, &found)?, &selftest::lanes(lanes, ROUNDS));
     let (name, how) = match variant.name() {
         "" | "base" => ("shared memory", "through shared memory"),
@@ -86,7 +86,7 @@ fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<StressCheck> {
 
 /// Runs the functions on arguments: `[function][argument]`.
 fn computed(gpu: &Gpu, arguments: &[f32]) -> Result<Vec<Vec<f32>>> {
-    let choice = SelftestMath::prefer(gpu.caps());
+    let choice = selftest_math::Choice::default();
     let kernel = SelftestMath::new(gpu, choice)?;
     let found = gpu.buffer::<f32>("selftest", FUNCTIONS.len() * arguments.len())?;
     let io = selftest_math::Bindings {
@@ -97,7 +97,7 @@ fn computed(gpu: &Gpu, arguments: &[f32]) -> Result<Vec<Vec<f32>>> {
         argument_count: arguments.len() as u32,
     };
     let groups = params.argument_count.div_ceil(choice.spec.workgroup);
-    gpu.run(|rec| kernel.record(rec, io, params, groups))?;
+    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(groups)))?;
     let found = read(gpu, &found)?;
     Ok(found.chunks(arguments.len()).map(<[f32]>::to_vec).collect())
 }
@@ -237,13 +237,13 @@ fn special_values(gpu: &Gpu) -> Result<StressCheck> {
 const TURNS_MAX: u32 = 1 << 22;
 
 fn loops(gpu: &Gpu) -> Result<StressCheck> {
-    let choice = SelftestLoops::prefer(gpu.caps());
+    let choice = selftest_loops::Choice::default();
     let kernel = SelftestLoops::new(gpu, choice)?;
     let lanes = choice.spec.workgroup;
     let found = gpu.buffer::<u32>("selftest", lanes as usize)?;
     let runs_to_its_end = |turns: u32| -> Result<bool> {
         let io = selftest_loops::Bindings { found: &found };
-        gpu.run(|rec| kernel.record(rec, io, selftest_loops::Params { turns }, 1))?;
+        gpu.run(|rec| kernel.record(rec, io, selftest_loops::Params { turns }, Groups::Count(1)))?;
         let expected: Vec<u32> = (0..lanes).map(|i| selftest::chain(i, turns)).collect();
         Ok(read(gpu, &found)? == expected)
     };
@@ -283,7 +283,7 @@ fn progress(gpu: &Gpu) -> Result<StressCheck> {
     // More than one dimension of a dispatch holds everywhere.
     const GROUPS: u32 = 70_000;
     const ROUNDS: u32 = 3;
-    let choice = SelftestProgress::prefer(gpu.caps());
+    let choice = selftest_progress::Choice::default();
     let kernel = SelftestProgress::new(gpu, choice)?;
     let counts = gpu.buffer_from("selftest", &vec![0u32; GROUPS as usize])?;
     let found = gpu.buffer::<u32>("selftest", GROUPS as usize)?;
@@ -295,7 +295,7 @@ fn progress(gpu: &Gpu) -> Result<StressCheck> {
         group_count: GROUPS,
         rounds: ROUNDS,
     };
-    gpu.run(|rec| kernel.record(rec, io, params, GROUPS))?;
+    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(GROUPS)))?;
     let expected = selftest::progress(GROUPS, choice.spec.workgroup, ROUNDS);
     let wrong = wrong(&read(gpu, &counts)?, &vec![1; GROUPS as usize])
         + wrong(&read(gpu, &found)?, &expected);

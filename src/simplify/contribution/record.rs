@@ -1,7 +1,7 @@
 //! What is recorded behind the drawing of a view, for what it is drawn for.
 
 use super::{Purpose, Resources, STEPS};
-use crate::gpu::Recorder;
+use crate::gpu::{Groups, Recorder};
 use crate::kernels::{contribution, prune_limit, removal_error, sum_by_splat};
 use crate::layout::*;
 use crate::render::{Forward, tile_stride};
@@ -18,6 +18,7 @@ impl Resources {
     /// Records the search for what pixels can prune_limit.
     fn record_limits(&self, rec: &mut Recorder<'_>, view: &View, budget: f32) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
+        let groups = Groups::Count(tiles as u32);
         let buffers = &self.buffers;
         let s = &buffers.scratch;
         let emitted_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
@@ -40,13 +41,14 @@ impl Resources {
                 step,
                 budget,
             };
-            self.prune_limit.record(rec, io, params, tiles);
+            self.prune_limit.record(rec, io, params, groups);
         }
     }
 
     /// Records the weighing, and the sums by splat.
     fn record_weights(&self, rec: &mut Recorder<'_>, view: &View) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
+        let groups = Groups::Count(tiles as u32);
         let buffers = &self.buffers;
         let s = &buffers.scratch;
         let emitted_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
@@ -65,7 +67,7 @@ impl Resources {
             record_from_emitted: &buffers.records,
         };
         let params = contribution::Params { tile_stride };
-        self.contribution.record(rec, io, params, tiles);
+        self.contribution.record(rec, io, params, groups);
         self.record_totals(rec, &self.sum_by_splat);
     }
 
@@ -73,6 +75,7 @@ impl Resources {
     /// have spent.
     pub(super) fn record_influences(&self, rec: &mut Recorder<'_>, view: &View) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
+        let groups = Groups::Count(tiles as u32);
         let buffers = &self.buffers;
         let s = &buffers.scratch;
         rec.fill(&buffers.records, 0);
@@ -91,7 +94,7 @@ impl Resources {
         let params = removal_error::Params {
             tile_stride: tile_stride(tiles),
         };
-        self.removal_error.record(rec, io, params, tiles);
+        self.removal_error.record(rec, io, params, groups);
         self.record_totals(rec, &self.total);
     }
 
@@ -107,6 +110,7 @@ impl Resources {
         let params = sum_by_splat::Params {
             splat_count: self.model.splat_count as u32,
         };
-        sum_by_splat.record(rec, io, params);
+        let groups = sum_by_splat.groups(self.model.splat_count);
+        sum_by_splat.record(rec, io, params, groups);
     }
 }

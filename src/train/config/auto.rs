@@ -117,7 +117,7 @@ impl AutoConfig {
     /// Steps of a round.
     pub fn round(&self, iterations: u32) -> u32 {
         let [least, most] = self.round_steps;
-        (iterations / self.round_parts).clamp(least, most.max(least))
+        (iterations / self.round_parts).clamp(least, most)
     }
 
     /// Steps between tests for convergence.

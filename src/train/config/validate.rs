@@ -3,6 +3,7 @@
 use super::constants::{Bounded, refused};
 use super::{Background, TrainConfig};
 use crate::Result;
+use std::fmt::Debug;
 
 impl TrainConfig {
     /// Checks every field; the error names the first that is out of its range.
@@ -12,10 +13,7 @@ impl TrainConfig {
             limit.check("max_splats", 1..=u32::MAX)?;
         }
         self.sh_degree.check("sh_degree", 0..=3)?;
-        if !self.sh_degree_from.is_sorted() {
-            let found = format_args!("{:?}", self.sh_degree_from);
-            return Err(refused("sh_degree_from", found, "ascending iterations"));
-        }
+        ascending("sh_degree_from", &self.sh_degree_from)?;
         self.lambda_dssim.check("lambda_dssim", 0.0..=1.0)?;
         self.size_penalty.check("size_penalty", 0.0..=f32::MAX)?;
         if self.max_aspect != 0.0 {
@@ -37,6 +35,9 @@ impl TrainConfig {
         self.mcmc.check()?;
         self.init.check()?;
         self.auto.check()?;
+        ascending("init.scale_range", &self.init.scale_range)?;
+        ascending("init.random_depths", &self.init.random_depths)?;
+        ascending("auto.round_steps", &self.auto.round_steps)?;
         self.check_mean_rates()
     }
 
@@ -51,6 +52,13 @@ impl TrainConfig {
             return Err(refused("rates.mean_end", rates.mean_end, wanted));
         }
         Ok(())
+    }
+}
+
+fn ascending<T: PartialOrd + Debug>(name: &str, values: &[T]) -> Result<()> {
+    match values.is_sorted() {
+        true => Ok(()),
+        false => Err(refused(name, format_args!("{values:?}"), "ascending")),
     }
 }
 
@@ -112,6 +120,10 @@ mod tests {
         assert_eq!(
             message(|c| c.lambda_dssim = 1.5),
             wanted("lambda_dssim is 1.5, but must be from 0 to 1")
+        );
+        assert_eq!(
+            message(|c| c.init.scale_range = [0.5, 0.25]),
+            wanted("init.scale_range is [0.5, 0.25], but must be ascending")
         );
         assert!(message(|c| c.init.opacity = 1.0).is_err());
         assert!(message(|c| c.adam.beta2 = 1.0).is_err());

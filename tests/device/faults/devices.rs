@@ -4,7 +4,7 @@ use crate::common::device::{self, Turn};
 use crate::faults::run::{STEPS, holds_only, scene, train, undisturbed};
 use ashfall::Error;
 use ashfall::gpu::{Faults, Gpu, GpuOptions};
-use ashfall::kernels::compact::Compact;
+use ashfall::kernels::compact::{self, Compact};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -135,7 +135,7 @@ fn f107_an_image_whose_memory_ends_leaks_nothing() {
 #[test]
 fn a_kernel_is_compiled_once_as_long_as_somebody_holds_it() {
     let (_turn, gpu, faults) = faulty();
-    let choice = Compact::prefer(gpu.caps());
+    let choice = compact::Choice::default();
     let mut other = choice;
     other.spec.workgroup /= 2;
     let creations = |choice| {

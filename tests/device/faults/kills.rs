@@ -12,7 +12,14 @@ use tempfile::TempDir;
 const BINARY: &str = env!("CARGO_BIN_EXE_ashfall");
 
 /// What a finished run's folder holds.
-const RESULTS: &[&str] = &["checkpoint", "run.json", "report.json", "scene.ply", "test"];
+const RESULTS: &[&str] = &[
+    "checkpoint",
+    "run.json",
+    "run.lock",
+    "report.json",
+    "scene.ply",
+    "test",
+];
 
 fn data() -> &'static Path {
     static DATA: OnceLock<(TempDir, PathBuf)> = OnceLock::new();

@@ -269,7 +269,7 @@ fn a_dispatch_beyond_a_dimensions_limit_is_folded() {
             depth_from_visible: &depths,
             splat_from_visible: &splats,
         };
-        compact.record(rec, io, count);
+        compact.record(rec, io, compact.groups(count));
     })
     .unwrap();
     let listed = all(&gpu, &splats);

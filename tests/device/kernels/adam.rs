@@ -5,6 +5,7 @@ use crate::common::device;
 use crate::common::scenes::Random;
 use crate::kernels::fitting;
 use crate::kernels::supported;
+use ashfall::gpu::Groups;
 use ashfall::kernels::adam::{Adam, Bindings, Choice, Params, Spec};
 use ashfall::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST};
 use ashfall::reference::adam::{self, State};
@@ -186,7 +187,9 @@ fn parameters_and_moments_step_together() {
                     log_aspect_max: input.log_aspect_max,
                     ..params(input.count, input.stride)
                 };
-                gpu.run(|rec| kernel.record(rec, io, params, PLANES))
+                let row = params.splat_count.div_ceil(workgroup);
+                let groups = Groups::Grid([row, PLANES as u32, 1]);
+                gpu.run(|rec| kernel.record(rec, io, params, groups))
                     .unwrap();
                 let ([value, moment1, moment2], poisoned, first_poisoned) = expected(input);
                 let found = |buffer| floats(&read(&gpu, buffer));

@@ -6,14 +6,16 @@ use crate::common::scenes::Scene;
 use crate::common::{device, pack};
 use crate::kernels::rasterize::{cases, expected};
 use crate::kernels::supported;
-use ashfall::kernels::baseline_16x16::{Baseline16x16, Bindings, Choice, TILE};
+use ashfall::gpu::Groups;
+use ashfall::kernels::baseline_16x16::{Baseline16x16, Bindings, Choice};
+use ashfall::layout::BASELINE_TILE;
 use ashfall::reference::tiles::Grid;
 
 /// The lists of a scene by square tiles.
 pub(crate) fn lists(scene: &Scene) -> Lists {
     let grid = Grid {
-        tile_width: TILE,
-        tile_height: TILE,
+        tile_width: BASELINE_TILE,
+        tile_height: BASELINE_TILE,
         ..Grid::new(scene.camera.width, scene.camera.height)
     };
     Lists::over(scene, grid)
@@ -46,7 +48,7 @@ fn pixels_are_composited() {
                 image: &image,
                 isect_end_from_pixel: &ends,
             };
-            gpu.run(|rec| kernel.record(rec, io, lists.grid.len() as usize))
+            gpu.run(|rec| kernel.record(rec, io, Groups::Count(lists.grid.len())))
                 .unwrap();
             let found = floats(&read(&gpu, &image));
             let [r, g, b, through, _] = &expected.planes;

@@ -7,6 +7,7 @@ use crate::kernels::baseline_16x16::lists;
 use crate::kernels::rasterize::cases;
 use crate::kernels::rasterize_backward::{NAMES, prepare};
 use crate::kernels::supported;
+use ashfall::gpu::Groups;
 use ashfall::kernels::baseline_16x16_backward::{Baseline16x16Backward, Bindings, Choice, Variant};
 
 #[test]
@@ -41,7 +42,7 @@ fn every_splat_gets_its_gradient() {
                 isect_end_from_pixel: &buffer(&gpu, &case.ends),
                 sum_from_splat: &sums,
             };
-            gpu.run(|rec| kernel.record(rec, io, lists.grid.len() as usize))
+            gpu.run(|rec| kernel.record_cleared(rec, io, Groups::Count(lists.grid.len())))
                 .unwrap();
             let found = floats(&read(&gpu, &sums));
             // Those of `rasterize_backward`, of which this adds up several; an order of atomic additions adds

@@ -48,7 +48,8 @@ fn the_visible_are_listed_in_order() {
                         depth_from_visible: &keys,
                         splat_from_visible: &values,
                     };
-                    gpu.run(|rec| kernel.record(rec, io, len)).unwrap();
+                    gpu.run(|rec| kernel.record(rec, io, kernel.groups(len)))
+                        .unwrap();
                     let visible: Vec<usize> = (0..len).filter(|&i| tiles[i] != 0).collect();
                     let padded = |list: Vec<f64>| {
                         let rest = len + 1 - list.len();

@@ -4,10 +4,10 @@ use crate::common::check::*;
 use crate::common::lists::{Lists, view};
 use crate::common::scenes::{self, Random, Scene};
 use crate::common::{device, pack};
+use crate::kernels::lane_choices;
 use crate::kernels::rasterize::cases;
-use crate::kernels::supported;
-use ashfall::gpu::{DeviceKind, Gpu};
-use ashfall::kernels::contribution::{Bindings, Choice, Contribution, Params, Spec, Variant};
+use ashfall::gpu::{DeviceKind, Gpu, Groups};
+use ashfall::kernels::contribution::{Bindings, Contribution, Params};
 use ashfall::reference::contribution::{Loss, contribution};
 use ashfall::reference::frame::{center, depth_order};
 use ashfall::reference::rasterize::discontinuity_margin;
@@ -44,24 +44,6 @@ pub(crate) fn in_tiles(lists: &Lists, pixels: &[bool]) -> Vec<bool> {
     let tiles: BTreeSet<u32> = (0..pixels.len()).filter(|&i| pixels[i]).map(tile).collect();
     let isects = lists.isects.iter();
     isects.map(|isect| tiles.contains(&isect.tile)).collect()
-}
-
-/// Every variant in every number of lanes that the device has.
-fn choices(gpu: &Gpu) -> Vec<Choice> {
-    let fits = |(variant, lanes): &(Variant, u32)| {
-        *variant == Variant::Base || *lanes <= gpu.caps().subgroup_size
-    };
-    supported!(contribution, gpu)
-        .flat_map(|variant| [8, 16, 32].map(|lanes| (variant, lanes)))
-        .filter(fits)
-        .map(|(variant, workgroup)| Choice {
-            variant,
-            spec: Spec {
-                workgroup,
-                ..Spec::default()
-            },
-        })
-        .collect()
 }
 
 struct Case {
@@ -120,8 +102,15 @@ fn run(gpu: &Gpu, kernel: &Contribution, case: &Case, slices: &[[u32; 2]]) -> Ve
         record_from_emitted: &records,
     };
     let tiles = lists.grid.len() as usize;
-    gpu.run(|rec| kernel.record(rec, io, Params { tile_stride: 1 }, tiles))
-        .unwrap();
+    gpu.run(|rec| {
+        kernel.record(
+            rec,
+            io,
+            Params { tile_stride: 1 },
+            Groups::Count(tiles as u32),
+        )
+    })
+    .unwrap();
     read(gpu, &records)
 }
 
@@ -130,7 +119,7 @@ fn every_pair_is_weighed() {
     let gpu = device::gpu();
     let mut check = Check::new("contribution");
     let cases: Vec<Case> = cases().into_iter().map(case).collect();
-    for choice in choices(&gpu) {
+    for choice in lane_choices!(contribution, gpu) {
         let kernel = Contribution::new(&gpu, choice).unwrap();
         for case in &cases {
             let found = run(&gpu, &kernel, case, &case.lists.range_from_tile);
@@ -168,9 +157,8 @@ fn every_pair_is_weighed() {
 fn variants_agree_to_the_last_bit_of_maxima() {
     let gpu = device::gpu();
     let case = case(("hard", scenes::hard(16, 90, 33, 47, 0)));
-    let runs: Vec<Vec<[u32; 2]>> = choices(&gpu)
-        .iter()
-        .map(|&choice| {
+    let runs: Vec<Vec<[u32; 2]>> = lane_choices!(contribution, gpu)
+        .map(|choice| {
             let kernel = Contribution::new(&gpu, choice).unwrap();
             let found = run(&gpu, &kernel, &case, &case.lists.range_from_tile);
             found
@@ -202,7 +190,7 @@ fn a_list_as_long_as_allowed_is_weighed_to_its_end() {
         expected: Vec::new(),
         near: Vec::new(),
     };
-    for choice in choices(&gpu) {
+    for choice in lane_choices!(contribution, gpu) {
         let kernel = Contribution::new(&gpu, choice).unwrap();
         let found = run(&gpu, &kernel, &case, &[[0, len as u32]]);
         assert_eq!(found.len(), count);

@@ -4,6 +4,7 @@ use crate::common::check::*;
 use crate::common::lists::{Lists, view};
 use crate::common::{device, pack, scenes};
 use crate::kernels::supported;
+use ashfall::gpu::Groups;
 use ashfall::kernels::expand::{Bindings, Choice, Expand, Spec};
 use ashfall::layout::{COUNT_BAND_BASE, COUNT_BAND_BEGIN, COUNT_BAND_END};
 use ashfall::reference::Thresholds;
@@ -85,7 +86,8 @@ fn every_tile_with_a_pixel_is_listed_and_few_others() {
                     emitted_from_splat: &firsts,
                 };
                 let args = args(&gpu, order.len() - first_rank, workgroup);
-                gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();
+                gpu.run(|rec| kernel.record(rec, io, Groups::indirect(&args, 0)))
+                    .unwrap();
 
                 let found = read(&gpu, &listed);
                 let (mut member, mut must, mut free) = (Vec::new(), Vec::new(), Vec::new());
@@ -165,6 +167,7 @@ fn a_splat_may_cover_more_tiles_than_a_driver_runs_loops() {
         emitted_from_splat: &unwritten(&gpu, 1),
     };
     let args = args(&gpu, 1, 64);
-    gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();
+    gpu.run(|rec| kernel.record(rec, io, Groups::indirect(&args, 0)))
+        .unwrap();
     assert!(read(&gpu, &listed).into_iter().eq(0..tiles));
 }

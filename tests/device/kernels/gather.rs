@@ -5,6 +5,7 @@ use crate::common::device;
 use crate::common::scenes::Random;
 use crate::kernels::fitting;
 use crate::kernels::{LENGTHS, supported};
+use ashfall::gpu::Groups;
 use ashfall::kernels::gather::{Bindings, Choice, Gather, Spec};
 use ashfall::layout::COUNT_VISIBLE;
 
@@ -37,7 +38,8 @@ fn every_rank_gets_its_splat() {
                     tile_count_from_rank: &target,
                 };
                 let args = args(&gpu, len, workgroup);
-                gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();
+                gpu.run(|rec| kernel.record(rec, io, Groups::indirect(&args, 0)))
+                    .unwrap();
                 let mut expected: Vec<f64> = index
                     .iter()
                     .map(|&i| f64::from(source[i as usize]))

@@ -6,7 +6,7 @@ use crate::common::check::*;
 use crate::common::lists::view;
 use crate::common::{device, scenes};
 use crate::kernels::supported;
-use ashfall::gpu::{Buffer, DeviceKind, Gpu};
+use ashfall::gpu::{Buffer, DeviceKind, Gpu, Groups};
 use ashfall::kernels::{rasterize_backward, rasterize_inria};
 use ashfall::layout::{TILE_PIXELS, View};
 use ashfall::render::list_limit;
@@ -54,8 +54,7 @@ fn gradients_reach_the_front() {
     let (image, ends) = (vec![0.5; 4 * PIXELS], vec![list.len as u32; PIXELS]);
     for variant in supported!(rasterize_backward, gpu) {
         let spec = rasterize_backward::Spec::default();
-        let subgroup = variant == rasterize_backward::Variant::Subgroup;
-        if subgroup && spec.workgroup > gpu.caps().subgroup_size {
+        if !gpu.caps().lanes_fit(variant.info(), spec.workgroup) {
             continue;
         }
         let choice = rasterize_backward::Choice { variant, spec };
@@ -82,7 +81,8 @@ fn gradients_reach_the_front() {
             tile_stride: 1,
             band: 0,
         };
-        gpu.run(|rec| kernel.record(rec, io, params, 1)).unwrap();
+        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
+            .unwrap();
         let blue = read(&gpu, &rest);
         // Half of every pixel, less what a deviation of 1e-3 of a standard one takes: under 1e-4.
         assert!(
@@ -113,7 +113,14 @@ fn the_inria_rules_reach_the_back() {
         depth: &unwritten(&gpu, PIXELS),
         isect_end_from_pixel: &end,
     };
-    gpu.run(|rec| kernel.record(rec, io, rasterize_inria::Params { tile_stride: 1 }, 1))
-        .unwrap();
+    gpu.run(|rec| {
+        kernel.record(
+            rec,
+            io,
+            rasterize_inria::Params { tile_stride: 1 },
+            Groups::Count(1),
+        )
+    })
+    .unwrap();
     assert!(read(&gpu, &end).iter().all(|&end| end as usize == list.len));
 }

@@ -5,6 +5,7 @@ use crate::common::device;
 use crate::common::scenes::{self, Random};
 use crate::kernels::fitting;
 use crate::kernels::{LENGTHS, supported};
+use ashfall::gpu::Groups;
 use ashfall::kernels::{loss, loss_backward, loss_sum};
 use ashfall::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use ashfall::reference::loss::{Target, gradient, sums, values};
@@ -264,7 +265,7 @@ fn tiles_are_compared() {
                 let params = loss::Params {
                     alpha_mode: case.alpha_mode(),
                 };
-                gpu.run(|rec| kernel.record(rec, io, params, tiles))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(tiles as u32)))
                     .unwrap();
                 let wanted = slopes(&case);
                 let scale = rms(&wanted).max(1.0);
@@ -322,7 +323,7 @@ fn pixels_get_their_gradient() {
                     ssim_scale: (lambda * share) as f32,
                 };
                 let tiles = tile_count(&case);
-                gpu.run(|rec| kernel.record(rec, io, params, tiles))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(tiles as u32)))
                     .unwrap();
                 let planar = |image: &[[f64; 3]]| -> Vec<f64> {
                     (0..3)
@@ -382,7 +383,8 @@ fn tiles_are_added_up() {
                 let params = loss_sum::Params {
                     tile_count: len as u32,
                 };
-                gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
+                    .unwrap();
                 let sum = |lane: usize| tiles.iter().map(|t| f64::from(t[lane])).sum::<f64>();
                 let found = floats(&read(&gpu, &total));
                 // Random rounding of `len` positive terms: sqrt(len) u, at 5000 terms one after the other.

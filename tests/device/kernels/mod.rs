@@ -56,3 +56,19 @@ macro_rules! supported {
     };
 }
 pub(crate) use supported;
+
+/// The choices of a kernel that walks the lists of tiles: every variant in every number of lanes that a tile can have.
+macro_rules! lane_choices {
+    ($kernel:ident, $gpu:expr) => {
+        crate::kernels::supported!($kernel, $gpu)
+            .flat_map(|variant| [8, 16, 32].map(|lanes| (variant, lanes)))
+            .filter(|(variant, lanes)| $gpu.caps().lanes_fit(variant.info(), *lanes))
+            .map(|(variant, workgroup)| {
+                let mut choice = ashfall::kernels::$kernel::Choice::default();
+                choice.variant = variant;
+                choice.spec.workgroup = workgroup;
+                choice
+            })
+    };
+}
+pub(crate) use lane_choices;

@@ -66,7 +66,7 @@ fn means_move_by_noise_of_their_splats_shape() {
                     amplitude: AMPLITUDE,
                     indexed: 0,
                 };
-                gpu.run(|rec| kernel.record(rec, io, params, count))
+                gpu.run(|rec| kernel.record(rec, io, params, kernel.groups(count)))
                     .unwrap();
                 let after = read(&gpu, &values)[..before.len()].to_vec();
                 let mut expected = floats(&before);
@@ -128,7 +128,8 @@ fn slots_may_lie_in_any_order() {
             indexed,
             ..Params::default()
         };
-        gpu.run(|rec| kernel.record(rec, io, params, 270)).unwrap();
+        gpu.run(|rec| kernel.record(rec, io, params, kernel.groups(270)))
+            .unwrap();
         read(&gpu, &values)[..planes.len()].to_vec()
     };
     let ordered = scenes::in_order(&run(&planes, 0), &index);

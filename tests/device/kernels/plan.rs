@@ -4,6 +4,7 @@ use crate::common::check::*;
 use crate::common::device;
 use crate::common::scenes::Random;
 use crate::kernels::supported;
+use ashfall::gpu::Groups;
 use ashfall::kernels::plan::{Bindings, Choice, Params, Plan};
 use ashfall::layout::*;
 
@@ -169,7 +170,8 @@ fn bands_hold_as_many_splats_as_fit() {
                     band_count: recorded as u32,
                     ..params
                 };
-                gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
+                    .unwrap();
                 let counts = read(&gpu, &counted);
                 found.extend(slots.map(|slot| counts[slot as usize]));
                 found.push(read(&gpu, &args)[ARGS_TILE as usize].x);
@@ -219,7 +221,8 @@ fn more_intersections_than_can_be_counted_fail_the_frame() {
         band_count: 8,
         ..PARAMS
     };
-    gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
+        .unwrap();
     let after = read(&gpu, &counted);
     assert_eq!(after[COUNT_FAILED as usize], 1);
     assert_eq!(after[COUNT_ISECT as usize], 0);
@@ -264,7 +267,8 @@ fn sizes_and_overflow_are_planned() {
                             args: &planned,
                             isect_from_rank: &buffer(&gpu, &offsets),
                         };
-                        gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+                        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
+                            .unwrap();
                         expected(&mut before, &mut args, &params);
                         let case = format!("{count} in stage {stage}, failed {earlier}");
                         let counts = words(&read(&gpu, &counted));

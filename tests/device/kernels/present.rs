@@ -4,7 +4,7 @@ use crate::common::check::*;
 use crate::common::device;
 use crate::common::scenes::Random;
 use crate::kernels::supported;
-use ashfall::kernels::present::{Bindings, Choice, Present};
+use ashfall::kernels::present::{Bindings, Choice, Present, groups};
 use ashfall::layout::View;
 
 /// Sizes at which blocks of 8x8 invocations begin and end.
@@ -44,7 +44,7 @@ fn every_pixel_gets_its_colour_and_its_opacity() {
                 image: &buffer(&gpu, &planes),
                 target: &target,
             };
-            gpu.run(|rec| kernel.record(rec, io, size)).unwrap();
+            gpu.run(|rec| kernel.record(rec, io, groups(size))).unwrap();
             let mut expected = Vec::new();
             for (y, x) in (0..=height).flat_map(|y| (0..=width).map(move |x| (y, x))) {
                 let is_in = x < width && y < height;

@@ -166,7 +166,8 @@ fn run(
         splat_count: count as u32,
         stride: count as u32,
     };
-    gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+    gpu.run(|rec| kernel.record(rec, io, params, kernel.groups(count)))
+        .unwrap();
     let mut tiles = read(gpu, &tiles);
     assert_eq!(tiles.pop(), Some(UNWRITTEN), "wrote past the end");
     let (shapes, tones, rests) = (read(gpu, &shapes), read(gpu, &tones), read(gpu, &rests));

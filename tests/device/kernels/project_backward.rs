@@ -153,7 +153,8 @@ fn run_in_order(
         size_penalty: SIZE_PENALTY,
         banded: 0,
     };
-    gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+    gpu.run(|rec| kernel.record(rec, io, params, kernel.groups(count)))
+        .unwrap();
     let statistics = floats(&read(gpu, &statistics));
     [floats(&read(gpu, &gradients)), statistics]
 }

@@ -5,32 +5,14 @@ use crate::common::lists::{Lists, view};
 use crate::common::scenes::{Random, Scene};
 use crate::common::{device, pack};
 use crate::kernels::contribution::{in_order, near};
+use crate::kernels::lane_choices;
 use crate::kernels::rasterize::cases;
-use crate::kernels::supported;
-use ashfall::gpu::Gpu;
-use ashfall::kernels::prune_limit::{Bindings, Choice, Params, PruneLimit, Spec, Variant};
+use ashfall::gpu::{Gpu, Groups};
+use ashfall::kernels::prune_limit::{Bindings, Params, PruneLimit};
 use ashfall::reference::Thresholds;
 use ashfall::reference::contribution::weights;
 use ashfall::reference::frame::{center, depth_order};
 use ashfall::reference::prune_limit::{PruneLimits, prune_limit};
-
-/// Every variant in every number of lanes that the device has.
-fn choices(gpu: &Gpu) -> Vec<Choice> {
-    let fits = |(variant, lanes): &(Variant, u32)| {
-        *variant == Variant::Base || *lanes <= gpu.caps().subgroup_size
-    };
-    supported!(prune_limit, gpu)
-        .flat_map(|variant| [8, 16, 32].map(|lanes| (variant, lanes)))
-        .filter(fits)
-        .map(|(variant, workgroup)| Choice {
-            variant,
-            spec: Spec {
-                workgroup,
-                ..Spec::default()
-            },
-        })
-        .collect()
-}
 
 /// Ranks by splat: some gone, some that stay, most between; several of one rank.
 fn ranks(count: usize) -> Vec<f32> {
@@ -91,7 +73,7 @@ fn run(
                 step,
                 budget,
             };
-            kernel.record(rec, io, params, tiles);
+            kernel.record(rec, io, params, Groups::Count(tiles as u32));
         }
     })
     .unwrap();
@@ -111,7 +93,7 @@ fn pixels_find_how_far_they_can_go() {
             (name, scene, lists, ranks, near)
         })
         .collect();
-    for choice in choices(&gpu) {
+    for choice in lane_choices!(prune_limit, gpu) {
         let kernel = PruneLimit::new(&gpu, choice).unwrap();
         for (name, scene, lists, ranks, near) in &cases {
             for budget in [0.003f32, 0.3] {

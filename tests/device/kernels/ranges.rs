@@ -5,6 +5,7 @@ use crate::common::device;
 use crate::common::scenes::Random;
 use crate::kernels::fitting;
 use crate::kernels::supported;
+use ashfall::gpu::Groups;
 use ashfall::kernels::ranges::{Bindings, Choice, Params, Ranges, Spec};
 use ashfall::layout::{COUNT_FAILED, COUNT_ISECT, COUNT_LIST_TOO_LONG};
 use ashfall::reference::ranges::ranges;
@@ -66,7 +67,7 @@ fn every_tile_finds_its_slice() {
                 };
                 gpu.run(|rec| {
                     rec.fill(&target, 0);
-                    kernel.record(rec, io, params, &args, 0);
+                    kernel.record(rec, io, params, Groups::indirect(&args, 0));
                 })
                 .unwrap();
                 // An empty slice may lie anywhere; the kernel leaves it at 0.

@@ -4,9 +4,9 @@ use crate::common::check::*;
 use crate::common::lists::{Lists, view};
 use crate::common::scenes::{self, Scene};
 use crate::common::{device, pack};
-use crate::kernels::supported;
-use ashfall::gpu::{DeviceKind, Gpu};
-use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
+use crate::kernels::lane_choices;
+use ashfall::gpu::{DeviceKind, Gpu, Groups};
+use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize};
 use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE};
 use ashfall::reference::frame::{center, depth_order};
 use ashfall::reference::rasterize::{blended, discontinuity_margin, rasterize};
@@ -61,25 +61,11 @@ pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
 
 /// The variants with every number of lanes that they can have on this device.
 fn choices(gpu: &Gpu) -> Vec<Choice> {
-    let subgroup = gpu.caps().subgroup_size;
-    let mut choices = Vec::new();
-    for variant in supported!(rasterize, gpu) {
-        for workgroup in [8, 16, 32] {
-            for (with_depth, with_ends) in [(0, 1), (1, 1), (0, 0)] {
-                if variant == Variant::Subgroup && workgroup > subgroup {
-                    continue;
-                }
-                let spec = Spec {
-                    workgroup,
-                    with_depth,
-                    with_ends,
-                    ..Spec::default()
-                };
-                choices.push(Choice { variant, spec });
-            }
-        }
-    }
-    choices
+    let outputs = |(depth, ends)| Outputs { depth, ends };
+    let outputs = [(false, true), (true, true), (false, false)].map(outputs);
+    lane_choices!(rasterize, gpu)
+        .flat_map(|choice| outputs.map(|outputs| choice.of_outputs(outputs)))
+        .collect()
 }
 
 /// Image planes, depth and the end of each pixel's list, with the pixels that are near a discontinuity.
@@ -167,7 +153,7 @@ fn run(
             band_count: bands.len() as u32 + 1,
         };
         let tiles = lists.grid.len() as usize;
-        gpu.run(|rec| kernel.record(rec, io, params, tiles))
+        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(tiles as u32)))
             .unwrap();
         ends.push(read(gpu, &end));
     }

@@ -4,11 +4,10 @@ use crate::common::check::*;
 use crate::common::lists::{Lists, view};
 use crate::common::scenes::{Random, Scene};
 use crate::common::{device, pack};
+use crate::kernels::lane_choices;
 use crate::kernels::rasterize::cases;
-use crate::kernels::supported;
-use ashfall::kernels::rasterize_backward::{
-    Bindings, Choice, Params, RasterizeBackward, Spec, Variant,
-};
+use ashfall::gpu::Groups;
+use ashfall::kernels::rasterize_backward::{Bindings, Params, RasterizeBackward};
 use ashfall::reference::frame::{center, depth_order};
 use ashfall::reference::rasterize::{blended, discontinuity_margin, rasterize};
 use ashfall::reference::rasterize_backward::{PixelGradient, isect_backward};
@@ -92,69 +91,60 @@ fn every_intersection_gets_its_gradient() {
             (name, scene, lists, case)
         })
         .collect();
-    for variant in supported!(rasterize_backward, gpu) {
-        for workgroup in [8, 16, 32] {
-            if variant == Variant::Subgroup && workgroup > gpu.caps().subgroup_size {
-                continue;
-            }
-            let spec = Spec {
-                workgroup,
-                ..Spec::default()
+    for choice in lane_choices!(rasterize_backward, gpu) {
+        let kernel = RasterizeBackward::new(&gpu, choice).unwrap();
+        for (name, scene, lists, case) in &cases {
+            let sources = lists.isects.len();
+            let shape = unwritten::<[f32; 4]>(&gpu, sources);
+            let tone = unwritten::<[f32; 4]>(&gpu, sources);
+            let rest = unwritten::<f32>(&gpu, sources);
+            let (shapes, tones, rests) = pack::arrays(&lists.records);
+            let io = Bindings {
+                view: &buffer(&gpu, &[view(scene)]),
+                range_from_tile: &buffer(&gpu, &lists.range_from_tile),
+                emitted_from_isect: &buffer(&gpu, &lists.emitted_from_isect),
+                splat_from_emitted: &buffer(&gpu, &lists.splat_from_emitted()),
+                ellipse_from_splat: &buffer(&gpu, &shapes),
+                whiten_rg_from_splat: &buffer(&gpu, &tones),
+                blue_depth_from_splat: &buffer(&gpu, &rests),
+                image: &buffer(&gpu, &case.image),
+                d_image: &buffer(&gpu, &case.d_image),
+                isect_end_from_pixel: &buffer(&gpu, &case.ends),
+                d_shape_from_source: &shape,
+                d_tone_from_source: &tone,
+                d_rest_from_source: &rest,
             };
-            let kernel = RasterizeBackward::new(&gpu, Choice { variant, spec }).unwrap();
-            for (name, scene, lists, case) in &cases {
-                let sources = lists.isects.len();
-                let shape = unwritten::<[f32; 4]>(&gpu, sources);
-                let tone = unwritten::<[f32; 4]>(&gpu, sources);
-                let rest = unwritten::<f32>(&gpu, sources);
-                let (shapes, tones, rests) = pack::arrays(&lists.records);
-                let io = Bindings {
-                    view: &buffer(&gpu, &[view(scene)]),
-                    range_from_tile: &buffer(&gpu, &lists.range_from_tile),
-                    emitted_from_isect: &buffer(&gpu, &lists.emitted_from_isect),
-                    splat_from_emitted: &buffer(&gpu, &lists.splat_from_emitted()),
-                    ellipse_from_splat: &buffer(&gpu, &shapes),
-                    whiten_rg_from_splat: &buffer(&gpu, &tones),
-                    blue_depth_from_splat: &buffer(&gpu, &rests),
-                    image: &buffer(&gpu, &case.image),
-                    d_image: &buffer(&gpu, &case.d_image),
-                    isect_end_from_pixel: &buffer(&gpu, &case.ends),
-                    d_shape_from_source: &shape,
-                    d_tone_from_source: &tone,
-                    d_rest_from_source: &rest,
+            let tiles = lists.grid.len() as usize;
+            let params = Params {
+                tile_stride: 1,
+                band: 0,
+            };
+            gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(tiles as u32)))
+                .unwrap();
+            let (shape, tone) = (floats(&read(&gpu, &shape)), floats(&read(&gpu, &tone)));
+            let rest = floats(&read(&gpu, &rest));
+            let found = |quantity: usize| -> Vec<f64> {
+                let value = |i: usize| match quantity {
+                    0..4 => shape[4 * i + quantity],
+                    4..8 => tone[4 * i + quantity - 4],
+                    _ => rest[i],
                 };
-                let tiles = lists.grid.len() as usize;
-                let params = Params {
-                    tile_stride: 1,
-                    band: 0,
-                };
-                gpu.run(|rec| kernel.record(rec, io, params, tiles))
-                    .unwrap();
-                let (shape, tone) = (floats(&read(&gpu, &shape)), floats(&read(&gpu, &tone)));
-                let rest = floats(&read(&gpu, &rest));
-                let found = |quantity: usize| -> Vec<f64> {
-                    let value = |i: usize| match quantity {
-                        0..4 => shape[4 * i + quantity],
-                        4..8 => tone[4 * i + quantity - 4],
-                        _ => rest[i],
-                    };
-                    (0..sources).map(value).collect()
-                };
-                // Next to the cap a float knows an alpha's complement to 4 parts in a thousand. A whole frame, whose
-                // passes share their alphas, does not feel that; the transmittance given here is the oracle's.
-                let tolerance = if *name == "capped" { 6e-3 } else { 1e-4 };
-                // Terms of a sum over 128 pixels carry the error of alpha (2e-5, see `rasterize`) and of the
-                // transmittance that is regained by one division per splat, 2u each; upstream signs alternate,
-                // so sums are smaller than their terms by about sqrt(128), and residuals contribution up to 3.3 squared.
-                // What is small beside the typical sum is judged by that.
-                let outputs = (0..9).map(|quantity| {
-                    let expected = case.sums[quantity].clone();
-                    let scale = rms(&expected).max(1e-6);
-                    Output::relative(NAMES[quantity], found(quantity), expected, tolerance, scale)
-                });
-                let case = format!("{name}, {variant:?} {workgroup}");
-                check.outputs(&case, outputs.collect());
-            }
+                (0..sources).map(value).collect()
+            };
+            // Next to the cap a float knows an alpha's complement to 4 parts in a thousand. A whole frame, whose
+            // passes share their alphas, does not feel that; the transmittance given here is the oracle's.
+            let tolerance = if *name == "capped" { 6e-3 } else { 1e-4 };
+            // Terms of a sum over 128 pixels carry the error of alpha (2e-5, see `rasterize`) and of the
+            // transmittance that is regained by one division per splat, 2u each; upstream signs alternate,
+            // so sums are smaller than their terms by about sqrt(128), and residuals contribution up to 3.3 squared.
+            // What is small beside the typical sum is judged by that.
+            let outputs = (0..9).map(|quantity| {
+                let expected = case.sums[quantity].clone();
+                let scale = rms(&expected).max(1e-6);
+                Output::relative(NAMES[quantity], found(quantity), expected, tolerance, scale)
+            });
+            let case = format!("{name}, {choice:?}");
+            check.outputs(&case, outputs.collect());
         }
     }
     check.finish();

@@ -6,31 +6,12 @@ use crate::common::lists::{Lists, view};
 use crate::common::pack;
 use crate::common::scenes::{Random, Scene};
 use crate::kernels::contribution::{in_tiles, near};
+use crate::kernels::lane_choices;
 use crate::kernels::rasterize::{cases, expected as drawn};
-use crate::kernels::supported;
-use ashfall::gpu::Gpu;
-use ashfall::kernels::removal_error::{
-    Bindings, Choice, Params, RemovalError as Kernel, Spec, Variant,
-};
+use ashfall::gpu::{Gpu, Groups};
+use ashfall::kernels::removal_error::{Bindings, Params, RemovalError as Kernel};
 use ashfall::reference::Thresholds;
 use ashfall::reference::removal_error::{RemovalError, removal_error};
-
-/// Every variant in every number of lanes that the device has.
-fn choices(gpu: &Gpu) -> Vec<Choice> {
-    let lanes_max = gpu.caps().subgroup_size;
-    let fits = |(variant, lanes): &(Variant, u32)| *variant == Variant::Base || *lanes <= lanes_max;
-    supported!(removal_error, gpu)
-        .flat_map(|variant| [8, 16, 32].map(|lanes| (variant, lanes)))
-        .filter(fits)
-        .map(|(variant, workgroup)| Choice {
-            variant,
-            spec: Spec {
-                workgroup,
-                ..Spec::default()
-            },
-        })
-        .collect()
-}
 
 struct Case {
     name: &'static str,
@@ -91,8 +72,15 @@ fn run(gpu: &Gpu, kernel: &Kernel, case: &Case) -> Vec<[f32; 3]> {
         influence_from_source: &records,
     };
     let tiles = lists.grid.len() as usize;
-    gpu.run(|rec| kernel.record(rec, io, Params { tile_stride: 1 }, tiles))
-        .unwrap();
+    gpu.run(|rec| {
+        kernel.record(
+            rec,
+            io,
+            Params { tile_stride: 1 },
+            Groups::Count(tiles as u32),
+        )
+    })
+    .unwrap();
     read(gpu, &records)
 }
 
@@ -101,7 +89,7 @@ fn every_pair_has_its_influence() {
     let gpu = device::gpu();
     let mut check = Check::new("removal_error");
     let cases: Vec<Case> = cases().into_iter().map(case).collect();
-    for choice in choices(&gpu) {
+    for choice in lane_choices!(removal_error, gpu) {
         let kernel = Kernel::new(&gpu, choice).unwrap();
         for case in &cases {
             let found = run(&gpu, &kernel, case);

@@ -105,7 +105,8 @@ fn sums_of_chunks_are_scanned_and_saturate() {
                         count_slot: COUNT,
                         total_slot: TOTAL,
                     };
-                    gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+                    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
+                        .unwrap();
                     let mut sum = 0u64;
                     let saturated = |sum: u64| sum.min(u64::from(u32::MAX)) as f64;
                     let before: Vec<f64> = values

@@ -3,7 +3,7 @@
 use crate::common::check::*;
 use crate::common::device;
 use crate::kernels::supported;
-use ashfall::gpu::Gpu;
+use ashfall::gpu::{Gpu, Groups};
 use ashfall::kernels::{
     selftest_atomics, selftest_lanes, selftest_loops, selftest_math, selftest_progress,
 };
@@ -31,7 +31,7 @@ fn atomics_lose_nothing() {
                 invocation_count: invocations,
             };
             let groups = invocations.div_ceil(workgroup);
-            gpu.run(|rec| kernel.record(rec, io, params, groups))
+            gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(groups)))
                 .unwrap();
             let found = words(&read(&gpu, &counts));
             check.outputs(
@@ -49,13 +49,14 @@ fn lanes_understand_each_other() {
     let mut check = Check::new("selftest_lanes");
     for variant in supported!(selftest_lanes, gpu) {
         for rounds in [1, 100] {
-            let choice = selftest_lanes::SelftestLanes::choice(gpu.caps(), variant);
+            let choice = selftest_lanes::Choice::of_variant(gpu.caps(), variant);
             let lanes = choice.spec.workgroup;
             let kernel = selftest_lanes::SelftestLanes::new(&gpu, choice).unwrap();
             let found = unwritten::<u32>(&gpu, 8 * lanes as usize);
             let io = selftest_lanes::Bindings { found: &found };
             let params = selftest_lanes::Params { rounds };
-            gpu.run(|rec| kernel.record(rec, io, params, 1)).unwrap();
+            gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
+                .unwrap();
             let expected = selftest::lanes(lanes, rounds);
             check.outputs(
                 &format!("{}, {lanes} lanes, {rounds} rounds", variant.name()),
@@ -74,13 +75,13 @@ fn lanes_understand_each_other() {
 fn loops_of_a_few_turns_end_where_they_should() {
     let gpu = device::gpu();
     let mut check = Check::new("selftest_loops");
-    let choice = selftest_loops::SelftestLoops::prefer(gpu.caps());
+    let choice = selftest_loops::Choice::default();
     let kernel = selftest_loops::SelftestLoops::new(&gpu, choice).unwrap();
     for turns in [0, 1, 1000, 40_000] {
         let lanes = choice.spec.workgroup;
         let found = unwritten::<u32>(&gpu, lanes as usize);
         let io = selftest_loops::Bindings { found: &found };
-        gpu.run(|rec| kernel.record(rec, io, selftest_loops::Params { turns }, 1))
+        gpu.run(|rec| kernel.record(rec, io, selftest_loops::Params { turns }, Groups::Count(1)))
             .unwrap();
         let expected: Vec<u32> = (0..lanes).map(|i| selftest::chain(i, turns)).collect();
         check.outputs(
@@ -99,7 +100,7 @@ fn loops_of_a_few_turns_end_where_they_should() {
 fn groups_run_once_and_lanes_arrive() {
     let gpu = device::gpu();
     let mut check = Check::new("selftest_progress");
-    let choice = selftest_progress::SelftestProgress::prefer(gpu.caps());
+    let choice = selftest_progress::Choice::default();
     let kernel = selftest_progress::SelftestProgress::new(&gpu, choice).unwrap();
     for groups in [1, 1000, 66_000] {
         let counts = zeros(&gpu, groups as usize);
@@ -112,7 +113,7 @@ fn groups_run_once_and_lanes_arrive() {
             group_count: groups,
             rounds: 3,
         };
-        gpu.run(|rec| kernel.record(rec, io, params, groups))
+        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(groups)))
             .unwrap();
         let expected = selftest::progress(groups, choice.spec.workgroup, 3);
         check.outputs(
@@ -134,7 +135,7 @@ fn groups_run_once_and_lanes_arrive() {
 fn functions_are_as_exact_as_they_must_be() {
     let gpu = device::gpu();
     let mut check = Check::new("selftest_math");
-    let choice = selftest_math::SelftestMath::prefer(gpu.caps());
+    let choice = selftest_math::Choice::default();
     let kernel = selftest_math::SelftestMath::new(&gpu, choice).unwrap();
     let arguments: Vec<f32> = (1..=997).map(|i| i as f32 * 0.0625).collect();
     let count = arguments.len();
@@ -147,7 +148,7 @@ fn functions_are_as_exact_as_they_must_be() {
         argument_count: count as u32,
     };
     let groups = (count as u32).div_ceil(choice.spec.workgroup);
-    gpu.run(|rec| kernel.record(rec, io, params, groups))
+    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(groups)))
         .unwrap();
     let found = floats(&read(&gpu, &found));
     for (function, found) in FUNCTIONS.iter().zip(found.chunks(count)) {

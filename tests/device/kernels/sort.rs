@@ -4,7 +4,7 @@ use crate::common::check::*;
 use crate::common::device;
 use crate::common::scenes::Random;
 use crate::kernels::supported;
-use ashfall::gpu::Gpu;
+use ashfall::gpu::{Gpu, Groups};
 use ashfall::kernels::scan::Scan;
 use ashfall::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
 use ashfall::kernels::{sort_count, sort_scatter};
@@ -117,7 +117,7 @@ fn digits_are_counted_by_chunk() {
                     digit_count: 1 << bits,
                 };
                 let args = args(&gpu, chunks, if subgroup { 1 } else { workgroup });
-                gpu.run(|rec| kernel.record(rec, io, params, &args, 0))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)))
                     .unwrap();
                 let case = format!("{name}, {cut:?}, {variant:?} {workgroup}");
                 let expected = [words(&expected), vec![f64::NAN]].concat();
@@ -164,7 +164,7 @@ fn one_pass_sorts_by_one_digit_and_is_stable() {
                     digit_count: 1 << bits,
                 };
                 let args = args(&gpu, chunks, if subgroup { 1 } else { workgroup });
-                gpu.run(|rec| kernel.record(rec, io, params, &args, 0))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)))
                     .unwrap();
                 let mask = ((1u32 << bits) - 1) << shift;
                 let (sorted, moved) = sort::sort(keys, &values, mask);

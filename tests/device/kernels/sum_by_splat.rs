@@ -57,7 +57,8 @@ fn run(gpu: &Gpu, kernel: &SumBySplat, input: &Input, slots: &[(u32, u32)]) -> V
     let params = Params {
         splat_count: len as u32,
     };
-    gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+    gpu.run(|rec| kernel.record(rec, io, params, kernel.groups(params.splat_count as usize)))
+        .unwrap();
     read(gpu, &totals)
 }
 

@@ -5,6 +5,7 @@ use crate::common::scenes::{self, Random};
 use crate::stability::conic::{alpha_errors, needle, needles, on_screen};
 use crate::stability::lab::{Lesson, U, image_bound, lab, same, view_options, within};
 use crate::stability::props::{OPAQUE, Prop, logit, place, stage, with_copy};
+use ashfall::gpu::Groups;
 use ashfall::kernels::expand::{self, Expand};
 use ashfall::layout::{COUNT_BAND_END, COUNT_SLOTS, DispatchArgs};
 use ashfall::reference::rasterize::raw_alpha;
@@ -227,8 +228,9 @@ fn f036_count_and_list() {
             z: 1,
         };
         let args = gpu.buffer_from("args", &[args]).unwrap();
-        let kernel = Expand::new(gpu, Expand::prefer(gpu.caps())).unwrap();
-        gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();
+        let kernel = Expand::new(gpu, expand::Choice::default()).unwrap();
+        gpu.run(|rec| kernel.record(rec, io, Groups::indirect(&args, 0)))
+            .unwrap();
         let found = gpu.download(&tile, 0..sentinel.len()).unwrap();
         let (list, beyond) = found.split_at(total as usize);
         let last = view.tiles[0] * view.tiles[1];

@@ -13,7 +13,7 @@ const NUMERICS: u32 = 15;
 fn modules(name: &str) -> Vec<String> {
     texts_in(
         &Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("tests")
+            .join("tests/device")
             .join(name),
     )
 }

@@ -5,7 +5,7 @@ use crate::common::device::{self, Turn};
 use crate::common::pack::Splat2d;
 use crate::common::scenes::Scene;
 use ashfall::gpu::Gpu;
-use ashfall::kernels::project::{Bindings, Params, Project};
+use ashfall::kernels::project::{self, Bindings, Params, Project};
 use ashfall::reference;
 use ashfall::reference::frame::{self, discontinuity_margins};
 use ashfall::reference::gradient::SplatGradients;
@@ -49,7 +49,7 @@ pub(crate) fn lab() -> Lab {
             ..RenderOptions::default()
         };
         let renderer = Mutex::new(Renderer::new(&gpu, options).expect("no renderer"));
-        let project = |degree| Project::new(&gpu, Project::prefer(gpu.caps(), degree)).unwrap();
+        let project = |degree| Project::new(&gpu, project::Choice::of_degree(degree)).unwrap();
         Shared {
             projects: (0..=3).map(project).collect(),
             gpu,
@@ -251,7 +251,8 @@ impl Lab {
             splat_count: count as u32,
             stride: count as u32,
         };
-        gpu.run(|rec| kernel.record(rec, io, params)).unwrap();
+        gpu.run(|rec| kernel.record(rec, io, params, kernel.groups(count)))
+            .unwrap();
         let shapes = gpu.download(&shapes, 0..count).unwrap();
         let tones = gpu.download(&tones, 0..count).unwrap();
         let rests = gpu.download(&rests, 0..count).unwrap();

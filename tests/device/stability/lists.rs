@@ -5,6 +5,7 @@ use crate::stability::lab::{
     BEGUN, Lesson, apart, config, dataset, image_bound, lab, same, view_options, within,
 };
 use crate::stability::props::{OPAQUE, Prop, place, stage};
+use ashfall::gpu::Groups;
 use ashfall::kernels::gather::{self, Gather};
 use ashfall::kernels::plan::{self, Plan};
 use ashfall::kernels::scan::{Io, Scan, What};
@@ -30,7 +31,7 @@ fn f037_count_saturates() {
             .buffer::<DispatchArgs>("args", ARGS_SLOTS as usize)
             .unwrap();
         let scan = Scan::new(gpu).unwrap();
-        let plan = Plan::new(gpu, Plan::prefer(gpu.caps())).unwrap();
+        let plan = Plan::new(gpu, plan::Choice::default()).unwrap();
         let (data, offsets) = (
             gpu.buffer_from("values", &values).unwrap(),
             gpu.buffer("offsets", values.len()).unwrap(),
@@ -69,7 +70,7 @@ fn f037_count_saturates() {
                 args: &args,
                 isect_from_rank: &offsets,
             };
-            plan.record(rec, io, params);
+            plan.record(rec, io, params, Groups::Count(1));
         })
         .unwrap();
         let found = gpu.download(&counts, 0..COUNT_SLOTS as usize).unwrap();
@@ -229,8 +230,9 @@ fn f041_dispatch_limits() {
         tile_count_from_rank: &target,
     };
     let args = gpu.buffer_from("args", &[groups]).unwrap();
-    let kernel = Gather::new(gpu, Gather::prefer(gpu.caps())).unwrap();
-    gpu.run(|rec| kernel.record(rec, io, &args, 0)).unwrap();
+    let kernel = Gather::new(gpu, gather::Choice::default()).unwrap();
+    gpu.run(|rec| kernel.record(rec, io, Groups::indirect(&args, 0)))
+        .unwrap();
     let found = gpu.download(&target, 0..count as usize).unwrap();
     assert!(
         found.iter().zip(0..).all(|(&f, i)| f == i),

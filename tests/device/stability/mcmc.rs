@@ -5,7 +5,7 @@ use crate::stability::growth::{refine, state_of};
 use crate::stability::lab::{Lab, U, lab, within};
 use crate::stability::projection::scaled;
 use crate::stability::props::{Prop, picked, place, stage};
-use ashfall::kernels::perturb::{Bindings, Params, Perturb};
+use ashfall::kernels::perturb::{self, Bindings, Params, Perturb};
 use ashfall::layout::COUNT_SLOTS;
 use ashfall::render::planes_from_splats;
 use ashfall::train::schedule::noise_scale;
@@ -151,8 +151,9 @@ fn perturbed(lab: &Lab, scene: &Scene, amplitude: f32, step: u32) -> Vec<[f64; 3
         amplitude,
         indexed: 0,
     };
-    let kernel = Perturb::new(gpu, Perturb::prefer(gpu.caps())).unwrap();
-    gpu.run(|rec| kernel.record(rec, io, push, count)).unwrap();
+    let kernel = Perturb::new(gpu, perturb::Choice::default()).unwrap();
+    gpu.run(|rec| kernel.record(rec, io, push, kernel.groups(count)))
+        .unwrap();
     let means = gpu.download(&params, 0..count).unwrap();
     means
         .iter()

@@ -2,7 +2,8 @@
 
 use crate::stability::lab::Lab;
 use ashfall::gpu::Buffer;
-use ashfall::kernels::adam::{Adam, Bindings, Params};
+use ashfall::gpu::Groups;
+use ashfall::kernels::adam::{self, Adam, Bindings, Params};
 use ashfall::layout::{COUNT_POISONED, COUNT_SLOTS};
 
 /// Decay of the moments.
@@ -38,7 +39,7 @@ impl<'a> Run<'a> {
         let buffer = |planes: &[[f32; 4]]| gpu.buffer_from("planes", planes).unwrap();
         Run {
             lab,
-            kernel: Adam::new(gpu, Adam::prefer(gpu.caps())).unwrap(),
+            kernel: Adam::new(gpu, adam::Choice::default()).unwrap(),
             plane,
             step: 0,
             counts: gpu
@@ -81,7 +82,8 @@ impl<'a> Run<'a> {
             moment1: &self.moments[0],
             moment2: &self.moments[1],
         };
-        gpu.run(|rec| self.kernel.record(rec, io, push, PLANES))
+        let groups = Groups::Grid([1, PLANES as u32, 1]);
+        gpu.run(|rec| self.kernel.record(rec, io, push, groups))
             .unwrap();
         let all = gpu.download(&self.params, 0..PLANES).unwrap();
         all[self.plane]

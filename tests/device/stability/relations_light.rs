@@ -6,6 +6,7 @@ use crate::stability::lab::{U, image_bound, lab, same, within};
 use crate::stability::props::picked;
 
 use crate::common::scenes::{self, Random, Scene};
+use ashfall::gpu::Groups;
 use ashfall::kernels::rasterize::{Bindings, Choice, Params, Rasterize, Spec, Variant};
 use ashfall::layout::COUNT_SLOTS;
 use ashfall::reference::frame::{center, discontinuity_margins, project_all, sorted};
@@ -159,7 +160,7 @@ fn m22_workgroups_and_variants() {
             continue;
         }
         for workgroup in [8, 16, 32] {
-            if variant == Variant::Subgroup && workgroup > gpu.caps().subgroup_size {
+            if !gpu.caps().lanes_fit(variant.info(), workgroup) {
                 continue;
             }
             for tile_stride in [1, 7] {
@@ -194,7 +195,7 @@ fn m22_workgroups_and_variants() {
                     band_count: 1,
                 };
                 let tiles = lists.grid.len() as usize;
-                gpu.run(|rec| kernel.record(rec, io, params, tiles))
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(tiles as u32)))
                     .unwrap();
                 let found: Vec<f32> = gpu.download(&image, 0..4 * pixels).unwrap();
                 pictures.push((workgroup, found));

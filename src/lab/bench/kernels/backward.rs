@@ -260,8 +260,7 @@ fn engine(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> {
     for (variant, workgroup, case) in
         wanted!(bench, rasterize_backward, name, LANES, composite.work())
     {
-        let in_subgroup = variant == rasterize_backward::Variant::Subgroup;
-        if in_subgroup && workgroup > gpu.caps().subgroup_size {
+        if !gpu.caps().lanes_fit(variant.info(), workgroup) {
             continue;
         }
         let spec = rasterize_backward::Spec {
@@ -275,7 +274,7 @@ fn engine(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> {
                 rec,
                 device.rasterize_backward(&input),
                 params(&input),
-                input.tiles,
+                input.groups(),
             );
         };
         gpu.run(|rec| device.upstream(rec, true))?;
@@ -299,7 +298,8 @@ fn baseline(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> 
         };
         let kernel = baseline_16x16_backward::Baseline16x16Backward::new(&gpu, choice)?;
         let record = |rec: &mut Recorder<'_>| {
-            kernel.record(rec, device.baseline_16x16_backward(&input), input.tiles);
+            let io = device.baseline_16x16_backward(&input);
+            kernel.record_cleared(rec, io, input.groups());
         };
         gpu.run(|rec| device.upstream(rec, true))?;
         gpu.run(record)?;

@@ -2,13 +2,13 @@
 
 use super::{Records, counts, nothing, read, wanted};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::{baseline_16x16, rasterize};
 use crate::lab::bench::check::{Output, floats, words};
 use crate::lab::bench::input::lists::{Lists, view};
 use crate::lab::bench::input::scene::{Scene, scattered};
 use crate::lab::bench::{Bench, Unit, Work};
-use crate::layout::View;
+use crate::layout::{BASELINE_TILE, View};
 use crate::reference::frame::center;
 use crate::reference::rasterize::{blended, discontinuity_margin, rasterize};
 use crate::reference::tiles::Grid;
@@ -63,8 +63,8 @@ impl Composite {
     /// By the square tiles of the baseline_16x16 design.
     pub fn baseline_16x16(count: usize, size: [u32; 2], sigma_max: f64) -> Composite {
         let grid = Grid {
-            tile_width: baseline_16x16::TILE,
-            tile_height: baseline_16x16::TILE,
+            tile_width: BASELINE_TILE,
+            tile_height: BASELINE_TILE,
             ..Grid::new(size[0], size[1])
         };
         Composite::over(count, grid, sigma_max)
@@ -228,9 +228,9 @@ impl Input {
         }
     }
 
-    /// Tiles of the image.
-    pub fn tiles(&self) -> usize {
-        self.tiles
+    /// One workgroup for each tile of the image.
+    pub fn groups(&self) -> Groups<'static> {
+        Groups::Count(self.tiles as u32)
     }
 
     /// Neighbouring tiles far apart, as the engine has them.
@@ -274,8 +274,7 @@ fn engine(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f6
     let input = Input::new(&gpu, &composite)?;
     let work = composite.work();
     for (variant, workgroup, case) in wanted!(bench, rasterize, name, LANES, work) {
-        let in_subgroup = variant == rasterize::Variant::Subgroup;
-        if in_subgroup && workgroup > gpu.caps().subgroup_size {
+        if !gpu.caps().lanes_fit(variant.info(), workgroup) {
             continue;
         }
         let spec = rasterize::Spec {
@@ -286,7 +285,7 @@ fn engine(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f6
         bench.trial(
             &case,
             nothing,
-            |rec| kernel.record(rec, input.rasterize(), input.params(), input.tiles),
+            |rec| kernel.record(rec, input.rasterize(), input.params(), input.groups()),
             || input.outputs(&gpu, &composite),
         )?;
     }
@@ -309,7 +308,7 @@ fn baseline(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: 
         bench.trial(
             &case,
             nothing,
-            |rec| kernel.record(rec, input.baseline_16x16(), input.tiles),
+            |rec| kernel.record(rec, input.baseline_16x16(), input.groups()),
             || input.outputs(&gpu, &composite),
         )?;
     }

@@ -120,11 +120,6 @@ impl Scales {
     }
 }
 
-/// In a subgroup there are no more lanes than it has.
-pub(super) fn fits(bench: &Bench, variant: &str, lanes: u32) -> bool {
-    variant != "subgroup" || lanes <= bench.gpu().caps().subgroup_size
-}
-
 fn weighing(
     bench: &mut Bench,
     name: &str,
@@ -134,7 +129,7 @@ fn weighing(
 ) -> Result<()> {
     let gpu = bench.gpu().clone();
     for (variant, workgroup, trial) in wanted!(bench, contribution, name, LANES, composite.work()) {
-        if !fits(bench, variant.name(), workgroup) {
+        if !gpu.caps().lanes_fit(variant.info(), workgroup) {
             continue;
         }
         let spec = contribution::Spec {
@@ -157,7 +152,7 @@ fn weighing(
             tile_stride: tile_stride(input.tiles),
         };
         let record = |rec: &mut crate::gpu::Recorder<'_>| {
-            kernel.record(rec, io, params, input.tiles);
+            kernel.record(rec, io, params, input.groups());
         };
         bench.trial(&trial, nothing, record, || case.records(&gpu))?;
     }
@@ -179,7 +174,7 @@ fn affording(
     let (limits, spent): (Buffer<f32>, Buffer<f32>) =
         (gpu.buffer("limits", pixels)?, gpu.buffer("spent", pixels)?);
     for (variant, workgroup, trial) in wanted!(bench, prune_limit, name, LANES, composite.work()) {
-        if !fits(bench, variant.name(), workgroup) {
+        if !gpu.caps().lanes_fit(variant.info(), workgroup) {
             continue;
         }
         let spec = prune_limit::Spec {
@@ -205,7 +200,7 @@ fn affording(
                     step,
                     budget: BUDGET,
                 };
-                kernel.record(rec, io, params, input.tiles);
+                kernel.record(rec, io, params, input.groups());
             }
         };
         let outputs = || {
@@ -272,7 +267,7 @@ fn tallying(bench: &mut Bench, name: &str, composite: &Composite, case: &Scales)
         bench.trial(
             &trial,
             |rec| rec.fill(&totals, 0),
-            |rec| kernel.record(rec, io, params),
+            |rec| kernel.record(rec, io, params, kernel.groups(splats)),
             outputs,
         )?;
     }

@@ -2,7 +2,7 @@
 
 use super::{ELEMENTWISE, Records, args, counts, read, sample, wanted};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::expand::{Bindings, Choice, Expand, Spec};
 use crate::lab::bench::check::{Output, words};
 use crate::lab::bench::input::lists::{Lists, tiles_near, view};
@@ -44,7 +44,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
             bench.trial(
                 &case,
                 |rec| rec.fill(&input.tile_from_isect, u32::MAX),
-                |rec| kernel.record(rec, input.bindings(), &args, 0),
+                |rec| kernel.record(rec, input.bindings(), Groups::indirect(&args, 0)),
                 || input.outputs(&gpu),
             )?;
         }

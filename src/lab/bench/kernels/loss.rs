@@ -2,7 +2,7 @@
 
 use super::{nothing, read, sample, wanted};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::{loss, loss_backward, loss_sum};
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::random::Random;
@@ -185,7 +185,7 @@ fn compare(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
         bench.trial(
             &case,
             |rec| rec.fill(&input.slopes_out, u32::MAX),
-            |rec| kernel.record(rec, io, params, input.tiles()),
+            |rec| kernel.record(rec, io, params, Groups::Count(input.tiles() as u32)),
             || {
                 let all = read(&gpu, &input.slopes_out)?;
                 let (mut found, mut expected) = (Vec::new(), Vec::new());
@@ -251,7 +251,7 @@ fn add_up(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
         bench.trial(
             &case,
             nothing,
-            |rec| kernel.record(rec, io, params),
+            |rec| kernel.record(rec, io, params, Groups::Count(1)),
             || {
                 let terms = read(&gpu, &input.loss_from_tile)?;
                 let sum = |lane: usize| terms.iter().map(|t| f64::from(t[lane])).sum::<f64>();
@@ -291,7 +291,7 @@ fn differentiate(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
         bench.trial(
             &case,
             |rec| rec.fill(&input.d_image, u32::MAX),
-            |rec| kernel.record(rec, io, params, input.tiles()),
+            |rec| kernel.record(rec, io, params, Groups::Count(input.tiles() as u32)),
             || {
                 let all = read(&gpu, &input.d_image)?;
                 let (mut found, mut expected) = (Vec::new(), Vec::new());

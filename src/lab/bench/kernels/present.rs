@@ -2,7 +2,7 @@
 
 use super::wanted;
 use crate::Result;
-use crate::kernels::present::{Bindings, Choice, Present};
+use crate::kernels::present::{Bindings, Choice, Present, groups};
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::{Bench, Unit, Work};
@@ -57,7 +57,7 @@ fn present(bench: &mut Bench, size: [u32; 2]) -> Result<()> {
         bench.trial(
             &case,
             |rec| rec.clear(&target, f32::NAN),
-            |rec| kernel.record(rec, io, size),
+            |rec| kernel.record(rec, io, groups(size)),
             || {
                 let found = floats(&gpu.download_image(&target)?);
                 Ok(vec![Output::exact("pixels", found, expected.clone())])

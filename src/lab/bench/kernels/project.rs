@@ -59,7 +59,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
             bench.trial(
                 &case,
                 |rec| rec.fill(&shape, u32::MAX),
-                |rec| kernel.record(rec, io, all),
+                |rec| kernel.record(rec, io, all, kernel.groups(count)),
                 || {
                     let (shape, tone) = (read(&gpu, &shape)?, read(&gpu, &tone)?);
                     let rest = read(&gpu, &rest)?;

@@ -81,7 +81,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
                     rec.fill(&d_params, u32::MAX);
                     rec.fill(&statistics, 0);
                 },
-                |rec| kernel.record(rec, io, all),
+                |rec| kernel.record(rec, io, all, kernel.groups(count)),
                 || Ok(input.outputs(&read(&gpu, &d_params)?)),
             )?;
         }

@@ -86,7 +86,7 @@ fn composite(bench: &mut Bench, name: &str, shown: &Composite) -> Result<()> {
         bench.trial(
             &case,
             nothing,
-            |rec| kernel.record(rec, bindings(&input), params, input.tiles),
+            |rec| kernel.record(rec, bindings(&input), params, input.groups()),
             outputs,
         )?;
     }

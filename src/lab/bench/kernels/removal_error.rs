@@ -1,7 +1,6 @@
 //! What splats do to the pixels of their tiles.
 
 use super::composite::{Composite, INPUTS, Input, LANES};
-use super::contribution::fits;
 use super::{nothing, read, wanted};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
@@ -25,7 +24,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         for (variant, workgroup, trial) in
             wanted!(bench, removal_error, name, LANES, composite.work())
         {
-            if !fits(bench, variant.name(), workgroup) {
+            if !gpu.caps().lanes_fit(variant.info(), workgroup) {
                 continue;
             }
             let spec = removal_error::Spec {
@@ -39,7 +38,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
                 tile_stride: tile_stride(input.tiles),
             };
             let record = |rec: &mut crate::gpu::Recorder<'_>| {
-                kernel.record(rec, io, params, input.tiles);
+                kernel.record(rec, io, params, input.groups());
             };
             bench.trial(&trial, nothing, record, || case.outputs(&gpu))?;
         }

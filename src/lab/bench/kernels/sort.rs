@@ -2,7 +2,7 @@
 
 use super::{counts, groups, read, wanted};
 use crate::Result;
-use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Recorder};
+use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
 use crate::kernels::scan::Scan;
 use crate::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
 use crate::kernels::{sort_count, sort_scatter};
@@ -255,7 +255,7 @@ fn count_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: usize) -> Resul
         bench.trial(
             &case,
             |rec| rec.fill(&counted, u32::MAX),
-            |rec| kernel.record(rec, io, params, &args, 0),
+            |rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)),
             || {
                 let found = words(&read(gpu, &counted)?);
                 Ok(vec![Output::exact("table", found, words(&expected))])
@@ -312,7 +312,7 @@ fn scatter_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: usize) -> Res
         bench.trial(
             &case,
             |rec| rec.copy(&before, 0..before.len(), &table, 0),
-            |rec| kernel.record(rec, io, params, &args, 0),
+            |rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)),
             || {
                 Ok(vec![
                     Output::exact("keys", words(&read(gpu, &keys_out)?), words(&sorted)),

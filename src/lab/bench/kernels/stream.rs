@@ -2,6 +2,7 @@
 
 use super::{ELEMENTWISE, args, counts, read, sizes, wanted};
 use crate::Result;
+use crate::gpu::Groups;
 use crate::kernels::{compact, gather, plan, ranges};
 use crate::lab::bench::check::{Output, words};
 use crate::lab::bench::input::random::Random;
@@ -69,7 +70,7 @@ fn compact(bench: &mut Bench, count: usize) -> Result<()> {
                 rec.fill(&depth, u32::MAX);
                 rec.fill(&splat, u32::MAX);
             },
-            |rec| kernel.record(rec, io, count),
+            |rec| kernel.record(rec, io, kernel.groups(count)),
             || {
                 Ok(vec![
                     Output::exact("depths", words(&read(&gpu, &depth)?), keys.clone()),
@@ -119,7 +120,7 @@ fn gather(bench: &mut Bench, count: usize) -> Result<()> {
         bench.trial(
             &case,
             |rec| rec.fill(&target, u32::MAX),
-            |rec| kernel.record(rec, io, &args, 0),
+            |rec| kernel.record(rec, io, Groups::indirect(&args, 0)),
             || {
                 let found = words(&read(&gpu, &target)?);
                 Ok(vec![Output::exact("values", found, expected.clone())])
@@ -168,7 +169,7 @@ fn ranges(bench: &mut Bench, count: usize) -> Result<()> {
         bench.trial(
             &case,
             |rec| rec.fill(&slices, 0),
-            |rec| kernel.record(rec, io, params, &args, 0),
+            |rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)),
             || {
                 let found = words(&read(&gpu, &slices)?);
                 Ok(vec![Output::exact("ranges", found, words(&expected))])
@@ -223,7 +224,7 @@ fn plan(bench: &mut Bench) -> Result<()> {
         bench.trial(
             &case,
             |rec| rec.copy(&before, 0..before.len(), &after, 0),
-            |rec| kernel.record(rec, io, params),
+            |rec| kernel.record(rec, io, params, Groups::Count(1)),
             || {
                 let (found, slots) = (read(&gpu, &planned)?, read(&gpu, &after)?);
                 let groups = expected.map(|(slot, _)| f64::from(found[slot as usize].x));

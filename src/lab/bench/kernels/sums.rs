@@ -111,7 +111,7 @@ fn chunks(bench: &mut Bench, input: &Input) -> Result<()> {
         bench.trial(
             &case,
             |rec| rec.copy(&input.sums, 0..input.sums.len(), &input.scratch, 0),
-            |rec| kernel.record(rec, io, params),
+            |rec| kernel.record(rec, io, params, Groups::Count(1)),
             || {
                 let found = words(&read(&gpu, &input.scratch)?);
                 Ok(vec![Output::exact(

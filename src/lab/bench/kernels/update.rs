@@ -2,6 +2,7 @@
 
 use super::{ELEMENTWISE, counts, read, sample, sizes, wanted};
 use crate::Result;
+use crate::gpu::Groups;
 use crate::kernels::{adam, perturb};
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
@@ -93,6 +94,8 @@ fn step(bench: &mut Bench, count: usize) -> Result<()> {
             moment1: &moment1,
             moment2: &moment2,
         };
+        let row = (count as u32).div_ceil(workgroup);
+        let groups = Groups::Grid([row, planes as u32, 1]);
         bench.trial(
             &case,
             |rec| {
@@ -101,7 +104,7 @@ fn step(bench: &mut Bench, count: usize) -> Result<()> {
                 rec.copy(&first, all.clone(), &moment1, 0);
                 rec.copy(&second, all, &moment2, 0);
             },
-            |rec| kernel.record(rec, io, params(count), planes),
+            |rec| kernel.record(rec, io, params(count), groups),
             || {
                 let after = [
                     read(&gpu, &value)?,
@@ -195,7 +198,7 @@ fn move_about(bench: &mut Bench, count: usize) -> Result<()> {
         bench.trial(
             &case,
             |rec| rec.copy(&before, 0..planes.len(), &values, 0),
-            |rec| kernel.record(rec, io, params, count),
+            |rec| kernel.record(rec, io, params, kernel.groups(count)),
             || {
                 let after = read(&gpu, &values)?;
                 let (mut found, mut expected) = (Vec::new(), Vec::new());
