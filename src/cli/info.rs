@@ -2,11 +2,11 @@
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
+use super::configure::ConfigArgs;
 use super::engine::{self, Engine};
 use super::eval::read_scene;
 use super::output::{Output, bytes, grouped};
 use super::predict::PredictArgs;
-use super::train::ConfigArgs;
 use crate::Result;
 use crate::render::{Blocks, Slots, model_needs};
 use crate::scene::{Dataset, Splats, Split};

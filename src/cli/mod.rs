@@ -8,6 +8,7 @@
 mod args;
 mod bench;
 mod chart;
+mod configure;
 mod demo;
 mod engine;
 mod eval;

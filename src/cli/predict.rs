@@ -1,7 +1,7 @@
 //! Predicted device memory, for `ashfall info --predict` and at the start of training.
 
+use super::configure::ConfigArgs;
 use super::output::{bytes, grouped};
-use super::train::ConfigArgs;
 use crate::render::{
     Blocks, ByDegree, Capacity, Need, Outputs, Purpose, Slots, frame_needs, index_needs,
     isects_expected, model_needs, of_degree, total,

@@ -51,7 +51,7 @@ impl Model {
         let slots = Slots::of_scene(splats);
         let model = Model::reserve(gpu, splats, &slots, precision)?;
         for block in model.blocks.of(model.counts) {
-            let splats_of_block = slots.of_block(&block);
+            let splats_of_block = slots.of_slots(block.slots());
             let planes = precision.planes_of(splats, &splats_of_block, block.degree);
             gpu.upload(&model.params[block.index], 0, &planes)?;
             if let Some(index) = model.splat_from_slot.get(block.index) {
@@ -70,7 +70,7 @@ impl Model {
         let slots = Slots::of_scene(splats);
         let model = Model::reserve(rec.gpu(), splats, &slots, precision)?;
         for block in model.blocks.of(model.counts) {
-            let splats_of_block = slots.of_block(&block);
+            let splats_of_block = slots.of_slots(block.slots());
             let planes = precision.planes_of(splats, &splats_of_block, block.degree);
             rec.update(&model.params[block.index], 0, &planes);
             if let Some(index) = model.splat_from_slot.get(block.index) {

@@ -4,7 +4,6 @@
 //! an index says whose they are. So splats of equal depth are drawn in the same order as without, and nobody but the
 //! kernels that read parameters has to know. Scenes whose splats are all of one degree need no index.
 
-use super::blocks::Block;
 use crate::scene::{Splats, sh_coefficient_count};
 
 /// Degrees that there are: 0 to 3.
@@ -112,11 +111,11 @@ impl Slots {
             .unwrap_or(0) as u32
     }
 
-    /// The splats of a block.
-    pub fn of_block(&self, block: &Block) -> Vec<u32> {
+    /// The splats of some slots.
+    pub fn of_slots(&self, slots: std::ops::Range<usize>) -> Vec<u32> {
         match &self.splat_from_slot {
-            Some(index) => index[block.slots()].to_vec(),
-            None => block.slots().map(|slot| slot as u32).collect(),
+            Some(index) => index[slots].to_vec(),
+            None => slots.map(|slot| slot as u32).collect(),
         }
     }
 

@@ -90,7 +90,7 @@ impl DeviceState {
         self.model.splat_count = state.len();
         self.model.counts = self.slots.counts;
         for block in self.model.blocks.of(self.slots.counts) {
-            let splats = self.slots.of_block(&block);
+            let splats = self.slots.of_slots(block.slots());
             if let Some(index) = self.model.splat_from_slot.get(block.index) {
                 gpu.upload(index, 0, &splats)?;
             }
@@ -113,7 +113,7 @@ impl DeviceState {
         let count = self.model.splat_count;
         let mut planes = vec![vec![[0.0; 4]; count]; plane_count(self.sh_degree)];
         for block in self.model.blocks.of(self.slots.counts) {
-            let splats = self.slots.of_block(&block);
+            let splats = self.slots.of_slots(block.slots());
             let stored = planes.iter_mut().take(plane_count(block.degree));
             for (i, plane) in stored.enumerate() {
                 let rows = gpu.download(&buffers[block.index], block.plane(i))?;
@@ -128,7 +128,7 @@ impl DeviceState {
     pub(crate) fn download(&self, gpu: &Gpu) -> Result<HostState> {
         let mut degrees = vec![0; self.model.splat_count];
         for block in self.model.blocks.of(self.slots.counts) {
-            for splat in self.slots.of_block(&block) {
+            for splat in self.slots.of_slots(block.slots()) {
                 degrees[splat as usize] = block.degree as u8;
             }
         }

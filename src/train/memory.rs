@@ -5,13 +5,21 @@ use super::backward::record_words;
 use super::config::{StrategyKind, TrainConfig};
 use super::photos::Residency;
 use super::schedule;
-use super::trainer::{IN_FLIGHT, with_margin};
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
 use crate::render::{
     Blocks, ByDegree, Capacity, Need, Outputs, Purpose, frame_needs, index_needs, isects_expected,
     model_needs, of_degree, total,
 };
 use crate::scene::{Dataset, Split};
+
+/// Steps in flight.
+pub(crate) const IN_FLIGHT: usize = 2;
+
+/// Room for so many (splat, tile) pairs and an eighth more: the next view may want more, and making room
+/// for it costs the steps in flight.
+pub(crate) fn with_margin(isects: usize) -> usize {
+    isects + isects / 8
+}
 
 /// What the formula goes by.
 #[derive(Clone, Copy, Debug, PartialEq)]

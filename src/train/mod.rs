@@ -11,6 +11,8 @@ pub mod checkpoint;
 pub mod config;
 mod device;
 #[doc(hidden)]
+pub mod filter;
+#[doc(hidden)]
 pub mod init;
 pub(crate) mod knn;
 mod memory;

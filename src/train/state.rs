@@ -3,7 +3,7 @@
 //! A row is one splat: its parameters, first and second moments, moved together or not at all
 //! ([`HostState::select`]); that is what keeps moments with their splat through every refinement.
 
-use super::smoothing::{baked, opacity_factor};
+use super::filter::{baked, opacity_factor};
 use crate::layout::GEOMETRY_PLANES;
 use crate::render::plane_count;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};

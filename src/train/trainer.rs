@@ -13,6 +13,7 @@ mod steer;
 use super::backward::{Backward, Gradients, Step};
 use super::config::TrainConfig;
 use super::device::DeviceState;
+use super::memory::{IN_FLIGHT, with_margin};
 use super::photos::Photos;
 use super::state::HostState;
 use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
@@ -27,11 +28,7 @@ use crate::{Error, Result};
 use std::collections::VecDeque;
 
 pub use capacity::Extremes;
-pub(crate) use capacity::with_margin;
 use capacity::{limit_splats, new_scratch};
-
-/// Steps in flight.
-pub(crate) const IN_FLIGHT: usize = 2;
 
 /// What a finished step has to say.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,5 @@
 //! `ashfall train`: photographs in; a scene, a report and pictures out.
 
-mod configure;
 mod needs;
 mod results;
 mod state;
@@ -26,7 +25,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub(super) use configure::ConfigArgs;
+use super::configure::ConfigArgs;
 pub(super) use state::RunState;
 
 use state::absolute;

@@ -31,7 +31,9 @@ pub(super) fn write(
     let train = session.evaluator(config, Split::Train).scores(splats)?;
     state.timings.evaluate_seconds += start.elapsed().as_secs_f64();
     let score = MeanScore::of(&test);
-    let needs = found.map(|(needs, against)| needs.beside(against, score.psnr_db));
+    let needs = found.map(|(needs, against)| {
+        needs.beside(against.and_then(|report| report.comparison(score.psnr_db)))
+    });
     let report = Report {
         iterations: state.iteration,
         seed: config.seed,

@@ -8,8 +8,9 @@ use crate::kernels::rasterize::Outputs;
 use crate::kernels::{baseline_16x16, baseline_16x16_backward, rasterize, rasterize_backward};
 use crate::lab::bench::check::Output;
 use crate::lab::bench::kernels::{Composite, Device, Gradient, Input, backward_params};
+use crate::lab::bench::session::device_times;
 use crate::lab::bench::session::{Bench, Case};
-use crate::lab::bench::trial::{Subject, device_times, host_times};
+use crate::lab::bench::trial::{Subject, host_times};
 
 const COUNT: usize = 50_000;
 const SIZE: [u32; 2] = [480, 272];

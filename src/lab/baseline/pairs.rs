@@ -6,8 +6,9 @@ use crate::gpu::{Frames, Gpu};
 use crate::kernels::sort::Sort;
 use crate::kernels::{sort_count, sort_scatter};
 use crate::lab::bench::kernels::Sorting;
+use crate::lab::bench::session::device_times;
 use crate::lab::bench::session::{Bench, Case};
-use crate::lab::bench::trial::{Subject, device_times, host_times};
+use crate::lab::bench::trial::{Subject, host_times};
 
 const COUNT: usize = 1 << 20;
 /// Invocations of a workgroup of the design that ranks keys by ballots.

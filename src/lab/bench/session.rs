@@ -2,7 +2,6 @@
 
 use super::clock::CpuClock;
 use super::row::{BenchRow, Work};
-use super::trial::device_times;
 use crate::gpu::{Frames, Gpu, Recorder};
 use crate::stats::Summary;
 use crate::{Error, Result};
@@ -215,4 +214,28 @@ impl Bench {
         self.copy_rate = Some(row.rate);
         Ok(row.rate)
     }
+}
+
+/// One submission, by the device's clock and the process's, after another that prepares it.
+pub fn device_times(
+    frames: &mut Frames,
+    prepare: impl Fn(&mut Recorder<'_>),
+    record: impl Fn(&mut Recorder<'_>),
+) -> Result<Times> {
+    let (ticket, ()) = frames.submit(|rec| {
+        prepare(rec);
+        Ok(())
+    })?;
+    frames.wait(ticket)?;
+    let clock = CpuClock::now();
+    let (ticket, ()) = frames.submit(|rec| {
+        record(rec);
+        rec.timestamp("run");
+        Ok(())
+    })?;
+    let stages = frames.timings(ticket)?;
+    Ok(Times {
+        stages,
+        cpu_ns: clock.elapsed_ns(),
+    })
 }

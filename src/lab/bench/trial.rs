@@ -4,7 +4,7 @@ use super::check::Output;
 use super::clock::CpuClock;
 use super::row::{BenchRow, Work};
 use super::session::{Bench, Case, Times};
-use crate::gpu::{Frames, Recorder};
+use crate::gpu::Recorder;
 use crate::{Error, Result};
 use std::time::Instant;
 
@@ -92,30 +92,6 @@ pub struct Subject<'a> {
     pub case: Case,
     /// Runs it once.
     pub run: Box<dyn FnMut() -> Result<Times> + 'a>,
-}
-
-/// One submission, by the device's clock and the process's, after another that prepares it.
-pub fn device_times(
-    frames: &mut Frames,
-    prepare: impl Fn(&mut Recorder<'_>),
-    record: impl Fn(&mut Recorder<'_>),
-) -> Result<Times> {
-    let (ticket, ()) = frames.submit(|rec| {
-        prepare(rec);
-        Ok(())
-    })?;
-    frames.wait(ticket)?;
-    let clock = CpuClock::now();
-    let (ticket, ()) = frames.submit(|rec| {
-        record(rec);
-        rec.timestamp("run");
-        Ok(())
-    })?;
-    let stages = frames.timings(ticket)?;
-    Ok(Times {
-        stages,
-        cpu_ns: clock.elapsed_ns(),
-    })
 }
 
 /// Something that the processor does.

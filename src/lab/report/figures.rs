@@ -1,6 +1,6 @@
 //! `report.json`: the figures of a training run. Field names are an interface; units stand in them.
 
-use super::needs::Needs;
+use super::needs::{Needs, RunComparison};
 use crate::Result;
 use crate::io::atomic::write_atomically;
 use crate::metrics::{MeanScore, ViewScore};
@@ -124,6 +124,14 @@ pub struct Timings {
 }
 
 impl Report {
+    /// Comparison of this run with one whose test views have so many decibels; `None` if either has no test view.
+    pub fn comparison(&self, psnr_db: Option<f64>) -> Option<RunComparison> {
+        Some(RunComparison {
+            splat_count: self.splat_count,
+            better_db: self.test.psnr_db? - psnr_db?,
+        })
+    }
+
     /// Writes the report as JSON, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self);

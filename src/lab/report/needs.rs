@@ -1,6 +1,5 @@
 //! Splat count and SH degrees that a run chose for its scene, as part of `report.json`.
 
-use super::Report;
 use crate::lab::page::grouped;
 use crate::scene::sh_coefficient_count;
 use crate::simplify::{Decision, HalfResolution, Law};
@@ -49,20 +48,10 @@ pub struct RunComparison {
     pub better_db: f64,
 }
 
-impl RunComparison {
-    /// Comparison with a report, for a run with test views of so many decibels; `None` if either has no test view.
-    pub fn of(report: &Report, psnr_db: Option<f64>) -> Option<RunComparison> {
-        Some(RunComparison {
-            splat_count: report.splat_count,
-            better_db: report.test.psnr_db? - psnr_db?,
-        })
-    }
-}
-
 impl Needs {
-    /// Adds the comparison with another run; `psnr_db` is that of this run's test views.
-    pub fn beside(mut self, other: Option<&Report>, psnr_db: Option<f64>) -> Needs {
-        self.against = other.and_then(|report| RunComparison::of(report, psnr_db));
+    /// Adds the comparison with another run.
+    pub fn beside(mut self, against: Option<RunComparison>) -> Needs {
+        self.against = against;
         self.sentence = sentence(self.splats_by_degree, self.against.as_ref());
         self
     }

@@ -1,6 +1,6 @@
 //! A triangle mesh that rays can be cast at: its triangles in a tree of boxes.
 
-use super::shape::{Hit, Ray};
+use super::ray::{Hit, Ray};
 use crate::scene::Mesh;
 use glam::DVec3;
 use std::sync::Arc;

@@ -12,6 +12,7 @@ mod material;
 mod mesh;
 mod model;
 mod random;
+mod ray;
 mod save;
 mod shape;
 
@@ -29,8 +30,8 @@ pub use shape::Shape;
 use crate::scene::{Camera, Photo};
 use glam::{DMat3, DVec2, DVec3};
 use material::{Color, Surface, shade};
+use ray::{Hit, Ray};
 use rayon::prelude::*;
-use shape::{Hit, Ray};
 
 /// Rays start this far (in their own length) from where they leave, so as not to meet it again.
 const CLEARANCE: f64 = 1e-6;

@@ -1,44 +1,8 @@
 //! Shapes and where rays meet them, each in its own coordinates around its own origin.
 
 use super::mesh::MeshTree;
+use super::ray::{Hit, Ray};
 use glam::{DVec2, DVec3, Vec3Swizzles};
-
-/// A half line.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ray {
-    /// Where it starts.
-    pub(super) origin: DVec3,
-    /// Where it goes; not normalised: distances along a ray are in units of its length.
-    pub(super) direction: DVec3,
-}
-
-impl Ray {
-    /// The point at distance `t`.
-    pub(super) fn at(&self, t: f64) -> DVec3 {
-        self.origin + t * self.direction
-    }
-}
-
-/// Where a ray meets a surface.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Hit {
-    /// Distance along the ray.
-    pub(super) t: f64,
-    /// Unit normal of the surface itself, outward.
-    pub(super) normal: DVec3,
-    /// Unit normal to shade with: a mesh rounds its edges.
-    pub(super) shading_normal: DVec3,
-}
-
-impl Hit {
-    fn new(t: f64, normal: DVec3) -> Hit {
-        Hit {
-            t,
-            normal,
-            shading_normal: normal,
-        }
-    }
-}
 
 /// A shape around its own origin.
 #[derive(Clone, Debug)]

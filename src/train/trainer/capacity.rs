@@ -11,6 +11,7 @@ use crate::render::{
 use crate::train::backward::Gradients;
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
+use crate::train::memory::with_margin;
 use crate::train::memory::{TrainSize, gradient_needs, splats_expected, state_needs};
 use crate::train::state::HostState;
 use crate::{Error, Result};
@@ -38,12 +39,6 @@ impl Extremes {
 
 /// Bytes that a (splat, tile) pair takes of any one array.
 const RECORD_BYTES: u64 = 16;
-
-/// Room for so many (splat, tile) pairs and an eighth more: the next view may want more, and making room
-/// for it costs the steps in flight.
-pub(crate) fn with_margin(isects: usize) -> usize {
-    isects + isects / 8
-}
 
 impl Trainer<'_> {
     /// What the run has needed at most since it was begun or resumed.

@@ -1,6 +1,6 @@
 //! Frames of every setting: time, errors and broken bounds.
 
-use super::scenes::ModelCache;
+use super::scenes::{FrameInputs, ModelCache};
 use super::settings::{self, FrameSetting};
 use super::{ChartPlan, training};
 use crate::Result;
@@ -10,7 +10,7 @@ use crate::lab::chart::{FrameErrors, FramePoint};
 use crate::reference::bound::{Traced, trace};
 use crate::reference::{self, ray};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
-use crate::scene::{Camera, Splats};
+use crate::scene::Camera;
 use crate::stats::Interval;
 use crate::stats::Summary;
 use std::rc::Rc;
@@ -26,19 +26,6 @@ const ROUNDING_SIZE: f64 = 128.0;
 pub(super) fn rounding(camera: &Camera) -> f64 {
     let size = f64::from(camera.width.max(camera.height));
     ROUNDING * (size / ROUNDING_SIZE).max(1.0)
-}
-
-/// Scene and views of the compared frames.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct FrameInputs<'a> {
-    /// The scene.
-    pub(super) splats: &'a Splats,
-    /// Views.
-    pub(super) cameras: &'a [Camera],
-    /// Views that bound the error of pruning.
-    pub(super) pruned_by: &'a [Camera],
-    /// Near plane, world units.
-    pub(super) near: f32,
 }
 
 /// A setting with its model and renderer.

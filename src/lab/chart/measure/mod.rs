@@ -16,8 +16,8 @@ use crate::scene::{Camera, Dataset, Splats, Split};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 
-use frames::FrameInputs;
 use gradients::GradientInputs;
+use scenes::FrameInputs;
 
 /// Sizes and repetitions of the measurements.
 #[derive(Clone, Debug, PartialEq)]

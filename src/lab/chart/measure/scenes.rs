@@ -1,14 +1,27 @@
 //! Models of the scene as settings draw it: in another precision, pruned, or with fewer harmonics.
 
-use super::frames::FrameInputs;
 use super::settings::FrameSetting;
 use super::training;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::render::{Compatibility, Model, Precision};
+use crate::scene::{Camera, Splats};
 use crate::simplify::{ContributionPass, PassOptions, kept, prune, reduce_harmonics};
 use std::borrow::Cow;
 use std::rc::Rc;
+
+/// Scene and views of the compared frames.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FrameInputs<'a> {
+    /// The scene.
+    pub(super) splats: &'a Splats,
+    /// Views.
+    pub(super) cameras: &'a [Camera],
+    /// Views that bound the error of pruning.
+    pub(super) pruned_by: &'a [Camera],
+    /// Near plane, world units.
+    pub(super) near: f32,
+}
 
 /// Cache of the models, each made once.
 pub(super) struct ModelCache<'a> {
