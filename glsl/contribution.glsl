@@ -1,5 +1,5 @@
-// What the pixels of a tile would lose with each splat of its list; `contribution.comp` and its variants include this and
-// say how lanes agree and add up.
+// What the pixels of a tile would lose with each splat of its list; `contribution.comp` and its variants include this
+// and say how lanes agree and add up.
 //
 // One record per (tile, splat) pair, written once and without atomics. Lanes fetch splats a batch at a time, one
 // each, and pass them round; in the end each lane holds, and stores, the record of the splat that it fetched.

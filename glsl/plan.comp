@@ -42,8 +42,8 @@ uint divide_up(uint a, uint b) {
     return a / b + (a % b != 0 ? 1 : 0);
 }
 
-// Chunks of a sort: whole workgroups, so that no lane is idle, and an even number of them, so that neither of a software
-// device's two threads is.
+// Chunks of a sort: whole workgroups, so that no lane is idle, and an even number of them, so that neither of a
+// software device's two threads is.
 uint chunks_of(uint count) {
     uint twice = 2 * push.chunks_per_group;
     return count == 0 ? 0 : twice * max(count / (twice * push.chunk), 1);

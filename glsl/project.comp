@@ -5,8 +5,8 @@
 
 // Finds each splat's ellipse, colour and depth on the screen, and how many tiles it touches.
 //
-// One invocation per splat, which lies at a slot of the parameters. A splat that cannot be seen (behind the near plane, off the screen, too
-// faint, or not finite in any parameter) gets the tile count 0, and nothing reads the rest of it.
+// One invocation per splat, which lies at a slot of the parameters. A splat that cannot be seen (behind the near plane,
+// off the screen, too faint, or not finite in any parameter) gets the tile count 0, and nothing reads the rest of it.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;

@@ -5,10 +5,10 @@
 
 // Gradient of every parameter of every splat, from the records that compositing left.
 //
-// One invocation per splat, which lies at a slot of the parameters. A splat's records are contiguous and are summed in order, so that the
-// result is the same in every run. The projection is done again rather than stored. Also keeps the
-// statistics that density control reads. Where the frame took several bands, there are records of one band at a
-// time, with all records of its splats; splats of other bands are left alone.
+// One invocation per splat, which lies at a slot of the parameters. A splat's records are contiguous and are summed in
+// order, so that the result is the same in every run. The projection is done again rather than stored. Also keeps the
+// statistics that density control reads. Where the frame took several bands, there are records of one band at a time,
+// with all records of its splats; splats of other bands are left alone.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;

@@ -3,7 +3,8 @@
 
 // Finds how far down a ranking of splats each pixel can do without them.
 //
-// One workgroup per tile. Lanes pass splats round and vote on stopping through shared memory, so any subgroup size will do.
+// One workgroup per tile. Lanes pass splats round and vote on stopping through shared memory, so any subgroup size will
+// do.
 
 #include "prune_limit.glsl"
 #include "shared/stage.shared.glsl"

@@ -3,7 +3,8 @@
 
 // Composites the sorted splats of every tile into an image, front to back.
 //
-// One workgroup per tile. Lanes pass splats round and vote on stopping through shared memory, so any subgroup size will do.
+// One workgroup per tile. Lanes pass splats round and vote on stopping through shared memory, so any subgroup size will
+// do.
 
 #include "rasterize.glsl"
 #include "shared/stage.shared.glsl"

@@ -1,9 +1,9 @@
-// What each splat of a tile's list does to the tile's pixels; `removal_error.comp` and its variants include this and say how
-// lanes agree and add up.
+// What each splat of a tile's list does to the tile's pixels; `removal_error.comp` and its variants include this and
+// say how lanes agree and add up.
 //
-// With C = P + R, P what the splats up to splat i have added and R what is seen behind it, which passes the transmittance
-// T' behind it, leaving it out would change the pixel by w (R / T' - c), w its weight and c its colour. Where a pixel has
-// ended, the background is what lies behind.
+// With C = P + R, P what the splats up to splat i have added and R what is seen behind it, which passes the
+// transmittance T' behind it, leaving it out would change the pixel by w (R / T' - c), w its weight and c its colour.
+// Where a pixel has ended, the background is what lies behind.
 //
 // One record per (tile, splat) pair, written once and without atomics, as in `contribution.glsl`.
 

@@ -21,10 +21,10 @@ use session::SurveySession;
 
 /// Compare splats, harmonics, quality and time of scenes by recipe
 ///
-/// Trains every scene, the built-in ones and the photographs of every DATA, by the fixed recipe, to no more splats
-/// than it needs (`train --parsimony`), likewise with all harmonics, and by MCMC with as many splats as that ended
-/// with, for the same number of steps and from several seeds. Writes needs.csv, a line for every run, as runs end, and needs.html with a
-/// table of all recipes and a figure for every scene.
+/// Trains every scene, the built-in ones and the photographs of every DATA, by the fixed recipe, to no more splats than
+/// it needs (`train --parsimony`), likewise with all harmonics, and by MCMC with as many splats as that ended with, for
+/// the same number of steps and from several seeds. Writes needs.csv, a line for every run, as runs end, and needs.html
+/// with a table of all recipes and a figure for every scene.
 ///
 /// Ctrl-C stops after the current step; the same command goes on with the runs that are missing in needs.csv.
 #[derive(Clone, Debug, Args)]

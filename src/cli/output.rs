@@ -1,4 +1,5 @@
-//! Output of a command at work: a progress bar on a terminal, a line now and then in a log file, JSON lines for machines.
+//! Output of a command at work: a progress bar on a terminal, a line now and then in a log file, JSON lines for
+//! machines.
 
 use crate::metrics::MeanScore;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};

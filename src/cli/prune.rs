@@ -26,10 +26,10 @@ use std::path::PathBuf;
 /// times the range of the colours that it is mixed of. That is measured on all of them, and the exit code is 1 if
 /// one pixel breaks it. Splats that no training view shows go, too.
 ///
-/// --merge first lets neighbours merge, two into the one that covers what both do as nearly as one can, without training.
-/// No bound of that is proven. What it does to the pictures of the training views is measured and printed by itself: the
-/// largest change, its root mean square, and the PSNR of the merged scene against the one before. The proof, its bound and
-/// the change measured beside it are those of what is removed after that, against the merged scene.
+/// --merge first lets neighbours merge, two into the one that covers what both do as nearly as one can, without
+/// training. No bound of that is proven. What it does to the pictures of the training views is measured and printed by itself:
+/// the largest change, its root mean square, and the PSNR of the merged scene against the one before. The proof, its
+/// bound and the change measured beside it are those of what is removed after that, against the merged scene.
 ///
 /// --sh-error takes from each splat the harmonics that its colour hardly needs. Files keep the usual layout, with zeros
 /// in their place, up to the highest degree that any splat has.

@@ -29,8 +29,8 @@ pub fn slopes(splat: &Splat<f64>, view: &Viewpoint) -> Vec<[f64; 10]> {
     slopes
 }
 
-/// How far computed [`slopes`] may be off, in unit roundoffs, once gradients by the row have been multiplied by them and
-/// added up: see [`Terms`].
+/// How far computed [`slopes`] may be off, in unit roundoffs, once gradients by the row have been multiplied by them
+/// and added up: see [`Terms`].
 pub fn slope_terms(splat: &Splat<f64>, view: &Viewpoint) -> Vec<[f64; 10]> {
     let mut terms = Vec::new();
     for (lifted, lanes) in lifted(splat, Terms::<LANES>::variable) {

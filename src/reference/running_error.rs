@@ -1,8 +1,8 @@
 //! Numbers that carry what rounding may do to them, and to their derivatives: running error analysis, to first order.
 //!
 //! Beside a value `v` and its derivatives `d` stand, in unit roundoffs, `e`: how far the computed value may be off, and
-//! `f`: how far the computed derivatives may be; and `p ≥ |d|`, the magnitudes of the terms that a derivative is the sum
-//! of, one for each way from the variable. Every operation is rounded once, constants and functions too:
+//! `f`: how far the computed derivatives may be; and `p ≥ |d|`, the magnitudes of the terms that a derivative sums up,
+//! one for each way from the variable. Every operation is rounded once, constants and functions too:
 //!
 //! * Sums: `e = e₁ + e₂ + |v|`, `p = p₁ + p₂`, `f = f₁ + f₂ + p`. Where terms cancel, `p` and `f` stay.
 //! * Products: `e = |v₁| e₂ + |v₂| e₁ + |v|`, `p = |v₁| p₂ + |v₂| p₁`, and as a derivative is `v₁ d₂ + v₂ d₁`,

@@ -131,7 +131,8 @@ impl std::fmt::Debug for Renderer {
 }
 
 impl Renderer {
-    /// Compiles the kernels, but for those that somebody else on this device holds, and allocates for `options.capacity`.
+    /// Compiles the kernels, but for those that somebody else on this device holds, and allocates for
+    /// `options.capacity`.
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
         let presents = gpu.caps().supports(present::Variant::Base.info()).is_ok();
         let present = || present::Present::new(gpu, present::Choice::default());

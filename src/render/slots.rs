@@ -1,8 +1,8 @@
 //! Which splats lie where on the device: those with harmonics up to the same degree together.
 //!
-//! A scene's own order stays the order of everything but the parameters: slots of parameters are in order of degree, and
-//! an index says whose they are. So splats of equal depth are drawn in the same order as without, and nobody but the
-//! kernels that read parameters has to know. Scenes whose splats are all of one degree need no index.
+//! A scene's own order stays the order of everything but the parameters: slots of parameters are in order of degree,
+//! and an index says whose they are. So splats of equal depth are drawn in the same order as without, and nobody but
+//! the kernels that read parameters has to know. Scenes whose splats are all of one degree need no index.
 
 use crate::scene::{Splats, sh_coefficient_count};
 
@@ -19,8 +19,8 @@ pub fn of_degree(splats: usize, sh_degree: u32) -> ByDegree {
     counts
 }
 
-/// Fewest splats of a degree that are stored apart from those of the next: it takes a dispatch of its own, which costs as
-/// much as what some hundred splats save on a CPU device, some thousand on others. Memory is saved on all.
+/// Fewest splats of a degree that are stored apart from those of the next: it takes a dispatch of its own, which costs
+/// as much as what some hundred splats save on a CPU device, some thousand on others. Memory is saved on all.
 const APART_MIN: usize = 512;
 /// And the least share of a scene, so that even dispatches of large ones are worth theirs.
 const APART_SHARE: usize = 64;
@@ -31,8 +31,8 @@ pub fn apart(splats: usize) -> usize {
 }
 
 /// Raises degrees where too few splats have one: fewer than 512, or a 64th of the scene, join those of the next degree
-/// that any has. A pure function of how many splats there are of each degree. Raised splats have zeros for what they did
-/// not have: pictures stay the same.
+/// that any has. A pure function of how many splats there are of each degree. Raised splats have zeros for what they
+/// did not have: pictures stay the same.
 pub fn merge_degrees(degrees: &mut [u8]) {
     let apart = apart(degrees.len());
     let mut counts = count(degrees);

@@ -7,8 +7,8 @@ use crate::metrics::{Image, mean_squared_error};
 use crate::scene::{AlphaMode, Dataset, Photo};
 use crate::stats::mean;
 
-/// The mean squared error between the views' photographs, as training compares with them, and their halves brought back to
-/// full size: what a scene is off by that has been fitted to the halves as well as can be.
+/// The mean squared error between the views' photographs, as training compares with them, and their halves brought back
+/// to full size: what a scene is off by that has been fitted to the halves as well as can be.
 pub(super) fn lost_by_halving(
     dataset: &Dataset,
     views: &[usize],

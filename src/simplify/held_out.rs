@@ -20,8 +20,8 @@ impl AutoConfig {
     }
 }
 
-/// Indices of the training views: those trained on, and the held-out ones, which lie evenly among them. With too few views
-/// none is held out, and both lists are all views.
+/// Indices of the training views: those trained on, and the held-out ones, which lie evenly among them. With too few
+/// views none is held out, and both lists are all views.
 pub fn split_views(dataset: &Dataset, config: &AutoConfig) -> (Vec<usize>, Vec<usize>) {
     let views = dataset.split(Split::Train);
     let least = config.held_out_min as usize;

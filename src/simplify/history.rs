@@ -78,7 +78,8 @@ pub struct Entry {
     pub splats: usize,
     /// PSNR with them, by held-out view; decibels. 40 where that was not tried, since no more could be missed.
     pub psnr_db: Vec<f64>,
-    /// Splats without what went or would have gone, and the PSNR after the same steps, or at once where none were taken.
+    /// Splats without what went or would have gone, and the PSNR after the same steps, or at once where none were
+    /// taken.
     pub without: Option<(usize, Vec<f64>)>,
     /// What a tenth more splats was worth, and its lower bound; decibels.
     pub gain_db: Option<[f64; 2]>,
@@ -147,7 +148,8 @@ pub struct History {
     /// The share of the harmonics that goes in the last fit; `None` if none does, and once it has gone.
     #[serde(default)]
     pub sh_goes: Option<f64>,
-    /// What the held-out views lost by the harmonics that went or go in the last fit, decibels; `None` while there are none.
+    /// What the held-out views lost by the harmonics that went or go in the last fit, decibels; `None` while there are
+    /// none.
     pub sh_lost_db: Option<f64>,
     /// Whether all harmonics stay, whatever is found.
     #[serde(default, alias = "keeps_harmonics")]
@@ -165,8 +167,8 @@ impl History {
         }
     }
 
-    /// Splats, and the mean PSNR that the held-out views have with so many, as if all had been measured at the end of the
-    /// last round: what a round lost is known free of time, and is added up from there.
+    /// Splats, and the mean PSNR that the held-out views have with so many, as if all had been measured at the end of
+    /// the last round: what a round lost is known free of time, and is added up from there.
     pub fn points(&self) -> Vec<[f64; 2]> {
         self.chain(|entry, without| mean(&entry.psnr_db) - mean(without))
     }
@@ -240,9 +242,9 @@ impl History {
         (relative < most).then(|| share / relative.max(1.0))
     }
 
-    /// The count at which a tenth more splats is worth just the preference, by the law through what was found so far; `None`
-    /// while there is none. Nor is there one for views that are as good as can be seen, however many splats there are:
-    /// they lose nothing at first, and then all at once.
+    /// The count at which a tenth more splats is worth just the preference, by the law through what was found so far;
+    /// `None` while there is none. Nor is there one for views that are as good as can be seen, however many splats
+    /// there are: they lose nothing at first, and then all at once.
     pub fn knee(&self) -> Option<f64> {
         if self.has_plateau() {
             return None;

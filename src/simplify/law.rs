@@ -18,7 +18,8 @@ pub struct Law {
 const EXPONENTS: std::ops::RangeInclusive<u32> = 1..=60;
 
 impl Law {
-    /// Through (splats, decibels), by least squares; `None` where they do not rise with the splats, or are less than three.
+    /// Through (splats, decibels), by least squares; `None` where they do not rise with the splats, or are less than
+    /// three.
     pub fn through(points: &[[f64; 2]]) -> Option<Law> {
         if points.len() < 3 {
             return None;

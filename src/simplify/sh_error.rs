@@ -8,8 +8,8 @@
 
 use crate::scene::{Splats, sh_coefficient_count};
 
-/// How far rounding in `f32` may carry a colour beyond its bound, relatively to it: sixteen terms at 2⁻²⁴ each, of sums a
-/// hundred times as large as what is dropped.
+/// How far rounding in `f32` may carry a colour beyond its bound, relatively to it: sixteen terms at 2⁻²⁴ each, of sums
+/// a hundred times as large as what is dropped.
 const ROUNDING: f64 = 1e-3;
 
 /// A scene with no more harmonics than it needs.

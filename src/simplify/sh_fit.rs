@@ -1,17 +1,17 @@
 //! Colours by fewer harmonics, fitted anew to what the views see of them.
 //!
-//! A splat is seen from few directions, and fewer harmonics may do for those: for each degree d, the coefficients b that
-//! keep nearest to its colours c, in the least-squares sense with the light that each view takes from it,
+//! A splat is seen from few directions, and fewer harmonics may do for those: for each degree d, the coefficients b
+//! that keep nearest to its colours c, in the least-squares sense with the light that each view takes from it,
 //!
 //! E(d) = min_b Σ_v w_v (c(v) − b · Y(v))² + μ W ∫ (c − b · Y)² dΩ / 4π,  W = Σ_v w_v,
 //!
 //! as if μ times as much light went in all directions alike. Colours take a small μ: as near as they get, but for
-//! directions that no view tells of. Degrees take a large one: coefficients that training has made large are those that it
-//! will miss, even if others could stand in for them in the views there are. Each splat takes the degree of least
+//! directions that no view tells of. Degrees take a large one: coefficients that training has made large are those that
+//! it will miss, even if others could stand in for them in the views there are. Each splat takes the degree of least
 //! E(d) + λ n(d), n the coefficients: of all choices with as many in all, the one of least error; λ says how many.
 //!
-//! None of this matters much after some hundred steps: half of the fox's harmonics cost it 0.08 to 0.12 dB by each of ten
-//! such rules, those of this one 0.08 and 0.10 (`2026-11-22-harmonics.csv`).
+//! None of this matters much after some hundred steps: half of the fox's harmonics cost it 0.08 to 0.12 dB by each of
+//! ten such rules, those of this one 0.08 and 0.10 (`2026-11-22-harmonics.csv`).
 
 mod basis;
 

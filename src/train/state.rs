@@ -136,8 +136,8 @@ impl HostState {
         }
     }
 
-    /// Takes from every splat's colour what is above a degree, moments with it, for good: those bands are neither stored
-    /// on the device nor trained any more. A degree above a splat's own changes nothing.
+    /// Takes from every splat's colour what is above a degree, moments with it, for good: those bands are neither
+    /// stored on the device nor trained any more. A degree above a splat's own changes nothing.
     ///
     /// Panics unless there is a degree for every splat.
     pub fn lower_degrees(&mut self, degrees: &[u8]) {

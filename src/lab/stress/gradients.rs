@@ -27,8 +27,8 @@ const SHARE: f64 = 0.01;
 /// gradient, which is its scene's affair; these are what the developers' suite holds gentle and difficult scenes to.
 const BOUNDS: [f64; 2] = [1e-5, 1e-3];
 
-/// What is added to the bound of needles for each unit of their aspect: sixteen roundings of numbers as long as a needle
-/// are that much of its width.
+/// What is added to the bound of needles for each unit of their aspect: sixteen roundings of numbers as long as a
+/// needle are that much of its width.
 const NEEDLE: f64 = 16.0 / 16_777_216.0;
 
 /// Splats of a judged step at most.

@@ -15,8 +15,8 @@
 //! theirs by its parameters. Neither knows of any saving, and both enter by their magnitudes.
 //!
 //! Rounding is bounded apart, to first order, see [`Job::add_rounding`]: of what a pixel adds, and of the projection's
-//! derivatives, whose rounding is that of the terms that they are sums of, not of what these leave when they cancel. The
-//! gradient by the rotation of a nearly round splat is such a remainder.
+//! derivatives, whose rounding is that of the terms that they are sums of, not of what these leave when they cancel.
+//! The gradient by the rotation of a nearly round splat is such a remainder.
 //!
 //! The loss of training is not linear, and no bound of this kind holds for it: the slope of its L1 part jumps where
 //! a pixel crosses its photograph.
@@ -52,8 +52,9 @@ pub struct GradientBounds {
     pub kinked: Vec<bool>,
 }
 
-/// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.thresholds` are not made,
-/// and what is drawn must be the scene itself (no [`Approximations::color_error`], nothing [`Approximations::stored`]).
+/// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.thresholds` are not
+/// made, and what is drawn must be the scene itself (no [`Approximations::color_error`], nothing
+/// [`Approximations::stored`]).
 pub fn gradient_bounds(
     splats: &Splats,
     camera: &Camera,
@@ -122,8 +123,9 @@ pub fn gradient_bounds(
     }
 }
 
-/// What the device may need more roundings for than the formulas of the reference: its functions are good to a few units
-/// in the last place, and it finds derivatives by a pass backwards over other intermediate numbers of the same size.
+/// What the device may need more roundings for than the formulas of the reference: its functions are good to a few
+/// units in the last place, and it finds derivatives by a pass backwards over other intermediate numbers of the same
+/// size.
 const SAFETY: f64 = 4.0;
 
 /// Numbers of a splat on the screen that have a gradient: [`ScreenSplat::row`] without its depth.

@@ -13,9 +13,8 @@
 //!   vector `d_l`, `δ ≤ Σ_l ‖d_l‖ √((2l+1) / 4π)` in every direction (Cauchy–Schwarz, and the addition
 //!   theorem, by which `Σ_m Y_lm² = (2l+1) / 4π`).
 //! * Alphas that are `αᵢ'` instead cost `Σ |αᵢ' − αᵢ| Tᵢ` times the range: exchanged one after the other from the
-//!   back, each finds the transmittance before it as it was. What is left out then counts with `αᵢ' Tᵢ'`. Of
-//!   alphas that are off by the share `ε` each, `|αᵢ' − αᵢ| ≤ ε αᵢ`, capped ones too, and `Tᵢ'` lies between the products
-//!   of `1 − (1 ± ε) αₖ`.
+//!   back, each finds the transmittance before it as it was. Splats left out then count with
+//!   `αᵢ' Tᵢ'`.
 //!
 //! Gradients follow from the same: see [`gradient_bounds`].
 

@@ -1,8 +1,8 @@
 //! Scenes with fewer splats for a round to try: without the least important, or with neighbours merged.
 //!
 //! Where nothing is to be seen, merging leaves larger splats in place of many, which steps of training cannot do in the
-//! time of a round. Where there is detail it blurs, and steps make up for less of that than for splats that are missing,
-//! however the two look before any. So it is for scenes that lose hardly anything by it at once.
+//! time of a round. Where there is detail it blurs, and steps make up for less of that than for splats that are
+//! missing, however the two look before any. So it is for scenes that lose hardly anything by it at once.
 
 use super::CountController;
 use super::survey::Survey;
@@ -54,8 +54,8 @@ impl<'a> CountController<'a> {
         })
     }
 
-    /// `None` where that has cost too much, and in mip mode, where every splat has a filter of its own, which merged ones
-    /// would lack.
+    /// Scene with neighbours merged; `None` if merging has cost too much, and in mip mode, where merged splats would lack
+    /// a filter.
     fn merged(&self, trainer: &Trainer<'a>, splats: &Splats, left: usize) -> Option<Splats> {
         if self.history.has_detail || trainer.config().mode != RenderMode::Default {
             return None;

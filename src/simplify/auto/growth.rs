@@ -73,8 +73,8 @@ impl<'a> CountController<'a> {
         Ok(())
     }
 
-    /// What a tenth more splats has given over the last looks, and its lower bound; since photographs are whole, if they
-    /// are, so that their gain is not taken for that of splats.
+    /// What a tenth more splats has given over the last looks, and its lower bound; since photographs are whole, if
+    /// they are, so that their gain is not taken for that of splats.
     fn gain(&self, config: &TrainConfig, now: &Entry) -> Option<[f64; 2]> {
         let auto = &self.history.config;
         let is_look = |entry: &&Entry| is_refine(config, entry.iteration + 1);

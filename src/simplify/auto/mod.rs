@@ -2,17 +2,17 @@
 //!
 //! Splats are added as the strategy has it, more of them where errors are. Growth ends when the lower bound of what it
 //! gives some training views, for a tenth more splats, is under the preference; all that their scores have risen counts
-//! as its gain, though time has its share in that, so that growth never ends too soon. From then on those views are held
-//! out; not before, since what they alone saw would be missing from the scene.
+//! as its gain, though time has its share in that, so that growth never ends too soon. From then on those views are
+//! held out; not before, since what they alone saw would be missing from the scene.
 //!
 //! A share of the splats goes in every round: those without which the pictures would change least, or by merging. A
 //! round takes the same steps from the same state twice, without those splats and with them, since scores rise with
-//! time as well; they go for good where the held-out views lose no more by it than they are worth by the
-//! preference, and otherwise a smaller share is tried. What the first steps tell for certain needs no second ones. Three
-//! counts that were seen show the law that quality follows; from then on rounds aim at its knee, where a tenth more splats
-//! is worth just the preference. Then a round shows by the same rule how many harmonics can go; all of them go first where
-//! growth has ended for want of anything to gain. Last, the held-out views return, and harmonics go when it is known best
-//! which.
+//! time as well; they go for good where the held-out views lose no more by it than they are worth by the preference,
+//! and otherwise a smaller share is tried. What the first steps tell for certain needs no second ones. Three counts
+//! that were seen show the law that quality follows; from then on rounds aim at its knee, where a tenth more splats is
+//! worth just the preference. Then a round shows by the same rule how many harmonics can go; all of them go first where
+//! growth has ended for want of anything to gain. Last, the held-out views return, and harmonics go when it is known
+//! best which.
 //!
 //! **Invariant:** what happens is a function of configuration, preference, views and device, and what it goes by beside
 //! the trainer's state is in the [`History`] and the state kept: a resumed run decides alike.
@@ -54,8 +54,8 @@ pub struct CountController<'a> {
 pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 
 /// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
-/// a quarter to rounds without splats, a twentieth to one without harmonics (or splats, where no harmonics are left) and
-/// a quarter to the last fit.
+/// a quarter to rounds without splats, a twentieth to one without harmonics (or splats, where no harmonics are left)
+/// and a quarter to the last fit.
 ///
 /// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not
 /// get to where it is going by the published rates. That helps without pruning, too, so it is no merit of this, and

@@ -1,9 +1,10 @@
-//! How large photographs are: of half the size as long as the detail that halving loses is next to nothing of what is wrong
-//! with the scene.
+//! How large photographs are: of half the size as long as the detail that halving loses is next to nothing of what is
+//! wrong with the scene.
 //!
-//! What halving loses, a mean squared error, is measured in the photographs themselves. Where that is nothing to speak of even
-//! beside the least error that counts, half the size does for all steps but the last fit. Otherwise whole photographs are
-//! due once the scene is so good that what halving loses begins to tell; a scene full of detail may begin with them.
+//! What halving loses, a mean squared error, is measured in the photographs themselves. Where that is nothing to speak
+//! of even beside the least error that counts, half the size does for all steps but the last fit. Otherwise whole
+//! photographs are due once the scene is so good that what halving loses begins to tell; a scene full of detail may
+//! begin with them.
 
 use super::{CountController, view_options};
 use crate::Result;

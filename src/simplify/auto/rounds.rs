@@ -127,9 +127,9 @@ impl<'a> CountController<'a> {
         self.begin_lowering(trainer)
     }
 
-    /// Where no law shows the knee, and the last round was missed by little: takes so many of its splats as would have been
-    /// allowed, if a tenth of them is worth the more the more of them go. Otherwise the count would hang on how few the
-    /// rounds before had left.
+    /// Where no law shows the knee, and the last round was missed by little: takes so many of its splats as would have
+    /// been allowed, if a tenth of them is worth the more the more of them go. Otherwise the count would hang on how
+    /// few the rounds before had left.
     fn take_some(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let nearly = self
             .history
@@ -222,9 +222,9 @@ fn cost(history: &History, lost_db: f64, own_lost_db: f64) -> f64 {
     }
 }
 
-/// The share to try next with so many splats, after a round that cost so much for every tenth: all that lie beyond the knee,
-/// once rounds have shown where it is. That is far steadier than what single rounds cost: a round may be just allowed, or
-/// just not, by chance.
+/// The share to try next with so many splats, after a round that cost so much for every tenth: all that lie beyond the
+/// knee, once rounds have shown where it is. That is far steadier than what single rounds cost: a round may be just
+/// allowed, or just not, by chance.
 fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
     let Some(knee) = history.knee() else {
         return share_by_cost(history, cost_db);
@@ -239,10 +239,10 @@ fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
 
 /// The share to try as long as no knee is known.
 ///
-/// The next tenth costs more than the last ones on average. So a round that cost half of what it might is followed by as
-/// large a share again, one that cost nothing by twice that, one that cost all of it by half. After one that was missed,
-/// the share shrinks with the root of what it cost too much: that keeps the count from hanging on whether a large step was
-/// just allowed or just not.
+/// The next tenth costs more than the last ones on average. So a round that cost half of what it might is followed by
+/// as large a share again, one that cost nothing by twice that, one that cost all of it by half. After one that was
+/// missed, the share shrinks with the root of what it cost too much: that keeps the count from hanging on whether a
+/// large step was just allowed or just not.
 fn share_by_cost(history: &History, cost_db: f64) -> f64 {
     let (share, relative) = (history.share, cost_db / history.preference_db);
     if relative > 1.0 {

@@ -1,10 +1,10 @@
-//! Harmonics where they are needed: those that nobody needs go at once, if they are half of all or more. Else a round shows
-//! whether half can go, and one whether a quarter can where half is missed; either may cost as much as a tenth of the
-//! splats. Three quarters of a splat's bytes are harmonics.
+//! Harmonics where they are needed: those that nobody needs go at once, if they are half of all or more. Else a round
+//! shows whether half can go, and one whether a quarter can where half is missed; either may cost as much as a tenth of
+//! the splats. Three quarters of a splat's bytes are harmonics.
 //!
-//! How many can go is for held-out views to say; which, for a scene that has nearly got to where it is going. So they go in
-//! the last fit, and in one step: what went is fitted into what stayed, whose size then no longer tells how much it is
-//! needed.
+//! How many can go is for held-out views to say; which, for a scene that has nearly got to where it is going. So they
+//! go in the last fit, and in one step: what went is fitted into what stayed, whose size then no longer tells how much
+//! it is needed.
 
 use super::survey::Survey;
 use super::{CountController, Phase};
@@ -157,8 +157,8 @@ impl<'a> CountController<'a> {
         self.begin_share(trainer, second, (&splats, &fits))
     }
 
-    /// Whether the held-out views do not miss the harmonics of a round, which may cost so many preferences; `act` is what
-    /// is done then.
+    /// Whether the held-out views do not miss the harmonics of a round, which may cost so many preferences; `act` is
+    /// what is done then.
     fn could_go(
         &mut self,
         mut entry: Entry,

@@ -15,7 +15,8 @@ pub(super) struct Survey<'a> {
     weigher: ContributionPass,
 }
 
-/// A weigher of nothing: while it is held, surveys need not compile their kernels, which takes longer than many a survey.
+/// A weigher of nothing: while it is held, surveys need not compile their kernels, which takes longer than many a
+/// survey.
 pub(super) fn idle(trainer: &Trainer<'_>) -> Result<ContributionPass> {
     ContributionPass::new(trainer.gpu(), &Splats::default(), pass_options(trainer))
 }

@@ -60,9 +60,9 @@ fn turn(m: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) -> boo
 /// Exponent of Thomsen's formula.
 const THOMSEN: f64 = 1.6075;
 
-/// The mean over all directions of the product of the two standard deviations of a Gaussian's shadow, from the variances
-/// along its axes: s² for a round one. By Cauchy's theorem a convex body's mean shadow is a quarter of its surface, which
-/// Thomsen's formula gives for an ellipsoid to 1.1 %.
+/// The mean over all directions of the product of the two standard deviations of a Gaussian's shadow, from the
+/// variances along its axes: s² for a round one. By Cauchy's theorem a convex body's mean shadow is a quarter of its
+/// surface, which Thomsen's formula gives for an ellipsoid to 1.1 %.
 pub(super) fn mean_shadow(variances: DVec3) -> f64 {
     let v = variances.max(DVec3::ZERO);
     let power = |product: f64| product.powf(0.5 * THOMSEN);

@@ -39,13 +39,13 @@ struct Part {
     mixture: [f64; 2],
 }
 
-/// What it costs that `merged` stands for both: the squared error of colour and cover summed over the pixels of a picture,
-/// where these are as fine as the scene's views have them, as the mean of pictures along the three axes of both together,
-/// each counted as many views are like it.
+/// What it costs that `merged` stands for both: the squared error of colour and cover summed over the pixels of a
+/// picture, where these are as fine as the scene's views have them, as the mean of pictures along the three axes of
+/// both together, each counted as many views are like it.
 ///
-/// It is ∫ ‖c α G + c′ α′ G′ − ½ (c + c′) α α′ G G′ − c″ α″ G″‖² over each picture's plane, and exact: every term is an integral
-/// of a product of Gaussians. In pixels, no unit of the world is left in it. An error over space itself would take thin
-/// splats for next to nothing. Infinite where it is no number.
+/// It is ∫ ‖c α G + c′ α′ G′ − ½ (c + c′) α α′ G G′ − c″ α″ G″‖² over each picture's plane, and exact: every term is an
+/// integral of a product of Gaussians. In pixels, no unit of the world is left in it. An error over space itself would
+/// take thin splats for next to nothing. Infinite where it is no number.
 pub(super) fn cost(
     (a, b): (&MassGaussian, &MassGaussian),
     (merged, joint): (&MassGaussian, &Joint),

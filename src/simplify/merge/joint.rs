@@ -5,16 +5,16 @@ use super::mass::MassGaussian;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
-/// What two splats have in common: 1 − (1 − α G) (1 − α′ G′) = α G + α′ G′ − α α′ G G′ is what both cover, and a product of
-/// Gaussians is one.
+/// What two splats have in common: 1 − (1 − α G) (1 − α′ G′) = α G + α′ G′ − α α′ G G′ is what both cover, and a
+/// product of Gaussians is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Joint {
     /// From the first one's mean to the other's.
     pub offset: DVec3,
     /// The axes of their mixture, along which they are looked at.
     pub axes: DMat3,
-    /// How much the view along each counts; 1 in all. Along the axis of a disc it is what most views show, along that of a
-    /// needle what hardly any do: a direction is like it where the sines are small beside the ratio of deviations.
+    /// How much the view along each counts; 1 in all. Along the axis of a disc it is what most views show, along that
+    /// of a needle what hardly any do: a direction is like it where the sines are small beside the ratio of deviations.
     pub views: DVec3,
     /// The other's share of the colour: either is before the other in half of the views.
     pub share: f64,

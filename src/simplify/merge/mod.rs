@@ -1,8 +1,8 @@
 //! Fewer splats without training: neighbours merge where one Gaussian stands for two at the least error of pictures.
 //!
-//! Two splats cover 1 − (1 − α G) (1 − α′ G′) = α G + α′ G′ − α α′ G G′: a mixture of three Gaussians, the last of which, what
-//! they have in common, counts against the others. Each has the mass m = opacity × mean shadow, the light that it covers as a
-//! mean over all directions. The merged splat has the mixture's mass, mean and covariance,
+//! Two splats cover 1 − (1 − α G) (1 − α′ G′) = α G + α′ G′ − α α′ G G′: a mixture of three Gaussians, the last of
+//! which, what they have in common, counts against the others. Each has the mass m = opacity × mean shadow, the light
+//! that it covers as a mean over all directions. The merged splat has the mixture's mass, mean and covariance,
 //!
 //! m = Σ mₖ,  μ = Σ mₖ μₖ / m,  Σ = Σ mₖ (Σₖ + δₖ δₖᵀ) / m,  δₖ = μₖ − μ,
 //!
@@ -11,8 +11,9 @@
 //! that sees them largest. In mip mode, where the screen adds no light, masses are those of the splats alone.
 //!
 //! The cheapest pair among near neighbours merges, what it has become is priced with its parts' neighbours, and so on;
-//! neighbours are looked for anew whenever a quarter of the splats has gone. The price is `cost::cost`. It knows nothing of
-//! what else hides a splat, so that no bound of what merging does to a picture follows: [`difference`] measures it.
+//! neighbours are looked for anew whenever a quarter of the splats has gone. The price is `cost::cost`. It knows
+//! nothing of what else hides a splat, so that no bound of what merging does to a picture follows: [`difference`]
+//! measures it.
 //!
 //! **Invariant:** the same splats and rates give the same bits, whatever the number of threads.
 
@@ -52,8 +53,8 @@ pub fn rates(splats: &Splats, cameras: &[Camera], near: f64) -> Vec<f64> {
     rates.into_iter().map(rate).collect()
 }
 
-/// Merges neighbours until `share` of the splats is gone (0 to 1), or no pair is left. `rates` are those of [`rates`]; a
-/// splat whose rate is no positive number, which has a number that is not finite, or neither shape nor mass, is left
+/// Merges neighbours until `share` of the splats is gone (0 to 1), or no pair is left. `rates` are those of [`rates`];
+/// a splat whose rate is no positive number, which has a number that is not finite, or neither shape nor mass, is left
 /// alone. `each` hears now and then how many have gone; `None` where it says no.
 pub fn merge(
     splats: &Splats,

@@ -3,8 +3,8 @@
 use crate::train::knn::{LEAF, build};
 use rayon::prelude::*;
 
-/// For each of `points`, at most `count` others that lie nearest, the nearest first. All points must be finite. Those in
-/// one place are neighbours of each other like any.
+/// For each of `points`, at most `count` others that lie nearest, the nearest first. All points must be finite. Those
+/// in one place are neighbours of each other like any.
 pub(super) fn neighbors(points: &[[f32; 3]], count: usize) -> Vec<Vec<u32>> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     build(points, &mut order, 0);

@@ -1,7 +1,7 @@
 //! Constants of the count controller ([`CountController`](crate::simplify::CountController)).
 //!
-//! "Preference" is [`AutoConfig::preference_db`]; "round" is a comparison of the same steps with and without some splats
-//! or SH coefficients.
+//! "Preference" is [`AutoConfig::preference_db`]; "round" is a comparison of the same steps with and without some
+//! splats or SH coefficients.
 
 use super::constants::constants;
 
@@ -48,7 +48,8 @@ constants! {
 
         /// Error lost by half-resolution photographs that never matters, as a share of the error at `full_db`.
         half_size_hidden: f64 = 0.5, 0.0..=1e6;
-        /// Error lost by half-resolution photographs from which full resolution is due, as a share of the scene's error.
+        /// Error lost by half-resolution photographs from which full resolution is due, as a share of the scene's
+        /// error.
         half_size_missed: f64 = 1.0 / 12.0, 0.0..=1e6;
 
         /// Share of the splats that the first round removes.
@@ -80,8 +81,9 @@ constants! {
         sh_all_cost: f64 = 2.0, 0.0..=1e6;
         /// Loss at once, in `sh_all_cost`, above which a round without SH is not tried.
         sh_all_cost_at_once: f64 = 4.0, 0.0..=1e6;
-        /// Share of the last fit that is left when SH coefficients go. Half of them cost four scenes 0.02 to 0.03 dB less
-        /// of test views then than in the round; later, the rest is not fitted to the end (`2026-11-23-harmonics.csv`).
+        /// Share of the last fit that is left when SH coefficients go. Half of them cost four scenes 0.02 to 0.03 dB
+        /// less of test views then than in the round; later, the rest is not fitted to the end
+        /// (`2026-11-23-harmonics.csv`).
         sh_fit_left: f64 = 0.6, 0.0..=1.0;
         /// Views, at most, that reduced colours are fitted to.
         sh_fit_views: u32 = 64, 1..=u32::MAX;

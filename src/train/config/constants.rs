@@ -4,9 +4,9 @@ use crate::{Error, Result};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
-/// Declares a struct of constants: `name: type = default, range;` for each. The struct is read from and written to JSON,
-/// where missing constants have their defaults and unknown ones are refused; `check` names the first constant out of
-/// its range.
+/// Declares a struct of constants: `name: type = default, range;` for each. The struct is read from and written to
+/// JSON, where missing constants have their defaults and unknown ones are refused; `check` names the first constant out
+/// of its range.
 macro_rules! constants {
     ($(#[$about:meta])* $group:ident as $prefix:literal {
         $($(#[$doc:meta])* $name:ident: $kind:ty = $default:expr, $range:expr;)*

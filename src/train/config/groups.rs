@@ -70,15 +70,15 @@ constants! {
         prune_opacity: f32 = 0.005, 1e-6..=BELOW_ONE;
         /// Standard deviation above which a splat is removed, in scene extents: 0.1.
         prune_scale: f32 = 0.1, 0.0..=f32::MAX;
-        /// Radius on the screen since the last refinement above which a splat is removed, pixels; 0: any. 3DGS names 20,
-        /// but its code forgets the radii before the test, so its results are those of 0.
+        /// Radius on the screen since the last refinement above which a splat is removed, pixels; 0: any. 3DGS names
+        /// 20, but its code forgets the radii before the test, so its results are those of 0.
         prune_radius_px: f32 = 0.0, 0.0..=f32::MAX;
         /// Iteration after which `prune_scale` and `prune_radius_px` act: 3,000, the first opacity reset.
         prune_big_from: u32 = 3_000, 0..=u32::MAX;
         /// Iterations between opacity resets while refining: 3,000; 0: none.
         opacity_reset_every: u32 = 3_000, 0..=u32::MAX;
-        /// Opacity after a reset: 0.05. The published 0.01 leaves no gradient to splats of which only a rim shows: there
-        /// they lie below the least alpha that is drawn.
+        /// Opacity after a reset: 0.05. The published 0.01 leaves no gradient to splats of which only a rim shows:
+        /// there they lie below the least alpha that is drawn.
         opacity_reset_value: f32 = 0.05, 1e-6..=BELOW_ONE;
     }
 }
@@ -114,8 +114,8 @@ constants! {
         /// Standard deviation in mean distances to the three nearest points: 1 (3DGS), 0.1 (MCMC in runs of 15,000 or
         /// more).
         scale_factor: f32 = 1.0, 1e-6..=1e6;
-        /// Smallest and largest standard deviation in scene extents: points in one place have no spacing, and a lone point
-        /// far outside would cover every picture.
+        /// Smallest and largest standard deviation in scene extents: points in one place have no spacing, and a lone
+        /// point far outside would cover every picture.
         scale_range: [f64; 2] = [1e-5, 0.1], 1e-9..=1e3;
         /// Standard deviation of a splat without a neighbour, in scene extents.
         lone_scale: f64 = 0.01, 1e-9..=1e3;
@@ -129,8 +129,8 @@ constants! {
         random_cameras: u32 = 32, 1..=u32::MAX;
         /// Smallest number of training views that see a point; others are left out: 0, and 2 against floaters.
         cull_views: u32 = 0, 0..=u32::MAX;
-        /// Distance outside the interval between the quartiles of all points, in its lengths and axis by axis, from which a
-        /// point is left out: 0 for none, and 3 against floaters (Tukey's outer fence).
+        /// Distance outside the interval between the quartiles of all points, in its lengths and axis by axis, from
+        /// which a point is left out: 0 for none, and 3 against floaters (Tukey's outer fence).
         cull_fence: f32 = 0.0, 0.0..=f32::MAX;
     }
 }

@@ -95,8 +95,8 @@ pub struct TrainConfig {
     /// 0: never. What that costs in quality is for measurement to say.
     #[serde(default)]
     pub half_size_until: u32,
-    /// Dilation of splats on half-size photographs, of that on whole ones: 1/4, the same part of the scene, so that splats
-    /// fitted to half the size are not too sharp for the whole.
+    /// Dilation of splats on half-size photographs, of that on whole ones: 1/4, the same part of the scene, so that
+    /// splats fitted to half the size are not too sharp for the whole.
     #[serde(default = "half_size_dilation")]
     pub half_size_dilation: f32,
     /// Where frames and gradients may save work at a bounded error.

@@ -40,8 +40,8 @@ pub struct RefineContext<'a> {
 }
 
 impl RefineContext<'_> {
-    /// How much more than others a row should grow, by its share in errors: the root of it, for a splat whose pixels are
-    /// wrong is worth more splats, but not all of them. 1 where nobody has looked.
+    /// How much more than others a row should grow, by its share in errors: the root of it, for a splat whose pixels
+    /// are wrong is worth more splats, but not all of them. 1 where nobody has looked.
     fn attraction(&self, row: usize) -> f32 {
         self.errors.get(row).map_or(1.0, |error| error.sqrt())
     }

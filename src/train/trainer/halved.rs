@@ -1,5 +1,5 @@
-//! The training views at half their size: a quarter of the pixels to draw. For the first steps of a run, or for as long as
-//! whoever steers it has it so.
+//! The training views at half their size: a quarter of the pixels to draw. For the first steps of a run, or for as long
+//! as whoever steers it has it so.
 
 use super::{IN_FLIGHT, Photos, TrainConfig, Trainer};
 use crate::Result;

@@ -1,5 +1,5 @@
-//! What may be changed between two steps by whoever steers a run: which views it sees and how large, what it goes on from,
-//! how far it may grow. A run that is resumed must be steered alike.
+//! What may be changed between two steps by whoever steers a run: which views it sees and how large, what it goes on
+//! from, how far it may grow. A run that is resumed must be steered alike.
 
 use super::Trainer;
 use crate::train::state::HostState;
@@ -23,7 +23,8 @@ impl Trainer<'_> {
         self.reload(views)
     }
 
-    /// Trains on photographs of half their width and height from now on, or on whole ones. Waits for the last step begun.
+    /// Trains on photographs of half their width and height from now on, or on whole ones. Waits for the last step
+    /// begun.
     pub fn set_half_size(&mut self, half_size: bool) -> Result<()> {
         self.settle()?;
         self.half_size = half_size;

@@ -1,5 +1,5 @@
-//! Files as other programs write them, longer than the catalogue's small tests in `tests/device/stability`; any bytes at all
-//! are the business of `tests/slow/fuzz`, a corpus of damaged files that of `tests/binary/broken.rs`.
+//! Files as other programs write them, longer than the catalogue's small tests in `tests/device/stability`; any bytes
+//! at all are the business of `tests/slow/fuzz`, a corpus of damaged files that of `tests/binary/broken.rs`.
 
 use ashfall::io::colmap::{self, Files};
 use ashfall::io::{Source, ply};

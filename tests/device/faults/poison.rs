@@ -32,9 +32,9 @@ fn others(state: &HostState) -> Vec<u32> {
     sound.flat_map(|(_, four)| four.map(f32::to_bits)).collect()
 }
 
-/// The penalty on scales makes a gradient of the scale itself: e^88 is finite and its square is not. Such a splat is not
-/// drawn; the step says so and names it; its log-scale and the moments of it stay as they were. A splat that is none
-/// has no gradient. All other splats go on alike, to the bit.
+/// The penalty on scales makes a gradient of the scale itself: e^88 is finite and its square is not. Such a splat is
+/// not drawn; the step says so and names it; its log-scale and the moments of it stay as they were. A splat that is
+/// none has no gradient. All other splats go on alike, to the bit.
 #[test]
 fn f076_a_poisoned_gradient_reaches_no_moment_and_is_named() {
     let gpu = device::gpu();

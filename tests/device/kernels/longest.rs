@@ -1,6 +1,6 @@
 //! Lists as long as a tile's may be on a software device, which leaves loops after so many turns and says nothing: what
-//! walks one reaches its far end. Compositing itself and `contribution` are judged where their other tests are, over splats
-//! that all count.
+//! walks one reaches its far end. Compositing itself and `contribution` are judged where their other tests are, over
+//! splats that all count.
 
 use crate::common::check::*;
 use crate::common::lists::view;
@@ -13,7 +13,8 @@ use ashfall::render::list_limit;
 
 const PIXELS: usize = TILE_PIXELS as usize;
 
-/// One tile whose list holds splat 0 once, which half covers every pixel, and splat 1 everywhere else, which is nowhere.
+/// One tile whose list holds splat 0 once, which half covers every pixel, and splat 1 everywhere else, which is
+/// nowhere.
 struct Longest {
     len: usize,
     view: Buffer<View>,

@@ -98,8 +98,8 @@ fn pixels_find_how_far_they_can_go() {
         for (name, scene, lists, ranks, near) in &cases {
             for budget in [0.003f32, 0.3] {
                 let wanted = expected(lists, ranks, f64::from(budget));
-                // The weights that make up a sum err by 2e-5 of what there is at most (see `contribution`); a budget within
-                // so much of a sum may be met or not.
+                // The weights that make up a sum err by 2e-5 of what there is at most (see `contribution`); a budget
+                // within so much of a sum may be met or not.
                 let margin = 2e-5 / f64::from(budget);
                 let unsure =
                     |(near, afforded): (&bool, &PruneLimits)| *near || afforded.margin < margin;

@@ -96,8 +96,8 @@ fn every_pair_has_its_influence() {
             let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
             let wanted =
                 |of: fn(&RemovalError) -> f64| case.expected.iter().map(of).collect::<Vec<_>>();
-            // Weights err as in `contribution`, and colours as in `rasterize`: 2e-5 of what there is. What that makes of the
-            // changes is their slack, which they are judged in units of.
+            // Weights err as in `contribution`, and colours as in `rasterize`: 2e-5 of what there is. What that makes
+            // of the changes is their slack, which they are judged in units of.
             let (tolerance, jump) = (2e-5, 2.0 / 255.0);
             let units = |changes: Vec<f64>| -> Vec<f64> {
                 let of = |(change, wanted): (f64, &RemovalError)| change / wanted.slack.max(1e-30);

@@ -1,4 +1,5 @@
-//! What can go from a scene: the bound held against the oracle at every pixel of every view, on scenes made to break it.
+//! What can go from a scene: the bound held against the oracle at every pixel of every view, on scenes made to break
+//! it.
 
 use crate::common::scenes::{Random, Scene};
 use ashfall::gpu::Gpu;

@@ -57,7 +57,8 @@ fn f029_zoom_sweep() {
     let lab = lab();
     let scene = synth::scene(Kind::Demo);
     let dataset = dataset(&scene);
-    // Training amplifies rounding: one run's gain is uncertain by some steps_of_ten_percent of a decibel, the mean of three less.
+    // Training amplifies rounding: one run's gain is uncertain by some steps_of_ten_percent of a decibel, the mean of
+    // three less.
     let trained = [RenderMode::Default, RenderMode::Mip].map(|mode| {
         [0, 1, 2].map(|seed| {
             let config = TrainConfig {

@@ -195,8 +195,8 @@ fn ranked(module: &[String]) -> String {
     }
 }
 
-/// Paths below the crate that code names: after `crate::` and `super::`, the latter outside of indented blocks of `use`,
-/// which are those of inline modules.
+/// Paths below the crate that code names: after `crate::` and `super::`, the latter outside of indented blocks of
+/// `use`, which are those of inline modules.
 fn imports(path: &str, code: &str) -> Vec<Vec<String>> {
     let module = module_of(path);
     let mut found = Vec::new();

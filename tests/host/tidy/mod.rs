@@ -149,6 +149,11 @@ fn files_and_functions_are_short() {
         &lengths_are_bounded(&[file("src/a.rs", "\n".repeat(501))]),
         &["src/a.rs: 501 lines"],
     );
+    let wide = format!("// {}\n", "é".repeat(118));
+    refuses(
+        &lengths_are_bounded(&[file("src/a.rs", wide)]),
+        &["src/a.rs:1: more than 120"],
+    );
     let body = "    f(\"}\", '{', r#\"}\"#); // }\n".repeat(69);
     let long = format!(
         "struct S {{ a: [u8; 3] }}\n\npub fn long<'a>(x: [f32; 3]) -> u32\n{{\n{body}}}\nfn short() {{}}\n"

@@ -7,6 +7,8 @@ use std::collections::BTreeSet;
 
 /// Lines of a file at most: a whole thought, read in one sitting.
 const FILE_LINES_MAX: usize = 500;
+/// Columns of a line of comment at most; rustfmt sees to code.
+const COLUMNS_MAX: usize = 120;
 /// Lines of a function at most.
 const FUNCTION_LINES_MAX: usize = 70;
 
@@ -145,6 +147,13 @@ pub(crate) fn lengths_are_bounded(files: &[File]) -> Vec<String> {
         let lines = text.lines().count();
         if lines > FILE_LINES_MAX {
             faults.push(format!("{path}: {lines} lines, more than {FILE_LINES_MAX}"));
+        }
+        let is_comment = |line: &str| line.trim_start().starts_with("//");
+        for (number, line) in text.lines().enumerate() {
+            if is_comment(line) && line.chars().count() > COLUMNS_MAX {
+                let place = number + 1;
+                faults.push(format!("{path}:{place}: more than {COLUMNS_MAX} columns"));
+            }
         }
         for (name, line, lines) in functions(&code(text), path.ends_with(".rs")) {
             if lines > FUNCTION_LINES_MAX && !path.starts_with("tests/") {

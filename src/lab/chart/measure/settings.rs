@@ -200,8 +200,8 @@ pub(super) fn of_frames(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Settings of a training step: thresholds. Harmonics that are not drawn and pruned splats have no gradients to compare,
-/// and halves are not trained.
+/// Settings of a training step: thresholds. Harmonics that are not drawn and pruned splats have no gradients to
+/// compare, and halves are not trained.
 pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
