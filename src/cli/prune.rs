@@ -27,7 +27,8 @@ use std::path::PathBuf;
 /// one pixel breaks it. Splats that no training view shows go, too.
 ///
 /// --merge first lets neighbours merge, two into the one that covers what both do as nearly as one can, without
-/// training. No bound of that is proven. What it does to the pictures of the training views is measured and printed by itself:
+/// training. No bound of that is proven. What it does to the pictures of the training views is measured and
+/// printed by itself:
 /// the largest change, its root mean square, and the PSNR of the merged scene against the one before. The proof, its
 /// bound and the change measured beside it are those of what is removed after that, against the merged scene.
 ///

@@ -1,7 +1,8 @@
 //! The stability suite for users: their device, and their scene if they have one.
 //!
 //! `tests/device/stability` is the suite for developers: every failure on record, each with its test. This is the
-//! smaller instrument that goes where the library goes. Each check has a bound, derived where it stands, and a measured value;
+//! smaller instrument that goes where the library goes. Each check has a bound, derived where it stands, and a
+//! measured value;
 //! the result is a [`StressReport`], which [`page`] shows.
 //!
 //! **Invariant:** nothing here reads a file or prints; a check without a measurement has failed.

@@ -54,7 +54,8 @@ impl<'a> CountController<'a> {
         })
     }
 
-    /// Scene with neighbours merged; `None` if merging has cost too much, and in mip mode, where merged splats would lack
+    /// Scene with neighbours merged; `None` if merging has cost too much, and in mip mode, where merged splats
+    /// would lack
     /// a filter.
     fn merged(&self, trainer: &Trainer<'a>, splats: &Splats, left: usize) -> Option<Splats> {
         if self.history.has_detail || trainer.config().mode != RenderMode::Default {
