@@ -45,7 +45,6 @@ const ENGINE: &str = "error layout shader stats scene gpu io metrics kernels ren
 pub(crate) const CIRCLES: &[&str] = &[
     "src/gpu: a circle of caps, create, device, pipeline",
     "src/gpu: a circle of descriptors, frame, host, image, recorder",
-    "src/kernels: a circle of sort, sort_count, sort_scatter",
     "src/render: a circle of band_replay, compatibility, depth_bands, forward, options, scratch",
     "src/simplify/merge: a circle of joint, mass",
 ];
