@@ -1,6 +1,7 @@
 //! Typed arrays on the device.
 
-use super::device::{Gpu, check};
+use super::check::check;
+use super::device::Gpu;
 use crate::{Error, Result};
 use ash::vk;
 use bytemuck::Pod;

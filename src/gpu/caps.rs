@@ -1,6 +1,6 @@
 //! What a device can do: plain data, so that choices made from it can be tested without one.
 
-use super::create::Requirements;
+use super::requirements::Requirements;
 use crate::Error;
 use crate::shader::{KernelInfo, Requirement};
 use ash::vk;

@@ -1,68 +1,16 @@
-//! Makes an instance and a device of our own, and says what a host's device must have.
+//! Creation of an instance and a device of our own.
 
-use super::caps::{Caps, DeviceKind, Limits};
+use super::caps::{Caps, DeviceKind};
+use super::check::check;
 use super::debug::Messages;
-use super::device::{Gpu, Own, Parts, check};
-use super::faults::Faults;
+use super::device::{Gpu, Own, Parts};
+use super::options::GpuOptions;
+use super::requirements::REQUIRED;
 use crate::shader::Requirement;
 use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
 use std::sync::Arc;
-
-/// What a device must have enabled for this crate to run on it; published for hosts.
-#[derive(Clone, Copy, Debug)]
-pub struct Requirements {
-    /// Lowest Vulkan version, as major and minor.
-    pub api: (u32, u32),
-    /// Features that must be enabled, by their names in the Vulkan specification.
-    pub features: &'static [&'static str],
-    /// Features that are used where enabled: presenting to a host's image needs the first.
-    pub optional_features: &'static [&'static str],
-    /// Device extensions.
-    pub extensions: &'static [&'static str],
-    /// Bytes of push constants.
-    pub push_constant_bytes: u32,
-    /// Storage buffers one kernel binds.
-    pub storage_buffers: u32,
-    /// Bytes of shared memory.
-    pub shared_bytes: u32,
-}
-
-/// What this crate asks of a device.
-pub const REQUIRED: Requirements = Requirements {
-    api: (1, 3),
-    features: &[
-        "scalarBlockLayout",
-        "timelineSemaphore",
-        "synchronization2",
-        "maintenance4",
-    ],
-    optional_features: &[
-        "shaderStorageImageWriteWithoutFormat",
-        "subgroupSizeControl",
-    ],
-    extensions: &[],
-    push_constant_bytes: 128,
-    storage_buffers: 14,
-    shared_bytes: 16_384,
-};
-
-/// How to create a device.
-#[derive(Clone, Debug, Default)]
-pub struct GpuOptions {
-    /// Index in the list of [`devices`], or part of a name; `None`: a discrete GPU, else an integrated
-    /// one, else whatever there is.
-    pub device: Option<String>,
-    /// Turns on the validation layer with synchronisation validation, and fills fresh buffers with NaNs.
-    pub validation: bool,
-    /// Most bytes of buffers; `None`: what the device has.
-    pub memory_limit: Option<u64>,
-    /// Failures to be had on purpose, in tests.
-    pub faults: Option<Faults>,
-    /// Where to stay below what the device can do.
-    pub limits: Limits,
-}
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 

@@ -1,8 +1,9 @@
 //! Descriptor sets from an arena that is reset whole.
 
-use super::device::{Gpu, check};
+use super::check::check;
+use super::device::Gpu;
 use super::pipeline::{RawPipeline, descriptor_type};
-use super::recorder::{Slot, SlotKind};
+use super::slot::{Slot, SlotKind};
 use crate::Result;
 use ash::vk;
 

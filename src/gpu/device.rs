@@ -1,11 +1,12 @@
 //! The shared state behind a [`Gpu`]: device, queue, memory.
 
+use super::cache::WeakCache;
 use super::caps::Caps;
-use super::create::GpuOptions;
+use super::check::check;
 use super::debug::Messages;
 use super::faults::Faults;
 use super::memory::{MemoryTracker, MemoryUse};
-use super::pipeline::PipelineCache;
+use super::options::GpuOptions;
 use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::{
@@ -56,20 +57,13 @@ pub(super) struct Shared {
     faults: Option<Faults>,
     memory_limit: u64,
     tracker: Mutex<MemoryTracker>,
-    pub(super) pipelines: PipelineCache,
+    /// Pipelines in use, by module and specialisation constants.
+    pub(super) pipelines: WeakCache<(usize, Vec<u32>)>,
 }
 
 /// Bytes of the blocks that small buffers share; larger buffers have blocks of their own, which go back to
 /// the device with them. The allocator's least, so that little is reserved for nothing.
 const BLOCK_BYTES: u64 = 4 << 20;
-
-/// Turns a Vulkan result into ours.
-pub(super) fn check<T>(call: &'static str, result: ash::prelude::VkResult<T>) -> Result<T> {
-    result.map_err(|code| Error::Vulkan {
-        call,
-        result: format!("{code:?}"),
-    })
-}
 
 impl std::fmt::Debug for Gpu {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -179,7 +173,7 @@ impl Parts {
             poison: options.validation,
             faults: options.faults.clone(),
             tracker: Mutex::default(),
-            pipelines: PipelineCache::default(),
+            pipelines: WeakCache::default(),
         })))
     }
 }

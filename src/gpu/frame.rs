@@ -1,8 +1,9 @@
-//! What one frame in flight owns, and the ring of them.
+//! Ring of frames in flight on one timeline.
 
-use super::buffer::RawBuffer;
+use super::check::check;
 use super::descriptors::Arena;
-use super::device::{Gpu, check};
+use super::device::Gpu;
+use super::frame_slot::{Chunks, FrameSlot};
 use super::hazards::Hazards;
 use super::host::HostCommands;
 use super::recorder::Recorder;
@@ -10,93 +11,7 @@ use super::timing::Timestamps;
 use crate::Result;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use std::any::Any;
 use std::collections::HashSet;
-use std::sync::Arc;
-
-/// Host-visible memory handed out front to back; chunks still in someone's hands are not reused.
-pub(super) struct Chunks {
-    name: &'static str,
-    location: MemoryLocation,
-    chunks: Vec<Arc<RawBuffer>>,
-    current: usize,
-    used: usize,
-}
-
-/// Bytes of a chunk that data to or from the device pass through, unless one piece is larger.
-pub const STAGING_BYTES: usize = 1 << 16;
-
-impl Chunks {
-    fn new(name: &'static str, location: MemoryLocation) -> Chunks {
-        Chunks {
-            name,
-            location,
-            chunks: Vec::new(),
-            current: 0,
-            used: 0,
-        }
-    }
-
-    /// Starts over, dropping chunks that a reader still holds.
-    fn reset(&mut self) {
-        self.chunks.retain(|chunk| Arc::strong_count(chunk) == 1);
-        self.current = 0;
-        self.used = 0;
-    }
-
-    /// `bytes` of a chunk, at an offset that suits any element.
-    pub(super) fn take(&mut self, gpu: &Gpu, bytes: usize) -> Result<(Arc<RawBuffer>, usize)> {
-        loop {
-            match self.chunks.get(self.current) {
-                Some(chunk) if self.used + bytes <= chunk.bytes as usize => {
-                    let offset = self.used;
-                    self.used = (offset + bytes).next_multiple_of(16);
-                    return Ok((chunk.clone(), offset));
-                }
-                Some(_) => {
-                    self.current += 1;
-                    self.used = 0;
-                }
-                None => {
-                    let size = bytes.max(STAGING_BYTES) as u64;
-                    self.chunks
-                        .push(RawBuffer::new(gpu, self.name, size, self.location)?);
-                }
-            }
-        }
-    }
-}
-
-/// One frame in flight.
-pub(super) struct FrameSlot {
-    pool: vk::CommandPool,
-    commands: vk::CommandBuffer,
-    /// The timeline's value when this slot's last submission is done.
-    value: u64,
-    pub(super) arena: Arena,
-    pub(super) staging: Chunks,
-    pub(super) reading: Chunks,
-    pub(super) timestamps: Option<Timestamps>,
-    kept: Vec<Arc<dyn Any + Send + Sync>>,
-    kept_ids: HashSet<usize>,
-}
-
-impl FrameSlot {
-    /// Keeps something alive until the slot comes round again.
-    pub(super) fn keep<K: Any + Send + Sync>(&mut self, used: Arc<K>) {
-        if self.kept_ids.insert(Arc::as_ptr(&used).addr()) {
-            self.kept.push(used);
-        }
-    }
-
-    fn reset(&mut self) -> Result<()> {
-        self.kept.clear();
-        self.kept_ids.clear();
-        self.staging.reset();
-        self.reading.reset();
-        self.arena.reset()
-    }
-}
 
 /// Names a submission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

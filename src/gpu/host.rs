@@ -7,10 +7,11 @@
 //! the frames, as it does for its own resources of each.
 
 use super::caps::Caps;
-use super::create::{GpuOptions, REQUIRED};
 use super::device::{Gpu, Parts, SharedAllocator};
-use super::image::{Image, WHOLE};
+use super::image::{Image, ImageState};
+use super::options::GpuOptions;
 use super::recorder::Recorder;
+use super::requirements::REQUIRED;
 use crate::Result;
 use crate::shader::Requirement;
 use ash::vk;
@@ -126,17 +127,6 @@ impl HostCommands {
     }
 }
 
-/// How an image is used before or after us.
-#[derive(Clone, Copy, Debug)]
-pub struct ImageState {
-    /// Its layout.
-    pub layout: vk::ImageLayout,
-    /// Stages that touch it.
-    pub stage: vk::PipelineStageFlags2,
-    /// How they touch it.
-    pub access: vk::AccessFlags2,
-}
-
 /// A host's storage image to write, with its state before and after.
 #[derive(Clone, Debug)]
 pub struct HostImage {
@@ -185,29 +175,6 @@ impl Recorder<'_> {
     /// Hands a host's image back in the state it asked for.
     pub fn release(&mut self, target: &HostImage) {
         self.transition(&target.image, KERNEL_WRITE, target.after);
-    }
-
-    /// Whatever touched an image as `from` says is done before what touches it as `to` says.
-    pub(super) fn transition(&mut self, image: &Image, from: ImageState, to: ImageState) {
-        let barriers = [vk::ImageMemoryBarrier2::default()
-            .src_stage_mask(from.stage)
-            .src_access_mask(from.access)
-            .dst_stage_mask(to.stage)
-            .dst_access_mask(to.access)
-            .old_layout(from.layout)
-            .new_layout(to.layout)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .image(image.image)
-            .subresource_range(WHOLE)];
-        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: a host's image is in the state that its wrapper's contract says, and ours in that we left it in.
-        unsafe {
-            self.gpu
-                .0
-                .device
-                .cmd_pipeline_barrier2(self.commands, &info)
-        };
     }
 
     /// Ends recording into a host's command buffer.

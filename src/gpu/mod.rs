@@ -14,32 +14,43 @@
 )]
 
 mod buffer;
+mod cache;
 mod caps;
+mod check;
 mod create;
 mod debug;
 mod descriptors;
 mod device;
 mod faults;
 mod frame;
+mod frame_slot;
 mod hazards;
 mod host;
 mod image;
+mod image_transfer;
 mod memory;
+mod options;
 mod pipeline;
 mod recorder;
+mod requirements;
+mod slot;
 mod timing;
 mod transfer;
 
 pub use buffer::{Buffer, PART_ALIGNMENT};
 pub use caps::{Caps, DeviceKind, Limits};
-pub use create::{GpuOptions, REQUIRED, Requirements, devices};
+pub use create::devices;
 pub use device::Gpu;
 pub use faults::Faults;
-pub use frame::{Frames, STAGING_BYTES, Ticket};
+pub use frame::{Frames, Ticket};
+pub use frame_slot::STAGING_BYTES;
 pub use hazards::Hazards;
-pub use host::{HostCommands, HostDevice, HostFeatures, HostImage, HostQueue, ImageState};
-pub use image::Image;
+pub use host::{HostCommands, HostDevice, HostFeatures, HostImage, HostQueue};
+pub use image::{Image, ImageState};
 pub use memory::MemoryUse;
+pub use options::GpuOptions;
 pub use pipeline::Pipeline;
-pub use recorder::{Groups, Readback, Recorder, Slot};
+pub use recorder::{Readback, Recorder};
+pub use requirements::{REQUIRED, Requirements};
+pub use slot::{Groups, Slot};
 pub use transfer::TRANSFER_BYTES;

@@ -1,11 +1,11 @@
 //! A compiled kernel made executable with one set of tunables.
 
-use super::device::{Gpu, check};
+use super::check::check;
+use super::device::Gpu;
 use crate::shader::{BindingKind, KernelInfo};
 use crate::{Error, Result};
 use ash::vk;
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::Arc;
 
 pub(super) struct RawPipeline {
     gpu: Gpu,
@@ -13,26 +13,6 @@ pub(super) struct RawPipeline {
     pub(super) set_layout: vk::DescriptorSetLayout,
     pub(super) layout: vk::PipelineLayout,
     pub(super) handle: vk::Pipeline,
-}
-
-/// Where a module lies, and tunables.
-type Key = (usize, Vec<u32>);
-
-/// The pipelines that somebody holds.
-#[derive(Default)]
-pub(super) struct PipelineCache(Mutex<HashMap<Key, Weak<RawPipeline>>>);
-
-impl PipelineCache {
-    fn find(&self, key: &Key) -> Option<Arc<RawPipeline>> {
-        let made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        made.get(key).and_then(Weak::upgrade)
-    }
-
-    fn insert(&self, key: Key, raw: &Arc<RawPipeline>) {
-        let mut made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        made.retain(|_, raw| raw.strong_count() > 0);
-        made.insert(key, Arc::downgrade(raw));
-    }
 }
 
 /// A kernel ready to be dispatched. Clones share it, and so do all that are asked for while it is held: compiling takes
@@ -87,7 +67,7 @@ impl Pipeline {
         raw.create_layouts()?;
         raw.create_pipeline(spec)?;
         let raw = Arc::new(raw);
-        gpu.0.pipelines.insert(key, &raw);
+        gpu.0.pipelines.insert(key, raw.clone());
         Ok(Pipeline(raw))
     }
 }

@@ -5,10 +5,11 @@
 
 use super::buffer::{Buffer, RawBuffer};
 use super::device::{Gpu, Shared};
-use super::frame::FrameSlot;
+use super::frame_slot::FrameSlot;
 use super::hazards::Hazards;
-use super::image::Image;
+use super::image::{Image, ImageState, WHOLE};
 use super::pipeline::{Pipeline, RawPipeline};
+use super::slot::{Groups, Slot, SlotKind};
 use crate::Result;
 use crate::shader::Access;
 use ash::vk;
@@ -17,78 +18,6 @@ use bytemuck::Pod;
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Something bound to a dispatch: a buffer or an image.
-#[derive(Clone, Copy)]
-pub struct Slot<'a> {
-    pub(super) kind: SlotKind<'a>,
-}
-
-#[derive(Clone, Copy)]
-pub(super) enum SlotKind<'a> {
-    Buffer {
-        raw: &'a Arc<RawBuffer>,
-        offset: u64,
-        /// Bytes, never 0: an empty array is bound with the word that follows.
-        bytes: u64,
-    },
-    Image(&'a Image),
-}
-
-impl<'a, T: Pod> From<&'a Buffer<T>> for Slot<'a> {
-    fn from(buffer: &'a Buffer<T>) -> Slot<'a> {
-        Slot {
-            kind: SlotKind::Buffer {
-                raw: &buffer.raw,
-                offset: buffer.offset,
-                bytes: buffer.reach(),
-            },
-        }
-    }
-}
-
-impl<'a> From<&'a Image> for Slot<'a> {
-    fn from(image: &'a Image) -> Slot<'a> {
-        Slot {
-            kind: SlotKind::Image(image),
-        }
-    }
-}
-
-impl Slot<'_> {
-    fn id(&self) -> u64 {
-        match self.kind {
-            SlotKind::Buffer { raw, .. } => raw.handle.as_raw(),
-            SlotKind::Image(image) => image.image.as_raw(),
-        }
-    }
-}
-
-/// How many workgroups a dispatch has.
-#[derive(Clone, Copy)]
-pub enum Groups<'a> {
-    /// So many in all; folded into a second dimension where the device's limit demands it. Kernels use
-    /// `group_index()` and check bounds.
-    Count(u32),
-    /// A grid.
-    Grid([u32; 3]),
-    /// Read from element `index` of a buffer of three-word records when the dispatch runs.
-    Indirect(Slot<'a>, usize),
-}
-
-impl<'a> Groups<'a> {
-    /// Sizes that the device has computed: element `index` of `args`, whose elements are three words.
-    pub fn indirect<T: Pod>(args: &'a Buffer<T>, index: usize) -> Groups<'a> {
-        assert_eq!(
-            size_of::<T>(),
-            12,
-            "{}: dispatch arguments are three words",
-            args.name()
-        );
-        assert!(index < args.len(), "{}: no element {index}", args.name());
-        Groups::Indirect(args.into(), index)
-    }
-}
 
 /// A piece of a buffer on its way to the host.
 #[derive(Clone)]
@@ -381,6 +310,29 @@ impl<'a> Recorder<'a> {
         if let Some(timestamps) = &mut self.slot.timestamps {
             timestamps.mark(self.commands, label);
         }
+    }
+
+    /// Image barrier: accesses of `from` are done before those of `to`, and the layout changes.
+    pub(super) fn transition(&mut self, image: &Image, from: ImageState, to: ImageState) {
+        let barriers = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(from.stage)
+            .src_access_mask(from.access)
+            .dst_stage_mask(to.stage)
+            .dst_access_mask(to.access)
+            .old_layout(from.layout)
+            .new_layout(to.layout)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image.image)
+            .subresource_range(WHOLE)];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: a host's image is in the state that its wrapper's contract says, and ours in that we left it in.
+        unsafe {
+            self.gpu
+                .0
+                .device
+                .cmd_pipeline_barrier2(self.commands, &info)
+        };
     }
 
     pub(super) fn fail(&mut self, error: crate::Error) {

@@ -1,6 +1,7 @@
 //! Timestamps of one frame.
 
-use super::device::{Gpu, check};
+use super::check::check;
+use super::device::Gpu;
 use crate::Result;
 use ash::vk;
 

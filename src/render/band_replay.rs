@@ -1,23 +1,22 @@
-//! The replay of a frame's bands: what gradients need to meet them again, the farthest first.
+//! State of a frame's depth bands that the gradient passes read, the farthest band first.
 //!
 //! A frame in bands has room for the lists of one band only, so that each is listed once more. A splat's (splat,
 //! tile) pairs are all of one band, and pixels are handed from band to band as they are, so that gradients in bands
 //! have the very bits of those in one go.
 
+use super::capacity::Capacity;
 use super::depth_bands::DepthBands;
-use super::forward::Forward;
-use super::scratch::{Capacity, Scratch};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::layout::{COUNT_BAND_BASE, COUNT_BAND_BEGIN, NOT_LISTED};
+use crate::layout::{COUNT_BAND_BASE, COUNT_BAND_BEGIN};
 
-/// Words that say which splats a band holds: `COUNT_BAND_BEGIN` to `COUNT_BAND_BASE`.
+/// Words of `counts` that hold a band's range of splats: `COUNT_BAND_BEGIN` to `COUNT_BAND_BASE`.
 const OFFSETS: usize = (COUNT_BAND_BASE + 1 - COUNT_BAND_BEGIN) as usize;
 
-/// What each band of a frame has left.
+/// State of each band of a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct BandReplay {
-    /// Where each begins and ends.
+    /// Begin and end of each band, [`OFFSETS`] words a band.
     marks: Buffer<u32>,
     /// One past the last intersection of each that counted, by pixel.
     isect_end_from_pixel: Vec<Buffer<u32>>,
@@ -33,33 +32,28 @@ impl BandReplay {
         })
     }
 
-    /// Keeps what the band that was composited last has left.
-    pub(super) fn keep(&self, rec: &mut Recorder<'_>, s: &Scratch, band: usize) {
+    /// Copies the state of the band that was composited last from the frame's `counts` and `isect_end_from_pixel`.
+    pub(super) fn keep(
+        &self,
+        rec: &mut Recorder<'_>,
+        counts: &Buffer<u32>,
+        isect_end_from_pixel: &Buffer<u32>,
+        band: usize,
+    ) {
         let marks = COUNT_BAND_BEGIN as usize..COUNT_BAND_BASE as usize + 1;
-        rec.copy(&s.counts, marks, &self.marks, OFFSETS * band);
+        rec.copy(counts, marks, &self.marks, OFFSETS * band);
         let ends = &self.isect_end_from_pixel[band];
-        rec.copy(&s.isect_end_from_pixel, 0..ends.len(), ends, 0);
+        rec.copy(isect_end_from_pixel, 0..ends.len(), ends, 0);
+    }
+
+    /// Copies the marks of a band into the frame's `counts`, for listing its pairs once more.
+    pub(super) fn restore(&self, rec: &mut Recorder<'_>, counts: &Buffer<u32>, band: u32) {
+        let marks = OFFSETS * band as usize..OFFSETS * (band as usize + 1);
+        rec.copy(&self.marks, marks, counts, COUNT_BAND_BEGIN as usize);
     }
 
     /// Where the pixels ended in a band.
     pub(crate) fn isect_end_from_pixel(&self, band: u32) -> &Buffer<u32> {
         &self.isect_end_from_pixel[band as usize]
-    }
-}
-
-impl Forward {
-    /// Lists a band of the frame that was recorded last once more; splats of others begin at `NOT_LISTED` then.
-    pub(crate) fn relist(
-        &self,
-        rec: &mut Recorder<'_>,
-        s: &Scratch,
-        replay: &BandReplay,
-        tiles: usize,
-        (band, bands): (u32, DepthBands),
-    ) {
-        let marks = OFFSETS * band as usize..OFFSETS * (band as usize + 1);
-        rec.copy(&replay.marks, marks, &s.counts, COUNT_BAND_BEGIN as usize);
-        rec.fill(&s.emitted_from_splat, NOT_LISTED);
-        self.list_band(rec, s, tiles, 2, (band, bands));
     }
 }

@@ -1,13 +1,9 @@
-//! Whose rules a frame is drawn by.
+//! Drawing rules: this engine's, or those of the 3DGS code.
 
 use super::accuracy::Accuracy;
-use super::options::RenderOptions;
-use crate::Result;
-use crate::gpu::Gpu;
-use crate::kernels::rasterize::Outputs;
-use crate::kernels::{expand, project, rasterize, rasterize_inria};
+use crate::kernels::{expand, project};
 
-/// Whose rules a frame is drawn by: where splats end, and where pixels do.
+/// Drawing rules: extent of splats, largest alpha, and the end of a pixel's list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Compatibility {
     /// This engine's: a splat reaches as far as its alpha is at least 1/255, alphas end at 1 − 2⁻¹⁶, and the splat that
@@ -23,7 +19,7 @@ pub enum Compatibility {
 }
 
 impl Compatibility {
-    /// What the kernels that list splats are compiled with.
+    /// Choices of the kernels that list splats.
     pub(super) fn listing(
         self,
         accuracy: &Accuracy,
@@ -38,32 +34,5 @@ impl Compatibility {
                 (project, expand)
             }
         }
-    }
-}
-
-/// The kernel that composites, by whose rules.
-#[derive(Debug)]
-pub(super) enum Compositor {
-    /// See [`Compatibility::Engine`].
-    Engine(rasterize::Rasterize),
-    /// See [`Compatibility::Inria`].
-    Inria(rasterize_inria::RasterizeInria),
-}
-
-impl Compositor {
-    /// Compiles it.
-    pub(super) fn new(gpu: &Gpu, options: &RenderOptions, outputs: Outputs) -> Result<Compositor> {
-        let caps = gpu.caps();
-        Ok(match options.compatibility {
-            Compatibility::Engine => {
-                let choice = rasterize::Choice::prefer(caps).of_outputs(outputs);
-                let choice = options.accuracy.of_rasterize(choice);
-                Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
-            }
-            Compatibility::Inria => {
-                let choice = rasterize_inria::Choice::of_outputs(outputs);
-                Compositor::Inria(rasterize_inria::RasterizeInria::new(gpu, choice)?)
-            }
-        })
     }
 }

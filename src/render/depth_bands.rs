@@ -6,7 +6,7 @@
 //! band holds is decided on the device; how many bands there may be is decided before, and a frame that was not
 //! done with the last of them says so in its counts.
 
-use super::scratch::Capacity;
+use super::capacity::Capacity;
 use crate::gpu::DeviceKind;
 use crate::layout::*;
 use crate::{Error, Result};

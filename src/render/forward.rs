@@ -1,7 +1,8 @@
 //! The straight line of kernels from splats to an image; this file is the diagram.
 
 use super::accuracy::Accuracy;
-use super::compatibility::Compositor;
+use super::band_replay::BandReplay;
+use super::compositor::Compositor;
 use super::depth_bands::{DepthBands, list_limit};
 use super::model::Model;
 use super::options::RenderOptions;
@@ -108,13 +109,13 @@ impl Forward {
             self.list_band(rec, s, tiles, 1, (band, bands));
             self.composite(rec, s, tiles, (band, bands));
             if let Some(replay) = &s.replay {
-                replay.keep(rec, s, band as usize);
+                replay.keep(rec, &s.counts, &s.isect_end_from_pixel, band as usize);
             }
         }
     }
 
     /// Lists a band's intersections by tile, planned as `stage` says: the next one, or one once more.
-    pub(super) fn list_band(
+    fn list_band(
         &self,
         rec: &mut Recorder<'_>,
         s: &Scratch,
@@ -135,6 +136,20 @@ impl Forward {
         rec.timestamp("expand");
         self.order_by_tile(rec, s, tiles);
         rec.timestamp("sort_tile");
+    }
+
+    /// Lists the pairs of a band of the last frame once more; splats of other bands then begin at `NOT_LISTED`.
+    pub(crate) fn relist(
+        &self,
+        rec: &mut Recorder<'_>,
+        s: &Scratch,
+        replay: &BandReplay,
+        tiles: usize,
+        (band, bands): (u32, DepthBands),
+    ) {
+        replay.restore(rec, &s.counts, band);
+        rec.fill(&s.emitted_from_splat, NOT_LISTED);
+        self.list_band(rec, s, tiles, 2, (band, bands));
     }
 
     /// Every splat to the screen, block by block.

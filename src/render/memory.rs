@@ -3,7 +3,8 @@
 //! A test holds it against what is allocated, name by name, so that neither changes without the other.
 
 use super::blocks::Blocks;
-use super::scratch::{Capacity, DEPTH_SORT, tile_sort_widest};
+use super::capacity::Capacity;
+use super::scratch::{DEPTH_SORT, tile_sort_widest};
 use crate::kernels::rasterize::Outputs;
 use crate::layout::*;
 

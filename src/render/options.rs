@@ -1,9 +1,9 @@
 //! How a renderer is set up.
 
 use super::accuracy::Accuracy;
+use super::capacity::Capacity;
 use super::compatibility::Compatibility;
 use super::precision::Precision;
-use super::scratch::Capacity;
 use crate::kernels::rasterize::Outputs;
 
 /// How a renderer is set up.

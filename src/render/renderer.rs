@@ -1,12 +1,13 @@
 //! Rendering for users: record into a host's commands, or render and read back.
 
+use super::capacity::Capacity;
 use super::compatibility::Compatibility;
 use super::depth_bands::{DepthBands, list_limit};
 use super::forward::Forward;
 use super::memory::isects_expected;
 use super::model::Model;
 use super::options::RenderOptions;
-use super::scratch::{Capacity, Scratch};
+use super::scratch::Scratch;
 use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Recorder, Ticket};
 use crate::kernels::present;

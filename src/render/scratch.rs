@@ -1,65 +1,12 @@
-//! The buffers that a frame works in, sized by a stated capacity.
+//! Buffers of a frame, sized by a stated capacity.
 
 use super::band_replay::BandReplay;
+use super::capacity::Capacity;
 use crate::Result;
-use crate::gpu::{Buffer, Caps, Gpu};
+use crate::gpu::{Buffer, Gpu};
 use crate::kernels::rasterize::Outputs;
 use crate::kernels::sort::{Layout, Pairs, Tables};
 use crate::layout::*;
-
-/// The most that a frame may hold. Fixed while recording; what does not fit is counted, not drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Capacity {
-    /// Splats.
-    pub splats: usize,
-    /// (Splat, tile) pairs.
-    pub isects: usize,
-    /// Pixels.
-    pub pixels: usize,
-    /// Tiles.
-    pub tiles: usize,
-}
-
-impl Capacity {
-    /// Room for next to nothing, for who is about to ask for more.
-    pub const LEAST: Capacity = Capacity {
-        splats: 1,
-        isects: 1,
-        pixels: 1,
-        tiles: 1,
-    };
-
-    /// Room for images of a size.
-    pub fn for_image(splats: usize, isects: usize, width: u32, height: u32) -> Capacity {
-        let tiles = width.div_ceil(TILE_WIDTH) * height.div_ceil(TILE_HEIGHT);
-        Capacity {
-            splats,
-            isects,
-            pixels: width as usize * height as usize,
-            tiles: tiles as usize,
-        }
-    }
-
-    /// What the device can have of it, where a pair takes at most `pair_bytes` of one array: frames that want more
-    /// pairs are drawn in bands. There is always room for the tiles of a splat or two.
-    pub fn within(self, caps: &Caps, pair_bytes: u64) -> Capacity {
-        let most = caps.max_storage_range.min(caps.max_allocation) / pair_bytes;
-        Capacity {
-            isects: self.isects.min(most as usize).max(2 * self.tiles),
-            ..self
-        }
-    }
-
-    /// The larger of both in every respect.
-    pub fn max(self, other: Capacity) -> Capacity {
-        Capacity {
-            splats: self.splats.max(other.splats),
-            isects: self.isects.max(other.isects),
-            pixels: self.pixels.max(other.pixels),
-            tiles: self.tiles.max(other.tiles),
-        }
-    }
-}
 
 /// A frame's buffers. Names say what indexes what: `a_from_b` is indexed by `b` and gives `a`.
 #[derive(Clone, Debug)]

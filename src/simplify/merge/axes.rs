@@ -70,6 +70,11 @@ pub(super) fn mean_shadow(variances: DVec3) -> f64 {
     mean.powf(1.0 / THOMSEN)
 }
 
+/// v vᵀ.
+pub(super) fn square(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

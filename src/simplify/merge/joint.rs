@@ -1,7 +1,8 @@
 //! What two splats have in common, seen from all around.
 
-use super::axes::{axes, mean_shadow};
-use super::mass::MassGaussian;
+use super::axes::{axes, mean_shadow, square};
+use super::mass::{Drawn, MassGaussian, PixelFilter};
+use crate::layout::ALPHA_MAX;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
@@ -61,7 +62,45 @@ impl Joint {
     }
 }
 
-/// v vᵀ.
-pub(super) fn square(v: DVec3) -> DMat3 {
-    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+impl MassGaussian {
+    /// What both are together, and the one that stands for that: its mass, mean and covariance, and the opacity that
+    /// gives that mass; where none does, opaque and larger. `None` where a number leaves its range.
+    pub(super) fn merged(
+        &self,
+        other: &MassGaussian,
+        pen: PixelFilter,
+    ) -> Option<(MassGaussian, Joint)> {
+        let joint = Joint::of(self, other);
+        let mass = self.mass + other.mass - joint.mass;
+        let mix = |a: f64, b: f64| a + joint.share * (b - a);
+        let filter_variance = mix(self.filter_variance, other.filter_variance);
+        // Where the mean is, counted from this one's.
+        let mean = (other.mass * joint.offset - joint.mass * joint.common_offset) / mass;
+        let moment = |part: f64, covariance: DMat3, offset: DVec3| {
+            (covariance + square(offset - mean)) * (part / mass)
+        };
+        let without = DMat3::from_diagonal(DVec3::splat(filter_variance));
+        let mut body = MassGaussian {
+            mean: self.mean + mean,
+            covariance: moment(self.mass, self.covariance, DVec3::ZERO)
+                + moment(other.mass, other.covariance, joint.offset)
+                - moment(joint.mass, joint.covariance - without, joint.common_offset),
+            thinnest: mix(self.thinnest, other.thinnest),
+            filter_variance,
+            opacity: 0.0,
+            mass,
+            drawn: Drawn::NOTHING,
+        };
+        let (shadow, most) = (body.shadow(pen), f64::from(ALPHA_MAX));
+        if mass > most * shadow {
+            // Nothing is more than opaque: what is left over makes it larger.
+            body.covariance *= mass / (most * shadow);
+        }
+        let shadow = body.shadow(pen);
+        body.opacity = (mass / shadow).min(most);
+        body.mass = body.opacity * shadow;
+        body.drawn = Drawn::of(body.covariance, body.filter_variance);
+        body.drawn.amplitude = body.mass / body.drawn.shadow;
+        body.is_sound().then_some((body, joint))
+    }
 }

@@ -1,9 +1,7 @@
 //! A splat as merging sees it: a Gaussian with a mass, and what two of them are together.
 
 use super::axes::{axes, mean_shadow};
-use super::joint::{Joint, square};
 use super::projection::Turned;
-use crate::layout::ALPHA_MAX;
 use crate::scene::{RenderMode, Splats};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -34,12 +32,12 @@ impl PixelFilter {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct MassGaussian {
     pub mean: DVec3,
-    covariance: DMat3,
+    pub(super) covariance: DMat3,
     /// The least variance along any axis, which rounding may lose beside a large one.
-    thinnest: f64,
+    pub(super) thinnest: f64,
     /// The variance that the screen adds, in world units.
     pub filter_variance: f64,
-    opacity: f64,
+    pub(super) opacity: f64,
     /// Opacity × mean shadow: the light that it covers, averaged over all directions.
     pub mass: f64,
     /// As it is drawn: what the screen adds included.
@@ -49,7 +47,7 @@ pub(super) struct MassGaussian {
 /// A Gaussian `amplitude · exp(−½ dᵀ covariance⁻¹ d)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Drawn {
-    amplitude: f64,
+    pub(super) amplitude: f64,
     pub covariance: DMat3,
     pub shadow: f64,
 }
@@ -87,56 +85,15 @@ impl MassGaussian {
         body.is_sound().then_some(body)
     }
 
-    /// What both are together, and the one that stands for that: its mass, mean and covariance, and the opacity that
-    /// gives that mass; where none does, opaque and larger. `None` where a number leaves its range.
-    pub(super) fn merged(
-        &self,
-        other: &MassGaussian,
-        pen: PixelFilter,
-    ) -> Option<(MassGaussian, Joint)> {
-        let joint = Joint::of(self, other);
-        let mass = self.mass + other.mass - joint.mass;
-        let mix = |a: f64, b: f64| a + joint.share * (b - a);
-        let filter_variance = mix(self.filter_variance, other.filter_variance);
-        // Where the mean is, counted from this one's.
-        let mean = (other.mass * joint.offset - joint.mass * joint.common_offset) / mass;
-        let moment = |part: f64, covariance: DMat3, offset: DVec3| {
-            (covariance + square(offset - mean)) * (part / mass)
-        };
-        let without = DMat3::from_diagonal(DVec3::splat(filter_variance));
-        let mut body = MassGaussian {
-            mean: self.mean + mean,
-            covariance: moment(self.mass, self.covariance, DVec3::ZERO)
-                + moment(other.mass, other.covariance, joint.offset)
-                - moment(joint.mass, joint.covariance - without, joint.common_offset),
-            thinnest: mix(self.thinnest, other.thinnest),
-            filter_variance,
-            opacity: 0.0,
-            mass,
-            drawn: Drawn::NOTHING,
-        };
-        let (shadow, most) = (body.shadow(pen), f64::from(ALPHA_MAX));
-        if mass > most * shadow {
-            // Nothing is more than opaque: what is left over makes it larger.
-            body.covariance *= mass / (most * shadow);
-        }
-        let shadow = body.shadow(pen);
-        body.opacity = (mass / shadow).min(most);
-        body.mass = body.opacity * shadow;
-        body.drawn = Drawn::of(body.covariance, body.filter_variance);
-        body.drawn.amplitude = body.mass / body.drawn.shadow;
-        body.is_sound().then_some((body, joint))
-    }
-
     /// The mean shadow that its opacity fills.
-    fn shadow(&self, pen: PixelFilter) -> f64 {
+    pub(super) fn shadow(&self, pen: PixelFilter) -> f64 {
         match pen.keeps_light {
             true => mean_shadow(axes(self.covariance).0.max(DVec3::splat(self.thinnest))),
             false => Drawn::of(self.covariance, self.filter_variance).shadow,
         }
     }
 
-    fn is_sound(&self) -> bool {
+    pub(super) fn is_sound(&self) -> bool {
         let positive = [
             self.mass,
             self.drawn.shadow,
@@ -176,13 +133,13 @@ impl MassGaussian {
 }
 
 impl Drawn {
-    const NOTHING: Drawn = Drawn {
+    pub(super) const NOTHING: Drawn = Drawn {
         amplitude: 0.0,
         covariance: DMat3::ZERO,
         shadow: 0.0,
     };
 
-    fn of(covariance: DMat3, filter_variance: f64) -> Drawn {
+    pub(super) fn of(covariance: DMat3, filter_variance: f64) -> Drawn {
         let covariance = covariance + DMat3::from_diagonal(DVec3::splat(filter_variance));
         let variances = axes(covariance).0.max(DVec3::splat(filter_variance));
         Drawn {
@@ -195,7 +152,9 @@ impl Drawn {
 
 #[cfg(test)]
 mod tests {
+    use super::super::axes::square;
     use super::*;
+    use crate::layout::ALPHA_MAX;
     use crate::train::rng::{self, Stream};
 
     /// A splat of these numbers, in a scene of its own.

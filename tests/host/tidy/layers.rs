@@ -41,14 +41,6 @@ const RANKS: &[(&str, &str)] = &[
 /// Modules that are built without the feature `lab`: `ENGINE` in the table above.
 const ENGINE: &str = "error layout shader stats scene gpu io metrics kernels render train simplify";
 
-/// Circles that are known and not opened yet.
-pub(crate) const CIRCLES: &[&str] = &[
-    "src/gpu: a circle of caps, create, device, pipeline",
-    "src/gpu: a circle of descriptors, frame, host, image, recorder",
-    "src/render: a circle of band_replay, compatibility, depth_bands, forward, options, scratch",
-    "src/simplify/merge: a circle of joint, mass",
-];
-
 /// Imports point down.
 pub(crate) fn ranks_hold(files: &[File]) -> Vec<String> {
     let mut faults = Vec::new();

@@ -1,0 +1,96 @@
+//! Objects that one frame in flight owns.
+
+use super::buffer::RawBuffer;
+use super::descriptors::Arena;
+use super::device::Gpu;
+use super::timing::Timestamps;
+use crate::Result;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::any::Any;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Host-visible memory handed out front to back; chunks still in someone's hands are not reused.
+pub(super) struct Chunks {
+    name: &'static str,
+    location: MemoryLocation,
+    chunks: Vec<Arc<RawBuffer>>,
+    current: usize,
+    used: usize,
+}
+
+/// Bytes of a chunk that data to or from the device pass through, unless one piece is larger.
+pub const STAGING_BYTES: usize = 1 << 16;
+
+impl Chunks {
+    pub(super) fn new(name: &'static str, location: MemoryLocation) -> Chunks {
+        Chunks {
+            name,
+            location,
+            chunks: Vec::new(),
+            current: 0,
+            used: 0,
+        }
+    }
+
+    /// Starts over, dropping chunks that a reader still holds.
+    fn reset(&mut self) {
+        self.chunks.retain(|chunk| Arc::strong_count(chunk) == 1);
+        self.current = 0;
+        self.used = 0;
+    }
+
+    /// `bytes` of a chunk, at an offset that suits any element.
+    pub(super) fn take(&mut self, gpu: &Gpu, bytes: usize) -> Result<(Arc<RawBuffer>, usize)> {
+        loop {
+            match self.chunks.get(self.current) {
+                Some(chunk) if self.used + bytes <= chunk.bytes as usize => {
+                    let offset = self.used;
+                    self.used = (offset + bytes).next_multiple_of(16);
+                    return Ok((chunk.clone(), offset));
+                }
+                Some(_) => {
+                    self.current += 1;
+                    self.used = 0;
+                }
+                None => {
+                    let size = bytes.max(STAGING_BYTES) as u64;
+                    self.chunks
+                        .push(RawBuffer::new(gpu, self.name, size, self.location)?);
+                }
+            }
+        }
+    }
+}
+
+/// One frame in flight.
+pub(super) struct FrameSlot {
+    pub(super) pool: vk::CommandPool,
+    pub(super) commands: vk::CommandBuffer,
+    /// The timeline's value when this slot's last submission is done.
+    pub(super) value: u64,
+    pub(super) arena: Arena,
+    pub(super) staging: Chunks,
+    pub(super) reading: Chunks,
+    pub(super) timestamps: Option<Timestamps>,
+    pub(super) kept: Vec<Arc<dyn Any + Send + Sync>>,
+    pub(super) kept_ids: HashSet<usize>,
+}
+
+impl FrameSlot {
+    /// Keeps something alive until the slot comes round again.
+    pub(super) fn keep<K: Any + Send + Sync>(&mut self, used: Arc<K>) {
+        if self.kept_ids.insert(Arc::as_ptr(&used).addr()) {
+            self.kept.push(used);
+        }
+    }
+
+    pub(super) fn reset(&mut self) -> Result<()> {
+        self.kept.clear();
+        self.kept_ids.clear();
+        self.staging.reset();
+        self.reading.reset();
+        self.arena.reset()
+    }
+}

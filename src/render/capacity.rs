@@ -1,0 +1,58 @@
+//! Capacity of a frame's buffers.
+
+use crate::gpu::Caps;
+use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
+
+/// Largest frame that buffers hold. Fixed while recording; elements beyond it are counted, not drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capacity {
+    /// Splats.
+    pub splats: usize,
+    /// (Splat, tile) pairs.
+    pub isects: usize,
+    /// Pixels.
+    pub pixels: usize,
+    /// Tiles.
+    pub tiles: usize,
+}
+
+impl Capacity {
+    /// Smallest capacity; used before the first `reserve`.
+    pub const LEAST: Capacity = Capacity {
+        splats: 1,
+        isects: 1,
+        pixels: 1,
+        tiles: 1,
+    };
+
+    /// Room for images of a size.
+    pub fn for_image(splats: usize, isects: usize, width: u32, height: u32) -> Capacity {
+        let tiles = width.div_ceil(TILE_WIDTH) * height.div_ceil(TILE_HEIGHT);
+        Capacity {
+            splats,
+            isects,
+            pixels: width as usize * height as usize,
+            tiles: tiles as usize,
+        }
+    }
+
+    /// The capacity within the device's limits, where a pair takes at most `pair_bytes` of one array: frames of more
+    /// pairs are drawn in bands. The tiles of two splats always fit.
+    pub fn within(self, caps: &Caps, pair_bytes: u64) -> Capacity {
+        let most = caps.max_storage_range.min(caps.max_allocation) / pair_bytes;
+        Capacity {
+            isects: self.isects.min(most as usize).max(2 * self.tiles),
+            ..self
+        }
+    }
+
+    /// The larger of both in every respect.
+    pub fn max(self, other: Capacity) -> Capacity {
+        Capacity {
+            splats: self.splats.max(other.splats),
+            isects: self.isects.max(other.isects),
+            pixels: self.pixels.max(other.pixels),
+            tiles: self.tiles.max(other.tiles),
+        }
+    }
+}

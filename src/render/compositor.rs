@@ -1,0 +1,35 @@
+//! The compositing kernel of a renderer.
+
+use super::compatibility::Compatibility;
+use super::options::RenderOptions;
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::kernels::rasterize::Outputs;
+use crate::kernels::{rasterize, rasterize_inria};
+
+/// The compositing kernel of a set of drawing rules.
+#[derive(Debug)]
+pub(super) enum Compositor {
+    /// See [`Compatibility::Engine`].
+    Engine(rasterize::Rasterize),
+    /// See [`Compatibility::Inria`].
+    Inria(rasterize_inria::RasterizeInria),
+}
+
+impl Compositor {
+    /// Compiles it.
+    pub(super) fn new(gpu: &Gpu, options: &RenderOptions, outputs: Outputs) -> Result<Compositor> {
+        let caps = gpu.caps();
+        Ok(match options.compatibility {
+            Compatibility::Engine => {
+                let choice = rasterize::Choice::prefer(caps).of_outputs(outputs);
+                let choice = options.accuracy.of_rasterize(choice);
+                Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
+            }
+            Compatibility::Inria => {
+                let choice = rasterize_inria::Choice::of_outputs(outputs);
+                Compositor::Inria(rasterize_inria::RasterizeInria::new(gpu, choice)?)
+            }
+        })
+    }
+}
