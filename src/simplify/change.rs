@@ -1,4 +1,4 @@
-//! How far pictures have moved, held pixel by pixel against what was promised.
+//! Measured change between two renderings, compared with its proven bound at every pixel.
 
 use super::contribution::{ContributionPass, RenderedTiles};
 use crate::Result;
@@ -6,25 +6,25 @@ use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
 use crate::render::Compatibility;
 use crate::scene::Camera;
 
-/// What was measured.
+/// Change over all pixels of all views.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Change {
-    /// Pixels looked at.
+    /// Pixels compared.
     pub pixels: usize,
-    /// The largest change of any channel of any pixel, where 1 is white.
+    /// Largest change of any channel of any pixel; 1 is white.
     pub most: f64,
-    /// What may change there at most.
+    /// Bound at the pixel and channel of the largest change.
     pub bound_there: f64,
-    /// The largest range of colours of any tile.
+    /// Largest range of colours in any tile.
     pub range: f64,
-    /// The largest change relative to its bound.
+    /// Largest ratio of a change to its bound.
     pub nearest: f64,
-    /// Channels of pixels that changed by more than their bound.
+    /// Number of (pixel, channel) pairs beyond their bound.
     pub broken: usize,
 }
 
-/// What a pixel may have let through when it ended: the splat that ended it counted where the engine draws
-/// ([`crate::render::Accuracy`]); by the rules of the 3DGS code it did not, and covered 0.99 at most.
+/// Upper bound of the transmittance at which a pixel's ray ends. By the engine's rules the splat that ends it still
+/// counts ([`crate::render::Accuracy`]); by those of the 3DGS code it does not, with alpha 0.99 at most.
 fn leak_limit(compatibility: Compatibility) -> f64 {
     match compatibility {
         Compatibility::Engine => 1e-4,
@@ -32,16 +32,17 @@ fn leak_limit(compatibility: Compatibility) -> f64 {
     }
 }
 
-/// What was promised of a scene.
+/// Bounds that a reduced scene was made to satisfy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Promise {
-    /// What the weights of all that it lacks sum to at most, at any pixel.
+    /// Maximum, over pixels, of the summed weights of the removed splats.
     pub weight: f64,
-    /// By how much a channel of a splat's colour is off at most.
+    /// Maximum error of any channel of a splat's colour.
     pub color: f64,
 }
 
-/// Draws all views by both and compares them, where `after` is what was promised. `None` where `go_on` says no.
+/// Renders all views of both scenes and compares them; `promise` is the bound of `after`. `None` if `go_on` returns
+/// false.
 ///
 /// # Errors
 /// As [`ContributionPass::losses`].
@@ -95,7 +96,7 @@ impl Change {
 
     fn take(&mut self, moved: f64, bound: f64, range: f64) {
         self.range = self.range.max(range);
-        // A number that is none is no change to be content with.
+        // NaN counts as beyond the bound.
         if moved.is_nan() || moved > bound {
             self.broken += 1;
         }
@@ -108,9 +109,9 @@ impl Change {
     }
 }
 
-/// By how much two pictures of a pixel with so many splats may differ from those of exact arithmetic. The n-th weight
-/// is a product of 2 n rounded factors, its term one more, and n terms are summed: 3 n + 1 roundings of 2⁻²⁴ of what is
-/// a mixture of colours, the background's share included, in each picture.
+/// Rounding error of two renderings of a pixel with so many splats. The n-th weight is a product of 2 n rounded
+/// factors, its term one more, and n terms are summed: 3 n + 1 roundings of 2⁻²⁴, relative to a mixture of colours and
+/// the background, in each picture.
 fn rounding(splats: u32, low: f64, high: f64) -> f64 {
     let roundings = 2.0 * (3.0 * f64::from(splats) + 4.0);
     roundings * 2f64.powi(-24) * high.abs().max(low.abs())

@@ -1,4 +1,4 @@
-//! What every splat of a scene weighs, view by view.
+//! Contribution of every splat of a scene to its views.
 
 mod record;
 
@@ -12,76 +12,76 @@ use crate::render::{
 use crate::scene::{Camera, Splats};
 use crate::{Error, Result};
 
-/// How views are looked at.
+/// Options of a contribution pass.
 #[derive(Clone, Copy, Debug)]
 pub struct PassOptions {
-    /// Splats nearer than this along z are not drawn; world units.
+    /// Near plane along z, world units; nearer splats are not drawn.
     pub near: f32,
-    /// Colour behind everything.
+    /// Background colour.
     pub background: [f32; 3],
-    /// Whose rules pictures are drawn by.
+    /// Rasterisation rules: the engine's or those of the 3DGS code.
     pub compatibility: Compatibility,
 }
 
-/// What some pixels would lose with a splat.
+/// Contribution of a splat over all pixels of some views.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplatContribution {
-    /// The largest, over the pixels where it counts, of its weight and what is spent there together; 0 where it
-    /// counts nowhere.
+    /// Maximum over pixels of (weight + budget already spent); 0 if the splat has no weight anywhere.
     pub most: f32,
-    /// The sum of its weights.
+    /// Sum of the weights.
     pub sum: f32,
-    /// The lowest rank, over the pixels where it counts, up to which all can go; huge where it counts nowhere.
+    /// Minimum over its pixels of the highest rank up to which all splats can go; huge if the splat has no weight
+    /// anywhere.
     pub limit: f32,
 }
 
-/// What a splat does to a picture.
+/// Effect of a splat on one picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RemovalError {
-    /// The sum, over the pixels, of the shares of their colours that it makes up.
+    /// Sum of the splat's weights over the pixels.
     pub weight: f32,
-    /// The sum of those shares times the pixels' errors.
+    /// Sum of weight × pixel error.
     pub error: f32,
-    /// The sum, over pixels and channels, of the squares of what would change without it.
+    /// Sum over pixels and channels of the squared change by removal of the splat.
     pub change: f32,
 }
 
-/// The error of each pixel of a picture, whose planes it is given, one channel after the other.
+/// Function from a picture's planes, one channel after the other, to the error of each pixel.
 pub type PixelErrors<'a> = &'a dyn Fn(&[f32]) -> Vec<f32>;
 
-/// What a view is drawn for.
+/// Purpose of drawing a view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Purpose {
-    /// Its picture.
+    /// The picture.
     Show,
-    /// What pixels that can lose so much would lose with every splat.
+    /// Contribution of every splat at pixels with this budget.
     Losses(f32),
 }
 
-/// A picture, and what its tiles hold.
+/// Rendered picture with the statistics of its tiles.
 #[derive(Clone, Debug)]
 pub struct RenderedTiles {
-    /// Red, green, blue and transmittance, a plane each.
+    /// Planes of red, green, blue and transmittance.
     pub planes: Vec<f32>,
-    /// By tile: smallest and largest value of each channel over the splats listed for it and the background.
+    /// By tile: minimum and maximum of each channel over its splats and the background.
     pub range_from_tile: Vec<[[f32; 2]; 3]>,
-    /// By tile: splats listed for it.
+    /// By tile: number of splats.
     pub count_from_tile: Vec<u32>,
 }
 
-/// Ranks that are told apart: 1 to this. Rank 0 is what has been taken out.
+/// Number of ranks: 1 to this. Rank 0 marks removed splats.
 pub(super) const RANKS: usize = 255;
 
-/// The rank of what stays.
+/// Rank of splats that stay.
 pub(super) const STAYS: f32 = 1e9;
 
-/// Steps of the search for the largest of [`RANKS`].
+/// Step sizes of the search for the highest rank, up to [`RANKS`].
 const STEPS: [f32; 4] = [64.0, 16.0, 4.0, 1.0];
 
-/// Bytes that a (splat, tile) pair takes of any one array.
+/// Largest element, in bytes, of the arrays with one element per (splat, tile) pair.
 const ISECT_BYTES: u64 = 12;
 
-/// Walks over a scene's views.
+/// Pass over the views of a scene.
 pub struct ContributionPass {
     gpu: Gpu,
     pass_options: PassOptions,
@@ -89,7 +89,7 @@ pub struct ContributionPass {
     resources: Resources,
 }
 
-/// What is weighed, what with, and what comes of it.
+/// Kernels, scene and buffers.
 struct Resources {
     model: Model,
     forward: Forward,
@@ -97,14 +97,14 @@ struct Resources {
     contribution: contribution::Contribution,
     removal_error: removal_error::RemovalError,
     sum_by_splat: sum_by_splat::SumBySplat,
-    /// Of sums alone.
+    /// Sums only, without maxima and minima.
     total: sum_by_splat::SumBySplat,
     buffers: ViewBuffers,
     totals: Buffer<[f32; 3]>,
     ranks: Buffer<f32>,
 }
 
-/// What one view takes.
+/// Buffers of one view.
 struct ViewBuffers {
     scratch: Scratch,
     spent: Buffer<f32>,
@@ -125,7 +125,7 @@ impl ViewBuffers {
 }
 
 impl ContributionPass {
-    /// Brings a scene to the device.
+    /// Uploads a scene to the device.
     pub fn new(gpu: &Gpu, splats: &Splats, pass_options: PassOptions) -> Result<ContributionPass> {
         let caps = gpu.caps();
         let inria = u32::from(pass_options.compatibility == Compatibility::Inria);
@@ -168,7 +168,7 @@ impl ContributionPass {
         })
     }
 
-    /// How views are looked at.
+    /// Options of the pass.
     pub fn pass_options(&self) -> &PassOptions {
         &self.pass_options
     }
@@ -178,12 +178,11 @@ impl ContributionPass {
         self.resources.model.splat_count
     }
 
-    /// The loss of each splat over all the views. `ranks` says by splat what is gone (0), what may go (1 to 255) and
-    /// what stays (more), `budget` what a pixel can lose. `None` where `go_on`, which is asked before every view,
-    /// says no.
+    /// Contribution of each splat over all views. `ranks` by splat: 0 removed, 1 to 255 candidate, more stays.
+    /// `budget`: the summed weight that a pixel can lose. `None` if `go_on`, called before every view, returns false.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] where a view has more pairs of splats and tiles than a binding of the device reaches.
+    /// [`Error::Unsupported`] if a view has more (splat, tile) pairs than a binding of the device can address.
     pub fn losses(
         &mut self,
         cameras: &[Camera],
@@ -208,7 +207,7 @@ impl ContributionPass {
         Ok(Some(totals.into_iter().map(loss).collect()))
     }
 
-    /// What each splat does to a view, whose pixels have the errors that `judge` finds.
+    /// Effect of each splat on a view. `judge` computes the error of each pixel; `None`: all 0.
     ///
     /// # Errors
     /// As [`ContributionPass::losses`].
@@ -244,7 +243,7 @@ impl ContributionPass {
         Ok(totals.into_iter().map(removal_error).collect())
     }
 
-    /// Draws a view with all its colours.
+    /// Renders a view at the scene's full SH degree.
     ///
     /// # Errors
     /// As [`ContributionPass::losses`].
@@ -288,7 +287,7 @@ impl ContributionPass {
         view_of(camera, &options)
     }
 
-    /// Draws a view for a purpose; returns the counts.
+    /// Draws a view for a purpose; returns the kernels' counters.
     fn draw(&mut self, camera: &Camera, sh_degree: u32, purpose: Purpose) -> Result<Vec<u32>> {
         let view = self.view(camera);
         self.reserve(
@@ -316,7 +315,7 @@ impl ContributionPass {
         }
     }
 
-    /// Makes buffers for a view that did not fit.
+    /// Grows the buffers for a view that did not fit.
     fn enlarge(&mut self, camera: &Camera, counts: &[u32]) -> Result<()> {
         if counts[COUNT_LIST_TOO_LONG as usize] != 0 {
             let limit = list_limit(self.gpu.caps().kind);
@@ -347,7 +346,7 @@ impl ContributionPass {
         let wanted = Capacity::for_image(count, isects, camera.width, camera.height);
         let capacity = had.max(wanted).within(self.gpu.caps(), ISECT_BYTES);
         if capacity != had {
-            // The old buffers go first: there may not be buffers for both.
+            // The old buffers are freed first: memory may not hold both.
             self.frames.release()?;
             self.resources.buffers = ViewBuffers::new(&self.gpu, Capacity::LEAST)?;
             self.resources.buffers = ViewBuffers::new(&self.gpu, capacity)?;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Use of photographs at half width and height.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HalfResolution {
-    /// Iteration after which photographs are whole; 0: from the first on.
+    /// Iteration after which photographs have full size; 0: from the first on.
     pub until: u32,
     /// Highest PSNR of the held-out views that half resolution allows, decibels; `None`: no limit.
     pub limit_db: Option<f64>,

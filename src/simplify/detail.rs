@@ -1,4 +1,4 @@
-//! What photographs of half the size cannot tell.
+//! Detail of photographs that is lost at half size.
 
 use crate::Result;
 use crate::io::photo::{half, load, reduce};
@@ -7,8 +7,8 @@ use crate::metrics::{Image, mean_squared_error};
 use crate::scene::{AlphaMode, Dataset, Photo};
 use crate::stats::mean;
 
-/// The mean squared error between the views' photographs, as training compares with them, and their halves brought back
-/// to full size: what a scene is off by that has been fitted to the halves as well as can be.
+/// Mean squared error between the views' photographs, as training compares with them, and their halves enlarged to full
+/// size: the error of a scene fitted perfectly to the halves.
 pub(super) fn lost_by_halving(
     dataset: &Dataset,
     views: &[usize],
@@ -29,11 +29,11 @@ fn lost(photo: &Photo, alpha: AlphaMode, background: [f32; 3]) -> f64 {
     let back = enlarged(&halved, [photo.width, photo.height]);
     let [a, b] = [&back, &whole.rgb].map(|rgb| Image::new(photo.width, photo.height, rgb));
     let lost = mean_squared_error(a, b, whole.weights.as_deref());
-    // Without a pixel that counts nothing is lost.
+    // No pixel counts: no loss.
     if lost.is_finite() { lost } else { 0.0 }
 }
 
-/// A picture at another size: between the pixels' centres, linearly; pixels count as their weights say.
+/// A picture resized by bilinear interpolation between pixel centres, with the pixels' weights.
 fn enlarged(from: &Target, [width, height]: [u32; 2]) -> Vec<[f32; 3]> {
     let (columns, rows) = (pairs(from.width, width), pairs(from.height, height));
     let pixel = |row: &Pair, column: &Pair| {
@@ -54,10 +54,10 @@ fn enlarged(from: &Target, [width, height]: [u32; 2]) -> Vec<[f32; 3]> {
     rows.iter().flat_map(row).collect()
 }
 
-/// Two neighbours and the share of each.
+/// Two neighbouring pixels, each with its weight.
 type Pair = [(usize, f32); 2];
 
-/// By pixel of the longer line, the pixels of the shorter one that its centre lies between.
+/// By pixel of the longer line, the two pixels of the shorter one around its centre.
 fn pairs(short: u32, long: u32) -> Vec<Pair> {
     let step = f64::from(short) / f64::from(long);
     let last = f64::from(short.saturating_sub(1));
@@ -74,7 +74,7 @@ fn pairs(short: u32, long: u32) -> Vec<Pair> {
 mod tests {
     use super::*;
 
-    /// A grey photograph of these levels.
+    /// A grey photograph; `level` gives (grey, alpha) of each pixel.
     fn photo(width: u32, height: u32, level: impl Fn(u32, u32) -> [u8; 2]) -> Photo {
         let pixel = |i: u32| {
             let [level, alpha] = level(i % width, i / width);
@@ -124,7 +124,7 @@ mod tests {
             )
         };
         assert!(lost(&masked(255), AlphaMode::Mask) < 1e-12);
-        // Over a background its border does.
+        // Composited over a background, the mask's edge counts.
         assert!(lost(&masked(255), AlphaMode::Composite) > 1e-3);
         let nothing = photo(4, 4, |_, _| [9, 0]);
         assert_eq!(lost(&nothing, AlphaMode::Mask), 0.0);

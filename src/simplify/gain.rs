@@ -1,30 +1,30 @@
-//! What more splats are worth: decibels on held-out views, view by view, for every tenth more.
+//! Gain of more splats: PSNR difference on held-out views, by view, per tenth more splats.
 
 use crate::stats::{mean, student_t_95};
 
-/// A mean over views, with the bounds that it lies within at 95 % each (Student's t).
+/// Mean over views with its two one-sided 95 % bounds (Student's t).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Over the views.
+    /// Mean over the views.
     pub mean: f64,
-    /// The true mean lies below this in one case of twenty.
+    /// Lower bound: the true mean is below it with probability 1/20.
     pub low: f64,
-    /// The true mean lies above this in one case of twenty.
+    /// Upper bound: the true mean is above it with probability 1/20.
     pub high: f64,
 }
 
-/// How many times a tenth more `after` is than `before`; negative if it is less.
+/// Number of 10 % steps from `before` to `after`; negative if `after` is smaller.
 pub fn steps_of_ten_percent(before: usize, after: usize) -> f64 {
     (after.max(1) as f64 / before.max(1) as f64).ln() / 1.1_f64.ln()
 }
 
-/// By view, what the second scores are above the first.
+/// By view, `after` − `before`.
 pub fn differences(before: &[f64], after: &[f64]) -> Vec<f64> {
     assert_eq!(before.len(), after.len(), "scores of the same views");
     before.iter().zip(after).map(|(b, a)| a - b).collect()
 }
 
-/// The mean of some numbers, and its bounds: of a single one nothing is known but itself.
+/// Mean of some numbers and its bounds; the bounds of a single number are the number itself.
 pub fn estimate(numbers: &[f64]) -> Estimate {
     let mean = mean(numbers);
     let freedom = numbers.len().saturating_sub(1);
@@ -45,7 +45,7 @@ pub fn estimate(numbers: &[f64]) -> Estimate {
     }
 }
 
-/// The mean squared error, over all views, of views that have such PSNR; decibels.
+/// Mean squared error over views of these PSNR, decibels.
 pub fn error(psnr_db: &[f64]) -> f64 {
     let error = |psnr: &f64| 10_f64.powf(-psnr / 10.0);
     let errors: Vec<f64> = psnr_db.iter().map(error).collect();
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn bounds_are_those_of_students_t() {
-        // Mean 2, standard deviation 1, three of them: 2.92 / √3.
+        // Mean 2, standard deviation 1, three samples: 2.92 / √3.
         let found = estimate(&[1.0, 2.0, 3.0]);
         assert!((found.mean - found.low - 2.920 / 3_f64.sqrt()).abs() < 1e-9);
         assert!((found.high - found.mean - 2.920 / 3_f64.sqrt()).abs() < 1e-9);

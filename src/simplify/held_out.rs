@@ -1,5 +1,5 @@
-//! Held-out views: training views that are kept from training until the splat count is decided. Test views are never
-//! among them.
+//! Held-out views: training views excluded from training until the splat count is fixed. Test views are never among
+//! them.
 
 use crate::Result;
 use crate::render::Evaluator;
@@ -8,20 +8,20 @@ use crate::stats::mean;
 use crate::train::config::AutoConfig;
 
 impl AutoConfig {
-    /// Whether no view has a visible error.
+    /// Whether every view is without visible error.
     pub(super) fn is_full(&self, psnr_db: &[f64]) -> bool {
         psnr_db.iter().all(|&psnr| psnr >= self.full_db)
     }
 
-    /// Mean distance of the views from a PSNR without visible error, decibels.
+    /// Mean shortfall of the views from the PSNR without visible error, decibels.
     pub(super) fn short_of_full(&self, psnr_db: &[f64]) -> f64 {
         let short: Vec<f64> = psnr_db.iter().map(|psnr| self.full_db - psnr).collect();
         mean(&short)
     }
 }
 
-/// Indices of the training views: those trained on, and the held-out ones, which lie evenly among them. With too few
-/// views none is held out, and both lists are all views.
+/// Indices of the training views: those trained on, and the held-out ones, spread evenly among them. With too few views
+/// none is held out, and both lists are all views.
 pub fn split_views(dataset: &Dataset, config: &AutoConfig) -> (Vec<usize>, Vec<usize>) {
     let views = dataset.split(Split::Train);
     let least = config.held_out_min as usize;
@@ -29,14 +29,14 @@ pub fn split_views(dataset: &Dataset, config: &AutoConfig) -> (Vec<usize>, Vec<u
     if views.len() < 2 * least + 2 {
         return (views.clone(), views);
     }
-    // Middles of equal ranges: neighbours on both sides are trained on.
+    // Middles of equal ranges, so that neighbours on both sides are trained on.
     let place = |k: usize| (2 * k + 1) * views.len() / (2 * count);
     let held_out: Vec<usize> = (0..count).map(|k| views[place(k)]).collect();
     let others = views.iter().copied().filter(|v| !held_out.contains(v));
     (others.collect(), held_out)
 }
 
-/// PSNR of each of the evaluator's views, decibels, at most `most`; 0 where the rendering is not finite.
+/// PSNR of each of the evaluator's views, decibels, at most `most`; 0 if the rendering is not finite.
 pub(super) fn psnr_db(
     evaluator: &mut Evaluator<'_>,
     splats: &Splats,

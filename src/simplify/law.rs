@@ -1,12 +1,12 @@
-//! The law that quality follows over the number of splats, and its knee.
+//! Law of quality over the number of splats, and its knee.
 
 use crate::stats::Line;
 use serde::{Deserialize, Serialize};
 
-/// The law PSNR = a − b N^−γ, which the quality of a scene follows over its splats.
+/// The law PSNR = a − b N^−γ of a scene with N splats.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Law {
-    /// What is approached, decibels.
+    /// a: the limit for N → ∞, decibels.
     pub limit_db: f64,
     /// b.
     pub factor: f64,
@@ -14,12 +14,12 @@ pub struct Law {
     pub exponent: f64,
 }
 
-/// Exponents that are tried.
+/// Candidate exponents γ, in twentieths.
 const EXPONENTS: std::ops::RangeInclusive<u32> = 1..=60;
 
 impl Law {
-    /// Through (splats, decibels), by least squares; `None` where they do not rise with the splats, or are less than
-    /// three.
+    /// Least-squares fit to (splats, decibels); `None` for fewer than three points, or if they do not rise with the
+    /// splats.
     pub fn through(points: &[[f64; 2]]) -> Option<Law> {
         if points.len() < 3 {
             return None;
@@ -29,21 +29,21 @@ impl Law {
         best.map(|(_, law)| law).filter(|law| law.factor > 0.0)
     }
 
-    /// Decibels of so many splats.
+    /// PSNR with `splats` splats, decibels.
     pub fn at(&self, splats: f64) -> f64 {
         self.limit_db - self.factor * splats.powf(-self.exponent)
     }
 
-    /// Where a tenth more splats gives no more than `gain` decibels.
+    /// Number of splats at which a tenth more gives `gain` decibels.
     pub fn knee(&self, gain: f64) -> f64 {
         let share = self.factor * (1.0 - 1.1_f64.powf(-self.exponent));
         (share / gain).powf(1.0 / self.exponent)
     }
 }
 
-/// The law of an exponent that comes nearest, and the sum of its squares.
+/// Best fit at a given exponent, and its sum of squared residuals.
 fn fit(points: &[[f64; 2]], exponent: f64) -> Option<(f64, Law)> {
-    // Counts in units of the first: powers of large numbers leave nothing to reckon with.
+    // Counts in units of the first: powers of large numbers would lose precision.
     let unit = points[0][0].max(1.0);
     let xs: Vec<f64> = points
         .iter()

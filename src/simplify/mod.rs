@@ -1,25 +1,24 @@
-//! No more than a scene needs: what can go from a scene at an error that is proven, and the proof's check.
+//! Simplification: reduction of a scene's splats and SH within a proven error, and the measured check of the bound.
 //!
-//! With C = Σ cᵢ wᵢ + T · background, wᵢ = αᵢ Tᵢ, and Bᵢ what is seen through splat i, leaving splat i out changes a
-//! pixel by wᵢ (Bᵢ − cᵢ). Take the splats of a set S out one after the other, the farthest first: each leaves the
-//! transmittance before those nearer than it alone, so that each is taken out at the weight that it has in the whole
-//! picture, and Bᵢ, a mixture of colours that are left and the background, lies within their range. So
+//! With C = Σ cᵢ wᵢ + T · background, wᵢ = αᵢ Tᵢ, and Bᵢ the colour seen through splat i, removing splat i changes a
+//! pixel by wᵢ (Bᵢ − cᵢ). Remove the splats of a set S one after the other, the farthest first: each leaves the
+//! transmittance before nearer splats unchanged, so that each is removed at its weight in the full picture, and Bᵢ, a
+//! mixture of remaining colours and the background, lies within their range. So
 //!
-//! |ΔC| ≤ Σ_S wᵢ · range, with the weights of the whole picture,
+//! ΔC| ≤ Σ_S wᵢ · range, with the weights of the full picture,
 //!
-//! channel by channel, where the range is that of the channel over the pixel's splats and the background (harmonics may
-//! leave 0 to 1). A pixel that ended early, with T < t left of the light, may show more of what lies behind it once
-//! something is gone; as if that had been added first, which costs T · range, and S been taken out then. In all
+//! channel by channel, where the range is that of the channel over the pixel's splats and the background (SH colours
+//! may leave 0 to 1). A ray that ended early, with transmittance T < t, may reach farther splats after a removal; as if
+//! those had been added first, at a cost of T · range, and S been removed then. In total
 //!
-//! |ΔC| ≤ (Σ_S wᵢ + T \[T < t\]) · range, and rounding.
+//! ΔC| ≤ (Σ_S wᵢ + T \[T < t\]) · range, and rounding.
 //!
-//! Colours that are off by δ at most, as [`reduce_harmonics`] leaves them, move a pixel by δ at most, since the weights
-//! sum to no more than 1; and widen its range by 2 δ.
+//! Colour errors of at most δ, as from [`reduce_harmonics`], move a pixel by at most δ, since the weights sum to no
+//! more than 1, and widen its range by 2 δ.
 //!
-//! [`prune`] finds a set whose weights sum to no more than a budget at every pixel of every view it is given, and
-//! [`measure`] holds the pictures against what this promises, pixel by pixel. That no set could be larger is not
-//! claimed: this is a packing problem with a constraint a pixel, and those are hard. It is claimed that nothing is left
-//! that could be added.
+//! [`prune`] finds a set with summed weights within a budget at every pixel of every given view, and [`measure`]
+//! compares the pictures with the bound at every pixel. The set is not the largest possible, which is a hard packing
+//! problem with one constraint per pixel, but no splat can be added to it.
 //!
 //! **Invariant:** the same scene, views and budget give the same set on the same device.
 //!

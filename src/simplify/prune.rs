@@ -1,29 +1,29 @@
-//! Which splats can go: a set whose weights sum to no more than a budget at every pixel.
+//! Pruning: a set of splats with summed weights within a budget at every pixel.
 
 use super::contribution::{ContributionPass, RANKS, STAYS, SplatContribution};
 use crate::Result;
 use crate::scene::{Camera, Splats};
 
-/// How far sums in `f32` may be below what they stand for, relatively: a pixel's n-th weight is a product of 2n rounded
-/// factors, and n of them are summed, which comes to 3 n 2⁻²⁴; a thousandth is n = 5,600.
+/// Relative rounding error of sums in `f32`: a pixel's n-th weight is a product of 2n rounded factors, and n of them
+/// are summed, which comes to 3 n 2⁻²⁴; a thousandth is n = 5,600.
 const ROUNDING: f64 = 1e-3;
 
-/// What was found.
+/// Result of [`prune`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pruned {
-    /// By splat: whether it can go.
+    /// By splat: whether it can be removed.
     pub removed: Vec<bool>,
-    /// How many those are.
+    /// Number of removed splats.
     pub count: usize,
-    /// How many of them no view shows.
+    /// Removed splats without weight in any view.
     pub unseen: usize,
-    /// How many contribution no more than the budget wherever they are seen: no more than these could go.
+    /// Splats with no weight above the budget: an upper bound of `count`.
     pub light: usize,
-    /// How often all views were walked over.
+    /// Number of passes over all views.
     pub rounds: usize,
 }
 
-/// Whether a splat goes.
+/// Decision on a splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fate {
     Open,
@@ -31,13 +31,13 @@ enum Fate {
     Stays,
 }
 
-/// Finds splats whose weights sum to no more than `error` at every pixel of every view, such that none could be added:
-/// what the greedy rule takes that goes through the splats from the one with the smallest sum of weights over all views
-/// on, and takes each that still fits.
+/// Finds splats with weights that sum to at most `error` at every pixel of every view, such that none can be added: the
+/// result of the greedy rule that takes, in ascending order of the sum of weights over all views, each splat that still
+/// fits.
 ///
-/// Not one after the other: each round ranks the splats that are still open, and every pixel finds the rank up to
-/// which it could lose all of them. A splat within the limit of all its pixels goes, whatever is decided of others; one
-/// that a pixel cannot lose even alone, beside what has gone, stays. `None` where `go_on` says no.
+/// The rule is run in parallel rounds: each ranks the open splats, and every pixel finds the rank up to which it could
+/// lose all of them. A splat within the limit of all its pixels goes, independently of later ones; one that some pixel
+/// cannot lose even alone, beside those already removed, stays. `None` if `go_on` returns false.
 ///
 /// # Errors
 /// As [`ContributionPass::losses`].
@@ -75,10 +75,10 @@ pub fn prune(
         order.retain(|&i| fates[i] == Fate::Open);
         let stuck = order.len() == open;
         if stuck && fine {
-            // Only where two ways of summing round to either side of the budget.
+            // Only if two orders of summation round to either side of the budget.
             fates[order.remove(0)] = Fate::Stays;
         }
-        // Ranks of many splats each may all be too much somewhere: then the first few get ranks of their own.
+        // If even the first rank, of many splats, exceeds a budget, the first few splats get ranks of their own.
         fine = stuck;
     }
     let removed: Vec<bool> = fates.iter().map(|&fate| fate == Fate::Goes).collect();
@@ -91,7 +91,7 @@ pub fn prune(
     }))
 }
 
-/// What a splat's own weights say.
+/// Decision from a splat's own weights alone.
 fn fate(loss: &SplatContribution, budget: f32) -> Fate {
     match loss.most {
         most if most > budget => Fate::Stays,
@@ -100,8 +100,8 @@ fn fate(loss: &SplatContribution, budget: f32) -> Fate {
     }
 }
 
-/// By splat, its rank: that of those that are open by their order, as many to each as there must be, or the first ones
-/// alone, one to each.
+/// Rank of each splat: open splats by `order`, with the smallest equal number per rank that fits, or, if `fine`, the
+/// first [`RANKS`] alone, one per rank.
 fn ranks(fates: &[Fate], order: &[usize], fine: bool) -> Vec<f32> {
     let rank = |fate: &Fate| match fate {
         Fate::Goes => 0.0,
@@ -118,7 +118,7 @@ fn ranks(fates: &[Fate], order: &[usize], fine: bool) -> Vec<f32> {
     ranks
 }
 
-/// The splats that are left.
+/// The splats that are not removed.
 pub fn kept(splats: &Splats, removed: &[bool]) -> Splats {
     assert_eq!(splats.len(), removed.len(), "a word on every splat");
     let stays = |i: &usize| !removed[*i];

@@ -1,13 +1,13 @@
-//! A short training of what is left: no splat comes or goes.
+//! Refit: a short training with a fixed set of splats.
 
 use crate::scene::Splats;
 use crate::train::{Background, RefineTimes, TrainConfig};
 
-/// Step sizes here, of those of a training run: its splats stand where they should, and the optimiser's first steps,
-/// which are as long as the step size whatever the gradient, would move them from there.
+/// Learning rates relative to those of a training run: the splats are in place, and Adam's first steps, as long as the
+/// learning rate at any gradient, would move them away.
 const SHARE_OF_RATES: f32 = 0.1;
 
-/// The constants of a re-fit of `splats` in so many iterations, before the background that they belong to.
+/// Training configuration of a refit of `splats`, for the background that they were trained with.
 pub fn refit_config(splats: &Splats, iterations: u32, background: [f32; 3]) -> TrainConfig {
     let mut config = TrainConfig::for_iterations(iterations);
     config.mode = splats.mode;
@@ -28,7 +28,7 @@ pub fn refit_config(splats: &Splats, iterations: u32, background: [f32; 3]) -> T
     ] {
         *rate *= SHARE_OF_RATES;
     }
-    // Means are where a run ends: they go on as slowly as it ended.
+    // Means start at the rate at which a run ends.
     rates.mean_start = rates.mean_end;
     config
 }

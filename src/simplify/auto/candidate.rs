@@ -1,8 +1,8 @@
-//! Scenes with fewer splats for a round to try: without the least important, or with neighbours merged.
+//! Candidate scenes of a round: the least important splats pruned, or neighbours merged.
 //!
-//! Where nothing is to be seen, merging leaves larger splats in place of many, which steps of training cannot do in the
-//! time of a round. Where there is detail it blurs, and steps make up for less of that than for splats that are
-//! missing, however the two look before any. So it is for scenes that lose hardly anything by it at once.
+//! In regions without visible detail, merging replaces many splats by larger ones, which the training steps of a round
+//! are too few to do. In detailed regions it blurs, and training recovers less of a blur than of missing splats, even
+//! at equal error before training. So merging is only used where it costs hardly anything before training.
 
 use super::CountController;
 use super::survey::Survey;
@@ -14,7 +14,7 @@ use crate::simplify::merge::{merge, rates};
 use crate::stats::mean;
 use crate::train::{HostState, Trainer};
 
-/// A scene, and with fewer splats.
+/// The full state and a state with fewer splats.
 pub(super) struct Candidate {
     pub(super) whole: HostState,
     pub(super) less: HostState,
@@ -23,7 +23,7 @@ pub(super) struct Candidate {
 }
 
 impl<'a> CountController<'a> {
-    /// The scene with a share of its splats less, before they are fitted again.
+    /// Candidate with `history.share` of the splats pruned or merged, before training.
     pub(super) fn lesser(&mut self, trainer: &mut Trainer<'a>) -> Result<Candidate> {
         let (whole, splats) = (trainer.download()?, trainer.splats()?);
         let left = (whole.len() as f64 * (1.0 - self.history.share)).ceil() as usize;
@@ -45,7 +45,7 @@ impl<'a> CountController<'a> {
             }
             self.history.has_detail = true;
         }
-        // In the held-out views, too: what they alone see would be the first to go. Only where they stand is used.
+        // Held-out views are included: splats that only they see would otherwise go first. Only their cameras are used.
         let changes = Survey::begin(trainer, self.dataset)?.changes(&self.all())?;
         Ok(Candidate {
             less: whole.select(&largest(&changes, left)),
@@ -54,9 +54,8 @@ impl<'a> CountController<'a> {
         })
     }
 
-    /// Scene with neighbours merged; `None` if merging has cost too much, and in mip mode, where merged splats
-    /// would lack
-    /// a filter.
+    /// Scene with neighbours merged; `None` if merging has cost too much before, and in mip mode, where merged splats
+    /// would lack a filter.
     fn merged(&self, trainer: &Trainer<'a>, splats: &Splats, left: usize) -> Option<Splats> {
         if self.history.has_detail || trainer.config().mode != RenderMode::Default {
             return None;
@@ -69,11 +68,10 @@ impl<'a> CountController<'a> {
     }
 }
 
-/// The state of merged splats: those that did not merge, which are as they were and in their old order, keep their
-/// moments.
+/// Optimizer state of the merged scene. Unmerged splats, unchanged and in their old order, keep their moments.
 fn carried(state: &HostState, before: &Splats, merged: &Splats) -> HostState {
     let mut carried = HostState::from_splats(merged, state.sh_degree);
-    // What harmonics have gone stay gone.
+    // SH degrees that were lowered stay lowered.
     carried.lower_degrees(&vec![merged.sh_degree as u8; merged.len()]);
     let mut old = 0;
     for row in 0..merged.len() {
@@ -95,7 +93,7 @@ fn carried(state: &HostState, before: &Splats, merged: &Splats) -> HostState {
     carried
 }
 
-/// The rows of the largest numbers, in their order; of equals the first.
+/// Rows of the `count` largest numbers, ascending; ties go to the first row.
 fn largest(numbers: &[f64], count: usize) -> Vec<u32> {
     let mut order: Vec<u32> = (0..numbers.len() as u32).collect();
     let number = |row: u32| numbers[row as usize];

@@ -1,4 +1,4 @@
-//! Growth: where it goes, and when it ends.
+//! Growth phase: densification weights and the end of growth.
 
 use super::survey::Survey;
 use super::{CountController, Phase};
@@ -16,11 +16,11 @@ impl<'a> CountController<'a> {
     ) -> Result<()> {
         let config = trainer.config();
         let is_last = iteration >= config.refine.until;
-        // Before a refinement: what it adds has not been fitted yet.
+        // Evaluate just before a refinement: splats that it adds have not been fitted yet.
         if !is_last && !is_refine(config, iteration + 1) {
             return self.after_first_steps(trainer, iteration);
         }
-        // A step that did not fit is begun again: what was seen before it must not count twice.
+        // A step that did not fit is run again; its first evaluation must not count twice.
         let last = self.history.entries.last();
         if last.is_some_and(|last| last.iteration == iteration) {
             return Ok(());
@@ -32,7 +32,7 @@ impl<'a> CountController<'a> {
             None => false,
         };
         let is_full = self.history.config.is_full(&entry.psnr_db);
-        // That photographs of half the size hide something may be why nothing more is gained: then growth goes on.
+        // Detail hidden by half-size photographs may be the reason for a low gain; growth then goes on.
         let is_hidden = self.is_detail_hidden();
         let is_over = is_last || is_full || is_enough && !is_hidden;
         let is_missed = is_enough || is_over || self.is_detail_missed(&entry.psnr_db);
@@ -55,7 +55,7 @@ impl<'a> CountController<'a> {
         self.set_densify_errors(trainer)
     }
 
-    /// Tells a refinement that comes next where errors are.
+    /// Sets the error share of each splat for the refinement after the next step, if there is one.
     pub(super) fn set_densify_errors(&self, trainer: &mut Trainer<'a>) -> Result<()> {
         let config = trainer.config();
         let next = trainer.iteration() + 1;
@@ -73,8 +73,8 @@ impl<'a> CountController<'a> {
         Ok(())
     }
 
-    /// What a tenth more splats has given over the last looks, and its lower bound; since photographs are whole, if
-    /// they are, so that their gain is not taken for that of splats.
+    /// Gain of a tenth more splats over the last `growth_refinements` evaluations and its lower bound, decibels. Only
+    /// evaluations since the change to full-size photographs count, so that its gain is not attributed to splats.
     fn gain(&self, config: &TrainConfig, now: &Entry) -> Option<[f64; 2]> {
         let auto = &self.history.config;
         let is_look = |entry: &&Entry| is_refine(config, entry.iteration + 1);

@@ -1,21 +1,21 @@
-//! Training to no more splats than a scene needs: what is done between two steps of a run, from growth to the last fit.
+//! Control of the splat count during training, between the steps of a run, from growth to the last fit.
 //!
-//! Splats are added as the strategy has it, more of them where errors are. Growth ends when the lower bound of what it
-//! gives some training views, for a tenth more splats, is under the preference; all that their scores have risen counts
-//! as its gain, though time has its share in that, so that growth never ends too soon. From then on those views are
-//! held out; not before, since what they alone saw would be missing from the scene.
+//! Splats are added by the strategy, more of them where errors are. Growth ends when the lower bound of its gain on
+//! some training views, for a tenth more splats, is below the preference. The whole rise of their scores counts as
+//! gain, though training time has its share in it, so that growth never ends too early. From then on those views are
+//! held out; earlier, splats that only they see would be missing.
 //!
-//! A share of the splats goes in every round: those without which the pictures would change least, or by merging. A
-//! round takes the same steps from the same state twice, without those splats and with them, since scores rise with
-//! time as well; they go for good where the held-out views lose no more by it than they are worth by the preference,
-//! and otherwise a smaller share is tried. What the first steps tell for certain needs no second ones. Three counts
-//! that were seen show the law that quality follows; from then on rounds aim at its knee, where a tenth more splats is
-//! worth just the preference. Then a round shows by the same rule how many harmonics can go; all of them go first where
-//! growth has ended for want of anything to gain. Last, the held-out views return, and harmonics go when it is known
-//! best which.
+//! A share of the splats goes in every round: those with the smallest change of the pictures, or by merging. A round
+//! runs the same steps from the same state twice, without those splats and with them, since scores also rise with time.
+//! The splats stay removed if the held-out views lose no more than the preference allows; otherwise a smaller share is
+//! tried. The second run is skipped where the first alone proves that the loss is allowed. Three measured counts give
+//! the law of quality over splats; further rounds aim at its knee, where a tenth more splats is worth the preference. A
+//! round then decides by the same rule how many SH coefficients can go; if growth ended because every held-out view was
+//! perfect, a round without any SH comes first. Last, the held-out views return to training, and SH coefficients go
+//! when their fit is most reliable.
 //!
-//! **Invariant:** what happens is a function of configuration, preference, views and device, and what it goes by beside
-//! the trainer's state is in the [`History`] and the state kept: a resumed run decides alike.
+//! **Invariant:** decisions are a function of configuration, preference, views and device. Their state beside the
+//! trainer's is the [`History`] and the kept state, so that a resumed run decides alike.
 
 mod candidate;
 mod growth;
@@ -34,33 +34,32 @@ use crate::stats::mean;
 use crate::train::{Controller, HostState, Run, TrainConfig, Trainer};
 use crate::{Error, Result};
 
-/// Steers a run.
+/// Controller of the splat count of a run.
 pub struct CountController<'a> {
     dataset: &'a Dataset,
     history: History,
-    /// The other state of a round: the whole one while its first steps are taken, the lesser one while its second are.
+    /// Other state of a round: the full one during the first run, the reduced one during the second.
     kept: Option<HostState>,
     /// Evaluator of the held-out views.
     held_out: Evaluator<'a>,
-    /// Evaluator of about as many views that are trained on.
+    /// Evaluator of about as many views that are always trained on.
     trained: Evaluator<'a>,
     /// Views trained on while others are held out.
     fitted: Vec<usize>,
-    /// Held for its kernels alone, which every survey shares.
+    /// Keeps the kernels compiled, which every survey shares.
     _idle: ContributionPass,
 }
 
 /// Training run with an optional [`CountController`].
 pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 
-/// The run's constants where its count is to be found: growth ends at nine twentieths of it at the latest, which leaves
-/// a quarter to rounds without splats, a twentieth to one without harmonics (or splats, where no harmonics are left)
-/// and a quarter to the last fit.
+/// Training configuration of a run with a count controller. Growth ends after 9/20 of the run at the latest, which
+/// leaves 1/4 to rounds without splats, 1/20 to one without SH (or splats, if there is no SH) and 1/4 to the last fit.
 ///
-/// In runs of less than half the published length means and harmonics move twice as fast: so short a run does not
-/// get to where it is going by the published rates. That helps without pruning, too, so it is no merit of this, and
-/// not everywhere (`2026-11-22-needs-rates.csv`: the fox +0.66 to +0.97 dB, the sphere -0.43 dB). From few training
-/// views, `views` of them, harmonics gain nothing by it (`2026-11-22-few-views.csv`), and keep the published rate.
+/// Runs shorter than half the published length use twice the rates for means and SH: at the published rates they end
+/// before convergence. That helps without pruning, too, and not everywhere (`2026-11-22-needs-rates.csv`: fox +0.66 to
+/// +0.97 dB, sphere −0.43 dB). With few training views (`views`), SH gains nothing (`2026-11-22-few-views.csv`) and
+/// keeps the published rate.
 pub fn for_auto_count(mut config: TrainConfig, views: usize) -> TrainConfig {
     config.refine.until = config
         .refine
@@ -78,7 +77,7 @@ pub fn for_auto_count(mut config: TrainConfig, views: usize) -> TrainConfig {
 }
 
 impl<'a> CountController<'a> {
-    /// Begins to steer a run that has not begun.
+    /// Starts the controller of a run at iteration 0. If `is_open`, the run may end on convergence.
     pub fn begin(
         trainer: &mut Trainer<'a>,
         dataset: &'a Dataset,
@@ -97,7 +96,7 @@ impl<'a> CountController<'a> {
         Ok(controller)
     }
 
-    /// What has been found so far.
+    /// Decisions and their state so far.
     pub fn history(&self) -> &History {
         &self.history
     }
@@ -140,12 +139,12 @@ impl<'a> CountController<'a> {
         Ok(controller)
     }
 
-    /// Lets no harmonics go: what those are worth that would have gone shows beside a run that lets them.
+    /// Keeps all SH, for a comparison with a run that removes it.
     pub fn keep_sh(&mut self) {
         self.history.keeps_sh = true;
     }
 
-    /// The count is decided.
+    /// Ends the rounds: the count is fixed.
     fn decide(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         self.kept = None;
         self.history.phase = Phase::Converging;
@@ -199,7 +198,7 @@ impl<'a> CountController<'a> {
         self.dataset.split(Split::Train)
     }
 
-    /// How the scene is now.
+    /// Evaluation of the current scene on the held-out views.
     fn look(&mut self, trainer: &mut Trainer<'a>) -> Result<Entry> {
         let splats = trainer.splats()?;
         Ok(Entry {
@@ -252,7 +251,7 @@ impl<'a> Controller<'a> for CountController<'a> {
     }
 }
 
-/// How training's pictures are judged.
+/// View options of training's own evaluation.
 fn view_options(trainer: &Trainer<'_>) -> ViewOptions {
     let config = trainer.config();
     ViewOptions {

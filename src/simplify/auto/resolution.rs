@@ -1,10 +1,9 @@
-//! How large photographs are: of half the size as long as the detail that halving loses is next to nothing of what is
-//! wrong with the scene.
+//! Resolution of the photographs: half width and height while the detail that halving loses is a small part of the
+//! scene's error.
 //!
-//! What halving loses, a mean squared error, is measured in the photographs themselves. Where that is nothing to speak
-//! of even beside the least error that counts, half the size does for all steps but the last fit. Otherwise whole
-//! photographs are due once the scene is so good that what halving loses begins to tell; a scene full of detail may
-//! begin with them.
+//! The mean squared error of halving is measured on the photographs themselves. If it is small even beside the least
+//! error that counts, half size serves all steps but the last fit. Otherwise full size begins once halving makes up a
+//! notable part of the scene's error, for detailed scenes possibly at the first step.
 
 use super::{CountController, view_options};
 use crate::Result;
@@ -15,7 +14,7 @@ use crate::simplify::history::{Act, Entry};
 use crate::train::Trainer;
 
 impl<'a> CountController<'a> {
-    /// Begins with photographs of half the size, unless those would do for no step.
+    /// Sets the initial size: half, unless full size is due at once.
     pub(super) fn begin_size(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let (_, held) = split_views(self.dataset, &self.history.config);
         let background = view_options(trainer).background;
@@ -30,7 +29,7 @@ impl<'a> CountController<'a> {
         trainer.set_half_size(self.history.is_half)
     }
 
-    /// Before growth begins: goes over to whole photographs if it is time, as often as is looked at growth.
+    /// Changes to full size before growth if due, checked as often as growth evaluates.
     pub(super) fn after_first_steps(
         &mut self,
         trainer: &mut Trainer<'a>,
@@ -47,7 +46,7 @@ impl<'a> CountController<'a> {
         }
     }
 
-    /// Goes over to whole photographs, from how the scene is now.
+    /// Changes to full-size photographs and records `now`, the scene before it.
     pub(super) fn enlarge(&mut self, trainer: &mut Trainer<'a>, now: &Entry) -> Result<()> {
         self.history.is_half = false;
         self.history.entries.push(Entry {
@@ -57,14 +56,14 @@ impl<'a> CountController<'a> {
         trainer.set_half_size(false)
     }
 
-    /// Whether what halving loses will be missed sooner or later.
+    /// Whether halving loses enough that full size will be needed before the last fit.
     pub(super) fn is_detail_hidden(&self) -> bool {
         let config = &self.history.config;
         let hidden = config.half_size_hidden * config.invisible_error();
         self.history.is_half && self.history.lost_by_halving > hidden
     }
 
-    /// Whether a scene that has such scores is held back by it.
+    /// Whether halving makes up a notable part of the error of a scene with `scores`, PSNR in decibels.
     pub(super) fn is_detail_missed(&self, scores: &[f64]) -> bool {
         self.is_detail_hidden()
             && self.history.lost_by_halving > self.history.config.half_size_missed * error(scores)

@@ -1,4 +1,4 @@
-//! Rounds: the same steps from the same state without the least important splats, or harmonics, and with them.
+//! Rounds: the same steps from the same state, without the least important splats or SH coefficients and with them.
 
 use super::{CountController, Phase};
 use crate::Result;
@@ -54,12 +54,13 @@ impl<'a> CountController<'a> {
                 Ok(())
             }
             (Some(without), Some(less)) => self.judge_any(trainer, &round, entry, without, &less),
-            // A checkpoint that lacks what it should hold: the round is over.
+            // An incomplete checkpoint: the round is over.
             (_, None) => self.decide(trainer),
         }
     }
 
-    /// Decides on a round, whatever it has tried: `entry` is how the scene is with all, `without` and `less` without.
+    /// Decides on a round of any kind from the full run, `entry`, and the reduced run, `without` (count, PSNR) and
+    /// `less` (state).
     fn judge_any(
         &mut self,
         trainer: &mut Trainer<'a>,
@@ -83,7 +84,8 @@ impl<'a> CountController<'a> {
         self.judge_round(trainer, entry, (without, own_lost), less)
     }
 
-    /// Compares what the same steps have led to with all splats, `entry`, and without the least important.
+    /// Decides on a round of splats: `entry` is the full run, `without` the reduced one, `own_lost` the PSNR that views
+    /// trained on lost, decibels.
     fn judge_round(
         &mut self,
         trainer: &mut Trainer<'a>,
@@ -105,7 +107,7 @@ impl<'a> CountController<'a> {
         self.history.entries.push(entry);
         let tolerance = self.history.config.knee_tolerance;
         let is_beyond = |knee: f64| (left as f64) < (1.0 - tolerance) * knee;
-        // What looks perfect needs no law to go by.
+        // A perfect result needs no law.
         let is_too_few = !is_perfect && self.history.knee().is_some_and(is_beyond);
         if cost > self.history.preference_db || is_too_few {
             self.history.miss();
@@ -127,9 +129,9 @@ impl<'a> CountController<'a> {
         self.begin_lowering(trainer)
     }
 
-    /// Where no law shows the knee, and the last round was missed by little: takes so many of its splats as would have
-    /// been allowed, if a tenth of them is worth the more the more of them go. Otherwise the count would hang on how
-    /// few the rounds before had left.
+    /// Where no law gives the knee and the last round was rejected by little, removes the share that would have been
+    /// allowed, assuming that the worth of a tenth grows with the share. Without this, the final count would depend on
+    /// where the last accepted round happened to end.
     fn take_some(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let nearly = self
             .history
@@ -149,7 +151,7 @@ impl<'a> CountController<'a> {
         Ok(())
     }
 
-    /// Takes out a share of the splats, for the steps of a round.
+    /// Starts a round: removes a share of the splats and trains.
     pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let lesser = self.lesser(trainer)?;
         let round = self.try_without(trainer, lesser.whole, &lesser.less)?;
@@ -157,7 +159,7 @@ impl<'a> CountController<'a> {
         Ok(())
     }
 
-    /// Takes only the second steps of a round: the lesser state is so bad before any that its own would not help.
+    /// Runs only the second half of a round, where the reduced state is too bad for its training to help.
     pub(super) fn go_on_with(
         &mut self,
         trainer: &Trainer<'a>,
@@ -172,7 +174,7 @@ impl<'a> CountController<'a> {
         })
     }
 
-    /// Takes the first steps of a round from the lesser state.
+    /// Starts the first half of a round from the reduced state.
     pub(super) fn try_without(
         &mut self,
         trainer: &mut Trainer<'a>,
@@ -188,8 +190,8 @@ impl<'a> CountController<'a> {
     }
 }
 
-/// Whether a round that has led to such a count and such scores is allowed, however good the same steps from so many
-/// splats would be: scores end at what can be seen, and with all splats they do not fall.
+/// Whether the reduced run is accepted whatever the result of the full run, so that the full run can be skipped: scores
+/// are capped at `full_db`, and with all splats they do not fall.
 fn is_surely_allowed(
     history: &History,
     round: &Round,
@@ -202,18 +204,18 @@ fn is_surely_allowed(
     if round.is_without_sh {
         return !history.keeps_sh && most_lost <= config.sh_all_cost * preference;
     }
-    // Harmonics that go later leave the whole state to go on from.
+    // SH goes later, in the last fit: the full state is needed to go on.
     if history.phase == Phase::Lowering {
         return false;
     }
     let gone = steps_of_ten_percent(*left, splats).max(1e-9);
     let most = cost(history, most_lost / gone, most_own_lost / gone);
-    // Shares go by what is lost, so that it must be known, and not only that it is not too much.
+    // The next share depends on the loss, which must therefore be known to some precision.
     let unknown = most.min(config.short_of_full(history.psnr_db()) / gone);
     most <= preference && unknown <= config.cost_precision * preference
 }
 
-/// What a round has cost for every tenth, by what held-out views lost and those that are trained on.
+/// Cost of a round per tenth of splats, decibels, from the losses of held-out views and of views trained on.
 fn cost(history: &History, lost_db: f64, own_lost_db: f64) -> f64 {
     let weighted_db = history.config.train_view_weight * own_lost_db;
     match weighted_db > history.preference_db {
@@ -222,9 +224,9 @@ fn cost(history: &History, lost_db: f64, own_lost_db: f64) -> f64 {
     }
 }
 
-/// The share to try next with so many splats, after a round that cost so much for every tenth: all that lie beyond the
-/// knee, once rounds have shown where it is. That is far steadier than what single rounds cost: a round may be just
-/// allowed, or just not, by chance.
+/// Next share to try, for `splats` splats after a round of cost `cost_db` per tenth: all splats beyond the knee, once
+/// it is known. The knee is far steadier than the cost of single rounds, which are accepted or rejected partly by
+/// chance.
 fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
     let Some(knee) = history.knee() else {
         return share_by_cost(history, cost_db);
@@ -237,12 +239,11 @@ fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
     (1.0 - knee / splats as f64).min(most)
 }
 
-/// The share to try as long as no knee is known.
+/// Next share to try while no knee is known.
 ///
-/// The next tenth costs more than the last ones on average. So a round that cost half of what it might is followed by
-/// as large a share again, one that cost nothing by twice that, one that cost all of it by half. After one that was
-/// missed, the share shrinks with the root of what it cost too much: that keeps the count from hanging on whether a
-/// large step was just allowed or just not.
+/// The next tenth costs more than the last ones on average. So a round at half the preference is followed by an equal
+/// share, one at no cost by twice that, one at the full preference by half. After a rejected round the share is divided
+/// by the root of its relative cost, so that the count does not hang on a large step being just allowed.
 fn share_by_cost(history: &History, cost_db: f64) -> f64 {
     let (share, relative) = (history.share, cost_db / history.preference_db);
     if relative > 1.0 {
@@ -258,8 +259,7 @@ fn share_by_cost(history: &History, cost_db: f64) -> f64 {
     (share * (2.0 - 2.0 * relative).clamp(0.5, 2.0)).min(most)
 }
 
-/// The iteration by which the last round of splats has ended: where no harmonics are left, their round is one more of
-/// splats.
+/// Iteration by which rounds of splats end. Without SH, the time of the SH round goes to splats.
 fn until(config: &TrainConfig, degrees: &[u8]) -> u32 {
     match degrees.iter().all(|&degree| degree == 0) {
         true => config.auto.settle_by(config.iterations),

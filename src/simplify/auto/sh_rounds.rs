@@ -1,10 +1,10 @@
-//! Harmonics where they are needed: those that nobody needs go at once, if they are half of all or more. Else a round
-//! shows whether half can go, and one whether a quarter can where half is missed; either may cost as much as a tenth of
-//! the splats. Three quarters of a splat's bytes are harmonics.
+//! SH reduction: coefficients without visible effect go at once if they are half of all or more. Otherwise a round
+//! tests whether half can go, and if not, another whether a quarter can; either may cost as much as a tenth of the
+//! splats. SH takes three quarters of a splat's bytes.
 //!
-//! How many can go is for held-out views to say; which, for a scene that has nearly got to where it is going. So they
-//! go in the last fit, and in one step: what went is fitted into what stayed, whose size then no longer tells how much
-//! it is needed.
+//! Held-out views decide the number of coefficients; the choice of coefficients needs a scene near convergence. So they
+//! go in the last fit, and in one step: removed coefficients are fitted into the remaining ones, and the size of a
+//! fitted coefficient no longer tells its importance.
 
 use super::survey::Survey;
 use super::{CountController, Phase};
@@ -20,8 +20,8 @@ use crate::train::schedule::sh_degree;
 use crate::train::{HostState, Trainer};
 
 impl<'a> CountController<'a> {
-    /// Tries to do without any harmonics, where growth has ended because nothing is left to them. Those that have not
-    /// been trained yet go in any case.
+    /// Starts a round without SH, if growth ended on a perfect result. Degrees that have not been trained yet go in any
+    /// case.
     pub(super) fn begin_round_without_sh(
         &mut self,
         trainer: &mut Trainer<'a>,
@@ -73,7 +73,7 @@ impl<'a> CountController<'a> {
         self.begin_round(trainer)
     }
 
-    /// Takes the harmonics that nobody needs, or tries to do without half of them.
+    /// Removes the SH coefficients without visible effect, or starts a round without half of them.
     pub(super) fn begin_lowering(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         self.history.phase = Phase::Lowering;
         let splats = trainer.splats()?;
@@ -88,14 +88,14 @@ impl<'a> CountController<'a> {
         self.begin_share(trainer, share, (&splats, &fits))
     }
 
-    /// Takes the harmonics that hardly show, if they are enough; says whether.
+    /// Removes SH coefficients with hardly any effect, if they are enough; returns whether it did.
     fn take_unneeded(
         &mut self,
         trainer: &mut Trainer<'a>,
         splats: &Splats,
         fits: &Fits,
     ) -> Result<bool> {
-        // Scores that end at 40 dB would let all go down to that.
+        // Scores capped at 40 dB would allow a loss down to that.
         let whole = held_out::psnr_db(&mut self.held_out, splats, f64::INFINITY)?;
         let mut found = None;
         for share in self.history.config.sh_shares {
@@ -118,7 +118,7 @@ impl<'a> CountController<'a> {
         Ok(true)
     }
 
-    /// Tries to do without a share of the harmonics, if there is time and there are so many.
+    /// Starts a round without `share` of the SH floats, if there is time and there are so many.
     fn begin_share(
         &mut self,
         trainer: &mut Trainer<'a>,
@@ -157,8 +157,8 @@ impl<'a> CountController<'a> {
         self.begin_share(trainer, second, (&splats, &fits))
     }
 
-    /// Whether the held-out views do not miss the harmonics of a round, which may cost so many preferences; `act` is
-    /// what is done then.
+    /// Whether the held-out views lose no more by the SH reduction than `preferences` times the preference; records the
+    /// round, with `act` if so.
     fn could_go(
         &mut self,
         mut entry: Entry,
@@ -180,7 +180,7 @@ impl<'a> CountController<'a> {
         !is_missed
     }
 
-    /// Takes the harmonics that a round found dispensable, once the last fit is so far.
+    /// Removes the SH share that a round found dispensable, once the last fit is far enough.
     pub(super) fn after_last_fit_step(
         &mut self,
         trainer: &mut Trainer<'a>,
@@ -210,7 +210,7 @@ impl<'a> CountController<'a> {
         trainer.replace(&state)
     }
 
-    /// Colours by fewer harmonics, for what the training views see.
+    /// Fits of lower SH degrees to the training views.
     fn fits(&self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<Fits> {
         let all = self.all();
         let step = all
@@ -230,13 +230,13 @@ fn has_time(trainer: &Trainer<'_>) -> bool {
         <= config.auto.settle_by(config.iterations)
 }
 
-/// A share of the floats that the harmonics of as many splats as there are take.
+/// `share` of the floats of full SH for all splats.
 fn floats(trainer: &Trainer<'_>, share: f64) -> usize {
     let of_each = 3 * sh_coefficient_count(trainer.config().sh_degree);
     (share * (of_each * trainer.splat_count()) as f64) as usize
 }
 
-/// Degrees that take no more floats than that, and the scene with them.
+/// SH degrees that take at most `floats` floats, and the scene with them.
 fn lowered(fits: &Fits, splats: &Splats, floats: usize) -> (Vec<u8>, Splats) {
     let degrees = fits.degrees(floats, apart(splats.len()));
     let less = fits.applied(splats, &degrees);

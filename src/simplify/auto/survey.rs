@@ -1,4 +1,4 @@
-//! What every splat does to the views, drawn as training draws them.
+//! Survey: effect of each splat on the views, rendered as in training.
 
 use super::view_options;
 use crate::metrics::Target;
@@ -9,19 +9,19 @@ use crate::simplify::sh_fit::Seen;
 use crate::train::Trainer;
 use crate::{Result, io};
 
-/// A walk over views of the scene as it is now.
+/// Contribution pass over views of the current scene.
 pub(super) struct Survey<'a> {
     dataset: &'a Dataset,
     weigher: ContributionPass,
 }
 
-/// A weigher of nothing: while it is held, surveys need not compile their kernels, which takes longer than many a
-/// survey.
+/// Contribution pass of an empty scene. While it lives, surveys reuse its compiled kernels; compiling takes longer than
+/// most surveys.
 pub(super) fn idle(trainer: &Trainer<'_>) -> Result<ContributionPass> {
     ContributionPass::new(trainer.gpu(), &Splats::default(), pass_options(trainer))
 }
 
-/// As training draws.
+/// Options of training's own rendering.
 fn pass_options(trainer: &Trainer<'_>) -> PassOptions {
     let options = view_options(trainer);
     PassOptions {
@@ -40,7 +40,7 @@ impl<'a> Survey<'a> {
         })
     }
 
-    /// By splat, what would change in the views without it: the sum of the squares, over pixels and channels.
+    /// Change of the views by removal of each splat: squares summed over pixels and channels.
     pub(super) fn changes(&mut self, views: &[usize]) -> Result<Vec<f64>> {
         let mut changes = vec![0.0; self.weigher.splat_count()];
         for &view in views {
@@ -52,7 +52,7 @@ impl<'a> Survey<'a> {
         Ok(changes)
     }
 
-    /// What each splat weighs, view by view.
+    /// Weight of each splat in each view.
     pub(super) fn seen(&mut self, views: &[usize]) -> Result<Vec<Seen>> {
         let seen = |&view: &usize| {
             let camera = self.dataset.views[view].camera;
@@ -66,8 +66,8 @@ impl<'a> Survey<'a> {
         views.iter().map(seen).collect()
     }
 
-    /// By splat, its share in the pixels' errors, relatively to the mean splat's. Of many views, some: others the next
-    /// time.
+    /// Share of each splat in the pixels' errors, relative to the mean splat's. At most `views_max` views are used;
+    /// `turn` rotates them.
     pub(super) fn errors(
         &mut self,
         views: &[usize],
@@ -102,7 +102,8 @@ impl<'a> Survey<'a> {
     }
 }
 
-/// By pixel, the mean of the channels' errors, as much as the pixel counts. `planes` are drawn, one after the other.
+/// Mean absolute error over the channels of each pixel, times the pixel's weight. `planes` are the rendered channels,
+/// one after the other.
 fn pixel_errors(planes: &[f32], target: &Target) -> Vec<f32> {
     let pixels = target.rgb.len();
     let error = |pixel: usize| {

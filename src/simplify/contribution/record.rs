@@ -1,4 +1,4 @@
-//! What is recorded behind the drawing of a view, for what it is drawn for.
+//! Commands recorded after the drawing of a view, by purpose.
 
 use super::{Purpose, Resources, STEPS};
 use crate::gpu::{Groups, Recorder};
@@ -7,7 +7,7 @@ use crate::layout::*;
 use crate::render::{Forward, tile_stride};
 
 impl Resources {
-    /// Records what a purpose asks for behind the drawing.
+    /// Records the commands of a purpose after the drawing.
     pub(super) fn record(&self, rec: &mut Recorder<'_>, view: &View, purpose: Purpose) {
         if let Purpose::Losses(budget) = purpose {
             self.record_limits(rec, view, budget);
@@ -15,7 +15,7 @@ impl Resources {
         }
     }
 
-    /// Records the search for what pixels can prune_limit.
+    /// Records the search for the highest prunable rank of each pixel.
     fn record_limits(&self, rec: &mut Recorder<'_>, view: &View, budget: f32) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let groups = Groups::Count(tiles as u32);
@@ -45,7 +45,7 @@ impl Resources {
         }
     }
 
-    /// Records the weighing, and the sums by splat.
+    /// Records the contributions and their reduction by splat.
     fn record_weights(&self, rec: &mut Recorder<'_>, view: &View) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let groups = Groups::Count(tiles as u32);
@@ -53,7 +53,7 @@ impl Resources {
         let s = &buffers.scratch;
         let emitted_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
         let tile_stride = tile_stride(tiles);
-        // A pair that was counted and then not listed has a record that nobody writes: one that lets nothing go.
+        // A pair that was counted but not listed keeps this record, which lets no splat go.
         rec.fill(&buffers.records, 0);
         let io = contribution::Bindings {
             view: &s.view,
@@ -71,8 +71,7 @@ impl Resources {
         self.record_totals(rec, &self.sum_by_splat);
     }
 
-    /// Records, behind a drawing that is done, what splats do to it, whose pixels' errors are where else is what they
-    /// have spent.
+    /// Records the removal errors after a completed drawing. The `spent` buffer holds the pixels' errors here.
     pub(super) fn record_influences(&self, rec: &mut Recorder<'_>, view: &View) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let groups = Groups::Count(tiles as u32);
