@@ -1,5 +1,4 @@
-//! What has been tried and found in a run that ends with no more splats than its scene needs. All that its decisions go
-//! by stands here, so that a resumed run decides alike.
+//! History of the count controller: its decisions and their whole state, so that a resumed run decides alike.
 
 use super::gain::{error, steps_of_ten_percent};
 use super::{Decision, HalfResolution, Law};
@@ -7,49 +6,49 @@ use crate::stats::mean;
 use crate::train::config::AutoConfig;
 use serde::{Deserialize, Serialize};
 
-/// What a run is at.
+/// Phase of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Phase {
     /// Splats are added.
     #[default]
     Growing,
-    /// The least of them are taken out, round by round.
+    /// The least important splats are removed, round by round.
     Pruning,
-    /// Rounds show how many harmonics can go.
+    /// Rounds decide how many SH coefficients can go.
     Lowering,
-    /// The count is decided; the held-out views say when training has converged.
+    /// The count is fixed; held-out views decide when training has converged.
     Converging,
-    /// All training views are seen.
+    /// The last fit, on all training views.
     Settled,
 }
 
-/// What was done at an iteration.
+/// Action at an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Act {
-    /// Nothing: the held-out views were looked at.
+    /// None: an evaluation of the held-out views.
     Looked,
-    /// Training went over from photographs of half the size to whole ones.
+    /// Change from half-size photographs to full size.
     Enlarged,
     /// Growth ended.
     Stopped,
-    /// The least important splats went.
+    /// The least important splats were removed.
     Pruned,
-    /// The least important splats would have gone, had the held-out views not missed them.
+    /// Removal of the least important splats was rejected by the held-out views.
     Missed,
-    /// Of the splats that the last round missed, as many went as would have been allowed.
+    /// The part of a rejected round's splats that would have been allowed was removed.
     PartPruned,
-    /// Harmonics went.
+    /// SH coefficients were removed.
     Lowered,
-    /// It was found that harmonics can go, which they do in the last fit.
+    /// A round found SH coefficients dispensable; they go in the last fit.
     Dispensable,
-    /// It was found that harmonics must stay, since the held-out views miss them.
+    /// A round found SH coefficients indispensable for the held-out views.
     Indispensable,
 }
 
 impl Entry {
-    /// What was done, in words.
+    /// The action in words.
     fn name(&self) -> &'static str {
         match (self.act, self.is_merged) {
             (Act::Looked, _) => "looked",
@@ -67,99 +66,98 @@ impl Entry {
     }
 }
 
-/// What was done, and what was seen.
+/// An action with the evaluation before it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Steps done.
     pub iteration: u32,
-    /// What was done.
+    /// The action.
     pub act: Act,
-    /// Splats, before anything went.
+    /// Splats before the action.
     pub splats: usize,
-    /// PSNR with them, by held-out view; decibels. 40 where that was not tried, since no more could be missed.
+    /// PSNR with all splats, by held-out view, decibels; 40 (the cap) if the full run was skipped.
     pub psnr_db: Vec<f64>,
-    /// Splats without what went or would have gone, and the PSNR after the same steps, or at once where none were
-    /// taken.
+    /// Splats without the removed or proposed ones, and the PSNR after equally many steps, or at once if there were
+    /// none.
     pub without: Option<(usize, Vec<f64>)>,
-    /// What a tenth more splats was worth, and its lower bound; decibels.
+    /// Gain of a tenth more splats and its lower bound, decibels.
     pub gain_db: Option<[f64; 2]>,
-    /// What all splats that went or would have gone were worth, as the decision counts it; decibels.
+    /// Cost of all removed or proposed splats, as the decision counts it, decibels.
     #[serde(default)]
     pub lost_db: f64,
-    /// Whether splats went by merging.
+    /// Whether the splats were merged.
     #[serde(default)]
     pub is_merged: bool,
 }
 
-/// A round on its way: the same steps are taken from the same state twice, without the least important splats or
-/// harmonics and then with them, so that nothing but their absence tells the two apart.
+/// A round in progress: the same steps from the same state, first without the least important splats or SH coefficients
+/// and then with them, so that the runs differ in nothing else.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Round {
-    /// The iteration that both begin after.
+    /// Iteration after which both runs start.
     pub from: u32,
-    /// Splats and PSNR of the first, once it is done.
+    /// Splats and PSNR of the first run, once it is done.
     pub without: Option<(usize, Vec<f64>)>,
-    /// Whether splats went by merging.
+    /// Whether splats were merged.
     #[serde(default)]
     pub is_merged: bool,
-    /// Whether all harmonics went.
+    /// Whether all SH was removed.
     #[serde(default, alias = "is_bare")]
     pub is_without_sh: bool,
-    /// PSNR that some views which are trained on had after the first.
+    /// PSNR of some views trained on, after the first run.
     #[serde(default, alias = "own_db")]
     pub train_psnr_db: Vec<f64>,
 }
 
-/// The course and the state of the decisions.
+/// Decisions of a run and the controller's state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct History {
-    /// The smallest gain worth paying for: decibels for a tenth more splats.
+    /// Smallest gain worth a tenth more splats, decibels.
     pub preference_db: f64,
-    /// Constants of the controller, which the run's configuration holds.
+    /// Constants of the controller, from the run's configuration.
     #[serde(skip)]
     pub config: AutoConfig,
-    /// What the run is at.
+    /// Phase of the run.
     pub phase: Phase,
-    /// The round on its way.
+    /// Round in progress.
     pub round: Option<Round>,
-    /// The share of splats that the next round tries to do without.
+    /// Share of the splats that the next round removes.
     pub share: f64,
-    /// The smallest share that was missed.
+    /// Smallest rejected share.
     #[serde(default)]
     pub missed_share: Option<f64>,
-    /// Whether merging has blurred what there is to see: then that is not tried again.
+    /// Whether a merge has blurred visible detail; no further merge is tried then.
     #[serde(default)]
     pub has_detail: bool,
-    /// Whether training sees photographs of half the size.
+    /// Whether training uses half-size photographs.
     #[serde(default)]
     pub is_half: bool,
-    /// The mean squared error that photographs of half the size leave at least.
+    /// Mean squared error of the photographs at half size: a lower bound for scenes fitted to them.
     #[serde(default)]
     pub lost_by_halving: f64,
-    /// The iteration from which the count is fixed.
+    /// Iteration from which the count is fixed.
     pub settled_from: Option<u32>,
-    /// The iteration that the run ends after, as far as is known.
+    /// Last iteration of the run, as far as known.
     pub end: u32,
-    /// Whether the run may end when it has converged.
+    /// Whether the run may end on convergence.
     pub is_open: bool,
-    /// The share of the harmonics that the next round tries to do without.
+    /// Share of the SH floats that the next round removes.
     #[serde(default)]
     pub sh_share: f64,
-    /// The share of the harmonics that goes in the last fit; `None` if none does, and once it has gone.
+    /// Share of the SH floats that goes in the last fit; `None` if none does, and once it has gone.
     #[serde(default)]
     pub sh_goes: Option<f64>,
-    /// What the held-out views lost by the harmonics that went or go in the last fit, decibels; `None` while there are
-    /// none.
+    /// Loss of the held-out views by SH removed now or in the last fit, decibels; `None` if there is none.
     pub sh_lost_db: Option<f64>,
-    /// Whether all harmonics stay, whatever is found.
+    /// Whether all SH stays, whatever rounds find.
     #[serde(default, alias = "keeps_harmonics")]
     pub keeps_sh: bool,
-    /// The course so far.
+    /// Actions so far.
     pub entries: Vec<Entry>,
 }
 
 impl History {
-    /// What the last round tried is missed.
+    /// Marks the last round as rejected.
     pub(super) fn miss(&mut self) {
         self.missed_share = Some(self.share);
         if let Some(entry) = self.entries.last_mut() {
@@ -167,13 +165,13 @@ impl History {
         }
     }
 
-    /// Splats, and the mean PSNR that the held-out views have with so many, as if all had been measured at the end of
-    /// the last round: what a round lost is known free of time, and is added up from there.
+    /// Points (splats, mean PSNR of the held-out views), as if all had been measured at the end of the last round:
+    /// losses within a round are free of time's share, and are added up from there.
     pub fn points(&self) -> Vec<[f64; 2]> {
         self.chain(|entry, without| mean(&entry.psnr_db) - mean(without))
     }
 
-    /// The points by what the rounds' entries lost.
+    /// Points from the given loss of each round.
     fn chain(&self, lost: impl Fn(&Entry, &[f64]) -> f64) -> Vec<[f64; 2]> {
         let mut points = Vec::new();
         let mut level = None;
@@ -208,19 +206,19 @@ impl History {
         points
     }
 
-    /// The law through them.
+    /// Law through [`History::points`].
     pub fn law(&self) -> Option<Law> {
         Law::through(&self.points())
     }
 
-    /// Whether growth ended because nothing was left to gain: every held-out view was as good as can be seen.
+    /// Whether growth ended because every held-out view was perfect.
     pub(super) fn has_plateau(&self) -> bool {
         let mut entries = self.entries.iter();
         let stopped = entries.find(|entry| entry.act == Act::Stopped);
         stopped.is_some_and(|stopped| self.config.is_full(&stopped.psnr_db))
     }
 
-    /// The PSNR of the held-out views after what was done last.
+    /// PSNR of the held-out views after the last action.
     pub(super) fn psnr_db(&self) -> &[f64] {
         let Some(last) = self.entries.last() else {
             return &[];
@@ -231,8 +229,8 @@ impl History {
         }
     }
 
-    /// The share of the splats that the last round would have been allowed, where what it missed cost less than `most`
-    /// times the preference, as if what a tenth is worth grew in proportion with the share.
+    /// Share of the splats that the last round would have been allowed to remove, if it was rejected at a cost below
+    /// `most` times the preference; the cost of a tenth is taken as proportional to the share.
     pub(super) fn nearly_allowed(&self, most: f64) -> Option<f64> {
         let last = self.entries.last()?;
         let (left, _) = last.without.as_ref().filter(|_| last.act == Act::Missed)?;
@@ -242,9 +240,8 @@ impl History {
         (relative < most).then(|| share / relative.max(1.0))
     }
 
-    /// The count at which a tenth more splats is worth just the preference, by the law through what was found so far;
-    /// `None` while there is none. Nor is there one for views that are as good as can be seen, however many splats
-    /// there are: they lose nothing at first, and then all at once.
+    /// Number of splats at which a tenth more is worth the preference, by the law through all rounds; `None` without a
+    /// law, and for views that are perfect: removal costs them nothing at first and then everything at once.
     pub fn knee(&self) -> Option<f64> {
         if self.has_plateau() {
             return None;
@@ -253,7 +250,7 @@ impl History {
         Some(law.knee(self.preference_db))
     }
 
-    /// For how long photographs of half the size were enough; `None` where that was not asked.
+    /// Use of half-size photographs; `None` if never considered.
     pub fn half_size(&self) -> Option<HalfResolution> {
         let lost = self.lost_by_halving;
         let mut entries = self.entries.iter();
@@ -267,7 +264,7 @@ impl History {
         })
     }
 
-    /// The course as a report has it.
+    /// Decisions as reported.
     pub fn steps(&self) -> Vec<Decision> {
         let step = |entry: &Entry| Decision {
             iteration: entry.iteration,

@@ -1,32 +1,35 @@
-//! Harmonics where they are needed: which degree each splat's colour takes, at an error that is proven.
+//! SH degree reduction of each splat within a proven colour error.
 //!
-//! A colour is a sum over degrees l of c_l · Y_l(direction), c_l the 2l + 1 coefficients of a channel. By
-//! Cauchy–Schwarz and the addition theorem, by which Σ_m Y_lm² = (2l + 1) / 4π in every direction,
+//! A colour is a sum over degrees l of c_l · Y_l(direction), with c_l the 2l + 1 coefficients of a channel. By
+//! Cauchy–Schwarz and the addition theorem, Σ_m Y_lm² = (2l + 1) / 4π in every direction, |c_l · Y_l| ≤ ‖c_l‖ √((2l +
+//! 1) / 4π). So dropping the degrees above d moves a colour by at most the sum of that over those degrees, in any
+//! direction, and pixels, being mixtures of colours, by at most the largest error of their splats. The later clamp of
+//! colours at 0 does not increase differences.
 //! |c_l · Y_l| ≤ ‖c_l‖ √((2l + 1) / 4π). So colours without the degrees above d are off by no more than the sum of that
 //! over those degrees, seen from anywhere, and pixels, being mixtures of colours, by no more than the largest of their
 //! splats' errors. Colours are cut at 0 afterwards, which brings them no farther apart.
 
 use crate::scene::{Splats, sh_coefficient_count};
 
-/// How far rounding in `f32` may carry a colour beyond its bound, relatively to it: sixteen terms at 2⁻²⁴ each, of sums
-/// a hundred times as large as what is dropped.
+/// Relative rounding error of colours in `f32` beyond the bound: sixteen terms at 2⁻²⁴ each, of sums a hundred times as
+/// large as the dropped part.
 const ROUNDING: f64 = 1e-3;
 
-/// A scene with no more harmonics than it needs.
+/// Scene with reduced SH degrees.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reduced {
-    /// The scene, coefficients that are not needed set to zero; of the highest degree that any splat needs.
+    /// The scene with dropped coefficients set to zero, stored at the highest remaining degree.
     pub splats: Splats,
-    /// The degree of each splat.
+    /// SH degree of each splat.
     pub degrees: Vec<u8>,
-    /// How many splats there are of each degree.
+    /// Number of splats of each degree.
     pub count_from_degree: [usize; 4],
-    /// Coefficients of all splats of their own degrees, in floats.
+    /// Floats of all splats' coefficients at their own degrees.
     pub floats: usize,
 }
 
-/// Drops the highest degrees of every splat's colour as far as no channel is off by more than `error` in any direction.
-/// With an error of 0 only what is zero goes.
+/// Drops the highest SH degrees of every splat while no channel moves by more than `error` in any direction. At an
+/// error of 0 only zero coefficients are dropped.
 pub fn reduce_harmonics(splats: &Splats, error: f64) -> Reduced {
     let error = error * (1.0 - ROUNDING);
     let stride = splats.sh_stride();
@@ -58,14 +61,14 @@ pub fn reduce_harmonics(splats: &Splats, error: f64) -> Reduced {
     }
 }
 
-/// The lowest degree that `row`, `[coefficient][rgb]`, can be cut to.
+/// Lowest degree that `row`, `[coefficient][rgb]`, can be cut to.
 fn degree_needed(row: &[f32], sh_degree: u32, error: f64) -> u32 {
     let mut off = [0.0; 3];
     for degree in (1..=sh_degree).rev() {
         for (channel, off) in off.iter_mut().enumerate() {
             *off += band_bound(row, degree, channel);
         }
-        // What is no number stays: it is not for this to repair.
+        // NaN stays, unrepaired.
         if !off.iter().all(|&off| off <= error) {
             return degree;
         }
@@ -73,7 +76,7 @@ fn degree_needed(row: &[f32], sh_degree: u32, error: f64) -> u32 {
     0
 }
 
-/// The most that one degree can add to a channel: ‖c_l‖ √((2l + 1) / 4π).
+/// Upper bound of one degree's part of a channel: ‖c_l‖ √((2l + 1) / 4π).
 fn band_bound(row: &[f32], degree: u32, channel: usize) -> f64 {
     let band = degree.pow(2) as usize..(degree + 1).pow(2) as usize;
     let squares = band.map(|k| f64::from(row[3 * k + channel]).powi(2));
@@ -98,7 +101,7 @@ mod tests {
         }
     }
 
-    /// A row with something in the last coefficient of each degree up to one.
+    /// A row with `value` in the last coefficient of each degree up to `degree`.
     fn row(degree: usize, value: f32) -> [f32; 48] {
         let mut row = [0.0; 48];
         (0..=degree).for_each(|l| row[3 * ((l + 1).pow(2) - 1)] = value);
@@ -127,7 +130,7 @@ mod tests {
 
     #[test]
     fn bounds_add_up_over_degrees_and_end_where_the_error_is() {
-        // 0.5 of degree 3 is off by 0.5 √(7 / 4π) = 0.3732, of degree 2 by 0.3154, of degree 1 by 0.2443.
+        // 0.5 in degree 3 contributes at most 0.5 √(7 / 4π) = 0.3732, in degree 2 0.3154, in degree 1 0.2443.
         let scene = scene(&[row(3, 0.5)]);
         let needed = |error| {
             let counts = reduce_harmonics(&scene, error).count_from_degree;

@@ -1,17 +1,17 @@
-//! Colours by fewer harmonics, fitted anew to what the views see of them.
+//! Least-squares fit of lower SH degrees to the views of each splat.
 //!
-//! A splat is seen from few directions, and fewer harmonics may do for those: for each degree d, the coefficients b
-//! that keep nearest to its colours c, in the least-squares sense with the light that each view takes from it,
+//! A splat is seen from few directions, for which fewer coefficients may do. For each degree d, b are the coefficients
+//! nearest to the colours c in the least-squares sense, weighted by the splat's weight in each view:
 //!
 //! E(d) = min_b Σ_v w_v (c(v) − b · Y(v))² + μ W ∫ (c − b · Y)² dΩ / 4π,  W = Σ_v w_v,
 //!
-//! as if μ times as much light went in all directions alike. Colours take a small μ: as near as they get, but for
-//! directions that no view tells of. Degrees take a large one: coefficients that training has made large are those that
-//! it will miss, even if others could stand in for them in the views there are. Each splat takes the degree of least
-//! E(d) + λ n(d), n the coefficients: of all choices with as many in all, the one of least error; λ says how many.
+//! as if μ times the total weight came from all directions alike. Colours are fitted with a small μ, which only settles
+//! directions without a view. Degrees are chosen with a large one: coefficients that training has made large are
+//! needed, even if others can replace them in the given views. Each splat takes the degree of least E(d) + λ n(d), n
+//! the number of coefficients: the least total error at that total count, which λ controls.
 //!
-//! None of this matters much after some hundred steps: half of the fox's harmonics cost it 0.08 to 0.12 dB by each of
-//! ten such rules, those of this one 0.08 and 0.10 (`2026-11-22-harmonics.csv`).
+//! The rule hardly matters after some hundred steps: half of the SH of the fox costs 0.08 to 0.12 dB by each of ten
+//! such rules, by this one 0.08 and 0.10 (`2026-11-22-harmonics.csv`).
 
 mod basis;
 
@@ -22,33 +22,33 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// The μ that colours are fitted with.
+/// μ of the fitted colours.
 const FITTED_ALL_ROUND: f64 = 1e-3;
 
-/// The μ that degrees are chosen with.
+/// μ of the choice of degrees.
 const CHOSEN_ALL_ROUND: f64 = 1.0;
 
-/// Halvings of the interval in which λ lies, in logarithms: to 2⁻⁴⁰ of its width.
+/// Bisection steps for log₂ λ: to 2⁻⁴⁰ of the interval.
 const HALVINGS: usize = 40;
 
-/// Degrees that there can be.
+/// Number of SH degrees, 0 to 3.
 const DEGREES: usize = 4;
 
-/// A view, and what each splat weighs in it: the sum of its shares of pixels' colours.
+/// A view with each splat's weight in it, summed over pixels.
 pub struct Seen {
-    /// From where.
+    /// Camera of the view.
     pub camera: Camera,
-    /// By splat.
+    /// Weight of each splat.
     pub weights: Vec<f32>,
 }
 
-/// What each splat's colour would be with fewer harmonics, and how far off.
+/// Fitted colours and errors of every splat at every lower degree.
 pub struct Fits {
     rows: Vec<Fit>,
     sh_degree: u32,
 }
 
-/// A splat's colour, degree by degree up to its scene's.
+/// Fit of one splat, by degree up to the scene's.
 #[derive(Clone, Default)]
 struct Fit {
     /// `[coefficient][rgb]`.
@@ -70,8 +70,8 @@ impl Fits {
         }
     }
 
-    /// The degrees of least error that take no more floats than that, if degree 0 does; but for the highest that any
-    /// splat takes, each is that of `apart` splats or more.
+    /// Degrees of least total error within `floats` floats, or degree 0 where even that takes more. Each degree but the
+    /// highest in use has `apart` splats or none.
     pub fn degrees(&self, floats: usize, apart: usize) -> Vec<u8> {
         let sets = 1..1 << (self.sh_degree + 1);
         let choices = sets.map(|set| self.within(floats, set));
@@ -86,8 +86,8 @@ impl Fits {
         least.map_or_else(|| vec![0; self.rows.len()], |(_, degrees)| degrees)
     }
 
-    /// The degrees of least error of those in a set, a bit for each, that take no more floats than that, if its lowest
-    /// does.
+    /// Degrees of least total error from `set` (one bit per degree) within `floats` floats, if the lowest degree in the
+    /// set fits.
     fn within(&self, floats: usize, set: u32) -> Vec<u8> {
         let (mut low, mut high) = (-60.0_f64, 60.0_f64);
         for _ in 0..HALVINGS {
@@ -102,7 +102,7 @@ impl Fits {
 
     fn choose(&self, set: u32, lambda: f64) -> Vec<u8> {
         let choose = |fit: &Fit| {
-            // What is no number stays as it is: it is not for this to repair.
+            // NaN stays, unrepaired.
             if fit.errors.iter().any(|e| e.is_nan()) {
                 return self.sh_degree as u8;
             }
@@ -121,7 +121,7 @@ impl Fits {
         errors.filter(|error| !error.is_nan()).sum()
     }
 
-    /// The scene with such degrees, in the coefficients of its own; zeros stand for those that went.
+    /// The scene at these degrees, in its own layout; dropped coefficients are zero.
     ///
     /// Panics unless there is a degree for every splat.
     pub fn applied(&self, splats: &Splats, degrees: &[u8]) -> Splats {
@@ -138,7 +138,7 @@ impl Fits {
     }
 }
 
-/// Floats of a colour of a degree.
+/// Floats of a colour at a degree.
 fn floats(degree: u8) -> usize {
     3 * sh_coefficient_count(degree.into())
 }
@@ -170,14 +170,14 @@ fn fit(splats: &Splats, index: usize, views: &[Seen]) -> Fit {
         found.errors.push(error);
     }
     found.rows.push(row.to_vec());
-    // All of its own: no error, unless there are no numbers.
+    // The full degree: no error, or NaN if any coefficient is not finite.
     let total: f32 = row.iter().map(|c| c * 0.0).sum();
     found.errors.push(f64::from(total));
     debug_assert!(found.rows.len() <= DEGREES);
     found
 }
 
-/// The first `count` coefficients that fit best, and the error E; `all_round` is μ.
+/// The first `count` coefficients of best fit, and their error E; `all_round` is μ.
 fn fewer(row: &[f32], seen: &[(f64, [f64; 16])], count: usize, all_round: f64) -> (Vec<f32>, f64) {
     let total: f64 = seen.iter().map(|(weight, _)| weight).sum();
     let around = all_round * total / (4.0 * PI);
@@ -221,7 +221,7 @@ fn fewer(row: &[f32], seen: &[(f64, [f64; 16])], count: usize, all_round: f64) -
     (fitted, error)
 }
 
-/// The lower triangle L of a symmetric positive definite matrix L Lᵀ in place of it (Cholesky).
+/// Cholesky factor: replaces a symmetric positive definite matrix by its lower triangle L, with L Lᵀ the matrix.
 fn factorize(matrix: &mut [f64], size: usize) {
     for i in 0..size {
         for j in 0..=i {
@@ -254,7 +254,7 @@ fn solve(lower: &[f64], b: &mut [f64]) {
 mod tests {
     use super::*;
 
-    /// Splats of degree 3 at the origin, coefficients drawn by a rule.
+    /// Splats of degree 3 at the origin with deterministic coefficients.
     fn scene(count: usize) -> Splats {
         let value = |i: usize| ((i * 7919 + 13) % 1009) as f32 / 1009.0 - 0.5;
         Splats {
@@ -268,7 +268,7 @@ mod tests {
         }
     }
 
-    /// Views from some places, that see every splat with these weights.
+    /// Views from `places`, each with these weights for the splats.
     fn views(places: &[[f64; 3]], weights: &[f32]) -> Vec<Seen> {
         let view = |&place: &[f64; 3]| Seen {
             camera: Camera {
@@ -312,7 +312,7 @@ mod tests {
                 .collect(),
             ..splats.clone()
         };
-        // A thousandth of the light goes all round: a millionth of what cutting alone is off by.
+        // A thousandth of the weight is all round: a millionth of the error of truncation.
         assert!(
             off(&flat) < 2e-6 * off(&cut),
             "{} of {}",

@@ -1,15 +1,15 @@
-//! The axes of an ellipsoid: eigenvalues and eigenvectors of a symmetric 3×3 matrix.
+//! Eigenvalues and eigenvectors of a symmetric 3×3 matrix, and mean projected areas.
 
 use glam::{DMat3, DVec3};
 
-/// Sweeps at most: convergence is quadratic, and five do for any matrix of `f64`.
+/// Maximum number of sweeps; convergence is quadratic, and five suffice for any `f64` matrix.
 const SWEEPS: usize = 12;
 
-/// Below this share of what stands on the diagonal, what stands off it is rounding.
+/// Off-diagonal elements below this share of the diagonal are rounding.
 const ROUNDING: f64 = 1e-17;
 
-/// Eigenvalues, and the eigenvectors as columns of a proper rotation: it is a product of rotations (Jacobi's method),
-/// whether eigenvalues are equal, tiny beside each other or zero.
+/// Eigenvalues, and eigenvectors as columns of a proper rotation, a product of Jacobi rotations; also for equal, tiny
+/// or zero eigenvalues.
 pub(super) fn axes(symmetric: DMat3) -> (DVec3, DMat3) {
     let mut m = symmetric.to_cols_array_2d();
     let mut v = DMat3::IDENTITY.to_cols_array_2d();
@@ -26,13 +26,13 @@ pub(super) fn axes(symmetric: DMat3) -> (DVec3, DMat3) {
     (values, DMat3::from_cols_array_2d(&v))
 }
 
-/// Turns the plane of the axes `p` and `q` until the element between them is zero; whether that was needed.
+/// Rotates in the plane of axes `p` and `q` until their off-diagonal element is zero; returns whether that was needed.
 fn turn(m: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) -> bool {
     let across = m[p][q];
     if across.abs() <= ROUNDING * (m[p][p] * m[q][q]).abs().sqrt() || !across.is_normal() {
         return false;
     }
-    // The smaller of the two angles that do it.
+    // The smaller of the two possible angles.
     let half = 0.5 * (m[q][q] - m[p][p]) / across;
     let tangent = half.signum() / (half.abs() + half.hypot(1.0));
     let cosine = tangent.hypot(1.0).recip();
@@ -60,8 +60,8 @@ fn turn(m: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) -> boo
 /// Exponent of Thomsen's formula.
 const THOMSEN: f64 = 1.6075;
 
-/// The mean over all directions of the product of the two standard deviations of a Gaussian's shadow, from the
-/// variances along its axes: s² for a round one. By Cauchy's theorem a convex body's mean shadow is a quarter of its
+/// Mean over all directions of the product of the two standard deviations of a projected Gaussian, from the variances
+/// along its axes; s² for a round one. By Cauchy's theorem the mean projection of a convex body is a quarter of its
 /// surface, which Thomsen's formula gives for an ellipsoid to 1.1 %.
 pub(super) fn mean_shadow(variances: DVec3) -> f64 {
     let v = variances.max(DVec3::ZERO);
@@ -123,7 +123,7 @@ mod tests {
         }
     }
 
-    /// Against the mean over directions itself, by quadrature.
+    /// Against quadrature over directions.
     #[test]
     fn a_mean_shadow_is_that_over_all_directions() {
         for shape in [
@@ -142,7 +142,7 @@ mod tests {
                         (1.0 - z * z).sqrt() * angle.cos(),
                         (1.0 - z * z).sqrt() * angle.sin(),
                     );
-                    // The shadow along a unit vector u has the determinant uᵀ adj(Σ) u.
+                    // The projection along a unit vector u has the determinant uᵀ adj(Σ) u.
                     sum += (b * c * x * x + a * c * y * y + a * b * z * z).sqrt();
                 }
             }

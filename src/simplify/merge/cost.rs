@@ -1,4 +1,4 @@
-//! What a merge costs: how far what two splats cover is from what the one covers that would stand for them.
+//! Cost of a merge: difference between the pictures of two splats and of the merged one.
 
 use super::joint::Joint;
 use super::mass::{MassGaussian, PixelFilter};
@@ -6,11 +6,11 @@ use super::projection::Projected;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// What a difference of colours costs beside the error of the field, which forgives faint splats any.
+/// Weight of the colour difference beside the field's error, in which faint splats may differ arbitrarily.
 const COLOR: f64 = 1e-6;
 
-/// Products of two splats' colours, red, green and blue together, as means over all directions, with the product of
-/// their covers, 1, on top: that something dark hides what is behind it counts, too.
+/// Products of two splats' colours, summed over red, green and blue, as means over all directions, plus 1, the product
+/// of their covers: hiding the background counts even for dark splats.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ColorProducts {
     pub first: f64,
@@ -19,33 +19,33 @@ pub(super) struct ColorProducts {
 }
 
 impl ColorProducts {
-    /// The product of two mixtures of the colours.
+    /// Product of two mixtures of the colours.
     fn product(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
         let across = a[0] * b[1] + a[1] * b[0];
         a[0] * b[0] * self.first + across * self.across + a[1] * b[1] * self.second
     }
 
-    /// The squared distance of the colours.
+    /// Squared distance of the colours.
     fn distance(&self) -> f64 {
         (self.first + self.second - 2.0 * self.across).max(0.0)
     }
 }
 
-/// A part of a picture.
+/// Term of the error.
 struct Part {
     sign: f64,
     shade: Projected,
-    /// Its colour as a mixture of the two splats'.
+    /// Colour as a mixture of the two splats'.
     mixture: [f64; 2],
 }
 
-/// What it costs that `merged` stands for both: the squared error of colour and cover summed over the pixels of a
-/// picture, where these are as fine as the scene's views have them, as the mean of pictures along the three axes of
-/// both together, each counted as many views are like it.
+/// Cost of replacing both splats by `merged`: the squared error of colour and cover, summed over pixels at the scale of
+/// the scene's views, as a mean over pictures along the three axes of their mixture, each weighted by the share of
+/// views like it.
 ///
 /// It is ∫ ‖c α G + c′ α′ G′ − ½ (c + c′) α α′ G G′ − c″ α″ G″‖² over each picture's plane, and exact: every term is an
-/// integral of a product of Gaussians. In pixels, no unit of the world is left in it. An error over space itself would
-/// take thin splats for next to nothing. Infinite where it is no number.
+/// integral of a product of Gaussians. It is measured in pixels and free of world units; an error over space itself
+/// would hardly count thin splats. Infinite instead of NaN.
 pub(super) fn cost(
     (a, b): (&MassGaussian, &MassGaussian),
     (merged, joint): (&MassGaussian, &Joint),
@@ -82,7 +82,7 @@ pub(super) fn cost(
     if cost.is_nan() { f64::INFINITY } else { cost }
 }
 
-/// ∫ of the product of two parts.
+/// ∫ of the product of two terms.
 fn product(a: &Part, b: &Part, tones: &ColorProducts) -> f64 {
     let light = a.shade.times(&b.shade).light();
     a.sign * b.sign * tones.product(a.mixture, b.mixture) * light
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
     use crate::scene::{RenderMode, Splats};
 
-    /// Splats of mean, scale and opacity logit, all turned alike.
+    /// Splats of mean, scale and opacity logit, all with the same rotation.
     fn bodies(rows: &[([f32; 3], [f32; 3], f32)]) -> Vec<MassGaussian> {
         let splats = Splats {
             mean: rows.iter().map(|row| row.0).collect(),
@@ -124,7 +124,7 @@ mod tests {
         cost((a, b), (&merged, &joint), tones, pen())
     }
 
-    /// What one alone gives: the scale of all prices.
+    /// Energy of one splat alone: the scale of all costs.
     fn energy(a: &MassGaussian, tones: &ColorProducts) -> f64 {
         let light = |axis| {
             let shade = a.turned(DVec3::ZERO, &glam::DMat3::IDENTITY).shade(axis);
@@ -133,7 +133,7 @@ mod tests {
         tones.first * (0..3).map(light).sum::<f64>() / 3.0 / a.pixel(pen())
     }
 
-    /// Against the integral of the squared difference itself, added up over planes.
+    /// Against the integral of the squared difference, by summation over planes.
     #[test]
     fn the_price_is_the_error_that_a_grid_of_pixels_finds() {
         let found = bodies(&[
@@ -187,7 +187,7 @@ mod tests {
         }
     }
 
-    /// Halves of a faint splat, apart by so much of its deviation, are nearly the splat again.
+    /// Halves of a faint splat, a fraction of its deviation apart, are nearly the splat again.
     #[test]
     fn halves_merge_back_for_next_to_nothing() {
         let half = |sign: f32| {
@@ -200,22 +200,22 @@ mod tests {
         let scale = energy(&halves[0], &same);
         let relative = price(&halves[0], &halves[1], &same) / scale;
         assert!(relative < 1e-2, "{relative}");
-        // Of other colours, or farther apart, it is another matter.
+        // Different colours or a larger distance cost more.
         let other = price(&halves[0], &halves[1], &tones(0.0, 1.0)) / scale;
         assert!(other > 20.0 * relative, "{other}");
         let apart = bodies(&[half(1.0), half(-6.0)]);
         assert!(price(&apart[0], &apart[1], &same) / scale > 100.0 * relative);
     }
 
-    /// Faint ones in one place cost nothing but what one takes from the other.
+    /// Coincident faint splats cost nothing but their mutual occlusion.
     #[test]
     fn twins_are_free() {
         let twins = bodies(&[([1.0, 2.0, 3.0], [0.5, 0.3, 0.2], -9.0); 2]);
         let same = tones(0.7, 0.7);
         let relative = price(&twins[0], &twins[1], &same) / energy(&twins[0], &same);
         assert!(relative < 1e-6, "{relative}");
-        // Opaque ones have a flatter top than a Gaussian. One of them alone would be wrong by
-        // ∫ (G − G²)² / ∫ G² = 1 − 4 / 3 + 1 / 2.
+        // Opaque ones have a flatter top than a Gaussian. One of them alone would be wrong by ∫ (G − G²)² / ∫ G² = 1 −
+        // 4 / 3 + 1 / 2.
         let twins = bodies(&[([1.0, 2.0, 3.0], [0.5, 0.3, 0.2], 6.0); 2]);
         let relative = price(&twins[0], &twins[1], &same) / energy(&twins[0], &same);
         assert!(relative < 1.0 / 6.0 / 3.0, "{relative}");

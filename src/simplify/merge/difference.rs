@@ -1,28 +1,28 @@
-//! How far apart the pictures of two scenes are, where nothing was promised.
+//! Measured difference between the pictures of two scenes, without a bound.
 
 use crate::Result;
 use crate::scene::Camera;
 use crate::simplify::ContributionPass;
 
-/// What was measured over all pixels of all views.
+/// Difference over all pixels of all views.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Difference {
-    /// Pixels looked at.
+    /// Pixels compared.
     pub pixels: usize,
-    /// The largest difference of any channel of any pixel, where 1 is white.
+    /// Largest difference of any channel of any pixel; 1 is white.
     pub most: f64,
-    /// The root of the mean squared difference.
+    /// Root mean square difference.
     pub rms: f64,
 }
 
 impl Difference {
-    /// The PSNR of one against the other, dB; infinite where they are the same.
+    /// PSNR of one against the other, decibels; infinite if equal.
     pub fn psnr_db(&self) -> f64 {
         -20.0 * self.rms.log10()
     }
 }
 
-/// Draws all views of both scenes. `None` where `go_on`, which is asked before every view, says no.
+/// Renders and compares all views. `None` if `go_on`, called before every view, returns false.
 ///
 /// # Errors
 /// As [`ContributionPass::losses`].
@@ -43,7 +43,7 @@ pub fn difference(
         let channels = before.planes.iter().zip(&after.planes).take(3 * pixels);
         for (a, b) in channels {
             let moved = (f64::from(*a) - f64::from(*b)).abs();
-            // A number that is none is as far off as can be.
+            // NaN counts as infinitely far off.
             let moved = if moved.is_nan() { f64::INFINITY } else { moved };
             found.most = found.most.max(moved);
             squares += moved * moved;

@@ -1,4 +1,4 @@
-//! Merging from the cheapest pair on: what a merge gives is priced before the next is chosen.
+//! Greedy merging, cheapest pair first; a merged splat gets new costs with its neighbours before the next merge.
 
 use super::cost::{ColorProducts, cost};
 use super::mass::{MassGaussian, PixelFilter};
@@ -8,25 +8,25 @@ use rayon::prelude::*;
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-/// Neighbours that each splat is priced with.
+/// Number of neighbours with which each splat forms candidate pairs.
 const NEIGHBORS: usize = 8;
 
-/// Partners of a merged splat at most: those of its parts, the cheapest.
+/// Maximum number of partners of a merged splat: the cheapest of its parts' partners.
 const PARTNERS: usize = 16;
 
-/// One of so many splats goes until neighbours are looked for anew: partners handed down are near, not the nearest.
+/// Neighbours are searched again after 1/`ROUND` of the splats has gone: inherited partners are near, not nearest.
 const ROUND: usize = 4;
 
-/// Splats priced, or merges made, between two questions whether to go on.
+/// Splats or merges between two calls of the progress callback.
 const BATCH: usize = 1 << 12;
 
-/// Two splats that could merge.
+/// Candidate pair of splats.
 #[derive(Clone, Copy, Debug)]
 struct Pair {
     cost: f64,
-    /// The lower index first: it will hold the merged splat.
+    /// Indices, the lower first: it will hold the merged splat.
     splats: [u32; 2],
-    /// How often each had been merged when this was priced.
+    /// Number of earlier merges of each at the time of the cost.
     ages: [u32; 2],
 }
 
@@ -51,16 +51,16 @@ impl PartialEq for Pair {
 
 impl Eq for Pair {}
 
-/// A scene while splats merge in it.
+/// State of a scene during merging.
 pub(super) struct Merging {
     splats: Splats,
     pen: PixelFilter,
-    /// By splat; `None` what is left alone.
+    /// By splat; `None` if it takes no part.
     bodies: Vec<Option<MassGaussian>>,
     /// By splat: product of its colour with itself, as in [`ColorProducts`].
     tones: Vec<f64>,
     ages: Vec<u32>,
-    /// By splat: the one that it has become part of; itself, where it is there.
+    /// By splat: the splat that it was merged into, or itself.
     holders: Vec<u32>,
     partners: Vec<Vec<u32>>,
     pairs: BinaryHeap<Reverse<Pair>>,
@@ -91,8 +91,8 @@ impl Merging {
         }
     }
 
-    /// Merges pairs until so many splats are gone, or no pair is left; how many went. `each` hears how many have gone
-    /// so far; `None` where it says no.
+    /// Merges pairs until `count` splats are gone or no pair is left; returns how many went. `each` is called with the
+    /// number gone so far; `None` if it returns false.
     pub(super) fn run(
         &mut self,
         count: usize,
@@ -111,7 +111,7 @@ impl Merging {
         }
     }
 
-    /// Finds all partners anew.
+    /// Searches the partners of all splats anew.
     fn look_around(&mut self) {
         let bodies = self.bodies.iter().enumerate();
         let there = bodies.filter_map(|(i, body)| body.as_ref().map(|body| (i as u32, body.mean)));
@@ -131,7 +131,7 @@ impl Merging {
         }
     }
 
-    /// Prices all pairs; `None` where `go_on` says no.
+    /// Computes the costs of all pairs; `None` if `go_on` returns false.
     fn price(&mut self, go_on: &mut dyn FnMut() -> bool) -> Option<()> {
         let mut pairs = Vec::new();
         for start in (0..self.splats.len()).step_by(BATCH) {
@@ -146,7 +146,7 @@ impl Merging {
         Some(())
     }
 
-    /// Merges up to `count` pairs, the cheapest first; how many.
+    /// Merges up to `count` pairs, the cheapest first; returns how many.
     fn round(&mut self, count: usize, each: &mut dyn FnMut(usize) -> bool) -> Option<usize> {
         let mut gone = 0;
         while gone < count {
@@ -167,13 +167,13 @@ impl Merging {
         Some(gone)
     }
 
-    /// The pairs of a splat and its partners of higher indices.
+    /// Pairs of a splat with its partners of higher index.
     fn later_pairs(&self, i: u32) -> Vec<Pair> {
         let later = self.partners[i as usize].iter().filter(|&&j| j > i);
         later.filter_map(|&j| self.pair(i, j)).collect()
     }
 
-    /// What it costs that two splats merge; `None` where they cannot.
+    /// Candidate pair with its cost; `None` if the two cannot merge.
     fn pair(&self, i: u32, j: u32) -> Option<Pair> {
         let splats = [i.min(j), i.max(j)];
         let [i, j] = splats.map(|i| i as usize);
@@ -192,7 +192,7 @@ impl Merging {
         })
     }
 
-    /// Puts both in the place of the first.
+    /// Merges `j` into `i`.
     fn merge(&mut self, i: usize, j: usize) {
         let (Some(a), Some(b)) = (self.bodies[i], self.bodies[j].take()) else {
             return;
@@ -232,7 +232,7 @@ impl Merging {
         self.pairs.extend(pairs.into_iter().map(Reverse));
     }
 
-    /// The splat that holds what this one has become part of.
+    /// The splat that `i` has been merged into, with path compression.
     fn holder(&mut self, mut i: u32) -> u32 {
         while self.holders[i as usize] != i {
             let next = self.holders[self.holders[i as usize] as usize];
@@ -242,7 +242,7 @@ impl Merging {
         i
     }
 
-    /// The splats that are there, in their order; those that did not merge are as they were, to the bit.
+    /// Remaining splats in their order; unmerged ones are bit-identical.
     pub(super) fn splats(mut self) -> Splats {
         for (i, body) in self.bodies.iter().enumerate() {
             if let Some(body) = body.as_ref().filter(|_| self.ages[i] > 0) {
@@ -256,8 +256,8 @@ impl Merging {
     }
 }
 
-/// The product of two splats' colours as a mean over all directions, and 1 for their covers. Harmonics are orthogonal,
-/// and the mean of each one's square is that of the constant one.
+/// Mean over all directions of the product of two splats' colours, plus 1 for their covers. SH functions are
+/// orthogonal, each with the same mean square.
 fn tone(splats: &Splats, i: usize, j: usize) -> f64 {
     let stride = splats.sh_stride();
     let c0 = f64::from(SH_C0);

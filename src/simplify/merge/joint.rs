@@ -1,4 +1,4 @@
-//! What two splats have in common, seen from all around.
+//! Merge of two splats, and their overlap averaged over viewing directions.
 
 use super::axes::{axes, mean_shadow, square};
 use super::mass::{Drawn, MassGaussian, PixelFilter};
@@ -6,24 +6,24 @@ use crate::layout::ALPHA_MAX;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
-/// What two splats have in common: 1 − (1 − α G) (1 − α′ G′) = α G + α′ G′ − α α′ G G′ is what both cover, and a
-/// product of Gaussians is one.
+/// Overlap of two splats: 1 − (1 − α G) (1 − α′ G′) = α G + α′ G′ − α α′ G G′ is the cover of both, and a product of
+/// Gaussians is a Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Joint {
-    /// From the first one's mean to the other's.
+    /// From the first mean to the second.
     pub offset: DVec3,
-    /// The axes of their mixture, along which they are looked at.
+    /// Principal axes of their mixture, used as viewing directions.
     pub axes: DMat3,
-    /// How much the view along each counts; 1 in all. Along the axis of a disc it is what most views show, along that
-    /// of a needle what hardly any do: a direction is like it where the sines are small beside the ratio of deviations.
+    /// Weight of the view along each axis, sum 1: the share of directions like it, those with sines small beside the
+    /// ratio of deviations. Most views of a disc are along its axis, hardly any of a needle.
     pub views: DVec3,
-    /// The other's share of the colour: either is before the other in half of the views.
+    /// Second splat's share of the colour: each is in front in half of the views.
     pub share: f64,
-    /// The mass of what they have in common: as large a part of the mixture's as of what the three views show.
+    /// Mass of the overlap: as large a part of the mixture's as in the three views.
     pub mass: f64,
-    /// Where that lies in space: G G′.
+    /// Covariance of G G′.
     pub covariance: DMat3,
-    /// From the first one's mean to that of G G′.
+    /// From the first mean to that of G G′.
     pub common_offset: DVec3,
 }
 
@@ -46,7 +46,7 @@ impl Joint {
             views[axis] * light * deviations[axis] / deviations.element_product()
         };
         let common = mean_shadow(variances) * (0..3).map(filled).sum::<f64>();
-        // No more than either.
+        // At most the mass of either.
         let mass = common.min(a.mass).min(b.mass);
         let inverse = (first.covariance + second.covariance).inverse();
         let product = first.covariance * inverse * second.covariance;
@@ -63,8 +63,8 @@ impl Joint {
 }
 
 impl MassGaussian {
-    /// What both are together, and the one that stands for that: its mass, mean and covariance, and the opacity that
-    /// gives that mass; where none does, opaque and larger. `None` where a number leaves its range.
+    /// Merged splat and overlap: the mass, mean and covariance of the mixture, and the opacity for that mass, or an
+    /// opaque and larger splat if none suffices. `None` if a value leaves its range.
     pub(super) fn merged(
         &self,
         other: &MassGaussian,
@@ -74,7 +74,7 @@ impl MassGaussian {
         let mass = self.mass + other.mass - joint.mass;
         let mix = |a: f64, b: f64| a + joint.share * (b - a);
         let filter_variance = mix(self.filter_variance, other.filter_variance);
-        // Where the mean is, counted from this one's.
+        // Mean relative to this splat's.
         let mean = (other.mass * joint.offset - joint.mass * joint.common_offset) / mass;
         let moment = |part: f64, covariance: DMat3, offset: DVec3| {
             (covariance + square(offset - mean)) * (part / mass)
@@ -93,7 +93,7 @@ impl MassGaussian {
         };
         let (shadow, most) = (body.shadow(pen), f64::from(ALPHA_MAX));
         if mass > most * shadow {
-            // Nothing is more than opaque: what is left over makes it larger.
+            // Opacity is capped: excess mass enlarges the splat.
             body.covariance *= mass / (most * shadow);
         }
         let shadow = body.shadow(pen);

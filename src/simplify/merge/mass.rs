@@ -1,24 +1,24 @@
-//! A splat as merging sees it: a Gaussian with a mass, and what two of them are together.
+//! Splat as a Gaussian with a mass.
 
 use super::axes::{axes, mean_shadow};
 use super::projection::Turned;
 use crate::scene::{RenderMode, Splats};
 use glam::{DMat3, DQuat, DVec3};
 
-/// A quaternion that is not longer than this has no direction, and the splat is not drawn.
+/// Shortest quaternion length with a direction; splats below it are not drawn.
 const QUATERNION_MIN: f64 = 1e-18;
 
-/// How a render mode draws splats that are small beside a pixel.
+/// Screen-space filter of a render mode.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PixelFilter {
-    /// What is added to the variances on the screen, px².
+    /// Variance added on the screen, px².
     dilation: f64,
-    /// Whether opacities are lowered so that this adds no light.
+    /// Whether opacities are lowered so that the dilation adds no light.
     keeps_light: bool,
 }
 
 impl PixelFilter {
-    /// That of a mode, as `render::view_of` has it.
+    /// Filter of a mode, as in `render::view_of`.
     pub(super) fn of(mode: RenderMode) -> PixelFilter {
         let keeps_light = mode == RenderMode::Mip;
         PixelFilter {
@@ -28,19 +28,19 @@ impl PixelFilter {
     }
 }
 
-/// A splat, or what several have become.
+/// A splat, original or merged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct MassGaussian {
     pub mean: DVec3,
     pub(super) covariance: DMat3,
-    /// The least variance along any axis, which rounding may lose beside a large one.
+    /// Smallest variance along any axis, which rounding may lose beside a large one.
     pub(super) thinnest: f64,
-    /// The variance that the screen adds, in world units.
+    /// Variance added by the screen filter, world units².
     pub filter_variance: f64,
     pub(super) opacity: f64,
-    /// Opacity × mean shadow: the light that it covers, averaged over all directions.
+    /// Opacity × mean projected area: the light that it covers, averaged over all directions.
     pub mass: f64,
-    /// As it is drawn: what the screen adds included.
+    /// The Gaussian as drawn, with the screen filter's variance.
     pub drawn: Drawn,
 }
 
@@ -53,7 +53,8 @@ pub(super) struct Drawn {
 }
 
 impl MassGaussian {
-    /// A splat that is seen at `rate` pixels per world unit; `None` where it has no shape, no mass or no number.
+    /// Splat `index`, seen at `rate` pixels per world unit; `None` without shape or mass, or with a value that is not
+    /// finite.
     pub(super) fn new(
         splats: &Splats,
         index: usize,
@@ -85,7 +86,7 @@ impl MassGaussian {
         body.is_sound().then_some(body)
     }
 
-    /// The mean shadow that its opacity fills.
+    /// Mean projected area that multiplies the opacity.
     pub(super) fn shadow(&self, pen: PixelFilter) -> f64 {
         match pen.keeps_light {
             true => mean_shadow(axes(self.covariance).0.max(DVec3::splat(self.thinnest))),
@@ -105,7 +106,7 @@ impl MassGaussian {
             && self.covariance.is_finite()
     }
 
-    /// As it is drawn at `mean`, in other axes.
+    /// The Gaussian as drawn, at `mean`, in other axes.
     pub(super) fn turned(&self, mean: DVec3, axes: &DMat3) -> Turned {
         let turn = axes.transpose();
         Turned {
@@ -115,12 +116,12 @@ impl MassGaussian {
         }
     }
 
-    /// Area of a pixel where it lies, world units².
+    /// Area of a pixel at the splat, world units².
     pub(super) fn pixel(&self, pen: PixelFilter) -> f64 {
         self.filter_variance / pen.dilation
     }
 
-    /// Writes it over a splat, but for its harmonics.
+    /// Stores it as splat `index`, except for SH.
     pub(super) fn store(&self, splats: &mut Splats, index: usize) {
         let (variances, rotation) = axes(self.covariance);
         let q = DQuat::from_mat3(&rotation).normalize();
@@ -157,7 +158,7 @@ mod tests {
     use crate::layout::ALPHA_MAX;
     use crate::train::rng::{self, Stream};
 
-    /// A splat of these numbers, in a scene of its own.
+    /// Scene of a single splat.
     fn splat(
         mean: [f32; 3],
         quaternion: [f32; 4],
@@ -247,7 +248,7 @@ mod tests {
         }
     }
 
-    /// M19 without its order: 1 − (1 − α G)², whose light is 2 α − α² / 2 of one's.
+    /// 1 − (1 − α G)², with 2 α − α² / 2 of the light of one (M19 without its order).
     #[test]
     fn of_two_in_one_place_the_one_behind_is_covered() {
         for logit in [-3.0, 0.0, 1.0, 6.0] {
@@ -267,7 +268,7 @@ mod tests {
             );
             assert!((merged.mean - body.mean).length() < 1e-14);
             assert!((joint.share - 0.5).abs() < 1e-15);
-            // A flatter top: wider than either, in the same shape.
+            // A flatter top: wider than either, of the same shape.
             let ratio = merged.covariance.determinant() / body.covariance.determinant();
             assert!(ratio > 1.0 && ratio < 4.0, "{ratio}");
             assert!(merged.opacity > alpha.min(0.99) && merged.opacity < 2.0 * alpha);

@@ -1,10 +1,10 @@
-//! The nearest neighbours of every point of a set, by name.
+//! Nearest neighbours of every point of a set, by index.
 
 use crate::train::knn::{LEAF, build};
 use rayon::prelude::*;
 
-/// For each of `points`, at most `count` others that lie nearest, the nearest first. All points must be finite. Those
-/// in one place are neighbours of each other like any.
+/// For each of `points`, the indices of at most `count` nearest others, nearest first. All points must be finite.
+/// Coincident points are neighbours of each other.
 pub(super) fn neighbors(points: &[[f32; 3]], count: usize) -> Vec<Vec<u32>> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     build(points, &mut order, 0);
@@ -26,7 +26,7 @@ struct Tree<'a> {
     order: Vec<u32>,
 }
 
-/// The nearest so far, ascending by squared distance and index.
+/// Nearest points so far, ascending by squared distance and index.
 struct Nearest {
     query: usize,
     count: usize,
@@ -74,7 +74,7 @@ impl Tree<'_> {
             (right, left)
         };
         self.search(near, (axis + 1) % 3, nearest);
-        // Of a thousand points in one place a few will do.
+        // Strictly less: among many coincident points any `count` will do.
         if offset * offset < nearest.worst() {
             self.search(far, (axis + 1) % 3, nearest);
         }

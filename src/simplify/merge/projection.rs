@@ -1,9 +1,9 @@
-//! A Gaussian as a picture from afar shows it: flat, one of its world's axes looked along.
+//! Orthographic projection of a Gaussian along a coordinate axis.
 
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
-/// A Gaussian in axes of one's choice.
+/// A Gaussian in rotated axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turned {
     pub amplitude: f64,
@@ -21,7 +21,7 @@ pub(super) struct Projected {
 }
 
 impl Turned {
-    /// What is seen along an axis.
+    /// Projection along an axis.
     pub(super) fn shade(&self, axis: usize) -> Projected {
         let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
         let c = &self.covariance;
@@ -34,7 +34,7 @@ impl Turned {
 }
 
 impl Projected {
-    /// The product of two, which is one.
+    /// Product of two, again a Gaussian.
     pub(super) fn times(&self, other: &Projected) -> Projected {
         let ([a, b, c], [d, e, f]) = (self.covariance, other.covariance);
         let [xx, xy, yy] = [a + d, b + e, c + f];
@@ -64,7 +64,7 @@ impl Projected {
         (xx * yy - xy * xy).max(0.0)
     }
 
-    /// Its value at a point.
+    /// Value at a point.
     #[cfg(test)]
     pub(super) fn value(&self, at: [f64; 2]) -> f64 {
         let [xx, xy, yy] = self.covariance;
@@ -73,7 +73,7 @@ impl Projected {
         self.amplitude * (-0.5 * square).exp()
     }
 
-    /// Its integral over the plane.
+    /// Integral over the plane.
     pub(super) fn light(&self) -> f64 {
         TAU * self.amplitude * self.determinant().sqrt()
     }

@@ -1,4 +1,4 @@
-//! The basis of colours: real spherical harmonics up to degree 3, in the order and with the signs of 3DGS files.
+//! Real spherical harmonics up to degree 3, in the order and with the signs of 3DGS files.
 
 /// √(1 / 4π).
 const C0: f64 = 0.282_094_791_773_878_14;
@@ -19,7 +19,7 @@ const C3: [f64; 5] = [
     1.445_305_721_320_277,
 ];
 
-/// All functions at a unit vector.
+/// All 16 functions at a unit vector.
 pub(super) fn basis([x, y, z]: [f64; 3]) -> [f64; 16] {
     let (xx, yy, zz) = (x * x, y * y, z * z);
     [
@@ -46,7 +46,7 @@ pub(super) fn basis([x, y, z]: [f64; 3]) -> [f64; 16] {
 mod tests {
     use super::*;
 
-    /// By the addition theorem; `tests/parsimony/colors.rs` holds order and signs against the reference.
+    /// Addition theorem; `tests/device/simplify/colors.rs` compares order and signs with the reference.
     #[test]
     fn squares_of_a_degree_sum_to_the_same_everywhere() {
         for i in 0..50 {
