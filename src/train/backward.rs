@@ -1,4 +1,4 @@
-//! The kernels of a training step behind the frame: loss, gradients, update.
+//! Kernels of a training step after the frame: loss, gradients, update.
 
 use super::config::TrainConfig;
 use super::device::DeviceState;
@@ -13,7 +13,7 @@ use crate::kernels::{
 use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::render::{Block, DepthBands, Forward, Model, Scratch, plane_count, tile_stride};
 
-/// The value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
+/// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
 const ALPHA_MASKS: u32 = 1;
 
 /// The kernels, compiled for one device.
@@ -22,15 +22,15 @@ pub(crate) struct Backward {
     comparison: Comparison,
     loss_sum: loss_sum::LossSum,
     rasterize: rasterize_backward::RasterizeBackward,
-    /// One per spherical-harmonic degree.
+    /// One kernel per SH degree.
     project: Vec<ProjectBackward>,
-    /// The same for slots in an order of their own: none until a model has such.
+    /// The same for slots in an order of their own; empty until a model has one.
     indexed: Vec<ProjectBackward>,
     adam: adam::Adam,
     perturb: perturb::Perturb,
 }
 
-/// The kernels that compare a picture with its photograph.
+/// Kernels that compare a picture with its photograph.
 #[derive(Debug)]
 struct Comparison {
     loss: loss::Loss,
@@ -50,10 +50,10 @@ impl Comparison {
     }
 }
 
-/// Buffers of a step that rendering does not need.
+/// Buffers of a step beyond those of rendering.
 #[derive(Debug)]
 pub(crate) struct Gradients {
-    /// Done with before the first record is written: it lies where they do.
+    /// Aliases the records: last read before the first record is written.
     ssim_slope: Buffer<[f32; 3]>,
     loss_from_tile: Buffer<[f32; 4]>,
     pub(crate) loss: Buffer<[f32; 4]>,
@@ -63,16 +63,16 @@ pub(crate) struct Gradients {
     d_rest_from_source: Buffer<f32>,
 }
 
-/// Words of the records of `isects` (splat, tile) pairs: nine for each, in three arrays that begin where parts may.
+/// Words of the records of `isects` (splat, tile) pairs: nine per pair, in three arrays at aligned offsets.
 pub(crate) fn record_words(isects: usize) -> usize {
     9 * isects.next_multiple_of(PART_ALIGNMENT)
 }
 
 impl Gradients {
-    /// Buffers to go with `scratch`.
+    /// Buffers to match `scratch`.
     pub(crate) fn new(gpu: &Gpu, scratch: &Scratch) -> Result<Gradients> {
         let (pixels, isects) = (scratch.capacity.pixels, scratch.capacity.isects);
-        // An image of these tiles has at most as many loss tiles as it has compositing tiles.
+        // An image of these tiles has at most as many loss tiles as compositing tiles.
         let tiles = scratch.capacity.tiles;
         gpu.check_reach("d_shape_from_source", 16 * isects as u64)?;
         gpu.check_reach("ssim_slope", 36 * pixels as u64)?;
@@ -92,7 +92,7 @@ impl Gradients {
     }
 }
 
-/// What a step works on.
+/// Inputs of a step.
 pub(crate) struct Step<'a> {
     pub(crate) config: &'a TrainConfig,
     pub(crate) forward: &'a Forward,
@@ -122,7 +122,7 @@ impl Backward {
         })
     }
 
-    /// Compiles what steps of a model need beyond what those of others do. Has to be done before the first of them.
+    /// Compiles further kernels that steps of `model` need. Required before the first of them.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
         if model.is_indexed() && self.indexed.is_empty() {
             let highest = self.project.len() as u32 - 1;
@@ -131,8 +131,8 @@ impl Backward {
         Ok(())
     }
 
-    /// Records what follows the frame in a step. Gradients of a frame in bands are of all blocks at a time, which
-    /// `state` has to have room for.
+    /// Records the kernels of a step after the frame. With depth bands, gradients of all blocks exist at once, and
+    /// `state` must have buffers for them.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder<'_>,
@@ -147,7 +147,7 @@ impl Backward {
         let Some(replay) = &scratch.replay else {
             let ends = &scratch.isect_end_from_pixel;
             self.record_rasterize(rec, scratch, gradients, step, (0, ends));
-            // Block by block: gradients of one block are all that have to exist at a time.
+            // Block by block: only one block's gradients exist at a time.
             for block in blocks() {
                 self.record_project(rec, state, scratch, gradients, step, block);
                 self.record_update(rec, state, scratch, step, block);
@@ -202,7 +202,7 @@ impl Backward {
             Groups::Count(1),
         );
         rec.timestamp("loss");
-        // A photograph that is masked out entirely teaches nothing.
+        // A fully masked photograph has zero gradient.
         let share = if photo.weight > 0.0 {
             1.0 / (3.0 * photo.weight)
         } else {
@@ -304,7 +304,7 @@ impl Backward {
                 // Means over all splats, and over axes.
                 opacity_penalty: penalties.opacity / count as f32,
                 scale_penalty: penalties.scale / (3 * count) as f32,
-                // A sum: it is half of this times the square that has this slope.
+                // Slope of a sum of squares: twice the weight.
                 size_penalty: 2.0 * penalties.size,
                 banded: s.replay.is_some().into(),
             },

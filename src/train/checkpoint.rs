@@ -1,7 +1,7 @@
-//! A run on disk: all that decides how it goes on, so that a resumed run is the uninterrupted one.
+//! Checkpoint of a run: its whole state, so that a resumed run equals the uninterrupted one.
 //!
-//! Random numbers need no room: they are a function of (seed, iteration). The photographs are not kept
-//! either, but a fingerprint of the views is: with other data the run would go on as another run.
+//! Random numbers have no state: they are a function of (seed, iteration). Photographs are not stored, but a
+//! fingerprint of the views is, because other data would make another run.
 
 use super::config::TrainConfig;
 use super::state::{HostState, Planes};
@@ -17,17 +17,17 @@ use std::path::Path;
 /// A run between two steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// The run's constants.
+    /// Constants of the run.
     pub config: TrainConfig,
     /// Steps done.
     pub iteration: u32,
     /// Parameters and moments.
     pub state: HostState,
-    /// What density control has gathered since the last refinement, an entry per splat.
+    /// Statistics of density control since the last refinement, one per splat.
     pub statistics: Vec<SplatStats>,
-    /// Of the data set trained on: see [`fingerprint`].
+    /// [`fingerprint`] of the data set trained on.
     pub fingerprint: u32,
-    /// State of the controller that steers the run, if one does.
+    /// State of the run's controller, if any.
     pub controller: Option<ControllerState>,
 }
 
@@ -64,7 +64,7 @@ pub fn fingerprint(dataset: &Dataset) -> u32 {
 }
 
 impl Checkpoint {
-    /// Writes the file, whole or not at all.
+    /// Writes the file atomically.
     pub fn write(&self, path: &Path) -> Result<()> {
         assert_eq!(
             self.statistics.len(),
@@ -106,7 +106,7 @@ impl Checkpoint {
         self.controller.as_ref()?.kept.as_ref()
     }
 
-    /// Reads a file and checks that its parts fit each other.
+    /// Reads a file and checks that its parts fit together.
     pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Checkpoint> {
         let source = source.into();
         let path = source.name();
@@ -171,7 +171,7 @@ impl Checkpoint {
         })
     }
 
-    /// Refuses to go on with other photographs than the run was begun with.
+    /// Refuses a data set with other views than the run's.
     pub fn check_dataset(&self, path: &Path, dataset: &Dataset) -> Result<()> {
         if self.fingerprint == fingerprint(dataset) {
             return Ok(());
@@ -206,7 +206,7 @@ fn controller(
     }))
 }
 
-/// A state's parameters and moments one after the other.
+/// A state's parameters and moments, flattened.
 fn numbers(state: &HostState) -> [Vec<f32>; 3] {
     [&state.params, &state.m, &state.v].map(flat)
 }

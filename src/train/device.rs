@@ -1,4 +1,4 @@
-//! The optimiser's state on the device.
+//! Optimizer state on the device.
 
 use super::state::{HostState, Planes};
 use crate::Result;
@@ -6,16 +6,16 @@ use crate::gpu::{Buffer, Gpu};
 use crate::render::{Block, Blocks, Model, Precision, Slots, index_of, of_degree, plane_count};
 use crate::scene::RenderMode;
 
-/// Parameters, gradients and moments in planes of vec4, and the statistics density control reads.
+/// Parameters, gradients and moments in planes of vec4, and the statistics of density control.
 #[derive(Debug)]
 pub(crate) struct DeviceState {
-    /// The parameters, as rendering takes them.
+    /// Parameters, in the layout of rendering.
     pub(crate) model: Model,
-    /// Degree up to which the run has harmonics.
+    /// Highest SH degree of the run.
     sh_degree: u32,
-    /// Whose slots are whose.
+    /// Mapping between slots and splats.
     slots: Slots,
-    /// Of every block where they are kept for someone to see, else of the one at hand.
+    /// Gradients of every block if kept for inspection or depth bands, else of the current block.
     gradients: Vec<Buffer<[f32; 4]>>,
     pub(crate) moment1: Vec<Buffer<[f32; 4]>>,
     pub(crate) moment2: Vec<Buffer<[f32; 4]>>,
@@ -23,8 +23,8 @@ pub(crate) struct DeviceState {
 }
 
 impl DeviceState {
-    /// The most splats of a degree that the device has room for: what one binding reaches of the arrays that hold
-    /// a vec4 for every splat, and parameters with their moments within its memory.
+    /// Maximum number of splats of a degree on the device: one binding must hold a vec4 per splat, and memory the
+    /// parameters with their moments.
     pub(crate) fn splat_limit(gpu: &Gpu, sh_degree: u32) -> usize {
         let range = gpu.caps().max_storage_range.min(gpu.caps().max_allocation);
         let planes = plane_count(sh_degree) as u64;
@@ -33,8 +33,8 @@ impl DeviceState {
         usize::try_from(by_binding.min(by_memory)).unwrap_or(usize::MAX)
     }
 
-    /// Allocates for `state.len()` splats, no more: sizes change seldom, and room for growth would be paid for
-    /// five times. Copies them there, to be drawn in `mode`; statistics start at 0.
+    /// Uploads `state`, to be drawn in `mode`, into buffers without spare capacity: sizes change seldom, and spare
+    /// capacity would cost five times. Statistics start at 0.
     pub(crate) fn new(gpu: &Gpu, state: &HostState, mode: RenderMode) -> Result<DeviceState> {
         let slots = Slots::of(&state.degrees);
         let room = match state.is_empty() {
@@ -65,18 +65,18 @@ impl DeviceState {
         Ok(device)
     }
 
-    /// Where a block's gradients go.
+    /// Gradient buffer of a block.
     pub(crate) fn gradients(&self, block: Block) -> &Buffer<[f32; 4]> {
         &self.gradients[block.index.min(self.gradients.len() - 1)]
     }
 
-    /// Gives every block gradients of its own, so that all of a step's can be seen.
+    /// Gives every block its own gradient buffer, so that all gradients of a step exist at once.
     pub(crate) fn keep_gradients(&mut self, gpu: &Gpu) -> Result<()> {
         self.gradients = self.model.blocks.buffers(gpu, "gradients")?;
         Ok(())
     }
 
-    /// Whether there is room for splats of such degrees.
+    /// Whether the buffers can hold `state`.
     pub(crate) fn fits(&self, state: &HostState) -> bool {
         let slots = Slots::of(&state.degrees);
         let mut rooms = slots.counts.iter().zip(self.model.blocks.room);
@@ -84,7 +84,7 @@ impl DeviceState {
         rooms.all(|(&count, room)| count <= room) && (has_index || slots.splat_from_slot.is_none())
     }
 
-    /// Takes over a state that fits; statistics start at 0.
+    /// Uploads a state that fits; statistics start at 0.
     pub(crate) fn fill(&mut self, gpu: &Gpu, state: &HostState) -> Result<()> {
         self.slots = Slots::of(&state.degrees);
         self.model.splat_count = state.len();
@@ -108,7 +108,7 @@ impl DeviceState {
         gpu.run(|rec| rec.fill(&self.statistics, 0))
     }
 
-    /// Planes up to the run's degree; zeros for what splats have not.
+    /// Planes up to the run's SH degree; zeros above a splat's own degree.
     fn planes(&self, gpu: &Gpu, buffers: &[Buffer<[f32; 4]>]) -> Result<Planes> {
         let count = self.model.splat_count;
         let mut planes = vec![vec![[0.0; 4]; count]; plane_count(self.sh_degree)];
@@ -141,12 +141,12 @@ impl DeviceState {
         })
     }
 
-    /// The splat of a slot.
+    /// Splat of a slot.
     pub(crate) fn splat(&self, slot: usize) -> usize {
         self.slots.splat(slot)
     }
 
-    /// Copies the last step's gradients to the host, which must have been kept.
+    /// Downloads the last step's gradients, which must have been kept.
     pub(crate) fn download_gradients(&self, gpu: &Gpu) -> Result<Planes> {
         assert_eq!(
             self.gradients.len(),

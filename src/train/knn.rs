@@ -3,16 +3,16 @@
 use rayon::prelude::*;
 use std::cmp::Ordering;
 
-/// Points a leaf holds at most; below this a scan is faster than a descent.
+/// Maximum number of points of a leaf; below this a scan is faster than a descent.
 pub(crate) const LEAF: usize = 8;
 
-/// Neighbours asked for (3DGS: "the mean of the distance to the closest three points").
+/// Neighbours of the mean distance (3DGS: "the mean of the distance to the closest three points").
 const NEIGHBORS: usize = 3;
 
-/// For every point the mean distance to its three nearest others at another place, or to as many as
-/// there are; 0 where there is none. All points must be finite.
+/// Mean distance of every point to its three nearest others at a different place, or to as many as there are; 0 if
+/// there is none. All points must be finite.
 pub(crate) fn mean_neighbor_distance(points: &[[f32; 3]]) -> Vec<f64> {
-    // A thousand points in one place would all be visited by each other's search: one stands for all.
+    // Duplicates would all be visited by each other's search: one stands for all.
     let mut places = points.to_vec();
     places.sort_unstable_by(compare);
     places.dedup_by(|a, b| compare(a, b).is_eq());
@@ -33,8 +33,8 @@ fn compare(a: &[f32; 3], b: &[f32; 3]) -> Ordering {
     axes.fold(Ordering::Equal, Ordering::then)
 }
 
-/// Halves the range at its median along the axes in turn. The depth is the logarithm of the count,
-/// whatever the points: duplicates cannot unbalance it.
+/// Splits the range at its median along the axes in turn. The depth is the logarithm of the count, even with
+/// duplicates.
 pub(crate) fn build(points: &[[f32; 3]], order: &mut [u32], axis: usize) {
     if order.len() <= LEAF {
         return;
@@ -49,7 +49,7 @@ pub(crate) fn build(points: &[[f32; 3]], order: &mut [u32], axis: usize) {
     build(points, &mut right[1..], (axis + 1) % 3);
 }
 
-/// The squared distances of the nearest so far, ascending.
+/// Squared distances of the nearest points so far, ascending.
 struct Nearest([f64; NEIGHBORS]);
 
 impl Default for Nearest {
@@ -64,7 +64,7 @@ impl Nearest {
         for axis in 0..3 {
             squared += (f64::from(a[axis]) - f64::from(b[axis])).powi(2);
         }
-        // A point at the same place, the point itself included, says nothing about spacing.
+        // Coincident points, including the point itself, have no spacing.
         if squared > 0.0 && squared < self.0[NEIGHBORS - 1] {
             self.0[NEIGHBORS - 1] = squared;
             self.0.sort_unstable_by(f64::total_cmp);

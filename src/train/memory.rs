@@ -1,5 +1,5 @@
-//! What a training run takes of the device's memory, buffer by buffer: a closed formula that is printed
-//! before a run and held against what the run has taken.
+//! Device memory of a training run by buffer: a closed formula, printed before a run and tested against its
+//! allocations.
 
 use super::backward::record_words;
 use super::config::{StrategyKind, TrainConfig};
@@ -15,32 +15,32 @@ use crate::scene::{Dataset, Split};
 /// Steps in flight.
 pub(crate) const IN_FLIGHT: usize = 2;
 
-/// Room for so many (splat, tile) pairs and an eighth more: the next view may want more, and making room
-/// for it costs the steps in flight.
+/// Capacity for `isects` (splat, tile) pairs and an eighth more: the next view may need more, and growing costs the
+/// steps in flight.
 pub(crate) fn with_margin(isects: usize) -> usize {
     isects + isects / 8
 }
 
-/// What the formula goes by.
+/// Input of the memory formula.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainSize {
-    /// Splats trained at one time, at most.
+    /// Maximum number of splats at one time.
     pub splats: usize,
-    /// Highest spherical-harmonic degree.
+    /// Highest SH degree.
     pub sh_degree: u32,
-    /// Splats among them of the degrees below it: of degree 0, 1 and 2.
+    /// Number of splats of degrees 0, 1 and 2, as far as below `sh_degree`.
     pub lower: [usize; 3],
-    /// (Splat, tile) pairs of a frame, at most.
+    /// Maximum number of (splat, tile) pairs of a frame.
     pub isects: usize,
     /// Width and height of the largest photograph, pixels.
     pub image: [u32; 2],
-    /// Where the photographs are.
+    /// Placement of the photographs.
     pub photos: Residency,
 }
 
 impl TrainSize {
-    /// Training with so many splats on a data set, on a device whose buffers may take `memory_limit` bytes;
-    /// the pairs are those to expect.
+    /// Training with so many splats on a data set, on a device with `memory_limit` bytes for buffers; pairs are
+    /// estimated.
     pub fn of(
         dataset: &Dataset,
         config: &TrainConfig,
@@ -64,7 +64,7 @@ impl TrainSize {
         }
     }
 
-    /// The splats of each degree.
+    /// Number of splats of each degree.
     pub fn counts(&self) -> ByDegree {
         let mut counts = of_degree(self.splats, self.sh_degree);
         for (degree, lower) in self.lower.into_iter().enumerate() {
@@ -74,7 +74,7 @@ impl TrainSize {
         counts
     }
 
-    /// The buffers with which such a run trains, and their bytes, in the order in which a step meets them.
+    /// Buffers of such a run with their bytes, in the order of their use in a step.
     pub fn needs(&self) -> Vec<Need> {
         let needs = self.needs_with(with_margin(self.isects));
         needs.into_iter().filter(|need| need.bytes > 0).collect()
@@ -85,7 +85,7 @@ impl TrainSize {
         total(&self.needs())
     }
 
-    /// Bytes that one splat more takes.
+    /// Bytes per additional splat.
     pub fn bytes_per_splat(&self) -> f64 {
         let [width, height] = self.image;
         let at = |splats: usize| TrainSize {
@@ -99,8 +99,7 @@ impl TrainSize {
         more as f64 / step as f64
     }
 
-    /// Bytes of parameters, moments, photographs and lists alone, and those without the lists' margin: what
-    /// the run cannot do without.
+    /// Bytes of parameters, moments, photographs and lists without their margin: the minimum of the run.
     pub fn essential_bytes(&self) -> u64 {
         let mut needs = self.needs_with(self.isects);
         needs.retain(|need| need.purpose.is_essential());
@@ -118,12 +117,12 @@ impl TrainSize {
     }
 }
 
-/// The photographs, and what carries them and the splats to the device and back.
+/// Buffers of the photographs, and for transfers to the device and back.
 fn photo_needs(photos: Residency, splats: usize) -> Vec<Need> {
     let ring = IN_FLIGHT * photos.streamed_max_bytes;
-    // Each frame in flight has a chunk to write from and one to read back to, and a streamed photograph.
+    // Each frame in flight has a chunk for writing, one for reading back, and a streamed photograph.
     let frames = IN_FLIGHT * (STAGING_BYTES + photos.streamed_max_bytes);
-    // While splats are moved, a plane of them is on its way; a photograph at the beginning.
+    // A refinement transfers one plane of splats at a time; the start, a photograph.
     let piece = (16 * splats).max(photos.max_bytes);
     let piece = piece.clamp(STAGING_BYTES, TRANSFER_BYTES);
     use Purpose::*;
@@ -135,7 +134,7 @@ fn photo_needs(photos: Residency, splats: usize) -> Vec<Need> {
     ]
 }
 
-/// Parameters and moments of so many splats of each degree, and the gradients of a block of them.
+/// Parameters and moments of so many splats of each degree, and the gradients of one block.
 pub(crate) fn state_needs(room: ByDegree) -> Vec<Need> {
     let blocks = Blocks::anywhere(room);
     let params = model_needs(blocks);
@@ -159,7 +158,7 @@ pub(crate) fn state_needs(room: ByDegree) -> Vec<Need> {
     ]
 }
 
-/// What a step needs beside a frame's buffers.
+/// Buffers of a step beyond the frame's.
 pub(crate) fn gradient_needs(capacity: Capacity) -> Vec<Need> {
     let Capacity {
         isects,
@@ -167,7 +166,7 @@ pub(crate) fn gradient_needs(capacity: Capacity) -> Vec<Need> {
         tiles,
         ..
     } = capacity;
-    // The slopes of SSIM lie where the records will: they take no more than what those leave over.
+    // The slopes of SSIM alias the records: only their excess counts.
     let records = record_words(isects);
     let slopes = (9 * pixels).saturating_sub(records);
     use Purpose::*;
@@ -180,8 +179,8 @@ pub(crate) fn gradient_needs(capacity: Capacity) -> Vec<Need> {
     ]
 }
 
-/// The most splats that a run from `first` ones will have, where its strategy says: with a cap no more than
-/// that; MCMC grows by a known factor at known iterations. `None`: as many as density control asks for.
+/// Maximum number of splats of a run that starts with `first`, as far as its strategy determines it: the cap, or for
+/// MCMC its known growth at known iterations. `None`: ADC without a cap.
 pub fn splats_expected(config: &TrainConfig, first: usize) -> Option<usize> {
     if config.strategy == StrategyKind::Adc {
         return config.max_splats.map(|limit| first.max(limit as usize));

@@ -1,8 +1,7 @@
-//! Training: splats are fitted to the photographs of a data set, one step at a time.
+//! Training: fits splats to the photographs of a data set, one step at a time.
 //!
-//! **Invariant:** what happens at which step is a pure function of (configuration, seed, step), and
-//! refinement is a pure function of the optimiser's state on the CPU; the device only does arithmetic.
-//! Nothing here reads a file but the checkpoint it is given.
+//! **Invariant:** every step is a pure function of (configuration, seed, step), and refinement is a pure function of
+//! the optimizer state on the CPU; the device only does arithmetic. The only file read here is a given checkpoint.
 //!
 #![doc = include_str!("../../docs/training.md")]
 

@@ -1,13 +1,13 @@
-//! The order of splats in memory: along a Morton curve, so that neighbours in space are neighbours in
-//! memory and what a tile gathers lies close together.
+//! Order of splats in memory along a Morton curve: neighbours in space become neighbours in memory, and the splats of a
+//! tile lie close together.
 
 use glam::Vec3;
 
 /// Bits per axis of a Morton code.
 const AXIS_BITS: u32 = 10;
 
-/// Rows in Morton order of their positions: `order[i]` is the row that comes `i`-th. Equal codes keep
-/// the order of their rows; rows without a finite position come last.
+/// Rows in Morton order of their positions: `order[i]` is the `i`-th row. Equal codes keep the order of their rows;
+/// rows without a finite position come last.
 pub(crate) fn morton_order(positions: &[[f32; 3]]) -> Vec<u32> {
     let finite = || {
         positions
@@ -22,7 +22,7 @@ pub(crate) fn morton_order(positions: &[[f32; 3]]) -> Vec<u32> {
         .zip(0..)
         .map(|(&p, row)| (code(Vec3::from(p), low, high), row))
         .collect();
-    // The row is part of the key: equal keys do not exist, so an unstable sort is as good.
+    // The row is part of the key, so that keys are unique and an unstable sort suffices.
     keyed.sort_unstable();
     keyed.into_iter().map(|(_, row)| row).collect()
 }
@@ -34,7 +34,7 @@ fn code(position: Vec3, low: Vec3, high: Vec3) -> u32 {
     let cells = ((1 << AXIS_BITS) - 1) as f32;
     let size = high / 2.0 - low / 2.0;
     let bits = (0..3).map(|axis| {
-        // Halved before subtracting, so that not even the extremes of f32 overflow.
+        // Halved before the subtraction, so that even the extremes of f32 do not overflow.
         let offset = position[axis] / 2.0 - low[axis] / 2.0;
         let share = if size[axis] > 0.0 {
             offset / size[axis]

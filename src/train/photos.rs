@@ -1,43 +1,43 @@
-//! Photographs on the device: all of them while they fit, else one at a time.
+//! Photographs on the device: all of them if they fit, the rest streamed.
 
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::io::photo::PhotoCache;
 use crate::scene::{AlphaMode, Dataset, Photo, PhotoSource};
 
-/// Bytes of decoded photographs kept on the host; beyond that they are decoded when they are needed.
+/// Bytes of decoded photographs cached on the host; the rest are decoded on use.
 const HOST_BUDGET: u64 = 4 << 30;
 
 /// One training photograph.
 struct Entry {
-    /// Its view in the data set.
+    /// Index of its view in the data set.
     view: usize,
     /// 8-bit RGBA; `None`: streamed.
     resident: Option<Buffer<u32>>,
-    /// Whether alpha weighs the loss rather than being composited.
+    /// Whether alpha is a weight of the loss instead of being composited.
     masks: bool,
-    /// Sum of the pixels' weights, where known.
+    /// Sum of the pixels' weights, if known.
     weight: Option<f64>,
 }
 
-/// Which photographs are on the device throughout.
+/// Split of the photographs into resident and streamed ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Residency {
-    /// How many are.
+    /// Number of resident photographs.
     pub resident: usize,
-    /// Their bytes.
+    /// Bytes of the resident photographs.
     pub resident_bytes: usize,
-    /// How many are uploaded for each step that takes one.
+    /// Number of streamed photographs, each uploaded for every step that uses it.
     pub streamed: usize,
-    /// Bytes of the largest of those.
+    /// Bytes of the largest streamed photograph.
     pub streamed_max_bytes: usize,
-    /// Bytes of the largest of all.
+    /// Bytes of the largest photograph.
     pub max_bytes: usize,
 }
 
 impl Residency {
-    /// Of photographs of these sizes in pixels, which may take `share` of the memory: in their order, each
-    /// that still fits stays.
+    /// Residency of photographs of these sizes in pixels within `share` of the memory: in order, each that still fits
+    /// is resident.
     pub fn of(sizes: impl Iterator<Item = [u32; 2]>, share: f32, memory_limit: u64) -> Residency {
         let mut residency = Residency::default();
         let budget = (memory_limit as f64 * f64::from(share)) as u64;
@@ -45,7 +45,7 @@ impl Residency {
         residency
     }
 
-    /// Whether one more photograph stays.
+    /// Adds a photograph; returns whether it is resident.
     fn admit(&mut self, [width, height]: [u32; 2], budget: u64) -> bool {
         let bytes = 4 * width as usize * height as usize;
         let stays = (self.resident_bytes + bytes) as u64 <= budget;
@@ -70,7 +70,7 @@ pub(crate) struct Photos {
     next: usize,
 }
 
-/// What the loss needs to know of a step's photograph.
+/// A step's photograph as input of the loss.
 pub(crate) struct Bound {
     pub(crate) pixels: Buffer<u32>,
     pub(crate) masks: bool,
@@ -79,7 +79,7 @@ pub(crate) struct Bound {
 }
 
 impl Photos {
-    /// Decodes the views' photographs in parallel and uploads what fits into `share` of the device's memory.
+    /// Decodes the views' photographs in parallel and uploads those that fit into `share` of the device's memory.
     pub(crate) fn new(
         gpu: &Gpu,
         dataset: &Dataset,
@@ -106,7 +106,7 @@ impl Photos {
                     ..
                 }
             );
-            // Undistortion leaves pixels that the photograph does not reach; only a weight can leave them out.
+            // Undistortion leaves pixels outside the photograph, which only a weight can exclude.
             let masks = undistorted || dataset.alpha == AlphaMode::Mask;
             let mut entry = Entry {
                 view,
@@ -130,7 +130,7 @@ impl Photos {
         Ok(photos)
     }
 
-    /// The photograph of the `index`-th training view, on the device when the frame runs.
+    /// Photograph of the `index`-th training view, on the device when the frame runs.
     pub(crate) fn bind(
         &mut self,
         rec: &mut Recorder<'_>,
@@ -157,7 +157,7 @@ impl Photos {
     }
 }
 
-/// Red in the lowest byte, as the shaders read it.
+/// 8-bit RGBA words, red in the lowest byte, as in the shaders.
 fn words(photo: &Photo) -> Vec<u32> {
     photo
         .rgba

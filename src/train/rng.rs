@@ -1,10 +1,10 @@
-//! Random numbers as a pure function of (seed, step, index, stream): no state to store, to order or to lose.
+//! Random numbers as a pure function of (seed, step, index, stream), without state.
 //!
-//! A draw depends on nothing but its key, so a resumed run, another thread count and another order of
-//! evaluation give the same numbers. The mixing function is pcg4d (Jarzynski and Olano, "Hash Functions
-//! for GPU Rendering", 2020): four 32-bit multiply-add rounds, the same in GLSL.
+//! A draw depends on its key alone, so that a resumed run, another thread count and another order of evaluation give
+//! the same numbers. The mixing function is pcg4d (Jarzynski and Olano, "Hash Functions for GPU Rendering", 2020): four
+//! 32-bit multiply-add rounds, the same in GLSL.
 
-/// What a draw is for: draws of different streams are independent for equal (seed, step, index).
+/// Purpose of a draw: draws of different streams are independent for equal (seed, step, index).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Stream {
@@ -12,17 +12,17 @@ pub enum Stream {
     ViewOrder = 1,
     /// Background colour of a step.
     Background = 2,
-    /// Where the children of a split splat lie; the index is the parent's row.
+    /// Positions of the children of a split splat; the index is the parent's row.
     Split = 3,
-    /// Which splat a dead one moves to; the index is the dead one's ordinal.
+    /// Target of a relocated dead splat; the index is the dead one's ordinal.
     Relocate = 4,
-    /// Which splat a new one copies; the index is the new one's ordinal.
+    /// Source of an added splat; the index is the new one's ordinal.
     Grow = 5,
     /// Positions of splats made without points.
     RandomInit = 6,
-    /// Which points are taken when there are more than splats allowed.
+    /// Subset of the points, if they exceed the splat limit.
     Subsample = 7,
-    /// The positional noise of MCMC, drawn on the device; the index is the splat.
+    /// Positional noise of MCMC, drawn on the device; the index is the splat.
     Noise = 8,
 }
 
@@ -37,7 +37,7 @@ pub fn bits(seed: u64, step: u32, index: u32, stream: Stream) -> [u32; 4] {
     ])
 }
 
-/// The mixing function itself, for shaders to be compared with.
+/// The mixing function, public for comparison with shaders.
 pub fn pcg4d(key: [u32; 4]) -> [u32; 4] {
     let mut v = key.map(|k| k.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     cross_mix(&mut v);
@@ -76,7 +76,7 @@ pub fn normal(seed: u64, step: u32, index: u32, stream: Stream) -> [f32; 4] {
     [a, b, c, d]
 }
 
-/// An integer in `0..bound`, the bias below `bound` / 2⁶⁴; 0 where `bound` is 0.
+/// An integer in `0..bound`, with a bias below `bound` / 2⁶⁴; 0 if `bound` is 0.
 pub fn below(words: [u32; 4], bound: u64) -> u64 {
     let wide = (u64::from(words[0]) << 32) | u64::from(words[1]);
     ((u128::from(wide) * u128::from(bound)) >> 64) as u64

@@ -1,4 +1,4 @@
-//! Training run: a trainer with the controller that steers it, from the first step to the checkpoint on disk.
+//! Training run: a trainer with an optional controller, from the first step to the checkpoint on disk.
 
 use super::checkpoint::{Checkpoint, ControllerState, fingerprint};
 use super::{HostState, StepReport, TrainConfig, Trainer};
@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
-/// Decisions between the steps of a run: which views it sees, how many splats it has, when it ends.
+/// Decisions between the steps of a run: its views, number of splats and end.
 pub trait Controller<'a>: Sized {
     /// Name of the controller in checkpoints.
     const NAME: &'static str;
@@ -29,7 +29,7 @@ pub trait Controller<'a>: Sized {
     /// Decides and acts after the trainer's last step.
     fn after_step(&mut self, trainer: &mut Trainer<'a>) -> Result<()>;
 
-    /// Iteration that the run ends after, as far as it is known.
+    /// Iteration at which the run ends, as far as known.
     fn end(&self) -> u32;
 
     /// State for a checkpoint.
@@ -50,7 +50,7 @@ pub struct Run<'a, C> {
 }
 
 impl<'a, C: Controller<'a>> Run<'a, C> {
-    /// Run from the data set's points, or from random ones where it has none.
+    /// Run from the data set's points, or from random ones if it has none.
     pub fn new(gpu: &Gpu, dataset: &'a Dataset, config: TrainConfig) -> Result<Run<'a, C>> {
         Ok(Run {
             trainer: Trainer::new(gpu, dataset, config)?,
@@ -107,7 +107,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
         })
     }
 
-    /// Writes the checkpoint that [`Run::resume`] reads, whole or not at all.
+    /// Writes the checkpoint for [`Run::resume`] atomically.
     pub fn save(&mut self, path: &Path) -> Result<()> {
         let controller = self.controller.as_ref().map(|controller| {
             let state = serde_json::to_value(controller.state());
@@ -157,7 +157,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
         self.trainer.iteration()
     }
 
-    /// Iteration that the run ends after, as far as it is known.
+    /// Iteration at which the run ends, as far as known.
     pub fn end(&self) -> u32 {
         let controller = self.controller.as_ref();
         controller.map_or(self.config().iterations, C::end)

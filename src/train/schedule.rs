@@ -1,29 +1,29 @@
-//! What happens at which iteration, as pure functions of the configuration: nothing here has a state,
-//! so a resumed run cannot be out of step.
+//! Schedules of training as pure functions of configuration and iteration, without state, so that a resumed run cannot
+//! be out of step.
 //!
 //! Iterations count from 1 to `config.iterations`, as in the 3DGS code.
 
 use super::config::{Background, StrategyKind, TrainConfig};
 use super::rng::{self, Stream};
 
-/// The step sizes of one iteration, per parameter group.
+/// Learning rates of one iteration, by parameter group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// Of the means, world units.
+    /// Means, world units.
     pub mean: f32,
-    /// Of the quaternions.
+    /// Quaternions.
     pub quaternion: f32,
-    /// Of the log-scales.
+    /// Log-scales.
     pub log_scale: f32,
-    /// Of the opacity logits.
+    /// Opacity logits.
     pub opacity: f32,
-    /// Of the constant colour coefficient.
+    /// SH coefficient of degree 0.
     pub sh_dc: f32,
-    /// Of the other colour coefficients.
+    /// Other SH coefficients.
     pub sh_rest: f32,
 }
 
-/// The step sizes at an iteration; `extent` is the scene extent in world units.
+/// Learning rates at an iteration; `extent` is the scene extent in world units.
 pub fn rates(config: &TrainConfig, extent: f64, iteration: u32) -> Rates {
     let rates = &config.rates;
     let (start, end) = (f64::from(rates.mean_start), f64::from(rates.mean_end));
@@ -47,8 +47,8 @@ fn last_interval(config: &TrainConfig) -> u32 {
     config.iterations.saturating_sub(1).max(1)
 }
 
-/// Adam's bias corrections 1 / (1 − β₁ᵗ) and 1 / (1 − β₂ᵗ) at an iteration, in `f64` because the
-/// second loses all digits in `f32` at the first iterations.
+/// Adam's bias corrections 1 / (1 − β₁ᵗ) and 1 / (1 − β₂ᵗ) at an iteration, in `f64` because the second loses all
+/// digits in `f32` at the first iterations.
 pub fn bias_corrections(config: &TrainConfig, iteration: u32) -> [f32; 2] {
     [config.adam.beta1, config.adam.beta2].map(|beta| {
         let remaining = f64::from(beta).powf(f64::from(iteration.max(1)));
@@ -56,7 +56,7 @@ pub fn bias_corrections(config: &TrainConfig, iteration: u32) -> [f32; 2] {
     })
 }
 
-/// The colour degree trained and drawn at an iteration.
+/// SH degree trained and drawn at an iteration.
 pub fn sh_degree(config: &TrainConfig, iteration: u32) -> u32 {
     let reached = config
         .sh_degree_from
@@ -81,8 +81,8 @@ pub fn is_reset(config: &TrainConfig, iteration: u32) -> bool {
         && iteration.is_multiple_of(every)
 }
 
-/// Which of `view_count` training views an iteration uses: each once an epoch, in an order that is a
-/// function of (seed, epoch).
+/// Index of the training view of an iteration, of `view_count`: each once an epoch, in an order that is a function of
+/// (seed, epoch).
 ///
 /// Panics if there are no views.
 pub fn view(config: &TrainConfig, view_count: usize, iteration: u32) -> usize {
@@ -91,7 +91,7 @@ pub fn view(config: &TrainConfig, view_count: usize, iteration: u32) -> usize {
     view_order(config.seed, view_count, (ordinal / view_count) as u32)[ordinal % view_count]
 }
 
-/// The permutation of the training views in an epoch (Fisher–Yates).
+/// Permutation of the training views in an epoch (Fisher–Yates).
 pub fn view_order(seed: u64, view_count: usize, epoch: u32) -> Vec<usize> {
     let mut order: Vec<usize> = (0..view_count).collect();
     for i in (1..view_count).rev() {
@@ -101,7 +101,7 @@ pub fn view_order(seed: u64, view_count: usize, epoch: u32) -> Vec<usize> {
     order
 }
 
-/// The background colour of an iteration.
+/// Background colour of an iteration.
 pub fn background(config: &TrainConfig, iteration: u32) -> [f32; 3] {
     match config.background {
         Background::Fixed(color) => color,
@@ -112,8 +112,8 @@ pub fn background(config: &TrainConfig, iteration: u32) -> [f32; 3] {
     }
 }
 
-/// The factor of Σ ξ w(opacity) that MCMC adds to a mean at an iteration, ξ standard normal, in 1 /
-/// world units; 0 with other strategies.
+/// Factor of Σ ξ w(opacity) that MCMC adds to a mean at an iteration, ξ standard normal, in 1 / world units; 0 with
+/// other strategies.
 ///
 /// The published factor is `noise_rate` times the means' rate, which grows with the third power of the
 /// world's unit (Σ with its square); dividing by the square of the extent makes it a length again.
@@ -126,7 +126,7 @@ pub fn noise_scale(config: &TrainConfig, extent: f64, iteration: u32) -> f32 {
     (f64::from(config.mcmc.noise_rate) * rate * unit * unit) as f32
 }
 
-/// What the loss adds to what the photographs say, per world unit.
+/// Weights of the penalties that the loss adds to the photographs' error, per world unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Penalties {
     /// Weight of the mean opacity.
@@ -137,7 +137,7 @@ pub struct Penalties {
     pub size: f32,
 }
 
-/// The penalties of a run: those of MCMC are 0 with other strategies.
+/// Penalties of a run; those of MCMC are 0 with other strategies.
 pub fn penalties(config: &TrainConfig, extent: f64) -> Penalties {
     let size = (f64::from(config.size_penalty) / (extent * extent)) as f32;
     if config.strategy != StrategyKind::Mcmc {

@@ -1,10 +1,10 @@
-//! The 3D smoothing filter of Mip-Splatting (Yu et al. 2024, section 5.1): no splat is thinner than what the
-//! training views could see of it, so that a nearer camera finds no needles that no photograph has shown.
+//! The 3D smoothing filter of Mip-Splatting (Yu et al. 2024, section 5.1): no splat is thinner than the resolution of
+//! the training views, so that closer cameras see no needles.
 //!
-//! A splat that a view with focal length f (pixels) sees at depth z is sampled f / z times per world unit; the
-//! highest of these rates decides. The filter is a convolution with a round Gaussian of `variance` squared
-//! sampling intervals, and the opacity falls so that no light is added. Kernels apply it from the fourth number
-//! of the log-scales' plane; [`baked`](super::filter::baked) makes it part of the splat.
+//! A view with focal length f (pixels) samples a splat at depth z with f / z pixels per world unit; the highest of
+//! these rates decides. The filter is a convolution with a round Gaussian of `variance` squared sampling intervals, and
+//! the opacity is lowered so that no light is added. Kernels apply it from the fourth number of the log-scales' plane;
+//! [`baked`](super::filter::baked) makes it part of the splat.
 
 use super::config::MipConfig;
 use super::state::HostState;
@@ -12,9 +12,9 @@ use crate::scene::Camera;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// How often a world unit is sampled at each mean by the camera that looks closest: the largest f / z of those
-/// that see it, with `margin` (a share of the image's size) around their images and nothing nearer than `near`
-/// world units. `None` where no camera does.
+/// Sampling rate at each mean, pixels per world unit: the largest f / z of the cameras that see it, with `margin` (a
+/// share of the image's size) around their images and the near plane at `near` world units. `None` for means that no
+/// camera sees.
 pub fn sampling_rates(
     means: &[[f32; 3]],
     cameras: &[Camera],
@@ -37,12 +37,12 @@ fn rate(camera: &Camera, mean: DVec3, near: f64, margin: f64) -> Option<f64> {
         (-margin * size..=(1.0 + margin) * size).contains(&x)
     };
     let seen = v.z >= near && within(pixel.x, camera.width) && within(pixel.y, camera.height);
-    // Where pixels are not square, the finer axis: the filter must not blur what was seen.
+    // For non-square pixels the finer axis, so as not to blur visible detail.
     seen.then(|| camera.focal.max_element() / v.z)
 }
 
-/// Sets every row's filter by where it now lies. What no view sees is smoothed like what is seen least sharply;
-/// where nothing is seen at all, nothing is smoothed.
+/// Sets every row's filter for its current position. Unseen splats get the lowest rate of all; if none is seen, there
+/// is no filter.
 pub fn refresh(state: &mut HostState, cameras: &[Camera], near: f64, config: &MipConfig) {
     let means: Vec<[f32; 3]> = (0..state.len()).map(|row| state.mean(row)).collect();
     let rates = sampling_rates(&means, cameras, near, f64::from(config.margin));
@@ -60,7 +60,7 @@ mod tests {
     use crate::train::state::{logit, sigmoid};
     use glam::{DMat3, DVec2};
 
-    /// At the origin, looking along z; 100 × 50 pixels, the principal point off the centre.
+    /// Camera at the origin along z; 100 × 50 pixels, the principal point off the centre.
     fn camera(focal: f64) -> Camera {
         Camera {
             width: 100,

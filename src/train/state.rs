@@ -1,34 +1,33 @@
-//! The optimiser's state on the CPU: parameters and both Adam moments, in the planes the device keeps.
+//! Optimizer state on the CPU: parameters and both Adam moments, in the planes of the device.
 //!
-//! A row is one splat: its parameters, first and second moments, moved together or not at all
-//! ([`HostState::select`]); that is what keeps moments with their splat through every refinement.
+//! A row is one splat: its parameters, first and second moments, always moved together ([`HostState::select`]), so that
+//! moments stay with their splat through every refinement.
 
 use super::filter::{baked, opacity_factor};
 use crate::layout::GEOMETRY_PLANES;
 use crate::render::plane_count;
 use crate::scene::{RenderMode, Splats, sh_coefficient_count};
 
-/// `[plane][splat]`: plane 0 is mean x, y, z and opacity logit; 1 the quaternion w, x, y, z; 2 log-scale
-/// x, y, z and the standard deviation of the [smoothing filter](super::smoothing) in world units (0: none),
-/// which is no parameter and has no gradient; from 3 on the colour coefficients, `[coefficient][rgb]`
-/// flattened, four a plane, zero padded.
+/// `[plane][splat]`: plane 0 is mean x, y, z and opacity logit; 1 the quaternion w, x, y, z; 2 log-scale x, y, z and
+/// the standard deviation of the [smoothing filter](super::smoothing) in world units (0: none), which is no parameter
+/// and has no gradient; from 3 on the SH coefficients, `[coefficient][rgb]` flattened, four a plane, zero padded.
 pub type Planes = Vec<Vec<[f32; 4]>>;
 
-/// First plane of the colour coefficients.
+/// First plane of the SH coefficients.
 pub const SH_PLANE: usize = GEOMETRY_PLANES as usize;
 
 /// Parameters and Adam moments of all splats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HostState {
-    /// Highest spherical-harmonic degree that there are planes for, 0 to 3.
+    /// Highest SH degree with planes, 0 to 3.
     pub sh_degree: u32,
-    /// The degree of every splat's own colour, no higher: what it has no degree for is zero and stays so.
+    /// SH degree of every splat, at most `sh_degree`; coefficients above it are zero and stay zero.
     pub degrees: Vec<u8>,
     /// Parameters.
     pub params: Planes,
-    /// First moments, laid out as the parameters.
+    /// First moments, in the parameters' layout.
     pub m: Planes,
-    /// Second moments, laid out as the parameters.
+    /// Second moments, in the parameters' layout.
     pub v: Planes,
 }
 
@@ -45,7 +44,7 @@ impl HostState {
         }
     }
 
-    /// A state with zero moments, its colour degree raised with zeros or cut to `sh_degree`.
+    /// A state with zero moments, its SH degree raised with zeros or cut to `sh_degree`.
     pub fn from_splats(splats: &Splats, sh_degree: u32) -> HostState {
         let mut state = HostState::zeros(splats.len(), sh_degree);
         let stride = splats.sh_stride();
@@ -64,7 +63,7 @@ impl HostState {
         state
     }
 
-    /// The parameters as splats of the highest degree that any has, the smoothing filter baked into their scales and
+    /// The parameters as splats of the highest degree in use, the smoothing filter baked into their scales and
     /// opacities.
     pub fn to_splats(&self, mode: RenderMode) -> Splats {
         let highest = self.degrees.iter().max();
@@ -119,9 +118,9 @@ impl HostState {
         }
     }
 
-    /// Adds another state's rows behind this one's.
+    /// Appends another state's rows.
     ///
-    /// Panics if the colour degrees differ.
+    /// Panics if the SH degrees differ.
     pub fn append(&mut self, other: &HostState) {
         assert_eq!(self.sh_degree, other.sh_degree, "colour degrees differ");
         self.degrees.extend_from_slice(&other.degrees);
@@ -136,8 +135,8 @@ impl HostState {
         }
     }
 
-    /// Takes from every splat's colour what is above a degree, moments with it, for good: those bands are neither
-    /// stored on the device nor trained any more. A degree above a splat's own changes nothing.
+    /// Removes each splat's SH coefficients and moments above a degree, permanently: they are neither stored on the
+    /// device nor trained any more. A degree above a splat's own changes nothing.
     ///
     /// Panics unless there is a degree for every splat.
     pub fn lower_degrees(&mut self, degrees: &[u8]) {
@@ -156,7 +155,7 @@ impl HostState {
         }
     }
 
-    /// Gives every splat another colour, of coefficients in the scene's own order, and keeps its moments.
+    /// Replaces the SH coefficients of all splats, in the order of `splats`, and keeps moments.
     ///
     /// Panics unless there is a colour for every splat.
     pub fn recolor(&mut self, splats: &Splats) {
@@ -170,7 +169,7 @@ impl HostState {
         }
     }
 
-    /// Forgets the moments of a row: a new or moved splat has no history.
+    /// Sets the moments of a row to zero, as for a new or moved splat.
     pub fn clear_moments(&mut self, row: usize) {
         for plane in self.m.iter_mut().chain(&mut self.v) {
             plane[row] = [0.0; 4];
@@ -183,13 +182,13 @@ impl HostState {
         [x, y, z]
     }
 
-    /// What the smoothing filter multiplies the opacity of a row by, 0 to 1.
+    /// Factor of the smoothing filter on the opacity of a row, 0 to 1.
     pub fn smoothing_factor(&self, row: usize) -> f64 {
         let [x, y, z, sigma] = self.params[2][row];
         opacity_factor([x, y, z], sigma)
     }
 
-    /// Opacity of a row before it is smoothed, 0 to 1 (NaN where the logit is).
+    /// Opacity of a row before smoothing, 0 to 1 (NaN if the logit is).
     pub fn opacity(&self, row: usize) -> f64 {
         sigmoid(f64::from(self.params[0][row][3]))
     }
@@ -200,19 +199,19 @@ impl HostState {
         f64::from(x.max(y).max(z)).exp()
     }
 
-    /// Whether all that the shape of a row needs is finite; colours may be repaired, shapes may not.
+    /// Whether a row's mean, opacity, quaternion and scales are finite; colours may be repaired, shapes may not.
     pub fn is_finite(&self, row: usize) -> bool {
         let mut shape = self.params[..SH_PLANE].iter().flat_map(|plane| plane[row]);
         shape.all(f32::is_finite)
     }
 }
 
-/// The opacity of a logit.
+/// Opacity of a logit.
 pub(crate) fn sigmoid(logit: f64) -> f64 {
     1.0 / (1.0 + (-logit).exp())
 }
 
-/// The logit of an opacity strictly between 0 and 1.
+/// Logit of an opacity strictly between 0 and 1.
 pub(crate) fn logit(opacity: f64) -> f64 {
     (opacity / (1.0 - opacity)).ln()
 }

@@ -1,8 +1,8 @@
-//! Training: one step after the other, without waiting for the device but where sizes change.
+//! Training steps, submitted without waiting for the device except where sizes change.
 //!
-//! A step that wanted more intersections than there was room for does nothing, nor do the steps behind
-//! it; when its report arrives, buffers grow and training goes on from that very step. So results do not
-//! depend on how large buffers happened to be, and a resumed run repeats an uninterrupted one to the bit.
+//! A step with more intersections than the buffers hold does nothing, nor do the steps behind it; when its report
+//! arrives, the buffers grow and training repeats that step. So results do not depend on buffer sizes, and a resumed
+//! run equals an uninterrupted one to the bit.
 
 mod capacity;
 mod degrees;
@@ -30,28 +30,28 @@ use std::collections::VecDeque;
 pub use capacity::Extremes;
 use capacity::{limit_splats, new_scratch};
 
-/// What a finished step has to say.
+/// Report of a finished step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
-    /// 1 for the first.
+    /// Iteration, from 1.
     pub iteration: u32,
     /// (1 − λ) L1 + λ (1 − SSIM) before the step's update.
     pub loss: f64,
-    /// Of the render of the step's photograph, likewise; decibels.
+    /// PSNR of the rendering before the step's update, decibels.
     pub psnr_db: f64,
-    /// Splats that were trained.
+    /// Number of splats trained.
     pub splat_count: usize,
     /// (Splat, tile) pairs of the frame.
     pub isect_count: usize,
-    /// Groups of four parameters left alone because their gradient was not finite.
+    /// Groups of four parameters left unchanged because their gradient was not finite.
     pub poisoned: usize,
-    /// The first splat of those, as they lie on the device: lower degrees first.
+    /// First splat with such a group, in the device's order: lower degrees first.
     pub poisoned_first: Option<usize>,
-    /// What the refinement behind the step did, if there was one.
+    /// Report of the refinement after the step, if there was one.
     pub refined: Option<RefineReport>,
 }
 
-/// A step on its way.
+/// A step in flight.
 struct Pending {
     iteration: u32,
     ticket: Ticket,
@@ -67,26 +67,26 @@ pub struct Trainer<'a> {
     views: Vec<usize>,
     config: TrainConfig,
     extent: f64,
-    /// Splats are added up to this count.
+    /// Splat limit.
     limit: usize,
-    /// By splat, for the next refinement; empty where nobody has looked.
+    /// Error shares by splat for the next refinement; empty if unknown.
     errors: Vec<f32>,
     strategy: Box<dyn Strategy>,
     forward: Forward,
     backward: Backward,
     state: DeviceState,
     scratch: Scratch,
-    /// Of every step from now on.
+    /// Depth bands of the next steps.
     bands: DepthBands,
     gradients: Gradients,
-    /// Those of `halved` while there is one.
+    /// Photographs of `halved` if present, else of `dataset`.
     photos: Photos,
-    /// The training views alone at half their size, while steps see those.
+    /// The training views at half size, while steps use those.
     halved: Option<Dataset>,
-    /// Whether whoever steers the run has it so.
+    /// Set by the controller: train on half-size photographs.
     half_size: bool,
     frames: Frames,
-    /// The last iteration recorded.
+    /// Last iteration recorded.
     iteration: u32,
     pending: VecDeque<Pending>,
     done: VecDeque<StepReport>,
@@ -94,7 +94,7 @@ pub struct Trainer<'a> {
 }
 
 impl<'a> Trainer<'a> {
-    /// Starts a run from the data set's points, or at random where it has none.
+    /// Starts a run from the data set's points, or from random ones if it has none.
     pub fn new(gpu: &Gpu, dataset: &'a Dataset, mut config: TrainConfig) -> Result<Trainer<'a>> {
         limit_splats(gpu, &mut config);
         let splats = initial_splats(dataset, dataset.extent(), &config)?;
@@ -103,7 +103,7 @@ impl<'a> Trainer<'a> {
         Trainer::from_state(gpu, dataset, config, &state, 0)
     }
 
-    /// Goes on from a state as it was after `iteration`. Statistics of density control start at 0.
+    /// Continues from the state after `iteration`. Statistics of density control start at 0.
     pub fn from_state(
         gpu: &Gpu,
         dataset: &'a Dataset,
@@ -157,22 +157,22 @@ impl<'a> Trainer<'a> {
         Ok(trainer)
     }
 
-    /// The last iteration begun.
+    /// Last iteration begun.
     pub fn iteration(&self) -> u32 {
         self.iteration
     }
 
-    /// Whether all iterations have been done; the last reports come from [`Trainer::finish`].
+    /// Whether all iterations have begun; the last reports come from [`Trainer::finish`].
     pub fn is_done(&self) -> bool {
         self.iteration >= self.config.iterations
     }
 
-    /// The device it runs on.
+    /// Device of the run.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// The run's constants.
+    /// Constants of the run.
     pub fn config(&self) -> &TrainConfig {
         &self.config
     }
@@ -182,12 +182,12 @@ impl<'a> Trainer<'a> {
         self.extent
     }
 
-    /// Splats trained now.
+    /// Current number of splats.
     pub fn splat_count(&self) -> usize {
         self.state.model.splat_count
     }
 
-    /// What the camera's near plane is, world units.
+    /// Near plane of the cameras, world units.
     pub fn near(&self) -> f32 {
         self.config.near(self.extent)
     }
@@ -195,8 +195,7 @@ impl<'a> Trainer<'a> {
     /// Begins the next iteration; returns the report of an earlier one, if one has finished.
     ///
     /// # Errors
-    /// [`Error::Step`] names the iteration. What the device holds is then not known to be a state between two
-    /// steps: go on from a checkpoint.
+    /// [`Error::Step`] names the iteration. The device's state may then lie within a step: resume from a checkpoint.
     pub fn step(&mut self) -> Result<Option<StepReport>> {
         let iteration = self.iteration + 1;
         self.advance().map_err(|e| e.at_step(iteration))
@@ -215,14 +214,14 @@ impl<'a> Trainer<'a> {
             schedule::is_refine(&self.config, iteration),
             schedule::is_reset(&self.config, iteration),
         );
-        // A step that did not fit is begun again first: only the real end of this one is refined.
+        // A step that did not fit is repeated first: only its result is refined.
         if (refine || reset) && self.drain()? {
             self.refine(iteration, refine, reset)?;
         }
         Ok(self.done.pop_front())
     }
 
-    /// Waits for all steps begun and returns their reports. Steps that did not fit are done again.
+    /// Waits for all steps begun and returns their reports. Steps that did not fit are repeated.
     pub fn finish(&mut self) -> Result<Vec<StepReport>> {
         let iteration = self.iteration;
         self.catch_up().map_err(|e| e.at_step(iteration))
@@ -262,7 +261,7 @@ impl<'a> Trainer<'a> {
         Ok(splats.counted_from(self.dataset.origin))
     }
 
-    /// What density control has gathered since the last refinement; waits for the last step begun.
+    /// Statistics of density control since the last refinement; waits for the last step begun.
     pub fn statistics(&mut self) -> Result<Vec<[f32; 4]>> {
         let reports = self.finish()?;
         self.done.extend(reports);
@@ -316,8 +315,8 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// Takes the report of the oldest step in flight. False: it did not fit, and training has gone back to
-    /// the iteration before it.
+    /// Takes the report of the oldest step in flight. False: it did not fit, and training has returned to the iteration
+    /// before it.
     fn collect(&mut self) -> Result<bool> {
         let Some(oldest) = self.pending.pop_front() else {
             return Ok(true);
@@ -353,7 +352,7 @@ impl<'a> Trainer<'a> {
         Ok(true)
     }
 
-    /// Waits for all steps in flight. False: one did not fit, and training has gone back to before it.
+    /// Waits for all steps in flight. False: one did not fit, and training has returned to the iteration before it.
     fn drain(&mut self) -> Result<bool> {
         while !self.pending.is_empty() {
             if !self.collect()? {
@@ -387,7 +386,7 @@ impl<'a> Trainer<'a> {
     }
 }
 
-/// Fits the smoothing filter, where there is one, to where the splats are now.
+/// Updates the smoothing filter, if the mode has one, to the splats' positions.
 fn smooth(state: &mut HostState, dataset: &Dataset, config: &TrainConfig) {
     if config.mode == RenderMode::Mip && config.mip.smoothing > 0.0 {
         let views = dataset.split(Split::Train).into_iter();

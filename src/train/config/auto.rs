@@ -43,7 +43,7 @@ constants! {
         growth_refinements: u32 = 3, 1..=1_000;
         /// Steps of ten percent that growth counts as having added, at least.
         growth_steps_min: f64 = 0.5, 1e-3..=100.0;
-        /// Views, at most, whose pixel errors guide a refinement.
+        /// Maximum number of views with pixel errors that guide a refinement.
         error_views: u32 = 16, 1..=u32::MAX;
 
         /// Error lost by half-resolution photographs that never matters, as a share of the error at `full_db`.
@@ -68,7 +68,7 @@ constants! {
         cost_precision: f64 = 0.1, 0.0..=1e6;
         /// Cost of a rejected round, in preferences, below which it still removes some splats.
         partial_cost_max: f64 = 2.0, 0.0..=1e6;
-        /// Loss by merging before any step, in what a round may cost, up to which neighbours are merged.
+        /// Loss by merging before any step, relative to the allowed cost of a round, up to which neighbours are merged.
         merge_cost: f64 = 0.25, 0.0..=1e6;
 
         /// Shares of the SH coefficients that may prove enough at once, in this order; the last is degree 0 everywhere.

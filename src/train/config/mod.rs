@@ -1,8 +1,8 @@
-//! Every constant that tunes training, with its unit and source.
+//! Constants of training, with unit and source.
 //!
-//! "3DGS" is Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023, whose
-//! timetables are for 30,000 iterations; "MCMC" is Kheradmand et al., "3D Gaussian Splatting as Markov
-//! Chain Monte Carlo", 2024. [`TrainConfig::for_iterations`] says how the timetables follow the length.
+//! "3DGS" is Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023, with schedules for
+//! 30,000 iterations; "MCMC" is Kheradmand et al., "3D Gaussian Splatting as Markov Chain Monte Carlo", 2024.
+//! [`TrainConfig::for_iterations`] scales the schedules to the length of a run.
 
 mod auto;
 mod constants;
@@ -19,7 +19,7 @@ use crate::render::Accuracy;
 use crate::scene::RenderMode;
 use serde::{Deserialize, Serialize};
 
-/// How splats are added and removed.
+/// Strategy of density control.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StrategyKind {
@@ -30,17 +30,17 @@ pub enum StrategyKind {
     Mcmc,
 }
 
-/// What is behind the splats while training.
+/// Background behind the splats during training.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Background {
     /// One colour, 0 to 1.
     Fixed([f32; 3]),
-    /// Another colour each step: punishes holes, for photographs with alpha.
+    /// A random colour each step: punishes holes, for photographs with alpha.
     Random,
 }
 
-/// Everything that decides a training run but the data set and the device.
+/// Configuration of a training run: everything that determines it except data set and device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainConfig {
@@ -48,61 +48,60 @@ pub struct TrainConfig {
     pub iterations: u32,
     /// Key of all random numbers.
     pub seed: u64,
-    /// How splats become pixels, while training and ever after; the scene's file says so.
+    /// Render mode, in training and later; stored in the scene's file.
     pub mode: RenderMode,
-    /// What mip mode does besides.
+    /// Constants of mip mode.
     pub mip: MipConfig,
-    /// How splats are added and removed.
+    /// Strategy of density control.
     pub strategy: StrategyKind,
-    /// No more splats than this. `None`: as many as density control asks for (3DGS); with MCMC
-    /// [`McmcConfig::default_cap`].
+    /// Splat limit. `None`: none (3DGS); with MCMC [`McmcConfig::default_cap`].
     pub max_splats: Option<u32>,
-    /// Highest spherical-harmonic degree trained, 0 to 3 (3DGS: 3).
+    /// Highest SH degree trained, 0 to 3 (3DGS: 3).
     pub sh_degree: u32,
-    /// The iterations from which degrees 1, 2 and 3 are trained, of a run of 30,000: 1,000, 5,000 and
-    /// 10,000; later than the 3DGS code's every 1,000, so that geometry settles on few coefficients.
+    /// Iterations from which SH degrees 1, 2 and 3 are trained; of 30,000: 1,000, 5,000 and 10,000; later than the 3DGS
+    /// code's every 1,000, so that geometry settles on few coefficients.
     pub sh_degree_from: [u32; 3],
     /// Weight λ of 1 − SSIM in the loss (1 − λ) L1 + λ (1 − SSIM); 0.2, 3DGS section 5.
     pub lambda_dssim: f32,
-    /// Step sizes of the optimiser.
+    /// Learning rates.
     pub rates: LearningRates,
-    /// Constants of the optimiser.
+    /// Constants of Adam.
     pub adam: AdamConfig,
-    /// When splats are added and removed.
+    /// Iterations of density control.
     pub refine: RefineTimes,
     /// Constants of adaptive density control.
     pub adc: AdcConfig,
     /// Constants of MCMC.
     pub mcmc: McmcConfig,
-    /// Weight λ of λ Σ ‖s‖² in the loss, s the standard deviations of a splat in scene extents: 0, and 1e-4
-    /// against floaters. The photographs' pull on a splat is in proportion to the area it covers, too, so that
-    /// one weight is as strong for small splats and large ones, few and many.
+    /// Weight λ of λ Σ ‖s‖² in the loss, s the standard deviations of a splat in scene extents: 0, and 1e-4 against
+    /// floaters. The photographs' gradient also grows with the area a splat covers, so that one weight is equally
+    /// strong for small and large splats, few and many.
     pub size_penalty: f32,
-    /// Largest standard deviation of a splat over its smallest, at most: 0 for any (3DGS), else at least 1.01.
-    /// After each step splats beyond it are moved to the nearest within, their volume kept.
+    /// Upper bound of a splat's largest over smallest standard deviation: 0 for none (3DGS), else at least 1.01. After
+    /// each step, splats beyond it are moved to the nearest shape within, at constant volume.
     pub max_aspect: f32,
-    /// What training starts from.
+    /// First splats.
     pub init: InitConfig,
-    /// What is behind the splats.
+    /// Background behind the splats.
     pub background: Background,
-    /// Splats nearer than this share of the scene extent are not drawn; 0.01 (3DGS: 0.2 world units,
-    /// which is a hidden assumption on the world's unit).
+    /// Near plane as a share of the scene extent: 0.01 (3DGS: 0.2 world units, a hidden assumption on the world's
+    /// unit).
     pub near_factor: f32,
-    /// Share of the device's memory that photographs may take; those beyond it are uploaded step by step,
-    /// with the same results: 0.25.
+    /// Share of the device's memory for photographs; those beyond it are uploaded step by step, with the same results:
+    /// 0.25.
     pub photo_share: f32,
-    /// Up to this iteration photographs have half their width and height, and steps a quarter of the pixels;
-    /// 0: never. What that costs in quality is for measurement to say.
+    /// Iteration up to which photographs have half their width and height, and steps a quarter of the pixels; 0: never.
+    /// Its cost in quality must be measured.
     #[serde(default)]
     pub half_size_until: u32,
-    /// Dilation of splats on half-size photographs, of that on whole ones: 1/4, the same part of the scene, so that
-    /// splats fitted to half the size are not too sharp for the whole.
+    /// Dilation of splats on half-size photographs, relative to that on full-size ones: 1/4, the same part of the
+    /// scene, so that splats fitted at half size are not too sharp at full size.
     #[serde(default = "half_size_dilation")]
     pub half_size_dilation: f32,
-    /// Where frames and gradients may save work at a bounded error.
+    /// Approximations of frames and gradients, of bounded error.
     #[serde(default)]
     pub accuracy: Accuracy,
-    /// Constants of a run that chooses its splat count.
+    /// Constants of the count controller.
     #[serde(default)]
     pub auto: AutoConfig,
 }
@@ -111,7 +110,7 @@ fn half_size_dilation() -> f32 {
     0.25
 }
 
-/// The length of run that the published timetables are for.
+/// Length of run of the published schedules.
 const PUBLISHED_ITERATIONS: u64 = 30_000;
 
 impl Default for TrainConfig {
@@ -121,15 +120,14 @@ impl Default for TrainConfig {
 }
 
 impl TrainConfig {
-    /// Adaptive density control with timetables for a run of `iterations`.
+    /// Adaptive density control with schedules for a run of `iterations`.
     ///
-    /// The colour degrees and the position rate's decay scale with the length. Refinement starts after
-    /// a tenth of the run, at most 500 iterations, and ends at half of it, but short runs, which have
-    /// no time to waste, refine up to three quarters (at most 7,500). The interval is 100, and 50 in
-    /// runs of up to 1,000: the statistics have to have seen most views. (The fox in 2,000 iterations:
-    /// 99,517 splats and 30.7 dB at 100; 126,141 and 30.4 dB at 50, stopped at half; benches/record.) Opacity
-    /// resets stay 3,000 iterations apart, so that short runs have none: recovery from a reset takes as
-    /// long as in a long one.
+    /// SH degrees and the decay of the means' rate scale with the length. Refinement starts after a tenth of the run,
+    /// at most 500 iterations, and ends at half of it; short runs refine up to three quarters (at most 7,500). The
+    /// interval is 100, and 50 in runs of up to 1,000, because statistics must cover most views. (The fox in 2,000
+    /// iterations: 99,517 splats and 30.7 dB at 100; 126,141 and 30.4 dB at 50, stopped at half; benches/record.)
+    /// Opacity resets stay 3,000 iterations apart, so that short runs have none: recovery from a reset takes as long as
+    /// in a long one.
     pub fn for_iterations(iterations: u32) -> TrainConfig {
         let share = |published: u64| {
             let scaled = published * u64::from(iterations) / PUBLISHED_ITERATIONS;
@@ -167,13 +165,12 @@ impl TrainConfig {
         }
     }
 
-    /// The same run with another strategy, and with what that strategy is published to start from.
+    /// The same run with another strategy and its published first splats.
     ///
-    /// MCMC in a run of less than half the published length departs from its paper in two points,
-    /// found by measurement (fox at half size, 1,000 iterations, 40,000 splats at most): first splats
-    /// have their full size (28.1 dB; 25.3 dB with a tenth of it, from which a short run does not
-    /// recover), and the count grows tenfold within half of the refinements (with 5 % at each it ended at
-    /// 23,602 splats and 27.8 dB). The reports are in benches/record.
+    /// MCMC in a run of less than half the published length departs from its paper in two points, found by measurement
+    /// (fox at half size, 1,000 iterations, 40,000 splats at most): first splats have full size (28.1 dB; 25.3 dB with
+    /// a tenth of it, from which a short run does not recover), and the count grows tenfold within half of the
+    /// refinements (with 5 % at each it ended at 23,602 splats and 27.8 dB). The reports are in benches/record.
     pub fn with_strategy(mut self, strategy: StrategyKind) -> TrainConfig {
         self.strategy = strategy;
         if strategy == StrategyKind::Mcmc {
@@ -189,8 +186,8 @@ impl TrainConfig {
         self
     }
 
-    /// The same run, on its guard against floaters, splats in free space that few views speak against: points
-    /// to begin with are culled, faint splats are pruned sooner, large ones cost.
+    /// The same run with measures against floaters, splats in free space that few views contradict: points are culled,
+    /// faint splats are pruned earlier, large ones cost.
     pub fn against_floaters(mut self) -> TrainConfig {
         self.init.cull_views = 2;
         self.init.cull_fence = 3.0;
@@ -200,18 +197,18 @@ impl TrainConfig {
         self
     }
 
-    /// The same run without needles, splats of which a little turn of the camera makes something else.
+    /// The same run without needles, splats that change their look with a small turn of the camera.
     pub fn against_needles(mut self) -> TrainConfig {
         self.max_aspect = 10.0;
         self
     }
 
-    /// Distance of the near plane in world units, for a scene of this extent.
+    /// Distance of the near plane in world units; `extent` is the scene extent.
     pub fn near(&self, extent: f64) -> f32 {
         (extent * f64::from(self.near_factor)) as f32
     }
 
-    /// Background of pictures that the run's scenes are evaluated with: the fixed one, or black.
+    /// Background of the run's evaluation: the fixed one, or black.
     pub fn evaluation_background(&self) -> [f32; 3] {
         match self.background {
             Background::Fixed(color) => color,
@@ -219,7 +216,7 @@ impl TrainConfig {
         }
     }
 
-    /// Splats at most, whatever the strategy.
+    /// Splat limit of any strategy.
     pub fn splat_limit(&self) -> usize {
         let limit = match (self.max_splats, self.strategy) {
             (Some(limit), _) => limit,

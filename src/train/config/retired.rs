@@ -3,7 +3,7 @@
 use super::TrainConfig;
 use serde_json::{Value, json};
 
-/// Path of each retired constant, and the value at which it changed nothing.
+/// Path of each retired constant, and its neutral value.
 fn retired() -> [(&'static str, Value); 2] {
     [
         ("/ssim_skipped", json!(0)),
@@ -12,7 +12,7 @@ fn retired() -> [(&'static str, Value); 2] {
 }
 
 impl TrainConfig {
-    /// Configuration as a file of this version or an earlier one holds it.
+    /// Configuration saved by this version or an earlier one.
     ///
     /// # Errors
     /// A sentence that names an unknown constant, a value of the wrong type, or a retired constant that was in use.

@@ -1,4 +1,4 @@
-//! Refuses a configuration that cannot mean anything, naming the field, its value and what it may be.
+//! Validation of a configuration; errors name the field, its value and its range.
 
 use super::constants::{Bounded, refused};
 use super::{Background, TrainConfig};
@@ -6,7 +6,7 @@ use crate::Result;
 use std::fmt::Debug;
 
 impl TrainConfig {
-    /// Checks every field; the error names the first that is out of its range.
+    /// Checks every field; the error names the first one out of range.
     pub fn validate(&self) -> Result<()> {
         self.iterations.check("iterations", 1..=u32::MAX)?;
         if let Some(limit) = self.max_splats {

@@ -1,5 +1,5 @@
-//! Which of a data set's points are worth beginning with: those that several views can speak about, and that lie
-//! near the others. The rest of a reconstruction's points are mostly wrong matches, and become floaters.
+//! Culling of a data set's points: those seen by too few views, and outliers. Such points are mostly wrong matches, and
+//! become floaters.
 
 use super::frusta::sees;
 use crate::scene::{Camera, Point};
@@ -7,9 +7,9 @@ use crate::train::config::InitConfig;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The finite points that the configuration keeps, in their order.
+/// The finite points within the configured limits, in their order.
 pub(super) fn culled(points: &[Point], cameras: &[Camera], config: &InitConfig) -> Vec<Point> {
-    // A data set of one view shows nothing to two.
+    // With fewer cameras than `cull_views`, all of them suffice.
     let wanted = (config.cull_views as usize).min(cameras.len());
     let fence = Fence::around(points, f64::from(config.cull_fence));
     let is_kept = |point: &&Point| {
@@ -20,15 +20,15 @@ pub(super) fn culled(points: &[Point], cameras: &[Camera], config: &InitConfig) 
     points.par_iter().filter(is_kept).copied().collect()
 }
 
-/// A box that outliers do not move, as long as they are fewer than a quarter of the points.
+/// A box independent of outliers while they are fewer than a quarter of the points.
 struct Fence {
     low: DVec3,
     high: DVec3,
 }
 
 impl Fence {
-    /// From the quartiles of each coordinate, `factor` times their distance further out; everything where
-    /// `factor` is 0.
+    /// Box from the quartiles of each coordinate, extended by `factor` times their distance; unbounded if `factor` is
+    /// 0.
     fn around(points: &[Point], factor: f64) -> Fence {
         let everything = Fence {
             low: DVec3::NEG_INFINITY,
@@ -75,7 +75,7 @@ mod tests {
         }
     }
 
-    /// Looking along z from x, seeing as far to each side as ahead.
+    /// Camera at x along z, with a half field of view of 45°.
     fn camera(x: f64) -> Camera {
         Camera {
             width: 100,
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn points_that_too_few_views_see_are_left_out() {
         let cameras = [camera(0.0), camera(3.0)];
-        // Between them near and far, before one only, behind both.
+        // Between them near and far, in front of one only, behind both.
         let all = points([
             [1.5, 0.0, 1.0],
             [1.5, 0.0, 9.0],

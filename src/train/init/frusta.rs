@@ -1,4 +1,4 @@
-//! Points where cameras look, for data sets without points.
+//! Random points in the cameras' frusta, for data sets without points.
 
 use crate::scene::{Camera, Point, focus};
 use crate::train::config::InitConfig;
@@ -6,8 +6,8 @@ use crate::train::rng::{self, Stream};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// `count` grey points inside the cameras' frusta, most of them in the view of many cameras. They lie
-/// around the place the cameras look at or, where their axes meet nowhere, within the scene extent.
+/// `count` grey points inside the cameras' frusta, most of them in the view of many cameras. They lie around the point
+/// that the cameras look at or, if their axes do not meet, within the scene extent.
 ///
 /// Panics if there are no cameras.
 pub fn points_in_frusta(
@@ -36,7 +36,7 @@ pub fn points_in_frusta(
             let votes = voters.iter().filter(|c| sees(c, position)).count();
             (votes, position)
         };
-        // The first of equals is kept.
+        // The first of equals.
         let best = (1..config.random_candidates)
             .map(candidate)
             .fold(

@@ -1,4 +1,4 @@
-//! The splats that training starts from: one per point, as large as its neighbours are far.
+//! First splats of a run: one per point, with the distance of its neighbours as size.
 
 mod cull;
 mod frusta;
@@ -12,10 +12,10 @@ use crate::{Error, Result};
 
 pub use frusta::points_in_frusta;
 
-/// The first splats of a data set: from its points or, where it has none that are finite and not culled, from
-/// random ones inside its cameras' frusta; `extent` is the scene extent in world units.
+/// First splats of a data set: from its points or, if none is finite and not culled, from random ones inside its
+/// cameras' frusta; `extent` is the scene extent in world units.
 ///
-/// Errors if there is nothing to start from: neither points nor training views.
+/// Error if the data set has neither points nor training views.
 pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> Result<Splats> {
     let finite = |p: &&Point| p.is_finite();
     let training = dataset.split(Split::Train);
@@ -34,8 +34,8 @@ pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> R
     Ok(splats_from_points(&points, extent, config))
 }
 
-/// One splat per point, or per point of a random subset where there are more than splats allowed.
-/// All points must be finite.
+/// One splat per point, or per point of a random subset if there are more than the splat limit. All points must be
+/// finite.
 pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -> Splats {
     let points = subsample(points, config.splat_limit(), config.seed);
     let positions: Vec<[f32; 3]> = points
@@ -73,7 +73,7 @@ pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -
     }
 }
 
-/// `count` of the points in their order, each subset as likely as any other (up to equal hashes).
+/// `count` of the points in their order, each subset equally likely (up to equal hashes).
 fn subsample(points: &[Point], count: usize, seed: u64) -> Vec<Point> {
     if points.len() <= count {
         return points.to_vec();

@@ -1,6 +1,5 @@
-//! Adaptive density control as in 3DGS: where the screen gradient stays large, small splats are cloned
-//! and large ones split in two; transparent and oversized ones are removed. Where errors are known, a splat's gradient
-//! counts for more the larger its share in them is.
+//! Adaptive density control as in 3DGS: at large screen gradients, small splats are cloned and large ones split in two;
+//! transparent and oversized ones are removed. With known errors, gradients are weighted by each splat's share in them.
 
 use super::{Change, RefineContext, RefineReport, Row, SplatStats, Strategy, gather};
 use crate::train::config::AdcConfig;
@@ -12,7 +11,7 @@ use glam::{Quat, Vec3};
 #[derive(Clone, Copy, Debug)]
 pub struct Adc;
 
-/// What becomes of a row.
+/// Decision on a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fate {
     Keep,
@@ -62,14 +61,14 @@ impl Strategy for Adc {
     }
 }
 
-/// Lowers all opacities, as they are drawn, to at most `value` (strictly between 0 and 1) and forgets their
-/// moments, so that splats have to earn their opacity again.
+/// Lowers all opacities, as drawn, to at most `value` (strictly between 0 and 1) and clears their moments, so that
+/// splats must regain their opacity.
 ///
-/// 3DGS resets to 0.01, where only the inner 1.37 standard deviations stay above the 1/255 cut: a
-/// splat whose visible part lies outside gets no gradient any more and is pruned.
+/// 3DGS resets to 0.01, where only the inner 1.37 standard deviations stay above the 1/255 cut: a splat of which only
+/// the rest is visible gets no gradient any more and is pruned.
 pub fn reset_opacity(state: &mut HostState, value: f32) {
     for row in 0..state.len() {
-        // Smoothing takes its share afterwards; where that alone is enough, nothing has to be lowered.
+        // Smoothing lowers the opacity further; if that suffices, it stays.
         let before = f64::from(value) / state.smoothing_factor(row);
         if before < 1.0 {
             let most = logit(before) as f32;
@@ -101,7 +100,7 @@ fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -
     wanted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut count = survivors;
     for (_, row, fate) in wanted {
-        // A clone adds a row; a split replaces one by two, which a row meant to be pruned has freed.
+        // A clone adds a row; a split replaces one by two, and the row of a splat to be pruned is free already.
         let added = 1 + usize::from(fates[row] == Fate::Prune);
         if count + added <= context.limit {
             fates[row] = fate;
@@ -112,7 +111,7 @@ fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -
     fates
 }
 
-/// Whether a row would be removed as it is.
+/// Whether a row is pruned in its current state.
 fn prune_or_keep(
     state: &HostState,
     row: usize,
@@ -130,7 +129,7 @@ fn prune_or_keep(
     }
 }
 
-/// Whether a row is too faint to keep, as it is drawn.
+/// Whether a row is below the pruning opacity, as drawn.
 fn is_faint(state: &HostState, row: usize, context: RefineContext<'_>) -> bool {
     let drawn = state.opacity(row) * state.smoothing_factor(row);
     drawn < f64::from(context.config.adc.prune_opacity)
@@ -144,8 +143,8 @@ fn is_big(scale: f64, context: RefineContext<'_>) -> bool {
     prunes_big(context) && scale > f64::from(context.config.adc.prune_scale) * context.extent
 }
 
-/// Whether a row is cloned or split, its fate so far being `fate`. One that is too big in the world
-/// may still be split, if its children are not (3DGS prunes after splitting).
+/// Clone or split, if any, of a row with the decision `fate` so far. A row too big in the world may still be split if
+/// its children are not (3DGS prunes after splitting).
 fn grow(
     state: &HostState,
     row: usize,
@@ -157,7 +156,7 @@ fn grow(
     if !state.is_finite(row) || is_faint(state, row, context) {
         return None;
     }
-    // NaN is not above the threshold, and a splat never seen has no gradient.
+    // NaN is not above the threshold; a splat never seen has no gradient.
     if weighed_gradient(stats, context.attraction(row)) < adc.grad_threshold || stats[1] < 1.0 {
         return None;
     }
@@ -170,7 +169,7 @@ fn grow(
     }
 }
 
-/// Mean over the steps that saw the splat, times its attraction; 0 if none did or that is not finite.
+/// Mean gradient over the steps that saw the splat, times its attraction; 0 if there were none or it is not finite.
 fn weighed_gradient(stats: SplatStats, attraction: f32) -> f32 {
     let mean = stats[0] / stats[1] * attraction;
     if mean.is_finite() { mean } else { 0.0 }
@@ -181,7 +180,7 @@ fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2]
     let index = row as usize;
     let [w, x, y, z] = state.params[1][index];
     let rotation = Quat::from_xyzw(x, y, z, w);
-    // A quaternion of zeros has no direction; such a splat is not drawn and splits along the axes.
+    // A zero quaternion has no direction; such a splat is not drawn and splits along the axes.
     let rotation = if rotation.length_squared() > 0.0 {
         rotation.normalize()
     } else {
@@ -195,7 +194,7 @@ fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2]
         let [i, j, k, _] = rng::normal(context.config.seed, context.iteration, key, Stream::Split);
         let offset = rotation * (scale * Vec3::new(i, j, k));
         let parent = Vec3::from(state.mean(index));
-        // A scale beyond all numbers leads nowhere: the child stays with its parent.
+        // At an infinite scale the child stays at its parent's mean.
         let mean = Some(parent + offset).filter(|mean| mean.is_finite());
         Row {
             source: row,
@@ -301,7 +300,7 @@ mod tests {
         assert_eq!(pruned(&config, 3_100), 1);
         config.adc.prune_radius_px = 20.0;
         assert_eq!(pruned(&config, 3_100), 2);
-        // A big one with a large gradient is split first, and its children are judged.
+        // A big splat with a large gradient is split first, and its children are tested.
         let mut state = state_of(&[(0.5, 0.15), (0.5, 0.3)]);
         let report = Adc.refine(&mut state, &[SEEN; 2], context(&config, 3_100));
         assert_eq!((report.split, report.pruned, report.count), (1, 1, 2));
@@ -327,7 +326,7 @@ mod tests {
     fn growth_goes_where_errors_are() {
         let config = TrainConfig::for_iterations(1_000);
         let mut state = state_of(&[(0.5, 0.001), (0.5, 0.002), (0.5, 0.003), (0.5, 0.004)]);
-        // Just above the threshold, just below, far above and seen by nobody.
+        // Just above the threshold, just below, far above, and never seen.
         let above = 1.1 * config.adc.grad_threshold;
         let stats = [above, above / 1.2, 1.0].map(|g| [g, 1.0, 1.0, 0.0]);
         let stats = [stats[0], stats[1], stats[2], [0.0; 4]];

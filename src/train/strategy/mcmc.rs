@@ -1,13 +1,13 @@
-//! MCMC: dead splats move onto live ones, chosen in proportion to opacity, and the count grows to its
-//! cap by the same rule; each group shares its opacity and size so that the picture stays as it was. Where errors are
-//! known, they are chosen the more often the larger their share in them is.
+//! MCMC: dead splats move onto live ones, chosen in proportion to opacity, and the count grows to its cap by the same
+//! rule; each group shares its opacity and size so that the picture stays the same. With known errors, the choice is
+//! also weighted by each splat's share in them.
 
 use super::relocation::relocated;
 use super::{Change, RefineContext, RefineReport, Row, SplatStats, Strategy, gather};
 use crate::train::rng::{self, Stream};
 use crate::train::state::{HostState, logit};
 
-/// Relocation and growth; the noise and the regularisation act every step, on the device.
+/// Relocation and growth; noise and regularisation act every step, on the device.
 #[derive(Clone, Copy, Debug)]
 pub struct Mcmc;
 
@@ -28,7 +28,7 @@ impl Strategy for Mcmc {
             false => 0.0,
         }));
         let dead = live.iter().filter(|&&alive| !alive).count();
-        // With nobody alive there is nothing to move to or to copy: the state stays as it is.
+        // Without a live splat the state stays the same.
         let grown = match weights.total() {
             0 => 0,
             _ => growth(state.len(), context),
@@ -59,7 +59,7 @@ impl Strategy for Mcmc {
     }
 }
 
-/// What a splat's errors make of its chance to be chosen, 0 to 1: all have the same where nobody has looked.
+/// Factor of a splat's errors on its probability, 0 to 1; 1 for all without errors.
 fn chance(context: RefineContext<'_>, row: usize) -> f64 {
     match context.errors.is_empty() {
         true => 1.0,
@@ -70,13 +70,13 @@ fn chance(context: RefineContext<'_>, row: usize) -> f64 {
     }
 }
 
-/// How many splats are added to `count`.
+/// Number of splats to add to `count`.
 fn growth(count: usize, context: RefineContext<'_>) -> usize {
     let wanted = (count as f64 * f64::from(context.config.mcmc.growth)).round() as usize;
     wanted.min(context.limit).saturating_sub(count)
 }
 
-/// The rows after `guests` (moved, added) have come to each host: hosts and guests share alike.
+/// Rows after `guests` (moved, added) have joined each host; a host and its guests get equal shares.
 fn share(
     state: &HostState,
     guests: &[(u32, u32)],
@@ -107,8 +107,8 @@ fn share(
     rows
 }
 
-/// A distribution over rows with integer weights: exact sums, whatever their number. A splat of opacity
-/// 0.005 among 2²⁴ opaque ones still has its share, which running sums in `f32` would lose.
+/// Distribution over rows with integer weights, for exact sums of any number of rows: a splat of opacity 0.005 among
+/// 2²⁴ opaque ones keeps its share, which running sums in `f32` would lose.
 struct Weights {
     /// Sum of the weights up to and including each row.
     up_to: Vec<u64>,
@@ -136,7 +136,7 @@ impl Weights {
         self.up_to.last().copied().unwrap_or(0)
     }
 
-    /// The row whose share holds `target`, which must be below the total.
+    /// Row of the cumulative share that holds `target`, which must be below the total.
     fn find(&self, target: u64) -> usize {
         self.up_to.partition_point(|&sum| sum <= target)
     }
@@ -167,7 +167,7 @@ mod tests {
         config
     }
 
-    /// −ln of the transmittance through all splats, as if they lay in one place.
+    /// −ln of the transmittance through all splats, as if coincident.
     fn depth(state: &HostState) -> f64 {
         (0..state.len())
             .map(|row| -(-state.opacity(row)).ln_1p())

@@ -1,8 +1,8 @@
-//! Density control: which splats are added, moved and removed, as a pure function of the optimiser's
-//! state, the statistics gathered since the last refinement, and (seed, iteration).
+//! Density control: addition, relocation and removal of splats, as a pure function of the optimizer state, the
+//! statistics since the last refinement, and (seed, iteration).
 //!
-//! **Invariant:** ties are broken by row, random numbers are keyed by row, sums are in a fixed order:
-//! the same input gives the same rows in the same order on every machine.
+//! **Invariant:** ties are broken by row, random numbers are keyed by row, sums are in a fixed order: the same input
+//! gives the same rows in the same order on every machine.
 
 mod adc;
 mod mcmc;
@@ -19,35 +19,35 @@ pub use adc::{Adc, reset_opacity};
 pub use mcmc::Mcmc;
 pub use relocation::relocated;
 
-/// What a splat did since the last refinement: sum of the norms of the loss gradient on its screen
-/// position (per normalised device coordinate: pixel gradient × half the image size), how many steps saw
-/// it, its largest radius in pixels, and 0.
+/// Statistics of a splat since the last refinement: sum of the norms of the loss gradient on its screen position (per
+/// normalised device coordinate: pixel gradient × half the image size), number of steps that saw it, its largest radius
+/// in pixels, and 0.
 pub type SplatStats = [f32; 4];
 
-/// When and where a refinement takes place.
+/// Circumstances of a refinement.
 #[derive(Clone, Copy, Debug)]
 pub struct RefineContext<'a> {
     /// The iteration just finished.
     pub iteration: u32,
-    /// The run's constants.
+    /// Constants of the run.
     pub config: &'a TrainConfig,
     /// Scene extent in world units.
     pub extent: f64,
-    /// Splats are added up to this count, and no further.
+    /// Splat limit.
     pub limit: usize,
-    /// By row, the splat's share in the pixels' errors, relatively to the mean splat's; empty where nobody has looked.
+    /// By row, the splat's share in the pixels' errors, relative to the mean splat's; empty if unknown.
     pub errors: &'a [f32],
 }
 
 impl RefineContext<'_> {
-    /// How much more than others a row should grow, by its share in errors: the root of it, for a splat whose pixels
-    /// are wrong is worth more splats, but not all of them. 1 where nobody has looked.
+    /// Weight of a row for growth: the root of its error share, since splats at wrong pixels deserve more splats, but
+    /// not all of them. 1 if errors are unknown.
     fn attraction(&self, row: usize) -> f32 {
         self.errors.get(row).map_or(1.0, |error| error.sqrt())
     }
 }
 
-/// What a refinement did.
+/// Counts of a refinement's actions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RefineReport {
     /// Splats copied.
@@ -58,16 +58,15 @@ pub struct RefineReport {
     pub pruned: usize,
     /// Dead splats moved to live ones.
     pub relocated: usize,
-    /// Splats afterwards.
+    /// Splats after the refinement.
     pub count: usize,
 }
 
-/// A way of adding and removing splats.
+/// Strategy of adding and removing splats.
 pub trait Strategy: Send + Sync {
     /// Refines the state. `stats` has an entry per row.
     ///
-    /// Afterwards rows are in Morton order, every untouched row still has its moments, and every new or
-    /// moved one has none.
+    /// Afterwards rows are in Morton order, untouched rows keep their moments, and new or moved ones have none.
     ///
     /// Panics if `stats` and the state differ in length.
     fn refine(
@@ -86,35 +85,35 @@ pub fn strategy(kind: StrategyKind) -> Box<dyn Strategy> {
     }
 }
 
-/// A row of the refined state before it is gathered.
+/// Row of the refined state before it is gathered.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// The row it comes from.
+    /// Source row.
     source: u32,
-    /// Where its centre lies.
+    /// Mean.
     mean: [f32; 3],
-    /// What differs from the source.
+    /// Change from the source.
     change: Change,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Change {
-    /// Nothing.
+    /// None.
     Kept,
     /// A copy: parameters as they are, no moments.
     Copied,
-    /// Log-scales lowered by this much, no moments.
+    /// Log-scales lowered by this value, no moments.
     Shrunk(f32),
-    /// Opacity logit set, log-scales raised by so much, no moments.
+    /// Opacity logit set, log-scales raised, no moments.
     Shared {
-        /// The new opacity logit.
+        /// New opacity logit.
         logit: f32,
-        /// Added to each log-scale.
+        /// Summand of each log-scale.
         log_factor: f32,
     },
 }
 
-/// Gathers rows in Morton order, each with its source's parameters, moments and its change.
+/// Gathers rows in Morton order, each with its source's parameters and moments and its change.
 fn gather(state: &HostState, rows: &[Row]) -> HostState {
     let means: Vec<[f32; 3]> = rows.iter().map(|row| row.mean).collect();
     let order = morton_order(&means);

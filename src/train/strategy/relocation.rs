@@ -1,13 +1,13 @@
-//! The one formula of MCMC: what opacity and size make n copies of a splat look like the one it was.
+//! Relocation formula of MCMC: opacity and size of n coincident copies that look like the original splat.
 
-/// Opacity and scale factor of each of `copies` splats in one place that together look like a single
-/// one of this opacity (MCMC, equation 9).
+/// Opacity and scale factor of each of `copies` coincident splats that together look like a single one of this opacity
+/// (MCMC, equation 9).
 ///
-/// Their opacity a solves 1 − (1 − a)ⁿ = opacity. Along a line through the centre, n equal Gaussians
-/// compose to Σₖ C(n, k) (−1)ᵏ⁺¹ aᵏ / √k times the width of one, k from 1 to n, and a single one to
-/// `opacity` times its width, so the factor is the quotient. The published double sum is this one
-/// (hockey-stick identity); there is no cap on n. The terms alternate and grow to at most e^(n a) /
-/// √(n a) < 1e6 where the opacity is at most 1 − 1e-6, which costs `f64` six of its sixteen digits.
+/// Their opacity a solves 1 − (1 − a)ⁿ = opacity. Along a line through the centre, n equal Gaussians compose to Σₖ C(n,
+/// k) (−1)ᵏ⁺¹ aᵏ / √k times the width of one, k from 1 to n, and a single one to `opacity` times its width, so the
+/// factor is the quotient. The published double sum equals this one (hockey-stick identity); there is no cap on n. The
+/// terms alternate and grow to at most e^(n a) / √(n a) < 1e6 where the opacity is at most 1 − 1e-6, which costs `f64`
+/// six of its sixteen digits.
 pub fn relocated(opacity: f64, copies: u32) -> (f64, f64) {
     let opacity = opacity.clamp(0.0, 1.0 - 1e-6);
     if copies <= 1 || opacity == 0.0 {
@@ -21,7 +21,7 @@ pub fn relocated(opacity: f64, copies: u32) -> (f64, f64) {
         let k = f64::from(k);
         term *= -each * (n - k) / (k + 1.0);
         let next = sum + term / (k + 1.0).sqrt();
-        // The terms fall once k exceeds n a: when one changes nothing, none after it does.
+        // The terms fall once k exceeds n a: after one without effect, none has any.
         if next == sum {
             break;
         }

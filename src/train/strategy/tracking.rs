@@ -1,5 +1,5 @@
-//! Tests that hold for every strategy: rows keep their identity and their moments through a thousand
-//! refinements, and a repetition gives the same bits.
+//! Tests of every strategy: rows keep their identity and moments through a thousand refinements, and a repetition gives
+//! the same bits.
 
 use super::*;
 use crate::train::rng::{self, Stream};
@@ -20,7 +20,7 @@ pub(super) fn state_of(splats: &[(f64, f64)]) -> HostState {
     state
 }
 
-/// Gives every row an identity in its colour and moments that name it.
+/// Stores each row's index in its colour and moments.
 fn label(state: &mut HostState) {
     for row in 0..state.len() {
         let name = row as f32;
@@ -34,7 +34,7 @@ fn label(state: &mut HostState) {
     }
 }
 
-/// Every row has either all the moments of the row whose parameters it has, unchanged, or none.
+/// Every row has either all the moments of its source row, unchanged, or none.
 fn check(before: &HostState, after: &HostState) {
     let mut seen = vec![false; before.len()];
     for row in 0..after.len() {
@@ -59,7 +59,7 @@ fn check(before: &HostState, after: &HostState) {
     }
 }
 
-/// What a few steps of training would do to opacities and sizes, at random.
+/// Random changes of opacities and sizes, as by a few steps of training.
 fn disturb(state: &mut HostState, step: u32) -> Vec<SplatStats> {
     let mut stats = Vec::with_capacity(state.len());
     for row in 0..state.len() {

@@ -1,5 +1,5 @@
-//! Room: how large a run's buffers are. They are made anew where they do not fit, and the old go first, so
-//! that the device never holds both.
+//! Capacity of a run's buffers. Buffers too small are replaced, the old ones freed first, so that the device never
+//! holds both.
 
 use super::Trainer;
 use crate::gpu::{Gpu, TRANSFER_BYTES};
@@ -16,19 +16,19 @@ use crate::train::memory::{TrainSize, gradient_needs, splats_expected, state_nee
 use crate::train::state::HostState;
 use crate::{Error, Result};
 
-/// What a run has needed at most so far.
+/// Maxima of a run so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extremes {
-    /// Splats trained at one time.
+    /// Splats at one time.
     pub splats: usize,
-    /// Of them, those of each degree.
+    /// Number of these splats by SH degree.
     pub counts: ByDegree,
     /// (Splat, tile) pairs of one frame.
     pub isects: usize,
 }
 
 impl Extremes {
-    /// Takes note of the splats that are trained from now on.
+    /// Updates the maxima by the splats of the next steps.
     pub(super) fn note(&mut self, degrees: &[u8]) {
         if degrees.len() >= self.splats {
             self.splats = degrees.len();
@@ -37,17 +37,17 @@ impl Extremes {
     }
 }
 
-/// Bytes that a (splat, tile) pair takes of any one array.
+/// Largest element, in bytes, of the arrays with one element per (splat, tile) pair.
 const RECORD_BYTES: u64 = 16;
 
 impl Trainer<'_> {
-    /// What the run has needed at most since it was begun or resumed.
+    /// Maxima since the run was begun or resumed.
     pub fn extremes(&self) -> Extremes {
         self.extremes
     }
 
-    /// What the memory formula goes by: the splats and pairs that the run has had at most, or, before its first
-    /// step, those it begins with and those to expect of them.
+    /// Input of the memory formula: the maxima so far or, before the first step, the initial splats and estimated
+    /// pairs.
     pub fn size(&self) -> TrainSize {
         let (config, limit) = (&self.config, self.gpu.memory_limit());
         let mut size = TrainSize::of(self.dataset, config, limit, self.extremes.splats);
@@ -59,7 +59,7 @@ impl Trainer<'_> {
         size
     }
 
-    /// The most splats that the run will have, where that can be known: see [`splats_expected`].
+    /// Maximum number of splats of the run, if known: see [`splats_expected`].
     pub fn splats_expected(&self) -> Option<usize> {
         let most = DeviceState::splat_limit(&self.gpu, self.config.sh_degree);
         let is_capped =
@@ -69,8 +69,8 @@ impl Trainer<'_> {
             .flatten()
     }
 
-    /// Makes room for a frame that has left such counts; what one binding has no room for will come in bands. No
-    /// step is in flight.
+    /// Grows the buffers for a frame with these counts; pairs beyond one binding are split into depth bands. No step
+    /// may be in flight.
     pub(super) fn grow_buffers(&mut self, counts: &[u32]) -> Result<()> {
         let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
         let capacity = Capacity {
@@ -92,7 +92,7 @@ impl Trainer<'_> {
         self.resize(capacity)
     }
 
-    /// Makes the buffers of a step anew. None is in use: all steps have been waited for.
+    /// Reallocates the buffers of a step. No step may be in flight.
     pub(super) fn resize(&mut self, capacity: Capacity) -> Result<()> {
         self.check_room(step_bytes(self.scratch.capacity), step_bytes(capacity))?;
         self.frames.release()?;
@@ -107,13 +107,13 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// Takes over a state of another size. The run is as it was if the memory limit has no room for it.
+    /// Replaces the state, possibly by one of another size. If the memory limit refuses it, the run is unchanged.
     pub(super) fn take_over(&mut self, state: &HostState) -> Result<()> {
         if self.state.fits(state) {
             return self.state.fill(&self.gpu, state);
         }
         let (before, count) = (self.state.model.splat_count, state.len());
-        // The more splats, the more pairs: room for them now, since all is made anew anyway.
+        // Pairs grow with splats: enlarge their buffers in the same reallocation.
         let growth = count.saturating_sub(before) as f64 / before.max(1) as f64;
         let isects = (self.extremes.isects as f64 * (1.0 + 0.5 * growth)) as usize;
         let capacity = Capacity {
@@ -139,7 +139,7 @@ impl Trainer<'_> {
         self.remake(capacity)
     }
 
-    /// Whether the limit leaves room for `wanted` bytes in place of `freed`.
+    /// Checks that the limit allows `wanted` bytes in place of `freed`.
     fn check_room(&self, freed: u64, wanted: u64) -> Result<()> {
         let taken = self.gpu.memory_in_use().saturating_sub(freed);
         let available = self.gpu.memory_limit().saturating_sub(taken);
@@ -154,7 +154,7 @@ impl Trainer<'_> {
     }
 }
 
-/// Scratch whose counts are clean, for as many pairs at a time as one binding has room for.
+/// Scratch with zeroed counts, for at most as many pairs at a time as one binding holds.
 pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: DepthBands) -> Result<Scratch> {
     let capacity = capacity.within(gpu.caps(), RECORD_BYTES);
     let mut scratch = Scratch::new(gpu, capacity, Outputs::TRAINING)?;
@@ -170,7 +170,7 @@ fn step_bytes(capacity: Capacity) -> u64 {
     total(&frame_needs(capacity, Outputs::TRAINING)) + total(&gradient_needs(capacity))
 }
 
-/// No more splats than the device has room for.
+/// Lowers the splat limit to that of the device.
 pub(super) fn limit_splats(gpu: &Gpu, config: &mut TrainConfig) {
     let limit = DeviceState::splat_limit(gpu, config.sh_degree).min(config.splat_limit());
     config.max_splats = Some(u32::try_from(limit).unwrap_or(u32::MAX));

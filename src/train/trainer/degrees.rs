@@ -1,12 +1,12 @@
-//! Harmonics that turn out not to be needed, taken away between two steps.
+//! Removal of SH coefficients between two steps.
 
 use super::Trainer;
 use crate::Result;
 
 impl Trainer<'_> {
-    /// Takes from every splat's colour what is above a degree, and its memory and time with it: see
-    /// [`HostState::lower_degrees`](crate::train::HostState::lower_degrees). What density control has gathered stays.
-    /// Waits for the last step begun.
+    /// Removes each splat's SH coefficients above a degree, with their memory and time: see
+    /// [`HostState::lower_degrees`](crate::train::HostState::lower_degrees). Statistics of density control stay. Waits
+    /// for the last step begun.
     ///
     /// Panics unless there is a degree for every splat.
     pub fn lower_degrees(&mut self, degrees: &[u8]) -> Result<()> {
@@ -17,7 +17,7 @@ impl Trainer<'_> {
         self.set_statistics(&statistics)
     }
 
-    /// Compiles what steps from the state as it lies on the device need.
+    /// Compiles the kernels for steps from the state's current layout.
     pub(super) fn prepare(&mut self) -> Result<()> {
         let model = &self.state.model;
         self.forward.prepare(&self.gpu, model)?;

@@ -1,5 +1,5 @@
-//! The training views at half their size: a quarter of the pixels to draw. For the first steps of a run, or for as long
-//! as whoever steers it has it so.
+//! Training views at half size, with a quarter of the pixels: for the first steps of a run, or while its controller
+//! sets it.
 
 use super::{IN_FLIGHT, Photos, TrainConfig, Trainer};
 use crate::Result;
@@ -8,7 +8,7 @@ use crate::io::photo;
 use crate::scene::{Dataset, PhotoSource, Split, View};
 use rayon::prelude::*;
 
-/// A data set of the named views alone, in that order, at half their width and height, rounded up.
+/// Data set of these views alone, in that order, at half their width and height, rounded up.
 fn halved(dataset: &Dataset, views: &[usize]) -> Result<Dataset> {
     let view = |&index: &usize| {
         let view = &dataset.views[index];
@@ -17,7 +17,7 @@ fn halved(dataset: &Dataset, views: &[usize]) -> Result<Dataset> {
             name: view.name.clone(),
             camera: view.camera.resized(width, height),
             photo: match &view.photo {
-                // Reduced whenever it is read: all of them in memory may be more than there is.
+                // Reduced on each read: together they may exceed the memory.
                 PhotoSource::File { .. } => view.photo.clone(),
                 _ => PhotoSource::Memory(photo::reduce(photo::load(view)?, width, height)),
             },
@@ -30,7 +30,7 @@ fn halved(dataset: &Dataset, views: &[usize]) -> Result<Dataset> {
     })
 }
 
-/// The reduced views, if those are to be seen, and the photographs of those or of the whole ones.
+/// The reduced views if `is_half`, and the photographs of those or of the full-size ones.
 pub(super) fn begin(
     gpu: &Gpu,
     dataset: &Dataset,
@@ -48,12 +48,12 @@ pub(super) fn begin(
 }
 
 impl Trainer<'_> {
-    /// Whether the next step is to see photographs of half the size.
+    /// Whether the next step uses half-size photographs.
     pub(super) fn is_half(&self) -> bool {
         self.half_size || self.iteration < self.config.half_size_until
     }
 
-    /// Goes over to whole photographs when their time has come. A step that did not fit comes first, again.
+    /// Changes to full-size photographs when due. A step that did not fit is repeated first.
     pub(super) fn enlarge(&mut self) -> Result<()> {
         if self.halved.is_some() && !self.is_half() && self.drain()? {
             self.reload(self.views.clone())?;
@@ -61,7 +61,7 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// Trains on the photographs of these views from now on. No step is in flight.
+    /// Trains on the photographs of these views from now on. No step may be in flight.
     pub(super) fn reload(&mut self, views: Vec<usize>) -> Result<()> {
         let is_half = self.is_half();
         (self.halved, self.photos) = begin(&self.gpu, self.dataset, &views, &self.config, is_half)?;

@@ -1,5 +1,4 @@
-//! Views into a trainer for tests, which judge a step by what it saw and what it went by. Nothing else needs
-//! them, so the documentation does not show them.
+//! Access to a trainer's internals for tests of single steps, hidden from the documentation.
 
 use super::Trainer;
 use crate::Result;
@@ -7,22 +6,22 @@ use crate::render::Capacity;
 use crate::train::state::Planes;
 
 impl Trainer<'_> {
-    /// Keeps all gradients of the steps to come, for [`Trainer::gradients`], until sizes change.
+    /// Keeps all gradients of the next steps, for [`Trainer::gradients`], until sizes change.
     #[doc(hidden)]
     pub fn keep_gradients(&mut self) -> Result<()> {
         self.settle()?;
         self.state.keep_gradients(&self.gpu)
     }
 
-    /// The gradient that the last step begun went by, `[plane][splat]` like the parameters; waits for it.
+    /// Gradient of the last step begun, `[plane][splat]` like the parameters; waits for it.
     #[doc(hidden)]
     pub fn gradients(&mut self) -> Result<Planes> {
         self.settle()?;
         self.state.download_gradients(&self.gpu)
     }
 
-    /// The picture that the last step begun compared with its photograph, `[plane][pixel]`: red, green, blue,
-    /// transmittance; waits for it. Only meaningful where all views have the same size.
+    /// Rendering of the last step begun, `[plane][pixel]`: red, green, blue, transmittance; waits for it. Only
+    /// meaningful if all views have the same size.
     #[doc(hidden)]
     pub fn image(&mut self) -> Result<Vec<f32>> {
         self.settle()?;
@@ -30,7 +29,7 @@ impl Trainer<'_> {
         self.gpu.download(image, 0..image.len())
     }
 
-    /// Gives the steps to come room for so many (splat, tile) pairs, until one wants more.
+    /// Sets the capacity for (splat, tile) pairs, until a step needs more.
     #[doc(hidden)]
     pub fn set_isect_capacity(&mut self, isects: usize) -> Result<()> {
         self.settle()?;

@@ -1,17 +1,17 @@
-//! What may be changed between two steps by whoever steers a run: which views it sees and how large, what it goes on
-//! from, how far it may grow. A run that is resumed must be steered alike.
+//! Changes between two steps by a run's controller: views and their size, state, splat limit. A resumed run needs the
+//! same changes.
 
 use super::Trainer;
 use crate::train::state::HostState;
 use crate::{Error, Result};
 
 impl Trainer<'_> {
-    /// The views trained on, of the data set's.
+    /// Indices of the views trained on.
     pub fn views(&self) -> &[usize] {
         &self.views
     }
 
-    /// Trains on these of the data set's views from now on. Waits for the last step begun.
+    /// Trains on these views of the data set from now on. Waits for the last step begun.
     pub fn set_views(&mut self, views: Vec<usize>) -> Result<()> {
         if views.is_empty() {
             return Err(Error::Config("there is no view to train on".into()));
@@ -23,7 +23,7 @@ impl Trainer<'_> {
         self.reload(views)
     }
 
-    /// Trains on photographs of half their width and height from now on, or on whole ones. Waits for the last step
+    /// Trains on photographs of half their width and height from now on, or on full-size ones. Waits for the last step
     /// begun.
     pub fn set_half_size(&mut self, half_size: bool) -> Result<()> {
         self.settle()?;
@@ -34,17 +34,17 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// From now on splats are added up to this count, and no more than the configuration allows.
+    /// Sets the splat limit, at most that of the configuration.
     pub fn set_limit(&mut self, limit: usize) {
         self.limit = limit.min(self.config.splat_limit());
     }
 
-    /// Puts back what [`Trainer::statistics`] gave, when a run is resumed.
+    /// Restores the statistics from [`Trainer::statistics`] when a run is resumed.
     pub fn set_statistics(&mut self, statistics: &[[f32; 4]]) -> Result<()> {
         self.gpu.upload(&self.state.statistics, 0, statistics)
     }
 
-    /// Tells the next refinement each splat's share in the pixels' errors, relatively to the mean splat's.
+    /// Sets each splat's share in the pixels' errors, relative to the mean splat's, for the next refinement.
     ///
     /// Panics unless there is one for every splat.
     pub fn set_errors(&mut self, errors: Vec<f32>) {
@@ -52,14 +52,14 @@ impl Trainer<'_> {
         self.errors = errors;
     }
 
-    /// Goes on with another state in place of this one, which may have more splats or fewer; what density control has
-    /// gathered is forgotten. Waits for the last step begun.
+    /// Replaces the state, also by one with more or fewer splats, and clears the statistics of density control. Waits
+    /// for the last step begun.
     pub fn replace(&mut self, state: &HostState) -> Result<()> {
         self.settle()?;
         self.take_over(state).map_err(|e| e.at_step(self.iteration))
     }
 
-    /// Goes on from a state of an earlier iteration, as it was after that.
+    /// Returns to the state after an earlier iteration.
     pub fn go_back(&mut self, state: &HostState, iteration: u32) -> Result<()> {
         self.replace(state)?;
         assert!(
