@@ -1,4 +1,4 @@
-//! Adam (Kingma and Ba 2015, algorithm 1) on one number, and the bound on a splat's aspect that follows it.
+//! Adam (Kingma and Ba 2015, algorithm 1) on one number, and the subsequent bound on a splat's aspect.
 
 /// The optimiser's constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -7,7 +7,7 @@ pub struct Adam {
     pub beta1: f64,
     /// Decay of the second moment.
     pub beta2: f64,
-    /// Keeps the quotient finite where no gradient ever came (3DGS code: 1e-15).
+    /// Keeps the quotient finite without gradients (3DGS code: 1e-15).
     pub epsilon: f64,
 }
 
@@ -33,7 +33,7 @@ pub struct State {
 }
 
 impl Adam {
-    /// The state after step number `step`, counted from 1.
+    /// State after step number `step`, counted from 1.
     pub fn step(&self, state: State, gradient: f64, rate: f64, step: i32) -> State {
         assert!(step >= 1, "steps are counted from 1");
         let first = self.beta1 * state.first + (1.0 - self.beta1) * gradient;
@@ -48,10 +48,10 @@ impl Adam {
     }
 }
 
-/// The log-scales nearest to these (in the sum of squares) of which no two differ by more than `most`.
+/// The log-scales nearest to these (least squares) with differences of at most `most`.
 ///
-/// At the solution some lie on the upper end of an interval of that length, some on its lower end, and the rest
-/// within: every such division is tried.
+/// At the solution some lie at the upper end of an interval of that length, some at its lower end, and the rest within:
+/// every such division is tried.
 pub fn bounded(log_scale: [f64; 3], most: f64) -> [f64; 3] {
     let spread = |x: [f64; 3]| x[0].max(x[1]).max(x[2]) - x[0].min(x[1]).min(x[2]);
     if spread(log_scale) <= most {

@@ -1,4 +1,4 @@
-//! What a pixel would lose with each splat: the share of its colour that the splat makes up.
+//! Contribution of each splat to a pixel: its share of the pixel's colour.
 
 use super::expand::Isect;
 use super::frame::{center, sorted};
@@ -7,7 +7,7 @@ use super::tiles::Grid;
 use super::{ScreenSplat, Thresholds};
 use std::collections::BTreeMap;
 
-/// The weight `αᵢ Tᵢ` of each splat that a pixel blends, nearest first, as what passes before it less what passes
+/// Weight `αᵢ Tᵢ` of each splat that a pixel blends, nearest first, as the difference of transmittance before and
 /// behind it: `(index into splats, weight)`.
 pub fn weights(
     splats: &[ScreenSplat<f64>],
@@ -30,26 +30,26 @@ pub fn weights(
     weights
 }
 
-/// What some pixels would lose with a splat.
+/// Contribution of a splat over some pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loss {
-    /// The largest of what is spent at a pixel and the splat's weight there, together; 0 where it counts nowhere.
+    /// Maximum over pixels of (weight + budget already spent); 0 if the splat has no weight anywhere.
     pub most: f64,
-    /// The sum of its weights.
+    /// Sum of the weights.
     pub sum: f64,
-    /// The lowest limit of a pixel where it counts; infinite where it counts nowhere.
+    /// Minimum limit of its pixels; infinite if the splat has no weight anywhere.
     pub limit: f64,
 }
 
 impl Loss {
-    /// Of a splat that counts nowhere.
+    /// Contribution of a splat without weight.
     pub const NOTHING: Loss = Loss {
         most: 0.0,
         sum: 0.0,
         limit: f64::INFINITY,
     };
 
-    /// With one more pixel.
+    /// Adds a pixel.
     pub fn and(self, weight: f64, spent: f64, limit: f64) -> Loss {
         Loss {
             most: self.most.max(spent + weight),
@@ -59,7 +59,7 @@ impl Loss {
     }
 }
 
-/// The losses of every (splat, tile) pair that some pixel blends, where `spent` and `limit` are given by pixel.
+/// Contributions of every (splat, tile) pair that some pixel blends; `spent` and `limit` by pixel.
 pub fn contribution(
     screen: &[Option<ScreenSplat<f64>>],
     grid: &Grid,

@@ -1,7 +1,7 @@
-//! Numbers that carry their derivatives by `N` variables: exact gradients without a step size.
+//! Dual numbers: values with derivatives by `N` variables, for exact gradients without a step size.
 //!
-//! The rule of each operation is the one of the calculus books and nothing else; that is the whole
-//! reason to trust them more than a derivation by hand.
+//! Every operation follows its textbook rule and nothing else, which makes them more trustworthy than a derivation by
+//! hand.
 
 use super::Real;
 use std::iter::Sum;
@@ -17,7 +17,7 @@ pub struct Dual<const N: usize> {
 }
 
 impl<const N: usize> Dual<N> {
-    /// The variable number `index`; a constant where there is no such variable.
+    /// Variable number `index`; a constant if there is no such variable.
     pub fn variable(value: f64, index: Option<usize>) -> Self {
         let mut d = [0.0; N];
         if let Some(slot) = index.and_then(|i| d.get_mut(i)) {

@@ -1,4 +1,4 @@
-//! Every pair of a splat and a tile that it touches.
+//! All pairs of a splat and a tile that it touches.
 
 use super::frame::depth_order;
 use super::tiles::{Grid, tiles};
@@ -9,11 +9,11 @@ use super::{ScreenSplat, Thresholds};
 pub struct Isect {
     /// The tile.
     pub tile: u32,
-    /// The splat's index in the scene.
+    /// Index of the splat in the scene.
     pub splat: u32,
 }
 
-/// All intersections, splats nearest first, each one's tiles ascending.
+/// All intersections: splats nearest first, tiles of a splat ascending.
 pub fn expand(
     screen: &[Option<ScreenSplat<f64>>],
     grid: &Grid,

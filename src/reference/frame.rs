@@ -7,7 +7,7 @@ use super::{
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
-/// A drawn frame; rows from the top, `[y * width + x]`.
+/// Rendered frame; rows from the top, `[y * width + x]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame<R> {
     /// Width in pixels.
@@ -30,7 +30,7 @@ pub fn center(index: usize, width: usize) -> [f64; 2] {
     [(index % width) as f64 + 0.5, (index / width) as f64 + 0.5]
 }
 
-/// The splats on the screen, `None` where they are not drawn.
+/// Projected splats, `None` if not drawn.
 pub fn project_all<R: Real>(splats: &[Splat<R>], view: &Viewpoint) -> Vec<Option<ScreenSplat<R>>> {
     splats
         .par_iter()
@@ -38,23 +38,23 @@ pub fn project_all<R: Real>(splats: &[Splat<R>], view: &Viewpoint) -> Vec<Option
         .collect()
 }
 
-/// Indices of the splats that are drawn, nearest first, ties by index.
+/// Indices of the drawn splats, nearest first, ties by index.
 pub fn depth_order<R: Real>(screen: &[Option<ScreenSplat<R>>]) -> Vec<usize> {
     let depth = |i: usize| screen[i].map_or(f64::NAN, |s| s.depth.value());
     let mut order: Vec<usize> = (0..screen.len()).filter(|&i| screen[i].is_some()).collect();
-    // Stable: equals stay in the order of their index.
+    // A stable sort keeps ties by index.
     order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
     order
 }
 
-/// The splats that are drawn, nearest first, and which of the scene's each is.
+/// Drawn splats, nearest first, and the scene's index of each.
 pub fn sorted<R: Real>(screen: &[Option<ScreenSplat<R>>]) -> (Vec<ScreenSplat<R>>, Vec<usize>) {
     let splat_from_rank = depth_order(screen);
     let list = splat_from_rank.iter().filter_map(|&i| screen[i]).collect();
     (list, splat_from_rank)
 }
 
-/// Draws splats that are already on the screen.
+/// Renders projected splats.
 pub fn render_screen<R: Real>(
     screen: &[Option<ScreenSplat<R>>],
     width: u32,
@@ -76,7 +76,7 @@ pub fn render_screen<R: Real>(
     }
 }
 
-/// Draws splats given by their parameters.
+/// Renders splats given by their parameters.
 pub fn render_splats<R: Real>(
     splats: &[Splat<R>],
     view: &Viewpoint,
@@ -93,7 +93,7 @@ pub fn render_splats<R: Real>(
     )
 }
 
-/// Draws a scene.
+/// Renders a scene.
 pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64> {
     let view = Viewpoint::new(camera, options, splats.mode);
     render_splats(
@@ -104,7 +104,7 @@ pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64>
     )
 }
 
-/// How near every pixel of [`render`] is to flipping.
+/// Distance of every pixel of [`render`] from the nearest discontinuity.
 pub fn discontinuity_margins(
     splats: &Splats,
     camera: &Camera,

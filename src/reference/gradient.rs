@@ -1,8 +1,8 @@
-//! The gradient of the training loss by every raw parameter of every splat.
+//! Gradient of the training loss by every raw parameter of every splat.
 //!
-//! Twice: [`loss_gradient`] composes the operations' own backward passes and is fast;
-//! [`loss_derivatives`] sends dual numbers through the whole of projection, compositing and loss at once,
-//! is slow, and has no chain rule written out anywhere. `tests/host/reference` compares them.
+//! Two implementations: [`loss_gradient`] composes the operations' backward passes and is fast; [`loss_derivatives`]
+//! sends dual numbers through projection, compositing and loss at once, is slow, and has no chain rule written out
+//! anywhere. `tests/host/reference` compares them.
 
 use super::frame::{project_all, render_screen, render_splats};
 use super::loss::{self, Target};
@@ -15,10 +15,10 @@ use rayon::prelude::*;
 /// Dual variables per pass over the frame.
 const LANES: usize = 8;
 
-/// The gradient of an objective by raw parameters; shapes as in [`Splats`].
+/// Gradient of an objective by raw parameters; shapes as in [`Splats`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SplatGradients {
-    /// By the centre.
+    /// By the mean.
     pub mean: Vec<[f64; 3]>,
     /// By the stored, unnormalised quaternion.
     pub quaternion: Vec<[f64; 4]>,
@@ -46,22 +46,22 @@ impl SplatGradients {
     }
 }
 
-/// Everything one training step ought to know before its optimiser.
+/// Loss of a training step with all gradients before the optimiser.
 #[derive(Clone, Debug)]
 pub struct LossGradient {
     /// The loss.
     pub loss: f64,
-    /// The frame that was drawn.
+    /// The rendered frame.
     pub frame: Frame<f64>,
-    /// By every pixel's colour.
+    /// Gradient by every pixel's colour.
     pub d_image: Vec<[f64; 3]>,
-    /// By every splat's numbers on the screen, summed over the pixels.
+    /// Gradient by every splat's screen row, summed over the pixels.
     pub d_screen: Vec<ScreenGradient>,
-    /// By every raw parameter.
+    /// Gradient by every raw parameter.
     pub d_splats: SplatGradients,
 }
 
-/// Draws the scene, compares it with the target and differentiates the loss.
+/// Renders the scene, compares it with the target and differentiates the loss.
 pub fn loss_gradient(
     splats: &Splats,
     camera: &Camera,
@@ -96,7 +96,7 @@ pub fn loss_gradient(
     }
 }
 
-/// From any gradient of the frame to those of the splats, on the screen and in the world.
+/// Gradients of the splats, on the screen and in the world, from a gradient of the frame.
 pub fn backward(
     splats: &Splats,
     camera: &Camera,
@@ -121,8 +121,8 @@ pub fn backward(
     (by_screen, SplatGradients::from_rows(&rows))
 }
 
-/// The derivative of the loss by each of some parameters, named as (splat, index into
-/// [`Splat::parameters`]), with duals from end to end.
+/// Derivative of the loss by each of some parameters, given as (splat, index into [`Splat::parameters`]), with duals
+/// from end to end.
 pub fn loss_derivatives(
     splats: &Splats,
     camera: &Camera,

@@ -60,9 +60,9 @@ pub fn product<R: Real>(a: Mat3<R>, b: Mat3<R>) -> Mat3<R> {
     a.map(|row| columns.map(|column| dot(row, column)))
 }
 
-/// The rotation matrix of a quaternion w, x, y, z of any length but 0.
+/// Rotation matrix of a quaternion w, x, y, z of any length but 0.
 pub fn rotation<R: Real>(quaternion: [R; 4]) -> Mat3<R> {
-    // Scaled by the largest component first, so that squares neither overflow nor vanish.
+    // Scaled by the largest component first, so that squares neither overflow nor underflow.
     let largest = quaternion
         .iter()
         .fold(0.0, |m: f64, q| m.max(q.value().abs()));
@@ -84,7 +84,7 @@ pub fn rotation<R: Real>(quaternion: [R; 4]) -> Mat3<R> {
     rotation
 }
 
-/// `Σ = R S Sᵀ Rᵀ`, a Gaussian's covariance in the world, from its quaternion and log-scales.
+/// Covariance `Σ = R S Sᵀ Rᵀ` in the world, from quaternion and log-scales.
 pub fn covariance<R: Real>(quaternion: [R; 4], log_scale: Vec3<R>) -> Mat3<R> {
     let rotation = rotation(quaternion);
     let scale = log_scale.map(|s| s.exp());

@@ -1,8 +1,7 @@
 //! The training loss: `(1 − λ) · L1 + λ · (1 − SSIM)`, each a mean over pixels and channels.
 //!
-//! Under a mask both are means weighted by it, and SSIM's windows see both images multiplied by it: what is
-//! masked out is as far away as what lies outside the image, and has no gradient at all. A mask of zeros is
-//! no loss.
+//! Under a mask both are means weighted by it, and SSIM's windows see both images multiplied by it: masked pixels are
+//! treated like pixels outside the image, and have no gradient. A mask of zeros gives loss 0.
 
 use super::{Real, ssim};
 use crate::scene::AlphaMode;
@@ -10,7 +9,7 @@ use crate::scene::AlphaMode;
 /// Share of D-SSIM in the loss (3DGS paper, section 7.1).
 pub const LAMBDA: f64 = 0.2;
 
-/// The photograph that an image is compared with.
+/// Photograph as the target of an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Target<'a> {
     /// Width in pixels.
@@ -51,13 +50,13 @@ impl<'a> Target<'a> {
         (x.collect(), y.collect())
     }
 
-    /// What the sums are divided by.
+    /// Divisor of the sums: total weight over pixels and channels.
     fn count(&self) -> f64 {
         3.0 * self.weights().iter().sum::<f64>()
     }
 }
 
-/// What a photograph's stored pixels mean: colours to compare with, and weights if alpha is a mask.
+/// Values of a photograph's stored pixels: target colours, and weights if alpha is a mask.
 pub fn values(
     rgba: &[[u8; 4]],
     mode: AlphaMode,
@@ -86,7 +85,7 @@ pub struct Sums<R> {
     pub dissimilarity: R,
     /// `(image − photo)²`.
     pub squared: R,
-    /// The weights themselves: three times the number of pixels if there is no mask.
+    /// Sum of the weights: three times the number of pixels if there is no mask.
     pub weight: f64,
 }
 
@@ -101,7 +100,7 @@ impl<R: Real> Sums<R> {
     }
 }
 
-/// What the loss is made of.
+/// Sums over the image, from which the loss follows.
 pub fn sums<R: Real>(image: &[[R; 3]], target: &Target<'_>) -> Sums<R> {
     let zero = R::of(0.0);
     let (mut l1, mut dissimilarity, mut squared) = (zero, zero, zero);
@@ -123,12 +122,12 @@ pub fn sums<R: Real>(image: &[[R; 3]], target: &Target<'_>) -> Sums<R> {
     }
 }
 
-/// The loss of an image.
+/// Loss of an image.
 pub fn loss<R: Real>(image: &[[R; 3]], target: &Target<'_>) -> R {
     sums(image, target).loss(target.lambda)
 }
 
-/// The derivatives of the loss by every channel of every pixel.
+/// Derivatives of the loss by every channel of every pixel.
 pub fn gradient(image: &[[f64; 3]], target: &Target<'_>) -> Vec<[f64; 3]> {
     let mut d_image = vec![[0.0; 3]; image.len()];
     let count = target.count();

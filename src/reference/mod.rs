@@ -1,16 +1,15 @@
-//! The oracle: what every kernel ought to compute, written for obviousness, in `f64`.
+//! Reference of every kernel in `f64`, written for obviousness.
 //!
-//! One file per operation, under the operation's name. Nothing here is a transliteration of a shader:
-//! covariances are full matrices, every pixel looks at every splat, spherical harmonics come from the
-//! Legendre recurrence, SSIM is a plain double sum, tiles are found by looking at their pixels. What the
-//! formulas are written over is the trait [`Real`]: `f64` gives values, [`Dual`] gives exact derivatives
-//! without any step size, `f32` shows what plain single precision would do.
+//! One file per operation, named after it. Nothing here is a transliteration of a shader: covariances are full
+//! matrices, every pixel tests every splat, spherical harmonics come from the Legendre recurrence, SSIM is a plain
+//! double sum, tiles are found from their pixels. Formulas are generic over [`Real`]: `f64` gives values, [`Dual`]
+//! gives exact derivatives without a step size, `f32` shows plain single precision.
 //!
-//! A frame is discontinuous where an alpha crosses 1/255, where a ray is declared finished, where two
-//! splats change order. The oracle says of every pixel how far it is from each of these ([`DiscontinuityMargin`]), so
-//! that comparisons keep their tight tolerance and excuse only the pixels that have the right to flip.
+//! A frame is discontinuous where an alpha crosses 1/255, a ray is finished, or two splats change order. The distance
+//! of every pixel from each of these ([`DiscontinuityMargin`]) keeps tolerances tight and excuses only the pixels that
+//! may flip.
 //!
-//! **Invariant:** works without a Vulkan driver existing; imports `scene` and `layout` only.
+//! **Invariant:** works without a Vulkan driver; imports `scene` and `layout` only.
 //!
 #![doc = include_str!("../../docs/numerics.md")]
 
@@ -56,26 +55,26 @@ pub use running_error::Terms;
 
 use crate::layout;
 
-/// Where compositing thresholds corners, each cut at a threshold of its own.
+/// Thresholds of compositing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thresholds {
-    /// A splat whose alpha at a pixel is below this is skipped there.
+    /// Splats of lower alpha at a pixel are skipped there.
     pub alpha_min: f64,
-    /// An alpha is capped at this, with zero gradient beyond.
+    /// Cap of alphas, with zero gradient beyond.
     pub alpha_max: f64,
-    /// A splat is blended only where the transmittance before it is at least this.
+    /// A splat is blended only if the transmittance before it is at least this.
     pub transmittance_min: f64,
 }
 
 impl Thresholds {
-    /// What the engine does: 1/255 (3DGS paper, appendix C), `ALPHA_MAX`, 1e-4.
+    /// Thresholds of the engine: 1/255 (3DGS paper, appendix C), `ALPHA_MAX`, 1e-4.
     pub const ENGINE: Thresholds = Thresholds {
         alpha_min: 1.0 / 255.0,
         alpha_max: layout::ALPHA_MAX as f64,
         transmittance_min: 1e-4,
     };
 
-    /// Nothing skipped, nothing stopped; only the cap remains, which belongs to the model.
+    /// No skipping and no stop; only the cap remains, which belongs to the model.
     pub const NONE: Thresholds = Thresholds {
         alpha_min: 0.0,
         transmittance_min: 0.0,
@@ -83,16 +82,16 @@ impl Thresholds {
     };
 }
 
-/// How a frame is to be drawn.
+/// Options of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Colour behind everything, rgb.
+    /// Background colour, rgb.
     pub background: [f64; 3],
-    /// Splats whose centre is nearer than this along the view's z are not drawn; world units.
+    /// Near plane along the view's z, world units; splats with nearer means are not drawn.
     pub near: f64,
-    /// Highest spherical-harmonic degree that takes part.
+    /// Highest SH degree used.
     pub sh_degree: u32,
-    /// Which thresholds compositing makes.
+    /// Thresholds of compositing.
     pub thresholds: Thresholds,
 }
 

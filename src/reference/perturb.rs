@@ -1,13 +1,12 @@
-//! The exploration noise of 3DGS-MCMC (Kheradmand et al. 2024, equation 9 and its code), and where its random
-//! numbers come from.
+//! Exploration noise of 3DGS-MCMC (Kheradmand et al. 2024, equation 9 and its code), with its random numbers.
 
 use super::Real;
 use super::linear::{add, covariance, scale, transform};
 use std::f64::consts::TAU;
 
-/// Opacity at which the noise is half as strong as at its most.
+/// Opacity of half the maximum noise.
 pub const OPACITY_MIDDLE: f64 = 0.005;
-/// How steeply the noise fades with the opacity.
+/// Steepness of the fade with opacity.
 pub const OPACITY_STEEPNESS: f64 = 100.0;
 
 /// The mean moved by `Σ ξ · sigmoid(−100 (opacity − 0.005)) · strength`. `xi` are three standard normal
@@ -37,8 +36,8 @@ pub fn normals(seed: u32, step: u32, splat: u32) -> [f64; 3] {
     ]
 }
 
-/// A number in (0, 1) that depends on nothing but the four numbers that name it: 23 bits of them, hashed one
-/// into the other, and a half, so that 0 and 1 are never met.
+/// A number in (0, 1) as a function of the four arguments alone: 23 bits, hashed one into the other, and a half, so
+/// that 0 and 1 never occur.
 pub fn uniform(seed: u32, step: u32, splat: u32, draw: u32) -> f64 {
     let word = [step, splat, draw]
         .iter()

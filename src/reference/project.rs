@@ -1,5 +1,5 @@
-//! From a Gaussian in the world to an ellipse on the screen: EWA splatting as the 3DGS paper has it
-//! (section 4), with the whole covariance matrices written out.
+//! Projection of a Gaussian to an ellipse on the screen: EWA splatting as in the 3DGS paper (section 4), with the whole
+//! covariance matrices written out.
 
 use super::linear::{
     Mat3, Vec3, covariance, matrix, normalize, product, sub, transform, transpose, vector,
@@ -8,16 +8,16 @@ use super::{Options, Real, sh};
 use crate::layout::COLOR_MAX;
 use crate::scene::{Camera, RenderMode, Splats};
 
-/// Floats of [`Splat::parameters`] before the spherical harmonics.
+/// Floats of [`Splat::parameters`] before the SH coefficients.
 pub const GEOMETRY_PARAMETERS: usize = 11;
 
-/// A quaternion that is not longer than this has no direction: the splat is not drawn.
+/// Shortest quaternion length with a direction; splats below it are not drawn.
 pub const QUATERNION_MIN: f64 = 1e-18;
 
-/// The raw parameters of one splat, as they are stored and trained.
+/// Raw parameters of one splat, as stored and trained.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Splat<R> {
-    /// Centre, world units.
+    /// Mean, world units.
     pub mean: Vec3<R>,
     /// w, x, y, z; of any length.
     pub quaternion: [R; 4],
@@ -51,7 +51,7 @@ impl<R: Real> Splat<R> {
         (0..splats.len()).map(|i| Splat::of(splats, i)).collect()
     }
 
-    /// The parameters in one row: mean, quaternion, log-scale, opacity logit, harmonics.
+    /// Parameters in one row: mean, quaternion, log-scale, opacity logit, SH coefficients.
     pub fn parameters(&self) -> Vec<R> {
         let mut row = self.mean.to_vec();
         row.extend(self.quaternion);
@@ -61,7 +61,7 @@ impl<R: Real> Splat<R> {
         row
     }
 
-    /// The inverse of [`Splat::parameters`].
+    /// Inverse of [`Splat::parameters`].
     pub fn from_parameters(row: &[R]) -> Splat<R> {
         assert!(row.len() >= GEOMETRY_PARAMETERS, "{} parameters", row.len());
         Splat {
@@ -77,25 +77,25 @@ impl<R: Real> Splat<R> {
     }
 }
 
-/// What projection needs to know besides the splat.
+/// Parameters of projection besides the splat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewpoint {
     /// The camera.
     pub camera: Camera,
     /// `x_min, x_max, y_min, y_max` of x/z and y/z inside the Jacobian.
     pub limit: [f64; 4],
-    /// Nearest z that is drawn, world units.
+    /// Near plane along z, world units.
     pub near: f64,
     /// Added to both variances on the screen, px².
     pub dilation: f64,
-    /// Whether the opacity makes up for the dilation (Mip-Splatting, section 5.2).
+    /// Whether the opacity compensates the dilation (Mip-Splatting, section 5.2).
     pub compensated: bool,
-    /// Highest spherical-harmonic degree that takes part.
+    /// Highest SH degree used.
     pub sh_degree: u32,
 }
 
 impl Viewpoint {
-    /// The view of a camera. The limits lie 15 % of the image beyond each border.
+    /// View of a camera. The limits lie 15 % of the image beyond each border.
     pub fn new(camera: &Camera, options: &Options, mode: RenderMode) -> Viewpoint {
         let width = f64::from(camera.width);
         let height = f64::from(camera.height);
@@ -119,10 +119,10 @@ impl Viewpoint {
     }
 }
 
-/// A splat on the screen.
+/// A projected splat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScreenSplat<R> {
-    /// Centre, pixels.
+    /// Mean, pixels.
     pub mean: [R; 2],
     /// Covariance xx, xy, yy, dilation included; px².
     pub covariance: [R; 3],
@@ -135,7 +135,7 @@ pub struct ScreenSplat<R> {
 }
 
 impl<R: Real> ScreenSplat<R> {
-    /// Its numbers in one row: mean, covariance, opacity, colour, depth.
+    /// All numbers in one row: mean, covariance, opacity, colour, depth.
     pub fn row(&self) -> [R; 10] {
         let (m, c, rgb) = (self.mean, self.covariance, self.color);
         [
@@ -152,7 +152,7 @@ impl<R: Real> ScreenSplat<R> {
         ]
     }
 
-    /// The inverse of [`ScreenSplat::row`].
+    /// Inverse of [`ScreenSplat::row`].
     pub fn from_row(row: [R; 10]) -> ScreenSplat<R> {
         ScreenSplat {
             mean: [row[0], row[1]],
@@ -169,8 +169,7 @@ impl<R: Real> ScreenSplat<R> {
     }
 }
 
-/// Where the splat lies on the screen; `None` where it has no place there: in front of the near plane,
-/// without an orientation, or with a number in it that is not finite.
+/// Projects a splat; `None` if it is in front of the near plane, without an orientation, or not finite.
 pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSplat<R>> {
     let length = splat
         .quaternion
@@ -210,8 +209,8 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSpla
         .then_some(screen)
 }
 
-/// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian is taken where x/z and y/z are clamped to the limits; the
-/// clamped quotients are constants, the remaining 1/z is not.
+/// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian is taken at x/z and y/z clamped to the limits; the clamped quotients are
+/// constants, the remaining 1/z is not.
 fn screen_covariance<R: Real>(splat: &Splat<R>, view: &Viewpoint, mean_view: Vec3<R>) -> Vec3<R> {
     let [x, y, z] = mean_view;
     let focal = view.camera.focal.to_array().map(R::of);
@@ -237,7 +236,7 @@ pub fn determinant<R: Real>([xx, xy, yy]: Vec3<R>) -> R {
     xx * yy - xy * xy
 }
 
-/// `√(det spread / det dilated)`: keeps a splat's light the same under the dilation.
+/// `√(det spread / det dilated)`: keeps a splat's integral unchanged by the dilation.
 fn compensation<R: Real>(spread: Vec3<R>, dilated: Vec3<R>) -> R {
     let ratio = determinant(spread) / determinant(dilated);
     if ratio.value() > 0.0 {
@@ -247,7 +246,7 @@ fn compensation<R: Real>(spread: Vec3<R>, dilated: Vec3<R>) -> R {
     }
 }
 
-/// How far a splat's projection is from its own discontinuities, all relative to 1.
+/// Distances of a splat's projection from its discontinuities, relative to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margins {
     /// |z / near − 1|.
@@ -258,7 +257,7 @@ pub struct Margins {
     pub color: f64,
 }
 
-/// See [`Margins`]. The splat must lie in front of the camera.
+/// [`Margins`] of a splat, which must lie in front of the camera.
 pub fn margins(splat: &Splat<f64>, view: &Viewpoint) -> Margins {
     let from_camera = sub(splat.mean, vector(view.camera.position));
     let [x, y, z] = transform(matrix(view.camera.rotation), from_camera);

@@ -1,4 +1,4 @@
-//! From the gradient of a splat on the screen to the gradient of its raw parameters, by duals.
+//! Gradient by a splat's raw parameters from that by its screen row, by duals.
 
 use super::project::GEOMETRY_PARAMETERS;
 use super::{Dual, Real, Splat, Terms, Viewpoint, project};
@@ -29,31 +29,31 @@ pub fn slopes(splat: &Splat<f64>, view: &Viewpoint) -> Vec<[f64; 10]> {
     slopes
 }
 
-/// How far computed [`slopes`] may be off, in unit roundoffs, once gradients by the row have been multiplied by them
-/// and added up: see [`Terms`].
+/// Error bound of computed [`slopes`], in unit roundoffs, including their products with gradients by the row and the
+/// sum of these: see [`Terms`].
 pub fn slope_terms(splat: &Splat<f64>, view: &Viewpoint) -> Vec<[f64; 10]> {
     let mut terms = Vec::new();
     for (lifted, lanes) in lifted(splat, Terms::<LANES>::variable) {
         let row = project(&lifted, view).map_or([Terms::of(0.0); 10], |screen| screen.row());
-        // A product and a sum for each of the row.
+        // One product and one sum per number of the row.
         let off = row.map(|number| number.off(10.0));
         terms.extend((0..lanes).map(|lane| off.map(|off| off[lane])));
     }
     terms
 }
 
-/// What is added to the loss for one splat, whether it is seen or not.
+/// Weights of one splat's penalties in the loss, whether the splat is visible or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Penalties {
-    /// Times the opacity (3DGS-MCMC, section 3.4).
+    /// Weight of the opacity (3DGS-MCMC, section 3.4).
     pub opacity: f64,
-    /// Times Σ scale (there as well).
+    /// Weight of Σ scale (there as well).
     pub scale: f64,
-    /// Times ½ Σ scale².
+    /// Weight of ½ Σ scale².
     pub size: f64,
 }
 
-/// The sum of the [`Penalties`] of one splat.
+/// Sum of the [`Penalties`] of one splat.
 pub fn penalty<R: Real>(splat: &Splat<R>, weights: Penalties) -> R {
     let scales: R = splat.log_scale.iter().map(|s| s.exp()).sum();
     let squares: R = splat.log_scale.iter().map(|s| s.exp().squared()).sum();
@@ -67,7 +67,7 @@ pub fn penalty_backward(splat: &Splat<f64>, weights: Penalties) -> Vec<f64> {
     differentiate(splat, |lifted| penalty(lifted, weights))
 }
 
-/// Derivatives of a function by all parameters of a splat, a few in every pass.
+/// Derivatives of a function by all parameters of a splat, a few per pass.
 pub(super) fn differentiate(
     splat: &Splat<f64>,
     function: impl Fn(&Splat<Dual<LANES>>) -> Dual<LANES>,
@@ -78,7 +78,8 @@ pub(super) fn differentiate(
         .collect()
 }
 
-/// A splat of which a few parameters at a time are variables, and how many; `variable` makes one, or a constant.
+/// Copies of a splat, each with a few parameters as variables, and their number; `variable` makes a variable or a
+/// constant.
 fn lifted<R: Real>(
     splat: &Splat<f64>,
     variable: impl Fn(f64, Option<usize>) -> R,

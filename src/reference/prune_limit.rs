@@ -1,20 +1,20 @@
-//! How far down a ranking of splats a pixel can do without them.
+//! Prune limit of a pixel: highest rank up to which all splats fit into its budget.
 
-/// Ranks end here.
+/// Last rank.
 pub const LAST: f64 = 255.0;
 
-/// What a pixel can prune_limit.
+/// Prune limit of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PruneLimits {
-    /// The largest rank from 0 to [`LAST`] such that all weights up to it sum to no more than the budget.
+    /// Largest rank from 0 to [`LAST`] such that all weights up to it sum to at most the budget.
     pub limit: f64,
-    /// The sum of the weights of rank 0.
+    /// Sum of the weights of rank 0.
     pub spent: f64,
-    /// The smallest distance of any such sum from the budget, relative to it: how near the limit is to being another.
+    /// Smallest distance of any such sum from the budget, relative to it: the margin of the limit against rounding.
     pub margin: f64,
 }
 
-/// Of a pixel with these weights, each with its rank. Those of rank 0 are taken to be within the budget.
+/// Prune limit of a pixel with these (rank, weight) pairs. Weights of rank 0 are assumed within the budget.
 pub fn prune_limit(weights: &[(f64, f64)], budget: f64) -> PruneLimits {
     let mut ranked = weights.to_vec();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,7 +1,6 @@
-//! Where each tile's slice of the sorted intersections begins and ends: one binary search per end.
+//! Range of each tile in the sorted intersections: one binary search per end.
 
-/// Half-open `[begin, end)` into `tile_from_isect` (ascending) for every tile; `begin == end` where a tile
-/// owns nothing.
+/// Half-open `[begin, end)` into `tile_from_isect` (ascending) for every tile; `begin == end` for empty tiles.
 pub fn ranges(tile_from_isect: &[u32], tile_count: u32) -> Vec<[u32; 2]> {
     assert!(tile_from_isect.is_sorted(), "tiles out of order");
     (0..tile_count)

@@ -1,37 +1,36 @@
-//! One pixel: every splat of the scene, front to back, over the background.
+//! Rasterisation of one pixel: every splat of the scene, front to back, over the background.
 //!
-//! `C = Σ cᵢ αᵢ Tᵢ + T_end · background` with `Tᵢ = Π_{j<i} (1 − αⱼ)`. The splat that takes the
-//! transmittance below the threshold is still blended ("include last"), so that stopping there costs at
-//! most the threshold itself.
+//! `C = Σ cᵢ αᵢ Tᵢ + T_end · background` with `Tᵢ = Π_{j<i} (1 − αⱼ)`. The splat that takes the transmittance below the
+//! threshold is still blended ("include last"), so that the stop costs at most the threshold itself.
 
 use super::linear::{Vec3, add, scale};
 use super::project::determinant;
 use super::{Real, ScreenSplat, Thresholds};
 
-/// A splat as one pixel sees it.
+/// A splat at one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer<R> {
-    /// What it covers of what lies behind.
+    /// Alpha: covered share of the light from behind.
     pub alpha: R,
-    /// Its colour.
+    /// Colour.
     pub color: Vec3<R>,
-    /// Its depth, world units.
+    /// Depth, world units.
     pub depth: R,
 }
 
-/// What a pixel shows.
+/// A rendered pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pixel<R> {
     /// Colour, background included.
     pub color: Vec3<R>,
-    /// What is left of the background.
+    /// Transmittance, the background's share.
     pub transmittance: R,
     /// `Σ αᵢ Tᵢ zᵢ`, world units; not divided by the coverage.
     pub depth: R,
 }
 
-/// How far a pixel is from each discontinuity, as the relative change of the quantity that would reach it;
-/// infinite where there is none. A comparison may excuse pixels where this is of the size of its rounding.
+/// Distance of a pixel from each discontinuity, as the relative change of the quantity that would reach it; infinite if
+/// there is none. A comparison may excuse pixels with margins of the size of its rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiscontinuityMargin {
     /// min |α / alpha_min − 1| over the splats that are reached.
@@ -45,7 +44,7 @@ pub struct DiscontinuityMargin {
 }
 
 impl DiscontinuityMargin {
-    /// Far from everything.
+    /// No discontinuity.
     pub const CLEAR: DiscontinuityMargin = DiscontinuityMargin {
         alpha_min: f64::INFINITY,
         alpha_max: f64::INFINITY,
@@ -53,13 +52,13 @@ impl DiscontinuityMargin {
         order: f64::INFINITY,
     };
 
-    /// The nearest jump of the colour, as the smallest of the relative distances.
+    /// Smallest relative distance to a jump of the colour.
     pub fn nearest(&self) -> f64 {
         self.alpha_min.min(self.transmittance).min(self.order)
     }
 }
 
-/// Half the squared Mahalanobis distance of a position (pixels) from the splat's centre: `½ dᵀ Σ⁻¹ d`.
+/// Half the squared Mahalanobis distance of a position (pixels) from the splat's mean: `½ dᵀ Σ⁻¹ d`.
 pub fn power<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
     let dx = R::of(position[0]) - splat.mean[0];
     let dy = R::of(position[1]) - splat.mean[1];
@@ -68,17 +67,17 @@ pub fn power<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
     (yy * dx * dx - two * xy * dx * dy + xx * dy * dy) / (two * determinant(splat.covariance))
 }
 
-/// `opacity · exp(−power)`, neither cut nor capped.
+/// `opacity · exp(−power)`, before threshold and cap.
 pub fn raw_alpha<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
     let power = power(splat, position);
-    // e⁻⁵⁰ = 2e-22 is lost in the rounding of any sum here: not worth an exponential.
+    // e⁻⁵⁰ = 2e-22 is below the rounding of any sum here.
     if power.value() > 50.0 {
         return R::of(0.0);
     }
     splat.opacity * (-power).exp()
 }
 
-/// The splat at a pixel centre, or `None` where it is cut.
+/// The splat at a pixel centre, or `None` if below the alpha threshold.
 pub fn layer<R: Real>(
     splat: &ScreenSplat<R>,
     position: [f64; 2],
@@ -93,7 +92,7 @@ pub fn layer<R: Real>(
 }
 
 impl<R: Real> Pixel<R> {
-    /// Before any layer: nothing seen, everything let through.
+    /// Pixel without layers: transmittance 1.
     pub fn clear() -> Pixel<R> {
         Pixel {
             color: [R::of(0.0); 3],
@@ -102,7 +101,7 @@ impl<R: Real> Pixel<R> {
         }
     }
 
-    /// With one more layer behind those it has.
+    /// Adds a layer behind the existing ones.
     pub fn over(&self, layer: &Layer<R>) -> Pixel<R> {
         let weight = self.transmittance * layer.alpha;
         Pixel {
@@ -112,7 +111,7 @@ impl<R: Real> Pixel<R> {
         }
     }
 
-    /// With the background behind everything.
+    /// Adds the background behind everything.
     pub fn over_background(&self, background: [f64; 3]) -> Pixel<R> {
         let behind = scale(self.transmittance, background.map(R::of));
         Pixel {
@@ -122,7 +121,7 @@ impl<R: Real> Pixel<R> {
     }
 }
 
-/// Blends layers, nearest first. Returns the pixel and how many layers took part.
+/// Blends layers, nearest first. Returns the pixel and the number of layers blended.
 pub fn composite<R: Real>(
     layers: impl IntoIterator<Item = Layer<R>>,
     background: [f64; 3],
@@ -140,7 +139,7 @@ pub fn composite<R: Real>(
     (pixel.over_background(background), count)
 }
 
-/// Which splats a pixel blends, among those that are visited in the given order.
+/// Indices of the splats that a pixel blends, visited in the given order.
 pub fn blended(
     splats: &[ScreenSplat<f64>],
     order: &[usize],
@@ -161,7 +160,7 @@ pub fn blended(
     list
 }
 
-/// One pixel over splats that are visited in the given order, nearest first.
+/// Renders one pixel over splats in the given order, nearest first.
 pub fn rasterize<R: Real>(
     splats: &[ScreenSplat<R>],
     order: &[usize],
@@ -175,7 +174,7 @@ pub fn rasterize<R: Real>(
     composite(layers, background, thresholds.transmittance_min).0
 }
 
-/// How near the pixel is to flipping; see [`DiscontinuityMargin`].
+/// [`DiscontinuityMargin`] of a pixel.
 pub fn discontinuity_margin(
     splats: &[ScreenSplat<f64>],
     order: &[usize],

@@ -1,8 +1,8 @@
-//! From the gradient of an image to the gradient of the splats on the screen.
+//! Gradient by the splats on the screen from the gradient by an image.
 //!
-//! The chain is cut after every layer of a pixel, and between a layer and its splat. Each piece (the pixel
-//! after a layer by the pixel before it and the layer; the layer by the splat's numbers on the screen) is
-//! differentiated by duals; the pieces are multiplied from the back.
+//! The chain is cut after every layer of a pixel, and between a layer and its splat. Each piece (the pixel after a
+//! layer by the pixel before it and the layer; the layer by the splat's screen row) is differentiated by duals; the
+//! pieces are multiplied from the back.
 
 use super::expand::Isect;
 use super::frame::{center, sorted};
@@ -17,17 +17,17 @@ use std::collections::BTreeMap;
 pub struct PixelGradient {
     /// By the colour.
     pub color: [f64; 3],
-    /// By the transmittance that is left.
+    /// By the remaining transmittance.
     pub transmittance: f64,
     /// By the depth sum.
     pub depth: f64,
 }
 
-/// What the pixels say about one splat.
+/// Gradient of one splat on the screen, with statistics over the pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ScreenGradient {
-    /// Derivatives by [`ScreenSplat::row`]: mean xy, covariance xx xy yy, opacity, rgb, depth. The
-    /// covariance's xy counts once, standing for both off-diagonal entries.
+    /// Derivatives by [`ScreenSplat::row`]: mean xy, covariance xx xy yy, opacity, rgb, depth. The covariance's xy
+    /// counts once, standing for both off-diagonal entries.
     pub row: [f64; 10],
     /// Sums over the pixels of the magnitude of each one's derivative by mean x and y (AbsGS).
     pub mean_abs: [f64; 2],
@@ -58,7 +58,7 @@ impl ScreenGradient {
     }
 }
 
-/// What one pixel says about each splat that it blends, nearest first: `(index into splats, gradient)`.
+/// Gradient of one pixel by each splat that it blends, nearest first: `(index into splats, gradient)`.
 pub fn pixel_backward(
     splats: &[ScreenSplat<f64>],
     order: &[usize],
@@ -132,7 +132,7 @@ fn weighted<const N: usize>(numbers: &[Dual<N>], slopes: &[f64]) -> [f64; N] {
         .d
 }
 
-/// Derivatives of the objective by the pixel's row before the background came behind it.
+/// Derivatives of the objective by the pixel's row before the background is added.
 fn background_slopes(
     pixel: &Pixel<f64>,
     background: [f64; 3],
@@ -179,7 +179,7 @@ fn screen_slopes(
     weighted(&[layer.alpha, r, g, b, layer.depth], &by_layer)
 }
 
-/// What all pixels of a frame say about every splat; the result is indexed like `screen`.
+/// Gradients of all pixels of a frame by every splat, indexed like `screen`.
 pub fn rasterize_backward(
     screen: &[Option<ScreenSplat<f64>>],
     width: u32,
@@ -191,7 +191,7 @@ pub fn rasterize_backward(
     let order: Vec<usize> = (0..list.len()).collect();
     let width = width as usize;
     let nothing = || vec![ScreenGradient::default(); list.len()];
-    // Rows are added up in order, so that the sums do not depend on how the rows were shared out.
+    // Rows are added in order, so that sums do not depend on the distribution of rows to threads.
     let rows: Vec<Vec<ScreenGradient>> = upstream
         .par_chunks(width)
         .enumerate()
@@ -217,8 +217,8 @@ pub fn rasterize_backward(
     gradients
 }
 
-/// The same, kept apart by tile: one gradient for every intersection that some pixel blends. The sum over a
-/// splat's tiles is what [`rasterize_backward`] gives.
+/// Gradients by intersection: one for every (splat, tile) pair that some pixel blends. The sum over a splat's tiles
+/// equals [`rasterize_backward`].
 pub fn isect_backward(
     screen: &[Option<ScreenSplat<f64>>],
     grid: &Grid,

@@ -1,5 +1,5 @@
-//! A frame by the rules of the 3DGS code (Kerbl et al. 2023, its `forward.cu` and `auxiliary.h`), which thresholds more
-//! than this engine does: every pixel over every splat, no lists.
+//! A frame by the rules of the 3DGS code (Kerbl et al. 2023, its `forward.cu` and `auxiliary.h`), with more
+//! approximations than the engine: every pixel over every splat, no lists.
 
 use super::frame::{Frame, center, project_all, sorted};
 use super::rasterize::{Pixel, layer};
@@ -10,16 +10,16 @@ use rayon::prelude::*;
 /// Side of its tiles, pixels.
 const TILE: f64 = 16.0;
 
-/// Its thresholds: alphas under 1/255 are skipped and end at 0.99, and the splat that would take the transmittance
-/// below 1e-4 is not blended.
+/// Its thresholds: alphas under 1/255 are skipped, alphas are capped at 0.99, and the splat that would take the
+/// transmittance below 1e-4 is not blended.
 pub const CUTS: Thresholds = Thresholds {
     alpha_min: 1.0 / 255.0,
     alpha_max: 0.99,
     transmittance_min: 1e-4,
 };
 
-/// The tiles that a splat is listed for along x and along y: the first, and the one after the last. A square of three
-/// times the largest standard deviation, rounded up to whole pixels, whose centres are counted from 0.
+/// Tiles that list a splat, along x and along y: the first, and the one after the last. A square of three times the
+/// largest standard deviation, rounded up to whole pixels; pixel centres are at whole numbers.
 pub fn square(splat: &ScreenSplat<f64>) -> [(f64, f64); 2] {
     let [xx, xy, yy] = splat.covariance;
     let middle = 0.5 * (xx + yy);
@@ -32,7 +32,7 @@ pub fn square(splat: &ScreenSplat<f64>) -> [(f64, f64); 2] {
     })
 }
 
-/// How far a splat is from being listed for other tiles: pixels of its place, or of three standard deviations.
+/// Distance of a splat from being listed for other tiles, pixels: of its position, or of three standard deviations.
 pub fn margin(splat: &ScreenSplat<f64>) -> f64 {
     let [xx, xy, yy] = splat.covariance;
     let middle = 0.5 * (xx + yy);
@@ -54,7 +54,8 @@ fn lists(splat: &ScreenSplat<f64>, position: [f64; 2]) -> bool {
     inside(position[0], columns) && inside(position[1], rows)
 }
 
-/// One pixel over splats that are sorted, nearest first, each where it is listed; see [`over`].
+/// One pixel over the sorted splats that its tile lists, nearest first, and the distance to the nearest threshold; see
+/// [`over`].
 pub fn pixel(
     splats: &[ScreenSplat<f64>],
     position: [f64; 2],
@@ -65,8 +66,8 @@ pub fn pixel(
     (pixel, nearest)
 }
 
-/// One pixel over splats, nearest first; how many it blends; and the smallest relative distance of an alpha or a
-/// transmittance to its threshold.
+/// One pixel over splats, nearest first; the number of blended splats; and the smallest relative distance of an alpha
+/// or a transmittance to its threshold.
 pub fn over<'a>(
     splats: impl Iterator<Item = &'a ScreenSplat<f64>>,
     position: [f64; 2],
@@ -92,7 +93,7 @@ pub fn over<'a>(
     (pixel.over_background(background), blended, nearest)
 }
 
-/// Draws a scene; with each pixel's distance to its nearest threshold.
+/// Renders a scene; also returns each pixel's distance to its nearest threshold.
 pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> (Frame<f64>, Vec<f64>) {
     let view = Viewpoint::new(camera, options, splats.mode);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(splats), &view));

@@ -1,11 +1,11 @@
-//! What a scene looks like if each splat is seen along rays, and not through the linear projection at its centre: how
-//! far EWA splatting, the model that everything else here draws by, is from perspective.
+//! Exact perspective: splats evaluated along rays instead of through the linear projection at their means, to measure
+//! the error of EWA splatting, the model of the engine.
 //!
 //! Along a ray `t d`, a splat's alpha is `opacity · exp(−½ min (t d − m)ᵀ Σ⁻¹ (t d − m))` over `t > 0`: its greatest
-//! density, of which linear projection is the limit for splats that are small beside their distance. So that nothing
-//! but the projection differs, the dilation on the screen is made part of the splat, as the flat Gaussian
-//! `dilation · J⁺ J⁺ᵀ` that projects to it (`J⁺` is the pseudo-inverse of the projection's derivative `J` at the
-//! centre); opacity, colour and order are those of EWA.
+//! density, with linear projection as the limit for splats small beside their distance. So that nothing but the
+//! projection differs, the dilation on the screen is made part of the splat, as the flat Gaussian `dilation · J⁺ J⁺ᵀ`
+//! that projects to it (`J⁺` is the pseudo-inverse of the projection's derivative `J` at the mean); opacity, colour and
+//! order are those of EWA.
 
 use super::frame::{center, project_all, sorted};
 use super::linear::{covariance, dot, matrix, product, sub, transform, transpose, vector};
@@ -14,7 +14,7 @@ use super::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
-/// A splat before the camera.
+/// A splat in view space.
 struct Solid {
     screen: ScreenSplat<f64>,
     mean_view: [f64; 3],
@@ -22,7 +22,7 @@ struct Solid {
     inverse: [[f64; 3]; 3],
 }
 
-/// Colours of some pixels, given by their indices `y * width + x`; `options.thresholds` are not made.
+/// Colours of some pixels, given by their indices `y * width + x`; `options.thresholds` are ignored.
 pub fn colors(
     splats: &Splats,
     camera: &Camera,
@@ -106,7 +106,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// Of a symmetric matrix: its rows' cross products over its determinant.
+/// Inverse of a symmetric matrix: its rows' cross products over its determinant.
 fn inverse([a, b, c]: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let adjugate = [cross(b, c), cross(c, a), cross(a, b)];
     let det = dot(a, adjugate[0]);

@@ -1,10 +1,10 @@
-//! The numbers that the oracle's formulas are written over.
+//! Number types of the reference's formulas.
 
 use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// A real number: a value, and perhaps what is known of its derivatives.
+/// Real number: a value, optionally with derivatives or error bounds.
 pub trait Real:
     Copy
     + Debug
@@ -21,7 +21,7 @@ pub trait Real:
 {
     /// A constant.
     fn of(value: f64) -> Self;
-    /// The value alone. Branches are taken on it.
+    /// The value alone, on which branches are taken.
     fn value(self) -> f64;
     /// e to the power of this.
     fn exp(self) -> Self;
@@ -48,7 +48,7 @@ pub trait Real:
         }
     }
 
-    /// The absolute value; a constant at 0, the choice that leaves an exact match alone.
+    /// The absolute value; a constant at 0, so that an exact match has zero gradient.
     fn abs(self) -> Self {
         if self.value() > 0.0 {
             self

@@ -1,9 +1,8 @@
-//! What becomes of a splat that is replaced by `n` copies of itself, so that the picture stays (3DGS-MCMC,
-//! Kheradmand et al. 2024, equation 9).
+//! Opacity and scale of `n` copies that replace a splat without a change of the picture (3DGS-MCMC, Kheradmand et al.
+//! 2024, equation 9).
 //!
-//! The paper's denominator is a double alternating sum over binomials. With `1/√(k+1)` written as a
-//! Gaussian integral it collapses to `1/√π ∫ 1 − (1 − α e^{−u²})ⁿ du`, whose integrand lies between 0 and
-//! 1: no cancellation for any `n`.
+//! The paper's denominator is a double alternating sum over binomials. With `1/√(k+1)` written as a Gaussian integral
+//! it collapses to `1/√π ∫ 1 − (1 − α e^{−u²})ⁿ du`. The integrand lies between 0 and 1: no cancellation for any `n`.
 
 use std::f64::consts::PI;
 
@@ -16,10 +15,10 @@ pub fn opacity(opacity: f64, n: u32) -> f64 {
     -f64::exp_m1(f64::ln_1p(-opacity) / f64::from(n))
 }
 
-/// The factor on the scales of each of `n` copies.
+/// Factor on the scales of each of `n` copies.
 pub fn scale_factor(opacity: f64, n: u32) -> f64 {
     let copy = self::opacity(opacity, n);
-    // The trapezoidal rule converges exponentially here; beyond |u| = 7 lies less than n e^−49.
+    // The trapezoidal rule converges exponentially here; the tails beyond |u| = 7 are below n e^−49.
     const STEPS_PER_UNIT: i32 = 64;
     let mut integral = 0.0;
     for step in -7 * STEPS_PER_UNIT..=7 * STEPS_PER_UNIT {

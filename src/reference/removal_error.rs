@@ -1,4 +1,4 @@
-//! What a splat does to pixels: the share it has in their errors, and by how much they would change without it.
+//! Effect of a splat on pixels: its share in their errors, and their change by its removal.
 
 use super::contribution::weights;
 use super::expand::Isect;
@@ -8,35 +8,35 @@ use super::tiles::Grid;
 use super::{ScreenSplat, Thresholds};
 use std::collections::BTreeMap;
 
-/// What a splat does to some pixels.
+/// Effect of a splat on some pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RemovalError {
-    /// The sum of its weights.
+    /// Sum of its weights.
     pub weight: f64,
-    /// The sum of its weights times the pixels' errors.
+    /// Sum of its weights times the pixels' errors.
     pub error: f64,
-    /// The sum, over pixels and channels, of the squares of what would change without it.
+    /// Sum, over pixels and channels, of the squared change by its removal.
     pub change: f64,
-    /// By how much `change` is off, relatively to δ, where every colour and every weight is off by δ, for small δ. What
-    /// lies behind a splat is what is seen behind it divided by what it lets through: errors grow with that.
+    /// Error of `change` per δ, if every colour and every weight has error δ, for small δ. The colour behind a splat is
+    /// a sum divided by the transmittance behind it: errors grow with that.
     pub slack: f64,
 }
 
-/// A pixel as one splat meets it.
+/// Effect of one splat on a pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Touch {
     /// Index into the splats.
     pub splat: usize,
     /// Its weight `αᵢ Tᵢ`.
     pub weight: f64,
-    /// By how much each channel would change without it: `w (B − c)`, B what is seen through it.
+    /// Change of each channel by removal: `w (B − c)`, B the colour seen through it.
     pub change: [f64; 3],
-    /// What its weight is of what passes behind it, where the pixel goes on.
+    /// Ratio of its weight to the transmittance behind it, 0 if the pixel ends there.
     pub ratio: f64,
 }
 
 impl RemovalError {
-    /// With one more pixel, of that error.
+    /// Adds a pixel with this error.
     pub fn and(self, touch: &Touch, error: f64) -> RemovalError {
         let square: f64 = touch.change.iter().map(|c| c * c).sum();
         let reach = 1.0 + touch.ratio;
@@ -51,7 +51,7 @@ impl RemovalError {
     }
 }
 
-/// Every splat that a pixel blends, nearest first. Where the pixel has ended, the background is what lies behind.
+/// Effects of all splats that a pixel blends, nearest first. Behind the end of the ray lies the background.
 pub fn touches(
     splats: &[ScreenSplat<f64>],
     order: &[usize],
@@ -60,7 +60,7 @@ pub fn touches(
     thresholds: &Thresholds,
 ) -> Vec<Touch> {
     let blended = weights(splats, order, position, thresholds);
-    // From the farthest on: nothing cancels.
+    // From the farthest: no cancellation.
     let mut passing = rasterize(splats, order, position, background, thresholds).transmittance;
     let mut seen = background.map(|c| c * passing);
     let touch = |&(splat, weight): &(usize, f64)| {
@@ -87,7 +87,7 @@ pub fn touches(
     touches
 }
 
-/// Of every (splat, tile) pair that some pixel blends, where errors are given by pixel.
+/// Removal errors of every (splat, tile) pair that some pixel blends; `errors` by pixel.
 pub fn removal_error(
     screen: &[Option<ScreenSplat<f64>>],
     grid: &Grid,

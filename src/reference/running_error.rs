@@ -1,22 +1,22 @@
-//! Numbers that carry what rounding may do to them, and to their derivatives: running error analysis, to first order.
+//! Numbers with bounds of their rounding errors and those of their derivatives: running error analysis, to first order.
 //!
-//! Beside a value `v` and its derivatives `d` stand, in unit roundoffs, `e`: how far the computed value may be off, and
-//! `f`: how far the computed derivatives may be; and `p ≥ |d|`, the magnitudes of the terms that a derivative sums up,
-//! one for each way from the variable. Every operation is rounded once, constants and functions too:
+//! Beside a value `v` and its derivatives `d` stand, in unit roundoffs, `e`: the error bound of the computed value, and
+//! `f`: that of the computed derivatives; and `p ≥ |d|`, the magnitudes of the terms of a derivative's sum, one for
+//! each path from the variable. Every operation is rounded once, constants and functions too:
 //!
 //! * Sums: `e = e₁ + e₂ + |v|`, `p = p₁ + p₂`, `f = f₁ + f₂ + p`. Where terms cancel, `p` and `f` stay.
 //! * Products: `e = |v₁| e₂ + |v₂| e₁ + |v|`, `p = |v₁| p₂ + |v₂| p₁`, and as a derivative is `v₁ d₂ + v₂ d₁`,
 //!   `f = |v₁| f₂ + e₁ p₂ + |v₂| f₁ + e₂ p₁ + 2 p`.
 //! * Functions: `e = |g'| e + |g|`, `p = |g'| p`, `f = |g'| f + |g''| e p + 2 p`.
 //!
-//! `p` takes no part in cancelling, so that `f` holds whichever way round derivatives are multiplied and added: a pass
-//! backwards adds the same terms in another order.
+//! `p` never cancels, so that `f` holds for any order of multiplication and addition: a backward pass adds the same
+//! terms in another order.
 
 use super::Real;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// See the module.
+/// Value with error bounds; see the module.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Terms<const N: usize> {
     v: f64,
@@ -26,7 +26,7 @@ pub struct Terms<const N: usize> {
 }
 
 impl<const N: usize> Terms<N> {
-    /// The variable number `index`, which is exact; a constant that is, where there is no such variable.
+    /// Variable number `index`, exact; an exact constant if there is no such variable.
     pub fn variable(value: f64, index: Option<usize>) -> Self {
         let mut terms = Terms {
             v: value,
@@ -40,13 +40,13 @@ impl<const N: usize> Terms<N> {
         terms
     }
 
-    /// How far the computed derivatives may be off once they have been multiplied and added so many times more, in
-    /// unit roundoffs.
+    /// Error bound of the computed derivatives after `operations` more multiplications and additions, in unit
+    /// roundoffs.
     pub fn off(&self, operations: f64) -> [f64; N] {
         std::array::from_fn(|i| self.f[i] + operations * self.p[i])
     }
 
-    /// A function of this, with its value and the first two derivatives.
+    /// Function of this number, by its value and first two derivatives.
     fn chain(self, value: f64, slope: f64, bend: f64) -> Self {
         let (slope, bend) = (slope.abs(), bend.abs());
         let p = self.p.map(|p| slope * p);
@@ -169,8 +169,7 @@ mod tests {
         (near.exp() - R::of(1.0)) / (x * x - R::of(0.5)) + (x + R::of(7.0)).sqrt().ln()
     }
 
-    /// Against the same in floats of 32 bits, beside which `f64` is exact: derivatives from quotients of differences
-    /// would not be, so that these are of values.
+    /// Against `f32`, beside which `f64` is exact. Values only: difference quotients would not be exact.
     #[test]
     fn what_rounding_does_keeps_to_the_terms() {
         let mut most: f64 = 0.0;

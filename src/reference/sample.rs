@@ -1,10 +1,9 @@
-//! Some pixels of a frame, and by how much a device may miss each.
+//! Sampled pixels of a frame with error bounds for a device.
 //!
-//! Rounding makes alphas wrong by a little, and that moves a pixel by at most the sum of these errors, each weighted
-//! with the light that gets there, times the range of the pixel's colours (`dC/dαᵢ = Tᵢ (cᵢ − Bᵢ)`). Where a
-//! splat lies so near to one of the frame's discontinuities (the cut of alphas, the stop, an exchange in depth, the
-//! near plane) that such an error may take it across, its whole share is allowed for. So every pixel has a bound,
-//! whatever the scene is, and the bound is as small as that pixel lets it be.
+//! Rounding of alphas moves a pixel by at most the sum of their errors, each weighted by the transmittance before it,
+//! times the range of the pixel's colours (`dC/dαᵢ = Tᵢ (cᵢ − Bᵢ)`). If a splat lies so near to one of the frame's
+//! discontinuities (the alpha threshold, the stop, an exchange in depth, the near plane) that such an error may take it
+//! across, its whole share is allowed for. So every pixel of every scene has a bound, as small as that pixel permits.
 
 use super::frame::{center, sorted};
 use super::rasterize::{layer, power, raw_alpha};
@@ -15,18 +14,18 @@ use rayon::prelude::*;
 /// Half a unit in the last place of 1 in single precision.
 const U: f64 = 1.0 / 16_777_216.0;
 
-/// A pixel, and what it may be off by.
+/// A pixel with its error bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampled {
-    /// Which, `y * width + x`.
+    /// Index of the pixel, `y * width + x`.
     pub index: usize,
-    /// Its colour.
+    /// Colour.
     pub color: [f64; 3],
-    /// What is left of the background.
+    /// Transmittance, the background's share.
     pub transmittance: f64,
-    /// The most by which any channel of the colour may be off.
+    /// Maximum error of any channel of the colour.
     pub color_bound: f64,
-    /// The most by which the transmittance may.
+    /// Maximum error of the transmittance.
     pub transmittance_bound: f64,
 }
 
@@ -46,13 +45,13 @@ pub fn spread(width: u32, height: u32, count: usize) -> Vec<usize> {
     chosen
 }
 
-/// A splat on the screen, and how well single precision knows it.
+/// A projected splat with its errors in single precision.
 #[derive(Clone, Copy)]
 struct Known {
     screen: ScreenSplat<f64>,
     /// Error of its position, px.
     position: f64,
-    /// Its smallest standard deviation, px.
+    /// Smallest standard deviation, px.
     sigma_min: f64,
     /// Error of its depth, world units.
     depth: f64,
@@ -72,9 +71,9 @@ impl Known {
         let coefficients = (0..3).map(|c| splat.sh.iter().map(|rgb| rgb[c].abs()).sum::<f64>());
         Known {
             screen,
-            // A view coordinate is a sum of three products with a difference and a rounded matrix: 5U of the
-            // distance. A quotient of two is off by 5U · reach · (1 + |tangent|) and its own 5U, which is less
-            // than 16U · reach². The principal point is added to its product with the focal length.
+            // A view coordinate is a sum of three products with a difference and a rounded matrix: 5U of the distance.
+            // A quotient of two is off by 5U · reach · (1 + |tangent|) and its own 5U, which is less than 16U · reach².
+            // The principal point is added to its product with the focal length.
             position: 16.0 * U * focal[0].max(focal[1]) * reach * reach
                 + 2.0 * U * screen.mean[0].abs().max(screen.mean[1].abs()),
             // The dilation is no smaller than 0.1 px².
@@ -85,14 +84,14 @@ impl Known {
         }
     }
 
-    /// Whether a pixel may see it at all: further out, `raw_alpha` is 0.
+    /// Whether its alpha at a position may be above 0: further out, `raw_alpha` is 0.
     fn reaches(&self, at: [f64; 2]) -> bool {
         let [xx, _, yy] = self.screen.covariance;
         let [dx, dy] = [0, 1].map(|i| at[i] - self.screen.mean[i]);
         dx * dx <= 100.0 * xx && dy * dy <= 100.0 * yy
     }
 
-    /// By how much its alpha at a position may be off.
+    /// Error bound of its alpha at a position.
     fn alpha_error(&self, at: [f64; 2], alpha: f64) -> f64 {
         let s = &self.screen;
         let distance = (at[0] - s.mean[0]).hypot(at[1] - s.mean[1]);
@@ -105,7 +104,7 @@ impl Known {
     }
 }
 
-/// Some pixels of the frame that [`render`](super::render) draws.
+/// Samples pixels of [`render`](super::render)'s frame.
 pub fn sample(
     splats: &Splats,
     camera: &Camera,
@@ -113,7 +112,7 @@ pub fn sample(
     pixels: &[usize],
 ) -> Vec<Sampled> {
     let view = Viewpoint {
-        // Splats hardly before the near plane may be drawn behind it.
+        // Splats just in front of the near plane may be drawn behind it.
         near: options.near * (1.0 - 1e-4),
         ..Viewpoint::new(camera, options, splats.mode)
     };
@@ -141,22 +140,22 @@ pub fn sample(
     pixels.par_iter().map(of_pixel).collect()
 }
 
-/// A ray on its way through the splats.
+/// Error bound of a ray, accumulated front to back.
 struct RayBound<'a> {
     options: &'a Options,
     pixel: Pixel<f64>,
-    /// Smallest and largest value of each channel so far.
+    /// Minimum and maximum of each channel so far.
     range: [[f64; 3]; 2],
-    /// What alphas that are off cost, of the range.
+    /// Errors of alphas, as a share of the range.
     share: f64,
-    /// What colours that are off cost.
+    /// Change by colour errors.
     color: f64,
     /// Relative error of the transmittance.
     transmittance: f64,
     layers: usize,
-    /// The last splats that may have changed places with each other.
+    /// Last splats of uncertain order among each other.
     group: DepthTie,
-    /// Whether it may have been stopped: what it met since counts for the range of colours only.
+    /// Whether the ray may have stopped: later splats only widen the range of colours.
     may_be_over: bool,
     is_over: bool,
 }
@@ -177,13 +176,13 @@ impl RayBound<'_> {
         }
     }
 
-    /// Goes through a splat.
+    /// Passes a splat.
     fn meet(&mut self, splat: &Known, at: [f64; 2]) {
         let thresholds: &Thresholds = &self.options.thresholds;
         let before = self.pixel.transmittance;
         let (least, most) = (1.0 - self.transmittance, 1.0 + self.transmittance);
         if before * most < thresholds.transmittance_min {
-            // Certainly stopped; splats that may have changed places may have stopped it sooner.
+            // Certainly stopped; with splats of uncertain order possibly sooner.
             if self.group.count > 1 {
                 self.share += thresholds.transmittance_min;
             }
@@ -200,7 +199,7 @@ impl RayBound<'_> {
             return;
         }
         if before * least < thresholds.transmittance_min {
-            // Whether it goes on here or not is open: what is behind has no more than what gets here.
+            // Uncertain stop: splats behind contribute at most the light that arrives here.
             self.share += before;
             self.may_be_over = true;
             return;
@@ -227,7 +226,7 @@ impl RayBound<'_> {
         }
     }
 
-    /// Allows for splats at practically one depth to come in either order.
+    /// Allows for either order of splats at practically one depth.
     fn exchange(&mut self, splat: &Known, alpha: f64, before: f64) {
         if splat.screen.depth - splat.depth > self.group.farthest {
             self.color += self.group.cost();
@@ -257,18 +256,18 @@ impl RayBound<'_> {
     }
 }
 
-/// Splats that may come in any order.
+/// Splats of uncertain order.
 #[derive(Clone, Copy)]
 struct DepthTie {
     count: usize,
-    /// The farthest of them may be as far as this.
+    /// Upper bound of the depth of the farthest.
     farthest: f64,
-    /// What light gets to the first.
+    /// Light that reaches the first.
     light: f64,
     alphas: f64,
-    /// Σ αᵢ αⱼ over all two of them.
+    /// Σ αᵢ αⱼ over all pairs.
     pairs: f64,
-    /// What passes through all.
+    /// Transmittance of all together.
     passes: f64,
     range: [[f64; 3]; 2],
 }
@@ -296,8 +295,8 @@ impl DepthTie {
         }
     }
 
-    /// What another order may change. Two that change places change a pixel by αᵢ αⱼ T (cᵢ − cⱼ), and what passes
-    /// through both not at all; no order makes of them what none of them is.
+    /// Maximum change by another order. An exchange of two changes a pixel by αᵢ αⱼ T (cᵢ − cⱼ), and the light through
+    /// both not at all; every order gives a mixture of their colours.
     fn cost(&self) -> f64 {
         if self.count < 2 {
             return 0.0;

@@ -1,4 +1,4 @@
-//! Prefix sums: one running sum, where a kernel has to cut the list in pieces.
+//! Prefix sums: one running sum, which a kernel computes in pieces.
 
 /// For every element the sum of those before it (wrapped to 32 bits), and the sum of all.
 pub fn scan(values: &[u32]) -> (Vec<u32>, u64) {

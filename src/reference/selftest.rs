@@ -1,14 +1,14 @@
-//! What a device that keeps its word answers to the self-tests.
+//! Expected results of the device self-tests.
 
 /// Slots of the self-test of atomics before the marks.
 pub const ATOMIC_MARKS_BEGIN: usize = 24;
 
-/// What lane and round make of a number, everywhere here: a linear congruence (Numerical Recipes).
+/// Next number of a sequence, in every self-test: a linear congruence (Numerical Recipes).
 fn next(number: u32) -> u32 {
     number.wrapping_mul(1_664_525).wrapping_add(1_013_904_223)
 }
 
-/// The counts that `invocations` leave behind: see the shader for the slots.
+/// Counts after `invocations` invocations: see the shader for the slots.
 pub fn atomics(invocations: u32) -> Vec<u32> {
     let mut counts = vec![0; ATOMIC_MARKS_BEGIN];
     counts[0] = invocations;
@@ -22,12 +22,12 @@ pub fn atomics(invocations: u32) -> Vec<u32> {
         counts[8 + (hash % 16) as usize] += 1;
     }
     counts.resize(ATOMIC_MARKS_BEGIN + invocations as usize, 1);
-    // The mark of a ticket that nobody should draw.
+    // Mark of a ticket that no invocation draws.
     counts.push(0);
     counts
 }
 
-/// The eight results of each of so many lanes after so many rounds, `[lane][result]`.
+/// The eight results of each of `lanes` lanes after `rounds` rounds, `[lane][result]`.
 pub fn lanes(lanes: u32, rounds: u32) -> Vec<u32> {
     let seed = |lane: u32| lane.wrapping_mul(2_654_435_761).wrapping_add(12_345);
     let mut numbers: Vec<u32> = (0..lanes).map(seed).collect();
@@ -60,12 +60,12 @@ pub fn lanes(lanes: u32, rounds: u32) -> Vec<u32> {
     folded.into_flattened()
 }
 
-/// Where the chain of numbers that begins at `start` is after so many turns.
+/// Element `turns` of the chain of numbers that begins at `start`.
 pub fn chain(start: u32, turns: u32) -> u32 {
     (0..turns).fold(start, |number, _| next(number))
 }
 
-/// The result of every workgroup of so many lanes after so many rounds.
+/// Result of every workgroup of `lanes` lanes after `rounds` rounds.
 pub fn progress(groups: u32, lanes: u32, rounds: u32) -> Vec<u32> {
     let of_group = |group: u32| {
         let mut numbers: Vec<u32> = (0..lanes).map(|lane| group * lanes + lane).collect();
@@ -85,7 +85,7 @@ pub fn progress(groups: u32, lanes: u32, rounds: u32) -> Vec<u32> {
     (0..groups).map(of_group).collect()
 }
 
-/// The functions of the self-test of arithmetic, in its order.
+/// Functions of the self-test of arithmetic, in its order.
 pub const FUNCTIONS: [Function; 6] = [
     Function::Exp,
     Function::Exp2,
@@ -95,7 +95,7 @@ pub const FUNCTIONS: [Function; 6] = [
     Function::Reciprocal,
 ];
 
-/// A function that projection and compositing rest on.
+/// A function used by projection and compositing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Function {
     /// eˣ
@@ -113,7 +113,7 @@ pub enum Function {
 }
 
 impl Function {
-    /// Its exact value.
+    /// Exact value.
     pub fn exact(self, x: f64) -> f64 {
         match self {
             Function::Exp => x.exp(),
@@ -125,13 +125,11 @@ impl Function {
         }
     }
 
-    /// How far from it a device may be: the Vulkan specification ("Precision and Operation of SPIR-V
-    /// Instructions"), in units in the last place, and where results leave the range of normal numbers, the least of
-    /// those.
+    /// Error bound of a device: the Vulkan specification ("Precision and Operation of SPIR-V Instructions"), in units
+    /// in the last place; outside the range of normal numbers, in those of the smallest normal number.
     ///
-    /// Of a logarithm near 1 the specification asks for 2⁻²¹ (half of a millionth). Devices are known that miss it
-    /// twofold, so that everything that is derived from one here is given three millionths: that is what is asked
-    /// for.
+    /// Near 1 the specification allows a logarithm 2⁻²¹ (half of a millionth). Known devices exceed it twofold, so that
+    /// all derived tolerances here assume three millionths, and the self-test requires that.
     pub fn allowance(self, x: f64) -> f64 {
         let value = self.exact(x).abs();
         let ulp = value
@@ -148,7 +146,7 @@ impl Function {
             Function::InverseSqrt => 2.0 * ulp,
             Function::Reciprocal => 2.5 * ulp,
         };
-        // Numbers below the normal ones may be flushed to zero, and arguments like them.
+        // Subnormal results and arguments may be flushed to zero.
         allowed.max(f64::from(f32::MIN_POSITIVE))
     }
 }

@@ -18,7 +18,7 @@ pub fn basis<R: Real>(degree: u32, direction: Vec3<R>) -> Vec<R> {
     functions
 }
 
-/// The function of degree `l` and order `m`.
+/// SH function of degree `l` and order `m`.
 fn function<R: Real>(l: i64, m: i64, [x, y, z]: Vec3<R>) -> R {
     let order = m.abs();
     // sin^|m| θ (cos |m|φ + i sin |m|φ) = (x + iy)^|m|
@@ -37,7 +37,7 @@ fn function<R: Real>(l: i64, m: i64, [x, y, z]: Vec3<R>) -> R {
     R::of(norm.sqrt()) * legendre(l, order, z) * around
 }
 
-/// The associated Legendre function of `z = cos θ` without its factor sin^m θ and without phase.
+/// Associated Legendre function of `z = cos θ` without its factor sin^m θ and without phase.
 fn legendre<R: Real>(l: i64, m: i64, z: R) -> R {
     let of = |n: i64| R::of(n as f64);
     let mut below = R::of(0.0);
@@ -49,7 +49,7 @@ fn legendre<R: Real>(l: i64, m: i64, z: R) -> R {
     here
 }
 
-/// `0.5 + Σ coefficient · basis`, before it is clamped. `coefficients` may hold more than `degree` asks.
+/// `0.5 + Σ coefficient · basis`, before the clamp. `coefficients` may hold more than `degree` needs.
 pub fn unclamped_color<R: Real>(
     degree: u32,
     coefficients: &[Vec3<R>],

@@ -1,10 +1,10 @@
-//! What the 3D smoothing filter of Mip-Splatting (section 5.1) makes of a splat: another splat, whose covariance
-//! is the sum of its own and the filter's, and whose opacity is lowered as its density is.
+//! 3D smoothing filter of Mip-Splatting (section 5.1): the smoothed splat has the sum of its own covariance and the
+//! filter's, and an opacity lowered like its density.
 
 use super::project_backward::{differentiate, project_backward};
 use super::{Dual, Real, Splat, Viewpoint};
 
-/// The splat convolved with a round Gaussian of standard deviation `sigma`, in world units; 0: itself.
+/// The splat convolved with a round Gaussian of standard deviation `sigma`, in world units; 0: unchanged.
 pub fn smoothed<R: Real>(splat: &Splat<R>, sigma: f64) -> Splat<R> {
     let mut wide = splat.clone();
     if sigma == 0.0 {
@@ -22,7 +22,7 @@ pub fn smoothed<R: Real>(splat: &Splat<R>, sigma: f64) -> Splat<R> {
     wide
 }
 
-/// As [`project_backward`], of a splat that is smoothed before it is projected.
+/// [`project_backward`] of a splat that is smoothed before projection.
 pub fn smoothed_backward(
     splat: &Splat<f64>,
     sigma: f64,
@@ -33,7 +33,7 @@ pub fn smoothed_backward(
     unsmoothed(splat, sigma, &by_smoothed)
 }
 
-/// From the derivatives by the smoothed splat's parameters to those by the splat's own.
+/// Derivatives by the splat's parameters from those by the smoothed splat's.
 pub fn unsmoothed(splat: &Splat<f64>, sigma: f64, by_smoothed: &[f64]) -> Vec<f64> {
     differentiate(splat, |lifted| {
         let terms = smoothed(lifted, sigma).parameters().into_iter();

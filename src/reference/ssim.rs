@@ -40,7 +40,7 @@ impl Window {
         }
     }
 
-    /// The pixels of the image that the window around `index` covers, with their weights.
+    /// Pixels of the image that the window around `index` covers, with their weights.
     fn around(&self, index: usize) -> Vec<(usize, f64)> {
         let (x, y) = (index as i64 % self.width, index as i64 / self.width);
         let mut covered = Vec::with_capacity(121);
@@ -55,7 +55,7 @@ impl Window {
     }
 }
 
-/// What SSIM is made of at one pixel.
+/// Moments of SSIM at one pixel.
 #[derive(Clone, Copy)]
 struct Moments<R> {
     mean_x: R,
@@ -72,7 +72,7 @@ impl<R: Real> Moments<R> {
             |f: &dyn Fn(usize) -> R| window.iter().map(|&(i, g)| R::of(g) * f(i)).sum::<R>();
         let mean_x = sum_x(&|i| x[i]);
         let mean_y = sum(&|i| y[i]);
-        // Beyond the border there are zeros, and they differ from the mean too.
+        // The zeros beyond the border also differ from the mean.
         let beyond = 1.0 - sum(&|_| 1.0);
         let variance_x = sum_x(&|i| (x[i] - mean_x).squared()) + R::of(beyond) * mean_x.squared();
         let variance_y = sum(&|i| (y[i] - mean_y).powi(2)) + beyond * mean_y * mean_y;
@@ -123,8 +123,8 @@ pub fn ssim<R: Real>(width: usize, x: &[R], y: &[f64]) -> Vec<R> {
 
 /// Derivatives of `Σ upstream · ssim` by every pixel of `x`.
 ///
-/// SSIM's own partial derivatives are exact duals of its three moments; only their spreading over the window
-/// is written out: `∂μ/∂x = g`, `∂σ²/∂x = 2g (x − μ)`, `∂cov/∂x = g (y − ν)`.
+/// SSIM's partial derivatives are exact duals of its three moments; only their spreading over the window is written
+/// out: `∂μ/∂x = g`, `∂σ²/∂x = 2g (x − μ)`, `∂cov/∂x = g (y − ν)`.
 pub fn gradient(width: usize, x: &[f64], y: &[f64], upstream: &[f64]) -> Vec<f64> {
     let window = Window::new(width, x.len());
     let slopes: Vec<(Moments<f64>, [f64; 3])> = (0..x.len())

@@ -1,15 +1,14 @@
-//! Which tiles a splat touches: by looking at their pixels, and by minimising its quadratic form over the
-//! rectangle of their pixel centres.
+//! Tiles that a splat touches: by testing their pixels, and by minimising its quadratic form over the rectangle of
+//! their pixel centres.
 //!
-//! A kernel must list every tile in which some pixel centre of the image has an alpha that is not cut
-//! ([`holds_pixel`]); it may list a tile whose continuous rectangle is touched between the centres
-//! ([`alpha_max`]); it should list few others.
+//! A kernel must list every tile in which some pixel centre of the image has an alpha above the threshold
+//! ([`holds_pixel`]); it may list tiles touched only between pixel centres ([`alpha_max`]); it should list few others.
 
 use super::rasterize::{power, raw_alpha};
 use super::{ScreenSplat, Thresholds};
 use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
 
-/// An image cut into tiles.
+/// Division of an image into tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
     /// Image width, pixels.
@@ -53,14 +52,14 @@ impl Grid {
         self.len() == 0
     }
 
-    /// The tile that a position in the image (pixels) lies in.
+    /// Index of the tile at a position in the image (pixels).
     pub fn tile_from_position(&self, [x, y]: [f64; 2]) -> u32 {
         let column = (x / f64::from(self.tile_width)) as u32;
         let row = (y / f64::from(self.tile_height)) as u32;
         row * self.columns() + column
     }
 
-    /// First pixel of a tile and the pixel after its last, as far as the image reaches: x and y.
+    /// First pixel of a tile and the pixel after its last, clipped to the image: x and y.
     fn pixels(&self, tile: u32) -> [(u32, u32); 2] {
         let x = tile % self.columns() * self.tile_width;
         let y = tile / self.columns() * self.tile_height;
@@ -79,7 +78,7 @@ pub fn alpha_at_pixels(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32) -> f64 
         .fold(0.0, f64::max)
 }
 
-/// Whether some pixel of the tile blends the splat if nothing lies before it.
+/// Whether some pixel of the tile blends the splat if nothing lies in front of it.
 pub fn holds_pixel(
     splat: &ScreenSplat<f64>,
     grid: &Grid,
@@ -89,8 +88,7 @@ pub fn holds_pixel(
     alpha_at_pixels(splat, grid, tile) >= thresholds.alpha_min
 }
 
-/// Largest raw alpha over the rectangle that the tile's pixel centres span; never less than
-/// [`alpha_at_pixels`].
+/// Largest raw alpha over the rectangle that the tile's pixel centres span; never less than [`alpha_at_pixels`].
 pub fn alpha_max(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32) -> f64 {
     let [x, y] = grid
         .pixels(tile)
@@ -99,8 +97,8 @@ pub fn alpha_max(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32) -> f64 {
     if (x[0]..=x[1]).contains(&mean_x) && (y[0]..=y[1]).contains(&mean_y) {
         return splat.opacity;
     }
-    // The form is convex: outside its minimum it is least somewhere on the border, and on a line it is a
-    // parabola whose lowest point is where its conditional mean lies.
+    // The form is convex: outside its minimum it is least on the border, and on a line it is a parabola with its
+    // minimum at the conditional mean.
     let [xx, xy, yy] = splat.covariance;
     let mut least = f64::INFINITY;
     for edge in x {
@@ -115,18 +113,18 @@ pub fn alpha_max(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32) -> f64 {
     splat.opacity * (-least).exp()
 }
 
-/// The tiles in which some pixel blends the splat if nothing lies before it, ascending.
+/// Tiles in which some pixel blends the splat if nothing lies in front of it, ascending.
 pub fn tiles(splat: &ScreenSplat<f64>, grid: &Grid, thresholds: &Thresholds) -> Vec<u32> {
     (0..grid.len())
         .filter(|&tile| holds_pixel(splat, grid, tile, thresholds))
         .collect()
 }
 
-/// Half the width and half the height, in pixels, of the box around the ellipse where the splat is not cut;
-/// 0 where it is cut everywhere.
+/// Half width and half height, in pixels, of the box around the ellipse above the alpha threshold; 0 if the splat is
+/// below it everywhere.
 pub fn extent(splat: &ScreenSplat<f64>, thresholds: &Thresholds) -> [f64; 2] {
-    // opacity · exp(−r² / 2) = alpha_min at the squared Mahalanobis radius r², and r times its standard
-    // deviation is as far as an ellipse reaches along an axis.
+    // opacity · exp(−r² / 2) = alpha_min at the squared Mahalanobis radius r², and an ellipse extends along an axis by
+    // r times its standard deviation.
     let squared_radius = 2.0 * (splat.opacity / thresholds.alpha_min).ln();
     let [xx, _, yy] = splat.covariance;
     [xx, yy].map(|variance| (squared_radius.max(0.0) * variance).sqrt())

@@ -1,25 +1,24 @@
-//! The bound of every parameter's gradient, for a linear function of the picture.
+//! Bound of every parameter's gradient, for a linear function of the picture.
 //!
 //! Let the objective be `Σ ⟨u, C⟩` over the pixels, with `u` fixed. At a pixel, splat `i` has
-//! `sᵢ = αᵢ Tᵢ ⟨u, cᵢ − Bᵢ⟩`, its derivative by `ln αᵢ`, and `αᵢ Tᵢ u` by its colour. Where a set `S` is left out and
-//! the rest stopped at the transmittance `t`:
+//! `sᵢ = αᵢ Tᵢ ⟨u, cᵢ − Bᵢ⟩`, its derivative by `ln αᵢ`, and `αᵢ Tᵢ u` by its colour. If a set `S` is left out and rays
+//! stop at the transmittance `t`:
 //!
-//! * Of a splat that is left out, all of `sᵢ` is missing.
-//! * In front of any other, more passes: `T'ᵢ` lies between `Tᵢ` and `Tᵢ / Π (1 − αₖ)` over `S` before it.
-//! * Behind it, `Bᵢ` is a picture of its own, whose weights are `αₖ Tₖ / Tᵢ₊₁`: what `S` and the stop leave out
-//!   there changes `⟨u, Bᵢ⟩` by at most `(Σ αₖ Tₖ + t) / Tᵢ₊₁` times `D`, the range of `⟨u, colour⟩`, and never by
-//!   more than `D`.
+//! * A splat that is left out loses all of `sᵢ`.
+//! * The transmittance `T'ᵢ` before any other lies between `Tᵢ` and `Tᵢ / Π (1 − αₖ)` over `S` in front of it.
+//! * Behind it, `Bᵢ` is a picture with the weights `αₖ Tₖ / Tᵢ₊₁`: `S` and the stop change `⟨u, Bᵢ⟩` there by at most
+//!   `(Σ αₖ Tₖ + t) / Tᵢ₊₁` times `D`, the range of `⟨u, colour⟩`, and never by more than `D`.
 //! * So `|s'ᵢ − sᵢ| ≤ αᵢ ((T'ᵢ − Tᵢ) |⟨u, cᵢ − Bᵢ⟩| + T'ᵢ |⟨u, B'ᵢ − Bᵢ⟩|)`.
 //!
-//! What a parameter's gradient makes of `sᵢ` depends on the splat alone: `∂ ln αᵢ` by its numbers on the screen, and
-//! theirs by its parameters. Neither knows of any saving, and both enter by their magnitudes.
+//! The factors from `sᵢ` to a parameter's gradient depend on the splat alone: `∂ ln αᵢ` by its screen row, and the
+//! row's derivatives by its parameters. They are independent of approximations, and enter by their magnitudes.
 //!
-//! Rounding is bounded apart, to first order, see [`Job::add_rounding`]: of what a pixel adds, and of the projection's
-//! derivatives, whose rounding is that of the terms that they are sums of, not of what these leave when they cancel.
-//! The gradient by the rotation of a nearly round splat is such a remainder.
+//! Rounding is bounded separately, to first order, see [`Job::add_rounding`]: that of a pixel's terms, and that of the
+//! projection's derivatives, which is proportional to the terms of their sums and not to the remainder after
+//! cancellation. The gradient by the rotation of a nearly round splat is such a remainder.
 //!
-//! The loss of training is not linear, and no bound of this kind holds for it: the slope of its L1 part jumps where
-//! a pixel crosses its photograph.
+//! The training loss is not linear and has no bound of this kind: the slope of its L1 part jumps where a pixel crosses
+//! its photograph.
 
 use super::stack::{Screen, Slice, Stack};
 use super::{Approximations, MARGIN};
@@ -31,29 +30,29 @@ use crate::reference::{Options, ScreenSplat, Splat, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
-/// By how much numbers are rounded.
+/// Rounding errors of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rounding {
-    /// Alphas may be off by this share of themselves, and positions by that of a standard deviation.
+    /// Relative error of alphas, and error of positions in standard deviations.
     pub share: f64,
-    /// What one operation may be off by, relatively: 2⁻²⁴ in floats of 32 bits.
+    /// Relative error of one operation: 2⁻²⁴ in `f32`.
     pub unit: f64,
 }
 
-/// How far gradients may be from the exact ones.
+/// Bounds of the distance of gradients from the exact ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GradientBounds {
-    /// For each of the [`Approximations`], the most that each parameter's gradient may be off.
+    /// For each of the [`Approximations`], the maximum error of each parameter's gradient.
     pub bounds: Vec<SplatGradients>,
-    /// What rounding may add where it is the largest: where all is kept.
+    /// Rounding error where it is largest: without approximations.
     pub rounding: SplatGradients,
-    /// Splats that are so near to a kink of their own (a colour at 0, a Jacobian at its limit, the near plane) that
-    /// rounding may take them across, where their gradients are others.
+    /// By splat: whether it is so near to a kink (a colour at 0, a Jacobian at its limit, the near plane) that rounding
+    /// may take it across, to other gradients.
     pub kinked: Vec<bool>,
 }
 
-/// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`; `options.thresholds` are not
-/// made, and what is drawn must be the scene itself (no [`Approximations::color_error`], nothing
+/// Bounds for the gradient of `Σ ⟨upstream, colour⟩`, `upstream` as `[y * width + x]`. `options.thresholds` are
+/// ignored, and approximations must keep the scene (empty [`Approximations::color_error`], no
 /// [`Approximations::stored`]).
 pub fn gradient_bounds(
     splats: &Splats,
@@ -123,15 +122,14 @@ pub fn gradient_bounds(
     }
 }
 
-/// What the device may need more roundings for than the formulas of the reference: its functions are good to a few
-/// units in the last place, and it finds derivatives by a pass backwards over other intermediate numbers of the same
-/// size.
+/// Factor for roundings of the device beyond the reference's formulas: its functions are accurate to a few units in the
+/// last place, and its derivatives come from a backward pass over other intermediates of the same size.
 const SAFETY: f64 = 4.0;
 
-/// Numbers of a splat on the screen that have a gradient: [`ScreenSplat::row`] without its depth.
+/// Differentiable numbers of a splat on the screen: [`ScreenSplat::row`] without its depth.
 const ROW: usize = 9;
 
-/// Sums of magnitudes by `[saving, then rounding, then terms][splat]`.
+/// Sums of magnitudes by `[approximations, then rounding, then terms][splat]`.
 type Sums = [Vec<[f64; ROW]>];
 
 struct Job<'a> {
@@ -142,7 +140,7 @@ struct Job<'a> {
     rounding: f64,
 }
 
-/// What a pixel's gradient looks like.
+/// Objective at one pixel.
 struct Linear {
     u: [f64; 3],
     /// Range of `⟨u, colour⟩`.
@@ -151,7 +149,7 @@ struct Linear {
     steps: Vec<f64>,
     /// Σ α over the others of the slice's group, and transmittance before that group.
     places: Vec<(f64, f64)>,
-    /// What exchanges in groups behind a slice come to, times transmittance.
+    /// By slice: Σ `pairs` × transmittance over the groups behind it.
     exchanged: Vec<f64>,
 }
 
@@ -189,7 +187,7 @@ impl Linear {
         }
     }
 
-    /// By how much `⟨u, Bᵢ⟩` may be off where so much weight is exchanged behind the slice.
+    /// Bound of the change of `⟨u, Bᵢ⟩` if this weight is exchanged behind the slice.
     fn behind(&self, slice: &Slice, weight: f64) -> f64 {
         let share = weight / (slice.before * (1.0 - slice.alpha));
         self.range * if share < 1.0 { share } else { 1.0 }
@@ -200,7 +198,7 @@ fn leaves_out(approximations: &Approximations, slice: &Slice) -> bool {
     approximations.may_leave_out(slice.splat, slice.alpha)
 }
 
-/// Whether a slice's gradient by shape is switched off by the cap of its alpha; `None`: either.
+/// Whether the cap of its alpha switches off a slice's gradient by shape; `None`: uncertain.
 fn is_capped(slice: &Slice) -> Option<bool> {
     let cap = f64::from(ALPHA_MAX);
     let near = (slice.raw / cap - 1.0).abs() < MARGIN;
@@ -208,10 +206,10 @@ fn is_capped(slice: &Slice) -> Option<bool> {
 }
 
 impl Job<'_> {
-    /// Over all pixels, in parts that are to be added.
+    /// Sums over all pixels, in parts to be added.
     fn sums(&self, upstream: &[[f64; 3]], splats: usize) -> Vec<Vec<Vec<[f64; ROW]>>> {
         let height = self.screen.height;
-        // As many parts as there are threads, not one for each row: each has sums of its own.
+        // One part per thread, not per row: each has its own sums.
         let part = height.div_ceil(rayon::current_num_threads());
         let parts: Vec<usize> = (0..height).step_by(part.max(1)).collect();
         let sums = parts.into_par_iter().map(|first| {
@@ -236,7 +234,7 @@ impl Job<'_> {
         }
     }
 
-    /// What approximations may change.
+    /// Adds the bound of the approximations.
     fn add_saved(
         &self,
         stack: &Stack,
@@ -245,7 +243,7 @@ impl Job<'_> {
         sums: &mut [[f64; ROW]],
     ) {
         let stop = approximations.transmittance_min * (1.0 + MARGIN);
-        // What is lost behind each slice, in weights of the whole frame.
+        // Weight lost behind each slice, in weights of the exact frame.
         let mut lost = match stack.pixel.transmittance < stop {
             true => stop,
             false => 0.0,
@@ -262,7 +260,7 @@ impl Job<'_> {
                 behind
             })
             .collect();
-        // How much more may pass in front of the slice at hand.
+        // Factor on the transmittance before the current slice.
         let mut opened = 1.0;
         for (i, (slice, lost)) in stack.slices.iter().zip(lost.iter().rev()).enumerate() {
             let passes = slice.before * opened;
@@ -291,13 +289,12 @@ impl Job<'_> {
         }
     }
 
-    /// What rounding may change. Transmittances are products of `1 − α`, whose relative errors are those of `α`
-    /// times `α / (1 − α)`; a picture's colour is off by no more than the relative error of its alphas times its
-    /// range.
+    /// Adds the rounding errors. Transmittances are products of `1 − α` with relative errors of `α` times
+    /// `α / (1 − α)`; a picture's colour errs by at most the relative error of its alphas times its range.
     ///
-    /// `terms` are the magnitudes of what is summed, by which the derivatives of the projection are multiplied with
-    /// their own rounding. The device takes second moments of whitened residuals `e = W d` and turns them back by
-    /// `Wᵀ`; the terms of that are `|W|ᵀ |e|`, at most what [`Slopes::scale`] is by Cauchy–Schwarz, as `Σ⁻¹ = WᵀW`.
+    /// `terms` are the magnitudes of the summands, which multiply the rounding of the projection's derivatives. The
+    /// device takes second moments of whitened residuals `e = W d` and transforms them back by `Wᵀ`; the terms of that
+    /// are `|W|ᵀ |e|`, at most [`Slopes::scale`] by Cauchy–Schwarz, as `Σ⁻¹ = WᵀW`.
     fn add_rounding(
         &self,
         stack: &Stack,
@@ -330,7 +327,7 @@ impl Job<'_> {
 /// Magnitudes of the derivatives of `ln α` at a position by mean, covariance and opacity.
 struct Slopes {
     by_log_alpha: [f64; 6],
-    /// What they are of the size of: positions may be off by a share of a standard deviation.
+    /// Their magnitude when positions err by a share of a standard deviation.
     scale: [f64; 6],
 }
 

@@ -1,22 +1,21 @@
-//! How far a frame that saves work may lie from the one that does not: a bound for every pixel, and for the
-//! gradient of every parameter.
+//! Bounds of the distance of an approximated frame from the exact one: for every pixel, and for the gradient of every
+//! parameter.
 //!
-//! With `C = Σ cᵢ αᵢ Tᵢ + T_end · background` and `Bᵢ` what is seen through splat `i`, a splat that is left
-//! out changes the pixel by `αᵢ Tᵢ (Bᵢ − cᵢ)`. Taken out from the back, each splat of a set leaves the
-//! transmittance before the others alone, so that a set `S` costs at most `Σ_S αᵢ Tᵢ` times the range of the
-//! pixel's colours, with the weights of the whole frame. The other approximations follow from it:
+//! With `C = Σ cᵢ αᵢ Tᵢ + T_end · background` and `Bᵢ` the colour seen through splat `i`, leaving out a splat changes
+//! the pixel by `αᵢ Tᵢ (Bᵢ − cᵢ)`. Taken out from the back, each splat of a set leaves the transmittance before the
+//! others unchanged, so that a set `S` costs at most `Σ_S αᵢ Tᵢ` times the range of the pixel's colours, with the
+//! weights of the exact frame. The other approximations follow from it:
 //!
-//! * An alpha cut, a limit on standard deviations and removed splats leave out what they say.
-//! * A stop at the transmittance `t`, the last splat included, replaces what is behind by the background,
-//!   where less than `t` passes: `t` times the range, and nothing where more passes through everything.
-//! * Colours that are off by `δᵢ` cost `Σ αᵢ Tᵢ δᵢ`. Of harmonics of degree `l` that are off by the
-//!   vector `d_l`, `δ ≤ Σ_l ‖d_l‖ √((2l+1) / 4π)` in every direction (Cauchy–Schwarz, and the addition
-//!   theorem, by which `Σ_m Y_lm² = (2l+1) / 4π`).
-//! * Alphas that are `αᵢ'` instead cost `Σ |αᵢ' − αᵢ| Tᵢ` times the range: exchanged one after the other from the
-//!   back, each finds the transmittance before it as it was. Splats left out then count with
-//!   `αᵢ' Tᵢ'`.
+//! * An alpha threshold and removed splats leave out the splats concerned.
+//! * A stop at the transmittance `t`, the last splat included, replaces everything behind by the background: `t` times
+//!   the range if the remaining transmittance is below `t`, and nothing otherwise.
+//! * Colour errors `δᵢ` cost `Σ αᵢ Tᵢ δᵢ`. For SH coefficients of degree `l` with the error vector `d_l`,
+//!   `δ ≤ Σ_l   ‖d_l‖ √((2l+1) / 4π)` in every direction (Cauchy–Schwarz, and the addition theorem,
+//!   `Σ_m Y_lm² = (2l+1) / 4π`).
+//! * Alphas `αᵢ'` instead of `αᵢ` cost `Σ |αᵢ' − αᵢ| Tᵢ` times the range: replaced one after the other from the back,
+//!   each has the unchanged transmittance before it. Splats left out then count with `αᵢ' Tᵢ'`.
 //!
-//! Gradients follow from the same: see [`gradient_bounds`].
+//! Bounds of gradients follow likewise: see [`gradient_bounds`].
 
 mod gradient;
 mod picture;
@@ -27,36 +26,35 @@ pub use picture::{Traced, color_errors, trace};
 
 use crate::scene::Splats;
 
-/// What a frame saves.
+/// Approximations of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approximations {
-    /// Alphas below this are left out.
+    /// Alphas below this are skipped.
     pub alpha_min: f64,
-    /// A pixel is finished once less than this passes.
+    /// A pixel is finished once its transmittance is below this.
     pub transmittance_min: f64,
-    /// By how much any channel of a splat's colour may be off, by splat; empty: nothing.
+    /// Maximum error of any channel, by splat; empty: none.
     pub color_error: Vec<f64>,
-    /// Which splats are not drawn; empty: none.
+    /// By splat: whether it is not drawn; empty: none.
     pub removed: Vec<bool>,
-    /// The scene whose shapes and opacities are drawn in place of its own, splat by splat and with the same means,
-    /// not noticeably larger: beyond ten of their own standard deviations splats are taken for nothing. Its colours
-    /// do not count: [`Approximations::color_error`] does.
+    /// Scene drawn instead, splat by splat and with the same means, by its shapes and opacities. It must not be
+    /// noticeably larger: splats beyond ten of their own standard deviations count as absent. Its colours are ignored
+    /// in favour of [`Approximations::color_error`].
     pub stored: Option<Splats>,
 }
 
-/// How far, relatively, a threshold may be moved by rounding: what lies that near to one counts as left out.
+/// Relative tolerance of thresholds for rounding: values this near count as left out.
 const MARGIN: f64 = 1e-3;
 
-/// Depths that differ by less than this, relatively, may come in either order: a depth in `f32` is a sum of
-/// three rounded products, and a few units in the last place of the largest are ten of the result's.
+/// Relative difference of depths below which either order is possible: a depth in `f32` is a sum of three rounded
+/// products, and a few units in the last place of the largest are ten of the result's.
 const SAME_DEPTH: f64 = 2e-6;
 
-/// Alphas below this do not widen a pixel's range of colours; all of them are left out instead, at the range
-/// that they have.
+/// Alphas below this do not widen a pixel's range of colours; they are all left out instead, at their own range.
 const FAINT: f64 = 1e-9;
 
 impl Approximations {
-    /// None at all.
+    /// No approximations.
     pub const NONE: Approximations = Approximations {
         alpha_min: 0.0,
         transmittance_min: 0.0,
@@ -65,7 +63,7 @@ impl Approximations {
         stored: None,
     };
 
-    /// Whether a splat may be left out of a pixel where it has this alpha, the transmittance threshold aside.
+    /// Whether a splat of this alpha may be left out of a pixel, apart from the transmittance threshold.
     fn may_leave_out(&self, splat: usize, alpha: f64) -> bool {
         alpha < self.alpha_min * (1.0 + MARGIN) || self.removed.get(splat).copied().unwrap_or(false)
     }

@@ -1,4 +1,4 @@
-//! The bound of a picture's colours.
+//! Bound of a picture's colours.
 
 use super::stack::{Screen, Stack};
 use super::{Approximations, FAINT, MARGIN};
@@ -8,21 +8,20 @@ use crate::reference::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
-/// A pixel of the frame that saves nothing, and how far others may be from it.
+/// A pixel of the exact frame, and bounds for approximated ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Traced {
-    /// Its colour.
+    /// Colour.
     pub color: [f64; 3],
-    /// For each of the [`Approximations`], the most by which any channel may differ.
+    /// For each of the [`Approximations`], the maximum difference of any channel.
     pub bounds: Vec<f64>,
-    /// Difference between the largest and the smallest value that a channel has among the pixel's splats
-    /// and its background; the largest over the channels.
+    /// Range of values among the pixel's splats and its background; maximum over the channels.
     pub range: f64,
-    /// What exchanging splats of practically the same depth may change.
+    /// Maximum change by exchange of splats at practically the same depth.
     pub order: f64,
 }
 
-/// Traces every pixel of a frame; `options.thresholds` are not made.
+/// Traces every pixel of a frame; `options.thresholds` are ignored.
 pub fn trace(
     splats: &Splats,
     camera: &Camera,
@@ -46,8 +45,8 @@ pub fn trace(
     .collect()
 }
 
-/// By how much any channel of each splat's colour may be off, where `drawn` gives what is drawn with in place of the
-/// coefficient at an index into `splats.sh`.
+/// Maximum error of any channel of each splat's colour; `drawn` gives the coefficient used instead of the one at an
+/// index into `splats.sh`.
 pub fn color_errors(splats: &Splats, drawn: impl Fn(usize) -> f64) -> Vec<f64> {
     let stride = splats.sh_stride();
     let of_splat = |splat: usize| {
@@ -70,18 +69,18 @@ pub fn color_errors(splats: &Splats, drawn: impl Fn(usize) -> f64) -> Vec<f64> {
 /// Another scene's splats on the screen, in the order of the scene.
 type Stored = Option<Vec<Option<ScreenSplat<f64>>>>;
 
-/// What a pixel may lose.
+/// Losses of a pixel.
 #[derive(Default)]
 struct Saved {
     /// Weight of the splats that are left out.
     weight: f64,
-    /// Most that passes where it stops.
+    /// Maximum transmittance at the stop.
     behind: f64,
-    /// Weight that other alphas move.
+    /// Weight moved by other alphas.
     moved: f64,
-    /// What colours that are off come to.
+    /// Change by colour errors.
     color: f64,
-    /// The most that one is off by.
+    /// Maximum colour error.
     color_most: f64,
 }
 
@@ -92,7 +91,7 @@ fn traced<'a>(
 ) -> Traced {
     let range = stack.range(background, FAINT);
     let faint = stack.faint() * stack.range(background, 0.0);
-    // Over splats that may change places: sums of α α and of α α T.
+    // Over splats of uncertain order: sums of α α and of α α T.
     let (mut pairs, mut order) = (0.0, 0.0);
     for group in stack.groups() {
         pairs += group.pairs;
@@ -102,7 +101,7 @@ fn traced<'a>(
         let saved = saved(stack, approximations, stored);
         let range = range + 2.0 * saved.color_most;
         let weight = saved.weight + saved.moved;
-        // A splat before two that change places may be left out, and more light reach them.
+        // A splat in front of an uncertain pair may be left out, and more light reach the pair.
         let order = pairs * weight * range;
         faint + saved.color + (weight + saved.behind) * range + order
     };
@@ -116,7 +115,7 @@ fn traced<'a>(
 
 fn saved(stack: &Stack, approximations: &Approximations, stored: &Stored) -> Saved {
     let mut saved = Saved::default();
-    // As it is drawn, without what is left out: the most and the least that may pass.
+    // Transmittance with the drawn alphas; `least` is not negative.
     let (mut before, mut least) = (1.0, 1.0_f64);
     for slice in &stack.slices {
         let off = approximations

@@ -1,4 +1,4 @@
-//! What every pixel of a frame sees when nothing is saved.
+//! Layers of every pixel of an exact frame.
 
 use super::{FAINT, SAME_DEPTH};
 use crate::reference::frame::{center, project_all, sorted};
@@ -9,7 +9,7 @@ use crate::scene::{Camera, Splats};
 /// Squared standard deviations beyond which `raw_alpha` is 0: the power is over 50.
 const REACH: f64 = 100.0;
 
-/// The splats of a frame, nearest first.
+/// Projected splats of a frame, nearest first.
 pub(super) struct Screen {
     pub(super) list: Vec<ScreenSplat<f64>>,
     splat_from_rank: Vec<usize>,
@@ -19,36 +19,36 @@ pub(super) struct Screen {
 
 /// A splat at a pixel.
 pub(super) struct Slice {
-    /// Its index in the scene.
+    /// Index in the scene.
     pub(super) splat: usize,
-    /// Its place in the [`Screen`]'s list.
+    /// Index in the [`Screen`]'s list.
     pub(super) rank: usize,
     pub(super) alpha: f64,
-    /// The same before its cap.
+    /// Alpha before its cap.
     pub(super) raw: f64,
     pub(super) color: [f64; 3],
     pub(super) depth: f64,
-    /// Transmittance before it.
+    /// Transmittance in front of it.
     pub(super) before: f64,
 }
 
-/// All that a pixel sees, nearest first.
+/// All layers of a pixel, nearest first.
 pub(super) struct Stack {
     pub(super) slices: Vec<Slice>,
     pub(super) pixel: Pixel<f64>,
-    /// The pixel's centre.
+    /// Centre of the pixel.
     pub(super) at: [f64; 2],
 }
 
-/// Consecutive slices of practically the same depth, which may change places.
+/// Consecutive slices of practically the same depth, which may come in any order.
 pub(super) struct Group {
-    /// The first and one past the last.
+    /// Range of slice indices.
     pub(super) slices: std::ops::Range<usize>,
     /// Σ α.
     pub(super) sum: f64,
     /// Σ α α over its pairs.
     pub(super) pairs: f64,
-    /// Transmittance before it.
+    /// Transmittance in front of it.
     pub(super) before: f64,
 }
 
@@ -64,10 +64,10 @@ impl Screen {
         }
     }
 
-    /// The stacks of a row of pixels, from the left.
+    /// Stacks of a row of pixels, from the left.
     pub(super) fn row(&self, row: usize) -> impl Iterator<Item = Stack> {
         let y = row as f64 + 0.5;
-        // `power` is at least half the squared distance along one axis: what is too far in y is 0.
+        // `power` is at least half the squared distance along one axis, in variances: beyond `REACH` in y, alpha is 0.
         let reaches = |s: &ScreenSplat<f64>| (y - s.mean[1]).powi(2) <= REACH * s.covariance[2];
         let near = (0..self.list.len()).filter(|&i| reaches(&self.list[i]));
         let near: Vec<usize> = near.collect();
@@ -102,7 +102,7 @@ impl Screen {
 }
 
 impl Stack {
-    /// The range of each channel among splats of at least an alpha, and the background.
+    /// Range of each channel among the background and splats of at least this alpha.
     pub(super) fn ranges(&self, background: [f64; 3], alpha_min: f64) -> [f64; 3] {
         let (mut low, mut high) = (background, background);
         for slice in self.slices.iter().filter(|s| s.alpha >= alpha_min) {
@@ -114,19 +114,19 @@ impl Stack {
         [0, 1, 2].map(|c| high[c] - low[c])
     }
 
-    /// The largest range of a channel.
+    /// Largest range of a channel.
     pub(super) fn range(&self, background: [f64; 3], alpha_min: f64) -> f64 {
         let ranges = self.ranges(background, alpha_min);
         ranges.into_iter().fold(0.0, f64::max)
     }
 
-    /// Weight of all that is too faint to widen the range.
+    /// Weight of all splats too faint to widen the range.
     pub(super) fn faint(&self) -> f64 {
         let faint = self.slices.iter().filter(|s| s.alpha < FAINT);
         faint.map(|s| s.alpha * s.before).sum()
     }
 
-    /// The slices by depth, those together that may change places.
+    /// Slices grouped by depth.
     pub(super) fn groups(&self) -> Vec<Group> {
         let mut groups = Vec::new();
         let mut first = 0;
