@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn lanes_know_of_each_other() {
-        // Two lanes, one round: each result can be told by hand.
+        // Two lanes, one round: each result follows by hand.
         let values =
             [12_345u32, 2_654_435_761u32.wrapping_add(12_345)].map(|seed| next(seed) >> 12);
         let found = lanes(2, 1);

@@ -27,7 +27,7 @@ pub enum Phase {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Act {
-    /// None: an evaluation of the held-out views.
+    /// No action: an evaluation of the held-out views.
     Looked,
     /// Change from half-size photographs to full size.
     Enlarged,
@@ -149,7 +149,7 @@ pub struct History {
     pub sh_goes: Option<f64>,
     /// Loss of the held-out views by SH removed now or in the last fit, decibels; `None` if there is none.
     pub sh_lost_db: Option<f64>,
-    /// Whether all SH stays, whatever rounds find.
+    /// Whether all SH stays, regardless of the rounds.
     #[serde(default, alias = "keeps_harmonics")]
     pub keeps_sh: bool,
     /// Actions so far.

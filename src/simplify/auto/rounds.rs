@@ -190,8 +190,8 @@ impl<'a> CountController<'a> {
     }
 }
 
-/// Whether the reduced run is accepted whatever the result of the full run, so that the full run can be skipped: scores
-/// are capped at `full_db`, and with all splats they do not fall.
+/// Whether the reduced run is accepted for any result of the full run, so that the full run can be skipped: scores are
+/// capped at `full_db`, and with all splats they do not fall.
 fn is_surely_allowed(
     history: &History,
     round: &Round,

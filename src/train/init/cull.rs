@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// The finite points within the configured limits, in their order.
 pub(super) fn culled(points: &[Point], cameras: &[Camera], config: &InitConfig) -> Vec<Point> {
-    // With fewer cameras than `cull_views`, all of them suffice.
+    // At most the number of cameras.
     let wanted = (config.cull_views as usize).min(cameras.len());
     let fence = Fence::around(points, f64::from(config.cull_fence));
     let is_kept = |point: &&Point| {

@@ -68,7 +68,7 @@ impl Strategy for Adc {
 /// the rest is visible gets no gradient any more and is pruned.
 pub fn reset_opacity(state: &mut HostState, value: f32) {
     for row in 0..state.len() {
-        // Smoothing lowers the opacity further; if that suffices, it stays.
+        // Smoothing lowers the opacity further; if that alone suffices, the logit stays.
         let before = f64::from(value) / state.smoothing_factor(row);
         if before < 1.0 {
             let most = logit(before) as f32;

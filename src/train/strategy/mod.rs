@@ -98,7 +98,7 @@ struct Row {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Change {
-    /// None.
+    /// No change.
     Kept,
     /// A copy: parameters as they are, no moments.
     Copied,
