@@ -1,4 +1,4 @@
-//! Optimizer state on the device.
+//! Optimiser state on the device.
 
 use super::state::{HostState, Planes};
 use crate::Result;

@@ -8,8 +8,8 @@ fn softplus(x: f64) -> f64 {
     x.max(0.0) + (-x.abs()).exp().ln_1p()
 }
 
-/// Increase of each log-scale: ½ ln(1 + (σ / s)²). Products of squared scales would overflow in scenes of small units;
-/// logarithms of ratios do not.
+/// Increase of each log-scale: ½ ln(1 + (σ / s)²). Products of squared scales would leave the range of floats in scenes
+/// of small units; logarithms of ratios do not.
 fn growth(log_scale: [f32; 3], sigma: f32) -> [f64; 3] {
     let filtered = sigma > 0.0 && sigma.is_finite();
     let log_sigma = f64::from(sigma).ln();

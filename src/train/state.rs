@@ -1,4 +1,4 @@
-//! Optimizer state on the CPU: parameters and both Adam moments, in the planes of the device.
+//! Optimiser state on the CPU: parameters and both Adam moments, in the planes of the device.
 //!
 //! A row is one splat: its parameters, first and second moments, always moved together ([`HostState::select`]), so that
 //! moments stay with their splat through every refinement.

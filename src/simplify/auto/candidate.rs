@@ -68,7 +68,7 @@ impl<'a> CountController<'a> {
     }
 }
 
-/// Optimizer state of the merged scene. Unmerged splats, unchanged and in their old order, keep their moments.
+/// Optimiser state of the merged scene. Unmerged splats, unchanged and in their old order, keep their moments.
 fn carried(state: &HostState, before: &Splats, merged: &Splats) -> HostState {
     let mut carried = HostState::from_splats(merged, state.sh_degree);
     // SH degrees that were lowered stay lowered.

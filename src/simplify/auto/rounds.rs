@@ -151,7 +151,7 @@ impl<'a> CountController<'a> {
         Ok(())
     }
 
-    /// Starts a round: removes a share of the splats and trains.
+    /// Starts a round: removes a share of the splats for its first half.
     pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let lesser = self.lesser(trainer)?;
         let round = self.try_without(trainer, lesser.whole, &lesser.less)?;

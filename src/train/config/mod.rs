@@ -74,8 +74,8 @@ pub struct TrainConfig {
     /// Constants of MCMC.
     pub mcmc: McmcConfig,
     /// Weight λ of λ Σ ‖s‖² in the loss, s the standard deviations of a splat in scene extents: 0, and 1e-4 against
-    /// floaters. The photographs' gradient also grows with the area a splat covers, so that one weight is equally
-    /// strong for small and large splats, few and many.
+    /// floaters. The photographs' gradient is also proportional to the area a splat covers, so that one weight is
+    /// equally strong for small and large splats, few and many.
     pub size_penalty: f32,
     /// Upper bound of a splat's largest over smallest standard deviation: 0 for none (3DGS), else at least 1.01. After
     /// each step, splats beyond it are moved to the nearest shape within, at constant volume.

@@ -1,4 +1,4 @@
-//! Density control: addition, relocation and removal of splats, as a pure function of the optimizer state, the
+//! Density control: addition, relocation and removal of splats, as a pure function of the optimiser state, the
 //! statistics since the last refinement, and (seed, iteration).
 //!
 //! **Invariant:** ties are broken by row, random numbers are keyed by row, sums are in a fixed order: the same input
