@@ -8,7 +8,7 @@ use shaderc::{
 use std::cell::RefCell;
 use std::path::Path;
 
-/// How the embedded modules are optimised. Drivers optimise anyway: `Performance` was measured to gain
+/// Optimisation of the embedded modules. Drivers optimise anyway: `Performance` was measured to gain
 /// nothing on lavapipe, and costs the names that debuggers show.
 const EMBEDDED: OptimizationLevel = OptimizationLevel::Zero;
 

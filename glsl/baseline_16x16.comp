@@ -4,7 +4,7 @@
 // Baseline, not used in rendering: compositing as in the 3DGS paper (Kerbl et al. 2023, section 6).
 //
 // One workgroup per tile of 16x16 pixels and one pixel per invocation. The workgroup fetches batches of 256 splats into
-// shared memory; a tile ends when all of its pixels vote to. Its lists are per tile of its own size; its result is that
+// shared memory; a tile ends when all of its pixels vote so. Its lists are per tile of its own size; its result is that
 // of `rasterize`.
 
 layout(local_size_x = 256) in;

@@ -52,7 +52,7 @@ pub(super) struct DataArgs {
     /// Hold out every N-th photograph by name, from the first, as test view; 0: none
     #[arg(long, value_name = "N", default_value_t = 8)]
     pub test_every: usize,
-    /// Folder of the photographs [default: where the data set's format has it]
+    /// Folder of the photographs [default: the data set format's]
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
     /// Meaning of alpha: over the background, or weight of the pixel [default: composite; mask for distorted

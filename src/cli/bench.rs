@@ -103,7 +103,7 @@ impl OutputArgs {
         // Rows of bytes have no times.
         let timed = bench.rows().iter().filter(|row| row.runs > 0);
         for line in timed.map(BenchRow::line).chain(more) {
-            // A closed pipe is no error.
+            // A closed pipe is not an error.
             _ = writeln!(out, "{line}");
         }
         if let Some(path) = &self.csv {

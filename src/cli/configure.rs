@@ -21,7 +21,7 @@ pub(in crate::cli) struct ConfigArgs {
     /// Seed of all random numbers: the same data, seed and device give the same scene.ply [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
-    /// How splats are added and removed [default: adc]
+    /// Densification strategy [default: adc]
     #[arg(long, value_name = "NAME")]
     pub strategy: Option<StrategyArg>,
     /// Rendering mode; stored in scene.ply, from which `render` and `eval` read it [default: default]
@@ -30,7 +30,7 @@ pub(in crate::cli) struct ConfigArgs {
     /// Apply remedies against these (comma-separated); constants given by --set come after
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub against: Vec<AgainstArg>,
-    /// Splats at most [default: as many as the strategy asks for; 1,000,000 with mcmc]
+    /// Limit of the splat count [default: none with adc; 1,000,000 with mcmc]
     #[arg(long, value_name = "N")]
     pub max_splats: Option<u32>,
     /// Degree of the view-dependent colour, 0 to 3 [default: 3]

@@ -41,7 +41,7 @@ impl Output {
         }
     }
 
-    /// A bar of `length` steps; where standard error is no terminal, a line every [`LINE_EVERY`] instead.
+    /// A bar of `length` steps, or a line every [`LINE_EVERY`] if standard error is not a terminal.
     pub(crate) fn bar(self, length: u64, name: &'static str) -> ProgressBar {
         if self.json {
             return ProgressBar::hidden();
@@ -128,7 +128,7 @@ pub(super) fn score_text(score: &MeanScore) -> String {
     )
 }
 
-/// Bytes in the unit that leaves at most four digits.
+/// Bytes with a unit, in at most four digits.
 pub(super) fn bytes(count: u64) -> String {
     let mut value = count as f64;
     for unit in ["B", "KiB", "MiB", "GiB"] {

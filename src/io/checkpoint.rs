@@ -29,7 +29,7 @@ const VERSION: u32 = 2;
 /// Longest header accepted in bytes; a trainer's has some kilobytes.
 const HEADER_BYTES_MAX: u32 = 1 << 24;
 
-// Arrays are copied as they lie in memory.
+// Arrays are copied in native byte order.
 const _: () = assert!(cfg!(target_endian = "little"));
 
 /// Number type of a section.

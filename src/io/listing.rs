@@ -95,7 +95,7 @@ pub(super) fn check_position(position: DVec3) -> Check<()> {
     ))
 }
 
-/// `folder`/`name`, where `name` is relative and does not leave the folder.
+/// `folder`/`name`; refuses a `name` that is absolute or leaves the folder.
 pub(super) fn inside(folder: &Path, name: &str) -> Check<PathBuf> {
     let mut parts = Path::new(name).components();
     let tame = parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));

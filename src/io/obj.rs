@@ -1,7 +1,7 @@
 //! Wavefront `.obj` meshes, and initial points on them.
 //!
 //! Positions, vertex colours and faces are read; materials, normals, texture coordinates and groups are skipped. `tobj`
-//! parses, after a check of its own input: it computes with indices before it checks their range and reports no line.
+//! parses, after a check of its input here: it computes with indices before it checks their range and reports no line.
 //! It therefore gets only finite vertices and faces with valid indices.
 
 use super::reader::{Reader, excerpt};

@@ -1,4 +1,4 @@
-//! Forward reader of a file, or of bytes in memory, that knows the size and the position of every fault.
+//! Forward reader of a file, or of bytes in memory, with its size and the position of every fault.
 //!
 //! The formats here store counts before contents. [`Reader::check_count`] compares each with the rest of the file, so
 //! that no allocation exceeds the file's capacity.

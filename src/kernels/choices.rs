@@ -36,7 +36,7 @@ const TILED: &str = "the only variant; few invocations slide long strips each, w
 const ALONE: &str =
     "the only variant; a single workgroup does it all, and few elements are left to it";
 
-/// Reason for kernels without anything to tune.
+/// Reason for kernels without tunables.
 const FIXED: &str = "the only variant, with nothing to tune";
 
 /// Reason for the kernel of the compatibility mode.

@@ -23,7 +23,7 @@ pub struct Sort {
 pub struct Pairs {
     /// Keys; each pass reads one and writes the other.
     pub keys: [Buffer<u32>; 2],
-    /// Values likewise.
+    /// Values, likewise double-buffered.
     pub values: [Buffer<u32>; 2],
 }
 

@@ -51,7 +51,7 @@ pub(super) struct TrainArgs {
     /// Folder for the results, made if it is not there
     #[arg(long, value_name = "DIR", required_unless_present = "resume")]
     out: Option<PathBuf>,
-    /// Go on with the run in DIR, as it was begun
+    /// Resume the run in DIR with its own options
     #[arg(long, value_name = "DIR",
           conflicts_with_all = ["out", "init", "overwrite", "ConfigArgs", "DataArgs"])]
     resume: Option<PathBuf>,

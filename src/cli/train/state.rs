@@ -28,7 +28,7 @@ pub(in crate::cli) struct RunState {
     pub iterations: u32,
     /// Steps done at the time of writing.
     pub iteration: u32,
-    /// Whether the results are written.
+    /// True once the results are written.
     pub is_finished: bool,
     /// Wall times so far.
     pub timings: Timings,

@@ -53,7 +53,7 @@ fn fold_radius_squared(distortion: &Distortion) -> f64 {
     if discriminant < 0.0 {
         return f64::INFINITY;
     }
-    // Roots of a s² + b s + 1 as 2 / (-b ∓ √…), which stays exact where a is zero.
+    // Roots of a s² + b s + 1 as 2 / (-b ∓ √…), exact for a = 0, too.
     let root = discriminant.sqrt();
     [2.0 / (-b - root), 2.0 / (-b + root)]
         .into_iter()

@@ -58,7 +58,7 @@ pub struct HostInput<'a> {
     pub records: &'a [Splat2d],
     /// The same splats for the scalar renderer.
     conics: Vec<Conic>,
-    /// Colour behind everything.
+    /// Background colour.
     pub background: [f32; 3],
 }
 

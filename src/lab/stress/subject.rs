@@ -6,7 +6,7 @@ use crate::render::ViewOptions;
 use crate::scene::{Camera, RenderMode, SH_C0, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
-/// Colour behind everything; exact in single precision.
+/// Background colour; exact in single precision.
 pub(super) const BACKGROUND: [f32; 3] = [0.125, 0.125, 0.15625];
 
 /// A tested scene.

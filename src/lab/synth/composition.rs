@@ -62,7 +62,7 @@ fn plane() -> Scene {
         1.1,
         [0.12, -0.05, 0.1],
     );
-    // Facing -y, where the cameras are.
+    // Facing -y, towards the cameras.
     let upright = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
     Scene {
         objects: vec![
