@@ -141,8 +141,8 @@ struct FrameComparison {
     excess: f64,
 }
 
-/// Compares a frame with the exact one, by the bounds of setting `index` and the share of a pixel's colour range allowed
-/// for rounding.
+/// Compares a frame with the exact one, by the bounds of setting `index` and the share of a pixel's colour range for
+/// rounding.
 fn compare_frame(
     drawn: &[[f32; 3]],
     traced: &[Traced],
