@@ -67,7 +67,7 @@ impl Output {
 /// Time between two lines of progress.
 const LINE_EVERY: Duration = Duration::from_secs(30);
 
-/// Writes a progress line every [`LINE_EVERY`] until the bar is dropped.
+/// Writes a progress line at intervals of `every` until the bar is dropped.
 fn write_lines(
     bar: &ProgressBar,
     name: &'static str,
