@@ -1,5 +1,5 @@
 //! Whole frames by number of splats and size of the picture, and whole training steps of the built-in scene, stage by
-//! stage: a part of what `ashfall bench frame` and `ashfall bench train` measure, by the same code.
+//! stage: a subset of `ashfall bench frame` and `ashfall bench train`.
 
 mod common;
 

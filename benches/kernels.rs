@@ -1,4 +1,4 @@
-//! Every kernel, and the baselines: what `ashfall bench kernels` measures.
+//! Every kernel, and the baselines: the measurements of `ashfall bench kernels`.
 
 mod common;
 

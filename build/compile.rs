@@ -8,7 +8,7 @@ use shaderc::{
 use std::cell::RefCell;
 use std::path::Path;
 
-/// How the embedded modules are optimised. Drivers optimise anyway: `Performance` was measured to gain
+/// Optimisation of the embedded modules. Drivers optimise anyway: `Performance` was measured to gain
 /// nothing on lavapipe, and costs the names that debuggers show.
 const EMBEDDED: OptimizationLevel = OptimizationLevel::Zero;
 
@@ -16,9 +16,9 @@ const EMBEDDED: OptimizationLevel = OptimizationLevel::Zero;
 pub(crate) struct Compiled {
     /// Unoptimised, with every name and every declared binding: for reflection.
     pub(crate) plain: Vec<u32>,
-    /// What the crate embeds.
+    /// Embedded in the crate.
     pub(crate) embedded: Vec<u32>,
-    /// The text of the file and of what it includes.
+    /// The file and its includes.
     pub(crate) sources: Sources,
 }
 
@@ -70,7 +70,7 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
     })
 }
 
-/// A file below the folder; nothing outside it.
+/// Reads a file below the folder; refuses paths outside it.
 fn read(glsl: &Path, name: &str) -> Result<String, String> {
     if name.split('/').any(|part| part == "..") || name.starts_with('/') {
         return Err("includes are named from glsl/ downward".to_owned());

@@ -4,7 +4,7 @@ use super::model::Scalar;
 use super::source::File;
 use std::fmt::Write;
 
-/// The Rust text of every constant; `faults` names the lines that are none.
+/// The Rust text of every constant; lines that are not constants are added to `faults`.
 pub(crate) fn emit(file: &File, faults: &mut Vec<String>) -> String {
     let mut text = String::new();
     for (line, code) in file.code_lines() {

@@ -1,4 +1,4 @@
-//! The part of a kernel's module that chooses: `Variant`, `Spec`, `Choice`.
+//! The `Variant`, `Spec` and `Choice` types of a kernel's module.
 
 use super::emit_kernels::static_name;
 use super::kernel::Kernel;
@@ -74,7 +74,7 @@ pub(crate) fn variant_enum(text: &mut String, kernel: &Kernel) {
     );
 }
 
-/// `Eq` where all tunables have it.
+/// `Eq`, unless a tunable is a float.
 fn eq(kernel: &Kernel) -> &'static str {
     let float = kernel.specs.iter().any(|spec| spec.scalar == Scalar::F32);
     if float { "" } else { ", Eq" }

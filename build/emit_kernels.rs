@@ -38,7 +38,7 @@ pub(crate) fn kernels(kernels: &[Kernel]) -> String {
     text
 }
 
-/// What every module starts with. Not every kernel has use for all of it.
+/// Imports of every module; not every kernel needs all of them.
 const PRELUDE: &str = r#"    #[allow(unused_imports, reason = "one list for all kernels; some have no struct, no image")]
     use crate::{
         error::Result,
@@ -89,7 +89,7 @@ fn bindings(text: &mut String, kernel: &Kernel) {
     let _ = writeln!(text, "    }}");
 }
 
-/// The type that is dispatched, named after the kernel.
+/// The type of the pipeline, named after the kernel.
 fn wrapper(text: &mut String, kernel: &Kernel) {
     let Some(base) = kernel.variants.first() else {
         return;
@@ -135,12 +135,12 @@ fn wrapper(text: &mut String, kernel: &Kernel) {
     );
 }
 
-/// Field of a kernel whose workgroup is tunable.
+/// Field of kernels with a tunable workgroup.
 const FIELD: &str = r"
         /// Invocations of a workgroup.
         pub workgroup: u32,";
 
-/// Method of a kernel whose workgroup is tunable.
+/// Method of kernels with a tunable workgroup.
 const GROUPS: &str = r"
         /// Workgroups of a dispatch with one invocation per element.
         pub fn groups(&self, elements: usize) -> Groups<'static> {

@@ -1,4 +1,4 @@
-//! `layout.rs`: the structs that shaders and host share, as Rust.
+//! `layout.rs`: Rust types of the structs shared by shaders and host.
 
 use super::kernel::Kernel;
 use super::model::Struct;
@@ -6,8 +6,8 @@ use super::source::{At, Sources};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Every struct reachable from a binding or push constants, once; `faults` names the ones that two
-/// kernels declare differently.
+/// Every struct reachable from a binding or push constants, once; conflicting declarations of two kernels are added to
+/// `faults`.
 pub(crate) fn structs<'k>(kernels: &'k [Kernel], faults: &mut Vec<String>) -> String {
     let mut known: BTreeMap<&'k str, (&'k Struct, &'k Sources)> = BTreeMap::new();
     for variant in kernels.iter().flat_map(|kernel| &kernel.variants) {
@@ -35,7 +35,7 @@ pub(crate) fn structs<'k>(kernels: &'k [Kernel], faults: &mut Vec<String>) -> St
     text
 }
 
-/// One struct with its assertions. `rust` is its name here, `path` leads to the structs it contains.
+/// One struct with its assertions. `rust` is its name here, `path` the module path of the structs it contains.
 pub(crate) fn structure(
     text: &mut String,
     found: &Struct,
@@ -44,7 +44,7 @@ pub(crate) fn structure(
     comment: &str,
     sources: &Sources,
 ) {
-    // Rust's `Default` knows arrays up to 32; longer ones are zeroed by other means.
+    // `Default` of arrays ends at 32 elements; longer ones are zeroed by other means.
     let long = found
         .members
         .iter()

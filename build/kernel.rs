@@ -1,4 +1,4 @@
-//! The kernels that the files in `glsl/` make up, and the rules that bind a kernel's variants together.
+//! Kernels made of the files in `glsl/`, and the consistency rules of their variants.
 
 use super::compile::{Compiled, compile};
 use super::model::{Bound, Module, Spec, Type};
@@ -7,7 +7,7 @@ use super::source::{At, Sources};
 use super::types::rust_name;
 use std::path::Path;
 
-/// What Vulkan guarantees for push constants, in bytes.
+/// Push constant bytes that Vulkan guarantees.
 const PARAMS_MAX: u32 = 128;
 
 /// One compiled file.
@@ -52,7 +52,7 @@ impl Kernel {
         Kernel::unite(name, built)
     }
 
-    /// Makes one kernel of its variants, if they agree.
+    /// Makes one kernel of its variants, if they are consistent.
     pub(crate) fn unite(name: &str, variants: Vec<Variant>) -> Result<Kernel, Vec<String>> {
         let Some((base, others)) = variants
             .split_first()
@@ -195,7 +195,7 @@ impl Variant {
             .map_or(0, super::model::Struct::size)
     }
 
-    /// Every type that the host sees in this variant's interface.
+    /// Every type of this variant's interface with the host.
     pub(crate) fn buffer_types(&self) -> impl Iterator<Item = &Type> {
         self.module
             .bindings

@@ -1,8 +1,7 @@
-//! The generator behind `build.rs`: shaders declare, the host is derived.
+//! Generator behind `build.rs`: derives Rust from the shaders' declarations.
 //!
-//! `compile` makes SPIR-V, `reflect` reads a `model` out of it, `kernel` checks what variants must share,
-//! `emit_*` write Rust. `source` supplies what SPIR-V forgets: line numbers for the messages, comments
-//! for the documentation.
+//! `compile` makes SPIR-V, `reflect` turns it into a `model`, `kernel` checks the consistency of variants, `emit_*`
+//! write Rust. `source` supplies line numbers for messages and comments for the documentation, which SPIR-V lacks.
 
 mod compile;
 mod constants;
@@ -30,7 +29,7 @@ use std::path::Path;
 ///
 /// # Errors
 ///
-/// All that is wrong, one `file:line: message` each.
+/// All faults, one `file:line: message` each.
 pub(crate) fn generate(glsl: &Path, out: &Path) -> Result<(), Vec<String>> {
     let lone = |error: std::io::Error| vec![format!("{}: {error}", glsl.display())];
     let mut files = Vec::new();

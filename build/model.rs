@@ -1,11 +1,11 @@
-//! What reflection finds in one compiled kernel, in terms that both GLSL and Rust have words for.
+//! Interface of one compiled kernel, in terms common to GLSL and Rust.
 //!
-//! Everything here is laid out by the scalar rules: members follow each other without padding, so that
-//! `[f32; 3]` is `vec3`. `reflect` refuses whatever is not.
+//! The layout is scalar: members follow each other without padding, so that `[f32; 3]` is `vec3`. `reflect` refuses any
+//! other layout.
 
 use super::shader::{Access, Requirement};
 
-/// A 32-bit number. Others have no use here yet.
+/// A 32-bit number; other widths are not supported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Scalar {
     F32,
@@ -73,7 +73,7 @@ impl Type {
         }
     }
 
-    /// Whether Rust's own `Default` stops short of it: arrays of more than 32.
+    /// True for arrays of more than 32 elements, which have no `Default`.
     pub(crate) fn has_long_array(&self) -> bool {
         match self {
             Type::Array(element, count) => *count > 32 || element.has_long_array(),
@@ -112,10 +112,10 @@ pub(crate) struct Member {
     pub(crate) ty: Type,
 }
 
-/// What a binding holds.
+/// Contents of a binding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Bound {
-    /// A storage buffer of these.
+    /// A storage buffer of this element type.
     Buffer(Type),
     /// A storage image.
     Image,
@@ -127,7 +127,7 @@ pub(crate) struct Binding {
     pub(crate) binding: u32,
     /// The block's one member, or the image.
     pub(crate) name: String,
-    /// The block's own name, by which its comment is found; the image's name for an image.
+    /// Name of the block, the key to its comment; the image's name for an image.
     pub(crate) block: String,
     pub(crate) access: Access,
     pub(crate) bound: Bound,

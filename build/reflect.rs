@@ -1,6 +1,6 @@
-//! Reads out of SPIR-V what a kernel declares: its interface, its tunables, what it needs of a device.
+//! Reflection of SPIR-V: a kernel's interface, tunables and device requirements.
 //!
-//! Refuses what the host has no words for, with the file and line of the declaration at fault.
+//! Declarations without a Rust counterpart are refused, with their file and line.
 
 use super::model::{Binding, Bound, Module, Spec, Struct, Type};
 use super::shader::{Access, Requirement};
@@ -45,7 +45,7 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
     }
     found.requirements.sort();
     found.requirements.dedup();
-    // Views behind what they are views of.
+    // Views follow the bindings that they view.
     found
         .bindings
         .sort_by_key(|binding| (binding.binding, binding.name.len()));
@@ -68,9 +68,9 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
     }
 }
 
-/// Whether a binding is another one seen as vectors of four, by which a kernel reads or writes four numbers at a time.
-/// The host binds the numbers. What is only read, or only written, cannot be read through one view before it is
-/// written through the other.
+/// True if a binding is a view of another one as vectors of four, for access to four numbers at a time. The host binds
+/// the numbers. The access of both must be read-only or write-only, so that a read through one view never needs a write
+/// through the other.
 fn is_view(binding: &Binding, of: &Binding) -> bool {
     let fours = |scalar| Bound::Buffer(Type::Vector(scalar, 4));
     binding.binding == of.binding
@@ -80,7 +80,7 @@ fn is_view(binding: &Binding, of: &Binding) -> bool {
         && matches!(of.bound, Bound::Buffer(Type::Scalar(scalar)) if binding.bound == fours(scalar))
 }
 
-/// What a capability asks of a device; nothing for the ones that every Vulkan device has.
+/// Device requirement of a capability; `None` if every Vulkan device has it.
 fn requirement(line: &Instruction) -> Result<Option<Requirement>, String> {
     let Some(Operand::Capability(capability)) = line.operands.first() else {
         return Err("OpCapability without a capability".to_owned());
@@ -106,7 +106,7 @@ fn requirement(line: &Instruction) -> Result<Option<Requirement>, String> {
     }))
 }
 
-/// A fault and where it is.
+/// A fault and its place.
 type Fault = (At<'static>, String);
 
 enum Global {
@@ -222,7 +222,7 @@ fn access(readonly: bool, writeonly: bool) -> Result<Access, String> {
 }
 
 fn spec_constant(index: &Index<'_>, line: &Instruction, id: u32) -> Result<Option<Spec>, Fault> {
-    // The workgroup's size is a second, nameless constant of the same id.
+    // The workgroup size is a second, nameless constant of the same id.
     let (Some(number), name) = (
         index.value(id, None, Decoration::SpecId),
         index.name(id).to_owned(),

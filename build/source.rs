@@ -1,15 +1,15 @@
-//! The GLSL text of one kernel with all it includes: what SPIR-V forgets, that is line numbers and
-//! comments. It does not parse GLSL; it finds declarations by their punctuation.
+//! GLSL text of one kernel with all its includes, for the line numbers and comments that SPIR-V lacks. Not a GLSL
+//! parser; declarations are found by their punctuation.
 
 use std::fmt::Display;
 
 /// One file.
 pub(crate) struct File {
-    /// As messages show it: `glsl/ranges.comp`.
+    /// Path in messages: `glsl/ranges.comp`.
     path: String,
     /// As written.
     lines: Vec<String>,
-    /// The same with comments blanked out.
+    /// The text with comments blanked out.
     code: String,
 }
 
@@ -41,12 +41,12 @@ impl File {
         self.code.lines().enumerate()
     }
 
-    /// `glsl/ranges.comp:12: what`, for a line counted from 0.
+    /// `glsl/ranges.comp:12: message`, for a line counted from 0.
     pub(crate) fn fault(&self, line: usize, what: impl Display) -> String {
         format!("{}:{}: {what}", self.path, line + 1)
     }
 
-    /// The line a byte of `code` stands on.
+    /// Line of a byte offset into `code`.
     fn line_of(&self, byte: usize) -> usize {
         self.code.bytes().take(byte).filter(|b| *b == b'\n').count()
     }
@@ -75,7 +75,7 @@ impl File {
     }
 }
 
-/// `layout(qualifiers) what`.
+/// A declaration `layout(qualifiers) …`.
 struct Declaration {
     /// Counted from 0.
     line: usize,
@@ -85,13 +85,13 @@ struct Declaration {
 }
 
 impl Declaration {
-    /// Whether one of the qualifiers is `wanted`.
+    /// True if one of the qualifiers is `wanted`.
     fn says(&self, wanted: &str) -> bool {
         self.qualifiers.split(',').any(|said| said == wanted)
     }
 }
 
-/// A place that a rule speaks of.
+/// Place of a fault.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum At<'a> {
     /// The kernel as a whole.
@@ -114,7 +114,7 @@ impl Sources {
         Sources(files)
     }
 
-    /// `glsl/ranges.comp:12: what`, with the line of `at`.
+    /// `glsl/ranges.comp:12: message`, with the line of `at`.
     pub(crate) fn fault(&self, at: At<'_>, what: impl Display) -> String {
         match (self.find(at), self.0.first()) {
             (Some((file, line)), _) => file.fault(line, what),
@@ -123,13 +123,13 @@ impl Sources {
         }
     }
 
-    /// The comment at a place.
+    /// Comment at a place.
     pub(crate) fn comment(&self, at: At<'_>) -> Option<String> {
         let (file, line) = self.find(at)?;
         file.comment_at(line)
     }
 
-    /// The first paragraph of the comment that the kernel's file opens with.
+    /// First paragraph of the comment at the beginning of the kernel's file.
     pub(crate) fn opening(&self) -> Option<String> {
         let lines = self.0.first()?.lines.iter();
         let text: Vec<&str> = lines
@@ -169,7 +169,7 @@ impl Sources {
         })
     }
 
-    /// Where `Name {` stands: the byte of its name.
+    /// Byte offset of the name in `Name {`.
     fn find_block(&self, name: &str) -> Option<(&File, usize)> {
         self.0.iter().find_map(|file| {
             words(&file.code)
@@ -179,7 +179,7 @@ impl Sources {
         })
     }
 
-    /// The rules that only the text can tell: how a file opens, and `scalar` on every block.
+    /// Rules about the text: the opening comment, and `scalar` on every block.
     pub(crate) fn check(&self) -> Vec<String> {
         let mut faults = Vec::new();
         if let Some(kernel) = self.0.first() {
@@ -221,21 +221,21 @@ impl Sources {
         faults
     }
 
-    /// Whether the workgroup's size in x is specialisation constant 0.
+    /// True if the workgroup size in x is specialisation constant 0.
     pub(crate) fn has_workgroup_constant(&self) -> bool {
         let mut all = self.0.iter().flat_map(File::declarations);
         all.any(|declaration| declaration.says("local_size_x_id=0"))
     }
 }
 
-/// The identifiers and numbers of a text, with the byte each starts at.
+/// Identifiers and numbers of a text with their byte offsets.
 fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')
         .filter(|word| !word.is_empty())
         .map(|word| (word.as_ptr() as usize - text.as_ptr() as usize, word))
 }
 
-/// Whether the next character after `byte` that is not a space is one of `wanted`.
+/// True if the next non-space character after `byte` is one of `wanted`.
 fn follows(text: &str, byte: usize, wanted: &[char]) -> bool {
     text.get(byte..)
         .and_then(|rest| rest.trim_start().chars().next())

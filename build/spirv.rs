@@ -5,8 +5,8 @@ use rspirv::dr::{Instruction, ModuleHeader, Operand};
 use rspirv::spirv::{Decoration, Op};
 use std::collections::HashMap;
 
-/// What a module says before its first function. (`rspirv`'s own module loader does not know
-/// `OpExecutionModeId`, by which SPIR-V 1.6 states the workgroup's size.)
+/// The declarations of a module before its first function. (`rspirv`'s own module loader does not support
+/// `OpExecutionModeId`, by which SPIR-V 1.6 declares the workgroup size.)
 #[derive(Default)]
 pub(crate) struct Globals {
     lines: Vec<Instruction>,
@@ -96,7 +96,7 @@ impl<'a> Index<'a> {
         }
     }
 
-    /// The name the source gives to an id; empty where it gives none.
+    /// Source name of an id; empty if it has none.
     pub(crate) fn name(&self, id: u32) -> &'a str {
         self.names.get(&id).copied().unwrap_or_default()
     }
@@ -106,12 +106,12 @@ impl<'a> Index<'a> {
         name.copied().unwrap_or_default()
     }
 
-    /// Whether an id, or a member of it, carries a decoration.
+    /// True if an id, or a member of it, carries a decoration.
     pub(crate) fn is(&self, id: u32, member: Option<u32>, wanted: Decoration) -> bool {
         self.find(id, member, wanted).is_some()
     }
 
-    /// The number a decoration carries, such as an offset or a binding.
+    /// Number of a decoration, such as an offset or a binding.
     pub(crate) fn value(&self, id: u32, member: Option<u32>, wanted: Decoration) -> Option<u32> {
         self.find(id, member, wanted)?
     }
@@ -138,7 +138,7 @@ impl<'a> Index<'a> {
     }
 }
 
-/// The bits of a 32-bit operand; ids included.
+/// Bits of a 32-bit operand, ids included.
 pub(crate) fn bits(operand: &Operand) -> u32 {
     match operand {
         Operand::LiteralBit32(value) | Operand::IdRef(value) => *value,

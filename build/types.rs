@@ -1,10 +1,10 @@
-//! The types of a module's interface, as the host will lay them out: packed, of 32-bit numbers.
+//! Interface types of a module, packed, of 32-bit numbers.
 
 use super::model::{Member, Scalar, Struct, Type};
 use super::spirv::{Index, bits};
 use rspirv::spirv::{Decoration, Op};
 
-/// A struct or block, refused where it is padded.
+/// A struct or block; padding is refused.
 pub(crate) fn structure(index: &Index<'_>, id: u32) -> Result<Struct, String> {
     let name = index.name(id).to_owned();
     let mut members = Vec::new();
@@ -70,7 +70,7 @@ pub(crate) fn type_of(index: &Index<'_>, id: u32) -> Result<Type, String> {
     }
 }
 
-/// Refuses an array whose elements are padded.
+/// Refuses arrays with padded elements.
 pub(crate) fn check_stride(index: &Index<'_>, array: u32, element: &Type) -> Result<(), String> {
     match index.value(array, None, Decoration::ArrayStride) {
         Some(stride) if stride == element.size() => Ok(()),
@@ -78,7 +78,7 @@ pub(crate) fn check_stride(index: &Index<'_>, array: u32, element: &Type) -> Res
     }
 }
 
-/// Words that GLSL allows as names and Rust does not.
+/// Rust keywords that are valid names in GLSL.
 const RESERVED: &[&str] = &[
     "abstract", "as", "async", "await", "become", "box", "crate", "dyn", "enum", "extern", "final",
     "fn", "gen", "impl", "let", "loop", "macro", "match", "mod", "move", "mut", "override", "priv",
@@ -86,7 +86,7 @@ const RESERVED: &[&str] = &[
     "use", "virtual", "where", "yield",
 ];
 
-/// Checks that a name is one in Rust's style.
+/// Checks for a name in Rust's style.
 pub(crate) fn rust_name(name: &str) -> Result<String, String> {
     let snake = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     if name.is_empty() || name.starts_with(|c: char| !c.is_ascii_lowercase()) {

@@ -1,4 +1,4 @@
-//! A host with a Vulkan device of its own lets the engine draw into its image, in its command buffer.
+//! Embedding: the engine draws into a host's image, on the host's Vulkan device and in its command buffer.
 //!
 //!     cargo run --release --example embed
 //!
@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let submitted = [commands];
     let submit = vk::SubmitInfo::default().command_buffers(&submitted);
-    // SAFETY: all that was recorded is alive until the queue is idle.
+    // SAFETY: everything recorded is alive until the queue is idle.
     unsafe {
         device.end_command_buffer(commands)?;
         device.queue_submit(host.queue, &[submit], vk::Fence::null())?;
@@ -168,7 +168,7 @@ impl Host {
     }
 }
 
-/// Device with everything that REQUIRED lists, and writes to storage images of any format.
+/// Device with everything in REQUIRED, and writes to storage images of any format.
 fn create_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,

@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let center = means().sum::<DVec3>() / splats.len().max(1) as f64;
     let mut distances: Vec<f64> = means().map(|mean| mean.distance(center)).collect();
     distances.sort_by(f64::total_cmp);
-    // Nine tenths of the splats; the rest may be background.
+    // Radius around 90 % of the splats; the rest may be background.
     let radius = distances
         .get(distances.len() * 9 / 10)
         .copied()

@@ -1,4 +1,4 @@
-//! Trains the built-in scene for some steps; writes it, and a rendering of one of its held-out views beside it.
+//! Trains the built-in scene for some steps; writes it with a rendering of a held-out view.
 //!
 //!     cargo run --release --example train_builtin [OUT.png] [ITERATIONS]
 

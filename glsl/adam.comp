@@ -4,9 +4,9 @@
 
 // One step of Adam on every parameter.
 //
-// One invocation per vec4 of a plane; a row of workgroups covers a plane. Gradients that are not finite, or whose
-// squares are not, leave their four parameters and moments alone and are counted. Quaternions are normalised again, so
-// that their length cannot drift and slow them down; scales are moved back to where a splat's aspect is bounded.
+// One invocation per vec4 of a plane; a row of workgroups covers a plane. A gradient that is not finite, or with a
+// square that is not, leaves its four parameters and moments unchanged and is counted. Quaternions are normalised
+// again, so that their length cannot drift and slow them down; scales are clamped to the bound on a splat's aspect.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
@@ -18,7 +18,7 @@ layout(set = 0, binding = 3, scalar) buffer Moments1 { vec4 moment1[]; };
 layout(set = 0, binding = 4, scalar) buffer Moments2 { vec4 moment2[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint first_splat;        // number of the first splat of this dispatch
+    uint first_splat;        // index of the first splat of this dispatch
     uint splat_count;        // splats of this dispatch
     uint stride;             // elements between two planes
     float rate_mean;         // learning rates
@@ -32,7 +32,7 @@ layout(push_constant, scalar) uniform Push {
     float epsilon;
     float correction1;       // 1 / (1 - beta1^step), in double precision on the host
     float correction2;       // 1 / (1 - beta2^step)
-    float log_aspect_max;    // most that a splat's log-scales may differ by; 0: no bound
+    float log_aspect_max;    // largest difference of a splat's log-scales; 0: no bound
 } push;
 
 vec4 rate_of(uint plane) {
@@ -43,7 +43,7 @@ vec4 rate_of(uint plane) {
     return vec4(push.rate_sh_rest);
 }
 
-// The nearest log-scales of which no two are further apart than `most`; their sum, the splat's volume, stays.
+// The nearest log-scales with pairwise differences up to `most`; their sum (the log of the splat's volume) stays.
 vec3 bounded(vec3 x, float most) {
     float high = max(x.x, max(x.y, x.z));
     float low = min(x.x, min(x.y, x.z));
@@ -61,7 +61,7 @@ void main() {
     if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
     uint place = plane * push.stride + splat;
     vec4 g = d_params[place];
-    // A square beyond all numbers would stay in the second moment for ever.
+    // An infinite square would stay in the second moment.
     if (!is_finite(g * g)) {
         atomicAdd(counts[COUNT_POISONED], 1);
         atomicMax(counts[COUNT_POISONED_FIRST], 0xffffffffu - (push.first_splat + splat));
@@ -75,6 +75,6 @@ void main() {
     vec4 next = params[place] - step;
     if (plane == 1) next /= quaternion_length(next);
     if (plane == 2 && push.log_aspect_max > 0.0) next.xyz = bounded(next.xyz, push.log_aspect_max);
-    // The state before is the last good one.
+    // Else the previous state stays, which is finite.
     if (is_finite(next)) params[place] = next;
 }

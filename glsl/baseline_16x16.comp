@@ -1,11 +1,11 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// A baseline, never chosen to draw: compositing as the 3DGS paper designs it (Kerbl et al. 2023, section 6).
+// Baseline, not used in rendering: compositing as in the 3DGS paper (Kerbl et al. 2023, section 6).
 //
-// One workgroup per tile of 16x16 pixels and one pixel per invocation. Splats come in batches of 256 that
-// the workgroup fetches together into shared memory; a tile is done when all of its pixels vote so. It has
-// lists of its own, by tiles of its own size, and composites what `rasterize` does.
+// One workgroup per tile of 16x16 pixels and one pixel per invocation. The workgroup fetches batches of 256 splats into
+// shared memory; a tile ends when all of its pixels vote so. Its lists are per tile of its own size; its result is that
+// of `rasterize`.
 
 layout(local_size_x = 256) in;
 

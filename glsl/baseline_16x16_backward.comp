@@ -4,11 +4,11 @@
 #extension GL_EXT_shader_atomic_float : require
 #include "shared/prelude.glsl"
 
-// A baseline, never chosen to train: the backward pass of `baseline_16x16`, pixel by pixel from back to front.
+// Baseline, not used in training: the backward pass of `baseline_16x16`, pixel by pixel from back to front.
 //
-// One workgroup per tile of 16x16 pixels and one pixel per invocation. Where any pixel of a subgroup blends a
-// splat, the subgroup adds up its nine sums and one invocation adds them to the splat's, atomically and so
-// in no fixed order. It runs only where floats can be added atomically, which it does not make up for.
+// One workgroup per tile of 16x16 pixels and one pixel per invocation. If any pixel of a subgroup blends a splat, the
+// subgroup adds up its nine sums and one invocation adds them to the splat's, atomically and so in no fixed order. It
+// needs atomic float addition, which it does not emulate.
 
 layout(local_size_x = 256) in;
 
@@ -29,20 +29,20 @@ layout(set = 0, binding = 9, scalar) buffer Sums { float sum_from_splat[]; };
 shared uint batch_splat[BASELINE_BATCH];
 shared uint last_of_tile;
 
-// The pixel: what passes before the splat at hand, the upstream gradient, and the colour behind the splat
-// projected on it.
+// Of the pixel: transmittance in front of the current splat, upstream gradient, and colour behind the splat projected
+// on it.
 float transmittance;
 vec3 d_color;
 float behind;
 
-// Takes a splat off the pixel: s and the blending weight.
+// Removes a splat from the pixel; returns s and the blending weight.
 vec2 take_off(uint slot, float exponent) {
     float raw = exp2(exponent);
     float alpha = min(raw, ALPHA_MAX);
     transmittance /= 1.0 - alpha;
     float weight = alpha * transmittance;
     float ahead = dot(d_color, vec3(batch_tone[slot].zw, batch_blue[slot]));
-    // The cap passes no gradient to what it caps.
+    // No gradient where alpha is capped.
     float s = raw < ALPHA_MAX ? weight * (ahead - behind) : 0.0;
     behind = mix(behind, ahead, alpha);
     return vec2(s, weight);
@@ -77,7 +77,7 @@ void main() {
     behind = dot(d_color, view.background);
     uint end = inside ? isect_end_from_pixel[pixel] : 0;
 
-    // What lies behind the last splat of all pixels need not be fetched.
+    // Splats behind the last one of all pixels need not be fetched.
     if (lane == 0) last_of_tile = 0;
     barrier();
     atomicMax(last_of_tile, end);

@@ -4,7 +4,7 @@
 // Lists the visible splats in the order of their index, with their depth as a sortable key.
 //
 // One invocation per splat; `visible_from_splat` is the exclusive prefix sum of "touches a tile".
-// Depths are positive (the near plane is), so their bits order as they do.
+// Depths are positive (beyond the near plane), so their bits have the same order.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;

@@ -1,10 +1,10 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Finds what the pixels of a tile would lose with each of its splats.
+// Contribution of each splat of a tile's list to the tile's pixels.
 //
-// One workgroup per tile. Lanes pass splats round, vote and add up through shared memory, in lane order, so any
-// subgroup size will do.
+// One workgroup per tile. Lanes exchange splats, vote and add up through shared memory, in lane order, for any subgroup
+// size.
 
 #include "contribution.glsl"
 #include "shared/stage.shared.glsl"

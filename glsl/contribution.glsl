@@ -1,13 +1,13 @@
-// What the pixels of a tile would lose with each splat of its list; `contribution.comp` and its variants include this
-// and say how lanes agree and add up.
+// Contribution of each splat of a tile's list to the tile's pixels; included by `contribution.comp` and its variants,
+// which define the lanes' votes and sums.
 //
-// One record per (tile, splat) pair, written once and without atomics. Lanes fetch splats a batch at a time, one
-// each, and pass them round; in the end each lane holds, and stores, the record of the splat that it fetched.
+// One record per (tile, splat) pair, written once and without atomics. Each lane fetches one splat of a batch and
+// shares it; in the end it holds, and stores, the record of that splat.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
-// Not 0: pixels end as in the 3DGS code.
+// Not 0: pixels end by the rule of the 3DGS code.
 layout(constant_id = 3) const uint INRIA = 0;
 layout(local_size_x_id = 0) in;
 
@@ -29,11 +29,11 @@ layout(push_constant, scalar) uniform Push {
 #include "shared/stage.glsl"
 #include "shared/weights.glsl"
 
-// Over the pixels where a splat counts: the largest of what is spent there and its weight together, the sum of its
-// weights, and the lowest limit. All lanes call this, with their own pixels' part.
+// Reduction over all lanes, of the pixels where a splat counts: the maximum of budget spent plus weight, the sum of the
+// weights, and the lowest limit. All lanes call this with their own pixels' part.
 vec3 over_lanes(vec3 mine);
 
-// What a splat has that counts nowhere.
+// Record of a splat that counts nowhere.
 const vec3 NOTHING = vec3(0.0, 0.0, 3.4e38);
 
 vec4 spent[QUADS];
@@ -71,7 +71,7 @@ vec3 contribution(Tile t, Staged splat) {
                    both_of(vec3(most.z, sum.z, least.z), vec3(most.w, sum.w, least.w)));
 }
 
-// Weighs a batch, the first from `begin` on.
+// Contributions of a batch of splats from `begin` on.
 void weigh_batch(Tile t, uint begin, uint end) {
     uint lane = stage_lane();
     bool mine = lane < end - begin;
@@ -83,7 +83,8 @@ void weigh_batch(Tile t, uint begin, uint end) {
     uint count = min(WORKGROUP, end - begin);
     vec3 kept = NOTHING;
     uint i = 0;
-    // Two a turn, which halves the turns that a software device counts; an odd one has a hidden partner.
+    // Two per iteration, to halve the iterations that a software device counts; an odd one is paired with a hidden
+    // splat.
     do {
         vec3 even = over_lanes(contribution(t, staged_by(i)));
         vec3 odd = over_lanes(contribution(t, staged_by(i + 1)));
@@ -99,7 +100,7 @@ void weigh_tile(uint tile) {
     load_pixels(t);
     uvec2 range = range_from_tile[tile];
     uint begin = range.x;
-    // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+    // Tested at the end: some software devices run a body once more, without active lanes, to find that a loop is over.
     if (begin < range.y) {
         do {
             weigh_batch(t, begin, range.y);
@@ -107,7 +108,7 @@ void weigh_tile(uint tile) {
             if (!any_open()) break;
         } while (begin < range.y);
     }
-    // Splats behind the last one that counted: nobody else clears their records.
+    // Records of splats behind the last one that counted, which nothing else clears.
     for (uint isect = begin + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
         record_from_emitted[emitted_from_isect[isect]] = NOTHING;
     }

@@ -3,10 +3,9 @@
 #extension GL_KHR_shader_subgroup_shuffle : require
 #include "shared/prelude.glsl"
 
-// Finds what the pixels of a tile would lose with each of its splats.
+// Contribution of each splat of a tile's list to the tile's pixels.
 //
-// One workgroup per tile, and the workgroup lies in one subgroup: lanes pass splats round, vote and add up by
-// shuffles, in an order that is fixed.
+// One workgroup per tile, in one subgroup: lanes exchange splats, vote and add up by shuffles, in a fixed order.
 
 #include "contribution.glsl"
 #include "shared/stage.shuffle.glsl"
@@ -20,7 +19,7 @@ vec3 across(vec3 mine, uint mask) {
                               subgroupShuffleXor(mine.z, mask)));
 }
 
-// Written out: a loop over masks would be one, turn by turn, to devices that count the turns of all loops.
+// Unrolled by hand: a loop over masks would add to the iterations that some devices count over all loops.
 vec3 over_lanes(vec3 mine) {
     mine = across(across(across(mine, 1), 2), 4);
     if (WORKGROUP > 8) mine = across(mine, 8);

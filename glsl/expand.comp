@@ -2,15 +2,15 @@
 #include "shared/prelude.glsl"
 #include "shared/gaussian.glsl"
 
-// Lists one intersection for every tile that a visible splat of the band at hand touches, in depth order.
+// Lists one intersection for every tile that a visible splat of the current band touches, in depth order.
 //
-// One invocation per such splat, nearest first; a splat's intersections are contiguous. What was
-// counted bounds what is written, and slots that rounding should leave over go to no tile.
+// One invocation per such splat, nearest first; a splat's intersections are contiguous. The count bounds the writes,
+// and slots left over by rounding go to no tile.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
-// Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
+// Log2 of the least alpha drawn; that of 1/255 (3DGS paper, appendix C).
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
-// Not 0: tiles are those that the 3DGS code lists a splat for.
+// Not 0: tiles by the rule of the 3DGS code.
 layout(constant_id = 2) const uint INRIA = 0;
 layout(local_size_x_id = 0) in;
 
@@ -48,7 +48,7 @@ void main() {
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = tile_columns(e, row, view.size);
         uint begin_of_row = uint(row) * view.tiles.x;
-        // Two a turn: llvmpipe leaves loops after 65,535 turns, and the largest image that it binds has
+        // Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest image that it binds has
         // 65,536 tiles.
         for (int column = columns.x; column <= columns.y && next < end; column += 2) {
             list(next++, begin_of_row + uint(column), splat);

@@ -1,7 +1,7 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Reads values through an index: the tile counts of the visible splats in depth order.
+// Indexed reads: the tile counts of the visible splats in depth order.
 //
 // One invocation per visible splat.
 

@@ -3,15 +3,15 @@
 #include "shared/window.glsl"
 #include "shared/photo.glsl"
 
-// Compares a render with its photograph: L1, SSIM and squared error per tile, and SSIM's derivatives.
+// Loss terms of a render and its photograph: L1, SSIM and squared error per tile, and SSIM's derivatives.
 //
-// One workgroup per tile and all three channels, one after the other. The window is separable: a
-// lane slides it along a strip of a row, then down a strip of a column, held in registers. Values are
-// shifted by one pixel of the photograph, so that variances of flat bright tiles do not cancel. SSIM needs
-// the two variances only as their sum, so four moments do: the means of x, y, x^2 + y^2 and x y.
+// One workgroup per tile and all three channels, one after the other. The window is separable: a lane slides it along a
+// strip of a row, then down a strip of a column, held in registers. Values are shifted by one pixel of the photograph,
+// so that variances of flat bright tiles do not cancel. SSIM needs only the sum of the two variances, hence four
+// moments: the means of x, y, x^2 + y^2 and x y.
 
 layout(constant_id = 0) const uint WORKGROUP = 32;
-// 0: without SSIM and so without windows, which are most of the work; slopes are not written.
+// 0: without SSIM and its windows, most of the work; slopes are not written.
 layout(constant_id = 1) const uint WITH_SSIM = 1;
 layout(local_size_x_id = 0) in;
 
@@ -30,7 +30,7 @@ layout(push_constant, scalar) uniform Push {
 shared vec4 along[WINDOW_SPAN][LOSS_TILE_WIDTH];
 shared vec4 lane_loss[WORKGROUP];
 
-// Read once: a buffer load costs as much as several arithmetic operations.
+// Cached: a buffer load costs as much as several arithmetic operations.
 uvec2 size;
 uint alpha_mode;
 uint pixels;
@@ -42,8 +42,8 @@ struct Channel {
     float shift;
 };
 
-// The weighted pair (render, photograph) and the weight at a pixel; zeros outside, where positions left of the
-// image or above it are too, being unsigned.
+// The weighted pair (render, photograph) and the weight at a pixel; zeros outside. Coordinates left of the image or
+// above it wrap to large unsigned numbers, outside too.
 vec3 pair_at(uint x, uint y, Channel c) {
     bool inside = x < size.x && y < size.y;
     uint pixel = (y < size.y ? y : 0) * size.x + min(x, size.x - 1);
@@ -63,7 +63,7 @@ void slide_along_row(uvec2 corner, uint row, uint begin, Channel c) {
     [[unroll]] for (uint to = 0; to < STRIP; ++to) along[row][begin + to] = window_sum(values, to);
 }
 
-// The loss terms of a pixel, but SSIM's.
+// Loss terms of a pixel without SSIM.
 vec4 differ(vec3 here) {
     float weight = here.z;
     float difference = weight > 0.0 ? (here.x - here.y) / weight : 0.0;
@@ -122,7 +122,8 @@ void main() {
     for (uint index = 0; index < 3; ++index) {
         Channel c = Channel(index, view.background[index], 0.0);
         c.shift = pair_at(middle.x, middle.y, c).y;
-        // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+        // Tested at the end: some software devices run a body once more, without active lanes, to find that a loop is
+        // over.
         uint i = lane;
         if (WITH_SSIM != 0) do {
             if (i < ROW_STRIPS) slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, c);

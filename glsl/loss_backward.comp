@@ -5,11 +5,11 @@
 
 // Gradient of the loss (1 - lambda) L1 + lambda (1 - SSIM) by every pixel of the render.
 //
-// One workgroup per tile, channel after channel: the derivatives by each window's moments are spread
-// back by the same window, along rows and then down columns, strips held in registers as in `loss`.
+// One workgroup per tile, channel after channel: the derivatives by each window's moments are spread back by the same
+// window, along rows and then down columns, with strips in registers as in `loss`.
 
 layout(constant_id = 0) const uint WORKGROUP = 32;
-// 0: of L1 alone; slopes are not read.
+// 0: L1 only; slopes are not read.
 layout(constant_id = 1) const uint WITH_SSIM = 1;
 layout(local_size_x_id = 0) in;
 
@@ -27,11 +27,11 @@ layout(push_constant, scalar) uniform Push {
 
 shared vec3 along[WINDOW_SPAN][LOSS_TILE_WIDTH];
 
-// The image's size, read once: a buffer load costs as much as several arithmetic operations.
+// Image size, cached: a buffer load costs as much as several arithmetic operations.
 uvec2 size;
 
 void slide_along_row(uvec2 corner, uint row, uint begin, uint channel) {
-    // As unsigned numbers, positions left of the image or above it are beyond it too.
+    // Coordinates left of the image or above it wrap to large unsigned numbers, outside too.
     uint y = corner.y + row - WINDOW_REACH;
     uint x = corner.x + begin - WINDOW_REACH;
     bool in_rows = y < size.y;
@@ -51,7 +51,7 @@ void store(uvec2 at, uint channel, vec3 sums) {
     float weight = weight_of(rgba, push.alpha_mode);
     float x = image[place];
     float y = target_of(rgba, channel, push.alpha_mode, view.background[channel]);
-    // The windows saw weight * x and weight * y.
+    // The moments are of weight * x and weight * y.
     float d_ssim = weight * (sums.x + weight * (2.0 * x * sums.y + y * sums.z));
     d_image[place] = push.l1_scale * weight * sign(x - y) - push.ssim_scale * d_ssim;
 }
@@ -75,7 +75,8 @@ void main() {
     uvec2 corner = uvec2(tile % tiles.x, tile / tiles.x) * extent;
     uint lane = gl_LocalInvocationID.x;
     for (uint channel = 0; channel < 3; ++channel) {
-        // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+        // Tested at the end: some software devices run a body once more, without active lanes, to find that a loop is
+        // over.
         uint i = lane;
         if (WITH_SSIM != 0) do {
             if (i < ROW_STRIPS) slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, channel);

@@ -1,7 +1,7 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Adds up the tiles' loss terms: L1, 1 - SSIM, squared error, weight (sums over pixels and channels).
+// Sums of the tiles' loss terms over pixels and channels: L1, 1 - SSIM, squared error, weight.
 //
 // One workgroup; lanes add in a fixed order, so the loss has the same bits in every run.
 

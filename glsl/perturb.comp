@@ -2,8 +2,8 @@
 #include "shared/prelude.glsl"
 #include "shared/gaussian.glsl"
 
-// MCMC's exploration: moves every mean by noise of the splat's own shape, the less the more opaque it is
-// (3DGS as Markov Chain Monte Carlo, equation 9).
+// MCMC's exploration: moves every mean by noise with the splat's own covariance, less with higher opacity (3DGS as
+// Markov Chain Monte Carlo, equation 9).
 //
 // One invocation per splat. Random numbers are a function of (seed, step, splat) alone.
 
@@ -15,13 +15,13 @@ layout(set = 0, binding = 1, scalar) buffer ParamsBlock { vec4 params[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Index { uint splat_from_slot[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint first_splat; // number of the first splat of this dispatch, which random numbers go by
+    uint first_splat; // index of the first splat of this dispatch, for the random numbers
     uint splat_count; // splats of this dispatch
     uint stride;      // elements between two planes
     uint seed;
     uint step;
     float amplitude;  // noise scale times the learning rate of the means
-    uint indexed;     // not 0: slots are not in the order of their splats, and the index says whose they are
+    uint indexed;     // not 0: slots are not in splat order; the index gives each slot's splat
 } push;
 
 // PCG's output permutation on a 32-bit state: every bit of the input reaches every bit of the output.
@@ -31,7 +31,7 @@ uint scramble(uint x) {
     return (word >> 22) ^ word;
 }
 
-// Uniform in (0, 1): never 0, whose logarithm would be infinite.
+// Uniform in (0, 1): never 0, as its logarithm is infinite.
 float uniform_of(uint splat, uint draw) {
     uint word = scramble(scramble(scramble(scramble(push.seed) ^ push.step) ^ splat) ^ draw);
     return (float(word >> 9) + 0.5) * (1.0 / 8388608.0);

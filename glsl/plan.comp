@@ -1,14 +1,14 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Turns a count that only the device knows into dispatch sizes, and notices what does not fit.
+// Dispatch sizes from counts on the device, and detection of full buffers.
 //
-// One invocation. Stage 0 runs when the visible splats are counted, stage 1 when their intersections are: it thresholds
-// off a band, as many splats in depth order as the buffers have room for. Bands are composited one over the
-// other, so that a frame may want more intersections than there is room for. A frame that is not done with the last
-// band recorded sets COUNT_FAILED, and one with a single band plans nothing then; while that stands every later
-// frame plans nothing either, so that the host can grow the buffers and go on exactly where it left off. Stage 2
-// plans a band again of which the host has put back where it begins and ends.
+// One invocation. Stage 0 runs once the visible splats are counted, stage 1 once their intersections are: it cuts off a
+// band, the most splats in depth order that fit the buffers. Bands are composited one over the other, so that a frame
+// may have more intersections than the buffers hold. A frame that is unfinished after the last recorded band sets
+// COUNT_FAILED (and plans nothing if it has a single band); while it is set, later frames plan nothing either, so that
+// the host can grow the buffers and resume exactly there. Stage 2 plans a band again after the host has restored its
+// begin and end.
 
 layout(local_size_x = 1) in;
 
@@ -17,20 +17,20 @@ layout(set = 0, binding = 1, scalar) writeonly buffer Args { DispatchArgs args[]
 layout(set = 0, binding = 2, scalar) readonly buffer Offsets { uint isect_from_rank[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint stage;            // 0: visible splats, 1: the next band, 2: a band once more
-    uint isect_capacity;   // intersections the buffers hold
-    uint chunk;            // least keys of a chunk of the radix sort, where there are many
+    uint stage;            // 0: visible splats, 1: the next band, 2: a band again
+    uint isect_capacity;   // capacity of the buffers in intersections
+    uint chunk;            // least keys of a chunk of the radix sort, beyond two workgroups of chunks
     uint chunks_per_group; // chunks one workgroup of the sort handles
     uint digit_count;      // entries of a digit table
     uint workgroup;        // invocations per workgroup of the elementwise and scan kernels
-    uint group_limit;      // workgroups the device takes in one dimension
+    uint group_limit;      // most workgroups in one dimension
     uint tile_count;       // tiles of the image
     uint band;             // the band to plan
-    uint band_count;       // bands that are recorded
-    uint rank_limit;       // splats that a band may hold
+    uint band_count;       // recorded bands
+    uint rank_limit;       // most splats of a band
 } push;
 
-// `count` workgroups, folded into two dimensions where one does not hold them.
+// `count` workgroups, folded into two dimensions beyond the limit of one.
 void write_args(uint slot, uint count) {
     uint x = min(count, push.group_limit);
     args[slot].x = x;
@@ -42,8 +42,8 @@ uint divide_up(uint a, uint b) {
     return a / b + (a % b != 0 ? 1 : 0);
 }
 
-// Chunks of a sort: whole workgroups, so that no lane is idle, and an even number of them, so that neither of a
-// software device's two threads is.
+// Chunks of a sort: whole workgroups, so that all lanes are busy, and an even number of them, for both of a software
+// device's two threads.
 uint chunks_of(uint count) {
     uint twice = 2 * push.chunks_per_group;
     return count == 0 ? 0 : twice * max(count / (twice * push.chunk), 1);
@@ -64,12 +64,12 @@ void plan_visible() {
 
 uint visible;
 
-// Intersections of the splats before one.
+// Number of intersections of the splats before `rank`.
 uint isects_before(uint rank) {
     return rank < visible ? isect_from_rank[rank] : counts[COUNT_ISECT_WANTED];
 }
 
-// The end of the longest band from `begin` on that there is room for.
+// End of the longest band from `begin` on that fits the buffers.
 uint end_of_band(uint begin) {
     uint base = isects_before(begin);
     uint beyond = begin + min(visible - begin, push.rank_limit);
@@ -106,7 +106,7 @@ void plan_next() {
     uint begin = push.band == 0 ? 0 : counts[COUNT_BAND_END];
     uint end = visible;
     if (!failed) {
-        // A total that has met the largest number stands for a larger one, and offsets have lost their meaning.
+        // A total saturated at 2^32 - 1 may stand for a larger one, and offsets are then invalid.
         bool countable = counts[COUNT_ISECT_WANTED] != ~0u;
         if (countable) end = end_of_band(begin);
         bool enough = countable && (end == visible || push.band + 1 < push.band_count);
@@ -115,7 +115,7 @@ void plan_next() {
             failed = !countable || push.band == 0;
         }
     }
-    // Nothing is left to draw behind a failure.
+    // After a failure nothing is left to draw.
     if (failed) end = visible;
     plan_band(begin, end, !failed);
 }

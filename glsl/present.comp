@@ -3,7 +3,7 @@
 
 // Writes a composited image into the host's storage image: colour, and opacity as alpha.
 //
-// One invocation per pixel of an 8x8 block. The colour has the background blended in already.
+// One invocation per pixel of an 8x8 block. The colour includes the background.
 
 layout(local_size_x = 8, local_size_y = 8) in;
 

@@ -3,26 +3,26 @@
 #include "shared/gaussian.glsl"
 #include "shared/sh.glsl"
 
-// Finds each splat's ellipse, colour and depth on the screen, and how many tiles it touches.
+// Projects splats: ellipse, colour and depth on the screen, and number of tiles touched.
 //
-// One invocation per splat, which lies at a slot of the parameters. A splat that cannot be seen (behind the near plane,
-// off the screen, too faint, or not finite in any parameter) gets the tile count 0, and nothing reads the rest of it.
+// One invocation per splat, given by its slot among the parameters. An invisible splat (behind the near plane, off the
+// screen, too faint, or not finite in any parameter) gets the tile count 0, and the rest of its record is not read.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
-// Log2 of the alpha below which a splat is left out of a pixel; that of 1/255 (3DGS paper, appendix C).
+// Log2 of the least alpha drawn; that of 1/255 (3DGS paper, appendix C).
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
-// Not 0: tiles are those that the 3DGS code lists a splat for.
+// Not 0: tiles by the rule of the 3DGS code.
 layout(constant_id = 3) const uint INRIA = 0;
-// How parameters are stored: 0 as floats; 1: harmonics as pairs of halves; 2: all but means.
+// Storage of parameters: 0: floats; 1: SH as pairs of halves; 2: all but means as halves.
 layout(constant_id = 4) const uint PRECISION = 0;
-// Not 0: slots are not in the order of their splats, and the index says whose they are.
+// Not 0: slots are not in splat order; the index gives each slot's splat.
 layout(constant_id = 5) const uint INDEXED = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer ParamsBlock { vec4 params[]; };
-// A splat on the screen, in arrays of their own: a binding then reaches several million splats.
+// Projected splats as separate arrays: a binding then reaches several million splats.
 layout(set = 0, binding = 2, scalar) writeonly buffer Shapes { vec4 ellipse_from_splat[]; };
 layout(set = 0, binding = 3, scalar) writeonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Rests { vec2 blue_depth_from_splat[]; };
@@ -34,9 +34,9 @@ layout(push_constant, scalar) uniform Push {
     uint stride;       // elements between two planes of parameters
 } push;
 
-// A splat as it is stored, but for its harmonics.
+// A stored splat without its SH coefficients.
 struct Stored {
-    vec4 mean;      // and the opacity's logit
+    vec4 mean;      // xyz and the opacity's logit
     vec4 rotation;
     vec4 shaping;   // log-scale and the standard deviation of the 3D smoothing filter
 };
@@ -56,7 +56,7 @@ vec3 color_toward(uint slot, vec3 direction, inout bool sound) {
     sh_basis(SH_DEGREE, direction, basis);
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
     float sum[3] = float[](0.5, 0.5, 0.5);
-    // Numbers of a vec4.
+    // Numbers per vec4.
     const uint each = PRECISION == 0 ? 4 : 8;
     const uint first = PRECISION == 2 ? HALF_GEOMETRY_PLANES : GEOMETRY_PLANES;
     [[unroll]] for (uint plane = 0; plane < (terms * 3 + each - 1) / each; ++plane) {

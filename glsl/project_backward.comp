@@ -3,16 +3,16 @@
 #include "shared/gaussian.glsl"
 #include "shared/sh.glsl"
 
-// Gradient of every parameter of every splat, from the records that compositing left.
+// Gradient of every parameter of every splat, from the records of compositing.
 //
-// One invocation per splat, which lies at a slot of the parameters. A splat's records are contiguous and are summed in
-// order, so that the result is the same in every run. The projection is done again rather than stored. Also keeps the
-// statistics that density control reads. Where the frame took several bands, there are records of one band at a time,
-// with all records of its splats; splats of other bands are left alone.
+// One invocation per splat, given by its slot among the parameters. A splat's records are contiguous and are summed in
+// order, so that the result is the same in every run. The projection is recomputed, not stored. Also updates the
+// statistics for density control. If the frame took several bands, the records are those of one band, with all records
+// of its splats; splats of other bands are skipped.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
-// Not 0: slots are not in the order of their splats, and the index says whose they are.
+// Not 0: slots are not in splat order; the index gives each slot's splat.
 layout(constant_id = 2) const uint INDEXED = 0;
 layout(local_size_x_id = 0) in;
 
@@ -36,8 +36,8 @@ layout(push_constant, scalar) uniform Push {
     uint stride;            // elements between two planes of parameters
     float opacity_penalty;  // added to dL/d opacity of every splat
     float scale_penalty;    // added to dL/d scale of every splat and axis
-    float size_penalty;     // times the scale, likewise: the slope of half of it times the squared scale
-    uint banded;            // not 0: a splat that is seen, but begins at NOT_LISTED, is of another band
+    float size_penalty;     // times the scale, likewise: the derivative of half the squared scale
+    uint banded;            // not 0: a visible splat with begin NOT_LISTED belongs to another band
 } push;
 
 struct Gradient {
@@ -47,7 +47,7 @@ struct Gradient {
     vec3 log_scale;
 };
 
-// What the image says about a splat's colour, and from where it is seen; nothing of one that is not.
+// Gradient of a splat's colour and its viewing direction; zero if it is not visible.
 struct Seen {
     bool any;
     vec3 direction;
@@ -55,8 +55,8 @@ struct Seen {
     vec3 d_color;
 };
 
-// Stores dL/d SH and returns dL/d direction (before the projection on the sphere's tangent). Splats that are not
-// seen take the same path, because software devices walk both sides of a branch, and stores are dear.
+// Stores dL/d SH and returns dL/d direction (before the projection on the sphere's tangent). Invisible splats take the
+// same path, because software devices walk both sides of a branch, and stores are expensive.
 vec3 harmonics_backward(uint slot, Seen seen) {
     vec3 direction = seen.direction;
     vec3 d_color = seen.d_color;
@@ -110,7 +110,8 @@ void add_record(uint source, inout Records sum) {
     sum.rest += d_rest_from_source[source];
 }
 
-// Two a turn: llvmpipe leaves loops after 65,535 turns, and the largest image that it binds has 65,536 tiles.
+// Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest image that it binds has 65,536
+// tiles.
 Records sum_of_records(uint splat, uint tile_count) {
     Records sum = Records(vec4(0.0), vec4(0.0), 0.0);
     uint begin = emitted_from_splat[splat];
@@ -122,8 +123,8 @@ Records sum_of_records(uint splat, uint tile_count) {
     return sum;
 }
 
-// dL/d mean in view space: from the Jacobian's rows (fx/z)(1, 0, -x/z) and (fy/z)(0, 1, -y/z), whose
-// gradients in view space are g_x and g_y, and from the mean's pixel.
+// dL/d mean in view space, from the Jacobian's rows (fx/z)(1, 0, -x/z) and (fy/z)(0, 1, -y/z) with gradients g_x and
+// g_y in view space, and from the mean's pixel.
 vec3 mean_view_backward(vec3 mean_view, Jacobian j, vec3 g_x, vec3 g_y, vec2 d_mean_pixel) {
     vec2 focal = view.focal;
     vec2 scale = focal / mean_view.z;
@@ -136,9 +137,8 @@ vec3 mean_view_backward(vec3 mean_view, Jacobian j, vec3 g_x, vec3 g_y, vec2 d_m
     return d;
 }
 
-// Adds to dL/dV what comes through the opacity's compensation, from dL/d ln(opacity): the logarithm is half of
-// ln det without minus ln det with dilation, and the difference of their reciprocals has a form that does not
-// cancel.
+// Adds to dL/dV the gradient through the opacity's compensation, from dL/d ln(opacity): the logarithm is half of ln det
+// without minus ln det with dilation, and the difference of their reciprocals has a form that does not cancel.
 void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, inout vec3 d_v_y) {
     float det = dot(f.minors, f.minors);
     float apart = d_log_opacity * ((f.det - det) / f.det) / det;
@@ -147,8 +147,7 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
     d_v_y += apart * cross(f.minors, f.v_x) - outward * f.v_y;
 }
 
-// Adds what the image says about the geometry of a visible splat of that scale before smoothing; returns
-// dL/d mean_pixel.
+// Adds the gradient of a visible splat's geometry; `scale` is before smoothing. Returns dL/d mean_pixel.
 vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout Gradient gradient, out Seen seen) {
     Records records = sum_of_records(splat, tile_count);
     vec4 mean = params[slot];
@@ -181,7 +180,7 @@ vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout 
     vec3 d_v_x = p * moved_x - q * f.slope * moved_y;
     vec3 d_v_y = q * moved_y;
     if (view.compensate != 0) compensation_backward(f, records.shape.x, d_v_x, d_v_y);
-    // Smoothed variances are s^2 + sigma^2, and ln(opacity) holds half of ln(s^2 / (s^2 + sigma^2)) of each.
+    // Smoothed variances are s^2 + sigma^2, and ln(opacity) contains half of ln(s^2 / (s^2 + sigma^2)) per axis.
     gradient.log_scale += (d_v_x * local_x + d_v_y * local_y) * s.scale * s.own + records.shape.x * s.added;
     vec3 d_local_x = d_v_x * s.scale;
     vec3 d_local_y = d_v_y * s.scale;
@@ -209,7 +208,7 @@ void main() {
     if (push.banded != 0 && tile_count != 0 && emitted_from_splat[splat] == NOT_LISTED) return;
     vec3 scale = exp(params[2 * push.stride + slot].xyz);
     float opacity = sigmoid(params[slot].w);
-    // A splat with a number that is none is not drawn, and no penalty makes a gradient of it.
+    // A splat that is not finite is not drawn, and gets no gradient from penalties.
     bool sound = is_finite(params[slot].w) && is_finite(scale);
 
     Gradient gradient;
@@ -226,7 +225,7 @@ void main() {
         float pull = length(d_mean_pixel * 0.5 * vec2(view.size));
         if (is_finite(pull)) known.x += pull;
         known.y += 1.0;
-        // What counts as covered does not depend on where drawing stops.
+        // The extent in the statistics is independent of the alpha threshold of drawing.
         Ellipse e = ellipse(ellipse_from_splat[splat], whiten_rg_from_splat[splat].xy, -LOG2_255);
         known.z = max(known.z, max(e.extent.x, e.extent.y));
         statistics[splat] = known;

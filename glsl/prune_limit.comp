@@ -1,10 +1,9 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Finds how far down a ranking of splats each pixel can do without them.
+// For each pixel, the highest prune rank with a summed weight within the budget.
 //
-// One workgroup per tile. Lanes pass splats round and vote on stopping through shared memory, so any subgroup size will
-// do.
+// One workgroup per tile. Lanes exchange splats and vote on stopping through shared memory, for any subgroup size.
 
 #include "prune_limit.glsl"
 #include "shared/stage.shared.glsl"

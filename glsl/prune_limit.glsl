@@ -1,15 +1,15 @@
-// How far down a ranking of splats each pixel can go without losing more than it may, one digit of the answer a
-// dispatch; `prune_limit.comp` and its variants include this and say how lanes agree to stop.
+// For each pixel, the highest prune rank with a summed weight within the budget, one digit per dispatch; included by
+// `prune_limit.comp` and its variants, which define the lanes' vote on stopping.
 //
-// A pixel that loses the splats of ranks 0 to r loses the sum of their weights, which grows with r. `limit` is the
-// largest r known to be within the budget; a dispatch tries limit + step, + 2 step and + 3 step. With steps of
-// 64, 16, 4 and 1 from a limit of 0 it ends at the largest of 255 ranks. Sums of fewer of the same terms in the same
-// order are never larger in floats either, so that whatever is removed up to the limit is within the budget.
+// A pixel without the splats of ranks 0 to r loses the sum of their weights, which grows with r. `limit` is the largest
+// r known to be within the budget; a dispatch tries limit + step, + 2 step and + 3 step. With steps of 64, 16, 4 and 1
+// from a limit of 0 it ends at the largest of 255 ranks. Sums of fewer of the same terms in the same order are never
+// larger in floats either, so that every subset of ranks up to the limit is within the budget.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
-// Not 0: pixels end as in the 3DGS code.
+// Not 0: pixels end by the rule of the 3DGS code.
 layout(constant_id = 3) const uint INRIA = 0;
 layout(local_size_x_id = 0) in;
 
@@ -25,15 +25,15 @@ layout(set = 0, binding = 8, scalar) writeonly buffer Spending { float spent_fro
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
-    float step;        // ranks between two that are tried
-    float budget;      // largest sum of weights that a pixel may lose
+    float step;        // distance of two tried ranks
+    float budget;      // largest sum of removed weights of a pixel
 } push;
 
 #include "shared/tile.glsl"
 #include "shared/stage.glsl"
 #include "shared/weights.glsl"
 
-// By the lane's pixels: the limit so far, the sum of the weights of rank 0, and those up to each rank tried.
+// Of the lane's pixels: the limit so far, the summed weight of rank 0, and those up to each tried rank.
 vec4 limit[QUADS];
 vec4 spent[QUADS];
 vec4 first[QUADS];
@@ -62,7 +62,7 @@ void add(Tile t, Staged splat) {
     }
 }
 
-// Fetches the splats from `begin` on, one a lane, with their ranks; returns how many there are.
+// Fetches the splats from `begin` on, one per lane, with their ranks; returns their number.
 uint stage_batch(uint begin, uint end) {
     uint isect = begin + stage_lane();
     uint splat = splat_from_emitted[emitted_from_isect[min(isect, end - 1)]];
@@ -72,7 +72,8 @@ uint stage_batch(uint begin, uint end) {
     return min(WORKGROUP, end - begin);
 }
 
-// Two splats a turn, which halves the turns that a software device counts; an odd one has a hidden partner.
+// Two splats per iteration, to halve the iterations that a software device counts; an odd one is paired with a hidden
+// splat.
 void add_list(Tile t, uint begin, uint end) {
     do {
         uint count = stage_batch(begin, end);

@@ -3,10 +3,9 @@
 #extension GL_KHR_shader_subgroup_shuffle : require
 #include "shared/prelude.glsl"
 
-// Finds how far down a ranking of splats each pixel can do without them.
+// For each pixel, the highest prune rank with a summed weight within the budget.
 //
-// One workgroup per tile, and the workgroup lies in one subgroup: lanes pass splats round
-// and vote without shared memory.
+// One workgroup per tile, in one subgroup: lanes exchange splats and vote without shared memory.
 
 #include "prune_limit.glsl"
 #include "shared/stage.shuffle.glsl"

@@ -3,8 +3,7 @@
 
 // Composites the sorted splats of every tile into an image, front to back.
 //
-// One workgroup per tile. Lanes pass splats round and vote on stopping through shared memory, so any subgroup size will
-// do.
+// One workgroup per tile. Lanes exchange splats and vote on stopping through shared memory, for any subgroup size.
 
 #include "rasterize.glsl"
 #include "shared/stage.shared.glsl"

@@ -1,20 +1,19 @@
-// Front-to-back compositing of one tile; `rasterize.comp` and its variants include this and say how
-// lanes agree to stop.
+// Front-to-back compositing of one tile; included by `rasterize.comp` and its variants, which define the lanes' vote on
+// stopping.
 //
-// A lane owns LANE_PIXELS pixels of one column, four to a vec4. Lanes fetch splats a batch at a time, one each,
-// and pass them round. Loops test at their end: some software devices run a body once more, for no lane, to
-// find that it is over.
-// A splat counts for a pixel while the transmittance in front of it is at least T_MIN ("include last"),
-// so that what is cut off is never more than T_MIN of the colour range.
+// A lane owns LANE_PIXELS pixels of one column, four to a vec4. Each lane fetches one splat of a batch and shares it.
+// Loops test at their end: some software devices run a body once more, without active lanes, to find that it is over. A
+// splat counts for a pixel while the transmittance in front of it is at least T_MIN ("include last"), so that the
+// truncation error is at most T_MIN of the colour range.
 //
-// Splats may come in bands, nearest first, one band a dispatch: each goes on where the image was left, with the very
-// numbers that the lane held, and the background is put behind the last. So bands change no bit.
+// Splats may come in bands, nearest first, one band per dispatch: each continues from the stored image with exactly the
+// values of the lane's registers, and the background is added after the last. So bands change no bit.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 layout(constant_id = 3) const uint WITH_DEPTH = 0;
-// 0: nobody asks where pixels ended (training does), and neither register nor memory is spent on it.
+// 0: the pixels' ends, which training needs, are not computed, for fewer registers and less memory.
 layout(constant_id = 4) const uint WITH_ENDS = 1;
 layout(local_size_x_id = 0) in;
 
@@ -32,8 +31,8 @@ layout(set = 0, binding = 10, scalar) writeonly buffer Ends { uint isect_end_fro
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
-    uint band;         // how many bands of splats have been composited before
-    uint band_count;   // bands that are recorded
+    uint band;         // bands composited before
+    uint band_count;   // recorded bands
 } push;
 
 #include "shared/tile.glsl"
@@ -41,8 +40,8 @@ layout(push_constant, scalar) uniform Push {
 
 bool any_lane(bool mine);
 
-// The lane's pixels: what passes all splats so far, their colour and depth, and one past the last intersection of
-// the band that counted.
+// The lane's pixels: transmittance, colour and depth so far, and one past the last intersection of the band that
+// counted.
 vec4 transmittance[QUADS];
 vec4 red[QUADS];
 vec4 green[QUADS];
@@ -50,7 +49,7 @@ vec4 blue[QUADS];
 vec4 far[QUADS];
 uvec4 last[QUADS];
 
-// Whether any pixel of the workgroup still needs more.
+// True if any pixel of the workgroup is still open.
 bool any_open() {
     bool open = false;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
@@ -77,7 +76,7 @@ void blend(Tile t, uint isect, Staged splat) {
     }
 }
 
-// Fetches the splats from `begin` on, one a lane; returns how many there are.
+// Fetches the splats from `begin` on, one per lane; returns their number.
 uint stage_batch(uint begin, uint end) {
     uint isect = begin + stage_lane();
     uint splat = splat_from_emitted[emitted_from_isect[min(isect, end - 1)]];
@@ -87,7 +86,8 @@ uint stage_batch(uint begin, uint end) {
     return min(WORKGROUP, end - begin);
 }
 
-// Two splats a turn, which halves the turns that a software device counts; an odd one has a hidden partner.
+// Two splats per iteration, to halve the iterations that a software device counts; an odd one is paired with a hidden
+// splat.
 void blend_list(Tile t, uint begin, uint end) {
     do {
         uint count = stage_batch(begin, end);
@@ -110,7 +110,7 @@ void begin_pixels(Tile t) {
     }
 }
 
-// Takes up the pixels where the band before left them.
+// Loads the pixels as the previous band stored them.
 void load_pixels(Tile t) {
     uint pixels = view.size.x * view.size.y;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
@@ -126,7 +126,7 @@ void load_pixels(Tile t) {
     }
 }
 
-// The background is put behind the last band only.
+// Adds the background after the last band only.
 void store_pixels(Tile t) {
     uint pixels = view.size.x * view.size.y;
     bool more = push.band + 1 < push.band_count && counts[COUNT_BAND_END] < counts[COUNT_VISIBLE];

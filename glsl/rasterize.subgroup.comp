@@ -5,8 +5,7 @@
 
 // Composites the sorted splats of every tile into an image, front to back.
 //
-// One workgroup per tile, and the workgroup lies in one subgroup: lanes pass splats round
-// and vote without shared memory.
+// One workgroup per tile, in one subgroup: lanes exchange splats and vote without shared memory.
 
 #include "rasterize.glsl"
 #include "shared/stage.shuffle.glsl"

@@ -3,8 +3,8 @@
 
 // Gradient of every (tile, splat) pair from the gradient of the image.
 //
-// One workgroup per tile; one record per pair, written once and without atomics, so that a splat's sum
-// over its records is the same in every run. Lanes pass splats round and add up through shared memory, in lane order.
+// One workgroup per tile; one record per pair, written once and without atomics, so that a splat's sum over its records
+// is the same in every run. Lanes exchange splats and add up through shared memory, in lane order.
 
 #include "rasterize_backward.glsl"
 #include "shared/stage.shared.glsl"

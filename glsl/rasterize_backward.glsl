@@ -1,17 +1,16 @@
-// Gradient of compositing, one tile; `rasterize_backward.comp` and its variants include this and say
-// how lanes add up.
+// Gradient of compositing, one tile; included by `rasterize_backward.comp` and its variants, which define the lanes'
+// sums.
 //
-// Each lane walks its tile's list from back to front. What lies behind a splat is kept per pixel as one
-// number, the colour behind projected on the pixel's upstream gradient, so that no division by 1 - alpha
-// enters a gradient. The transmittance in front is regained by dividing the forward product's own factors
-// out again, which is exact up to rounding; recovering it from 1 - alpha would not be.
+// Each lane walks its tile's list from back to front. The colour behind a splat is kept per pixel as one number, its
+// projection on the pixel's upstream gradient, so that no division by 1 - alpha enters a gradient. The transmittance in
+// front is recovered by dividing the forward product by its own factors, which is exact up to rounding; recovering it
+// from 1 - alpha would not be.
 //
-// Lanes fetch splats a batch at a time, one each, and pass them round; in the end each lane holds, and stores,
-// the record of the splat that it fetched.
+// Each lane fetches one splat of a batch and shares it; in the end it holds, and stores, the record of that splat.
 //
-// Where splats were composited in bands, a dispatch takes one band off, the farthest first. It leaves what passes
-// before the band and what lies behind that in the image, and the next goes on with the very numbers that the lane
-// held: bands change no bit of a record.
+// If splats were composited in bands, a dispatch removes one band, the farthest first. It stores the transmittance in
+// front of the band and the colour behind it in the image, and the next continues with exactly the values of the lane's
+// registers: bands change no bit of a record.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
@@ -33,13 +32,13 @@ layout(set = 0, binding = 12, scalar) writeonly buffer RestGradients { float d_r
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
-    uint band;         // 0: all splats at once, 1: the farthest band of them, 2: the next nearer one
+    uint band;         // 0: all splats at once, 1: the farthest band, 2: a nearer one
 } push;
 
 #include "shared/tile.glsl"
 
-// What one (tile, splat) pair adds to its splat's gradient. With s = alpha * dL/d alpha and the whitened
-// residual f = WHITEN * e: sums of s, s f, s f f^T, and of the blending weight times the upstream gradient.
+// Contribution of one (tile, splat) pair to its splat's gradient. With s = alpha * dL/d alpha and the whitened residual
+// f = WHITEN * e: sums of s, s f, s f f^T, and of the blending weight times the upstream gradient.
 struct Sums {
     vec4 shape;  // s, s f_x, s f_y, s f_x f_x
     vec4 tone;   // s f_x f_y, s f_y f_y, red, green
@@ -49,11 +48,11 @@ struct Sums {
 #include "shared/stage.glsl"
 
 uint max_of_lanes(uint mine);
-// The workgroup's sum of `even` in the lanes of even `stage_lane`, that of `odd` in the others.
+// The workgroup's sum of `even` in the lanes with even `stage_lane`, that of `odd` in the others.
 Sums sum_of_lanes(Sums even, Sums odd);
 
-// The lane's pixels: what passes before the splat at hand, the upstream gradient, and the colour behind the
-// splat at hand projected on that gradient.
+// Of the lane's pixels: transmittance in front of the current splat, upstream gradient, and colour behind the splat
+// projected on that gradient.
 vec4 transmittance[QUADS];
 vec4 d_red[QUADS];
 vec4 d_green[QUADS];
@@ -87,7 +86,7 @@ uint load_pixels(Tile t) {
     return last;
 }
 
-// Leaves the pixels to the next band: the colour behind in the plane of red, which the loss has seen.
+// Stores the pixels for the next band: the projected colour behind replaces red, no longer needed after the loss.
 void store_pixels(Tile t) {
     uint pixels = view.size.x * view.size.y;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
@@ -100,7 +99,7 @@ void store_pixels(Tile t) {
     }
 }
 
-// Takes one splat off the lane's pixels, from the back, and returns what it adds to its gradient.
+// Removes one splat from the lane's pixels, from the back, and returns its contribution to the gradient.
 Sums take_off(uint isect, Column column, vec3 color) {
     vec4 s = vec4(0.0);
     vec4 sf = vec4(0.0);
@@ -117,7 +116,7 @@ Sums take_off(uint isect, Column column, vec3 color) {
         transmittance[q] /= vec4(1.0) - alpha;
         vec4 weight = alpha * transmittance[q];
         vec4 ahead = d_red[q] * color.r + d_green[q] * color.g + d_blue[q] * color.b;
-        // The cap passes no gradient to what it caps.
+        // No gradient where alpha is capped.
         vec4 here = mix(vec4(0.0), weight * (ahead - behind[q]), lessThan(raw, vec4(ALPHA_MAX)));
         behind[q] = mix(behind[q], ahead, alpha);
         red += weight * d_red[q];
@@ -154,7 +153,7 @@ void store(uint source, Sums sums) {
     d_rest_from_source[source] = sums.rest;
 }
 
-// Takes a batch off, the last before `end` first; returns how many there were.
+// Removes a batch, the last before `end` first; returns its number of splats.
 uint take_off_batch(Tile t, uint begin, uint end) {
     uint lane = stage_lane();
     bool mine = lane < end - begin;
@@ -166,7 +165,7 @@ uint take_off_batch(Tile t, uint begin, uint end) {
     uint count = min(WORKGROUP, end - begin);
     Sums kept = Sums(vec4(0.0), vec4(0.0), 0.0);
     uint i = 0;
-    // Two at a time: their sums over the lanes share the first step. An odd one has a hidden partner.
+    // Two at a time: their sums over the lanes share the first step. An odd one is paired with a hidden splat.
     do {
         Sums even = take_off_staged(t, end - 1 - i, i);
         Sums odd = take_off_staged(t, end - 2 - i, i + 1);
@@ -180,16 +179,16 @@ uint take_off_batch(Tile t, uint begin, uint end) {
 void differentiate(uint tile) {
     Tile t = tile_of(tile, view);
     uvec2 range = range_from_tile[tile];
-    // A band without a splat finds the ends of another.
+    // The ends of a tile without splats in this band are those of another band.
     uint last = max(min(max_of_lanes(load_pixels(t)), range.y), range.x);
     uint end = last;
-    // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+    // Tested at the end: some software devices run a body once more, without active lanes, to find that a loop is over.
     if (end > range.x) {
         do {
             end -= take_off_batch(t, range.x, end);
         } while (end > range.x);
     }
-    // Splats behind the last one that counted: nobody else clears their records.
+    // Records of splats behind the last one that counted, which nothing else clears.
     for (uint isect = last + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
         store(emitted_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0));
     }

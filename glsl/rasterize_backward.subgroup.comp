@@ -5,10 +5,9 @@
 
 // Gradient of every (tile, splat) pair from the gradient of the image.
 //
-// One workgroup per tile, lying in one subgroup: lanes pass splats round and add up by shuffles, in an order
-// that is fixed. The sums of two splats are folded into one value a lane at the first step, which costs little
-// more than one splat's alone; a subgroup reduction for each would cost twice that on a software device. One
-// record per pair, without atomics.
+// One workgroup per tile, in one subgroup: lanes exchange splats and add up by shuffles, in a fixed order. The sums of
+// two splats are folded into one value per lane at the first step, for little more than the cost of one splat; a
+// subgroup reduction for each would cost twice that on a software device. One record per pair, without atomics.
 
 #include "rasterize_backward.glsl"
 #include "shared/stage.shuffle.glsl"
@@ -28,8 +27,8 @@ void add_from_across(inout Sums mine, Sums other, uint mask) {
     mine.rest += subgroupShuffleXor(other.rest, mask);
 }
 
-// No loop: some software devices do not unroll one whose counter is multiplied, and it would then count towards
-// the turns after which they leave all loops.
+// No loop: some software devices do not unroll one with a multiplied counter, and its iterations would count towards
+// their limit over all loops.
 Sums sum_of_lanes(Sums even, Sums odd) {
     bool is_odd = (stage_lane() & 1) != 0;
     Sums mine = either(even, odd, is_odd);

@@ -1,14 +1,14 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Composites as the code of the 3DGS paper does, for scenes that were trained by it: alphas end at 0.99, and the
-// splat that would take the transmittance below 1e-4 is left out and ends its pixel.
+// Composites by the rules of the 3DGS code, for scenes trained by it: alphas are capped at 0.99, and the splat that
+// would take the transmittance below 1e-4 is left out and ends its pixel.
 //
-// One workgroup per tile, one invocation per pixel. Written to be read, not to be fast: `rasterize` is what this
-// engine draws with. Which tiles a splat is listed for is the business of `project` and `expand`.
+// One workgroup per tile, one invocation per pixel. Written for clarity, not for speed; the engine's own kernel is
+// `rasterize`. The tiles of a splat are determined in `project` and `expand`.
 
 layout(constant_id = 0) const uint WITH_DEPTH = 0;
-// The most that an alpha may be, and the least transmittance (3DGS code, forward.cu).
+// Largest alpha, and least transmittance (3DGS code, forward.cu).
 layout(constant_id = 1) const float ALPHA_CAP = 0.99;
 layout(constant_id = 2) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 3) const uint WITH_ENDS = 1;
@@ -29,9 +29,9 @@ layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
 } push;
 
-// log2 of a splat's alpha before its cap, at a pixel of the tile whose first pixel is `corner`.
+// log2 of a splat's alpha before its cap, at a pixel of the tile; `corner` is the tile's first pixel.
 float exponent_at(uvec2 in_tile, uvec2 corner, vec4 shape, vec4 tone) {
-    // Positions relative to the tile stay small, so their rounding does too.
+    // Positions relative to the tile are small, and so is their rounding.
     precise vec2 mean = shape.xy - vec2(corner);
     precise vec2 d = vec2(in_tile) + 0.5 - mean;
     precise float f_x = d.x * tone.x;
@@ -40,13 +40,13 @@ float exponent_at(uvec2 in_tile, uvec2 corner, vec4 shape, vec4 tone) {
     return exponent;
 }
 
-// What a pixel has gathered so far.
+// Accumulated colour of the pixel.
 vec3 color = vec3(0.0);
 float transmittance = 1.0;
 float far = 0.0;
 uint last = 0;
 
-// Blends one splat of the list; says whether the pixel goes on.
+// Blends one splat of the list; true if the pixel continues.
 bool blend(uint isect, uvec2 in_tile, uvec2 corner) {
     uint splat = splat_from_emitted[emitted_from_isect[isect]];
     vec4 tone = whiten_rg_from_splat[splat];
@@ -71,7 +71,7 @@ void composite(uint tile) {
     uvec2 at = corner + in_tile;
     if (any(greaterThanEqual(at, view.size))) return;
     uvec2 range = range_from_tile[tile];
-    // Two a turn, which halves the turns that a software device counts.
+    // Two per iteration, to halve the iterations that a software device counts.
     for (uint isect = range.x; isect < range.y; isect += 2) {
         if (!blend(isect, in_tile, corner)) break;
         if (isect + 1 < range.y && !blend(isect + 1, in_tile, corner)) break;

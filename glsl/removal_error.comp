@@ -1,10 +1,10 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Finds what each splat of a tile's list does to the tile's pixels.
+// Error in a tile's pixels from the removal of each splat of its list.
 //
-// One workgroup per tile. Lanes pass splats round, vote and add up through shared memory, in lane order, so any
-// subgroup size will do.
+// One workgroup per tile. Lanes exchange splats, vote and add up through shared memory, in lane order, for any subgroup
+// size.
 
 #include "removal_error.glsl"
 #include "shared/stage.shared.glsl"

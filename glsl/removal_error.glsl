@@ -1,16 +1,16 @@
-// What each splat of a tile's list does to the tile's pixels; `removal_error.comp` and its variants include this and
-// say how lanes agree and add up.
+// Error in a tile's pixels from the removal of each splat of its list; included by `removal_error.comp` and its
+// variants, which define the lanes' votes and sums.
 //
-// With C = P + R, P what the splats up to splat i have added and R what is seen behind it, which passes the
-// transmittance T' behind it, leaving it out would change the pixel by w (R / T' - c), w its weight and c its colour.
-// Where a pixel has ended, the background is what lies behind.
+// Let C = P + R, with P the sum of the splats up to splat i and R the rest, seen through the transmittance T' behind
+// splat i. Removal of splat i changes the pixel by w (R / T' - c), with its weight w and its colour c. For a pixel that
+// has ended, R / T' is the background.
 //
 // One record per (tile, splat) pair, written once and without atomics, as in `contribution.glsl`.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
-// Not 0: pixels end as in the 3DGS code.
+// Not 0: pixels end by the rule of the 3DGS code.
 layout(constant_id = 3) const uint INRIA = 0;
 layout(local_size_x_id = 0) in;
 
@@ -33,10 +33,10 @@ layout(push_constant, scalar) uniform Push {
 #include "shared/stage.glsl"
 #include "shared/weights.glsl"
 
-// Over the lanes, whose pixels differ: the sums. All lanes call this.
+// Sum over the lanes (each has its own pixels). All lanes call this.
 vec3 over_lanes(vec3 mine);
 
-// The lane's pixels: their errors, and what is still to come of each channel.
+// The lane's pixels: their errors, and the rest R of each channel.
 vec4 error[QUADS];
 vec4 red[QUADS];
 vec4 green[QUADS];
@@ -57,14 +57,14 @@ void load_pixels(Tile t) {
     }
 }
 
-// The square of the change of a channel, of which `rest` is to come behind the splat.
+// Squared change of a channel; `rest` is R, the sum of the splats behind.
 vec4 change(vec4 weight, vec4 rest, vec4 passing, float color, float background) {
     vec4 behind = mix(vec4(background), rest / max(passing, vec4(T_MIN)), greaterThanEqual(passing, vec4(T_MIN)));
     vec4 off = weight * (behind - color);
     return off * off;
 }
 
-// The lane's part: the sums of the weights, of weights times errors, and of the squared changes.
+// The lane's part: sums of the weights, of weights times errors, and of the squared changes.
 vec3 removal_error(Tile t, Staged splat) {
     Column column = column_of(t, splat.shape, splat.tone);
     vec4 weights = vec4(0.0);
@@ -86,7 +86,7 @@ vec3 removal_error(Tile t, Staged splat) {
     return vec3(dot(weights, one), dot(blame, one), dot(changes, one));
 }
 
-// A batch, the first from `begin` on.
+// Records of a batch of splats from `begin` on.
 void take_batch(Tile t, uint begin, uint end) {
     uint lane = stage_lane();
     bool mine = lane < end - begin;
@@ -98,7 +98,8 @@ void take_batch(Tile t, uint begin, uint end) {
     uint count = min(WORKGROUP, end - begin);
     vec3 kept = vec3(0.0);
     uint i = 0;
-    // Two a turn, which halves the turns that a software device counts; an odd one has a hidden partner.
+    // Two per iteration, to halve the iterations that a software device counts; an odd one is paired with a hidden
+    // splat.
     do {
         vec3 even = over_lanes(removal_error(t, staged_by(i)));
         vec3 odd = over_lanes(removal_error(t, staged_by(i + 1)));
@@ -114,7 +115,7 @@ void take_tile(uint tile) {
     load_pixels(t);
     uvec2 range = range_from_tile[tile];
     uint begin = range.x;
-    // Tested at the end: some software devices run a body once more, for no lane, to find that a loop is over.
+    // Tested at the end: some software devices run a body once more, without active lanes, to find that a loop is over.
     if (begin < range.y) {
         do {
             take_batch(t, begin, range.y);
@@ -122,7 +123,7 @@ void take_tile(uint tile) {
             if (!any_open()) break;
         } while (begin < range.y);
     }
-    // Splats behind the last one that counted: nobody else clears their records.
+    // Records of splats behind the last one that counted, which nothing else clears.
     for (uint isect = begin + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
         influence_from_source[emitted_from_isect[isect]] = vec3(0.0);
     }

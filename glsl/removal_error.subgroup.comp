@@ -3,10 +3,9 @@
 #extension GL_KHR_shader_subgroup_shuffle : require
 #include "shared/prelude.glsl"
 
-// Finds what each splat of a tile's list does to the tile's pixels.
+// Error in a tile's pixels from the removal of each splat of its list.
 //
-// One workgroup per tile, and the workgroup lies in one subgroup: lanes pass splats round, vote and add up by
-// shuffles, in an order that is fixed.
+// One workgroup per tile, in one subgroup: lanes exchange splats, vote and add up by shuffles, in a fixed order.
 
 #include "removal_error.glsl"
 #include "shared/stage.shuffle.glsl"
@@ -20,7 +19,7 @@ vec3 across(vec3 mine, uint mask) {
                        subgroupShuffleXor(mine.z, mask));
 }
 
-// Written out: a loop over masks would be one, turn by turn, to devices that count the turns of all loops.
+// Unrolled by hand: a loop over masks would add to the iterations that some devices count over all loops.
 vec3 over_lanes(vec3 mine) {
     mine = across(across(across(mine, 1), 2), 4);
     if (WORKGROUP > 8) mine = across(mine, 8);

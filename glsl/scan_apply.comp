@@ -16,7 +16,7 @@ layout(set = 0, binding = 3, scalar) writeonly buffer Offsets { uint offsets[]; 
 layout(set = 0, binding = 3, scalar) writeonly buffer OffsetsByFour { uvec4 offsets_by_four[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count_slot;  // where in `counts` the number of values stands
+    uint count_slot;  // slot in `counts` of the number of values
     uint flags;       // sum "is not 0" instead of the values
 } push;
 

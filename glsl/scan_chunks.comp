@@ -3,8 +3,8 @@
 
 // Second of three passes of an exclusive prefix sum: the chunks' sums, in place, and the total.
 //
-// One workgroup for all. Each invocation owns a run of chunks; the runs' sums meet in shared memory.
-// The total saturates at 2^32 - 1, so that a count too large to hold is never taken for a small one.
+// One workgroup for all. Each invocation owns a run of chunks; the runs' sums are scanned in shared memory. The total
+// saturates at 2^32 - 1, so that an overflow is never taken for a small count.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
@@ -13,8 +13,8 @@ layout(set = 0, binding = 0, scalar) buffer Counts { uint counts[]; };
 layout(set = 0, binding = 1, scalar) buffer Sums { uint sum_from_chunk[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count_slot;  // where in `counts` the number of values stands
-    uint total_slot;  // where the total goes
+    uint count_slot;  // slot in `counts` of the number of values
+    uint total_slot;  // slot in `counts` of the total
 } push;
 
 shared uint run_sum[WORKGROUP];

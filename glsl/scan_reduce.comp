@@ -3,9 +3,9 @@
 
 // First of three passes of an exclusive prefix sum: the sum of every chunk.
 //
-// One invocation per chunk of SCAN_CHUNK consecutive values. No subgroup operation and no progress of
-// one workgroup behind another's is relied on. With `flags` set, a value counts as 1 if it is not 0. Sums
-// saturate at 2^32 - 1, as the total does.
+// One invocation per chunk of SCAN_CHUNK consecutive values. It relies neither on subgroup operations nor on forward
+// progress between workgroups. With `flags` set, a value counts as 1 if it is not 0. Sums saturate at 2^32 - 1, like
+// the total.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
@@ -16,7 +16,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer ValuesByFour { uvec4 values
 layout(set = 0, binding = 2, scalar) writeonly buffer Sums { uint sum_from_chunk[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count_slot;  // where in `counts` the number of values stands
+    uint count_slot;  // slot in `counts` of the number of values
     uint flags;       // sum "is not 0" instead of the values
 } push;
 

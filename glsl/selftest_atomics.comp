@@ -3,14 +3,14 @@
 
 // Self-test: atomic operations on integers, in storage and in shared memory.
 //
-// Every invocation draws a ticket and marks it: each must be marked exactly once, by whichever. All results are
-// integers, which do not depend on the order. No frame and no training step runs this.
+// Every invocation draws a ticket and marks it: each must be marked exactly once. All results are integers, which do
+// not depend on the order. Not used by frames or training steps.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
 
-// Tickets drawn; of the hashes: the largest, the largest complement, or of single bits, xor; then how many have each of
-// the values that their lowest bits can have; then the marks.
+// Tickets drawn; maximum of the hashes, maximum of their complements, or of single bits, xor; then a histogram of the
+// hashes' lowest bits; then the marks.
 layout(set = 0, binding = 0, scalar) buffer Counts { uint counts[]; };
 
 layout(push_constant, scalar) uniform Push {

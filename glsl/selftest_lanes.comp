@@ -1,11 +1,11 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Self-test: what lanes of a workgroup tell each other, through shared memory.
+// Self-test: communication between the lanes of a workgroup through shared memory.
 //
-// One workgroup, one invocation per lane. Every round each lane has a number; sums, votes, ballots and exchanges of
-// these go into the lane's results, folded so that no error of any round is lost. Lane 0 counts as the elected one.
-// No frame and no training step runs this.
+// One workgroup, one invocation per lane. In every round each lane has a number; sums, votes, ballots and exchanges of
+// these are folded into the lane's results, so that an error of any round shows. Lane 0 counts as the elected one. Not
+// used by frames or training steps.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(local_size_x_id = 0) in;

@@ -5,10 +5,9 @@
 #extension GL_KHR_shader_subgroup_vote : require
 #include "shared/prelude.glsl"
 
-// Self-test: what lanes of a workgroup tell each other, by subgroup operations.
+// Self-test: communication between the lanes of a workgroup by subgroup operations.
 //
-// As the base variant; the workgroup lies in one subgroup, as it does where frames are composited and keys sorted by
-// such operations.
+// As the base variant; the workgroup is one subgroup, as in the engine's compositing and sort by such operations.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(local_size_x_id = 0) in;

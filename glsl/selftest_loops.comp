@@ -1,11 +1,11 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Self-test: whether loops run to their end.
+// Self-test: completion of long loops.
 //
-// One invocation per chain of numbers, each the congruence of the one before, which no compiler can foretell; where
-// a chain has got to tells how many turns there were. Some drivers leave loops after many turns and say nothing.
-// No frame and no training step runs this.
+// One invocation per chain of numbers of a linear congruential generator, which no compiler can predict; the end of a
+// chain shows the number of iterations. Some drivers leave loops after many iterations without an error. Not used by
+// frames or training steps.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(local_size_x_id = 0) in;

@@ -1,9 +1,9 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Self-test: the functions that projection and compositing rest on, for arguments that the host chooses.
+// Self-test: the functions used in projection and compositing, for arguments from the host.
 //
-// One invocation per argument. No frame and no training step runs this.
+// One invocation per argument. Not used by frames or training steps.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;

@@ -1,10 +1,10 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Self-test: whether every workgroup runs once, and all its lanes get to every barrier.
+// Self-test: every workgroup runs once, and all its lanes reach every barrier.
 //
-// Lanes take a different number of turns on their way to each barrier and pass their numbers to their neighbours
-// there. Nothing waits for another workgroup: no kernel does. No frame and no training step runs this.
+// Lanes run different numbers of iterations before each barrier and exchange their numbers with their neighbours there.
+// As in all kernels, nothing waits for another workgroup. Not used by frames or training steps.
 
 layout(constant_id = 0) const uint WORKGROUP = 16;
 layout(local_size_x_id = 0) in;

@@ -2,11 +2,11 @@
 #include "shared/prelude.glsl"
 #include "shared/chunk.glsl"
 
-// First half of a pass of a stable radix sort: how often each digit occurs in each chunk of keys.
+// First half of a pass of a stable radix sort: histogram of digits of each chunk of keys.
 //
-// One invocation per chunk of consecutive keys, with a table of its own: no atomics, no subgroup operations.
-// Tables are interleaved in memory, [digit][chunk], so that one prefix sum over all of it gives every chunk the
-// place of its first key of every digit.
+// One invocation per chunk of consecutive keys, with a table of its own: no atomics, no subgroup operations. Tables are
+// interleaved in memory, [digit][chunk], so that one prefix sum over all of it yields the output offset of every digit
+// of every chunk.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(local_size_x_id = 0) in;
@@ -17,21 +17,20 @@ layout(set = 0, binding = 1, scalar) readonly buffer KeysByFour { uvec4 keys_by_
 layout(set = 0, binding = 2, scalar) buffer Table { uint table[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count_slot;  // where in `counts` the number of keys stands
-    uint chunk_slot;  // where that of chunks stands; a chunk with its table is under the driver's limit of loop turns
+    uint count_slot;  // slot in `counts` of the number of keys
+    uint chunk_slot;  // slot of the number of chunks; a chunk with its table is under the driver's loop limit
     uint shift;       // lowest bit of the digit
     uint digit_count; // a power of two
 } push;
 
-// Where this invocation's part of a digit's counts stands.
+// Index of this invocation's column in the table.
 uint chunk;
 uint chunk_count;
 uint shift;
 uint mask;
 
-// The same counts while keys are read, as long as there is room: a software device keeps an array of one invocation
-// beside those of its lanes, and reaches it at half the price of shared memory. It also takes the longer to compile
-// the larger the array is.
+// The same counts in an array, for digits up to SORT_DIGITS_NEAR: a software device keeps an array of one invocation
+// beside those of its lanes, and reaches it at half the price of shared memory. Compile time grows with the array.
 uint near[SORT_DIGITS_NEAR];
 
 void count_key_near(uint key) {
@@ -52,8 +51,8 @@ void main() {
     uint end = min(begin + size, count);
     shift = push.shift;
     mask = push.digit_count - 1;
-    // Four keys a turn and a load, and tested at the end: a turn costs a software device as much as a load, a load of
-    // four numbers half of four loads, and a loop that is tested at its beginning one more body, for no lane.
+    // Four keys per iteration and load, and tested at the end: an iteration costs a software device as much as a load,
+    // a load of four numbers half of four loads, and a loop tested at its beginning one more body without active lanes.
     uint quads = begin + (end - begin) / 4 * 4;
     uint i = quads;
     uint slot = chunk;

@@ -3,10 +3,10 @@
 #include "shared/prelude.glsl"
 #include "shared/chunk.glsl"
 
-// First half of a pass of a stable radix sort: how often each digit occurs in each chunk of keys.
+// First half of a pass of a stable radix sort: histogram of digits of each chunk of keys.
 //
-// One workgroup per chunk, counting in shared memory: sums of integers do not depend on their order. It needs
-// no subgroup operation itself but goes with `sort_scatter.subgroup`, and runs where that does.
+// One workgroup per chunk, counting in shared memory: sums of integers do not depend on their order. It uses no
+// subgroup operation itself, but is paired with `sort_scatter.subgroup` and has the same requirements.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(local_size_x_id = 0) in;
@@ -16,8 +16,8 @@ layout(set = 0, binding = 1, scalar) readonly buffer Keys { uint keys[]; };
 layout(set = 0, binding = 2, scalar) buffer Table { uint table[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count_slot;  // where in `counts` the number of keys stands
-    uint chunk_slot;  // where that of chunks stands
+    uint count_slot;  // slot in `counts` of the number of keys
+    uint chunk_slot;  // slot in `counts` of the number of chunks
     uint shift;       // lowest bit of the digit
     uint digit_count; // a power of two, at most SORT_DIGITS_MAX
 } push;

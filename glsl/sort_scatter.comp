@@ -2,10 +2,10 @@
 #include "shared/prelude.glsl"
 #include "shared/chunk.glsl"
 
-// Second half of a pass of a stable radix sort: every key and value to its place.
+// Second half of a pass of a stable radix sort: moves every key and value to its place.
 //
-// One invocation per chunk, as in sort_count; it walks its keys in order, so equal digits stay in order.
-// The table's entries are the places to write next, counted up as they are used.
+// One invocation per chunk, as in sort_count; it walks its keys in order, so equal digits stay in order. The table's
+// entries are the next places to write, incremented on use.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(local_size_x_id = 0) in;
@@ -20,19 +20,19 @@ layout(set = 0, binding = 4, scalar) writeonly buffer KeysOut { uint keys_out[];
 layout(set = 0, binding = 5, scalar) writeonly buffer ValuesOut { uint values_out[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count_slot;  // where in `counts` the number of keys stands
-    uint chunk_slot;  // where that of chunks stands
+    uint count_slot;  // slot in `counts` of the number of keys
+    uint chunk_slot;  // slot in `counts` of the number of chunks
     uint shift;       // lowest bit of the digit
     uint digit_count; // a power of two
 } push;
 
-// Where this invocation's next place of a digit stands.
+// Index of this invocation's column in the table.
 uint chunk;
 uint chunk_count;
 uint shift;
 uint mask;
 
-// The same places, as long as there is room, as in sort_count.
+// The same places in an array for digits up to SORT_DIGITS_NEAR, as in sort_count.
 uint near[SORT_DIGITS_NEAR];
 
 uint place_near(uint key) {
@@ -64,7 +64,7 @@ void main() {
     uint end = min(begin + size, count);
     shift = push.shift;
     mask = push.digit_count - 1;
-    // Four a turn, as in sort_count.
+    // Four per iteration, as in sort_count.
     uint quads = begin + (end - begin) / 4 * 4;
     uint i = begin;
     if (push.digit_count <= SORT_DIGITS_NEAR) {

@@ -4,12 +4,12 @@
 #include "shared/prelude.glsl"
 #include "shared/chunk.glsl"
 
-// Second half of a pass of a stable radix sort: every key and value to its place.
+// Second half of a pass of a stable radix sort: moves every key and value to its place.
 //
-// One workgroup per chunk, a block of keys at a time. A lane finds the lanes of its subgroup that hold the same
-// digit by one ballot per bit; those before it are its rank among them. Subgroups take their turns at the
-// shared table of next places, in order, which keeps the sort stable. The workgroup consists of full subgroups
-// of any size; keys go by subgroup and lane, so how the device maps invocations to them does not matter.
+// One workgroup per chunk, a block of keys at a time. A lane finds the lanes of its subgroup with the same digit by one
+// ballot per bit; the number of those before it is its rank. Subgroups update the shared table of next places in order,
+// which keeps the sort stable. The workgroup consists of full subgroups of any size; keys are assigned by subgroup and
+// lane, so the device's mapping of invocations does not matter.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(local_size_x_id = 0) in;
@@ -22,16 +22,16 @@ layout(set = 0, binding = 4, scalar) writeonly buffer KeysOut { uint keys_out[];
 layout(set = 0, binding = 5, scalar) writeonly buffer ValuesOut { uint values_out[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count_slot;  // where in `counts` the number of keys stands
-    uint chunk_slot;  // where that of chunks stands
+    uint count_slot;  // slot in `counts` of the number of keys
+    uint chunk_slot;  // slot in `counts` of the number of chunks
     uint shift;       // lowest bit of the digit
     uint digit_count; // a power of two, at most SORT_DIGITS_MAX
 } push;
 
-// Where the next key of each digit goes.
+// Next place of each digit.
 shared uint next_place[SORT_DIGITS_MAX];
 
-// The lanes of the subgroup that take part and hold the same digit.
+// Active lanes of the subgroup with the same digit.
 uvec4 peers_of(uint digit, bool takes_part) {
     uvec4 peers = subgroupBallot(takes_part);
     for (uint bit = 1; bit < push.digit_count; bit <<= 1) {

@@ -1,14 +1,14 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Adds a view's records up by splat, to what the views before have come to: the largest of the first numbers, the
-// sum of the second, the smallest of the third; or the sums of all three.
+// Adds a view's records by splat to those of earlier views: the maximum of the first numbers, the sum of the second,
+// the minimum of the third; or the sums of all three.
 //
-// One invocation per splat. A splat's records are contiguous and are taken in order, so that the result is the
-// same in every run. A frame that did not fit leaves everything as it was.
+// One invocation per splat. A splat's records are contiguous and are taken in order, so that the result is the same in
+// every run. A frame that did not fit changes nothing.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
-// Not 0: sums of all.
+// Not 0: sums of all three.
 layout(constant_id = 1) const uint SUMS = 0;
 layout(local_size_x_id = 0) in;
 
@@ -35,7 +35,8 @@ void main() {
     uint end = begin + tile_count_from_splat[splat];
     if (begin == end) return;
     vec3 total = sum_from_splat[splat];
-    // Two a turn: llvmpipe leaves loops after 65,535 turns, and the largest image that it binds has 65,536 tiles.
+    // Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest image that it binds has 65,536
+    // tiles.
     for (uint source = begin; source < end; source += 2) {
         add(source, total);
         if (source + 1 < end) add(source + 1, total);

@@ -1,4 +1,4 @@
-//! What all benches share: the command line, and where the record is filed. The measuring is `ashfall::lab::bench`.
+//! Command line and record file of the benches; the measurements are in `ashfall::lab::bench`.
 
 use ashfall::gpu::{Gpu, GpuOptions};
 use ashfall::lab::bench::{Bench, Options, record};
@@ -11,23 +11,23 @@ pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 /// Measures the engine on one device.
 #[derive(Parser)]
 struct Arguments {
-    /// Only what has this in its name
+    /// Only cases with this text in their name
     filter: Option<String>,
-    /// Runs of each that count
+    /// Counted runs of each case
     #[arg(long, default_value_t = Options::default().runs)]
     runs: usize,
     /// Index or part of the name of the device
     #[arg(long)]
     device: Option<String>,
-    /// Write benches/record/<device>/<date>.csv, keeping what it has of other benches
+    /// Write benches/record/<device>/<date>.csv, keeping the rows of other benches
     #[arg(long)]
     record: bool,
-    /// What `cargo bench` says to every bench
+    /// Flag that `cargo bench` passes to every bench; ignored
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-/// Reads the command line, opens the device, has everything measured, and writes the record if one is asked for.
+/// Reads the command line, opens the device, runs the measurements, and writes the record if requested.
 pub(crate) fn run(
     name: &'static str,
     measure: impl FnOnce(&mut Bench) -> Outcome<()>,

@@ -1,9 +1,9 @@
-// What the two baselines of compositing share: tiles of 16x16 pixels, one invocation per pixel, and batches
-// of splats that a workgroup fetches together.
+// Common code of the two baselines of compositing: tiles of 16x16 pixels, one invocation per pixel, and batches of
+// splats that a workgroup fetches together.
 
 const uint BASELINE_BATCH = 256;
 
-// A batch of splats; positions relative to the tile, where they are small and so is their rounding.
+// A batch of splats; positions are relative to the tile, for small rounding.
 shared vec4 batch_shape[BASELINE_BATCH];
 shared vec4 batch_tone[BASELINE_BATCH];
 shared float batch_blue[BASELINE_BATCH];

@@ -1,37 +1,37 @@
-// Numbers that host and shaders share; the build exports them to Rust.
+// Constants shared by host and shaders; the build exports them to Rust.
 
-// A tile's size in pixels. One workgroup composites one tile; a lane owns a piece of one column.
+// Tile size in pixels. One workgroup composites one tile; a lane owns a piece of one column.
 const uint TILE_WIDTH = 8;
 const uint TILE_HEIGHT = 16;
 const uint TILE_PIXELS = 128;
 
-// Width and height of a tile of the baselines of compositing, pixels.
+// Width and height of a tile of the compositing baselines, pixels.
 const uint BASELINE_TILE = 16;
 
-// A tile of the loss in pixels. Tall, because each row of a tile's halo costs as much as one of the tile; as
-// tall as the shared memory goes that every device has.
+// Tile of the loss in pixels. Tall, because each row of a tile's halo costs as much as one of the tile; the height is
+// limited by the shared memory of every device.
 const uint LOSS_TILE_WIDTH = 16;
 const uint LOSS_TILE_HEIGHT = 48;
 
 // Planes of vec4 before the spherical harmonics: mean + opacity, quaternion, log-scale + smoothing filter.
 const uint GEOMETRY_PLANES = 3;
-// The same where all but means are halves: mean; quaternion, log-scale and opacity.
+// The same with all but means as halves: mean; quaternion, log-scale and opacity.
 const uint HALF_GEOMETRY_PLANES = 2;
 
-// An alpha never reaches 1, so that transmittance stays positive: 1 - 2^-16.
+// Largest alpha, below 1 so that transmittance stays positive: 1 - 2^-16.
 const float ALPHA_MAX = 0.9999847412109375;
 
 // sqrt(log2(e) / 2): turns a whitened residual e into f with exp(-e^2 / 2) = exp2(-f^2).
 const float WHITEN = 0.8493218002880191;
 
-// log2(255): splats and pixels whose alpha is under 1/255 are skipped (3DGS paper, appendix C).
+// log2(255): splats and pixels with alpha under 1/255 are skipped (3DGS paper, appendix C).
 const float LOG2_255 = 7.994353436858858;
 
 // Transmittance under which a pixel ends (3DGS paper, appendix C).
 const float TRANSMITTANCE_MIN = 1e-4;
 
-// The brightest that a splat can be, of a display that ends at 1: sums and squares of such colours, and gradients
-// by them, stay finite whatever the coefficients are.
+// Largest colour of a splat, on a display of 0 to 1: sums and squares of such colours, and gradients by them, stay
+// finite for all coefficients.
 const float COLOR_MAX = 1e6;
 
 // Slots of the `counts` buffer.
@@ -42,25 +42,25 @@ const uint COUNT_VISIBLE_TABLE = 3;
 const uint COUNT_ISECT = 4;
 const uint COUNT_ISECT_CHUNK = 5;
 const uint COUNT_ISECT_TABLE = 6;
-// Intersections the frame wanted, whether they fitted or not.
+// Intersections of the whole frame, beyond the buffers' capacity too.
 const uint COUNT_ISECT_WANTED = 7;
-// Non-zero once a frame did not fit: everything after it does nothing until the host clears it.
+// Non-zero once a frame did not fit: later work is skipped until the host clears it.
 const uint COUNT_FAILED = 8;
 // Non-zero if a tile's list was too long for the device's loops.
 const uint COUNT_LIST_TOO_LONG = 9;
 // Gradient rows that were not finite and were skipped by the optimiser.
 const uint COUNT_POISONED = 10;
-// The first splat of those, as its distance from 2^32 - 1; 0 if there is none.
+// First splat of those, as its distance from 2^32 - 1; 0 if there is none.
 const uint COUNT_POISONED_FIRST = 11;
-// Totals nobody needs.
+// Unused totals.
 const uint COUNT_SCRATCH = 12;
-// The band at hand: its first splat in depth order, the one behind its last, and the intersections before it.
+// The current band: its first splat in depth order, the one past its last, and the intersections before it.
 const uint COUNT_BAND_BEGIN = 13;
 const uint COUNT_BAND_END = 14;
 const uint COUNT_BAND_BASE = 15;
 const uint COUNT_SLOTS = 16;
 
-// Slots of the indirect dispatch arguments; `plan` writes them.
+// Slots of the indirect dispatch arguments, written by `plan`.
 const uint ARGS_VISIBLE = 0;
 const uint ARGS_VISIBLE_CHUNK = 1;
 const uint ARGS_VISIBLE_TABLE = 2;
@@ -73,13 +73,13 @@ const uint ARGS_ISECT_TABLE = 7;
 const uint ARGS_TILE = 8;
 const uint ARGS_SLOTS = 9;
 
-// Most values of a digit that the radix sort tells apart: those kept in shared memory by some variants.
+// Most values of a digit of the radix sort; the table is in shared memory in some variants.
 const uint SORT_DIGITS_MAX = 2048;
-// Most that an invocation keeps a table of to itself.
+// Most values of a digit for a table of one invocation's own.
 const uint SORT_DIGITS_NEAR = 256;
 
-// Where a splat's records begin that has none in the band at hand.
+// Begin of a splat's records if it has none in the current band.
 const uint NOT_LISTED = 0xffffffffu;
 
-// Elements one invocation of the scan kernels walks in order.
+// Elements that one invocation of the scan kernels processes in order.
 const uint SCAN_CHUNK = 256;

@@ -1,4 +1,4 @@
-// From a 3D Gaussian to its ellipse on the screen, and the tiles that the ellipse touches.
+// Projection of a 3D Gaussian to its ellipse on the screen, and the tiles that the ellipse touches.
 
 bool is_finite(float x) {
     // Integer arithmetic: a compiler may assume that floats are never NaN.
@@ -25,8 +25,8 @@ float quaternion_length(vec4 q) {
     return m > 0.0 ? m * length(q / m) : 0.0;
 }
 
-// Length of a vector, safe over the whole range of floats. Scaled by a power of two, it is the plain length to
-// the bit wherever that neither overflows nor vanishes.
+// Length of a vector, safe over the whole range of floats. The scale is a power of two, so that the result equals the
+// plain length bit for bit unless that overflows or underflows.
 float vector_length(vec3 v) {
     float m = max(max(abs(v.x), abs(v.y)), abs(v.z));
     float unit = uintBitsToFloat(floatBitsToUint(m) & 0x7f800000u);
@@ -47,7 +47,7 @@ struct Jacobian {
     vec3 row_x;
     vec3 row_y;
     vec2 slope;         // clamped x/z, y/z
-    bvec2 inside;       // whether each was left as it is
+    bvec2 inside;       // true if not clamped
 };
 
 Jacobian jacobian(View view, vec3 mean_view) {
@@ -63,18 +63,18 @@ Jacobian jacobian(View view, vec3 mean_view) {
     return j;
 }
 
-// A splat's standard deviations after the 3D smoothing filter of Mip-Splatting (section 5.1), a convolution
-// with a round Gaussian of standard deviation `sigma` (0: none) that no training view could have told apart.
+// A splat's standard deviations after the 3D smoothing filter of Mip-Splatting (section 5.1), a convolution with a
+// round Gaussian of standard deviation `sigma` (0: none), below the resolution of the training views.
 struct Smoothed {
     vec3 scale;
-    vec3 own;           // share of each variance that is the splat's
-    vec3 added;         // share that is the filter's
+    vec3 own;           // the splat's share of each variance
+    vec3 added;         // the filter's share
 };
 
 Smoothed smoothed(vec3 scale, float sigma) {
     Smoothed s = Smoothed(scale, vec3(1.0), vec3(0.0));
     if (!(sigma > 0.0)) return s;
-    // No square of a length: it would leave the range of floats in scenes of very small or large units.
+    // Squares of lengths would leave the range of floats in scenes of very small or large units.
     vec3 more = max(scale, vec3(sigma));
     vec3 ratio = min(scale, vec3(sigma)) / more;
     s.scale = more * sqrt(1.0 + ratio * ratio);
@@ -83,20 +83,20 @@ Smoothed smoothed(vec3 scale, float sigma) {
     return s;
 }
 
-// log2 of what an opacity is multiplied by so that smoothing adds no light.
+// log2 of the opacity's factor that keeps smoothing from adding light.
 float log_smoothing(Smoothed s) {
     return 0.5 * (log2(s.own.x) + log2(s.own.y) + log2(s.own.z));
 }
 
-// Screen covariance in the form that never cancels: V = J W R S has the covariance V V^T + dilation,
-// whose determinant is a sum of squares (Cauchy-Binet).
+// Screen covariance in a form without cancellation: V = J W R S has the covariance V V^T + dilation, with a sum of
+// squares as determinant (Cauchy-Binet).
 struct Footprint {
     vec3 v_x;           // rows of V
     vec3 v_y;
     float a;            // covariance xx, px^2
     float slope;        // covariance xy / xx
     float det;
-    vec3 minors;        // v_x x v_y, whose squared length is the determinant without dilation
+    vec3 minors;        // v_x x v_y; its squared length is the determinant without dilation
 };
 
 Footprint footprint(vec3 v_x, vec3 v_y, float dilation) {
@@ -112,13 +112,13 @@ Footprint footprint(vec3 v_x, vec3 v_y, float dilation) {
     return f;
 }
 
-// log2 of what an opacity is multiplied by so that dilation adds no light: sqrt(det without / det with it).
+// log2 of the opacity's factor that keeps dilation from adding light: sqrt(det without / det with it).
 float log_compensation(Footprint f) {
     return 0.5 * log2(dot(f.minors, f.minors) / f.det);
 }
 
-// The region that a splat is drawn in, from the shape and tone that are stored: the pass that counts tiles
-// and the pass that lists them must see the same floats.
+// Drawn region of a splat, from the stored shape and tone: the pass that counts tiles and the pass that lists them must
+// read the same floats.
 struct Ellipse {
     vec2 mean;
     vec2 extent;        // half size of the bounding box, px
@@ -127,7 +127,7 @@ struct Ellipse {
     float level;        // squared Mahalanobis radius
     float yy;           // covariance yy
     float x_from_y;     // variance of x at fixed y
-    float square;       // half the side of the square that the 3DGS code lists it for, or 0: it is an ellipse
+    float square;       // half the side of the square of the 3DGS code's rule, or 0 for an ellipse
 };
 
 // Region where alpha is at least 2^log2_alpha_min.
@@ -136,7 +136,7 @@ Ellipse ellipse(vec4 shape, vec2 whiten, float log2_alpha_min) {
     precise float a = (WHITEN / whiten.x) * (WHITEN / whiten.x);
     precise float y_from_x = (WHITEN / whiten.y) * (WHITEN / whiten.y);
     precise float yy = y_from_x + shape.z * shape.z * a;
-    // A little wider than exact, so that rounding never drops a pixel on the rim.
+    // Slightly wider than exact, so that rounding never drops a pixel on the rim.
     precise float reach = max(shape.w - log2_alpha_min, 0.0) * (1.0 / (WHITEN * WHITEN));
     precise float level = reach * 1.00001 + 1e-5;
     e.mean = shape.xy;
@@ -150,7 +150,7 @@ Ellipse ellipse(vec4 shape, vec2 whiten, float log2_alpha_min) {
     return e;
 }
 
-// Half the side of the square that the 3DGS code lists a splat for: three of its largest standard deviations.
+// Half the side of the 3DGS code's square: three of the splat's largest standard deviations.
 float inria_square(vec4 shape, vec2 whiten) {
     precise float a = (WHITEN / whiten.x) * (WHITEN / whiten.x);
     precise float y_from_x = (WHITEN / whiten.y) * (WHITEN / whiten.y);
@@ -161,8 +161,8 @@ float inria_square(vec4 shape, vec2 whiten) {
     return ceil(3.0 * sqrt(largest));
 }
 
-// First and last of our tiles of `tile` pixels along an axis, within the 16-pixel tiles that the 3DGS code lists a
-// square for. It counts pixels' centres from 0.
+// First and last of the engine's tiles of `tile` pixels along an axis, within the 16-pixel tiles of the 3DGS code's
+// square. That code has pixel centres at integers.
 ivec2 inria_tiles(float mean, float square, uint tile, uint pixel_count) {
     float count = float((pixel_count + 15) / 16);
     precise float place = mean - 0.5;
@@ -173,8 +173,8 @@ ivec2 inria_tiles(float mean, float square, uint tile, uint pixel_count) {
     return ivec2(int(first) * 16 / int(tile), min(int(end) * 16 / int(tile) - 1, last_tile));
 }
 
-// First and last index of the cells of `cell` pixels, among `count`, that hold a pixel centre in
-// [low, high]; first > last if there is none. Clamped as floats: conversions out of range are undefined.
+// First and last index of the cells of `cell` pixels, among `count`, with a pixel centre in [low, high]; first > last
+// if there is none. Clamped as floats: conversions out of range are undefined.
 ivec2 cells(float low, float high, uint cell, uint pixel_count) {
     float first = clamp(ceil(low - 0.5), 0.0, float(pixel_count));
     float last = clamp(floor(high - 0.5), -1.0, float(pixel_count) - 1.0);
@@ -182,7 +182,7 @@ ivec2 cells(float low, float high, uint cell, uint pixel_count) {
     return ivec2(int(first) / int(cell), int(last) / int(cell));
 }
 
-// Rows of tiles that the ellipse, or its square, touches.
+// Rows of tiles touched by the ellipse or its square.
 ivec2 tile_rows(Ellipse e, uvec2 size) {
     if (e.square > 0.0) return inria_tiles(e.mean.y, e.square, TILE_HEIGHT, size.y);
     precise float low = e.mean.y - e.extent.y;
@@ -190,10 +190,10 @@ ivec2 tile_rows(Ellipse e, uvec2 size) {
     return cells(low, high, TILE_HEIGHT, size.y);
 }
 
-// Columns of tiles that the ellipse, or its square, touches in one row of tiles.
+// Columns of tiles in one row of tiles touched by the ellipse or its square.
 ivec2 tile_columns(Ellipse e, int row, uvec2 size) {
     if (e.square > 0.0) return inria_tiles(e.mean.x, e.square, TILE_WIDTH, size.x);
-    // The strip between the row's first and last pixel centres in the image, as far as the ellipse reaches into it.
+    // The strip between the row's first and last pixel centres in the image, clipped to the ellipse.
     precise float top = max(float(row) * float(TILE_HEIGHT) + 0.5 - e.mean.y, -e.extent.y);
     float end = min(float(row + 1) * float(TILE_HEIGHT), float(size.y));
     precise float bottom = min(end - 0.5 - e.mean.y, e.extent.y);

@@ -1,15 +1,15 @@
-// What every kernel may rely on: scalar block layout (so that a vec3 in a buffer is three floats) and
-// loop-unrolling hints.
+// Common extensions of all kernels: scalar block layout (so that a vec3 in a buffer is three floats) and loop-unrolling
+// hints.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
 #include "shared/constants.glsl"
 #include "shared/types.glsl"
 
-// Linear index of this workgroup in a dispatch that the host may have folded into two dimensions.
+// Linear index of this workgroup; the host may have folded the dispatch into two dimensions.
 uint group_index() {
     return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
 }
 
-// Linear index of this invocation. A macro, because glslang takes gl_WorkGroupSize for 1 wherever it
-// stands before the kernel's local_size_x_id.
+// Linear index of this invocation. A macro, because glslang takes gl_WorkGroupSize for 1 before the kernel's
+// local_size_x_id.
 #define global_index() (group_index() * gl_WorkGroupSize.x + gl_LocalInvocationID.x)

@@ -1,4 +1,4 @@
-// Staging through shared memory, for any size of subgroups.
+// Staging through shared memory, for any subgroup size.
 
 shared vec4 staged_shape[WORKGROUP];
 shared vec4 staged_tone[WORKGROUP];
@@ -9,7 +9,7 @@ uint stage_lane() {
 }
 
 void stage(Staged mine) {
-    // The batch before may still be read.
+    // The previous batch may still be read.
     barrier();
     staged_shape[gl_LocalInvocationID.x] = mine.shape;
     staged_tone[gl_LocalInvocationID.x] = mine.tone;

@@ -1,4 +1,4 @@
-// Staging by shuffles, for workgroups that lie in one subgroup.
+// Staging by shuffles, for workgroups in one subgroup.
 
 Staged held;
 

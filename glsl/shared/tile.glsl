@@ -1,5 +1,5 @@
-// A tile as its lanes see it: which pixels a lane owns, and a splat's exponent along its column.
-// Forward and backward share this, so that both see the same alphas.
+// Tile geometry: the pixels of each lane, and a splat's exponent along its column. Forward and backward share this, for
+// equal alphas.
 
 const uint LANE_PIXELS = TILE_PIXELS / WORKGROUP;
 const uint QUADS = LANE_PIXELS / 4;
@@ -19,7 +19,7 @@ Tile tile_of(uint tile, View view) {
     return t;
 }
 
-// Which of the lane's quad `q` of pixels lie in the image.
+// Mask of the pixels of the lane's quad `q` in the image.
 bvec4 inside(Tile t, uint q, View view) {
     uvec4 rows = uvec4(0, 1, 2, 3) + t.corner.y + t.y + q * 4;
     bvec4 ok = lessThan(rows, uvec4(view.size.y));
@@ -43,7 +43,7 @@ struct Column {
 };
 
 Column column_of(Tile t, vec4 shape, vec4 tone) {
-    // Positions relative to the tile stay small, so their rounding does too.
+    // Positions relative to the tile are small, and so is their rounding.
     precise vec2 mean = shape.xy - vec2(t.corner);
     precise float dx = float(t.x) + 0.5 - mean.x;
     Column c;

@@ -1,6 +1,6 @@
-// Structs that host and shaders share.
+// Structs shared by host and shaders.
 
-// A camera as the kernels read it, and what else holds for one frame.
+// Camera and other parameters of one frame.
 struct View {
     mat3 view_from_world;
     vec3 position;     // camera centre, world units
@@ -11,11 +11,11 @@ struct View {
     uvec2 tiles;       // tiles per row and column
     float near_plane;  // world units along z
     float dilation;    // added to the screen covariance, px^2
-    uint compensate;   // not 0: opacities make up for the dilation (Mip-Splatting, section 5.2)
+    uint compensate;   // not 0: opacities compensate the dilation (Mip-Splatting, section 5.2)
     vec3 background;
 };
 
-// A splat on the screen, what compositing reads, is three numbers in arrays of their own:
+// A projected splat, the input of compositing, is stored in three arrays:
 //   vec4 shape  mean.xy in pixels, slope b/a, log2 of the opacity
 //   vec4 tone   whitening factors of x and of y (times WHITEN), red, green
 //   vec2 rest   blue, depth

@@ -1,11 +1,11 @@
-// The weights alpha T by which compositing mixes a pixel's splats, found again as compositing found them: the
-// same exponents, the same products, the same end. Kernels that include this walk a tile's list from the front.
+// Weights alpha T of a pixel's splats, recomputed exactly as in compositing: the same exponents, products and end.
+// Kernels that include this walk a tile's list from the front.
 //
 // They need `tile.glsl` and `stage.glsl`, a `view`, T_MIN, LOG2_ALPHA_MIN and INRIA.
 
 bool any_lane(bool mine);
 
-// What passes all splats so far, by the lane's pixels.
+// Transmittance of the lane's pixels after all splats so far.
 vec4 transmittance[QUADS];
 
 void begin_pixels(Tile t) {
@@ -14,7 +14,7 @@ void begin_pixels(Tile t) {
     }
 }
 
-// Whether any pixel of the workgroup still needs more.
+// True if any pixel of the workgroup is still open.
 bool any_open() {
     bool open = false;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
@@ -23,7 +23,7 @@ bool any_open() {
     return any_lane(open);
 }
 
-// A splat's weights in quad `q`, 0 where it does not count; what lies behind it is seen through it from now on.
+// A splat's weights in quad `q`, 0 where it does not count; updates the transmittance.
 vec4 weights_of(Column column, uint q) {
     vec4 f;
     vec4 exponent = exponent_of(column, q, f);
@@ -34,7 +34,7 @@ vec4 weights_of(Column column, uint q) {
     vec4 weight = alpha * transmittance[q];
     vec4 next = transmittance[q] * (vec4(1.0) - alpha);
     if (INRIA != 0) {
-        // The splat that would take the pixel below the threshold is left out, and ends it.
+        // A splat that would take the transmittance below the threshold is left out and ends the pixel.
         bvec4 ends = both(on, lessThan(next, vec4(T_MIN)));
         weight = mix(weight, vec4(0.0), ends);
         next = mix(next, vec4(0.0), ends);

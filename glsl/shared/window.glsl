@@ -1,10 +1,10 @@
-// SSIM's window: 11 taps of a Gaussian with a standard deviation of 1.5 pixels, in each direction; what lies
-// outside the image counts as 0 (Wang et al. 2004; zero padding as in the 3DGS code).
+// SSIM's window: 11 taps of a Gaussian with a standard deviation of 1.5 pixels, in each direction; pixels outside the
+// image are 0 (Wang et al. 2004; zero padding as in the 3DGS code).
 
 const uint WINDOW_REACH = 5;
-// Rows that a tile's windows read.
+// Rows read by a tile's windows.
 const uint WINDOW_SPAN = LOSS_TILE_HEIGHT + 2 * WINDOW_REACH;
-// Windows that an invocation slides over at a time, and the pixels that they read.
+// Windows per strip, which one invocation slides over, and the pixels that they read.
 const uint STRIP = 8;
 // Strips of a tile: along its rows, those of its halo too, and down its columns.
 const uint ROW_STRIPS = WINDOW_SPAN * (LOSS_TILE_WIDTH / STRIP);

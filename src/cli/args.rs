@@ -8,32 +8,32 @@ use crate::train::Background;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
-/// Which device, and how much of it.
+/// Device selection and limits.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Device")]
 pub(super) struct DeviceArgs {
     /// Vulkan device: its index in `ashfall info`, or a part of its name [default: the fastest kind]
     #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
-    /// Device memory at most, e.g. 2G or 512M [default: what the device has]
+    /// Limit of device memory, e.g. 2G or 512M [default: all memory of the device]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub memory_limit: Option<u64>,
     /// Have the validation layer check every Vulkan call; its messages are errors (slow)
     #[arg(long)]
     pub validate: bool,
-    /// Take the device for one whose bindings reach only so much, to try what it would do
+    /// Test limit on the bytes that a binding reaches
     #[arg(long, value_name = "SIZE", value_parser = parse_size, hide = true)]
     pub limit_binding: Option<u64>,
-    /// Take the device for one whose workgroups hold only so many invocations
+    /// Test limit on the invocations of a workgroup
     #[arg(long, value_name = "N", hide = true)]
     pub limit_workgroup: Option<u32>,
-    /// Take the device for one without subgroup operations
+    /// Test without subgroup operations
     #[arg(long, hide = true)]
     pub without_subgroups: bool,
 }
 
 impl DeviceArgs {
-    /// The device asked for by option or, failing that, by the environment.
+    /// Device name from the option, else from the environment.
     pub(crate) fn name(&self) -> Option<String> {
         let set = |name: &String| !name.is_empty();
         self.device
@@ -42,7 +42,7 @@ impl DeviceArgs {
     }
 }
 
-/// How a data set is read.
+/// Options for reading a data set.
 #[derive(Clone, Debug, PartialEq, Eq, Args, serde::Serialize, serde::Deserialize)]
 #[command(next_help_heading = "Data set")]
 pub(super) struct DataArgs {
@@ -52,11 +52,11 @@ pub(super) struct DataArgs {
     /// Hold out every N-th photograph by name, from the first, as test view; 0: none
     #[arg(long, value_name = "N", default_value_t = 8)]
     pub test_every: usize,
-    /// Folder of the photographs [default: where the data set's format has it]
+    /// Folder of the photographs [default: the data set format's]
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
-    /// What alpha means: over the background, or pixels that do not count [default: composite; mask for
-    /// distorted photographs, whose undistorted ones have empty borders]
+    /// Meaning of alpha: over the background, or weight of the pixel [default: composite; mask for distorted
+    /// photographs, because undistortion leaves empty borders]
     #[arg(long, value_name = "MODE")]
     pub alpha: Option<AlphaArg>,
 }
@@ -73,7 +73,7 @@ impl Default for DataArgs {
 }
 
 impl DataArgs {
-    /// Opens the data set at `path` and prints what was repaired or left out.
+    /// Opens the data set at `path` and prints the repairs and omissions.
     pub(crate) fn open(&self, path: &Path, photos_required: bool) -> Result<Dataset> {
         let dataset = dataset::open(path, &self.options(photos_required))?;
         for warning in &dataset.warnings {
@@ -93,7 +93,7 @@ impl DataArgs {
     }
 }
 
-/// The meaning of alpha, as a word.
+/// Meaning of alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum AlphaArg {
@@ -112,7 +112,7 @@ impl From<AlphaArg> for AlphaMode {
     }
 }
 
-/// Views of a data set, as a word.
+/// Views of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum SplitArg {
     /// Held-out views
@@ -133,7 +133,7 @@ impl From<SplitArg> for Split {
     }
 }
 
-/// Whose rules pictures are drawn by, as a word.
+/// Rasterization rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Compat {
     Engine,
@@ -189,7 +189,7 @@ pub(super) fn parse_size(text: &str) -> std::result::Result<u64, String> {
     };
     let number: f64 = digits.trim().parse().map_err(|_| wanted())?;
     let bytes = number * f64::from(1_u32 << (shift / 2)) * f64::from(1_u32 << (shift - shift / 2));
-    // Casts saturate; sizes beyond the exact integers of f64 are no limit to anything.
+    // Casts saturate; the rounding of sizes above 2^53 does not matter to a limit.
     if bytes.is_finite() && bytes >= 1.0 {
         Ok(bytes as u64)
     } else {

@@ -34,11 +34,10 @@ enum BenchCommand {
 ///
 /// Every result is compared with the reference before it is timed; a wrong one ends the run, with exit code 1.
 ///
-/// Times are the device's own timestamps, summed up by their median and the median absolute deviation from it,
-/// with the processor time of the process beside them. Rates are in the unit that means something, and of
-/// kernels that mainly move memory also as a share of the rate at which the device copies. At the end stand
-/// the ratios of the engine's choices to the 16×16 tile design on the same device and to renderers and a sort on the
-/// processor, all measured in turns.
+/// Times are device timestamps, reported as median and median absolute deviation, with the processor time of the
+/// process beside them. Rates are in the unit of each kernel, and for memory-bound kernels also a share of the rate of
+/// a copy on the device. The last lines are ratios of the chosen kernels to the 16×16 tile design on the same device
+/// and to renderers and a sort on the processor, all measured in turns.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 struct KernelsArgs {
@@ -85,7 +84,6 @@ pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
 }
 
 impl OutputArgs {
-    /// Options of the bench.
     pub(super) fn options(&self) -> Options {
         Options {
             filter: self.filter.clone(),
@@ -105,7 +103,7 @@ impl OutputArgs {
         // Rows of bytes have no times.
         let timed = bench.rows().iter().filter(|row| row.runs > 0);
         for line in timed.map(BenchRow::line).chain(more) {
-            // A closed pipe is no error.
+            // A closed pipe is not an error.
             _ = writeln!(out, "{line}");
         }
         if let Some(path) = &self.csv {

@@ -7,7 +7,7 @@ use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use serde_json::Value;
 
-/// Iterations where none are asked for: as published, and what a CPU does in a good hour.
+/// Default iterations: as published, and about an hour of a CPU.
 const ITERATIONS: u32 = 30_000;
 const ITERATIONS_SOFTWARE: u32 = 2_000;
 
@@ -15,30 +15,28 @@ const ITERATIONS_SOFTWARE: u32 = 2_000;
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Training")]
 pub(in crate::cli) struct ConfigArgs {
-    /// Optimisation steps, one photograph each; timetables follow [default: 30000, or 2000 on a device
-    /// that is a program on the CPU]
+    /// Optimisation steps, one photograph each; schedules scale with them [default: 30000, or 2000 on a CPU device]
     #[arg(long, value_name = "N")]
     pub iterations: Option<u32>,
     /// Seed of all random numbers: the same data, seed and device give the same scene.ply [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
-    /// How splats are added and removed [default: adc]
+    /// Densification strategy [default: adc]
     #[arg(long, value_name = "NAME")]
     pub strategy: Option<StrategyArg>,
-    /// How splats become pixels; scene.ply says so, and `render` and `eval` follow [default: default]
+    /// Rendering mode; stored in scene.ply, from which `render` and `eval` read it [default: default]
     #[arg(long, value_name = "MODE")]
     pub mode: Option<ModeArg>,
-    /// Be on guard against these (comma-separated); constants given by --set come after
+    /// Apply remedies against these (comma-separated); constants given by --set come after
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub against: Vec<AgainstArg>,
-    /// Splats at most [default: as many as the strategy asks for; 1,000,000 with mcmc]
+    /// Limit of the splat count [default: none with adc; 1,000,000 with mcmc]
     #[arg(long, value_name = "N")]
     pub max_splats: Option<u32>,
     /// Degree of the view-dependent colour, 0 to 3 [default: 3]
     #[arg(long, value_name = "D")]
     pub sh_degree: Option<u32>,
-    /// What is behind the splats: black, white, R,G,B (0 to 1), or another colour each step: random
-    /// [default: black]
+    /// Colour behind the splats: black, white, R,G,B (0 to 1), or random, another one at each step [default: black]
     #[arg(long, value_name = "COLOR", value_parser = parse_background)]
     pub background: Option<Background>,
     /// Set any constant by its name in report.json's "config", e.g. adc.grad_threshold=4e-4 (repeatable)
@@ -46,7 +44,7 @@ pub(in crate::cli) struct ConfigArgs {
     pub settings: Vec<String>,
 }
 
-/// A strategy, as a word.
+/// Densification strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum StrategyArg {
     /// Clone, split and prune by gradient (3DGS)
@@ -55,7 +53,7 @@ pub(in crate::cli) enum StrategyArg {
     Mcmc,
 }
 
-/// A mode of rendering, as a word.
+/// Rendering mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum ModeArg {
     /// As 3DGS: splats never get thinner than half a pixel, but brighter from afar
@@ -64,7 +62,7 @@ pub(in crate::cli) enum ModeArg {
     Mip,
 }
 
-/// What may go wrong with a scene, as a word.
+/// Defect of a scene with a remedy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum AgainstArg {
     /// Splats in free space: cull the first points by views and by distance, prune below an opacity of 0.01,
@@ -75,12 +73,12 @@ pub(in crate::cli) enum AgainstArg {
 }
 
 impl ConfigArgs {
-    /// The configuration, checked.
+    /// Configuration from the options, validated.
     pub(crate) fn config(&self, is_software: bool) -> Result<TrainConfig> {
         self.config_from(is_software, |config| config)
     }
 
-    /// The same from other constants than the usual; what the options say comes after.
+    /// Configuration that starts from `other` of the defaults; the options override it.
     pub(crate) fn config_from(
         &self,
         is_software: bool,
@@ -133,7 +131,7 @@ fn apply(config: TrainConfig, settings: &[String]) -> Result<TrainConfig> {
         let Some(place) = tree.pointer_mut(&pointer) else {
             return Err(refuse(setting, unknown(&tree, name)));
         };
-        // What is no JSON is a word, so that words need no quotes.
+        // Text that is not JSON is a string, so that words need no quotes.
         let text = text.trim();
         *place = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()));
         // Parsed after each, so that the error names the setting at fault.
@@ -144,7 +142,7 @@ fn apply(config: TrainConfig, settings: &[String]) -> Result<TrainConfig> {
     serde_json::from_value(tree).map_err(|e| Error::Config(e.to_string()))
 }
 
-/// Says which names there are, at the deepest level that the name reaches.
+/// Error text with the valid names at the deepest level that `name` reaches.
 fn unknown(tree: &Value, name: &str) -> String {
     let mut level = tree;
     let mut reached = Vec::new();

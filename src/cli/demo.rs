@@ -1,4 +1,4 @@
-//! `ashfall demo`: a scene made in code, photographed, trained and drawn, to see that all works.
+//! `ashfall demo`: end-to-end check on a synthetic scene: photograph, train, render.
 
 use super::args::{DataArgs, DeviceArgs};
 use super::engine::Engine;
@@ -44,7 +44,7 @@ pub(super) struct DemoArgs {
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let start = Instant::now();
-    // First of all: without a device the rest would be in vain.
+    // Opened first: without a device the rest is useless.
     let engine = Engine::open(&args.device)?;
     output.remark(format_args!(
         "making the scene and its photographs in {}",
@@ -58,7 +58,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         &synth::scene(Kind::Demo).dataset(&SynthOptions::default()),
         &data,
     )?;
-    // Trained from the files, as any data set would be.
+    // Trained from the files, like any data set.
     let options = DataArgs::default();
     let dataset = options.open(&data, true)?;
     let mut config = TrainConfig::for_iterations(args.iterations);
@@ -94,7 +94,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Draws the trained scene from around, out of its file.
+/// Draws an orbit of the trained scene, read from its file.
 fn draw_orbit(engine: &Engine, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
     let splats = eval::read_scene(&dir.join("scene.ply"))?;
     let mut scene_renderer = engine.scene_renderer(&splats, eval::near(dataset), false)?;

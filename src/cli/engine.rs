@@ -1,4 +1,4 @@
-//! Device of a command: opened by options, described, and drawing pictures.
+//! Device of a command: opening, description, rendering.
 
 mod describe;
 
@@ -34,7 +34,7 @@ impl Engine {
         Ok(Engine { gpu })
     }
 
-    /// The device, for measurements, which are made of nothing else.
+    /// Device for measurements.
     pub(crate) fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -44,22 +44,22 @@ impl Engine {
         &self.gpu.caps().name
     }
 
-    /// Whether the device is a program on the CPU.
+    /// True for a CPU device.
     pub(crate) fn is_software(&self) -> bool {
         self.gpu.caps().kind == DeviceKind::Cpu
     }
 
-    /// Bytes that buffers may take.
+    /// Limit of buffer memory in bytes.
     pub(crate) fn memory_limit(&self) -> u64 {
         self.gpu.memory_limit()
     }
 
-    /// Most bytes of device memory held at one time.
+    /// Peak of allocated device memory in bytes.
     pub(crate) fn memory_peak_bytes(&self) -> u64 {
         self.gpu.memory_peak()
     }
 
-    /// A bench on this device; `progress` sees every row as it is measured.
+    /// Bench on this device; `progress` receives every row once it is measured.
     pub(crate) fn bench(
         &self,
         name: &'static str,
@@ -69,7 +69,7 @@ impl Engine {
         Bench::new(name, &self.gpu, options, progress)
     }
 
-    /// What the validation layer has said, if anything, as an error.
+    /// Error with the first validation message, if there is one.
     pub(crate) fn check(&self) -> Result<()> {
         self.gpu.wait_idle()?;
         let messages = self.gpu.validation_messages();
@@ -82,12 +82,12 @@ impl Engine {
         }
     }
 
-    /// What the device is and can do, and what was chosen for it: text, and the same for machines.
+    /// Device capabilities and chosen kernel variants as text and as JSON.
     pub(crate) fn describe(&self) -> (String, serde_json::Value) {
         describe::chosen(self.gpu.caps(), self.gpu.memory_limit())
     }
 
-    /// Brings a scene to the device to be drawn; nothing nearer than `near` world units is.
+    /// Uploads a scene for rendering; `near` is the near plane in world units.
     pub(crate) fn scene_renderer(
         &self,
         splats: &Splats,
@@ -97,7 +97,7 @@ impl Engine {
         self.scene_renderer_with(splats, near, with_depth, Compatibility::Engine)
     }
 
-    /// The same by the rules of another method.
+    /// [`Engine::scene_renderer`] with the rasterization rules of `compatibility`.
     pub(crate) fn scene_renderer_with(
         &self,
         splats: &Splats,
@@ -120,7 +120,7 @@ impl Engine {
     }
 }
 
-/// A scene on the device, ready to be drawn.
+/// Scene on the device with its renderer.
 pub(super) struct SceneRenderer {
     renderer: Renderer,
     model: Model,

@@ -1,4 +1,4 @@
-//! `ashfall eval`: how close renderings of a scene come to the photographs.
+//! `ashfall eval`: PSNR and SSIM of renderings against the photographs.
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};
@@ -28,7 +28,7 @@ pub(super) struct EvalArgs {
     /// The data set, as for `ashfall train`
     #[arg(value_name = "DATA")]
     data: PathBuf,
-    /// Which views
+    /// Views to score
     #[arg(long, value_name = "SPLIT", default_value = "test")]
     split: SplitArg,
     /// Colour behind the splats: black, white or R,G,B (0 to 1)
@@ -55,7 +55,7 @@ Examples:
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let splats = read_scene(&args.scene)?;
-    // As for training: views without a photograph are left out before the split is made.
+    // As in training: views without a photograph are left out before the split.
     let mut dataset = args.options.open(&args.data, true)?;
     dataset.set_origin(splats.origin);
     let views = dataset.split(args.split.into());
@@ -92,7 +92,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Reads splats and prints what was repaired or left out.
+/// Reads splats and prints the repairs and omissions.
 pub(super) fn read_scene(path: &Path) -> Result<Splats> {
     let loaded = io::splats::read(path)?;
     for warning in &loaded.warnings {

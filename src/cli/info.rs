@@ -1,4 +1,4 @@
-//! `ashfall info`: the devices, or what a scene or a data set holds.
+//! `ashfall info`: description of the devices, a scene or a data set.
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
@@ -16,8 +16,7 @@ use std::path::{Path, PathBuf};
 
 /// Describe the devices, a scene or a data set, or predict a run's memory
 ///
-/// Without a path: the Vulkan devices, what the chosen one can do, and which variant of each kernel is
-/// used on it.
+/// Without a path: the Vulkan devices, the capabilities of the chosen one, and the kernel variants used on it.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct InfoArgs {
@@ -78,7 +77,7 @@ fn predict(args: &InfoArgs) -> Result<Outcome> {
 }
 
 fn is_scene(path: &Path) -> bool {
-    // A folder is a data set, whatever its name, and a .json is a transforms.json.
+    // A folder is a data set by any name, and a .json is a transforms.json.
     path.is_file() && path.extension().is_none_or(|e| e != "json")
 }
 

@@ -7,7 +7,7 @@ use signal_hook::flag::{register, register_conditional_shutdown};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Request of the user, or of a job scheduler, to stop.
+/// Stop request of the user or of a job scheduler.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interrupt {
     requested: Arc<AtomicBool>,
@@ -15,7 +15,7 @@ pub(super) struct Interrupt {
 }
 
 impl Interrupt {
-    /// Listens from now on.
+    /// Installs the signal handlers.
     pub(crate) fn listen() -> Result<Interrupt> {
         let interrupt = Interrupt::default();
         let flag = || Arc::clone(&interrupt.requested);
@@ -27,7 +27,7 @@ impl Interrupt {
         Ok(interrupt)
     }
 
-    /// Whether to stop; says so the first time.
+    /// True if a stop is requested; prints a notice the first time.
     pub(crate) fn is_requested(&self) -> bool {
         let is_requested = self.requested.load(Ordering::Relaxed);
         if is_requested && !self.announced.swap(true, Ordering::Relaxed) {

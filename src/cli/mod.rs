@@ -1,7 +1,7 @@
-//! The binary's commands: parse, call the library, say what was done.
+//! Commands of the binary: parse, call the library, report.
 //!
-//! Results go to standard output, everything about the way there to standard error. Exit codes: 0 done,
-//! 1 an error (one line, `error: …`), 2 a command line that cannot be parsed, 130 interrupted.
+//! Results go to standard output, progress and diagnostics to standard error. Exit codes: 0 done, 1 an error (one line,
+//! `error: …`), 2 a command line that cannot be parsed, 130 interrupted.
 //!
 //! **Invariant:** this is the only place that reads an environment variable (`ASHFALL_DEVICE`).
 
@@ -64,14 +64,14 @@ enum Command {
     Bench(bench::BenchArgs),
 }
 
-/// How a command ended, if without an error.
+/// End of a command without an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
     Done,
     Interrupted,
 }
 
-/// What a shell expects of a program that SIGINT ended: 128 + 2.
+/// Conventional exit code of a program that SIGINT ended: 128 + 2.
 const EXIT_INTERRUPTED: u8 = 130;
 
 /// The binary's `main`.

@@ -1,5 +1,4 @@
-//! Output of a command at work: a progress bar on a terminal, a line now and then in a log file, JSON lines for
-//! machines.
+//! Output of a running command: a progress bar on a terminal, occasional lines in a log file, JSON lines for machines.
 
 use crate::metrics::MeanScore;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -10,7 +9,7 @@ use std::time::{Duration, Instant};
 
 pub(super) use crate::lab::page::grouped;
 
-/// How a command speaks.
+/// Output mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Output {
     /// JSON lines on standard output instead of text.
@@ -21,28 +20,28 @@ impl Output {
     /// A result: a JSON line (the object of `event`), or the text.
     pub(crate) fn result(self, text: impl std::fmt::Display, event: impl FnOnce() -> Value) {
         let mut stdout = std::io::stdout().lock();
-        // A reader that has gone away is no reason to fail.
+        // A closed pipe is not an error.
         _ = match self.json {
             true => writeln!(stdout, "{}", event()),
             false => writeln!(stdout, "{text}"),
         };
     }
 
-    /// An event for machines only.
+    /// An event, printed only as JSON.
     pub(crate) fn event(self, event: impl FnOnce() -> Value) {
         if self.json {
             self.result("", event);
         }
     }
 
-    /// A remark for people, on standard error.
+    /// A remark on standard error, printed only as text.
     pub(crate) fn remark(self, text: impl std::fmt::Display) {
         if !self.json {
             eprintln!("{text}");
         }
     }
 
-    /// A bar of `length` steps; where standard error is no terminal, a line every [`LINE_EVERY`] instead.
+    /// A bar of `length` steps, or a line every [`LINE_EVERY`] if standard error is not a terminal.
     pub(crate) fn bar(self, length: u64, name: &'static str) -> ProgressBar {
         if self.json {
             return ProgressBar::hidden();
@@ -68,7 +67,7 @@ impl Output {
 /// Time between two lines of progress.
 const LINE_EVERY: Duration = Duration::from_secs(30);
 
-/// Writes a line of progress every so often until the bar is dropped.
+/// Writes a progress line at intervals of `every` until the bar is dropped.
 fn write_lines(
     bar: &ProgressBar,
     name: &'static str,
@@ -90,7 +89,7 @@ fn write_lines(
     });
 }
 
-/// Lets something happen at most every so often.
+/// Rate limiter.
 #[derive(Debug)]
 pub(super) struct Pace {
     every: Duration,
@@ -98,12 +97,12 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// At most once in `every`; the first time at once.
+    /// At most once in `every`; due at once the first time.
     pub(crate) fn new(every: Duration) -> Pace {
         Pace { every, last: None }
     }
 
-    /// Whether it is time again.
+    /// True at most once per interval.
     pub(crate) fn is_due(&mut self) -> bool {
         let due = self.last.is_none_or(|last| last.elapsed() >= self.every);
         if due {
@@ -113,7 +112,7 @@ impl Pace {
     }
 }
 
-/// A mean score in words.
+/// A mean score as text.
 pub(super) fn score_text(score: &MeanScore) -> String {
     let figure = |value: Option<f64>, digits: usize, unit: &str| match value {
         Some(value) => format!("{value:.digits$}{unit}"),
@@ -129,7 +128,7 @@ pub(super) fn score_text(score: &MeanScore) -> String {
     )
 }
 
-/// Bytes in the unit that leaves at most four digits.
+/// Bytes with a unit, in at most four digits.
 pub(super) fn bytes(count: u64) -> String {
     let mut value = count as f64;
     for unit in ["B", "KiB", "MiB", "GiB"] {
@@ -142,7 +141,7 @@ pub(super) fn bytes(count: u64) -> String {
     format!("{value:.1} TiB")
 }
 
-/// A view's name as a file name: no folder, no extension, nothing that leads elsewhere.
+/// A view's name as a file name: no folder, no extension, no path separators.
 pub(super) fn file_stem(view_name: &str) -> String {
     let stem = Path::new(view_name).with_extension("");
     let safe = |c: char| match c {
@@ -192,7 +191,7 @@ mod tests {
         });
         assert_eq!(receive.recv().as_deref(), Ok("training 4 of 9 · loss 0.1"));
         drop(bar);
-        // The thread ends and lets go of the sender.
+        // The thread ends and drops the sender.
         assert_eq!(receive.iter().filter(|line| line.is_empty()).count(), 0);
     }
 

@@ -22,7 +22,7 @@ pub(super) struct PredictArgs {
     /// scene at PATH, or without photographs, that of drawing
     #[arg(long)]
     pub predict: bool,
-    /// Splats [default: as many as the strategy ends with, if that is known; else those it begins with]
+    /// Splats [default: the strategy's final count, if known; else the initial count]
     #[arg(long, value_name = "N", requires = "predict")]
     pub splats: Option<usize>,
     /// Size of the pictures [default: the data set's, or 1920x1080]
@@ -31,7 +31,7 @@ pub(super) struct PredictArgs {
     /// Photographs trained on [default: the data set's, or none: only drawing]
     #[arg(long, value_name = "N", requires = "predict")]
     pub photos: Option<usize>,
-    /// (Splat, tile) pairs of a frame [default: those of usual scenes of so many splats at such a size]
+    /// (Splat, tile) pairs of a frame [default: typical of this many splats at this size]
     #[arg(long, value_name = "N", requires = "predict")]
     pub isects: Option<usize>,
 }
@@ -63,17 +63,17 @@ pub(super) fn parse_image_size(text: &str) -> std::result::Result<[u32; 2], Stri
 /// Device memory of training or drawing, by the closed formula.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Prediction {
-    /// The task in words.
+    /// Description of the task.
     what: String,
     splats: usize,
     isects: usize,
     needs: Vec<Need>,
-    /// Bytes of one splat more in training.
+    /// Bytes per additional splat in training.
     per_splat: Option<f64>,
 }
 
 impl Prediction {
-    /// Training with the splats of `size`, or with as many as expected if those are more.
+    /// Training with the splats of `size`, or with `expected` if that is more.
     pub(crate) fn of(mut size: TrainSize, expected: Option<usize>) -> Prediction {
         let [width, height] = size.image;
         if let Some(splats) = expected.filter(|&splats| splats > size.splats) {
@@ -96,7 +96,7 @@ impl Prediction {
         }
     }
 
-    /// Bytes by purpose, largest first, then the total, those of 1,000 splats more, and those of the device.
+    /// Bytes by purpose, largest first, then the total, the bytes of 1,000 additional splats, and the device's limit.
     fn rows(&self, limit: u64) -> Vec<(&'static str, String)> {
         let mut sums: BTreeMap<Purpose, u64> = BTreeMap::new();
         for need in &self.needs {
@@ -160,7 +160,7 @@ impl PredictArgs {
         self.training(TrainSize::of(dataset, config, limit, first), config, limit)
     }
 
-    /// Training on photographs that are only counted, or drawing.
+    /// Training on a number of photographs without a data set, or drawing.
     pub(crate) fn on_numbers(&self, config: &TrainConfig, limit: u64) -> Prediction {
         let splats = SPLATS.min(config.splat_limit());
         if self.photos.unwrap_or(0) == 0 {

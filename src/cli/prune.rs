@@ -1,4 +1,4 @@
-//! `ashfall prune`: takes out of a scene what no training view misses, and proves it.
+//! `ashfall prune`: removes splats that no training view needs, at a proven error.
 
 mod figures;
 
@@ -19,24 +19,23 @@ use clap::Args;
 use figures::{Figures, Merging};
 use std::path::PathBuf;
 
-/// Remove what a scene does not need, at a proven error
+/// Remove unneeded splats of a scene, at a proven error
 ///
-/// Finds splats whose weights, the shares of a pixel's colour that they make up, sum to no more than ERROR at every
-/// pixel of every training view, and takes them out. No pixel of those views can then change by more than ERROR
-/// times the range of the colours that it is mixed of. That is measured on all of them, and the exit code is 1 if
-/// one pixel breaks it. Splats that no training view shows go, too.
+/// Finds splats with weights (their shares of a pixel's colour) that sum to no more than ERROR at every pixel of every
+/// training view, and removes them. No pixel of those views can then change by more than ERROR times the range of the
+/// colours that it is mixed of. All pixels are measured; the exit code is 1 if one breaks the bound. Splats that no
+/// training view shows go, too.
 ///
-/// --merge first lets neighbours merge, two into the one that covers what both do as nearly as one can, without
-/// training. No bound of that is proven. What it does to the pictures of the training views is measured and
-/// printed by itself:
-/// the largest change, its root mean square, and the PSNR of the merged scene against the one before. The proof, its
-/// bound and the change measured beside it are those of what is removed after that, against the merged scene.
+/// --merge first merges neighbours in pairs, each pair into the splat closest to both, without training. No bound of
+/// that is proven. The change of the training views' pictures by merging is measured and printed: its maximum, its root
+/// mean square, and the PSNR against the original scene. The proof, its bound and the change measured beside it refer
+/// to the later removal, against the merged scene.
 ///
-/// --sh-error takes from each splat the harmonics that its colour hardly needs. Files keep the usual layout, with zeros
-/// in their place, up to the highest degree that any splat has.
+/// --sh-error drops SH degrees with little effect on a splat's colour. Files keep the usual layout, with zeros in their
+/// place, up to the highest degree of any splat.
 ///
-/// --refit trains what is left for a few iterations, without adding or removing any; what it gives is judged by
-/// the test views, not by the bound.
+/// --refit trains the remaining splats for a few iterations, without adding or removing any; the result is scored on
+/// the test views; the bound does not cover it.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct PruneArgs {
@@ -53,20 +52,20 @@ pub(super) struct PruneArgs {
     /// below 1 [without SHARE: 0.5, about one merge for each that is left; errors of more add up]
     #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.5", value_parser = parse_share)]
     merge: Option<f64>,
-    /// Drop the highest degrees of splats' harmonics where no channel of their colours is then off by more than this in
-    /// any direction [default: only what is zero]
+    /// Drop the highest SH degrees of a splat if no colour channel then changes by more than this in any direction
+    /// [default: only zeros]
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     sh_error: Option<f64>,
-    /// The .ply file for what is left; without it nothing is written
+    /// Output .ply file; without it nothing is written
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Train what is left for N iterations
+    /// Train the remaining splats for N iterations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     refit: Option<u32>,
     /// Colour behind the splats: black, white or R,G,B (0 to 1)
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
     background: [f32; 3],
-    /// Whose rules pictures are drawn by: engine, this program's, or original, those of the 3DGS code
+    /// Rasterization rules: engine, this program's, or original, those of the 3DGS code
     #[arg(long, value_name = "RULES", default_value = "engine")]
     compat: Compat,
     /// Print one JSON object instead of text
@@ -141,13 +140,13 @@ fn parse_error(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| "a number above 0 and at most 1 is expected, such as 1/512".into())
 }
 
-/// A share of the splats: as an error, but not all of them.
+/// A share of the splats: as an error, but below 1.
 fn parse_share(text: &str) -> std::result::Result<f64, String> {
     let share = parse_error(text).ok().filter(|share| *share < 1.0);
     share.ok_or_else(|| "a number above 0 and below 1 is expected, such as 0.5".into())
 }
 
-/// What a run is made of.
+/// Inputs of a run.
 struct Work<'a> {
     args: &'a PruneArgs,
     engine: &'a Engine,
@@ -157,7 +156,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// What is left, and what is to be said of it; `None` if interrupted.
+    /// Prunes, measures and scores; `None` if interrupted.
     fn run(&self, splats: &Splats) -> Result<Option<Figures>> {
         let output = self.output();
         let mut go_on = || !self.interrupt.is_requested();
@@ -175,7 +174,7 @@ impl Work<'_> {
                 merging => merging,
             },
         };
-        // What is proven below is proven of this one.
+        // Scene that the proof below refers to.
         let scene = merging.as_ref().map_or(splats, |m| &m.merged.splats);
         let mut weigher = self.weigher(scene)?;
         let Some(pruned) = prune(&mut weigher, &self.cameras, error, &mut go_on)? else {
@@ -198,7 +197,7 @@ impl Work<'_> {
             let Some(fitted) = self.refit(&reduced.splats, iterations)? else {
                 return Ok(None);
             };
-            // Coefficients that were dropped have been trained with the others.
+            // Dropped coefficients are trained with the others, so they are dropped again.
             reduced = reduce_harmonics(&fitted, promise.color);
             test.push(self.score(&reduced.splats)?);
         }
@@ -222,7 +221,7 @@ impl Work<'_> {
         }
     }
 
-    /// The scene with neighbours merged, and how far its pictures have moved; `None` if interrupted.
+    /// The merged scene and the change of its pictures; `None` if interrupted.
     fn merge(&self, splats: &Splats, share: f64) -> Result<Option<Merging>> {
         let mut go_on = || !self.interrupt.is_requested();
         let wanted = share * splats.len() as f64;
@@ -259,7 +258,7 @@ impl Work<'_> {
         ContributionPass::new(self.engine.gpu(), splats, pass_options)
     }
 
-    /// Means over the test views.
+    /// Mean score over the test views.
     fn score(&self, splats: &Splats) -> Result<MeanScore> {
         let views = self.dataset.split(Split::Test);
         let mut evaluator = evaluator(

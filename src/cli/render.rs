@@ -19,8 +19,8 @@ pub(super) use orbit::orbit_of_cameras;
 
 /// Draw a scene
 ///
-/// Cameras come from a data set or a bare transforms.json (photographs need not exist), or lie on an
-/// orbit around what its cameras look at; without --cameras around the scene itself.
+/// Cameras come from a data set or a bare transforms.json (photographs need not exist), or lie on an orbit around the
+/// focus of its cameras; without --cameras around the scene itself.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct RenderArgs {
@@ -30,10 +30,10 @@ pub(super) struct RenderArgs {
     /// Folder for the pictures, made if it is not there
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Data set or transforms.json whose cameras to use
+    /// Data set or transforms.json with the cameras
     #[arg(long, value_name = "DATA", required_unless_present = "orbit")]
     cameras: Option<PathBuf>,
-    /// Which of its views
+    /// Views to draw
     #[arg(long, value_name = "SPLIT", default_value = "all")]
     split: SplitArg,
     /// N pictures around the scene instead
@@ -46,8 +46,8 @@ pub(super) struct RenderArgs {
     /// Colour behind the splats of a png: black, white or R,G,B (0 to 1)
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
     background: [f32; 3],
-    /// Whose rules to draw by. engine: this program's. original: those of the 3DGS code (three standard deviations,
-    /// alphas up to 0.99, the last splat of a pixel left out), as authors of scenes trained with it saw them
+    /// Rasterization rules. engine: this program's. original: those of the 3DGS code (three standard deviations, alphas
+    /// up to 0.99, the last splat of a pixel left out), as authors of scenes trained with it saw them
     #[arg(long, value_name = "RULES", default_value = "engine")]
     compat: Compat,
     /// Print JSON lines instead of text
@@ -71,7 +71,7 @@ enum Format {
     Exr,
 }
 
-/// A picture to draw: the stem of its file's name, and where from.
+/// A picture to draw: stem of its file name, and camera.
 struct Shot {
     stem: String,
     camera: Camera,
@@ -100,7 +100,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         engine.scene_renderer_with(&splats, near, with_depth, args.compat.into())?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let bar = output.bar(shots.len() as u64, "pictures");
-    // An EXR's colours are the splats' alone.
+    // An EXR has no background.
     let background = match args.format {
         Format::Png => args.background,
         Format::Exr => [0.0; 3],
@@ -173,8 +173,8 @@ fn write(dir: &Path, stem: &str, format: Format, picture: &Rendered) -> Result<P
     }
 }
 
-/// Display-referred colour over black as linear light, premultiplied. The curve is applied to the
-/// colour itself, not to what coverage has left of it.
+/// Converts display-referred colour over black to linear light, premultiplied. The curve applies to the colour without
+/// coverage.
 fn linear(rgb: [f32; 3], alpha: f32) -> [f32; 4] {
     let channel = |value: f32| {
         if alpha <= 0.0 {

@@ -56,7 +56,7 @@ Examples:
   ashfall stress run/scene.ply --json stress.json
   ashfall stress --device 0 --out out/stress-of-the-other-device";
 
-/// Views of a scene of the user's.
+/// Views of a user's scene.
 const VIEWS: u32 = 3;
 
 pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
@@ -86,7 +86,7 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     let Some(mut found) = found else {
         return Ok(Outcome::Interrupted);
     };
-    // Facts of the suite itself come last.
+    // The suite's own facts come last.
     found
         .facts
         .splice(0..0, facts(&engine, &subject, name, started));

@@ -1,4 +1,4 @@
-//! Whole files or none: a writer that is interrupted leaves the old file as it was.
+//! Atomic file writes: an interrupted writer leaves the old file unchanged.
 
 use crate::error::{Error, Result};
 use std::ffi::OsString;
@@ -6,10 +6,10 @@ use std::fs::{self, File};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes `path` by way of a temporary file in the same folder: written, flushed to the disk and then
-/// renamed over `path`. On any error (and when `write` panics) the temporary file is removed and `path`
-/// is what it was before. The folder must exist; a `path` that is no regular file is refused, because
-/// renaming would replace a device or a pipe by a file.
+/// Writes `path` by way of a temporary file in the same folder: written, flushed to the disk and then renamed over
+/// `path`. On any error (and when `write` panics) the temporary file is removed and `path` is unchanged. The folder
+/// must exist; a `path` to anything but a regular file is refused, because renaming would replace a device or a pipe by
+/// a file.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
@@ -24,16 +24,16 @@ pub fn write_atomically(
         .and_then(|()| writer.get_ref().sync_all())
         .and_then(|()| fs::rename(&temporary.0, path))
         .map_err(Error::io(path))?;
-    // The rename itself lasts only once the folder is on the disk. Not every file system can do
-    // that, and the file is complete by now, so failure is no error.
+    // The rename is durable only once the folder is on the disk. Not every file system supports that, and the file is
+    // complete by now, so failure is ignored.
     if let Some(folder) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
         _ = File::open(folder).and_then(|folder| folder.sync_all());
     }
     Ok(())
 }
 
-/// Removes from a folder what writers left there that were killed: temporary files of processes that are no more,
-/// as far as the operating system says (Linux does). Returns how many there were.
+/// Removes temporary files of killed writers from a folder: those of processes that the operating system reports as
+/// ended (on Linux). Returns their number.
 pub fn remove_leftovers(folder: &Path) -> usize {
     let Ok(entries) = fs::read_dir(folder) else {
         return 0;
@@ -47,7 +47,7 @@ pub fn remove_leftovers(folder: &Path) -> usize {
         .count()
 }
 
-/// The process that a temporary file belongs to, by its name: see [`create_beside`].
+/// Process id in the name of a temporary file; see [`create_beside`].
 fn process_of(name: &str) -> Option<u32> {
     let stem = name.strip_prefix('.')?.strip_suffix(".tmp")?;
     let (stem, attempt) = stem.rsplit_once('.')?;
@@ -61,7 +61,7 @@ fn is_gone(process: u32) -> bool {
     all.join("self").exists() && !all.join(process.to_string()).exists()
 }
 
-/// Creates a file beside `path` that no other writer, of this process or another, uses.
+/// Creates a temporary file beside `path` that no other writer uses, in this process or another.
 fn create_beside(path: &Path) -> Result<(Temporary, File)> {
     let name = path
         .file_name()
@@ -80,10 +80,10 @@ fn create_beside(path: &Path) -> Result<(Temporary, File)> {
     }
 }
 
-/// Names tried: more than any program has writers of one file at a time.
+/// Maximum number of names tried; far above the concurrent writers of one file.
 const ATTEMPTS: u32 = 1000;
 
-/// Removes the file when dropped; after the rename there is nothing left to remove.
+/// Removes the file when dropped, unless it has been renamed.
 struct Temporary(PathBuf);
 
 impl Drop for Temporary {

@@ -1,4 +1,4 @@
-//! A container of named arrays that describes and checks itself.
+//! Container of named arrays with a description and checksums.
 //!
 //! ```text
 //! 8 bytes   magic "ASHFALL\x1a"
@@ -9,9 +9,9 @@
 //! …         the sections one after another, little-endian, to the end of the file
 //! ```
 //!
-//! What the sections mean is the writer's affair. The header is checked when a file is opened, each
-//! section when it is read; the lengths together must give the size of the file exactly, so a file that
-//! was cut short is known before anything is allocated for it.
+//! The meaning of the sections is left to the writer. The header is checked when a file is opened, each section when it
+//! is read; the lengths must add up to the size of the file exactly, so a truncated file is detected before anything is
+//! allocated for it.
 
 use super::atomic::write_atomically;
 use super::reader::Reader;
@@ -26,15 +26,15 @@ use std::path::Path;
 const MAGIC: [u8; 8] = *b"ASHFALL\x1a";
 const VERSION: u32 = 2;
 
-/// Headers beyond this length are refused; a trainer's has some kilobytes.
+/// Longest header accepted in bytes; a trainer's has some kilobytes.
 const HEADER_BYTES_MAX: u32 = 1 << 24;
 
-// Arrays are copied as they lie in memory.
+// Arrays are copied in native byte order.
 const _: () = assert!(cfg!(target_endian = "little"));
 
-/// A number type that sections may hold.
+/// Number type of a section.
 pub trait Element: Pod {
-    /// Its name in the file.
+    /// Name of the type in the file.
     const DTYPE: &'static str;
 }
 
@@ -63,7 +63,7 @@ pub struct Section<'a> {
 }
 
 impl<'a> Section<'a> {
-    /// An array under a name that no other section of the file has.
+    /// An array with a name that is unique in the file.
     pub fn new<T: Element>(name: &'a str, values: &'a [T]) -> Section<'a> {
         Section {
             name,
@@ -87,7 +87,7 @@ struct Entry {
     crc32: u32,
 }
 
-/// Writes `meta` (any JSON) and the sections. The file appears whole or not at all.
+/// Writes `meta` (any JSON) and the sections, atomically.
 pub fn write(path: &Path, meta: &Value, sections: &[Section<'_>]) -> Result<()> {
     let entries: Vec<Entry> = sections
         .iter()
@@ -175,17 +175,17 @@ impl<'a> Checkpoint<'a> {
         })
     }
 
-    /// What the writer said about the file.
+    /// Metadata given to [`write()`].
     pub fn meta(&self) -> &Value {
         &self.header.meta
     }
 
-    /// Whether there is a section of that name.
+    /// True if a section of that name exists.
     pub fn has(&self, name: &str) -> bool {
         self.header.sections.iter().any(|s| s.name == name)
     }
 
-    /// Names of the sections as they follow each other.
+    /// Names of the sections in file order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.header.sections.iter().map(|s| s.name.as_str())
     }

@@ -1,45 +1,45 @@
-//! What a reconstruction lists, before its photographs have been looked at.
+//! Views and points listed by a reconstruction, before its photographs are checked.
 
 use crate::scene::{Camera, Distortion, Point};
 use glam::DVec3;
 use std::path::{Component, Path, PathBuf};
 
-/// A view as a reconstruction lists it.
+/// A view listed by a reconstruction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listed {
-    /// The photograph's name in the reconstruction.
+    /// Name of the photograph in the reconstruction.
     pub name: String,
-    /// Where the photograph should be; nothing says that it is there.
+    /// Expected path of the photograph; the file may be missing.
     pub photo: PathBuf,
-    /// The camera as the reconstruction has it, at the size it declares.
+    /// Camera at the size that the reconstruction declares.
     pub camera: Camera,
-    /// Lens distortion, if there is any.
+    /// Lens distortion, if any.
     pub distortion: Option<Distortion>,
-    /// Whether the reconstruction itself holds the view out for testing.
+    /// Held out for testing by the reconstruction itself.
     pub held_out: bool,
 }
 
-/// A reconstruction: views in the order of the file, points, and what had to be repaired.
+/// A reconstruction: views in file order, points, and warnings about repairs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Listing {
     /// The views.
     pub views: Vec<Listed>,
-    /// The points as stored, some possibly not finite.
+    /// Points as stored, some possibly not finite.
     pub points: Vec<Point>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// A check that does not know the file yet; the caller names it.
+/// Result of a check without the file's name, which the caller adds.
 pub(super) type Check<T> = Result<T, String>;
 
-/// The longest side of a photograph in pixels (that of the JPEG format).
+/// Longest side of a photograph in pixels (that of the JPEG format).
 pub(super) const SIDE_MAX: u32 = 65_535;
 
-/// The most pixels of a photograph: 1 GiB once decoded.
+/// Most pixels of a photograph: 1 GiB once decoded.
 pub(super) const PIXELS_MAX: u64 = 1 << 28;
 
-/// Refuses sizes no photograph has, before anything is allocated for them.
+/// Refuses invalid photograph sizes before anything is allocated for them.
 pub(super) fn check_size(width: u64, height: u64) -> Check<(u32, u32)> {
     let side = |v: u64| u32::try_from(v).ok().filter(|v| (1..=SIDE_MAX).contains(v));
     match (side(width), side(height)) {
@@ -51,7 +51,7 @@ pub(super) fn check_size(width: u64, height: u64) -> Check<(u32, u32)> {
     }
 }
 
-/// Refuses intrinsics that no pinhole has.
+/// Refuses invalid pinhole intrinsics.
 pub(super) fn check_intrinsics(focal: [f64; 2], center: [f64; 2]) -> Check<()> {
     if !focal.iter().all(|f| f.is_finite() && *f > 0.0) {
         return Err(format!(
@@ -74,17 +74,17 @@ pub(super) fn check_intrinsics(focal: [f64; 2], center: [f64; 2]) -> Check<()> {
     Ok(())
 }
 
-/// Focal lengths below this, in pixels, see the whole half space in one pixel.
+/// Least focal length in pixels; below it one pixel covers the whole half space.
 const LENGTH_MIN: f64 = 1e-3;
 
-/// Focal lengths and principal points beyond this, in pixels, lie where single precision, in which cameras
-/// are rendered, is coarser than images are large.
+/// Limit of focal lengths and principal points in pixels; beyond it the spacing of single precision, used in rendering,
+/// exceeds the size of images.
 const LENGTH_MAX: f64 = 1e12;
 
-/// Camera centres beyond this, in world units, lie where squares of distances overflow in single precision.
+/// Limit of camera centres in world units; beyond it squares of distances overflow in single precision.
 const POSITION_MAX: f64 = 1e18;
 
-/// Refuses a camera's centre that single precision, in which cameras are rendered, does not hold.
+/// Refuses a camera centre that is not finite or beyond [`POSITION_MAX`].
 pub(super) fn check_position(position: DVec3) -> Check<()> {
     if position.abs().max_element() <= POSITION_MAX && position.is_finite() {
         return Ok(());
@@ -95,11 +95,11 @@ pub(super) fn check_position(position: DVec3) -> Check<()> {
     ))
 }
 
-/// `folder`/`name`, where `name` is relative and does not leave the folder.
+/// `folder`/`name`; refuses a `name` that is absolute or leaves the folder.
 pub(super) fn inside(folder: &Path, name: &str) -> Check<PathBuf> {
     let mut parts = Path::new(name).components();
     let tame = parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    // Names are printed, and results are named after them: control characters have no place in them.
+    // Names are printed, and name the results: control characters are refused.
     if name.is_empty() || name.contains(char::is_control) || !tame {
         return Err(format!(
             "the file name {} is refused: it must be relative and stay inside {}",

@@ -4,7 +4,7 @@ use crate::{Error, Result};
 use std::fs::{File, TryLockError};
 use std::path::Path;
 
-/// Exclusive right to write to a folder, held by one process at a time until it is dropped or the process ends.
+/// Exclusive right to write to a folder, held by one process at a time until dropped or the process ends.
 ///
 /// An empty file `run.lock` in the folder carries the lock and stays behind.
 #[derive(Debug)]

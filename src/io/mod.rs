@@ -1,11 +1,9 @@
-//! Files to scene and back: photographs, reconstructions, splats, meshes, checkpoints, images.
+//! Readers and writers of files: photographs, reconstructions, splats, meshes, checkpoints, images.
 //!
-//! Every reader holds to one contract. A file is an argument, not an instruction: its counts are
-//! compared with its size before anything is allocated, its names never lead out of the data set's
-//! folder, and every fault is an [`Error`](crate::Error) that names the file and the place. What can
-//! be repaired is repaired and said in a warning; nothing is repaired silently.
-//! A reader takes a path or, as a [`Source`], bytes in memory.
-//! Every writer goes through [`atomic`], so that a crash leaves the old file or the new one.
+//! Contract of every reader: files are untrusted. Counts are compared with the file's size before anything is
+//! allocated, names never lead out of the data set's folder, and every fault is an [`Error`](crate::Error) that names
+//! the file and the place. Every repair is reported in a warning. A reader takes a path or, as a [`Source`], bytes in
+//! memory. Every writer goes through [`atomic`], so that a crash leaves the old file or the new one.
 //!
 //! **Invariant:** no Vulkan, no environment variables, no global state.
 //!

@@ -1,9 +1,8 @@
-//! Wavefront `.obj` meshes, and points on them to begin a scene from.
+//! Wavefront `.obj` meshes, and initial points on them.
 //!
-//! Positions, vertex colours and faces are read; materials, normals, texture coordinates and groups are
-//! skipped. `tobj` is the parser, behind a check: it calculates with indices before it knows their range
-//! and names no line, so every number is held against the file first, and `tobj` sees nothing but
-//! finite vertices and faces of vertices that exist.
+//! Positions, vertex colours and faces are read; materials, normals, texture coordinates and groups are skipped. `tobj`
+//! parses, after a check of its input here: it computes with indices before it checks their range and reports no line.
+//! It therefore gets only finite vertices and faces with valid indices.
 
 use super::reader::{Reader, excerpt};
 use super::source::Source;
@@ -12,14 +11,14 @@ use crate::scene::{Mesh, Point};
 use glam::Vec3;
 use std::path::Path;
 
-/// Lines beyond this length are refused.
+/// Longest line accepted, in bytes.
 const LINE_BYTES_MAX: u64 = 1 << 24;
 
-/// Reads a mesh; polygons become fans of triangles. Vertices that no face uses are left out.
+/// Reads a mesh; polygons become triangle fans. Vertices without a face are left out.
 ///
 /// # Errors
-/// Names the line: a coordinate that is missing or not finite, an index of no vertex, a face with less
-/// than three corners. A mesh without faces is an error as well.
+/// Names the line: a coordinate that is missing or not finite, an index out of range, a face with less than three
+/// corners. A mesh without faces is an error as well.
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Mesh> {
     let source = source.into();
     let path = source.name();
@@ -54,7 +53,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// What of a file is read, found to be right: `v x y z` or `v x y z r g b`, and `f` with positive indices.
+/// Checked statements of a file: `v x y z` or `v x y z r g b`, and `f` with positive indices.
 #[derive(Default)]
 struct Checked {
     text: String,
@@ -62,7 +61,7 @@ struct Checked {
     /// Vertices that have a colour.
     colored: u64,
     faces: u64,
-    /// The highest vertex index used, from 0, and its line.
+    /// Highest vertex index used, from 0, and its line.
     highest: (u64, u64),
 }
 
@@ -83,7 +82,7 @@ impl Checked {
         if checked.faces == 0 {
             return Err(Error::file(path, "holds no faces"));
         }
-        // Faces may stand before their vertices; then this is where the index is known to be wrong.
+        // Faces may precede their vertices, so indices are checked at the end.
         let (index, line) = checked.highest;
         if index >= checked.vertices {
             let what = format!(
@@ -96,7 +95,7 @@ impl Checked {
         Ok(checked)
     }
 
-    /// Takes `x y z` and, if they follow and are wanted, `r g b`.
+    /// Checks `x y z` and, if present and wanted, `r g b`.
     fn vertex<'a>(
         &mut self,
         reader: &Reader,
@@ -125,7 +124,7 @@ impl Checked {
         Ok(())
     }
 
-    /// Takes the vertex of each corner, counted from 1.
+    /// Checks the vertex index of each corner, counted from 1.
     fn face<'a>(&mut self, reader: &Reader, words: impl Iterator<Item = &'a str>) -> Result<()> {
         let mut corners = Vec::with_capacity(4);
         let known = self.vertices;
@@ -165,7 +164,7 @@ impl Checked {
     }
 }
 
-/// The vertices as points, grey where the mesh has no colours.
+/// Vertices as points, grey if the mesh has no colours.
 pub fn vertices(mesh: &Mesh) -> Vec<Point> {
     let grey = [0.5; 3];
     let points = mesh.positions.iter().enumerate();

@@ -22,7 +22,7 @@ pub fn write_rgb(path: &Path, width: u32, height: u32, pixels: &[[f32; 3]]) -> R
 /// A file of red, green and blue bytes, row by row.
 ///
 /// # Errors
-/// When there are not as many bytes as the image has.
+/// Wrong number of bytes for the size.
 pub fn encode_rgb(width: u32, height: u32, bytes: &[u8]) -> Result<Vec<u8>> {
     let mut file = Vec::new();
     PngEncoder::new(&mut file)
@@ -37,7 +37,7 @@ pub fn write_rgba(path: &Path, width: u32, height: u32, pixels: &[[f32; 4]]) -> 
     write_bytes(path, width, height, &bytes, ExtendedColorType::Rgba8)
 }
 
-/// Writes a photograph as it is.
+/// Writes a photograph unchanged.
 pub fn write_photo(path: &Path, photo: &Photo) -> Result<()> {
     let bytes = photo.rgba.as_flattened();
     write_bytes(

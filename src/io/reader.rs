@@ -1,7 +1,7 @@
-//! A file, or its bytes in memory, read forward, with its size and the position of every fault known.
+//! Forward reader of a file, or of bytes in memory, with its size and the position of every fault.
 //!
-//! The formats here announce counts before contents. [`Reader::check_count`] holds each against what
-//! is left of the file, so that an allocation never exceeds what the file could fill.
+//! The formats here store counts before contents. [`Reader::check_count`] compares each with the rest of the file, so
+//! that no allocation exceeds the file's capacity.
 
 use super::source::Source;
 use crate::error::{Error, Result};
@@ -24,7 +24,7 @@ enum Input<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Opens a regular file, or what is in memory.
+    /// Opens a regular file or bytes in memory.
     pub(crate) fn open(source: impl Into<Source<'a>>) -> Result<Reader<'a>> {
         let source = source.into();
         let path = source.name();
@@ -49,7 +49,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The whole source, which is no longer than it says: a file may grow while it is read.
+    /// The whole source, up to its size when opened: a file may grow while it is read.
     pub(crate) fn all(source: Source<'a>) -> Result<std::borrow::Cow<'a, [u8]>> {
         if let Some(bytes) = source.in_memory() {
             return Ok(bytes.into());
@@ -81,7 +81,7 @@ impl<'a> Reader<'a> {
         self.line
     }
 
-    /// A fault at the byte reached.
+    /// Error at the current byte.
     pub(crate) fn fault(&self, what: impl AsRef<str>) -> Error {
         Error::file(
             self.path,
@@ -89,12 +89,12 @@ impl<'a> Reader<'a> {
         )
     }
 
-    /// A fault in the line read last.
+    /// Error in the last line read.
     pub(crate) fn fault_in_line(&self, what: impl AsRef<str>) -> Error {
         Error::file(self.path, format!("line {}: {}", self.line, what.as_ref()))
     }
 
-    /// Fills `into`; `what` names the contents in the message when the file ends before.
+    /// Fills `into`; `what` names the contents in the message if the file ends early.
     pub(crate) fn fill(&mut self, into: &mut [u8], what: &str) -> Result<()> {
         if (into.len() as u64) > self.remaining() {
             return Err(self.fault(format!(
@@ -119,12 +119,12 @@ impl<'a> Reader<'a> {
         Ok(bytes)
     }
 
-    /// A little-endian integer.
+    /// A little-endian `u32`.
     pub(crate) fn u32(&mut self, what: &str) -> Result<u32> {
         Ok(u32::from_le_bytes(self.array(what)?))
     }
 
-    /// A little-endian integer.
+    /// A little-endian `u64`.
     pub(crate) fn u64(&mut self, what: &str) -> Result<u64> {
         Ok(u64::from_le_bytes(self.array(what)?))
     }
@@ -138,7 +138,7 @@ impl<'a> Reader<'a> {
         Ok(values)
     }
 
-    /// Holds `count` items of at least `bytes_each` bytes against what is left of the file.
+    /// Compares `count` items of at least `bytes_each` bytes with the rest of the file.
     pub(crate) fn check_count(&self, count: u64, bytes_each: u64, what: &str) -> Result<usize> {
         let fits = count
             .checked_mul(bytes_each)
@@ -153,7 +153,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Skips bytes that must be there.
+    /// Skips bytes; an error if the file ends before.
     pub(crate) fn skip(&mut self, bytes: u64, what: &str) -> Result<()> {
         if bytes > self.remaining() {
             return Err(self.fault(format!(
@@ -164,7 +164,7 @@ impl<'a> Reader<'a> {
         let step = i64::try_from(bytes).map_err(|_| self.fault(format!("{what} is too long")))?;
         match &mut self.input {
             Input::File(file) => file.seek_relative(step).map_err(Error::io(self.path))?,
-            // Within what remains, as just checked.
+            // In bounds: `bytes` is at most `remaining`.
             Input::Memory(left) => *left = &left[bytes as usize..],
         }
         self.offset += bytes;
@@ -214,7 +214,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A number as programs write it: Rust's grammar, and the NaNs of C libraries such as `-nan(ind)`.
+/// Number in Rust's grammar, or a NaN of C libraries such as `-nan(ind)`.
 pub(crate) fn parse_number(token: &str) -> Option<f64> {
     token.parse().ok().or_else(|| {
         let word = token.trim_start_matches(['-', '+']).to_ascii_lowercase();

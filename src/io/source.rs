@@ -1,10 +1,10 @@
-//! Where a reader's bytes come from: a file, or memory under a name.
+//! Source of a reader's bytes: a file, or memory under a name.
 
 use std::path::{Path, PathBuf};
 
-/// A file to be read, or its contents in memory under a name that messages use as if it were one.
+/// A file to be read, or its contents in memory under a name used in messages.
 ///
-/// Every reader takes `impl Into<Source>`, so a path will do:
+/// Every reader takes `impl Into<Source>`, so a path works:
 ///
 /// ```
 /// use ashfall::io::{Source, ply};
@@ -19,7 +19,7 @@ pub struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// The contents of a file that need not exist.
+    /// Contents in memory; no file `name` needs to exist.
     pub fn bytes(name: &'a Path, bytes: &'a [u8]) -> Source<'a> {
         Source {
             name,
@@ -27,12 +27,12 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The file's path, or the name of what is in memory.
+    /// Path of the file, or name of the bytes in memory.
     pub fn name(&self) -> &'a Path {
         self.name
     }
 
-    /// What is in memory; `None` for a file.
+    /// Bytes in memory; `None` for a file.
     pub(super) fn in_memory(&self) -> Option<&'a [u8]> {
         self.bytes
     }

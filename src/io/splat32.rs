@@ -1,4 +1,4 @@
-//! `.splat` files: 32 bytes a splat, no header, no harmonics beyond the constant one.
+//! `.splat` files: 32 bytes a splat, no header, SH degree 0.
 //!
 //! A record is three `f32` of position, three of scale (not its logarithm), colour and opacity as
 //! RGBA bytes, and the quaternion w, x, y, z as bytes `128 + 128 q`.
@@ -11,7 +11,7 @@ use crate::scene::{SH_C0, Splats};
 
 const RECORD_BYTES: u64 = 32;
 
-/// Scales below this (in world units) are read as this: the format has no logarithm of zero.
+/// Smallest scale read, in world units; lower ones are clamped, as zero has no logarithm.
 const SCALE_MIN: f32 = 1e-10;
 
 /// Reads a `.splat` file. Records with positions or scales that are not finite, or negative scales,
@@ -77,8 +77,8 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
     Ok(Loaded { splats, warnings })
 }
 
-/// The logit of an opacity in 255ths. The ends stand for the middle of their rounding interval, as
-/// their own logits are infinite.
+/// Logit of an opacity in 255ths. The ends stand for the middle of their rounding interval, because their own logits
+/// are infinite.
 fn logit(byte: u8) -> f32 {
     let opacity = match byte {
         0 => 0.25,

@@ -1,4 +1,4 @@
-//! Scenes of splats by file name: which format a path asks for.
+//! Scene files: format by the extension of the name.
 
 use super::ply::{self, Loaded};
 use super::source::Source;
@@ -10,7 +10,7 @@ use std::path::Path;
 /// Reads a scene from a `.ply` or `.splat` file, by the extension of its name.
 ///
 /// # Errors
-/// What the format's reader says; for other formats of splats, what to do instead.
+/// Those of the format's reader; for unsupported splat formats, the advice to convert.
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
     let source = source.into();
     let path = source.name();
@@ -33,13 +33,13 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
     }
 }
 
-/// Writes a scene to a `.ply` file, whole or not at all.
+/// Writes a scene to a `.ply` file, atomically.
 pub fn write(path: &Path, splats: &Splats) -> Result<()> {
     check_name(path)?;
     ply::write(path, splats)
 }
 
-/// Refuses names that [`write()`] would, before there is anything to write.
+/// Refuses names that [`write()`] refuses, before there is anything to write.
 pub fn check_name(path: &Path) -> Result<()> {
     match extension(path).as_str() {
         "ply" => Ok(()),

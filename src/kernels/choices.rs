@@ -1,7 +1,7 @@
-//! What is chosen for a device and why, kernel by kernel: what every `prefer` answers, in words.
+//! Variant and tuning of each kernel on a device, with the reason.
 //!
-//! A choice is a pure function of what the device can do. It is argued for by a record of measurements that lies
-//! in the repository; where there is none for a class of devices, the reason says so.
+//! A choice (`prefer`) is a pure function of the device's capabilities. Its reason names a record of measurements in
+//! the repository, or says that there is none for this class of devices.
 
 use super::*;
 use crate::gpu::{Caps, DeviceKind};
@@ -15,9 +15,9 @@ pub struct Chosen {
     pub variant: &'static str,
     /// Its tuning.
     pub spec: String,
-    /// One sentence.
+    /// Reason, one sentence.
     pub why: &'static str,
-    /// The file of measurements that argues for it.
+    /// File of the measurements behind it.
     pub record: Option<&'static str>,
 }
 
@@ -28,22 +28,22 @@ const ON_PROCESSORS: &str = "benches/record/llvmpipe-llvm-15-0-6-256-bits/2026-1
 const ELEMENTWISE: &str = "the only variant; 64 invocations as in all kernels of one per element, so that `plan` \
                            divides by one number";
 
-/// Reason for kernels whose workgroup shares a tile of pixels.
+/// Reason for kernels with one workgroup per tile of pixels.
 const TILED: &str = "the only variant; few invocations slide long strips each, which loads least, and loads are \
                      what a processor pays for";
 
-/// Reason for what a single workgroup does.
+/// Reason for kernels with a single workgroup.
 const ALONE: &str =
     "the only variant; a single workgroup does it all, and few elements are left to it";
 
-/// Reason for kernels without anything to tune.
+/// Reason for kernels without tunables.
 const FIXED: &str = "the only variant, with nothing to tune";
 
 /// Reason for the kernel of the compatibility mode.
 const INRIA: &str =
     "the only variant; it draws as the 3DGS code does where that is asked for, and is not tuned";
 
-/// What is chosen for a device, in the order of the kernels' names; harmonics of degree 3, without depth.
+/// Choices for a device, in the order of the kernels' names; for SH degree 3, without depth.
 pub fn chosen(caps: &Caps) -> Vec<Chosen> {
     let measured = (caps.kind == DeviceKind::Cpu).then_some(ON_PROCESSORS);
     macro_rules! chosen {

@@ -1,8 +1,7 @@
-//! The operations: one module each, of the same name as its shader in `glsl/`.
+//! Compute kernels: one module each, of the same name as its shader in `glsl/`.
 //!
-//! [`generated`] holds all that follows from the shaders alone: variants, tunables, parameters, bindings and the type
-//! that is dispatched. A kernel has a file here only where a host has something to decide: the variant that suits a
-//! device, or a sequence of dispatches.
+//! [`generated`] holds everything derived from the shaders: variants, tunables, parameters, bindings and the pipeline
+//! type. A kernel has a file here only for host decisions: the variant for a device, or a sequence of dispatches.
 //!
 //! **Invariant:** no `unsafe` and no `ash` here; barriers follow from the bindings' declared access.
 
@@ -21,11 +20,10 @@ pub mod sort;
 // A module above hides the generated one of its name.
 pub use generated::*;
 
-/// Kernels that no frame and no training step runs: what the others are measured against. They may need what
-/// a device does not have to offer.
+/// Baselines for measurements, used by no frame and no training step. They may need features that a device lacks.
 pub const BASELINES: [&str; 2] = ["baseline_16x16", "baseline_16x16_backward"];
 
-/// Kernels that no frame and no training step runs either: they ask whether a device does what the others rely on.
+/// Self-tests of device behaviour that the other kernels rely on, used by no frame and no training step.
 pub const SELFTESTS: [&str; 5] = [
     "selftest_atomics",
     "selftest_lanes",

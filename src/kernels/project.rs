@@ -1,4 +1,4 @@
-//! Finds each splat's ellipse, colour and depth on the screen, and how many tiles it touches.
+//! Projects splats: ellipse, colour and depth on the screen, and number of tiles touched.
 
 pub use super::generated::project::*;
 

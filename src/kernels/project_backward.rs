@@ -1,4 +1,4 @@
-//! Gradient of every parameter of every splat, from the records that compositing left.
+//! Gradient of every parameter of every splat, from the records of compositing.
 
 pub use super::generated::project_backward::*;
 use crate::Result;
@@ -14,7 +14,7 @@ impl Choice {
 }
 
 impl ProjectBackward {
-    /// One for splats of each degree up to `highest`; `indexed`: for slots in an order of their own.
+    /// One for splats of each degree up to `highest`; `indexed`: slots are not in splat order.
     pub fn of_degrees(gpu: &Gpu, highest: u32, indexed: bool) -> Result<Vec<ProjectBackward>> {
         let kernel = |degree| {
             let mut choice = Choice::of_degree(degree);

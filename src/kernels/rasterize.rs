@@ -4,8 +4,8 @@ pub use super::generated::rasterize::*;
 use crate::gpu::{Caps, DeviceKind};
 use crate::shader::KernelInfo;
 
-/// Whether a device composites a tile within one subgroup by `kernel`, and the lanes of a workgroup: as many as
-/// leave each at least four pixels.
+/// True if a device composites a tile within one subgroup by `kernel`, and the lanes of a workgroup, with at least four
+/// pixels each.
 fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
     let subgroup = caps.supports(kernel).is_ok() && caps.subgroup_size >= 8;
     (
@@ -18,7 +18,7 @@ fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
     )
 }
 
-/// Why [`lanes`] are as many, in a sentence.
+/// Reason for [`lanes`], one sentence.
 fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
     match (lanes(caps, kernel), caps.kind) {
         ((true, _), DeviceKind::Cpu) => {
@@ -35,29 +35,28 @@ fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
     }
 }
 
-/// What a frame leaves besides its image.
+/// Optional outputs of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outputs {
     /// Expected depth.
     pub depth: bool,
-    /// Where each pixel ended, which gradients are found from.
+    /// End of each pixel's list, from which gradients are computed.
     pub ends: bool,
 }
 
 impl Outputs {
-    /// What a training step needs.
+    /// Outputs for a training step.
     pub const TRAINING: Outputs = Outputs {
         depth: false,
         ends: true,
     };
 }
 
-/// Choices of the kernels that walk the list of each tile as compositing does.
+/// Choices of the kernels that walk each tile's list.
 macro_rules! choices {
     ($($kernel:ident)*) => {$(
         impl super::generated::$kernel::Choice {
-            /// Choice for a device: lanes of one subgroup where it can vote and add, as many as make four pixels or
-            /// more a lane.
+            /// Choice for a device: one subgroup if it can vote and add, with at least four pixels a lane.
             pub fn prefer(caps: &Caps) -> Self {
                 use super::generated::$kernel::Variant;
                 let (subgroup, workgroup) = lanes(caps, Variant::Subgroup.info());
@@ -69,7 +68,7 @@ macro_rules! choices {
                 choice
             }
 
-            /// Why that is preferred, in a sentence.
+            /// Reason for that choice, one sentence.
             pub fn why(caps: &Caps) -> &'static str {
                 use super::generated::$kernel::Variant;
                 why(caps, Variant::Subgroup.info())

@@ -1,5 +1,5 @@
-//! Exclusive prefix sums of any length, of three kernels: reduce, then scan, then apply. No workgroup waits
-//! for another within a dispatch, which Vulkan would not promise to work.
+//! Exclusive prefix sums of any length, by three kernels: reduce, scan, apply. No workgroup waits for another within a
+//! dispatch, because Vulkan does not guarantee forward progress.
 
 use super::{scan_apply, scan_chunks, scan_reduce};
 use crate::Result;
@@ -14,25 +14,25 @@ pub struct Scan {
     apply: scan_apply::ScanApply,
 }
 
-/// What is summed, and where to.
+/// Buffers of a prefix sum.
 #[derive(Clone, Copy)]
 pub struct Io<'a> {
-    /// Slots of counts known to the device.
+    /// The device's counts.
     pub counts: &'a Buffer<u32>,
-    /// What is summed.
+    /// Input values.
     pub values: &'a Buffer<u32>,
-    /// The sums before each value; may not be `values`.
+    /// Sum of the values before each one; may not be `values`.
     pub offsets: &'a Buffer<u32>,
-    /// Room for one sum per chunk of `SCAN_CHUNK` values.
+    /// One sum per chunk of `SCAN_CHUNK` values.
     pub sums: &'a Buffer<u32>,
 }
 
-/// What to sum.
+/// Parameters of a prefix sum.
 #[derive(Clone, Copy, Debug)]
 pub struct What {
-    /// The slot that holds the number of values.
+    /// Slot of the number of values.
     pub count_slot: u32,
-    /// The slot that the total goes to.
+    /// Slot of the total.
     pub total_slot: u32,
     /// Sum "is not 0" instead of the values.
     pub flags: bool,

@@ -1,5 +1,5 @@
-//! A stable radix sort of (key, value) pairs whose number only the device knows: for each digit, from the
-//! lowest, count, sum and scatter.
+//! Stable radix sort of (key, value) pairs with a count on the device: for each digit, from the lowest, count, sum and
+//! scatter.
 
 use super::scan::{Io as ScanBuffers, Scan, What};
 use super::{sort_count, sort_scatter};
@@ -14,55 +14,55 @@ pub struct Sort {
     scatter: sort_scatter::SortScatter,
     /// Chunks that one workgroup of both kernels handles.
     pub chunks_per_group: u32,
-    /// Whether a chunk has a whole workgroup.
+    /// True if a chunk has a whole workgroup.
     by_workgroup: bool,
 }
 
-/// Two of each, and which one holds the data.
+/// Double buffers of keys and values.
 #[derive(Clone, Debug)]
 pub struct Pairs {
-    /// Keys; each pass goes from one to the other.
+    /// Keys; each pass reads one and writes the other.
     pub keys: [Buffer<u32>; 2],
-    /// Values likewise.
+    /// Values, likewise double-buffered.
     pub values: [Buffer<u32>; 2],
 }
 
-/// A digit table per chunk, and its prefix sum.
+/// Digit table of each chunk, and its prefix sum.
 #[derive(Clone, Debug)]
 pub struct Tables {
-    /// `[digit][chunk]`, counts.
+    /// `[digit][chunk]`: counts.
     pub counted: Buffer<u32>,
-    /// `[digit][chunk]`, places.
+    /// `[digit][chunk]`: offsets.
     pub places: Buffer<u32>,
     /// Chunk sums of the scan.
     pub sums: Buffer<u32>,
 }
 
-/// What a sort reads and writes.
+/// Buffers of a sort.
 #[derive(Clone, Copy, Debug)]
 pub struct Io<'a> {
-    /// The device's counts; the layout says which slots.
+    /// The device's counts; the slots are in [`Layout`].
     pub counts: &'a Buffer<u32>,
-    /// The dispatch sizes that `plan` derived from them.
+    /// Dispatch sizes that `plan` derived from the counts.
     pub args: &'a Buffer<DispatchArgs>,
-    /// What is sorted: the first of the two, at first.
+    /// Pairs to sort, at first in buffer 0 of each.
     pub pairs: &'a Pairs,
     /// Scratch.
     pub tables: &'a Tables,
 }
 
-/// How keys are split into digits and chunks, and the slots and arguments that `plan` filled for them.
+/// Division of keys into digits and chunks, with the slots and arguments that `plan` fills.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// Bits of a digit.
     pub digit_bits: u32,
     /// Digits to sort by, from the lowest bit.
     pub passes: u32,
-    /// The slot of the number of keys.
+    /// Slot of the number of keys.
     pub count_slot: u32,
-    /// The slot of the number of chunks.
+    /// Slot of the number of chunks.
     pub chunk_slot: u32,
-    /// The slot of the number of table entries.
+    /// Slot of the number of table entries.
     pub table_slot: u32,
     /// Dispatch arguments over chunks.
     pub chunk_args: u32,
@@ -76,7 +76,7 @@ impl Layout {
         1 << self.digit_bits
     }
 
-    /// Most entries of the table for up to `count` keys, on any device: as [`Sort::chunks`] has them.
+    /// Most entries of the table for up to `count` keys on any device; see [`Sort::chunks`].
     pub fn table_len(&self, count: usize) -> usize {
         let digits = self.digit_count() as usize;
         let by_workgroup = (count / WORKGROUP_KEYS as usize).max(2) * digits;
@@ -86,18 +86,18 @@ impl Layout {
     }
 }
 
-/// Least keys of a chunk that a whole workgroup sorts, of many: a few turns of the workgroup.
+/// Least keys of a chunk sorted by a workgroup: a few iterations of the workgroup.
 const WORKGROUP_KEYS: u32 = 4096;
 
-/// Least keys of a chunk that one invocation sorts, for each entry of its table: an entry is cleared, written, summed
-/// and read, which costs a software device somewhat more than a key does.
+/// Least keys per table entry of a chunk sorted by one invocation: an entry is cleared, written, summed and read, which
+/// costs a software device somewhat more than a key does.
 const KEYS_PER_ENTRY: u32 = 24;
 
-/// Invocations of a workgroup of the variants that give a chunk to a whole workgroup.
+/// Workgroup size of the variants with a workgroup per chunk.
 const SUBGROUP_WORKGROUP: u32 = 256;
 
-/// Whether a chunk is best sorted by a whole workgroup: not where a processor runs one lane after the other.
-/// Both kernels of the sort go by this, since both must cut the keys alike.
+/// True if a workgroup sorts each chunk; not on processors, which run one lane after the other. Both kernels of the
+/// sort use this, because both must divide the keys alike.
 fn by_subgroup(caps: &Caps) -> bool {
     caps.kind != DeviceKind::Cpu
         && caps
@@ -110,7 +110,7 @@ fn by_subgroup(caps: &Caps) -> bool {
 macro_rules! choices {
     ($($kernel:ident)*) => {$(
         impl $kernel::Choice {
-            /// Choice for a device: a workgroup per chunk where lanes are many and cheap, else an invocation per chunk.
+            /// Choice for a device: a workgroup per chunk if lanes are many and cheap, else an invocation per chunk.
             pub fn prefer(caps: &Caps) -> Self {
                 let mut choice = Self::default();
                 if by_subgroup(caps) {
@@ -125,7 +125,7 @@ macro_rules! choices {
 
 choices! { sort_count sort_scatter }
 
-/// Why the sort's kernels are as they are, in a sentence.
+/// Reason for the choice of the sort's kernels, one sentence.
 pub(super) fn why(caps: &Caps) -> &'static str {
     match (by_subgroup(caps), caps.kind) {
         (true, _) => {
@@ -143,7 +143,7 @@ pub(super) fn why(caps: &Caps) -> &'static str {
 }
 
 impl Sort {
-    /// Compiles the kernels as the device prefers.
+    /// Compiles the kernels with the preferred choices.
     pub fn new(gpu: &Gpu) -> Result<Sort> {
         Sort::with(
             gpu,
@@ -152,7 +152,7 @@ impl Sort {
         )
     }
 
-    /// Compiles the kernels as chosen. Both must give a workgroup the same number of chunks.
+    /// Compiles the kernels with these choices. Both must give a workgroup the same number of chunks.
     pub fn with(
         gpu: &Gpu,
         count: sort_count::Choice,
@@ -175,9 +175,8 @@ impl Sort {
         })
     }
 
-    /// Least keys of a chunk where there are more than two workgroups of chunks: what `plan` is told. An invocation's
-    /// loops over as many as two chunks of these and their table take no more turns than the 65,535 after which
-    /// llvmpipe leaves them.
+    /// Least keys of a chunk, beyond two workgroups of chunks; a parameter of `plan`. An invocation's loops over up to
+    /// twice these keys and their table stay below 65,535 iterations, after which llvmpipe leaves loops.
     pub fn chunk(&self, layout: Layout) -> u32 {
         match self.by_workgroup {
             true => WORKGROUP_KEYS,
@@ -185,7 +184,7 @@ impl Sort {
         }
     }
 
-    /// Chunks that `plan` thresholds `count` keys into.
+    /// Number of chunks into which `plan` divides `count` keys.
     pub fn chunks(&self, layout: Layout, count: usize) -> usize {
         let twice = 2 * self.chunks_per_group as usize;
         match count {
@@ -194,7 +193,7 @@ impl Sort {
         }
     }
 
-    /// Records the sort; returns which of the pairs holds the result.
+    /// Records the sort; returns the index of the buffers with the result.
     pub fn record(&self, rec: &mut Recorder<'_>, scan: &Scan, io: Io<'_>, layout: Layout) -> usize {
         let digits = layout.digit_count();
         assert!(digits <= SORT_DIGITS_MAX, "{digits} digits");
@@ -204,7 +203,7 @@ impl Sort {
         (layout.passes % 2) as usize
     }
 
-    /// One digit: counts it per chunk, turns the counts into places, and moves the pairs there.
+    /// One digit: counts it per chunk, scans the counts to offsets, and moves the pairs there.
     fn record_pass(
         &self,
         rec: &mut Recorder<'_>,

@@ -19,7 +19,7 @@ const ROUNDS: usize = 5;
 pub(super) struct FrameTime {
     /// On the device, by its timestamps.
     pub(super) device_ms: f64,
-    /// Processor time of the process, where the system reports it.
+    /// Processor time of the process; `None` if the system does not report it.
     pub(super) cpu_ms: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Laboratory: benchmarks, the speed-accuracy chart, the survey of splat counts, the stress suite, made scenes and
+//! Laboratory: benchmarks, the speed-accuracy chart, the survey of splat counts, the stress suite, synthetic scenes and
 //! the pages of their results.
 //!
 //! Only the command line, tests and benchmarks use it; the engine is built without it (feature `lab`).

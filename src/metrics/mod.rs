@@ -1,14 +1,12 @@
-//! How near a rendering comes to a photograph: PSNR and SSIM, on float images and on 8-bit ones.
+//! PSNR and SSIM between a rendering and a photograph, on float images and on 8-bit ones.
 //!
-//! Both figures are taken over the three colour channels of display-referred values, as they stand
-//! in the photograph (0 to 1, not linearised). All sums are `f64`, in an order that does not depend
-//! on the number of threads.
+//! Both are computed over the three colour channels of display-referred values, as stored in the photograph (0 to 1,
+//! not linearised). All sums are `f64`, in an order independent of the number of threads.
 //!
-//! The float figures judge what was rendered, unclamped; the 8-bit figures judge what a viewer or a
-//! PNG file shows of it, each channel clamped and rounded half up to one of 256 levels. A pixel that
-//! is not a number makes the figures not a number: a broken rendering has no score.
+//! The float figures rate the rendering unclamped; the 8-bit figures rate the picture of a viewer or PNG file, each
+//! channel clamped and rounded half up to one of 256 levels. A NaN pixel makes the figures NaN.
 //!
-//! **Invariant:** works on plain images; knows of no file and no device.
+//! **Invariant:** works on plain images, without files or devices.
 
 mod psnr;
 mod score;
@@ -39,7 +37,7 @@ impl<'a> Image<'a> {
         Image { width, height, rgb }
     }
 
-    /// The image as 8 bits a channel show it, as values of 0 to 1 again; what is not a number stays so.
+    /// The image rounded to 8 bits a channel, as values of 0 to 1; NaN stays NaN.
     fn rounded(&self) -> Vec<[f32; 3]> {
         let round = |value: f32| match value.is_nan() {
             true => value,
@@ -49,7 +47,7 @@ impl<'a> Image<'a> {
     }
 }
 
-/// Two images to be compared and the weight of each pixel.
+/// Asserts equal sizes of two images and of the pixels' weights.
 fn check(a: Image<'_>, b: Image<'_>, weights: Option<&[f32]>) {
     assert_eq!((a.width, a.height), (b.width, b.height), "image sizes");
     if let Some(weights) = weights {
@@ -66,17 +64,17 @@ pub struct Score {
     pub ssim: f64,
 }
 
-/// The score of an image as rendered, and as 8 bits show it.
+/// Scores of an image as rendered, and rounded to 8 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Scores {
-    /// Of the float values, unclamped.
+    /// Float values, unclamped.
     pub float: Score,
-    /// Of both images rounded to 8 bits a channel.
+    /// Both images rounded to 8 bits a channel.
     pub rounded: Score,
 }
 
-/// Scores `rendered` against `photo`. `weights` is a mask or a coverage of each pixel, 0 to 1: it
-/// weighs the squared errors and the values of the SSIM map, whose windows still see every pixel.
+/// Scores `rendered` against `photo`. `weights` is a mask or a coverage of each pixel, 0 to 1: it weighs the squared
+/// errors and the values of the SSIM map; the SSIM windows still cover every pixel.
 pub fn compare(rendered: Image<'_>, photo: Image<'_>, weights: Option<&[f32]>) -> Scores {
     let score = |a, b| Score {
         psnr_db: psnr_db(a, b, weights),
@@ -90,8 +88,8 @@ pub fn compare(rendered: Image<'_>, photo: Image<'_>, weights: Option<&[f32]>) -
     }
 }
 
-/// Σ weight · value / Σ weight over pixels, in pixel order; NaN where no pixel has weight. A pixel
-/// without weight does not count, whatever its value.
+/// Σ weight · value / Σ weight over pixels, in pixel order; NaN if no pixel has weight. The value of a pixel without
+/// weight does not count, even if NaN.
 fn weighted_mean(values: &[f64], weights: Option<&[f32]>) -> f64 {
     let Some(weights) = weights else {
         return values.iter().sum::<f64>() / values.len() as f64;

@@ -4,9 +4,8 @@ use super::{Image, compare};
 use crate::scene::{AlphaMode, Photo};
 use serde::{Deserialize, Serialize};
 
-/// A view's scores. `psnr_db` and `ssim` judge the float values, `…_8bit` both pictures rounded to 8
-/// bits a channel; [`crate::metrics`] says how. A PSNR is `None` where it is no number: without any
-/// error, or without any pixel that counts.
+/// Scores of a view. `psnr_db` and `ssim` compare float values, `…_8bit` both pictures rounded to 8 bits a channel; see
+/// [`crate::metrics`]. A PSNR is `None` if it is not finite: without any error, or without any pixel that counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ViewScore {
     /// The photograph's name.
@@ -21,7 +20,7 @@ pub struct ViewScore {
     pub ssim_8bit: Option<f64>,
 }
 
-/// Means over views of each figure (decibels are averaged, not errors), over the views that have it.
+/// Means over views of each figure (decibels are averaged, not errors), each over the views that have it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeanScore {
     /// Number of views.
@@ -53,7 +52,7 @@ impl MeanScore {
     }
 }
 
-/// A photograph as training and evaluation compare with it.
+/// A photograph prepared for comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// Width in pixels.
@@ -62,7 +61,7 @@ pub struct Target {
     pub height: u32,
     /// Colours `[row][column]`, 0 to 1.
     pub rgb: Vec<[f32; 3]>,
-    /// How much each pixel counts, 0 to 1; `None`: all alike.
+    /// Weight of each pixel, 0 to 1; `None`: all 1.
     pub weights: Option<Vec<f32>>,
 }
 

@@ -1,15 +1,14 @@
-//! Structural similarity (Wang et al. 2004), as 3D Gaussian splatting measures it.
+//! Structural similarity (Wang et al. 2004), as in 3D Gaussian splatting.
 //!
-//! Window: 11 × 11 Gaussian, σ = 1.5 pixels, normalised, separable. Border: every pixel has a value,
-//! and windows that reach beyond the image find zeros there in both images. Constants: C1 = 0.01²,
-//! C2 = 0.03² for values of 0 to 1. Variances are E\[x²\] − E\[x\]², in `f64`, where the cancellation
-//! that spoils them in `f32` (5e-4 on flat bright patches) is far below any digit reported.
-//! The figure is the mean over pixels and the three channels.
+//! Window: 11 × 11 Gaussian, σ = 1.5 pixels, normalised, separable. Border: every pixel has a value; both images are
+//! zero outside. Constants: C1 = 0.01², C2 = 0.03² for values of 0 to 1. Variances are E\[x²\] − E\[x\]², in `f64`,
+//! where the cancellation that spoils them in `f32` (5e-4 on flat bright patches) is far below any digit reported. The
+//! figure is the mean over pixels and the three channels.
 
 use super::{Image, check, weighted_mean};
 use rayon::prelude::*;
 
-/// The window reaches this many pixels to each side.
+/// Pixels of the window to each side of its centre.
 const RADIUS: usize = 5;
 /// The window's standard deviation in pixels.
 const SIGMA: f64 = 1.5;
@@ -30,7 +29,7 @@ fn axis_window() -> [f64; 2 * RADIUS + 1] {
     window.map(|weight| weight / sum)
 }
 
-/// The mean structural similarity of two images; window, border and constants as the module says.
+/// Mean structural similarity of two images; window, border and constants as in the module.
 pub fn ssim(a: Image<'_>, b: Image<'_>, weights: Option<&[f32]>) -> f64 {
     check(a, b, weights);
     let window = axis_window();
@@ -81,7 +80,7 @@ fn add_row(map: &mut [f64], rows: &[Moments], y: usize, height: usize, window: &
     }
 }
 
-/// The indices of `0..len` within the window around `at`; the zeros beyond add nothing.
+/// Indices of `0..len` within the window around `at`; the zeros beyond add nothing.
 fn reach(at: usize, len: usize) -> std::ops::Range<usize> {
     at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(len)
 }

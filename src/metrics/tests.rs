@@ -123,7 +123,7 @@ fn rounding_is_half_up_and_never_truncates() {
     let scores = compare(Image::new(3, 3, &a), Image::new(3, 3, &b), None);
     assert_eq!(scores.rounded.psnr_db, f64::INFINITY);
     assert!((scores.float.psnr_db - 20.0 * (255.0_f64 / 0.4).log10()).abs() < 1e-3);
-    // Out of range counts in full as rendered, and as the clamped colour in 8 bits.
+    // Values out of range count in full as rendered, and clamped in 8 bits.
     let (a, b) = (vec![[1.0; 3]; 9], vec![[1.5; 3]; 9]);
     let scores = compare(Image::new(3, 3, &a), Image::new(3, 3, &b), None);
     assert!(scores.float.psnr_db < 6.1 && scores.rounded.psnr_db == f64::INFINITY);

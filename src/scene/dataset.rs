@@ -14,13 +14,13 @@ pub struct Point {
 }
 
 impl Point {
-    /// Whether position and colour are numbers.
+    /// True if position and colour are finite.
     pub fn is_finite(&self) -> bool {
         self.position.iter().all(|v| v.is_finite()) && self.color.iter().all(|v| v.is_finite())
     }
 }
 
-/// Which views of a data set.
+/// Subset of a data set's views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
     /// Views trained on.
@@ -31,7 +31,7 @@ pub enum Split {
     All,
 }
 
-/// What the alpha channel of a photograph means.
+/// Meaning of a photograph's alpha channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AlphaMode {
     /// The photograph is composited over the background colour (Blender scenes).
@@ -61,13 +61,13 @@ pub struct Photo {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// `[row][column]` RGBA, alpha 255 where the file has none.
+    /// `[row][column]` RGBA, alpha 255 if the file has none.
     pub rgba: Vec<[u8; 4]>,
 }
 
 impl Photo {
-    /// The 8-bit level that stands for a colour value of 0 to 1: rounded half up, never truncated, so
-    /// that no half level is lost on average. What is below, above or not a number becomes 0, 255, 0.
+    /// The 8-bit level of a colour value of 0 to 1: rounded half up, not truncated, so that levels are unbiased. Values
+    /// below 0 and NaN become 0, values above 1 become 255.
     pub fn level(value: f32) -> u8 {
         (value.clamp(0.0, 1.0) * 255.0).round() as u8
     }
@@ -86,34 +86,33 @@ impl Photo {
         }
     }
 
-    /// Colours as values of 0 to 1, alpha left aside.
+    /// Colours as values of 0 to 1, without alpha.
     pub fn rgb(&self) -> Vec<[f32; 3]> {
         let value = |c: &[u8; 4]| [c[0], c[1], c[2]].map(|level| f32::from(level) / 255.0);
         self.rgba.iter().map(value).collect()
     }
 }
 
-/// Where a photograph comes from.
+/// Source of a photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhotoSource {
     /// A file, to be decoded, undistorted and resized to the view's camera when it is needed.
     File {
         /// The image file.
         path: PathBuf,
-        /// The distorted camera at the file's own size, where it differs from a plain resize of the
-        /// view's camera.
+        /// Lens distortion at the file's own size, if any.
         distortion: Option<Distortion>,
     },
     /// Already decoded, at the size of the view's camera.
     Memory(Photo),
-    /// None: a camera path, fit for rendering only.
+    /// No photograph: a camera path, for rendering only.
     Absent,
 }
 
 /// One camera with its photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// The photograph's name as the data set has it; views are sorted by it (byte order).
+    /// Name of the photograph in the data set; views are sorted by it (byte order).
     pub name: String,
     /// The (undistorted, possibly downscaled) camera.
     pub camera: Camera,
@@ -130,25 +129,24 @@ pub struct Dataset {
     pub points: Vec<Point>,
     /// Every `test_every`-th view, from the first, is a test view; 0: none is.
     pub test_every: usize,
-    /// Indices of the test views where the data set itself names them (Blender's
-    /// `transforms_test.json`), ascending; `test_every` is then not used.
+    /// Indices of the test views named by the data set itself (Blender's `transforms_test.json`), ascending;
+    /// `test_every` is then not used.
     pub held_out: Vec<usize>,
-    /// What the photographs' alpha channels mean.
+    /// Meaning of the photographs' alpha channels.
     pub alpha: AlphaMode,
-    /// What was repaired or left out on loading, one sentence each.
+    /// Repairs and omissions on loading, one sentence each.
     pub warnings: Vec<String>,
-    /// Where positions are counted from, in the coordinates of the files: zero, unless those lie so far off that
-    /// single precision would be too coarse for splats ([`Dataset::distant_origin`]).
+    /// Origin of all positions, in the coordinates of the files: zero, unless cameras are so far off that single
+    /// precision would be too coarse for splats ([`Dataset::distant_origin`]).
     pub origin: DVec3,
 }
 
-/// Cameras this many scene extents away from the origin are too far for positions in single precision: steps of
-/// 2⁻²⁴ of it are 6e-6 extents, several times a late step of training, and thousandths of a pixel.
+/// Distance of cameras from the origin, in scene extents, beyond which positions in single precision are too coarse:
+/// steps of 2⁻²⁴ of it are 6e-6 extents, several times a late step of training, and thousandths of a pixel.
 const DISTANT_EXTENTS: f64 = 100.0;
 
 impl Dataset {
-    /// The origin to count positions from, where the cameras are too far from that of the files: near their mean,
-    /// and a round number.
+    /// A new origin if the cameras are too far from that of the files: a round number near their mean.
     pub fn distant_origin(&self) -> Option<DVec3> {
         let sum: DVec3 = self.views.iter().map(|v| v.camera.position).sum();
         let mean = sum / self.views.len().max(1) as f64;
@@ -159,7 +157,7 @@ impl Dataset {
         is_distant.then(|| self.origin + (mean / unit).round() * unit)
     }
 
-    /// Counts all positions from `origin`, which is in the coordinates of the files.
+    /// Moves the origin of all positions to `origin`, given in the coordinates of the files.
     pub fn set_origin(&mut self, origin: DVec3) {
         let by = self.origin - origin;
         for view in &mut self.views {
@@ -171,7 +169,7 @@ impl Dataset {
         self.origin = origin;
     }
 
-    /// Whether view `index` is held out.
+    /// True if view `index` is held out.
     pub fn is_test(&self, index: usize) -> bool {
         if self.held_out.is_empty() {
             self.test_every > 0 && index.is_multiple_of(self.test_every)
@@ -180,10 +178,9 @@ impl Dataset {
         }
     }
 
-    /// The size of the scene in world units, for step sizes and the near plane: 1.1 times the
-    /// largest distance of a training camera from their mean (3DGS, `getNerfppNorm`). Where all
-    /// cameras stand in one place it is 1.1 times the median distance of the points from there,
-    /// and 1 if there are no points either.
+    /// Extent of the scene in world units, for step sizes and the near plane: 1.1 times the largest distance of a
+    /// training camera from their mean (3DGS, `getNerfppNorm`). If all cameras stand in one place it is 1.1 times the
+    /// median distance of the points from there, and 1 if there are no points either.
     pub fn extent(&self) -> f64 {
         let centers: Vec<DVec3> = self
             .split(Split::Train)

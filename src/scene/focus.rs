@@ -1,10 +1,10 @@
-//! Where a set of cameras looks.
+//! Focus of a set of cameras.
 
 use super::Camera;
 use glam::{DMat3, DVec3};
 
-/// The point nearest to all optical axes (least squares), if there is one: not where the axes are
-/// nearly parallel, nor where it would lie behind half of the cameras, as when they look outward.
+/// The point nearest to all optical axes (least squares). `None` if the axes are nearly parallel, or if it would lie
+/// behind half of the cameras, as when they look outward.
 pub fn focus(cameras: &[Camera]) -> Option<DVec3> {
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
@@ -13,8 +13,8 @@ pub fn focus(cameras: &[Camera]) -> Option<DVec3> {
         normal += DMat3::IDENTITY - along;
         right += (DMat3::IDENTITY - along) * camera.position;
     }
-    // Of cameras looking the same way the mean matrix is a projection, with determinant 0; 1e-4
-    // asks for about half a degree between the axes.
+    // For cameras with one direction the mean matrix is a projection, with determinant 0; 1e-4 needs about half a
+    // degree between the axes.
     let mean = normal * (1.0 / cameras.len().max(1) as f64);
     if mean.determinant() < 1e-4 {
         return None;

@@ -1,11 +1,11 @@
-//! A triangle mesh: what an `.obj` holds, and what rays are cast at.
+//! A triangle mesh: contents of an `.obj`, and target of ray casting.
 
 /// Triangles over shared vertices; all indices are below `positions.len()`, all numbers finite.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Vertex positions in world units.
     pub positions: Vec<[f32; 3]>,
-    /// Vertex colours, 0 to 1 (display-referred): one per position, or none at all.
+    /// Vertex colours, 0 to 1 (display-referred): one per position, or empty.
     pub colors: Vec<[f32; 3]>,
     /// Indices of the corners, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,

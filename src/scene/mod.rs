@@ -1,8 +1,8 @@
-//! The scene on the CPU: splats, cameras, data sets. No Vulkan, no files.
+//! The scene on the CPU: splats, cameras, data sets.
 //!
 //! World and camera axes are COLMAP's: x right, y down, z forward (camera); pixel centres lie at +0.5.
 //!
-//! **Invariant:** nothing here knows of a device or reads a file.
+//! **Invariant:** no Vulkan, and no file access.
 
 mod camera;
 mod dataset;

@@ -1,4 +1,4 @@
-//! A set of 3D Gaussians as they are stored and trained: logarithms and logits, not their values.
+//! A set of 3D Gaussians as stored and trained: logarithms of scales and logits of opacities.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ pub const fn sh_coefficient_count(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
 }
 
-/// How a scene was trained to be rendered; travels in the `.ply`'s comment.
+/// Rendering mode of training; stored in the `.ply`'s comment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RenderMode {
@@ -38,10 +38,10 @@ pub struct Splats {
     pub sh: Vec<f32>,
     /// Highest spherical-harmonic degree stored, 0 to 3.
     pub sh_degree: u32,
-    /// How the scene is to be rendered.
+    /// Rendering mode.
     pub mode: RenderMode,
-    /// Where means are counted from, in the coordinates of the data set's files (`Dataset::origin`): cameras of that
-    /// data set are counted from there too (`Dataset::set_origin`).
+    /// Origin of the means, in the coordinates of the data set's files; its cameras must have the same
+    /// (`Dataset::set_origin`).
     pub origin: DVec3,
 }
 
@@ -51,17 +51,17 @@ impl Splats {
         self.mean.len()
     }
 
-    /// Whether there are none.
+    /// True without splats.
     pub fn is_empty(&self) -> bool {
         self.mean.is_empty()
     }
 
-    /// The same splats, their means said to be counted from `origin`.
+    /// The same splats with `origin` set; the means stay.
     pub fn counted_from(self, origin: DVec3) -> Splats {
         Splats { origin, ..self }
     }
 
-    /// The splats of these indices, in their order.
+    /// The splats of these indices, in this order.
     pub fn picked(&self, indices: &[usize]) -> Splats {
         let stride = self.sh_stride();
         let rows = indices.iter().map(|&i| &self.sh[i * stride..][..stride]);
@@ -82,7 +82,7 @@ impl Splats {
         sh_coefficient_count(self.sh_degree) * 3
     }
 
-    /// The splats with a number that is not finite, which rendering leaves out; `None` where there is none.
+    /// Splats with a number that is not finite, which rendering leaves out; `None` if there are none.
     pub fn not_finite(&self) -> Option<NotFinite> {
         let stride = self.sh_stride();
         let is_sound = |i: &usize| {
@@ -101,9 +101,9 @@ impl Splats {
 /// Splats with a number that is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotFinite {
-    /// How many there are.
+    /// Their number.
     pub count: usize,
-    /// The index of the first.
+    /// Index of the first.
     pub first: usize,
 }
 

@@ -2,7 +2,7 @@
 
 use super::student_t_975;
 
-/// Arithmetic mean; 0 of no values.
+/// Arithmetic mean; 0 if empty.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
@@ -10,18 +10,18 @@ pub fn mean(values: &[f64]) -> f64 {
 /// A figure and its 95 % interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Interval {
-    /// The figure: a mean or a median.
+    /// Mean or median.
     pub value: f64,
-    /// Lower end; the figure itself where one measurement says nothing about its spread.
+    /// Lower end; equal to `value` for a single measurement, which has no spread.
     pub low: f64,
     /// Upper end, likewise.
     pub high: f64,
-    /// Measurements.
+    /// Number of measurements.
     pub count: usize,
 }
 
 impl Interval {
-    /// A figure whose interval is known.
+    /// A figure with a given interval.
     pub fn new(value: f64, low: f64, high: f64, count: usize) -> Interval {
         Interval {
             value,
@@ -31,8 +31,8 @@ impl Interval {
         }
     }
 
-    /// The mean of repeated measurements, and the interval that holds the true one with 95 % confidence if
-    /// they scatter normally: Student's t.
+    /// Mean of repeated measurements, and the interval that holds the true mean with 95 % confidence if they are
+    /// normally distributed (Student's t).
     pub fn of_mean(values: &[f64]) -> Interval {
         let count = values.len();
         let mean = values.iter().sum::<f64>() / count as f64;

@@ -1,7 +1,7 @@
 //! Quantiles of Student's t distribution.
 
 /// One-sided 97.5 % quantile for `freedom` ≥ 1 degrees of freedom, to three digits (Abramowitz and Stegun, table 26.10;
-/// above 30 degrees by the expansion about the normal quantile, 26.7.5). Infinite for no degree of freedom.
+/// above 30 degrees by the expansion about the normal quantile, 26.7.5). Infinite for `freedom` 0.
 pub fn student_t_975(freedom: usize) -> f64 {
     const TABLE: [f64; 30] = [
         12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
@@ -21,8 +21,8 @@ pub fn student_t_975(freedom: usize) -> f64 {
     }
 }
 
-/// One-sided 95 % quantile for `freedom` ≥ 1 degrees of freedom; above 12 that of 13, an upper bound. Infinite for no
-/// degree of freedom.
+/// One-sided 95 % quantile for `freedom` ≥ 1 degrees of freedom; above 12 that of 13, an upper bound. Infinite for
+/// `freedom` 0.
 pub fn student_t_95(freedom: usize) -> f64 {
     const TABLE: [f64; 12] = [
         6.314, 2.920, 2.353, 2.132, 2.015, 1.943, 1.895, 1.860, 1.833, 1.812, 1.796, 1.782,

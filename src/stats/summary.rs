@@ -1,21 +1,21 @@
-//! Medians, and how far to trust them.
+//! Medians with their intervals.
 
-/// What several runs of the same thing come to.
+/// Summary of repeated measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
-    /// How many runs there were.
+    /// Number of runs.
     pub runs: usize,
     /// The median.
     pub median: f64,
-    /// The median of the distances from it.
+    /// Median of the absolute deviations from it.
     pub mad: f64,
-    /// An interval that holds the true median with a probability of 95 %, whatever the distribution: see
-    /// [`median_ranks`]. Fewer than six runs do not allow such a statement; then it is their range.
+    /// An interval that holds the true median with a probability of 95 % for any distribution: see [`median_ranks`].
+    /// Below six runs no such interval exists; then it is their range.
     pub interval: [f64; 2],
 }
 
 impl Summary {
-    /// Sums up; all zero if there is nothing to sum up.
+    /// Summary of `values`; all zero if empty.
     pub fn of(values: &[f64]) -> Summary {
         if values.is_empty() {
             return Summary {
@@ -40,7 +40,7 @@ impl Summary {
     }
 }
 
-/// The median of ascending values, of which there must be some.
+/// Median of ascending values, at least one.
 fn median(sorted: &[f64]) -> f64 {
     let middle = sorted.len() / 2;
     if sorted.len() % 2 == 1 {
@@ -50,12 +50,12 @@ fn median(sorted: &[f64]) -> f64 {
     }
 }
 
-/// Ranks (from 0) of the order statistics between which the true median lies with a probability of at least
-/// 95 %; the number of runs below the median is binomial with p = 1/2 (David and Nagaraja, Order Statistics,
-/// section 7.1). `None` where even the extremes promise less, below six runs.
+/// Ranks (from 0) of the order statistics between which the true median lies with a probability of at least 95 %; the
+/// number of runs below the median is binomial with p = 1/2 (David and Nagaraja, Order Statistics, section 7.1). `None`
+/// below six runs, for which even the extremes hold less.
 pub fn median_ranks(runs: usize) -> Option<[usize; 2]> {
     if runs > 1000 {
-        // The normal limit: f64 does not hold 2^-runs for ever.
+        // Normal approximation, because 2^-runs underflows in f64.
         let k = (0.5 * runs as f64 - 0.98 * (runs as f64).sqrt()).floor() as usize;
         return Some([k, runs - 1 - k]);
     }

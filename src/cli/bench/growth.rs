@@ -25,7 +25,7 @@ use std::path::PathBuf;
 /// waited for and read back; stages are the device's by its timestamps, `host` is the rest of the wall time. A scene
 /// too large for the device is listed with its error. At the end stand the exponents of time over splats and over
 /// pixels (least squares of the logarithms, 95 % interval), the largest cost of doubling, the memory of every buffer,
-/// and the cost of one splat over all of the picture among the others (a million, if so many are measured).
+/// and the cost of one splat over the whole picture among the others (the most measured, up to a million).
 #[derive(Clone, Debug, Args)]
 #[command(after_help = FRAME_EXAMPLES)]
 pub(super) struct BenchFrameArgs {

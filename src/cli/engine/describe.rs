@@ -1,4 +1,4 @@
-//! Devices and choices in words.
+//! Text and JSON about devices and kernel choices.
 
 use crate::Result;
 use crate::cli::output::bytes;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// All devices there are: text, and the same for machines.
+/// All devices as text and as JSON.
 pub(in crate::cli) fn devices() -> Result<(String, Value)> {
     let all = gpu::devices()?;
     let mut text = String::from("devices:\n");

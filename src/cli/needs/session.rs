@@ -1,4 +1,4 @@
-//! A survey in progress: run after run, each written as it ends.
+//! A survey in progress: each run is written as it ends.
 
 use super::NeedsArgs;
 use crate::cli::Outcome;
@@ -81,7 +81,7 @@ impl<'a> SurveySession<'a> {
         Ok(session)
     }
 
-    /// The runs of the folder.
+    /// Earlier runs in the folder.
     fn earlier(&self) -> Result<Vec<SurveyRun>> {
         let path = self.args.out.join("needs.csv");
         let text = match std::fs::read_to_string(&path) {
@@ -163,7 +163,7 @@ impl<'a> SurveySession<'a> {
         Ok(u32::try_from(run.splats).unwrap_or(u32::MAX).max(1))
     }
 
-    /// True if the run is done and is not to be repeated.
+    /// True if the run is done and not to be repeated.
     fn has(&self, task: &Task<'_>) -> bool {
         let key = (task.scene, task.recipe, task.seed);
         let found = self.runs.iter().find(|run| run.key() == key);

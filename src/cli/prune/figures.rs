@@ -1,4 +1,4 @@
-//! What `ashfall prune` says of what it did.
+//! Report of `ashfall prune` as text and JSON.
 
 use super::PruneArgs;
 use crate::cli::output::{bytes, grouped, score_text};
@@ -13,12 +13,12 @@ fn ply_bytes(splats: &Splats) -> u64 {
     4 * floats as u64 * splats.len() as u64
 }
 
-/// What merging did.
+/// Result of merging.
 pub(super) struct Merging {
     pub merged: Merged,
-    /// How far the pictures of the training views have moved.
+    /// Change of the training views' pictures.
     pub moved: Difference,
-    /// Of the merged scene.
+    /// Score of the merged scene.
     pub test: MeanScore,
 }
 
@@ -48,7 +48,7 @@ impl Merging {
 
     fn json(&self, share: f64) -> serde_json::Value {
         let moved = &self.moved;
-        // Numbers that JSON does not have are null: the PSNR of what is the same.
+        // JSON has no infinity: the PSNR of identical pictures is null.
         json!({
             "share": share,
             "merged_away": self.merged.gone,
@@ -65,17 +65,17 @@ impl Merging {
     }
 }
 
-/// What there is to say.
+/// Figures of the report.
 pub(super) struct Figures {
     pub views: usize,
     pub merging: Option<Merging>,
-    /// What was found in the scene, or in the merged one.
+    /// Splats found in the scene, or in the merged one.
     pub pruned: Pruned,
-    /// What is left.
+    /// Remaining splats after SH reduction.
     pub reduced: Reduced,
-    /// Against the scene, or the merged one.
+    /// Change against the scene, or the merged one.
     pub change: Change,
-    /// Of the scene as it was, of what is left, and of that after a re-fit.
+    /// Scores of the original scene, of the pruned one, and of that after a refit.
     pub test: Vec<MeanScore>,
 }
 

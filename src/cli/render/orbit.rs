@@ -4,9 +4,9 @@ use crate::scene::{Camera, Splats, focus};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_3, TAU};
 
-/// `count` cameras around what some cameras look at, at their mean height and distance, with the
-/// first one's intrinsics. The path is a full circle where the cameras surround their subject, else a swing
-/// to and fro over the arc from which there are photographs. `extent` is the scene extent.
+/// `count` cameras around the focus of `cameras`, at their mean height and distance, with the first one's intrinsics.
+/// The path is a full circle if the cameras surround their subject, else a swing to and fro over their arc. `extent` is
+/// the scene extent.
 ///
 /// Panics if there are no cameras.
 pub(crate) fn orbit_of_cameras(cameras: &[Camera], extent: f64, count: u32) -> Vec<Camera> {
@@ -17,7 +17,7 @@ pub(crate) fn orbit_of_cameras(cameras: &[Camera], extent: f64, count: u32) -> V
     let forward = mean(|c| c.rotation.row(2));
     let up = mean(|c| -c.rotation.row(1));
     let up = up.try_normalize().unwrap_or(DVec3::NEG_Y);
-    // Cameras that look past each other turn about a point before them.
+    // Without a focus (parallel or diverging views) the target is a point ahead of the cameras.
     let ahead = forward.try_normalize().unwrap_or(DVec3::Z) * extent;
     let target = focus(cameras).unwrap_or(position + ahead);
     let frame = Frame::new(target, up, position);
@@ -53,13 +53,13 @@ pub(in crate::cli) fn orbit_of_splats(splats: &Splats, count: Option<u32>) -> Ve
     (0..count).map(at).collect()
 }
 
-/// The median position: outliers do not move it.
+/// Median position, robust against outliers.
 pub(in crate::cli) fn center(splats: &Splats) -> DVec3 {
     let axis = |axis: usize| quantile(splats.mean.iter().map(|m| f64::from(m[axis])), 0.5);
     DVec3::new(axis(0), axis(1), axis(2))
 }
 
-/// The radius around the median that holds four fifths of the splats; 1 where that is no size.
+/// Radius around the median that holds 80 % of the splats; 1 if that is 0.
 pub(in crate::cli) fn radius(splats: &Splats) -> f64 {
     let center = center(splats);
     let distances = splats
@@ -70,7 +70,7 @@ pub(in crate::cli) fn radius(splats: &Splats) -> f64 {
     if radius > 0.0 { radius } else { 1.0 }
 }
 
-/// 0 for no numbers.
+/// Quantile of the finite values; 0 if there are none.
 fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
     if values.is_empty() {
@@ -113,7 +113,7 @@ impl Frame {
     }
 }
 
-/// The angles from which there are photographs.
+/// Arc of the cameras' angles.
 struct Arc {
     start: f64,
     length: f64,
@@ -131,7 +131,7 @@ impl Arc {
             (0.0, 0.0),
             |best, gap| if gap.0 > best.0 { gap } else { best },
         );
-        // One camera, or all in one place: the gap is the whole circle, of which nothing is left.
+        // One camera, or all in one place: the gap is the whole circle.
         let gap = if angles.len() < 2 { TAU } else { widest.0 };
         match gap < FRAC_PI_3 {
             true => Arc {
@@ -140,13 +140,13 @@ impl Arc {
             },
             false => Arc {
                 start: widest.1,
-                // At least a little swing, else there is nothing to see.
+                // A minimal swing, so that the orbit shows motion.
                 length: (TAU - gap).max(0.2),
             },
         }
     }
 
-    /// The angle after a share of the path, which ends where it begins.
+    /// Angle at `share` of the closed path.
     fn at(&self, share: f64) -> f64 {
         if self.length == TAU {
             return share * TAU;

@@ -51,19 +51,19 @@ pub(super) struct TrainArgs {
     /// Folder for the results, made if it is not there
     #[arg(long, value_name = "DIR", required_unless_present = "resume")]
     out: Option<PathBuf>,
-    /// Go on with the run in DIR, as it was begun
+    /// Resume the run in DIR with its own options
     #[arg(long, value_name = "DIR",
           conflicts_with_all = ["out", "init", "overwrite", "ConfigArgs", "DataArgs"])]
     resume: Option<PathBuf>,
     /// Begin anew even if DIR holds an unfinished run
     #[arg(long)]
     overwrite: bool,
-    /// Train to no more splats than the scene needs. GAIN is the smallest gain worth paying for: decibels, on training
-    /// views held out for the purpose, for a tenth more splats [default: 0.08]
+    /// Train to no more splats than the scene needs. GAIN is the smallest gain worth 10 % more splats: decibels on
+    /// held-out training views [default: 0.08]
     #[arg(long, value_name = "GAIN", num_args = 0..=1, default_missing_value = "0.08", value_parser = parse_gain,
           conflicts_with = "resume")]
     parsimony: Option<f64>,
-    /// With --parsimony: say how many splats the run of this report.json took, and for how many decibels
+    /// With --parsimony: compare splats and decibels with the run of this report.json
     #[arg(long, value_name = "REPORT")]
     compare: Option<PathBuf>,
     /// Begin with the points of this file instead of the data set's: a .ply point cloud, or an .obj mesh
@@ -96,7 +96,7 @@ Examples:
   ashfall train transforms.json --out run/ --background white --set adc.grad_threshold=4e-4
   ashfall train --resume run/";
 
-/// Points spread over a mesh that training begins with.
+/// Points sampled on the mesh of --init.
 const MESH_POINTS: usize = 100_000;
 
 pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
@@ -116,7 +116,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
         Some(_) => AutoRun::resume(engine.gpu(), &dataset, &dir.join("checkpoint"))?,
         None => new_run(args, &engine, &dataset)?,
     };
-    // Nothing is written before all that can be checked has been.
+    // All checks come before the first write.
     std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
     let _lock = lock.map_or_else(|| FolderLock::take(&dir), Ok)?;
     io::atomic::remove_leftovers(&dir);
@@ -162,8 +162,8 @@ pub(super) fn parse_gain(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| "a number of decibels above 0 is expected, such as 0.02".into())
 }
 
-/// Folder and state of the run, from the command line or from the run resumed; and the folder's lock, where there has
-/// been a run in it.
+/// Folder and state of the run, from the command line or from the resumed run; and the folder's lock, if a run has been
+/// there.
 fn begin(args: &TrainArgs) -> Result<(PathBuf, RunState, Option<FolderLock>)> {
     if let Some(dir) = &args.resume {
         let mut state = RunState::read(dir)?;
@@ -211,7 +211,7 @@ fn refuse_unfinished(dir: &Path) -> Result<()> {
     }
 }
 
-/// Points to begin with from a file.
+/// Initial points from a file.
 fn points(path: &Path) -> Result<Vec<Point>> {
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     let mut points = match extension.as_deref().and_then(|e| e.to_str()) {
@@ -275,7 +275,7 @@ fn announce(
     });
 }
 
-/// A run with all it needs, from the first step to the report.
+/// A run with all inputs, from the first step to the report.
 pub(super) struct Session<'a> {
     pub engine: &'a Engine,
     pub dataset: &'a Dataset,
@@ -289,7 +289,7 @@ pub(super) struct Session<'a> {
 }
 
 impl<'a> Session<'a> {
-    /// Trains to the end and writes the results, or to an interruption and says how to go on.
+    /// Trains to the end and writes the results, or to an interruption and prints how to resume.
     pub(crate) fn run(&self, mut run: AutoRun<'_>, state: &mut RunState) -> Result<Outcome> {
         let interrupt = Interrupt::listen()?;
         let schedule = Schedule {
@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn gains_are_decibels_above_0() {
-        // What the option stands for without a number.
+        // Default of the option without a value.
         assert_eq!(
             parse_gain("0.08"),
             Ok(TrainConfig::default().auto.preference_db)

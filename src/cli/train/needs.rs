@@ -1,4 +1,4 @@
-//! What a run has found of its scene's needs, as its report has it.
+//! Section of the report on the splats that a scene needs.
 
 use crate::lab::report::Report;
 use crate::lab::report::needs::{Needs, bytes_by_degree, sentence};
@@ -7,9 +7,9 @@ use crate::simplify::{History, reduce_harmonics, split_views};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// What there is to report of a scene and how it came to be.
+/// Report section of a run's history and its final scene.
 pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Needs {
-    // Degrees that went have left zeros.
+    // Removed degrees have zero coefficients.
     let reduced = reduce_harmonics(splats, 0.0);
     let law = history.law();
     let (_, held) = split_views(dataset, &history.config);
@@ -34,7 +34,7 @@ pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Ne
     }
 }
 
-/// The report of a run to compare with.
+/// Reads the report of a run to compare with.
 pub(super) fn read(path: &Path) -> Result<Report> {
     let text = std::fs::read(path).map_err(Error::io(path))?;
     serde_json::from_slice(&text)

@@ -1,4 +1,4 @@
-//! What a finished run leaves: the scene, pictures of the held-out views, the report.
+//! Results of a finished run: the scene, pictures of the held-out views, the report.
 
 use super::Session;
 use super::state::RunState;
@@ -16,7 +16,7 @@ use serde_json::json;
 use std::io::Write;
 use std::time::Instant;
 
-/// Writes all results and says where they are.
+/// Writes all results and prints their paths.
 pub(super) fn write(
     session: &Session<'_>,
     config: &TrainConfig,
@@ -24,7 +24,7 @@ pub(super) fn write(
     (splats, memory): (&Splats, MemoryFigures),
     found: Option<(Needs, Option<&Report>)>,
 ) -> Result<()> {
-    // The scene first: whatever fails after this, the training was not in vain.
+    // The scene first, so that a later failure does not lose the training.
     io::ply::write(&session.dir.join("scene.ply"), splats)?;
     let start = Instant::now();
     let test = test_pictures(session, config, splats)?;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Entries of the history of an uninterrupted run, about.
+/// Approximate number of history entries of an uninterrupted run.
 const HISTORY_ENTRIES: u32 = 200;
 
 /// Run as written to `run.json`. In the file, paths below the run's folder are relative to it, so that the folder can
@@ -20,15 +20,15 @@ const HISTORY_ENTRIES: u32 = 200;
 pub(in crate::cli) struct RunState {
     /// Data set.
     pub data: PathBuf,
-    /// Options that it was read with.
+    /// Options of reading it.
     pub options: DataArgs,
-    /// File of the first points, if not the data set.
+    /// File of the initial points, if not the data set.
     pub init: Option<PathBuf>,
-    /// Steps asked for.
+    /// Requested steps.
     pub iterations: u32,
-    /// Steps done when this was written.
+    /// Steps done at the time of writing.
     pub iteration: u32,
-    /// Whether the results are written.
+    /// True once the results are written.
     pub is_finished: bool,
     /// Wall times so far.
     pub timings: Timings,
@@ -48,7 +48,7 @@ pub(in crate::cli) struct Pending {
     psnr_db: Mean,
 }
 
-/// A mean of the finite ones of some numbers.
+/// Mean of the finite values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Mean {
     sum: f64,
@@ -69,7 +69,7 @@ impl Mean {
 }
 
 impl RunState {
-    /// Takes a step's figures; every so often an entry of the history is made of them.
+    /// Adds a step's figures; every `iterations / HISTORY_ENTRIES` steps they become a history entry.
     pub(crate) fn add(&mut self, report: &StepReport) {
         if !report.loss.is_finite() {
             self.warn_once(NO_LOSS, NO_LOSS, report.iteration);
@@ -86,7 +86,7 @@ impl RunState {
         let every = self.iterations.div_ceil(HISTORY_ENTRIES).max(1);
         if report.iteration.is_multiple_of(every) || report.iteration == self.iterations {
             let pending = std::mem::take(&mut self.pending);
-            // Steps that are taken twice, as rounds that compare do, count the second time.
+            // A repeated step replaces its earlier entry (rounds of the count controller repeat steps).
             self.history
                 .retain(|entry| entry.iteration < report.iteration);
             self.history.push(HistoryEntry {
@@ -100,7 +100,7 @@ impl RunState {
         }
     }
 
-    /// Warns of something unless there is a warning of its `kind`, with which `what` begins.
+    /// Adds warning `what` unless there is one of its `kind`; `what` begins with `kind`.
     fn warn_once(&mut self, kind: &str, what: &str, iteration: u32) {
         if !self.warnings.iter().any(|known| known.starts_with(kind)) {
             let warning = format!("{what}, first at iteration {iteration}");
@@ -108,7 +108,7 @@ impl RunState {
         }
     }
 
-    /// Notes an evaluation on the held-out views after `iteration` steps.
+    /// Adds an evaluation on the held-out views after `iteration` steps.
     pub(crate) fn add_test(&mut self, iteration: u32, splat_count: usize, score: MeanScore) {
         if let Some(entry) = self.history.iter_mut().find(|e| e.iteration == iteration) {
             entry.test = Some(score);
@@ -124,7 +124,7 @@ impl RunState {
         });
     }
 
-    /// Forgets what happened after `iteration`: a resumed run does it again.
+    /// Drops entries after `iteration`, which a resumed run repeats.
     pub(crate) fn rewind(&mut self, iteration: u32) {
         self.history.retain(|entry| entry.iteration <= iteration);
         self.pending = Pending::default();
@@ -134,7 +134,7 @@ impl RunState {
         }
     }
 
-    /// Reads the file in a run's folder.
+    /// Reads `run.json` of a run's folder.
     pub(crate) fn read(dir: &Path) -> Result<RunState> {
         let path = file(dir);
         let text = std::fs::read(&path).map_err(Error::io(&path))?;
@@ -145,7 +145,7 @@ impl RunState {
         Ok(state)
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes `run.json` atomically.
     pub(crate) fn write(&self, dir: &Path) -> Result<()> {
         let mut state = self.clone();
         let folder = absolute(dir)?;
@@ -164,7 +164,7 @@ impl RunState {
     }
 }
 
-/// Path from the root of the file system.
+/// Absolute path.
 pub(super) fn absolute(path: &Path) -> Result<PathBuf> {
     std::path::absolute(path).map_err(Error::io(path))
 }

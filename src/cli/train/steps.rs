@@ -1,4 +1,4 @@
-//! Loop of a training run: step, show, save, and stop when asked.
+//! Loop of a training run: step, display, save, stop on request.
 
 use super::state::RunState;
 use crate::Result;
@@ -70,7 +70,7 @@ pub(super) fn run_steps(
     Ok(outcome)
 }
 
-/// Writes the checkpoint, then `run.json`: one behind its checkpoint lacks a few figures, one ahead of it is cut back.
+/// Writes the checkpoint, then `run.json`: one older than its checkpoint lacks a few figures, a newer one is rewound.
 fn save(
     run: &mut AutoRun<'_>,
     state: &mut RunState,
@@ -92,7 +92,7 @@ fn drain(run: &mut AutoRun<'_>, state: &mut RunState, display: &mut Display) -> 
     Ok(())
 }
 
-/// Calls a function and adds the time it takes to one of the run's.
+/// Runs `call` and adds its duration to one of the run's timings.
 fn timed<T>(
     state: &mut RunState,
     part: impl FnOnce(&mut Timings) -> &mut f64,
@@ -109,7 +109,7 @@ struct Display {
     bar: ProgressBar,
     output: Output,
     pace: Pace,
-    /// Training seconds and iteration when this part of the run began.
+    /// Training seconds and iteration at the start of this session.
     start: (f64, u32),
 }
 

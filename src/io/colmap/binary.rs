@@ -1,4 +1,4 @@
-//! The binary form: little-endian records after a 64-bit count.
+//! COLMAP's binary form: little-endian records after a 64-bit count.
 
 use super::super::reader::Reader;
 use super::super::source::Source;
@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::scene::Point;
 use std::collections::BTreeMap;
 
-/// Image names beyond this length are refused.
+/// Longest image name accepted, in bytes.
 const NAME_BYTES_MAX: u64 = 4096;
 
 /// id, model, width, height and three parameters.

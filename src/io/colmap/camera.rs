@@ -1,4 +1,4 @@
-//! COLMAP's camera models, of which those are read that end as a pinhole.
+//! COLMAP camera models that can be undistorted to a pinhole.
 
 use super::super::listing::{Check, check_intrinsics, check_size};
 use crate::scene::Distortion;
@@ -53,7 +53,7 @@ pub(super) fn parameters_of(name: &str) -> Check<usize> {
 }
 
 impl Lens {
-    /// Checks a camera's entry; `parameters` are as many as the model has.
+    /// Validates a camera's entry; `parameters` must have the model's length.
     pub(super) fn new(model: &str, width: u64, height: u64, parameters: &[f64]) -> Check<Lens> {
         let (width, height) = check_size(width, height)?;
         let none = Distortion::default();

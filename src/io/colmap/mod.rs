@@ -1,8 +1,8 @@
 //! COLMAP reconstructions, binary and text: cameras, images, points.
 //!
-//! Tracks and 2D points are skipped, so references in them can be broken without harm; so are the files
-//! `rigs` and `frames` of COLMAP 3.12 and later, as `images` still has every pose. Points are put in the
-//! order of their ids: the binary form has them in that of a hash table.
+//! Tracks and 2D points are skipped, so broken references in them do no harm; so are the files `rigs` and `frames` of
+//! COLMAP 3.12 and later, as `images` still has every pose. Points are sorted by id, because the binary form has them
+//! in hash-table order.
 
 mod binary;
 mod camera;
@@ -18,7 +18,7 @@ use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The folder of the model that belongs to a data set's folder: `sparse/0`, `sparse`, or itself.
+/// The model's folder in a data set's folder: `sparse/0`, `sparse`, or itself.
 pub fn find_model(folder: &Path) -> Option<PathBuf> {
     let candidates = ["sparse/0", "sparse", ""].map(|sub| folder.join(sub));
     candidates
@@ -38,21 +38,21 @@ struct ImageRecord {
 /// A point and its id.
 type Numbered = (u64, Point);
 
-/// The files of a model, which are all in one form.
+/// Files of a model, all in one form.
 #[derive(Clone, Copy, Debug)]
 pub struct Files<'a> {
-    /// Whether they are binary; else they are text.
+    /// Binary form; else text.
     pub binary: bool,
     /// `cameras`.
     pub cameras: Source<'a>,
     /// `images`.
     pub images: Source<'a>,
-    /// `points3D`, where there is one.
+    /// `points3D`, if it exists.
     pub points: Option<Source<'a>>,
 }
 
-/// Reads the model in folder `model`, whose photographs are in folder `photos`. The binary files are taken
-/// where both forms are there, as COLMAP does.
+/// Reads the model in folder `model` with photographs in folder `photos`. If both forms exist, the binary files are
+/// read, as in COLMAP.
 ///
 /// # Errors
 /// Those of [`read_files`], and a model without cameras or images.
@@ -81,11 +81,11 @@ pub fn read(model: &Path, photos: &Path) -> Result<Listing> {
     Ok(listing)
 }
 
-/// Reads a model whose photographs are in folder `photos`.
+/// Reads a model with photographs in folder `photos`.
 ///
 /// # Errors
-/// Names the file and the byte or line: cut short, counts beyond the file, a camera model that is not
-/// supported, values no camera has, names that lead out of `photos`.
+/// Names the file and the byte or line: truncation, counts beyond the file, an unsupported camera model, invalid camera
+/// values, names that lead out of `photos`.
 pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     let lenses = if files.binary {
         binary::cameras(files.cameras)?

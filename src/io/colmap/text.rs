@@ -1,4 +1,4 @@
-//! The text form: a record a line, `#` for comments, and two lines an image.
+//! COLMAP's text form: one record per line, `#` for comments, two lines per image.
 
 use super::super::reader::{Reader, excerpt, parse_number};
 use super::super::source::Source;
@@ -9,14 +9,14 @@ use crate::scene::Point;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-/// Lines beyond this length are refused; the 2D points of an image are one line.
+/// Longest line accepted, in bytes; the 2D points of an image are one line.
 const LINE_BYTES_MAX: u64 = 1 << 28;
 
-/// A text file whose records are taken apart word by word.
+/// Tokenizer of a text file.
 struct Lines<'a> {
     reader: Reader<'a>,
     line: String,
-    /// Bytes of `line` already taken.
+    /// Bytes of `line` already read.
     taken: usize,
 }
 
@@ -29,7 +29,7 @@ impl<'a> Lines<'a> {
         })
     }
 
-    /// Goes to the next line that is no comment; false at the end.
+    /// Advances to the next line that is not a comment; false at the end.
     fn advance(&mut self) -> Result<bool> {
         self.taken = 0;
         while self.reader.line(&mut self.line, LINE_BYTES_MAX)? {
@@ -40,7 +40,7 @@ impl<'a> Lines<'a> {
         Ok(false)
     }
 
-    /// Goes to the next line that is neither comment nor blank; false at the end.
+    /// Advances to the next line that is neither comment nor blank; false at the end.
     fn advance_to_record(&mut self) -> Result<bool> {
         while self.advance()? {
             if !self.line.trim().is_empty() {
@@ -141,7 +141,7 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
             translation,
             camera,
         });
-        // The line of 2D points is there even where it is empty, and must be taken as such.
+        // The line of 2D points exists even if empty, and must be consumed.
         lines.advance()?;
     }
     Ok(images)

@@ -1,8 +1,7 @@
-//! Opening a data set, whatever made it.
+//! Opening a data set of any supported format.
 //!
-//! Everything that can be known without decoding pixels is checked here, before an hour of training is
-//! begun: that the photographs exist and are images, that their sizes fit their cameras, that there is
-//! something to train on.
+//! All checks that need no decoded pixels are made here, before training begins: photographs exist and are images,
+//! their sizes fit their cameras, and there is at least one view to train on.
 
 mod views;
 
@@ -13,21 +12,21 @@ use crate::scene::{AlphaMode, Dataset, Point, Split, View};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
-/// What the user may say about a data set.
+/// Options for opening a data set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OpenOptions {
-    /// Photographs are reduced by this factor on loading; 1: as they are.
+    /// Factor by which photographs are reduced on loading; 1: unchanged.
     pub downscale: u32,
-    /// Every this-many-th view by name, from the first, is a test view; 0: none is. A split that the data
-    /// set brings with it (Blender's) is used instead, unless this is 0.
+    /// Every `test_every`-th view by name, from the first, is a test view; 0: none. A split of the data set itself
+    /// (Blender's) is used instead, unless this is 0.
     pub test_every: usize,
-    /// The folder of the photographs, relative to the data set's or absolute; `None`: as the format has
-    /// it (`images` for COLMAP).
+    /// Folder of the photographs, relative to the data set's or absolute; `None`: the format's default (`images` for
+    /// COLMAP).
     pub images: Option<PathBuf>,
-    /// What alpha means; `None`: [`AlphaMode::Mask`] where lens distortion leaves empty borders, else
+    /// Meaning of alpha; `None`: [`AlphaMode::Mask`] if undistortion leaves empty borders, else
     /// [`AlphaMode::Composite`].
     pub alpha: Option<AlphaMode>,
-    /// Whether photographs (and a view to train on) must be there; rendering needs cameras only.
+    /// Require photographs, and a view to train on; rendering needs cameras only.
     pub photos_required: bool,
 }
 
@@ -43,16 +42,15 @@ impl Default for OpenOptions {
     }
 }
 
-/// Opens the data set at `path`: a folder with a COLMAP model (in `sparse/0`, `sparse` or itself; it comes
-/// first, as it has points), else with `transforms.json` or `transforms_train.json`; or such a file.
+/// Opens the data set at `path`: a folder with a COLMAP model (in `sparse/0`, `sparse` or itself; it comes first, as it
+/// has points), else with `transforms.json` or `transforms_train.json`; or such a file.
 ///
-/// Views whose photograph is missing are left out with a warning; a photograph that is there but is no
-/// image, is empty, or has another aspect ratio than its camera is an error. Points that are not finite
-/// are dropped with a warning.
+/// Views without their photograph are left out with a warning; a file that is not an image, is empty, or has another
+/// aspect ratio than its camera is an error. Points that are not finite are dropped with a warning.
 ///
 /// # Errors
-/// Names the file and the reason; see [`colmap::read`] and [`transforms::read`]. Also: nothing that can
-/// be recognised, no photograph at all, two views of one name, no view left to train on.
+/// Names the file and the reason; see [`colmap::read`] and [`transforms::read`]. Also: unknown format, no photographs,
+/// two views of one name, no view left to train on.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
     if options.downscale == 0 {
         let what = "the factor by which photographs are reduced must be at least 1";
@@ -117,7 +115,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
     Ok(dataset)
 }
 
-/// Recognises the format and reads it.
+/// Detects the format and reads it.
 fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
     let meta = std::fs::metadata(path).map_err(Error::io(path))?;
     if meta.is_file() {
@@ -147,7 +145,7 @@ fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
     };
     let mut listing = transforms::read(&file, photos.as_deref())?;
     let test = path.join("transforms_test.json");
-    // Blender's split comes in two files, and only together with the file for training.
+    // Blender's test views are in a second file, read only beside `transforms_train.json`.
     let split = file.ends_with("transforms_train.json");
     if split && test.is_file() && options.test_every > 0 {
         let held_out = transforms::read(&test, photos.as_deref())?;
@@ -162,7 +160,7 @@ fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
     Ok(listing)
 }
 
-/// The folder with a COLMAP data set's photographs. Where `path` is the model itself, it may lie above.
+/// Folder of a COLMAP data set's photographs, above `path` if `path` is the model itself.
 fn colmap_photos(path: &Path, options: &OpenOptions) -> PathBuf {
     let images = options.images.clone().unwrap_or("images".into());
     let own = path.join(&images);
@@ -193,8 +191,8 @@ pub fn keep_finite(path: &Path, points: &mut Vec<Point>, warnings: &mut Vec<Stri
     }
 }
 
-/// Points in another coordinate system than the cameras are a common mistake of conversions, and
-/// training from them fails without a word.
+/// Warns of points outside every view: a different coordinate system is a common mistake of conversions, and training
+/// from such points fails silently.
 fn warn_if_unseen(path: &Path, views: &[View], points: &[Point], warnings: &mut Vec<String>) {
     let step = points.len().div_ceil(1000).max(1);
     let seen = points.iter().step_by(step).any(|point| {

@@ -1,4 +1,4 @@
-//! Listed views and the photographs that are really there.
+//! Check of listed views against their photographs.
 
 use super::super::listing::Listed;
 use super::super::photo::{self, SIDE_MIN};
@@ -8,15 +8,15 @@ use crate::scene::{PhotoSource, View};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// A view whose photograph has been looked at.
+/// A view with its photograph's size checked.
 struct Found {
     view: View,
-    /// The size of the file where that differs from the camera's.
+    /// Size of the file if it differs from the camera's.
     file_size: Option<(u32, u32)>,
     warning: Option<String>,
 }
 
-/// Looks at the photographs, in parallel. Returns the views that remain and which of them are held out.
+/// Checks the photographs in parallel. Returns the remaining views and the indices of the held-out ones.
 pub(super) fn look_at_photos(
     path: &Path,
     listed: Vec<Listed>,
@@ -73,7 +73,7 @@ pub(super) fn look_at_photos(
     Ok((views, held_out))
 }
 
-/// `None` where the photograph is needed but missing.
+/// `None` if the photograph is required but missing.
 fn look_at_photo(listed: &Listed, options: &OpenOptions) -> Result<Option<Found>> {
     let mut camera = listed.camera;
     let mut source = PhotoSource::Absent;
@@ -121,7 +121,7 @@ fn look_at_photo(listed: &Listed, options: &OpenOptions) -> Result<Option<Found>
     }))
 }
 
-/// The size of the file, if it can be that of a photograph by this camera.
+/// Size of the file; an error if its aspect ratio is not the camera's.
 fn fitting_size(listed: &Listed) -> Result<(u32, u32)> {
     let size = photo::dimensions(&listed.photo)?;
     let camera = (listed.camera.width, listed.camera.height);

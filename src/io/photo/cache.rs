@@ -1,4 +1,4 @@
-//! Decoded photographs, as many as a budget of memory allows.
+//! Cache of decoded photographs within a memory budget.
 
 use super::load;
 use crate::error::Result;
@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Photographs by view index. The first to be loaded stay, up to the budget; later ones are decoded anew
-/// each time. Under training's access, every view once in random order and then again, no rule of
-/// eviction has more hits. Shared freely between threads, for loading ahead of need.
+/// Photographs by view index. The first to be loaded stay, up to the budget; later ones are decoded on each access.
+/// Training reads every view once in random order and then again, for which no eviction rule has more hits. Shared
+/// between threads, for prefetching.
 #[derive(Debug)]
 pub struct PhotoCache {
     slots: Vec<OnceLock<Arc<Photo>>>,
@@ -36,16 +36,16 @@ impl PhotoCache {
         let photo = Arc::new(load(&dataset.views[index])?);
         let bytes = 4 * photo.rgba.len() as u64;
         if self.reserve(bytes) && slot.set(Arc::clone(&photo)).is_err() {
-            // Another thread was faster; its copy is the one that counts.
+            // Another thread was faster; its copy is kept.
             self.kept_bytes.fetch_sub(bytes, Ordering::Relaxed);
         }
         Ok(photo)
     }
 
-    /// Loads the photographs of `indices` in parallel until the budget is spent, and says how many are
-    /// in memory. The first error ends it.
+    /// Loads the photographs of `indices` in parallel until the budget is spent, and returns the number in memory. The
+    /// first error ends it.
     pub fn load_all(&self, dataset: &Dataset, indices: &[usize]) -> Result<usize> {
-        // What fits is decided by the cameras beforehand, so that nothing is decoded in vain.
+        // Sizes come from the cameras, so that nothing is decoded and then discarded.
         let mut planned = self.kept_bytes();
         let fitting: Vec<usize> = indices
             .iter()

@@ -1,4 +1,4 @@
-//! The size of a photograph, from the first bytes of its file, and whether its end is there.
+//! Photograph sizes from file headers, and detection of truncated files.
 
 use super::super::listing::check_size;
 use super::super::reader::Reader;
@@ -12,7 +12,7 @@ const PNG_MAGIC: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 /// Width and height of a PNG or JPEG file in pixels, without decoding it.
 ///
 /// # Errors
-/// Names the file: empty, of another format, or of a size no photograph has.
+/// Names the file: empty, of another format, or of an invalid size.
 pub fn dimensions<'a>(source: impl Into<Source<'a>>) -> Result<(u32, u32)> {
     let source = source.into();
     let path = source.name();
@@ -47,14 +47,14 @@ pub fn dimensions<'a>(source: impl Into<Source<'a>>) -> Result<(u32, u32)> {
     Ok(size)
 }
 
-/// Pixels that a byte of a JPEG file can stand for: each block of 8 x 8 takes one bit at least.
+/// Upper bound of pixels per byte of a JPEG file: each block of 8 x 8 takes one bit at least.
 const JPEG_PIXELS_MAX: u64 = 8 * 64;
 
-/// Pixels that a byte of a PNG file can stand for: deflate makes at most 1,032 bytes of one, and each has
-/// at most eight pixels.
+/// Upper bound of pixels per byte of a PNG file: deflate makes at most 1,032 bytes of one, each with at most eight
+/// pixels.
 const PNG_PIXELS_MAX: u64 = 1032 * 8;
 
-/// After the first two bytes: the rest of the magic, then the chunk IHDR.
+/// PNG after the first two bytes: the rest of the magic, then the chunk IHDR.
 fn png(reader: &mut Reader) -> Result<(u64, u64)> {
     let rest: [u8; 14] = reader.array("the PNG header")?;
     if rest[..6] != PNG_MAGIC[2..] || &rest[10..] != b"IHDR" {
@@ -67,7 +67,7 @@ fn png(reader: &mut Reader) -> Result<(u64, u64)> {
     Ok((side()?, side()?))
 }
 
-/// After the first two bytes: segments up to the frame header.
+/// JPEG after the first two bytes: segments up to the frame header.
 fn jpeg(reader: &mut Reader) -> Result<(u64, u64)> {
     loop {
         let mut byte = [0];
@@ -79,7 +79,7 @@ fn jpeg(reader: &mut Reader) -> Result<(u64, u64)> {
             reader.fill(&mut byte, "the JPEG header")?;
         }
         match byte[0] {
-            // Without contents.
+            // Markers without contents.
             0x00 | 0x01 | 0xd0..=0xd8 => continue,
             0xd9 | 0xda => return Err(reader.fault("the JPEG file has no frame header")),
             marker => {
@@ -99,17 +99,17 @@ fn jpeg(reader: &mut Reader) -> Result<(u64, u64)> {
     }
 }
 
-/// Scans that a JPEG file may have; progressive ones have about ten. A scan of a few bytes can make the decoder
-/// walk the whole image, so that without a limit a small file would keep it busy for hours.
+/// Most scans accepted in a JPEG file; progressive ones have about ten. A scan of a few bytes can make the decoder walk
+/// the whole image, so without a limit a small file could take hours.
 const SCANS_MAX: usize = 256;
 
-/// Refuses a JPEG file that ends inside its pixels: the decoder would fill the rest with grey, and
-/// training would fit that. (The PNG decoder notices by itself.) And one with more scans than any camera's.
+/// Refuses a JPEG file that ends inside its pixels, which the decoder would fill with grey (the PNG decoder detects
+/// truncation itself), and one with more than [`SCANS_MAX`] scans.
 pub(super) fn check_complete(path: &Path, bytes: &[u8]) -> Result<()> {
     if bytes.starts_with(&PNG_MAGIC) {
         return Ok(());
     }
-    // Previews inside segments have ends of their own: walk the segments to the first scan.
+    // Previews inside segments have end markers of their own: walk the segments to the first scan.
     let mut at = 2;
     while let Some(&[0xff, marker, high, low]) = bytes.get(at..at + 4) {
         if marker == 0xda {

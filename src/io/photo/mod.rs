@@ -1,8 +1,8 @@
-//! Photographs: decoded, undistorted, and at the size of the view's camera.
+//! Photographs: decoding, undistortion, and reduction to the size of the view's camera.
 //!
-//! PNG and JPEG are told apart by their contents, not their names. Grey, palette, 16-bit and CMYK images
-//! become 8-bit RGB; alpha stays straight. An orientation in EXIF data is **not** applied: COLMAP and
-//! nerfstudio calibrate the pixels as they are stored.
+//! PNG and JPEG are recognised by content, not by name. Grey, palette, 16-bit and CMYK images become 8-bit RGB; alpha
+//! stays straight. An orientation in EXIF data is **not** applied: COLMAP and nerfstudio calibrate the pixels as they
+//! are stored.
 
 mod cache;
 mod header;
@@ -21,10 +21,10 @@ use crate::scene::{Photo, PhotoSource, View};
 use std::io::Cursor;
 use std::path::Path;
 
-/// The least width and height of a photograph: with one pixel there is no detail to fit.
+/// Least width and height of a photograph: a single pixel has no detail to fit.
 pub const SIDE_MIN: u32 = 2;
 
-/// Memory that a decoder may take beside the pixels.
+/// Decoder memory beside the pixels, in bytes.
 const DECODER_BYTES: u64 = 1 << 19;
 
 /// Loads a view's photograph at the size of the view's camera: decodes the file, removes the lens
@@ -70,7 +70,7 @@ pub fn load(view: &View) -> Result<Photo> {
 pub fn decode<'a>(source: impl Into<Source<'a>>) -> Result<Photo> {
     let source = source.into();
     let path = source.name();
-    // The header is held against the limits before the decoder allocates anything.
+    // The header is checked against the limits before the decoder allocates anything.
     let (width, height) = dimensions(source)?;
     let bytes = Reader::all(source)?;
     header::check_complete(path, &bytes)?;
@@ -80,8 +80,8 @@ pub fn decode<'a>(source: impl Into<Source<'a>>) -> Result<Photo> {
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(SIDE_MAX);
     limits.max_image_height = Some(SIDE_MAX);
-    // 16-bit RGBA is eight bytes a pixel, once more for the rows or coefficients at work; what a PNG file packs
-    // beside its pixels must fit in as well.
+    // 16-bit RGBA is eight bytes a pixel, twice for the rows or coefficients in progress; the extra chunks of a PNG
+    // file must fit in as well.
     limits.max_alloc = Some(16 * u64::from(width) * u64::from(height) + DECODER_BYTES);
     reader.limits(limits);
     let image = reader
@@ -101,10 +101,10 @@ pub fn decode<'a>(source: impl Into<Source<'a>>) -> Result<Photo> {
     })
 }
 
-/// Whether one size follows from the other by a common factor and rounding, up or down.
+/// True if one size is the other times a common factor, rounded up or down.
 pub(super) fn same_aspect(a: (u32, u32), b: (u32, u32)) -> bool {
     let [aw, ah, bw, bh] = [a.0, a.1, b.0, b.1].map(f64::from);
-    // Seen from the larger one, each side of the smaller stands for an interval of factors.
+    // Each side of the smaller size stands for an interval of factors from the larger.
     let factors = |large: f64, small: f64| (large / (small + 1.0), large / (small - 1.0).max(0.5));
     let (first, second) = if aw >= bw {
         (factors(aw, bw), factors(ah, bh))
@@ -114,7 +114,7 @@ pub(super) fn same_aspect(a: (u32, u32), b: (u32, u32)) -> bool {
     first.0 <= second.1 && second.0 <= first.1
 }
 
-/// The error for a file that is no resized version of what its camera describes.
+/// Error for a file with another aspect ratio than its camera.
 pub(super) fn wrong_aspect(path: &Path, file: (u32, u32), camera: (u32, u32)) -> Error {
     let what = format!(
         "is {} x {} pixels, another aspect ratio than that of its camera, {} x {}",

@@ -1,17 +1,17 @@
 //! Undistortion and reduction of photographs.
 //!
-//! Colours are averaged with alpha as the weight, so that what lies under transparent pixels (often
-//! black, or arbitrary) does not bleed into the visible ones.
+//! Colours are averaged with alpha as the weight, so that arbitrary colours under transparent pixels do not bleed into
+//! visible ones.
 
 use super::SIDE_MIN;
 use crate::scene::{Camera, Distortion, Photo};
 use glam::{DVec2, Vec4};
 
-/// The photograph as a pinhole with the intrinsics of `camera` would have taken it.
+/// Photograph of an ideal pinhole with the intrinsics of `camera`.
 ///
-/// Every pixel centre is sent through the distortion and looked up bilinearly. **Border rule:** a pixel
-/// whose source lies outside of the photograph, or beyond the radius at which the distortion polynomial
-/// folds back on itself, becomes transparent black, for the loss to ignore.
+/// Every pixel centre is mapped through the distortion and sampled bilinearly. **Border rule:** a pixel with its source
+/// outside of the photograph, or beyond the radius at which the distortion polynomial folds back on itself, becomes
+/// transparent black, which the loss ignores.
 pub(super) fn undistort(photo: &Photo, camera: &Camera, distortion: &Distortion) -> Photo {
     let size = DVec2::new(f64::from(photo.width), f64::from(photo.height));
     let fold = fold_radius_squared(distortion);
@@ -53,7 +53,7 @@ fn fold_radius_squared(distortion: &Distortion) -> f64 {
     if discriminant < 0.0 {
         return f64::INFINITY;
     }
-    // Roots of a s² + b s + 1 as 2 / (-b ∓ √…), which stays exact where a is zero.
+    // Roots of a s² + b s + 1 as 2 / (-b ∓ √…), exact for a = 0, too.
     let root = discriminant.sqrt();
     [2.0 / (-b - root), 2.0 / (-b + root)]
         .into_iter()
@@ -74,7 +74,7 @@ fn bilinear(photo: &Photo, at: DVec2) -> [u8; 4] {
         (0, 1, (1.0 - fraction.x) * fraction.y),
         (1, 1, fraction.x * fraction.y),
     ] {
-        // Half a pixel within the border there is no neighbour: the border pixel stands in.
+        // Clamp to the border: within half a pixel of it there is no neighbour.
         let column = (x + dx).clamp(0, width - 1);
         let row = (y + dy).clamp(0, height - 1);
         sum += weighted(photo.rgba[(row * width + column) as usize]) * weight;
@@ -82,12 +82,12 @@ fn bilinear(photo: &Photo, at: DVec2) -> [u8; 4] {
     unweighted(sum)
 }
 
-/// Half a width or height, rounded up.
+/// Half a width or height, rounded up, at least [`SIDE_MIN`] or the whole length if that is less.
 pub fn half(length: u32) -> u32 {
     length.div_ceil(2).max(SIDE_MIN).min(length)
 }
 
-/// The photograph at `width` x `height`, each pixel the average over the area it covers.
+/// Photograph at `width` x `height`, each pixel the average over its area.
 pub fn reduce(photo: Photo, width: u32, height: u32) -> Photo {
     if (photo.width, photo.height) == (width, height) {
         return photo;
@@ -115,7 +115,7 @@ pub fn reduce(photo: Photo, width: u32, height: u32) -> Photo {
     }
 }
 
-/// Source pixels under one target pixel: an interval in units of source pixels.
+/// Source pixels under one target pixel: an interval in source pixels.
 struct Span {
     start: f64,
     end: f64,
@@ -123,7 +123,7 @@ struct Span {
 }
 
 impl Span {
-    /// Source indices with the share of the interval each has.
+    /// Source indices with their share of the interval.
     fn weights(&self) -> impl Iterator<Item = (usize, f32)> {
         let (start, end) = (self.start, self.end);
         let last = (end.ceil() as usize).min(self.limit);

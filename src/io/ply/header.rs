@@ -1,16 +1,16 @@
-//! The header of a PLY file: what follows it, described by the file itself.
+//! Header of a PLY file.
 
 use super::super::reader::{Reader, excerpt};
 use crate::error::Result;
 
-/// Headers beyond this length are refused; the longest in use have some kilobytes.
+/// Longest header accepted in bytes; the longest in use have some kilobytes.
 const HEADER_BYTES_MAX: u64 = 1 << 20;
 
-/// Elements, and properties of one, beyond this number are refused: each is compared with all before it.
-/// Splats of degree 3 have 62 properties; some programs add hundreds of features.
+/// Most elements, and most properties of one; each is compared with all before it. Splats of degree 3 have 62
+/// properties; some programs add hundreds of features.
 const NAMES_MAX: usize = 4096;
 
-/// How numbers are stored.
+/// Encoding of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -18,7 +18,7 @@ pub(super) enum Encoding {
     BigEndian,
 }
 
-/// A number type; both the old names (`float`, `uchar`) and the sized ones (`float32`, `uint8`).
+/// Number type; both the old names (`float`, `uchar`) and the sized ones (`float32`, `uint8`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scalar {
     I8,
@@ -62,11 +62,11 @@ impl Scalar {
 pub(super) struct Property {
     pub(super) name: String,
     pub(super) scalar: Scalar,
-    /// The type of the length in front, for a list.
+    /// Type of a list's length field.
     pub(super) list: Option<Scalar>,
 }
 
-/// A kind of row and how often it occurs.
+/// Kind of row and its count.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Element {
     pub(super) name: String,
@@ -75,24 +75,24 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// The position of a property.
+    /// Index of a property.
     pub(super) fn find(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|p| p.name == name)
     }
 
-    /// Bytes of a binary row: all of them, or the least there can be where lists are among them.
+    /// Bytes of a binary row; its minimum if there are lists.
     pub(super) fn row_bytes_min(&self) -> u64 {
         let bytes = |p: &Property| p.list.unwrap_or(p.scalar).bytes() as u64;
         self.properties.iter().map(bytes).sum()
     }
 
-    /// Whether rows differ in length.
+    /// True if rows differ in length.
     pub(super) fn has_list(&self) -> bool {
         self.properties.iter().any(|p| p.list.is_some())
     }
 }
 
-/// All that stands before `end_header`.
+/// Contents up to `end_header`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
@@ -101,7 +101,7 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// The element of that name and its position.
+    /// Element of that name and its index.
     pub(super) fn element(&self, name: &str) -> Option<(usize, &Element)> {
         let mut all = self.elements.iter().enumerate();
         all.find(|(_, e)| e.name == name)
@@ -112,7 +112,7 @@ impl Header {
         if reader.size() == 0 {
             return Err(reader.fault("the file is empty"));
         }
-        // The magic is tested on its bytes: another format need not be text.
+        // The magic is compared as bytes: other formats need not be text.
         let mut magic = [0; 3];
         if reader.size() < 4 || reader.fill(&mut magic, "the magic").is_err() || &magic != b"ply" {
             return Err(reader.fault("not a PLY file: it does not begin with the line \"ply\""));

@@ -10,7 +10,7 @@ use crate::scene::{Point, RenderMode, Splats, sh_coefficient_count};
 use glam::DVec3;
 use std::path::Path;
 
-/// What every splat has, in the order the rows are read.
+/// Required properties, in the order of the values of a row.
 const REQUIRED: [&str; 14] = [
     "x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2", "opacity",
     "f_dc_0", "f_dc_1", "f_dc_2",
@@ -19,8 +19,8 @@ const REQUIRED: [&str; 14] = [
 /// Reads a scene of splats.
 ///
 /// # Errors
-/// Names the file and the place: no PLY file, not splats (the missing properties are listed), counts
-/// that the file does not hold, a row that cannot be parsed, or a variant that is not supported.
+/// Names the file and the place: not a PLY file, not splats (the missing properties are listed), counts beyond the
+/// file, a row that cannot be parsed, or an unsupported variant.
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
     let source = source.into();
     let path = source.name();
@@ -58,8 +58,8 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
     })
 }
 
-/// Reads the points of a cloud: `x y z` and, where present, `red green blue` (0 to 255 as integers,
-/// 0 to 1 as floats); grey without. Points that are not finite are kept for the caller to count.
+/// Reads a point cloud: `x y z` and, if present, `red green blue` (0 to 255 as integers, 0 to 1 as floats), else grey.
+/// Points that are not finite are kept for the caller to count.
 pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
     let source = source.into();
     let path = source.name();
@@ -104,8 +104,7 @@ fn refuse_lists(path: &Path, vertex: &Element) -> Result<()> {
     }
 }
 
-/// Where the values of a splat stand, in the order of [`REQUIRED`] and then of `f_rest`; and the
-/// degree of the harmonics.
+/// Column of each value of a splat, in the order of [`REQUIRED`] and then of `f_rest`; and the SH degree.
 fn splat_columns(path: &Path, vertex: &Element) -> Result<(Vec<usize>, u32)> {
     let missing: Vec<&str> = REQUIRED
         .into_iter()
@@ -148,7 +147,7 @@ fn splat_columns(path: &Path, vertex: &Element) -> Result<(Vec<usize>, u32)> {
     Ok((columns, degree))
 }
 
-/// The last comment about the mode wins, as with the programs that write them.
+/// Render mode of the comments; the last wins, as with the programs that write them.
 fn render_mode(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> Result<RenderMode> {
     let mut mode = RenderMode::Default;
     for comment in comments {
@@ -176,7 +175,7 @@ fn render_mode(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> 
     Ok(mode)
 }
 
-/// Where means are counted from, if a comment says so.
+/// Origin of the means, if a comment gives it.
 fn origin(path: &Path, comments: &[String]) -> Result<DVec3> {
     let Some(text) = comments.iter().find_map(|c| c.strip_prefix(ORIGIN)) else {
         return Ok(DVec3::ZERO);
@@ -198,7 +197,7 @@ fn warn_of_trailing_bytes(
     warnings: &mut Vec<String>,
 ) -> Result<()> {
     let mut left = reader.remaining();
-    // Blank lines at the end of a text file are no data.
+    // Blank lines at the end of a text file are allowed.
     if encoding == Encoding::Ascii && left > 0 && left <= 64 {
         let mut tail = vec![0; left as usize];
         reader.fill(&mut tail, "the end")?;
@@ -213,11 +212,11 @@ fn warn_of_trailing_bytes(
     Ok(())
 }
 
-/// Splats being collected.
+/// Collector of splats.
 struct Builder {
     splats: Splats,
     dropped: usize,
-    /// Position in the file of the first that was dropped.
+    /// Index in the file of the first dropped splat.
     dropped_first: usize,
     unrotated: usize,
 }

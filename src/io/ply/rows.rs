@@ -1,4 +1,4 @@
-//! The rows of a PLY file: numbers of chosen properties, whatever the encoding.
+//! Rows of a PLY file: values of chosen properties in any encoding.
 
 use super::super::reader::{Reader, excerpt, parse_number};
 use super::header::{Element, Encoding, Header, Property, Scalar};
@@ -7,7 +7,7 @@ use crate::error::Result;
 /// Bytes read at a time.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// Lines of ASCII rows beyond this length are refused.
+/// Longest line of an ASCII row accepted, in bytes.
 const LINE_BYTES_MAX: u64 = 1 << 24;
 
 /// Skips all rows of the elements before position `index`.
@@ -16,7 +16,7 @@ pub(super) fn skip_to(reader: &mut Reader, header: &Header, index: usize) -> Res
         let what = format!("element {}", excerpt(&element.name));
         if header.encoding == Encoding::Ascii {
             let mut line = String::new();
-            // A count beyond the file ends at the end of the file.
+            // A count beyond the file ends with an error at the end of the file.
             for _ in 0..element.count {
                 next_row(reader, &mut line, &what)?;
             }
@@ -53,10 +53,10 @@ fn skip_row(reader: &mut Reader, encoding: Encoding, element: &Element, what: &s
     Ok(())
 }
 
-/// Holds the count of `element`, whose rows come next, against the size of the file.
+/// Compares the count of `element`, whose rows come next, with the size of the file.
 pub(super) fn check_count(reader: &Reader, header: &Header, element: &Element) -> Result<usize> {
     let bytes_each = match header.encoding {
-        // A digit and a separator each.
+        // A digit and a separator per value.
         Encoding::Ascii => 2 * element.properties.len() as u64 - 1,
         _ => element.row_bytes_min(),
     };
@@ -64,10 +64,10 @@ pub(super) fn check_count(reader: &Reader, header: &Header, element: &Element) -
     reader.check_count(element.count, bytes_each, &what)
 }
 
-/// Reads the rows of `element`, handing the values of `columns` (positions of its properties, in that
-/// order) to `each`. The element has no lists and its count has been checked.
+/// Reads the rows of `element` and passes the values of `columns` (indices of its properties, in that order) to `each`.
+/// The element has no lists and its count has been checked.
 ///
-/// Every stored `float` comes through exactly: widening to `f64` and back loses nothing.
+/// Every stored `float` is exact: widening to `f64` and back loses nothing.
 pub(super) fn read(
     reader: &mut Reader,
     encoding: Encoding,
@@ -141,7 +141,7 @@ fn parse_row(
     }
     for (value, &column) in values.iter_mut().zip(columns) {
         let token = tokens[column];
-        // A float is rounded once, from its decimal form, not twice by way of a double.
+        // A float is rounded once, from its decimal form, not through a double.
         let number = match properties[column].scalar {
             Scalar::F32 => token.parse::<f32>().ok().map(f64::from),
             _ => None,

@@ -1,4 +1,4 @@
-//! Writing splats in the layout that every viewer reads.
+//! Writing splats in the common 3DGS layout.
 
 use super::super::atomic::write_atomically;
 use super::ORIGIN;
@@ -8,10 +8,9 @@ use glam::DVec3;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes `splats` as binary little-endian floats `x y z nx ny nz f_dc f_rest opacity scale rot`, the
-/// layout of the 3DGS reference code, with the render mode in a comment, and one about the origin where it
-/// is not zero. What [`super::read`] returns
-/// for the file is equal bit for bit. The file appears whole or not at all.
+/// Writes `splats` as binary little-endian floats `x y z nx ny nz f_dc f_rest opacity scale rot`, the layout of the
+/// 3DGS reference code, with the render mode in a comment, and the origin in another if it is not zero. Reading the
+/// file with [`super::read`] returns equal splats, bit for bit. The write is atomic.
 pub fn write(path: &Path, splats: &Splats) -> Result<()> {
     let count = splats.len();
     assert_eq!(splats.quaternion.len(), count, "quaternions of all splats");

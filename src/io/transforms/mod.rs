@@ -1,8 +1,8 @@
 //! `transforms.json` of nerfstudio and instant-ngp, and Blender's `transforms_train.json`.
 //!
-//! Intrinsics may stand at the root or in a frame, where they win. `transform_matrix` is camera to world
-//! with y up and z backward. `applied_transform` is not applied: it says what nerfstudio has already
-//! done to the matrices *and* to the points of `ply_file_path`, so both are in one world as they stand.
+//! Intrinsics may stand at the root or in a frame; the frame's take precedence. `transform_matrix` is camera to world
+//! with y up and z backward. `applied_transform` is not applied: nerfstudio has already applied it to the matrices
+//! *and* to the points of `ply_file_path`, so both are in one world.
 
 mod pose;
 mod scope;
@@ -20,7 +20,7 @@ use scope::{Scope, object};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
-/// Extensions tried where a `file_path` names no file, as Blender leaves them out.
+/// Extensions tried if a `file_path` names no file, as Blender leaves them out.
 const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
 /// Camera models that are a pinhole with at most radial–tangential distortion.
@@ -32,7 +32,7 @@ const MODELS: [&str; 5] = [
     "RADIAL",
 ];
 
-/// The file in a data set's folder, if there is one: `transforms.json`, else `transforms_train.json`.
+/// The file in a data set's folder, if it exists: `transforms.json`, else `transforms_train.json`.
 pub fn find(folder: &Path) -> Option<PathBuf> {
     ["transforms.json", "transforms_train.json"]
         .map(|name| folder.join(name))
@@ -40,12 +40,12 @@ pub fn find(folder: &Path) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// Reads one file. Photographs are looked for beside it, or by their path below `photos` if given.
+/// Reads one file. Photographs are beside it, or below `photos` if given.
 ///
 /// # Errors
-/// Names the file and the frame (counted from 0): not JSON, keys that are missing or of the wrong type, a
-/// matrix that is no pose, a camera model that is no pinhole, an image size that neither the file nor the
-/// photograph gives, names that lead out of the folder.
+/// Names the file and the frame (counted from 0): not JSON, missing keys or keys of the wrong type, a matrix that is
+/// not a pose, a camera model other than a pinhole, an image size given by neither file nor photograph, names that lead
+/// out of the folder.
 pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<Listing> {
     let source = source.into();
     let path = source.name();
@@ -87,11 +87,11 @@ pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<
     Ok(listing)
 }
 
-/// A view, and whether its rotation was scaled.
+/// A view, and true if its matrix was scaled.
 fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(Listed, bool)> {
     check_model(scope)?;
     let name = scope.text("file_path")?.ok_or("has no \"file_path\"")?;
-    // Programs on Windows write its separators.
+    // Windows programs write backslashes.
     let name = name.replace('\\', "/");
     let name = name.trim_start_matches("./");
     let photo = with_extension(inside(folder, name)?);
@@ -160,7 +160,7 @@ fn check_model(scope: &Scope<'_>) -> Check<()> {
     Ok(())
 }
 
-/// Focal lengths in pixels: given, or from the angle of view; a frame's own before the root's.
+/// Focal lengths in pixels, given or from the angle of view; a frame's before the root's.
 fn focal(scope: &Scope<'_>, width: u32, height: u32) -> Check<[f64; 2]> {
     let along = |length: &str, angle: &str, side: u32| -> Check<Option<f64>> {
         for level in [scope.frame, scope.root] {
@@ -177,17 +177,17 @@ fn focal(scope: &Scope<'_>, width: u32, height: u32) -> Check<[f64; 2]> {
     let y = along("fl_y", "camera_angle_y", height)?;
     match (x, y) {
         (Some(x), Some(y)) => Ok([x, y]),
-        // Square pixels, where only one is given.
+        // Square pixels, if only one is given.
         (Some(x), None) => Ok([x, x]),
         (None, Some(y)) => Ok([y, y]),
         (None, None) => Err("no \"fl_x\" and no \"camera_angle_x\"".to_owned()),
     }
 }
 
-/// A size in pixels, which some programs write as `50.0`.
+/// Size in pixels, which some programs write as `50.0`.
 fn whole(value: f64) -> Check<u64> {
     if value >= 0.0 && value.fract() == 0.0 {
-        // The cast saturates; `check_size` refuses what is too large.
+        // The cast saturates; `check_size` refuses too large values.
         Ok(value as u64)
     } else {
         Err(format!("{value} is no image size"))

@@ -1,23 +1,23 @@
-//! `transform_matrix` to a camera's pose.
+//! Camera pose from a `transform_matrix`.
 
 use super::super::listing::Check;
 use super::scope::kind;
 use glam::{DMat3, DVec3};
 use serde_json::Value;
 
-/// How far from 1 a scale may be without a word: the rounding of matrices written as `f32`.
+/// Deviation of the scale from 1 without a warning: the rounding of matrices written as `f32`.
 const SCALE_TOLERANCE: f64 = 1e-3;
 
-/// How far a matrix may be from a rotation times a scale.
+/// Largest deviation of a matrix from a rotation times a scale.
 const SHEAR_TOLERANCE: f64 = 1e-2;
 
 /// A pose in the camera axes of this crate: x right, y down, z forward.
 pub(super) struct Pose {
     /// `view_from_world`, orthonormal.
     pub(super) rotation: DMat3,
-    /// The camera's centre.
+    /// Camera centre.
     pub(super) position: DVec3,
-    /// Whether the matrix held a scale as well, which was removed.
+    /// True if a scale was removed from the matrix.
     pub(super) was_scaled: bool,
 }
 

@@ -1,9 +1,9 @@
-//! Keys of a frame, with the root's where the frame has none of its own.
+//! Lookup of a frame's keys, with the root's as fallback.
 
 use super::super::listing::Check;
 use serde_json::{Map, Value};
 
-/// The two levels at which a key may stand.
+/// The two levels of a key.
 pub(super) struct Scope<'a> {
     pub(super) frame: &'a Map<String, Value>,
     pub(super) root: &'a Map<String, Value>,
@@ -57,7 +57,7 @@ pub(super) fn text<'a>(level: &'a Map<String, Value>, key: &str) -> Check<Option
     }
 }
 
-/// What a value is, for a message.
+/// JSON type of a value, for a message.
 pub(super) fn kind(value: &Value) -> &'static str {
     match value {
         Value::Null => "null",

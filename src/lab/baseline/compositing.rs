@@ -23,7 +23,7 @@ fn vectorised() -> String {
     format!("processor vectorised {TARGET_FEATURES}")
 }
 
-/// Checks the commands of a device and prepares them for timing.
+/// Checks a device's kernel and prepares it for timing.
 fn on_device<'a>(
     gpu: &Gpu,
     case: Case,
@@ -76,7 +76,7 @@ fn case(what: &str, variant: &str) -> Case {
     Case::of("baseline", what, variant, 0)
 }
 
-/// True if the filter selects one of the variants: then all of the comparison are measured.
+/// True if the filter selects one of the variants; then all subjects of the comparison are measured.
 fn wanted(bench: &Bench, what: &str, variants: &[&str]) -> bool {
     variants
         .iter()

@@ -11,7 +11,7 @@ use crate::lab::bench::session::{Bench, Case};
 use crate::lab::bench::trial::{Subject, host_times};
 
 const COUNT: usize = 1 << 20;
-/// Invocations of a workgroup of the design that ranks keys by ballots.
+/// Workgroup sizes of the ballot sort.
 const BALLOT_WORKGROUPS: [u32; 2] = [64, 256];
 
 fn case(variant: &str) -> Case {
@@ -71,7 +71,7 @@ pub(super) fn sort(bench: &mut Bench) -> Result<Vec<Ratio>> {
         subjects.push(on_device(&gpu, &format!("ballot/{workgroup}"), sorting)?);
     }
     let pairs: Vec<(u32, u32)> = ours.keys.iter().copied().zip(0..).collect();
-    // It is one thread's work, so that its processor time is that of one core.
+    // Single-threaded, so that its processor time is that of one core.
     subjects.push(Subject {
         case: case("radsort").doing(ours.work()),
         run: Box::new(move || {

@@ -4,7 +4,7 @@ use crate::lab::bench::session::Times;
 use crate::stats::Summary;
 use serde::Serialize;
 
-/// Ratio of two times that were measured in turns.
+/// Ratio of two times measured in turns.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ratio {
     /// Task: `forward`, `backward`, `sort`.
@@ -69,7 +69,7 @@ mod tests {
             };
             list.map(run).into()
         };
-        // The machine is half as fast in the second round: for both.
+        // The machine is half as fast in the second round, for both.
         let (ours, baseline) = (times([1.0, 2.0, 1.0]), times([6.0, 12.0, 7.0]));
         let pair = [("a", ours.as_slice()), ("b", baseline.as_slice())];
         for (by_processor, by) in [(true, "processor"), (false, "device")] {

@@ -21,7 +21,7 @@ impl Conic {
     fn of(record: &Splat2d) -> Conic {
         let [mean_x, mean_y, slope, log2_opacity] = record.shape;
         let [p, q, red, green] = record.tone;
-        // The exponent is -(p dx)^2 - (q (dy - slope dx))^2, of two; half the form is the exponent of e.
+        // The exponent is -(p dx)^2 - (q (dy - slope dx))^2 in base 2; in base e it is half the quadratic form.
         let twice = 2.0 * std::f32::consts::LN_2;
         Conic {
             mean: [mean_x, mean_y],
@@ -35,7 +35,7 @@ impl Conic {
         }
     }
 
-    /// The distance of a pixel's centre, and the raw alpha there.
+    /// Offset of a pixel's centre, and the raw alpha there.
     fn alpha(&self, x: usize, y: usize) -> ([f32; 2], f32) {
         let (dx, dy) = (x as f32 + 0.5 - self.mean[0], y as f32 + 0.5 - self.mean[1]);
         let [xx, xy, yy] = self.inverse;
@@ -58,12 +58,12 @@ pub struct HostInput<'a> {
     pub records: &'a [Splat2d],
     /// The same splats for the scalar renderer.
     conics: Vec<Conic>,
-    /// Colour behind everything.
+    /// Background colour.
     pub background: [f32; 3],
 }
 
 impl<'a> HostInput<'a> {
-    /// Input of a composite with square tiles.
+    /// Input from a composite with square tiles.
     pub fn new(composite: &'a Composite) -> HostInput<'a> {
         let grid = &composite.lists.grid;
         assert_eq!(grid.tile_width, grid.tile_height, "tiles are square here");
@@ -78,7 +78,7 @@ impl<'a> HostInput<'a> {
         }
     }
 
-    /// Pixels.
+    /// Number of pixels.
     pub fn len(&self) -> usize {
         self.size[0] * self.size[1]
     }
@@ -88,7 +88,7 @@ impl<'a> HostInput<'a> {
         self.len() == 0
     }
 
-    /// The list of a tile, and its first index.
+    /// List of a tile, and its first index.
     pub fn list(&self, tile: usize) -> (&[u32], u32) {
         let [begin, end] = self.range_from_tile[tile];
         (&self.splat_from_isect[begin as usize..end as usize], begin)
@@ -227,7 +227,7 @@ fn pixel_backward(
     }
 }
 
-/// The sums of [`backward`] as the kernels have them, by whitened residuals (see `pack::whitened_sums`).
+/// Sums of [`backward`] as in the kernels, by whitened residuals (see `pack::whitened_sums`).
 pub fn whitened(input: &HostInput<'_>, sums: &[f32]) -> Vec<f32> {
     let rows = input.records.iter().zip(sums.chunks_exact(9));
     let whiten = |(record, row): (&Splat2d, &[f32])| -> [f32; 9] {
@@ -244,7 +244,7 @@ pub fn whitened(input: &HostInput<'_>, sums: &[f32]) -> Vec<f32> {
             sum(7),
             sum(8),
         ];
-        // Splats outside the image have zero sums and may have no finite shape.
+        // Splats outside the image have zero sums, and their shape may not be finite.
         moved.map(|x| {
             if sum(0) == 0.0 && !x.is_finite() {
                 0.0

@@ -1,5 +1,5 @@
-//! Vectorised renderer on the processor: splat after splat over the pixels of a tile, without rows outside the
-//! splat's extent, with an exponential without branches. It is meant to be built with `-C target-cpu=native`.
+//! Vectorised renderer on the processor: splat after splat over the pixels of a tile, without rows outside the splat's
+//! extent, with a branchless exponential. For builds with `-C target-cpu=native`.
 
 use super::scalar::HostInput;
 use crate::lab::bench::input::pack::Splat2d;
@@ -14,7 +14,7 @@ const BATCH: usize = 16;
 /// Transmittance below which a pixel is done.
 const T_MIN: f32 = Thresholds::ENGINE.transmittance_min as f32;
 
-/// One row of a tile, a number for every pixel.
+/// One value per pixel of a tile's row.
 type TileRow = [f32; TILE];
 
 /// A tile's pixels: red, green, blue, transmittance.
@@ -66,14 +66,14 @@ fn add(pixels: &mut Tile, splat: &Splat2d, corner: [f32; 2]) {
     let [scale_x, scale_y, red, green] = splat.tone;
     let blue = splat.rest[0];
     let (mean_x, mean_y) = (mean_x - corner[0], mean_y - corner[1]);
-    // The share of x in the exponent and in the residual in y is the same in every row.
+    // The x terms of the exponent and of the residual in y are the same in every row.
     let (mut limit, mut shift) = ([0.0; TILE], [0.0; TILE]);
     for x in 0..TILE {
         let dx = x as f32 + 0.5 - mean_x;
         limit[x] = top - (dx * scale_x) * (dx * scale_x);
         shift[x] = (mean_y + slope * dx) * scale_y;
     }
-    // The ellipse's half height, from the variance of y: that at fixed x and that by the slope.
+    // Half height of the ellipse, from the variance of y: that at fixed x plus that by the slope.
     let level = (top + LOG2_255).max(0.0);
     let half = (level * (1.0 / (scale_y * scale_y) + slope * slope / (scale_x * scale_x))).sqrt();
     let first = (mean_y - half - 0.5).floor().max(0.0) as usize;
@@ -86,7 +86,7 @@ fn add(pixels: &mut Tile, splat: &Splat2d, corner: [f32; 2]) {
             let exponent = limit[x] - f * f;
             let before = through[x];
             let on = exponent >= -LOG2_255 && before >= T_MIN;
-            // Far outside, the exponential need not be right: it is not used.
+            // Far outside, the exponential may be wrong: it is not used.
             let alpha = exp2(exponent.max(-126.0)).min(ALPHA_MAX);
             let alpha = if on { alpha } else { 0.0 };
             let weight = alpha * before;
@@ -98,10 +98,10 @@ fn add(pixels: &mut Tile, splat: &Splat2d, corner: [f32; 2]) {
     }
 }
 
-/// 2^x for x from −126 to 127: the whole part goes into the exponent's bits, the rest into a polynomial of
-/// degree 5, fitted at the Chebyshev nodes of [−½, ½] to a relative error of 1.1e-7.
+/// 2^x for x from −126 to 127: the integer part goes into the exponent's bits, the rest into a polynomial of degree 5,
+/// fitted at the Chebyshev nodes of [−½, ½] to a relative error of 1.1e-7.
 fn exp2(x: f32) -> f32 {
-    // Adding 1.5 · 2^23 rounds to whole numbers, which then are the lowest bits.
+    // Adding 1.5 · 2^23 rounds to integers, which then are the lowest bits.
     const MAGIC: f32 = 12_582_912.0;
     let shifted = x + MAGIC;
     let rest = x - (shifted - MAGIC);

@@ -1,35 +1,35 @@
-//! Whether a kernel wrote what the oracle says. Tests judge by this, and nothing is timed before it.
+//! Comparison of a kernel's outputs with the oracle's, for tests and before every timing.
 
 use bytemuck::Pod;
 
-/// How near is near enough.
+/// Criterion of agreement.
 #[derive(Clone, Debug)]
 pub enum Comparator {
-    /// The same number.
+    /// Equal numbers.
     Exact,
     /// `|found − expected| ≤ tolerance · max(|expected|, scale)`.
     Relative {
-        /// Of the larger of the expected value and `scale`.
+        /// Relative to the larger of the expected value and `scale`.
         tolerance: f64,
-        /// A magnitude below which errors count absolutely.
+        /// Magnitude below which errors count absolutely.
         scale: f64,
     },
     /// As `Relative`, but elements at a discontinuity may lie on its other side.
     Boundary {
-        /// Away from discontinuities.
+        /// Tolerance away from discontinuities.
         tolerance: f64,
-        /// As above.
+        /// As in `Relative`.
         scale: f64,
-        /// Which elements are at a discontinuity.
+        /// Flags of the elements at a discontinuity.
         near: Vec<bool>,
-        /// How far those may be off.
+        /// Largest absolute error of those.
         jump: f64,
-        /// Share of all elements that may.
+        /// Largest share of all elements beyond the tolerance.
         share: f64,
     },
 }
 
-/// A buffer that a kernel wrote, as numbers, and what should stand there. NaN stands for "not written".
+/// A buffer written by a kernel, as numbers, with the expected values. NaN stands for "not written".
 #[derive(Clone, Debug)]
 pub struct Output {
     name: &'static str,
@@ -39,7 +39,7 @@ pub struct Output {
 }
 
 impl Output {
-    /// To be met exactly.
+    /// Output to be equal.
     pub fn exact(name: &'static str, found: Vec<f64>, expected: Vec<f64>) -> Output {
         Output {
             name,
@@ -49,7 +49,7 @@ impl Output {
         }
     }
 
-    /// To be met up to rounding.
+    /// Output to be equal up to rounding.
     pub fn relative(
         name: &'static str,
         found: Vec<f64>,
@@ -81,17 +81,17 @@ impl Output {
         self
     }
 
-    /// What it is called.
+    /// Name of the output.
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// The largest error in terms of `max(|expected|, scale)`, or what is wrong.
+    /// The largest error in units of `max(|expected|, scale)`, or a message about the first fault.
     pub fn judge(&self) -> Result<f64, String> {
         self.accepts(&self.found)
     }
 
-    /// The same, had the kernel written this.
+    /// [`Output::judge`] for `found` as the kernel's output.
     pub fn accepts(&self, found: &[f64]) -> Result<f64, String> {
         let expected = &self.expected;
         if found.len() != expected.len() {
@@ -116,7 +116,7 @@ impl Output {
                 Comparator::Boundary { near, jump, .. } if near[i] => *jump,
                 _ => 0.0,
             };
-            // Written so that NaN does not pass.
+            // Written so that NaN fails.
             if error <= tolerance {
                 worst = worst.max(error);
             } else if (f - e).abs() <= jump {
@@ -133,8 +133,8 @@ impl Output {
         Ok(worst)
     }
 
-    /// Falsehoods that must be noticed: the largest element off by one percent (by one, where exactness is
-    /// asked for), the last one not written, the list cut short.
+    /// Wrong outputs that must be detected: the largest element off by one percent (by one for exact comparison), the
+    /// last one not written, the list truncated.
     pub fn falsified(&self) -> Vec<Vec<f64>> {
         let near = |i: usize| matches!(&self.by, Comparator::Boundary { near, .. } if near[i]);
         let sound = (0..self.found.len()).filter(|&i| !near(i) && self.expected[i].is_finite());
@@ -172,10 +172,10 @@ pub fn floats<T: Pod>(data: &[T]) -> Vec<f64> {
     floats.iter().map(|&x| f64::from(x)).collect()
 }
 
-/// What fresh buffers are filled with when validation is on: a NaN as a float.
+/// Fill of fresh buffers with validation on: a NaN as a float.
 pub const UNWRITTEN: u32 = 0x7FC0_DEAD;
 
-/// The root of the mean of the squares of what is finite.
+/// Root mean square of the finite values.
 pub fn rms(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|x| x.is_finite());
     (finite().map(|x| x * x).sum::<f64>() / finite().count().max(1) as f64).sqrt()

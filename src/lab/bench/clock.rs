@@ -1,8 +1,8 @@
-//! The processor time of this process.
+//! Processor time of this process.
 
 use std::time::Duration;
 
-/// A point in the processor time that all threads of the process have spent, in user and system mode.
+/// A point in the processor time of all threads of the process, in user and system mode.
 #[derive(Clone, Copy, Debug)]
 pub struct CpuClock(Option<Duration>);
 
@@ -12,7 +12,7 @@ impl CpuClock {
         CpuClock(spent())
     }
 
-    /// Nanoseconds spent since; `None` where the system does not say.
+    /// Nanoseconds of processor time since; `None` if the system does not report it.
     pub fn elapsed_ns(&self) -> Option<f64> {
         let (before, now) = (self.0?, spent()?);
         Some(now.saturating_sub(before).as_nanos() as f64)

@@ -70,7 +70,7 @@ pub struct ScalingPoint {
     pub wall_s: Option<f64>,
     /// Median processor time of the process in user and system mode, s.
     pub processor_s: Option<f64>,
-    /// Bytes of each buffer when all together took most, by name.
+    /// Bytes of each buffer at the peak of their sum, by name.
     pub memory: Vec<(String, u64)>,
     /// Error of a scene that the device cannot hold.
     pub fault: Option<String>,
@@ -110,7 +110,7 @@ const GIANT_SPLATS: usize = 1_000_000;
 pub fn run(bench: &mut Bench, plan: &FramePlan) -> Result<Scaling> {
     let mut scaling = Scaling::default();
     for &count in &plan.splats {
-        // The made scene depends on the image's aspect alone.
+        // The synthetic scene depends on the image's aspect alone.
         let mut made: Option<(f64, Splats)> = None;
         for &size in &plan.sizes {
             let case = case("frame", count, size);

@@ -100,8 +100,8 @@ mod tests {
 
     #[test]
     fn intervals_are_those_of_the_textbook() {
-        // Draper and Smith's way with y = 1, 2, 4 at x = 0, 1, 2: slope 1.5, residuals 1/6, −1/3, 1/6, so that
-        // the error is √(1/6 / 2), and t of one degree 12.706.
+        // Draper and Smith with y = 1, 2, 4 at x = 0, 1, 2: slope 1.5, residuals 1/6, −1/3, 1/6, so that the error is
+        // √(1/6 / 2), and t of one degree 12.706.
         let logs =
             [(0.0, 1.0), (1.0, 2.0), (2.0, 4.0)].map(|(x, y): (f64, f64)| (x.exp(), y.exp()));
         let Some(found) = exponent(&logs) else {
@@ -111,7 +111,7 @@ mod tests {
         let [low, high] = found.interval.unwrap_or_default();
         assert!((found.slope - 1.5).abs() < 1e-12);
         assert!((low - 1.5 + reach).abs() < 1e-9 && (high - 1.5 - reach).abs() < 1e-9);
-        // From the second size to the third, e²-fold in time per e-fold in size: 4 times a doubling.
+        // From the second size to the third, time grows by e² and size by e: a factor of 4 per doubling.
         assert!((found.doubling - 4.0).abs() < 1e-9 && found.doubling_from == 1f64.exp());
     }
 

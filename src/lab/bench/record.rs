@@ -1,5 +1,5 @@
-//! Records: measurements on a device on a day, in `<folder>/<device>/<date>.csv`. Committed, they are the evidence of
-//! the choices that [`prefer`](crate::kernels) makes.
+//! Records: measurements on a device on a day, in `<folder>/<device>/<date>.csv`. Committed, they are the evidence for
+//! the choices of [`prefer`](crate::kernels).
 
 use super::row::{BenchRow, COLUMNS, KEY_COLUMNS, csv_of_fields};
 use crate::io::atomic::write_atomically;
@@ -9,7 +9,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Files rows under a device and today's date (UTC), besides other measurements of that day. Returns the file.
+/// Files rows under a device and today's date (UTC), beside other measurements of that day. Returns the file.
 pub fn write(folder: &Path, device: &str, rows: &[BenchRow]) -> Result<PathBuf> {
     let path = file(folder, device, ".csv")?;
     let earlier = match std::fs::read_to_string(&path) {
@@ -46,8 +46,8 @@ pub fn slug(device: &str) -> String {
     }
 }
 
-/// Earlier rows without those that are measured again, and the new ones. Columns go by name, so that records of
-/// earlier versions can be added to.
+/// Earlier rows, except those measured again, and the new ones. Columns are matched by name, so that records of earlier
+/// versions can be extended.
 fn merged(earlier: &str, rows: &[BenchRow]) -> Result<String> {
     let measured: Vec<[String; COLUMNS.len()]> = rows.iter().map(BenchRow::fields).collect();
     let mut all = Vec::new();

@@ -9,14 +9,14 @@ use std::fmt::Write;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Unit {
-    /// None: time alone.
+    /// Time alone, without a rate.
     #[default]
     None,
     /// Bytes read and written.
     Bytes,
-    /// Sorted or summed.
+    /// Keys sorted or values summed.
     Keys,
-    /// Pixel–splat pairs that were blended.
+    /// Blended pixel–splat pairs.
     Pairs,
     /// Gaussians of the scene.
     Splats,
@@ -48,12 +48,12 @@ pub struct Work {
     pub items: u64,
     /// Unit of the count.
     pub unit: Unit,
-    /// Bytes that a memory-bound kernel has to read and write; else 0.
+    /// Bytes read and written by a memory-bound kernel; else 0.
     pub bytes: u64,
 }
 
 impl Work {
-    /// Work of so many items, without bytes.
+    /// Work of `items`, without bytes.
     pub fn of(items: usize, unit: Unit) -> Work {
         Work {
             items: items as u64,
@@ -62,7 +62,7 @@ impl Work {
         }
     }
 
-    /// The same, for a memory-bound kernel of so many bytes.
+    /// The same work of a memory-bound kernel that moves `bytes`.
     pub fn moving(self, bytes: usize) -> Work {
         Work {
             bytes: bytes as u64,
@@ -92,7 +92,7 @@ pub struct BenchRow {
     pub low_ns: f64,
     /// Upper end of it, ns.
     pub high_ns: f64,
-    /// Median of the process's processor time, ns; 0 where it was not measured.
+    /// Median of the process's processor time, ns; 0 if not measured.
     pub cpu_ns: f64,
     /// Work of one run.
     pub items: u64,
@@ -102,7 +102,7 @@ pub struct BenchRow {
     pub rate: f64,
     /// Bytes read and written by one run of a memory-bound kernel; else 0.
     pub bytes: u64,
-    /// Bytes per second as a share of the device's rate of copying; 0 where not measured.
+    /// Bytes per second as a share of the device's copy rate; 0 if not measured.
     pub copy_share: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Taking measurements on one device.
+//! Session of measurements on one device.
 
 use super::clock::CpuClock;
 use super::row::{BenchRow, Work};
@@ -8,17 +8,17 @@ use crate::{Error, Result};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-/// Bytes of the copy that bandwidths are held against: more than any cache holds.
+/// Bytes of the copy that measures the bandwidth: beyond any cache.
 const COPY_BYTES: usize = 64 << 20;
 
-/// What is measured, and how often.
+/// Selection and repetitions of measurements.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Only what has this in its name, `bench/input/variant`.
+    /// Only cases with this text in their name, `bench/input/variant`.
     pub filter: Option<String>,
-    /// Runs that count.
+    /// Counted runs.
     pub runs: usize,
-    /// Runs before them: the first compiles shaders, the next fill caches.
+    /// Warm-up runs: the first compiles shaders, the next fill caches.
     pub warm_up: usize,
 }
 
@@ -32,12 +32,12 @@ impl Default for Options {
     }
 }
 
-/// What one run took.
+/// Times of one run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Times {
-    /// Its parts in order, ns; the sum is the run's time.
+    /// Stages in order, ns; the sum is the run's time.
     pub stages: Vec<(&'static str, f64)>,
-    /// Processor time of the process, ns. `None`: [`Bench::measure`] takes it, around the whole call.
+    /// Processor time of the process, ns. `None`: measured by [`Bench::measure`] around the whole call.
     pub cpu_ns: Option<f64>,
 }
 
@@ -50,18 +50,18 @@ impl From<Vec<(&'static str, f64)>> for Times {
     }
 }
 
-/// What a measurement is called, and the work that one run does.
+/// Name of a measurement, and the work of one run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Case {
-    /// What is measured, on what: `rasterize/small`.
+    /// Task and input: `rasterize/small`.
     pub input: String,
-    /// How: `subgroup/8`; may be empty.
+    /// Variant and workgroup: `subgroup/8`; may be empty.
     pub variant: String,
     /// Work of one run.
     pub work: Work,
 }
 
-/// Takes measurements on a device and keeps them.
+/// Measurements on a device.
 pub struct Bench {
     name: &'static str,
     options: Options,
@@ -69,15 +69,15 @@ pub struct Bench {
     copy_rate: Option<f64>,
     rows: Vec<BenchRow>,
     names: RefCell<BTreeSet<String>>,
-    /// Called with each row as it is measured.
+    /// Called with each row once it is measured.
     progress: Box<dyn FnMut(&BenchRow)>,
 }
 
 impl Bench {
-    /// Nothing measured yet. `progress` sees every row as it comes.
+    /// A bench without rows. `progress` is called with every new row.
     ///
     /// # Errors
-    /// When the device has no timestamps.
+    /// A device without timestamps.
     pub fn new(
         name: &'static str,
         gpu: &Gpu,
@@ -104,7 +104,7 @@ impl Bench {
         &self.gpu
     }
 
-    /// What was asked for.
+    /// The options.
     pub fn options(&self) -> &Options {
         &self.options
     }
@@ -114,7 +114,7 @@ impl Bench {
         &self.rows
     }
 
-    /// Whether a measurement of this name is asked for, before anything is made for it.
+    /// True if the filter selects a case; checked before its inputs are made.
     pub fn wants(&self, case: &Case) -> bool {
         let whole = format!("{}/{}/{}", self.name, case.input, case.variant);
         let filter = self.options.filter.as_ref();
@@ -123,13 +123,13 @@ impl Bench {
         wanted
     }
 
-    /// The names of all that was considered so far, whether it was wanted or not.
+    /// Names of all cases considered so far, selected or not.
     pub fn names(&self) -> Vec<String> {
         self.names.borrow().iter().cloned().collect()
     }
 
-    /// Runs something again and again, and keeps a row for each of its stages (if there are several) and
-    /// one for the total, which is returned.
+    /// Runs a case repeatedly, and keeps a row for each of its stages (if there are several) and one for the total,
+    /// which is returned.
     pub fn measure(
         &mut self,
         case: &Case,
@@ -148,8 +148,8 @@ impl Bench {
         Ok(self.keep(case, &runs))
     }
 
-    /// Keeps the rows of runs that were taken elsewhere; see [`Bench::measure`]. There must be some, and all
-    /// must have the same stages.
+    /// Keeps the rows of runs timed elsewhere; see [`Bench::measure`]. At least one run is needed, and all must have
+    /// the same stages.
     pub fn keep(&mut self, case: &Case, runs: &[Times]) -> BenchRow {
         let stages: Vec<&str> = runs[0].stages.iter().map(|(label, _)| *label).collect();
         let row = |stage: &str| BenchRow {
@@ -175,13 +175,13 @@ impl Bench {
         whole
     }
 
-    /// Keeps rows that hold no times.
+    /// Keeps rows without times.
     pub fn note(&mut self, rows: impl IntoIterator<Item = BenchRow>) {
         self.rows.extend(rows);
     }
 
-    /// Measures what `record` records. Whatever a run changes that the next one needs, `prepare` puts back,
-    /// in a submission of its own that is not timed.
+    /// Measures the commands of `record`. Before each run `prepare` restores its inputs, in a submission that is not
+    /// timed.
     pub fn measure_commands(
         &mut self,
         case: &Case,
@@ -192,7 +192,7 @@ impl Bench {
         self.measure(case, || device_times(&mut frames, &prepare, &record))
     }
 
-    /// The rate at which the device copies memory, bytes read and written per second; measured once.
+    /// The device's copy rate, bytes read and written per second; measured once.
     pub fn copy_rate(&mut self) -> Result<f64> {
         if let Some(rate) = self.copy_rate {
             return Ok(rate);
@@ -200,7 +200,7 @@ impl Bench {
         let words = COPY_BYTES / 4;
         let [from, to] = ["from", "to"].map(|name| self.gpu.buffer::<u32>(name, words));
         let (from, to) = (from?, to?);
-        // Memory that was never written may not be there yet.
+        // Memory that was never written may not be backed by pages.
         self.gpu.run(|rec| {
             rec.fill(&from, 1);
             rec.fill(&to, 2);
@@ -216,7 +216,7 @@ impl Bench {
     }
 }
 
-/// One submission, by the device's clock and the process's, after another that prepares it.
+/// Device and processor time of one submission, after another that prepares it.
 pub fn device_times(
     frames: &mut Frames,
     prepare: impl Fn(&mut Recorder<'_>),

@@ -23,11 +23,11 @@ pub const SPLATS: [usize; 2] = [50_000, 200_000];
 pub struct TrainPlan {
     /// Splat counts.
     pub splats: Vec<usize>,
-    /// Steps that count, in as many parts as there are runs.
+    /// Counted steps, in as many parts as there are runs.
     pub steps: u32,
-    /// Steps before them, in which shaders are compiled and opacities settle.
+    /// Warm-up steps, in which shaders are compiled and opacities settle.
     pub warm_up: u32,
-    /// Degree of the harmonics.
+    /// SH degree.
     pub sh_degree: u32,
     /// Initial scene in place of the data set's points; sampled to each splat count.
     pub scene: Option<Splats>,
@@ -41,7 +41,7 @@ const STAGED: usize = 5;
 pub struct TrainMemory {
     /// Splats.
     pub splats: usize,
-    /// Most bytes that buffers held at one time.
+    /// Peak of the buffers' bytes.
     pub peak_bytes: u64,
     /// Bytes by the formula.
     pub predicted_bytes: u64,
@@ -86,7 +86,7 @@ pub fn run(
     Ok((scaling, memories))
 }
 
-/// A long run's constants without refinement.
+/// Constants of a long run without refinement.
 fn config(plan: &TrainPlan) -> TrainConfig {
     let mut config = TrainConfig::for_iterations(30_000);
     config.sh_degree = plan.sh_degree;
@@ -128,7 +128,7 @@ fn steps(
         trainer.step()?;
         staged.push(Times::from(trainer.timings()?));
     }
-    // The last step of a run, which the formula includes.
+    // The splats read back at the end of a run are part of the formula.
     drop(trainer.splats()?);
     let mut one_by_one = case;
     one_by_one.variant = "alone".into();
@@ -144,7 +144,7 @@ fn steps(
     Ok((row, memory, by_name))
 }
 
-/// Trains up to an iteration, steps that are repeated with more room included, and waits for the device.
+/// Trains up to an iteration, including steps repeated with larger buffers, and waits for the device.
 fn train_to(trainer: &mut Trainer<'_>, iteration: u32) -> Result<()> {
     while trainer.iteration() < iteration {
         trainer.step()?;

@@ -1,4 +1,4 @@
-//! Checked, then timed; and several subjects timed in turns.
+//! Trials: checked measurements, of one subject or of several in turns.
 
 use super::check::Output;
 use super::clock::CpuClock;
@@ -9,7 +9,7 @@ use crate::{Error, Result};
 use std::time::Instant;
 
 impl Case {
-    /// A kernel on an input, in a variant with a number of invocations a workgroup; 0 where that is fixed.
+    /// A kernel on an input, in a variant with invocations per workgroup; 0 if fixed.
     pub fn of(kernel: &str, input: impl std::fmt::Display, variant: &str, workgroup: u32) -> Case {
         Case {
             input: format!("{kernel}/{input}"),
@@ -21,15 +21,15 @@ impl Case {
         }
     }
 
-    /// The same, with the work that one run does.
+    /// The same with the work of one run.
     pub fn doing(self, work: Work) -> Case {
         Case { work, ..self }
     }
 
-    /// Whether the outputs are what the reference says.
+    /// Compares the outputs with the reference.
     ///
     /// # Errors
-    /// [`Error::Mismatch`], which names the case and the first output at fault.
+    /// [`Error::Mismatch`] with the case and the first wrong output.
     pub fn judge(&self, outputs: &[Output]) -> Result<()> {
         let wrong = |what| {
             let kernel = format!("{} {}", self.input, self.variant);
@@ -48,10 +48,10 @@ impl Case {
 }
 
 impl Bench {
-    /// Runs `prepare` and `record` once, judges what they leave by `outputs`, and measures them.
+    /// Runs `prepare` and `record` once, compares the `outputs` with the reference, and measures the commands.
     ///
     /// # Errors
-    /// Before anything is timed, where the result is wrong.
+    /// A wrong result, before anything is timed.
     pub fn trial(
         &mut self,
         case: &Case,
@@ -65,8 +65,8 @@ impl Bench {
         self.measure_commands(case, prepare, record)
     }
 
-    /// Measures several things in turns, one run of each after the other, so that what happens on the machine
-    /// meanwhile happens to all. Returns each one's runs.
+    /// Measures several subjects in turns, one run of each after the other, so that disturbances affect all alike.
+    /// Returns the runs of each.
     pub fn measure_in_turns(&mut self, subjects: &mut [Subject<'_>]) -> Result<Vec<Vec<Times>>> {
         for subject in subjects.iter_mut() {
             for _ in 0..self.options().warm_up {
@@ -86,15 +86,15 @@ impl Bench {
     }
 }
 
-/// One of several things that are measured in turns.
+/// One of several subjects measured in turns.
 pub struct Subject<'a> {
-    /// What it is.
+    /// Name and work.
     pub case: Case,
     /// Runs it once.
     pub run: Box<dyn FnMut() -> Result<Times> + 'a>,
 }
 
-/// Something that the processor does.
+/// Times of a function on the processor.
 pub fn host_times(run: impl FnOnce()) -> Times {
     let (clock, begin) = (CpuClock::now(), Instant::now());
     run();

@@ -3,8 +3,8 @@
 use super::{Chart, FrameErrors, Knob};
 use crate::stats::Interval;
 
-/// Columns. `bound` is the proven bound of the value, `count` the number of measurements behind it; fields without a
-/// meaning are empty.
+/// Columns. `bound` is the proven bound of the value, `count` the number of measurements behind it; fields that do not
+/// apply are empty.
 pub const HEADER: &str = "chart,series,setting,default,quantity,value,low,high,bound,count";
 
 /// All points.
@@ -69,7 +69,7 @@ struct CsvLines(String);
 
 impl CsvLines {
     fn push(&mut self, (chart, knob): (&str, &Knob), quantity: &str, numbers: [String; 5]) {
-        // Settings of two numbers hold a comma; with `;` in its place lines can be split without a parser.
+        // Settings of two numbers contain a comma; `;` replaces it, so that lines can be split without a parser.
         let [series, setting] = [&knob.series, &knob.setting].map(|name| name.replace(',', ";"));
         let default = if knob.is_default { "yes" } else { "" };
         let numbers = numbers.join(",");

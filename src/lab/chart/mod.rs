@@ -20,7 +20,7 @@ pub struct Chart {
     pub facts: Vec<Fact>,
     /// Frames.
     pub frames: Vec<FramePoint>,
-    /// Errors of linear projection, which all frames and the reference draw by, against perspective along rays.
+    /// Errors of linear projection, common to all frames and the reference, against perspective along rays.
     pub projection: Option<FrameErrors>,
     /// Training steps.
     pub gradients: Vec<GradientPoint>,
@@ -74,7 +74,7 @@ pub struct FramePoint {
     pub bound: FrameErrors,
     /// Largest error that rounding to `f32` may add to a pixel.
     pub rounding: f64,
-    /// Largest distance of a pixel beyond its bound and rounding; not above 0 if all bounds are kept.
+    /// Largest distance of a pixel beyond its bound and rounding; positive if a bound is broken.
     pub excess: f64,
 }
 
@@ -85,7 +85,7 @@ impl FramePoint {
     }
 }
 
-/// Relative errors of gradients: of the exact value, or of 1 % of its kind's root mean square where that is more.
+/// Relative errors of gradients: of the exact value, or of 1 % of its kind's root mean square if that is more.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GradientErrors {
     /// Median over the parameters.
@@ -107,7 +107,7 @@ pub struct GradientPoint {
     pub error: GradientErrors,
     /// Proven bounds, without rounding: the same percentiles of the parameters' own bounds.
     pub bound: GradientErrors,
-    /// Largest relative distance of a gradient beyond its bound and rounding; not above 0 if all bounds are kept.
+    /// Largest relative distance of a gradient beyond its bound and rounding; positive if a bound is broken.
     pub excess: f64,
 }
 
@@ -135,7 +135,7 @@ pub struct RunPoint {
     pub splats: Interval,
     /// Megabytes (10⁶ bytes) that its parameters take as `f32`.
     pub megabytes: Interval,
-    /// PSNR of the held-out views on the way: seconds of training, decibels.
+    /// PSNR of the held-out views over time: seconds of training, decibels.
     pub course: Vec<(f64, Interval)>,
 }
 

@@ -62,7 +62,7 @@ fn heading(chart: &Chart) -> String {
     text + &page::verdict(&summary, &broken)
 }
 
-/// Glyphs of the series that some points belong to, and the meaning of their parts.
+/// Glyphs of the series of some points, and the meaning of their parts.
 fn legend<'a>(
     chart: &Chart,
     knobs: impl Iterator<Item = &'a Knob>,
@@ -166,7 +166,7 @@ mod tests {
         assert!(page.contains("All 3 settings keep their proven bounds."));
         assert!(page.contains("a&lt;b") && !page.contains("a<b"));
         assert_eq!(page.matches("EWA against rays").count(), 3);
-        // The only addresses are names of XML's vocabulary.
+        // The only addresses are XML namespaces.
         for (at, _) in page.match_indices("http") {
             assert!(
                 page[at..].starts_with("http://www.w3.org/"),
@@ -183,7 +183,7 @@ mod tests {
         let page = html(&chart(2e-3))?;
         assert!(page.contains("1 of 3 settings break their bounds"));
         assert!(page.contains("<tr class=\"broken\">") && page.contains("broken by 2.0e-3"));
-        // The alarm's red, in every panel of frames.
+        // The colour of alarms, in every panel of frames.
         assert!(page.matches("#C80000").count() >= 3, "no alarm is drawn");
         assert!(!html(&chart(-1.0))?.contains("#C80000"));
         Ok(())

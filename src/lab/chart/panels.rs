@@ -52,7 +52,7 @@ fn mark(names: &[&str], knob: &Knob, x: f64, y: f64) -> Marker {
     }
 }
 
-/// Ends of an interval of some width.
+/// Ends of an interval, unless it is empty.
 fn bar(interval: &Interval) -> Option<[f64; 2]> {
     (interval.high > interval.low).then_some([interval.low, interval.high])
 }
@@ -275,7 +275,7 @@ pub(super) fn of_runs(chart: &Chart) -> Vec<Panel> {
     panels
 }
 
-/// Quality over time of the last setting of every series; a line ends with its name.
+/// Quality over time of the last setting of every series; the series' name is at the end of its line.
 fn courses(chart: &Chart, names: &[&str]) -> Panel {
     let is_last = |index: usize| {
         let series = &chart.runs[index].knob.series;
@@ -288,7 +288,7 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
     for (rank, &index) in shown.iter().enumerate() {
         let run = &chart.runs[index];
         let last = run.course.len().saturating_sub(1);
-        // Bars at one time stand side by side.
+        // Bars at one time are drawn side by side.
         let apart = 1.0 + APART * (rank as f64 - 0.5 * shown.len() as f64);
         for (i, (seconds, psnr)) in run.course.iter().enumerate() {
             let shift = if i == last { 1.0 } else { apart };

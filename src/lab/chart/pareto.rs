@@ -1,7 +1,7 @@
 //! Pareto front.
 
-/// Indices of the points that no other is at least as low as in both coordinates and lower in one, by their
-/// first coordinate. Equal points are all kept; points that are not finite are left out.
+/// Indices of the Pareto-optimal points (both coordinates low), by their first coordinate. Equal points are all kept;
+/// points that are not finite are left out.
 pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let finite = |point: &[f64; 2]| point.iter().all(|x| x.is_finite());
     let mut order: Vec<usize> = (0..points.len()).filter(|&i| finite(&points[i])).collect();
@@ -12,7 +12,7 @@ pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     order.sort_by(compare);
     let mut front: Vec<usize> = Vec::new();
     for index in order {
-        // All before it are at most as far right: it must lie lower than the lowest of them.
+        // All earlier points are at most as far right, so it must be lower than the lowest of them.
         let beaten = front.last().is_some_and(|&last| {
             points[last][1] <= points[index][1] && points[last] != points[index]
         });

@@ -12,7 +12,7 @@ pub(super) struct LabelRequest {
     /// The point, pixels.
     pub(super) at: [i32; 2],
     pub(super) text: String,
-    /// The most important are placed first.
+    /// Priority; the lowest is placed first.
     pub(super) rank: u32,
 }
 
@@ -51,8 +51,8 @@ fn within(inner: &PixelRect, outer: &PixelRect) -> bool {
     inner[0] >= outer[0] && inner[1] >= outer[1] && inner[2] <= outer[2] && inner[3] <= outer[3]
 }
 
-/// Places labels inside `frame`, clear of `obstacles` and of each other; `None` without a free place. Thin lines in
-/// `crossed` are crossed by labels without any other place.
+/// Places labels inside `frame`, clear of `obstacles` and of each other; `None` without a free place. Labels without
+/// any other place may cross the thin lines in `crossed`.
 pub(super) fn place(
     requests: &[LabelRequest],
     frame: &PixelRect,

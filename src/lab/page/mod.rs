@@ -47,7 +47,7 @@ pub(crate) fn verdict(summary: &str, broken: &[String]) -> String {
     )
 }
 
-/// Table from its head and rows of text; a row is marked where its flag is set.
+/// Table from its head and rows of text, with a flag for each row to be marked as broken.
 pub(crate) fn table(
     class: &str,
     head: &[&str],
@@ -108,7 +108,7 @@ pub(crate) fn grouped(count: usize) -> String {
     text
 }
 
-/// A number with so many decimals; a dash for `None`.
+/// A number with `digits` decimals; a dash for `None`.
 pub(crate) fn decimals(value: Option<f64>, digits: usize) -> String {
     value.map_or("–".into(), |value| format!("{value:.digits$}"))
 }

@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-/// Colours that stay apart for colour-blind eyes (Okabe and Ito 2008, without its yellow; three darker ones follow).
+/// Colours for colour-blind readers (Okabe and Ito 2008, without its yellow; three darker ones follow).
 const COLORS: [RGBColor; 10] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -29,13 +29,13 @@ pub(crate) const FONT: &str = "sans-serif";
 /// Pixels above a figure, at its right, below and at its left.
 pub(crate) const MARGINS: [u32; 4] = [10, 18, 46, 70];
 
-/// Area that a figure is drawn in.
+/// Drawing area of a figure.
 pub(crate) type SvgArea<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Area between two axes.
 pub(crate) type PlotArea<'a> = DrawingArea<SVGBackend<'a>, Cartesian2d<Scale, Scale>>;
 
-/// The drawing as an SVG element of so many pixels.
+/// The drawing as an SVG element; its size is in pixels.
 ///
 /// # Errors
 /// Those of drawing.
@@ -52,7 +52,7 @@ pub(crate) fn svg(
     Ok(text)
 }
 
-/// Error of drawing; writing to memory has none.
+/// Error of drawing; drawing to memory has none.
 pub(crate) fn failed(error: impl std::fmt::Display) -> Error {
     Error::Config(format!("the figure cannot be drawn: {error}"))
 }

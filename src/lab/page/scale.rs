@@ -13,7 +13,7 @@ pub(crate) struct Scale {
     pub(crate) span: [f64; 2],
     /// Places of the ticks.
     pub(crate) ticks: Vec<f64>,
-    /// Distance between ticks where they are linear, for the number of digits.
+    /// Distance between linear ticks, for the number of digits.
     step: f64,
 }
 
@@ -31,7 +31,7 @@ impl Scale {
         if low > high {
             (low, high) = (0.0, 1.0);
         }
-        // A single value stands in the middle.
+        // A single value is centred.
         let width = (high - low).max(if is_log {
             0.2
         } else {
@@ -119,7 +119,7 @@ fn trimmed(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// 1, 2 or 5 times a power of ten, not below a number.
+/// 1, 2 or 5 times a power of ten, at least `least`.
 fn nice(least: f64) -> f64 {
     let power = 10_f64.powf(least.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power);
@@ -135,7 +135,7 @@ fn multiples([low, high]: [f64; 2], step: f64) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
-/// Powers of ten, and where those are few also 2 and 5 times them.
+/// Powers of ten, with 2 and 5 times them if those are few.
 fn decades([low, high]: [f64; 2]) -> Vec<f64> {
     let powers = low.floor() as i64..=high.ceil() as i64;
     let factors: &[f64] = match high - low {
@@ -143,7 +143,7 @@ fn decades([low, high]: [f64; 2]) -> Vec<f64> {
         width if width > 0.6 => &[1.0, 2.0, 5.0],
         _ => &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
     };
-    // Every n-th power where there are many.
+    // Every n-th power if there are many.
     let every = (((high - low) / 9.0).ceil() as i64).max(1);
     let powers = powers.filter(|power| power % every == 0);
     let all = powers.flat_map(|power| factors.iter().map(move |f| power as f64 + f.log10()));

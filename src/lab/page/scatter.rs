@@ -54,7 +54,8 @@ impl ScatterPlot {
     }
 
     fn draw(&self, svg: &SvgArea<'_>) -> Result<()> {
-        // Horizontal bars may leave the figure, and all bars of courses: a single outlier must not compress the rest.
+        // Horizontal bars may leave the figure, and so may all bars of courses: a single outlier must not compress the
+        // rest.
         let xs = self.markers.iter().map(|m| m.x);
         let heights = |m: &Marker| match (self.are_courses, m.y_bar) {
             (false, Some([low, high])) => [low, m.y, high],
@@ -110,7 +111,7 @@ impl ScatterPlot {
         let mut steps: Vec<[i32; 2]> = Vec::new();
         for &index in &self.front {
             let [x, y] = at(self.markers[index].x, self.markers[index].y);
-            // Steps enclose the points beaten by the front.
+            // Steps enclose the points dominated by the front.
             steps.extend(steps.last().map(|&[_, before]| [x, before]));
             steps.push([x, y]);
         }
@@ -194,7 +195,7 @@ impl ScatterPlot {
         for (name, level) in &self.levels {
             obstacles.push(level_name(name, at(0.0, *level)[1], &signs, frame));
         }
-        // Long horizontal bars may be crossed by labels without any other place.
+        // Labels without any other place may cross long horizontal bars.
         let bar = |mark: &Marker| {
             let [low, high] = mark.x_bar?;
             let ([left, y], [right, _]) = (at(low, mark.y), at(high, mark.y));
@@ -219,7 +220,7 @@ impl ScatterPlot {
     }
 }
 
-/// Place of a level's name: above or below the line, as far to the right as no glyph is in its way.
+/// Place of a level's name: above or below the line, as far right as no glyph overlaps.
 fn level_name(name: &str, y: i32, signs: &[PixelRect], frame: &PixelRect) -> PixelRect {
     let width = labels::width(name);
     let tops = [y - labels::HEIGHT - 1, y + 2];

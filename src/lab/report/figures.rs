@@ -1,4 +1,4 @@
-//! `report.json`: the figures of a training run. Field names are an interface; units stand in them.
+//! `report.json`: the figures of a training run. Field names are an interface and contain the units.
 
 use super::needs::{Needs, RunComparison};
 use crate::Result;
@@ -52,13 +52,12 @@ pub struct Report {
     pub needs: Option<Needs>,
 }
 
-/// Device memory of training, since it was begun or resumed: measured, and by the formula of
-/// `ashfall info --predict`.
+/// Device memory of training, since it was begun or resumed: measured, and by the formula of `ashfall info --predict`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MemoryFigures {
-    /// Most bytes that buffers held at one time.
+    /// Peak of the buffers' bytes.
     pub peak_bytes: u64,
-    /// Most bytes reserved from the device at one time.
+    /// Peak of the bytes reserved from the device.
     pub reserved_peak_bytes: u64,
     /// Bytes by the formula for `splats_peak` and `isects_peak`.
     pub predicted_bytes: u64,
@@ -92,7 +91,7 @@ impl MemoryFigures {
     }
 }
 
-/// A point in the course of a run: means over the steps since the entry before.
+/// Entry of a run's history: means over the steps since the entry before.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HistoryEntry {
     /// Steps done.
@@ -103,7 +102,7 @@ pub struct HistoryEntry {
     pub splat_count: usize,
     /// Mean loss; `None` for NaN.
     pub loss: Option<f64>,
-    /// Mean PSNR of the steps' training views as they were drawn, decibels.
+    /// Mean PSNR of the training views as drawn in these steps, decibels.
     pub psnr_db: Option<f64>,
     /// Means over the held-out views, if they were evaluated at that time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -124,7 +123,7 @@ pub struct Timings {
 }
 
 impl Report {
-    /// Comparison of this run with one whose test views have so many decibels; `None` if either has no test view.
+    /// Comparison of this run with one that has this test PSNR in decibels; `None` if either has no test view.
     pub fn comparison(&self, psnr_db: Option<f64>) -> Option<RunComparison> {
         Some(RunComparison {
             splat_count: self.splat_count,
@@ -132,7 +131,7 @@ impl Report {
         })
     }
 
-    /// Writes the report as JSON, whole or not at all.
+    /// Writes the report as JSON, atomically.
     pub fn write(&self, path: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self);
         write_atomically(path, |file| writeln!(file, "{}", text?))

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct Needs {
     /// Summary in one sentence.
     pub sentence: String,
-    /// The smallest gain worth paying for: decibels for a tenth more splats.
+    /// The smallest gain worth 10 % more splats, decibels.
     pub preference_db: f64,
-    /// Splats in the end.
+    /// Final splat count.
     pub splat_count: usize,
     /// Splats of degree 0, 1, 2 and 3.
     pub splats_by_degree: [usize; 4],
@@ -22,16 +22,16 @@ pub struct Needs {
     pub sh_lost_db: Option<f64>,
     /// Iteration from which the count was fixed and all training views were used.
     pub settled_from: Option<u32>,
-    /// Training on photographs of half the size.
+    /// Half-resolution training.
     #[serde(default)]
     pub half_size: Option<HalfResolution>,
-    /// The views that were held out until then, by name.
+    /// Names of the views held out until then.
     pub validation_views: Vec<String>,
     /// Splats and decibels of the rounds, without the gain of training time.
     pub points: Vec<[f64; 2]>,
     /// The law through them.
     pub law: Option<Law>,
-    /// Count at which a tenth more splats gains the preference, by that law.
+    /// Count at which 10 % more splats gain the preference, by that law.
     pub knee: Option<f64>,
     /// Decisions in order.
     pub steps: Vec<Decision>,

@@ -188,7 +188,7 @@ mod tests {
         assert!(!page.contains("NaN"));
         let half = "iteration 149, at most 25 % of whose error they caused; they allow 30.5 dB";
         assert!(page.contains(half));
-        // 900^(1 / 0.6) = 83,895, the count that lacks one decibel.
+        // 900^(1 / 0.6) = 83,895, the count one decibel below the limit.
         assert!(
             page.contains("<dd>31.00 − (83,895 / N)^0.60 dB</dd>"),
             "{page}"

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::io::png;
 use std::path::Path;
 
-/// The difference is shown this many times as strong: a deviation of 0.25 is full.
+/// Gain of the displayed difference: a deviation of 0.25 is full scale.
 pub const DIFFERENCE_GAIN: f32 = 4.0;
 
 /// Columns of grey between the pictures.

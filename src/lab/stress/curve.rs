@@ -30,14 +30,14 @@ fn draw(sweep: &Sweep, svg: &SvgArea<'_>) -> Result<()> {
     line(|p| p.bound, color(1).stroke_width(2))?;
     line(|p| p.measured, color(0).mix(0.5).stroke_width(1))?;
     for point in points {
-        // NaN stands at the top.
+        // NaN is drawn at the top.
         let shown = match point.measured.is_nan() {
             true => f64::INFINITY,
             false => point.measured,
         };
         let place = at(point.x, shown);
         match point.holds() {
-            // Many points are a line.
+            // Many points are drawn as a line.
             true if points.len() > 60 => {}
             true => {
                 let disc = Circle::new(place, 3, color(0).filled());

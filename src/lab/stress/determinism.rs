@@ -1,4 +1,4 @@
-//! The same work again gives the same bits.
+//! Determinism: repeated work gives the same bits.
 
 use super::outcome::{CheckGroup, StressCheck};
 use super::step::{StepResult, steps};
@@ -35,7 +35,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         "pixels that changed",
     );
     if lab.subject.is_made {
-        // No two of these splats lie at one depth, so that their order is no matter.
+        // All depths differ, so that the splats' order does not matter.
         let backwards: Vec<usize> = (0..splats.len()).rev().collect();
         let turned = lab.draw(&splats.picked(&backwards), &cameras[0], near)?;
         let changed = differing(&turned, &first[0]);

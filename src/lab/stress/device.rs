@@ -1,4 +1,4 @@
-//! What the device does with the operations that every kernel rests on.
+//! Basic operations of the device that all kernels rely on.
 
 use super::StressRun;
 use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
@@ -102,7 +102,7 @@ fn computed(gpu: &Gpu, arguments: &[f32]) -> Result<Vec<Vec<f32>>> {
     Ok(found.chunks(arguments.len()).map(<[f32]>::to_vec).collect())
 }
 
-/// Where a function is tried: all that single precision holds of its results, evenly in the argument or its logarithm.
+/// Arguments of a function: the range of its results in single precision, evenly in the argument or its logarithm.
 fn arguments(function: Function) -> Vec<f32> {
     const COUNT: usize = 20_000;
     let between = |low: f64, high: f64| {
@@ -137,7 +137,7 @@ fn functions(lab: &mut StressRun<'_>) -> Result<()> {
             (f64::from(found) - function.exact(x)).abs() / function.allowance(x)
         };
         let each = arguments.iter().zip(found).map(share);
-        // What is no number must not be lost.
+        // NaN must propagate.
         let most = each.fold(
             0.0,
             |most: f64, s| if s > most || s.is_nan() { s } else { most },
@@ -162,7 +162,7 @@ fn functions(lab: &mut StressRun<'_>) -> Result<()> {
     Ok(())
 }
 
-/// The error of exp over its range, the worst of each of some pieces.
+/// The error of exp over its range: the maximum over each of some intervals.
 fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
     const PIECES: usize = 90;
     let size = arguments.len().div_ceil(PIECES);
@@ -193,7 +193,7 @@ fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
     }
 }
 
-/// Values that compositing and projection meet at the ends of their ranges.
+/// Values of compositing and projection at the ends of their ranges.
 fn special_values(gpu: &Gpu) -> Result<StressCheck> {
     let arguments = [
         f32::NEG_INFINITY,
@@ -214,7 +214,7 @@ fn special_values(gpu: &Gpu) -> Result<StressCheck> {
         let zero = |value: f32| (0.0..f32::MIN_POSITIVE).contains(&value);
         let right = [
             zero(least),
-            // What is hidden from compositing has this exponent.
+            // Exponent of splats hidden from compositing.
             zero(hidden),
             zero(tiny),
             one == 1.0,
@@ -233,7 +233,7 @@ fn special_values(gpu: &Gpu) -> Result<StressCheck> {
     ))
 }
 
-/// Turns of a loop that are tried at most: a fraction of a second on any device.
+/// Longest loop tested, in iterations: a fraction of a second on any device.
 const TURNS_MAX: u32 = 1 << 22;
 
 fn loops(gpu: &Gpu) -> Result<StressCheck> {
@@ -263,7 +263,7 @@ fn loops(gpu: &Gpu) -> Result<StressCheck> {
     ))
 }
 
-/// The largest number up to `most` for which something holds, if it does for all below; 0 if for none.
+/// Largest number up to `most` for which `holds` is true, by bisection; 0 if for none.
 fn longest(most: u32, mut holds: impl FnMut(u32) -> Result<bool>) -> Result<u32> {
     if holds(most)? {
         return Ok(most);
@@ -280,7 +280,7 @@ fn longest(most: u32, mut holds: impl FnMut(u32) -> Result<bool>) -> Result<u32>
 }
 
 fn progress(gpu: &Gpu) -> Result<StressCheck> {
-    // More than one dimension of a dispatch holds everywhere.
+    // Beyond the group limit of one dimension on any device.
     const GROUPS: u32 = 70_000;
     const ROUNDS: u32 = 3;
     let choice = selftest_progress::Choice::default();

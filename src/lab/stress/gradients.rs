@@ -1,4 +1,4 @@
-//! The gradient of a training step against the exact one.
+//! Gradients of a training step against the exact ones.
 
 use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
 use super::step::step;
@@ -10,7 +10,7 @@ use crate::reference::loss::Target;
 use crate::reference::{Options, loss_gradient};
 use crate::scene::{Camera, Splats};
 
-/// What parameters are of one kind, in the order of `reference::Splat::parameters`.
+/// Kinds of parameters, in the order of `reference::Splat::parameters`.
 const KINDS: [(&str, std::ops::Range<usize>); 5] = [
     ("mean", 0..3),
     ("quaternion", 3..7),
@@ -19,22 +19,22 @@ const KINDS: [(&str, std::ops::Range<usize>); 5] = [
     ("harmonics", 11..usize::MAX),
 ];
 
-/// An error counts relatively to the reference, or to this share of its kind's root mean square where the reference is
-/// smaller: what is small beside its kind is the remainder of terms that cancel.
+/// Least denominator of relative errors, as a share of the kind's root mean square: values that are small in their kind
+/// are remainders of terms that cancel.
 const SHARE: f64 = 0.01;
 
-/// Of the median and of the 99th percentile. Rounding of single precision is amplified by what cancels within a
-/// gradient, which is its scene's affair; these are what the developers' suite holds gentle and difficult scenes to.
+/// Bounds of the median and of the 99th percentile. Cancellation within a gradient amplifies the rounding of single
+/// precision, depending on the scene; these are the developers' bounds for gentle and difficult scenes.
 const BOUNDS: [f64; 2] = [1e-5, 1e-3];
 
-/// What is added to the bound of needles for each unit of their aspect: sixteen roundings of numbers as long as a
-/// needle are that much of its width.
+/// Increase of the bound per unit of a needle's aspect: sixteen roundings of numbers of a needle's length, in units of
+/// its width.
 const NEEDLE: f64 = 16.0 / 16_777_216.0;
 
-/// Splats of a judged step at most.
+/// Most splats of a compared step.
 const SPLATS: usize = 150;
 
-/// Errors of a step, by kind.
+/// Errors of a step, by kind of parameter.
 struct ParameterErrors {
     loss: f64,
     /// Ascending.
@@ -93,7 +93,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         let worst = (0..KINDS.len()).map(|kind| errors.at(kind, 0.99));
         points.push(SweepPoint {
             x: aspect,
-            // What is no number must not be lost.
+            // NaN must propagate.
             measured: worst.fold(
                 0.0,
                 |most: f64, e| if e > most || e.is_nan() { e } else { most },
@@ -116,14 +116,14 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     Ok(())
 }
 
-/// The reference takes every pixel through every splat, forward and backward.
+/// A small view, because the reference takes every pixel through every splat, forward and backward.
 fn small(camera: &Camera) -> Camera {
     let side = camera.width.max(camera.height);
     let length = |of: u32| (of * 48).div_ceil(side).max(1);
     super::subject::exact(&camera.resized(length(camera.width), length(camera.height)))
 }
 
-/// Some of the splats that the picture shows.
+/// Some of the splats in the image.
 fn seen(lab: &StressRun<'_>, camera: &Camera) -> ScenePair {
     let inside = |mean: &[f32; 3]| {
         let place = glam::DVec3::from(mean.map(f64::from));
@@ -142,7 +142,7 @@ fn seen(lab: &StressRun<'_>, camera: &Camera) -> ScenePair {
         .thinned(SPLATS)
 }
 
-/// Takes a step on the device and by the reference.
+/// Errors of a step on the device against the reference.
 fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<ParameterErrors> {
     let found = step(lab.gpu, &pair.drawn, camera, lab.subject.near)?;
     let options = Options {
@@ -172,7 +172,7 @@ fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<Param
     })
 }
 
-/// Errors of (found, exact), ascending; of what has no derivative only if it was given one.
+/// Relative errors of (found, exact) pairs, ascending, without pairs of two zeros.
 fn relative(pairs: &[(f64, f64)]) -> Vec<f64> {
     let square: f64 = pairs.iter().map(|(_, exact)| exact * exact).sum();
     let floor = SHARE * (square / pairs.len().max(1) as f64).sqrt();

@@ -1,11 +1,10 @@
-//! The stability suite for users: their device, and their scene if they have one.
+//! Stability suite for users: their device, and optionally their scene.
 //!
-//! `tests/device/stability` is the suite for developers: every failure on record, each with its test. This is the
-//! smaller instrument that goes where the library goes. Each check has a bound, derived where it stands, and a
-//! measured value;
-//! the result is a [`StressReport`], which [`page`] shows.
+//! `tests/device/stability` is the suite for developers, with a test for every recorded failure. This smaller suite is
+//! part of the library. Each check has a bound, derived in place, and a measured value; the result is a
+//! [`StressReport`], which [`page`] shows.
 //!
-//! **Invariant:** nothing here reads a file or prints; a check without a measurement has failed.
+//! **Invariant:** no file access and no printing; a check without a measurement has failed.
 
 mod curve;
 mod determinism;
@@ -58,7 +57,7 @@ impl StressPlan {
 /// Unit of errors of pictures.
 const OF_RANGE: &str = "of 1, the brightest";
 
-/// Runs everything. `progress` is told which group is next, and may end it all: then there is no result.
+/// Runs all groups. `progress` is called with the next group, and may cancel the run; then the result is `None`.
 ///
 /// # Errors
 /// Those of the device; a check that fails is an outcome, not an error.
@@ -92,7 +91,7 @@ pub fn run(
     Ok(Some(lab.found))
 }
 
-/// Scenes as the device and as the reference have them.
+/// Scenes of the device and of the reference.
 #[derive(Clone)]
 struct ScenePair {
     drawn: Splats,
@@ -107,7 +106,7 @@ impl ScenePair {
         }
     }
 
-    /// Both changed in the same way.
+    /// Applies `change` to both.
     fn map(&self, change: impl Fn(&Splats) -> Splats) -> ScenePair {
         ScenePair {
             drawn: change(&self.drawn),
@@ -124,7 +123,7 @@ impl ScenePair {
         })
     }
 
-    /// At most so many of the splats, spread over all.
+    /// At most `most` of the splats, spread over all.
     fn thinned(&self, most: usize) -> ScenePair {
         let step = self.drawn.len().div_ceil(most).max(1);
         let some: Vec<usize> = (0..self.drawn.len()).step_by(step).collect();
@@ -155,7 +154,7 @@ impl StressRun<'_> {
             .render(&model, camera, &view_options(splats, near))
     }
 
-    /// Draws a picture and compares it with the reference, in some pixels of it.
+    /// Draws a picture and compares a sample of its pixels with the reference.
     fn look(
         &mut self,
         pair: &ScenePair,
@@ -174,14 +173,14 @@ impl StressRun<'_> {
         self.found.outcomes.push(outcome);
     }
 
-    /// Adds a sweep and the check that it amounts to.
+    /// Adds a sweep and its check.
     fn sweep(&mut self, sweep: Sweep, unit: &'static str) {
         self.add(sweep.outcome(unit));
         self.found.sweeps.push(sweep);
     }
 }
 
-/// The pixel that comes closest to its bound; one that is no number, anywhere in the picture, is beyond all.
+/// The pixel closest to its bound; NaN anywhere in the picture is beyond all.
 fn compare(image: &Rendered, sampled: &[Sampled]) -> PixelError {
     let mut worst = PixelError {
         measured: 0.0,
@@ -260,7 +259,7 @@ mod tests {
         assert!((found.measured - 1e-5).abs() < 1e-9 && found.bound == 2e-5);
         let found = compare(&image(0.27), &exact);
         assert!(found.measured > found.bound && found.bound == 1e-2);
-        // Not sampled, but no number.
+        // NaN outside the sample.
         let found = compare(&image(f32::NAN), &exact[1..]);
         assert!(found.measured.is_nan());
     }

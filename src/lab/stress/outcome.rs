@@ -161,7 +161,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// The point that comes closest to its bound, or lies farthest beyond it.
+    /// The point closest to its bound, or farthest beyond it.
     pub fn closest(&self) -> Option<SweepPoint> {
         let mut points = self.points.iter().copied();
         let first = points.next()?;
@@ -176,7 +176,7 @@ impl Sweep {
         }))
     }
 
-    /// Its point closest to the bound as a check.
+    /// Check of the point closest to its bound.
     pub fn outcome(&self, unit: &'static str) -> StressCheck {
         let at = |p: &SweepPoint| format!("closest to its bound at {}", short_number(p.x));
         let (pair, at) = match self.closest() {
@@ -212,7 +212,7 @@ impl StressReport {
     /// JSON of everything but the pictures.
     ///
     /// # Errors
-    /// Those of serialising; there are none of these types.
+    /// Those of serialising; none for these types.
     pub fn json(&self) -> serde_json::Result<String> {
         #[derive(Serialize)]
         struct StressJson<'a> {

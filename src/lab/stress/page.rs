@@ -110,7 +110,7 @@ fn drawn(sweep: &Sweep) -> Result<String> {
         for thumbnail in &sweep.thumbnails {
             let label = escaped(&thumbnail.label);
             let shown = enlarged(thumbnail.size);
-            // Room for the caption.
+            // Least width for the caption.
             let width = shown[0].max(60);
             text += &format!(
                 "<figure style=\"width: {width}px\"><img src=\"{}\" alt=\"{title}: {label}\" width=\"{}\" \

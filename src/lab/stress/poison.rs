@@ -1,4 +1,4 @@
-//! Numbers that are none, or hardly, in every slot of a splat's parameters.
+//! NaN, infinities and extreme values in every parameter of a splat.
 
 use super::outcome::{CheckGroup, StressCheck, Sweep};
 use super::step::{StepResult, step};
@@ -8,10 +8,10 @@ use crate::render::Rendered;
 use crate::scene::{Camera, Splats};
 use std::ops::Range;
 
-/// Numbers that are none.
+/// NaN and infinities.
 const NONE: [f32; 4] = [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
 
-/// Numbers, but hardly: the ends of the range, below the normal ones, and where an exponential or a cast runs over.
+/// Extreme finite values: the ends of the range, subnormals, and limits of exponentials and casts.
 const EXTREME: [f32; 14] = [
     0.0,
     -0.0,
@@ -29,7 +29,7 @@ const EXTREME: [f32; 14] = [
     16_777_217.0,
 ];
 
-/// What kind of parameter a slot is of, and its slots.
+/// Kinds of parameters and their slots.
 fn kinds(splats: &Splats) -> [(&'static str, Range<usize>); 5] {
     [
         ("mean", 0..3),
@@ -40,7 +40,7 @@ fn kinds(splats: &Splats) -> [(&'static str, Range<usize>); 5] {
     ]
 }
 
-/// Writes into one of a splat's parameters.
+/// Sets one of a splat's parameters.
 fn set(splats: &mut Splats, splat: usize, slot: usize, value: f32) {
     let stride = splats.sh_stride();
     match slot {
@@ -52,7 +52,7 @@ fn set(splats: &mut Splats, splat: usize, slot: usize, value: f32) {
     }
 }
 
-/// The scene and behind it, for each of the values, a copy of one of its splats with the value in the slot.
+/// The scene, followed by a copy of one of its splats for each value, with the value in the slot.
 fn poisoned(splats: &Splats, slots: Range<usize>, values: &[f32]) -> Splats {
     let count = splats.len();
     let copies = slots.len() * values.len();
@@ -145,7 +145,7 @@ fn add(lab: &mut StressRun<'_>, name: String, what: String, count: usize, unit: 
     ));
 }
 
-/// A training step from a scene with every kind of poison in it.
+/// A training step from a scene with all poisoned values.
 fn learning(lab: &mut StressRun<'_>, camera: &Camera) -> Result<()> {
     let pair = ScenePair::of(lab.subject).thinned(200);
     let splats = &pair.drawn;

@@ -1,4 +1,4 @@
-//! Scenes and cameras that leave formulas without a divisor, an order or anything to see.
+//! Degenerate scenes and cameras: zero divisors, equal depths, empty images.
 
 use super::outcome::{CheckGroup, StressCheck, Sweep, Thumbnail};
 use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
@@ -9,7 +9,7 @@ use glam::{DMat3, DVec2, DVec3};
 /// A change of the scene.
 type SceneEdit = fn(&mut Splats, &Camera);
 
-/// Splats made alike, and what to expect.
+/// Name, expectation and edit of each degenerate scene.
 const SCENES: [(&str, &str, SceneEdit); 13] = [
     ("no splats", "nothing but background", |s, _| {
         *s = s.picked(&[])
@@ -80,7 +80,7 @@ const SCENES: [(&str, &str, SceneEdit); 13] = [
     }),
 ];
 
-/// A change of the camera: it, and the point that it looks at.
+/// A change of the camera, given its target.
 type CameraEdit = fn(&Camera, DVec3) -> Camera;
 
 const CAMERAS: [(&str, &str, CameraEdit); 9] = [

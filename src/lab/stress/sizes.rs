@@ -1,4 +1,4 @@
-//! Pictures of every shape: one pixel, one row, one column, and as long as the largest displays and longer.
+//! Pictures of all shapes: one pixel, one row, one column, up to longer than the largest displays.
 
 use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
 use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
@@ -25,7 +25,7 @@ const SIZES: [[u32; 2]; 16] = [
     [16_385, 1],
 ];
 
-/// Sides that pictures of a quick run have at most.
+/// Side of the largest square picture of a quick run, pixels.
 const QUICK: u32 = 700;
 
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
@@ -33,14 +33,14 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let quick = lab.plan.is_quick;
     let (mut points, mut thumbnails) = (Vec::new(), Vec::new());
     for [width, height] in SIZES {
-        // The longest pictures have few pixels, and are what this is for.
+        // Limited by area, because the longest pictures are the purpose and have few pixels.
         if quick && width * height > QUICK * QUICK {
             continue;
         }
         let camera = shaped(lab.subject.camera(), width, height);
         let name = format!("{width} × {height}");
         let (image, compared) = match lab.look(&pair, &camera, lab.subject.near) {
-            // A device that has no room for it has said so, as it should.
+            // Out of memory is a correct answer of a small device.
             Err(error @ Error::OutOfMemory { .. }) => {
                 let fact = (name, format!("left out: {error}"));
                 lab.found.facts.push(fact);
@@ -71,7 +71,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         }
     }
     points.sort_by(|a, b| a.x.total_cmp(&b.x));
-    // Of pictures of one length, the one closest to its bound.
+    // Of pictures with one length, the one closest to its bound.
     points.dedup_by(|b, a| {
         let is_one = a.x == b.x;
         let share = |p: &SweepPoint| (p.measured / p.bound).abs();
@@ -94,7 +94,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A camera of another shape whose longer side sees as much as that of the first.
+/// A camera of another shape; its longer side covers as much of the scene as that of the first.
 fn shaped(camera: &Camera, width: u32, height: u32) -> Camera {
     let factor = f64::from(width.max(height)) / f64::from(camera.width.max(camera.height));
     subject::exact(&Camera {

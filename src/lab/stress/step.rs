@@ -1,4 +1,4 @@
-//! One training step, and what it went by.
+//! One training step with its gradients.
 
 use super::subject::BACKGROUND;
 use crate::Result;
@@ -7,19 +7,19 @@ use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats
 use crate::train::state::Planes;
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 
-/// The iteration that steps go on from: all harmonics are trained by then, and density control is over.
+/// Initial iteration: all SH degrees are trained by then, and density control is over.
 const BEGUN: u32 = 20_000;
 
-/// What a step saw and went by.
+/// Inputs and results of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StepResult {
-    /// By every parameter, `[plane][splat]`.
+    /// Gradient by every parameter, `[plane][splat]`.
     gradients: Planes,
-    /// Where the optimiser is afterwards.
+    /// State of the optimiser after the step.
     pub(super) after: HostState,
     /// The loss before the step.
     pub(super) loss: f64,
-    /// Where its near plane was, world units.
+    /// Near plane, world units.
     pub(super) near: f64,
     /// Share of D-SSIM in the loss.
     pub(super) lambda: f64,
@@ -60,8 +60,8 @@ fn config(splats: &Splats) -> TrainConfig {
     }
 }
 
-/// A view with a black photograph, which every picture is brighter than, so that no pixel's share in the gradient
-/// changes its sign; the extent of the data set puts the near plane where it is wanted.
+/// A view with a black photograph: every picture is brighter, so that no pixel's share in the gradient changes its
+/// sign. The extent of the data set determines the near plane.
 fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
     let pixels = camera.width as usize * camera.height as usize;
     let distance = near / (1.1 * f64::from(config.near_factor));
@@ -88,12 +88,12 @@ fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
     }
 }
 
-/// Takes a step.
+/// One step.
 pub(super) fn step(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64) -> Result<StepResult> {
     steps(gpu, splats, camera, near, 1)
 }
 
-/// Takes several; the gradient is the last one's.
+/// `count` steps; the gradient is the last one's.
 pub(super) fn steps(
     gpu: &Gpu,
     splats: &Splats,

@@ -1,4 +1,4 @@
-//! What the suite looks at: a scene, and where from.
+//! Subject of the suite: a scene with cameras.
 
 use crate::lab::bench::input::random::{Random, single};
 use crate::reference;
@@ -6,35 +6,34 @@ use crate::render::ViewOptions;
 use crate::scene::{Camera, RenderMode, SH_C0, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
-/// Colour behind everything; exact in single precision.
+/// Background colour; exact in single precision.
 pub(super) const BACKGROUND: [f32; 3] = [0.125, 0.125, 0.15625];
 
-/// A scene to be looked at.
+/// A tested scene.
 #[derive(Clone, Debug)]
 pub struct StressScene {
-    /// What the device draws.
+    /// Splats of the device.
     pub splats: Splats,
-    /// What the reference takes it for: the same, unless someone wants to see the suite fail.
+    /// Splats of the reference: the same, unless the suite itself is tested.
     pub exact: Splats,
-    /// Cameras around it, of small pictures; the first is the one that sweeps vary.
+    /// Cameras around it, with small pictures; sweeps vary the first.
     pub cameras: Vec<Camera>,
-    /// What the cameras look at.
+    /// Common target of the cameras.
     pub target: DVec3,
     /// Near plane, world units.
     pub near: f64,
-    /// Whether the scene is the built-in one, of which more is known.
+    /// True for the built-in scene, which allows further checks.
     pub is_made: bool,
 }
 
-/// Splats that comparisons with the reference are made with at most: it takes some microseconds for each.
+/// Most splats in comparisons with the reference, which takes some microseconds for each.
 const SPLATS_MAX: usize = 50_000;
 
 /// Longest side of the pictures, px.
 const SIDE: u32 = 96;
 
 impl StressScene {
-    /// A scene of one's own and cameras around it; pictures are as small as the reference needs them. Of a large scene
-    /// every n-th splat is taken.
+    /// A user's scene and cameras; pictures are reduced for the reference. Of a large scene every n-th splat is taken.
     ///
     /// Panics without a camera.
     pub fn of(splats: &Splats, cameras: &[Camera], target: DVec3, near: f64) -> StressScene {
@@ -82,18 +81,18 @@ impl StressScene {
         }
     }
 
-    /// The camera that sweeps vary.
+    /// Camera varied by sweeps.
     pub fn camera(&self) -> &Camera {
         &self.cameras[0]
     }
 
-    /// How far that camera is from what it looks at, world units.
+    /// Distance of that camera from the target, world units.
     pub fn distance(&self) -> f64 {
         self.camera().position.distance(self.target)
     }
 }
 
-/// The camera whose numbers single precision holds.
+/// The camera with all numbers rounded to single precision.
 pub(super) fn exact(camera: &Camera) -> Camera {
     Camera {
         focal: DVec2::from(camera.focal.to_array().map(single)),
@@ -104,7 +103,7 @@ pub(super) fn exact(camera: &Camera) -> Camera {
     }
 }
 
-/// How the device is told to draw.
+/// View options for the device.
 pub(super) fn view_options(splats: &Splats, near: f64) -> ViewOptions {
     ViewOptions {
         background: BACKGROUND,
@@ -113,7 +112,7 @@ pub(super) fn view_options(splats: &Splats, near: f64) -> ViewOptions {
     }
 }
 
-/// How the reference is.
+/// Options for the reference.
 pub(super) fn reference_options(splats: &Splats, near: f64) -> reference::Options {
     reference::Options {
         background: BACKGROUND.map(f64::from),
@@ -123,7 +122,7 @@ pub(super) fn reference_options(splats: &Splats, near: f64) -> reference::Option
     }
 }
 
-/// A splat as an author thinks of it: a disc on a surface.
+/// A splat as a disc on a surface, for authors of scenes.
 struct Disc {
     place: DVec3,
     normal: DVec3,

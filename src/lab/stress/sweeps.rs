@@ -1,4 +1,4 @@
-//! One parameter over its whole range: needles, zoom, the way into the scene, the near plane, the way from the origin.
+//! Sweeps of one parameter over its range: needles, zoom, approach, near plane, distance from the origin.
 
 use super::outcome::{CheckGroup, Sweep, SweepPoint, Thumbnail};
 use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
@@ -16,7 +16,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     far_origin(lab)
 }
 
-/// A value of a parameter: what is drawn there.
+/// Scene and camera at one value of a parameter.
 struct Setting {
     x: f64,
     label: String,
@@ -25,7 +25,7 @@ struct Setting {
     near: f64,
 }
 
-/// Every picture of a sweep beside the reference.
+/// Compares every picture of a sweep with the reference.
 fn take(
     lab: &mut StressRun<'_>,
     settings: impl IntoIterator<Item = Setting>,
@@ -43,14 +43,14 @@ fn take(
     Ok((points, thumbnails))
 }
 
-/// `count` powers of a base from an exponent on, fewer in a quick run.
+/// `count` powers of a base from exponent `from`, fewer in a quick run.
 fn powers(lab: &StressRun<'_>, base: f64, from: i32, count: i32) -> Vec<f64> {
     let step = if lab.plan.is_quick { 3 } else { 1 };
     let exponents = (from..from + count).step_by(step);
     exponents.map(|exponent| base.powi(exponent)).collect()
 }
 
-/// Splats stretched along their longest axis, and as much thinner: their areas stay what they are.
+/// Splats stretched along their longest axis and thinned by the same factor.
 pub(super) fn stretched(splats: &Splats, aspect: f64) -> Splats {
     let by = (0.5 * aspect.ln()) as f32;
     let mut needles = splats.clone();

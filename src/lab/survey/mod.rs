@@ -18,13 +18,13 @@ pub enum Recipe {
     /// Adaptive density control with its usual constants.
     #[default]
     Fixed,
-    /// The same at the learning rates of parsimony.
+    /// The same at the learning rates of `Parsimony`.
     FixedRates,
-    /// Splat count chosen by the gain of a tenth more splats.
+    /// Splat count chosen by the gain of 10 % more splats.
     Parsimony,
-    /// MCMC limited to the splats that parsimony ended with.
+    /// MCMC limited to the final splat count of `Parsimony`.
     Mcmc,
-    /// The same at the learning rates of parsimony.
+    /// The same at the learning rates of `Parsimony`.
     McmcRates,
     /// Parsimony without the reduction of harmonics.
     ParsimonyAllSh,
@@ -77,7 +77,7 @@ pub struct SurveyRun {
     pub seed: u64,
     /// Steps.
     pub iterations: u32,
-    /// Preference: decibels gained by a tenth more splats.
+    /// Preference: decibels gained by 10 % more splats.
     pub gain_db: f64,
     /// Limit of the splat count.
     pub max_splats: Option<u32>,
@@ -123,9 +123,10 @@ pub struct SurveyRun {
     pub frame_cpu_ms: Option<f64>,
     /// Iteration from which the count was fixed.
     pub settled_from: Option<u32>,
-    /// Loss of the held-out views by harmonics that were or could have been removed, before the last fit, decibels.
+    /// Loss of the held-out views by harmonics that were removed or candidates for removal, before the last fit,
+    /// decibels.
     pub sh_lost_db: Option<f64>,
-    /// Count at which a tenth more splats gains the preference, by the law.
+    /// Count at which 10 % more splats gain the preference, by the law.
     pub knee: Option<f64>,
     /// Law of quality over splats: limit in decibels, factor, exponent; or empty.
     #[serde(with = "record::list")]
@@ -147,7 +148,7 @@ impl SurveyRun {
         (&self.scene, self.recipe, self.seed)
     }
 
-    /// A setting that differs, with both values, if the two runs do not belong to one survey.
+    /// The first setting that differs, with both values, if the two runs do not belong to one survey.
     pub fn conflict(&self, other: &SurveyRun) -> Option<String> {
         let settings = |run: &SurveyRun| {
             [
@@ -158,7 +159,7 @@ impl SurveyRun {
                 ("the data set's checksum", run.data.clone()),
             ]
         };
-        // Size and checksum are those of a scene.
+        // Size and checksum are compared only for the same scene.
         let shared = if self.scene == other.scene { 5 } else { 3 };
         let mut pairs = settings(self).into_iter().zip(settings(other)).take(shared);
         let ((name, a), (_, b)) = pairs.find(|(a, b)| a != b)?;
@@ -170,7 +171,7 @@ impl SurveyRun {
         self.device_bytes_by_degree.iter().sum()
     }
 
-    /// Share of the floats that all harmonics of degree 3 have.
+    /// Share of the floats of all harmonics at degree 3.
     pub fn sh_share(&self) -> f64 {
         self.sh_floats as f64 / (SH_FLOATS * self.splats.max(1) as f64)
     }
@@ -214,7 +215,7 @@ fn interval_of(mut values: Vec<f64>) -> Option<Interval> {
 pub(crate) mod tests {
     use super::*;
 
-    /// A run of a scene with so many splats and decibels.
+    /// A run of a scene with these splats and decibels.
     pub(crate) fn run(
         scene: &str,
         recipe: Recipe,

@@ -127,7 +127,7 @@ mod tests {
         // Three recipes in the legend, and for each scene in the table.
         assert_eq!(page.matches("<li><svg").count(), 3);
         assert_eq!(page.matches("<td>parsimony</td><td>2</td>").count(), 2);
-        // Seeds drift together: the paired difference is known better than either mean.
+        // Seeds drift together: the paired difference is more precise than either mean.
         assert!(page.contains("<td>0.10"), "{page}");
         assert!(page.contains("<td>30.60 ± 6.35</td>"), "{page}");
         Ok(())

@@ -13,7 +13,7 @@ pub fn write(runs: &[SurveyRun]) -> Result<String> {
     csv_text(runs)
 }
 
-/// Runs of a file's text. Columns go by name, and others than those of a run are ignored.
+/// Runs of a file's text. Columns are matched by name; columns that a run lacks are ignored.
 ///
 /// # Errors
 /// A missing column, or a line with a bad field; `path` is for the message.
@@ -108,7 +108,7 @@ mod tests {
         Ok(())
     }
 
-    /// Files of committed records with a word in their name.
+    /// Committed records with `word` in their name.
     fn records(word: &str) -> std::io::Result<Vec<PathBuf>> {
         let mut paths = Vec::new();
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/record");
@@ -135,7 +135,7 @@ mod tests {
             let runs = read(&path, &text)?;
             assert_eq!(runs.len() + 1, text.lines().count(), "{}", path.display());
             let written = write(&runs)?;
-            // A record of an earlier version has a column more.
+            // A record of an earlier version may have one more column.
             if text.lines().next() == written.lines().next() {
                 assert_eq!(written, text, "{}", path.display());
                 same += 1;

@@ -22,7 +22,7 @@ use crate::{Error, Result};
 use std::path::Path;
 use std::time::Instant;
 
-/// Steps that [`Task::warm_up`] takes.
+/// Steps of [`Task::warm_up`].
 const WARM_UP: u32 = 3;
 
 /// Settings of a run.
@@ -38,13 +38,13 @@ pub struct Task<'a> {
     pub seed: u64,
     /// Steps.
     pub iterations: u32,
-    /// Preference: decibels gained by a tenth more splats.
+    /// Preference: decibels gained by 10 % more splats.
     pub gain_db: f64,
     /// Limit of the splat count, for MCMC.
     pub max_splats: Option<u32>,
 }
 
-/// Constants of a run with so many training views, without the limit of MCMC.
+/// Constants of a run with this number of training views, without the limit of MCMC.
 pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
     let usual = TrainConfig::for_iterations(iterations);
     let at_rates_of = |rates: LearningRates, config: TrainConfig| TrainConfig { rates, ..config };
@@ -61,10 +61,11 @@ pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
     }
 }
 
-/// Recipes that differ in a run of so many steps: if parsimony has the usual rates, those at its rates are left out.
+/// Recipes that differ in a run of this many steps: if `Parsimony` has the usual rates, those at its rates are left
+/// out.
 pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
     let is_usual = |rates: Recipe, usual: Recipe| {
-        // A difference with few views is one with more, too.
+        // Rates that differ with few views differ with more, too.
         let [rates, usual] =
             [rates, usual].map(|recipe| config(recipe, iterations, usize::MAX).rates);
         rates == usual
@@ -120,7 +121,7 @@ impl Task<'_> {
     }
 
     /// Trains and evaluates. `progress` is called before every step; if it returns `false` the result is `None`. The
-    /// scene's file is written in `folder` for its size, and removed.
+    /// scene is written to `folder` to measure its size, and removed.
     ///
     /// # Errors
     /// Those of the device, of photographs that cannot be read, and of a folder that cannot be written to.

@@ -7,7 +7,7 @@ use crate::train::checkpoint::fingerprint;
 /// Photographs of a built-in scene.
 const VIEWS: usize = 48;
 
-/// A built-in scene in photographs of this width, by three quarters of that, every eighth of them held out.
+/// A built-in scene in photographs of this width and three quarters of it in height; every eighth is held out.
 pub fn built_in(kind: Kind, width: u32) -> Dataset {
     synth::scene(kind).dataset(&SynthOptions {
         views: VIEWS,
@@ -17,8 +17,8 @@ pub fn built_in(kind: Kind, width: u32) -> Dataset {
     })
 }
 
-/// A checksum of a data set's training views and points, hexadecimal. Photographs are not
-/// included, but the colours of points are.
+/// Checksum of a data set's training views and points, hexadecimal. The colours of points are included, photographs are
+/// not.
 pub fn checksum(dataset: &Dataset) -> String {
     let mut hash = crc32fast::Hasher::new();
     hash.update(&fingerprint(dataset).to_le_bytes());

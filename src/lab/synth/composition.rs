@@ -33,7 +33,7 @@ impl Kind {
         Kind::Intricate,
     ];
 
-    /// The word for it.
+    /// Name on command lines and in files.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Plane => "plane",
@@ -62,7 +62,7 @@ fn plane() -> Scene {
         1.1,
         [0.12, -0.05, 0.1],
     );
-    // Facing -y, where the cameras are.
+    // Facing -y, towards the cameras.
     let upright = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
     Scene {
         objects: vec![
@@ -173,7 +173,7 @@ fn intricate() -> Scene {
     let mut objects = vec![Object::new(Shape::Disc(9.0), Material::matt(ground))];
     for i in 0..SHAPES {
         let size = random.between(0.07, 0.16);
-        // Even over a disc, nothing in the middle, where the knots stand.
+        // Uniform over the disc, but for the middle with the knots.
         let place = DVec2::from_angle(i as f64 * GOLDEN_ANGLE)
             * (0.9 + 2.6 * (i as f64 / SHAPES as f64).sqrt());
         let base = DVec3::splat(0.45) + 0.3 * random.direction();
@@ -228,5 +228,5 @@ fn knots() -> [Object; 2] {
     })
 }
 
-/// Between two leaves of a spiral that never lie in a row, radians.
+/// Angle between successive leaves of a spiral without rows, radians.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;

@@ -1,4 +1,4 @@
-//! Cameras around a scene, and the data set they bring home.
+//! Cameras around a synthetic scene, and its data set.
 
 use super::random::Random;
 use super::{Scene, save::view_name};
@@ -6,19 +6,18 @@ use crate::scene::{AlphaMode, Camera, Dataset, PhotoSource, Point, View};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
-/// Where photographs are taken from: a band of directions around a target. Azimuth goes round once
-/// from view to view; elevation jumps by the golden ratio, so that any stretch of views, and any
-/// regular choice of test views, covers the whole band.
+/// Rig of cameras: a band of directions around a target. Azimuth goes round once from view to view; elevation jumps by
+/// the golden ratio, so that any stretch of views, and any regular choice of test views, covers the whole band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rig {
-    /// The point looked at, world units.
+    /// Target, world units.
     pub target: DVec3,
-    /// From the target, world units.
+    /// Distance from the target, world units.
     pub distance: f64,
-    /// First and last direction from the target, counter-clockwise from +x seen from above; 360
-    /// apart: a full ring.
+    /// First and last direction from the target, counter-clockwise from +x seen from above; a difference of 360 is a
+    /// full ring.
     pub azimuth_degrees: (f64, f64),
-    /// Lowest and highest, above the horizon.
+    /// Lowest and highest angle above the horizon.
     pub elevation_degrees: (f64, f64),
 }
 
@@ -33,7 +32,7 @@ impl Default for Rig {
     }
 }
 
-/// What a made data set holds.
+/// Contents of a synthetic data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SynthOptions {
     /// Number of photographs.
@@ -44,29 +43,29 @@ pub struct SynthOptions {
     pub height: u32,
     /// Angle of view across the width, degrees.
     pub fov_degrees: f64,
-    /// The principal point's offset from the middle of the picture, pixels.
+    /// Offset of the principal point from the middle of the picture, pixels.
     pub center_offset: DVec2,
     /// Focal length in y over that in x.
     pub focal_ratio: f64,
-    /// Rays a pixel, along each axis.
+    /// Rays per pixel along each axis.
     pub samples: u32,
-    /// Whether photographs have the background cut out (straight alpha) instead of painted.
+    /// Cut out the background of photographs (straight alpha) instead of painting it.
     pub cutout: bool,
-    /// Number of points; fewer come where the cameras see less than that of any surface.
+    /// Number of points; fewer if the cameras see too little surface.
     pub points: usize,
-    /// Standard deviation of the points' error, world units.
+    /// Standard deviation of the points' positions, world units.
     pub point_noise: f64,
-    /// Number of points more that lie anywhere around the target within one and a half times the rig's
-    /// distance, in any colour, as the wrong matches of a reconstruction do.
+    /// Number of additional outlier points, of any colour, anywhere within one and a half times the rig's distance of
+    /// the target, like the wrong matches of a reconstruction.
     pub strays: usize,
-    /// Where the points fall.
+    /// Seed of the points.
     pub seed: u64,
     /// As `Dataset::test_every`.
     pub test_every: usize,
 }
 
 impl Default for SynthOptions {
-    /// The demo's: 32 photographs of 192 × 144, 5,000 points without error.
+    /// Options of the demo: 32 photographs of 192 × 144, 5,000 exact points.
     fn default() -> SynthOptions {
         SynthOptions {
             views: 32,
@@ -86,11 +85,11 @@ impl Default for SynthOptions {
     }
 }
 
-/// Views that a point's colour is averaged over at most, like the track of a reconstruction.
+/// Most views in the average of a point's colour, like the track of a reconstruction.
 const TRACK_VIEWS: usize = 6;
 
 impl Scene {
-    /// Photographs from the scene's rig, with points that at least one of the cameras sees.
+    /// Photographs from the scene's rig, with points visible to at least one of the cameras.
     pub fn dataset(&self, options: &SynthOptions) -> Dataset {
         let cameras = self.cameras(options);
         let view = |(index, camera): (usize, &Camera)| View {
@@ -110,7 +109,7 @@ impl Scene {
         }
     }
 
-    /// The cameras of `dataset`, in the order of its views.
+    /// Cameras of `dataset`, in the order of its views.
     pub fn cameras(&self, options: &SynthOptions) -> Vec<Camera> {
         let size = DVec2::new(options.width.into(), options.height.into());
         let focal = 0.5 * size.x / (0.5 * options.fov_degrees.to_radians()).tan();
@@ -124,7 +123,7 @@ impl Scene {
         };
         let (first, last) = self.rig.azimuth_degrees;
         let (low, high) = self.rig.elevation_degrees;
-        // The last view of a full ring must not be the first again.
+        // The last view of a full ring must differ from the first.
         let full = (last - first).abs() >= 360.0;
         let steps = options.views.saturating_sub(usize::from(!full)).max(1);
         let camera = |index: usize| {
@@ -139,15 +138,14 @@ impl Scene {
         (0..options.views).map(camera).collect()
     }
 
-    /// Where rays through random pixels meet a surface: dense where the cameras look closely, as
-    /// the points of a reconstruction are.
+    /// Points at the hits of rays through random pixels: dense in close-ups, like those of a reconstruction.
     fn points(&self, cameras: &[Camera], options: &SynthOptions) -> Vec<Point> {
         if cameras.is_empty() {
             return Vec::new();
         }
-        // Where most rays miss, more of them; where all do, an end.
+        // Limit of the number of rays, because most may miss.
         let tries = 20 * options.points as u64;
-        // In blocks, so that no more rays are cast than about the points take.
+        // In blocks, to cast little more rays than the points need.
         let mut points: Vec<Point> = Vec::with_capacity(options.points);
         let mut key = 0;
         while points.len() < options.points && key < tries {
@@ -161,9 +159,9 @@ impl Scene {
         points
     }
 
-    /// A point that nothing in the scene explains.
+    /// An outlier point, on no surface.
     fn stray(&self, seed: u64, key: u64) -> Point {
-        // Another sequence than that of the points on surfaces.
+        // A stream apart from that of the points on surfaces.
         let random = &mut Random::new(!seed, key);
         // Uniform over the ball.
         let reach = 1.5 * self.rig.distance * random.uniform().cbrt();
@@ -194,7 +192,7 @@ impl Scene {
         let seen: Vec<DVec3> = track
             .filter_map(|camera| self.seen(camera, position))
             .collect();
-        // The first camera sees it but for rounding.
+        // The first camera sees it up to rounding.
         let color = seen.iter().sum::<DVec3>() / seen.len().max(1) as f64;
         let error = DVec3::from_array([(); 3].map(|()| random.normal())) * options.point_noise;
         (!seen.is_empty()).then(|| Point {
@@ -203,14 +201,14 @@ impl Scene {
         })
     }
 
-    /// The colour of a surface point as the camera sees it, where it does.
+    /// Colour of a surface point in a camera; `None` if hidden or outside.
     fn seen(&self, camera: &Camera, point: DVec3) -> Option<DVec3> {
         let pixel = camera.pixel_from_world(point)?;
         let size = DVec2::new(camera.width.into(), camera.height.into());
         let within = pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(size).all();
         let ray = Scene::ray(camera, pixel);
         let depth = camera.view_from_world(point).z;
-        // Hidden, if anything is met before it.
+        // Hidden if the ray hits anything before it.
         let free = within && self.hit(&ray, depth * (1.0 - 1e-4)).is_none();
         free.then(|| self.color(&ray)).flatten()
     }

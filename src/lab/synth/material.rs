@@ -1,7 +1,7 @@
-//! What surfaces look like: band-limited solid textures, a soft light, highlights.
+//! Materials: band-limited solid textures, a soft light, highlights.
 //!
-//! Colours are display-referred, as a photograph stores them: light is not linear here, and need
-//! not be. What matters to a trainer is that shading is smooth, and that highlights move with the view.
+//! Colours are display-referred, as in photographs; light is not linear. Training only needs smooth shading and
+//! view-dependent highlights.
 
 use super::random::Random;
 use glam::DVec3;
@@ -9,27 +9,27 @@ use glam::DVec3;
 /// A colour, 0 to 1, or light that may exceed 1.
 pub(super) type Color = DVec3;
 
-/// A colour for every point of space: an object is cut out of it. No wave is shorter than it was
-/// asked to be, so that a few samples a pixel show it without aliasing.
+/// Solid texture: a colour for every point of space. The shortest wavelength is bounded, so that a few samples per
+/// pixel show it without aliasing.
 #[derive(Clone, Debug)]
 pub struct Texture {
     base: Color,
     waves: Vec<Wave>,
 }
 
-/// One ripple: amplitude · sin(vector · p + phase), its crests flattened towards stripes.
+/// One ripple: amplitude · sin(vector · p + phase), with crests flattened towards stripes.
 #[derive(Clone, Copy, Debug)]
 struct Wave {
     /// Radians per world unit.
     vector: DVec3,
     phase: f64,
     amplitude: Color,
-    /// 0: a sine; 1: its steepest form, s / √(s² + 0.1), which reads as stripes.
+    /// 0: a sine; 1: its steepest form, s / √(s² + 0.1), close to stripes.
     steepness: f64,
 }
 
 impl Texture {
-    /// One colour everywhere.
+    /// Uniform colour.
     pub fn plain(color: [f64; 3]) -> Texture {
         Texture {
             base: color.into(),
@@ -37,8 +37,8 @@ impl Texture {
         }
     }
 
-    /// `base` with ripples in random directions and colours, their wavelengths spread from `finest`
-    /// to eight times that. `contrast` is the largest deviation they add up to in a channel.
+    /// `base` with ripples in random directions and colours, with wavelengths from `finest` to eight times that.
+    /// `contrast` is their largest total deviation in a channel.
     pub fn ripples(base: [f64; 3], contrast: f64, finest: f64, seed: u64) -> Texture {
         const COUNT: usize = 7;
         let mut random = Random::new(seed, 0);
@@ -58,8 +58,8 @@ impl Texture {
         }
     }
 
-    /// With stripes across `axis`, this far apart, that add and subtract `amplitude`; their soft
-    /// edges are about a sixth of the distance wide.
+    /// Adds stripes of ± `amplitude` across `axis`, `distance` apart; their soft edges are about a sixth of the
+    /// distance wide.
     pub fn striped(mut self, axis: [f64; 3], distance: f64, amplitude: [f64; 3]) -> Texture {
         self.waves.push(Wave {
             vector: DVec3::from(axis).normalize() * std::f64::consts::TAU / distance,
@@ -70,7 +70,7 @@ impl Texture {
         self
     }
 
-    /// The colour at a point in the object's own coordinates.
+    /// Colour at a point in object coordinates.
     pub(super) fn at(&self, point: DVec3) -> Color {
         let mut color = self.base;
         for wave in &self.waves {
@@ -82,19 +82,19 @@ impl Texture {
     }
 }
 
-/// How a surface answers light.
+/// Reflectance of a surface.
 #[derive(Clone, Debug)]
 pub struct Material {
     /// Colour under full light.
     pub texture: Texture,
-    /// Light added where the mirrored view meets the lamp; 0: matt.
+    /// Light added in the mirror direction of the lamp; 0: matt.
     pub gloss: f64,
     /// Phong's exponent: the highlight falls to half at about 67° / √shininess from its centre.
     pub shininess: f64,
 }
 
 impl Material {
-    /// A surface that looks the same from everywhere.
+    /// A surface without view dependence.
     pub fn matt(texture: Texture) -> Material {
         Material {
             texture,
@@ -113,23 +113,23 @@ impl Material {
     }
 }
 
-/// The share of light that comes from everywhere; the lamp gives the rest.
+/// Share of ambient light; the lamp gives the rest.
 const AMBIENT: f64 = 0.45;
 
 /// A point to be shaded.
 pub(super) struct Surface<'a> {
     pub(super) material: &'a Material,
-    /// In the object's own coordinates, for the texture.
+    /// Position in object coordinates, for the texture.
     pub(super) local: DVec3,
     /// Unit normal in the world, towards the viewer.
     pub(super) normal: DVec3,
     /// Unit direction from the viewer in the world.
     pub(super) incident: DVec3,
-    /// How much of the light from everywhere arrives, 0 to 1.
+    /// Share of ambient light that arrives, 0 to 1.
     pub(super) openness: f64,
 }
 
-/// The colour of a surface under a wide lamp in the direction `lamp` (unit) and a sky above (+z).
+/// Colour of a surface under a wide lamp in the direction `lamp` (unit) and a sky above (+z).
 pub(super) fn shade(surface: &Surface<'_>, lamp: DVec3) -> Color {
     let Surface {
         material,
@@ -137,7 +137,7 @@ pub(super) fn shade(surface: &Surface<'_>, lamp: DVec3) -> Color {
         incident,
         ..
     } = surface;
-    // A wide lamp lights a little beyond the terminator: smooth, where a small one has an edge.
+    // A wide lamp lights a little beyond the terminator, without the edge of a small one.
     let facing = (0.5 + 0.5 * normal.dot(lamp)).powi(2);
     let sky = 0.7 + 0.3 * normal.z;
     let light = surface.openness * AMBIENT * sky

@@ -1,11 +1,11 @@
-//! A triangle mesh that rays can be cast at: its triangles in a tree of boxes.
+//! Triangle mesh in a tree of boxes, for ray casting.
 
 use super::ray::{Hit, Ray};
 use crate::scene::Mesh;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Triangles a leaf holds at most; a leaf costs about as much as two boxes.
+/// Most triangles of a leaf; a leaf costs about as much as two boxes.
 const LEAF_TRIANGLES: usize = 4;
 
 /// A triangle mesh in a binary tree of boxes; cheap to clone.
@@ -35,22 +35,22 @@ struct Node {
 
 #[derive(Clone, Copy, Debug)]
 enum Content {
-    /// The first child follows its parent, the second stands here.
+    /// Index of the second child; the first follows its parent.
     Inner(usize),
     /// Triangles `.0..(.0 + .1)`.
     Leaf(usize, usize),
 }
 
 impl MeshTree {
-    /// Of a mesh with counter-clockwise triangles. It is shaded with the mean normals of its
-    /// vertices, but its depth and normals are those of the flat triangles.
+    /// Tree of a mesh with counter-clockwise triangles. It is shaded with the mean normals of its vertices, but its
+    /// depth and normals are those of the flat triangles.
     pub fn new(mesh: &Mesh) -> MeshTree {
         let position = |vertex: u32| DVec3::from(mesh.positions[vertex as usize].map(f64::from));
         let mut normals = vec![DVec3::ZERO; mesh.positions.len()];
         for triangle in &mesh.triangles {
             let [a, b, c] = triangle.map(position);
             for &vertex in triangle {
-                // Not normalised: weighed by area.
+                // Not normalised: weighted by area.
                 normals[vertex as usize] += (b - a).cross(c - a);
             }
         }
@@ -89,7 +89,7 @@ impl MeshTree {
         } = &*self.0;
         let inverse = ray.direction.recip();
         let mut nearest: Option<Hit> = None;
-        // Depth is logarithmic, as `split` halves.
+        // The tree's depth is logarithmic, as `split` halves.
         let mut pending = Vec::with_capacity(64);
         pending.extend((!nodes.is_empty()).then_some(0));
         while let Some(index) = pending.pop() {
@@ -135,13 +135,13 @@ fn split(triangles: &mut [Triangle], range: std::ops::Range<usize>, nodes: &mut 
 }
 
 impl Node {
-    /// Whether the ray passes the box between the distances `t_min` and `t_max`.
+    /// True if the ray passes the box between the distances `t_min` and `t_max`.
     fn meets(&self, origin: DVec3, inverse: DVec3, t_min: f64, t_max: f64) -> bool {
         let (t0, t1) = (
             (self.low - origin) * inverse,
             (self.high - origin) * inverse,
         );
-        // f64::min and max take the other operand where one is 0 · ∞, which keeps the box.
+        // f64::min and max ignore a NaN operand (0 · ∞), which keeps the box.
         let enter = (0..3).map(|i| t0[i].min(t1[i])).fold(t_min, f64::max);
         let leave = (0..3).map(|i| t0[i].max(t1[i])).fold(t_max, f64::min);
         enter <= leave
@@ -160,7 +160,7 @@ impl Triangle {
         let q = from_a.cross(ab);
         let v = ray.direction.dot(q) / determinant;
         let t = ac.dot(q) / determinant;
-        // Written so that a triangle seen edge-on (not a number) is missed.
+        // Written so that a triangle seen edge-on (NaN) is missed.
         let met = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > t_min && t < t_max;
         met.then(|| {
             let [na, nb, nc] = self.normals;

@@ -1,10 +1,9 @@
-//! Scenes made on the CPU, with exact photographs, depth, normals and points: ground truth that no
-//! photograph of the world comes with, for the demo and for tests.
+//! Synthetic scenes with exact photographs, depth, normals and points: ground truth for the demo and for tests.
 //!
-//! Rays are cast with rayon at analytic shapes and at triangle meshes; photographs are averages over
-//! a grid of samples in each pixel. World: z up. A ray that meets nothing sees the background colour.
+//! Rays are cast with rayon at analytic shapes and at triangle meshes; photographs are averages over a grid of samples
+//! in each pixel. World: z up. A ray without a hit gets the background colour.
 //!
-//! **Invariant:** needs no device and no file; the same arguments give the same bytes.
+//! **Invariant:** no device and no files; the same arguments give the same bytes.
 
 mod composition;
 mod dataset;
@@ -33,28 +32,28 @@ use material::{Color, Surface, shade};
 use ray::{Hit, Ray};
 use rayon::prelude::*;
 
-/// Rays start this far (in their own length) from where they leave, so as not to meet it again.
+/// Least distance of a hit from a ray's start, in lengths of its direction, against hits of the surface it leaves.
 const CLEARANCE: f64 = 1e-6;
 
-/// A shape with a place and a look.
+/// A shape with a pose and a material.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// What it is, around its own origin.
+    /// Shape around its own origin.
     pub shape: Shape,
-    /// How it looks.
+    /// Material.
     pub material: Material,
     /// `world_from_local`, orthonormal.
     pub rotation: DMat3,
     /// World units per local unit.
     pub scale: f64,
-    /// Where its origin is in the world.
+    /// Position of its origin in the world.
     pub position: DVec3,
-    /// Radius in world units of the sphere that takes light from the other objects; 0: none.
+    /// Radius in world units of the sphere that shades other objects; 0: none.
     pub shading_radius: f64,
 }
 
 impl Object {
-    /// At the origin, unturned, taking no light from others.
+    /// Object at the origin, without rotation and without shading others.
     pub fn new(shape: Shape, material: Material) -> Object {
         Object {
             shape,
@@ -66,23 +65,23 @@ impl Object {
         }
     }
 
-    /// With its origin there.
+    /// Moves the origin.
     pub fn at(self, x: f64, y: f64, z: f64) -> Object {
         let position = DVec3::new(x, y, z);
         Object { position, ..self }
     }
 
-    /// Turned by `world_from_local`.
+    /// Sets the rotation `world_from_local`.
     pub fn turned(self, rotation: DMat3) -> Object {
         Object { rotation, ..self }
     }
 
-    /// At another size.
+    /// Sets the scale.
     pub fn scaled(self, scale: f64) -> Object {
         Object { scale, ..self }
     }
 
-    /// Taking light from its surroundings like a sphere of this radius.
+    /// Sets the shading radius.
     pub fn shading(self, shading_radius: f64) -> Object {
         Object {
             shading_radius,
@@ -94,9 +93,9 @@ impl Object {
         self.rotation.transpose() * (point - self.position) / self.scale
     }
 
-    /// Distances along the ray are the same in local coordinates, as its direction is scaled too.
+    /// Distances along the ray are the same in local coordinates, because its direction is scaled too.
     fn hit(&self, ray: &Ray, t_min: f64, t_max: f64) -> Option<Hit> {
-        // Most rays miss most objects: their bounding spheres settle it.
+        // Bounding spheres reject most rays.
         let away = self.position - ray.origin;
         let radius = self.scale * self.shape.bounding_radius();
         if away.cross(ray.direction).length_squared()
@@ -125,16 +124,16 @@ impl Object {
     }
 }
 
-/// Objects under one lamp and a sky.
+/// Objects under a lamp and a sky.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// What there is.
+    /// Objects.
     pub objects: Vec<Object>,
-    /// Where the lamp is, very far away; not normalised.
+    /// Direction of the distant lamp; not normalised.
     pub lamp: DVec3,
-    /// The colour of a ray that meets nothing, 0 to 1.
+    /// Colour of a ray without a hit, 0 to 1.
     pub background: [f64; 3],
-    /// Where photographs are taken from.
+    /// Rig of the cameras.
     pub rig: Rig,
 }
 
@@ -150,7 +149,7 @@ impl Default for Scene {
 }
 
 impl Scene {
-    /// The nearest surface: which object, and where.
+    /// The nearest hit, and the index of its object.
     fn hit(&self, ray: &Ray, t_max: f64) -> Option<(usize, Hit)> {
         let mut nearest: Option<(usize, Hit)> = None;
         for (index, object) in self.objects.iter().enumerate() {
@@ -163,7 +162,7 @@ impl Scene {
         nearest
     }
 
-    /// What the ray sees, or nothing.
+    /// Colour of the ray's hit, if any.
     fn color(&self, ray: &Ray) -> Option<Color> {
         let (index, hit) = self.hit(ray, f64::INFINITY)?;
         let (object, point) = (&self.objects[index], ray.at(hit.t));
@@ -177,9 +176,8 @@ impl Scene {
         Some(shade(&surface, self.lamp.normalize()))
     }
 
-    /// The share of light from everywhere that the other objects let through: each covers
-    /// (radius / distance)² of a cosine-weighted sky, as a sphere above the horizon does. No shadow
-    /// has an edge then, and none needs a ray.
+    /// Share of ambient light that the other objects let through: each covers (radius / distance)² of a cosine-weighted
+    /// sky, as a sphere above the horizon does. Such shadows have no edges and need no rays.
     fn openness(&self, index: usize, point: DVec3, normal: DVec3) -> f64 {
         let mut open = 1.0;
         for (i, object) in self.objects.iter().enumerate() {
@@ -207,8 +205,8 @@ impl Scene {
         }
     }
 
-    /// Colour before the background and the share of the pixel covered: means over a grid of
-    /// `samples` × `samples` points in each pixel.
+    /// Colour before the background, and covered share of each pixel: means over a grid of `samples` × `samples` points
+    /// in each pixel.
     fn coverage(&self, camera: &Camera, samples: u32) -> Vec<(Color, f64)> {
         let step = 1.0 / f64::from(samples);
         Self::per_pixel(camera, |corner| {
@@ -224,8 +222,8 @@ impl Scene {
         })
     }
 
-    /// The picture before it is rounded to 8 bits, over the background, `[row][column]` from the top:
-    /// each pixel the mean of `samples` × `samples` rays.
+    /// Unrounded picture over the background, `[row][column]` from the top: each pixel the mean of `samples` ×
+    /// `samples` rays.
     pub fn image(&self, camera: &Camera, samples: u32) -> Vec<[f32; 3]> {
         let background = DVec3::from(self.background);
         let over = |(color, covered): (Color, f64)| color + (1.0 - covered) * background;
@@ -240,8 +238,8 @@ impl Scene {
         Photo::from_rgb(camera.width, camera.height, &self.image(camera, samples))
     }
 
-    /// A photograph whose alpha is the covered share of each pixel, and whose colours are not
-    /// multiplied by it (as PNG files store them).
+    /// A photograph with the covered share of each pixel as straight alpha (colours are not multiplied by it, as in PNG
+    /// files).
     pub fn cutout(&self, camera: &Camera, samples: u32) -> Photo {
         let straight = |(color, covered): (Color, f64)| {
             let [r, g, b] = (color / covered.max(1e-9))
@@ -258,8 +256,8 @@ impl Scene {
         }
     }
 
-    /// View-space z (world units along the optical axis, not along the ray) of the surface at each
-    /// pixel's centre; infinite where there is none.
+    /// View-space z (world units along the optical axis, not along the ray) of the surface at each pixel's centre;
+    /// infinite without a surface.
     pub fn depth(&self, camera: &Camera) -> Vec<f32> {
         // Rays have view z = 1, so that distances along them are depths.
         Self::per_pixel(camera, |corner| {
@@ -268,8 +266,8 @@ impl Scene {
         })
     }
 
-    /// The surface's unit normal in the world at each pixel's centre, towards the camera; zero where
-    /// there is none. Of meshes: that of the flat triangle.
+    /// Unit normal of the surface in the world at each pixel's centre, towards the camera; zero without a surface.
+    /// Normals of meshes are those of the flat triangles.
     pub fn normals(&self, camera: &Camera) -> Vec<[f32; 3]> {
         Self::per_pixel(camera, |corner| {
             let hit = self.hit(&Self::ray(camera, corner + 0.5), f64::INFINITY);

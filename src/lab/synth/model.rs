@@ -1,12 +1,11 @@
-//! Meshes made in code.
+//! Procedural meshes.
 
 use crate::scene::Mesh;
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
-/// A sphere of radius 1 from an icosahedron whose triangles are divided in four `levels` times:
-/// 20 · 4^levels triangles.
+/// A sphere of radius 1 from an icosahedron, subdivided `levels` times: 20 · 4^levels triangles.
 pub fn icosphere(levels: u32) -> Mesh {
     let g = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut positions: Vec<DVec3> = Vec::new();
@@ -75,7 +74,7 @@ pub fn knot(tube_radius: f64, steps: u32, sides: u32) -> Mesh {
             -t.sin() + 4.0 * (2.0 * t).sin(),
             -3.0 * (3.0 * t).cos(),
         );
-        // This knot is never vertical (its horizontal speed is at least 3), so z spans the frame.
+        // The knot is never vertical (its horizontal speed is at least 3), so z spans the frame.
         let across = along.cross(DVec3::Z).normalize();
         let up = across.cross(along).normalize();
         for side in 0..sides {

@@ -1,4 +1,4 @@
-//! Random numbers keyed by what they are for, so that threads may draw them in any order.
+//! Random numbers keyed by their purpose, independent of the order of threads.
 
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ impl Random {
     /// The stream of item `key` under `seed`.
     pub(super) fn new(seed: u64, key: u64) -> Random {
         let mut random = Random(seed);
-        // One round apart, so that neighbouring seeds and keys do not share streams.
+        // One round first, so that neighbouring seeds and keys do not share streams.
         random.0 = random.next() ^ key.wrapping_mul(0xd1b5_4a32_d192_ed03);
         random
     }

@@ -23,9 +23,9 @@ impl Ray {
 pub(super) struct Hit {
     /// Distance along the ray.
     pub(super) t: f64,
-    /// Unit normal of the surface itself, outward.
+    /// Unit geometric normal, outward.
     pub(super) normal: DVec3,
-    /// Unit normal to shade with: a mesh rounds its edges.
+    /// Unit shading normal, interpolated in meshes.
     pub(super) shading_normal: DVec3,
 }
 

@@ -1,18 +1,18 @@
-//! A made data set as files: PNG photographs, `transforms.json`, points as `.ply`.
+//! Data set files: PNG photographs, `transforms.json`, points as `.ply`.
 
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Dataset, Photo, PhotoSource, Point};
 use glam::DMat3;
 use std::path::Path;
 
-/// The name of view `index`; sorts by index.
+/// Name of view `index`; names sort by index.
 pub(super) fn view_name(index: usize) -> String {
     format!("images/{index:04}.png")
 }
 
-/// Writes `dataset`, whose photographs are in memory or absent, to the folder `dir`, making it: one
-/// PNG per view under its name, `points.ply`, and a `transforms.json` in nerfstudio's form (camera to
-/// world, y up and z backward, intrinsics per frame). Files of these names are replaced.
+/// Writes `dataset`, with photographs in memory or absent, to the folder `dir`, which is created: one PNG per view
+/// under its name, `points.ply`, and a `transforms.json` in nerfstudio's form (camera to world, y up and z backward,
+/// intrinsics per frame). Existing files of these names are replaced.
 pub fn save(dataset: &Dataset, dir: &Path) -> Result<()> {
     for view in &dataset.views {
         let path = dir.join(&view.name);

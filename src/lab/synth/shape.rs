@@ -1,4 +1,4 @@
-//! Shapes and where rays meet them, each in its own coordinates around its own origin.
+//! Shapes in local coordinates and their intersections with rays.
 
 use super::mesh::MeshTree;
 use super::ray::{Hit, Ray};
@@ -27,7 +27,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The nearest point of the surface on the ray with a distance in `t_min..t_max`.
+    /// Nearest hit of the ray with a distance in `t_min..t_max`.
     pub(super) fn hit(&self, ray: &Ray, t_min: f64, t_max: f64) -> Option<Hit> {
         let inside = |t: f64| t > t_min && t < t_max;
         match self {
@@ -49,7 +49,7 @@ impl Shape {
         }
     }
 
-    /// The radius of the sphere around the origin that holds the shape.
+    /// Radius of the bounding sphere around the origin.
     pub(super) fn bounding_radius(&self) -> f64 {
         match self {
             Shape::Rectangle(half) => half.length(),
@@ -70,8 +70,8 @@ fn plane(ray: &Ray, height: f64, normal: DVec3) -> Option<Hit> {
     t.is_finite().then(|| Hit::new(t, normal))
 }
 
-/// Where |origin + t direction| = radius, ascending. Accurate for distant origins too, as the nearer
-/// root is not a difference of large numbers (Haines et al., Ray Tracing Gems, chapter 7).
+/// Solutions t of |origin + t direction| = radius, ascending. Accurate for distant origins too, as the nearer root is
+/// not a difference of large numbers (Haines et al., Ray Tracing Gems, chapter 7).
 fn round(origin: DVec3, direction: DVec3, radius: f64) -> Option<[f64; 2]> {
     let a = direction.length_squared();
     let b = -origin.dot(direction);

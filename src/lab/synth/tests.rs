@@ -26,7 +26,7 @@ fn only(object: Object) -> Scene {
     }
 }
 
-/// Pixel centres and the world directions of their rays, as long as their view z is 1.
+/// World directions of the rays through pixel centres, scaled to view z = 1.
 fn rays(camera: &Camera) -> Vec<DVec3> {
     Scene::per_pixel(camera, |corner| camera.ray_from_pixel(corner + 0.5))
 }
@@ -180,7 +180,7 @@ fn points_lie_on_surfaces_and_have_their_colours() {
     for kind in Kind::ALL {
         let (scene, mut options) = small(kind);
         if kind == Kind::Intricate {
-            // What is finer than a pixel has no colour there.
+            // Scales of detail below a pixel have no colour there.
             (options.width, options.height) = (192, 144);
         }
         let data = scene.dataset(&options);
@@ -215,7 +215,7 @@ fn points_lie_on_surfaces_and_have_their_colours() {
             let near = |shown: &[f32; 3]| (0..3).all(|i| (shown[i] - point.color[i]).abs() < 0.12);
             good += usize::from(shown.iter().any(near));
         }
-        // The rest lie on an edge, within a pixel of something else.
+        // The rest lie within a pixel of an edge.
         assert!(good * 100 > data.points.len() * 93, "{kind:?}: {good}");
     }
 }
@@ -233,7 +233,7 @@ fn photographs_are_the_rounded_image_and_cutouts_have_its_alpha() {
     let colors: Vec<[u8; 3]> = photo.rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
     assert_eq!(rounded, colors);
     assert!(photo.rgba.iter().all(|c| c[3] == 255));
-    // Composited over the background, a cutout is the photograph, but for rounding.
+    // A cutout composited over the background equals the photograph up to rounding.
     for (cut, whole) in scene.cutout(&camera, 2).rgba.iter().zip(&photo.rgba) {
         for i in 0..3 {
             let over = f32::from(cut[i]) * f32::from(cut[3]) / 255.0;
@@ -285,7 +285,7 @@ fn a_data_set_is_a_function_of_its_options() {
     let names: Vec<&str> = data.views.iter().map(|view| view.name.as_str()).collect();
     assert!(names.is_sorted());
     assert_eq!(data.split(crate::scene::Split::Test), [0, 8]);
-    // Noise moves points by what it says.
+    // Noise has its nominal size.
     let noisy = scene.dataset(&SynthOptions {
         point_noise: 0.02,
         ..options

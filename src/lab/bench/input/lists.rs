@@ -1,4 +1,4 @@
-//! A frame's lists as the passes before compositing leave them, made by the oracle.
+//! Inputs of compositing: a frame's lists from the oracle.
 
 use super::pack::{self, Splat2d};
 use super::scene::Scene;
@@ -11,7 +11,7 @@ use crate::reference::{ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::render::{ViewOptions, view_of};
 use rayon::prelude::*;
 
-/// The camera as kernels read it.
+/// The camera in the kernels' form.
 pub fn view(scene: &Scene) -> View {
     let options = ViewOptions {
         background: scene.options.background.map(|c| c as f32),
@@ -21,25 +21,25 @@ pub fn view(scene: &Scene) -> View {
     view_of(&scene.camera, &options)
 }
 
-/// The camera as the oracle reads it.
+/// The camera in the oracle's form.
 pub fn viewpoint(scene: &Scene) -> Viewpoint {
     Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode)
 }
 
-/// See above.
+/// Projected splats and their intersections.
 #[derive(Clone, Debug)]
 pub struct Lists {
     /// Tiles of the image.
     pub grid: Grid,
-    /// By splat; those that are not drawn hold NaNs.
+    /// By splat; NaN for splats that are not drawn.
     pub records: Vec<Splat2d>,
-    /// What the device sees in the records.
+    /// Splats as the device decodes them from the records.
     pub screen: Vec<Option<ScreenSplat<f64>>>,
-    /// By source: nearest splat first, each one's tiles ascending.
+    /// By source: nearest splat first, each with its tiles ascending.
     pub isects: Vec<Isect>,
-    /// Sources by tile, nearest first in each.
+    /// Sources by tile, nearest first.
     pub emitted_from_isect: Vec<u32>,
-    /// Slices of the above.
+    /// Slices of `emitted_from_isect`.
     pub range_from_tile: Vec<[u32; 2]>,
 }
 
@@ -83,20 +83,19 @@ impl Lists {
         }
     }
 
-    /// The splat of every source.
+    /// Splat of every source.
     pub fn splat_from_emitted(&self) -> Vec<u32> {
         self.isects.iter().map(|isect| isect.splat).collect()
     }
 
-    /// The splat of every intersection, tile by tile.
+    /// Splat of every intersection, tile by tile.
     pub fn splat_from_isect(&self) -> Vec<u32> {
         let splat = |&source: &u32| self.isects[source as usize].splat;
         self.emitted_from_isect.iter().map(splat).collect()
     }
 }
 
-/// What `reference::expand` finds, which looks at every tile for every splat; this looks at those that the
-/// box around its ellipse meets.
+/// Result of `reference::expand`, computed faster: only tiles in the box around a splat's ellipse are tested.
 fn isects(screen: &[Option<ScreenSplat<f64>>], grid: &Grid) -> Vec<Isect> {
     let order = depth_order(screen);
     let listed: Vec<Vec<Isect>> = order
@@ -119,7 +118,7 @@ fn isects_of(index: usize, splat: &ScreenSplat<f64>, grid: &Grid) -> Vec<Isect> 
         .collect()
 }
 
-/// The tiles that the box around a splat's ellipse meets, ascending, and some more for rounding.
+/// Tiles that the box around a splat's ellipse meets, ascending, with a margin for rounding.
 pub fn tiles_near(splat: &ScreenSplat<f64>, grid: &Grid) -> impl Iterator<Item = u32> + use<> {
     let [half_x, half_y] = extent(splat, &Thresholds::ENGINE);
     // Casts saturate at 0.

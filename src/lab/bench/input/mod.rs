@@ -1,5 +1,4 @@
-//! What is measured: scenes, and the lists and records that kernels read, made by the oracle. Tests use them too:
-//! the same cases test and time.
+//! Inputs of measurements and of kernel tests: scenes, and the oracle's lists and records.
 
 pub mod lists;
 pub mod pack;

@@ -1,4 +1,4 @@
-//! The oracle's numbers in the form that kernels keep them in.
+//! Conversion of the oracle's numbers to the kernels' layout.
 
 use crate::layout::WHITEN;
 use crate::reference::gradient::SplatGradients;
@@ -6,15 +6,15 @@ use crate::reference::project::determinant;
 use crate::reference::rasterize_backward::ScreenGradient;
 use crate::reference::{ScreenSplat, Splat};
 
-/// The whitening matrix `[[p, 0], [−slope q, q]]`, as `(p, q, slope)`: it turns the distance from the centre
-/// into residuals of unit variance.
+/// The whitening matrix `[[p, 0], [−slope q, q]]` as `(p, q, slope)`: it maps the distance from the centre to residuals
+/// of unit variance.
 fn whitening(splat: &ScreenSplat<f64>) -> (f64, f64, f64) {
     let [xx, xy, _] = splat.covariance;
     let q = (xx / determinant(splat.covariance)).sqrt();
     (1.0 / xx.sqrt(), q, xy / xx)
 }
 
-/// A splat on the screen as compositing reads it; the device keeps each part in an array of its own.
+/// A projected splat, input of compositing; on the device each part has an array of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Splat2d {
     /// Mean in pixels, slope, log2 of the opacity.
@@ -28,7 +28,7 @@ pub struct Splat2d {
 /// The device's arrays: shapes, tones, rests.
 pub type Arrays = (Vec<[f32; 4]>, Vec<[f32; 4]>, Vec<[f32; 2]>);
 
-/// Splats as the device keeps them.
+/// Splats in the device's layout.
 pub fn arrays(records: &[Splat2d]) -> Arrays {
     (
         records.iter().map(|r| r.shape).collect(),
@@ -37,7 +37,7 @@ pub fn arrays(records: &[Splat2d]) -> Arrays {
     )
 }
 
-/// A splat on the screen as compositing reads it, in double precision: shape, tone; blue and depth first in rest.
+/// A projected splat in double precision: shape, tone; blue and depth first in rest.
 pub fn splat2d_values(splat: &ScreenSplat<f64>) -> [[f64; 4]; 3] {
     let (p, q, slope) = whitening(splat);
     let whiten = f64::from(WHITEN);
@@ -49,7 +49,7 @@ pub fn splat2d_values(splat: &ScreenSplat<f64>) -> [[f64; 4]; 3] {
     ]
 }
 
-/// The same, rounded for the device.
+/// [`splat2d_values`] rounded for the device.
 pub fn splat2d(splat: &ScreenSplat<f64>) -> Splat2d {
     let [shape, tone, [blue, depth, ..]] = splat2d_values(splat).map(|v| v.map(|x| x as f32));
     Splat2d {
@@ -59,7 +59,7 @@ pub fn splat2d(splat: &ScreenSplat<f64>) -> Splat2d {
     }
 }
 
-/// The splat that the device sees in a record.
+/// The splat decoded from a record.
 pub fn screen_splat(record: &Splat2d) -> ScreenSplat<f64> {
     let [shape, tone] = [record.shape, record.tone].map(|v| v.map(f64::from));
     let rest = record.rest.map(f64::from);
@@ -76,18 +76,18 @@ pub fn screen_splat(record: &Splat2d) -> ScreenSplat<f64> {
     }
 }
 
-/// The sums that `rasterize_backward` leaves for a splat (or for one tile of it): with `s = α ∂L/∂α` and the
-/// residual `f = WHITEN · e`: `[s, s fx, s fy, s fx fx]`, `[s fx fy, s fy fy, red, green]`, `[blue]`.
+/// Sums of `rasterize_backward` for a splat (or for one tile of it): with `s = α ∂L/∂α` and the residual
+/// `f = WHITEN · e`: `[s, s fx, s fy, s fx fx]`, `[s fx fy, s fy fy, red, green]`, `[blue]`.
 ///
 /// From `∂L/∂mean = Wᵀ Σ s e` and `∂L/∂Σ = ½ Wᵀ (Σ s e eᵀ) W`, solved for the sums.
 pub fn whitened_sums(splat: &ScreenSplat<f64>, gradient: &ScreenGradient) -> [f64; 9] {
     let (p, q, slope) = whitening(splat);
     let whiten = f64::from(WHITEN);
     let [d_x, d_y, d_xx, d_xy, d_yy, d_opacity, red, green, blue, _] = gradient.row;
-    // The columns of W⁻¹: a residual of 1 along x or y, in pixels.
+    // Columns of W⁻¹: a residual of 1 along x or y, in pixels.
     let along = [[1.0 / p, slope / p], [0.0, 1.0 / q]];
     let first = along.map(|c| whiten * (c[0] * d_x + c[1] * d_y));
-    // d_xy stands for both off-diagonal entries.
+    // d_xy is the sum of both off-diagonal entries.
     let by_covariance = |a: [f64; 2], b: [f64; 2]| {
         a[0] * d_xx * b[0] + 0.5 * d_xy * (a[0] * b[1] + a[1] * b[0]) + a[1] * d_yy * b[1]
     };
@@ -132,7 +132,7 @@ pub fn planes(rows: &[Vec<f64>]) -> Vec<[f64; 4]> {
     planes
 }
 
-/// Gives parameter planes their smoothing filters, one a splat.
+/// Sets the smoothing filters in parameter planes, one per splat.
 pub fn set_filters<T: Copy>(planes: &mut [[T; 4]], filters: &[T]) {
     let count = filters.len();
     for (row, &filter) in planes[2 * count..].iter_mut().zip(filters) {
@@ -155,7 +155,7 @@ pub fn gradient_rows(gradient: &SplatGradients) -> Vec<Vec<f64>> {
     (0..count).map(row).collect()
 }
 
-/// What a splat's sums say about its numbers on the screen: the inverse of [`whitened_sums`].
+/// Gradient by a splat's screen parameters from its sums: the inverse of [`whitened_sums`].
 pub fn screen_row(splat: &ScreenSplat<f64>, sums: [f64; 9]) -> [f64; 10] {
     let [s, x, y, xx, xy, yy, red, green, blue] = sums;
     let [cov_xx, cov_xy, _] = splat.covariance;

@@ -1,11 +1,11 @@
-//! Random numbers that are the same everywhere, and exact in `f32`.
+//! Reproducible random numbers, exact in `f32`.
 
 /// A small deterministic generator (SplitMix64).
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// The sequence of a seed.
+    /// Generator of a seed.
     pub fn new(seed: u64) -> Random {
         Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
     }
@@ -19,7 +19,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Uniform below `count`, which must not be 0.
+    /// Uniform below `count`, which must be positive.
     pub fn below(&mut self, count: usize) -> usize {
         (self.bits() % count as u64) as usize
     }
@@ -51,7 +51,7 @@ impl Random {
     }
 }
 
-/// The nearest number that a device can hold.
+/// The nearest `f32` value.
 pub fn single(x: f64) -> f64 {
     f64::from(x as f32)
 }

@@ -1,11 +1,11 @@
-//! Scenes made of sketches. All numbers are exact in `f32`: what the device gets is what the oracle gets.
+//! Scenes from sketches. All numbers are exact in `f32`, for equal inputs of device and oracle.
 
 use super::random::Random;
 use crate::reference::Options;
 use crate::scene::{Camera, RenderMode, SH_C0, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
-/// Splats and how they are looked at.
+/// Splats with a camera and options.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The splats.
@@ -16,14 +16,14 @@ pub struct Scene {
     pub options: Options,
 }
 
-/// A splat as a scene's author thinks of it.
+/// A splat in screen terms, for authors of scenes.
 #[derive(Clone, Copy, Debug)]
 pub struct Sketch {
-    /// Where the centre appears, pixels; may lie outside the image.
+    /// Projected centre, pixels; may lie outside the image.
     pub pixel: DVec2,
     /// z in the view; may be negative.
     pub depth: f64,
-    /// Standard deviation along each local axis as it would appear face on, pixels.
+    /// Standard deviation along each local axis, projected face on, pixels.
     pub sigma: [f64; 3],
     /// Opacity's logit.
     pub opacity_logit: f64,
@@ -53,7 +53,7 @@ pub fn push(splats: &mut Splats, camera: &Camera, sketch: &Sketch, random: &mut 
     }
 }
 
-/// `count` splats all over a picture, their standard deviations log-uniform from 1 px to `sigma_max`.
+/// `count` splats all over an image, with standard deviations log-uniform from 1 px to `sigma_max`.
 pub fn scattered(count: usize, [width, height]: [u32; 2], sigma_max: f64, sh_degree: u32) -> Scene {
     let random = &mut Random::new(7);
     let size = DVec2::new(width.into(), height.into());

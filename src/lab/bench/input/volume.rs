@@ -1,25 +1,24 @@
-//! Splats in a volume before a camera, of any number, that a picture is covered by as by a trained scene.
+//! Splats in a volume before a camera, of any number, with the coverage of a trained scene.
 //!
-//! The law: scenes are surfaces, so the more splats the smaller they are, σ ∝ 1/√N, and every pixel lies under as
-//! many of them whatever N is: [`OVERLAP`] bounding squares of three standard deviations. Sizes and places belong
-//! to the scene, so that a larger picture is the same one in more pixels. Depths are log-uniform from 2 to 20,
-//! sizes vary by a factor of e^±0.5, axes of a splat by another, opacities are logistic-normal, directions, colours
-//! and harmonics random.
+//! Law: scenes are surfaces, so splats shrink with their number N, σ ∝ 1/√N, and the coverage of a pixel is independent
+//! of N: [`OVERLAP`] bounding squares of three standard deviations. Sizes and places belong to the scene, so that a
+//! larger image is the same one in more pixels. Depths are log-uniform from 2 to 20, sizes vary by a factor of e^±0.5,
+//! axes of a splat by another, opacities are logistic-normal, directions, colours and harmonics random.
 
 use super::random::Random;
 use crate::scene::{Camera, RenderMode, Splats, sh_coefficient_count};
 use glam::{DMat3, DVec2, DVec3};
 
-/// Bounding squares over a pixel; that of the trained scenes by which [`crate::render::isects_expected`] goes.
+/// Bounding squares over a pixel; measured on the trained scenes behind [`crate::render::isects_expected`].
 pub const OVERLAP: f64 = 40.0;
 /// Side of a bounding square in standard deviations.
 const SIDE: f64 = 6.0;
-/// Share of the picture's width by which the volume exceeds it on every side: scenes do not end where pictures do.
+/// Margin of the volume on every side, in widths of the image: scenes do not end where images do.
 const MARGIN: f64 = 0.1;
 /// Depths, world units.
 const DEPTHS: [f64; 2] = [2.0, 20.0];
 
-/// A camera at the origin that looks along z, its focal length its width.
+/// Camera at the origin, looking along z, with its width as focal length.
 pub fn camera([width, height]: [u32; 2]) -> Camera {
     let size = DVec2::new(width.into(), height.into());
     Camera {
@@ -32,7 +31,7 @@ pub fn camera([width, height]: [u32; 2]) -> Camera {
     }
 }
 
-/// `count` splats of a degree for pictures whose height is `aspect` times their width.
+/// `count` splats of a degree for images with `aspect` = height / width.
 pub fn splats(count: usize, sh_degree: u32, aspect: f64, seed: u64) -> Splats {
     let random = &mut Random::new(seed);
     let mut splats = Splats {
@@ -40,7 +39,7 @@ pub fn splats(count: usize, sh_degree: u32, aspect: f64, seed: u64) -> Splats {
         mode: RenderMode::Default,
         ..Splats::default()
     };
-    // In widths of the picture: count · side² = overlap · area.
+    // In widths of the image: count · side² = overlap · area.
     let area = (1.0 + 2.0 * MARGIN) * (aspect + 2.0 * MARGIN);
     let sigma = (OVERLAP * area / count.max(1) as f64).sqrt() / SIDE;
     for _ in 0..count {
@@ -61,7 +60,7 @@ pub fn splats(count: usize, sh_degree: u32, aspect: f64, seed: u64) -> Splats {
     splats
 }
 
-/// The same with one more in the middle of all depths that covers the whole picture.
+/// The same splats and one more in the middle of all depths that covers the whole image.
 pub fn with_giant(splats: &Splats) -> Splats {
     let mut splats = splats.clone();
     let random = &mut Random::new(1);
@@ -92,8 +91,8 @@ fn push(
     }
 }
 
-/// Exactly `count` of a scene's splats, as another number of splats would have made the same scene: some of them,
-/// or all and further ones drawn from them; their sizes follow the law above.
+/// Exactly `count` splats with the look of a scene: a sample of them, or all and further ones drawn from them; their
+/// sizes follow the law above.
 pub fn exactly(splats: &Splats, count: usize, seed: u64) -> Splats {
     let (random, have) = (&mut Random::new(seed), splats.len());
     if have == 0 {
@@ -103,7 +102,7 @@ pub fn exactly(splats: &Splats, count: usize, seed: u64) -> Splats {
     let from: Vec<usize> = (0..count).map(|i| order[i % have]).collect();
     let mut result = splats.picked(&from);
     for i in have..count {
-        // Beside the one it is drawn from: as far as that reaches, whatever its direction.
+        // Offset from the splat it is drawn from, by that splat's smallest standard deviation.
         let [x, y, z] = result.log_scale[i];
         let reach = x.min(y).min(z).exp();
         result.mean[i] = result.mean[i].map(|m| m + reach * random.normal() as f32);
@@ -119,7 +118,7 @@ pub fn exactly(splats: &Splats, count: usize, seed: u64) -> Splats {
 mod tests {
     use super::*;
 
-    /// Bounding squares of the splats before the picture, in areas of the picture.
+    /// Bounding squares of the splats before the image, in areas of the image.
     fn overlap(splats: &Splats, aspect: f64) -> f64 {
         let squares = splats
             .mean

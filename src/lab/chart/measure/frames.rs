@@ -15,11 +15,12 @@ use crate::stats::Interval;
 use crate::stats::Summary;
 use std::rc::Rc;
 
-/// Bound of rounding to `f32`, of the colour range, in images up to [`ROUNDING_SIZE`] pixels wide: the tolerance of
-/// the tests of frames, fifty times the largest error seen there.
+/// Bound of rounding to `f32`, as a share of the colour range, in images up to [`ROUNDING_SIZE`] pixels wide: the
+/// tolerance of the frame tests, fifty times the largest error measured there.
 const ROUNDING: f64 = 1e-4;
 
-/// Positions are rounded relatively to the image's size: in larger ones [`ROUNDING`] grows with it.
+/// Image width in pixels above which [`ROUNDING`] grows with it, because positions are rounded relative to the image's
+/// size.
 const ROUNDING_SIZE: f64 = 128.0;
 
 /// [`ROUNDING`] in the images of a camera.
@@ -40,7 +41,7 @@ struct SettingBench {
 }
 
 impl FrameInputs<'_> {
-    /// Times and compares every setting, and the projection that all share.
+    /// Times and compares every setting, and the projection common to all.
     pub(super) fn measure(
         &self,
         gpu: &Gpu,
@@ -107,7 +108,7 @@ impl FrameInputs<'_> {
 
     /// Differences between linear projection and rays, by channel of some pixels.
     fn by_rays(&self, camera: &Camera, traced: &[Traced], most: usize) -> Vec<[f64; 3]> {
-        // An odd stride over the image's pixels takes all columns.
+        // An odd stride over the image's pixels samples all columns.
         let every = traced.len().div_ceil(most.max(1)) | 1;
         let pixels: Vec<usize> = (0..traced.len()).step_by(every).collect();
         let seen = ray::colors(self.splats, camera, &self.options(), &pixels);
@@ -140,8 +141,8 @@ struct FrameComparison {
     excess: f64,
 }
 
-/// Compares a frame with the exact one, by the bounds of an index and the share of a pixel's colour range that rounding
-/// may change.
+/// Compares a frame with the exact one, by the bounds of setting `index` and the share of a pixel's colour range for
+/// rounding.
 fn compare_frame(
     drawn: &[[f32; 3]],
     traced: &[Traced],
@@ -159,7 +160,7 @@ fn compare_frame(
     for ((pixel, exact), bound) in drawn.iter().zip(traced).zip(&comparison.bounds) {
         let off = [0, 1, 2].map(|c| (f64::from(pixel[c]) - exact.color[c]).abs());
         comparison.square += off.iter().map(|d| d * d).sum::<f64>();
-        // NaN must win.
+        // NaN must propagate.
         let error = off
             .into_iter()
             .fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a });
@@ -231,7 +232,7 @@ fn bytes(model: &Model) -> usize {
     params.chain(slots).sum::<u64>() as usize
 }
 
-/// Median time of a frame, from runs of so many frames each.
+/// Median time of a frame, from runs of `frames` each.
 pub(super) fn milliseconds(runs_ns: &[f64], frames: usize) -> Interval {
     let share = 1e-6 / frames as f64;
     let summary = Summary::of(runs_ns);

@@ -121,7 +121,7 @@ pub fn measure(
     Ok(chart)
 }
 
-/// A view reduced to so many pixels at most.
+/// A view reduced to at most `pixels`.
 fn reduced(camera: &Camera, pixels: usize) -> Camera {
     let count = f64::from(camera.width) * f64::from(camera.height);
     let factor = (pixels as f64 / count).sqrt().min(1.0);

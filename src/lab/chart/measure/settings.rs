@@ -17,9 +17,9 @@ pub(super) struct FrameSetting {
     pub(super) sh_degree: u32,
     /// Storage precision of the scene on the device.
     pub(super) precision: Precision,
-    /// The error at which splats are pruned ([`prune`](crate::simplify::prune())), of 1; `None`: all are drawn.
+    /// The error of [`prune`](crate::simplify::prune()), of 1; `None`: all splats are drawn.
     pub(super) pruned: Option<f64>,
-    /// The error at which each splat drops harmonics ([`reduce_harmonics`]), of 1; `None`: all are kept.
+    /// The error of [`reduce_harmonics`], of 1; `None`: all SH degrees are kept.
     pub(super) reduced: Option<f64>,
 }
 
@@ -75,7 +75,7 @@ fn one_over(number: u32) -> String {
     format!("1/{number}")
 }
 
-/// A setting that draws with these thresholds.
+/// A frame with these thresholds.
 fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
     FrameSetting {
         knob: knob(series, setting),
@@ -151,7 +151,7 @@ fn together(transmittance_min: f32, number: u32) -> FrameSetting {
 const ALPHA_LEAST: f32 = 1e-6;
 const TRANSMITTANCE_LEAST: f32 = 1e-9;
 
-/// Stops and thresholds that cost about as much as each other, from exact to coarse, and some that do not.
+/// Pairs of stop and cut of about equal cost, from exact to coarse, and some unequal ones.
 const TOGETHER: [(f32, u32); 9] = [
     (1e-3, 1024),
     (1e-3, 255),
@@ -200,8 +200,8 @@ pub(super) fn of_frames(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     settings
 }
 
-/// Settings of a training step: thresholds. Harmonics that are not drawn and pruned splats have no gradients to
-/// compare, and halves are not trained.
+/// Settings of a training step: thresholds. Harmonics above the drawn degree and pruned splats have no gradients to
+/// compare, and half precision is not trained.
 pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
     let all = of_frames(sh_degree, plan).into_iter();
     let is_cut = |setting: &FrameSetting| {
@@ -229,7 +229,7 @@ pub(super) fn default_run(plan: &ChartPlan) -> RunSetting {
     }
 }
 
-/// The other runs; the default one ended with so many splats.
+/// The other runs; `splats` is the final count of the default one.
 pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     let base = TrainConfig::for_iterations(plan.iterations);
     let with = |series: &str, setting: String, change: &dyn Fn(&mut TrainConfig)| {

@@ -15,8 +15,8 @@ use std::time::Instant;
 
 pub(super) use crate::lab::evaluator::BACKGROUND;
 
-/// Seconds of training before the first evaluation on the way; later ones are at doubled times, through 5, 10, 20
-/// and 40.
+/// Seconds of training before the first intermediate evaluation; later ones are at doubled times, through 5, 10, 20 and
+/// 40.
 const FIRST_EVALUATION: f64 = 0.625;
 
 /// Floats of a splat besides its harmonics: mean, quaternion, log-scale, opacity.
@@ -60,7 +60,7 @@ struct TrainingRun {
     splats: Splats,
     seconds: f64,
     score: MeanScore,
-    /// Seconds and PSNR on the way.
+    /// Seconds and PSNR of the intermediate evaluations.
     course: Vec<(f64, f64)>,
 }
 

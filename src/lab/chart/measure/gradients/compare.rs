@@ -4,8 +4,8 @@ use crate::reference::bound::GradientBounds;
 use crate::reference::gradient::SplatGradients;
 use crate::scene::Splats;
 
-/// Errors are relative to the exact value, or to this share of its group's root mean square where that is more: a value
-/// that is small in its group is the remainder of terms that cancel.
+/// Least denominator of relative errors, as a share of the group's root mean square: a value that is small in its group
+/// is the remainder of terms that cancel.
 const SHARE: f64 = 0.01;
 
 /// Errors of all gradients, relative, ascending.
@@ -14,11 +14,11 @@ pub(super) struct GradientComparison {
     pub(super) errors: Vec<f64>,
     /// Proven bounds of the same, ascending.
     pub(super) bounds: Vec<f64>,
-    /// Largest distance of a gradient beyond its bound and rounding; not above 0 if all bounds are kept.
+    /// Largest distance of a gradient beyond its bound and rounding; positive if a bound is broken.
     pub(super) excess: f64,
 }
 
-/// The value at a share of an ascending list; 0 of an empty one.
+/// The value at a share of an ascending list; 0 if empty.
 pub(super) fn percentile(sorted: &[f64], share: f64) -> f64 {
     let last = sorted.len().max(1) - 1;
     sorted
@@ -35,7 +35,7 @@ struct ParameterGroup<'a> {
     rounding: &'a [f64],
 }
 
-/// Compares gradients with the exact ones, by the bounds of an index. Splats on a kink are left out.
+/// Compares gradients with the exact ones, by the bounds of one setting. Splats on a kink are left out.
 pub(super) fn compare(
     found: &Splats,
     exact: &SplatGradients,
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(kept.errors[7], 0.25);
         let broken = compare(&found(1.5, 2.0), &exact, &bounds(false), 1);
         assert_eq!(broken.excess, 0.5 - 0.25 - 0.0625);
-        // On a kink there is no bound.
+        // No bound holds on a kink.
         assert!(compare(&found(1.5, 2.0), &exact, &bounds(true), 1).excess <= 0.0);
         let poison = compare(&found(f32::NAN, 2.0), &exact, &bounds(false), 1);
         assert!(poison.excess.is_nan());

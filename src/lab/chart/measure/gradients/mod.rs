@@ -1,8 +1,8 @@
 //! Training steps of every setting: time, and errors of their gradients.
 //!
 //! Times are those of the usual step. Gradients are compared for another objective, the brightness of the image, for
-//! which bounds can be proven. A step on a white photograph by the L1 loss alone has this gradient wherever no image
-//! reaches white; pixels that may reach it are masked out.
+//! which bounds can be proven. A step on a white photograph by the L1 loss alone has this gradient if no pixel reaches
+//! white; pixels that may reach it are masked out.
 
 mod compare;
 
@@ -94,7 +94,7 @@ impl GradientInputs<'_> {
         view.ok_or_else(|| Error::Config("the data set has no training view".into()))
     }
 
-    /// The view's photograph, alpha composited once and for all.
+    /// Photograph of the view, with alpha composited once.
     fn photo(&self, camera: &Camera) -> Result<Photo> {
         let (width, height) = (camera.width, camera.height);
         let photo = photo::reduce(photo::load(self.view()?)?, width, height);
@@ -179,7 +179,7 @@ impl GradientInputs<'_> {
     }
 }
 
-/// A white photograph, masked out wherever an image of some setting may reach white.
+/// A white photograph, with a mask of the pixels that stay below white in all settings.
 fn white(camera: &Camera, traced: &[Traced]) -> Photo {
     let share = rounding(camera);
     let pixel = |traced: &Traced| {
