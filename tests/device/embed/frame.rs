@@ -132,7 +132,7 @@ impl<'a> Frame<'a> {
 
     fn start(&self) {
         let device = &self.host.device;
-        // SAFETY: the host's own objects, whose last use the fence has ended.
+        // SAFETY: the host's own objects; the fence has ended their last use.
         unsafe {
             device
                 .wait_for_fences(&[self.fence], true, u64::MAX)

@@ -106,7 +106,7 @@ fn kinds(
     ]
 }
 
-/// Share of the gradients whose error exceeds the bound after multiplication by `factor`.
+/// Share of the gradients that exceed the error bound after multiplication by `factor`.
 fn beyond(kind: &[[f64; 3]], factor: f64) -> f64 {
     let is_beyond = |[found, exact, allowed]: &&[f64; 3]| (factor * found - exact).abs() > *allowed;
     kind.iter().filter(is_beyond).count() as f64 / kind.len() as f64

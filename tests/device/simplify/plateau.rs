@@ -87,7 +87,7 @@ fn after_last_round(
     Ok((controller.history().clone(), trainer.splat_count()))
 }
 
-/// The same round with hopeless scores, and with scores whose cost exceeds the limit by a quarter.
+/// The same round with hopeless scores, and with scores at 1.25 times the allowed cost.
 #[test]
 fn of_splats_that_the_last_round_missed_by_little_some_go() -> Result<()> {
     let (gpu, dataset) = (gpu(), dataset(Kind::Demo));
