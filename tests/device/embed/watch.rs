@@ -1,5 +1,4 @@
-//! Call counter of a device's submitting, waiting and allocating functions, which an embedded engine must not call
-//! unasked.
+//! Call counter of a device's submitting, waiting and allocating functions, which are the host's to call.
 
 use ash::vk;
 use std::cell::{Cell, RefCell};

@@ -85,8 +85,8 @@ fn f024_needle_determinant() {
                 errors.push((f64::from(records[0].tone[1]) / tone[1] - 1.0).abs());
             }
             // Scales carry the exponential's 3 + 2 · 8 ULP, 38U, V some 15 roundings more, all of them twice in a
-            // determinant whose terms are all positive, of which the factor is a root; the a it is divided from
-            // carries as much: 120U at worst.
+            // determinant of positive terms only; the factor is its root, and its divisor a carries as much: 120U at
+            // worst.
             let what = format!("whitening in y, aspect {aspect:.0e}, {mode:?}");
             within(
                 "project",

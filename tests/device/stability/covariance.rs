@@ -118,7 +118,7 @@ fn f003_unnormalised_quaternion_gradient() {
     );
 }
 
-/// Quaternion lengths do not grow, and so learning does not slow down.
+/// Quaternion lengths do not grow, which would slow down learning.
 #[test]
 fn f004_quaternion_norm_drift() {
     let random = &mut Random::new(4);

@@ -49,7 +49,7 @@ fn f044_depth_bits() {
     for distance in [1.0f32, 10.0, 100.0, 1000.0, 1e5] {
         let depth = |i: u32| f64::from(f32::from_bits(distance.to_bits() + i));
         let scene = stack(544, &(0..40).map(depth).collect::<Vec<_>>());
-        // 40 layers of an opacity with the exponential's rounding; a splat out of order is worth 0.1.
+        // 40 layers of an opacity with the exponential's rounding; a splat out of order changes a pixel by 0.1.
         let bound = 14.1 * 2.0 * U + 42.0 * U;
         let error = order_error(&scene, &lab.draw(&scene));
         within(

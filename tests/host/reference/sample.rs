@@ -1,4 +1,4 @@
-//! Sampled pixels of frames: equality with the whole frame, and bounds neither idle nor too tight.
+//! Sampled pixels of frames: equality with the whole frame, and bounds that are neither loose nor violated.
 
 use crate::common::scenes::{self, Scene};
 use crate::reference::metamorphic::draw;
