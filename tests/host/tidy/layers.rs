@@ -41,7 +41,7 @@ const RANKS: &[(&str, &str)] = &[
 /// Modules that are built without the feature `lab`: `ENGINE` in the table above.
 const ENGINE: &str = "error layout shader stats scene gpu io metrics kernels render train simplify";
 
-/// Known circles that remain to be opened.
+/// Circles that are known and not opened yet.
 pub(crate) const CIRCLES: &[&str] = &[
     "src/gpu: a circle of caps, create, device, pipeline",
     "src/gpu: a circle of descriptors, frame, host, image, recorder",
@@ -49,7 +49,7 @@ pub(crate) const CIRCLES: &[&str] = &[
     "src/simplify/merge: a circle of joint, mass",
 ];
 
-/// Finds imports that `RANKS` does not allow.
+/// Imports point down.
 pub(crate) fn ranks_hold(files: &[File]) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in sources(files) {
