@@ -1,5 +1,5 @@
-//! The targets of `tests/slow/fuzz` under libFuzzer. `FUZZ_TARGET` names the one that a process runs; the other
-//! arguments are libFuzzer's. `scripts/fuzz` builds this with coverage and runs it.
+//! The targets of `tests/slow/fuzz` under libFuzzer. `FUZZ_TARGET` selects the target of a process; the other arguments
+//! are libFuzzer's. `scripts/fuzz` builds this with coverage and runs it.
 
 #![no_main]
 
@@ -18,7 +18,7 @@ use mutate::{Random, mutate};
 use std::sync::LazyLock;
 use targets::{TARGETS, Target};
 
-/// The folder with the photograph and the cloud that inputs may name.
+/// The folder of the photograph and the point cloud to which inputs may refer.
 const BESIDE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/slow/fuzz/beside");
 
 static TARGET: LazyLock<&Target> = LazyLock::new(|| {
@@ -34,8 +34,8 @@ fuzz_target!(|bytes: &[u8]| {
     execute::execute(&TARGET, bytes);
 });
 
-// Half of the changes are libFuzzer's, which knows what comparisons the code makes; half are those that know
-// numbers and lines. Checksums are made right after most of either.
+// Half of the mutations are libFuzzer's, guided by the comparisons in the code; half are of numbers and lines.
+// Checksums are repaired after most of either.
 fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
     let mut random = Random(u64::from(seed));
     let mut size = size;

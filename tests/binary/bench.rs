@@ -1,4 +1,4 @@
-//! `ashfall bench`: what it prints and writes, and that nothing wrong is ever timed.
+//! `ashfall bench`: output and files, and refusal to time wrong kernels.
 
 use ashfall::kernels::{KERNELS, SELFTESTS};
 use ashfall::lab::baseline;
@@ -127,7 +127,7 @@ fn a_wrong_kernel_is_named_and_not_timed() {
 #[test]
 fn every_kernel_is_measured() {
     let gpu = crate::common::device::gpu();
-    // Nothing is called so: all is considered, and only the copy is run.
+    // No kernel matches the filter: all are considered, and only the copy is run.
     let (mut bench, seen) = bench(&gpu, "no such kernel");
     kernels::run(&mut bench).unwrap();
     baseline::run(&mut bench).unwrap();
@@ -143,7 +143,7 @@ fn every_kernel_is_measured() {
             let mut parts = name.split('/').skip(1);
             parts.next() == Some(info.kernel) && parts.any(|part| part == variant)
         };
-        // Of self-tests the speed is nothing to anybody.
+        // Self-tests are not benchmarked.
         let excused = SELFTESTS.contains(&info.kernel) || gpu.caps().supports(info).is_err();
         assert!(
             excused || names.iter().any(|name| named(&name)),
@@ -153,7 +153,7 @@ fn every_kernel_is_measured() {
     }
 }
 
-/// The cheapest input of each kind that the oracle judges by samples, as the command would run it.
+/// The cheapest input of each kind with sampled oracle checks, as run by the command.
 #[test]
 fn kernels_are_checked_on_what_they_are_timed_on() {
     let gpu = crate::common::device::gpu();
@@ -169,7 +169,7 @@ fn kernels_are_checked_on_what_they_are_timed_on() {
     }
 }
 
-/// A baseline that computes something else would measure nothing.
+/// A baseline with wrong results would be no baseline.
 #[test]
 fn a_yardstick_that_is_wrong_is_noticed() {
     let composite = kernels::Composite::baseline_16x16(300, [61, 47], 6.0);

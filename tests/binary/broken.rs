@@ -1,7 +1,7 @@
-//! Malformed and unusual input: every case of the corpus ends as this table says.
+//! Malformed and unusual input: the required outcome of every case of the corpus.
 //!
-//! The corpus lies in `$ASHFALL_DATA/broken`, a folder a case. Its absence is the only reason to pass
-//! without it, and is said. A case without a line here fails, and so does a line without a case.
+//! The corpus lies in `$ASHFALL_DATA/broken`, a folder per case. Its absence is the only reason to pass without it, and
+//! is printed. A case without a line here fails, and so does a line without a case.
 
 use ashfall::io::{dataset, obj, photo, splats};
 use ashfall::scene::{Dataset, PhotoSource};
@@ -9,13 +9,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// How a case must end.
+/// Required outcome of a case.
 enum Expect {
-    /// It loads; so many views or splats; no warning.
+    /// Loads this number of views or splats, without a warning.
     Clean(usize),
-    /// It loads; so many views or splats; a warning holds these words.
+    /// Loads this number of views or splats; a warning contains these words.
     Warns(usize, &'static [&'static str]),
-    /// An error that names a file and holds these words.
+    /// An error that names a file and contains these words.
     Fails(&'static [&'static str]),
 }
 use Expect::{Clean, Fails, Warns};
@@ -148,7 +148,7 @@ const CASES: &[(&str, Expect)] = &[
     ("transforms_zero_focal", Fails(&["transforms.json", "focal", "not positive"])),
 ];
 
-/// The corpus; `None`, with a word about it, where there is no data.
+/// The corpus; `None`, with a printed notice, if there is no data.
 fn corpus() -> Option<PathBuf> {
     let Some(data) = std::env::var_os("ASHFALL_DATA") else {
         println!("ASHFALL_DATA is not set: the corpus of broken files is not tested");
@@ -159,10 +159,10 @@ fn corpus() -> Option<PathBuf> {
     Some(folder)
 }
 
-/// How many things were loaded, and the warnings.
+/// Number of loaded items, and the warnings.
 type Outcome = ashfall::Result<(usize, Vec<String>)>;
 
-/// The file of one of these names that a case holds.
+/// The file of a case with one of these names.
 fn file_of(case: &Path, names: &[&str]) -> Option<PathBuf> {
     names
         .iter()
@@ -274,7 +274,7 @@ fn every_case_ends_as_expected() {
     );
 }
 
-/// Runs the binary on a case: scenes are drawn, meshes and data sets trained on.
+/// Runs the binary on a case: scenes are rendered, meshes and data sets trained on.
 fn run(corpus: &Path, case: &Path, out: &Path) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ashfall"));
     command.stdin(Stdio::null());
@@ -307,7 +307,7 @@ fn run(corpus: &Path, case: &Path, out: &Path) -> Output {
         .unwrap()
 }
 
-/// What is wrong with how the binary ended, if anything.
+/// Compares the end of the binary's run with the required outcome; the error is the difference.
 fn judge_run(expect: &Expect, output: &Output, out: &Path) -> Result<(), String> {
     let said = String::from_utf8_lossy(&output.stderr);
     let (code, written) = (output.status.code(), out.exists());

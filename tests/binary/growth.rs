@@ -11,7 +11,7 @@ fn run(arguments: &[&str]) -> Output {
     command.args(arguments).output().unwrap()
 }
 
-/// What a bench prints and the JSON that it writes.
+/// Printed text and written JSON of a bench.
 #[track_caller]
 fn bench(folder: &Path, arguments: &[&str]) -> (String, Value) {
     let path = folder.join("bench.json");
@@ -72,7 +72,7 @@ fn frames_are_measured_by_size() {
     for stage in ["total", "project", "rasterize", "host", "memory/params"] {
         assert!(stages.contains(&stage), "{stage} in {stages:?}");
     }
-    // Over splats at three sizes, over pixels at three numbers, by two clocks.
+    // Over splats at three sizes, over pixels at three counts, by two clocks.
     let exponents = report["exponents"].as_array().unwrap();
     assert_eq!(exponents.len(), 12);
     for exponent in exponents {

@@ -1,4 +1,4 @@
-//! `ashfall info --predict` as a user meets it.
+//! `ashfall info --predict` from the command line.
 
 use ashfall::lab::synth::{self, Kind, SynthOptions};
 use serde_json::Value;
@@ -46,7 +46,7 @@ fn info_predicts_memory() {
         buffers.iter().filter_map(|b| b["bytes"].as_u64()).sum()
     };
     assert_eq!(trained["bytes"], sum(&trained));
-    // With a memory of nothing much, all photographs are uploaded step by step.
+    // Without memory for photographs, they are uploaded step by step.
     let streamed = of(&[&size[..], &["--set", "photo_share=0"]].concat());
     assert_eq!(bytes(&streamed, "photo ring"), Some(2 * 4 * 480 * 270));
     let folder = tempfile::tempdir().unwrap();

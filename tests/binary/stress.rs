@@ -1,4 +1,4 @@
-//! `ashfall stress`: it runs, holds what it promises, and notices what is wrong.
+//! `ashfall stress`: it runs, keeps its bounds, and detects errors.
 
 use ashfall::io::ply;
 use ashfall::lab::stress::outcome::CheckGroup;
@@ -37,7 +37,7 @@ fn stress(folder: &Path, scene: Option<&Path>, more: &[&str]) -> (Output, Value)
     (output, serde_json::from_str(&text).unwrap())
 }
 
-/// The groups that have a check, and a failed one.
+/// The groups that have a check, and those with a failed one.
 fn groups(report: &Value) -> (Vec<String>, Vec<String>) {
     let outcomes = report["outcomes"].as_array().unwrap();
     let named = |only_failed: bool| {
@@ -95,7 +95,7 @@ fn a_scene_of_ones_own_is_tried_with_all_its_faults() {
     splats.quaternion[15] = [0.0; 4];
     let scene = folder.path().join("scene.ply");
     ply::write(&scene, &splats).unwrap();
-    // As if the device had no room for the largest picture of a quick run, 4.9 MB: it is left out, and said to be.
+    // The binding limit leaves no memory for the largest picture of a quick run, 4.9 MB: it is skipped and reported.
     let (output, report) = stress(folder.path(), Some(&scene), &["--limit-binding", "4M"]);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     assert_eq!(groups(&report).0, GROUPS);
@@ -104,7 +104,7 @@ fn a_scene_of_ones_own_is_tried_with_all_its_faults() {
         left_out.starts_with("left out: out of device memory"),
         "{report}"
     );
-    // Those without a number are left out on reading.
+    // Splats with non-finite numbers are dropped on reading.
     let scene = report["facts"]["scene"].as_str().unwrap();
     assert!(scene.ends_with("scene.ply, 798 splats"), "{scene}");
     let empty = folder.path().join("empty.ply");
@@ -114,7 +114,7 @@ fn a_scene_of_ones_own_is_tried_with_all_its_faults() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("empty.ply"));
 }
 
-/// A reference that takes every opacity for a little more stands for an engine that draws a little less.
+/// Slightly higher opacities in the reference simulate an engine that draws too little.
 #[test]
 fn what_is_wrong_is_noticed_wherever_it_shows() {
     let gpu = crate::common::device::gpu();

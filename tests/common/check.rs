@@ -1,5 +1,5 @@
-//! Judges what a kernel wrote by what the oracle says, and judges the judgement: every output is falsified
-//! once, and a comparison that lets that pass fails the test.
+//! Checks of a kernel's outputs against the oracle, with a check of the check: every output is falsified once, and a
+//! comparison that accepts the falsified one fails the test.
 
 #![allow(
     dead_code,
@@ -17,12 +17,12 @@ pub use ashfall::lab::bench::check::{Output, UNWRITTEN, floats, rms, words};
 /// The checks of one kernel.
 pub struct Check {
     kernel: &'static str,
-    /// By output: the largest error, and whether it has been falsified.
+    /// By output: the largest error, and whether a falsified output was tried.
     seen: BTreeMap<&'static str, (f64, bool)>,
 }
 
 impl Check {
-    /// Nothing checked yet.
+    /// A check without outputs yet.
     pub fn new(kernel: &'static str) -> Check {
         Check {
             kernel,
@@ -51,7 +51,7 @@ impl Check {
         }
     }
 
-    /// Says how large errors were; every output must have been falsified in some case.
+    /// Prints the largest errors; asserts that every output was falsified in some case.
     #[track_caller]
     pub fn finish(self) {
         assert!(!self.seen.is_empty(), "{}: nothing checked", self.kernel);
@@ -62,17 +62,17 @@ impl Check {
     }
 }
 
-/// A buffer that holds `data`.
+/// A buffer with the contents of `data`.
 pub fn buffer<T: Pod>(gpu: &Gpu, data: &[T]) -> Buffer<T> {
     gpu.buffer_from("input", data).expect("no room for a test")
 }
 
-/// A buffer for `len` elements that nobody has written.
+/// A buffer of `len` unwritten elements.
 pub fn unwritten<T: Pod>(gpu: &Gpu, len: usize) -> Buffer<T> {
     gpu.buffer("output", len).expect("no room for a test")
 }
 
-/// All of a buffer.
+/// Contents of a whole buffer.
 pub fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Vec<T> {
     gpu.download(buffer, 0..buffer.len())
         .expect("cannot read back")

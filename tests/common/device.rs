@@ -1,7 +1,7 @@
-//! The device that tests run on. There is always one: a software device is part of the set-up, so a
-//! missing device fails the tests.
+//! The device of the tests. There is always one: a software device is part of the set-up, so a missing device fails the
+//! tests.
 //!
-//! `ASHFALL_TEST_LIMITS` takes it for a lesser one, for all tests alike, e.g.
+//! `ASHFALL_TEST_LIMITS` lowers its limits for all tests alike, e.g.
 //! `binding=8388608,memory=536870912,workgroup=128,subgroups=off`.
 
 use ashfall::gpu::{Faults, Gpu, GpuOptions, Limits};
@@ -10,19 +10,19 @@ use std::ops::Deref;
 use std::rc::{Rc, Weak};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A test's turn to use devices: until it is dropped no other test of the process has any.
+/// Exclusive use of devices: until it is dropped no other test of the process has any.
 ///
-/// The validation layer (1.3.239) looks devices up in a table that it does not lock: a call to one crashes now and then
-/// while another is created or destroyed.
+/// The validation layer (1.3.239) looks devices up in a table without a lock: a call to one occasionally crashes while
+/// another is created or destroyed.
 pub(crate) struct Turn(#[expect(dead_code, reason = "held, not read")] MutexGuard<'static, ()>);
 
-/// Waits for this thread's turn, or shares the one that it has.
+/// Waits for this thread's turn, or shares its current one.
 pub(crate) fn turn() -> Rc<Turn> {
     static DEVICES: Mutex<()> = Mutex::new(());
     thread_local!(static MINE: RefCell<Weak<Turn>> = const { RefCell::new(Weak::new()) });
     MINE.with_borrow_mut(|mine| {
         mine.upgrade().unwrap_or_else(|| {
-            // A test that failed is done with its devices.
+            // A failed test no longer uses its devices.
             let guard = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
             let turn = Rc::new(Turn(guard));
             *mine = Rc::downgrade(&turn);
@@ -31,20 +31,20 @@ pub(crate) fn turn() -> Rc<Turn> {
     })
 }
 
-/// A device with validation on. Dropping it fails the test if the validation layer said anything; where it is the
-/// last handle, that includes what was leaked.
+/// A device with validation on. Dropping it fails the test if there are validation messages; those of leaks are
+/// included if it is the last handle.
 pub(crate) struct TestGpu {
     gpu: Option<Gpu>,
     faults: Faults,
     _turn: Rc<Turn>,
 }
 
-/// Creates one.
+/// Creates a device with the default test options.
 pub(crate) fn gpu() -> TestGpu {
     create(&options())
 }
 
-/// Creates one that has so many bytes of memory.
+/// Creates a device with a memory limit in bytes.
 pub(crate) fn limited(memory_limit: Option<u64>) -> TestGpu {
     create(&GpuOptions {
         memory_limit,
@@ -52,7 +52,7 @@ pub(crate) fn limited(memory_limit: Option<u64>) -> TestGpu {
     })
 }
 
-/// Creates one whose bindings reach no more than so many bytes.
+/// Creates a device with bindings of at most this many bytes.
 pub(crate) fn narrow(binding: u64) -> TestGpu {
     let mut options = options();
     let most = options.limits.binding.unwrap_or(u64::MAX);
@@ -75,7 +75,7 @@ fn create(options: &GpuOptions) -> TestGpu {
     }
 }
 
-/// Creates one as it is, whatever `ASHFALL_TEST_LIMITS` says: for comparisons with a host's device.
+/// Creates a device without the limits of `ASHFALL_TEST_LIMITS`, for comparisons with a host's device.
 pub(crate) fn whole() -> TestGpu {
     create(&GpuOptions {
         limits: Limits::default(),
@@ -84,7 +84,7 @@ pub(crate) fn whole() -> TestGpu {
     })
 }
 
-/// What all tests ask for.
+/// Options of the device for all tests.
 pub(crate) fn options() -> GpuOptions {
     let mut options = GpuOptions {
         validation: true,

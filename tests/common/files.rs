@@ -1,4 +1,4 @@
-//! The same small reconstruction in every form: COLMAP binary, COLMAP text, transforms.json.
+//! The same small reconstruction in every format: COLMAP binary, COLMAP text, transforms.json.
 
 use ashfall::scene::Point;
 use glam::{DMat3, DQuat, DVec3};
@@ -28,7 +28,7 @@ pub(crate) const HEIGHT: u32 = 8;
 pub(crate) const FOCAL: [f64; 2] = [20.5, 21.25];
 pub(crate) const CENTER: [f64; 2] = [6.125, 3.75];
 
-/// Ids with gaps, not in the order of names, one name with spaces, one in a folder.
+/// Poses with unordered ids with gaps, one name with spaces, one in a folder.
 pub(crate) fn poses() -> Vec<Pose> {
     [(7, "c.png"), (2, "a b c.png"), (40, "sub/b.png")]
         .into_iter()
@@ -45,7 +45,7 @@ pub(crate) fn poses() -> Vec<Pose> {
         .collect()
 }
 
-/// Points and their ids, which have gaps and are not in order.
+/// Points by id, unordered and with gaps.
 pub(crate) fn points() -> Vec<(u64, Point)> {
     [900, 3, 41, 7]
         .into_iter()
@@ -121,7 +121,7 @@ pub(crate) fn write_binary(model: &Path) {
     std::fs::write(model.join("points3D.bin"), file).unwrap();
 }
 
-/// Writes the same as `.txt`, the first view without a single 2D point: its second line is empty.
+/// Writes the same as `.txt`; the first view has no 2D point, so its second line is empty.
 pub(crate) fn write_text(model: &Path) {
     std::fs::create_dir_all(model).unwrap();
     let [fx, fy] = FOCAL;

@@ -1,4 +1,4 @@
-//! A frame's lists as the passes before compositing leave them: the library's own, for its benches.
+//! Re-export of the per-frame lists before compositing, from the library's benches.
 
 #![allow(
     unused_imports,

@@ -1,4 +1,4 @@
-//! The oracle's numbers in the form that kernels keep them in: the library's own, for its benches.
+//! Re-export of the conversions from the oracle's numbers to kernel layouts, from the library's benches.
 
 #![allow(
     unused_imports,

@@ -1,6 +1,6 @@
-//! Seeded random scenes, for the oracle's own tests and for every comparison of a kernel with it.
+//! Seeded random scenes, for the oracle's own tests and for comparisons of kernels with it.
 //!
-//! All numbers are exact in `f32`, cameras included: what the device gets is what the oracle gets.
+//! All numbers are exact in `f32`, cameras included, so that device and oracle have equal inputs.
 
 #![allow(
     dead_code,
@@ -14,8 +14,8 @@ use ashfall::reference::Options;
 use ashfall::scene::{Camera, RenderMode, Splats, sh_coefficient_count};
 use glam::{DMat3, DVec2, DVec3};
 
-/// A camera that looks at the origin from about four units away, with unequal focal lengths and a principal
-/// point off the centre.
+/// A camera about four units from the origin, directed at it, with unequal focal lengths and a principal point off the
+/// centre.
 pub fn camera(random: &mut Random, width: u32, height: u32) -> Camera {
     let size = f64::from(width.max(height));
     let focal = DVec2::new(random.between(0.9, 1.2), random.between(0.9, 1.2)) * size;
@@ -42,7 +42,7 @@ pub fn camera(random: &mut Random, width: u32, height: u32) -> Camera {
     }
 }
 
-/// Something moderate that is certainly seen; `rank` of `count` orders the depths without ties.
+/// A moderate, certainly visible splat; `rank` of `count` orders the depths without ties.
 fn moderate(camera: &Camera, rank: usize, count: usize, random: &mut Random) -> Sketch {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let pixel = DVec2::new(
@@ -78,8 +78,8 @@ fn empty(random: &mut Random, width: u32, height: u32, sh_degree: u32) -> Scene 
     }
 }
 
-/// `count` well-conditioned splats before a camera: rounded, half transparent, no channel near black, no
-/// depths near each other (as far as `count` lets them be apart).
+/// `count` well-conditioned splats before a camera: rounded, half transparent, no channel near black, depths as far
+/// apart as `count` allows.
 pub fn gentle(seed: u64, count: usize, width: u32, height: u32, sh_degree: u32) -> Scene {
     let random = &mut Random::new(seed);
     let mut scene = empty(random, width, height, sh_degree);
@@ -90,10 +90,10 @@ pub fn gentle(seed: u64, count: usize, width: u32, height: u32, sh_degree: u32) 
     scene
 }
 
-/// What is difficult about a splat of [`hard`]; splat `i` is of kind `Trouble::ALL[i % ALL.len()]`.
+/// The difficulty of a splat of [`hard`]; splat `i` is of kind `Trouble::ALL[i % ALL.len()]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trouble {
-    /// Nothing.
+    /// An ordinary splat.
     None,
     /// The centre lies outside the limits of the Jacobian, the tails reach into the image.
     Clamped,
@@ -109,7 +109,7 @@ pub enum Trouble {
     Huge,
     /// Much smaller than a pixel.
     Tiny,
-    /// Two channels negative before they are clamped.
+    /// Two channels negative before clamping.
     Dark,
 }
 
@@ -137,7 +137,7 @@ impl Trouble {
         match self {
             Trouble::None => {}
             Trouble::Clamped => {
-                // Beyond the right or left limit, which lie 15 % of the width outside the image.
+                // Beyond the right or left limit, 15 % of the width outside the image.
                 let beyond = size.x * random.between(0.2, 0.5);
                 sketch.pixel.x = if random.below(2) == 0 {
                     size.x + beyond
@@ -163,7 +163,7 @@ impl Trouble {
     }
 }
 
-/// Like [`gentle`], but every splat has the [`Trouble`] of its index.
+/// As [`gentle`], but every splat has the [`Trouble`] of its index.
 pub fn hard(seed: u64, count: usize, width: u32, height: u32, sh_degree: u32) -> Scene {
     let random = &mut Random::new(seed ^ 0x6861_7264);
     let mut scene = empty(random, width, height, sh_degree);
@@ -175,8 +175,8 @@ pub fn hard(seed: u64, count: usize, width: u32, height: u32, sh_degree: u32) ->
     scene
 }
 
-/// Standard deviations of 3D smoothing filters, world units: from a thirtieth to three times the splat's own;
-/// every fifth splat has none.
+/// Standard deviations of 3D smoothing filters, world units: from a thirtieth to three times the splat's own; 0 for
+/// every fifth splat.
 pub fn filters(splats: &Splats, seed: u64) -> Vec<f32> {
     let random = &mut Random::new(seed ^ 0x6d69_7000);
     let filter = |(index, log_scale): (usize, &[f32; 3])| {
@@ -187,7 +187,7 @@ pub fn filters(splats: &Splats, seed: u64) -> Vec<f32> {
     splats.log_scale.iter().enumerate().map(filter).collect()
 }
 
-/// A photograph of nothing in particular: a gradient with noise, in 256 levels.
+/// A generated photograph: a gradient with noise, 256 levels.
 pub fn photo(seed: u64, width: u32, height: u32) -> Vec<[u8; 3]> {
     let random = &mut Random::new(seed ^ 0x7068_6f74);
     let slope = [0; 3].map(|_| [random.between(-0.5, 0.5), random.between(-0.5, 0.5)]);
@@ -213,7 +213,7 @@ pub fn photo_values(photo: &[[u8; 3]]) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// Coefficients that a degree has, for tests that index `Splats::sh`.
+/// SH coefficient `coefficient` (RGB) of a splat, asserted to be within the degree.
 pub fn coefficient(splats: &mut Splats, splat: usize, coefficient: usize) -> &mut [f32] {
     assert!(
         coefficient < sh_coefficient_count(splats.sh_degree),
@@ -223,7 +223,7 @@ pub fn coefficient(splats: &mut Splats, splat: usize, coefficient: usize) -> &mu
     &mut splats.sh[splat * stride + coefficient * 3..][..3]
 }
 
-/// Numbers that break things when they stand where a parameter is expected.
+/// Special values for parameters: NaN, infinities, zeros, subnormals, and values near numeric limits.
 pub const POISON: [f32; 30] = [
     f32::NAN,
     -f32::NAN,
@@ -257,7 +257,7 @@ pub const POISON: [f32; 30] = [
     17.4,
 ];
 
-/// Numbers below `count`, each once, in no order that anything else has.
+/// A random permutation of the numbers below `count`, uncorrelated with other orders.
 pub fn shuffled(count: usize) -> Vec<u32> {
     let random = &mut Random::new(count as u64);
     let mut keyed: Vec<(u64, u32)> = (0..count as u32)
@@ -267,7 +267,7 @@ pub fn shuffled(count: usize) -> Vec<u32> {
     keyed.into_iter().map(|(_, i)| i).collect()
 }
 
-/// Planes of parameters, each in the order of an index.
+/// Parameter planes, each reordered by an index.
 pub fn in_order(planes: &[[f32; 4]], index: &[u32]) -> Vec<[f32; 4]> {
     planes
         .chunks(index.len())

@@ -1,4 +1,4 @@
-//! Whole frames against the oracle's.
+//! Whole frames against the oracle.
 
 use crate::common::scenes::Scene;
 use ashfall::gpu::Buffer;
@@ -6,8 +6,7 @@ use ashfall::reference;
 use ashfall::render::{Accuracy, Model, Precision, RenderOptions, Rendered, Renderer, ViewOptions};
 use ashfall::scene::{RenderMode, Splats};
 
-/// The largest error over the pixels far from any discontinuity, the share of pixels near one, and the
-/// largest error over those.
+/// Largest error over the pixels far from any discontinuity, share of pixels near one, and largest error over those.
 fn compare(scene: &Scene) -> (f64, f64, f64) {
     let gpu = crate::common::device::gpu();
     let model = Model::upload(&gpu, &scene.splats).unwrap();
@@ -101,7 +100,7 @@ fn frames_cut_as_they_are_told_to() {
     {
         for make in [crate::common::scenes::gentle, crate::common::scenes::hard] {
             let mut scene = make(31, 150, 80, 61, 1);
-            // As the device holds them.
+            // Rounded to f32, as on the device.
             scene.options.thresholds.alpha_min = f64::from(alpha_min as f32);
             scene.options.thresholds.transmittance_min = f64::from(transmittance_min as f32);
             let (interior, near, flipped) = compare(&scene);
@@ -146,7 +145,7 @@ fn a_scene_stored_as_halves_is_drawn_as_the_rounded_one() {
             let mut rounded = scene.clone();
             rounded.splats = precision.rounded(&scene.splats);
             let wanted = draw_as(&rounded, Precision::Full);
-            // The same formulas on the same numbers; a compiler may order a sum otherwise.
+            // The same formulas on the same numbers; a compiler may reorder a sum.
             let (off, moved) = (largest(&found, &wanted), largest(&found, &full));
             println!("degree {degree}, {precision:?}: {off:.1e}, from whole numbers {moved:.1e}");
             assert!(off <= 1e-5, "degree {degree}, {precision:?}: {off:e}");
@@ -155,8 +154,8 @@ fn a_scene_stored_as_halves_is_drawn_as_the_rounded_one() {
     }
 }
 
-/// Splats whose harmonics end at different degrees are stored apart, and seen just as if they were not: of equal depth,
-/// too, those that come first are in front.
+/// Splats of different SH degrees are stored in separate blocks and drawn as if all had the highest: at equal depths
+/// the lower index is in front, too.
 #[test]
 fn frames_of_several_degrees_are_those_of_the_highest() {
     let gpu = crate::common::device::gpu();
@@ -167,12 +166,12 @@ fn frames_of_several_degrees_are_those_of_the_highest() {
         for (splat, row) in splats.sh.chunks_mut(stride).enumerate() {
             row[[3, 48, 12, 27][splat % 4]..].fill(0.0);
         }
-        // Pairs in one place, of different degree.
+        // Coincident splats of different degree.
         for splat in (0..8_000).step_by(5) {
             splats.mean[splat + 1] = splats.mean[splat];
         }
         let whole = Splats {
-            // Nothing that is seen, but not zero, so that all have all.
+            // Invisible but not zero, so that all splats have the highest degree.
             sh: splats
                 .sh
                 .iter()
@@ -196,7 +195,7 @@ fn frames_of_several_degrees_are_those_of_the_highest() {
             (model, image)
         };
         let (model, image) = render(&scene.splats);
-        // Two thousand and some of each degree: all apart.
+        // 2,250 splats of each degree, in separate blocks.
         assert_eq!(model.counts, [2_250; 4]);
         assert!(!model.splat_from_slot.is_empty());
         let bytes: u64 = model.params.iter().map(Buffer::bytes).sum();

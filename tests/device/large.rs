@@ -1,4 +1,4 @@
-//! Frames and steps that exceed what one binding reaches or what buffers hold: the same bits, in more passes.
+//! Frames and steps that exceed the range of one binding or the capacity of buffers: the same bits, in more passes.
 
 use crate::common::scenes::Scene;
 use ashfall::gpu::Gpu;
@@ -7,7 +7,7 @@ use ashfall::render::{Capacity, Model, RenderOptions, Rendered, Renderer, ViewOp
 use ashfall::scene::{Dataset, Photo, PhotoSource, Point, View};
 use ashfall::train::{HostState, TrainConfig, Trainer};
 
-/// The least that a binding may reach here: the images of these tests.
+/// Smallest range of a binding for these tests, bytes: that of their images.
 const NARROW: u64 = 32 << 10;
 
 fn render(gpu: &Gpu, scene: &Scene) -> Rendered {
@@ -36,7 +36,7 @@ fn bits(image: &Rendered) -> Vec<u32> {
     values.chain(&image.depth).map(|x| x.to_bits()).collect()
 }
 
-/// The largest error against the oracle over pixels far from any discontinuity.
+/// Largest error against the oracle over pixels far from any discontinuity.
 fn error(scene: &Scene, image: &Rendered) -> f64 {
     let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
     let margins =
@@ -50,7 +50,7 @@ fn error(scene: &Scene, image: &Rendered) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Splats all over a small image, many of them wide: more (splat, tile) pairs than a narrow binding holds.
+/// Splats all over a small image, many of them wide: more intersections than a narrow binding holds.
 fn dense(seed: u64, splats: usize) -> Scene {
     let mut scene = crate::common::scenes::gentle(seed, splats, 43, 37, 3);
     for scale in scene.splats.log_scale.iter_mut().flatten() {
@@ -84,7 +84,7 @@ fn a_scene_of_many_blocks_and_bands_is_drawn_as_one() {
         );
         let error = error(&scene, &image);
         println!("{name}: {error:.1e}");
-        // As whole frames are judged in frame.rs, for gentle scenes and hard ones.
+        // The tolerances of frame.rs for gentle and hard scenes.
         assert!(
             error <= if name == "hard" { 1e-3 } else { 1e-4 },
             "{name}: {error}"
@@ -97,15 +97,15 @@ fn a_frame_is_complete_though_memory_ends() {
     let scene = dense(4, 1500);
     let wide = crate::common::device::gpu();
     let image = bits(&render(&wide, &scene));
-    // Growing to all of its pairs at once took more than this.
+    // Less memory than growing to all intersections at once took.
     let tight = crate::common::device::limited(Some(wide.memory_peak() - 200_000));
     assert!(bits(&render(&tight, &scene)) == image, "other bits");
 }
 
 #[test]
 fn a_list_longer_than_a_driver_runs_loops_is_drawn_whole() {
-    // One tile and more splats over it than a software device may loop through, each so small and faint that it
-    // counts for a pixel or none: the image is not opaque before the last.
+    // One tile with more splats than a software device's loop limit, each too small and faint to affect more than one
+    // pixel: the image is not opaque before the last.
     let mut scene = crate::common::scenes::gentle(5, 130_000, 8, 16, 0);
     for logit in &mut scene.splats.opacity_logit {
         *logit = -5.28;
@@ -123,11 +123,11 @@ fn a_list_longer_than_a_driver_runs_loops_is_drawn_whole() {
     }
     println!("transmittance from {least:.3}, error {most:.1e}");
     assert!(least > 0.01 && least < 0.5, "{least}");
-    // As whole frames are judged in frame.rs; one splat less would be 1/255 of what passes.
+    // The tolerance of frame.rs; a lost splat would cost 1/255 of the transmittance.
     assert!(most <= 1e-4, "{most}");
 }
 
-/// A run that nothing is refined in, on one made photograph of a scene.
+/// A data set of one generated photograph of a scene.
 fn dataset(scene: &Scene) -> Dataset {
     let camera = scene.camera;
     let photo = crate::common::scenes::photo(7, camera.width, camera.height);
@@ -150,12 +150,12 @@ fn dataset(scene: &Scene) -> Dataset {
     }
 }
 
-/// What a few steps make of a scene.
+/// Result of a few steps.
 struct Trained {
     state: HostState,
     statistics: Vec<[f32; 4]>,
     losses: Vec<f64>,
-    /// Most (splat, tile) pairs of a frame.
+    /// Most intersections of a frame.
     isects: usize,
 }
 
@@ -167,7 +167,7 @@ fn train(gpu: &Gpu, scene: &Scene, steps: usize) -> Trained {
     let state = HostState::from_splats(&scene.splats, config.sh_degree);
     let mut trainer = Trainer::from_state(gpu, &dataset, config, &state, 0).unwrap();
     let mut reports = Vec::new();
-    // A step that did not fit is taken back.
+    // A step that did not fit is undone.
     while reports.len() < steps {
         match trainer.iteration() < steps as u32 {
             true => reports.extend(trainer.step().unwrap()),
@@ -186,7 +186,7 @@ fn train(gpu: &Gpu, scene: &Scene, steps: usize) -> Trained {
     }
 }
 
-/// The least that a binding may reach here: the derivatives of SSIM, 36 bytes a pixel.
+/// Smallest range of a binding for these tests, bytes: 36 bytes a pixel for the derivatives of SSIM.
 const NARROW_TRAINING: u64 = 64 << 10;
 
 #[test]
@@ -209,7 +209,7 @@ fn a_scene_of_many_blocks_and_bands_is_trained_as_one() {
         );
         assert!(found.state == expected.state, "{name}: other bytes");
         let splats = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
-        // Sixteen bytes of the widest array for each pair.
+        // 16 bytes per intersection in the widest array.
         let is_banded = found.isects as u64 > NARROW_TRAINING / 16;
         let wanted = ["hard", "margins"].contains(&name);
         assert_eq!(is_banded, wanted, "{name}: {}", found.isects);
@@ -222,8 +222,8 @@ fn a_scene_of_many_blocks_and_bands_is_trained_as_one() {
 
 #[test]
 fn a_list_longer_than_a_driver_runs_loops_is_trained_whole() {
-    // As where it is drawn: splats that fill many lists, each faint and smaller than a pixel. A software device that
-    // left its loops early would leave records unwritten, which hold NaNs here, and those are counted.
+    // As above: splats that fill many lists, each faint and smaller than a pixel. A software device that left its loops
+    // early would leave records unwritten, as NaNs, which are counted.
     let mut scene = crate::common::scenes::gentle(5, 200_000, 8, 16, 0);
     scene.splats.opacity_logit.fill(-5.28);
     scene.splats.log_scale.fill([-9.0; 3]);
@@ -234,7 +234,7 @@ fn a_list_longer_than_a_driver_runs_loops_is_trained_whole() {
     let seen = statistics.iter().filter(|of| of[1] == 1.0).count();
     let moved = state.m[0].iter().filter(|moment| moment[3] != 0.0).count();
     println!("{seen} splats seen, {moved} with a gradient");
-    // More than one margin holds. An alpha of 1/255 is reached within 0.39 px of a splat's centre, which is half of
-    // the pixels' area.
+    // More than one list's limit. An alpha of 1/255 is reached within 0.39 px of a splat's centre, half of the pixels'
+    // area.
     assert!(seen > 100_000 && moved > seen / 2, "{moved} of {seen}");
 }

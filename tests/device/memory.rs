@@ -1,4 +1,4 @@
-//! What runs take of the device's memory, held against the formula that is printed before them.
+//! Device memory of runs against the formula that is printed before them.
 
 use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
@@ -12,7 +12,7 @@ use ashfall::train::{
 };
 use std::collections::BTreeMap;
 
-/// Vulkan rounds what a buffer takes up to an alignment, 256 bytes at most.
+/// Alignment to which Vulkan rounds a buffer's size, bytes: 256 at most.
 const ROUNDING: u64 = 256;
 
 fn dataset(points: usize) -> Dataset {
@@ -26,7 +26,7 @@ fn dataset(points: usize) -> Dataset {
     })
 }
 
-/// Bytes of each name when all buffers together took most.
+/// Bytes by buffer name at the peak of the sum.
 fn peaks(gpu: &Gpu) -> BTreeMap<String, u64> {
     let all = gpu.memory_by_name();
     all.into_iter()
@@ -42,7 +42,7 @@ const ALL: Outputs = Outputs {
 #[test]
 fn every_buffer_of_a_frame_is_in_the_formula() {
     let gpu = crate::common::device::gpu();
-    // Tables as long as the splats make them, and as the pairs do.
+    // Capacities dominated by the splats, and by the intersections.
     for (splats, isects, outputs) in [
         (70_000, 1_000, ALL),
         (10, 900_000, Outputs::default()),
@@ -73,8 +73,8 @@ fn every_buffer_of_a_frame_is_in_the_formula() {
     }
 }
 
-/// Trains to the end and compares: the formula at what the run came to have, by buffer and in all; and what
-/// could be said before.
+/// Trains to the end and compares: the formula at the run's largest sizes, by buffer and in all; and the prediction
+/// before the run.
 fn compare(gpu: &Gpu, dataset: &Dataset, config: &TrainConfig, streamed: bool) {
     gpu.reset_memory_peak();
     let mut trainer = Trainer::new(gpu, dataset, config.clone()).unwrap();
@@ -107,7 +107,7 @@ fn compare(gpu: &Gpu, dataset: &Dataset, config: &TrainConfig, streamed: bool) {
         );
     }
     assert!((0.95..1.05).contains(&ratio), "{ratio}");
-    // Parameters and what goes with them have no room to spare.
+    // Parameters and the arrays beside them have exact sizes, without spare capacity.
     for name in [
         "params",
         "moment1",
@@ -152,7 +152,7 @@ fn training_takes_what_the_formula_says() {
     }
 }
 
-/// Degrees are lowered in mid-run: what is taken falls to what the formula says of splats of such degrees.
+/// After lowering degrees during a run, memory is that of the formula for the new degrees.
 #[test]
 fn memory_falls_with_the_degrees() {
     let gpu = crate::common::device::gpu();
@@ -161,7 +161,7 @@ fn memory_falls_with_the_degrees() {
     let mut trainer = Trainer::new(&gpu, &dataset, config).unwrap();
     trainer.step().unwrap();
     let count = trainer.splat_count();
-    // Four of five at degree 0, the others at 3.
+    // Four of five splats at degree 0, the others at 3.
     let degrees: Vec<u8> = (0..count).map(|i| 3 * u8::from(i % 5 == 0)).collect();
     trainer.lower_degrees(&degrees).unwrap();
     trainer.step().unwrap();
@@ -193,7 +193,7 @@ fn memory_falls_with_the_degrees() {
     }
 }
 
-/// The most that a run may take of the device's memory, of the bytes of parameters, moments, photographs and lists.
+/// Largest ratio of a run's device memory to the bytes of parameters, moments, photographs and lists.
 const SHARE_MAX: f64 = 1.3;
 
 #[test]
@@ -214,7 +214,7 @@ fn training_takes_little_beside_what_it_cannot_do_without() {
     println!("{share:.3} of the essential bytes, {predicted:.3} of the measured ones predicted");
     assert!(share <= SHARE_MAX, "{share}");
     assert!((0.9..1.1).contains(&predicted), "{predicted}");
-    // At other sizes by the formula, which the run above and others here are held against.
+    // Other sizes by the formula, which the run above and other tests compare with measurements.
     for (splats, photos, image) in [
         (50_000, 43, [270, 480]),
         (200_000, 43, [270, 480]),

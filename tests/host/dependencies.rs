@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::process::Command;
 
-/// Crates that the engine names in `Cargo.toml`.
+/// Direct dependencies of the engine in `Cargo.toml`.
 const DIRECT: [&str; 14] = [
     "ash",
     "bytemuck",
@@ -21,7 +21,7 @@ const DIRECT: [&str; 14] = [
     "ashfall",
 ];
 
-/// Crates of the command line and the laboratory, which no dependency of the engine may bring either.
+/// Crates of the command line and the laboratory, which are not even indirect dependencies of the engine.
 const TOOLS: [&str; 7] = [
     "clap",
     "csv",

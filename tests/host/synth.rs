@@ -1,4 +1,4 @@
-//! Made data sets on disk, read back by the readers that real ones go through.
+//! Synthetic data sets on disk, loaded by the readers of real ones.
 
 use ashfall::io::{dataset, photo};
 use ashfall::lab::synth::{Kind, SynthOptions, save, scene};

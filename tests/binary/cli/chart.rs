@@ -37,7 +37,7 @@ fn a_chart_is_one_page_with_its_numbers_and_every_bound_kept() {
         .iter()
         .filter(|row| row[0] == "rendering" && row[column("quantity")] == "max_error")
     {
-        // Some pixel differs, none by more than was proven and rounding explains.
+        // Some pixel differs, none by more than the proven bound and rounding.
         let (error, bound) = (number(row, "value"), number(row, "bound"));
         assert!(error > 0.0 && error <= bound + 1e-3, "{row:?}");
         coarse = coarse.max(error);

@@ -1,4 +1,4 @@
-//! The binary as a user meets it: what commands print, write and return, on a small made data set.
+//! The binary from the command line: output, files and exit status of commands, on a small synthetic data set.
 
 mod chart;
 mod needs;
@@ -37,7 +37,7 @@ fn stdout(arguments: &[&str]) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// The one line of a command that must fail.
+/// The one-line error of a command that must fail.
 #[track_caller]
 fn error(arguments: &[&str]) -> String {
     let output = run(arguments);
@@ -67,7 +67,7 @@ fn folder() -> TempDir {
     tempfile::tempdir().unwrap_or_else(|e| panic!("no temporary folder: {e}"))
 }
 
-/// Twelve small photographs with points, made once for all tests of this file.
+/// Data set of twelve small photographs with points, made once for all tests of this file.
 fn data() -> &'static Path {
     static DATA: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let (_, path) = DATA.get_or_init(|| {
@@ -98,7 +98,7 @@ fn data() -> &'static Path {
     path
 }
 
-/// Options of a run that refines, on the device every machine has.
+/// Options of a short run with refinement.
 const SHORT: &[&str] = &[
     "--iterations",
     "60",
@@ -255,7 +255,7 @@ fn a_scene_is_trained_judged_and_drawn() {
         "--out",
         word(&path("around")),
     ]);
-    // By the rules of the 3DGS code: another picture.
+    // Rendering by the rules of the 3DGS code gives another picture.
     let theirs = path("theirs");
     let draw = ["render", scene, "--orbit", "1", "--out", word(&theirs)];
     stdout(&[&draw[..], &["--compat", "original"]].concat());
@@ -291,7 +291,7 @@ fn check_report(report: &Value) {
     assert!(number("/train_seconds") > 0.0 && number("/memory_peak_bytes") > 1e5);
     let memory = |name: &str| number(&format!("/memory/{name}"));
     let ratio = memory("predicted_bytes") / memory("peak_bytes");
-    // Evaluations between the steps have room of their own, which the formula of training leaves out.
+    // Evaluations between steps have buffers of their own, which the formula of training does not include.
     assert!((0.05..1.1).contains(&ratio), "{ratio}");
     assert!(memory("essential_bytes") > 0.0 && memory("isects_peak") > 100.0);
     assert!(memory("reserved_peak_bytes") >= memory("peak_bytes"));
@@ -348,7 +348,7 @@ fn equal_seeds_give_equal_bytes_also_when_stopped_and_resumed() {
     }
 }
 
-/// The scene's file says how it was trained, and is judged so.
+/// The scene's file stores its mode, and evaluation uses it.
 #[track_caller]
 fn check_mode(dir: &Path, mode: &str) {
     let (scene, report) = (dir.join("scene.ply"), read_json(&dir.join("report.json")));
@@ -361,7 +361,7 @@ fn check_mode(dir: &Path, mode: &str) {
     assert_eq!(scores["mean"], report["test"], "{mode}: judged otherwise");
 }
 
-/// Starts a run and stops it with a signal once it has written a checkpoint after its first.
+/// Starts a run and stops it with a signal once `run.json` reports the second iteration.
 fn stop(arguments: &[&str], dir: &Path, signal: &str) {
     let mut child = ashfall(arguments)
         .stdout(Stdio::null())

@@ -34,7 +34,7 @@ fn every_run_is_written_down_drawn_and_not_run_again() {
         found.unwrap_or_else(|| panic!("no column {name}"))
     };
     assert_eq!(lines.len(), 1 + 2 * 3);
-    // Of the data set's place no more is told than its last folder, and its scene goes by that.
+    // Paths are private: only the data set's last folder is written, as the name of its scene.
     assert_eq!([lines[1][0], lines[4][0]], ["sphere", "data"]);
     assert!(
         !csv.contains(data) && !csv.contains(word(folder.path())),
@@ -52,7 +52,7 @@ fn every_run_is_written_down_drawn_and_not_run_again() {
     assert_eq!(page.matches("<figure ").count(), 2);
     assert!(page.contains("<h3>sphere</h3>") && page.contains("<h3>data</h3>"));
     assert!(!page.contains(data) && page.ends_with("</html>\n"));
-    // One seed more: earlier lines stay to the byte, times and all.
+    // With one more seed, earlier lines stay to the byte, times included.
     let filing = ["--seeds", "2", "--record", word(&filed)];
     stdout(&survey(
         &out,

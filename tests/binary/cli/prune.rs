@@ -96,7 +96,7 @@ fn words_say_what_went_and_nothing_is_written_unasked() {
     }
 }
 
-/// What merging did is measured and said by itself; the proof is of what was pruned after it.
+/// The change by merging is measured and reported separately; the proof covers only the pruning after it.
 #[test]
 fn merging_comes_first_and_is_told_apart_from_the_proof() {
     let folder = folder();
@@ -176,7 +176,7 @@ fn merging_comes_first_and_is_told_apart_from_the_proof() {
     }
 }
 
-/// An interrupted run leaves the file that was there as it was.
+/// An interrupted run leaves an existing file unchanged.
 #[cfg(unix)]
 #[test]
 fn an_interruption_leaves_no_half_scene() {
@@ -190,7 +190,7 @@ fn an_interruption_leaves_no_half_scene() {
         .stderr(std::process::Stdio::piped())
         .spawn();
     let mut child = child.unwrap_or_else(|e| panic!("{e}"));
-    // It listens by the time that it says what it is at.
+    // The signal handler is installed before this line of progress.
     let stderr = child.stderr.take().unwrap_or_else(|| panic!("no stderr"));
     let mut lines = std::io::BufRead::lines(std::io::BufReader::new(stderr)).map_while(Result::ok);
     let line = lines.find(|line| line.contains("training views"));

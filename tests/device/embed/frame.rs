@@ -1,4 +1,4 @@
-//! What the host owns for each of its frames: commands, a fence, a target image, and a buffer to read it.
+//! Host-owned objects of one frame: commands, a fence, a target image, and a readback buffer.
 
 use crate::embed::host::Host;
 use ash::vk;
@@ -6,13 +6,13 @@ use ashfall::gpu::{HostImage, ImageState};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
-/// The state that the host's own command leaves its image in, ...
+/// State of the image after the host's clear command.
 pub(crate) const CLEARED: ImageState = ImageState {
     layout: vk::ImageLayout::TRANSFER_DST_OPTIMAL,
     stage: vk::PipelineStageFlags2::CLEAR,
     access: vk::AccessFlags2::TRANSFER_WRITE,
 };
-/// ... and the one that it wants it back in.
+/// State required by the host's copy command.
 pub(crate) const COPYABLE: ImageState = ImageState {
     layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
     stage: vk::PipelineStageFlags2::COPY,
@@ -132,7 +132,7 @@ impl<'a> Frame<'a> {
 
     fn start(&self) {
         let device = &self.host.device;
-        // SAFETY: the host's own objects, whose last use the fence has ended.
+        // SAFETY: the host's own objects; the fence has ended their last use.
         unsafe {
             device
                 .wait_for_fences(&[self.fence], true, u64::MAX)
@@ -165,7 +165,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Makes the cleared image copyable, where the engine has not.
+    /// Barrier from cleared to copyable, for frames that the engine does not record into.
     pub(crate) fn hand_over(&self) {
         let barriers = [vk::ImageMemoryBarrier2::default()
             .src_stage_mask(CLEARED.stage)
@@ -185,13 +185,13 @@ impl<'a> Frame<'a> {
         };
     }
 
-    /// The image as the engine is told of it.
+    /// The image as the engine's [`HostImage`].
     pub(crate) fn target(&self, before: ImageState, after: ImageState) -> HostImage {
         // SAFETY: image and view live as long as the frame, which waits for its commands.
         unsafe { HostImage::wrap(self.image, self.view, self.extent, before, after) }
     }
 
-    /// Copies the image, which must be `COPYABLE`, without a barrier of the host's own; ends and submits.
+    /// Copies the image, which must be `COPYABLE`, without a barrier of the host; ends and submits.
     pub(crate) fn submit(&self) {
         let device = &self.host.device;
         let regions = [vk::BufferImageCopy::default()
@@ -226,7 +226,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Copies the image, which another frame's commands have drawn.
+    /// Copies the image drawn by another frame's commands.
     pub(crate) fn resubmit(&self) {
         self.start();
         self.submit();

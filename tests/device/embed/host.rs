@@ -1,7 +1,7 @@
-//! A host: an application with a device of its own, of which the engine is a guest.
+//! Host application: it owns the device and lends it to the engine.
 //!
-//! It enables exactly what `ashfall::gpu::REQUIRED` lists, and destroys everything that is its own at the
-//! end, when the validation layer would complain about anything that the guest left behind.
+//! It enables exactly `ashfall::gpu::REQUIRED`, and destroys its own objects at the end, when the validation layer
+//! reports every object that the engine leaked.
 
 use crate::common::device::{Turn, turn};
 use crate::embed::watch;
@@ -34,7 +34,7 @@ pub(crate) struct Host {
 }
 
 impl Host {
-    /// A device with what is required, and with what presenting needs if asked for.
+    /// A device with the required features, and optionally the one for presenting.
     pub(crate) fn new(storage_image_write_without_format: bool) -> Host {
         let turn = turn();
         let messages = Box::<Messages>::default();
@@ -49,7 +49,7 @@ impl Host {
         let physical = unsafe { instance.enumerate_physical_devices() }.unwrap()[0];
         let device = device(&instance, physical, storage_image_write_without_format);
         let device = watch::watched(&instance, &device);
-        // SAFETY: the queue was asked for.
+        // SAFETY: the queue was requested at device creation.
         let queue = unsafe { device.get_device_queue(0, 0) };
         let desc = AllocatorCreateDesc {
             instance: instance.clone(),
@@ -74,7 +74,7 @@ impl Host {
         }
     }
 
-    /// What the engine is told.
+    /// The description passed to `Gpu::adopt`.
     pub(crate) fn introduce(&self, with_queue: bool, with_allocator: bool) -> HostDevice {
         HostDevice {
             instance: self.instance.clone(),
@@ -90,7 +90,7 @@ impl Host {
         }
     }
 
-    /// What the validation layer has said; forgotten then.
+    /// Messages of the validation layer since the last call.
     pub(crate) fn messages(&self) -> Vec<String> {
         std::mem::take(&mut self.messages.lock().unwrap())
     }
@@ -134,7 +134,7 @@ impl Drop for Host {
         let report = allocator.lock().unwrap().generate_report();
         assert_eq!(report.total_allocated_bytes, 0, "memory was left behind");
         drop(allocator);
-        // SAFETY: the host's own, idle and not used again. What is left of the guest's is reported.
+        // SAFETY: the host's own, idle and not used again. Leaked objects of the engine are reported here.
         unsafe { self.device.destroy_device(None) };
         let messages = self.messages();
         // SAFETY: as above.
@@ -142,7 +142,7 @@ impl Drop for Host {
             self.debug
                 .destroy_debug_utils_messenger(self.messenger, None)
         };
-        // SAFETY: the device was the last thing made from it.
+        // SAFETY: the device, destroyed above, was the last object made from it.
         unsafe { self.instance.destroy_instance(None) };
         assert_eq!(messages, Vec::<String>::new(), "validation messages");
     }
@@ -163,7 +163,7 @@ unsafe extern "system" fn on_message(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: Vulkan's data is valid, and `user` is what `messenger` was given.
+    // SAFETY: Vulkan's data is valid; `user` is the pointer passed in `messenger`.
     let (data, messages) = unsafe { (&*data, &*user.cast::<Messages>()) };
     // SAFETY: a C string of the layer's, or null.
     let text = unsafe { data.message_as_c_str() };
@@ -191,7 +191,7 @@ fn instance(entry: &ash::Entry, messages: &Messages) -> ash::Instance {
         .enabled_extension_names(&extensions)
         .push_next(&mut features)
         .push_next(&mut messenger);
-    // SAFETY: what `info` points to outlives the call; the messages outlive the instance.
+    // SAFETY: the pointees of `info` outlive the call; the messages outlive the instance.
     unsafe { entry.create_instance(&info, None) }.unwrap()
 }
 
@@ -221,6 +221,6 @@ fn device(instance: &ash::Instance, physical: vk::PhysicalDevice, writes: bool) 
         .enabled_features(&base)
         .push_next(&mut v12)
         .push_next(&mut v13);
-    // SAFETY: what `info` points to outlives the call.
+    // SAFETY: the pointees of `info` outlive the call.
     unsafe { instance.create_device(physical, &info, None) }.unwrap()
 }

@@ -1,4 +1,4 @@
-//! The engine as a guest on a host's device: it records, and does nothing else.
+//! The engine on a host's device: it only records.
 
 mod frame;
 mod host;
@@ -31,7 +31,7 @@ fn view(scene: &Scene) -> ViewOptions {
     }
 }
 
-/// The camera, moved a little more with every frame.
+/// Camera of a frame: shifted by a constant step per frame.
 fn moved(camera: &Camera, frame: usize) -> Camera {
     Camera {
         position: camera.position + DVec3::new(0.0625, -0.03125, 0.0) * frame as f64,
@@ -39,7 +39,7 @@ fn moved(camera: &Camera, frame: usize) -> Camera {
     }
 }
 
-/// What a device of the engine's own draws.
+/// Frames drawn on a device of the engine's own.
 fn expected(scene: &Scene, frames: usize) -> Vec<Rendered> {
     let gpu = crate::common::device::gpu();
     let model = Model::upload(&gpu, &scene.splats).unwrap();
@@ -51,12 +51,12 @@ fn expected(scene: &Scene, frames: usize) -> Vec<Rendered> {
 }
 
 fn adopt(host: &Host, with_queue: bool, with_allocator: bool) -> Gpu {
-    // SAFETY: the host has enabled what is required, and outlives the guest.
+    // SAFETY: the host has enabled the required features, and outlives the engine.
     unsafe { Gpu::adopt(host.introduce(with_queue, with_allocator)) }.unwrap()
 }
 
 fn wrap(frame: &Frame<'_>) -> HostCommands {
-    // SAFETY: the frame is being recorded; it is waited for before its turn comes again.
+    // SAFETY: the frame is being recorded; it is waited for before it is reused.
     unsafe { HostCommands::wrap(frame.commands) }
 }
 
@@ -71,7 +71,7 @@ fn assert_same(pixels: &[[f32; 4]], expected: &Rendered) {
     }
 }
 
-/// The nearest of 256 levels, as storing to such an image rounds.
+/// Asserts at most the rounding of a store to 8 bits per channel (nearest of 256 levels).
 fn assert_near(pixels: &[[u8; 4]], expected: &Rendered) {
     for (i, pixel) in pixels.iter().enumerate() {
         let [r, g, b] = expected.rgb[i];
@@ -83,7 +83,7 @@ fn assert_near(pixels: &[[u8; 4]], expected: &Rendered) {
     }
 }
 
-/// One picture, however the engine came by device, memory and model.
+/// One picture with the given sources of queue and memory.
 fn draw_once(with_queue: bool, with_allocator: bool, format: vk::Format) {
     let scene = scene();
     let expected = expected(&scene, 1).remove(0);
@@ -124,7 +124,7 @@ fn draw_once(with_queue: bool, with_allocator: bool, format: vk::Format) {
         assert_same(&frame.pixels(), &expected);
     }
     drop((renderer, model, gpu));
-    // All of the host's is still there.
+    // The host's objects are still usable.
     frame.begin();
     frame.hand_over();
     frame.submit();
@@ -181,7 +181,7 @@ fn frames_in_flight_report_what_did_not_fit_and_allocate_nothing_once_warm() {
         let calls = watch::calls();
         match i {
             0 | 1 => assert_eq!(stats, None),
-            // The third knew that the first had not fitted: it was drawn in bands.
+            // Frame 2 has the count of frame 0, which did not fit: it draws in bands.
             2..=4 => assert_eq!(
                 stats.map(|s| (s.isect_capacity, s.bands > 1, s.complete)),
                 Some((72, i == 4, i == 4))
@@ -196,7 +196,7 @@ fn frames_in_flight_report_what_did_not_fit_and_allocate_nothing_once_warm() {
         }
         frame.submit();
         let pixels = || frame.pixels::<f32>();
-        // The third frame brought the news that the first did not fit.
+        // Frame 2 reports the overflow of frame 0.
         match stats {
             Some(stats) if i == 2 => renderer.reserve(&model, &camera, 2 * stats.isects).unwrap(),
             _ => {}
@@ -207,7 +207,7 @@ fn frames_in_flight_report_what_did_not_fit_and_allocate_nothing_once_warm() {
                 "frame {i}"
             );
         } else if i % 2 == 1 || i == 2 {
-            // Every other frame is left running while the next is recorded.
+            // Every other frame is still in flight while the next is recorded.
             assert_same(&pixels(), expected);
         }
     }
@@ -231,7 +231,7 @@ fn two_pictures_share_a_frame_and_our_own_rendering_does_not_disturb_them() {
     for round in 0..2 {
         left.begin();
         right.begin();
-        // One command buffer for both eyes; the other one only says that its image is ready.
+        // One command buffer for both images; the other only makes its image copyable.
         right.hand_over();
         right.submit();
         right.pixels::<f32>();
@@ -304,7 +304,7 @@ fn what_was_not_reserved_or_enabled_is_refused() {
     frame.submit();
 }
 
-/// Training submits by itself, to the queue that the host lends.
+/// Training submits by itself, to the queue lent by the host.
 #[test]
 fn a_guest_with_a_queue_trains_to_the_same_bits() {
     let dataset = synth::scene(synth::Kind::Sphere).dataset(&synth::SynthOptions {
@@ -328,7 +328,7 @@ fn a_guest_with_a_queue_trains_to_the_same_bits() {
     assert_eq!(train(&gpu), train(&crate::common::device::whole()));
 }
 
-/// That clean runs mean something: a wrong state is reported.
+/// Negative check of the validation: a wrong image state is reported.
 #[test]
 fn a_lie_about_the_images_state_is_noticed() {
     let scene = scene();
@@ -375,7 +375,7 @@ fn what_is_published_covers_every_kernel() {
             .iter()
             .filter(|_| kernel.variant.is_empty() && !BASELINES.contains(&kernel.kernel))
         {
-            // Optional, and published as such.
+            // The only optional feature of a base variant.
             let optional = *need == Requirement::StorageImageWriteWithoutFormat;
             assert!(
                 optional && kernel.kernel == "present",

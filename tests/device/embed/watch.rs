@@ -1,5 +1,4 @@
-//! A device whose submitting, waiting and allocating functions tell when they are called: what an
-//! embedded engine must not do behind its host's back can be counted.
+//! Call counter of a device's submitting, waiting and allocating functions, which are the host's to call.
 
 use ash::vk;
 use std::cell::{Cell, RefCell};
@@ -9,7 +8,7 @@ thread_local! {
     static CALLS: RefCell<Vec<&'static str>> = const { RefCell::new(Vec::new()) };
 }
 
-/// The watched calls of this thread since the last time, which are then forgotten.
+/// Watched calls of this thread since the previous call of this function.
 pub(crate) fn calls() -> Vec<&'static str> {
     CALLS.take()
 }
@@ -33,12 +32,12 @@ macro_rules! watch {
             unsafe extern "system" fn $name($($arg: $kind),*) -> vk::Result {
                 CALLS.with_borrow_mut(|calls| calls.push(stringify!($name)));
                 let forward = original::$name.get().expect("the device was made in this thread");
-                // SAFETY: the caller's promises are passed on.
+                // SAFETY: the caller upholds the contract of the forwarded function.
                 unsafe { forward($($arg),*) }
             }
         )*
 
-        /// What stands for the function of that name, if it is watched.
+        /// The replacement of the function of that name if it is watched, else `function`.
         fn instead(name: &CStr, function: *const c_void) -> *const c_void {
             match name.to_str() {
                 $(Ok(stringify!($name)) => {
@@ -77,10 +76,10 @@ watch! {
          callbacks: *const vk::AllocationCallbacks<'_>, pool: *mut vk::DescriptorPool);
 }
 
-/// The same device, watched; for use in this thread only.
+/// The same device with watched functions; for use in this thread only.
 pub(crate) fn watched(instance: &ash::Instance, device: &ash::Device) -> ash::Device {
     let load = |name: &CStr| {
-        // SAFETY: instance and device are alive; a name unknown to them gives null.
+        // SAFETY: instance and device are alive; an unknown name gives null.
         let function = unsafe { instance.get_device_proc_addr(device.handle(), name.as_ptr()) };
         // SAFETY: function pointers and data pointers are of one size wherever Vulkan runs.
         let function =

@@ -1,4 +1,4 @@
-//! Devices that are lost, and whose memory ends.
+//! Lost devices and exhausted device memory.
 
 use crate::common::device::{self, Turn};
 use crate::faults::run::{STEPS, holds_only, scene, train, undisturbed};
@@ -8,7 +8,7 @@ use ashfall::kernels::compact::{self, Compact};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-/// A device of a test's own, validated, and the handle by which it fails.
+/// A validated device with fault injection, and the handle of its faults.
 fn faulty() -> (Rc<Turn>, Gpu, Faults) {
     let turn = device::turn();
     let faults = Faults::default();
@@ -19,8 +19,8 @@ fn faulty() -> (Rc<Turn>, Gpu, Faults) {
     (turn, Gpu::create(&options).unwrap(), faults)
 }
 
-/// Runs the training with a failure at every `stride`-th of the calls that `count` counts, and once more from what is
-/// then on the disk. Returns the errors.
+/// Runs the training with a failure at every `stride`-th of the calls counted by `count`, and resumes each on a healthy
+/// device from the files on disk. Returns the errors.
 fn fail_everywhere(stride: usize, count: fn(&Faults) -> u64, fail: fn(&Faults, u64)) -> Vec<Error> {
     let healthy = device::gpu();
     let expected = undisturbed(&healthy);
@@ -112,7 +112,7 @@ fn f107_memory_that_ends_at_any_creation() {
     shortages(1);
 }
 
-/// Training makes no image: those of our own are of benches and tests.
+/// Images are made by benches and tests only, so training does not cover them.
 #[test]
 fn f107_an_image_whose_memory_ends_leaks_nothing() {
     let (_turn, gpu, faults) = faulty();
@@ -154,7 +154,7 @@ fn a_kernel_is_compiled_once_as_long_as_somebody_holds_it() {
     assert_eq!(faults.validation_messages(), [""; 0]);
 }
 
-/// The check for leaks can fail: a buffer that is never dropped keeps its device.
+/// Negative check of the leak detection: a buffer that is never dropped keeps its device.
 #[test]
 fn f107_a_leak_is_noticed() {
     let (_turn, gpu, faults) = faulty();

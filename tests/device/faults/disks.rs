@@ -1,7 +1,7 @@
-//! Disks that are full: a limit on the size of files makes the operating system's own writes end short, at any byte.
+//! Full disks: under a limit on file size the operating system's own writes end short, at any byte.
 //!
-//! The limit belongs to a process, so these tests run themselves in a process of their own, under `prlimit`; the
-//! signal that comes with the limit is ignored there, and writing fails as it does on a full disk.
+//! The limit applies to a process, so these tests run themselves in a child process under `prlimit`. The signal of the
+//! limit is ignored there, and a write fails as on a full disk.
 
 use crate::common::device;
 use crate::faults::run::{STEPS, holds_only, scene, train, train_with, undisturbed};
@@ -13,7 +13,7 @@ use ashfall::train::checkpoint::Checkpoint;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-/// A command that may write files of so many bytes at most.
+/// A command with a limit on the size of each file it writes, in bytes.
 pub(crate) fn limited(bytes: u64, program: &Path) -> Command {
     let mut command = Command::new("sh");
     command
@@ -24,7 +24,7 @@ pub(crate) fn limited(bytes: u64, program: &Path) -> Command {
     command
 }
 
-/// Runs an ignored test of this file in a process of its own, with a folder to write to.
+/// Runs an ignored test of this file in a child process, with a folder to write to.
 fn in_a_process(test: &str, bytes: u64, folder: &Path) -> Output {
     let own = std::env::current_exe().unwrap();
     limited(bytes, &own)
@@ -59,7 +59,7 @@ fn limit_to(bytes: &str) {
 
 type Writer = fn(&Path, u8) -> Result<()>;
 
-/// Every writer, under a name of its file; the number tells contents apart.
+/// Every writer, by file name; the number makes contents differ.
 const WRITERS: &[(&str, Writer)] = &[
     ("scene.ply", |path, value| {
         let splats = Splats {
@@ -106,7 +106,7 @@ fn write_everything() {
         let new = std::fs::read(&whole).unwrap();
         std::fs::remove_file(&whole).unwrap();
         assert_ne!(old, new);
-        // Limits all over the file, the first and the last byte among them.
+        // Limits spread over the file, including the first and the last byte.
         let share: usize = limit.parse().unwrap();
         let bytes = (new.len() - 1) * share / 16;
         limit_to(&bytes.to_string());
@@ -156,7 +156,7 @@ fn fill_the_disk_at_every_checkpoint() {
     let expected = undisturbed(&gpu);
     let folder = std::env::var_os("FAULTS_FOLDER").unwrap();
     for full_at in 1..=STEPS {
-        // A few bytes, and most of the file: the write that fails is the first, or ends short.
+        // A few bytes, and most of the file: the failing write is the first, or ends short.
         for bytes in ["0", "100", "2000"] {
             let run = Path::new(&folder).join(format!("{full_at}-{bytes}"));
             std::fs::create_dir(&run).unwrap();

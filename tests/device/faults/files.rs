@@ -1,5 +1,5 @@
-//! Files as other programs write them, longer than the catalogue's small tests in `tests/device/stability`; any bytes
-//! at all are the business of `tests/slow/fuzz`, a corpus of damaged files that of `tests/binary/broken.rs`.
+//! Files as other programs write them, longer than the catalogue's small tests in `tests/device/stability`; arbitrary
+//! bytes are tested in `tests/slow/fuzz`, a corpus of damaged files in `tests/binary/broken.rs`.
 
 use ashfall::io::colmap::{self, Files};
 use ashfall::io::{Source, ply};
@@ -23,7 +23,7 @@ fn text(names: &str, kind: &str, rows: &[[f32; 14]]) -> String {
     format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n{body}")
 }
 
-/// One row that holds a NaN costs that row, not the file; the warning says which it was.
+/// A row with a NaN is dropped alone; the warning gives its number.
 #[test]
 fn f097_a_row_that_is_none_is_dropped_alone() {
     let row = |first: f32| {
@@ -45,14 +45,14 @@ fn f097_a_row_that_is_none_is_dropped_alone() {
         "{:?}",
         loaded.warnings
     );
-    // Any order of the properties, any type of number, and line ends of Windows.
+    // Any order of the properties, any number type, and Windows line ends.
     let swapped = NAMES.replace("x y z", "z y x");
     let file = text(&swapped, "double", &[row(1.0)]).replace('\n', "\r\n");
     assert_eq!(
         splats(file.as_bytes()).unwrap().splats.mean,
         [[3.0, 2.0, 1.0]]
     );
-    // A file that ends anywhere inside its rows is an error, never fewer splats.
+    // A file truncated anywhere in its rows is an error, never fewer splats.
     let file = text(NAMES, "float", &[row(1.0), row(2.0)]);
     let second = file.trim_end().rfind('\n').unwrap();
     for length in 0..second {
@@ -63,7 +63,7 @@ fn f097_a_row_that_is_none_is_dropped_alone() {
     }
 }
 
-/// Images without 2D points have an empty line, which must not be taken for the end, nor for a blank one.
+/// Images without 2D points have an empty line, which is neither the end nor a blank line to skip.
 #[test]
 fn f098_empty_lines_of_points_do_not_shift_images() {
     let read = |images: &str, points: &str| {
@@ -85,14 +85,14 @@ fn f098_empty_lines_of_points_do_not_shift_images() {
         .map(|view| view.name.as_str())
         .collect();
     assert_eq!(names, ["a b.png", "c.png", "d.png"]);
-    // In the order of their ids, and what is none is kept for the data set to count.
+    // Points are sorted by id; a NaN position is kept for the data set to count.
     assert!(listing.points[0].position[0].is_nan());
     assert_eq!(listing.points[1].color, [1.0, 0.0, 0.0]);
     assert_eq!(read(&images, "").points, []);
 }
 
-/// Sums of floats by atomics differ from run to run even on a software device: no kernel that renders or trains has
-/// any. The baseline_16x16 design has, which is a baseline and nothing else, and here shows that they are found.
+/// Atomic float sums differ from run to run even on a software device: no kernel that renders or trains has any. The
+/// baseline_16x16 kernels do, for comparison only, and here show that the check finds them.
 #[test]
 fn f111_no_kernel_adds_floats_by_atomics() {
     let adds = |info: &&&ashfall::shader::KernelInfo| {

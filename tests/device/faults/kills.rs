@@ -1,4 +1,4 @@
-//! `kill -9`, and a full disk, as they happen to the program itself.
+//! `kill -9`, and a full disk, applied to the executable.
 
 use crate::faults::disks::limited;
 use crate::faults::run::holds_only;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_ashfall");
 
-/// What a finished run's folder holds.
+/// Files in a finished run's folder.
 const RESULTS: &[&str] = &[
     "checkpoint",
     "run.json",
@@ -42,7 +42,7 @@ fn data() -> &'static Path {
     path
 }
 
-/// The arguments that begin a run in `out`, or go on with the one that is there.
+/// The arguments that begin a run in `out`, or resume it.
 fn arguments(out: &Path, strategy: &str) -> Vec<String> {
     let out = out.display().to_string();
     let words = if Path::new(&out).join("run.json").exists() {
@@ -67,7 +67,7 @@ fn start(out: &Path, strategy: &str) -> Child {
         .unwrap()
 }
 
-/// Waits for a run that must succeed; how long it took.
+/// Waits for a run that must succeed; returns its duration.
 #[track_caller]
 fn finish(out: &Path, strategy: &str) -> Duration {
     let begun = Instant::now();
@@ -90,8 +90,8 @@ fn uniform(state: &mut u64) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Kills runs at random moments, `kills` times, going on with each after it was killed; whenever one comes to its end,
-/// its bytes must be those of the run that nothing happened to.
+/// Kills runs at random moments, `kills` times, resuming each; a finished run must have the bytes of the uninterrupted
+/// one.
 fn kill(strategy: &str, kills: u32, seed: u64) {
     let folder = tempfile::tempdir().unwrap();
     let whole = folder.path().join("whole");
@@ -103,14 +103,13 @@ fn kill(strategy: &str, kills: u32, seed: u64) {
     while killed < kills {
         let mut child = start(&out, strategy);
         std::thread::sleep(duration.mul_f64(uniform(&mut random)));
-        // SIGKILL.
         child.kill().unwrap();
         let output = child.wait_with_output().unwrap();
         match output.status.code() {
             None => killed += 1,
             code => assert_eq!(code, Some(0), "{}", String::from_utf8_lossy(&output.stderr)),
         }
-        // Files are whole at any time: every second run is brought to its end, the others are killed again.
+        // Files are complete at any time: half of the runs are finished here, the others are killed again.
         if uniform(&mut random) < 0.5 {
             finish(&out, strategy);
         }
@@ -148,7 +147,7 @@ fn f103_a_run_that_was_killed_a_hundred_times() {
     kill("mcmc", 50, 3);
 }
 
-/// A finished run is in the folder; another one, begun over it, finds the disk full.
+/// A second run over a finished one's folder, on a full disk.
 #[test]
 fn f102_the_program_on_a_full_disk_says_so_and_spoils_nothing() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Numbers that are none, or too large to work with, in the middle of training.
+//! NaN and overflowing parameters during training.
 
 use crate::common::device;
 use crate::faults::run::dataset;
@@ -7,7 +7,7 @@ use ashfall::train::{HostState, StepReport, StrategyKind, TrainConfig, Trainer, 
 
 const POISONED: usize = 17;
 
-/// Some steps from a state whose splat [`POISONED`] has this log-scale along x.
+/// Six steps from a state in which splat [`POISONED`] has this log-scale along x.
 fn train(gpu: &Gpu, log_scale: f32) -> (HostState, HostState, Vec<StepReport>) {
     let mut config = TrainConfig::for_iterations(6).with_strategy(StrategyKind::Mcmc);
     config.sh_degree = 1;
@@ -24,7 +24,7 @@ fn train(gpu: &Gpu, log_scale: f32) -> (HostState, HostState, Vec<StepReport>) {
     (before, trainer.download().unwrap(), reports)
 }
 
-/// The bits of all splats' rows but the poisoned one's.
+/// The bits of all rows except the poisoned splat's.
 fn others(state: &HostState) -> Vec<u32> {
     let planes = state.params.iter().chain(&state.m).chain(&state.v);
     let rows = planes.flat_map(|plane| plane.iter().enumerate());
@@ -32,9 +32,9 @@ fn others(state: &HostState) -> Vec<u32> {
     sound.flat_map(|(_, four)| four.map(f32::to_bits)).collect()
 }
 
-/// The penalty on scales makes a gradient of the scale itself: e^88 is finite and its square is not. Such a splat is
-/// not drawn; the step says so and names it; its log-scale and the moments of it stay as they were. A splat that is
-/// none has no gradient. All other splats go on alike, to the bit.
+/// The penalty on scales has a gradient of the scale itself: e^88 is finite and its square is not. Such a splat is not
+/// drawn; the step reports it by index; its log-scale and moments stay as they were. A splat with a NaN has no
+/// gradient. All other splats are equal in both runs, to the bit.
 #[test]
 fn f076_a_poisoned_gradient_reaches_no_moment_and_is_named() {
     let gpu = device::gpu();

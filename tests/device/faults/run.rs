@@ -1,4 +1,4 @@
-//! The short training that failures happen to.
+//! The short training into which failures are injected.
 
 use ashfall::Result;
 use ashfall::gpu::Gpu;
@@ -37,13 +37,13 @@ fn config() -> TrainConfig {
     config
 }
 
-/// Trains to the end, from the folder's checkpoint if there is one, and writes a checkpoint after every step and the
-/// scene at the end.
+/// Trains to the end, from the folder's checkpoint if there is one, with a checkpoint after every step and the scene at
+/// the end.
 pub(crate) fn train(gpu: &Gpu, folder: &Path) -> Result<()> {
     train_with(gpu, folder, &mut |_| {})
 }
 
-/// As [`train`], telling of each step before its checkpoint is written.
+/// [`train`] with a callback before each step's checkpoint is written.
 pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) -> Result<()> {
     let dataset = dataset();
     let path = folder.join("checkpoint");
@@ -75,7 +75,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
     ply::write(&folder.join("scene.ply"), &splats)
 }
 
-/// The scene that an undisturbed run ends with.
+/// The scene file of an undisturbed run.
 pub(crate) fn undisturbed(gpu: &Gpu) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     train(gpu, folder.path()).unwrap();
@@ -86,7 +86,7 @@ pub(crate) fn scene(folder: &Path) -> Vec<u8> {
     std::fs::read(folder.join("scene.ply")).unwrap()
 }
 
-/// Asserts that a folder holds nothing but whole files of these names.
+/// Asserts that a folder holds only complete files of these names.
 #[track_caller]
 pub(crate) fn holds_only(folder: &Path, names: &[&str]) {
     for entry in std::fs::read_dir(folder).unwrap() {

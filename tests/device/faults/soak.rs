@@ -1,4 +1,4 @@
-//! Long runs, and runs of odd configurations: nothing grows, drifts or ceases to be a number.
+//! Long runs, and runs of odd configurations: memory stays flat, quaternions normalized, numbers finite.
 
 use crate::common::device;
 use crate::faults::run::dataset;
@@ -6,7 +6,7 @@ use ashfall::gpu::{Gpu, GpuOptions};
 use ashfall::train::{HostState, StepReport, StrategyKind, TrainConfig, Trainer};
 use serde_json::Value;
 
-/// Resident memory of this process in bytes, as Linux counts it.
+/// Resident memory of this process in bytes, as reported by Linux.
 fn resident() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let line = status
@@ -17,7 +17,7 @@ fn resident() -> u64 {
     1024 * kilobytes.parse::<u64>().unwrap()
 }
 
-/// The largest distance of a quaternion's length from 1.
+/// The largest deviation of a quaternion's length from 1.
 fn drift(state: &HostState) -> f64 {
     let length = |q: &[f32; 4]| q.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
     let lengths = state.params[1].iter().map(|q| (length(q) - 1.0).abs());
@@ -54,9 +54,9 @@ fn sound(report: &StepReport, what: &str) {
     );
 }
 
-/// Trains for so many iterations and looks at the process and the device every tenth of them; at the process only if
-/// `is_alone`: no other test runs in it, and the validation layer, which keeps a kilobyte of every submission for
-/// itself, is off.
+/// Trains and samples the memory of process and device every tenth of the iterations. The process's memory is compared
+/// only if `is_alone`: no other test runs in it, and the validation layer, which keeps a kilobyte per submission, is
+/// off.
 fn soak(gpu: &Gpu, iterations: u32, is_alone: bool) {
     let mut config = TrainConfig::for_iterations(iterations);
     config.sh_degree = 1;
@@ -86,7 +86,7 @@ fn soak(gpu: &Gpu, iterations: u32, is_alone: bool) {
     for report in trainer.finish().unwrap() {
         sound(&report, "soak");
     }
-    // Density control stops after three quarters: from then on sizes are settled.
+    // Density control stops after three quarters: from then on sizes are constant.
     let (settled, last) = (seen[seen.len() - 3], seen[seen.len() - 1]);
     assert!(
         !is_alone || last.0 <= settled.0 + (4 << 20),
@@ -95,7 +95,7 @@ fn soak(gpu: &Gpu, iterations: u32, is_alone: bool) {
         last.0
     );
     assert_eq!(last.1, settled.1, "bytes on the device");
-    // A quotient by the length, and the length itself: a few units in the last place, at any time.
+    // Rounding of the division by the length and of the length itself: a few ULPs at any time.
     assert!(
         seen.iter().all(|look| look.2 < 8.0 * 2f64.powi(-24)),
         "quaternions drift"
@@ -119,7 +119,7 @@ impl Random {
     }
 }
 
-/// Changes numbers of a configuration by up to a factor of a thousand either way, a few to something else entirely.
+/// Scales numbers of a configuration by up to a factor of 1000 either way, and replaces a few.
 fn shake(random: &mut Random, value: &mut Value) {
     match value {
         Value::Object(map) => map.values_mut().for_each(|v| shake(random, v)),
@@ -143,7 +143,7 @@ fn shake(random: &mut Random, value: &mut Value) {
     }
 }
 
-/// A configuration that its own checks accept, and that a small machine can run.
+/// A configuration that passes its own validation, small enough to run here.
 fn odd(random: &mut Random) -> TrainConfig {
     loop {
         let strategy = [StrategyKind::Adc, StrategyKind::Mcmc][random.next() as usize % 2];

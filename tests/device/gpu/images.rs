@@ -1,4 +1,4 @@
-//! Images of our own.
+//! Images created by the engine.
 
 use crate::common::device;
 use crate::gpu::out_of_memory;

@@ -1,4 +1,4 @@
-//! Devices, buffers, recording and frames, with what splats have to do with it left out but for one kernel.
+//! Devices, buffers, recording and frames, independent of splats except for one kernel.
 
 mod images;
 
@@ -7,7 +7,7 @@ use ashfall::gpu::{Buffer, Frames, Gpu, GpuOptions, Recorder, devices};
 use ashfall::kernels::compact::{Bindings, Choice, Compact, Spec};
 use ashfall::layout::{COUNT_SLOTS, COUNT_SPLAT};
 
-/// What fresh buffers hold where validation is on: a NaN.
+/// Fill value of fresh buffers under validation: a NaN.
 const POISON: u32 = 0x7FC0_DEAD;
 
 fn counting(len: usize) -> Vec<u32> {
@@ -31,7 +31,7 @@ fn what_is_uploaded_comes_back() {
     assert_eq!(gpu.download(&buffer, 0..2).unwrap(), vectors);
     gpu.upload(&buffer, 1, &[[9.0; 3]]).unwrap();
     assert_eq!(gpu.download(&buffer, 0..2).unwrap(), [vectors[0], [9.0; 3]]);
-    // More than one piece of staging, with an odd rest.
+    // More than one piece of staging, with an odd remainder.
     let many = counting((33 << 18) + 5);
     let buffer = gpu.buffer_from("many", &many).unwrap();
     assert!(all(&gpu, &buffer) == many, "the pieces of a large transfer");
@@ -64,7 +64,7 @@ fn fresh_buffers_hold_nans_where_validation_is_on() {
     assert_eq!(all(&gpu, &buffer), [POISON; 7]);
 }
 
-/// The name, the bytes wanted and those available.
+/// Name, bytes wanted and bytes available of an out-of-memory error.
 fn out_of_memory<T>(result: ashfall::Result<T>) -> (String, u64, u64) {
     match result.err() {
         Some(Error::OutOfMemory {
@@ -87,7 +87,7 @@ fn memory_ends_where_the_user_says() {
     assert_eq!((name.as_str(), available), ("too much", (1 << 20) - taken));
     assert!(wanted >= 1 << 20);
     assert_eq!(gpu.memory_in_use(), taken);
-    // Staging counts as well; a recording that cannot have it fails as a whole, and nothing breaks.
+    // Staging counts as well; a recording without staging fails as a whole, and the device stays usable.
     let (name, ..) = out_of_memory(gpu.upload(&half, 0, &counting(140_000)));
     assert_eq!(name, "staging");
     gpu.upload(&half, 0, &[1, 2, 3]).unwrap();
@@ -123,7 +123,7 @@ fn commands_of_a_recording_happen_in_order() {
             let middle = rec.read_back(&a, 0..8)?;
             let mut data = [1, 2, 3];
             rec.update(&a, 0, &data);
-            // Taken when recorded.
+            // The data is copied at the time of recording.
             data.fill(0);
             rec.copy(&a, 0..3, &a, 5);
             rec.copy(&a, 5..8, &b, 0);
@@ -133,7 +133,7 @@ fn commands_of_a_recording_happen_in_order() {
     frames.wait(ticket).unwrap();
     assert_eq!(middle.get(), [7, 7, 20, 30, 7, 7, 7, 7]);
     assert_eq!(end.get(), [1, 2, 3, POISON, POISON, 7, 20, 30]);
-    // Larger than a chunk of staging, behind something small.
+    // A large update after a small one, beyond a chunk of staging.
     let many = counting(100_000);
     let large = gpu.buffer::<u32>("large", many.len()).unwrap();
     gpu.run(|rec| {
@@ -160,7 +160,7 @@ fn frames_take_turns_and_what_they_read_stays() {
                 rec.read_back(&buffer, 0..1)
             };
             let (ticket, value) = frames.submit(record).unwrap();
-            // Reading a frame lets its slot go round without new memory.
+            // Waiting for a frame frees its slot, so that memory stays constant.
             if i < 6 {
                 frames.wait(ticket).unwrap();
                 assert_eq!(value.get(), [i]);
@@ -180,7 +180,7 @@ fn frames_take_turns_and_what_they_read_stays() {
             .iter()
             .all(|(ticket, _)| frames.is_done(*ticket).unwrap())
     );
-    // Kept past the turn of their slots, they still hold what their frame saw.
+    // Values kept past the reuse of their slots are still those of their frame.
     for (i, (_, value)) in submitted.into_iter().enumerate() {
         assert!(value.is_none_or(|value| value.get() == [i as u32]));
     }
@@ -225,7 +225,7 @@ fn timestamps_are_filed_under_their_labels() {
     let labels: Vec<_> = times.iter().map(|(label, _)| *label).collect();
     assert_eq!(labels, ["fill", "nothing"]);
     assert!(times[0].1 > 0.0 && times[0].1 < 60e9, "{times:?}");
-    // Spans of one label are one; marks beyond the frame's room are left out.
+    // Spans of one label are one; marks beyond the frame's capacity are dropped.
     let times = frames.timings(second).unwrap();
     assert!(
         matches!(times[..], [("too many", span)] if span >= 0.0),
@@ -236,7 +236,7 @@ fn timestamps_are_filed_under_their_labels() {
     assert_eq!(frames.timings(ticket).unwrap(), []);
 }
 
-/// One workgroup per splat, more of them than a dimension of the grid has on many devices.
+/// One workgroup per splat, more of them than many devices allow in one grid dimension.
 #[test]
 fn a_dispatch_beyond_a_dimensions_limit_is_folded() {
     let gpu = crate::common::device::gpu();
@@ -248,7 +248,7 @@ fn a_dispatch_beyond_a_dimensions_limit_is_folded() {
     let compact = Compact::new(&gpu, choice).unwrap();
     let mut counts = [0u32; COUNT_SLOTS as usize];
     counts[COUNT_SPLAT as usize] = count as u32;
-    // The order is turned round, so that every splat is told from every other.
+    // Reversed order, so that every splat is distinguished.
     let offsets: Vec<u32> = (0..count as u32).rev().collect();
     let counts = gpu.buffer_from("counts", &counts).unwrap();
     let ones = gpu
@@ -298,7 +298,7 @@ fn buffers_outlive_their_handles_while_commands_use_them() {
     assert!(gpu.memory_in_use() >= before + 8 * many as u64);
     frames.wait(ticket).unwrap();
     assert_eq!(value.get(), [11]);
-    // Their slot's next turn lets them go.
+    // They are freed when their slot is reused.
     for _ in 0..2 {
         frames.submit(|_| Ok(())).unwrap();
     }
@@ -316,7 +316,7 @@ fn two_devices_work_side_by_side() {
                     gpu.run(|rec| rec.fill(&buffer, 100 * i + round)).unwrap();
                     assert_eq!(all(&gpu, &buffer), vec![100 * i + round; 1000]);
                 }
-                // A device goes where its last handle goes, whatever the order.
+                // A device is destroyed with its last handle, in any order.
                 let clone = gpu.clone();
                 (buffer, clone)
             })

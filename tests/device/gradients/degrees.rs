@@ -1,4 +1,4 @@
-//! Splats of several degrees in one scene: trained as if all had the highest, but for what they have not.
+//! Splats of several SH degrees in one scene: trained as if all had the highest, except for the absent coefficients.
 
 use crate::common::device;
 use crate::common::scenes::{self, Scene};
@@ -11,7 +11,7 @@ use ashfall::train::checkpoint::{Checkpoint, fingerprint};
 use ashfall::train::state::Planes;
 use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
 
-/// The degree of a splat by its number: neighbours differ, and no two degrees are of as many.
+/// SH degree of a splat by index: of every eight splats four have 0, two 1, one 2, and one 3.
 fn degree(splat: usize) -> u8 {
     [0, 3, 0, 1, 0, 2, 1, 0][splat % 8]
 }
@@ -20,7 +20,7 @@ fn degrees(scene: &Scene) -> Vec<u8> {
     (0..scene.splats.len()).map(degree).collect()
 }
 
-/// The scene without what its splats have no degree for.
+/// The scene with the coefficients above each splat's degree set to zero.
 fn mixed(mut scene: Scene) -> Scene {
     let stride = scene.splats.sh_stride();
     for (splat, row) in scene.splats.sh.chunks_mut(stride).enumerate() {
@@ -38,7 +38,7 @@ fn gradients_of_several_degrees_are_the_oracles() {
     compare_smoothed("mixed", &scenes.map(|scene| (scene, Vec::new())));
 }
 
-/// Both states of a scene: each splat with its own degree, and all with the highest, which what is above is zero of.
+/// Both states of a scene: each splat with its own degree, and all with the highest, padded with zeros.
 fn states(scene: &Scene) -> [HostState; 2] {
     let whole = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
     let mut lowered = whole.clone();
@@ -47,7 +47,7 @@ fn states(scene: &Scene) -> [HostState; 2] {
     [lowered, whole]
 }
 
-/// The numbers of all planes that splats have a degree for; zeros without their sign, which a sum with more zeros may
+/// The bits of all coefficients within the splats' degrees; zeros without their sign, which a sum with more zeros may
 /// change.
 fn own(planes: &Planes) -> Vec<u32> {
     let mut numbers = Vec::new();
@@ -81,7 +81,7 @@ fn a_step_is_that_of_the_highest_degree_to_the_bit() {
     }
 }
 
-/// Some steps from a state, their noise included, with statistics at the end.
+/// State and statistics after seven steps from a state, noise included.
 fn steps(
     gpu: &Gpu,
     scene: &Scene,
@@ -177,7 +177,7 @@ fn a_trainer_lowers_degrees_between_two_steps() {
     assert!(trainer.download().unwrap() == between);
     assert!(trainer.statistics().unwrap() == statistics);
     trainer.step().unwrap();
-    // The same as from that state, and nothing above the degrees comes back.
+    // As from that state; the bands above the degrees stay zero.
     let mut other = begin(&between, BEGUN + 1);
     other.set_statistics(&statistics).unwrap();
     other.step().unwrap();
@@ -187,7 +187,7 @@ fn a_trainer_lowers_degrees_between_two_steps() {
     clean.degrees.fill(3);
     clean.lower_degrees(&degrees(&scene));
     assert!(trainer.download().unwrap() == clean, "a band has come back");
-    // All at degree 0: a file without harmonics, and a third of the memory.
+    // All at degree 0: a file without SH coefficients, and a third of the memory.
     trainer.lower_degrees(&[0; 300]).unwrap();
     trainer.step().unwrap();
     assert_eq!(trainer.splats().unwrap().sh_degree, 0);

@@ -1,6 +1,5 @@
-//! A whole training step on the device (frame, loss, gradients) against the oracle's exact gradient, and what
-//! must hold of it without any oracle: relations, determinism, harmless poison, sizes of buffers that do not
-//! matter.
+//! A whole training step on the device (frame, loss, gradients) against the oracle's exact gradient, and properties
+//! that need no oracle: relations, determinism, isolation of NaNs, independence of buffer sizes.
 
 mod degrees;
 mod oracle;
@@ -14,7 +13,7 @@ use ashfall::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, View
 use ashfall::train::state::Planes;
 use ashfall::train::{Background, HostState, StepReport, TrainConfig, Trainer};
 
-/// The iteration that runs go on from: all harmonics are trained by then, and density control is over.
+/// First iteration of the runs: all SH bands are trained by then, and density control is over.
 const BEGUN: u32 = 20_000;
 
 fn config(scene: &Scene) -> TrainConfig {
@@ -26,7 +25,7 @@ fn config(scene: &Scene) -> TrainConfig {
     }
 }
 
-/// A data set of one view, whose extent puts the near plane where the scene wants it.
+/// A data set of one view, with the extent that gives the scene's near plane.
 fn dataset(scene: &Scene, camera: &Camera) -> Dataset {
     let (width, height) = (camera.width, camera.height);
     let rgba = crate::common::scenes::photo(7, width, height)
@@ -57,7 +56,7 @@ fn dataset(scene: &Scene, camera: &Camera) -> Dataset {
     }
 }
 
-/// What one step saw and went by.
+/// Image, gradients, state and report of one step.
 #[derive(Clone, Debug, PartialEq)]
 struct Stepped {
     image: Vec<f32>,
@@ -71,7 +70,7 @@ fn step(gpu: &Gpu, scene: &Scene) -> Stepped {
     step_smoothed(gpu, scene, &[])
 }
 
-/// With the 3D filters of the splats, one each; none: no filter.
+/// A step with one 3D filter per splat; empty: no filter.
 fn step_smoothed(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Stepped {
     let mut state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
     for (row, &filter) in state.params[2].iter_mut().zip(filters) {
@@ -80,7 +79,7 @@ fn step_smoothed(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Stepped {
     step_from(gpu, scene, &state)
 }
 
-/// From a state of that scene's splats.
+/// A step from a state of the scene's splats.
 fn step_from(gpu: &Gpu, scene: &Scene, state: &HostState) -> Stepped {
     let dataset = dataset(scene, &scene.camera);
     let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), state, BEGUN).unwrap();

@@ -11,10 +11,10 @@ use ashfall::scene::{RenderMode, sh_coefficient_count};
 use ashfall::train::HostState;
 use ashfall::train::state::Planes;
 
-/// Numbers of a splat before its harmonics.
+/// Parameters of a splat before its SH coefficients.
 const GEOMETRY: usize = 11;
 
-/// The planes and lanes of each group of parameters.
+/// Planes and lanes of each group of parameters.
 const GROUPS: [(&str, std::ops::Range<usize>, std::ops::Range<usize>); 5] = [
     ("mean", 0..1, 0..3),
     ("opacity", 0..1, 3..4),
@@ -36,11 +36,11 @@ fn group<'a, T: Copy>(
         .collect()
 }
 
-/// An error counts relatively to the reference, or to this share of its group's root mean square where the
-/// reference is smaller: what is small beside its kind is the remainder of terms that cancel.
+/// Errors are relative to the reference, or to this share of its group's root mean square where the reference is
+/// smaller: gradients that small are remainders of terms that cancel.
 const SHARE: f64 = 0.01;
 
-/// Median and 99th percentile of a group's errors over several scenes.
+/// Absolute relative errors of a group over several scenes.
 #[derive(Default)]
 struct Errors(Vec<f64>);
 
@@ -69,7 +69,7 @@ fn compare(name: &str, scenes: &[Scene]) {
     compare_smoothed(name, &unfiltered);
 }
 
-/// Scenes with the 3D filters of their splats, one each; none: no filter.
+/// Compares scenes with one 3D filter per splat; empty: no filter.
 pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
     let gpu = device::gpu();
     let mut errors: [Errors; 5] = Default::default();
@@ -86,7 +86,7 @@ pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
             lambda: f64::from(config(scene).lambda_dssim),
             ..Target::new(camera.width as usize, &photo)
         };
-        // As drawn: the filters are part of the splats, then undone in the gradient.
+        // As drawn: the filters are applied to the splats, then undone in the gradient.
         let drawn = state.to_splats(scene.splats.mode);
         let expected = loss_gradient(&drawn, camera, &options, &target);
         let loss = (found.report.loss / expected.loss - 1.0).abs();
@@ -98,7 +98,7 @@ pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
             *row = unsmoothed(&Splat::of(&scene.splats, i), sigma.into(), row);
         }
         for (row, &degree) in rows.iter_mut().zip(&state.degrees) {
-            // A band that a splat has not has no gradient.
+            // A band absent from a splat has no gradient.
             row[GEOMETRY + 3 * sh_coefficient_count(degree.into())..].fill(0.0);
         }
         let reference: Vec<Vec<[f64; 4]>> = pack::planes(&rows)
@@ -115,12 +115,12 @@ pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
         println!("{name:8} {group:12} median {median:.1e}, 99% {high:.1e}, all {worst:.1e}");
         assert!(median <= 1e-5, "{name}, {group}: median {median:e}");
         assert!(high <= 1e-3, "{name}, {group}: 99th percentile {high:e}");
-        // The check itself: a percent must show.
+        // Validity of the check: errors are not all zero.
         assert!(median > 0.0, "{name}, {group}: too good to be true");
     }
 }
 
-/// The scene with its filters, and each splat with the harmonics that it has use for.
+/// The scene's state with its filters, each splat at the degree that its coefficients need.
 fn state_of(scene: &Scene, filters: &[f32]) -> HostState {
     let mut state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
     for (row, &filter) in state.params[2].iter_mut().zip(filters) {

@@ -1,5 +1,5 @@
-//! What must hold of a step without any oracle: what is not seen changes nothing, order does not matter, and
-//! numbers that are none harm nobody.
+//! Properties of a step that need no oracle: invisible splats change nothing, order does not matter, NaNs affect no
+//! other splat.
 
 use crate::common::device;
 use crate::common::scenes;
@@ -7,7 +7,7 @@ use crate::gradients::{Stepped, step};
 use ashfall::scene::Splats;
 use ashfall::train::state::Planes;
 
-/// Splat `index` of `from` again at the end of `splats`, changed.
+/// Appends a copy of splat `index` with its parameters changed.
 pub(crate) fn append(
     splats: &mut Splats,
     index: usize,
@@ -29,7 +29,7 @@ pub(crate) fn append(
     change(&mut slots);
 }
 
-/// The first splats' gradients, as bits.
+/// Bits of the first `count` splats' gradients.
 fn bits(gradients: &Planes, count: usize) -> Vec<[u32; 4]> {
     let four = |four: &[f32; 4]| four.map(f32::to_bits);
     gradients
@@ -38,7 +38,7 @@ fn bits(gradients: &Planes, count: usize) -> Vec<[u32; 4]> {
         .collect()
 }
 
-/// Asserts that the splats from `count` on are seen by nobody, and harm nobody.
+/// Asserts that the splats from `count` on are invisible and change nothing.
 #[track_caller]
 fn assert_unseen(name: &str, found: &Stepped, clean: &Stepped, count: usize) {
     assert!(found.image == clean.image, "{name}: the image changed");
@@ -87,7 +87,7 @@ fn what_is_not_seen_changes_nothing() {
 fn what_lies_behind_an_opaque_stack_changes_nothing() {
     let gpu = device::gpu();
     let mut scene = scenes::gentle(57, 30, 40, 33, 0);
-    // A wall near the camera: wide, opaque, two deep, so that nothing of a ray is left behind it.
+    // A wall near the camera: wide, opaque, two deep, so that the transmittance behind it is 0.
     let axis = scene.camera.rotation.row(2);
     let at = |z: f64| (scene.camera.position + axis * z).as_vec3().to_array();
     let (near, nearer, far) = (at(1.0), at(0.9), at(9.0));
@@ -165,7 +165,7 @@ fn the_length_of_a_quaternion_does_not_matter_and_has_no_gradient() {
         let (q, g) = (wide(q), wide(g));
         let dot: f64 = q.iter().zip(g).map(|(q, g)| q * g).sum();
         let size: f64 = q.iter().zip(g).map(|(q, g)| (q * g).abs()).sum();
-        // The gradient is a difference of terms that may be larger than it: a hundred times, seldom.
+        // The gradient is a difference of terms that are rarely more than a hundred times larger.
         assert!(dot.abs() <= 1e-4 * size, "{dot:e} of {size:e}");
     }
 }
@@ -186,8 +186,8 @@ fn the_unit_of_the_world_does_not_matter() {
         *x += (factor as f32).ln();
     }
     let found = step(&gpu, &scaled);
-    // Only the log-scales round: half an ULP of numbers up to 8 is a relative 2.4e-7 of a scale, and the
-    // exponential feels the rounding of its argument likewise.
+    // Only the log-scales round: half an ULP of numbers up to 8 is a relative 2.4e-7 of a scale, and the exponential
+    // adds as much for the rounding of its argument.
     for (now, was) in found.image.iter().zip(&clean.image) {
         assert!((now - was).abs() < 4e-6, "{now} was {was}");
     }

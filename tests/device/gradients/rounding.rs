@@ -1,4 +1,4 @@
-//! What rounding makes of gradients lies within the bound that is derived for it, and a percent does not.
+//! Rounding errors of gradients lie within their derived bound; an error of ten percent does not.
 
 use crate::common::device;
 use crate::common::scenes::{self, Scene};
@@ -12,7 +12,7 @@ use ashfall::render::Accuracy;
 use ashfall::scene::{PhotoSource, Splats};
 use ashfall::train::{HostState, TrainConfig, Trainer};
 
-/// Next to nothing is cut: what is left is rounding.
+/// Thresholds low enough that rounding dominates.
 const ACCURACY: Accuracy = Accuracy {
     alpha_min: 1e-6,
     transmittance_min: 1e-9,
@@ -25,7 +25,7 @@ fn approximations() -> Approximations {
     }
 }
 
-/// Of a step on a white photograph by the L1 loss alone, and the near plane.
+/// Gradients of a step on a white photograph under the L1 loss alone, and the near plane.
 fn found(gpu: &Gpu, scene: &Scene) -> (Splats, f64) {
     let mut dataset = dataset(scene, &scene.camera);
     if let PhotoSource::Memory(photo) = &mut dataset.views[0].photo {
@@ -47,7 +47,7 @@ fn found(gpu: &Gpu, scene: &Scene) -> (Splats, f64) {
     (gradients.to_splats(scene.splats.mode), near)
 }
 
-/// The same by the oracle, and by how much it may differ.
+/// The oracle's gradients and their error bounds.
 fn expected(scene: &Scene, near: f64, unit: f64) -> (SplatGradients, GradientBounds) {
     let options = Options {
         near,
@@ -80,7 +80,7 @@ fn expected(scene: &Scene, near: f64, unit: f64) -> (SplatGradients, GradientBou
     )
 }
 
-/// Where splats are seen and not at a kink: found, exact, and what is allowed between them; by kinds of parameters.
+/// Per kind of parameter, `[found, exact, allowed error]` of splats that are visible and not at a kink.
 fn kinds(
     found: &Splats,
     (exact, allowed): &(SplatGradients, GradientBounds),
@@ -106,13 +106,13 @@ fn kinds(
     ]
 }
 
-/// The share of gradients that are beyond what is allowed once all are this many times what they are.
+/// Share of the gradients that exceed the error bound after multiplication by `factor`.
 fn beyond(kind: &[[f64; 3]], factor: f64) -> f64 {
     let is_beyond = |[found, exact, allowed]: &&[f64; 3]| (factor * found - exact).abs() > *allowed;
     kind.iter().filter(is_beyond).count() as f64 / kind.len() as f64
 }
 
-/// Splats whose axes are practically of one length: rotations hardly change them.
+/// Splats with almost equal axes: rotations hardly change them.
 fn round() -> Scene {
     let mut scene = scenes::gentle(84, 60, 64, 48, 2);
     for (i, log_scale) in scene.splats.log_scale.iter_mut().enumerate() {
@@ -145,7 +145,7 @@ fn rounding_keeps_to_its_bound_and_a_tenth_does_not() {
                 "{name:8} {kind:12} {most:.1e} of what is allowed; beyond it {one:.2} by 1 %, {ten:.2} by 10 %"
             );
             assert!(most <= 1.0, "{name}, {kind}: {most} of what is allowed");
-            // Of what is nothing but a remainder a tenth is nothing.
+            // Ten percent of a gradient that is a mere remainder is within the bound.
             if (name, kind) == ("round", "quaternion") {
                 continue;
             }
@@ -157,7 +157,7 @@ fn rounding_keeps_to_its_bound_and_a_tenth_does_not() {
     }
 }
 
-/// That the terms of the projection's own derivatives are needed: without them, rotations of round splats are beyond.
+/// The terms of the projection's own derivatives are needed: without them, rotations of round splats exceed the bound.
 #[test]
 fn remainders_of_terms_that_cancel_are_rounded_as_the_terms_are() {
     let gpu = device::gpu();

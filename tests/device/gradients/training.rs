@@ -1,4 +1,4 @@
-//! Some steps in a row: the same bits every time, however large buffers happen to be.
+//! Several steps in a row: the same bits every time and at every buffer size.
 
 use crate::common::device;
 use crate::common::scenes::{self, Scene};
@@ -8,8 +8,7 @@ use ashfall::lab::synth::{Kind, SynthOptions};
 use ashfall::scene::{Dataset, PhotoSource};
 use ashfall::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats};
 
-/// The state and the reports after some steps; before each of the named ones, buffers are made that hold just so
-/// many intersections.
+/// State and reports after some steps; `tiny` lists steps and the intersection capacity set before each.
 fn train(
     gpu: &Gpu,
     scene: &Scene,
@@ -50,7 +49,7 @@ fn training_repeats_to_the_bit_and_whatever_the_buffers_sizes() {
     assert!(small.0 == state, "a small buffer changed the result");
 }
 
-/// The data set in photographs of another size.
+/// The data set with photographs of another size.
 fn resized(dataset: &Dataset, width: u32, height: u32) -> Dataset {
     let mut dataset = dataset.clone();
     for view in &mut dataset.views {
@@ -79,7 +78,7 @@ fn first_steps_see_photographs_of_half_the_size() {
             half_size_until,
             ..TrainConfig::for_iterations(12)
         };
-        // Where training starts may depend on what a pixel covers.
+        // The start may depend on the size of a pixel, so it is computed once.
         let splats = initial_splats(&start, start.extent(), &config).unwrap();
         let state = HostState::from_splats(&splats, config.sh_degree);
         let mut trainer = Trainer::from_state(&gpu, dataset, config, &state, 0).unwrap();
@@ -95,11 +94,11 @@ fn first_steps_see_photographs_of_half_the_size() {
         trainer.download().unwrap()
     };
     assert!(train(&dataset, 6, 6, false) != train(&dataset, 0, 6, false));
-    // Then it is not, and a step that did not fit at the turn does not matter.
+    // After the change to full size they differ, and a step that overflowed at the change has no effect.
     let turned = train(&dataset, 6, 12, false);
     assert!(turned != train(&small, 0, 12, false));
     assert!(turned == train(&dataset, 6, 12, true));
-    // From a state at the turn, whole photographs make the same steps.
+    // Resuming from a state at the change gives the same steps at full size.
     let state = train(&dataset, 6, 6, false);
     let config = TrainConfig {
         half_size_until: 6,
@@ -112,8 +111,8 @@ fn first_steps_see_photographs_of_half_the_size() {
     assert!(resumed.download().unwrap() == turned);
 }
 
-/// The pictures of steps that see half the size are the whole ones, reduced; splats drawn as wide as at any other size
-/// would be something else.
+/// Pictures of half-size steps are the full-size ones averaged 2 × 2; splats drawn with an unscaled dilation would not
+/// be.
 #[test]
 fn pictures_of_half_the_size_show_the_scene_as_it_is() {
     let gpu = device::gpu();
@@ -130,11 +129,11 @@ fn pictures_of_half_the_size_show_the_scene_as_it_is() {
     let config = TrainConfig::for_iterations(100);
     let splats = initial_splats(&dataset, dataset.extent(), &config).unwrap();
     let mut state = HostState::from_splats(&splats, config.sh_degree);
-    // Of about a pixel, so that it matters.
+    // Splats of about a pixel, so that the dilation matters.
     state.params[2]
         .iter_mut()
         .for_each(|scale| *scale = [-4.0, -4.0, -4.0, 0.0]);
-    // What the first step sees of the scene, which it has not changed yet.
+    // The first step's image, drawn before the scene changes.
     let image = |dataset: &Dataset, half_size: bool| {
         let config = config.clone();
         let mut trainer = Trainer::from_state(&gpu, dataset, config, &state, 0).unwrap();

@@ -1,4 +1,4 @@
-//! Training to no more splats than a scene needs: built-in scenes, small pictures, short runs.
+//! Automatic splat counts: built-in scenes, small pictures, short runs.
 
 use crate::common::device::gpu;
 use ashfall::Result;
@@ -41,7 +41,7 @@ pub(super) fn config(strategy: StrategyKind) -> TrainConfig {
     for_auto_count(config.with_strategy(strategy), VIEWS)
 }
 
-/// Of a run long enough for a round of harmonics.
+/// Configuration of a run long enough for a round of SH reduction.
 pub(super) fn longer() -> TrainConfig {
     let config = TrainConfig {
         sh_degree: 1,
@@ -50,7 +50,7 @@ pub(super) fn longer() -> TrainConfig {
     for_auto_count(config, VIEWS)
 }
 
-/// A run from its beginning to the end, and what it found.
+/// Final state and history of a run.
 fn run_to_end(
     gpu: &Gpu,
     dataset: &Dataset,
@@ -123,7 +123,7 @@ fn who_pays_for_smaller_gains_gets_more_splats() -> Result<()> {
     Ok(())
 }
 
-/// A wall of one colour, which a handful of splats can show, and a scene full of detail.
+/// A wall of one colour, for which a handful of splats suffices, and a scene full of detail.
 #[test]
 fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
     let gpu = gpu();
@@ -158,12 +158,12 @@ pub(super) fn paint(dataset: &mut Dataset) {
     }
 }
 
-/// Splats of degree 0 and 1.
+/// Number of splats of degree 0 and of degree 1.
 fn degrees(state: &HostState) -> [usize; 2] {
     [0, 1].map(|degree| state.degrees.iter().filter(|&&d| d == degree).count())
 }
 
-/// A wall of one colour, of which half the size shows all, and a scene full of detail.
+/// A wall of one colour, fully shown at half size, and a scene full of detail.
 #[test]
 fn photographs_stay_small_for_longer_where_there_is_less_to_see() -> Result<()> {
     let gpu = gpu();
@@ -207,7 +207,7 @@ fn a_resumed_run_decides_and_ends_as_an_uninterrupted_one() -> Result<()> {
         let mut phases = Vec::new();
         while !run.is_done() {
             run.step()?;
-            // 49: where growth is looked at; 170: within a round; the others: wherever they fall.
+            // 49: check of growth; 170: within a round; the others: arbitrary.
             if [49, 101, 170, 215, 300].contains(&run.iteration()) {
                 phases.push(history_of(&run).phase);
                 run = reopened(&gpu, &dataset, run, &path)?;
@@ -249,7 +249,7 @@ fn a_run_resumed_at_half_the_size_goes_on_at_half_the_size() -> Result<()> {
     Ok(())
 }
 
-/// A run that is resumed just before harmonics go, and one that keeps them.
+/// A run resumed just before SH reduction, and one without SH reduction.
 #[test]
 fn harmonics_go_in_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps_them() -> Result<()> {
     let gpu = gpu();
@@ -286,7 +286,7 @@ fn harmonics_go_in_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps_the
             assert!(found == state, "other splats");
         }
     }
-    // Of twelve floats a splat, a quarter goes at least.
+    // At least a quarter of the twelve floats per splat is removed.
     let [bare, _] = degrees(&state);
     assert!(9 * bare >= 3 * state.len(), "{bare} of {}", state.len());
     Ok(())
@@ -295,9 +295,9 @@ fn harmonics_go_in_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps_the
 #[test]
 fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
     let gpu = gpu();
-    // A preference so small that hardly anything may go.
+    // A preference so small that almost no loss is allowed.
     let (state, history) = run_to_end(&gpu, &dataset(Kind::Demo), config(StrategyKind::Adc), 1e-6)?;
-    // What goes in the last fit was judged in a round.
+    // The SH reduction of the last fit was decided in a round.
     let rounds = history
         .entries
         .iter()
@@ -308,7 +308,7 @@ fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
         let (left, without) = entry.without.clone().unwrap();
         let is_missed = mean(&entry.psnr_db) - mean(&without) > 1e-6 * 10.0;
         assert_eq!(entry.splats, splats.unwrap_or(entry.splats));
-        // What lies beyond the knee stays, too, though nobody misses it in this round: by the law it would be.
+        // Splats beyond the knee stay as well, by the fitted law, although this round's views do not miss them.
         let known = History {
             entries: history.entries[..=index].to_vec(),
             ..history.clone()

@@ -1,4 +1,4 @@
-//! Merging without training: what goes first, what is left alone, and what pictures lose by it.
+//! Merging without training: order, splats left alone, and loss of image quality.
 
 use crate::common::device;
 use crate::common::scenes::{self, Random, Scene};
@@ -17,7 +17,7 @@ fn crowd() -> Splats {
     scenes::gentle(31, 300, 60, 45, 0).splats
 }
 
-/// `count` in the place of each: nearby, smaller, fainter, so that together they show about the same.
+/// `count` splats in place of each: nearby, smaller, fainter, so that together they look about the same.
 fn oversampled(scene: &Scene, count: usize, seed: u64) -> Scene {
     let random = &mut Random::new(seed);
     let indices: Vec<usize> = (0..scene.splats.len() * count).map(|i| i / count).collect();
@@ -51,7 +51,7 @@ fn compared(gpu: &Gpu, scene: &Scene, after: &Splats) -> Difference {
     found.unwrap().unwrap()
 }
 
-/// Half of the splats merge away at a small part of the error that it costs to leave out half of them.
+/// Merging away half of the splats costs a small part of the error of leaving out half of them.
 #[test]
 fn merging_half_costs_far_less_than_leaving_out_half() {
     let gpu = device::gpu();
@@ -102,7 +102,7 @@ fn a_scene_is_no_different_from_itself() {
     assert!(all.most > 0.05 && all.most <= 1.5 && all.rms > 0.01 && all.psnr_db() < 40.0);
 }
 
-/// The same in a world that is turned, moved and of another unit.
+/// Invariance under rotation, translation and change of unit.
 #[test]
 fn prices_know_no_unit_and_no_direction() {
     let splats = crowd();
@@ -157,7 +157,7 @@ fn the_number_of_threads_changes_nothing() {
     }
 }
 
-/// Two clusters of twins in a scene of others: they go first, and nothing else is touched.
+/// Two clusters of coincident splats in a scene of others: they are merged first, and no other splat changes.
 #[test]
 fn what_lies_in_one_place_goes_first() {
     let mut splats = crowd();
@@ -178,7 +178,7 @@ fn what_lies_in_one_place_goes_first() {
         if i == 10 || i == 200 {
             let off = (Vec3::from(left.mean[place]) - Vec3::from(splats.mean[i])).length();
             assert!(off < 1e-5, "{off}");
-            // Five faint ones cover five times as much, but for what they take from each other.
+            // Five faint splats cover five times as much, less their mutual occlusion.
             let gain = left.opacity_logit[place] - splats.opacity_logit[i];
             assert!((gain - 5f32.ln()).abs() < 0.05, "{gain}");
         } else {
@@ -187,7 +187,7 @@ fn what_lies_in_one_place_goes_first() {
     }
 }
 
-/// The same scene, one splat written over another.
+/// The same scene with splat `from` copied over splat `to`.
 fn copied(mut splats: Splats, from: usize, to: usize) -> Splats {
     splats.mean[to] = splats.mean[from];
     splats.quaternion[to] = splats.quaternion[from];
@@ -218,7 +218,7 @@ fn what_has_no_shape_is_left_alone() {
         rates[i] = rate;
     }
     let left = merge(&splats, &rates, 1.0, &mut |_| true).unwrap();
-    // All others become one, those that are odd stand where they were.
+    // The valid splats become one; the invalid ones stay unchanged.
     assert_eq!((left.splats.len(), left.gone), (14, 46));
     let bits = |splats: &Splats, i: usize| {
         let rest = [splats.opacity_logit[i]];
@@ -295,7 +295,7 @@ fn who_says_stop_is_heard_while_merging() {
     }
 }
 
-/// Rates are those of the nearest view; what none shows is taken for what is seen smallest.
+/// Rates are those of the nearest view; an unseen splat gets the lowest rate.
 #[test]
 fn rates_are_pixels_per_world_unit() {
     let scene = scenes::gentle(39, 30, 40, 30, 0);

@@ -1,5 +1,4 @@
-//! What can go from a scene: the bound held against the oracle at every pixel of every view, on scenes made to break
-//! it.
+//! Pruning: the error bound against the oracle at every pixel of every view, on adversarial scenes.
 
 use crate::common::scenes::{Random, Scene};
 use ashfall::gpu::Gpu;
@@ -20,7 +19,7 @@ mod removal_error;
 mod sh_error;
 mod sh_fit;
 
-/// A scene seen from several sides.
+/// A scene and several cameras.
 struct World {
     name: &'static str,
     scene: Scene,
@@ -38,7 +37,7 @@ fn world(name: &'static str, scene: Scene, views: u64) -> World {
     }
 }
 
-/// Many faint splats, each of which hardly shows, before something bright.
+/// Many faint splats, each hardly visible, before a bright one.
 fn faint_stack() -> Scene {
     let mut scene = crate::common::scenes::gentle(1, 160, 16, 25, 0);
     for i in 0..scene.splats.len() {
@@ -48,7 +47,7 @@ fn faint_stack() -> Scene {
     scene
 }
 
-/// A wall with others before and behind it.
+/// A wall with splats before and behind it.
 fn wall() -> Scene {
     let mut scene = crate::common::scenes::gentle(2, 90, 25, 18, 1);
     for i in (0..scene.splats.len()).step_by(9) {
@@ -58,7 +57,7 @@ fn wall() -> Scene {
     scene
 }
 
-/// Lengthy splats in all directions.
+/// Needles in all directions.
 fn needles() -> Scene {
     let mut scene = crate::common::scenes::gentle(3, 120, 30, 20, 0);
     for i in 0..scene.splats.len() {
@@ -68,7 +67,7 @@ fn needles() -> Scene {
     scene
 }
 
-/// Colours far beyond those of a display, and below them.
+/// Colours far above and below the displayable range.
 fn glaring() -> Scene {
     let mut scene = faint_stack();
     for (i, value) in scene.splats.sh.iter_mut().enumerate() {
@@ -78,7 +77,7 @@ fn glaring() -> Scene {
     scene
 }
 
-/// Splats that no view shows among others.
+/// Splats of which some are in no view.
 fn unseen() -> Scene {
     let mut scene = crate::common::scenes::gentle(4, 60, 20, 20, 0);
     for i in 0..20 {
@@ -119,7 +118,7 @@ fn pruned(gpu: &Gpu, world: &World, error: f64, compatibility: Compatibility) ->
     pruned_by(gpu, &mut before, world, error)
 }
 
-/// The same, where the scene is on the device already.
+/// Prunes a scene that is already on the device.
 fn pruned_by(
     gpu: &Gpu,
     before: &mut ContributionPass,
@@ -138,7 +137,7 @@ fn pruned_by(
     (found, change.unwrap().unwrap())
 }
 
-/// A view as the oracle sees it.
+/// A view's projected and sorted splats by the oracle.
 struct Seen {
     splats: Vec<ScreenSplat<f64>>,
     splat_from_rank: Vec<usize>,
@@ -158,7 +157,7 @@ impl Seen {
         }
     }
 
-    /// Splat of the scene and its weight at a pixel.
+    /// Pairs of splat index and weight at a pixel.
     fn weights(&self, at: [f64; 2]) -> Vec<(usize, f64)> {
         let weights = weights(&self.splats, &self.order, at, &Thresholds::ENGINE);
         let named = |(rank, weight)| (self.splat_from_rank[rank], weight);
@@ -182,7 +181,7 @@ impl Seen {
         (pixel.color, pixel.transmittance)
     }
 
-    /// The largest range of a channel over what lies at a pixel and behind it.
+    /// Largest range of a channel over the background and the splats that cover a pixel.
     fn range(&self, at: [f64; 2]) -> f64 {
         let mut range = self.background.map(|c| [c, c]);
         for splat in self
@@ -206,8 +205,8 @@ impl Seen {
     }
 }
 
-/// M16, by the oracle: what went weighs no more than it may at any pixel, the picture moves no farther than that times
-/// its range, and whatever is left would be too much somewhere.
+/// M16, by the oracle: removed weights stay within the limit at every pixel, the picture changes by at most their sum
+/// times its range, and almost every remaining splat would exceed the limit somewhere.
 fn check(world: &World, found: &Pruned, error: f64) {
     let (name, splats) = (world.name, &world.scene.splats);
     let mut most_with = vec![0.0_f64; splats.len()];
@@ -230,7 +229,7 @@ fn check(world: &World, found: &Pruned, error: f64) {
             let bound = (spent + leak) * seen.range(at) + 1e-12;
             let moved = |(a, b): (&f64, f64)| (a - b).abs() <= bound;
             if spent > error || !before.iter().zip(after).all(moved) {
-                // One weight may have come or gone by rounding.
+                // One weight may have appeared or vanished by rounding.
                 excused += 1;
                 assert!(
                     seen.is_near(at),
@@ -243,7 +242,7 @@ fn check(world: &World, found: &Pruned, error: f64) {
         excused * 200 <= pixels,
         "{name}: {excused} of {pixels} pixels"
     );
-    // Two thousandths: what the device keeps back for rounding, and its own.
+    // 2e-3: the device's margin for rounding, and its rounding error.
     let could_go = |&i: &usize| !found.removed[i] && most_with[i] <= error * (1.0 - 2e-3);
     let could = (0..splats.len()).filter(could_go).count();
     assert!(
@@ -276,7 +275,7 @@ fn what_goes_keeps_to_its_bound_at_every_pixel() {
     }
 }
 
-/// The same set as one splat after the other would give, by the oracle's weights.
+/// The same set as sequential greedy removal by the oracle's weights.
 #[test]
 fn rounds_take_what_the_greedy_rule_takes() {
     let gpu = crate::common::device::gpu();
@@ -306,7 +305,7 @@ fn rounds_take_what_the_greedy_rule_takes() {
                 spent[pixel] += weight;
             }
         }
-        // Splats whose alpha meets 1/255 at some pixel, and near ties, may go either way.
+        // Splats with an alpha of 1/255 at some pixel, and near ties, may differ.
         let differ = (0..count).filter(|&i| gone[i] != found.removed[i]).count();
         assert!(differ <= count / 20, "{}: {differ} of {count}", world.name);
     }
@@ -329,7 +328,7 @@ fn splats_that_nobody_sees_go_first() {
     assert!(found.unseen >= 21 && found.count >= found.unseen);
 }
 
-/// By the rules of the 3DGS code pixels end otherwise, and the bound holds all the same.
+/// The bound also holds under the 3DGS rules, which end pixels differently.
 #[test]
 fn scenes_of_others_are_weighed_by_their_rules() {
     let gpu = crate::common::device::gpu();
@@ -357,7 +356,7 @@ fn who_says_stop_is_heard() {
     }
 }
 
-/// What one binding cannot hold is refused with what helps.
+/// Intersections beyond one binding are an error that names a remedy.
 #[test]
 fn too_many_pairs_for_a_binding_are_refused() {
     let gpu = crate::common::device::narrow(1 << 16);

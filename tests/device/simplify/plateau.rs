@@ -1,4 +1,4 @@
-//! Training to no more splats than a scene needs where nothing is left to see.
+//! Automatic splat counts where quality is saturated.
 
 use super::auto::{ITERATIONS, config, dataset, longer, paint};
 use crate::common::device::gpu;
@@ -11,7 +11,7 @@ use ashfall::simplify::{Act, CountController, Entry, History, Phase, Round, spli
 use ashfall::train::config::AutoConfig;
 use ashfall::train::{Controller, StrategyKind, Trainer};
 
-/// A wall of one colour looks perfect whatever goes, nearly: rounds that show it take their steps once.
+/// A wall of one colour stays near-perfect after almost any removal: rounds that show this run their steps once.
 #[test]
 fn where_nothing_can_be_missed_a_round_takes_its_steps_once() -> Result<()> {
     let gpu = gpu();
@@ -36,8 +36,8 @@ fn where_nothing_can_be_missed_a_round_takes_its_steps_once() -> Result<()> {
     Ok(())
 }
 
-/// What comes of a last round, where nothing was left to gain, without half of the splats and with such scores: the
-/// history, and how many splats are left.
+/// History and splat count after a last round that removed half of the splats, with the given scores, when growth had
+/// stopped.
 fn after_last_round(
     gpu: &Gpu,
     dataset: &Dataset,
@@ -65,7 +65,7 @@ fn after_last_round(
     let round = Round {
         from: 200,
         without: Some((splats / 2, without_db)),
-        // Views that are trained on would miss nothing.
+        // Training views miss nothing.
         train_psnr_db: vec![99.0; own],
         ..Round::default()
     };
@@ -87,7 +87,7 @@ fn after_last_round(
     Ok((controller.history().clone(), trainer.splat_count()))
 }
 
-/// The same round with scores that are hopeless, and with such that cost a quarter more than they may.
+/// The same round with hopeless scores, and with scores at 1.25 times the allowed cost.
 #[test]
 fn of_splats_that_the_last_round_missed_by_little_some_go() -> Result<()> {
     let (gpu, dataset) = (gpu(), dataset(Kind::Demo));

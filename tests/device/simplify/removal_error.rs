@@ -1,4 +1,4 @@
-//! What splats do to pictures, held against pictures without them.
+//! Effects of splats on pictures, against pictures without them.
 
 use super::{pass_options, weigher};
 use crate::common::device::gpu;
@@ -35,7 +35,7 @@ fn what_would_change_without_a_splat_is_what_does() {
             let after = rest.show(&scene.camera).unwrap().planes;
             let changes = before.iter().zip(&after).take(3 * pixels);
             let change: f64 = changes.map(|(a, b)| f64::from(a - b).powi(2)).sum();
-            // Where a pixel had ended, what comes to light is not what was behind: 1e-4 of it.
+            // Behind the transmittance threshold the revealed splats differ from the recorded ones: 1e-4 of the pixel.
             let off = (f64::from(removal_error.change) - change).abs();
             assert!(
                 off <= 2e-3 * change + 1e-6,

@@ -1,4 +1,4 @@
-//! Harmonics where they are needed.
+//! Reduction of SH degrees under an error bound.
 
 use crate::common::device;
 use crate::common::scenes::{self, Random};
@@ -8,7 +8,7 @@ use ashfall::reference::sh::basis;
 use ashfall::render::Compatibility;
 use ashfall::simplify::{Promise, measure, reduce_harmonics};
 
-/// Colours by the oracle, from all around, with and without the harmonics that were dropped; and whole pictures.
+/// Colours by the oracle from all directions, before and after the reduction; and whole pictures.
 #[test]
 fn fewer_harmonics_keep_to_their_bound_in_every_direction() {
     let gpu = device::gpu();
@@ -62,7 +62,7 @@ fn fewer_harmonics_keep_to_their_bound_in_every_direction() {
     }
 }
 
-/// The colour of harmonics in a direction, cut at 0.
+/// SH colour in a direction, clamped at 0.
 fn color(sh: &[[f64; 3]], direction: [f64; 3]) -> [f64; 3] {
     let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
     let degree = sh.len().isqrt() as u32 - 1;

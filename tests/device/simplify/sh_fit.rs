@@ -1,4 +1,4 @@
-//! Colours by fewer harmonics, held against the reference's.
+//! Colours fitted with fewer SH bands, against the reference.
 
 use crate::common::scenes::{self, Random};
 use ashfall::reference::sh::unclamped_color;
@@ -6,7 +6,7 @@ use ashfall::scene::{Camera, Splats};
 use ashfall::simplify::{Fits, Seen};
 use glam::DVec3;
 
-/// A splat's colour as a camera sees it.
+/// A splat's colour from a camera.
 fn color(splats: &Splats, index: usize, camera: &Camera) -> [f64; 3] {
     let stride = splats.sh_stride();
     let row = splats.sh[index * stride..][..stride].chunks_exact(3);
@@ -16,7 +16,7 @@ fn color(splats: &Splats, index: usize, camera: &Camera) -> [f64; 3] {
     unclamped_color(splats.sh_degree, &row, direction.to_array())
 }
 
-/// With one view there is one colour, and a constant keeps it: but for the share that goes all round.
+/// One view has one colour, which a constant keeps, except for the share that weighs all directions.
 #[test]
 fn what_one_view_sees_stays_whatever_goes() {
     let scene = scenes::gentle(41, 30, 40, 30, 3);
@@ -44,7 +44,8 @@ fn what_one_view_sees_stays_whatever_goes() {
                 };
                 (0..splats.len()).map(apart).sum()
             };
-            // Of d degrees, (d + 1)^2 functions' squares sum to (d + 1)^2 / 4 pi, against a tenth of 1 / 4 pi.
+            // Over degrees up to d, the squares of the (d + 1)^2 functions sum to (d + 1)^2 / 4 pi, against a tenth of
+            // 1 / 4 pi.
             assert!(
                 off(&fitted) < 0.02 * off(&cut),
                 "{} of {}",

@@ -8,7 +8,7 @@ use ashfall::reference::adam::{Adam, State};
 use ashfall::train::strategy::{RefineContext, SplatStats, strategy};
 use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
 
-/// A splat that is all but opaque comes back when it is asked to.
+/// A nearly opaque splat becomes less opaque when the loss requires it.
 #[test]
 fn f071_saturated_opacity() {
     let lab = lab();
@@ -17,7 +17,7 @@ fn f071_saturated_opacity() {
     let lesson = Lesson::flat(&scene, 0);
     let dataset = dataset(&scene, &lesson);
     let mut config = config(&scene, 0.0);
-    // Opacity alone: the splat could also shrink or darken.
+    // Opacity alone: otherwise the splat could also shrink or darken.
     config.rates.log_scale = 0.0;
     config.rates.sh_dc = 0.0;
     let state = HostState::from_splats(&scene.splats, 0);
@@ -33,7 +33,7 @@ fn f071_saturated_opacity() {
     assert!(course[0] < 19.0 && course[4] < 0.0, "logits {course:?}");
 }
 
-/// Logits and logarithms are stored as they are: a step of training sees the very bits.
+/// Logits and logarithms are stored unconverted: a step of training reads the same bits.
 #[test]
 fn f072_logits_are_stored() {
     let lab = lab();
@@ -53,7 +53,7 @@ fn f072_logits_are_stored() {
     );
 }
 
-/// The same course in double precision; `None` is a step without a gradient, dense Adam's coasting.
+/// The same parameters over time in double precision.
 fn exact_course(gradients: &[[f32; 4]]) -> Vec<[f64; 4]> {
     let adam = Adam {
         beta1: f64::from(BETAS[0]),
@@ -71,7 +71,7 @@ fn exact_course(gradients: &[[f32; 4]]) -> Vec<[f64; 4]> {
     course
 }
 
-/// How far the device's course is from the exact one, over the way that it could have gone.
+/// Largest error of the device's parameters over time, relative to the largest possible distance moved.
 fn course_error(gradients: &[[f32; 4]]) -> f64 {
     let found = crate::stability::optimiser::course(&lab(), gradients);
     let mut worst = 0.0f64;
@@ -83,15 +83,15 @@ fn course_error(gradients: &[[f32; 4]]) -> f64 {
     worst
 }
 
-/// A thousand steps, of gradients down to where epsilon counts.
+/// A thousand steps, with gradients down to the magnitude of epsilon.
 #[test]
 fn f073_adam_in_double() {
     let random = &mut Random::new(773);
     let mut gradient =
         || [1.0, 1e-6, 1e-9, 1e-12].map(|size| (random.normal() + 0.3) as f32 * size);
     let gradients: Vec<[f32; 4]> = (0..1000).map(|_| gradient()).collect();
-    // Each moment rounds by 2U of itself a step and forgets by a tenth or a thousandth: 20U and √1000 U of it; the
-    // parameter by U of itself a step, which is less than the way.
+    // Each moment rounds by 2U of itself a step and decays by a tenth or a thousandth: 20U and √1000 U of it; the
+    // parameter by U of itself a step, which is less than the distance moved.
     within(
         "adam",
         "73",
@@ -101,7 +101,7 @@ fn f073_adam_in_double() {
     );
 }
 
-/// A splat that is not seen goes on by its momentum: Adam is dense here.
+/// An invisible splat continues by its momentum: Adam is dense here.
 #[test]
 fn f074_adam_is_dense() {
     let random = &mut Random::new(774);
@@ -120,7 +120,7 @@ fn f074_adam_is_dense() {
     );
 }
 
-/// Through refinements every row keeps its moments or starts without any.
+/// Through refinements every row keeps its moments or starts from zero.
 #[test]
 fn f075_moments_follow_their_splats() {
     for kind in [StrategyKind::Adc, StrategyKind::Mcmc] {
@@ -135,7 +135,7 @@ fn f075_moments_follow_their_splats() {
         let mut touched = 0;
         for iteration in 1..=40 {
             for row in 0..state.len() {
-                // Names: the colour says which splat, the moments whose they are.
+                // Row index encoded in the colour and in the moments.
                 state.params[3][row][0] = row as f32;
                 state.params[0][row][3] = random.between(-6.0, 4.0) as f32;
                 state.m[1][row] = [row as f32 + 1.0; 4];
@@ -167,7 +167,7 @@ fn f075_moments_follow_their_splats() {
     }
 }
 
-/// A gradient that is no number leaves its four parameters and their moments alone, is counted, and is forgotten.
+/// A non-finite gradient leaves its four parameters and their moments unchanged, is counted, and has no later effect.
 #[test]
 fn f076_poisoned_gradient() {
     let lab = lab();
@@ -190,7 +190,7 @@ fn f076_poisoned_gradient() {
         let apart = (0..4)
             .map(|k| f64::from((before[k] - after[k]).abs()))
             .fold(0.0, f64::max);
-        // One step of a thousandth is missing, and its echo in the moments for some ten more.
+        // One step of a thousandth is missing, and its effect on the moments for some ten more.
         within(
             "adam",
             "76",

@@ -1,4 +1,4 @@
-//! Section 3 of the catalogue, second part: which pixels and tiles an ellipse reaches.
+//! Section 3 of the catalogue, second part: pixels and tiles within an ellipse's bounds.
 
 use crate::common::pack::arrays;
 use crate::common::scenes::{self, Random};
@@ -14,7 +14,7 @@ use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use ashfall::render::view_of;
 use ashfall::scene::RenderMode;
 
-/// The half box around what is drawn is the exact one: no eigenvalues, no determinant.
+/// The extent of the drawn ellipse is exact: no eigenvalues, no determinant.
 #[test]
 fn f031_radius() {
     let lab = lab();
@@ -33,12 +33,12 @@ fn f031_radius() {
         {
             let exact = project(&Splat::<f64>::of(&scene.splats, i), &view).unwrap();
             let [x, y] = extent(&exact, &Thresholds::ENGINE);
-            // Near the cut the level is a difference of logarithms, with 1e-5 added to it.
+            // Near the threshold the level is a difference of logarithms, with 1e-5 added to it.
             if exact.opacity > 1.2 / 255.0 {
                 worst = worst.max((f64::from(seen[2]) / x.max(y) - 1.0).abs());
             }
         }
-        // The level is made 1e-5 larger, and 1e-5 is added to 2 ln 1.2 of it at least: half of both.
+        // The level is scaled by 1 + 1e-5, and 1e-5 is added to 2 ln 1.2 of it at least: half of both.
         within(
             "project",
             "31",
@@ -49,7 +49,7 @@ fn f031_radius() {
     }
 }
 
-/// An opaque splat reaches 3.33 σ, not 3 σ: its rim has no edge.
+/// An opaque splat extends to 3.33 σ, not 3 σ: its rim has no visible edge.
 #[test]
 fn f032_rim_of_an_opaque_splat() {
     let lab = lab();
@@ -80,7 +80,7 @@ fn f032_rim_of_an_opaque_splat() {
     );
 }
 
-/// No pixel of a needle is lost to its bounds, which come from the covariance and not from its inverse.
+/// Bounds of needles, computed from the covariance and not from its inverse, contain every drawn pixel.
 #[test]
 fn f033_bounds_of_needles() {
     for mode in [RenderMode::Default, RenderMode::Mip] {
@@ -88,7 +88,7 @@ fn f033_bounds_of_needles() {
             let random = &mut Random::new(333);
             let mut pixels = 0;
             for _ in 0..15 {
-                // A pixel that were lost would show as an error of its whole alpha.
+                // A lost pixel would show as an error of its whole alpha.
                 let errors = alpha_errors(&needle(random, aspect, mode, 128));
                 assert!(
                     errors.iter().all(|&e| e < 1.0 / 255.0),
@@ -101,7 +101,7 @@ fn f033_bounds_of_needles() {
     }
 }
 
-/// Ellipses whose bounds are beyond every integer.
+/// Ellipses with bounds beyond every integer.
 #[test]
 fn f034_bounds_beyond_integers() {
     let lab = lab();
@@ -127,7 +127,7 @@ fn f034_bounds_beyond_integers() {
             });
             let image = lab.draw(&odd);
             assert!(image.rgb.as_flattened().iter().all(|x| x.is_finite()));
-            // What lies farther off than it is wide cannot be seen.
+            // A splat farther off than 1000 times its σ is invisible.
             let reach = f64::from(log_scale).exp() * camera.focal.x;
             if pixel.abs() > 1e3 * reach {
                 assert!(
@@ -139,14 +139,14 @@ fn f034_bounds_beyond_integers() {
     }
 }
 
-/// Tiles of a square image whose pixels' centres span a rectangle that the ellipse touches.
+/// Number of tiles of a square image in which the rectangle spanned by the pixel centres meets the ellipse.
 pub(crate) fn touched_tiles(splat: &ScreenSplat<f64>, side: u32) -> u32 {
     let grid = Grid::new(side, side);
     let over = |&tile: &u32| alpha_max(splat, &grid, tile) >= Thresholds::ENGINE.alpha_min;
     (0..grid.len()).filter(over).count() as u32
 }
 
-/// No tile is missed, and few are listed in vain.
+/// No tile is missed, and few are listed needlessly.
 #[test]
 fn f035_tiles_of_ellipses() {
     let lab = lab();
@@ -167,7 +167,7 @@ fn f035_tiles_of_ellipses() {
                     .filter(|&t| alpha_max(&exact, &grid, t) >= cut)
                     .count() as u32
             };
-            // A tile whose centres span a rectangle that the ellipse touches is listed.
+            // Listed: every tile in which the rectangle of pixel centres meets the ellipse.
             assert!(
                 tiles[0] >= over(cut * 1.001),
                 "aspect {aspect}: {} tiles of {}",
@@ -187,7 +187,7 @@ fn f035_tiles_of_ellipses() {
     );
 }
 
-/// What is counted is what is listed: no slot is left over and none is missing.
+/// Counts equal list lengths: no slot is unused and none is missing.
 #[test]
 fn f036_count_and_list() {
     let lab = lab();

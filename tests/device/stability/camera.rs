@@ -8,7 +8,7 @@ use ashfall::reference::{Splat, Viewpoint, project};
 use ashfall::scene::Camera;
 use glam::{DMat3, DVec2, DVec3};
 
-/// A principal point far outside the image is one that a crop of a larger image has.
+/// A principal point far outside the image, as in a crop of a larger image.
 #[test]
 fn f016_principal_point() {
     let lab = lab();
@@ -28,7 +28,7 @@ fn f016_principal_point() {
             };
             place(&mut scene, &prop);
         }
-        // Positions are sums of terms as large as the way to the principal point.
+        // Positions are sums of terms as large as the distance to the principal point.
         let error = apart(&scene, &lab.draw(&scene), 1e-3);
         let bound = image_bound(5 * 48, 0.55, 30, 1.0);
         within(
@@ -86,7 +86,7 @@ fn f017_sizes_and_pixels() {
     }
 }
 
-/// A splat at the centre of a pixel is as symmetric as the pixels are.
+/// A splat at the centre of a pixel is drawn with the symmetry of the pixel grid.
 #[test]
 fn f018_pixel_centres() {
     let lab = lab();
@@ -108,7 +108,7 @@ fn f018_pixel_centres() {
     }
 }
 
-/// Far from the origin, differences of positions are taken first: what floats can tell apart is drawn exactly.
+/// Far from the origin, differences of positions are taken first: positions distinct in f32 are drawn exactly.
 #[test]
 fn f019_far_from_the_origin() {
     let lab = lab();
@@ -128,7 +128,7 @@ fn f019_far_from_the_origin() {
         };
         place(&mut scene, &prop);
     }
-    // Positions in steps of 1/2, which floats tell apart up to 2^23.
+    // Positions in steps of 1/2, distinct in f32 up to 2^23.
     for x in scene.splats.mean.iter_mut().flatten() {
         *x = (*x * 2.0).round() / 2.0;
     }
@@ -167,7 +167,7 @@ fn f020_pixel_positions() {
     within("project", "20", "position at 7680 × 4320, px", worst, 2e-3);
 }
 
-/// Divisors are not biased: in units in which depths are a thousandth, pixels are the same.
+/// Divisors are unbiased: with depths scaled to a thousandth, pixels are the same.
 #[test]
 fn f021_biased_divisor() {
     let lab = lab();

@@ -14,7 +14,7 @@ use ashfall::reference::rasterize::{layer, raw_alpha};
 use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint, frame};
 use glam::{DQuat, DVec3};
 
-/// An alpha that is no number is no opaque splat.
+/// A NaN alpha is not drawn as an opaque splat.
 #[test]
 fn f052_nan_alpha() {
     let lab = lab();
@@ -32,7 +32,7 @@ fn f052_nan_alpha() {
     }
 }
 
-/// A red wall lets 2^-16 of what is behind it through.
+/// A red wall lets 2^-16 of the colour behind it through.
 #[test]
 fn f053_alpha_cap() {
     let lab = lab();
@@ -50,7 +50,7 @@ fn f053_alpha_cap() {
         .iter()
         .map(|c| f64::from(c[2]))
         .fold(0.0, f64::max);
-    // The cap itself, and a wall that is not quite flat: 20 px of 4,000 are 1.3e-5 of an exponent.
+    // The cap itself, and the wall's curvature: 20 px of 4,000 are 1.3e-5 of an exponent.
     within(
         "rasterize",
         "53",
@@ -64,7 +64,7 @@ fn f053_alpha_cap() {
     );
 }
 
-/// A single pixel under splats that cover it all alike, nearest first, by opacity.
+/// A single pixel fully covered by splats of the given opacities, nearest first.
 pub(crate) fn column(opacities: &[f64], seed: u64) -> Scene {
     let mut scene = stage(1, 1);
     let random = &mut Random::new(seed);
@@ -87,7 +87,7 @@ pub(crate) fn column(opacities: &[f64], seed: u64) -> Scene {
     scene
 }
 
-/// Where the cap acts there is no gradient; right below it there is the exact one.
+/// No gradient through the capped alpha; the exact gradient right below the cap.
 #[test]
 fn f054_gradient_of_the_cap() {
     let lab = lab();
@@ -117,7 +117,7 @@ fn f054_gradient_of_the_cap() {
     }
 }
 
-/// Random columns of opacities, of which some saturate and some do not.
+/// Random opacities of a column, some of them saturated.
 fn opacities(random: &mut Random) -> Vec<f64> {
     let strength = random.between(0.3, 3.0);
     (0..60)
@@ -125,7 +125,7 @@ fn opacities(random: &mut Random) -> Vec<f64> {
         .collect()
 }
 
-/// What the stop leaves out is worth no more than its threshold.
+/// Error of the transmittance threshold: at most its value.
 #[test]
 fn f055_stop_includes_the_last() {
     let lab = lab();
@@ -150,12 +150,12 @@ fn f055_stop_includes_the_last() {
     );
 }
 
-/// What the thresholds leave out of every pixel is worth no more than the weights that they drop.
+/// Error of both thresholds: at most the dropped weights at each pixel.
 #[test]
 fn f056_what_the_cut_costs() {
     let lab = lab();
     let mut scene = scenes::gentle(656, 150, 48, 40, 0);
-    // Faint ones among them, whose rims are a large part.
+    // Faint splats among them, with rims that are a large part.
     for logit in scene.splats.opacity_logit.iter_mut().step_by(2) {
         *logit = -4.0;
     }
@@ -170,7 +170,7 @@ fn f056_what_the_cut_costs() {
         let (mut through, mut dropped, mut range) = (1.0, 0.0, 1.0f64);
         for splat in &list {
             let alpha = raw_alpha(splat, center(i, 48)).min(Thresholds::ENGINE.alpha_max);
-            // A little more than the cut: rounding may drop what lies on it.
+            // Slightly above the threshold: rounding may drop a splat that lies on it.
             if alpha < Thresholds::ENGINE.alpha_min * 1.0001 {
                 dropped += alpha * through;
             }
@@ -193,7 +193,7 @@ fn f056_what_the_cut_costs() {
     );
 }
 
-/// `∂C/∂αᵢ` relative to Tᵢ: the largest error over a column of `count` splats that leaves `through`.
+/// Largest error of `∂C/∂αᵢ` relative to Tᵢ over a column of `count` splats with final transmittance `through`.
 pub(crate) fn column_gradient_error(count: usize, through: f64) -> f64 {
     let lab = lab();
     let each = 1.0 - through.powf(1.0 / count as f64);
@@ -214,7 +214,7 @@ fn f057_backward_transmittance() {
     for count in [1, 10, 100, 1000] {
         for through in [0.5, 1e-2, 2e-4] {
             let what = format!("dC/dα over T, {count} splats, T {through:.0e}");
-            // n products forward, n quotients back, n sums of what is behind: 3 √n U at random, and the
+            // n products forward, n quotients back, n sums over the splats behind: 3 √n U at random, and the
             // exponential's 7 ULP in each alpha of the same value, n · 14U · α / (1 − α) of T.
             within(
                 "rasterize_backward",
@@ -227,8 +227,8 @@ fn f057_backward_transmittance() {
     }
 }
 
-/// The transmittance that the backward pass regains at the front of a column is the one that the forward pass
-/// began with: both see the same alphas.
+/// The transmittance recovered by the backward pass at the front of a column equals the initial one of the forward
+/// pass: both use the same alphas.
 #[test]
 fn f058_forward_and_backward_agree() {
     let lab = lab();
@@ -236,11 +236,11 @@ fn f058_forward_and_backward_agree() {
         let each = 1.0 - 2e-4f64.powf(1.0 / count as f64);
         let scene = column(&vec![each; count], 658);
         let stepped = lab.step(&scene, &Lesson::flat(&scene, 0));
-        // dL/d(first colour) = α T / 3 · basis, with T = 1; α is that of its opacity.
+        // dL/d(first colour) = α T / 3 · basis, with T = 1 and α the opacity's alpha.
         let exact = &rows(&flat_gradient(&scene, stepped.near, 1.0))[0];
         let error = (stepped.row(0)[11] / exact[11] - 1.0).abs();
-        // Products and quotients by the same factors: 2n roundings of either sign, √2n of them left; one alpha of
-        // another value would be 2U / (1 − α) each, n times with one sign.
+        // Products and quotients by the same factors: 2n roundings of either sign, √2n of them left; an inconsistent
+        // alpha would cost 2U / (1 − α) each, n times with one sign.
         let bound = (3.0 * (2.0 * count as f64).sqrt() + 20.0) * U;
         within(
             "rasterize_backward",
@@ -252,7 +252,7 @@ fn f058_forward_and_backward_agree() {
     }
 }
 
-/// Bytes are rounded: the mean of a ramp is the ramp's.
+/// Conversion to bytes rounds to nearest: no bias over a ramp.
 #[test]
 fn f060_rounding_to_bytes() {
     for level in 0..=255u8 {
@@ -283,7 +283,7 @@ fn f060_rounding_to_bytes() {
     );
 }
 
-/// Every pixel is written by every picture, those that nothing covers too.
+/// Every picture writes every pixel, including uncovered ones.
 #[test]
 fn f061_every_pixel_is_written() {
     let lab = lab();
@@ -302,8 +302,8 @@ fn f061_every_pixel_is_written() {
     }
 }
 
-/// Splats are sorted by their centres, so a turn of the camera may swap two: measured, not judged, but for the
-/// bound that nothing can change by more than the range.
+/// Splats are sorted by their centres, so a rotation of the camera may swap two: the change is recorded and bounded
+/// only by the colour range.
 #[test]
 fn f062_popping() {
     let lab = lab();
@@ -320,7 +320,7 @@ fn f062_popping() {
 fn f063_exponential() {
     let lab = lab();
     let mut scene = stage(1024, 16);
-    // A tile's column has one residual, its rows each their own: some 16,000 exponents from 0 to −5.54.
+    // A tile's column shares one residual, each row has its own: some 16,000 exponents from 0 to −5.54.
     let sigma = [1000.0 / 3.4, 900.0 / 3.4, 1.0];
     place(
         &mut scene,
@@ -337,7 +337,7 @@ fn f063_exponential() {
         if let Some(exact) =
             layer(&seen, center(i, 1024), &Thresholds::ENGINE).filter(|l| l.alpha > 1.01 / 255.0)
         {
-            // The transmittance rounds by U, whatever alpha is.
+            // The transmittance rounds by U at every alpha.
             let found = 1.0 - f64::from(*through);
             worst = worst.max(((found - exact.alpha).abs() - U) / exact.alpha);
             count += 1;

@@ -9,7 +9,7 @@ use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use ashfall::scene::RenderMode;
 
-/// An opaque splat of an aspect and random orientation over the middle of the image, its long σ 1 to 2,000 px.
+/// An opaque splat of the given aspect and random orientation in the middle of the image, its long σ 1 to 2,000 px.
 pub(crate) fn needle(random: &mut Random, aspect: f64, mode: RenderMode, side: u32) -> Scene {
     let mut scene = stage(side, side);
     scene.camera.focal *= random.between(0.8, 1.5);
@@ -33,13 +33,13 @@ pub(crate) fn needle(random: &mut Random, aspect: f64, mode: RenderMode, side: u
     scene
 }
 
-/// The scene's first splat on the screen, exactly.
+/// Exact screen-space projection of the scene's first splat.
 pub(crate) fn on_screen(scene: &Scene) -> Option<ScreenSplat<f64>> {
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
     project(&Splat::<f64>::of(&scene.splats, 0), &view)
 }
 
-/// Errors of a lone splat's alphas as they are drawn, at every pixel that is not about to be cut.
+/// Errors of a single splat's drawn alphas, at every pixel not close to the alpha threshold.
 pub(crate) fn alpha_errors(scene: &Scene) -> Vec<f64> {
     let Some(exact) = on_screen(scene) else {
         return Vec::new();
@@ -85,8 +85,8 @@ fn f024_needle_determinant() {
                 errors.push((f64::from(records[0].tone[1]) / tone[1] - 1.0).abs());
             }
             // Scales carry the exponential's 3 + 2 · 8 ULP, 38U, V some 15 roundings more, all of them twice in a
-            // determinant whose terms are all positive, of which the factor is a root; the a it is divided from
-            // carries as much: 120U at worst.
+            // determinant of positive terms only; the factor is its root, and its divisor a carries as much: 120U at
+            // worst.
             let what = format!("whitening in y, aspect {aspect:.0e}, {mode:?}");
             within(
                 "project",
@@ -102,10 +102,10 @@ fn f024_needle_determinant() {
 /// Alphas of needles, exponents by whitened residuals.
 #[test]
 fn f025_needle_exponent() {
-    // The position of a pixel's centre, rounded by ulp(16) in its tile and by ulp(128) in the image, moves an
-    // exponent by up to 3.33 / σ of it, σ the short one; the slope's error acts over the needle's whole reach of
-    // 3.33 of its long σ, as far as the image shows it. Measured for the catalogue in numpy: 2.4e-5 at the 99th
-    // percentile for aspect 1e3, 5e-5 for 1e6, 4e-4 at most.
+    // The position of a pixel's centre, rounded by ulp(16) in its tile and by ulp(128) in the image, moves an exponent
+    // by up to 3.33 / σ of it, σ the short one; the slope's error acts over the needle's visible length, up to 3.33 of
+    // its long σ. Measured for the catalogue in numpy: 2.4e-5 at the 99th percentile for aspect 1e3, 5e-5 for 1e6, 4e-4
+    // at most.
     for (mode, high, most) in [
         (RenderMode::Default, 1e-4, 5e-4),
         (RenderMode::Mip, 2e-4, 1e-3),
@@ -135,7 +135,7 @@ fn f025_needle_exponent() {
     }
 }
 
-/// Needles that overlap, half transparent, as many as their gradients need to be judged by.
+/// Overlapping half-transparent needles, `count` of them.
 pub(crate) fn needles(seed: u64, aspect: f64, count: usize) -> Scene {
     let mut scene = stage(64, 64);
     let random = &mut Random::new(seed);
@@ -168,8 +168,8 @@ fn f026_needle_gradient() {
             ("opacity", 10..11),
         ] {
             let mut errors = gradient_errors(&scene, range);
-            // 1e-3 up to aspect 1e4 is what the engine promises, for all but those few whose gradient is the
-            // remainder of sums that cancel.
+            // Bound of the engine: 1e-3 up to aspect 1e4, except for the few gradients that are remainders of
+            // cancelling sums.
             let what = format!("{what}, aspect {aspect:.0e}, median");
             within(
                 "project_backward",
@@ -189,7 +189,7 @@ fn f026_needle_gradient() {
     }
 }
 
-/// There is no regulariser whose bias could show, and no square of a determinant that could overflow.
+/// No regulariser that would bias the gradient, and no square of a determinant that would overflow.
 #[test]
 fn f027_no_regulariser() {
     for sigma in [1e-3, 1e2, 1e5, 1e7] {
@@ -197,8 +197,8 @@ fn f027_no_regulariser() {
         place(&mut scene, &Prop::ball([14.3, 17.9], sigma, 0.0));
         scene.splats.log_scale[0][1] += 0.7;
         let error = percentile(&mut gradient_errors(&scene, 7..10), 1.0);
-        // A gradient of 1e-7 of its terms is still a gradient: what counts is that no bias hides it. Seven
-        // decimals of a wide splat's opacity are gone in the exponent, and a narrow one's scale in the dilation.
+        // A gradient of 1e-7 of its terms must not be hidden by a bias. Seven decimals of a wide splat's opacity are
+        // lost in the exponent, and a narrow one's scale in the dilation.
         within(
             "project_backward",
             "27",
@@ -223,7 +223,7 @@ fn f028_mip_compensation() {
                 continue;
             }
             seen += 1;
-            // An opaque splat's opacity is the compensation; exactly, from the minors of V.
+            // An opaque splat's opacity is the compensation; the exact one comes from the minors of V.
             let splat = Splat::<f64>::of(&scene.splats, 0);
             let exact = exact_compensation(&splat, &scene);
             let found = f64::from(records[0].shape[3]).exp2();
@@ -250,7 +250,7 @@ fn f028_mip_compensation() {
     }
 }
 
-/// The rows of V = J W R S before an upright camera; V Vᵀ is the covariance on the screen without dilation.
+/// Rows of V = J W R S for an upright camera; V Vᵀ is the covariance on the screen without dilation.
 pub(crate) fn factor(splat: &Splat<f64>, scene: &Scene) -> [[f64; 3]; 2] {
     let camera = &scene.camera;
     let v = sub(splat.mean, vector(camera.position));
@@ -277,7 +277,7 @@ pub(crate) fn exact_compensation(splat: &Splat<f64>, scene: &Scene) -> f64 {
     (det / (det + 0.1 * (dot(a, a) + dot(b, b)) + 0.01)).sqrt()
 }
 
-/// What zooming out does to a small splat's light: compensation keeps it, the usual dilation does not.
+/// Total light of a small splat under zooming out: compensation preserves it, the usual dilation does not.
 #[test]
 fn f029_light_under_zoom() {
     let lab = lab();
@@ -303,8 +303,8 @@ fn f029_light_under_zoom() {
         println!(
             "| frame | 29 | light at zoom {zoom}, usual dilation (known defect) | {usual:.1e} | - |"
         );
-        // What is below 1/255 is left out: of a splat compensated to a peak of σ² / (σ² + 0.1), 1 / 255 of it, and
-        // its tail is sampled at pixels' centres.
+        // Alphas below 1/255 are dropped: of a splat compensated to a peak of σ² / (σ² + 0.1), 1 / 255 of it, and its
+        // tail is sampled at pixel centres.
         let sigma: f64 = 2.0 * zoom;
         let bound = 3e-3 + 1.0 / 255.0 * (1.0 + 0.1 / (sigma * sigma)) * 1.1;
         within(

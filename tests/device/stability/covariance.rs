@@ -9,7 +9,7 @@ use crate::stability::props::{OPAQUE, Prop, logit, place, stage, with_copy};
 use ashfall::layout::TILE_PIXELS;
 use ashfall::train::{HostState, Trainer};
 
-/// Splats whose quaternions are multiplied by a factor.
+/// The scene with quaternions multiplied by a factor.
 fn turned_longer(scene: &Scene, factor: f32) -> Scene {
     let mut longer = scene.clone();
     for q in longer.splats.quaternion.iter_mut().flatten() {
@@ -18,7 +18,7 @@ fn turned_longer(scene: &Scene, factor: f32) -> Scene {
     longer
 }
 
-/// A quaternion without a direction is not drawn, and above all not drawn opaque; one that is merely short is.
+/// A zero quaternion is not drawn, in particular not as opaque; a short one is drawn.
 #[test]
 fn f001_zero_quaternion() {
     let lab = lab();
@@ -65,7 +65,7 @@ fn f002_large_quaternion() {
             "quaternions times 2^{power}"
         );
     }
-    // As in the entry before.
+    // As in entry 1.
     let bound = 4.0 * 5.55 * 6.0 * U + image_bound(48, 1.0, 30, 1.0);
     let long = lab.draw(&turned_longer(&scene, 1e30));
     within(
@@ -77,7 +77,7 @@ fn f002_large_quaternion() {
     );
 }
 
-/// The gradient is that of the unnormalised quaternion: the exact one, and orthogonal to it.
+/// The gradient by the unnormalised quaternion is exact, and orthogonal to it.
 #[test]
 fn f003_unnormalised_quaternion_gradient() {
     let lab = lab();
@@ -99,8 +99,8 @@ fn f003_unnormalised_quaternion_gradient() {
         let error: Vec<f64> = found.iter().zip(exact).map(|(a, b)| a - b).collect();
         off = off.max(length(&error) / length(exact));
     }
-    // The projection on the tangent leaves 8U of what was projected, which is at most a hundred times what is
-    // left: a ball's rotation has no gradient at all, and these have axes within 1 : 2.7.
+    // The tangent projection leaves 8U of its input, which is at most a hundred times its result: a ball's rotation has
+    // no gradient at all, and these have axes within 1 : 2.7.
     within(
         "project_backward",
         "3",
@@ -108,7 +108,7 @@ fn f003_unnormalised_quaternion_gradient() {
         along,
         8.0 * U * 100.0,
     );
-    // 99 % of this engine's gradients agree to 1e-4; a gradient that small of a whole is noise of sums over pixels.
+    // 99 % of this engine's gradients agree to 1e-4; smaller ones are noise of sums over pixels.
     within(
         "project_backward",
         "3",
@@ -118,7 +118,7 @@ fn f003_unnormalised_quaternion_gradient() {
     );
 }
 
-/// Quaternions do not grow, and so do not slow down.
+/// Quaternion lengths do not grow, which would slow down learning.
 #[test]
 fn f004_quaternion_norm_drift() {
     let random = &mut Random::new(4);
@@ -140,7 +140,7 @@ fn f004_quaternion_norm_drift() {
         .iter()
         .map(|q| (length(q) - 1.0).abs())
         .fold(0.0, f64::max);
-    // One division and one square root a step, nothing carried over.
+    // One division and one square root a step, without accumulation.
     within(
         "adam",
         "4",
@@ -165,7 +165,7 @@ fn f004_quaternion_norm_drift() {
     );
 }
 
-/// The direction of view keeps its gradient however long or short it is in world units.
+/// The gradient by the view direction holds at every world unit.
 #[test]
 fn f005_direction_at_every_distance() {
     let lab = lab();
@@ -205,7 +205,7 @@ fn f005_direction_at_every_distance() {
                 worst = worst.max((f64::from(now) * factor - f64::from(was)).abs());
             }
         }
-        // Sums over some hundred pixels of either sign feel the same rounding ten times over.
+        // Sums over some hundred pixels of either sign amplify the same rounding ten times.
         let (error, bound) = (worst / f64::from(largest), 10.0 * bound);
         within(
             "project_backward",
@@ -217,8 +217,7 @@ fn f005_direction_at_every_distance() {
     }
 }
 
-/// The record of a splat is a factor of its covariance: what it stands for is positive definite whatever the
-/// rounding, and the exact one.
+/// A splat's record is a factor of its covariance: the product is positive definite under any rounding, and accurate.
 #[test]
 fn f009_covariance_is_a_product() {
     let lab = lab();
@@ -251,8 +250,8 @@ fn f009_covariance_is_a_product() {
             worst = worst.max((f - e).abs() / largest);
         }
     }
-    // The long axis carries the specification's exponential, 3 + 2 · 4.6 units in the last place or 25U, and
-    // V = J W R S some 15 roundings more; a product of two carries both twice.
+    // The long axis carries the specification's exponential, 3 + 2 · 4.6 ULP or 25U, and V = J W R S some 15 roundings
+    // more; a product of two carries both twice.
     within(
         "project",
         "9",
@@ -262,7 +261,7 @@ fn f009_covariance_is_a_product() {
     );
 }
 
-/// A loss that asks for nothing but size gets a splat that covers everything, and finite numbers.
+/// A loss that favours only size gives a splat that covers everything, and finite numbers.
 #[test]
 fn f010_scale_gradients_saturate() {
     let lab = lab();
@@ -278,7 +277,7 @@ fn f010_scale_gradients_saturate() {
     let lesson = Lesson::flat(&scene, 255);
     let dataset = crate::stability::lab::dataset(&scene, &lesson);
     let mut config = crate::stability::lab::config(&scene, 0.0);
-    // What 5,000 steps at the usual rate would do, in 250.
+    // The distance of 5,000 steps at the usual rate, in 250.
     config.rates.log_scale *= 20.0;
     let state = HostState::from_splats(&scene.splats, 0);
     let mut trainer = Trainer::from_state(

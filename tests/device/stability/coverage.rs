@@ -1,15 +1,15 @@
-//! Every entry of the catalogue has a test of its number, or a line that says why it needs none.
+//! Coverage of the catalogue: every entry has a test of its number, or a line with the reason for none.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-/// The catalogue's numbered entries, its metamorphic relations, and the numerics that it recommends: up to here.
+/// Numbers of entries, of metamorphic relations and of recommended numerics of the catalogue.
 const ENTRIES: u32 = 115;
 const RELATIONS: u32 = 22;
 const NUMERICS: u32 = 15;
 
-/// The text of the modules of one of the folders of tests.
+/// The texts of the modules of one folder of device tests.
 fn modules(name: &str) -> Vec<String> {
     texts_in(
         &Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -27,7 +27,7 @@ fn texts_in(folder: &Path) -> Vec<String> {
         .collect()
 }
 
-/// The numbers of the functions that are named `<letter><digits>_…` and marked as tests.
+/// The numbers of the functions named `<letter><digits>_…` and marked as tests.
 fn tested(text: &str, letter: char) -> BTreeSet<u32> {
     let mut numbers = BTreeSet::new();
     let mut before = "";
@@ -60,7 +60,7 @@ fn the_rule_sees_what_is_a_test_and_what_an_excuse() {
 
 #[test]
 fn every_entry_has_its_test_or_its_reason() {
-    // Failures are injected elsewhere, under the same numbers; what needs no test is said here.
+    // Fault-injection tests in `faults` have the same numbers; excuses stand in `stability` only.
     let (here, faults) = (modules("stability"), modules("faults"));
     let all = |letter: char| -> BTreeSet<u32> {
         let texts = here.iter().chain(&faults);

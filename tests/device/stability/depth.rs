@@ -1,4 +1,4 @@
-//! Section 9 of the catalogue: what is read from the accumulated depth.
+//! Section 9 of the catalogue: the accumulated depth.
 //!
 //! * 87: splats are ellipsoids here; there are no discs that could stand edge-on.
 //! * 88: as 87: there is no disc that could cross the camera's plane.
@@ -11,7 +11,7 @@ use crate::common::scenes;
 use crate::stability::lab::{Lesson, U, lab, within};
 use crate::stability::props::{Prop, logit, place, stage};
 
-/// Every way out of the projection says that the splat has no tile.
+/// Every exit of the projection sets the tile count to 0.
 #[test]
 fn f089_every_exit_says_so() {
     let lab = lab();
@@ -40,7 +40,7 @@ fn f089_every_exit_says_so() {
     assert!(tiles.iter().filter(|&&t| t == 0).count() > 30);
 }
 
-/// What density control reads is complete when it is read, and the same every time.
+/// Statistics for density control are complete when read, and the same every time.
 #[test]
 fn f090_statistics_are_complete() {
     let lab = lab();
@@ -59,7 +59,7 @@ fn f090_statistics_are_complete() {
     }
 }
 
-/// A wall of small splats has the depth of a wall.
+/// The depth of a wall of small splats is that of the wall.
 #[test]
 fn f091_depth_of_a_plane() {
     let lab = lab();
@@ -88,8 +88,8 @@ fn f091_depth_of_a_plane() {
         let exact = 4.0 / (1.0 - 0.5 * ((x as f64 + 0.5 - 32.0) / 64.0));
         worst = worst.max((mean / exact - 1.0).abs());
     }
-    // The depth is that of the centres. Nearer ones come first, so the mean is theirs, but of none farther than two
-    // of their σ of (0.8² + 0.3)^½ = 0.97 px; a pixel's step of depth is a relative 0.5 / 64 / (1 − 0.25).
+    // The depth is that of the centres. Nearer splats come first, so the mean is biased towards them, within two of
+    // their σ of (0.8² + 0.3)^½ = 0.97 px; a pixel's step of depth is a relative 0.5 / 64 / (1 − 0.25).
     within(
         "rasterize",
         "91",
@@ -99,7 +99,7 @@ fn f091_depth_of_a_plane() {
     );
 }
 
-/// Where hardly anything is, the mean depth is still that of what there is; where nothing is, the sum is 0.
+/// At low coverage the mean depth is still that of the splat; at zero coverage the sum is 0.
 #[test]
 fn f092_depth_of_hardly_anything() {
     let lab = lab();

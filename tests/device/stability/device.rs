@@ -1,7 +1,7 @@
-//! Section 10b of the catalogue: what a device may do to a program, as far as its arithmetic and its promises go.
-//! Lost devices and memory that ends are the business of tests/device/faults.
+//! Section 10b of the catalogue: device-dependent arithmetic and guarantees. Lost devices and exhausted memory are
+//! tested in tests/device/faults.
 //!
-//! * 112: no sum here is compensated, so that no reassociation can undo it; what must not be rearranged is `precise`.
+//! * 112: no sum here is compensated, so reassociation has no effect; expressions with a fixed order are `precise`.
 
 use crate::common::scenes;
 use crate::stability::lab::{
@@ -22,7 +22,7 @@ fn shaders() -> Vec<(PathBuf, String)> {
     for folder in [folder.join("shared"), folder] {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            // Baselines do as others do; nothing but a benchmark runs them.
+            // Baselines follow other implementations; only benchmarks run them.
             let baseline = path
                 .file_name()
                 .is_some_and(|n| n.to_string_lossy().starts_with("baseline_16x16"));
@@ -39,7 +39,7 @@ fn shaders() -> Vec<(PathBuf, String)> {
     files
 }
 
-/// Whole steps and frames, one after the other, under synchronisation validation: not a word.
+/// Whole steps and frames in sequence under synchronisation validation: no message.
 #[test]
 fn f108_synchronisation() {
     let lab = lab();
@@ -49,12 +49,11 @@ fn f108_synchronisation() {
         lab.step(&scene, &lesson);
         lab.draw(&scene);
     }
-    // The validation layer is asked when this is dropped; that it notices what is wrong is tested with the host's
-    // image in tests/device/embed.
+    // Dropping the lab checks the validation messages; tests/device/embed checks that a wrong image state is reported.
     assert_eq!(lab.gpu().validation_messages(), Vec::<String>::new());
 }
 
-/// Fresh memory holds NaNs here, so that whoever reads what nobody wrote is found out.
+/// Fresh memory is filled with NaNs here, so that reads of unwritten memory are found.
 #[test]
 fn f109_fresh_memory_is_poisoned() {
     let lab = lab();
@@ -65,10 +64,10 @@ fn f109_fresh_memory_is_poisoned() {
     }
 }
 
-/// Every kernel has a form that needs nothing special of the device.
+/// Every kernel has a variant without optional device features.
 #[test]
 fn f110_portable_forms() {
-    // The baseline_16x16 ones are baselines, which nothing but a benchmark runs.
+    // The baseline_16x16 kernels are run by benchmarks only.
     for info in KERNELS
         .iter()
         .filter(|info| !info.kernel.starts_with("baseline_16x16"))
@@ -88,7 +87,7 @@ fn f110_portable_forms() {
     }
 }
 
-/// Nothing that is a float is added up by atomics: only counts are.
+/// Atomic additions are of integer counts only, never of floats.
 #[test]
 fn f111_no_float_atomics() {
     let mut seen = 0;
@@ -111,13 +110,13 @@ fn f111_no_float_atomics() {
     );
 }
 
-/// Nothing depends on numbers that a device may flush to zero.
+/// Results do not depend on numbers that a device may flush to zero.
 #[test]
 fn f113_denormals() {
     let lab = lab();
     let scene = scenes::gentle(1013, 12, 33, 25, 0);
     let tiny = |log: f32| with_copy(&scene, |splats, i| splats.log_scale[i] = [log; 3]);
-    // exp(−80) is a number, exp(−95) is not or hardly: both are far less than a pixel.
+    // exp(−80) is normal, exp(−95) subnormal or zero: both are far less than a pixel.
     assert!(
         same(&lab.draw(&tiny(-80.0)), &lab.draw(&tiny(-95.0))),
         "a scale of 1e-35 shows"
@@ -132,7 +131,7 @@ fn f113_denormals() {
         same(&lab.draw(&dim(1e-40)), &lab.draw(&dim(0.0))),
         "a colour of 1e-40 shows"
     );
-    // A quaternion of 1e-20 has squares that are none.
+    // The squares of a quaternion of 1e-20 underflow.
     let short = with_copy(&scene, |splats, i| {
         splats.quaternion[i] = splats.quaternion[i].map(|q| q * 2f32.powi(-55))
     });
@@ -140,7 +139,7 @@ fn f113_denormals() {
     assert!(same(&lab.draw(&short), &lab.draw(&usual)));
 }
 
-/// Right at the cut, the bounds that a logarithm gives are wide enough.
+/// At the alpha threshold, bounds from a logarithm are wide enough.
 #[test]
 fn f114_bounds_at_the_cut() {
     let lab = lab();
@@ -171,7 +170,7 @@ fn f114_bounds_at_the_cut() {
     assert!(difference(&lab.draw(&opaque), &lab.draw(&stage(40, 33))) > 0.9);
 }
 
-/// Every gradient of a difficult scene, through all of the compiler and the driver, against the exact one.
+/// Every gradient of a difficult scene, through compiler and driver, against the exact one.
 #[test]
 fn f115_parity_of_every_gradient() {
     let lab = lab();
@@ -211,7 +210,7 @@ fn f115_parity_of_every_gradient() {
                 errors.push((found - exact).abs() / exact.abs().max(floor));
             }
         }
-        // What the engine promises: relative to the gradient, or to 1 % of its kind where it is less.
+        // Bound of the engine: relative to the gradient, or to 1 % of its group where the gradient is less.
         within(
             "gradient",
             "115",

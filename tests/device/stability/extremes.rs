@@ -1,11 +1,11 @@
-//! Section 1 of the catalogue, second part: numbers that are none, or hardly.
+//! Section 1 of the catalogue, second part: NaN, infinities and extreme magnitudes.
 
 use crate::common::scenes::{self, Scene};
 use crate::stability::lab::{Lesson, apart, image_bound, lab, same, view_options, within};
 use crate::stability::props::{set, with_copy};
 use ashfall::render::ViewOptions;
 
-/// At the camera's very centre a splat has neither a direction nor a place on the screen.
+/// A splat at the camera's centre has neither a direction nor a screen position.
 #[test]
 fn f006_splat_at_the_camera() {
     let lab = lab();
@@ -51,8 +51,8 @@ fn f007_log_scale_extremes() {
                 all.clone().all(|x| x.is_finite()),
                 "log-scale {log} on {axes} axes"
             );
-            // A scale that vanishes leaves the dilation, and what is visible is what the oracle sees; beyond
-            // 2^63 px a variance has no place among floats and the splat is left out.
+            // A vanishing scale leaves the dilation, and the picture agrees with the oracle; beyond 2^63 px the
+            // variance overflows and the splat is dropped.
             if log < 1.0 {
                 let error = apart(&odd, &image, 1e-4);
                 // The widest of these has σ = 33 px along two axes, or none at all.
@@ -71,7 +71,7 @@ fn f007_log_scale_extremes() {
     }
 }
 
-/// Every kind of number that is none, in every parameter: not drawn, and nobody else notices.
+/// NaN and infinities in every parameter: the splat is not drawn, and no other splat changes.
 #[test]
 fn f008_nan_through_guards() {
     let lab = lab();

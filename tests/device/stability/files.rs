@@ -1,7 +1,7 @@
-//! Section 10 of the catalogue, and the bindings of 10b: one small test of each entry. What bytes may do to the loaders
-//! is the business of tests/host/io, tests/binary/broken.rs and tests/slow/fuzz.
+//! Section 10 of the catalogue, and the bindings of 10b: one small test of each entry. Damaged files are tested in
+//! tests/host/io, tests/binary/broken.rs and tests/slow/fuzz.
 //!
-//! * 101: EXR files are written, never read: no reader of ours can be led astray by one.
+//! * 101: EXR files are written, never read: there is no reader to attack.
 
 use crate::common::files;
 use crate::common::scenes;
@@ -16,8 +16,7 @@ use glam::{DMat3, DVec3};
 use std::fs;
 use std::path::Path;
 
-/// What is written is read, bit for bit; a file that ends anywhere is an error that names it; a splat that is none goes
-/// alone.
+/// A file is read back bit for bit; a truncated file is an error that names it; an invalid splat is dropped alone.
 #[test]
 fn f097_ply() {
     let folder = tempfile::tempdir().unwrap();
@@ -37,7 +36,7 @@ fn f097_ply() {
     assert_eq!((loaded.splats.len(), loaded.warnings.len()), (4, 1));
 }
 
-/// Names and cameras of the views of a data set that `write` makes.
+/// Names and cameras of the views of the data set made by `write`.
 fn views(write: &dyn Fn(&Path)) -> Vec<(String, Camera)> {
     let folder = tempfile::tempdir().unwrap();
     files::write_photos(&folder.path().join("images"));
@@ -56,7 +55,7 @@ fn f098_colmap() {
     assert_eq!(text.len(), 3);
 }
 
-/// And as transforms.json it has the same cameras, up to the inversion of their matrices.
+/// As transforms.json it has the same cameras, up to the inversion of their matrices.
 #[test]
 fn f099_transforms() {
     let text = views(&|folder| files::write_text(&folder.join("sparse/0")));
@@ -75,7 +74,7 @@ fn f099_transforms() {
     }
 }
 
-/// In `folder`, the data set of `transforms.json` with everything moved by `offset`; its points in double precision.
+/// The data set of `transforms.json` in `folder`, translated by `offset` in double precision.
 fn moved(folder: &Path, offset: DVec3) -> Dataset {
     files::write_photos(&folder.join("images"));
     let mut file = files::transforms();
@@ -98,9 +97,9 @@ fn moved(folder: &Path, offset: DVec3) -> Dataset {
     dataset::open(folder, &OpenOptions::default()).unwrap()
 }
 
-/// Coordinates of the Earth's surface, as drones have them: positions are counted from near the cameras, the scene
-/// says from where, and neither cameras nor points lose anything by it. Tolerance: two roundings in double precision
-/// at that distance, 2 · 2⁻⁵³ · 2²³ < 2e-9.
+/// Geodetic coordinates, as in drone surveys: positions are relative to an origin near the cameras, which the scene
+/// stores, without loss for cameras or points. Tolerance: two roundings in double precision at that distance, 2 · 2⁻⁵³
+/// · 2²³ < 2e-9.
 #[test]
 fn f019_positions_are_counted_from_near_the_cameras() {
     let folder = tempfile::tempdir().unwrap();
@@ -127,14 +126,14 @@ fn f019_positions_are_counted_from_near_the_cameras() {
             DVec3::from(b.position) + offset
         ));
     }
-    // What is trained says where it is, and so does its file.
+    // A trained scene and its file store the origin.
     let splats = train(&lab(), &far, &TrainConfig::for_iterations(3));
     assert_eq!(splats.origin, far.origin);
     assert!(splats.mean.iter().flatten().all(|x| x.abs() < 10.0));
     let path = folder.path().join("scene.ply");
     splats::write(&path, &splats).unwrap();
     assert!(splats::read(&path).unwrap().splats == splats);
-    // A scene of another program is in the coordinates of the files.
+    // A scene of another program has the coordinates of the files.
     far.set_origin(DVec3::ZERO);
     assert!(same(
         far.views[0].camera.position,
@@ -154,7 +153,7 @@ fn f019_positions_are_counted_from_near_the_cameras() {
     );
 }
 
-/// What claims to be larger than any photograph is refused before anything is decoded.
+/// A declared size beyond any photograph is refused before decoding.
 #[test]
 fn f100_images() {
     let folder = tempfile::tempdir().unwrap();
@@ -178,7 +177,7 @@ fn f100_images() {
     );
 }
 
-/// The check sum of a PNG's chunk.
+/// CRC-32 of a PNG chunk.
 fn crc32(bytes: &[u8]) -> u32 {
     let step = |crc: u32, &byte: &u8| {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| {
@@ -188,7 +187,7 @@ fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, step)
 }
 
-/// Bindings that reach less far hold fewer splats each, and all of them together hold all.
+/// Narrower bindings hold fewer splats each, and all splats together.
 #[test]
 fn f104_reach_of_a_binding() {
     let lab: Lab = lab();
@@ -211,7 +210,7 @@ fn f104_reach_of_a_binding() {
     }
 }
 
-/// No index of a shader exceeds 32 bits: blocks end before, however many splats there are.
+/// Shader indices fit in 32 bits: blocks end before, at any splat count.
 #[test]
 fn f105_indices_of_32_bits() {
     let mut caps = lab().gpu().caps().clone();

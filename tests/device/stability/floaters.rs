@@ -1,5 +1,5 @@
-//! Floaters, splats in free space that few views speak against (the first of the failures that the method is known
-//! for): a scene that grows them, and what `TrainConfig::against_floaters` leaves of them.
+//! Floaters, splats in free space that few views contradict (the first of the method's known failures): a scene that
+//! grows them, and the effect of `TrainConfig::against_floaters`.
 
 use crate::stability::lab::{Lab, lab, within};
 use crate::stability::trained::{cameras, psnr_db, train};
@@ -8,7 +8,7 @@ use ashfall::scene::{Camera, Dataset, Splats, Split};
 use ashfall::train::TrainConfig;
 use glam::DVec3;
 
-/// Six training views and three held out, and as many points of wrong matches as of right ones.
+/// Six training views and three held out, with as many wrong matches as right ones among the points.
 fn few_views(scene: &Scene, seed: u64) -> Dataset {
     scene.dataset(&SynthOptions {
         views: 9,
@@ -30,13 +30,13 @@ fn config(seed: u64) -> TrainConfig {
     }
 }
 
-/// What a training has made.
+/// Result of a training.
 struct Outcome {
-    /// On the held-out views.
+    /// Mean over the held-out views.
     psnr_db: f64,
-    /// Splats away from all that there is: a disc of radius 2.6 with solids up to 1.2 above it.
+    /// Splats outside the scene's volume: a disc of radius 2.6 with solids up to 1.2 above it.
     floating: usize,
-    /// Splats that fewer than half of the training views have in their picture.
+    /// Splats visible in fewer than half of the training views.
     unsupported: usize,
 }
 
@@ -60,7 +60,7 @@ fn outcome(lab: &Lab, scene: &Scene, dataset: &Dataset, config: &TrainConfig) ->
     }
 }
 
-/// Found in two seeds: 2.5 and 2.6 dB more, a third of the floaters, an eighth of the splats of low support.
+/// Measured on two seeds: 2.5 and 2.6 dB more, a third of the floaters, an eighth of the splats of low support.
 #[test]
 fn floaters_do_not_grow_where_they_are_guarded_against() {
     let lab = lab();
@@ -69,7 +69,7 @@ fn floaters_do_not_grow_where_they_are_guarded_against() {
         let dataset = few_views(&scene, seed);
         let plain = outcome(&lab, &scene, &dataset, &config(seed));
         let guarded = outcome(&lab, &scene, &dataset, &config(seed).against_floaters());
-        // The scene must be one that has the trouble.
+        // Precondition: the scene grows floaters.
         assert!(plain.floating > 500, "{} floaters", plain.floating);
         let share = |few: usize, many: usize| few as f64 / many as f64;
         let floating = share(guarded.floating, plain.floating);
@@ -87,7 +87,7 @@ fn floaters_do_not_grow_where_they_are_guarded_against() {
     }
 }
 
-/// Culling and the price of size, each on its own.
+/// Culling and the size penalty, each on its own.
 #[test]
 fn every_remedy_helps_alone() {
     let lab = lab();

@@ -1,4 +1,4 @@
-//! Section 8 of the catalogue, first part: splats that are added and removed, and where they start.
+//! Section 8 of the catalogue, first part: density control and initialisation.
 
 use crate::common::scenes::{self, Random, Scene};
 use crate::stability::lab::{Lesson, lab, within};
@@ -7,7 +7,7 @@ use ashfall::scene::{Dataset, Photo, PhotoSource, Point, View};
 use ashfall::train::strategy::{RefineContext, RefineReport, SplatStats, strategy};
 use ashfall::train::{HostState, StrategyKind, TrainConfig, initial_splats};
 
-/// The threshold that splats are split by means the same at every image size.
+/// The densification threshold is independent of the image size.
 #[test]
 fn f077_threshold_of_every_size() {
     let lab = lab();
@@ -29,7 +29,7 @@ fn f077_threshold_of_every_size() {
     }
     let mut large = scene.clone();
     large.camera = scene.camera.resized(192, 128);
-    // Black to the left, white to the right: every pixel's pull is known, and the same at every size.
+    // Black to the left, white to the right: every pixel's gradient is known, and the same at every size.
     let lesson = |scene: &Scene| {
         let width = scene.camera.width as usize;
         let mut lesson = Lesson::flat(scene, 0);
@@ -56,7 +56,7 @@ fn f077_threshold_of_every_size() {
         .zip(&large)
         .filter(|(s, l)| (**s > threshold) != (**l > threshold))
         .count();
-    // Those that lie within the error of sampling a σ of 4 px and of the dilation, 2 %, of the median: a few.
+    // Few splats lie within 2 % of the median, the error of sampling a σ of 4 px and of the dilation.
     within(
         "train",
         "77",
@@ -66,7 +66,7 @@ fn f077_threshold_of_every_size() {
     );
 }
 
-/// A state of splats of given opacity and size; the colour is the row.
+/// A state of splats of given opacity and size; the colour is the row index.
 pub(crate) fn state_of(splats: &[(f64, f64)]) -> HostState {
     let mut state = HostState::zeros(splats.len(), 0);
     let random = &mut Random::new(8);
@@ -105,7 +105,7 @@ pub(crate) fn refine(
     strategy(kind).refine(state, stats, context)
 }
 
-/// A splat that was seen too large is gone after one refinement: the radii are still known when they are asked for.
+/// A splat that was seen too large is removed by one refinement: the radii are still available then.
 #[test]
 fn f078_oversized_splats_go() {
     let mut config = TrainConfig::default();
@@ -124,8 +124,8 @@ fn f078_oversized_splats_go() {
     );
 }
 
-/// A needle that is split leaves two whose centres have its covariance, and which are needles still: splitting is the
-/// published one; what bounds eccentricity is an option of training.
+/// A split needle becomes two needles with centres of its covariance: splitting is the published one; an option of
+/// training bounds eccentricity.
 #[test]
 fn f085_split_of_needles() {
     let count = 4000;
@@ -160,7 +160,7 @@ fn f085_split_of_needles() {
     }
 }
 
-/// Cameras in one place, points in one place, hardly any points, points that are none.
+/// Coincident cameras, coincident points, almost no points, NaN points.
 #[test]
 fn f086_degenerate_starts() {
     let scene = scenes::gentle(886, 0, 24, 20, 0);

@@ -1,5 +1,5 @@
-//! What every test here works with: one device for all of them, a renderer that stays warm, single training
-//! steps, and the form in which a measured error is reported beside its bound.
+//! Shared fixtures: one device for all tests of this folder, a warm renderer, single training steps, and the report of
+//! a measured error beside its bound.
 
 use crate::common::device::{self, Turn};
 use crate::common::pack::Splat2d;
@@ -22,23 +22,23 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 /// Half a unit in the last place of 1 in single precision.
 pub(crate) const U: f64 = 1.0 / 16_777_216.0;
 
-/// The iteration that steps go on from: all harmonics are trained by then, and density control is over.
+/// First iteration of steps: all SH bands are trained by then, and density control is over.
 pub(crate) const BEGUN: u32 = 20_000;
 
 struct Shared {
     gpu: Gpu,
-    /// By degree of the harmonics.
+    /// Indexed by SH degree.
     projects: Vec<Project>,
     renderer: Mutex<Renderer>,
 }
 
-/// The device of all tests; dropping it fails the test if the validation layer has said anything.
+/// The device of all tests; dropping it fails the test if there are validation messages.
 pub(crate) struct Lab(
     &'static Shared,
     #[expect(dead_code, reason = "held, not read")] Rc<Turn>,
 );
 
-/// The one device, made by whoever comes first.
+/// The shared device, made on the first call.
 pub(crate) fn lab() -> Lab {
     static SHARED: OnceLock<Shared> = OnceLock::new();
     let turn = device::turn();
@@ -71,7 +71,7 @@ impl Drop for Lab {
     }
 }
 
-/// A photograph to learn from, `[pixel]` rgba, and what its alpha means.
+/// A training photograph, `[pixel]` rgba, and its alpha mode.
 #[derive(Clone, Debug)]
 pub(crate) struct Lesson {
     pub(crate) rgba: Vec<[u8; 4]>,
@@ -81,8 +81,8 @@ pub(crate) struct Lesson {
 }
 
 impl Lesson {
-    /// One colour everywhere, L1 only: where the render lies strictly between 0 and 1, black makes the
-    /// gradient of every channel of every pixel 1 / (3 · pixels), and white makes it the negative of that.
+    /// A uniform grey photograph under L1 only: for render values strictly between 0 and 1, black makes the gradient of
+    /// every channel of every pixel 1 / (3 · pixels), and white makes it the negative of that.
     pub(crate) fn flat(scene: &Scene, level: u8) -> Lesson {
         let pixels = (scene.camera.width * scene.camera.height) as usize;
         Lesson {
@@ -92,7 +92,7 @@ impl Lesson {
         }
     }
 
-    /// The photograph of nothing in particular.
+    /// An opaque generated photograph.
     pub(crate) fn photo(scene: &Scene, lambda: f32) -> Lesson {
         let (width, height) = (scene.camera.width, scene.camera.height);
         Lesson {
@@ -106,7 +106,7 @@ impl Lesson {
     }
 }
 
-/// What one step saw and went by.
+/// Image, gradients, statistics and report of one step.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Stepped {
     pub(crate) image: Vec<f32>,
@@ -144,7 +144,7 @@ pub(crate) fn config(scene: &Scene, lambda: f32) -> TrainConfig {
     }
 }
 
-/// A data set of one view, whose extent puts the near plane where the scene wants it.
+/// A data set of one view, with the extent that gives the scene's near plane.
 pub(crate) fn dataset(scene: &Scene, lesson: &Lesson) -> Dataset {
     let camera = &scene.camera;
     let distance = scene.options.near / (1.1 * f64::from(config(scene, 0.0).near_factor));
@@ -193,7 +193,7 @@ impl Lab {
         renderer.render(&model, &scene.camera, view).unwrap()
     }
 
-    /// Nanoseconds that a picture takes on the device.
+    /// Device time of a picture, nanoseconds.
     pub(crate) fn device_time(&self, scene: &Scene) -> f64 {
         let model = Model::upload(self.gpu(), &scene.splats).unwrap();
         let mut renderer = self.renderer();
@@ -204,7 +204,7 @@ impl Lab {
     }
 
     fn renderer(&self) -> MutexGuard<'_, Renderer> {
-        // A test that failed while it drew leaves a renderer that still draws.
+        // The renderer is still usable after a test that failed while it drew.
         self.0
             .renderer
             .lock()
@@ -228,7 +228,7 @@ impl Lab {
         }
     }
 
-    /// What the projection writes: a record and a tile count for every splat. Buffers are filled with NaNs first.
+    /// Output of the projection: a record and a tile count for every splat. Buffers are filled with NaNs first.
     pub(crate) fn records(&self, scene: &Scene) -> (Vec<Splat2d>, Vec<u32>) {
         let (gpu, count) = (self.gpu(), scene.splats.len());
         let kernel = &self.0.projects[scene.splats.sh_degree as usize];
@@ -266,8 +266,7 @@ impl Lab {
     }
 }
 
-/// The exact gradient of what a step with a flat lesson goes by: every channel of every pixel counts
-/// `sign / (3 · pixels)`.
+/// Exact gradient of a step on a flat lesson: every channel of every pixel has the derivative `sign / (3 · pixels)`.
 pub(crate) fn flat_gradient(scene: &Scene, near: f32, sign: f64) -> SplatGradients {
     let pixels = (scene.camera.width * scene.camera.height) as usize;
     let each = PixelGradient {
@@ -286,7 +285,7 @@ pub(crate) fn rows(gradient: &SplatGradients) -> Vec<Vec<f64>> {
     crate::common::pack::gradient_rows(gradient)
 }
 
-/// The largest error of a drawn scene's colours and transmittance, where no discontinuity is within `margin`.
+/// Largest error of a drawn scene's colours and transmittance over the pixels without a discontinuity within `margin`.
 pub(crate) fn apart(scene: &Scene, image: &Rendered, margin: f64) -> f64 {
     let expected = frame::render(&scene.splats, &scene.camera, &scene.options);
     let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
@@ -304,7 +303,7 @@ pub(crate) fn apart(scene: &Scene, image: &Rendered, margin: f64) -> f64 {
     worst
 }
 
-/// The largest difference of two pictures, colours and transmittance.
+/// Largest difference of two pictures in colours and transmittance.
 pub(crate) fn difference(a: &Rendered, b: &Rendered) -> f64 {
     let colors = a.rgb.as_flattened().iter().zip(b.rgb.as_flattened());
     let all = colors.chain(a.transmittance.iter().zip(&b.transmittance));
@@ -321,26 +320,26 @@ pub(crate) fn same(a: &Rendered, b: &Rendered) -> bool {
     bits(a) == bits(b)
 }
 
-/// What a picture may differ from the exact one: positions carry two units in the last place of the image's
-/// size, which change an alpha by at most 0.61 / σ of its range (the steepest slope of a Gaussian), alphas carry
-/// the specification's exponential, 14.1 · 2⁻²³ at most, and sums of `layers` terms their own rounding.
+/// Error bound of a picture: positions carry two ULPs of the image's size, which change an alpha by at most 0.61 / σ of
+/// its range (the steepest slope of a Gaussian), alphas carry the specification's exponential, 14.1 · 2⁻²³ at most, and
+/// sums of `layers` terms their own rounding.
 pub(crate) fn image_bound(size: u32, sigma_min: f64, layers: usize, range: f64) -> f64 {
     let position = 2.0 * f64::from(size) * 2.0 * U;
     (0.61 / sigma_min * position + 14.1 * 2.0 * U + (layers + 2) as f64 * U) * range
 }
 
-/// The share of a sorted list below which `share` of it lies.
+/// Quantile `share` of the values.
 pub(crate) fn percentile(values: &mut [f64], share: f64) -> f64 {
     assert!(!values.is_empty(), "nothing measured");
     values.sort_by(f64::total_cmp);
     values[((values.len() - 1) as f64 * share).ceil() as usize]
 }
 
-/// Reports an error beside its bound, as a row of a table, and holds it to the bound.
+/// Prints an error beside its bound, as a row of a table, and asserts the bound.
 #[track_caller]
 pub(crate) fn within(stage: &str, entry: &str, what: &str, measured: f64, bound: f64) {
     println!("| {stage} | {entry} | {what} | {measured:.1e} | {bound:.1e} |");
-    // Written so that NaN does not pass.
+    // NaN fails this comparison.
     assert!(
         measured <= bound,
         "{entry}: {what}: {measured:e}, more than {bound:e}"

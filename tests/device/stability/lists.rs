@@ -13,7 +13,7 @@ use ashfall::layout::*;
 use ashfall::render::{Capacity, Model, RenderOptions, Renderer};
 use ashfall::train::{HostState, Trainer};
 
-/// More intersections than 32 bits can count are too many, not few.
+/// A count of intersections beyond 32 bits saturates instead of wrapping.
 #[test]
 fn f037_count_saturates() {
     let lab = lab();
@@ -88,7 +88,7 @@ fn f037_count_saturates() {
     }
 }
 
-/// A list that is one short of room is drawn and trained like any other.
+/// A list one entry beyond the capacity is drawn and trained like any other.
 #[test]
 fn f038_room_for_one_less() {
     let lab = lab();
@@ -136,7 +136,7 @@ fn f038_room_for_one_less() {
     }
 }
 
-/// Nothing there, nothing in front, nothing in the picture: the background, and no gradient.
+/// Empty scene, nothing in front of the near plane, or nothing in the picture: the background, and no gradient.
 #[test]
 fn f039_nothing_to_draw() {
     let lab = lab();
@@ -195,14 +195,14 @@ fn f040_more_tiles_than_instances() {
     assert!(image.transmittance[1020 * 2048 + 2044] < 1e-4);
 }
 
-/// Dispatches and images that are longer than one dimension is allowed to be.
+/// Dispatches and images beyond the limit of one grid dimension.
 #[test]
 fn f041_dispatch_limits() {
     let lab = lab();
     for (width, height) in [(16_385, 1), (1, 16_385)] {
         let scene = scenes::gentle(441, 24, width, height, 0);
         let error = apart(&scene, &lab.draw(&scene), 1e-2);
-        // Positions of 16,385 px: two units in their last place are 2e-3 px.
+        // Positions of 16,385 px: two ULPs are 2e-3 px.
         within(
             "frame",
             "41",
@@ -240,7 +240,7 @@ fn f041_dispatch_limits() {
     );
 }
 
-/// A splat over the whole picture does not hold everything up.
+/// A splat over the whole picture at most doubles the device time of a frame.
 #[test]
 fn f042_monster_splat() {
     let lab = lab();
@@ -265,7 +265,7 @@ fn f042_monster_splat() {
             ..Prop::ball([256.0, 256.0], 3000.0, -3.0)
         },
     );
-    // The least of several, in turns: others use the machine too.
+    // Minimum of several alternating runs, since the machine may have other load.
     let mut least = [f64::INFINITY; 2];
     for _ in 0..7 {
         for (least, scene) in least.iter_mut().zip([&scene, &monster]) {
@@ -281,7 +281,7 @@ fn f042_monster_splat() {
     );
 }
 
-/// Lists of one intersection, in images of every number of tiles at which bit counts change.
+/// Lists of one intersection, in images with tile counts around every power of two.
 #[test]
 fn f043_offsets_of_empty_tiles() {
     let lab = lab();

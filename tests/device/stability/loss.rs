@@ -1,4 +1,4 @@
-//! Section 7 of the catalogue, first part: colours, the loss, and what it can reach.
+//! Section 7 of the catalogue, first part: colours, the loss, and the support of a splat's gradient.
 
 use crate::common::scenes::{self, Random, Scene, coefficient};
 use crate::stability::lab::{Lesson, U, flat_gradient, lab, percentile, rows, within};
@@ -10,7 +10,7 @@ use ashfall::scene::AlphaMode;
 use ashfall::train::strategy::reset_opacity;
 use ashfall::train::{HostState, TrainConfig};
 
-/// Black in one channel, a splat learns nothing in that one, and everything in the others.
+/// A splat has no gradient in a channel clamped at black, and the exact one in the others.
 #[test]
 fn f064_colour_clamp() {
     let lab = lab();
@@ -61,7 +61,7 @@ fn f064_colour_clamp() {
     );
 }
 
-/// Means learn through the direction of view.
+/// Means have a gradient through the view direction.
 #[test]
 fn f065_direction_gradient() {
     let mut scene = scenes::gentle(765, 30, 48, 40, 3);
@@ -88,7 +88,7 @@ fn f065_direction_gradient() {
     );
 }
 
-/// Every coefficient of every channel is its own, on the device and in a file of every degree.
+/// The layout of SH coefficients per channel is right, on the device and in a file of every degree.
 #[test]
 fn f066_harmonics_layout() {
     let lab = lab();
@@ -129,7 +129,7 @@ fn f066_harmonics_layout() {
     }
 }
 
-/// The loss of a scene as a step finds it, and exactly.
+/// The loss of a scene in a step, the exact one, and the step.
 fn losses(scene: &Scene, lesson: &Lesson) -> (f64, LossGradient, crate::stability::lab::Stepped) {
     let stepped = lab().step(scene, lesson);
     let options = Options {
@@ -146,11 +146,11 @@ fn losses(scene: &Scene, lesson: &Lesson) -> (f64, LossGradient, crate::stabilit
     (stepped.report.loss, exact, stepped)
 }
 
-/// An empty scene over a bright background, and photographs of nearly that.
+/// An empty scene over a bright background, and a photograph equal to it up to noise.
 pub(crate) fn bright_flat(amplitude: f64) -> (Scene, Lesson) {
     let mut scene = stage(64, 48);
     scene.options.background = [f64::from(250.0f32 / 255.0); 3];
-    // Out of sight: somebody has to be there.
+    // A splat out of view, since a scene must not be empty.
     place(
         &mut scene,
         &Prop {
@@ -173,7 +173,7 @@ pub(crate) fn bright_flat(amplitude: f64) -> (Scene, Lesson) {
     (scene, lesson)
 }
 
-/// Variances of flat bright patches do not cancel.
+/// Variances of flat bright patches do not suffer cancellation.
 #[test]
 fn f067_variance_of_flat_patches() {
     let (scene, lesson) = bright_flat(0.0);
@@ -188,14 +188,14 @@ fn f067_variance_of_flat_patches() {
     for amplitude in [0.6, 1.4, 4.0] {
         let (scene, lesson) = bright_flat(amplitude);
         let (found, exact, _) = losses(&scene, &lesson);
-        // Shifted by one of the photograph's pixels, values are below amplitude / 255, their squares round by as
-        // much of that, and C2 is 9e-4: 4U (4 / 255)² / C2, and a rim where zeros are as far as before.
+        // Shifted by one of the photograph's pixels, values are below amplitude / 255, their squares round relatively
+        // to that, and C2 is 9e-4: 4U (4 / 255)² / C2, and a rim with zeros at the unshifted distance.
         let what = format!("SSIM of a bright flat patch, noise of {amplitude} levels");
         within("loss", "67", &what, (found - exact.loss).abs(), 1e-5);
     }
 }
 
-/// Images smaller than the window, and sizes that no tile divides.
+/// Images smaller than the window, and sizes not divisible by the tile size.
 #[test]
 fn f068_small_images() {
     for (width, height) in [(1, 1), (5, 5), (11, 11), (17, 13), (16, 33)] {
@@ -211,7 +211,7 @@ fn f068_small_images() {
             (found - exact.loss).abs(),
             2e-5,
         );
-        // SSIM's slopes reach 2 / C2 and cancel between themselves: gradients are judged by the largest.
+        // SSIM's slopes reach 2 / C2 and cancel: errors are relative to the largest gradient.
         let exact = rows(&exact.d_splats);
         let largest = exact.iter().map(|row| row[10].abs()).fold(0.0, f64::max);
         let apart = exact
@@ -229,7 +229,7 @@ fn f068_small_images() {
     }
 }
 
-/// A photograph that is masked out teaches nothing; a transparent one shows the background.
+/// A masked-out photograph gives no gradient; a transparent one shows the background.
 #[test]
 fn f069_masks() {
     let lab = lab();
@@ -265,7 +265,7 @@ fn f069_masks() {
     );
 }
 
-/// A splat of which only the ring between 1.5 and 3 σ is seen must go on learning after its opacity was reset.
+/// A splat visible only between 1.5 and 3 σ must keep a gradient after a reset of its opacity.
 #[test]
 fn f070_support_after_a_reset() {
     let lab = lab();
@@ -292,7 +292,7 @@ fn f070_support_after_a_reset() {
         after.splats.opacity_logit[ring] = state.params[0][ring][3];
         lab.step(&after, &Lesson::flat(&scene, 0)).row(ring)[10]
     };
-    // The published value: its alpha is below 1/255 from 1.37 σ on. The scene must be one that has the trouble.
+    // The published value: its alpha is below 1/255 from 1.37 σ on. Precondition: the scene has the problem.
     assert_eq!(gradient(0.01), 0.0);
     let usual = TrainConfig::default().adc.opacity_reset_value;
     assert!(

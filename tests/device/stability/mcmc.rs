@@ -19,7 +19,7 @@ fn mcmc(cap: u32) -> TrainConfig {
     }
 }
 
-/// Weights that are none, all zero, or hardly more.
+/// NaN, zero and tiny weights.
 #[test]
 fn f079_weights_of_any_kind() {
     let seen = |n: usize| vec![[0.0, 1.0, 1.0, 0.0]; n];
@@ -52,7 +52,7 @@ fn f079_weights_of_any_kind() {
     assert!((0..4).all(|row| state.is_finite(row) && state.params[3][row][0] == 3.0));
 }
 
-/// Every splat has its chance, the last of many as well as the first.
+/// Hosts are chosen uniformly, from the first splat to the last.
 #[test]
 fn f080_fair_choice() {
     let (live, dead) = (20_000, 40_000);
@@ -70,17 +70,17 @@ fn f080_fair_choice() {
     for sh in &state.params[3] {
         deciles[sh[0] as usize * 10 / live] += 1.0;
     }
-    // Every host is there itself, besides.
+    // Besides the relocated splats, each host counts itself.
     let expected = dead as f64 / 10.0;
     let square: f64 = deciles
         .iter()
         .map(|n| (n - live as f64 / 10.0 - expected).powi(2) / expected)
         .sum();
-    // χ² of nine degrees of freedom exceeds this once in ten thousand draws; the draw is always the same.
+    // χ² of nine degrees of freedom exceeds this once in ten thousand draws; the seed is fixed.
     within("train", "80", "χ² of hosts by decile", square, 33.7);
 }
 
-/// The opacity and the size of copies that together look like one.
+/// Opacity and size of copies that together look like the original.
 #[test]
 fn f081_relocation() {
     let mut worst = 0.0f64;
@@ -104,7 +104,7 @@ fn f081_relocation() {
 
 #[test]
 fn f082_many_copies() {
-    // Fainter hosts have copies that would be dead again: those are kept at 0.005, as published.
+    // Copies of fainter hosts would be dead again: those are kept at 0.005, as published.
     for opacity in [0.7, 0.95, 0.9999] {
         let mut splats = vec![(opacity, 0.1)];
         splats.extend(vec![(1e-6, 0.1); 200]);
@@ -129,7 +129,7 @@ fn f082_many_copies() {
     }
 }
 
-/// Means after MCMC's noise.
+/// Means after MCMC's noise, world units.
 fn perturbed(lab: &Lab, scene: &Scene, amplitude: f32, step: u32) -> Vec<[f64; 3]> {
     let (gpu, count) = (lab.gpu(), scene.splats.len());
     let params = gpu
@@ -161,7 +161,7 @@ fn perturbed(lab: &Lab, scene: &Scene, amplitude: f32, step: u32) -> Vec<[f64; 3
         .collect()
 }
 
-/// Noise moves a scene's splats as far, relative to the scene, in any unit.
+/// Noise moves splats by the same distance relative to the scene in any unit.
 #[test]
 fn f083_noise_of_every_unit() {
     let lab = lab();
@@ -184,7 +184,7 @@ fn f083_noise_of_every_unit() {
     for (a, b) in one.iter().zip(&many) {
         worst = worst.max(length(&[0, 1, 2].map(|k| a[k] - b[k])));
     }
-    // Variances feel the rounding of log-scales of up to 8 twice, 2 · 8U · 3 σ_stat; a mean of up to 8 rounds by 8U.
+    // Variances carry the rounding of log-scales of up to 8 twice, 2 · 8U · 3 σ_stat; a mean of up to 8 rounds by 8U.
     within(
         "perturb",
         "83",
@@ -194,7 +194,7 @@ fn f083_noise_of_every_unit() {
     );
 }
 
-/// Random numbers: normal, never infinite, and the same for the same splat.
+/// Random numbers: normal, finite, and repeatable for each splat.
 #[test]
 fn f084_random_numbers() {
     let lab = lab();
@@ -218,7 +218,7 @@ fn f084_random_numbers() {
         }
     }
     let n = 3.0 * count as f64;
-    // Four standard errors of each moment, whose variances are 1, 2, 15 and 96.
+    // Four standard errors of each moment; the variances are 1, 2, 15 and 96.
     for (power, (expected, variance)) in
         (1..).zip([(0.0, 1.0), (1.0, 2.0), (0.0, 15.0), (3.0, 96.0f64)])
     {

@@ -1,6 +1,6 @@
-//! Mip mode and its 3D filter (entries 29 and 30), and needles (entry 10): pictures from nearer and farther than
-//! the photographs, from between two pixels, and in other units. What one splat does is exact and stands in
-//! `conic`; here are whole scenes, trained in seconds.
+//! Mip mode and its 3D filter (entries 29 and 30), and needles (entry 10): pictures nearer and farther than the
+//! photographs, at subpixel offsets, and in other units. Effects of single splats are exact and are tested in `conic`;
+//! here are whole scenes, trained in seconds.
 
 use crate::common::pack;
 use crate::common::scenes::{self, Scene};
@@ -17,8 +17,7 @@ use ashfall::train::smoothing::{refresh, sampling_rates};
 use ashfall::train::{HostState, TrainConfig};
 use glam::{DMat3, DVec2, DVec3};
 
-/// The camera nearer to or farther from its picture: longer focal lengths in a picture of the same size, or a
-/// smaller picture of the same field of view.
+/// Zooms in by longer focal lengths at the same picture size, and out by a smaller picture of the same field of view.
 fn zoomed(camera: &Camera, zoom: f64) -> Camera {
     if zoom < 1.0 {
         let size = |n: u32| (f64::from(n) * zoom).round() as u32;
@@ -51,14 +50,13 @@ fn config(mode: RenderMode) -> TrainConfig {
     }
 }
 
-/// Held-out views against rays, 16 × 16 a pixel where the picture is smaller.
+/// Held-out views against ray-cast truth, 16 × 16 samples a pixel for smaller pictures.
 #[test]
 fn f029_zoom_sweep() {
     let lab = lab();
     let scene = synth::scene(Kind::Demo);
     let dataset = dataset(&scene);
-    // Training amplifies rounding: one run's gain is uncertain by some steps_of_ten_percent of a decibel, the mean of
-    // three less.
+    // Training amplifies rounding: one run's gain is uncertain by some tenths of a decibel, the mean of three less.
     let trained = [RenderMode::Default, RenderMode::Mip].map(|mode| {
         [0, 1, 2].map(|seed| {
             let config = TrainConfig {
@@ -69,7 +67,7 @@ fn f029_zoom_sweep() {
         })
     });
     let test = cameras(&dataset, Split::Test);
-    // How much better mip mode has to be on the average, decibels.
+    // Required mean gain of mip mode by zoom, decibels.
     let wanted = [
         (0.125, 6.0),
         (0.25, 6.0),
@@ -109,8 +107,8 @@ fn f029_zoom_sweep() {
     );
 }
 
-/// How much a pixel's error changes while the camera turns through a pixel in eight steps: the root of the mean
-/// variance. What moves with the scene is in the truth as well, so only what flickers remains.
+/// Temporal noise of a pixel's error while the picture shifts through a pixel in eight steps: the root of the mean
+/// variance. The truth shifts as well, so only flicker remains.
 fn flicker(lab: &Lab, splats: &Splats, scene: &synth::Scene, camera: &Camera) -> f64 {
     let base = zoomed(camera, 0.25);
     let model = Model::upload(lab.gpu(), splats).unwrap();
@@ -158,7 +156,7 @@ fn spot(sigma: f64) -> Scene {
         mean: vec![[0.0, 0.0, depth as f32]],
         quaternion: vec![[1.0, 0.0, 0.0, 0.0]],
         log_scale: vec![[(sigma * depth / 64.0).ln() as f32; 3]],
-        // Opaque but for 6e-6.
+        // 1 − opacity is 6e-6.
         opacity_logit: vec![12.0],
         sh: vec![0.5 / ashfall::scene::SH_C0; 3],
         mode: RenderMode::Mip,
@@ -167,7 +165,7 @@ fn spot(sigma: f64) -> Scene {
     scene
 }
 
-/// Largest over smallest light of a spot that moves through a pixel, less 1.
+/// Largest over smallest total light of a spot that moves through a pixel, less 1.
 fn light_variation(lab: &Lab, spot: &Scene) -> f64 {
     let model = Model::upload(lab.gpu(), &spot.splats).unwrap();
     let mut renderer = Renderer::new(
@@ -194,14 +192,14 @@ fn light_variation(lab: &Lab, spot: &Scene) -> f64 {
     most / least - 1.0
 }
 
-/// Alphas below this are not drawn here: the usual 1/255 would take pixels of a faint spot's rim in and out.
+/// Alpha threshold here: at the usual 1/255, pixels of a faint spot's rim would come and go.
 const CUT: f32 = 1e-6;
 
-/// A Gaussian of variance v sampled at pixel centres sums to its integral times Σ exp(-2π² k² v) cos(2π k φ) over all
-/// k on each axis (Poisson), φ being where in its pixel it lies: with a = 2 exp(-2π² v) its light runs between
-/// (1 - a)² and (1 + a)², the next term being a⁴ / 8 and, for variances from 0.3, under 1e-11. The cut is reached
-/// where o exp(-r² / 2v) = CUT, o being the drawn opacity: 2πv CUT of 2πv o lie beyond, of which we allow all to
-/// come and go, and four times as much, as pixels are no integral. Sums round 576 terms: 576u.
+/// A Gaussian of variance v sampled at pixel centres sums to its integral times Σ exp(-2π² k² v) cos(2π k φ) over all k
+/// on each axis (Poisson), with its position φ in the pixel: with a = 2 exp(-2π² v) its light lies between (1 - a)² and
+/// (1 + a)², the next term being a⁴ / 8 and, for variances from 0.3, under 1e-11. The threshold is reached at o exp(-r²
+/// / 2v) = CUT for drawn opacity o: 2πv CUT of 2πv o lie beyond. The bound allows all of it to vary, times four, as a
+/// sum over pixels is no integral. Sums round 576 terms: 576u.
 fn variation_bound(variance: f64, opacity: f64) -> f64 {
     let a = 2.0 * (-2.0 * std::f64::consts::PI.powi(2) * variance).exp();
     ((1.0 + a) / (1.0 - a)).powi(2) - 1.0 + 4.0 * f64::from(CUT) / opacity + 576.0 * lab::U
@@ -212,7 +210,7 @@ fn f029_no_shimmer_between_pixels() {
     let lab = lab();
     for sigma in [0.2, 0.3, 0.5, 1.0, 2.0] {
         let spot = spot(sigma);
-        // As training leaves it: one view, that of the picture.
+        // As after training with one view, that of the picture.
         let mut state = HostState::from_splats(&spot.splats, 0);
         let mip = config(RenderMode::Mip).mip;
         refresh(&mut state, &[spot.camera], 0.1, &mip);
@@ -221,7 +219,7 @@ fn f029_no_shimmer_between_pixels() {
             ..spot.clone()
         };
         let s = sigma * sigma;
-        // Both filters take the share of two axes, smoothing that of the third as well.
+        // Both filters take their factor for two axes, smoothing that of the third as well.
         let opacity = s / (s + 0.3) * (s / (s + 0.2)).sqrt();
         let bound = variation_bound(s + 0.3, opacity);
         let what = format!("light of a spot of {sigma} px");
@@ -232,7 +230,7 @@ fn f029_no_shimmer_between_pixels() {
             light_variation(&lab, &trained),
             bound,
         );
-        // Without the 3D filter a thin splat must be seen to shimmer, or this test sees nothing.
+        // Validity of the test: without the 3D filter a thin splat shimmers.
         if sigma <= 0.3 {
             let raw = light_variation(&lab, &spot);
             assert!(raw > 2.0 * bound, "{what}: {raw}, not over {bound}");
@@ -240,7 +238,7 @@ fn f029_no_shimmer_between_pixels() {
     }
 }
 
-/// The largest difference of two pictures of a scene, away from its discontinuities.
+/// Largest difference of two pictures of a scene, away from its discontinuities.
 fn apart(scene: &Scene, a: &Rendered, b: &Rendered) -> f64 {
     let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
     let pixels = a.rgb.iter().zip(&b.rgb).zip(&margins);
@@ -249,7 +247,7 @@ fn apart(scene: &Scene, a: &Rendered, b: &Rendered) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Draws with 3D filters, as training does.
+/// Draws with one 3D filter per splat, as in training.
 fn draw_filtered(lab: &Lab, scene: &Scene, filters: &[f32]) -> Rendered {
     let mut planes = planes_from_splats(&scene.splats);
     pack::set_filters(&mut planes, filters);
@@ -261,9 +259,9 @@ fn draw_filtered(lab: &Lab, scene: &Scene, filters: &[f32]) -> Rendered {
     renderer.render(&model, &scene.camera, &options).unwrap()
 }
 
-/// What the filter is made of rounds like what it is baked into: scales and their logarithms to 8 in magnitude,
-/// 8u each, logits likewise; an alpha of power p ≤ 5.55 follows a scale's relative error 2 p-fold and the opacity's
-/// once, 12 · 16u in all, and compositing does not amplify it. Colours lie between 0 and 1.
+/// Baking rounds like drawing with the filter: scales and their logarithms to 8 in magnitude, 8u each, logits likewise;
+/// an alpha of power p ≤ 5.55 multiplies a scale's relative error by 2 p and the opacity's by 1, 12 · 16u in all, and
+/// compositing does not amplify it. Colours lie between 0 and 1.
 const BAKED: f64 = 200.0 * lab::U;
 
 fn filtered_scene(seed: u64) -> (Scene, Vec<f32>) {
@@ -292,7 +290,8 @@ fn f030_a_baked_scene_is_drawn_as_it_was_trained() {
     assert!(without > 0.05, "the filter does nothing: {without}");
 }
 
-/// Products of squared scales underflow in scenes of small units and overflow in large ones; ratios do not.
+/// Independence of the unit: products of squared scales underflow in small units and overflow in large ones; ratios do
+/// not.
 #[test]
 fn f030_filters_have_no_unit() {
     let lab = lab();
@@ -323,7 +322,7 @@ fn f030_filters_have_no_unit() {
     }
 }
 
-/// Thinner than the filter, at its place: standard deviations in sampling intervals of the closest view.
+/// Smallest standard deviation of each splat in sampling intervals of its closest view.
 fn thinnest(splats: &Splats, dataset: &Dataset) -> Vec<f64> {
     let near = dataset.extent() * 0.01;
     let rates = sampling_rates(&splats.mean, &cameras(dataset, Split::Train), near, 0.15);
@@ -347,7 +346,7 @@ fn f030_no_trained_splat_is_thinner_than_what_was_seen() {
     config.iterations = 250;
     let share_thin = |config: &TrainConfig| {
         let widths = thinnest(&train(&lab, &dataset, config), &dataset);
-        // Means go on moving after the last refinement; a tenth of their depth is more than they do.
+        // Means still move after the last refinement, by less than a tenth of their depth.
         let thin = widths.iter().filter(|w| **w < 0.9 * 0.2f64.sqrt());
         thin.count() as f64 / widths.len() as f64
     };

@@ -1,7 +1,7 @@
-//! Where splatting methods fail, entry by entry of the catalogue of known failures: `f024_…` is the right
-//! behaviour at its entry 24, `m07_…` its metamorphic relation M7, `b01_…` what the numerics that this engine
-//! adopts gain over the usual ones. An entry that asks nothing of this engine has a line `* 22: why` at the head
-//! of the module of its section. Tolerances are derived where they stand; U = 2⁻²⁴ throughout.
+//! Regression tests of known failures of splatting methods, by entry of the project's catalogue: `f024_…` is the right
+//! behaviour at its entry 24, `m07_…` its metamorphic relation M7, `b01_…` the accuracy gained by this engine's
+//! numerics over the usual ones. An entry that does not apply to this engine has a line `* 22: why` at the head of the
+//! module of its section. Tolerances are derived where they stand; U = 2⁻²⁴ throughout.
 //!
 //! Every measured error is printed as a row of a table, beside its bound:
 //!

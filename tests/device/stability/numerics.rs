@@ -1,6 +1,5 @@
-//! What the numerics that this engine adopts gain: the error of the usual formula, computed here in single
-//! precision, beside the error of what the device gives for the same inputs, both against double precision. First
-//! part: ellipses.
+//! Accuracy gained by the engine's numerics, first part: ellipses. The error of the usual formula, computed here in
+//! single precision, beside the error of the device on the same inputs, both against double precision.
 
 use crate::common::scenes::{Random, Scene};
 use crate::stability::bounds::touched_tiles;
@@ -15,7 +14,8 @@ use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::{ScreenSplat, Splat, Viewpoint, project, rasterize_inria};
 use ashfall::scene::RenderMode;
 
-/// Reports what a formula's naive form and ours lose on the same inputs, and holds ours to its bound and to be better.
+/// Prints the errors of a naive formula and of the device on the same inputs, and asserts that the device's is within
+/// its bound and smaller.
 #[track_caller]
 pub(crate) fn gained(number: u32, what: &str, naive: f64, ours: f64, bound: f64) {
     println!("| B{number:02} | {what} | {naive:.1e} | {ours:.1e} | {bound:.1e} |");
@@ -29,7 +29,7 @@ pub(crate) fn gained(number: u32, what: &str, naive: f64, ours: f64, bound: f64)
     );
 }
 
-/// The scene's first splat on the screen in plain single precision, as full matrices give it.
+/// Projection of the scene's first splat in plain single precision, by full matrices.
 pub(crate) fn naive_screen(scene: &Scene) -> Option<ScreenSplat<f32>> {
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
     project(&Splat::<f32>::of(&scene.splats, 0), &view)
@@ -45,7 +45,7 @@ fn naive_alpha_errors(scene: &Scene) -> Vec<f64> {
     let errors = pixels.filter_map(|i| {
         let at = center(i, width);
         let alpha = raw_alpha(&exact, at);
-        // A number that is none draws the cap, or nothing.
+        // A non-finite alpha is drawn at the cap, or not at all.
         let found = f64::from(raw_alpha(&naive, at));
         let found = if found.is_finite() {
             found.clamp(0.0, 1.0)
@@ -57,8 +57,8 @@ fn naive_alpha_errors(scene: &Scene) -> Vec<f64> {
     errors.collect()
 }
 
-/// The gradient by log-scales of a lone white splat over black whose every pixel pulls alike, by way of the inverse
-/// covariance as the 3DGS code writes it out.
+/// Gradient by log-scales of a single white splat over black under a uniform pixel gradient, by way of the inverse
+/// covariance as in the 3DGS code.
 fn naive_needle_gradient(scene: &Scene) -> Option<[f64; 3]> {
     let naive = naive_screen(scene)?;
     let [a, b, c] = naive.covariance;
@@ -118,7 +118,7 @@ fn b01_whitened_residual() {
         let random = &mut Random::new(902);
         for _ in 0..16 {
             let mut scene = needle(random, aspect, RenderMode::Default, 48);
-            // Half transparent, so that no alpha meets its cap; long σ up to the picture's size.
+            // Half transparent, so that all alphas are below the cap; long σ up to the picture's size.
             scene.splats.opacity_logit[0] = 0.0;
             let long = random.log_between(3.0, 60.0) * 4.0 / scene.camera.focal.x;
             scene.splats.log_scale[0] = [long / aspect, long, long / aspect].map(|s| s.ln() as f32);
@@ -141,7 +141,7 @@ fn b01_whitened_residual() {
     }
 }
 
-/// A clamped centre's z keeps its derivative; the 3DGS code takes that of an unclamped one.
+/// A clamped slope keeps its derivative by z; the 3DGS code uses the derivative of the unclamped one.
 #[test]
 fn b04_gradient_of_the_limit() {
     let scene = clamped(315);

@@ -1,4 +1,4 @@
-//! What the numerics that this engine adopts gain, third part: the loss, opacities, filters, bytes, sums, lengths and
+//! Accuracy gained by the engine's numerics, third part: the loss, opacities, filters, bytes, sums, lengths and
 //! regularisers.
 
 use crate::common::scenes::{self, Random};
@@ -79,7 +79,7 @@ fn b08_shifted_variances() {
 fn b09_saturating_sigmoid() {
     let lab = lab();
     for logit in [10.0f32, 17.0, 20.0, 25.0] {
-        // A pixel beside the centre, where no alpha meets its cap.
+        // A pixel beside the centre, with alphas below the cap.
         let mut scene = stage(1, 1);
         place(&mut scene, &Prop::ball([2.0, 0.5], 1.0, logit));
         let stepped = lab.step(&scene, &Lesson::flat(&scene, 0));
@@ -210,7 +210,7 @@ fn b13_sums_by_tiles() {
     let stepped = lab.step(&scene, &Lesson::flat(&scene, 0));
     let exact = rows(&flat_gradient(&scene, stepped.near, 1.0))[0][11];
     let ours = (stepped.row(0)[11] / exact - 1.0).abs();
-    // One pixel after the other, in the order that threads happen to come in.
+    // Sequential sum over pixels in random order, as with unordered threads.
     let image = lab.draw(&scene);
     let each = 1.0 / (3.0 * 65_536.0) * ashfall::scene::SH_C0;
     let mut naive = 0.0f64;
@@ -243,7 +243,7 @@ fn b14_safe_lengths() {
             *q *= factor;
         }
         let ours = difference(&lab.draw(&other), &clean);
-        // Squares in single precision: the length is 0 or infinite, and every rotation is none.
+        // Squares in single precision: the length is 0 or infinite, and the rotation is lost.
         let mut naive = scene.clone();
         for (q, long) in naive
             .splats
@@ -272,7 +272,7 @@ fn b14_safe_lengths() {
     }
     let far = scaled(&scenes::gentle(915, 20, 40, 33, 3), 2f64.powi(24));
     let ours = percentile(&mut gradient_errors(&far, 0..3), 0.5);
-    // (|v|² d − v (v · d)) / √(|v|²)³, as the 3DGS code has it, of v = (1, 2, 3) · 2²⁴ and d = (1, 0, 0).
+    // (|v|² d − v (v · d)) / √(|v|²)³, as in the 3DGS code, of v = (1, 2, 3) · 2²⁴ and d = (1, 0, 0).
     let v = [1.0f32, 2.0, 3.0].map(|x| x * 16_777_216.0);
     let square: f32 = v.iter().map(|x| x * x).sum();
     let found = (square - v[0] * v[0]) * (1.0 / (square * square * square).sqrt());
@@ -304,7 +304,7 @@ fn b15_no_regularisers() {
         ours,
         100.0 * U,
     );
-    // w + 1e-7 where depths are thousandths.
+    // A divisor of w + 1e-7 at depths of thousandths.
     let near = scaled(&scenes::gentle(916, 100, 640, 480, 0), 2f64.powi(-12));
     let (records, tiles) = lab.records(&near);
     let view = ashfall::reference::Viewpoint::new(&near.camera, &near.options, near.splats.mode);

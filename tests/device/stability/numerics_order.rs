@@ -1,4 +1,4 @@
-//! What the numerics that this engine adopts gain, second part: order, compositing, positions.
+//! Accuracy gained by the engine's numerics, second part: order, compositing, positions.
 
 use crate::common::scenes::Random;
 use crate::stability::compositing::column;
@@ -12,7 +12,7 @@ use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint};
 use glam::{DMat3, DVec3};
 
-/// Keys of 18 bits, as many as a screen of 1920 × 1080 leaves in 32.
+/// Depth keys of 18 bits, the rest of 32 after the tile index at 1920 × 1080.
 #[test]
 fn b02_full_depth_keys() {
     let lab = lab();
@@ -31,7 +31,7 @@ fn b02_full_depth_keys() {
             (((2.0 * z + 1.0) / (z + 1.0) - 1.0) * 262_144.0) as u32
         };
         order.sort_by_key(key);
-        // Drawn in that order: depths that say so.
+        // Drawn in that order, by setting depths to ranks.
         let packed: Vec<Option<ScreenSplat<f64>>> = order
             .iter()
             .zip(1..)
@@ -48,7 +48,7 @@ fn b02_full_depth_keys() {
             .flat_map(|(f, e)| [0, 1, 2].map(|c| (f.color[c] - e.color[c]).abs()))
             .fold(0.0, f64::max);
         let ours = order_error(&scene, &lab.draw(&scene));
-        // At a distance of 1 even 18 bits will do.
+        // At a distance of 1 even 18 bits are enough.
         if naive > 1e-3 {
             gained(
                 2,
@@ -83,7 +83,7 @@ fn b03_include_last() {
             .flatten()
             .collect();
         let image = lab.draw(&scene);
-        // All of it, and all but the splat that crosses 1e-4 and what is behind it.
+        // The full sum, and the sum without the splat that crosses 1e-4 and those behind it.
         let (mut whole, mut cut) = ([0.0f64; 3], [0.0f32; 3]);
         let (mut through, mut through_cut, mut open) = (1.0f64, 1.0f32, true);
         for splat in &list {
@@ -142,7 +142,7 @@ fn b06_transmittance() {
         leak,
         4e-5,
     );
-    // dC/dα by what is left of the colour, front to back, in single precision.
+    // dC/dα by the remaining colour, front to back, in single precision.
     for (count, through) in [(100usize, 2e-4), (1000, 2e-4)] {
         let each = 1.0 - through_root(through, count);
         let scene = column(&vec![each; count], 906);
@@ -205,7 +205,7 @@ fn b07_differences_first() {
                 },
             );
         }
-        // A turned camera, all of whose numbers are floats, as those of the splats are.
+        // A rotated camera with entries exact in f32, as the splats' are.
         let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -0.7, 0.2);
         let turn = DMat3::from_cols_array(&turn.to_cols_array().map(|x| f64::from(x as f32)));
         let by = DVec3::new(distance, -distance * 0.5, 1e3)

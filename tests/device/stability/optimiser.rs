@@ -9,7 +9,7 @@ use ashfall::layout::{COUNT_POISONED, COUNT_SLOTS};
 /// Decay of the moments.
 pub(crate) const BETAS: [f32; 2] = [0.9, 0.999];
 
-/// The rate of every parameter in these runs.
+/// Learning rate of every parameter in these runs.
 pub(crate) const RATE: f32 = 1e-3;
 
 /// One splat's optimiser on the device.
@@ -28,12 +28,12 @@ pub(crate) struct Run<'a> {
 const PLANES: usize = 4;
 
 impl<'a> Run<'a> {
-    /// Starts with the four parameters of a plane; everything else is 0.
+    /// Starts with the four parameters of plane `plane`; the other parameters are 0.
     pub(crate) fn new(lab: &'a Lab, plane: usize, start: [f32; 4]) -> Run<'a> {
         let gpu = lab.gpu();
         let zeros = vec![[0.0f32; 4]; PLANES];
         let mut planes = zeros.clone();
-        // Elsewhere a quaternion of zeros would be normalised to NaNs.
+        // A zero quaternion in another plane would be normalised to NaNs.
         planes[1] = [1.0, 0.0, 0.0, 0.0];
         planes[plane] = start;
         let buffer = |planes: &[[f32; 4]]| gpu.buffer_from("planes", planes).unwrap();
@@ -89,7 +89,7 @@ impl<'a> Run<'a> {
         all[self.plane]
     }
 
-    /// Groups of four gradients that were not finite so far.
+    /// Number of non-finite groups of four gradients so far.
     pub(crate) fn poisoned(&self) -> u32 {
         let counts = self
             .lab
@@ -99,7 +99,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// The course of four means and opacities under gradients that come one after the other.
+/// Parameters after each of a sequence of gradients, for three mean coordinates and an opacity.
 pub(crate) fn course(lab: &Lab, gradients: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let mut run = Run::new(lab, 0, [0.0; 4]);
     gradients

@@ -1,7 +1,7 @@
 //! Section 2 of the catalogue: from the world to the screen.
 //!
 //! * 22: lenses are not part of the renderer: distortion is removed from photographs when they are loaded.
-//! * 23: as 22; that undistortion inverts the lens and shows nothing twice is tested where it is done, tests/host/io.
+//! * 23: as 22; that undistortion inverts the lens without duplicating pixels is tested with it, in tests/host/io.
 
 use crate::common::scenes::{self, Random, Scene};
 use crate::stability::lab::{
@@ -12,7 +12,7 @@ use ashfall::reference::linear::{covariance, dot, transform};
 use ashfall::reference::{Splat, Viewpoint, project};
 use glam::{DMat3, DVec2};
 
-/// A scene of which everything, the near plane too, is multiplied.
+/// The scene multiplied by a factor, near plane included.
 pub(crate) fn scaled(scene: &Scene, factor: f64) -> Scene {
     let mut other = scene.clone();
     other.camera.position *= factor;
@@ -26,7 +26,7 @@ pub(crate) fn scaled(scene: &Scene, factor: f64) -> Scene {
     other
 }
 
-/// The near plane follows the scene's extent: in units a thousand times smaller nothing is lost.
+/// The near plane follows the scene's extent: in units a thousand times smaller no splat is lost.
 #[test]
 fn f011_near_plane_follows_the_scene() {
     let lab = lab();
@@ -37,7 +37,7 @@ fn f011_near_plane_follows_the_scene() {
         let factor = 2f64.powi(power);
         let found = lab.step(&scaled(&scene, factor), &lesson);
         let ratio = f64::from(found.near) / (f64::from(clean.near) * factor);
-        // The extent is taken from a point that rounds with the position of a camera.
+        // The extent comes from a point that rounds with the position of a camera.
         within(
             "train",
             "11",
@@ -65,7 +65,7 @@ fn f011_near_plane_follows_the_scene() {
     }
 }
 
-/// The alpha of a splat where the whole ray is looked at: at the point of the ray where it is densest.
+/// Alpha of a splat at the point of the pixel's ray with the largest density.
 fn alpha_along_ray(scene: &Scene, pixel: [f64; 2]) -> f64 {
     let splat = Splat::<f64>::of(&scene.splats, 0);
     let sigma = covariance(splat.quaternion, splat.log_scale);
@@ -79,12 +79,12 @@ fn alpha_along_ray(scene: &Scene, pixel: [f64; 2]) -> f64 {
         dot(ray, transform(inverse, mean)),
         dot(mean, transform(inverse, mean)),
     );
-    // Behind the camera there is nothing: the nearest point is the camera then.
+    // A maximum behind the camera is moved to the camera.
     let along = if dm > 0.0 { dm * dm / dd } else { 0.0 };
     (-0.5 * (mm - along)).exp()
 }
 
-/// The largest difference between what is drawn of a single opaque splat and its alpha along the rays.
+/// Largest difference between the drawn alpha of a single opaque splat and its alpha along the rays.
 fn model_error(scene: &Scene) -> f64 {
     let image = lab().draw(scene);
     let width = scene.camera.width as usize;
@@ -94,7 +94,7 @@ fn model_error(scene: &Scene) -> f64 {
         let exact = alpha_along_ray(scene, [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5]);
         let exact = if exact < cut { 0.0 } else { exact };
         let found = 1.0 - f64::from(*through);
-        // Where one of the two is cut they differ by the cut, which is not the model's error.
+        // Where one of the two is dropped they differ by the threshold, which is not the model's error.
         let error = (found - exact).abs();
         worst = worst.max(if found == 0.0 || exact == 0.0 {
             error - cut
@@ -105,7 +105,7 @@ fn model_error(scene: &Scene) -> f64 {
     worst
 }
 
-/// One opaque splat at depth 1, `tan` off the axis, over the middle of an image that shows it `zoom` px wide.
+/// One opaque splat at depth 1, `tan` off the axis, in the middle of an image, `zoom` px wide.
 fn portrait(relative_sigma: [f64; 3], quaternion: [f64; 4], tan: f64, zoom: f64) -> Scene {
     let mut scene = stage(128, 128);
     let focal = zoom / relative_sigma[1];
@@ -121,7 +121,7 @@ fn portrait(relative_sigma: [f64; 3], quaternion: [f64; 4], tan: f64, zoom: f64)
     scene
 }
 
-/// What the linearised projection differs from the perspective one: less than 1.2 σ / z.
+/// Difference of the linearised projection from the perspective one: less than 1.2 σ / z.
 #[test]
 fn f012_linearised_projection() {
     let random = &mut Random::new(312);
@@ -140,7 +140,7 @@ fn f012_linearised_projection() {
                 worst = worst.max(model_error(&portrait(needle, quaternion, tan, 60.0)));
             }
         }
-        // A dilation of 0.3 px² widens the needle's 6 px by 0.3 / 36, and an alpha feels 1/e of that.
+        // A dilation of 0.3 px² widens the needle's 6 px by 0.3 / 36, which changes an alpha by 1/e of that.
         let bound = 1.2 * ratio + 0.74 * 0.5 * 0.3 / 36.0;
         within(
             "model",
@@ -180,7 +180,7 @@ fn f013_ghost_behind_the_camera() {
     }
 }
 
-/// A camera of 62° and a wide splat whose centre lies at this slope.
+/// A camera of 62° and a wide splat with its centre at this slope.
 fn beside(tan: f64) -> Scene {
     let mut scene = stage(64, 64);
     scene.camera.focal = DVec2::splat(32.0 / 0.6);
@@ -195,8 +195,8 @@ fn beside(tan: f64) -> Scene {
     scene
 }
 
-/// Beyond the image's border by 15 % the linearisation stops following a splat's centre: what is drawn of a wide
-/// one stays near the truth, and is the reference's on either side of that limit.
+/// The linearisation point is clamped 15 % beyond the image's border: a wide splat stays near the truth, and agrees
+/// with the reference on either side of that limit.
 #[test]
 fn f014_slope_limit() {
     let lab = lab();
@@ -240,7 +240,7 @@ fn f014_slope_limit() {
     }
 }
 
-/// Relative errors of what of every splat's gradient `of` picks out, as vectors.
+/// Relative errors of the parameters `of` of every splat's gradient, as vectors.
 pub(crate) fn gradient_errors(scene: &Scene, of: std::ops::Range<usize>) -> Vec<f64> {
     let lab = lab();
     let stepped = lab.step(scene, &Lesson::flat(scene, 0));
@@ -257,7 +257,7 @@ pub(crate) fn gradient_errors(scene: &Scene, of: std::ops::Range<usize>) -> Vec<
     errors
 }
 
-/// Splats whose centres lie beyond the limits, to the left and below, while their tails reach into the image.
+/// Splats with centres beyond the limits, to the left and below, and tails in the image.
 pub(crate) fn clamped(seed: u64) -> Scene {
     let mut scene = stage(48, 40);
     let random = &mut Random::new(seed);
@@ -283,7 +283,7 @@ pub(crate) fn clamped(seed: u64) -> Scene {
 fn f015_gradient_of_the_limit() {
     let mut errors = gradient_errors(&clamped(315), 0..3);
     assert!(errors.len() > 20, "{} of them are seen", errors.len());
-    // As everywhere: 1e-3; leaving the z-derivative unclamped is off by 24 % at the median.
+    // The usual 1e-3; an unclamped z-derivative is off by 24 % at the median.
     within(
         "project_backward",
         "15",

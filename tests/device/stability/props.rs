@@ -1,14 +1,14 @@
-//! Scenes made by hand: an upright camera at the origin and splats placed where a test wants them.
+//! Hand-made scenes: an upright camera at the origin and splats placed by pixel and depth.
 
 use crate::common::scenes::Scene;
 use ashfall::reference::Options;
 use ashfall::scene::{Camera, RenderMode, SH_C0, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
-/// Opacity logit of what counts as opaque: 1 − 4e-18.
+/// Opacity logit of an opaque splat: opacity 1 − 4e-18.
 pub(crate) const OPAQUE: f32 = 40.0;
 
-/// An empty scene before an upright camera at the origin whose focal length is the image's width, over black.
+/// An empty scene over black with an upright camera at the origin; its focal length is the image's width.
 pub(crate) fn stage(width: u32, height: u32) -> Scene {
     Scene {
         splats: Splats {
@@ -35,11 +35,11 @@ pub(crate) fn stage(width: u32, height: u32) -> Scene {
 /// A splat to be placed on a stage.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prop {
-    /// Where its centre appears, pixels.
+    /// Position of the centre on the screen, pixels.
     pub(crate) pixel: [f64; 2],
     /// World units along z.
     pub(crate) depth: f64,
-    /// Standard deviations as they would appear face on, pixels.
+    /// Standard deviations seen face-on, pixels.
     pub(crate) sigma: [f64; 3],
     /// w, x, y, z.
     pub(crate) quaternion: [f64; 4],
@@ -66,7 +66,7 @@ pub(crate) fn logit(opacity: f64) -> f32 {
     (opacity / (1.0 - opacity)).ln() as f32
 }
 
-/// Puts a splat on the stage; the scene's harmonics beyond the constant stay 0.
+/// Appends a splat to the scene; SH coefficients beyond the constant are 0.
 pub(crate) fn place(scene: &mut Scene, prop: &Prop) {
     let camera = &scene.camera;
     let ray = ((DVec2::from(prop.pixel) - camera.center) / camera.focal).extend(1.0);
@@ -87,7 +87,7 @@ pub(crate) fn place(scene: &mut Scene, prop: &Prop) {
     splats.sh.extend(sh);
 }
 
-/// The same splats in another order, or some of them, or some of them repeatedly.
+/// The splats of the given indices, in their order; repetitions allowed.
 pub(crate) fn picked(splats: &Splats, order: &[usize]) -> Splats {
     let stride = splats.sh_stride();
     let row = |&i: &usize| splats.sh[i * stride..][..stride].to_vec();
@@ -101,7 +101,7 @@ pub(crate) fn picked(splats: &Splats, order: &[usize]) -> Splats {
     }
 }
 
-/// The scene with a copy of splat 0 appended and changed.
+/// The scene with a changed copy of splat 0 appended.
 pub(crate) fn with_copy(scene: &Scene, change: impl FnOnce(&mut Splats, usize)) -> Scene {
     let count = scene.splats.len();
     let order: Vec<usize> = (0..count).chain([0]).collect();
@@ -113,7 +113,7 @@ pub(crate) fn with_copy(scene: &Scene, change: impl FnOnce(&mut Splats, usize)) 
     more
 }
 
-/// Writes into one of a splat's parameters, numbered as mean, quaternion, log-scale, opacity, harmonics.
+/// Sets one of a splat's parameters, numbered as mean, quaternion, log-scale, opacity, SH coefficients.
 pub(crate) fn set(splats: &mut Splats, splat: usize, parameter: usize, value: f32) {
     let stride = splats.sh_stride();
     match parameter {

@@ -24,7 +24,7 @@ fn renderer() -> Renderer {
     Renderer::new(lab().gpu(), options).unwrap()
 }
 
-/// Whether no splat is about to be listed for other tiles, which would change many pixels at once.
+/// Whether no splat is close to a change of its tiles, which would affect many pixels at once.
 fn is_clear(scene: &Scene) -> bool {
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
     let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
@@ -77,7 +77,7 @@ fn frames_by_the_inria_rules() {
     );
 }
 
-/// What makes those rules others: the leak of a wall, the edge of a bright splat, the splat that is left out.
+/// Effects of those rules: the leak of a wall, the edge of a bright splat, the splat left out at the threshold.
 #[test]
 fn the_inria_rules_differ_where_they_should() {
     let mut renderer = renderer();
@@ -102,7 +102,7 @@ fn the_inria_rules_differ_where_they_should() {
     let (theirs, ours) = (draw(&mut renderer, &ball), lab().draw(&ball));
     let drawn = |image: &Rendered| image.transmittance.iter().filter(|&&t| t < 1.0).count();
     assert!(!same(&theirs, &ours) && drawn(&theirs) <= drawn(&ours));
-    // Accuracy is not asked: the rules are what they are.
+    // The accuracy setting has no effect on these rules.
     let options = RenderOptions {
         with_depth: true,
         compatibility: Compatibility::Inria,

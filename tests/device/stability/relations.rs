@@ -1,4 +1,4 @@
-//! The metamorphic relations of pictures: what must hold of two of them without knowing either.
+//! Metamorphic relations between pictures, without a reference.
 
 use crate::common::scenes::{self, Random, Scene};
 use crate::stability::lab::{U, image_bound, lab, same, within};
@@ -13,7 +13,7 @@ fn exact_margins(scene: &Scene) -> Vec<DiscontinuityMargin> {
     discontinuity_margins(&scene.splats, &scene.camera, &scene.options)
 }
 
-/// The largest difference of two pictures over the pixels that are farther than `margin` from a discontinuity.
+/// Largest difference of two pictures over the pixels farther than `margin` from a discontinuity.
 fn interior(scene: &Scene, a: &Rendered, b: &Rendered, margin: f64) -> f64 {
     let mut worst = 0.0f64;
     for (i, at) in exact_margins(scene).iter().enumerate() {
@@ -53,8 +53,8 @@ fn m01_rigid_motion() {
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -0.8, 1.9);
     for distance in [10.0, 1e3] {
         let other = moved(&scene, turn, DVec3::new(0.6, -0.64, 0.48) * distance);
-        // Means and the camera's place are rounded anew, by U |t| an axis: on the screen that is at most
-        // 3 f U |t| / z for both, and z is 2 at least. Rotations too: 3U of the image's size.
+        // Means and the camera's position are rounded again, by U |t| an axis: on the screen that is at most 3 f U |t|
+        // / z for both, and z is 2 at least. Rotations too: 3U of the image's size.
         let focal = scene.camera.focal.max_element();
         let pixel = 3.0 * focal * U * (distance + 8.0) / 2.0 + 6.0 * 64.0 * U;
         let bound = 0.61 / 0.55 * pixel + image_bound(64, 0.55, 40, 1.0);
@@ -87,8 +87,8 @@ fn m02_scale() {
         for x in scaled.splats.log_scale.iter_mut().flatten() {
             *x = (f64::from(*x) + factor.ln()) as f32;
         }
-        // Log-scales of up to 8 + 14 round by half a unit in their last place, 16U; a covariance changes by twice
-        // that, an alpha by 1/e of it.
+        // Log-scales of up to 8 + 14 round by half an ULP, 16U; a covariance changes by twice that, an alpha by 1/e of
+        // it.
         let bound = 0.74 * 16.0 * U + 4.0 * U;
         let error = interior(&scene, &lab.draw(&scaled), &clean, 1e-4);
         within(
@@ -116,7 +116,7 @@ fn m03_permutation() {
     );
 }
 
-/// Splats so small that none that reaches a half lies beyond that half's limits.
+/// Two halves of a picture; splats are so small that those visible in a half are within that half's limits.
 #[test]
 fn m04_halves() {
     let lab = lab();
@@ -151,21 +151,21 @@ fn m04_halves() {
             }
         }
     }
-    // The principal point is added in another place: one rounding at the image's size.
+    // The principal point is added at another step: one rounding at the image's size.
     let sigma = (1.1f64 * 1.1 + 0.3).sqrt();
     let bound = 0.61 / sigma * 64.0 * 2.0 * U + 4.0 * U;
     within("frame", "M4", "two halves", worst, bound);
 }
 
-/// A picture at twice the size, averaged, is the picture at the usual size: Mip-Splatting nearly has this, the
-/// usual dilation does not, which is recorded as its known defect.
+/// The 2 × 2 average of a picture at twice the size equals the picture at the usual size: nearly so for Mip-Splatting,
+/// not for the usual dilation, which is recorded as its known defect.
 #[test]
 fn m07_double_size() {
     let lab = lab();
     let side = 64usize;
     let alpha = |image: &Rendered, i: usize| 1.0 - f64::from(image.transmittance[i]);
-    // Standard deviation at the usual size, and how far a pixel may be off: the error of sampling a Gaussian at a
-    // pixel's centre instead of over its area, measured in double precision for the catalogue.
+    // Standard deviation at the usual size, and the largest error of a pixel: that of sampling a Gaussian at a pixel's
+    // centre instead of over its area, measured in double precision for the catalogue.
     for (sigma, bound) in [
         (0.2, 4.8e-2),
         (0.5, 3.5e-2),
@@ -176,7 +176,7 @@ fn m07_double_size() {
         let mut light = Vec::new();
         let mut worst = 0.0f64;
         for mode in [RenderMode::Mip, RenderMode::Default] {
-            // All places of the centre within a pixel: what a narrow splat shows depends on it.
+            // Positions of the centre within a pixel, which matter for narrow splats.
             let (mut total, mut total_large) = (0.0, 0.0);
             for place_in_pixel in 0..16 {
                 let [x, y] =
@@ -201,11 +201,11 @@ fn m07_double_size() {
             light.push(total / total_large - 1.0);
         }
         let what = |what: &str| format!("{what}, σ {sigma} px");
-        // At the rim, up to three of the four pixels are cut at 1/255, or their mean is not and the pixel is.
+        // At the rim, up to three of the four pixels are below 1/255, or the pixel is and their mean is not.
         let bound = bound + 1.0 / 255.0;
         within("frame", "M7", &what("mip at double size"), worst, bound);
-        // Both pictures lack their rim below 1/255: a share of 1/255 of an opaque splat's light, and
-        // compensated small ones that are fainter lack more of theirs, 1 / (255 · 0.16) at σ = 0.2.
+        // Both pictures lack their rim below 1/255: a share of 1/255 of an opaque splat's light, and fainter,
+        // compensated small ones lack more of theirs, 1 / (255 · 0.16) at σ = 0.2.
         let peak = (sigma * sigma / (sigma * sigma + 0.1)).min(1.0);
         within(
             "frame",
@@ -222,7 +222,7 @@ fn m07_double_size() {
     }
 }
 
-/// A third of a turn about the diagonal exchanges the axes; the scales go along.
+/// Rotation by a third of a turn about the diagonal permutes the axes, and the scales with them.
 #[test]
 fn m12_axes() {
     let lab = lab();
@@ -240,7 +240,7 @@ fn m12_axes() {
         // R' e_x = R e_y, and so on.
         *s = [s[1], s[2], s[0]];
     }
-    // A quaternion rounds anew by 2U, which an aspect of up to 2.7 makes 2.7² · 2 · 5.55 · 2U of an exponent.
+    // A quaternion rounds again by 2U, which an aspect of up to 2.7 makes 2.7² · 2 · 5.55 · 2U of an exponent.
     let bound = 2.7f64.powi(2) * 2.0 * 5.55 * 2.0 * U + image_bound(48, 1.0, 30, 1.0);
     let error = interior(&scene, &lab.draw(&other), &lab.draw(&scene), 1e-4);
     within("project", "M12", "axes exchanged", error, bound);
@@ -262,7 +262,7 @@ fn transposed(scene: &Scene) -> Scene {
         mean.swap(0, 1);
         let [w, x, y, z] = q.map(f64::from);
         let turned = mirror * DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-        // An ellipsoid is its own mirror image: turning one axis around makes a rotation of it.
+        // An ellipsoid is its own mirror image: reversing one axis makes a rotation of it.
         let turned = DMat3::from_cols(turned.x_axis, turned.y_axis, -turned.z_axis);
         let r = DQuat::from_mat3(&turned);
         *q = [r.w, r.x, r.y, r.z].map(|x| x as f32);
@@ -304,7 +304,7 @@ fn m13_transposition() {
         }
         assert!(at.nearest() > 0.0);
     }
-    // Quaternions of aspect up to 8.6 are made anew: as in M12.
+    // Quaternions of aspect up to 8.6 are rounded again: as in M12.
     let bound = 8.6f64.powi(2) * 2.0 * 5.55 * 2.0 * U + 2.0 * image_bound(61, 0.55, 60, 1.0);
     within("frame", "M13", "the picture transposed", worst, bound);
 }

@@ -15,7 +15,7 @@ use ashfall::reference::{Splat, Thresholds, Viewpoint};
 use ashfall::render::Rendered;
 use ashfall::scene::SH_C0;
 
-/// A renderer that has drawn other things draws the same picture.
+/// A renderer draws the same picture after drawing others.
 #[test]
 fn m15_views_do_not_mix() {
     let lab = lab();
@@ -37,7 +37,7 @@ fn m15_views_do_not_mix() {
     }
 }
 
-/// Removing splats changes a pixel by no more than the sum of their weights, with the original weights.
+/// Removing splats changes a pixel by at most the sum of their original weights.
 #[test]
 fn m16_removal() {
     let lab = lab();
@@ -72,7 +72,7 @@ fn m16_removal() {
             worst = worst.max(change - range * weight);
         }
     }
-    // What is left over is the rounding of both pictures, and the stop behind 1e-4, which moves.
+    // The remainder is the rounding of both pictures, and the threshold at 1e-4, which moves.
     let bound = 2.0 * image_bound(40, 0.55, 40, range) + 1e-4 * range;
     within(
         "rasterize",
@@ -143,9 +143,8 @@ fn m19_twice_in_one_place() {
     within("rasterize", "M19", "a splat twice", worst, 4.0 * U);
 }
 
-/// Whether lanes talk through shared memory or their subgroup, and in whatever order tiles come: the same bits.
-/// However many lanes share a tile: the same but for the rounding of rows, which each lane counts from its own
-/// first. (For the sort, see entry 49.)
+/// Subgroup and shared-memory variants and any order of tiles give the same bits. Any number of lanes per tile gives
+/// the same up to the rounding of rows, which each lane counts from its own first. (For the sort, see entry 49.)
 #[test]
 fn m22_workgroups_and_variants() {
     let lab = lab();
@@ -223,7 +222,7 @@ fn m22_workgroups_and_variants() {
             }
         }
     }
-    // Rows up to 16 round by 16U twice, and an alpha feels 0.61 / σ of that.
+    // Rows up to 16 round by 16U twice, which changes an alpha by 0.61 / σ of that.
     let bound = 0.61 / 0.55 * 4.0 * 16.0 * U + 92.0 * U;
     within("rasterize", "M22", "lanes of a tile", worst, bound);
 }

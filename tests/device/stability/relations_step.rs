@@ -9,7 +9,7 @@ use ashfall::reference::{Dual, Options, Real, Splat, Viewpoint};
 use ashfall::scene::AlphaMode;
 use ashfall::train::{HostState, Trainer};
 
-/// Asserts that splats from `count` on are seen by nobody and harm nobody, in the picture and in a step.
+/// Asserts that the splats added in `more` are invisible and change nothing, in the picture and in a step.
 #[track_caller]
 fn assert_unseen(lab: &Lab, name: &str, scene: &Scene, more: &Scene) {
     let lesson = Lesson::photo(scene, 0.2);
@@ -82,8 +82,8 @@ fn m06_behind_an_opaque_stack() {
     assert_unseen(&lab, "behind the wall", &scene, &more);
 }
 
-/// The gradient of a loss that is a sum is the sum of the gradients: the left half of a photograph, the right
-/// half, and both.
+/// The gradient of a sum of losses is the sum of the gradients: the left half of a photograph, the right half, and
+/// both.
 #[test]
 fn m08_linear_upstream() {
     let lab = lab();
@@ -105,8 +105,8 @@ fn m08_linear_upstream() {
     let (a, b, all) = (17.0 * 33.0, 23.0 * 33.0, f64::from(pixels as u32));
     let mut worst = 0.0f64;
     for splat in 0..25 {
-        // Those of the colour: sums of pixels' weights of one sign in each half, so that their sum is that of
-        // their magnitudes.
+        // Colour gradients: sums of pixels' weights of one sign in each half, so that the scale is the sum of their
+        // magnitudes.
         for k in 11..14 {
             let (l, r) = (left.row(splat)[k] * a, right.row(splat)[k] * b);
             let error = (l + r - both.row(splat)[k] * all).abs();
@@ -125,8 +125,8 @@ fn m08_linear_upstream() {
     );
 }
 
-/// Moving all splats is moving the camera the other way: the means' gradients add up to the derivative by a
-/// common shift, which dual numbers give.
+/// Moving all splats equals moving the camera the other way: the means' gradients sum to the derivative by a common
+/// shift, computed by dual numbers.
 #[test]
 fn m09_noether() {
     let lab = lab();
@@ -160,7 +160,7 @@ fn m09_noether() {
         let magnitude: f64 = all.clone().map(f64::abs).sum();
         worst = worst.max((all.sum::<f64>() - by_shift).abs() / magnitude);
     }
-    // 8U of the terms that a splat's own gradient is made of, which may be a hundred times as large as it.
+    // 8U of the terms of a splat's own gradient, which may be a hundred times as large as it.
     within(
         "project_backward",
         "M9",
@@ -184,8 +184,8 @@ fn m10_euler() {
             worst = worst.max(dot.abs() / (length(&q) * length(g)));
         }
     }
-    // 8U of what was projected on the tangent: up to a thousand times what is left, for balls and needles seen
-    // from their tips.
+    // 8U of the input of the tangent projection: up to a thousand times its result, for balls and needles seen from
+    // their tips.
     within("project_backward", "M10", "q · dL/dq", worst, 8000.0 * U);
 }
 
@@ -249,7 +249,7 @@ fn m14_twice_the_same() {
     );
 }
 
-/// Gradients times a power of two: the same steps.
+/// Gradients multiplied by a power of two give the same steps.
 #[test]
 fn m20_adam_has_no_scale() {
     let lab = lab();

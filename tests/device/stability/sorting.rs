@@ -13,7 +13,7 @@ use ashfall::scene::AlphaMode;
 use std::fs;
 use std::path::Path;
 
-/// Half transparent splats in one place, whose depths are given, in random order.
+/// Half transparent splats in one place with the given depths, in random order.
 pub(crate) fn stack(seed: u64, depths: &[f64]) -> Scene {
     let mut scene = stage(16, 16);
     scene.options.near = 1e-3;
@@ -26,14 +26,14 @@ pub(crate) fn stack(seed: u64, depths: &[f64]) -> Scene {
             ..Prop::ball([8.0, 8.0], 50.0, logit(random.between(0.1, 0.5)))
         };
         place(&mut scene, &prop);
-        // The centre of the picture, whatever the depth: z alone differs, and exactly so.
+        // On the axis, so that only z differs, exactly.
         let last = scene.splats.mean.len() - 1;
         scene.splats.mean[last] = [0.0, 0.0, depths[i] as f32];
     }
     scene
 }
 
-/// The largest error against the oracle, which sorts by exact depth and ties by index.
+/// Largest error against the oracle, which sorts by exact depth and ties by index.
 pub(crate) fn order_error(scene: &Scene, image: &Rendered) -> f64 {
     let exact = frame::render(&scene.splats, &scene.camera, &scene.options);
     let pairs = image.rgb.iter().zip(&exact.pixels);
@@ -42,14 +42,14 @@ pub(crate) fn order_error(scene: &Scene, image: &Rendered) -> f64 {
     apart.fold(0.0, f64::max)
 }
 
-/// Depths that differ in their last bit are told apart, near and far.
+/// Depths that differ in their last bit are ordered, near and far.
 #[test]
 fn f044_depth_bits() {
     let lab = lab();
     for distance in [1.0f32, 10.0, 100.0, 1000.0, 1e5] {
         let depth = |i: u32| f64::from(f32::from_bits(distance.to_bits() + i));
         let scene = stack(544, &(0..40).map(depth).collect::<Vec<_>>());
-        // 40 layers of an opacity with the exponential's rounding; a splat out of order is worth 0.1.
+        // 40 layers of an opacity with the exponential's rounding; a splat out of order changes a pixel by 0.1.
         let bound = 14.1 * 2.0 * U + 42.0 * U;
         let error = order_error(&scene, &lab.draw(&scene));
         within(
@@ -62,7 +62,7 @@ fn f044_depth_bits() {
     }
 }
 
-/// Depths on both sides of the camera: what lies behind is not there, however near plane and signs are.
+/// Depths on both sides of the camera: splats behind it are not drawn, at any near plane and sign.
 #[test]
 fn f045_depths_of_either_sign() {
     let lab = lab();
@@ -83,7 +83,7 @@ fn f045_depths_of_either_sign() {
     }
 }
 
-/// Equal depths go by index, in every run.
+/// Splats of equal depth are ordered by index, in every run.
 #[test]
 fn f046_equal_depths() {
     let lab = lab();
@@ -110,7 +110,7 @@ fn f046_equal_depths() {
     );
 }
 
-/// Sorts keys whose values are their places.
+/// Sorts keys with their indices as values; returns keys and values.
 fn sorted(lab: &Lab, sort: &Sort, keys: &[u32]) -> [Vec<u32>; 2] {
     let (gpu, len) = (lab.gpu(), keys.len());
     let values: Vec<u32> = (0..len as u32).collect();
@@ -169,7 +169,7 @@ const LAYOUT: Layout = Layout {
     table_args: 1,
 };
 
-/// A permutation comes out as the identity: nothing is lost and nothing is doubled.
+/// A permutation is sorted to the identity: no key is lost or duplicated.
 #[test]
 fn f047_permutations() {
     let lab = lab();
@@ -197,7 +197,7 @@ fn f047_permutations() {
     }
 }
 
-/// Blocks that are full, begun, or one short, of keys that are all alike: the order stays.
+/// Blocks that are full, one over, or one short, of equal keys: the sort is stable.
 #[test]
 fn f048_partial_blocks() {
     let lab = lab();
@@ -218,7 +218,7 @@ fn f048_partial_blocks() {
     }
 }
 
-/// Every variant and every size of a subgroup's workgroup sorts alike.
+/// Every variant and every workgroup size gives the same result.
 #[test]
 fn f049_subgroup_sizes() {
     let lab = lab();
@@ -262,8 +262,8 @@ fn f049_subgroup_sizes() {
     assert!(seen >= 3, "{seen} ways to sort");
 }
 
-/// No workgroup waits for another, which Vulkan does not promise to let run: nothing is shared between them while
-/// they run, as waiting would need.
+/// No workgroup waits for another, since Vulkan does not guarantee forward progress between workgroups: shaders use no
+/// memory operation that waiting needs.
 #[test]
 fn f050_no_look_back() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
@@ -293,7 +293,7 @@ fn f050_no_look_back() {
     assert!(seen > 20, "{seen} shaders");
 }
 
-/// Tiles that hang over the image's edge, and tiles that are masked out entirely.
+/// Tiles that cross the image's edge, and tiles that are masked out entirely.
 #[test]
 fn f051_partial_and_masked_tiles() {
     use ashfall::reference::loss::{Target, values};
@@ -320,7 +320,7 @@ fn f051_partial_and_masked_tiles() {
         let exact =
             ashfall::reference::loss_gradient(&scene.splats, &scene.camera, &options, &target);
         let error = (stepped.report.loss / exact.loss - 1.0).abs();
-        // Sums of some hundred terms, and SSIM's shifted variances: 1e-5 as everywhere.
+        // Sums of some hundred terms, and SSIM's shifted variances: the usual 1e-5.
         within(
             "loss",
             "51",

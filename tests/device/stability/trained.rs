@@ -1,5 +1,5 @@
-//! Small scenes of which everything is known, trained in seconds, and what their pictures are worth from any
-//! camera: the ray caster is asked for the truth.
+//! Small scenes with known geometry, trained in seconds, and the PSNR of their pictures from any camera against
+//! ray-cast truth.
 
 use crate::stability::lab::Lab;
 use ashfall::lab::synth::Scene;
@@ -23,7 +23,7 @@ pub(crate) fn cameras(dataset: &Dataset, split: Split) -> Vec<Camera> {
     views.map(|view| dataset.views[view].camera).collect()
 }
 
-/// Mean over the cameras of the PSNR of a scene's pictures against rays, `samples` × `samples` a pixel.
+/// Mean PSNR over the cameras against ray casting with `samples` × `samples` a pixel.
 pub(crate) fn psnr_db(
     lab: &Lab,
     splats: &Splats,

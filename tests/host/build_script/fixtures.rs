@@ -1,11 +1,11 @@
-//! Small shader folders to run the generator on.
+//! Small shader folders as input of the generator.
 
 use crate::build_script::generator::kernel::Kernel;
 use crate::build_script::generator::model::Module;
 use std::path::Path;
 
 pub(crate) const PRELUDE: &str = "#extension GL_EXT_scalar_block_layout : require\n";
-/// The first five lines of most test kernels; what follows starts at line 6.
+/// The first five lines of most test kernels; the rest starts at line 6.
 pub(crate) const OPEN: &str = "#version 460
 #include \"shared/prelude.glsl\"
 layout(constant_id = 0) const uint WORKGROUP = 64;
@@ -35,7 +35,7 @@ pub(crate) fn build_pair(base: &str, wide: &str) -> Result<Kernel, Vec<String>> 
     Kernel::build(dir.path(), "test", &[String::new(), "wide".to_owned()])
 }
 
-/// What reflection finds in the base variant.
+/// Reflection of the base variant.
 pub(crate) fn module(text: &str) -> Module {
     let kernel = build(text).unwrap();
     kernel.variants.first().unwrap().module.clone()
@@ -49,7 +49,7 @@ pub(crate) fn generate(glsl: &Path) -> Result<(String, String), Vec<String>> {
     Ok((read("layout.rs"), read("kernels.rs")))
 }
 
-/// Asserts that a kernel is refused at a line for a reason.
+/// Asserts that a kernel is rejected at a line for a reason.
 pub(crate) fn refused(text: &str, line: u32, reason: &str) {
     let faults = build(text).err().expect("should be refused");
     let place = format!("glsl/test.comp:{line}:");

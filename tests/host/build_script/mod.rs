@@ -1,4 +1,4 @@
-//! The build script's own tests: what it finds in a shader, and what it refuses, with file and line.
+//! Tests of the build script: reflection of shaders, and errors with file and line.
 
 use fixtures::{MAIN, OPEN, assert_contains, build, folder, generate, module};
 use generator::kernel::group;
@@ -188,7 +188,7 @@ fn a_view_by_four_is_no_binding_of_its_own() {
     }
 }
 
-/// What a kernel with this extension and this text asks of a device.
+/// Device requirements of a kernel with this extension and this text.
 fn needs(extension: &str, text: &str) -> Vec<Requirement> {
     let rest = OPEN.strip_prefix("#version 460\n").unwrap();
     let text = format!("#version 460\n#extension {extension} : require\n{rest}{text}\n");

@@ -1,4 +1,4 @@
-//! What the generator refuses; every message names file and line.
+//! Errors of the generator; every message names file and line.
 
 use crate::build_script::fixtures::{
     MAIN, OPEN, PRELUDE, assert_contains, build, build_pair, folder, generate, refused,

@@ -1,4 +1,4 @@
-//! Whole files or none.
+//! Atomic writes: the whole new file or the old one.
 
 use crate::io::{error_at, files_in};
 use ashfall::io::atomic;
@@ -23,7 +23,7 @@ fn a_failed_write_leaves_the_old_file() {
     assert_eq!(files_in(folder.path()), ["file"], "nothing is left behind");
     atomic::write_atomically(&path, |file| file.write_all(b"new")).unwrap();
     assert_eq!(std::fs::read(&path).unwrap(), b"new");
-    // A folder, and a file in a folder that is not there.
+    // A folder as the target, and a file in a missing folder.
     error_at(
         atomic::write_atomically(folder.path(), |_| Ok(())),
         folder.path(),
@@ -35,7 +35,7 @@ fn a_failed_write_leaves_the_old_file() {
 #[test]
 fn what_a_killed_writer_left_is_removed_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
-    // No process has the highest number that Linux allows (2^22) and one more.
+    // Linux process ids are at most 2^22, so 2^22 + 1 is never in use.
     let own = format!(".a.{}.0.tmp", std::process::id());
     let stays = [
         own.as_str(),

@@ -1,4 +1,4 @@
-//! The container: what is written is read, and damage anywhere is noticed.
+//! Checkpoint container: round trip, and detection of damage anywhere.
 
 use crate::io::{error_at, for_every_prefix};
 use ashfall::io::checkpoint::{self, Checkpoint, Section};
@@ -19,7 +19,7 @@ fn example(folder: &Path) -> PathBuf {
     path
 }
 
-/// All sections, in full.
+/// The concatenated bytes of all sections.
 fn read_all(path: &Path) -> ashfall::Result<Vec<u8>> {
     let file = Checkpoint::open(path)?;
     let mut all = bytemuck::cast_slice(&file.read::<f32>("params")?).to_vec();

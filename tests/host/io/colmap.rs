@@ -1,4 +1,4 @@
-//! COLMAP models: both forms load alike, every cut is noticed, and the shared scenes are as described.
+//! COLMAP models: text and binary load alike, truncation is an error, and the shared scenes match their description.
 
 use crate::common::files::{self, CENTER, FOCAL, HEIGHT, WIDTH};
 use crate::io::{error_at, for_every_prefix, shared};
@@ -11,7 +11,7 @@ fn options() -> OpenOptions {
     OpenOptions::default()
 }
 
-/// A data set's folder with photographs and a model in each of both forms.
+/// Two folders with photographs and a model, one binary, one text.
 fn both_forms() -> (tempfile::TempDir, tempfile::TempDir) {
     let folders = [(); 2].map(|()| tempfile::tempdir().unwrap());
     for (folder, binary) in folders.iter().zip([true, false]) {
@@ -65,7 +65,7 @@ fn values_are_those_of_the_files() {
     points.sort_by_key(|(id, _)| *id);
     let points: Vec<_> = points.into_iter().map(|(_, point)| point).collect();
     assert_eq!(data.points, points, "in the order of their ids");
-    // The sorted list's first is the test view.
+    // The first view in sorted order is the test view.
     assert_eq!(data.split(Split::Test), [0]);
     assert_eq!(data.split(Split::Train), [1, 2]);
 }
@@ -79,7 +79,7 @@ fn the_model_may_lie_anywhere_usual() {
         assert_eq!(data.views.len(), 3, "{}", opened.display());
     };
     files::write_binary(&folder.path().join("sparse/0"));
-    // Files of COLMAP 3.12 and later, of which nothing is needed.
+    // Files of COLMAP 3.12 and later, all of them ignored.
     std::fs::write(folder.path().join("sparse/0/rigs.bin"), b"?").unwrap();
     std::fs::write(folder.path().join("sparse/0/frames.bin"), b"?").unwrap();
     expect(folder.path());
@@ -88,7 +88,7 @@ fn the_model_may_lie_anywhere_usual() {
     std::fs::remove_dir(folder.path().join("sparse")).unwrap();
     std::fs::rename(folder.path().join("flat"), folder.path().join("sparse")).unwrap();
     expect(folder.path());
-    // A folder of photographs by another name.
+    // A folder of photographs under another name.
     std::fs::rename(folder.path().join("images"), folder.path().join("photos")).unwrap();
     let text = error_at(dataset::open(folder.path(), &options()), folder.path());
     assert!(text.contains("3 of 3 photographs are missing"), "{text}");
@@ -254,7 +254,7 @@ fn the_shared_scenes_are_as_described() {
         let camera = data.views[0].camera;
         assert_eq!((camera.width, camera.height), size);
         assert!(data.extent() > 0.1, "{}", data.extent());
-        // Half of the points and more are inside of some view, in front of it.
+        // At least half of the points are in front of and inside some view.
         let seen = data.points.iter().filter(|point| {
             let point = glam::DVec3::from(point.position);
             data.views.iter().any(|view| {

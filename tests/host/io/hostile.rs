@@ -1,4 +1,4 @@
-//! Files made to do harm: what fuzzing found, and what it cannot reach with short inputs.
+//! Malicious files: findings of fuzzing, and attacks beyond the length of its inputs.
 
 use ashfall::io::colmap::Files;
 use ashfall::io::{Source, colmap, photo, ply};
@@ -51,7 +51,7 @@ fn names_hold_no_commands_to_a_terminal() {
     );
 }
 
-/// A PNG header that announces 1-bit pixels, and a JPEG frame header; both without what should follow.
+/// A PNG header of 1-bit pixels and a JPEG frame header, both padded with zeros in place of pixel data.
 fn headers(width: u16, height: u16, bytes: usize) -> [Vec<u8>; 2] {
     let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0".to_vec();
     png.extend(width.to_be_bytes());
@@ -72,7 +72,7 @@ fn headers(width: u16, height: u16, bytes: usize) -> [Vec<u8>; 2] {
 #[test]
 fn a_size_that_the_file_cannot_hold_is_refused_unread() {
     let name = Path::new("a");
-    // 32,768 x 8,192 pixels: 32,514 bytes of PNG can hold them, 524,288 of JPEG.
+    // 32,768 × 8,192 pixels fit in 32,514 bytes of PNG, or in 524,288 of JPEG.
     for (kind, least) in [(0, 32_514), (1, 524_288)] {
         let size = |bytes| {
             let file = &headers(32_768, 8192, bytes)[kind];
@@ -99,7 +99,7 @@ fn a_photograph_of_a_thousand_scans_is_refused() {
     assert!(text.contains("more than 256 JPEG scans"), "{text}");
 }
 
-/// Each property and element is compared with all before it, which makes a header of a megabyte a long one.
+/// Each property and element is compared with all before it: quadratic time in a header of a megabyte.
 #[test]
 fn a_header_of_endless_names_is_refused_soon() {
     let header = |line: &dyn Fn(usize) -> String| {

@@ -1,4 +1,4 @@
-//! Images written: PNG rounds, EXR keeps every bit.
+//! Written images: PNG rounds to 8 bits, EXR keeps every bit.
 
 use crate::io::files_in;
 use ashfall::io::{exr, photo, png};

@@ -1,5 +1,5 @@
-//! Files to scene and back. Fixtures are generated here; where a test compares with the shared data, it
-//! reads `$ASHFALL_DATA`, and its absence is the only reason to pass without it.
+//! Readers and writers. Fixtures are generated here; comparisons with the shared data read `$ASHFALL_DATA`, and pass
+//! without it only if the variable is unset.
 
 mod atomic;
 mod checkpoint;
@@ -16,7 +16,7 @@ mod transforms_faults;
 
 use std::path::{Path, PathBuf};
 
-/// A path in the shared data; `None`, with a word about it, where there is none.
+/// A path in the shared data; `None`, with a printed notice, if there is no data.
 fn shared(path: &str) -> Option<PathBuf> {
     let Some(data) = std::env::var_os("ASHFALL_DATA") else {
         println!("ASHFALL_DATA is not set: the comparison with {path} is left out");
@@ -49,8 +49,8 @@ fn files_in(folder: &Path) -> Vec<String> {
     entries.map(|e| name(e).into_string().unwrap()).collect()
 }
 
-/// Reads every proper prefix of a file's contents through `read`, at a path of the same name; calls
-/// `each` with the length and what came of it.
+/// Reads every proper prefix of a file's contents through `read`, at a path of the same name; calls `each` with the
+/// length and the result.
 fn for_every_prefix<T>(
     contents: &[u8],
     path: &Path,

@@ -1,4 +1,4 @@
-//! Meshes: indices of every kind, faults by line, and points spread by area.
+//! Meshes: indices of every kind, errors by line, and points sampled uniformly by area.
 
 use crate::io::{error_at, for_every_prefix, shared};
 use ashfall::io::obj;
@@ -87,7 +87,7 @@ fn colours_are_kept_only_if_all_have_one() {
 
 #[test]
 fn points_are_spread_by_area() {
-    // Areas 1 and 3, and one without area that must get nothing.
+    // Areas 1 and 3, and a degenerate face that must get no point.
     let mesh = read(
         "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 5\nv 6 0 5\nv 0 1 5\nv 9 9 9\n\
          f 1 2 3\nf 4 5 6\nf 7 7 7\n",
@@ -105,7 +105,7 @@ fn points_are_spread_by_area() {
     assert_eq!(low + high, 20_000);
     // Five standard deviations of a binomial with p = 1/4.
     assert!(low.abs_diff(5000) < 310, "{low}");
-    // Evenly inside: the mean is the centroid, and all lie within.
+    // Uniform inside: the mean is the centroid, and all points lie within.
     let of_low = points.iter().filter(|p| p.position[2] == 0.0);
     let mean = of_low.clone().map(|p| p.position[0]).sum::<f64>() / low as f64;
     assert!((mean - 2.0 / 3.0).abs() < 0.05, "{mean}");

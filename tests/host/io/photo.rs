@@ -1,4 +1,4 @@
-//! Photographs: every kind of file, sizes and memory.
+//! Photographs: file formats, sizes and memory.
 
 use crate::io::{error_at, for_every_prefix, shared};
 use ashfall::io::photo::{self, PhotoCache};
@@ -77,12 +77,12 @@ fn every_kind_of_file_becomes_rgba() {
     let palette = folder.join("palette.png");
     std::fs::write(&palette, palette_png()).unwrap();
     assert_eq!(decoded(palette), [1, 101, 201, 255]);
-    // A JPEG file by the wrong name is still one.
+    // A JPEG file with the wrong extension is decoded as JPEG.
     std::fs::rename(folder.join("flat.jpg"), folder.join("flat.png")).unwrap();
     photo::decode(&folder.join("flat.png")).unwrap();
 }
 
-/// 8 x 4 pixels whose index is their column, with the colours (i, 100 + i, 200 + i).
+/// An 8 × 4 image of palette indices by column, index i with the colour (i, 100 + i, 200 + i).
 fn palette_png() -> Vec<u8> {
     let rows: Vec<u8> = (0..4).flat_map(|_| [0, 0, 1, 2, 3, 4, 5, 6, 7]).collect();
     let palette: Vec<u8> = (0..8).flat_map(|i| [i, 100 + i, 200 + i]).collect();
@@ -149,7 +149,7 @@ fn a_file_cut_anywhere_is_an_error() {
             image::Rgb([(x * 30) as u8, (y * 60) as u8, 7])
         });
         let contents = std::fs::read(&path).unwrap();
-        // The last chunk of a PNG file holds nothing.
+        // The last chunk of a PNG file is empty.
         let needed = if name == "a.png" {
             contents.len() - 12
         } else {
@@ -225,7 +225,7 @@ fn the_cache_keeps_to_its_budget() {
     let cache = PhotoCache::new(&data, 3 * each + 1);
     assert_eq!(cache.load_all(&data, &[4, 3, 2, 1, 0]).unwrap(), 3);
     assert_eq!(cache.kept_bytes(), 3 * each);
-    // All can be had, but no more are kept.
+    // All photographs are available, but no more are cached.
     for index in 0..5 {
         assert_eq!(
             *cache.get(&data, index).unwrap(),
@@ -233,7 +233,7 @@ fn the_cache_keeps_to_its_budget() {
         );
     }
     assert_eq!(cache.kept_bytes(), 3 * each);
-    // Those that are kept outlive the file.
+    // Cached photographs remain available without the file.
     std::fs::remove_file(&path).unwrap();
     cache.get(&data, 4).unwrap();
     assert!(error_at(cache.get(&data, 0), &path).contains("a.png"));

@@ -1,4 +1,4 @@
-//! Splats: every degree, every encoding, every way to be cut short.
+//! PLY splats: every degree, every encoding, every truncation.
 
 use crate::io::{error_at, files_in, for_every_prefix};
 use ashfall::io::ply;
@@ -6,7 +6,7 @@ use ashfall::scene::{RenderMode, Splats};
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-/// Splats whose every number is different, with awkward ones among them.
+/// Splats with distinct numbers, among them special values.
 fn example(count: usize, sh_degree: u32, mode: RenderMode) -> Splats {
     let mut state = 1u32 + sh_degree;
     let mut next = || {
@@ -96,7 +96,7 @@ fn the_layout_is_the_usual_one() {
     assert_eq!(bytes.len() - end, 3 * 248, "62 floats a splat");
 }
 
-/// Numbers of one splat by property name, in an order of its own.
+/// Numbers of one splat by property name, in a non-standard order.
 fn shuffled(splats: &Splats, i: usize) -> Vec<(String, f32)> {
     let sh = &splats.sh[i * splats.sh_stride()..][..splats.sh_stride()];
     let rest = sh.len() / 3 - 1;
@@ -114,7 +114,7 @@ fn shuffled(splats: &Splats, i: usize) -> Vec<(String, f32)> {
     named
 }
 
-/// The splats with foreign elements before (one with a list) and a foreign property among the others.
+/// The file of the splats with foreign elements before (one with a list) and a foreign property among theirs.
 fn encoded(splats: &Splats, format: &str, kind: &str, line_end: &str) -> Vec<u8> {
     let count = splats.len();
     let mut header = format!(
@@ -211,7 +211,7 @@ fn a_file_cut_anywhere_is_an_error() {
             error_at(result, &path);
         },
     );
-    // Text, lists and foreign elements: what is left may be whole by chance, but never more.
+    // Text, lists and foreign elements: a prefix may be a valid file by chance, but never with more splats.
     for format in ["ascii", "binary_big_endian"] {
         let contents = encoded(&splats, format, "float", "\n");
         for_every_prefix(
@@ -246,7 +246,7 @@ fn no_damage_to_the_header_is_fatal() {
             let mut damaged = contents.clone();
             damaged[at] = byte;
             std::fs::write(&path, damaged).unwrap();
-            // Some damage is harmless, as in a comment; what matters is that all of it ends here.
+            // Some damage is harmless, as in a comment; required is only that reading terminates.
             if let Ok(loaded) = ply::read(&path) {
                 assert!(loaded.splats.len() <= 1);
             }

@@ -1,4 +1,4 @@
-//! Undistortion against its inverse, and reduction by areas.
+//! Undistortion against its inverse, and area-averaged reduction.
 
 use crate::io::photo::{camera, save, view};
 use ashfall::io::photo;
@@ -14,7 +14,7 @@ fn reduction_averages_areas() {
     let half = photo::load(&view(&path, camera(8, 4).resized(4, 2), None)).unwrap();
     assert_eq!(half.rgba[0], [8, 32, 8, 255]);
     assert_eq!(half.rgba[7], [104, 160, 8, 255]);
-    // 8 columns on 3: the first takes 2⅔ of them, (0 + 16 + 32 · ⅔) / 2⅔ = 14.
+    // 8 columns to 3: the first covers 2⅔ of them, (0 + 16 + 32 · ⅔) / 2⅔ = 14.
     let third = photo::load(&view(&path, camera(8, 4).resized(3, 2), None)).unwrap();
     assert_eq!(third.rgba[0], [14, 32, 8, 255]);
     // A flat image stays flat at any size.
@@ -26,7 +26,7 @@ fn reduction_averages_areas() {
             vec![[201, 3, 77, 255]; (width * height) as usize]
         );
     }
-    // What is under transparent pixels does not count.
+    // Colours under transparent pixels have no weight.
     let path = save(folder.path(), "c.png", |x, _| match x % 2 {
         0 => image::Rgba([200u8, 100, 50, 255]),
         _ => image::Rgba([0, 0, 0, 0]),
@@ -44,7 +44,7 @@ fn picture(at: DVec2) -> [f64; 3] {
     ]
 }
 
-/// OpenCV's formula, written out anew.
+/// OpenCV's formula, implemented independently.
 fn distorted(at: DVec2, d: &Distortion) -> DVec2 {
     let r2 = at.x.powi(2) + at.y.powi(2);
     let scale = 1.0 + d.k1 * r2 + d.k2 * r2.powi(2);
@@ -65,7 +65,7 @@ fn undistortion_inverts_the_lens() {
         (0.0, 0.0, 0.01, 0.01),
     ] {
         let lens = Distortion { k1, k2, p1, p2 };
-        // The photograph: each pixel sees the point whose distorted position it is.
+        // The photograph: pixels at distorted positions of the picture.
         let seen = |x: u32, y: u32| {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let target = (pixel - camera.center) / camera.focal;
@@ -89,7 +89,7 @@ fn undistortion_inverts_the_lens() {
                 empty += 1;
                 continue;
             }
-            // Half a pixel inside the border there is no neighbour to interpolate with.
+            // Within half a pixel of the border there is no neighbour for interpolation.
             let margin = source
                 .min_element()
                 .min(96.0 - source.x)
@@ -118,7 +118,7 @@ fn a_lens_that_folds_back_shows_nothing_twice() {
         center: DVec2::splat(32.0),
         ..camera(64, 64)
     };
-    // r (1 - 0.3 r²) grows up to r = 1.054: 21 pixels from the centre.
+    // r (1 - 0.3 r²) increases up to r = 1.054: 21 pixels from the centre.
     let lens = Distortion {
         k1: -0.3,
         ..Distortion::default()

@@ -1,4 +1,4 @@
-//! Scenes by file name, and the shared scene in all its forms.
+//! Scenes by file name, and the shared scene in all its formats.
 
 use crate::io::{error_at, shared};
 use ashfall::io::{ply, splats};
@@ -27,7 +27,7 @@ fn other_formats_say_what_to_do() {
     error_at(ply::read(folder.path()), folder.path());
 }
 
-/// Compares splat `i` with an entry of `reference.json`.
+/// Asserts that splat `i` agrees with an entry of `reference.json`.
 fn assert_matches(splats: &Splats, i: usize, entry: &serde_json::Value, tolerance: f32) {
     let numbers = |value: &serde_json::Value| -> Vec<f32> {
         let list = value.as_array().unwrap();

@@ -1,4 +1,4 @@
-//! transforms.json: the same scene as COLMAP's, and the ways its writers differ.
+//! transforms.json: the same scene as COLMAP's, and variations between writers.
 
 use crate::common::files::{self, CENTER, FOCAL, HEIGHT, WIDTH};
 use crate::io::{error_at, shared};
@@ -177,7 +177,7 @@ fn extensions_and_sizes_may_be_missing() {
         (WIDTH, HEIGHT)
     );
     assert_eq!(data.views[0].camera.center.to_array(), CENTER);
-    // Without photographs there is nothing to take the size from.
+    // Without photographs the size is unknown.
     std::fs::remove_dir_all(folder.path().join("images")).unwrap();
     let cameras_only = OpenOptions {
         photos_required: false,
@@ -217,7 +217,7 @@ fn point_clouds_come_along() {
         "{:?}",
         data.warnings
     );
-    // Behind all cameras: another coordinate system, most likely.
+    // Behind all cameras: probably another coordinate system.
     let flipped = cloud
         .replace("0 0.25 0 255", "0 0 -90 255")
         .replace("0.5 0 0 0", "0 0 -91 0");

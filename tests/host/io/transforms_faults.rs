@@ -1,4 +1,4 @@
-//! transforms.json with something wrong in it.
+//! Invalid transforms.json files.
 
 use crate::common::files;
 use crate::io::error_at;
@@ -37,7 +37,7 @@ fn matrices_that_are_no_poses_are_refused() {
         "{:?}",
         scaled.warnings
     );
-    // Three rows are enough, and the noise of single precision is no scale.
+    // Three rows are enough, and deviations by rounding of single precision are not a scale.
     let noisy = 1.0 + 3e-7;
     let (three, _folder) = changed(json!([[noisy, 0, 1e-7, 1], [0, 1, 0, 2], [0, 0, 1, 3]]));
     let three = three.unwrap();

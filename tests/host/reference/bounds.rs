@@ -1,4 +1,4 @@
-//! Bounds of what a frame that saves work may lose hold in every pixel, and are not idle.
+//! Error bounds of approximate frames hold in every pixel, and are attained to a stated share.
 
 use crate::common::scenes::{self, Scene};
 use crate::reference::metamorphic::draw;
@@ -20,14 +20,14 @@ fn full(scene: &Scene, approximations: &[Approximations]) -> Vec<Traced> {
     trace(&scene.splats, &scene.camera, &scene.options, approximations)
 }
 
-/// Largest difference of a channel.
+/// Largest error over the channels.
 fn error(pixel: &Pixel<f64>, traced: &Traced) -> f64 {
     (0..3)
         .map(|c| (pixel.color[c] - traced.color[c]).abs())
         .fold(0.0, f64::max)
 }
 
-/// The bound holds everywhere, and comes within `tightness` of an error somewhere.
+/// Asserts that the bound holds everywhere, and that some error reaches `tightness` of it.
 #[track_caller]
 fn judge(name: &str, pixels: &[Pixel<f64>], traced: &[Traced], tightness: f64) {
     let mut closest: f64 = 0.0;
@@ -52,7 +52,7 @@ fn without_savings_the_traced_frame_is_the_whole_one() {
         scene.options.thresholds = Thresholds::NONE;
         for (pixel, traced) in draw(&scene).pixels.iter().zip(&traced) {
             assert!(error(pixel, traced) < 1e-12);
-            // Splats too faint to be seen are the only thing that is never promised.
+            // The only remaining bound is that of splats too faint to be seen.
             assert!(traced.bounds[0] < 1e-7, "{}", traced.bounds[0]);
         }
     }
@@ -155,7 +155,7 @@ fn removed_splats_keep_to_their_bounds() {
 
 #[test]
 fn splats_of_one_depth_may_come_in_any_order() {
-    // Fifty splats on one spot of the optical axis: the oracle's order is that of the list.
+    // Fifty splats on one spot of the optical axis: the oracle orders them by index.
     let mut scene = scenes::gentle(64, 50, 24, 24, 0);
     let mean = scene.splats.mean[0];
     scene.splats.mean.fill(mean);

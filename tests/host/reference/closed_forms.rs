@@ -1,4 +1,4 @@
-//! Pictures that can be computed on paper.
+//! Pictures with closed forms.
 
 use crate::reference::assert_close;
 use ashfall::reference::linear::{product, rotation, transpose};
@@ -10,7 +10,7 @@ use ashfall::reference::{Options, Splat, Viewpoint, project, render, sh};
 use ashfall::scene::{Camera, RenderMode, SH_C0, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
-/// A camera at the origin along z with principal point at the centre.
+/// A camera at the origin along z with the principal point at the centre.
 fn upright(width: u32, height: u32, focal: f64) -> Camera {
     Camera {
         width,
@@ -132,7 +132,7 @@ fn an_image_is_like_itself() {
 #[test]
 fn flat_images_have_the_luminance_term_only() {
     let (a, b) = (0.7, 0.4);
-    // Only pixels whose window stays inside: the middle one of 11 × 11.
+    // Only for a pixel with its window inside the image: the middle one of 11 × 11.
     let middle = ssim(11, &[a; 121], &[b; 121])[60];
     assert_close(
         middle,
@@ -140,7 +140,7 @@ fn flat_images_have_the_luminance_term_only() {
         1e-12,
         1.0,
     );
-    // In the corner the window sees the zeros beyond the border: 1 − s of its weight, s = (Σ half)².
+    // In the corner the window includes the zeros beyond the border: 1 − s of its weight, s = (Σ half)².
     let corner = ssim(11, &[a; 121], &[b; 121])[0];
     let half: f64 = (0..=5).map(|t| (-f64::from(t * t) / 4.5).exp()).sum();
     let whole: f64 = (-5..=5).map(|t: i32| (-f64::from(t * t) / 4.5).exp()).sum();
@@ -187,7 +187,7 @@ fn spherical_harmonics_are_orthonormal() {
 fn spherical_harmonics_have_the_signs_of_the_files() {
     let [x, y, z] = [2.0 / 7.0, 3.0 / 7.0, 6.0 / 7.0];
     let basis = sh::basis(3, [x, y, z]);
-    // Polynomials as every reader of the format has them; the signs are the convention.
+    // Polynomials with the signs of the file format.
     let expected = [
         0.28209479177387814,
         -0.4886025119029199 * y,
@@ -223,7 +223,7 @@ fn a_quarter_turn_is_a_quarter_turn() {
             assert_close(*value, expected, 1e-15, 1.0);
         }
     }
-    // Squares of these would not be finite in single precision.
+    // The squares overflow in single precision.
     let long = rotation([0.0f32, 0.0, 1e30, 0.0]);
     assert_eq!(long, [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]);
     let any = rotation([0.3, -1.2, 0.7, 2.0]);
@@ -253,7 +253,7 @@ fn a_needles_determinant_is_the_sum_of_squared_minors() {
             .unwrap_or_default();
         let turn = rotation(splat.quaternion);
         let [x, y, z] = splat.mean;
-        // Rows of J R S, the camera being upright.
+        // Rows of J R S for an upright camera.
         let rows = [[1.0, 0.0, -x / z], [0.0, 1.0, -y / z]].map(|row: [f64; 3]| {
             [0, 1, 2].map(|k| {
                 let turned: f64 = (0..3).map(|i| row[i] * turn[i][k]).sum();
@@ -270,7 +270,7 @@ fn a_needles_determinant_is_the_sum_of_squared_minors() {
 
 #[test]
 fn mip_mode_keeps_the_light() {
-    // opacity · √det is the light of a splat: the same before and after the dilation.
+    // opacity · √det is the total light of a splat: equal before and after the dilation.
     let mut splats = single([0.0, 0.0, 4.0]);
     splats.log_scale[0] = [0.02f32.ln(), 0.05f32.ln(), 0.02f32.ln()];
     splats.mode = RenderMode::Mip;

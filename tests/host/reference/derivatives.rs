@@ -6,7 +6,7 @@ use ashfall::reference::project::GEOMETRY_PARAMETERS;
 use ashfall::reference::{Dual, Real, Splat, Viewpoint, linear, project, sh};
 use ashfall::scene::{RenderMode, Splats};
 
-/// A function of one number, for duals and for plain floats.
+/// Checks the derivative of a function of one number, by duals against differences.
 macro_rules! check {
     ($x:expr, |$t:ident| $body:expr) => {{
         fn on<R: Real>($t: R) -> R {
@@ -59,7 +59,7 @@ fn gates_shut_completely() {
     assert!((-700f64).sigmoid() > 0.0);
 }
 
-/// All outputs of projection by all parameters, duals against differences.
+/// Derivatives of all outputs of the projection by all parameters, duals against differences.
 fn check_projection(splats: &Splats, index: usize, view: &Viewpoint) {
     const LANES: usize = GEOMETRY_PARAMETERS + 48;
     let values = Splat::<f64>::of(splats, index).parameters();
@@ -116,7 +116,7 @@ fn beyond_the_limit_the_footprint_ignores_x_but_not_z() {
     ];
     splat.log_scale = [0.1f64.ln(); 3].map(Dual::of);
     let xx = project(&splat, &view).map_or(Dual::of(f64::NAN), |s| s.covariance[0]);
-    // σ² (fx/z)² (1 + lim²): falls with z as z⁻².
+    // σ² (fx/z)² (1 + lim²): proportional to z⁻².
     let expected = 0.01 * (view.camera.focal.x / z).powi(2) * (1.0 + limit * limit);
     assert_close(xx.v, expected, 1e-13, 0.0);
     assert_eq!(xx.d[0], 0.0);

@@ -1,4 +1,4 @@
-//! Bounds of what gradients may lose hold for every parameter, and are not idle.
+//! Error bounds of approximate gradients hold for every parameter, and are attained to a stated share.
 
 use crate::common::scenes::{self, Random, Scene};
 use ashfall::reference::bound::{Approximations, GradientBounds, Rounding, gradient_bounds};
@@ -6,7 +6,7 @@ use ashfall::reference::gradient::{SplatGradients, backward};
 use ashfall::reference::rasterize_backward::PixelGradient;
 use ashfall::reference::{Options, Thresholds};
 
-/// A linear function of the picture: other weights for every pixel and channel, of either sign.
+/// Gradient of a linear function of the picture: random weights of either sign per pixel and channel.
 fn upstream(scene: &Scene) -> Vec<[f64; 3]> {
     let random = &mut Random::new(9);
     let pixels = scene.camera.width * scene.camera.height;
@@ -28,7 +28,7 @@ fn exact(scene: &Scene, thresholds: Thresholds) -> SplatGradients {
     backward(&scene.splats, &scene.camera, &options, &upstream).1
 }
 
-/// What the oracle's own may come to.
+/// Rounding of the oracle in f64.
 const ROUNDING: Rounding = Rounding {
     share: 1e-9,
     unit: 1.0 / (1u64 << 53) as f64,
@@ -45,7 +45,7 @@ fn bounds(scene: &Scene, approximations: &[Approximations]) -> GradientBounds {
     )
 }
 
-/// The groups of parameters, all of one after the other.
+/// The values of each group of parameters, flattened.
 fn groups(g: &SplatGradients) -> [(&'static str, Vec<f64>); 5] {
     [
         ("mean", g.mean.as_flattened().to_vec()),
@@ -56,7 +56,7 @@ fn groups(g: &SplatGradients) -> [(&'static str, Vec<f64>); 5] {
     ]
 }
 
-/// No error is beyond its bound, and in each group some come within `tightness` of it.
+/// Asserts that no error exceeds its bound, and that in each group some error reaches `tightness` of it.
 #[track_caller]
 fn judge(
     name: &str,
@@ -72,7 +72,7 @@ fn judge(
         let mut closest: f64 = 0.0;
         for i in 0..exact.len() {
             let error = (found[i] - exact[i]).abs();
-            // The oracle's own rounding, of terms that cancel, too.
+            // The oracle's own rounding, including that of cancelling terms.
             let slack = 1e-12 * exact[i].abs() + rounding[i];
             assert!(
                 error <= bound[i] + slack,
@@ -178,11 +178,11 @@ fn without_savings_nothing_but_rounding_is_allowed() {
     let scene = scenes::hard(75, 60, 24, 24, 1);
     let promised = bounds(&scene, &[Approximations::NONE]);
     for (group, bound) in groups(&promised.bounds[0]) {
-        // The scene has splats at the cap of alpha, where a gradient may be on or off.
+        // The scene has splats at the cap of alpha, where the gradient is discontinuous.
         let idle = bound.iter().filter(|b| **b == 0.0).count();
         assert!(2 * idle > bound.len(), "{group}: {idle} of {}", bound.len());
     }
-    // Rounding is in proportion to what it is given.
+    // The rounding bound is proportional to the given rounding.
     let (fine, coarse) = (
         groups(&promised.rounding),
         groups(&{

@@ -1,4 +1,4 @@
-//! The gradient of the whole: composed, by duals from end to end, and by differences.
+//! The gradient of a whole frame: composed, by end-to-end duals, and by differences.
 
 use crate::common::pack;
 use crate::common::scenes::{self, Random, Scene};
@@ -15,7 +15,7 @@ use ashfall::reference::{
 };
 use ashfall::scene::RenderMode;
 
-/// All parameters of all splats, as (splat, parameter).
+/// All pairs of splat and parameter index.
 fn every_parameter(scene: &Scene) -> Vec<(usize, usize)> {
     let count = 11 + scene.splats.sh_stride();
     (0..scene.splats.len())
@@ -99,7 +99,7 @@ fn transmittance_and_depth_have_gradients_too() {
         })
         .collect();
     let (d_screen, _) = backward(&scene.splats, &scene.camera, &scene.options, &upstream);
-    // The same objective with duals through the frame, by each number of each splat on the screen.
+    // The same objective with duals through the frame, by each number of each screen-space splat.
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
     let screen = frame::project_all(&Splat::<f64>::all(&scene.splats), &view);
     for (chosen, gradient) in d_screen.iter().enumerate() {

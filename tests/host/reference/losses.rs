@@ -1,4 +1,4 @@
-//! The loss: its gradient, its masks, its photographs.
+//! The loss: gradient, masks, photographs.
 
 use crate::common::scenes;
 use crate::reference::{assert_close, central_difference};
@@ -80,7 +80,7 @@ fn what_is_masked_out_does_not_matter() {
         .filter(|(_, w)| **w == 0.0)
         .for_each(|(rgb, _)| *rgb = [9.0; 3]);
     assert_eq!(masked(&image), masked(&other));
-    // What is masked out is as far away as what lies outside the image.
+    // Masked-out pixels have the same effect as those outside the image.
     let crop = loss::loss(&cropped(&image), &loss::Target::new(8, &cropped(&photo)));
     assert_close(masked(&image), crop, 1e-13, 1.0);
 }

@@ -1,4 +1,4 @@
-//! Relations that hold between two pictures, whatever they show.
+//! Metamorphic relations between two pictures, independent of their content.
 
 use crate::common::scenes::{self, POISON, Random, Scene};
 use crate::reference::assert_close;
@@ -49,7 +49,7 @@ fn permuted(splats: &Splats, order: &[usize]) -> Splats {
     }
 }
 
-/// M2: twice the scene from twice the distance.
+/// M2: twice the scene at twice the distance gives the same picture.
 #[test]
 fn scale_does_not_show() {
     let scene = scenes::hard(31, 27, 37, 29, 2);
@@ -80,7 +80,7 @@ fn scale_does_not_show() {
     }
 }
 
-/// M3: depths differ, so the order of the list is nothing.
+/// M3: at distinct depths the order of the list has no effect.
 #[test]
 fn the_lists_order_does_not_show() {
     let scene = scenes::gentle(32, 25, 30, 30, 1);
@@ -92,7 +92,7 @@ fn the_lists_order_does_not_show() {
     assert!(draw(&scene) == draw(&other), "another picture");
 }
 
-/// Where depths are equal, the splat of the lower index is in front.
+/// At equal depths the splat of the lower index is in front.
 #[test]
 fn ties_go_by_index() {
     let mut scene = scenes::gentle(45, 40, 20, 20, 0);
@@ -104,7 +104,7 @@ fn ties_go_by_index() {
     }
 }
 
-/// M4: a picture is its two halves, if the Jacobian's limits are those of the whole.
+/// M4: a picture consists of its two halves, with the Jacobian's limits of the whole.
 #[test]
 fn two_halves_make_a_picture() {
     let scene = scenes::hard(33, 27, 40, 21, 1);
@@ -124,7 +124,7 @@ fn two_halves_make_a_picture() {
     }
 }
 
-/// M5: what cannot be seen changes nothing.
+/// M5: invisible splats change nothing.
 #[test]
 fn the_unseen_does_not_show() {
     let scene = scenes::gentle(34, 12, 25, 31, 1);
@@ -157,7 +157,7 @@ fn the_unseen_does_not_show() {
     );
 }
 
-/// Whatever stands in one parameter, the picture is made of numbers.
+/// The picture is finite for any value of one parameter.
 #[test]
 fn poison_leaves_a_finite_picture() {
     let scene = scenes::gentle(35, 5, 12, 9, 1);
@@ -183,7 +183,7 @@ fn poison_leaves_a_finite_picture() {
     }
 }
 
-/// M11: a quaternion's sign and length are nothing.
+/// M11: a quaternion's sign and length have no effect.
 #[test]
 fn a_quaternions_length_does_not_show() {
     let scene = scenes::gentle(36, 10, 20, 20, 0);
@@ -196,8 +196,8 @@ fn a_quaternions_length_does_not_show() {
     }
 }
 
-/// M16: a splat's removal changes a pixel by α T (colour behind − its colour), and the removal of several by
-/// at most the sum of their weights.
+/// M16: removing a splat changes a pixel by α T (colour behind − its colour), and removing several by at most the sum
+/// of their weights.
 #[test]
 fn removal_is_worth_the_weight() {
     let mut scene = scenes::gentle(37, 20, 24, 24, 0);
@@ -214,7 +214,7 @@ fn removal_is_worth_the_weight() {
     };
     let (one, some) = (7, |i: usize| i % 3 == 1);
     let (without_one, without_some) = (without(&|i| i == one), without(&some));
-    // What lies behind the one splat, and nothing else.
+    // Only the splats behind the removed one.
     let behind = without(&|i| i <= one);
     for pixel in 0..whole.pixels.len() {
         let position = center(pixel, 24);
@@ -244,7 +244,7 @@ fn removal_is_worth_the_weight() {
     }
 }
 
-/// M17: the background shows through T.
+/// M17: the background contributes with weight T.
 #[test]
 fn backgrounds_show_through_the_transmittance() {
     let scene = scenes::hard(38, 27, 24, 20, 1);
@@ -265,7 +265,7 @@ fn backgrounds_show_through_the_transmittance() {
     }
 }
 
-/// M18: one colour everywhere leaves nothing but coverage.
+/// M18: with one colour everywhere the picture is the coverage.
 #[test]
 fn one_colour_shows_the_coverage() {
     let mut scene = scenes::gentle(39, 20, 24, 20, 0);
@@ -277,7 +277,7 @@ fn one_colour_shows_the_coverage() {
     }
 }
 
-/// M19: a splat twice in the same place is one of alpha 1 − (1 − α)².
+/// M19: two coincident equal splats are one of alpha 1 − (1 − α)².
 #[test]
 fn a_splat_twice_is_a_denser_splat() {
     let mut scene = scenes::gentle(40, 1, 24, 24, 0);

@@ -1,4 +1,4 @@
-//! Rung 1: the oracle against closed forms, finite differences and metamorphic relations. No GPU.
+//! The oracle against closed forms, finite differences and metamorphic relations, without a GPU.
 
 mod bounds;
 mod closed_forms;
@@ -13,8 +13,8 @@ mod rays;
 mod sample;
 mod thresholds;
 
-/// Asserts that two numbers agree within `tolerance` times the larger magnitude, or absolutely within
-/// `tolerance * scale`.
+/// Asserts that two numbers agree within `tolerance` times the larger magnitude, or absolutely within `tolerance *
+/// scale`.
 #[track_caller]
 fn assert_close(a: f64, b: f64, tolerance: f64, scale: f64) {
     let bound = tolerance * a.abs().max(b.abs()).max(scale);

@@ -1,4 +1,4 @@
-//! The small operations, each against a definition or an identity.
+//! Elementary operations, each against a definition or an identity.
 
 use crate::common::scenes::{self, Random};
 use crate::reference::assert_close;
@@ -89,8 +89,8 @@ fn a_tiles_pixels_never_exceed_its_rectangle() {
                 pixels <= rectangle * (1.0 + 1e-12),
                 "{pixels} > {rectangle} in {tile}"
             );
-            // The rectangle's maximum is attained: no sample exceeds it, and its pixels come near it
-            // where the splat is smooth against the pixel grid.
+            // The rectangle's maximum is attained: no sample exceeds it, and a pixel comes near it for splats that are
+            // smooth against the pixel grid.
             let x = f64::from(tile % grid.columns() * 8);
             let y = f64::from(tile / grid.columns() * 16);
             let [x_end, y_end] = [(x + 8.0).min(61.0), (y + 16.0).min(45.0)];
@@ -103,7 +103,7 @@ fn a_tiles_pixels_never_exceed_its_rectangle() {
             }
             let [xx, xy, yy] = splat.covariance;
             if (xx * yy - xy * xy) / xx.max(yy) > 16.0 && rectangle > 1e-3 {
-                // Thinner than 4 px nowhere: the next centre is at most 0.71 px away.
+                // At least 4 px thick: the next centre is at most 0.71 px away.
                 assert!(pixels > 0.6 * rectangle, "{pixels} far from {rectangle}");
             }
         }
@@ -122,7 +122,7 @@ fn the_extent_is_as_far_as_a_splat_reaches() {
         let seen = |x: f64, y: f64| layer(splat, [x, y], &Thresholds::ENGINE).is_some();
         let [x, y] = splat.mean;
         let steps = || (-2000..=2000).map(|i| f64::from(i) / 2000.0);
-        // On the box's edges the splat shows at the one point where the ellipse touches, not beyond.
+        // The splat touches each edge of the box at one point, and is invisible beyond.
         for (factor, expected) in [(0.999, true), (1.001, false)] {
             let right = steps().any(|t| seen(x + factor * half_width, y + t * half_height));
             let below = steps().any(|t| seen(x + t * half_width, y + factor * half_height));
@@ -154,7 +154,7 @@ fn noise_spares_what_is_opaque() {
     let quaternion = [0.5, 0.1, -0.3, 0.9];
     let log_scale = [0.1f64, 0.5, 2.0].map(f64::ln);
     let logit = |o: f64| (o / (1.0 - o)).ln();
-    // Along the second local axis Σ ξ is s² times the axis.
+    // Along the second local axis, Σ ξ is s² times the axis.
     let turn = rotation(quaternion);
     let axis = [turn[0][1], turn[1][1], turn[2][1]];
     let moved = |opacity: f64| {
@@ -185,7 +185,7 @@ fn noise_is_normal_and_a_function_of_its_name() {
     assert!(normals(8, 11, 3) != draws[3] && normals(7, 12, 3) != draws[3]);
 }
 
-/// The paper's double sum; in f64 good to 1e-9 for a few copies.
+/// The paper's double sum; in f64 accurate to 1e-9 for a few copies.
 fn alternating_sum(opacity: f64, n: u32) -> f64 {
     let copy = 1.0 - (1.0 - opacity).powf(1.0 / f64::from(n));
     let mut sum = 0.0;

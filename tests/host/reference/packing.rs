@@ -1,4 +1,4 @@
-//! What turns the oracle's numbers into the kernels' form, and what they promise.
+//! Conversions from the oracle's numbers to the kernels' layouts, and their guarantees.
 
 use crate::common::pack;
 use crate::common::scenes::{self, Random};
@@ -19,7 +19,7 @@ fn packing_keeps_the_meaning() {
         for (a, b) in splat.row().iter().zip(back.row()) {
             assert_close(*a, b, 1e-6, 1.0);
         }
-        // Sums over some positions, by their definition.
+        // Sums over five positions, by their definition.
         let mut gradient = ScreenGradient::default();
         let mut sums = [0.0; 6];
         for _ in 0..5 {
@@ -48,7 +48,7 @@ fn packing_keeps_the_meaning() {
         }
         let packed = pack::whitened_sums(splat, &gradient);
         for (found, expected) in packed.iter().zip(sums) {
-            // WHITEN is a float.
+            // WHITEN is an f32.
             assert_close(*found, expected, 1e-6, 1e-3);
         }
     }

@@ -1,9 +1,9 @@
-//! Splats along rays: where linear projection is exact in the limit, and where it is known to fail.
+//! Splats along rays: exact limits of linear projection, and its known failures.
 
 use crate::common::scenes::{self, Scene};
 use ashfall::reference::{Thresholds, ray, render};
 
-/// Largest difference of a channel between linear projection and rays.
+/// Largest difference of a channel between linear projection and ray casting.
 fn apart(scene: &Scene) -> f64 {
     let mut options = scene.options;
     options.thresholds = Thresholds::NONE;
@@ -24,13 +24,13 @@ fn apart(scene: &Scene) -> f64 {
 #[test]
 fn linear_projection_is_the_limit_of_small_splats() {
     let scene = scenes::gentle(81, 30, 40, 30, 1);
-    // The same picture of smaller splats through a longer lens: σ / z falls, pixels do not.
+    // The same picture from smaller splats and a longer focal length: σ / z falls, pixels stay.
     let narrowed = |factor: f32| {
         let mut narrow = scene.clone();
         let axis = |splat: &mut [f32; 3]| splat.iter_mut().for_each(|s| *s += factor.ln());
         narrow.splats.log_scale.iter_mut().for_each(axis);
         narrow.camera.focal /= f64::from(factor);
-        // Towards the optical axis by the same factor, at the depth that each has.
+        // Towards the optical axis by the same factor, at unchanged depth.
         let forward = narrow.camera.rotation.row(2);
         for mean in &mut narrow.splats.mean {
             let from_camera = glam::DVec3::from(mean.map(f64::from)) - narrow.camera.position;
@@ -45,7 +45,7 @@ fn linear_projection_is_the_limit_of_small_splats() {
     let errors = [1.0, 0.25, 1.0 / 16.0].map(narrowed);
     println!("linear projection is off by {errors:?}");
     assert!(errors[0] > 1e-3, "{errors:?}");
-    // Of first order in σ / z.
+    // First order in σ / z.
     assert!(
         errors[1] < 0.4 * errors[0] && errors[2] < 0.4 * errors[1],
         "{errors:?}"

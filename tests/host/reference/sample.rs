@@ -1,4 +1,4 @@
-//! Samples of frames: what they show is what the frame shows, and their bounds are neither idle nor too tight.
+//! Sampled pixels of frames: equality with the whole frame, and bounds that are neither loose nor violated.
 
 use crate::common::scenes::{self, Scene};
 use crate::reference::metamorphic::draw;
@@ -24,7 +24,7 @@ fn samples_are_pixels_of_the_frame() {
         let frame = draw(&scene);
         let mut bounds = Vec::new();
         for (sampled, pixel) in all(&scene).iter().zip(&frame.pixels) {
-            // A ray that may be over where it is has the bound to say so; all others are the frame's.
+            // A sample differs from the frame only within its bound, for rays that may end early.
             let error = error(sampled, pixel.color);
             assert!(error < 1e-12 || error <= sampled.color_bound, "{error:e}");
             let passes = (sampled.transmittance - pixel.transmittance).abs();
@@ -41,8 +41,8 @@ fn samples_are_pixels_of_the_frame() {
     }
 }
 
-/// What single precision does to the camera's numbers moves no pixel beyond its bound, and some out of what would be
-/// its bound without allowance for discontinuities.
+/// A shift of the camera within single-precision rounding moves no pixel beyond its bound; a shift a thousand times
+/// larger exceeds it.
 #[test]
 fn bounds_hold_under_perturbation_and_tell_a_thousandth() {
     let scene = scenes::hard(73, 150, 40, 33, 1);
@@ -52,7 +52,7 @@ fn bounds_hold_under_perturbation_and_tell_a_thousandth() {
         moved.camera.center += DVec2::new(by, -by);
         draw(&moved)
     };
-    // A position's error within what rounding does: 16U of a focal length of 36 px or more.
+    // Position errors within rounding: 16U of a focal length of 36 px or more.
     let slight = moved(2e-5);
     let gross = moved(2e-2);
     let excess = |frame: &ashfall::reference::Frame<f64>| -> f64 {

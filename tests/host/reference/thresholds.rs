@@ -1,4 +1,4 @@
-//! The thresholds of compositing: what they cost, and which pixels they may flip.
+//! The thresholds of compositing: their errors, and the pixels that they may flip.
 
 use crate::common::scenes::{self, Random};
 use crate::reference::metamorphic::{draw, on_screen};
@@ -6,7 +6,7 @@ use ashfall::reference::frame::{center, discontinuity_margins, sorted};
 use ashfall::reference::rasterize::blended;
 use ashfall::reference::{Options, Splat, Thresholds, Viewpoint, frame};
 
-/// What the stop leaves out is worth less than its threshold, and what the alpha cut leaves out is bounded too.
+/// The error of the transmittance threshold is at most its value times the colour range.
 #[test]
 fn the_cuts_cost_what_they_promise() {
     let mut scene = scenes::hard(41, 90, 30, 26, 0);
@@ -38,7 +38,7 @@ fn the_cuts_cost_what_they_promise() {
     }
 }
 
-/// Single precision flips only pixels that were near flipping.
+/// Single precision flips only pixels with a small margin.
 #[test]
 fn pixels_that_flip_were_in_the_band() {
     for seed in 0..4 {
@@ -75,7 +75,7 @@ fn pixels_that_flip_were_in_the_band() {
     }
 }
 
-/// A margin is exactly as wide as the change of a threshold that it takes to change what a pixel blends.
+/// A pixel's margin is exactly the relative change of a threshold at which its blended splats change.
 #[test]
 fn a_band_is_the_distance_to_its_threshold() {
     let mut scene = scenes::gentle(46, 150, 40, 36, 0);
@@ -117,7 +117,7 @@ fn a_band_is_the_distance_to_its_threshold() {
     );
 }
 
-/// Depths that are shaken change the order only where neighbours were near each other.
+/// Perturbed depths change the order only at pixels with near ties.
 #[test]
 fn a_band_knows_of_near_ties() {
     let scene = scenes::gentle(47, 300, 30, 30, 0);

@@ -67,8 +67,8 @@ pub(crate) fn ranks_hold(files: &[File]) -> Vec<String> {
     faults
 }
 
-/// Files and folders within a folder do not import each other in a circle. Items that `mod.rs` re-exports count as
-/// imports of the file that defines them; tests inside a file do not count.
+/// Finds circular imports between files and folders of a folder. Items re-exported by `mod.rs` count as imports of the
+/// file that defines them; tests inside a file do not count.
 pub(crate) fn folders_have_no_circles(files: &[File]) -> Vec<String> {
     let product = |text: &str| {
         let code = code(text);
@@ -80,7 +80,7 @@ pub(crate) fn folders_have_no_circles(files: &[File]) -> Vec<String> {
     let modules: BTreeMap<Vec<String>, (&str, String)> = sources(files)
         .map(|(path, text)| (module_of(path), (path, product(text))))
         .collect();
-    // Edges between siblings, by the module that holds both.
+    // Edges between siblings, by parent module.
     let mut edges: BTreeMap<Vec<String>, BTreeMap<String, BTreeSet<String>>> = BTreeMap::new();
     for (module, (path, code)) in &modules {
         for import in imports(path, code) {
@@ -148,7 +148,7 @@ fn reaches(edges: &BTreeMap<String, BTreeSet<String>>, from: &str, to: &str) -> 
     false
 }
 
-/// Child module that a module's `use child::Name` takes a name from.
+/// Child module from which a module's `use child::Name` takes a name.
 fn definer(code: &str, name: &str) -> Option<String> {
     let uses = code
         .split(';')
@@ -166,7 +166,7 @@ fn sources(files: &[File]) -> impl Iterator<Item = (&str, &str)> {
     sources.map(|(path, text)| (path.as_str(), text.as_str()))
 }
 
-/// Path of a file's module below the crate: `render, forward`.
+/// Module path of a file below the crate: `render, forward`.
 fn module_of(path: &str) -> Vec<String> {
     let path = path.trim_start_matches("src/").trim_end_matches(".rs");
     let path = path.trim_end_matches("/mod");
@@ -176,7 +176,7 @@ fn module_of(path: &str) -> Vec<String> {
         .collect()
 }
 
-/// Name that ranks are given to: the first component, in the laboratory two.
+/// Ranked module: the first component, in the laboratory the first two.
 fn ranked(module: &[String]) -> String {
     match module {
         [first, second, ..] if first == "lab" => format!("lab::{second}"),
@@ -186,8 +186,8 @@ fn ranked(module: &[String]) -> String {
     }
 }
 
-/// Paths below the crate that code names: after `crate::` and `super::`, the latter outside of indented blocks of
-/// `use`, which are those of inline modules.
+/// Paths below the crate in code: after `crate::` and `super::`, the latter outside of indented blocks of `use`, which
+/// are those of inline modules.
 fn imports(path: &str, code: &str) -> Vec<Vec<String>> {
     let module = module_of(path);
     let mut found = Vec::new();

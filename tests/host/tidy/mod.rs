@@ -1,5 +1,4 @@
-//! What a machine can check of the way the sources are kept. Every rule lists its faults, and is itself
-//! tested with text that it must refuse.
+//! Mechanical checks of the sources. Every rule lists its faults, and is itself tested with text that violates it.
 
 use ashfall::kernels::KERNELS;
 use ashfall::shader::Requirement;
@@ -17,7 +16,7 @@ fn file(path: &str, text: impl Into<String>) -> File {
     (path.to_owned(), text.into())
 }
 
-/// Asserts that a rule finds exactly these faults, named by how they begin.
+/// Asserts that a rule finds exactly these faults, given by their beginnings.
 #[track_caller]
 fn refuses(faults: &[String], beginnings: &[&str]) {
     let alike = faults.len() == beginnings.len()
@@ -61,7 +60,7 @@ fn kernels_have_a_reference_and_a_test_of_their_name() {
         &names_pair_up(&files, &[("src/reference/dual.rs", "")]),
         &faults[1..],
     );
-    // Reference and test of the steps of an operation are the operation's, and so may a host be.
+    // The steps of an operation share its reference and test, and may share its host file.
     let steps = [
         "glsl/sort_count.comp",
         "src/kernels/sort.rs",

@@ -5,16 +5,16 @@ use ashfall::kernels::BASELINES;
 use ashfall::shader::Requirement;
 use std::collections::BTreeSet;
 
-/// Lines of a file at most: a whole thought, read in one sitting.
+/// Most lines of a file.
 const FILE_LINES_MAX: usize = 500;
-/// Columns of a line of comment at most; rustfmt sees to code.
+/// Most columns of a line of comment; rustfmt wraps code.
 const COLUMNS_MAX: usize = 120;
-/// Lines of a function at most.
+/// Most lines of a function.
 const FUNCTION_LINES_MAX: usize = 70;
 
-/// Kernels that are steps of one operation. Only the operation has a result worth judging, so one
-/// reference and one file of test cases stand for all that begin so; and the host dispatches them together,
-/// so it may have a file of the operation's name beside those of the steps.
+/// Prefixes of kernels that are steps of one operation. Only the operation has a testable result, so one reference and
+/// one file of test cases cover all its steps; the host dispatches them together, so it may have a file of the
+/// operation's name beside those of the steps.
 const OPERATIONS: [(&str, &str); 4] = [
     ("scan_", "scan"),
     ("sort_", "sort"),
@@ -22,7 +22,7 @@ const OPERATIONS: [(&str, &str); 4] = [
     ("selftest_", "selftest"),
 ];
 
-/// Words of code that have a place: where they may stand, and why nowhere else.
+/// Restricted words of code: their allowed places, and the reason.
 const PLACES: &[(&str, &[&str], &str)] = &[
     (
         "unsafe",
@@ -66,8 +66,8 @@ pub(crate) fn words(code: &str) -> impl Iterator<Item = &str> {
         .filter(|word| !word.is_empty())
 }
 
-/// One operation, one word: shader, host, reference and test cases have the same name. A kernel has no host file where
-/// the host decides nothing.
+/// Pairs of names: shader, host, reference and test cases have the same name. A kernel has no host file if the host
+/// decides nothing.
 pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<String> {
     let operation = |kernel: &str| {
         let part = OPERATIONS
@@ -104,7 +104,7 @@ pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<St
             }
         }
     }
-    // An exception that excuses nothing is out of date.
+    // An exception without effect is outdated.
     for (path, _) in unpaired {
         let named = names.iter().any(|name| *name == stem(path));
         let absent_partner = named && !present.contains(path);
@@ -116,7 +116,7 @@ pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<St
     faults
 }
 
-/// `unsafe`, Vulkan and the environment stay where they belong.
+/// Finds `unsafe`, Vulkan and the environment outside their places.
 pub(crate) fn words_keep_their_place(files: &[File]) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in files.iter().filter(|(path, _)| path.ends_with(".rs")) {
@@ -140,7 +140,7 @@ fn is_source(path: &str) -> bool {
         .any(|end| path.ends_with(end))
 }
 
-/// Files and functions stay readable.
+/// Finds files, functions and lines beyond their maximum length.
 pub(crate) fn lengths_are_bounded(files: &[File]) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in files.iter().filter(|(path, _)| is_source(path)) {
@@ -166,7 +166,7 @@ pub(crate) fn lengths_are_bounded(files: &[File]) -> Vec<String> {
     faults
 }
 
-/// Every source opens by saying what it is for: Rust with `//!`, a shader with a comment after its includes.
+/// Every source begins with its purpose: Rust with `//!`, a shader with a comment after its includes.
 pub(crate) fn sources_open_with_a_comment(files: &[File]) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in files.iter().filter(|(path, _)| is_source(path)) {
@@ -183,9 +183,9 @@ pub(crate) fn sources_open_with_a_comment(files: &[File]) -> Vec<String> {
     faults
 }
 
-/// What a base variant must not need: it runs on every Vulkan 1.3 device. Only the basic subgroup
-/// operations are part of that; `present` stores to the host's image, whose format no shader can know. A
-/// baseline is measured where it runs, and nothing else depends on it.
+/// Whether a requirement is optional, and so forbidden in a base variant, which runs on every Vulkan 1.3 device. Only
+/// basic subgroup operations are guaranteed there; `present` stores to the host's image, of a format unknown to the
+/// shader. Baselines run only in measurements.
 pub(crate) fn is_optional(kernel: &str, requirement: Requirement) -> bool {
     match requirement {
         Requirement::SubgroupBasic => false,
@@ -195,10 +195,10 @@ pub(crate) fn is_optional(kernel: &str, requirement: Requirement) -> bool {
     }
 }
 
-/// No path of one machine, and no document that the repository does not hold.
+/// Finds paths of one machine, and documents that are not in the repository.
 pub(crate) fn nothing_points_outside(files: &[File]) -> Vec<String> {
     let present: BTreeSet<&str> = files.iter().map(|(path, _)| stem(path)).collect();
-    // Put together here, so that this file passes.
+    // Composed here, so that this file passes.
     let folders =
         ["/wo!rk/", "/ho!me/", "/ro!ot/", ".li!brary/"].map(|folder| folder.replace('!', ""));
     let mut faults = Vec::new();

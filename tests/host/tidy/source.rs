@@ -1,11 +1,11 @@
-//! The repository's text, and what of it is code.
+//! Text files of the repository, and extraction of their code.
 
 use std::path::Path;
 
-/// A file: its path from the repository's root, with `/`, and its text.
+/// Path from the repository's root, with `/`, and text of a file.
 pub(crate) type File = (String, String);
 
-/// All text files that belong to the repository: those of the root and of the folders that hold sources.
+/// All text files of the repository: those of the root and of the source folders.
 pub(crate) fn repository() -> Vec<File> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = Vec::new();
@@ -29,14 +29,14 @@ fn read(folder: &Path, prefix: &str, deep: bool, files: &mut Vec<File>) {
         if path.is_dir() && deep {
             read(&path, &format!("{prefix}{name}/"), true, files);
         } else if name == ".git" {
-            // Where a work tree keeps its history is no part of it.
+            // The history of a work tree is no source.
         } else if let (true, Ok(text)) = (path.is_file(), std::fs::read_to_string(&path)) {
             files.push((format!("{prefix}{name}"), text));
         }
     }
 }
 
-/// The text with comments and the contents of literals blanked out; every line stays where it was.
+/// The text with comments and the contents of literals replaced by spaces; line numbers are unchanged.
 pub(crate) fn code(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
     let mut out = String::with_capacity(text.len());
@@ -57,7 +57,7 @@ pub(crate) fn code(text: &str) -> String {
     out
 }
 
-/// The end of the comment or literal that begins at `at`; `at` where none does.
+/// The end of the comment or literal that begins at `at`, or `at` if there is none.
 fn skip(chars: &[char], at: usize) -> usize {
     let starts = |text: &str| {
         text.chars()
@@ -99,11 +99,11 @@ fn quoted(chars: &[char], at: usize, quote: char) -> usize {
     (end + 1).min(chars.len())
 }
 
-/// The functions of a source: name, first line (from 1), number of lines. Of code without comments.
+/// Name, first line (from 1) and number of lines of each function. Expects code without comments.
 pub(crate) fn functions(code: &str, rust: bool) -> Vec<(String, usize, usize)> {
     let mut functions = Vec::new();
     let (mut depth, mut line) = (0_usize, 1);
-    // What was read since the last statement ended, and the functions that are open.
+    // Text since the last statement ended, and the open functions.
     let (mut statement, mut start) = (String::new(), 1);
     let mut open: Vec<(String, usize, usize)> = Vec::new();
     for c in code.chars() {
@@ -145,7 +145,7 @@ pub(crate) fn functions(code: &str, rust: bool) -> Vec<(String, usize, usize)> {
     functions
 }
 
-/// The name of the function whose body follows `head`.
+/// The name of the function declared by `head`, if it is one.
 fn function_name(head: &str, rust: bool, depth: usize) -> Option<String> {
     let name = |text: &str| {
         let words: Vec<&str> = text

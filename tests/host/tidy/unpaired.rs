@@ -1,6 +1,6 @@
 //! Exceptions to the rule that shader, host, reference and test cases have one name.
 
-/// Files of the paired folders that have no kernel, and partners that a kernel lacks, with the reason.
+/// Files of the paired folders without a kernel, and missing partners of kernels, with the reason.
 pub(crate) const UNPAIRED: &[(&str, &str)] = &[
     (
         "src/kernels/choices.rs",

@@ -1,4 +1,4 @@
-//! One execution of a target: what it may do is watched here, panics apart.
+//! One execution of a target under a memory limit; panics are caught by the caller.
 
 use super::targets::{SLACK, Target};
 use peak_alloc::PeakAlloc;
@@ -6,8 +6,8 @@ use peak_alloc::PeakAlloc;
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
-/// Runs a target; panics where it does, and where it takes more memory at one time than such a file can justify.
-/// Returns what the reader said.
+/// Runs a target; panics if the target does, or if its peak memory exceeds the limit for the length of the input.
+/// Returns the reader's message.
 pub(crate) fn execute(target: &Target, bytes: &[u8]) -> String {
     let allowed = SLACK + (target.memory)(bytes);
     let before = MEMORY.current_usage();

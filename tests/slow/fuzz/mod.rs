@@ -1,8 +1,8 @@
-//! Hostile files: whatever bytes a reader is given, it ends in a scene or in an error of one line that names the
-//! file; it does not panic, does not hang and takes no more memory than the file can justify.
+//! Hostile files: for any bytes a reader returns a scene or an error of one line that names the file; it does not
+//! panic, does not hang and takes no more memory than the file can justify.
 //!
 //! Here inputs are mutated a fixed number of times from a fixed seed; `make fuzz` runs the same targets under
-//! libFuzzer, guided by coverage (`fuzz/`). Inputs that once showed a fault are kept with the corpora.
+//! libFuzzer, guided by coverage (`fuzz/`). Inputs that showed a fault are kept with the corpora.
 
 #[rustfmt::skip] // tables of words and one-line rules
 mod targets;
@@ -20,14 +20,14 @@ use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 use std::time::{Duration, Instant};
 use targets::{TARGETS, Target};
 
-/// The folder with the photograph and the cloud that inputs may name.
+/// The folder of the photograph and the point cloud to which inputs may refer.
 const BESIDE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/slow/fuzz/beside");
 
-/// Executions of a target in a run of the tests; the environment variable `FUZZ_EXECUTIONS` sets another number.
+/// Executions per target in a test run; the environment variable `FUZZ_EXECUTIONS` overrides it.
 const EXECUTIONS: usize = 50_000;
-/// Inputs grow no longer than this.
+/// Largest length of an input, bytes.
 const LONGEST: usize = 4096;
-/// No file of that length takes a reader so long, on any machine.
+/// Time limit of one input, longer than any reader needs on any machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn corpus_folder(target: &Target) -> PathBuf {
@@ -54,7 +54,7 @@ fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The input being read, its target and since when.
+/// Target, bytes and start of the input being read.
 static RUNNING: Mutex<Option<(&str, Vec<u8>, Instant)>> = Mutex::new(None);
 
 fn running() -> MutexGuard<'static, Option<(&'static str, Vec<u8>, Instant)>> {
@@ -79,7 +79,7 @@ fn watch() {
     });
 }
 
-/// Writes an input where it can be looked at.
+/// Writes an input to a file for inspection; returns its path.
 fn keep(name: &str, bytes: &[u8]) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR"))
         .join(format!("fuzz-{name}-{:08x}", crc32fast::hash(bytes)));
@@ -87,7 +87,7 @@ fn keep(name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Runs one input; the fault, if there is one, with the file that shows it.
+/// Runs one input; returns the reader's message, or the fault with the file of the input.
 fn fault(target: &Target, bytes: &[u8]) -> Result<String, String> {
     *running() = Some((target.name, bytes.to_vec(), Instant::now()));
     let outcome = catch_unwind(AssertUnwindSafe(|| execute(target, bytes)));
@@ -100,7 +100,7 @@ fn fault(target: &Target, bytes: &[u8]) -> Result<String, String> {
     })
 }
 
-/// What a message says apart from the numbers and quotations in it.
+/// A message without its numbers and quotations.
 fn kind(said: &str) -> String {
     let (before, quoted) = said.split_once('"').unwrap_or((said, ""));
     let after = quoted.rsplit_once('"').map_or("", |(_, after)| after);
@@ -109,8 +109,8 @@ fn kind(said: &str) -> String {
     words.filter(|word| *word != "inf").collect()
 }
 
-/// Executes a target so many times on mutations of its corpus. An input that makes the reader say something new is
-/// mutated further: what it says stands in for the way it took.
+/// Mutates a target's corpus and executes it `executions` times. Inputs with a new kind of message are mutated further:
+/// messages stand in for code coverage. Returns the number of kinds.
 fn fuzz(target: &Target, executions: usize, seed: u64) -> Result<usize, String> {
     let mut pool = corpus(target);
     let mut kinds = HashSet::new();
@@ -142,7 +142,7 @@ fn bounded(name: &str) {
     let executions = wanted.map_or(EXECUTIONS, |number| number.parse().unwrap());
     let kinds = fuzz(target, executions, 1).unwrap_or_else(|fault| panic!("{fault}"));
     println!("{name}: {executions} executions, {kinds} different outcomes");
-    // A reader that is content with everything, or refuses everything for one reason, was not reached.
+    // A reader with fewer outcomes accepts everything, or rejects everything for one reason.
     assert!(kinds >= 3, "only {kinds} different outcomes");
 }
 
@@ -185,7 +185,7 @@ fn faults_are_noticed() {
     );
     assert_eq!(found(30), "");
     assert!(found(50).contains("an index out of range"));
-    // And the mutations reach it, from inputs of 32 bytes and more.
+    // The mutations reach it as well, from inputs of 32 bytes and more.
     assert!(fuzz(&greedy, 1000, 1).is_err());
 }
 

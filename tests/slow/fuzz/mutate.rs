@@ -1,5 +1,5 @@
-//! Changes to inputs that know something of how files are built: numbers in text and in binary, lines, blocks,
-//! ends that are missing, halves of two files. Everything follows from one seed.
+//! Format-aware mutations of inputs: numbers in text and in binary, lines, blocks, truncation, splices of two files.
+//! All follow from one seed.
 
 /// SplitMix64 (Steele, Lea and Flood 2014).
 pub(crate) struct Random(pub u64);
@@ -13,7 +13,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Below `end`; 0 where `end` is 0.
+    /// A random number below `end`; 0 for `end` 0.
     pub(crate) fn below(&mut self, end: usize) -> usize {
         (self.next() % end.max(1) as u64) as usize
     }
@@ -23,7 +23,7 @@ impl Random {
     }
 }
 
-/// Integers at the edges of types and of what readers calculate.
+/// Integers at the limits of types and of readers' arithmetic.
 const INTEGERS: &[u64] = &[
     0,
     1,
@@ -47,7 +47,7 @@ const INTEGERS: &[u64] = &[
     0xffff_ffff_ffff_ffff,
 ];
 
-/// Numbers of which every reader must be wary.
+/// Special values of floats.
 const FLOATS: &[f64] = &[
     0.0,
     -0.0,
@@ -72,7 +72,7 @@ const FLOATS: &[f64] = &[
     88.73,
 ];
 
-/// The same in text, and what text alone can say.
+/// The same in text, and values that only text can express.
 const NUMBERS: &[&str] = &[
     "0",
     "-0",
@@ -113,8 +113,8 @@ const NUMBERS: &[&str] = &[
     "{}",
 ];
 
-/// Changes `data`, once or a few times, to at most `longest` bytes. `other` is a second input of the same
-/// format and `words` its vocabulary.
+/// Changes `data` one or a few times, to at most `longest` bytes. `other` is a second input of the same format and
+/// `words` its vocabulary.
 pub(crate) fn mutate(
     random: &mut Random,
     data: &mut Vec<u8>,
@@ -175,10 +175,10 @@ fn repeat(random: &mut Random, data: &mut Vec<u8>, at: usize) {
     data.splice(to..to, block);
 }
 
-/// The beginning of one and the end of the other.
+/// The beginning of `data` and the end of `other`.
 fn splice(random: &mut Random, data: &mut Vec<u8>, other: &[u8]) {
     let from = random.below(other.len() + 1);
-    // Mostly at the same place, so that headers stay in front of what they describe.
+    // Mostly at the same place, so that headers precede their data.
     let to = match random.below(3) {
         0 => random.below(data.len() + 1),
         _ => from.min(data.len()),
@@ -187,7 +187,7 @@ fn splice(random: &mut Random, data: &mut Vec<u8>, other: &[u8]) {
     data.extend_from_slice(&other[from..]);
 }
 
-/// Puts a binary number of some width and byte order in the place of another.
+/// Overwrites a binary number by another of some width and byte order.
 fn overwrite(random: &mut Random, data: &mut [u8], at: usize) {
     let float = FLOATS[random.below(FLOATS.len())];
     let integer = INTEGERS[random.below(INTEGERS.len())];
@@ -207,7 +207,7 @@ fn overwrite(random: &mut Random, data: &mut [u8], at: usize) {
     data[at.min(end)..end].copy_from_slice(&bytes[..count]);
 }
 
-/// Puts a number in the place of the one in the text that begins at or after `at`.
+/// Replaces the number in the text that begins at or after `at`.
 fn retype(random: &mut Random, data: &mut Vec<u8>, at: usize) {
     let is_part = |byte: &u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'e');
     let rest = &data[at.min(data.len())..];

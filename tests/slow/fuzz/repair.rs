@@ -1,8 +1,8 @@
-//! How inputs are taken apart, and checksums made right after a change.
+//! Splitting of inputs into files, and repair of checksums after a mutation.
 
 use serde_json::Value;
 
-/// Three files: after the lengths of the first two as 16-bit numbers, one behind the other.
+/// Splits an input into three files, after the lengths of the first two as 16-bit numbers.
 pub(crate) fn parts_by_length(bytes: &[u8]) -> [&[u8]; 3] {
     let Some((head, rest)) = bytes.split_first_chunk::<4>() else {
         return [bytes, &[], &[]];
@@ -14,7 +14,7 @@ pub(crate) fn parts_by_length(bytes: &[u8]) -> [&[u8]; 3] {
     [first, second, third]
 }
 
-/// Three files, with the control character "record separator" between them.
+/// Splits an input into three files at the control character "record separator".
 pub(crate) fn parts_by_separator(bytes: &[u8]) -> [&[u8]; 3] {
     let mut parts = bytes.splitn(3, |byte| *byte == 0x1e);
     [(); 3].map(|()| parts.next().unwrap_or_default())
@@ -22,12 +22,12 @@ pub(crate) fn parts_by_separator(bytes: &[u8]) -> [&[u8]; 3] {
 
 const PREFIX: usize = 20;
 
-/// The header's length and checksum, and those of the sections, of a checkpoint.
+/// Repairs length and checksum of a checkpoint's header, and those of its sections.
 pub(crate) fn checkpoint(bytes: &mut Vec<u8>) {
     let Some(header) = bytes.get(PREFIX..) else {
         return;
     };
-    // The header is the JSON value that begins behind the prefix, wherever it ends.
+    // The header is the JSON value after the prefix, of any length.
     let mut values = serde_json::Deserializer::from_slice(header).into_iter::<Value>();
     let Some(Ok(mut value)) = values.next() else {
         return;
@@ -55,7 +55,7 @@ pub(crate) fn checkpoint(bytes: &mut Vec<u8>) {
     bytes.splice(PREFIX..end, text);
 }
 
-/// The checksums of a PNG file's chunks.
+/// Repairs the checksums of a PNG file's chunks.
 pub(crate) fn png(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(&[a, b, c, d]) = bytes.get(at..at + 4) {
@@ -71,10 +71,10 @@ pub(crate) fn png(bytes: &mut [u8]) {
     }
 }
 
-/// Memory that a photograph's pixels may take, by the size in its header, if its file can hold that many:
-/// a byte of a PNG file unfolds to at most 1,032 bytes (deflate), of eight pixels each; every 64 pixels of a JPEG
-/// file are at least one bit. 24 bytes a pixel: four as 8-bit and eight as 16-bit RGBA, and those once more where
-/// one becomes the other, for decoders that keep rows or coefficients besides.
+/// Upper bound of memory for a photograph's pixels, by the size in its header, if its file can hold that many: a byte
+/// of a PNG file expands to at most 1,032 bytes (deflate), of eight pixels each; every 64 pixels of a JPEG file are at
+/// least one bit. 24 bytes a pixel: four as 8-bit and eight as 16-bit RGBA, and those once more during conversion, for
+/// decoders that also keep rows or coefficients.
 pub(crate) fn photo_bytes(bytes: &[u8]) -> usize {
     let name = std::path::Path::new("photo");
     let size = ashfall::io::photo::dimensions(ashfall::io::Source::bytes(name, bytes));

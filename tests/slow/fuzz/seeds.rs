@@ -1,4 +1,4 @@
-//! The inputs that the corpora begin with: small sound files of every kind, made here.
+//! Seed inputs of the corpora: small valid files of every format, generated here.
 
 use ashfall::io::ply;
 use ashfall::scene::{RenderMode, Splats, sh_coefficient_count};
@@ -48,7 +48,7 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     seeds
 }
 
-/// Files that a `transforms.json` may name.
+/// Files to which a `transforms.json` may refer.
 pub(crate) fn beside() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("a.png", encoded(&picture(), ImageFormat::Png)),

@@ -1,5 +1,5 @@
-//! The readers under test: one target a format. A target takes any bytes and panics unless they end as promised:
-//! in values that hold what their types promise, or in an error of one line that names the file.
+//! The readers under test: one target per format. A target takes any bytes and panics unless they give a valid value or
+//! an error of one line that names the file.
 
 use super::repair;
 use ashfall::io::colmap::Files;
@@ -12,19 +12,19 @@ use std::path::Path;
 
 /// A format and its reader.
 pub(crate) struct Target {
-    /// Also the name of its folder of inputs.
+    /// Also the name of its corpus folder.
     pub(crate) name: &'static str,
-    /// Returns what the reader said, or nothing where it was content.
+    /// Returns the reader's message, or an empty string if there is none.
     pub(crate) run: fn(&[u8]) -> String,
-    /// Makes checksums and lengths right again, so that what lies behind them is reached.
+    /// Repairs checksums and lengths, so that later stages of the reader are reached.
     pub(crate) repair: fn(&mut Vec<u8>),
-    /// Words of the format.
+    /// Vocabulary of the format.
     pub(crate) words: &'static [&'static str],
-    /// The most bytes of memory that reading so many may take beyond [`SLACK`]: see there.
+    /// Largest memory in bytes for reading an input, beyond [`SLACK`].
     pub(crate) memory: fn(&[u8]) -> usize,
 }
 
-/// Memory that any input may take: buffers of fixed size.
+/// Memory for buffers of fixed size, allowed for any input, bytes.
 pub(crate) const SLACK: usize = 1 << 20;
 
 pub(crate) const TARGETS: &[Target] = &[
@@ -120,7 +120,7 @@ fn at<'a>(name: &'static str, bytes: &'a [u8]) -> Source<'a> {
     Source::bytes(Path::new(name), bytes)
 }
 
-/// Judges an outcome: a value by `judge`, an error by its message. Returns the message or the warnings.
+/// Checks an outcome: a value by `judge`, an error by its message. Returns the message or the warnings.
 #[track_caller]
 fn check<T>(name: &str, outcome: Result<T>, judge: impl FnOnce(T) -> Vec<String>) -> String {
     match outcome {
@@ -139,7 +139,7 @@ fn check_error(name: &str, error: &Error) -> String {
     let text = error.to_string();
     let what = text.strip_prefix(name).and_then(|rest| rest.strip_prefix(": "));
     assert!(what.is_some_and(|what| what.len() > 8), "names no file, or no rule: {text}");
-    // What a file holds must not reach the terminal as commands, nor fill it.
+    // Contents of a file must neither reach the terminal as control characters nor fill it.
     assert!(!text.chars().any(char::is_control), "control characters: {text:?}");
     assert!(text.len() < 1500, "{} bytes long: {text}", text.len());
     text
@@ -163,7 +163,7 @@ fn check_listing(listing: Listing) -> Vec<String> {
     for view in &listing.views {
         let camera = &view.camera;
         assert!((1..=65_535).contains(&camera.width) && (1..=65_535).contains(&camera.height));
-        // Shaders see cameras as single precision.
+        // Shaders use cameras in single precision.
         let numbers = [camera.focal.as_vec2(), camera.center.as_vec2()];
         assert!(numbers.iter().all(|v| v.is_finite()), "{camera:?}");
         assert!(camera.focal.as_vec2().min_element() > 0.0, "{camera:?}");
@@ -194,7 +194,7 @@ fn check_model(binary: bool, [cameras, images, points]: [&[u8]; 3]) -> String {
     check(blamed.map_or("one of the three", String::as_str), outcome, check_listing)
 }
 
-/// The folder with the photograph and the cloud that inputs may name.
+/// The folder of the photograph and the point cloud to which inputs may refer.
 fn beside() -> &'static Path {
     Path::new(super::BESIDE)
 }
@@ -204,7 +204,7 @@ fn check_transforms(bytes: &[u8]) -> String {
     let outcome = transforms::read(Source::bytes(&name, bytes), None);
     check(&name.display().to_string(), outcome, |listing| {
         listing.views.iter().take(4).for_each(|view| {
-            // As a data set is opened: the camera takes the size of the file, and the file is undistorted.
+            // As on opening a data set: the camera takes the size of the file, and the file is undistorted.
             let Ok((width, height)) = photo::dimensions(&view.photo) else { return };
             let camera = view.camera.resized(width, height);
             let source = PhotoSource::File { path: view.photo.clone(), distortion: view.distortion };
