@@ -130,8 +130,30 @@ fn wrapper(text: &mut String, kernel: &Kernel) {
             rec.dispatch(&self.pipeline, &[{slots}], {bytes}, groups);
         }}
     }}
+
+    impl crate::kernels::Kernel for {name} {{
+        type Choice = Choice;
+        const NAME: &'static str = {kernel_name:?};
+
+        fn choices(workgroup: u32) -> Vec<Choice> {{
+            let choice = |&variant: &Variant| {{
+                {tuned}Choice {{ variant, spec: Spec::default() }}{end}
+            }};
+            Variant::ALL.iter().map(choice).collect()
+        }}
+
+        fn info(choice: &Choice) -> &'static KernelInfo {{
+            choice.variant.info()
+        }}
+
+        fn compile(gpu: &Gpu, choice: Choice) -> Result<{name}> {{
+            {name}::new(gpu, choice)
+        }}
+    }}
 "#,
-        slots = slots.join(", ")
+        slots = slots.join(", "),
+        tuned = if sized { "let mut choice = " } else { "let _ = workgroup;\n                " },
+        end = if sized { ";\n                choice.spec.workgroup = workgroup;\n                choice" } else { "" },
     );
 }
 

@@ -20,6 +20,30 @@ pub mod sort;
 // A module above hides the generated one of its name.
 pub use generated::*;
 
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::shader::KernelInfo;
+
+/// A kernel by its generated type: its variants, and compilation of one of them.
+pub trait Kernel: Sized {
+    /// Variant and specialisation constants.
+    type Choice: Copy + std::fmt::Debug + PartialEq;
+    /// Name of the shader in `glsl/`.
+    const NAME: &'static str;
+
+    /// Every variant with workgroups of so many invocations, where the size is tunable; the portable variant first.
+    fn choices(workgroup: u32) -> Vec<Self::Choice>;
+
+    /// Reflection of the chosen variant.
+    fn info(choice: &Self::Choice) -> &'static KernelInfo;
+
+    /// Creates the pipeline.
+    ///
+    /// # Errors
+    /// Where the device cannot run the variant, or Vulkan fails.
+    fn compile(gpu: &Gpu, choice: Self::Choice) -> Result<Self>;
+}
+
 /// Baselines for measurements, used by no frame and no training step. They may need features that a device lacks.
 pub const BASELINES: [&str; 2] = ["baseline_16x16", "baseline_16x16_backward"];
 
