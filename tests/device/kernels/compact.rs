@@ -1,4 +1,4 @@
-//! The visible splats, in the order of their index.
+//! Compaction of the visible splats, in the order of their index.
 
 use crate::common::check::*;
 use crate::common::device;

@@ -1,4 +1,4 @@
-//! What the pixels of a tile would lose with each of its splats.
+//! Contribution of each splat of a tile's list to the tile's pixels.
 
 use crate::common::check::*;
 use crate::common::lists::{Lists, view};

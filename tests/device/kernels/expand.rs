@@ -1,4 +1,4 @@
-//! Which tiles a splat is listed for.
+//! Lists of the tiles that each splat touches.
 
 use crate::common::check::*;
 use crate::common::lists::{Lists, view};

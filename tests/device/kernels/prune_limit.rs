@@ -1,4 +1,4 @@
-//! How far down a ranking of splats each pixel can do without them.
+//! Highest prune rank of each pixel with a summed weight within the budget.
 
 use crate::common::check::*;
 use crate::common::lists::{Lists, view};

@@ -1,4 +1,4 @@
-//! What each splat does to the pixels of a tile.
+//! Error in a tile's pixels from the removal of each splat of its list.
 
 use crate::common::check::*;
 use crate::common::device;
