@@ -30,7 +30,7 @@ pub(crate) fn variant_enum(text: &mut String, kernel: &Kernel) {
             ""
         };
         let comment = match variant.name.as_str() {
-            "" => "The portable one.".to_owned(),
+            "" => "Portable variant.".to_owned(),
             other => {
                 let opening = variant.sources.opening();
                 opening.unwrap_or_else(|| format!("`{other}`"))
@@ -47,16 +47,16 @@ pub(crate) fn variant_enum(text: &mut String, kernel: &Kernel) {
     let _ = write!(
         text,
         r#"
-    /// The files that implement this kernel.
+    /// Implementations of this kernel, one file each.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum Variant {{
 {items}    }}
 
     impl Variant {{
-        /// Every variant, the portable one first.
+        /// All variants, the portable one first.
         pub const ALL: &[Variant] = &[{all}];
 
-        /// The part of the file name between the dots; `base` for the portable one.
+        /// Part of the file name between the dots; `base` for the portable variant.
         pub fn name(self) -> &'static str {{
             match self.info().variant {{
                 "" => "base",
@@ -64,7 +64,7 @@ pub(crate) fn variant_enum(text: &mut String, kernel: &Kernel) {
             }}
         }}
 
-        /// What reflection found.
+        /// Reflection of the variant's SPIR-V.
         pub fn info(self) -> &'static KernelInfo {{
             match self {{
 {infos}            }}
@@ -131,13 +131,13 @@ pub(crate) fn spec(text: &mut String, kernel: &Kernel) {
     let _ = write!(
         text,
         r#"
-    /// The numbers that tune; their defaults are the shader's own.
+    /// Specialisation constants; the defaults are the shader's.
     #[derive(Clone, Copy, Debug, {derive}PartialEq{eq})]
     pub struct Spec {{
 {fields}    }}
 {default}
     impl Spec {{
-        /// Their bits, in the order of [`KernelInfo::specs`].
+        /// Bits of the constants, in the order of [`KernelInfo::specs`].
         pub fn values(&self) -> [u32; {count}] {{
             [{values}]
         }}
@@ -150,12 +150,12 @@ pub(crate) fn choice(text: &mut String, kernel: &Kernel) {
     let _ = write!(
         text,
         r#"
-    /// A variant and its tuning.
+    /// Variant and specialisation constants.
     #[derive(Clone, Copy, Debug, Default, PartialEq{eq})]
     pub struct Choice {{
-        /// Which file.
+        /// Implementation.
         pub variant: Variant,
-        /// Tuned how.
+        /// Specialisation constants.
         pub spec: Spec,
     }}
 

@@ -61,7 +61,7 @@ fn params(text: &mut String, kernel: &Kernel) {
         return;
     };
     if let Some(params) = &base.module.params {
-        let comment = "What changes from one dispatch to the next: the push constants.";
+        let comment = "Push constants: parameters of one dispatch.";
         structure(text, params, "Params", "layout::", comment, &base.sources);
     }
 }
@@ -72,7 +72,7 @@ fn bindings(text: &mut String, kernel: &Kernel) {
     };
     let _ = writeln!(
         text,
-        "    /// What one dispatch reads and writes.\n    #[derive(Clone, Copy)]\n    pub struct Bindings<'a> {{"
+        "    /// Buffers and images of one dispatch.\n    #[derive(Clone, Copy)]\n    pub struct Bindings<'a> {{"
     );
     for binding in &base.module.bindings {
         let ty = match &binding.bound {
@@ -108,24 +108,24 @@ fn wrapper(text: &mut String, kernel: &Kernel) {
     let _ = write!(
         text,
         r#"
-    /// `{kernel_name}`, ready to be dispatched.
+    /// Compute pipeline of `{kernel_name}`.
     #[derive(Debug)]
     pub struct {name} {{
         pipeline: Pipeline,{field}
     }}
 
     impl {name} {{
-        /// Makes the pipeline.
+        /// Creates the pipeline.
         ///
         /// # Errors
         ///
-        /// When the device cannot run the chosen variant, or Vulkan fails.
+        /// If the device cannot run the chosen variant, or Vulkan fails.
         pub fn new(gpu: &Gpu, choice: Choice) -> Result<{name}> {{
             let pipeline = Pipeline::new(gpu, choice.variant.info(), &choice.spec.values())?;
             Ok({name} {{ pipeline, {value} }})
         }}
 {groups}
-        /// Records one dispatch, after the barriers that its bindings call for.
+        /// Records one dispatch, preceded by a barrier if its bindings need one.
         pub fn record(&self, rec: &mut Recorder<'_>, io: Bindings<'_>, {argument}groups: Groups<'_>) {{
             rec.dispatch(&self.pipeline, &[{slots}], {bytes}, groups);
         }}

@@ -11,12 +11,11 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Elements, of four bytes or a multiple of them, between places where a bound part of a buffer may begin: no
-/// device asks for more than 256 bytes (`minStorageBufferOffsetAlignment`; Vulkan specification, table of required
-/// limits).
+/// Alignment of the begin of a bound part of a buffer, in elements of four bytes or a multiple: at most 256 bytes on
+/// every device (`minStorageBufferOffsetAlignment`; Vulkan specification, table of required limits).
 pub const PART_ALIGNMENT: usize = 64;
 
-/// A Vulkan buffer with its memory; destroyed when the last handle, and the last frame using it, is gone.
+/// A Vulkan buffer with its memory; destroyed with the last handle and the last frame using it.
 pub(super) struct RawBuffer {
     gpu: Gpu,
     pub(super) handle: vk::Buffer,
@@ -97,8 +96,8 @@ impl RawBuffer {
         let Some(mapped) = mapped else {
             panic!("{} is not host-visible", self.name)
         };
-        // SAFETY: in bounds (asserted), and the frame arena hands out disjoint ranges that no command
-        // reads before they are submitted.
+        // SAFETY: in bounds (asserted), and the frame's `Chunks` hand out disjoint ranges that no command reads before
+        // they are submitted.
         unsafe {
             std::ptr::copy_nonoverlapping(
                 data.as_ptr(),
@@ -119,10 +118,10 @@ impl Drop for RawBuffer {
     }
 }
 
-/// An array of `len` elements of `T` on the device, with a name for messages. Clones and parts share it.
+/// Array of `len` elements of `T` on the device, with a name for messages. Clones and parts share the memory.
 pub struct Buffer<T> {
     pub(super) raw: Arc<RawBuffer>,
-    /// Where it begins in `raw`, bytes.
+    /// Byte offset in `raw`.
     pub(super) offset: u64,
     len: usize,
     element: PhantomData<fn() -> T>,
@@ -151,28 +150,28 @@ impl<T: Pod> Buffer<T> {
         self.len
     }
 
-    /// Whether it was made for no element.
+    /// True for a length of 0.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Its name in messages.
+    /// Name in messages.
     pub fn name(&self) -> &str {
         &self.raw.name
     }
 
-    /// Its size in bytes.
+    /// Size in bytes.
     pub fn bytes(&self) -> u64 {
         (self.len * size_of::<T>()) as u64
     }
 
-    /// Bytes that a binding of it covers: whole words, and at least one.
+    /// Bytes covered by a binding of the buffer: whole words, at least one.
     pub(super) fn reach(&self) -> u64 {
         self.bytes().max(4).next_multiple_of(4)
     }
 
-    /// Some of its elements. Barriers take a part for the whole. To be bound to a kernel, a part begins at a
-    /// multiple of [`PART_ALIGNMENT`] elements.
+    /// A range of elements as a buffer of its own. Barriers apply to the whole buffer. A part that is bound to a kernel
+    /// must begin at a multiple of [`PART_ALIGNMENT`] elements.
     pub fn part(&self, range: Range<usize>) -> Buffer<T> {
         assert!(
             range.start <= range.end && range.end <= self.len,
@@ -186,7 +185,7 @@ impl<T: Pod> Buffer<T> {
         }
     }
 
-    /// The same bytes as elements of another kind, as many as there are whole.
+    /// The same bytes as elements of type `U`; a partial last element is dropped.
     pub fn cast<U: Pod>(&self) -> Buffer<U> {
         Buffer {
             raw: self.raw.clone(),
@@ -198,21 +197,21 @@ impl<T: Pod> Buffer<T> {
 }
 
 impl Gpu {
-    /// A device-local array. Its contents are undefined; with validation on they are NaNs, so that
-    /// reading before writing shows.
+    /// Device-local array. Its contents are undefined; with validation they are NaNs, so that reads before the first
+    /// write show.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] beyond the memory limit, the device's memory or the reach of one binding.
+    /// [`Error::OutOfMemory`] beyond the memory limit, the device's memory or the range of one binding.
     pub fn buffer<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
         let bytes = len.checked_mul(size_of::<T>()).unwrap_or(usize::MAX / 2) as u64;
         self.check_reach(name, bytes)?;
         self.room(name, len)
     }
 
-    /// Whether so many bytes lie within the reach of one binding, as what kernels see has to.
+    /// Checks a size in bytes against the range of one binding, the limit of arrays bound to kernels.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`] for more bytes.
     pub fn check_reach(&self, name: &str, bytes: u64) -> Result<()> {
         let available = self.caps().max_storage_range;
         match bytes <= available {
@@ -225,8 +224,8 @@ impl Gpu {
         }
     }
 
-    /// The same for several arrays in one, of which only parts are bound to kernels: it may exceed the reach of a
-    /// binding, of which its parts are for the caller to check.
+    /// As [`Gpu::buffer`], for an array of which only parts are bound to kernels: it may exceed the range of a binding.
+    /// The caller checks the parts ([`Gpu::check_reach`]).
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] beyond the memory limit or the device's memory.

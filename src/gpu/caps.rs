@@ -1,4 +1,4 @@
-//! What a device can do: plain data, so that choices made from it can be tested without one.
+//! Capabilities and limits of a device, as plain data: choices based on them can be tested without a device.
 
 use super::requirements::Requirements;
 use crate::Error;
@@ -6,7 +6,7 @@ use crate::shader::{KernelInfo, Requirement};
 use ash::vk;
 use std::collections::BTreeSet;
 
-/// The kind of device.
+/// Kind of device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceKind {
     /// A processor running shaders, such as lavapipe.
@@ -19,11 +19,11 @@ pub enum DeviceKind {
     Other,
 }
 
-/// Limits below the device's own, as if it were a lesser one: what a frame or a step does there can be tried
-/// anywhere. The default lowers nothing.
+/// Limits below the device's own, for tests of frames and training steps on a simulated smaller device. The default
+/// lowers nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Limits {
-    /// Bytes that one binding reaches.
+    /// Bytes of one binding.
     pub binding: Option<u64>,
     /// Invocations of a workgroup.
     pub workgroup: Option<u32>,
@@ -38,21 +38,21 @@ pub struct Caps {
     pub name: String,
     /// The driver's name and version.
     pub driver: String,
-    /// The kind of device.
+    /// CPU, integrated or discrete GPU.
     pub kind: DeviceKind,
     /// Vulkan version as major, minor, patch.
     pub api: (u32, u32, u32),
-    /// Invocations in a subgroup unless a kernel asks for another size.
+    /// Invocations of a subgroup, unless a kernel requires another size.
     pub subgroup_size: u32,
-    /// Smallest and largest size that a kernel may ask for.
+    /// Smallest and largest subgroup size that a kernel may require.
     pub subgroup_range: (u32, u32),
-    /// Largest storage buffer that one binding reaches, bytes.
+    /// Largest range of a storage buffer binding, bytes.
     pub max_storage_range: u64,
     /// Largest single allocation, bytes.
     pub max_allocation: u64,
-    /// Most storage buffers that one kernel binds.
+    /// Most storage buffers of one kernel.
     pub max_storage_buffers: u32,
-    /// Most pixels of an image's side.
+    /// Largest width or height of an image, pixels.
     pub max_image_side: u32,
     /// Most workgroups per dimension.
     pub max_groups: [u32; 3],
@@ -64,12 +64,12 @@ pub struct Caps {
     pub timestamp_period_ns: f64,
     /// Size of the largest device-local heap, bytes.
     pub heap: u64,
-    /// What kernels may require.
+    /// Requirements of kernels that the device meets.
     pub offers: BTreeSet<Requirement>,
 }
 
 impl Caps {
-    /// Why a kernel cannot run here, or `Ok`.
+    /// `Ok` if the kernel can run on the device, else the reason.
     pub fn supports(&self, kernel: &KernelInfo) -> Result<(), String> {
         match kernel
             .requirements
@@ -81,7 +81,8 @@ impl Caps {
         }
     }
 
-    /// Whether a tile can have so many lanes: where a kernel uses subgroups, all of a tile's lanes are in one.
+    /// True if a tile can have this number of lanes: kernels with subgroup operations need all lanes of a tile in one
+    /// subgroup.
     pub fn lanes_fit(&self, kernel: &KernelInfo, lanes: u32) -> bool {
         !kernel.uses_subgroups() || lanes <= self.subgroup_size
     }
@@ -154,8 +155,8 @@ impl Caps {
         caps
     }
 
-    /// What is left where kernels cannot ask for a subgroup size: a device whose size varies is then
-    /// taken for one without subgroup operations, since kernels that use them rely on the size.
+    /// Reduces the capabilities to those without subgroup size control: a device with varying subgroup sizes loses the
+    /// subgroup operations, since kernels that use them rely on a fixed size.
     pub(super) fn without_size_control(&mut self) {
         let (least, most) = self.subgroup_range;
         if least < most {
@@ -164,7 +165,7 @@ impl Caps {
         self.subgroup_range = (self.subgroup_size, self.subgroup_size);
     }
 
-    /// Takes the device for a lesser one.
+    /// Reduces the capabilities to `limits`.
     pub(super) fn lower(&mut self, limits: &Limits) {
         let binding = limits.binding.unwrap_or(u64::MAX);
         self.max_storage_range = self.max_storage_range.min(binding);
@@ -175,7 +176,7 @@ impl Caps {
         }
     }
 
-    /// Which of the published limits the device misses, if any.
+    /// Checks the published limits; the error names the first that is missed.
     pub(super) fn check(&self, required: &Requirements) -> Result<(), Error> {
         let missing = |what: String| Err(Error::Unsupported { what });
         let (major, minor) = required.api;
@@ -242,7 +243,7 @@ fn offers(
     .collect()
 }
 
-/// Whether floats in storage buffers can be added atomically, which takes an extension.
+/// True if the device supports atomic addition of floats in storage buffers (VK_EXT_shader_atomic_float).
 fn atomic_float_add(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
     // SAFETY: `physical` belongs to `instance`.
     let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
@@ -253,7 +254,7 @@ fn atomic_float_add(instance: &ash::Instance, physical: vk::PhysicalDevice) -> b
     }
     let mut floats = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
     let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut floats);
-    // SAFETY: as above; the device knows the extension that the chain asks about.
+    // SAFETY: as above; the device has the extension of the chained structure.
     unsafe { instance.get_physical_device_features2(physical, &mut features) };
     floats.shader_buffer_float32_atomic_add == vk::TRUE
 }

@@ -1,4 +1,4 @@
-//! Creation of an instance and a device of our own.
+//! Creation of an owned Vulkan instance and device.
 
 use super::caps::{Caps, DeviceKind};
 use super::check::check;
@@ -30,7 +30,7 @@ pub fn devices() -> Result<Vec<Caps>> {
 }
 
 fn load() -> Result<ash::Entry> {
-    // SAFETY: the loader is the system's Vulkan library, whose initialisers are sound to run.
+    // SAFETY: the loader is the system's Vulkan library; its initialisers are sound to run.
     unsafe { ash::Entry::load() }.map_err(|error| Error::Unsupported {
         what: format!(
             "no Vulkan loader ({error}); install one and a driver (Debian: libvulkan1 and \
@@ -88,7 +88,8 @@ fn enumerate(instance: &ash::Instance) -> Result<Vec<vk::PhysicalDevice>> {
     })
 }
 
-/// Which device an option names; the error lists what there is.
+/// Index of the device that `wanted` gives by index or part of its name; by default the first discrete GPU, else the
+/// first integrated, other or CPU device. The error lists the devices.
 fn choose(caps: &[Caps], wanted: Option<&str>) -> Result<usize> {
     let names = || {
         caps.iter()
@@ -188,7 +189,7 @@ fn create_device(
             .enabled_extension_names(&extensions)
             .push_next(&mut want_floats);
     }
-    // SAFETY: every pointer in `info` outlives the call, and only offered features are asked for.
+    // SAFETY: every pointer in `info` outlives the call, and only offered features are enabled.
     check("vkCreateDevice", unsafe {
         instance.create_device(physical, &info, None)
     })
@@ -198,8 +199,7 @@ impl Gpu {
     /// Creates a device.
     ///
     /// # Errors
-    /// No loader, no device, a device without what [`REQUIRED`] lists, or no validation layer where one
-    /// is asked for.
+    /// [`Error::Unsupported`] without a loader, a device that meets [`REQUIRED`], or a requested validation layer.
     pub fn create(options: &GpuOptions) -> Result<Gpu> {
         let entry = load()?;
         let messages = Arc::new(Messages::default());
@@ -207,7 +207,7 @@ impl Gpu {
             faults.watch(&messages);
         }
         let instance = create_instance(&entry, options.validation.then_some(&*messages))?;
-        // From here on, dropping `own` cleans up.
+        // Dropping `own` cleans up after errors from here on.
         let mut own = Own {
             instance,
             messages,
@@ -234,7 +234,7 @@ impl Gpu {
             what: format!("{} has no compute queue", caps.name),
         })?;
         let device = create_device(&instance, physical, &mut caps, family)?;
-        // SAFETY: the family's first queue was asked for above.
+        // SAFETY: the family's first queue was requested above.
         let queue = unsafe { device.get_device_queue(family, 0) };
         let parts = Parts {
             instance,

@@ -1,10 +1,10 @@
-//! Collects what the validation layer says.
+//! Collector of validation messages.
 
 use ash::vk;
 use std::ffi::c_void;
 use std::sync::{Mutex, PoisonError};
 
-/// Messages of warning and error level, in order. Lives at a fixed address while a messenger points to it.
+/// Messages of warning and error level, in order. Must stay at a fixed address while a messenger points to it.
 #[derive(Debug, Default)]
 pub(super) struct Messages(Mutex<Vec<String>>);
 
@@ -23,7 +23,7 @@ impl Messages {
             .push(message);
     }
 
-    /// A description of a messenger that reports here.
+    /// Description of a messenger that appends to these messages.
     pub(super) fn create_info(&self) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
         use vk::{
             DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Type,
@@ -45,7 +45,7 @@ unsafe extern "system" fn on_message(
     // SAFETY: Vulkan passes valid callback data, and `user` is the `Messages` of `create_info`, which
     // outlives the instance.
     let (data, messages) = unsafe { (&*data, &*user.cast::<Messages>()) };
-    // SAFETY: the message is a C string of the layer's, or null.
+    // SAFETY: the message is a C string of the layer, or null.
     if let Some(text) = unsafe { data.message_as_c_str() } {
         messages.push(text.to_string_lossy().into_owned());
     }

@@ -1,4 +1,4 @@
-//! Descriptor sets from an arena that is reset whole.
+//! Arena of descriptor sets, freed all at once.
 
 use super::check::check;
 use super::device::Gpu;
@@ -11,11 +11,11 @@ const SETS_PER_POOL: u32 = 128;
 const BUFFERS_PER_POOL: u32 = 1024;
 const IMAGES_PER_POOL: u32 = 16;
 
-/// Pools that grow as a frame needs and are reset when its slot comes round again.
+/// Descriptor pools of a frame slot: added on demand, reset when the slot is reused.
 pub(super) struct Arena {
     gpu: Gpu,
     pools: Vec<vk::DescriptorPool>,
-    /// The pool that sets are taken from.
+    /// Index of the pool in use.
     current: usize,
 }
 
@@ -28,7 +28,7 @@ impl Arena {
         }
     }
 
-    /// Gives all sets back; none may be in use.
+    /// Frees all sets; none may be in use.
     pub(super) fn reset(&mut self) -> Result<()> {
         for &pool in &self.pools {
             let flags = vk::DescriptorPoolResetFlags::empty();
@@ -80,7 +80,7 @@ impl Arena {
         }
     }
 
-    /// A set for one dispatch, written once.
+    /// New set of one dispatch, bound to `slots`.
     pub(super) fn set(
         &mut self,
         pipeline: &RawPipeline,
@@ -120,7 +120,7 @@ impl Arena {
                 }
             })
             .collect();
-        // SAFETY: the set is fresh, and the infos outlive the call.
+        // SAFETY: the set is new, and the infos outlive the call.
         unsafe { self.gpu.0.device.update_descriptor_sets(&writes, &[]) };
         Ok(set)
     }

@@ -1,4 +1,4 @@
-//! The shared state behind a [`Gpu`]: device, queue, memory.
+//! Shared state of a [`Gpu`]: device, queue, memory.
 
 use super::cache::WeakCache;
 use super::caps::Caps;
@@ -16,14 +16,14 @@ use gpu_allocator::{AllocationSizes, MemoryLocation};
 use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A Vulkan device. Clones are cheap and share it; it goes when the last one, and the last buffer, does.
+/// A Vulkan device. Clones are cheap and share it; it is destroyed with the last clone and the last buffer.
 #[derive(Clone)]
 pub struct Gpu(pub(super) Arc<Shared>);
 
-/// What a device of our own comes with: made first, destroyed last.
+/// Instance, messenger and loader of an owned device: created before it, destroyed after it.
 pub(super) struct Own {
     pub(super) instance: ash::Instance,
-    /// At a fixed address, which the messenger knows.
+    /// At a fixed address, to which the messenger points.
     pub(super) messages: Arc<Messages>,
     pub(super) messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     /// Keeps the loader's library open.
@@ -36,22 +36,22 @@ impl Drop for Own {
             // SAFETY: made from this instance, destroyed once.
             unsafe { utils.destroy_debug_utils_messenger(*messenger, None) };
         }
-        // SAFETY: a device made from it is gone: `Shared` destroys it before it drops this.
+        // SAFETY: the device made from it is gone: `Shared` destroys it before it drops this.
         unsafe { self.instance.destroy_instance(None) };
     }
 }
 
-/// The allocator, our own or the host's.
+/// The allocator, owned or the host's.
 pub(super) type SharedAllocator = Arc<Mutex<Allocator>>;
 
 pub(super) struct Shared {
     pub(super) device: ash::Device,
     pub(super) caps: Caps,
     pub(super) family: u32,
-    /// None for a guest that was given no queue.
+    /// `None` on a host's device adopted without a queue.
     queue: Option<Mutex<vk::Queue>>,
     allocator: ManuallyDrop<SharedAllocator>,
-    /// None: the device is a host's and survives us.
+    /// `None`: the device is a host's and is not destroyed here.
     own: Option<Own>,
     pub(super) poison: bool,
     faults: Option<Faults>,
@@ -61,8 +61,8 @@ pub(super) struct Shared {
     pub(super) pipelines: WeakCache<(usize, Vec<u32>)>,
 }
 
-/// Bytes of the blocks that small buffers share; larger buffers have blocks of their own, which go back to
-/// the device with them. The allocator's least, so that little is reserved for nothing.
+/// Bytes of the blocks shared by small buffers; larger buffers have dedicated blocks, freed with them. The allocator's
+/// minimum, so that little memory is reserved unused.
 const BLOCK_BYTES: u64 = 4 << 20;
 
 impl std::fmt::Debug for Gpu {
@@ -72,50 +72,50 @@ impl std::fmt::Debug for Gpu {
 }
 
 impl Gpu {
-    /// What the device can do.
+    /// Capabilities and limits of the device.
     pub fn caps(&self) -> &Caps {
         &self.0.caps
     }
 
-    /// Bytes that buffers and images take now.
+    /// Bytes of the buffers and images alive.
     pub fn memory_in_use(&self) -> u64 {
         self.0.tracker().bytes
     }
 
-    /// The most bytes they ever took.
+    /// Maximum of [`Gpu::memory_in_use`] since the last reset.
     pub fn memory_peak(&self) -> u64 {
         self.0.tracker().peak_bytes
     }
 
-    /// The most bytes that were taken from the device to make buffers of: the allocator takes blocks, of
-    /// which it leaves a part unused. With a host's allocator, what the host took counts too.
+    /// Peak bytes of the allocator's blocks, unused parts included. With a host's allocator, the host's allocations
+    /// count too.
     pub fn memory_reserved_peak(&self) -> u64 {
         self.0.tracker().reserved_peak_bytes
     }
 
-    /// What the buffers of each name take, in the order of the names.
+    /// Memory of the buffers of each name, in the order of the names.
     pub fn memory_by_name(&self) -> Vec<(String, MemoryUse)> {
         self.0.tracker().by_name()
     }
 
-    /// Forgets the peaks: they are what there is now.
+    /// Resets the peaks to the current values.
     pub fn reset_memory_peak(&self) {
         let reserved = self.0.allocator().capacity();
         self.0.tracker().reset_peak(reserved);
     }
 
-    /// Bytes that buffers may take in all: the user's limit, or the device's largest heap.
+    /// Limit of [`Gpu::memory_in_use`]: the user's, or the device's largest heap.
     pub fn memory_limit(&self) -> u64 {
         self.0.memory_limit
     }
 
-    /// What the validation layer has said so far; empty is good. A host's device reports to the host.
+    /// Warnings and errors of the validation layer so far. Empty for a host's device: its messages go to the host.
     pub fn validation_messages(&self) -> Vec<String> {
         let own = self.0.own.as_ref();
         own.map(|own| own.messages.all()).unwrap_or_default()
     }
 
-    /// Waits until the device has nothing left to do.
+    /// Waits until the device is idle.
     pub fn wait_idle(&self) -> Result<()> {
         let _queue = self.0.queue()?;
         self.0.using_queue("vkDeviceWaitIdle")?;
@@ -126,7 +126,7 @@ impl Gpu {
     }
 }
 
-/// What a [`Gpu`] is put together from.
+/// Components of a [`Gpu`].
 pub(super) struct Parts {
     pub(super) instance: ash::Instance,
     pub(super) physical: vk::PhysicalDevice,
@@ -134,7 +134,7 @@ pub(super) struct Parts {
     pub(super) caps: Caps,
     pub(super) family: u32,
     pub(super) queue: Option<vk::Queue>,
-    /// None: one is made.
+    /// `None`: one is created.
     pub(super) allocator: Option<SharedAllocator>,
     pub(super) own: Option<Own>,
 }
@@ -155,7 +155,7 @@ impl Parts {
         };
         let allocator = allocator.map_err(|error| {
             if self.own.is_some() {
-                // SAFETY: our own, and nothing was made from it.
+                // SAFETY: the device is owned, and nothing was made from it.
                 unsafe { self.device.destroy_device(None) };
             }
             Error::Unsupported {
@@ -179,7 +179,7 @@ impl Parts {
 }
 
 impl Shared {
-    /// The queue, held against other threads.
+    /// The queue, locked.
     pub(super) fn queue(&self) -> Result<MutexGuard<'_, vk::Queue>> {
         match &self.queue {
             Some(queue) => Ok(queue.lock().unwrap_or_else(PoisonError::into_inner)),
@@ -202,22 +202,22 @@ impl Shared {
         self.tracker.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// To be asked before an object is created: whether that is to fail, for a test's sake.
+    /// Injected failure of the creation of an object, for tests; called before it.
     pub(super) fn creating(&self, call: &'static str) -> Result<()> {
         self.faults.as_ref().map_or(Ok(()), |f| f.create(call))
     }
 
-    /// To be asked before commands are submitted.
+    /// Injected failure of a submission; called before it.
     pub(super) fn submitting(&self) -> Result<()> {
         self.faults.as_ref().map_or(Ok(()), Faults::submit)
     }
 
-    /// To be asked before other calls to the queue, which a lost device does not serve either.
+    /// Injected failure of other queue calls on a lost device; called before them.
     pub(super) fn using_queue(&self, call: &'static str) -> Result<()> {
         self.faults.as_ref().map_or(Ok(()), |f| f.use_queue(call))
     }
 
-    /// Memory for a resource of ours, counted against the limit; `linear`: of a buffer, not of an image.
+    /// Allocates memory, counted against the limit. `linear`: true for a buffer, false for an image.
     pub(super) fn allocate(
         &self,
         name: &str,
@@ -227,7 +227,7 @@ impl Shared {
     ) -> Result<Allocation> {
         self.creating("vkAllocateMemory")?;
         let wanted = requirements.size;
-        // Held to the end: two threads must not both take the last of it.
+        // Locked until the end: two threads must not both take the last memory.
         let mut tracker = self.tracker();
         let available = self.memory_limit.saturating_sub(tracker.bytes);
         let refuse = || Error::OutOfMemory {
@@ -251,9 +251,9 @@ impl Shared {
         Ok(allocation)
     }
 
-    /// Gives memory back; `name` and `size` are what `allocate` was asked for.
+    /// Frees memory; `name` and `size` are the arguments of its `allocate`.
     pub(super) fn free(&self, allocation: Allocation, name: &str, size: u64) {
-        // Freeing fails only for an allocation of another allocator, which this never is.
+        // Freeing fails only for an allocation of another allocator.
         let _ = self.allocator().free(allocation);
         self.tracker().give(name, size);
     }
@@ -261,10 +261,10 @@ impl Shared {
 
 impl Drop for Shared {
     fn drop(&mut self) {
-        // SAFETY: dropped once, here, before the device whose memory it holds.
+        // SAFETY: dropped once, here, before the device that its memory belongs to.
         unsafe { ManuallyDrop::drop(&mut self.allocator) };
         if self.own.is_some() {
-            // SAFETY: every resource holds the `Gpu`, so none is left, and nothing runs.
+            // SAFETY: every resource holds the `Gpu`, so none is left, and no commands run.
             unsafe { self.device.destroy_device(None) };
         }
     }

@@ -1,12 +1,12 @@
-//! Failures on purpose, to test what follows from them, and what a device said that is gone.
+//! Fault injection for tests: failing creations, a lost device, and validation messages after destruction.
 
 use super::debug::Messages;
 use crate::{Error, Result};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Makes a device fail at a moment of choice, counts its calls, and keeps what the validation layer says of it,
-/// leaks included, beyond its end. Clones are handles of the same one; it serves one device.
+/// Injects failures into one device, counts its calls, and keeps its validation messages, leaks included, beyond its
+/// destruction. Clones are handles of the same state.
 #[derive(Clone, Debug, Default)]
 pub struct Faults(Arc<State>);
 
@@ -18,16 +18,16 @@ struct State {
     messages: OnceLock<Arc<Messages>>,
 }
 
-/// A kind of call, counted from 1.
+/// Counter of one kind of call, from 1.
 #[derive(Debug, Default)]
 struct Point {
-    /// The call that fails; 0: none does.
+    /// Number of the failing call; 0: none.
     fails: AtomicU64,
     done: AtomicU64,
 }
 
 impl Point {
-    /// Counts a call; true if it is the one to fail.
+    /// Counts a call; true if it has to fail.
     fn is_due(&self) -> bool {
         let number = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         number == self.fails.load(Ordering::Relaxed)
@@ -35,13 +35,13 @@ impl Point {
 }
 
 impl Faults {
-    /// The `n`-th creation of a Vulkan object from the device on, memory and pipelines included, fails for want of
-    /// memory; those after it succeed.
+    /// Fails the `n`-th creation of a Vulkan object from the device on, memory and pipelines included, as out of device
+    /// memory; later ones succeed.
     pub fn fail_creation(&self, n: u64) {
         self.0.creation.fails.store(n, Ordering::Relaxed);
     }
 
-    /// The `n`-th submission finds the device lost, and so does every call to its queue from then on.
+    /// Fails the `n`-th submission, and every later call to the queue, as a lost device.
     pub fn lose_device_at(&self, n: u64) {
         self.0.submission.fails.store(n, Ordering::Relaxed);
     }
@@ -56,21 +56,20 @@ impl Faults {
         self.0.submission.done.load(Ordering::Relaxed)
     }
 
-    /// What the validation layer has said of the device. Once everything made from the device is dropped this has
-    /// the objects that were leaked, too.
+    /// Validation messages of the device; leaked objects included, once the device is destroyed.
     pub fn validation_messages(&self) -> Vec<String> {
         let messages = self.0.messages.get();
         messages.map(|messages| messages.all()).unwrap_or_default()
     }
 
-    /// Whether the device has been destroyed: nothing made from it is held any more.
+    /// True if the device has been destroyed, which includes everything made from it.
     pub fn is_device_gone(&self) -> bool {
         let messages = self.0.messages.get();
         messages.is_some_and(|messages| Arc::strong_count(messages) == 1)
     }
 
     pub(super) fn watch(&self, messages: &Arc<Messages>) {
-        // A second device is not what this is for; the first goes on being watched.
+        // Only the first device is watched.
         let _ = self.0.messages.set(messages.clone());
     }
 

@@ -13,7 +13,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::collections::HashSet;
 
-/// Names a submission.
+/// Identifier of a submission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Ticket(u64);
 
@@ -22,15 +22,15 @@ pub struct Frames {
     gpu: Gpu,
     timeline: vk::Semaphore,
     slots: Vec<FrameSlot>,
-    /// Frames begun so far; the next one takes slot `begun % slots.len()`.
+    /// Number of frames begun; the next one takes slot `begun % slots.len()`.
     begun: u64,
     submitted: u64,
-    /// Whether frames are recorded into a host's commands.
+    /// True if frames are recorded into a host's commands.
     guest: bool,
 }
 
 impl Frames {
-    /// `in_flight` frames; with `timestamps`, [`Recorder::timestamp`] is live.
+    /// Ring of `in_flight` frames; [`Recorder::timestamp`] has an effect only with `timestamps`.
     pub fn new(gpu: &Gpu, in_flight: usize, timestamps: bool) -> Result<Frames> {
         assert!(in_flight > 0, "at least one frame in flight");
         let mut kind =
@@ -95,7 +95,7 @@ impl Frames {
         (frame % self.slots.len() as u64) as usize
     }
 
-    /// Starts a frame, once its slot's previous one is done.
+    /// Starts a frame, after waiting for its slot's previous one.
     pub fn begin(&mut self) -> Result<Recorder<'_>> {
         assert!(
             !self.guest,
@@ -130,14 +130,14 @@ impl Frames {
             hazards: Hazards::default(),
             failed: None,
         };
-        // Validation and hazards see one command buffer at a time: order it after all before.
+        // Validation and `Hazards` track one command buffer at a time: order it after all earlier ones.
         recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, false);
         Ok(recorder)
     }
 
-    /// Records into a host's command buffer: begins a frame, or goes on with the one that is begun there.
-    /// The slot's previous frame must be done, as the host has promised in [`HostCommands::wrap`]. A ring
-    /// of frames serves either a host or submissions of our own, and times only the latter.
+    /// Records into a host's command buffer: begins a frame, or continues the one begun there. The slot's previous
+    /// frame must be done, as the contract of [`HostCommands::wrap`] says. A ring serves either a host or its own
+    /// submissions; only the latter are timed.
     pub fn begin_in(&mut self, host: &mut HostCommands) -> Result<Recorder<'_>> {
         assert_eq!(self.submitted, 0, "these frames are submitted by us");
         self.guest = true;
@@ -161,7 +161,7 @@ impl Frames {
         Ok(recorder)
     }
 
-    /// The number of the frame that [`Frames::begin_in`] would record.
+    /// Number of the frame that [`Frames::begin_in`] would record.
     pub fn frame_in(&self, host: &HostCommands) -> u64 {
         host.begun_by(self.timeline).unwrap_or(self.begun)
     }
@@ -174,7 +174,7 @@ impl Frames {
     /// Records one frame with `record` and submits it; does not wait.
     ///
     /// # Errors
-    /// What `begin`, `record` or the submission report.
+    /// Those of `begin`, `record` and the submission.
     pub fn submit<R>(
         &mut self,
         record: impl FnOnce(&mut Recorder<'_>) -> Result<R>,
@@ -203,7 +203,7 @@ impl Frames {
             .signal_semaphore_infos(&signals)];
         let queue = self.gpu.0.queue()?;
         self.gpu.0.submitting()?;
-        // SAFETY: the queue is locked, the commands are complete, and what they use is kept.
+        // SAFETY: the queue is locked, the commands are complete, and their resources are kept.
         check("vkQueueSubmit2", unsafe {
             device.queue_submit2(*queue, &submits, vk::Fence::null())
         })?;
@@ -231,21 +231,20 @@ impl Frames {
         })
     }
 
-    /// Waits for all submissions and lets go of everything they used, before the slots come round again:
-    /// what nobody else holds is freed.
+    /// Waits for all submissions and releases their resources at once, not only when the slots are reused.
     pub fn release(&mut self) -> Result<()> {
         self.wait(Ticket(self.submitted))?;
         self.slots.iter_mut().try_for_each(FrameSlot::reset)
     }
 
-    /// Whether a submission is done.
+    /// True if a submission is done.
     pub fn is_done(&self, ticket: Ticket) -> Result<bool> {
         // SAFETY: the semaphore is alive.
         let value = unsafe { self.gpu.0.device.get_semaphore_counter_value(self.timeline) };
         Ok(check("vkGetSemaphoreCounterValue", value)? >= ticket.0)
     }
 
-    /// Labels and nanoseconds of a submission whose slot has not been used again; waits for it.
+    /// Labels and nanoseconds of a submission, after waiting for it; empty once its slot has been reused.
     pub fn timings(&self, ticket: Ticket) -> Result<Vec<(&'static str, f64)>> {
         self.wait(ticket)?;
         let slot = self.slots.iter().find(|slot| slot.value == ticket.0);
@@ -256,7 +255,7 @@ impl Frames {
 
 impl Drop for Frames {
     fn drop(&mut self) {
-        // A lost device has nothing running; then waiting fails, and destroying is right all the same.
+        // On a lost device waiting fails, but nothing runs, so that destroying is sound.
         let _ = self.wait_for(Ticket(self.submitted));
         for slot in &mut self.slots {
             slot.kept.clear();

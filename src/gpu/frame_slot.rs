@@ -1,4 +1,4 @@
-//! Objects that one frame in flight owns.
+//! Objects owned by one frame in flight.
 
 use super::buffer::RawBuffer;
 use super::descriptors::Arena;
@@ -11,7 +11,7 @@ use std::any::Any;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Host-visible memory handed out front to back; chunks still in someone's hands are not reused.
+/// Linear allocator of host-visible memory; chunks with other holders are not reused.
 pub(super) struct Chunks {
     name: &'static str,
     location: MemoryLocation,
@@ -20,7 +20,7 @@ pub(super) struct Chunks {
     used: usize,
 }
 
-/// Bytes of a chunk that data to or from the device pass through, unless one piece is larger.
+/// Bytes of a chunk of staging or readback memory, unless one piece is larger.
 pub const STAGING_BYTES: usize = 1 << 16;
 
 impl Chunks {
@@ -34,14 +34,14 @@ impl Chunks {
         }
     }
 
-    /// Starts over, dropping chunks that a reader still holds.
+    /// Frees all ranges; drops chunks that a reader still holds.
     fn reset(&mut self) {
         self.chunks.retain(|chunk| Arc::strong_count(chunk) == 1);
         self.current = 0;
         self.used = 0;
     }
 
-    /// `bytes` of a chunk, at an offset that suits any element.
+    /// Range of `bytes` in a chunk: the chunk and an offset, a multiple of 16.
     pub(super) fn take(&mut self, gpu: &Gpu, bytes: usize) -> Result<(Arc<RawBuffer>, usize)> {
         loop {
             match self.chunks.get(self.current) {
@@ -68,7 +68,7 @@ impl Chunks {
 pub(super) struct FrameSlot {
     pub(super) pool: vk::CommandPool,
     pub(super) commands: vk::CommandBuffer,
-    /// The timeline's value when this slot's last submission is done.
+    /// Timeline value that signals the end of the slot's last submission.
     pub(super) value: u64,
     pub(super) arena: Arena,
     pub(super) staging: Chunks,
@@ -79,7 +79,7 @@ pub(super) struct FrameSlot {
 }
 
 impl FrameSlot {
-    /// Keeps something alive until the slot comes round again.
+    /// Keeps a resource alive until the slot is reused.
     pub(super) fn keep<K: Any + Send + Sync>(&mut self, used: Arc<K>) {
         if self.kept_ids.insert(Arc::as_ptr(&used).addr()) {
             self.kept.push(used);

@@ -1,7 +1,7 @@
-//! Decides where barriers stand, from what commands declare to read and write.
+//! Placement of barriers from the declared reads and writes of commands.
 //!
-//! Pure bookkeeping over resource ids: a barrier is needed exactly when a command touches something in a
-//! way that conflicts with what ran since the last barrier.
+//! Pure bookkeeping over resource ids: a barrier is needed exactly if an access of a command conflicts with one since
+//! the last barrier.
 
 use crate::shader::Access;
 use std::collections::HashSet;
@@ -14,7 +14,7 @@ pub struct Hazards {
 }
 
 impl Hazards {
-    /// Notes a command's accesses; returns whether a barrier has to stand before it.
+    /// Adds a command's accesses; returns true if it needs a barrier before it.
     pub fn command(&mut self, accesses: &[(u64, Access)]) -> bool {
         let conflict = accesses.iter().any(|&(id, access)| {
             self.written.contains(&id) || (access != Access::Read && self.read.contains(&id))
@@ -33,7 +33,7 @@ impl Hazards {
         conflict
     }
 
-    /// Forgets everything: a barrier was put for another reason.
+    /// Clears all accesses, after a barrier recorded for another reason.
     pub fn barrier(&mut self) {
         self.read.clear();
         self.written.clear();

@@ -1,10 +1,10 @@
-//! Being a guest on somebody else's device: adopt it, record into its command buffer, write its image.
+//! Work on a host's device: adopt it, record into its command buffer, write its image.
 //!
-//! Nothing is submitted or waited for, and the host's objects survive. Recording clobbers the bound compute
+//! Nothing is submitted or waited for, and the host's objects are not destroyed. Recording overwrites the bound compute
 //! pipeline, descriptor set 0 of the compute bind point, and the compute push constants.
 //!
-//! One [`HostCommands`] is one frame: whatever records into it shares what that frame owns. The host paces
-//! the frames, as it does for its own resources of each.
+//! One [`HostCommands`] is one frame: all recordings into it share the frame's resources. The host paces the frames, as
+//! it does for its own per-frame resources.
 
 use super::caps::Caps;
 use super::device::{Gpu, Parts, SharedAllocator};
@@ -16,44 +16,43 @@ use crate::Result;
 use crate::shader::Requirement;
 use ash::vk;
 
-/// A queue of the host's that we may submit to (uploads, training), never from two threads at once.
+/// A host's queue for the engine's submissions (uploads, training), never from two threads at once.
 #[derive(Clone, Copy, Debug)]
 pub struct HostQueue {
-    /// The queue: the one that recorded commands are submitted to as well. The host must not submit to
-    /// it while a call of ours may.
+    /// The queue that the host submits recorded commands to as well, never during a call that may submit.
     pub queue: vk::Queue,
 }
 
 /// Optional features that the host has enabled.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HostFeatures {
-    /// `shaderStorageImageWriteWithoutFormat`, which presenting needs.
+    /// `shaderStorageImageWriteWithoutFormat`, required for presenting.
     pub storage_image_write_without_format: bool,
-    /// `subgroupSizeControl`; without it, a device whose subgroups vary in size runs the variants of
-    /// kernels that use none.
+    /// `subgroupSizeControl`; without it, devices with varying subgroup sizes run the kernel variants without subgroup
+    /// operations.
     pub subgroup_size_control: bool,
 }
 
 /// A host's device.
 pub struct HostDevice {
-    /// The instance it was made from.
+    /// Instance of the device.
     pub instance: ash::Instance,
     /// The physical device.
     pub physical_device: vk::PhysicalDevice,
     /// The device, with at least [`REQUIRED`] enabled.
     pub device: ash::Device,
-    /// The family of the command buffers that we record into.
+    /// Queue family of the command buffers to record into.
     pub queue_family: u32,
-    /// For blocking transfers and training; without it, only recording works.
+    /// Queue for blocking transfers and training; without it, only recording works.
     pub queue: Option<HostQueue>,
-    /// What of [`Requirements::optional_features`](super::Requirements::optional_features) is enabled.
+    /// Enabled [`Requirements::optional_features`](super::Requirements::optional_features).
     pub enabled: HostFeatures,
-    /// The host's allocator; `None`: we make one.
+    /// The host's allocator; `None`: one is created.
     pub allocator: Option<SharedAllocator>,
 }
 
 impl Gpu {
-    /// Works on a host's device.
+    /// Adopts a host's device.
     ///
     /// # Safety
     /// The handles belong together and outlive every clone of the `Gpu` and everything made from it; the
@@ -69,7 +68,7 @@ impl Gpu {
             caps.offers
                 .remove(&Requirement::StorageImageWriteWithoutFormat);
         }
-        // Only a baseline adds floats atomically: hosts are not asked to enable it.
+        // Only a baseline adds floats atomically, so that hosts need not enable it.
         caps.offers.remove(&Requirement::AtomicFloatAdd);
         if !host.enabled.subgroup_size_control {
             caps.without_size_control();
@@ -88,22 +87,22 @@ impl Gpu {
     }
 }
 
-/// A host's command buffer in the recording state: one frame.
+/// A host's command buffer in the recording state, for one frame.
 #[derive(Debug)]
 pub struct HostCommands {
     commands: vk::CommandBuffer,
-    /// The rings of frames that record into it, by their timeline, and the frame that each has begun.
+    /// Timeline of each ring of frames that records here, and the number of the frame that it began.
     begun: Vec<(vk::Semaphore, u64)>,
 }
 
 impl HostCommands {
-    /// Wraps a command buffer, once for each time that it is recorded.
+    /// Wraps a command buffer; to be called once per recording.
     ///
     /// # Safety
-    /// It was allocated from the adopted device for the adopted queue family, is being recorded outside
-    /// a render pass, and stays so while recorders use it. It is submitted once, and frames are submitted
-    /// to one queue in the order of their recording. Before as many further frames as are in flight have
-    /// been recorded, and before what recorded into it is dropped, it has run (or never will).
+    /// The command buffer was allocated from the adopted device for the adopted queue family, is being recorded outside
+    /// a render pass, and stays so while recorders use it. It is submitted once, and frames are submitted to one queue
+    /// in the order of their recording. It has run (or never will) before as many further frames as are in flight have
+    /// been recorded, and before the objects that recorded into it are dropped.
     pub unsafe fn wrap(commands: vk::CommandBuffer) -> HostCommands {
         HostCommands {
             commands,
@@ -115,13 +114,13 @@ impl HostCommands {
         self.commands
     }
 
-    /// The frame that a ring has begun here.
+    /// Number of the frame that a ring has begun here.
     pub(super) fn begun_by(&self, ring: vk::Semaphore) -> Option<u64> {
         let mut begun = self.begun.iter();
         begun.find_map(|&(known, frame)| (known == ring).then_some(frame))
     }
 
-    /// Notes the frame that a ring begins here.
+    /// Stores the number of the frame that a ring begins here.
     pub(super) fn begin(&mut self, ring: vk::Semaphore, frame: u64) {
         self.begun.push((ring, frame));
     }
@@ -160,19 +159,19 @@ impl HostImage {
         }
     }
 
-    /// The image as a kernel's target.
+    /// The image, for binding to a kernel.
     pub fn image(&self) -> &Image {
         &self.image
     }
 }
 
 impl Recorder<'_> {
-    /// Brings a host's image into the layout that kernels write in.
+    /// Transitions a host's image from its state `before` to that for kernel writes.
     pub fn acquire(&mut self, target: &HostImage) {
         self.transition(&target.image, target.before, KERNEL_WRITE);
     }
 
-    /// Hands a host's image back in the state it asked for.
+    /// Transitions a host's image to its state `after`.
     pub fn release(&mut self, target: &HostImage) {
         self.transition(&target.image, KERNEL_WRITE, target.after);
     }

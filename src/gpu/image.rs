@@ -1,4 +1,4 @@
-//! Images that kernels write: a host's, or one of our own.
+//! Storage images that kernels write: the host's or owned.
 
 use super::check::check;
 use super::device::Gpu;
@@ -8,17 +8,17 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 use std::sync::Arc;
 
-/// A storage image: made by `HostImage::wrap` or by [`Gpu::image`]. Clones share it.
+/// A storage image, from `HostImage::wrap` or [`Gpu::image`]. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Image {
     pub(super) image: vk::Image,
     pub(super) view: vk::ImageView,
     pub(super) extent: [u32; 2],
-    /// What keeps it alive; `None`: its host does.
+    /// Owner of image, view and memory; `None`: the host.
     pub(super) own: Option<Arc<OwnImage>>,
 }
 
-/// An image with its view and its memory; destroyed when the last handle, and the last frame using it, is gone.
+/// An image with its view and its memory; destroyed with the last handle and the last frame using it.
 pub(super) struct OwnImage {
     gpu: Gpu,
     pub(super) image: vk::Image,
@@ -28,22 +28,22 @@ pub(super) struct OwnImage {
     memory: u64,
 }
 
-/// Red, green, blue and alpha as floats: every device stores to such images (Vulkan specification, table of
-/// mandatory format support).
+/// RGBA as 32-bit floats: storage images of this format work on every device (Vulkan specification, table of mandatory
+/// format support).
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Layout, stages and accesses of an image before or after commands.
 #[derive(Clone, Copy, Debug)]
 pub struct ImageState {
-    /// Its layout.
+    /// Image layout.
     pub layout: vk::ImageLayout,
-    /// Stages that touch it.
+    /// Stages with accesses to the image.
     pub stage: vk::PipelineStageFlags2,
-    /// How they touch it.
+    /// Kinds of access.
     pub access: vk::AccessFlags2,
 }
 
-/// The one level and the one layer that images have here.
+/// The single mip level and array layer of images.
 pub(super) const WHOLE: vk::ImageSubresourceRange = vk::ImageSubresourceRange {
     aspect_mask: vk::ImageAspectFlags::COLOR,
     base_mip_level: 0,
@@ -107,8 +107,8 @@ impl std::fmt::Debug for OwnImage {
 
 impl Drop for OwnImage {
     fn drop(&mut self) {
-        // SAFETY: frames that use an image hold it, so no command refers to it any more; a view that was never
-        // made is null, which is ignored.
+        // SAFETY: frames that use an image hold it, so no command refers to it any more; a view that was never made is
+        // null, which is ignored.
         unsafe {
             self.gpu.0.device.destroy_image_view(self.view, None);
             self.gpu.0.device.destroy_image(self.image, None);
@@ -133,7 +133,7 @@ impl Image {
         self.extent
     }
 
-    /// Red, green, blue and alpha of each pixel, how many there are.
+    /// Number of pixels.
     pub(super) fn pixels(&self) -> usize {
         self.extent[0] as usize * self.extent[1] as usize
     }

@@ -1,4 +1,4 @@
-//! Creation, clearing and copying of images of our own.
+//! Creation, clearing and copying of owned images.
 
 use super::buffer::Buffer;
 use super::device::Gpu;
@@ -10,7 +10,7 @@ use ash::vk;
 use ash::vk::Handle;
 use std::sync::Arc;
 
-/// State of a fresh image.
+/// State of a new image.
 const FRESH: ImageState = ImageState {
     layout: vk::ImageLayout::UNDEFINED,
     stage: vk::PipelineStageFlags2::NONE,
@@ -24,7 +24,7 @@ const READY: ImageState = ImageState {
         vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw(),
     ),
 };
-/// State while it is copied.
+/// State during a copy to a buffer.
 const READ: ImageState = ImageState {
     layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
     stage: vk::PipelineStageFlags2::COPY,
@@ -32,11 +32,11 @@ const READ: ImageState = ImageState {
 };
 
 impl Gpu {
-    /// A storage image of our own for four floats a pixel, ready to be written. Its pixels are undefined; with
-    /// validation on they are NaNs.
+    /// New storage image of `[width, height]` pixels of four floats. Its pixels are undefined; with validation they are
+    /// NaNs.
     ///
     /// # Errors
-    /// [`Error::Config`] for a size that is nothing or more than the device's images have,
+    /// [`Error::Config`] for a side of 0 or beyond [`Caps::max_image_side`](super::Caps::max_image_side),
     /// [`Error::OutOfMemory`] beyond the memory limit or the device's memory.
     pub fn image(&self, name: &str, extent: [u32; 2]) -> Result<Image> {
         let most = self.caps().max_image_side;
@@ -62,10 +62,10 @@ impl Gpu {
         Ok(image)
     }
 
-    /// All pixels of an image of our own, row by row; waits.
+    /// Pixels of an owned image, row by row; blocks.
     ///
     /// # Errors
-    /// Those of a buffer of as many bytes, and of transfers.
+    /// Those of [`Gpu::room`] for the pixels, and of transfers.
     pub fn download_image(&self, image: &Image) -> Result<Vec<[f32; 4]>> {
         let pixels = self.room("pixels", image.pixels())?;
         self.run(|rec| rec.copy_image(image, &pixels))?;
@@ -74,7 +74,7 @@ impl Gpu {
 }
 
 impl Recorder<'_> {
-    /// Sets every channel of every pixel of an image of our own.
+    /// Sets every channel of every pixel of an owned image.
     pub fn clear(&mut self, image: &Image, value: f32) {
         self.access(&[(image.image.as_raw(), Access::Write)]);
         self.keep_image(image);
@@ -88,7 +88,7 @@ impl Recorder<'_> {
         }
     }
 
-    /// Copies all pixels of an image of our own, row by row.
+    /// Copies all pixels of an owned image, row by row.
     pub fn copy_image(&mut self, image: &Image, to: &Buffer<[f32; 4]>) {
         assert!(
             image.pixels() <= to.len(),
@@ -112,7 +112,7 @@ impl Recorder<'_> {
             .image_extent(extent3(image.extent))];
         self.transition(image, READY, READ);
         let (layout, to, device) = (READ.layout, to.raw.handle, &self.gpu.0.device);
-        // SAFETY: in bounds (asserted), both are alive until the frame is done, and the image was just brought into
+        // SAFETY: in bounds (asserted), both are alive until the frame is done, and the image was just transitioned to
         // this layout.
         unsafe {
             device.cmd_copy_image_to_buffer(self.commands, image.image, layout, to, &regions);
@@ -120,7 +120,7 @@ impl Recorder<'_> {
         self.transition(image, READ, READY);
     }
 
-    /// Of an image of our own: it must outlive the frame. Transfers take no other, whose layout is its host's.
+    /// Keeps an owned image alive until the frame is done. Panics for a host's image: its layout is the host's.
     fn keep_image(&mut self, image: &Image) {
         match &image.own {
             Some(own) => self.slot.keep(own.clone()),

@@ -1,30 +1,30 @@
-//! What buffers take of the device's memory, by name.
+//! Memory use of buffers and images, by name.
 
 use std::collections::BTreeMap;
 
-/// Bytes that the buffers of one name take.
+/// Bytes of the buffers of one name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryUse {
-    /// Now.
+    /// Current bytes.
     pub bytes: u64,
-    /// When all buffers together took most.
+    /// Bytes at the peak of all buffers together.
     pub peak_bytes: u64,
 }
 
-/// Keeps account of allocations.
+/// Bytes of the current allocations and their peaks.
 #[derive(Debug, Default)]
 pub(super) struct MemoryTracker {
     by_name: BTreeMap<String, MemoryUse>,
-    /// Bytes now.
+    /// Current bytes.
     pub(super) bytes: u64,
-    /// The most there were.
+    /// Maximum of `bytes`.
     pub(super) peak_bytes: u64,
-    /// The most that was taken from the device to allocate from, in blocks.
+    /// Maximum bytes of the allocator's blocks.
     pub(super) reserved_peak_bytes: u64,
 }
 
 impl MemoryTracker {
-    /// Notes an allocation; `reserved` is what the allocator holds of the device now.
+    /// Adds an allocation; `reserved`: current bytes of the allocator's blocks.
     pub(super) fn take(&mut self, name: &str, bytes: u64, reserved: u64) {
         match self.by_name.get_mut(name) {
             Some(entry) => entry.bytes += bytes,
@@ -43,7 +43,7 @@ impl MemoryTracker {
         }
     }
 
-    /// Notes that an allocation is gone.
+    /// Removes an allocation.
     pub(super) fn give(&mut self, name: &str, bytes: u64) {
         if let Some(entry) = self.by_name.get_mut(name) {
             entry.bytes -= bytes;
@@ -51,7 +51,7 @@ impl MemoryTracker {
         self.bytes -= bytes;
     }
 
-    /// Forgets the peak: it is what there is now.
+    /// Resets the peaks to the current values.
     pub(super) fn reset_peak(&mut self, reserved: u64) {
         self.reserved_peak_bytes = reserved;
         self.mark_peak();
@@ -65,7 +65,7 @@ impl MemoryTracker {
         }
     }
 
-    /// The names that have bytes, now or at the peak.
+    /// Memory of each name with bytes now or at the peak.
     pub(super) fn by_name(&self) -> Vec<(String, MemoryUse)> {
         let entries = self.by_name.iter();
         entries

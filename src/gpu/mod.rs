@@ -1,11 +1,11 @@
-//! Vulkan, and nothing of splats: devices, buffers, images, pipelines, command recording.
+//! Vulkan layer, independent of splats: devices, buffers, images, pipelines, command recording.
 //!
-//! A [`Gpu`] is a cheap handle of a device, created here or adopted from a host. [`Frames`] hands out
-//! [`Recorder`]s; a recorder puts barriers where the declared accesses of its commands conflict, takes
-//! descriptor sets from its frame's arena, and keeps alive what its commands use until they have run.
+//! A [`Gpu`] is a cheap handle of a device, created here or adopted from a host. [`Frames`] hands out [`Recorder`]s; a
+//! recorder inserts barriers between commands with conflicting declared accesses, allocates descriptor sets from its
+//! frame's arena, and keeps the resources of its commands alive until these have run.
 //!
-//! **Invariant:** the only `ash` and the only `unsafe` of the crate. Nothing here has heard of a
-//! Gaussian, reads an environment variable, or keeps global state.
+//! **Invariant:** the only `ash` and the only `unsafe` of the crate. No Gaussians, no environment variables, no global
+//! state.
 //!
 #![doc = include_str!("../../docs/embedding.md")]
 #![allow(

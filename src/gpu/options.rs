@@ -1,20 +1,20 @@
-//! Options of a device's creation.
+//! Options for the creation of a device.
 
 use super::caps::Limits;
 use super::faults::Faults;
 
-/// How to create a device.
+/// Options of [`Gpu::create`](super::Gpu::create).
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
-    /// Index in the list of [`devices`], or part of a name; `None`: a discrete GPU, else an integrated
-    /// one, else whatever there is.
+    /// Index in the list of [`devices`](super::devices), or part of a name; `None`: a discrete GPU, else an integrated
+    /// one, else any device.
     pub device: Option<String>,
-    /// Turns on the validation layer with synchronisation validation, and fills fresh buffers with NaNs.
+    /// Enables the validation layer with synchronisation validation, and fills new buffers and images with NaNs.
     pub validation: bool,
-    /// Most bytes of buffers; `None`: what the device has.
+    /// Limit of buffer and image memory in bytes; `None`: the device's largest heap.
     pub memory_limit: Option<u64>,
-    /// Failures to be had on purpose, in tests.
+    /// Fault injection for tests.
     pub faults: Option<Faults>,
-    /// Where to stay below what the device can do.
+    /// Limits below the device's own.
     pub limits: Limits,
 }

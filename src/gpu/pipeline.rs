@@ -1,4 +1,4 @@
-//! A compiled kernel made executable with one set of tunables.
+//! Compute pipeline of a kernel with one set of specialisation constants.
 
 use super::check::check;
 use super::device::Gpu;
@@ -15,8 +15,8 @@ pub(super) struct RawPipeline {
     pub(super) handle: vk::Pipeline,
 }
 
-/// A kernel ready to be dispatched. Clones share it, and so do all that are asked for while it is held: compiling takes
-/// longer than many a frame.
+/// Compute pipeline of a kernel. Clones share it, and [`Pipeline::new`] returns an equal one that is still alive, since
+/// compilation can take longer than a frame.
 #[derive(Clone)]
 pub struct Pipeline(pub(super) Arc<RawPipeline>);
 
@@ -34,7 +34,7 @@ impl Pipeline {
     /// Compiles `info` with the specialisation constants `spec`, in the order of `info.specs`.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] where the device lacks something the kernel needs.
+    /// [`Error::Unsupported`] if the device does not meet a requirement of the kernel.
     pub fn new(gpu: &Gpu, info: &'static KernelInfo, spec: &[u32]) -> Result<Pipeline> {
         assert_eq!(
             spec.len(),
@@ -131,7 +131,7 @@ impl RawPipeline {
         let module = check("vkCreateShaderModule", unsafe {
             device.create_shader_module(&module_info, None)
         })?;
-        // Where the size varies, a kernel that relies on subgroups gets the one that `Caps` reports.
+        // On devices with varying subgroup sizes, kernels with subgroup operations require the size in `Caps`.
         let caps = self.gpu.caps();
         let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
             .required_subgroup_size(caps.subgroup_size);
@@ -149,7 +149,7 @@ impl RawPipeline {
         let call = "vkCreateComputePipelines";
         let made = self.gpu.0.creating(call).and_then(|()| {
             let cache = vk::PipelineCache::null();
-            // SAFETY: all that `info` refers to is alive.
+            // SAFETY: every object that `info` refers to is alive.
             let made = unsafe { device.create_compute_pipelines(cache, &[info], None) };
             check(call, made.map_err(|(_, code)| code))
         });

@@ -1,7 +1,7 @@
-//! The only way to put commands into a command buffer.
+//! Command recording with automatic barriers; the only way to record commands.
 //!
-//! Every command declares what it reads and writes; where that conflicts with what stands since the last
-//! barrier, a barrier is recorded. Everything used is kept alive until the frame's slot comes round again.
+//! Every command declares its reads and writes; a barrier is recorded before a command that conflicts with an access
+//! since the last barrier. Used resources are kept alive until the frame's slot is reused.
 
 use super::buffer::{Buffer, RawBuffer};
 use super::device::{Gpu, Shared};
@@ -19,7 +19,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A piece of a buffer on its way to the host.
+/// Pending copy of a range of a buffer to the host.
 #[derive(Clone)]
 pub struct Readback<T> {
     raw: Arc<RawBuffer>,
@@ -42,7 +42,7 @@ pub struct Recorder<'a> {
     pub(super) commands: vk::CommandBuffer,
     pub(super) slot: &'a mut FrameSlot,
     pub(super) hazards: Hazards,
-    /// The first error; recording goes on, and submitting reports it.
+    /// The first error; recording continues, and submission reports it.
     pub(super) failed: Option<crate::Error>,
 }
 
@@ -51,7 +51,7 @@ const ACCESS: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
 );
 
 impl<'a> Recorder<'a> {
-    /// The device recorded for.
+    /// Device of the commands.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -60,7 +60,7 @@ impl<'a> Recorder<'a> {
         &self.gpu.0
     }
 
-    /// Everything before is visible to everything after, the host's side included where `host` says so.
+    /// Memory barrier that makes all earlier writes visible to all later commands, and to the host if `host`.
     pub(super) fn full_barrier(&mut self, stages: vk::PipelineStageFlags2, host: bool) {
         let mut barrier = vk::MemoryBarrier2::default()
             .src_stage_mask(stages)
@@ -102,7 +102,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Dispatches a kernel; `slots` in the order of its bindings. Generated code calls this.
+    /// Dispatches a kernel with `slots` in the order of its bindings. Called by generated code.
     pub fn dispatch(
         &mut self,
         pipeline: &Pipeline,
@@ -162,8 +162,8 @@ impl<'a> Recorder<'a> {
                     return;
                 };
                 self.slot.keep(raw.clone());
-                // SAFETY: the element lies in the buffer (asserted in `Groups::indirect`), which has
-                // the indirect usage; the kernel that wrote it kept to the device's limits.
+                // SAFETY: the element lies in the buffer (asserted in `Groups::indirect`), which has the indirect
+                // usage; the kernel that wrote it kept to the device's limits.
                 unsafe {
                     self.gpu.0.device.cmd_dispatch_indirect(
                         self.commands,
@@ -260,7 +260,7 @@ impl<'a> Recorder<'a> {
         };
     }
 
-    /// Writes `data` into a buffer from element `at` on, when the frame runs. The data is taken now.
+    /// Writes `data` into a buffer from element `at` on, when the frame runs. The data is copied at once.
     pub fn update<T: Pod>(&mut self, buffer: &Buffer<T>, at: usize, data: &[T]) {
         assert!(
             at + data.len() <= buffer.len(),
@@ -277,7 +277,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Copies a piece of a buffer to where the host can read it once the frame is done.
+    /// Copies a range of a buffer to host-visible memory, readable once the frame is done.
     pub fn read_back<T: Pod>(
         &mut self,
         buffer: &Buffer<T>,
@@ -304,15 +304,15 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// Marks a moment: the time since the mark before is filed under `label`. Does nothing unless the
-    /// frames were made with timestamps.
+    /// Timestamp that attributes the time since the previous one to `label`. No effect in frames made without
+    /// timestamps.
     pub fn timestamp(&mut self, label: &'static str) {
         if let Some(timestamps) = &mut self.slot.timestamps {
             timestamps.mark(self.commands, label);
         }
     }
 
-    /// Image barrier: accesses of `from` are done before those of `to`, and the layout changes.
+    /// Image barrier that orders the accesses of `from` before those of `to` and changes the layout.
     pub(super) fn transition(&mut self, image: &Image, from: ImageState, to: ImageState) {
         let barriers = [vk::ImageMemoryBarrier2::default()
             .src_stage_mask(from.stage)
@@ -326,7 +326,8 @@ impl<'a> Recorder<'a> {
             .image(image.image)
             .subresource_range(WHOLE)];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: a host's image is in the state that its wrapper's contract says, and ours in that we left it in.
+        // SAFETY: a host's image is in the state that its wrapper's contract says, an owned one in the state that the
+        // last transition left.
         unsafe {
             self.gpu
                 .0

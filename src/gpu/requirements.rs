@@ -1,25 +1,25 @@
-//! Features, extensions and limits that a device must have; published for hosts.
+//! Features, extensions and limits required of a device; published for hosts.
 
-/// What a device must have enabled for this crate to run on it; published for hosts.
+/// Version, features, extensions and limits that the crate requires of a device; published for hosts.
 #[derive(Clone, Copy, Debug)]
 pub struct Requirements {
     /// Lowest Vulkan version, as major and minor.
     pub api: (u32, u32),
     /// Features that must be enabled, by their names in the Vulkan specification.
     pub features: &'static [&'static str],
-    /// Features that are used where enabled: presenting to a host's image needs the first.
+    /// Features that are used if enabled; the first is required for presenting to a host's image.
     pub optional_features: &'static [&'static str],
-    /// Device extensions.
+    /// Required device extensions.
     pub extensions: &'static [&'static str],
     /// Bytes of push constants.
     pub push_constant_bytes: u32,
-    /// Storage buffers one kernel binds.
+    /// Storage buffers of one kernel.
     pub storage_buffers: u32,
-    /// Bytes of shared memory.
+    /// Bytes of shared memory of a workgroup.
     pub shared_bytes: u32,
 }
 
-/// What this crate asks of a device.
+/// Requirements of this crate.
 pub const REQUIRED: Requirements = Requirements {
     api: (1, 3),
     features: &[

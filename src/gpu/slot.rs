@@ -6,7 +6,7 @@ use ash::vk::Handle;
 use bytemuck::Pod;
 use std::sync::Arc;
 
-/// Something bound to a dispatch: a buffer or an image.
+/// Buffer or image bound to a dispatch.
 #[derive(Clone, Copy)]
 pub struct Slot<'a> {
     pub(super) kind: SlotKind<'a>,
@@ -17,7 +17,7 @@ pub(super) enum SlotKind<'a> {
     Buffer {
         raw: &'a Arc<RawBuffer>,
         offset: u64,
-        /// Bytes, never 0: an empty array is bound with the word that follows.
+        /// Bytes, at least 4: an empty array is bound as one word.
         bytes: u64,
     },
     Image(&'a Image),
@@ -52,20 +52,20 @@ impl Slot<'_> {
     }
 }
 
-/// How many workgroups a dispatch has.
+/// Number of workgroups of a dispatch.
 #[derive(Clone, Copy)]
 pub enum Groups<'a> {
-    /// So many in all; folded into a second dimension where the device's limit demands it. Kernels use
-    /// `group_index()` and check bounds.
+    /// Total count; folded into a second dimension beyond the device's limit. Kernels use `group_index()` and check
+    /// bounds.
     Count(u32),
-    /// A grid.
+    /// Workgroups in x, y and z.
     Grid([u32; 3]),
-    /// Read from element `index` of a buffer of three-word records when the dispatch runs.
+    /// Element `index` of a buffer of three-word records, read when the dispatch runs.
     Indirect(Slot<'a>, usize),
 }
 
 impl<'a> Groups<'a> {
-    /// Sizes that the device has computed: element `index` of `args`, whose elements are three words.
+    /// Size computed on the device: element `index` of `args`, an array of three-word elements.
     pub fn indirect<T: Pod>(args: &'a Buffer<T>, index: usize) -> Groups<'a> {
         assert_eq!(
             size_of::<T>(),

@@ -5,10 +5,10 @@ use super::device::Gpu;
 use crate::Result;
 use ash::vk;
 
-/// Most timestamps of one frame.
+/// Maximum number of timestamps of one frame; further ones are ignored.
 const CAPACITY: u32 = 128;
 
-/// A query pool with the labels of what was timed.
+/// Query pool with the label of each timestamp.
 pub(super) struct Timestamps {
     gpu: Gpu,
     pool: vk::QueryPool,
@@ -60,8 +60,7 @@ impl Timestamps {
         self.labels.push(label);
     }
 
-    /// What was timed and how long it took since the mark before, in nanoseconds; marks of one label are added up.
-    /// The frame must be done.
+    /// Labels and the nanoseconds between each timestamp and the previous one, summed by label. The frame must be done.
     pub(super) fn read(&self) -> Result<Vec<(&'static str, f64)>> {
         let mut ticks = vec![0u64; self.labels.len()];
         if ticks.is_empty() {

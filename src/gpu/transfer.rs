@@ -1,4 +1,4 @@
-//! Blocking transfers and one-shot submissions, for set-up, refinement and tests.
+//! Blocking transfers and one-shot submissions, for set-up, work between frames, and tests.
 
 use super::buffer::Buffer;
 use super::device::Gpu;
@@ -8,7 +8,7 @@ use crate::Result;
 use bytemuck::Pod;
 use std::ops::Range;
 
-/// Bytes moved per submission at most, which bounds the staging memory.
+/// Maximum bytes moved per submission; bounds the staging memory.
 pub const TRANSFER_BYTES: usize = 32 << 20;
 
 impl Gpu {
@@ -38,7 +38,7 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Reads a piece of a buffer, and waits.
+    /// Reads a range of a buffer, and waits.
     pub fn download<T: Pod>(&self, buffer: &Buffer<T>, range: Range<usize>) -> Result<Vec<T>> {
         let step = (TRANSFER_BYTES / size_of::<T>()).max(1);
         let mut all = Vec::with_capacity(range.len());

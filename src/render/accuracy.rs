@@ -1,22 +1,22 @@
-//! Where a frame may save work, each at an error that is bounded before it is drawn.
+//! Thresholds of compositing that save work at an error bounded beforehand.
 //!
-//! With C = Σ cᵢ αᵢ Tᵢ + T_end · background, leaving out a set S of contributions changes a pixel by at most
-//! Σ_S αᵢ Tᵢ times the range of its colours, with the weights of the whole picture: taken out from the back,
-//! each exchanges αᵢ Tᵢ of its own colour for a mixture of those behind it.
+//! With C = Σ cᵢ αᵢ Tᵢ + T_end · background, omitting a set S of contributions changes a pixel by at most Σ_S αᵢ Tᵢ
+//! times its colour range, with the weights of the full picture: removed from the back, each replaces αᵢ Tᵢ of its
+//! colour by a mixture of those behind it.
 
 use crate::kernels::{expand, project, rasterize, rasterize_backward};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// How exactly splats are composited. The default is what the engine draws and trains with.
+/// Thresholds of compositing. The default is that of drawing and training.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Accuracy {
-    /// A pixel is finished once less than this share of the light behind would pass: 1e-4 (3DGS). The splat
-    /// that takes it there still counts, so that at most this share of the colour range is lost.
+    /// Transmittance below which a pixel is finished: 1e-4 (3DGS). The splat that brings it below still counts, so that
+    /// the error is at most this share of the colour range.
     pub transmittance_min: f32,
-    /// Alphas below this are left out: 1/255 (3DGS). What is lost is at most Σ α T of those left out, times
-    /// the colour range.
+    /// Smallest alpha composited: 1/255 (3DGS). The error is at most Σ α T of the omitted contributions, times the
+    /// colour range.
     pub alpha_min: f32,
 }
 
@@ -30,10 +30,10 @@ impl Default for Accuracy {
 }
 
 impl Accuracy {
-    /// Refuses what cannot be drawn by.
+    /// Checks the ranges of the thresholds.
     ///
     /// # Errors
-    /// [`Error::Config`] names the first field that is out of its range.
+    /// [`Error::Config`] with the name of the first field out of range.
     pub fn validate(&self) -> Result<()> {
         for (name, value, least, most) in [
             ("transmittance_min", self.transmittance_min, 1e-9, 0.5),

@@ -1,8 +1,8 @@
-//! State of a frame's depth bands that the gradient passes read, the farthest band first.
+//! State of a frame's depth bands for the gradient passes, which process the farthest band first.
 //!
-//! A frame in bands has room for the lists of one band only, so that each is listed once more. A splat's (splat,
-//! tile) pairs are all of one band, and pixels are handed from band to band as they are, so that gradients in bands
-//! have the very bits of those in one go.
+//! The buffers hold the lists of one band only, so that each band is listed again. All (splat, tile) pairs of a splat
+//! are in one band, and pixels pass unchanged from band to band, so that gradients have the same bits as with a single
+//! band.
 
 use super::capacity::Capacity;
 use super::depth_bands::DepthBands;
@@ -16,14 +16,14 @@ const OFFSETS: usize = (COUNT_BAND_BASE + 1 - COUNT_BAND_BEGIN) as usize;
 /// State of each band of a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct BandReplay {
-    /// Begin and end of each band, [`OFFSETS`] words a band.
+    /// `[band][OFFSETS]`: begin, end and base of each band.
     marks: Buffer<u32>,
-    /// One past the last intersection of each that counted, by pixel.
+    /// `[band][pixel]`: one past the last intersection that counted.
     isect_end_from_pixel: Vec<Buffer<u32>>,
 }
 
 impl BandReplay {
-    /// Room for a frame's bands.
+    /// Buffers for a frame's bands.
     pub(crate) fn new(gpu: &Gpu, capacity: &Capacity, bands: DepthBands) -> Result<BandReplay> {
         let ends = |_| gpu.buffer("isect_end_from_pixel", capacity.pixels);
         Ok(BandReplay {
@@ -46,13 +46,13 @@ impl BandReplay {
         rec.copy(isect_end_from_pixel, 0..ends.len(), ends, 0);
     }
 
-    /// Copies the marks of a band into the frame's `counts`, for listing its pairs once more.
+    /// Copies the range of a band into the frame's `counts`, for listing its pairs again.
     pub(super) fn restore(&self, rec: &mut Recorder<'_>, counts: &Buffer<u32>, band: u32) {
         let marks = OFFSETS * band as usize..OFFSETS * (band as usize + 1);
         rec.copy(&self.marks, marks, counts, COUNT_BAND_BEGIN as usize);
     }
 
-    /// Where the pixels ended in a band.
+    /// One past the last intersection that counted in a band, by pixel.
     pub(crate) fn isect_end_from_pixel(&self, band: u32) -> &Buffer<u32> {
         &self.isect_end_from_pixel[band as usize]
     }

@@ -1,10 +1,10 @@
-//! How splats' planes of vec4 are cut into blocks, so that no binding has to reach all of them.
+//! Division of the splats' planes of vec4 into blocks, so that no binding has to cover all of them.
 //!
-//! A block is a buffer of its own with some splats' planes, one after the other. Kernels see one block at a time. All
-//! splats of a block have harmonics up to the same degree, and the block has planes for no more. Where all of a scene
-//! have, blocks hold consecutive splats, and kernels see of the arrays that hold one element per splat the part that
-//! belongs to it; else an index says whose a slot is ([`super::Slots`]). A scene of `SPLATS_MIN` splats or fewer is one
-//! block for each degree, without anything to spare.
+//! A block is a buffer of its own with the planes of some splats, one after the other. Kernels see one block at a time.
+//! All splats of a block are stored with the same SH degree, and the block has no planes beyond it. If a scene has one
+//! degree, blocks hold consecutive splats, and kernels see the matching part of arrays with one element per splat; else
+//! an index gives the splat of each slot ([`super::Slots`]). A scene of up to `SPLATS_MIN` splats has one block per
+//! degree, without spare room.
 
 use super::precision::Precision;
 use super::slots::{ByDegree, DEGREES, of_degree};
@@ -12,69 +12,69 @@ use crate::Result;
 use crate::gpu::{Buffer, Caps, Gpu, PART_ALIGNMENT};
 use std::ops::Range;
 
-/// Most splats of a block: enough for kernels not to notice.
+/// Most splats of a block: at this size the cost of a dispatch is negligible.
 const SPLATS_MAX: usize = 1 << 18;
-/// Fewest splats of a block, unless there are fewer.
+/// Fewest splats of a block; the last block of a degree may have fewer.
 const SPLATS_MIN: usize = 1 << 14;
-/// Blocks that a scene between those limits has: what is needed of one block at a time (gradients) is little
-/// then beside what is needed of all.
+/// Blocks of a scene between those limits: buffers for one block at a time (gradients) are then small beside those for
+/// all.
 const BLOCKS: usize = 4;
 
-/// Bytes that a binding reaches on every device (`maxStorageBufferRange`; Vulkan specification, table of
-/// required limits): more than a block has.
+/// Bytes of a binding on every device (`maxStorageBufferRange`; Vulkan specification, table of required limits): more
+/// than a block has.
 const REACH_LEAST: u64 = 1 << 27;
 
-/// Where splats' planes lie.
+/// Layout of the splats' planes in blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Blocks {
-    /// Splats of each degree that there is room for.
+    /// Capacity in splats of each degree.
     pub room: ByDegree,
-    /// Splats of every block of a degree but its last; a multiple of [`PART_ALIGNMENT`].
+    /// Splats of each block of a degree except the last; a multiple of [`PART_ALIGNMENT`].
     per_block: ByDegree,
-    /// Planes of vec4 that a splat takes.
+    /// Planes of vec4 of a splat of each degree.
     planes: ByDegree,
 }
 
-/// One block, as far as it is used.
+/// Used part of one block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Its place among the blocks.
+    /// Index of the block.
     pub index: usize,
-    /// Degree of its splats' harmonics.
+    /// SH degree of its splats.
     pub degree: u32,
-    /// Slots before it: its first splat, where slots are in the order of splats.
+    /// First slot; equals the first splat if slots are in splat order.
     pub first: usize,
-    /// Its splats in use.
+    /// Number of splats in use.
     pub count: usize,
-    /// Elements between two of its planes.
+    /// Elements from one plane to the next.
     pub stride: usize,
 }
 
 impl Block {
-    /// Its slots among all.
+    /// Range of its slots among all.
     pub fn slots(&self) -> Range<usize> {
         self.first..self.first + self.count
     }
 
-    /// The elements of one plane that are in use.
+    /// Used elements of one plane.
     pub fn plane(&self, plane: usize) -> Range<usize> {
         plane * self.stride..plane * self.stride + self.count
     }
 }
 
 impl Blocks {
-    /// Blocks for `room` splats of a degree, each within the reach of one binding of the device.
+    /// Blocks for `room` splats of one degree in full precision, each within one binding of the device.
     pub fn new(caps: &Caps, room: usize, sh_degree: u32) -> Blocks {
         Blocks::of_degrees(caps, of_degree(room, sh_degree), Precision::Full)
     }
 
-    /// The same for splats of several degrees in such numbers.
+    /// Blocks for splats of several degrees in a precision, each within one binding of the device.
     pub fn of_degrees(caps: &Caps, room: ByDegree, precision: Precision) -> Blocks {
         let reach = caps.max_storage_range.min(caps.max_allocation);
         Blocks::within(reach, room, precision)
     }
 
-    /// The same in full, as it is on every device.
+    /// Blocks in full precision, the same on every device.
     pub fn anywhere(room: ByDegree) -> Blocks {
         Blocks::within(REACH_LEAST, room, Precision::Full)
     }
@@ -97,12 +97,12 @@ impl Blocks {
         }
     }
 
-    /// Splats of all degrees that there is room for.
+    /// Capacity in splats of all degrees.
     pub fn splats(&self) -> usize {
         self.room.iter().sum()
     }
 
-    /// Planes of vec4 that splats of a degree take.
+    /// Planes of vec4 of splats of a degree.
     pub fn planes(&self, degree: u32) -> usize {
         self.planes[degree as usize]
     }
@@ -122,7 +122,7 @@ impl Blocks {
         all.map(move |block| block.stride * self.planes(block.degree))
     }
 
-    /// The blocks that so many splats of each degree take, in order of degree.
+    /// Blocks in use with `counts` splats of each degree, in order of degree.
     pub fn of(self, counts: ByDegree) -> impl Iterator<Item = Block> {
         let fits = counts.iter().zip(self.room).all(|(&n, room)| n <= room);
         assert!(fits, "{counts:?} splats in {self:?}");
@@ -147,7 +147,7 @@ impl Blocks {
         })
     }
 
-    /// A buffer for each block.
+    /// New buffer for each block.
     pub fn buffers(&self, gpu: &Gpu, name: &str) -> Result<Vec<Buffer<[f32; 4]>>> {
         self.sizes().map(|size| gpu.buffer(name, size)).collect()
     }
@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(used, counts);
         let all: Vec<Block> = blocks.of(room).collect();
         assert!(all.iter().map(|block| block.index).eq(0..all.len()));
-        // Blocks are where they are, however many splats they hold.
+        // The place of a block does not depend on the number of splats in it.
         for block in blocks.of(counts) {
             let whole = all[block.index];
             assert_eq!((block.degree, block.stride), (whole.degree, whole.stride));

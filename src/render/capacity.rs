@@ -25,7 +25,7 @@ impl Capacity {
         tiles: 1,
     };
 
-    /// Room for images of a size.
+    /// Capacity for images of `width` × `height` pixels.
     pub fn for_image(splats: usize, isects: usize, width: u32, height: u32) -> Capacity {
         let tiles = width.div_ceil(TILE_WIDTH) * height.div_ceil(TILE_HEIGHT);
         Capacity {
@@ -36,8 +36,8 @@ impl Capacity {
         }
     }
 
-    /// The capacity within the device's limits, where a pair takes at most `pair_bytes` of one array: frames of more
-    /// pairs are drawn in bands. The tiles of two splats always fit.
+    /// The capacity limited to one binding of the device, with at most `pair_bytes` per pair in any array. Frames with
+    /// more pairs are drawn in bands. All tiles of two splats always fit.
     pub fn within(self, caps: &Caps, pair_bytes: u64) -> Capacity {
         let most = caps.max_storage_range.min(caps.max_allocation) / pair_bytes;
         Capacity {
@@ -46,7 +46,7 @@ impl Capacity {
         }
     }
 
-    /// The larger of both in every respect.
+    /// Maximum of both in each field.
     pub fn max(self, other: Capacity) -> Capacity {
         Capacity {
             splats: self.splats.max(other.splats),

@@ -1,4 +1,4 @@
-//! Drawing rules: this engine's, or those of the 3DGS code.
+//! Drawing rules of this engine and of the 3DGS code.
 
 use super::accuracy::Accuracy;
 use crate::kernels::{expand, project};
@@ -6,15 +6,14 @@ use crate::kernels::{expand, project};
 /// Drawing rules: extent of splats, largest alpha, and the end of a pixel's list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Compatibility {
-    /// This engine's: a splat reaches as far as its alpha is at least 1/255, alphas end at 1 − 2⁻¹⁶, and the splat that
-    /// finishes a pixel counts.
+    /// This engine's: a splat extends to alpha 1/255, alphas are at most 1 − 2⁻¹⁶, and the splat that finishes a pixel
+    /// counts.
     #[default]
     Engine,
-    /// Those of the 3DGS code, for scenes that were trained elsewhere and are to be seen as their authors saw them: a
-    /// splat reaches as far as the 16 × 16 tiles that a square of three of its standard deviations touches, alphas end
-    /// at 0.99, and the splat that would take the transmittance below 1e-4 is left out. Such frames leak up to 1 %
-    /// of what lies behind an opaque wall, and bright splats have edges; [`Accuracy`] does
-    /// not apply.
+    /// Those of the 3DGS code, for faithful pictures of scenes trained elsewhere: a splat extends over the 16 × 16
+    /// tiles that a square of three of its standard deviations touches, alphas are at most 0.99, and the splat that
+    /// would bring the transmittance below 1e-4 is omitted. Opaque walls then leak up to 1 % of the light behind them,
+    /// and bright splats have edges. [`Accuracy`] does not apply.
     Inria,
 }
 

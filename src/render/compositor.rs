@@ -17,7 +17,7 @@ pub(super) enum Compositor {
 }
 
 impl Compositor {
-    /// Compiles it.
+    /// Compiles the kernel for the options' drawing rules.
     pub(super) fn new(gpu: &Gpu, options: &RenderOptions, outputs: Outputs) -> Result<Compositor> {
         let caps = gpu.caps();
         Ok(match options.compatibility {

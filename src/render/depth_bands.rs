@@ -1,10 +1,9 @@
-//! Depth bands: parts of a frame that wants more than its buffers hold.
+//! Depth bands: parts of a frame with more (splat, tile) pairs than its buffers hold.
 //!
-//! A band is some splats that follow each other in depth. Their (splat, tile) pairs are listed, sorted and
-//! composited, then those of the next band in the same buffers, over the image as it stands. Every pixel meets the
-//! same splats in the same order with the same numbers, so that bands change no bit of the image. Which splats a
-//! band holds is decided on the device; how many bands there may be is decided before, and a frame that was not
-//! done with the last of them says so in its counts.
+//! A band is a range of splats in depth order. Their pairs are listed, sorted and composited, then those of the next
+//! band in the same buffers, onto the same image. Every pixel composites the same splats in the same order with the
+//! same numbers, so that bands change no bit of the image. The device determines the range of each band; the number of
+//! bands is fixed when recording, and a frame unfinished after the last one sets `COUNT_FAILED`.
 
 use super::capacity::Capacity;
 use crate::gpu::DeviceKind;
@@ -17,14 +16,14 @@ const BANDS_MAX: u32 = 4095;
 /// The bands of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DepthBands {
-    /// Bands that are recorded; those that turn out to be empty cost little.
+    /// Recorded bands; empty ones cost little.
     pub count: u32,
-    /// Splats that a band may hold.
+    /// Most splats of a band.
     pub ranks: u32,
 }
 
 impl Default for DepthBands {
-    /// A single band of everything.
+    /// A single band with all splats.
     fn default() -> DepthBands {
         DepthBands {
             count: 1,
@@ -34,11 +33,11 @@ impl Default for DepthBands {
 }
 
 impl DepthBands {
-    /// The bands that a frame needs which has left `counts`, in buffers of `capacity`. No fewer splats than a tile's
-    /// list may have go to a band.
+    /// Bands that complete the frame that left `counts`, in buffers of `capacity`. Splats per band are limited only
+    /// after a tile's list was too long, then to `list_limit`.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for more pairs than can be counted.
+    /// [`Error::Unsupported`] for more pairs than 32 bits count, or more than 4095 bands.
     pub fn after(self, counts: &[u32], capacity: &Capacity, list_limit: u32) -> Result<DepthBands> {
         let at = |slot: u32| counts[slot as usize];
         let wanted = at(COUNT_ISECT_WANTED);
@@ -51,7 +50,7 @@ impl DepthBands {
             0 => self.ranks,
             _ => list_limit,
         };
-        // A band that ends for want of room lacks less than one splat's tiles.
+        // A band that ends at the capacity leaves less than one splat's tiles unused.
         let least = capacity.isects.saturating_sub(capacity.tiles) + 1;
         let by_room = match wanted as usize {
             wanted if wanted <= capacity.isects => 0,
@@ -68,9 +67,10 @@ impl DepthBands {
     }
 }
 
-/// Intersections that one tile may have in a band. llvmpipe leaves all loops of an invocation after 65,535 turns in
-/// total. What walks a tile's list takes it in batches of at least eight, two splats a turn, so that n take at most
-/// 5 (n / 8 + 1) turns: 62,505 for these, which leaves room for loops over lanes. Other devices run loops to their end.
+/// Most intersections of a tile in one band. llvmpipe ends all loops of an invocation after 65,535 iterations in total.
+/// Kernels read a tile's list in batches of at least eight, two splats per iteration, so that n take at most
+/// 5 (n / 8 + 1) iterations: 62,505 for this limit, which leaves some for loops over lanes. Other devices
+/// have no limit.
 pub fn list_limit(kind: DeviceKind) -> u32 {
     match kind {
         DeviceKind::Cpu => 100_000,
@@ -78,7 +78,7 @@ pub fn list_limit(kind: DeviceKind) -> u32 {
     }
 }
 
-/// Turns that all loops of an invocation take together at most, as [`list_limit`] counts them.
+/// Most iterations of all loops of an invocation together, as counted for [`list_limit`].
 pub fn loop_turns(kind: DeviceKind) -> u32 {
     5 * (list_limit(kind) / 8 + 1)
 }
@@ -87,7 +87,7 @@ pub fn loop_turns(kind: DeviceKind) -> u32 {
 mod tests {
     use super::*;
 
-    /// Thresholds bands as `plan` does; returns their number.
+    /// Number of bands, divided as `plan` does.
     fn cut(tiles: &[u32], capacity: usize, ranks: u32) -> u32 {
         let (mut bands, mut isects, mut splats) = (1, 0, 0);
         for &count in tiles {

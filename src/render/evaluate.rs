@@ -25,7 +25,7 @@ pub struct Evaluator<'d> {
     renderer: Option<(u32, Renderer)>,
 }
 
-/// View that has been rendered, with its photograph.
+/// A rendered view with its photograph.
 #[derive(Clone, Copy, Debug)]
 pub struct Evaluated<'e> {
     /// The view.
@@ -52,7 +52,7 @@ impl Evaluated<'_> {
 }
 
 impl<'d> Evaluator<'d> {
-    /// Evaluator of these of the data set's views.
+    /// Evaluator of the data set's views with these indices.
     pub fn new(
         gpu: &Gpu,
         dataset: &'d Dataset,
@@ -70,7 +70,7 @@ impl<'d> Evaluator<'d> {
         }
     }
 
-    /// The same evaluator, drawing by the rules of another method.
+    /// The same evaluator with other drawing rules.
     pub fn drawing_as(mut self, compatibility: Compatibility) -> Evaluator<'d> {
         self.compatibility = compatibility;
         self

@@ -1,4 +1,4 @@
-//! The straight line of kernels from splats to an image; this file is the diagram.
+//! Kernel sequence of a frame, from splats to an image.
 
 use super::accuracy::Accuracy;
 use super::band_replay::BandReplay;
@@ -32,11 +32,11 @@ pub struct Forward {
     list_limit: u32,
 }
 
-/// Invocations of a workgroup of the elementwise kernels, which `plan` divides by.
+/// Workgroup size of the elementwise kernels, the divisor in `plan`.
 const ELEMENTWISE: u32 = 64;
 
 impl Forward {
-    /// Compiles what training scenes up to `sh_degree` needs.
+    /// Compiles the kernels for training scenes up to `sh_degree`.
     ///
     /// # Errors
     /// [`Error::Config`] for an accuracy out of range.
@@ -49,7 +49,7 @@ impl Forward {
         Forward::new(gpu, &options, Outputs::TRAINING)
     }
 
-    /// Compiles what a renderer with these options needs.
+    /// Compiles the kernels for a renderer with these options.
     pub(crate) fn for_rendering(gpu: &Gpu, options: &RenderOptions) -> Result<Forward> {
         Forward::new(gpu, options, options.outputs())
     }
@@ -80,13 +80,13 @@ impl Forward {
         })
     }
 
-    /// Compiles what frames of a model need beyond what those of others do. Has to be done before the first of them.
+    /// Compiles the additional kernels of an indexed model; to be called before the first frame of each model.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
         self.project.prepare(gpu, model)
     }
 
-    /// Records a frame with harmonics up to `sh_degree`, in `bands`. The failed flag in `scratch.counts` is honoured,
-    /// never cleared.
+    /// Records a frame with SH up to `sh_degree`, in `bands`. The failed flag in `scratch.counts` is honoured, never
+    /// cleared.
     pub fn record(
         &self,
         rec: &mut Recorder<'_>,
@@ -114,7 +114,7 @@ impl Forward {
         }
     }
 
-    /// Lists a band's intersections by tile, planned as `stage` says: the next one, or one once more.
+    /// Lists a band's intersections by tile. `stage` of `plan`: 1 for the next band, 2 for one listed before.
     fn list_band(
         &self,
         rec: &mut Recorder<'_>,
@@ -138,7 +138,8 @@ impl Forward {
         rec.timestamp("sort_tile");
     }
 
-    /// Lists the pairs of a band of the last frame once more; splats of other bands then begin at `NOT_LISTED`.
+    /// Lists the pairs of a band of the last frame again. In `emitted_from_splat`, splats of other bands are then
+    /// `NOT_LISTED`.
     pub(crate) fn relist(
         &self,
         rec: &mut Recorder<'_>,
@@ -152,7 +153,7 @@ impl Forward {
         self.list_band(rec, s, tiles, 2, (band, bands));
     }
 
-    /// Every splat to the screen, block by block.
+    /// Projects every splat to the screen, block by block.
     fn project(&self, rec: &mut Recorder<'_>, model: &Model, s: &Scratch, sh_degree: u32) {
         for block in model.blocks.of(model.counts) {
             let at = model.places(&block);
@@ -177,7 +178,7 @@ impl Forward {
         }
     }
 
-    /// Puts a band over what is nearer.
+    /// Composites a band behind the nearer ones.
     fn composite(
         &self,
         rec: &mut Recorder<'_>,
@@ -208,7 +209,7 @@ impl Forward {
                     band_count: bands.count,
                 };
                 let groups = match band {
-                    // Without any splat there is a background to draw.
+                    // Draws the background even without splats.
                     0 => Groups::Count(tiles as u32),
                     _ => Groups::indirect(&s.args, ARGS_TILE as usize),
                 };
@@ -238,7 +239,7 @@ impl Forward {
         rec.timestamp("rasterize");
     }
 
-    /// Which of `by_tile` holds the sorted list of an image of so many tiles.
+    /// Index in `by_tile` of the sorted list of an image with `tiles` tiles.
     pub(crate) fn sorted_index(tiles: usize) -> usize {
         (tile_sort(tiles).passes % 2) as usize
     }
@@ -272,8 +273,8 @@ impl Forward {
         );
     }
 
-    /// Visible splats, compacted in the order of their index and sorted by depth: ties stay in that order.
-    /// Then where each one's intersections go.
+    /// Compacts the visible splats in the order of their index and sorts them by depth: ties stay in that order. Then
+    /// computes the offset of each one's intersections.
     fn order_by_depth(&self, rec: &mut Recorder<'_>, s: &Scratch, count: usize) {
         let io = ScanBuffers {
             counts: &s.counts,
@@ -350,7 +351,7 @@ impl Forward {
         );
     }
 
-    /// A stable sort on the tiles' bits alone keeps the depth order within each tile.
+    /// Sorts intersections by the bits of their tile alone; stable, which keeps the depth order within each tile.
     fn order_by_tile(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize) {
         let layout = tile_sort(tiles);
         let sorted = self
@@ -373,8 +374,8 @@ impl Forward {
     }
 }
 
-/// A step through the tiles, coprime to their number, that spreads neighbours: a CPU device gives each of
-/// its threads a contiguous share of the workgroups, which a contiguous share of the image would not balance.
+/// Stride through the tiles, coprime to their number, that spreads neighbours: a CPU device gives each thread a
+/// contiguous share of the workgroups, and contiguous shares of the image differ in cost.
 pub fn tile_stride(tiles: usize) -> u32 {
     let gcd = |mut a: usize, mut b: usize| {
         while b != 0 {
@@ -390,7 +391,7 @@ pub fn tile_stride(tiles: usize) -> u32 {
         .unwrap_or(1) as u32
 }
 
-/// The frame's buffers as the sort names them.
+/// The frame's buffers as the sort's arguments.
 fn sort_io<'a>(s: &'a Scratch, pairs: &'a Pairs) -> sort::Io<'a> {
     sort::Io {
         counts: &s.counts,

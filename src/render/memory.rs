@@ -1,6 +1,6 @@
-//! What a frame takes of the device's memory, buffer by buffer, as a closed formula of its capacity.
+//! Device memory of a frame, buffer by buffer, as a closed formula of its capacity.
 //!
-//! A test holds it against what is allocated, name by name, so that neither changes without the other.
+//! A test compares it with the allocations, name by name.
 
 use super::blocks::Blocks;
 use super::capacity::Capacity;
@@ -8,35 +8,35 @@ use super::scratch::{DEPTH_SORT, tile_sort_widest};
 use crate::kernels::rasterize::Outputs;
 use crate::layout::*;
 
-/// What a buffer's bytes are for.
+/// Purpose of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Purpose {
-    /// What the scene is.
+    /// Parameters of the scene.
     Parameters,
-    /// The optimiser's memory.
+    /// State of the optimiser.
     Moments,
-    /// The photographs.
+    /// Photographs.
     Photos,
-    /// Lists of (splat, tile) pairs and what is kept for each.
+    /// Lists of (splat, tile) pairs, and data of each pair.
     Intersections,
     /// Gradients and statistics of splats.
     Gradients,
-    /// What a frame keeps for each splat.
+    /// A frame's data of each splat.
     Splats,
-    /// What a frame keeps for each pixel or tile.
+    /// A frame's data of each pixel or tile.
     Pixels,
     /// Data on their way to and from the device, and counts.
     Transfer,
 }
 
 impl Purpose {
-    /// Whether it counts as what a run cannot do without: the rest is working memory.
+    /// True for the indispensable memory of a run; the rest is working memory.
     pub fn is_essential(self) -> bool {
         use Purpose::*;
         matches!(self, Parameters | Moments | Photos | Intersections)
     }
 
-    /// In a word.
+    /// Name in one word.
     pub fn name(self) -> &'static str {
         match self {
             Purpose::Parameters => "parameters",
@@ -51,14 +51,14 @@ impl Purpose {
     }
 }
 
-/// The buffers of one name.
+/// Memory of the buffers of one name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Need {
-    /// Their name.
+    /// Name of the buffers.
     pub name: &'static str,
-    /// What they are for.
+    /// Purpose of the buffers.
     pub purpose: Purpose,
-    /// Their bytes together.
+    /// Total bytes.
     pub bytes: u64,
 }
 
@@ -73,24 +73,24 @@ impl Need {
     }
 }
 
-/// Bytes of all.
+/// Sum of all bytes.
 pub fn total(needs: &[Need]) -> u64 {
     needs.iter().map(|need| need.bytes).sum()
 }
 
-/// A scene's parameters: those of [`super::Model`].
+/// Parameter buffers of a [`super::Model`].
 pub fn model_needs(blocks: Blocks) -> Need {
     Need::new("params", Purpose::Parameters, 16, blocks.vectors())
 }
 
-/// And what says whose they are, where splats are of several degrees.
+/// Index buffers of a [`super::Model`]; 0 bytes if all splats have one degree.
 pub fn index_needs(blocks: Blocks) -> Need {
     let is_mixed = blocks.room.iter().filter(|&&room| room > 0).count() > 1;
     let slots = if is_mixed { blocks.splats() } else { 0 };
     Need::new("splat_from_slot", Purpose::Parameters, 4, slots)
 }
 
-/// The buffers that a frame works in: [`super::Scratch`].
+/// Buffers of a frame: those of [`super::Scratch`].
 pub fn frame_needs(capacity: Capacity, outputs: Outputs) -> Vec<Need> {
     let Capacity {
         splats,
@@ -100,7 +100,7 @@ pub fn frame_needs(capacity: Capacity, outputs: Outputs) -> Vec<Need> {
     } = capacity;
     let tile_table = tile_sort_widest(tiles).table_len(isects);
     let table = DEPTH_SORT.table_len(splats).max(tile_table);
-    // One table serves both sorts; it is filed under what makes it as long as it is.
+    // One table serves both sorts; its purpose is that of the sort with the larger one.
     let sorting = match table > tile_table {
         true => Purpose::Splats,
         false => Purpose::Intersections,
@@ -144,10 +144,10 @@ pub fn frame_needs(capacity: Capacity, outputs: Outputs) -> Vec<Need> {
     ]
 }
 
-/// (Splat, tile) pairs to expect of a frame at most, where nothing better is known.
+/// Estimated (splat, tile) pairs of a frame, for capacities before the first frame.
 ///
-/// A splat of w pixels square meets (w/8 + 1)(w/16 + 1) tiles. Scenes cover every pixel about as often
-/// however many splats they are made of, so w² is `OVERLAP` · pixels / splats, and the pairs are
+/// A splat of w pixels square meets (w/8 + 1)(w/16 + 1) tiles. The coverage of a pixel hardly depends on the number of
+/// splats, so w² is `OVERLAP` · pixels / splats, and the pairs are
 /// splats + (1/8 + 1/16) √(`OVERLAP` · pixels · splats) + `OVERLAP` · pixels / 128.
 pub fn isects_expected(splats: usize, width: u32, height: u32) -> usize {
     let (splats, pixels) = (splats as f64, f64::from(width) * f64::from(height));

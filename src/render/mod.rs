@@ -1,6 +1,6 @@
-//! A frame: splats on the device, a camera, an image.
+//! Rendering of frames: splats on the device, a camera, an image.
 //!
-//! [`Forward`] is the straight line of kernels that training shares; [`Renderer`] is what users hold.
+//! [`Forward`] is the kernel sequence shared with training; [`Renderer`] is the users' interface.
 //!
 //! **Invariant:** `Renderer::record` never submits, waits, reads this frame back, or allocates once warm.
 //!

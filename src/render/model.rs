@@ -8,7 +8,7 @@ use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::scene::{NotFinite, RenderMode, Splats};
 use std::ops::Range;
 
-/// Planes of vec4 that splats of a degree take: three of geometry, then the harmonics.
+/// Planes of vec4 of splats of a degree in full precision: three of geometry, then SH.
 pub const fn plane_count(sh_degree: u32) -> usize {
     Precision::Full.plane_count(sh_degree)
 }
@@ -16,37 +16,35 @@ pub const fn plane_count(sh_degree: u32) -> usize {
 /// A scene on the device.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// `[block][plane][slot]`: mean and opacity logit; quaternion; log-scale and standard deviation of the 3D
-    /// smoothing filter (0 but in training); spherical harmonics. As halves they take fewer planes
-    /// ([`Precision`]).
+    /// `[block][plane][slot]`: mean and opacity logit; quaternion; log-scale and standard deviation of the 3D smoothing
+    /// filter (0 except in training); spherical harmonics. Halves take fewer planes ([`Precision`]).
     pub params: Vec<Buffer<[f32; 4]>>,
-    /// How many slots are in which block.
+    /// Layout of the slots in blocks.
     pub blocks: Blocks,
     /// Number of splats.
     pub splat_count: usize,
-    /// Of them, those that are stored with harmonics of each degree.
+    /// Number of splats stored with each SH degree.
     pub counts: ByDegree,
-    /// `[block][slot]`: whose the parameters are, where there are several degrees; else empty, and slots are splats.
+    /// `[block][slot]`: splat index of each slot; empty if all splats have one SH degree (slot = splat).
     pub splat_from_slot: Vec<Buffer<u32>>,
-    /// Highest degree that `params` holds.
+    /// Highest SH degree in `params`.
     pub sh_degree: u32,
-    /// In what numbers.
+    /// Storage precision of `params`.
     pub precision: Precision,
-    /// How the scene is to be rendered.
+    /// Render mode of the scene.
     pub mode: RenderMode,
-    /// Splats that held a number that is not finite when they were copied here: they are not drawn, and nobody
-    /// else notices them.
+    /// Splats with a non-finite parameter when uploaded: they are not drawn.
     pub not_finite: Option<NotFinite>,
 }
 
 impl Model {
-    /// Copies a scene to the device, of each splat the harmonics up to the highest that are not zero, where enough
-    /// splats have no more ([`super::merge_degrees`]). Pictures are those of the whole.
+    /// Copies a scene to the device, without the zero SH coefficients above each splat's degree if enough splats share
+    /// that degree ([`super::merge_degrees`]). Pictures are the same as with all.
     pub fn upload(gpu: &Gpu, splats: &Splats) -> Result<Model> {
         Model::upload_as(gpu, splats, Precision::Full)
     }
 
-    /// Copies a scene to the device in other numbers, for renderers that are set up for them.
+    /// Copies a scene to the device in another precision, for renderers with the same one.
     pub fn upload_as(gpu: &Gpu, splats: &Splats, precision: Precision) -> Result<Model> {
         let slots = Slots::of_scene(splats);
         let model = Model::reserve(gpu, splats, &slots, precision)?;
@@ -95,12 +93,12 @@ impl Model {
         })
     }
 
-    /// Whether slots are in an order of their own.
+    /// True if the slots are not in splat order.
     pub fn is_indexed(&self) -> bool {
         !self.splat_from_slot.is_empty()
     }
 
-    /// What kernels need to know to find the splats of a block's slots.
+    /// Bindings for access to the splats of a block's slots.
     pub(crate) fn places(&self, block: &Block) -> Places {
         match self.splat_from_slot.get(block.index) {
             Some(index) => Places {
@@ -109,23 +107,23 @@ impl Model {
             },
             None => Places {
                 splats: block.slots(),
-                // Nobody reads it: any buffer does.
+                // Not read; a placeholder.
                 splat_from_slot: self.params[block.index].cast(),
             },
         }
     }
 }
 
-/// Where kernels find the splats of a block's slots in arrays with one element for each splat.
+/// Location of the splats of a block's slots in arrays with one element per splat.
 #[derive(Debug)]
 pub(crate) struct Places {
-    /// The elements that they see.
+    /// Range of the elements to bind.
     pub(crate) splats: Range<usize>,
-    /// Whose slots they are, among those, where the model has an index; else they are in order.
+    /// Splat index of each slot within that range, if the model is indexed; else a placeholder (slots in order).
     pub(crate) splat_from_slot: Buffer<u32>,
 }
 
-/// Buffers for an index by blocks; none where slots are splats.
+/// Index buffer of each block; none if slot = splat.
 pub(crate) fn index_of(gpu: &Gpu, blocks: &Blocks, slots: &Slots) -> Result<Vec<Buffer<u32>>> {
     let strides = blocks.of(blocks.room).map(|block| block.stride);
     let buffers = strides.map(|stride| gpu.buffer("splat_from_slot", stride));
@@ -135,7 +133,7 @@ pub(crate) fn index_of(gpu: &Gpu, blocks: &Blocks, slots: &Slots) -> Result<Vec<
     }
 }
 
-/// The planes of a scene, one after the other, each `splats.len()` long.
+/// Planes of a scene in full precision, one after the other, each `splats.len()` long.
 pub fn planes_from_splats(splats: &Splats) -> Vec<[f32; 4]> {
     let all: Vec<u32> = (0..splats.len() as u32).collect();
     Precision::Full.planes_of(splats, &all, splats.sh_degree)

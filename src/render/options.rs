@@ -1,4 +1,4 @@
-//! How a renderer is set up.
+//! Options of a renderer.
 
 use super::accuracy::Accuracy;
 use super::capacity::Capacity;
@@ -6,27 +6,27 @@ use super::compatibility::Compatibility;
 use super::precision::Precision;
 use crate::kernels::rasterize::Outputs;
 
-/// How a renderer is set up.
+/// Options of a [`Renderer`](super::Renderer).
 #[derive(Clone, Copy, Debug)]
 pub struct RenderOptions {
     /// Frames that may be in flight at once.
     pub frames_in_flight: usize,
-    /// What it has room for from the start.
+    /// Initial capacity.
     pub capacity: Capacity,
     /// Highest spherical-harmonic degree drawn; scenes of a higher one are drawn up to it.
     pub sh_degree: u32,
-    /// Whether images come with expected depth.
+    /// True for images with depth.
     pub with_depth: bool,
-    /// Where frames may save work at a bounded error.
+    /// Thresholds that save work at a bounded error.
     pub accuracy: Accuracy,
-    /// In what numbers the models lie on the device that it draws ([`Model::upload_as`](super::Model::upload_as)).
+    /// Storage precision of the models ([`Model::upload_as`](super::Model::upload_as)).
     pub precision: Precision,
-    /// Whose rules frames are drawn by.
+    /// Drawing rules.
     pub compatibility: Compatibility,
 }
 
 impl RenderOptions {
-    /// What frames leave besides their images.
+    /// Outputs besides the image.
     pub(crate) fn outputs(&self) -> Outputs {
         Outputs {
             depth: self.with_depth,

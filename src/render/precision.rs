@@ -1,26 +1,26 @@
-//! In what numbers a scene lies on the device.
+//! Storage precision of a scene on the device (f32 or f16).
 
 use crate::layout::{GEOMETRY_PLANES, HALF_GEOMETRY_PLANES};
 use crate::scene::{Splats, sh_coefficient_count};
 use half::f16;
 
-/// In what numbers a scene lies on the device: halves take less memory and less of its bandwidth.
+/// Storage precision of a scene on the device: halves take less memory and bandwidth.
 ///
-/// Halves are rounded to nearest, those too small to be normal become 0 (so that no device has to know them), and those
-/// too large the largest, 65,504. Means are always whole: in halves they would be off by pixels.
+/// Halves are rounded to nearest; subnormals become 0, so that devices need not support them, and magnitudes above the
+/// maximum become 65,504. Means are always f32: as halves they would be off by pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
-    /// Floats of 32 bits.
+    /// 32-bit floats.
     #[default]
     Full,
-    /// Harmonics as halves.
+    /// SH as halves.
     HalfHarmonics,
-    /// All but means as halves: rotations to 8e-4 rad, deviations to half a percent.
+    /// All but means as halves: rotations to 8e-4 rad, scales to half a percent.
     Half,
 }
 
 impl Precision {
-    /// Planes of vec4 that splats of a degree take.
+    /// Planes of vec4 of splats of a degree.
     pub const fn plane_count(self, sh_degree: u32) -> usize {
         let numbers = sh_coefficient_count(sh_degree) * 3;
         match self {
@@ -30,12 +30,12 @@ impl Precision {
         }
     }
 
-    /// Bytes that a splat of a degree takes.
+    /// Bytes of a splat of a degree.
     pub const fn splat_bytes(self, sh_degree: u32) -> usize {
         16 * self.plane_count(sh_degree)
     }
 
-    /// What shaders are told.
+    /// Value of the shaders' `PRECISION`.
     pub(super) fn code(self) -> u32 {
         match self {
             Precision::Full => 0,
@@ -44,7 +44,7 @@ impl Precision {
         }
     }
 
-    /// The scene that is drawn in place of one: each number as it is stored.
+    /// The scene as drawn: each number rounded to its stored value.
     pub fn rounded(self, splats: &Splats) -> Splats {
         let mut rounded = splats.clone();
         let round = |value: &mut f32| *value = half(*value).to_f32();
@@ -67,7 +67,7 @@ impl Precision {
         rounded
     }
 
-    /// The planes of some splats, one after the other, with harmonics up to a degree that the scene has.
+    /// Planes of the splats `some`, one after the other, with SH up to `degree`.
     pub(super) fn planes_of(self, splats: &Splats, some: &[u32], degree: u32) -> Vec<[f32; 4]> {
         let mut planes = Vec::with_capacity(some.len() * self.plane_count(degree));
         let all = || some.iter().map(|&i| i as usize);
@@ -109,7 +109,7 @@ impl Precision {
     }
 }
 
-/// The half that is stored for a number. What is no number, or infinite, stays so: such splats are not drawn.
+/// Stored half of a number. NaN and infinities are kept: such splats are not drawn.
 fn half(value: f32) -> f16 {
     let nearest = f16::from_f32(value);
     match () {
@@ -119,7 +119,7 @@ fn half(value: f32) -> f16 {
     }
 }
 
-/// The bits of two halves, the first in the lower ones.
+/// Two halves packed as the bits of a float, the first in the low bits.
 fn pair(first: f32, second: f32) -> f32 {
     let [low, high] = [first, second].map(|value| u32::from(half(value).to_bits()));
     f32::from_bits(low | high << 16)

@@ -1,21 +1,21 @@
-//! Projection, compiled for every degree of harmonics and for both orders of slots.
+//! Projection kernels for every SH degree and both orders of slots.
 
 use super::model::Model;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::project::{Choice, Project};
 
-/// The kernels of every degree.
+/// Projection kernels by SH degree.
 #[derive(Debug)]
 pub(super) struct Projections {
     ordered: Vec<Project>,
-    /// For slots in an order of their own: none until a model has such.
+    /// Kernels for indexed models; empty until the first of these.
     indexed: Vec<Project>,
     choices: Vec<Choice>,
 }
 
 impl Projections {
-    /// By a choice for every degree from 0 on.
+    /// Compiles a kernel for each choice; choices by SH degree from 0.
     pub(super) fn new(gpu: &Gpu, choices: Vec<Choice>) -> Result<Projections> {
         Ok(Projections {
             ordered: compiled(gpu, &choices)?,
@@ -24,7 +24,7 @@ impl Projections {
         })
     }
 
-    /// Compiles what a model needs beyond what others do.
+    /// Compiles the kernels of indexed models, if the model is the first of these.
     pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
         if model.is_indexed() && self.indexed.is_empty() {
             let mut choices = self.choices.clone();
@@ -34,7 +34,7 @@ impl Projections {
         Ok(())
     }
 
-    /// For splats of a model with harmonics up to a degree.
+    /// Kernel for a model's splats with SH up to `degree`.
     pub(super) fn of(&self, model: &Model, degree: u32) -> &Project {
         let kernels = match model.is_indexed() {
             true => &self.indexed,

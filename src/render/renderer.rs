@@ -1,4 +1,4 @@
-//! Rendering for users: record into a host's commands, or render and read back.
+//! Renderer: records into a host's commands, or renders and reads back.
 
 use super::capacity::Capacity;
 use super::compatibility::Compatibility;
@@ -16,7 +16,7 @@ use crate::scene::{Camera, NotFinite, Splats};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
-/// Bytes that a (splat, tile) pair takes of any one array.
+/// Bytes of a (splat, tile) pair in any one array.
 const ISECT_BYTES: u64 = 4;
 
 /// An image read back from the device.
@@ -26,15 +26,16 @@ pub struct Rendered {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Row by row from the top; display-referred, background blended in, not clamped at 1.
+    /// RGB of each pixel, row by row from the top; display-referred, background blended in, not clamped at 1.
     pub rgb: Vec<[f32; 3]>,
-    /// What passes through all splats, 0 to 1.
+    /// Transmittance of all splats in each pixel, 0 to 1.
     pub transmittance: Vec<f32>,
-    /// Σ weight · z in world units; divide by 1 − transmittance for the mean. Empty unless asked for.
+    /// Σ weight · z of each pixel in world units; divide by 1 − transmittance for the mean. Empty unless requested
+    /// ([`RenderOptions::with_depth`]).
     pub depth: Vec<f32>,
 }
 
-/// Coverage below which a pixel has no depth: one level of 8 bits.
+/// Coverage below which a pixel has no depth: one 8-bit level.
 const COVERAGE_MIN: f32 = 1.0 / 255.0;
 
 impl Rendered {
@@ -44,7 +45,7 @@ impl Rendered {
     }
 
     /// Mean depth of each pixel along the view's z axis in world units; infinite where coverage is below 1/255. Empty
-    /// unless depth was asked for.
+    /// unless depth was requested.
     pub fn mean_depth(&self) -> Vec<f32> {
         let mean = |(sum, transmittance): (&f32, &f32)| match 1.0 - transmittance {
             alpha if alpha >= COVERAGE_MIN => sum / alpha,
@@ -64,56 +65,55 @@ pub struct Renderer {
     forward: Forward,
     present: Option<present::Present>,
     scratch: Scratch,
-    /// Of [`Renderer::render`].
+    /// Frames of [`Renderer::render`].
     frames: Frames,
-    /// The last of them.
+    /// Last submission to `frames`.
     rendered: Option<Ticket>,
-    /// Of [`Renderer::record`]: when one is done is for the host to know.
+    /// Frames of [`Renderer::record`], paced by the host.
     host_frames: Frames,
     options: RenderOptions,
-    /// Of the pictures that a host will record next, as those that are done have shown.
+    /// Bands of the next pictures of a host, from the counts of finished ones.
     bands: DepthBands,
-    /// What the host's frames in flight have to report, by frame, oldest first.
+    /// Pictures in the host's frames in flight, oldest first.
     pending: VecDeque<Pending>,
 }
 
-/// A picture on its way.
+/// A recorded picture with unread counts.
 struct Pending {
-    /// Of which frame.
+    /// Number of the frame.
     frame: u64,
-    /// What it has room for.
+    /// Capacity of the buffers.
     capacity: Capacity,
     bands: DepthBands,
-    /// What it leaves out.
+    /// Splats not drawn.
     not_finite: Option<NotFinite>,
-    /// What it will have counted.
+    /// Readback of the frame's counts.
     counts: Readback<u32>,
 }
 
-/// How close a frame came to its limits.
+/// Statistics of recorded pictures: pairs, bands, completeness.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stats {
-    /// (Splat, tile) pairs that the frame wanted.
+    /// (Splat, tile) pairs of the complete frame.
     pub isects: usize,
-    /// Those it had room for at a time. If it wanted more, it was drawn in bands, one after the other, which takes
-    /// longer: [`Renderer::reserve`] helps.
+    /// Capacity of the buffers in pairs. A frame with more is drawn in bands, one after the other, which takes longer:
+    /// [`Renderer::reserve`] raises the capacity.
     pub isect_capacity: usize,
-    /// Bands that were recorded. That they do not suffice is known when a picture is done: those recorded from then
-    /// on have more.
+    /// Recorded bands. If they did not suffice, pictures recorded after this one is finished have more.
     pub bands: u32,
-    /// Whether the picture shows all that it should. If not, the splats behind some depth are missing, or all.
+    /// True for a complete picture. Else the splats behind some depth are missing, or all.
     pub complete: bool,
-    /// Splats that were left out because a number of theirs is not finite.
+    /// Splats not drawn because of a non-finite parameter.
     pub not_finite: Option<NotFinite>,
 }
 
 impl Stats {
-    /// Whether there was room for all of the frame at once.
+    /// True if all pairs fitted the buffers at once.
     pub fn fits(&self) -> bool {
         self.isects <= self.isect_capacity
     }
 
-    /// The worse of both in every respect.
+    /// The worse of both in each field.
     fn worse(self, other: Stats) -> Stats {
         Stats {
             isects: self.isects.max(other.isects),
@@ -132,8 +132,7 @@ impl std::fmt::Debug for Renderer {
 }
 
 impl Renderer {
-    /// Compiles the kernels, but for those that somebody else on this device holds, and allocates for
-    /// `options.capacity`.
+    /// Compiles the kernels, except those already in use on this device, and allocates for `options.capacity`.
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
         let presents = gpu.caps().supports(present::Variant::Base.info()).is_ok();
         let present = || present::Present::new(gpu, present::Choice::default());
@@ -151,14 +150,14 @@ impl Renderer {
         })
     }
 
-    /// Makes room for a frame of `model` through `camera` with up to `isects` (splat, tile) pairs, or as many as one
-    /// binding of the device reaches; frames with more are drawn in bands.
+    /// Grows the buffers for a frame of `model` through `camera` with up to `isects` (splat, tile) pairs, limited to
+    /// one binding of the device; frames with more are drawn in bands.
     pub fn reserve(&mut self, model: &Model, camera: &Camera, isects: usize) -> Result<()> {
         let wanted = Capacity::for_image(model.splat_count, isects, camera.width, camera.height);
         let capacity = self.scratch.capacity.max(wanted);
         let capacity = capacity.within(self.gpu.caps(), ISECT_BYTES);
         if capacity != self.scratch.capacity {
-            // The old buffers go first, as far as no host's frame uses them: there may not be room for both.
+            // Frees the old buffers first, unless a host's frame uses them: memory may not suffice for both.
             self.frames.release()?;
             for capacity in [Capacity::LEAST, capacity] {
                 self.scratch = Scratch::new(&self.gpu, capacity, self.options.outputs())?;
@@ -167,7 +166,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// As [`Renderer::reserve`], but for fewer intersections where memory does not suffice.
+    /// As [`Renderer::reserve`], but for fewer intersections if memory does not suffice.
     fn reserve_some(&mut self, model: &Model, camera: &Camera, mut isects: usize) -> Result<()> {
         loop {
             match self.reserve(model, camera, isects) {
@@ -179,14 +178,14 @@ impl Renderer {
         }
     }
 
-    /// Records a picture into a host's command buffer and writes it to the host's image. Nothing is
-    /// submitted or waited for. Once `frames_in_flight` further frames have been begun, returns how the
-    /// pictures of the oldest fared. One that does not fit is incomplete; those recorded after that is known are
-    /// drawn in more bands, until the host calls [`Renderer::reserve`] with the number of pairs that were wanted.
+    /// Records a picture into a host's command buffer and writes it to the host's image. Nothing is submitted or waited
+    /// for. Returns the statistics of a frame's pictures once `frames_in_flight` further frames have been begun. A
+    /// picture that does not fit is incomplete; those recorded after its statistics are drawn in more bands, until the
+    /// host calls [`Renderer::reserve`] with [`Stats::isects`].
     ///
     /// # Errors
-    /// [`Error::Config`] where the model or the image exceed the reserved capacity,
-    /// [`Error::Unsupported`] where the host has not enabled what presenting needs.
+    /// [`Error::Config`] if the model or the image exceeds the reserved capacity or the model has another precision,
+    /// [`Error::Unsupported`] if the host has not enabled the feature required for presenting.
     pub fn record(
         &mut self,
         commands: &mut HostCommands,
@@ -252,7 +251,7 @@ impl Renderer {
         Ok(finished)
     }
 
-    /// Refuses models that its kernels would misread.
+    /// Refuses models of another precision than the kernels'.
     fn check(&self, model: &Model) -> Result<()> {
         let (wanted, found) = (self.options.precision, model.precision);
         match wanted == found {
@@ -263,8 +262,8 @@ impl Renderer {
         }
     }
 
-    /// Copies a scene to the device by commands in a host's command buffer, for hosts that give us no
-    /// queue; else [`Model::upload`] does. Pictures of it may be recorded behind, into the same commands.
+    /// Copies a scene to the device by commands in a host's command buffer, for devices adopted without a queue; with a
+    /// queue, [`Model::upload`] does. Pictures of the model may follow in the same commands.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -275,14 +274,13 @@ impl Renderer {
         Ok(model)
     }
 
-    /// The stages of the image rendered last and the nanoseconds that each took on the device; nothing
-    /// where it has no timestamps.
+    /// Stages of the last rendered image with their device time in nanoseconds; empty on devices without timestamps.
     pub fn timings(&self) -> Result<Vec<(&'static str, f64)>> {
         self.rendered
             .map_or(Ok(Vec::new()), |last| self.frames.timings(last))
     }
 
-    /// The bands that a picture needs which has left `counts`.
+    /// Bands that complete the picture that left `counts`.
     fn bands_after(&self, bands: DepthBands, counts: &[u32]) -> Result<DepthBands> {
         let limit = list_limit(self.gpu.caps().kind);
         let bands = bands.after(counts, &self.scratch.capacity, limit)?;
@@ -295,8 +293,8 @@ impl Renderer {
         Ok(bands)
     }
 
-    /// What the pictures of the frames before `first` have to report, which the host has waited for; those to come
-    /// have the bands that the last of them needed.
+    /// Worst statistics of the pictures in frames before `first`, which the host has waited for. Later pictures get the
+    /// bands that the last of them needed.
     fn finished_before(&mut self, first: u64) -> Result<Option<Stats>> {
         let mut worst: Option<Stats> = None;
         while self.pending.front().is_some_and(|p| p.frame < first) {
@@ -319,7 +317,7 @@ impl Renderer {
         Ok(worst)
     }
 
-    /// Renders one image and reads it back, growing buffers as needed; in bands where they cannot grow.
+    /// Renders one image and reads it back. Grows the buffers as needed; draws in bands if they cannot grow.
     pub fn render(
         &mut self,
         model: &Model,
@@ -361,7 +359,7 @@ impl Renderer {
     }
 }
 
-/// What is drawn, and how it is looked at.
+/// Model, camera and view options of a frame.
 #[derive(Clone, Copy)]
 struct Picture<'a> {
     model: &'a Model,

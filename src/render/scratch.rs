@@ -1,4 +1,4 @@
-//! Buffers of a frame, sized by a stated capacity.
+//! Buffers of a frame, sized by a capacity.
 
 use super::band_replay::BandReplay;
 use super::capacity::Capacity;
@@ -8,10 +8,10 @@ use crate::kernels::rasterize::Outputs;
 use crate::kernels::sort::{Layout, Pairs, Tables};
 use crate::layout::*;
 
-/// A frame's buffers. Names say what indexes what: `a_from_b` is indexed by `b` and gives `a`.
+/// Buffers of a frame. Names are index maps: `a_from_b` is indexed by `b` and gives `a`.
 #[derive(Clone, Debug)]
 pub struct Scratch {
-    /// What fits.
+    /// Largest frame that fits.
     pub capacity: Capacity,
     pub(crate) view: Buffer<View>,
     pub(crate) counts: Buffer<u32>,
@@ -32,11 +32,11 @@ pub struct Scratch {
     pub(crate) image: Buffer<f32>,
     pub(crate) depth: Buffer<f32>,
     pub(crate) isect_end_from_pixel: Buffer<u32>,
-    /// What the bands of a frame leave behind, where gradients will be wanted of more than one.
+    /// State of the bands, for gradients of a frame in more than one.
     pub(crate) replay: Option<BandReplay>,
 }
 
-/// Depths: four passes of eight bits over all 32.
+/// Sort by depth: four passes of eight bits over all 32.
 pub(crate) const DEPTH_SORT: Layout = Layout {
     digit_bits: 8,
     passes: 4,
@@ -50,8 +50,8 @@ pub(crate) const DEPTH_SORT: Layout = Layout {
 /// Most bits of a tile digit.
 const TILE_DIGIT_BITS: u32 = 11;
 
-/// Tiles: as few passes over just the bits that tiles have as digits of at most eleven bits allow. One
-/// value beyond the last tile is padding.
+/// Sort by tile: fewest passes over the bits of tile indices with digits of at most eleven bits. One value beyond the
+/// last tile is padding.
 pub(crate) fn tile_sort(tiles: usize) -> Layout {
     let bits = usize::BITS - tiles.leading_zeros();
     let passes = bits.div_ceil(TILE_DIGIT_BITS).max(1);
@@ -66,8 +66,8 @@ pub(crate) fn tile_sort(tiles: usize) -> Layout {
     }
 }
 
-/// The layout of the widest tables that images of up to so many tiles use: a smaller image may use wider
-/// digits than the largest one does.
+/// Layout with the largest tables of images of up to `tiles` tiles: a smaller image may use wider digits than the
+/// largest one.
 pub(super) fn tile_sort_widest(tiles: usize) -> Layout {
     Layout {
         digit_bits: TILE_DIGIT_BITS.min(tiles.ilog2() + 1),
@@ -76,7 +76,7 @@ pub(super) fn tile_sort_widest(tiles: usize) -> Layout {
 }
 
 impl Scratch {
-    /// Allocates the buffers, for images and what they come with.
+    /// Allocates the buffers for images with `outputs`.
     pub fn new(gpu: &Gpu, capacity: Capacity, outputs: Outputs) -> Result<Scratch> {
         let capacity = capacity.within(gpu.caps(), 4);
         let Capacity {

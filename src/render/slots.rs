@@ -1,38 +1,38 @@
-//! Which splats lie where on the device: those with harmonics up to the same degree together.
+//! Order of splats on the device: grouped by SH degree.
 //!
-//! A scene's own order stays the order of everything but the parameters: slots of parameters are in order of degree,
-//! and an index says whose they are. So splats of equal depth are drawn in the same order as without, and nobody but
-//! the kernels that read parameters has to know. Scenes whose splats are all of one degree need no index.
+//! Only the parameters are reordered: their slots are in order of degree, and an index gives the splat of each slot.
+//! All other arrays keep the scene's order, so that splats of equal depth are drawn in the same order as without slots.
+//! Only kernels that read parameters use the index. Scenes of a single degree need none.
 
 use crate::scene::{Splats, sh_coefficient_count};
 
-/// Degrees that there are: 0 to 3.
+/// Number of SH degrees: 0 to 3.
 pub const DEGREES: usize = 4;
 
-/// Something for each degree, counts above all.
+/// One value per SH degree, such as a count.
 pub type ByDegree = [usize; DEGREES];
 
-/// So many splats, all of one degree.
+/// Counts of `splats` splats of one degree.
 pub fn of_degree(splats: usize, sh_degree: u32) -> ByDegree {
     let mut counts = ByDegree::default();
     counts[sh_degree as usize] = splats;
     counts
 }
 
-/// Fewest splats of a degree that are stored apart from those of the next: it takes a dispatch of its own, which costs
-/// as much as what some hundred splats save on a CPU device, some thousand on others. Memory is saved on all.
+/// Fewest splats of a degree that are stored separately from the next degree. A separate group takes a dispatch, at the
+/// cost of the time that some hundred splats save on a CPU device, some thousand on others. All devices save memory.
 const APART_MIN: usize = 512;
-/// And the least share of a scene, so that even dispatches of large ones are worth theirs.
+/// Inverse of the least share of a scene that is stored separately, so that its dispatch pays off in large scenes too.
 const APART_SHARE: usize = 64;
 
-/// Fewest splats of a degree, of so many in all, that are stored apart from those of the next.
+/// Fewest splats of a degree that are stored separately in a scene of `splats` splats.
 pub fn apart(splats: usize) -> usize {
     APART_MIN.max(splats.div_ceil(APART_SHARE))
 }
 
-/// Raises degrees where too few splats have one: fewer than 512, or a 64th of the scene, join those of the next degree
-/// that any has. A pure function of how many splats there are of each degree. Raised splats have zeros for what they
-/// did not have: pictures stay the same.
+/// Raises the degrees of small groups: fewer splats than 512, or than a 64th of the scene, join the next degree in use.
+/// A function of the number of splats of each degree alone. Raised splats have zeros as additional coefficients:
+/// pictures stay the same.
 pub fn merge_degrees(degrees: &mut [u8]) {
     let apart = apart(degrees.len());
     let mut counts = count(degrees);
@@ -51,7 +51,7 @@ pub fn merge_degrees(degrees: &mut [u8]) {
     degrees.iter_mut().for_each(raise);
 }
 
-/// The degree of every splat: the highest with a coefficient that is not zero.
+/// SH degree of every splat: the highest with a nonzero coefficient.
 pub fn degrees_used(splats: &Splats) -> Vec<u8> {
     let stride = splats.sh_stride();
     let used = |row: &[f32]| {
@@ -71,17 +71,17 @@ fn count(degrees: &[u8]) -> ByDegree {
     counts
 }
 
-/// Which splats lie where.
+/// Order of splats in slots.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Slots {
     /// Splats of each degree.
     pub counts: ByDegree,
-    /// In order of degree, those of one degree in their own order. `None`: slots are splats.
+    /// Splat index of each slot, in order of degree, then of splats. `None`: slot = splat.
     pub splat_from_slot: Option<Vec<u32>>,
 }
 
 impl Slots {
-    /// Of splats of these degrees, 0 to 3.
+    /// Slots of splats with these degrees, 0 to 3.
     pub fn of(degrees: &[u8]) -> Slots {
         let counts = count(degrees);
         let is_mixed = counts.iter().filter(|&&count| count > 0).count() > 1;
@@ -96,14 +96,14 @@ impl Slots {
         }
     }
 
-    /// How a scene is stored: each splat with the degree that it uses, but where few would be apart.
+    /// Slots of a scene: each splat by the degree that it uses, after [`merge_degrees`].
     pub fn of_scene(splats: &Splats) -> Slots {
         let mut degrees = degrees_used(splats);
         merge_degrees(&mut degrees);
         Slots::of(&degrees)
     }
 
-    /// The highest degree that any splat has; 0 where there is none.
+    /// Highest degree of any splat; 0 without splats.
     pub fn sh_degree(&self) -> u32 {
         self.counts
             .iter()
@@ -111,7 +111,7 @@ impl Slots {
             .unwrap_or(0) as u32
     }
 
-    /// The splats of some slots.
+    /// Splat indices of a range of slots.
     pub fn of_slots(&self, slots: std::ops::Range<usize>) -> Vec<u32> {
         match &self.splat_from_slot {
             Some(index) => index[slots].to_vec(),
@@ -119,7 +119,7 @@ impl Slots {
         }
     }
 
-    /// The splat of a slot.
+    /// Splat index of a slot.
     pub fn splat(&self, slot: usize) -> usize {
         let index = self.splat_from_slot.as_ref();
         index.map_or(slot, |index| index[slot] as usize)

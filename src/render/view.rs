@@ -1,25 +1,24 @@
-//! A camera as the kernels read it.
+//! View parameters of the kernels, from a camera and options.
 
 use crate::layout::{TILE_HEIGHT, TILE_WIDTH, View};
 use crate::scene::{Camera, RenderMode};
 
-/// How far beyond the image border the Jacobian still follows a splat's centre, as a share of the image
-/// size: 0.15, which is 1.3 times the tangent of half the field of view when centred (3DGS code).
+/// Margin around the image beyond which the Jacobian's direction is clamped, as a share of the image size: 0.15, which
+/// is 1.3 times the tangent of half the field of view when centred (3DGS code).
 const BORDER: f64 = 0.15;
 
-/// What a frame needs besides its camera.
+/// Options of a frame besides its camera.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewOptions {
-    /// Colour behind everything, 0 to 1.
+    /// RGB of the background, 0 to 1.
     pub background: [f32; 3],
-    /// Splats nearer than this (world units along z) are not drawn; nor is what lies behind the camera,
-    /// whatever stands here.
+    /// Near plane in world units along z: nearer splats are not drawn, and splats behind the camera never are.
     pub near: f32,
-    /// How the scene was trained.
+    /// Render mode that the scene was trained with.
     pub mode: RenderMode,
 }
 
-/// The shader's view of a scene.
+/// View parameters of the kernels.
 pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
     let size = [camera.width, camera.height];
     let limits = |axis: usize| {
@@ -43,7 +42,7 @@ pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
         limit: [x_min, x_max, y_min, y_max],
         size,
         tiles: [size[0].div_ceil(TILE_WIDTH), size[1].div_ceil(TILE_HEIGHT)],
-        // Depths are positive whatever is asked for: their bits order them, and nothing behind the camera shows.
+        // Depths are always positive: their bits then sort as integers, and nothing behind the camera is drawn.
         near_plane: options.near.max(f32::MIN_POSITIVE),
         dilation: match options.mode {
             RenderMode::Default => 0.3,

@@ -1,4 +1,4 @@
-//! Adam, one number at a time.
+//! Adam step of every parameter, against the oracle.
 
 use crate::common::check::*;
 use crate::common::device;

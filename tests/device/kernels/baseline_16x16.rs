@@ -1,4 +1,4 @@
-//! The baseline of compositing: the cases of `rasterize`, by tiles of its own.
+//! Baseline of compositing, with 16 × 16 tiles: the cases of `rasterize`.
 
 use crate::common::check::*;
 use crate::common::device;

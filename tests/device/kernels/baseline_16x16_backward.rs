@@ -1,4 +1,4 @@
-//! The baseline of the backward pass: the cases of `rasterize_backward`, summed up by splat.
+//! Baseline of the backward pass: the cases of `rasterize_backward`, summed by splat.
 
 use crate::common::check::*;
 use crate::common::device;

@@ -1,4 +1,4 @@
-//! Values read through an index.
+//! Indexed reads.
 
 use crate::common::check::*;
 use crate::common::device;

@@ -1,6 +1,6 @@
-//! Lists as long as a tile's may be on a software device, which leaves loops after so many turns and says nothing: what
-//! walks one reaches its far end. Compositing itself and `contribution` are judged where their other tests are, over
-//! splats that all count.
+//! Longest lists of a tile on a software device, which ends loops silently after a number of iterations: kernels reach
+//! the far end of the list. `rasterize` and `contribution` have such tests in their own files, with splats that all
+//! count.
 
 use crate::common::check::*;
 use crate::common::lists::view;

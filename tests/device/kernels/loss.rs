@@ -1,4 +1,4 @@
-//! The loss, its parts and its gradient: three kernels of one operation.
+//! Loss, its parts and its gradient: three kernels of one operation.
 
 use crate::common::check::*;
 use crate::common::device;

@@ -1,5 +1,5 @@
-//! Rung 2: every kernel, every variant that the device can run, several workgroup sizes, against the oracle,
-//! on inputs that are chosen to hurt. Tolerances are derived where they stand; u = 2⁻²⁴ throughout.
+//! Kernel tests: every kernel, every variant that the device can run, several workgroup sizes, against the oracle, on
+//! adversarial inputs. Tolerances are derived beside their values; u = 2⁻²⁴ throughout.
 
 use ashfall::Result;
 use ashfall::kernels::Kernel;

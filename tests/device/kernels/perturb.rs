@@ -1,4 +1,4 @@
-//! Exploration noise: the same random numbers, the same shape.
+//! Exploration noise: random numbers and covariance.
 
 use crate::common::check::*;
 use crate::common::device;

@@ -1,4 +1,4 @@
-//! Dispatch sizes and overflow, by wide integers.
+//! Dispatch sizes and overflow, against a model in wide integers.
 
 use crate::common::check::*;
 use crate::common::device;

@@ -1,4 +1,4 @@
-//! A composited image in a storage image of our own; hosts' images are those of `tests/device/embed`.
+//! Presentation to an owned storage image; `tests/device/embed` has hosts' images.
 
 use crate::common::check::*;
 use crate::common::device;

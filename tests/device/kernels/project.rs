@@ -1,4 +1,4 @@
-//! From parameters to the ellipse, its colour and its number of tiles.
+//! Projection of parameters to ellipse, colour and number of tiles.
 
 use crate::common::check::*;
 use crate::common::pack::Splat2d;

@@ -1,4 +1,4 @@
-//! From sums over pixels to the gradient of every parameter.
+//! Gradient of every parameter from sums over pixels.
 
 use crate::common::check::*;
 use crate::common::device;

@@ -1,4 +1,4 @@
-//! Every tile's slice of the sorted intersections.
+//! Slice of the sorted intersections of each tile.
 
 use crate::common::check::*;
 use crate::common::device;

@@ -1,4 +1,4 @@
-//! Compositing, pixel by pixel.
+//! Compositing of each pixel.
 
 use crate::common::check::*;
 use crate::common::device;

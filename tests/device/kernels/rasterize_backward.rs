@@ -1,4 +1,4 @@
-//! The gradient of compositing, intersection by intersection.
+//! Gradient of compositing for each intersection.
 
 use crate::common::check::*;
 use crate::common::device;

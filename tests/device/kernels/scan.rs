@@ -1,4 +1,4 @@
-//! Prefix sums: each of the three passes, and the three together.
+//! Prefix sums: each of the three passes, and all together.
 
 use crate::common::check::*;
 use crate::common::device;

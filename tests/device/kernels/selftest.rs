@@ -1,4 +1,4 @@
-//! The self-tests of devices: every variant against what they should find.
+//! Device self-tests: every variant against the expected results.
 
 use crate::common::check::*;
 use crate::common::device;

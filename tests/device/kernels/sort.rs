@@ -1,4 +1,4 @@
-//! The radix sort: each half of a pass, and all passes together, beyond any loop limit of a driver.
+//! Radix sort: each half of a pass, and all passes together, beyond any loop limit of a driver.
 
 use crate::common::check::*;
 use crate::common::device;

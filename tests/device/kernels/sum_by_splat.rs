@@ -1,4 +1,4 @@
-//! Records added up by splat.
+//! Sums of records by splat.
 
 use crate::common::check::*;
 use crate::common::device;
