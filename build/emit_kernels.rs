@@ -152,8 +152,16 @@ fn wrapper(text: &mut String, kernel: &Kernel) {
     }}
 "#,
         slots = slots.join(", "),
-        tuned = if sized { "let mut choice = " } else { "let _ = workgroup;\n                " },
-        end = if sized { ";\n                choice.spec.workgroup = workgroup;\n                choice" } else { "" },
+        tuned = if sized {
+            "let mut choice = "
+        } else {
+            "let _ = workgroup;\n                "
+        },
+        end = if sized {
+            ";\n                choice.spec.workgroup = workgroup;\n                choice"
+        } else {
+            ""
+        },
     );
 }
 

@@ -114,7 +114,7 @@ pub fn sample(
     let view = Viewpoint {
         // Splats just in front of the near plane may be drawn behind it.
         near: options.near * (1.0 - 1e-4),
-        ..Viewpoint::new(camera, options, splats.mode)
+        ..Viewpoint::new(camera, options, splats.filter)
     };
     let screen: Vec<Option<ScreenSplat<f64>>> = (0..splats.len())
         .into_par_iter()

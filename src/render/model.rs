@@ -5,7 +5,7 @@ use super::precision::Precision;
 use super::slots::{ByDegree, Slots};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::scene::{NotFinite, RenderMode, Splats};
+use crate::scene::{NotFinite, Primitive, ScreenFilter, Splats};
 use std::ops::Range;
 
 /// Planes of vec4 that splats of a degree take: three of geometry, then the harmonics.
@@ -32,8 +32,10 @@ pub struct Model {
     pub sh_degree: u32,
     /// In what numbers.
     pub precision: Precision,
-    /// How the scene is to be rendered.
-    pub mode: RenderMode,
+    /// Kind of the splats.
+    pub primitive: Primitive,
+    /// Filter on the screen.
+    pub filter: ScreenFilter,
     /// Splats that held a number that is not finite when they were copied here: they are not drawn, and nobody
     /// else notices them.
     pub not_finite: Option<NotFinite>,
@@ -90,7 +92,8 @@ impl Model {
             counts: slots.counts,
             sh_degree: slots.sh_degree(),
             precision,
-            mode: splats.mode,
+            primitive: splats.primitive,
+            filter: splats.filter,
             not_finite: splats.not_finite(),
         })
     }

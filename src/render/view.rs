@@ -1,7 +1,7 @@
 //! A camera as the kernels read it.
 
 use crate::layout::{TILE_HEIGHT, TILE_WIDTH, View};
-use crate::scene::{Camera, RenderMode};
+use crate::scene::{Camera, ScreenFilter};
 
 /// How far beyond the image border the Jacobian still follows a splat's centre, as a share of the image
 /// size: 0.15, which is 1.3 times the tangent of half the field of view when centred (3DGS code).
@@ -15,8 +15,8 @@ pub struct ViewOptions {
     /// Splats nearer than this (world units along z) are not drawn; nor is what lies behind the camera,
     /// whatever stands here.
     pub near: f32,
-    /// How the scene was trained.
-    pub mode: RenderMode,
+    /// Filter on the screen, that of training.
+    pub filter: ScreenFilter,
 }
 
 /// The shader's view of a scene.
@@ -45,11 +45,11 @@ pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
         tiles: [size[0].div_ceil(TILE_WIDTH), size[1].div_ceil(TILE_HEIGHT)],
         // Depths are positive whatever is asked for: their bits order them, and nothing behind the camera shows.
         near_plane: options.near.max(f32::MIN_POSITIVE),
-        dilation: match options.mode {
-            RenderMode::Default => 0.3,
-            RenderMode::Mip => 0.1,
+        dilation: match options.filter {
+            ScreenFilter::Classic => 0.3,
+            ScreenFilter::Mip => 0.1,
         },
-        compensate: (options.mode == RenderMode::Mip).into(),
+        compensate: (options.filter == ScreenFilter::Mip).into(),
         background: options.background,
     }
 }

@@ -12,11 +12,11 @@ use ashfall::reference::smoothing::smoothed;
 use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
 use ashfall::reference::{Splat, Thresholds, project};
 use ashfall::render::planes_from_splats;
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 use scenes::Scene;
 
 fn mip(mut scene: Scene) -> Scene {
-    scene.splats.mode = RenderMode::Mip;
+    scene.splats.filter = ScreenFilter::Mip;
     scene
 }
 

@@ -15,7 +15,7 @@ use ashfall::reference::smoothing::{smoothed, smoothed_backward};
 use ashfall::reference::tiles::extent;
 use ashfall::reference::{Splat, Thresholds, project};
 use ashfall::render::planes_from_splats;
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 
 const OPACITY_PENALTY: f32 = 0.125;
 const SCALE_PENALTY: f32 = 0.5;
@@ -198,7 +198,7 @@ fn grouped(found: &[f64], expected: &[f64], count: usize) -> Vec<Output> {
 }
 
 fn mip(mut scene: Scene) -> Scene {
-    scene.splats.mode = RenderMode::Mip;
+    scene.splats.filter = ScreenFilter::Mip;
     scene
 }
 

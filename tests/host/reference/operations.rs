@@ -73,7 +73,7 @@ fn ranges_cover_the_list_once() {
 #[test]
 fn a_tiles_pixels_never_exceed_its_rectangle() {
     let scene = scenes::hard(5, 90, 61, 45, 0);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let grid = Grid::new(61, 45);
     let mut random = Random::new(1);
     for splat in project_all(&Splat::<f64>::all(&scene.splats), &view)
@@ -113,7 +113,7 @@ fn a_tiles_pixels_never_exceed_its_rectangle() {
 #[test]
 fn the_extent_is_as_far_as_a_splat_reaches() {
     let scene = scenes::gentle(7, 20, 40, 40, 0);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     for splat in project_all(&Splat::<f64>::all(&scene.splats), &view)
         .iter()
         .flatten()
@@ -138,7 +138,7 @@ fn the_extent_is_as_far_as_a_splat_reaches() {
 #[test]
 fn expansion_goes_by_depth_then_tile() {
     let scene = scenes::gentle(6, 30, 40, 40, 0);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
     let list = expand(&screen, &Grid::new(40, 40), &Thresholds::ENGINE);
     assert!(!list.is_empty());

@@ -16,14 +16,14 @@ pub fn view(scene: &Scene) -> View {
     let options = ViewOptions {
         background: scene.options.background.map(|c| c as f32),
         near: scene.options.near as f32,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
     };
     view_of(&scene.camera, &options)
 }
 
 /// The camera in the oracle's form.
 pub fn viewpoint(scene: &Scene) -> Viewpoint {
-    Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode)
+    Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter)
 }
 
 /// Projected splats and their intersections.
