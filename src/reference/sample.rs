@@ -6,7 +6,8 @@
 //! across, its whole share is allowed for. So every pixel of every scene has a bound, as small as that pixel permits.
 
 use super::frame::{center, sorted};
-use super::rasterize::{layer, power, raw_alpha};
+use super::primitive::power;
+use super::rasterize::{layer, raw_alpha};
 use super::{Options, Pixel, ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;

@@ -7,12 +7,13 @@ use ashfall::reference::expand::expand;
 use ashfall::reference::frame::project_all;
 use ashfall::reference::linear::rotation;
 use ashfall::reference::perturb::{normals, perturb};
+use ashfall::reference::primitive::extent;
 use ashfall::reference::ranges::ranges;
 use ashfall::reference::rasterize::{layer, raw_alpha};
 use ashfall::reference::relocate;
 use ashfall::reference::scan::scan;
 use ashfall::reference::sort::sort;
-use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max, extent};
+use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
 use ashfall::reference::{Splat, Thresholds, Viewpoint};
 
 #[test]
