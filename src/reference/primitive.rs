@@ -1,4 +1,4 @@
-//! Everything that depends on the kind of splat, here a 3D Gaussian with its ellipse on the screen: exponent, extent and
+//! Everything that depends on the kind of splat, here a 3D Gaussian with its ellipse on the screen: exponent, extent,
 //! depth. Derivatives follow from duals.
 
 use super::project::determinant;
