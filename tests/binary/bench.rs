@@ -4,6 +4,7 @@ use ashfall::kernels::{KERNELS, SELFTESTS};
 use ashfall::lab::baseline;
 use ashfall::lab::baseline::scalar;
 use ashfall::lab::bench::check::Output;
+use ashfall::lab::bench::kernels::gradient::SPLAT_TOLERANCE;
 use ashfall::lab::bench::{Bench, Case, Options, Unit, Work, kernels, row};
 use serde_json::Value;
 use std::cell::Cell;
@@ -173,7 +174,7 @@ fn kernels_are_checked_on_what_they_are_timed_on() {
 #[test]
 fn a_yardstick_that_is_wrong_is_noticed() {
     let composite = kernels::Composite::baseline_16x16(300, [61, 47], 6.0);
-    let gradient = kernels::Gradient::new(&composite);
+    let gradient = kernels::Gradient::new(&composite, kernels::gradient::SAMPLED);
     let input = scalar::HostInput::new(&composite);
     let planes = |image: &[[f32; 4]]| -> Vec<f32> {
         (0..4)
@@ -187,11 +188,11 @@ fn a_yardstick_that_is_wrong_is_noticed() {
         .unwrap();
     case.judge(&composite.outputs(&vectorised, None)).unwrap();
     let sums = scalar::backward(&input, &image, &ends, &gradient.d_sampled);
-    case.judge(&gradient.judge_splats(&scalar::whitened(&input, &sums)))
+    case.judge(&gradient.judge_splats(&scalar::whitened(&input, &sums), SPLAT_TOLERANCE))
         .unwrap();
     let other = scalar::backward(&input, &image, &ends, &gradient.d_image);
     assert!(
-        case.judge(&gradient.judge_splats(&scalar::whitened(&input, &other)))
+        case.judge(&gradient.judge_splats(&scalar::whitened(&input, &other), SPLAT_TOLERANCE))
             .is_err()
     );
     image.iter_mut().for_each(|pixel| pixel[1] *= 1.001);

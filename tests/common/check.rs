@@ -8,6 +8,8 @@
 )]
 
 use ashfall::gpu::{Buffer, Gpu};
+use ashfall::kernels::Kernel;
+use ashfall::lab::bench::kernels::{KernelCase, Workgroups};
 use ashfall::layout::DispatchArgs;
 use bytemuck::Pod;
 use std::collections::BTreeMap;
@@ -47,6 +49,30 @@ impl Check {
                     output.accepts(&lie).is_err(),
                     "{kernel}, {case}: {name}: the check does not notice a falsehood"
                 );
+            }
+        }
+    }
+
+    /// Runs cases of one kernel in every choice that the device can run, compares their outputs and falsifies them.
+    #[track_caller]
+    pub fn cases<K: Kernel>(
+        &mut self,
+        gpu: &Gpu,
+        workgroups: Workgroups,
+        cases: &[(impl std::fmt::Display, KernelCase<'_, K>)],
+    ) {
+        for (choice, _) in workgroups.choices::<K>(gpu.caps()) {
+            let mut compiled: Option<(K::Choice, K)> = None;
+            for (name, case) in cases {
+                let choice = case.tuned(choice);
+                let kernel = match compiled.take() {
+                    Some((same, kernel)) if same == choice => kernel,
+                    _ => K::compile(gpu, choice).unwrap(),
+                };
+                case.run(gpu, &kernel, &choice).unwrap();
+                let outputs = case.outputs(gpu, &choice).unwrap();
+                self.outputs(&format!("{name}, {choice:?}"), outputs);
+                compiled = Some((choice, kernel));
             }
         }
     }

@@ -8,6 +8,7 @@
     reason = "shared by test binaries, each of which uses its own part"
 )]
 
+pub use ashfall::lab::bench::input::pack::in_order;
 pub use ashfall::lab::bench::input::random::{Random, single};
 pub use ashfall::lab::bench::input::scene::{Scene, Sketch, push};
 use ashfall::reference::Options;
@@ -265,12 +266,4 @@ pub fn shuffled(count: usize) -> Vec<u32> {
         .collect();
     keyed.sort_unstable();
     keyed.into_iter().map(|(_, i)| i).collect()
-}
-
-/// Parameter planes, each reordered by an index.
-pub fn in_order(planes: &[[f32; 4]], index: &[u32]) -> Vec<[f32; 4]> {
-    planes
-        .chunks(index.len())
-        .flat_map(|plane| index.iter().map(|&splat| plane[splat as usize]))
-        .collect()
 }

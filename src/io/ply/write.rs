@@ -42,7 +42,7 @@ pub fn write(path: &Path, splats: &Splats) -> Result<()> {
 }
 
 fn header(splats: &Splats) -> String {
-    let mode = splats.filter.name();
+    let filter = splats.filter.name();
     let rest = (sh_coefficient_count(splats.sh_degree) - 1) * 3;
     let mut names: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"].map(String::from).into();
     names.extend((0..3).map(|i| format!("f_dc_{i}")));
@@ -59,7 +59,7 @@ fn header(splats: &Splats) -> String {
         DVec3 { x, y, z } => format!("comment {ORIGIN} {x} {y} {z}\n"),
     };
     format!(
-        "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: {mode}\n{origin}\
+        "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: {filter}\n{origin}\
          element vertex {}\n{properties}end_header\n",
         splats.len()
     )

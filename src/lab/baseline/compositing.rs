@@ -7,7 +7,8 @@ use crate::gpu::{Frames, Gpu, Recorder};
 use crate::kernels::rasterize::Outputs;
 use crate::kernels::{baseline_16x16, baseline_16x16_backward, rasterize, rasterize_backward};
 use crate::lab::bench::check::Output;
-use crate::lab::bench::kernels::{Composite, Device, Gradient, Input, backward_params};
+use crate::lab::bench::kernels::gradient::{SAMPLED, SOURCE_TOLERANCE, SPLAT_TOLERANCE, params};
+use crate::lab::bench::kernels::{Composite, Device, Gradient, Input};
 use crate::lab::bench::session::device_times;
 use crate::lab::bench::session::{Bench, Case};
 use crate::lab::bench::trial::{Subject, host_times};
@@ -169,7 +170,10 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
     let squares = Composite::baseline_16x16(COUNT, SIZE, SIGMA_MAX);
     let (input, square_input) = (Input::new(&gpu, &engine)?, Input::new(&gpu, &squares)?);
-    let (gradient, square_gradient) = (Gradient::new(&engine), Gradient::new(&squares));
+    let (gradient, square_gradient) = (
+        Gradient::new(&engine, SAMPLED),
+        Gradient::new(&squares, SAMPLED),
+    );
     let device = Device::new(&gpu, &engine, &gradient)?;
     let square_device = Device::new(&gpu, &squares, &square_gradient)?;
     let host = HostInput::new(&squares);
@@ -179,16 +183,17 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
 
     let (image, ends) = scalar::forward(&host);
     let sums = scalar::backward(&host, &image, &ends, &square_gradient.d_sampled);
-    case(SCALAR).judge(&square_gradient.judge_splats(&scalar::whitened(&host, &sums)))?;
+    case(SCALAR)
+        .judge(&square_gradient.judge_splats(&scalar::whitened(&host, &sums), SPLAT_TOLERANCE))?;
     let mut subjects = vec![on_device(
         &gpu,
         case(&ours),
         |rec| device.upstream(rec, true),
         |rec| {
             let io = device.rasterize_backward(&input);
-            kernel.record(rec, io, backward_params(&input), input.groups());
+            kernel.record(rec, io, params(&input), input.groups());
         },
-        || device.judge_sources(&gradient),
+        || device.judge_sources(&gradient, SOURCE_TOLERANCE),
     )?];
     // The design needs atomic addition of floats.
     let old = baseline_16x16_backward::Choice::default();
@@ -203,7 +208,7 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
                 let io = device.baseline_16x16_backward(input);
                 old.record_cleared(rec, io, input.groups());
             },
-            || device.judge_splats(&square_gradient),
+            || device.judge_splats(&square_gradient, SPLAT_TOLERANCE),
         )?);
     }
     subjects.push(on_host(case(SCALAR), || {

@@ -2,57 +2,44 @@
 
 use super::{Ratio, on_processor};
 use crate::Result;
-use crate::gpu::{Frames, Gpu};
+use crate::gpu::{Frames, Gpu, Recorder};
+use crate::kernels::Kernel;
 use crate::kernels::sort::Sort;
-use crate::kernels::{sort_count, sort_scatter};
-use crate::lab::bench::kernels::Sorting;
+use crate::lab::bench::kernels::{Sorting, Workgroups, sort};
 use crate::lab::bench::session::device_times;
 use crate::lab::bench::session::{Bench, Case};
 use crate::lab::bench::trial::{Subject, host_times};
 
 const COUNT: usize = 1 << 20;
 /// Workgroup sizes of the ballot sort.
-const BALLOT_WORKGROUPS: [u32; 2] = [64, 256];
+const BALLOT_WORKGROUPS: Workgroups = Workgroups::subgroups(&[64, 256]);
 
 fn case(variant: &str) -> Case {
     Case::of("baseline", "sort", variant, 0)
 }
 
 /// Checks a sort and prepares it for timing.
-fn on_device<'a>(gpu: &Gpu, name: &str, sorting: &'a Sorting) -> Result<Subject<'a>> {
+fn on_device<'a>(
+    gpu: &Gpu,
+    name: &str,
+    sorting: &'a Sorting,
+    sort: &'a Sort,
+) -> Result<Subject<'a>> {
     let case = case(name).doing(sorting.work());
     gpu.run(|rec| {
-        sorting.prepare(rec);
-        sorting.record(rec);
+        sorting.prepare(rec, sort);
+        sorting.record(rec, sort);
     })?;
-    case.judge(&sorting.outputs()?)?;
+    case.judge(&sorting.outputs(gpu)?)?;
     let mut frames = Frames::new(gpu, 1, true)?;
-    let run = move || device_times(&mut frames, |r| sorting.prepare(r), |r| sorting.record(r));
+    let run = move || {
+        let prepare = |rec: &mut Recorder<'_>| sorting.prepare(rec, sort);
+        device_times(&mut frames, prepare, |rec| sorting.record(rec, sort))
+    };
     Ok(Subject {
         case,
         run: Box::new(run),
     })
-}
-
-/// Sort with a chunk for each workgroup and keys ranked by ballots of subgroups.
-fn ballot(gpu: &Gpu, workgroup: u32) -> Result<Option<Sorting>> {
-    let caps = gpu.caps();
-    let count = sort_count::Choice {
-        variant: sort_count::Variant::Subgroup,
-        spec: sort_count::Spec { workgroup },
-    };
-    let scatter = sort_scatter::Choice {
-        variant: sort_scatter::Variant::Subgroup,
-        spec: sort_scatter::Spec { workgroup },
-    };
-    let runs = caps.supports(scatter.variant.info()).is_ok()
-        && workgroup <= caps.max_workgroup
-        && workgroup.is_multiple_of(caps.subgroup_size.max(1));
-    if !runs {
-        return Ok(None);
-    }
-    let sort = Sort::with(gpu, count, scatter)?;
-    Sorting::new(gpu, COUNT, sort).map(Some)
 }
 
 pub(super) fn sort(bench: &mut Bench) -> Result<Vec<Ratio>> {
@@ -61,15 +48,18 @@ pub(super) fn sort(bench: &mut Bench) -> Result<Vec<Ratio>> {
     if !names.iter().any(|name| bench.wants(&case(name))) {
         return Ok(Vec::new());
     }
-    let ours = Sorting::new(&gpu, COUNT, Sort::new(&gpu)?)?;
-    let mut ballots = Vec::new();
-    for workgroup in BALLOT_WORKGROUPS {
-        ballots.extend(ballot(&gpu, workgroup)?.map(|sorting| (workgroup, sorting)));
+    let ours = Sorting::new(&gpu, sort::keys(COUNT), sort::layout(8, 4))?;
+    // A chunk for each workgroup, and keys ranked by ballots of subgroups.
+    let mut sorts = vec![(names[0].to_owned(), Sort::new(&gpu)?)];
+    for (choice, workgroup) in BALLOT_WORKGROUPS.choices::<Sort>(gpu.caps()) {
+        if Sort::info(&choice).uses_subgroups() {
+            sorts.push((format!("ballot/{workgroup}"), Sort::compile(&gpu, choice)?));
+        }
     }
-    let mut subjects = vec![on_device(&gpu, names[0], &ours)?];
-    for (workgroup, sorting) in &ballots {
-        subjects.push(on_device(&gpu, &format!("ballot/{workgroup}"), sorting)?);
-    }
+    let subjects = sorts
+        .iter()
+        .map(|(name, sort)| on_device(&gpu, name, &ours, sort));
+    let mut subjects = subjects.collect::<Result<Vec<_>>>()?;
     let pairs: Vec<(u32, u32)> = ours.keys.iter().copied().zip(0..).collect();
     // Single-threaded, so that its processor time is that of one core.
     subjects.push(Subject {

@@ -5,9 +5,10 @@
 use crate::common::check::*;
 use crate::common::lists::view;
 use crate::common::{device, scenes};
-use crate::kernels::supported;
 use ashfall::gpu::{Buffer, DeviceKind, Gpu, Groups};
-use ashfall::kernels::{rasterize_backward, rasterize_inria};
+use ashfall::kernels::rasterize_backward::{self, RasterizeBackward};
+use ashfall::kernels::rasterize_inria;
+use ashfall::lab::bench::kernels::Workgroups;
 use ashfall::layout::{TILE_PIXELS, View};
 use ashfall::render::list_limit;
 
@@ -53,13 +54,8 @@ fn gradients_reach_the_front() {
     let gpu = device::gpu();
     let list = Longest::new(&gpu, |_| 0);
     let (image, ends) = (vec![0.5; 4 * PIXELS], vec![list.len as u32; PIXELS]);
-    for variant in supported!(rasterize_backward, gpu) {
-        let spec = rasterize_backward::Spec::default();
-        if !gpu.caps().lanes_fit(variant.info(), spec.workgroup) {
-            continue;
-        }
-        let choice = rasterize_backward::Choice { variant, spec };
-        let kernel = rasterize_backward::RasterizeBackward::new(&gpu, choice).unwrap();
+    for (choice, _) in Workgroups::lanes(&[8]).choices::<RasterizeBackward>(gpu.caps()) {
+        let kernel = RasterizeBackward::new(&gpu, choice).unwrap();
         let shape = unwritten::<[f32; 4]>(&gpu, list.len);
         let tone = unwritten::<[f32; 4]>(&gpu, list.len);
         let rest = unwritten::<f32>(&gpu, list.len);
@@ -88,10 +84,10 @@ fn gradients_reach_the_front() {
         // Half of every pixel, less what a deviation of 1e-3 of a standard one takes: under 1e-4.
         assert!(
             (blue[0] / (0.5 * PIXELS as f32) - 1.0).abs() < 1e-3,
-            "{variant:?}: {}",
+            "{choice:?}: {}",
             blue[0]
         );
-        assert!(blue[1..].iter().all(|&d| d == 0.0), "{variant:?}");
+        assert!(blue[1..].iter().all(|&d| d == 0.0), "{choice:?}");
     }
 }
 

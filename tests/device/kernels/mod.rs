@@ -1,7 +1,9 @@
 //! Rung 2: every kernel, every variant that the device can run, several workgroup sizes, against the oracle,
 //! on inputs that are chosen to hurt. Tolerances are derived where they stand; u = 2⁻²⁴ throughout.
 
-use ashfall::gpu::Gpu;
+use ashfall::Result;
+use ashfall::kernels::Kernel;
+use ashfall::lab::bench::kernels::{KernelCase, Workgroups};
 
 mod adam;
 mod baseline_16x16;
@@ -40,35 +42,15 @@ const LENGTHS: [(&str, usize); 9] = [
     ("crosses workgroups", 5000),
 ];
 
-/// Sizes of workgroups that the device can have.
-fn fitting<const N: usize>(gpu: &Gpu, sizes: [u32; N]) -> impl Iterator<Item = u32> {
-    let most = gpu.caps().max_workgroup;
-    sizes.into_iter().filter(move |&size| size <= most)
-}
+/// Workgroups of kernels of one invocation an element.
+const ELEMENTWISE: Workgroups = Workgroups::any(&[1, 8, 64, 256]);
 
-/// The variants that the device can run.
-macro_rules! supported {
-    ($kernel:ident, $gpu:expr) => {
-        ashfall::kernels::$kernel::Variant::ALL
-            .iter()
-            .copied()
-            .filter(|variant| $gpu.caps().supports(variant.info()).is_ok())
-    };
-}
-pub(crate) use supported;
+/// Workgroups of kernels with a workgroup a tile.
+const LANES: Workgroups = Workgroups::lanes(&[8, 16, 32]);
 
-/// The choices of a kernel that walks the lists of tiles: every variant in every number of lanes that a tile can have.
-macro_rules! lane_choices {
-    ($kernel:ident, $gpu:expr) => {
-        crate::kernels::supported!($kernel, $gpu)
-            .flat_map(|variant| [8, 16, 32].map(|lanes| (variant, lanes)))
-            .filter(|(variant, lanes)| $gpu.caps().lanes_fit(variant.info(), *lanes))
-            .map(|(variant, workgroup)| {
-                let mut choice = ashfall::kernels::$kernel::Choice::default();
-                choice.variant = variant;
-                choice.spec.workgroup = workgroup;
-                choice
-            })
-    };
+/// Cases of the lengths at which workgroups and chunks begin and end.
+fn by_length<'a, K: Kernel>(
+    case: impl Fn(usize) -> Result<KernelCase<'a, K>>,
+) -> Vec<(&'static str, KernelCase<'a, K>)> {
+    LENGTHS.map(|(name, len)| (name, case(len).unwrap())).into()
 }
-pub(crate) use lane_choices;

@@ -3,94 +3,11 @@
 use crate::common::check::*;
 use crate::common::device;
 use crate::common::scenes::Random;
-use crate::kernels::supported;
 use ashfall::gpu::Groups;
 use ashfall::kernels::plan::{Bindings, Choice, Params, Plan};
+use ashfall::lab::bench::kernels::Workgroups;
+use ashfall::lab::bench::kernels::plan::{PARAMS, plan};
 use ashfall::layout::*;
-
-const PARAMS: Params = Params {
-    stage: 0,
-    isect_capacity: 1_000_000,
-    chunk: 1024,
-    chunks_per_group: 8,
-    digit_count: 256,
-    workgroup: 64,
-    group_limit: 65_535,
-    tile_count: 1020,
-    band: 0,
-    band_count: 1,
-    rank_limit: u32::MAX,
-};
-
-/// `count` workgroups, no more than `limit` in one dimension.
-fn folded(count: u64, limit: u32) -> DispatchArgs {
-    let x = count.min(u64::from(limit));
-    let y = if x == 0 { 0 } else { count.div_ceil(x) };
-    DispatchArgs {
-        x: x as u32,
-        y: y as u32,
-        z: 1,
-    }
-}
-
-/// What `plan` should leave, by its slots: visible or intersections, chunks, table; then the arguments.
-fn expected(
-    counts: &mut [u32; 16],
-    args: &mut [DispatchArgs; ARGS_SLOTS as usize],
-    params: &Params,
-) {
-    let failed = COUNT_FAILED as usize;
-    let (main, elementwise, others) = if params.stage == 0 {
-        let others = [ARGS_VISIBLE_CHUNK, ARGS_VISIBLE_TABLE];
-        (COUNT_VISIBLE as usize, ARGS_VISIBLE as usize, others)
-    } else {
-        let wanted = counts[COUNT_ISECT as usize];
-        if counts[failed] == 0 {
-            counts[COUNT_ISECT_WANTED as usize] = wanted;
-        }
-        counts[failed] = u32::from(counts[failed] != 0 || wanted > params.isect_capacity);
-        let others = [ARGS_ISECT_CHUNK, ARGS_ISECT_TABLE];
-        (COUNT_ISECT as usize, ARGS_ISECT as usize, others)
-    };
-    if counts[failed] != 0 {
-        counts[main] = 0;
-    }
-    let count = u64::from(counts[main]);
-    let groups = |elements: u64| elements.div_ceil(u64::from(params.workgroup));
-    // The largest even number of whole workgroups of chunks of at least `chunk` keys, but two of them.
-    let chunks = match count {
-        0 => 0,
-        _ => (1..)
-            .map(|pairs| 2 * pairs * u64::from(params.chunks_per_group))
-            .take_while(|&chunks| chunks * u64::from(params.chunk) <= count)
-            .last()
-            .unwrap_or(2 * u64::from(params.chunks_per_group)),
-    };
-    let table = chunks * u64::from(params.digit_count);
-    let scan = |elements: u64| groups(elements.div_ceil(u64::from(SCAN_CHUNK)));
-    counts[main + 1] = chunks as u32;
-    counts[main + 2] = table as u32;
-    let mut set = |slot: u32, groups: u64| args[slot as usize] = folded(groups, params.group_limit);
-    set(elementwise as u32, groups(count));
-    set(
-        others[0],
-        chunks.div_ceil(u64::from(params.chunks_per_group)),
-    );
-    set(others[1], scan(table));
-    if params.stage == 0 {
-        set(ARGS_VISIBLE_SCAN, scan(count));
-    } else {
-        let visible = u64::from(counts[COUNT_VISIBLE as usize]);
-        set(ARGS_EXPAND, if count == 0 { 0 } else { groups(visible) });
-        set(ARGS_TILE, u64::from(params.tile_count) * visible.min(1));
-        counts[COUNT_BAND_BEGIN as usize] = 0;
-        counts[COUNT_BAND_END as usize] = visible as u32;
-        counts[COUNT_BAND_BASE as usize] = match visible {
-            0 => counts[COUNT_ISECT_WANTED as usize],
-            _ => 0,
-        };
-    }
-}
 
 /// Where the splats of a list begin among the intersections.
 fn offsets(tiles: &[u32]) -> Vec<u32> {
@@ -164,7 +81,7 @@ fn bands_hold_as_many_splats_as_fit() {
                 COUNT_ISECT,
             ];
             let (mut found, mut expected) = (Vec::new(), Vec::new());
-            let plan = |band, found: &mut Vec<u32>| {
+            let run = |band, found: &mut Vec<u32>| {
                 let params = Params {
                     band: band as u32,
                     band_count: recorded as u32,
@@ -176,7 +93,7 @@ fn bands_hold_as_many_splats_as_fit() {
                 found.extend(slots.map(|slot| counts[slot as usize]));
                 found.push(read(&gpu, &args)[ARGS_TILE as usize].x);
             };
-            (0..recorded).for_each(|band| plan(band, &mut found));
+            (0..recorded).for_each(|band| run(band, &mut found));
             let failed = read(&gpu, &counted)[COUNT_FAILED as usize];
             let (mut rank, mut isect) = (0, 0);
             for band in 0..recorded {
@@ -237,53 +154,26 @@ fn sizes_and_overflow_are_planned() {
         isect_capacity: 5000,
         ..PARAMS
     };
-    for variant in supported!(plan, gpu) {
-        let choice = Choice {
-            variant,
-            ..Choice::default()
-        };
-        let kernel = Plan::new(&gpu, choice).unwrap();
-        for params in [PARAMS, small] {
-            for stage in [0, 1] {
-                for count in [
-                    0, 1, 63, 64, 65, 1023, 1024, 1025, 5000, 5001, 1_000_000, 1_000_001,
-                ] {
-                    for earlier in [0, 1] {
-                        let params = Params { stage, ..params };
-                        let mut before = [3; 16];
-                        before[COUNT_VISIBLE as usize] = count.min(900_000);
-                        before[COUNT_ISECT as usize] = count;
-                        before[COUNT_FAILED as usize] = earlier;
-                        // As many to each splat as to the next, more or less.
-                        let visible = u64::from(before[COUNT_VISIBLE as usize]);
-                        let offset = |rank| rank * u64::from(count) / visible;
-                        let offsets: Vec<u32> = (0..visible).map(|i| offset(i) as u32).collect();
-                        let counted = buffer(&gpu, &before);
-                        let untouched = DispatchArgs { x: 9, y: 9, z: 9 };
-                        let mut args = [untouched; ARGS_SLOTS as usize];
-                        let planned = buffer(&gpu, &args);
-                        let io = Bindings {
-                            counts: &counted,
-                            args: &planned,
-                            isect_from_rank: &buffer(&gpu, &offsets),
-                        };
-                        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
-                            .unwrap();
-                        expected(&mut before, &mut args, &params);
-                        let case = format!("{count} in stage {stage}, failed {earlier}");
-                        let counts = words(&read(&gpu, &counted));
-                        let found = words(&read(&gpu, &planned));
-                        check.outputs(
-                            &case,
-                            vec![
-                                Output::exact("counts", counts, words(&before)),
-                                Output::exact("args", found, words(&args)),
-                            ],
-                        );
-                    }
-                }
-            }
-        }
+    let counts = [
+        0, 1, 63, 64, 65, 1023, 1024, 1025, 5000, 5001, 1_000_000, 1_000_001,
+    ];
+    for (params, stage, earlier) in [PARAMS, small].into_iter().flat_map(|params| {
+        [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(stage, failed)| (params, stage, failed))
+    }) {
+        let params = Params { stage, ..params };
+        let cases = counts.map(|count| {
+            let mut before = [3; 16];
+            before[COUNT_VISIBLE as usize] = count.min(900_000);
+            before[COUNT_ISECT as usize] = count;
+            before[COUNT_FAILED as usize] = earlier;
+            // As many to each splat as to the next, more or less.
+            let visible = u64::from(before[COUNT_VISIBLE as usize]);
+            let offset = |rank| rank * u64::from(count) / visible;
+            let offsets: Vec<u32> = (0..visible).map(|i| offset(i) as u32).collect();
+            let name = format!("{count} in stage {stage}, failed {earlier}");
+            (name, plan(&gpu, &params, &before, &offsets).unwrap())
+        });
+        check.cases(&gpu, Workgroups::FIXED, &cases);
     }
     check.finish();
 }

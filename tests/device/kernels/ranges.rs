@@ -3,12 +3,8 @@
 use crate::common::check::*;
 use crate::common::device;
 use crate::common::scenes::Random;
-use crate::kernels::fitting;
-use crate::kernels::supported;
-use ashfall::gpu::Groups;
-use ashfall::kernels::ranges::{Bindings, Choice, Params, Ranges, Spec};
-use ashfall::layout::{COUNT_FAILED, COUNT_ISECT, COUNT_LIST_TOO_LONG};
-use ashfall::reference::ranges::ranges;
+use crate::kernels::ELEMENTWISE;
+use ashfall::lab::bench::kernels::ranges::ranges;
 
 /// Intersections that a tile may have here.
 const LIST_LIMIT: u32 = 299;
@@ -48,47 +44,10 @@ fn inputs() -> Vec<(&'static str, Vec<u32>, u32)> {
 fn every_tile_finds_its_slice() {
     let gpu = device::gpu();
     let mut check = Check::new("ranges");
-    for variant in supported!(ranges, gpu) {
-        for workgroup in fitting(&gpu, [8, 64, 256]) {
-            let spec = Spec { workgroup };
-            let kernel = Ranges::new(&gpu, Choice { variant, spec }).unwrap();
-            for (name, tiles, tile_count) in inputs() {
-                let target = unwritten::<[u32; 2]>(&gpu, tile_count as usize);
-                let counted = counts(&gpu, &[(COUNT_ISECT, tiles.len() as u32)]);
-                let io = Bindings {
-                    counts: &counted,
-                    tile_from_isect: &buffer(&gpu, &tiles),
-                    range_from_tile: &target,
-                };
-                let args = args(&gpu, tiles.len(), workgroup);
-                let params = Params {
-                    tile_count,
-                    list_limit: LIST_LIMIT,
-                };
-                gpu.run(|rec| {
-                    rec.fill(&target, 0);
-                    kernel.record(rec, io, params, Groups::indirect(&args, 0));
-                })
-                .unwrap();
-                // An empty slice may lie anywhere; the kernel leaves it at 0.
-                let expected: Vec<[u32; 2]> = ranges(&tiles, tile_count)
-                    .into_iter()
-                    .map(|[begin, end]| if begin == end { [0, 0] } else { [begin, end] })
-                    .collect();
-                let found = words(&read(&gpu, &target));
-                let longest = expected.iter().map(|[begin, end]| end - begin).max();
-                let too_long = u32::from(longest.unwrap_or(0) > LIST_LIMIT);
-                let after = read(&gpu, &counted);
-                let flags = [COUNT_LIST_TOO_LONG, COUNT_FAILED].map(|slot| after[slot as usize]);
-                check.outputs(
-                    name,
-                    vec![
-                        Output::exact("ranges", found, words(&expected)),
-                        Output::exact("too long", words(&flags), words(&[too_long; 2])),
-                    ],
-                );
-            }
-        }
-    }
+    let case = |(name, tiles, tile_count): (&'static str, Vec<u32>, u32)| {
+        (name, ranges(&gpu, &tiles, tile_count, LIST_LIMIT).unwrap())
+    };
+    let cases: Vec<_> = inputs().into_iter().map(case).collect();
+    check.cases(&gpu, ELEMENTWISE, &cases);
     check.finish();
 }

@@ -3,17 +3,10 @@
 use crate::common::check::*;
 use crate::common::device;
 use crate::common::scenes::Random;
-use crate::kernels::fitting;
-use crate::kernels::{LENGTHS, supported};
-use ashfall::gpu::Groups;
-use ashfall::kernels::scan::{Io, Scan, What};
-use ashfall::kernels::{scan_apply, scan_chunks, scan_reduce};
-use ashfall::layout::SCAN_CHUNK;
-use ashfall::reference::scan::scan;
-
-/// The slots used here; any would do.
-const COUNT: u32 = 2;
-const TOTAL: u32 = 5;
+use crate::kernels::{ELEMENTWISE, LENGTHS, by_length};
+use ashfall::Result;
+use ashfall::kernels::Kernel;
+use ashfall::lab::bench::kernels::{KernelCase, Workgroups, scan};
 
 /// Values with a name, and whether only "is not 0" is summed.
 fn inputs() -> Vec<(String, Vec<u32>, bool)> {
@@ -32,53 +25,23 @@ fn inputs() -> Vec<(String, Vec<u32>, bool)> {
     cases
 }
 
-/// Sums of the chunks, saturating as the total does.
-fn chunk_sums(values: &[u32], flags: bool) -> Vec<u32> {
-    let chunks = values.chunks(SCAN_CHUNK as usize);
-    chunks
-        .map(|chunk| {
-            let (_, sum) = scan(&counted(chunk, flags));
-            u32::try_from(sum).unwrap_or(u32::MAX)
-        })
-        .collect()
-}
-
-fn counted(values: &[u32], flags: bool) -> Vec<u32> {
-    let one = |&value: &u32| if flags { value.min(1) } else { value };
-    values.iter().map(one).collect()
+fn cases<'a, K: Kernel>(
+    inputs: Vec<(String, Vec<u32>, bool)>,
+    case: impl Fn(&[u32], bool) -> Result<KernelCase<'a, K>>,
+) -> Vec<(String, KernelCase<'a, K>)> {
+    let case =
+        |(name, values, flags): (String, Vec<u32>, bool)| (name, case(&values, flags).unwrap());
+    inputs.into_iter().map(case).collect()
 }
 
 #[test]
 fn chunks_are_summed() {
     let gpu = device::gpu();
     let mut check = Check::new("scan_reduce");
-    for variant in supported!(scan_reduce, gpu) {
-        for workgroup in [1, 8, 64] {
-            let spec = scan_reduce::Spec { workgroup };
-            let choice = scan_reduce::Choice { variant, spec };
-            let kernel = scan_reduce::ScanReduce::new(&gpu, choice).unwrap();
-            let overflowing = ("all 0xFFFFFFFF".to_owned(), vec![u32::MAX; 700], false);
-            for (name, values, flags) in inputs().into_iter().chain([overflowing]) {
-                let expected = chunk_sums(&values, flags);
-                let sums = unwritten::<u32>(&gpu, expected.len() + 1);
-                let io = scan_reduce::Bindings {
-                    counts: &counts(&gpu, &[(COUNT, values.len() as u32)]),
-                    values: &buffer(&gpu, &values),
-                    sum_from_chunk: &sums,
-                };
-                let params = scan_reduce::Params {
-                    count_slot: COUNT,
-                    flags: flags.into(),
-                };
-                let groups = Groups::Count((expected.len() as u32).div_ceil(workgroup));
-                gpu.run(|rec| kernel.record(rec, io, params, groups))
-                    .unwrap();
-                let expected = [words(&expected), vec![f64::NAN]].concat();
-                let found = words(&read(&gpu, &sums));
-                check.outputs(&name, vec![Output::exact("sums", found, expected)]);
-            }
-        }
-    }
+    let mut inputs = inputs();
+    inputs.push(("all 0xFFFFFFFF".to_owned(), vec![u32::MAX; 700], false));
+    let cases = cases(inputs, |values, flags| scan::reduce(&gpu, values, flags));
+    check.cases(&gpu, ELEMENTWISE, &cases);
     check.finish();
 }
 
@@ -86,52 +49,13 @@ fn chunks_are_summed() {
 fn sums_of_chunks_are_scanned_and_saturate() {
     let gpu = device::gpu();
     let mut check = Check::new("scan_chunks");
-    for variant in supported!(scan_chunks, gpu) {
-        for workgroup in fitting(&gpu, [1, 8, 64, 256]) {
-            let spec = scan_chunks::Spec { workgroup };
-            let choice = scan_chunks::Choice { variant, spec };
-            let kernel = scan_chunks::ScanChunks::new(&gpu, choice).unwrap();
-            for (name, len) in LENGTHS {
-                for most in [9, u32::MAX as usize] {
-                    let random = &mut Random::new(len as u64);
-                    let values: Vec<u32> = (0..len).map(|_| random.below(most) as u32).collect();
-                    let counted = counts(&gpu, &[(COUNT, len as u32 * SCAN_CHUNK)]);
-                    let sums = buffer(&gpu, &values);
-                    let io = scan_chunks::Bindings {
-                        counts: &counted,
-                        sum_from_chunk: &sums,
-                    };
-                    let params = scan_chunks::Params {
-                        count_slot: COUNT,
-                        total_slot: TOTAL,
-                    };
-                    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
-                        .unwrap();
-                    let mut sum = 0u64;
-                    let saturated = |sum: u64| sum.min(u64::from(u32::MAX)) as f64;
-                    let before: Vec<f64> = values
-                        .iter()
-                        .map(|&value| {
-                            sum += u64::from(value);
-                            saturated(sum - u64::from(value))
-                        })
-                        .collect();
-                    let total = words(&read(&gpu, &counted))[TOTAL as usize];
-                    let found = if len == 0 {
-                        Vec::new()
-                    } else {
-                        words(&read(&gpu, &sums))
-                    };
-                    check.outputs(
-                        &format!("{name}, up to {most}"),
-                        vec![
-                            Output::exact("sums", found, before),
-                            Output::exact("total", vec![total], vec![saturated(sum)]),
-                        ],
-                    );
-                }
-            }
-        }
+    for most in [9, u32::MAX as usize] {
+        let cases = by_length(|len| {
+            let random = &mut Random::new(len as u64);
+            let values: Vec<u32> = (0..len).map(|_| random.below(most) as u32).collect();
+            scan::chunks(&gpu, &values)
+        });
+        check.cases(&gpu, ELEMENTWISE, &cases);
     }
     check.finish();
 }
@@ -140,34 +64,8 @@ fn sums_of_chunks_are_scanned_and_saturate() {
 fn offsets_go_on_from_their_chunk() {
     let gpu = device::gpu();
     let mut check = Check::new("scan_apply");
-    for variant in supported!(scan_apply, gpu) {
-        for workgroup in [1, 8, 64] {
-            let spec = scan_apply::Spec { workgroup };
-            let choice = scan_apply::Choice { variant, spec };
-            let kernel = scan_apply::ScanApply::new(&gpu, choice).unwrap();
-            for (name, values, flags) in inputs() {
-                let (before, _) = scan(&counted(&values, flags));
-                let starts: Vec<u32> = before.iter().copied().step_by(256).collect();
-                let offsets = unwritten::<u32>(&gpu, values.len() + 1);
-                let io = scan_apply::Bindings {
-                    counts: &counts(&gpu, &[(COUNT, values.len() as u32)]),
-                    values: &buffer(&gpu, &values),
-                    sum_from_chunk: &buffer(&gpu, &starts),
-                    offsets: &offsets,
-                };
-                let params = scan_apply::Params {
-                    count_slot: COUNT,
-                    flags: flags.into(),
-                };
-                let groups = Groups::Count((starts.len() as u32).div_ceil(workgroup));
-                gpu.run(|rec| kernel.record(rec, io, params, groups))
-                    .unwrap();
-                let expected = [words(&before), vec![f64::NAN]].concat();
-                let found = words(&read(&gpu, &offsets));
-                check.outputs(&name, vec![Output::exact("offsets", found, expected)]);
-            }
-        }
-    }
+    let cases = cases(inputs(), |values, flags| scan::apply(&gpu, values, flags));
+    check.cases(&gpu, ELEMENTWISE, &cases);
     check.finish();
 }
 
@@ -175,34 +73,7 @@ fn offsets_go_on_from_their_chunk() {
 fn a_whole_scan_is_one_running_sum() {
     let gpu = device::gpu();
     let mut check = Check::new("scan");
-    let whole = Scan::new(&gpu).unwrap();
-    for (name, values, flags) in inputs() {
-        let counted_on_device = counts(&gpu, &[(COUNT, values.len() as u32)]);
-        let offsets = unwritten::<u32>(&gpu, values.len() + 1);
-        let chunks = values.len().div_ceil(SCAN_CHUNK as usize);
-        let io = Io {
-            counts: &counted_on_device,
-            values: &buffer(&gpu, &values),
-            offsets: &offsets,
-            sums: &unwritten(&gpu, chunks),
-        };
-        let what = What {
-            count_slot: COUNT,
-            total_slot: TOTAL,
-            flags,
-        };
-        let groups = Scan::groups(values.len());
-        gpu.run(|rec| whole.record(rec, io, what, groups)).unwrap();
-        let (before, sum) = scan(&counted(&values, flags));
-        let total = words(&read(&gpu, &counted_on_device))[TOTAL as usize];
-        let expected = [words(&before), vec![f64::NAN]].concat();
-        check.outputs(
-            &name,
-            vec![
-                Output::exact("offsets", words(&read(&gpu, &offsets)), expected),
-                Output::exact("total", vec![total], vec![sum as f64]),
-            ],
-        );
-    }
+    let cases = cases(inputs(), |values, flags| scan::whole(&gpu, values, flags));
+    check.cases(&gpu, Workgroups::FIXED, &cases);
     check.finish();
 }

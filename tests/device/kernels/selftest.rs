@@ -2,12 +2,21 @@
 
 use crate::common::check::*;
 use crate::common::device;
-use crate::kernels::supported;
 use ashfall::gpu::{Gpu, Groups};
 use ashfall::kernels::{
     selftest_atomics, selftest_lanes, selftest_loops, selftest_math, selftest_progress,
 };
 use ashfall::reference::selftest::{self, FUNCTIONS};
+
+/// The variants that the device can run.
+macro_rules! supported {
+    ($kernel:ident, $gpu:expr) => {
+        ashfall::kernels::$kernel::Variant::ALL
+            .iter()
+            .copied()
+            .filter(|variant| $gpu.caps().supports(variant.info()).is_ok())
+    };
+}
 
 fn zeros(gpu: &Gpu, len: usize) -> ashfall::gpu::Buffer<u32> {
     buffer(gpu, &vec![0u32; len])

@@ -185,3 +185,11 @@ pub fn screen_row(splat: &ScreenSplat<f64>, sums: [f64; 9]) -> [f64; 10] {
         0.0,
     ]
 }
+
+/// Planes of parameters, each in the order of an index.
+pub fn in_order(planes: &[[f32; 4]], index: &[u32]) -> Vec<[f32; 4]> {
+    planes
+        .chunks(index.len())
+        .flat_map(|plane| index.iter().map(|&splat| plane[splat as usize]))
+        .collect()
+}

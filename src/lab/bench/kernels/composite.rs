@@ -1,29 +1,22 @@
-//! Compositing, and what the oracle says it shows.
+//! Cases of compositing, and what tile walkers share: a scene, its lists and its pixels.
 
-use super::{Records, counts, nothing, read, wanted};
+use super::{KernelCase, ScreenBuffers, counts, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups};
+use crate::kernels::rasterize::Outputs;
 use crate::kernels::{baseline_16x16, rasterize};
 use crate::lab::bench::check::{Output, floats, words};
 use crate::lab::bench::input::lists::{Lists, view};
 use crate::lab::bench::input::scene::{Scene, scattered};
-use crate::lab::bench::{Bench, Unit, Work};
+use crate::lab::bench::{Unit, Work};
 use crate::layout::{BASELINE_TILE, View};
 use crate::reference::frame::center;
-use crate::reference::rasterize::{blended, discontinuity_margin, rasterize};
+use crate::reference::rasterize::{self as reference, blended, discontinuity_margin};
 use crate::reference::tiles::Grid;
 use crate::reference::{ScreenSplat, Thresholds};
 use crate::render::tile_stride;
 use rayon::prelude::*;
-
-/// Splats, pixels, and the largest standard deviation, pixels: about 40 blended at a pixel.
-pub(super) const INPUTS: [(&str, usize, [u32; 2], f64); 2] = [
-    ("small", 50_000, [480, 272], 3.0),
-    ("large", 50_000, [640, 480], 6.0),
-];
-
-/// Invocations that a tile's workgroup is tried with.
-pub(super) const LANES: [u32; 3] = [8, 16, 32];
+use std::rc::Rc;
 
 /// A scene, listed by tiles of some size, with what compositing it shows.
 pub struct Composite {
@@ -44,6 +37,8 @@ pub struct Composite {
 pub struct Expected {
     /// Red, green, blue, transmittance.
     pub planes: [f64; 4],
+    /// Expected depth.
+    pub depth: f64,
     /// One past the last intersection that counts, 0 if none does.
     pub end: u32,
     /// Splats that are blended.
@@ -55,23 +50,33 @@ pub struct Expected {
 }
 
 impl Composite {
-    /// By the engine's tiles.
+    /// Scattered splats by the engine's tiles.
     pub fn new(count: usize, size: [u32; 2], sigma_max: f64) -> Composite {
-        Composite::over(count, Grid::new(size[0], size[1]), sigma_max)
+        Composite::of(scattered(count, size, sigma_max, 0))
     }
 
-    /// By the square tiles of the baseline_16x16 design.
+    /// A scene by the engine's tiles.
+    pub fn of(scene: Scene) -> Composite {
+        let grid = Grid::new(scene.camera.width, scene.camera.height);
+        Composite::over(scene, grid)
+    }
+
+    /// Scattered splats by the square tiles of the 16 x 16 baseline.
     pub fn baseline_16x16(count: usize, size: [u32; 2], sigma_max: f64) -> Composite {
+        Composite::in_squares(scattered(count, size, sigma_max, 0))
+    }
+
+    /// A scene by the square tiles of the 16 x 16 baseline.
+    pub fn in_squares(scene: Scene) -> Composite {
         let grid = Grid {
             tile_width: BASELINE_TILE,
             tile_height: BASELINE_TILE,
-            ..Grid::new(size[0], size[1])
+            ..Grid::new(scene.camera.width, scene.camera.height)
         };
-        Composite::over(count, grid, sigma_max)
+        Composite::over(scene, grid)
     }
 
-    fn over(count: usize, grid: Grid, sigma_max: f64) -> Composite {
-        let scene = scattered(count, [grid.width, grid.height], sigma_max, 0);
+    fn over(scene: Scene, grid: Grid) -> Composite {
         let lists = Lists::over(&scene, grid);
         let (splats, splat_from_rank) = crate::reference::frame::sorted(&lists.screen);
         let mut rank_from_splat = vec![0; lists.screen.len()];
@@ -115,7 +120,7 @@ impl Composite {
         let thresholds = Thresholds::ENGINE;
         let (tile, at) = self.place(pixel);
         let ranks = &self.ranks_from_tile[tile];
-        let shown = rasterize(&self.splats, ranks, at, self.background(), &thresholds);
+        let shown = reference::rasterize(&self.splats, ranks, at, self.background(), &thresholds);
         let margin = discontinuity_margin(&self.splats, ranks, at, &thresholds);
         let taken = blended(&self.splats, ranks, at, &thresholds);
         let place = taken.last().and_then(|last| ranks.binary_search(last).ok());
@@ -123,10 +128,45 @@ impl Composite {
         let [red, green, blue] = shown.color;
         Expected {
             planes: [red, green, blue, shown.transmittance],
+            depth: shown.depth,
             end: place.map_or(0, |place| begin + place as u32 + 1),
             blended: taken.len() as u32,
             near: margin.nearest() <= 1e-4,
             capped: margin.alpha_max <= 2e-6,
+        }
+    }
+
+    /// By source: whether a pixel of its tile is near a threshold.
+    pub fn near_sources(&self) -> Vec<bool> {
+        let mut near = vec![false; self.lists.range_from_tile.len()];
+        for (pixel, expected) in self.pixels.iter().enumerate() {
+            near[self.place(pixel).0] |= expected.near;
+        }
+        let isects = self.lists.isects.iter();
+        isects.map(|isect| near[isect.tile as usize]).collect()
+    }
+
+    /// Sums what each pixel has `of` its splats by source: `of` maps a pixel, the ranks of its tile and its centre to terms,
+    /// `rank` a term to the rank of its splat, and `add` takes a source, a pixel and a term, pixel by pixel.
+    pub fn fold_sources<T: Send>(
+        &self,
+        of: impl Fn(usize, &[usize], [f64; 2]) -> Vec<T> + Sync,
+        mut add: impl FnMut(usize, usize, &T),
+        rank: impl Fn(&T) -> usize,
+    ) {
+        let terms = |pixel| {
+            let (tile, at) = self.place(pixel);
+            of(pixel, &self.ranks_from_tile[tile], at)
+        };
+        let terms: Vec<Vec<T>> = (0..self.pixels.len()).into_par_iter().map(terms).collect();
+        for (pixel, terms) in terms.iter().enumerate() {
+            let (tile, _) = self.place(pixel);
+            let begin = self.lists.range_from_tile[tile][0] as usize;
+            for term in terms {
+                let ranks = &self.ranks_from_tile[tile];
+                let isect = begin + ranks.partition_point(|&r| r < rank(term));
+                add(self.lists.emitted_from_isect[isect] as usize, pixel, term);
+            }
         }
     }
 
@@ -142,7 +182,12 @@ impl Composite {
         (0..4).flat_map(plane).collect()
     }
 
-    /// What was composited, held against it. Tolerances and shares are those of the kernel's test.
+    /// An image beside the expected one, and the ends of the pixels' lists where there are some.
+    ///
+    /// An error of the exponent is a relative error of alpha, and compositing never amplifies that: at positions up to
+    /// 16 px from the tile's corner, standard deviations from 0.55 px and residuals up to 3.3, it is
+    /// 2 · 3.3 · ulp(16) / 0.55 = 1.2e-5, times the range of colours. Where an alpha or a transmittance meets its
+    /// threshold, one splat of 1/255 or the last 1e-4 may flip.
     pub fn outputs(&self, planes: &[f32], ends: Option<&[u32]>) -> Vec<Output> {
         let near: Vec<bool> = self.pixels.iter().map(|pixel| pixel.near).collect();
         let four = [near.as_slice(), &near, &near, &near].concat();
@@ -168,7 +213,7 @@ pub struct Input {
     pub(super) emitted_from_isect: Buffer<u32>,
     pub(super) splat_from_emitted: Buffer<u32>,
     pub(super) splat_from_isect: Buffer<u32>,
-    pub(super) records: Records,
+    pub(super) records: ScreenBuffers,
     pub(super) image: Buffer<f32>,
     pub(super) depth: Buffer<f32>,
     pub(super) isect_end_from_pixel: Buffer<u32>,
@@ -188,7 +233,7 @@ impl Input {
             splat_from_emitted: gpu
                 .buffer_from("splat_from_emitted", &lists.splat_from_emitted())?,
             splat_from_isect: gpu.buffer_from("splat_from_isect", &lists.splat_from_isect())?,
-            records: Records::new(gpu, &lists.records)?,
+            records: ScreenBuffers::new(gpu, &lists.records)?,
             image: gpu.buffer("image", 4 * pixels)?,
             depth: gpu.buffer("depth", pixels)?,
             isect_end_from_pixel: gpu.buffer("isect_end_from_pixel", pixels)?,
@@ -257,60 +302,68 @@ impl Input {
     }
 }
 
-pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    for (name, count, size, sigma) in INPUTS {
-        engine(bench, name, count, size, sigma)?;
-        baseline(bench, name, count, size, sigma)?;
-    }
-    Ok(())
-}
-
-fn engine(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f64) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    if wanted!(bench, rasterize, name, LANES, Work::default()).is_empty() {
-        return Ok(());
-    }
-    let composite = Composite::new(count, size, sigma);
-    let input = Input::new(&gpu, &composite)?;
-    let work = composite.work();
-    for (variant, workgroup, case) in wanted!(bench, rasterize, name, LANES, work) {
-        if !gpu.caps().lanes_fit(variant.info(), workgroup) {
-            continue;
+/// The engine's compositing with these outputs.
+pub fn rasterize<'a>(
+    gpu: &Gpu,
+    composite: &'a Composite,
+    outputs: Outputs,
+) -> Result<KernelCase<'a, rasterize::Rasterize>> {
+    let input = Rc::new(Input::new(gpu, composite)?);
+    let found = input.clone();
+    let case = KernelCase::new(composite.work(), {
+        let input = input.clone();
+        move |rec, kernel: &rasterize::Rasterize, _| {
+            kernel.record(rec, input.rasterize(), input.params(), input.groups());
         }
-        let spec = rasterize::Spec {
-            workgroup,
-            ..rasterize::Spec::default()
+    });
+    let case =
+        case.tune(move |choice: &mut rasterize::Choice| *choice = choice.of_outputs(outputs));
+    let case = case
+        .erase(&input.image)
+        .erase(&input.depth)
+        .erase(&input.isect_end_from_pixel);
+    Ok(case.judge(move |gpu, _| {
+        let (image, ends) = (
+            read(gpu, &found.image)?,
+            read(gpu, &found.isect_end_from_pixel)?,
+        );
+        let mut all = composite.outputs(&image, outputs.ends.then_some(&ends));
+        let near: Vec<bool> = composite.pixels.iter().map(|pixel| pixel.near).collect();
+        let nothing = || vec![f64::NAN; near.len()];
+        if !outputs.ends {
+            all.push(Output::exact("ends", words(&ends), nothing()));
+        }
+        let depths = composite.pixels.iter().map(|pixel| pixel.depth);
+        let expected = if outputs.depth {
+            depths.collect()
+        } else {
+            nothing()
         };
-        let kernel = rasterize::Rasterize::new(&gpu, rasterize::Choice { variant, spec })?;
-        bench.trial(
-            &case,
-            nothing,
-            |rec| kernel.record(rec, input.rasterize(), input.params(), input.groups()),
-            || input.outputs(&gpu, &composite),
-        )?;
-    }
-    Ok(())
+        let found = floats(&read(gpu, &found.depth)?);
+        let range = composite
+            .splats
+            .iter()
+            .map(|splat| splat.depth)
+            .fold(1.0, f64::max);
+        let depth = Output::relative("depth", found, expected, 2e-5, range);
+        all.push(depth.near(near, range / 255.0, 0.01));
+        Ok(all)
+    }))
 }
 
-fn baseline(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f64) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    if wanted!(bench, baseline_16x16, name, [0], Work::default()).is_empty() {
-        return Ok(());
-    }
-    let composite = Composite::baseline_16x16(count, size, sigma);
-    let input = Input::new(&gpu, &composite)?;
-    for (variant, _, case) in wanted!(bench, baseline_16x16, name, [0], composite.work()) {
-        let choice = baseline_16x16::Choice {
-            variant,
-            ..baseline_16x16::Choice::default()
-        };
-        let kernel = baseline_16x16::Baseline16x16::new(&gpu, choice)?;
-        bench.trial(
-            &case,
-            nothing,
-            |rec| kernel.record(rec, input.baseline_16x16(), input.groups()),
-            || input.outputs(&gpu, &composite),
-        )?;
-    }
-    Ok(())
+/// The baseline's compositing, of a scene in its square tiles.
+pub fn baseline_16x16<'a>(
+    gpu: &Gpu,
+    composite: &'a Composite,
+) -> Result<KernelCase<'a, baseline_16x16::Baseline16x16>> {
+    let input = Rc::new(Input::new(gpu, composite)?);
+    let found = input.clone();
+    let case = KernelCase::new(composite.work(), {
+        let input = input.clone();
+        move |rec, kernel: &baseline_16x16::Baseline16x16, _| {
+            kernel.record(rec, input.baseline_16x16(), input.groups());
+        }
+    });
+    let case = case.erase(&input.image).erase(&input.isect_end_from_pixel);
+    Ok(case.judge(move |gpu, _| found.outputs(gpu, composite)))
 }

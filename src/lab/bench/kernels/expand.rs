@@ -1,176 +1,182 @@
-//! One intersection for every tile that a splat touches.
+//! Case of `expand`: one intersection for every tile that a splat touches.
 
-use super::{ELEMENTWISE, Records, args, counts, read, sample, wanted};
+use super::{KernelCase, ScreenBuffers, counts, read, sample};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Groups};
-use crate::kernels::expand::{Bindings, Choice, Expand, Spec};
+use crate::gpu::Gpu;
+use crate::kernels::expand::{Bindings, Expand};
 use crate::lab::bench::check::{Output, words};
 use crate::lab::bench::input::lists::{Lists, tiles_near, view};
 use crate::lab::bench::input::pack::Splat2d;
-use crate::lab::bench::input::scene::scattered;
-use crate::lab::bench::{Bench, Unit, Work};
-use crate::layout::{COUNT_BAND_END, View};
-use crate::reference::Thresholds;
+use crate::lab::bench::input::scene::{self, Scene};
+use crate::lab::bench::{Unit, Work};
+use crate::layout::{COUNT_BAND_BASE, COUNT_BAND_BEGIN, COUNT_BAND_END};
 use crate::reference::frame::depth_order;
+use crate::reference::scan::scan;
 use crate::reference::tiles::{alpha_at_pixels, alpha_max};
+use crate::reference::{ScreenSplat, Thresholds};
+use std::collections::BTreeSet;
 
-/// Splats, pixels, and the largest standard deviation, pixels.
-const INPUTS: [(usize, [u32; 2], f64); 2] =
-    [(50_000, [480, 272], 3.0), (20_000, [1920, 1080], 60.0)];
-/// Splats whose tiles are judged one by one.
+/// Splats whose tiles are compared.
 const SAMPLES: usize = 500;
-/// How far, relatively, an alpha may be from the cut for its tile to be listed or not (see the kernel's test).
+
+/// Largest relative distance of an alpha to the cut for its tile to be listed or not: the kernel widens the squared
+/// radius by 1e-5 relative and absolute, and the border by a thousandth of a pixel, which at a standard deviation of
+/// half a pixel and three and a half of them out is exp(3.5 · 0.002) − 1.
 const MARGIN: f64 = 0.01;
 
-pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    for (count, size, sigma) in INPUTS {
-        let name = format!("{count}/{}x{}", size[0], size[1]);
-        if wanted!(bench, expand, name, ELEMENTWISE, Work::default()).is_empty() {
-            continue;
-        }
-        let scene = scattered(count, size, sigma, 0);
-        let lists = Lists::new(&scene);
-        let input = Input::new(&gpu, &lists, view(&scene))?;
-        let work = Work::of(input.total, Unit::Isects)
-            .moving(12 * input.total + (size_of::<Splat2d>() + 16) * input.order.len());
-        for (variant, workgroup, case) in wanted!(bench, expand, name, ELEMENTWISE, work) {
-            let spec = Spec {
-                workgroup,
-                ..Spec::default()
-            };
-            let kernel = Expand::new(&gpu, Choice { variant, spec })?;
-            let args = args(&gpu, input.order.len(), workgroup)?;
-            bench.trial(
-                &case,
-                |rec| rec.fill(&input.tile_from_isect, u32::MAX),
-                |rec| kernel.record(rec, input.bindings(), Groups::indirect(&args, 0)),
-                || input.outputs(&gpu),
-            )?;
-        }
-    }
-    Ok(())
-}
-
-/// The visible splats in order, with as many slots each as it may need.
-struct Input<'a> {
-    lists: &'a Lists,
-    order: Vec<usize>,
-    begins: Vec<u32>,
-    total: usize,
-    view: Buffer<View>,
-    counts: Buffer<u32>,
-    splat_from_rank: Buffer<u32>,
-    isect_from_rank: Buffer<u32>,
-    tile_count_from_splat: Buffer<u32>,
-    records: Records,
-    tile_from_isect: Buffer<u32>,
-    emitted_from_isect: Buffer<u32>,
-    splat_from_emitted: Buffer<u32>,
-    emitted_from_splat: Buffer<u32>,
-}
-
-impl<'a> Input<'a> {
-    fn new(gpu: &Gpu, lists: &'a Lists, view: View) -> Result<Input<'a>> {
-        let order = depth_order(&lists.screen);
-        let rooms: Vec<u32> = order.iter().map(|&splat| room(lists, splat)).collect();
-        let (begins, total) = crate::reference::scan::scan(&rooms);
-        let total = total as usize;
-        let mut tile_counts = vec![0; lists.screen.len()];
-        for (&splat, &room) in order.iter().zip(&rooms) {
-            tile_counts[splat] = room;
-        }
-        let ranks: Vec<u32> = order.iter().map(|&splat| splat as u32).collect();
-        Ok(Input {
-            total,
-            view: gpu.buffer_from("view", &[view])?,
-            counts: counts(gpu, &[(COUNT_BAND_END, order.len() as u32)])?,
-            splat_from_rank: gpu.buffer_from("ranks", &ranks)?,
-            isect_from_rank: gpu.buffer_from("begins", &begins)?,
-            tile_count_from_splat: gpu.buffer_from("tile_counts", &tile_counts)?,
-            records: Records::new(gpu, &lists.records)?,
-            tile_from_isect: gpu.buffer("tiles", total)?,
-            emitted_from_isect: gpu.buffer("sources", total)?,
-            splat_from_emitted: gpu.buffer("owners", total)?,
-            emitted_from_splat: gpu.buffer("firsts", lists.screen.len())?,
-            lists,
-            order,
-            begins,
-        })
-    }
-
-    fn bindings(&self) -> Bindings<'_> {
-        Bindings {
-            view: &self.view,
-            counts: &self.counts,
-            splat_from_rank: &self.splat_from_rank,
-            isect_from_rank: &self.isect_from_rank,
-            tile_count_from_splat: &self.tile_count_from_splat,
-            ellipse_from_splat: &self.records.shape,
-            whiten_rg_from_splat: &self.records.tone,
-            tile_from_isect: &self.tile_from_isect,
-            emitted_from_isect: &self.emitted_from_isect,
-            splat_from_emitted: &self.splat_from_emitted,
-            emitted_from_splat: &self.emitted_from_splat,
-        }
-    }
-
-    /// Which splat owns which slot, exactly; and of a sample of splats, how many tiles are missing or needless.
-    fn outputs(&self, gpu: &Gpu) -> Result<Vec<Output>> {
-        let found = read(gpu, &self.tile_from_isect)?;
-        let end = |rank: usize| {
-            self.begins
-                .get(rank + 1)
-                .map_or(self.total, |&b| b as usize)
-        };
-        let mut owners = Vec::with_capacity(self.total);
-        for (rank, &splat) in self.order.iter().enumerate() {
-            owners.resize(end(rank), splat as f64);
-        }
-        let mut faults = Vec::new();
-        for rank in sample(self.order.len(), SAMPLES) {
-            let slots = &found[self.begins[rank] as usize..end(rank)];
-            faults.push(faults_of(self.lists, self.order[rank], slots));
-        }
-        let sound = vec![0.0; faults.len()];
-        let sources = (0..self.total).map(|i| i as f64).collect();
-        let found_sources = words(&read(gpu, &self.emitted_from_isect)?);
-        let found_owners = words(&read(gpu, &self.splat_from_emitted)?);
-        Ok(vec![
-            Output::exact("sources", found_sources, sources),
-            Output::exact("owners", found_owners, owners),
-            Output::exact("tiles missing or needless", faults, sound),
-        ])
-    }
-}
-
-/// Tiles that a kernel may list for a splat.
-fn room(lists: &Lists, splat: usize) -> u32 {
+/// Scattered splats with as many slots each as it may need.
+pub fn scattered<'a>(
+    gpu: &Gpu,
+    count: usize,
+    size: [u32; 2],
+    sigma_max: f64,
+) -> Result<KernelCase<'a, Expand>> {
+    let scene = scene::scattered(count, size, sigma_max, 0);
+    let lists = Lists::new(&scene);
     let cut = Thresholds::ENGINE.alpha_min * (1.0 - MARGIN);
-    let touched = |screen| {
-        let near = tiles_near(screen, &lists.grid);
-        near.filter(|&tile| alpha_max(screen, &lists.grid, tile) >= cut)
-            .count() as u32
+    let room = |_: usize, screen: &ScreenSplat<f64>| {
+        let touched = |&tile: &u32| alpha_max(screen, &lists.grid, tile) >= cut;
+        tiles_near(screen, &lists.grid).filter(touched).count() as u32
     };
-    lists.screen[splat].as_ref().map_or(0, touched)
+    let rooms: Vec<u32> = rooms(&lists, room);
+    expand(gpu, &scene, lists, &rooms, 0)
 }
 
-fn faults_of(lists: &Lists, splat: usize, slots: &[u32]) -> f64 {
-    let Some(screen) = lists.screen[splat].as_ref() else {
-        return slots.len() as f64;
-    };
-    let (grid, cut) = (&lists.grid, Thresholds::ENGINE.alpha_min);
-    let needs = |tile: &u32| alpha_at_pixels(screen, grid, *tile) >= cut * (1.0 + MARGIN);
-    let missing = tiles_near(screen, grid)
-        .filter(needs)
-        .filter(|tile| !slots.contains(tile))
-        .count();
-    // Slots left over go to the tile beyond the last.
-    let needless = slots.iter().enumerate().filter(|&(i, &tile)| {
-        let twice = slots[..i].contains(&tile);
-        tile > grid.len()
-            || (tile < grid.len()
-                && (twice || alpha_max(screen, grid, tile) < cut * (1.0 - MARGIN)))
+/// Slots of each splat, in the order of depth.
+pub fn rooms(lists: &Lists, room: impl Fn(usize, &ScreenSplat<f64>) -> u32) -> Vec<u32> {
+    let order = depth_order(&lists.screen).into_iter().enumerate();
+    order
+        .map(|(rank, splat)| {
+            lists.screen[splat]
+                .as_ref()
+                .map_or(0, |screen| room(rank, screen))
+        })
+        .collect()
+}
+
+/// The visible splats from `first_rank` on, in a band of their own, with so many slots each; slots left over become
+/// padding.
+pub fn expand<'a>(
+    gpu: &Gpu,
+    scene: &Scene,
+    lists: Lists,
+    rooms: &[u32],
+    first_rank: usize,
+) -> Result<KernelCase<'a, Expand>> {
+    let order = depth_order(&lists.screen);
+    let (mut begins, total) = scan(rooms);
+    begins.push(total as u32);
+    let base = begins[first_rank];
+    let total = total as usize - base as usize;
+    let mut tile_counts = vec![0; lists.screen.len()];
+    for (&splat, &room) in order.iter().zip(rooms) {
+        tile_counts[splat] = room;
+    }
+    let ranks: Vec<u32> = order.iter().map(|&splat| splat as u32).collect();
+    let band = [
+        (COUNT_BAND_BEGIN, first_rank as u32),
+        (COUNT_BAND_END, order.len() as u32),
+        (COUNT_BAND_BASE, base),
+    ];
+    let (view, counts) = (
+        gpu.buffer_from("view", &[view(scene)])?,
+        counts(gpu, &band)?,
+    );
+    let splat_from_rank = gpu.buffer_from("splat_from_rank", &ranks)?;
+    let isect_from_rank = gpu.buffer_from("isect_from_rank", &begins)?;
+    let tile_counts = gpu.buffer_from("tile_count_from_splat", &tile_counts)?;
+    let records = ScreenBuffers::new(gpu, &lists.records)?;
+    let [tiles, sources, owners] =
+        ["tile", "emitted", "splat"].map(|name| gpu.buffer::<u32>(name, total + 1));
+    let (tiles, sources, owners) = (tiles?, sources?, owners?);
+    let firsts = gpu.buffer::<u32>("emitted_from_splat", lists.screen.len())?;
+    let out = [&tiles, &sources, &owners, &firsts].map(Clone::clone);
+    let drawn = order.len() - first_rank;
+    let work =
+        Work::of(total, Unit::Isects).moving(12 * total + (size_of::<Splat2d>() + 16) * drawn);
+    let case = KernelCase::new(work, move |rec, kernel: &Expand, _| {
+        let io = Bindings {
+            view: &view,
+            counts: &counts,
+            splat_from_rank: &splat_from_rank,
+            isect_from_rank: &isect_from_rank,
+            tile_count_from_splat: &tile_counts,
+            ellipse_from_splat: &records.shape,
+            whiten_rg_from_splat: &records.tone,
+            tile_from_isect: &out[0],
+            emitted_from_isect: &out[1],
+            splat_from_emitted: &out[2],
+            emitted_from_splat: &out[3],
+        };
+        kernel.record(rec, io, kernel.groups(drawn));
     });
-    (missing + needless.count()) as f64
+    let slots = |rank: usize| (begins[rank] - base) as usize..(begins[rank + 1] - base) as usize;
+    let (mut owner, mut first) = (Vec::new(), vec![f64::NAN; lists.screen.len()]);
+    let mut sampled = Vec::new();
+    for rank in first_rank..order.len() {
+        owner.extend(slots(rank).map(|_| order[rank] as f64));
+        first[order[rank]] = slots(rank).start as f64;
+    }
+    for at in sample(drawn, SAMPLES) {
+        sampled.push((order[first_rank + at], slots(first_rank + at)));
+    }
+    Ok(case
+        .exact("sources", &sources, (0..total).map(|i| i as f64).collect())
+        .exact("owners", &owners, owner)
+        .exact("first sources", &firsts, first)
+        .erase(&tiles.clone())
+        .judge(move |gpu, _| {
+            let found = read(gpu, &tiles)?;
+            let mut tiles = TileColumns::default();
+            for (splat, slots) in &sampled {
+                tiles.add(&lists, *splat, &found[slots.clone()]);
+            }
+            tiles.slots.extend(words(&found[found.len() - 1..]));
+            tiles.slots_expected.push(f64::NAN);
+            Ok(vec![
+                // Tiles touched only between their pixel centres may be listed.
+                Output::exact("tiles", tiles.member, tiles.needed).near(tiles.free, 1.0, 0.2),
+                Output::exact("slots", tiles.slots, tiles.slots_expected),
+            ])
+        }))
+}
+
+/// Every tile of the image for every compared splat: whether it is listed, has to be, and may be; and for every splat
+/// the distinct entries of its slots.
+#[derive(Default)]
+struct TileColumns {
+    member: Vec<f64>,
+    needed: Vec<f64>,
+    free: Vec<bool>,
+    slots: Vec<f64>,
+    slots_expected: Vec<f64>,
+}
+
+impl TileColumns {
+    fn add(&mut self, lists: &Lists, splat: usize, slots: &[u32]) {
+        let Some(screen) = lists.screen[splat].as_ref() else {
+            return;
+        };
+        let (grid, cut) = (&lists.grid, Thresholds::ENGINE.alpha_min);
+        let listed: BTreeSet<u32> = slots.iter().copied().collect();
+        // No tile twice, and nothing but padding, the tile beyond the last, besides.
+        let padding = slots.iter().filter(|&&tile| tile == grid.len()).count();
+        self.slots.push(listed.range(..=grid.len()).count() as f64);
+        self.slots_expected
+            .push((slots.len() - padding + usize::from(padding > 0)) as f64);
+        let near: BTreeSet<u32> = tiles_near(screen, grid).collect();
+        let needs = |&tile: &u32| alpha_at_pixels(screen, grid, tile) >= cut * (1.0 + MARGIN);
+        if padding == 0 && near.iter().filter(|tile| needs(tile)).count() > slots.len() {
+            return; // As many as fit.
+        }
+        for tile in 0..grid.len() {
+            let needed = near.contains(&tile) && needs(&tile);
+            let touched =
+                near.contains(&tile) && alpha_max(screen, grid, tile) >= cut * (1.0 - MARGIN);
+            self.member
+                .push(f64::from(u8::from(listed.contains(&tile))));
+            self.needed.push(f64::from(u8::from(needed)));
+            self.free.push(!needed && touched);
+        }
+    }
 }

@@ -1,125 +1,141 @@
-//! The loss, its parts and its gradient.
+//! Cases of the loss: its parts, their sums, and its gradient.
 
-use super::{nothing, read, sample, wanted};
+use super::{KernelCase, Workgroups, read, sample, time};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::{loss, loss_backward, loss_sum};
-use crate::lab::bench::check::{Output, floats};
+use crate::lab::bench::check::{Output, rms};
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::{Bench, Unit, Work};
 use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
+use crate::reference::loss::values;
 use crate::reference::ssim::{C1, C2};
+use crate::reference::{Dual, Real};
+use crate::scene::AlphaMode;
 
-/// Pixels of the images.
-const SIZES: [[u32; 2]; 2] = [[480, 272], [1920, 1080]];
-/// Invocations of a workgroup, which shares a tile.
-const WORKGROUPS: [u32; 4] = [8, 16, 32, 64];
-/// Pixels that are judged, in each channel.
-const SAMPLES: usize = 500;
 /// Width and height of a tile.
-const TILE: [usize; 2] = [LOSS_TILE_WIDTH as usize, LOSS_TILE_HEIGHT as usize];
+pub const TILE: [usize; 2] = [LOSS_TILE_WIDTH as usize, LOSS_TILE_HEIGHT as usize];
+/// Places, pixels of channels, that are compared.
+const SAMPLES: usize = 20_000;
 /// Share of D-SSIM.
-const LAMBDA: f64 = 0.2;
+pub const LAMBDA: f64 = 0.25;
 
 pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    for size in SIZES {
-        let name = format!("{}x{}", size[0], size[1]);
-        let forward = !wanted!(bench, loss, name, WORKGROUPS, Work::default()).is_empty();
-        let backward = wanted!(bench, loss_backward, name, WORKGROUPS, Work::default());
-        let sums = wanted!(bench, loss_sum, name, WORKGROUPS, Work::default());
-        if !forward && backward.is_empty() && sums.is_empty() {
-            continue;
-        }
-        let input = Input::new(bench.gpu(), size)?;
-        compare(bench, &name, &input)?;
-        add_up(bench, &name, &input)?;
-        differentiate(bench, &name, &input)?;
+    let workgroups = Workgroups::any(&[8, 16, 32, 64]);
+    for [width, height] in [[480, 272], [1920, 1080]] {
+        let name = format!("{width}x{height}");
+        let shaded = std::cell::LazyCell::new(|| Comparison::shaded(width, height));
+        time(bench, workgroups, &name, |gpu| compare(gpu, &shaded, true))?;
+        let tiles = width.div_ceil(TILE[0]) * height.div_ceil(TILE[1]);
+        time(bench, workgroups, &name, |gpu| sum(gpu, tiles))?;
+        time(bench, workgroups, &name, |gpu| {
+            differentiate(gpu, &shaded, LAMBDA)
+        })?;
     }
     Ok(())
 }
 
-/// A render and a photograph of noise about a gradient; nothing is masked.
-struct Input {
-    width: usize,
-    height: usize,
-    /// `[channel][pixel]`, 0 to 1.
-    image: Vec<f32>,
-    rgba: Vec<[u8; 4]>,
-    /// Slopes that the gradient is made from, `[channel][pixel]`.
-    slopes: Vec<[f32; 3]>,
-    view: Buffer<View>,
-    image_buffer: Buffer<f32>,
-    photo: Buffer<u32>,
-    slopes_in: Buffer<[f32; 3]>,
-    slopes_out: Buffer<[f32; 3]>,
-    loss_from_tile: Buffer<[f32; 4]>,
-    loss: Buffer<[f32; 4]>,
-    d_image: Buffer<f32>,
+/// A render, a photograph and the meaning of its alpha.
+pub struct Comparison {
+    /// Pixels of a row.
+    pub width: usize,
+    /// The render, 0 to 1.
+    pub image: Vec<[f64; 3]>,
+    /// The photograph.
+    pub rgba: Vec<[u8; 4]>,
+    /// Meaning of the photograph's alpha.
+    pub mode: AlphaMode,
+    /// Colour behind transparent pixels.
+    pub background: [f32; 3],
 }
 
-impl Input {
-    fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Input> {
-        let [width, height] = size.map(|n| n as usize);
-        let pixels = width * height;
-        let random = &mut Random::new(pixels as u64);
-        let mut rgba = Vec::with_capacity(pixels);
-        for i in 0..pixels {
+impl Comparison {
+    /// Noise about a gradient; nothing is masked.
+    fn shaded(width: usize, height: usize) -> Comparison {
+        let random = &mut Random::new((width * height) as u64);
+        let (mut rgba, mut image) = (Vec::new(), Vec::new());
+        for i in 0..width * height {
             let shade = 0.2 + 0.6 * (i % width) as f64 / width as f64;
             let channel = |_| ((shade + random.between(-0.1, 0.1)) * 255.0).round() as u8;
             let [r, g, b] = [0; 3].map(channel);
             rgba.push([r, g, b, 255]);
+            let noisy =
+                |c: u8| f64::from((f64::from(c) / 255.0 + random.between(-0.1, 0.1)) as f32);
+            image.push([r, g, b].map(noisy));
         }
-        let noisy = |i: usize| f64::from(rgba[i % pixels][i / pixels]) / 255.0;
-        let mut image: Vec<f32> = (0..3 * pixels)
-            .map(|i| (noisy(i) + random.between(-0.1, 0.1)) as f32)
-            .collect();
-        // The plane of transmittance, which is not looked at.
-        image.resize(4 * pixels, f32::NAN);
-        let slopes: Vec<[f32; 3]> = (0..3 * pixels)
-            .map(|_| [0; 3].map(|_| random.normal() as f32))
-            .collect();
-        let photo: Vec<u32> = rgba
-            .iter()
-            .map(|&pixel| u32::from_le_bytes(pixel))
-            .collect();
-        let view = View {
-            size,
-            ..View::default()
-        };
-        let tiles = width.div_ceil(TILE[0]) * height.div_ceil(TILE[1]);
-        let terms: Vec<[f32; 4]> = (0..tiles)
-            .map(|_| [0; 4].map(|_| random.between(0.0, 700.0) as f32))
-            .collect();
-        Ok(Input {
+        Comparison {
             width,
-            height,
-            view: gpu.buffer_from("view", &[view])?,
-            image_buffer: gpu.buffer_from("image", &image)?,
-            photo: gpu.buffer_from("photo", &photo)?,
-            slopes_in: gpu.buffer_from("slopes", &slopes)?,
-            slopes_out: gpu.buffer("slopes", 3 * pixels)?,
-            loss_from_tile: gpu.buffer_from("loss_from_tile", &terms)?,
-            loss: gpu.buffer("loss", 1)?,
-            d_image: gpu.buffer("d_image", 3 * pixels)?,
             image,
             rgba,
-            slopes,
-        })
+            mode: AlphaMode::Composite,
+            background: [0.25, 0.5, 1.0],
+        }
     }
 
-    fn pixels(&self) -> usize {
-        self.width * self.height
+    fn height(&self) -> usize {
+        self.image.len() / self.width
     }
 
+    /// Tiles that cover the image.
     fn tiles(&self) -> usize {
-        self.loss_from_tile.len()
+        self.width.div_ceil(TILE[0]) * self.height().div_ceil(TILE[1])
+    }
+
+    /// Photograph and weight of each pixel.
+    fn target(&self) -> Target<'_> {
+        let (photo, mask) = values(&self.rgba, self.mode, self.background.map(f64::from));
+        Target {
+            of: self,
+            photo,
+            mask,
+        }
+    }
+
+    fn upload(&self, gpu: &Gpu) -> Result<(Buffer<View>, Buffer<f32>, Buffer<u32>)> {
+        let view = View {
+            size: [self.width as u32, self.height() as u32],
+            background: self.background,
+            ..View::default()
+        };
+        let mut planes = Vec::new();
+        for channel in 0..3 {
+            planes.extend(self.image.iter().map(|rgb| rgb[channel] as f32));
+        }
+        // The plane of transmittance, which is not read.
+        planes.extend(self.image.iter().map(|_| f32::NAN));
+        let rgba: Vec<u32> = self.rgba.iter().map(|&p| u32::from_le_bytes(p)).collect();
+        Ok((
+            gpu.buffer_from("view", &[view])?,
+            gpu.buffer_from("image", &planes)?,
+            gpu.buffer_from("photo", &rgba)?,
+        ))
+    }
+
+    fn alpha_mode(&self) -> u32 {
+        u32::from(self.mode == AlphaMode::Mask)
+    }
+}
+
+/// The photograph as the loss compares it, by plain double sums under the windows.
+struct Target<'a> {
+    of: &'a Comparison,
+    photo: Vec<[f64; 3]>,
+    mask: Option<Vec<f64>>,
+}
+
+impl Target<'_> {
+    fn pixels(&self) -> usize {
+        self.photo.len()
+    }
+
+    fn weight(&self, pixel: usize) -> f64 {
+        self.mask.as_ref().map_or(1.0, |mask| mask[pixel])
     }
 
     /// Render and photograph at `[channel][pixel]`.
     fn pair(&self, place: usize) -> [f64; 2] {
         let (channel, pixel) = (place / self.pixels(), place % self.pixels());
-        let target = f64::from(self.rgba[pixel][channel]) / 255.0;
-        [f64::from(self.image[place]), target]
+        [self.of.image[pixel][channel], self.photo[pixel][channel]]
     }
 
     /// The sum of `value` over the window about a pixel, weighted; outside the image there is nothing.
@@ -127,12 +143,13 @@ impl Input {
         let gauss = |t: i64| (-((t * t) as f64) / 4.5).exp();
         let norm: f64 = (-5..=5).map(gauss).sum();
         let (base, pixel) = (place / self.pixels() * self.pixels(), place % self.pixels());
-        let (x, y) = ((pixel % self.width) as i64, (pixel / self.width) as i64);
+        let (width, height) = (self.of.width as i64, self.of.height() as i64);
+        let (x, y) = (pixel as i64 % width, pixel as i64 / width);
         let mut sums = [0.0; N];
-        for v in (-5..=5).filter(|v| (0..self.height as i64).contains(&(y + v))) {
-            for h in (-5..=5).filter(|h| (0..self.width as i64).contains(&(x + h))) {
+        for v in (-5..=5).filter(|v| (0..height).contains(&(y + v))) {
+            for h in (-5..=5).filter(|h| (0..width).contains(&(x + h))) {
                 let weight = gauss(v) * gauss(h) / (norm * norm);
-                let at = base + ((y + v) as usize) * self.width + (x + h) as usize;
+                let at = base + ((y + v) * width + x + h) as usize;
                 let terms = sums.iter_mut().zip(value(at));
                 terms.for_each(|(sum, term)| *sum += weight * term);
             }
@@ -141,175 +158,218 @@ impl Input {
     }
 
     /// SSIM of the window about a pixel, and its derivatives by the means of x, of x² and of x y.
-    fn ssim(&self, place: usize) -> [f64; 4] {
+    fn ssim(&self, place: usize) -> Dual<3> {
         let [mx, my, xx, yy, xy] = self.window(place, |at| {
-            let [x, y] = self.pair(at);
+            let weight = self.weight(at % self.pixels());
+            let [x, y] = self.pair(at).map(|value| weight * value);
             [x, y, x * x, y * y, x * y]
         });
-        let ssim = |mx: f64, xx: f64, xy: f64| {
-            let luminance = (2.0 * mx * my + C1) / (mx * mx + my * my + C1);
-            let spread = xx - mx * mx + yy - my * my + C2;
-            luminance * (2.0 * (xy - mx * my) + C2) / spread
-        };
-        // Central differences, whose error of 1e-16 / 1e-6 and (1e-6)² / C2² is small here.
-        let h = 1e-6;
-        let slope = |[a, b, c]: [f64; 3]| {
-            let at = |h: f64| ssim(mx + h * a, xx + h * b, xy + h * c);
-            (at(h) - at(-h)) / (2.0 * h)
-        };
-        let [a, b, c] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(slope);
-        [ssim(mx, xx, xy), a, b, c]
+        let of = Dual::<3>::of;
+        let m = Dual::variable(mx, Some(0));
+        let square = Dual::variable(xx, Some(1));
+        let product = Dual::variable(xy, Some(2));
+        let (nu, c1, c2) = (of(my), of(C1), of(C2));
+        let luminance = (of(2.0) * m * nu + c1) / (m * m + nu * nu + c1);
+        let variances = square - m * m + of(yy - my * my);
+        let structure = (of(2.0) * (product - m * nu) + c2) / (variances + c2);
+        luminance * structure
     }
-}
 
-/// SSIM's slopes at a sample of the pixels, and the terms of a sample of the tiles.
-fn compare(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    // Three channels and the photograph in, three slopes of each channel out.
-    let work = Work::of(input.pixels(), Unit::Pixels).moving(52 * input.pixels());
-    for (variant, workgroup, case) in wanted!(bench, loss, name, WORKGROUPS, work) {
-        let spec = loss::Spec {
-            workgroup,
-            ..loss::Spec::default()
-        };
-        let kernel = loss::Loss::new(&gpu, loss::Choice { variant, spec })?;
-        let partial = gpu.buffer::<[f32; 4]>("partial", input.tiles())?;
-        let io = loss::Bindings {
-            view: &input.view,
-            image: &input.image_buffer,
-            photo: &input.photo,
-            ssim_slope: &input.slopes_out,
-            loss_from_tile: &partial,
-        };
-        let params = loss::Params { alpha_mode: 0 };
-        bench.trial(
-            &case,
-            |rec| rec.fill(&input.slopes_out, u32::MAX),
-            |rec| kernel.record(rec, io, params, Groups::Count(input.tiles() as u32)),
-            || {
-                let all = read(&gpu, &input.slopes_out)?;
-                let (mut found, mut expected) = (Vec::new(), Vec::new());
-                for place in sample(3 * input.pixels(), 3 * SAMPLES) {
-                    found.extend(all[place].map(f64::from));
-                    expected.extend(&input.ssim(place)[1..]);
-                }
-                let tiles = read(&gpu, &partial)?;
-                let (terms, wanted) = tile_terms(input, &tiles);
-                // See the kernel's test: slopes are up to 2 / C2.
-                Ok(vec![
-                    Output::relative("slopes", found, expected, 1e-3, 10.0),
-                    Output::relative("tiles", terms, wanted, 1e-4, 1.0),
-                ])
-            },
-        )?;
+    /// Derivatives of SSIM times the weight: what the forward pass leaves for the backward one.
+    fn slopes(&self, place: usize) -> [f64; 3] {
+        let weight = self.weight(place % self.pixels());
+        self.ssim(place).d.map(|d| weight * d)
     }
-    Ok(())
-}
 
-fn tile_terms(input: &Input, tiles: &[[f32; 4]]) -> (Vec<f64>, Vec<f64>) {
-    let columns = input.width.div_ceil(TILE[0]);
-    let (mut found, mut expected) = (Vec::new(), Vec::new());
-    for tile in sample(tiles.len(), 6) {
-        found.extend(tiles[tile].map(f64::from));
+    /// Sums over a tile of L1, 1 − SSIM, squares and weights.
+    fn tile(&self, tile: usize) -> [f64; 4] {
+        let columns = self.of.width.div_ceil(TILE[0]);
         let (left, top) = (tile % columns * TILE[0], tile / columns * TILE[1]);
         let mut sums = [0.0; 4];
-        for y in top..(top + TILE[1]).min(input.height) {
-            for x in left..(left + TILE[0]).min(input.width) {
+        for y in top..(top + TILE[1]).min(self.of.height()) {
+            for x in left..(left + TILE[0]).min(self.of.width) {
                 for channel in 0..3 {
-                    let place = channel * input.pixels() + y * input.width + x;
-                    let [a, b] = input.pair(place);
+                    let pixel = y * self.of.width + x;
+                    let place = channel * self.pixels() + pixel;
+                    let [a, b] = self.pair(place);
                     let terms = [
                         (a - b).abs(),
-                        1.0 - input.ssim(place)[0],
+                        1.0 - self.ssim(place).v,
                         (a - b).powi(2),
                         1.0,
                     ];
-                    sums.iter_mut()
-                        .zip(terms)
-                        .for_each(|(sum, term)| *sum += term);
+                    let pairs = sums.iter_mut().zip(terms);
+                    pairs.for_each(|(sum, term)| *sum += self.weight(pixel) * term);
                 }
             }
         }
-        expected.extend(sums);
+        sums
     }
-    (found, expected)
 }
 
-fn add_up(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    let work = Work::default().moving(16 * input.tiles());
-    for (variant, workgroup, case) in wanted!(bench, loss_sum, name, WORKGROUPS, work) {
-        let spec = loss_sum::Spec { workgroup };
-        let kernel = loss_sum::LossSum::new(&gpu, loss_sum::Choice { variant, spec })?;
+/// Sums by tile, and with `with_ssim` SSIM's slopes.
+pub fn compare<'a>(
+    gpu: &Gpu,
+    of: &'a Comparison,
+    with_ssim: bool,
+) -> Result<KernelCase<'a, loss::Loss>> {
+    let (pixels, tiles) = (of.image.len(), of.tiles());
+    let (view, image, photo) = of.upload(gpu)?;
+    let slopes = gpu.buffer::<[f32; 3]>("ssim_slope", 3 * pixels)?;
+    let sums = gpu.buffer::<[f32; 4]>("loss_from_tile", tiles)?;
+    let (slopes_out, sums_out, alpha_mode) = (slopes.clone(), sums.clone(), of.alpha_mode());
+    // Three channels and the photograph in, three slopes of each channel out.
+    let work = Work::of(pixels, Unit::Pixels).moving(52 * pixels);
+    let case = KernelCase::new(work, move |rec, kernel: &loss::Loss, _| {
+        let io = loss::Bindings {
+            view: &view,
+            image: &image,
+            photo: &photo,
+            ssim_slope: &slopes_out,
+            loss_from_tile: &sums_out,
+        };
+        kernel.record(
+            rec,
+            io,
+            loss::Params { alpha_mode },
+            Groups::Count(tiles as u32),
+        );
+    });
+    let case = case.tune(move |choice: &mut loss::Choice| choice.spec.with_ssim = with_ssim.into());
+    let target = of.target();
+    Ok(case
+        .erase(&slopes.clone())
+        .erase(&sums.clone())
+        .judge(move |gpu, _| {
+            let (all_slopes, all_sums) = (read(gpu, &slopes)?, read(gpu, &sums)?);
+            let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
+            for tile in sample(tiles, 40) {
+                let mut sums = target.tile(tile);
+                sums[1] *= f64::from(u8::from(with_ssim));
+                found.extend(all_sums[tile].map(f64::from));
+                expected.extend(sums);
+            }
+            // Moments of values up to 1 have an error of about 6u; variances are compared with C2 = 9e-4, so that SSIM is
+            // off by 4e-4 at worst, in a window of a single bright shade beside another tile's shift, and its slopes,
+            // which are up to 2 / C2, likewise.
+            let mut outputs = vec![Output::relative("tiles", found, expected, 1e-4, 1.0)];
+            if with_ssim {
+                let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
+                for place in sample(3 * pixels, SAMPLES) {
+                    found.extend(all_slopes[place].map(f64::from));
+                    expected.extend(target.slopes(place));
+                }
+                let scale = rms(&expected).max(1.0);
+                outputs.push(Output::relative("slopes", found, expected, 1e-3, scale));
+            }
+            Ok(outputs)
+        }))
+}
+
+/// Random sums of tiles, added up.
+pub fn sum<'a>(gpu: &Gpu, tiles: usize) -> Result<KernelCase<'a, loss_sum::LossSum>> {
+    let random = &mut Random::new(tiles as u64);
+    let mut four = || [0; 4].map(|_| random.between(0.0, 700.0) as f32);
+    let terms: Vec<[f32; 4]> = (0..tiles).map(|_| four()).collect();
+    let sum = |lane: usize| terms.iter().map(|t| f64::from(t[lane])).sum::<f64>();
+    let expected = [0, 1, 2, 3].map(sum).to_vec();
+    let loss_from_tile = gpu.buffer_from("loss_from_tile", &terms)?;
+    let loss = gpu.buffer::<[f32; 4]>("loss", 1)?;
+    let out = loss.clone();
+    let work = Work::default().moving(16 * tiles);
+    let case = KernelCase::new(work, move |rec, kernel: &loss_sum::LossSum, _| {
         let io = loss_sum::Bindings {
-            loss_from_tile: &input.loss_from_tile,
-            loss: &input.loss,
+            loss_from_tile: &loss_from_tile,
+            loss: &out,
         };
         let params = loss_sum::Params {
-            tile_count: input.tiles() as u32,
+            tile_count: tiles as u32,
         };
-        bench.trial(
-            &case,
-            nothing,
-            |rec| kernel.record(rec, io, params, Groups::Count(1)),
-            || {
-                let terms = read(&gpu, &input.loss_from_tile)?;
-                let sum = |lane: usize| terms.iter().map(|t| f64::from(t[lane])).sum::<f64>();
-                let found = floats(&read(&gpu, &input.loss)?);
-                let expected = [0, 1, 2, 3].map(sum).into();
-                Ok(vec![Output::relative("sums", found, expected, 1e-5, 1.0)])
-            },
-        )?;
-    }
-    Ok(())
+        kernel.record(rec, io, params, Groups::Count(1));
+    });
+    // Random rounding of as many positive terms: sqrt(tiles) u, at 5000 terms one after the other.
+    Ok(case.relative("total", &loss, expected, (1e-5, 1.0)))
 }
 
-/// From slopes that are given, so that only this kernel is judged.
-fn differentiate(bench: &mut Bench, name: &str, input: &Input) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    let work = Work::of(input.pixels(), Unit::Pixels).moving(64 * input.pixels());
-    for (variant, workgroup, case) in wanted!(bench, loss_backward, name, WORKGROUPS, work) {
-        let spec = loss_backward::Spec {
-            workgroup,
-            ..loss_backward::Spec::default()
-        };
-        let choice = loss_backward::Choice { variant, spec };
-        let kernel = loss_backward::LossBackward::new(&gpu, choice)?;
+/// The gradient from slopes that are given, so that only this kernel is judged.
+pub fn differentiate<'a>(
+    gpu: &Gpu,
+    of: &'a Comparison,
+    lambda: f64,
+) -> Result<KernelCase<'a, loss_backward::LossBackward>> {
+    let (pixels, target) = (of.image.len(), of.target());
+    let weight: f64 = 3.0 * (0..pixels).map(|i| target.weight(i)).sum::<f64>();
+    let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
+    // Exact slopes of a small image; of a large one noise, which costs the reference nothing.
+    let random = &mut Random::new(8);
+    let slopes: Vec<[f32; 3]> = (0..3 * pixels)
+        .map(|place| match pixels < 10_000 {
+            true => target.slopes(place).map(|d| d as f32),
+            false => [0; 3].map(|_| random.normal() as f32),
+        })
+        .collect();
+    let (view, image, photo) = of.upload(gpu)?;
+    let ssim_slope = gpu.buffer_from("ssim_slope", &slopes)?;
+    let d_image = gpu.buffer::<f32>("d_image", 3 * pixels)?;
+    let (out, tiles) = (d_image.clone(), of.tiles() as u32);
+    let params = loss_backward::Params {
+        alpha_mode: of.alpha_mode(),
+        l1_scale: ((1.0 - lambda) * share) as f32,
+        ssim_scale: (lambda * share) as f32,
+    };
+    let work = Work::of(pixels, Unit::Pixels).moving(64 * pixels);
+    let case = KernelCase::new(work, move |rec, kernel: &loss_backward::LossBackward, _| {
         let io = loss_backward::Bindings {
-            view: &input.view,
-            image: &input.image_buffer,
-            photo: &input.photo,
-            ssim_slope: &input.slopes_in,
-            d_image: &input.d_image,
+            view: &view,
+            image: &image,
+            photo: &photo,
+            ssim_slope: &ssim_slope,
+            d_image: &out,
         };
-        // In units of a pixel's share.
-        let params = loss_backward::Params {
-            alpha_mode: 0,
-            l1_scale: (1.0 - LAMBDA) as f32,
-            ssim_scale: LAMBDA as f32,
-        };
-        bench.trial(
-            &case,
-            |rec| rec.fill(&input.d_image, u32::MAX),
-            |rec| kernel.record(rec, io, params, Groups::Count(input.tiles() as u32)),
-            || {
-                let all = read(&gpu, &input.d_image)?;
-                let (mut found, mut expected) = (Vec::new(), Vec::new());
-                for place in sample(3 * input.pixels(), 3 * SAMPLES) {
-                    let [x, y] = input.pair(place);
-                    if (x - y).abs() < 1e-6 {
-                        continue;
-                    }
-                    let [a, b, c] = input.window(place, |at| input.slopes[at].map(f64::from));
-                    let d_ssim = a + 2.0 * x * b + y * c;
-                    found.push(f64::from(all[place]));
-                    expected.push((1.0 - LAMBDA) * (x - y).signum() - LAMBDA * d_ssim);
-                }
-                Ok(vec![Output::relative(
-                    "d_image", found, expected, 1e-5, 1.0,
-                )])
-            },
-        )?;
+        kernel.record(rec, io, params, Groups::Count(tiles));
+    });
+    let case = case.tune(move |choice: &mut loss_backward::Choice| {
+        choice.spec.with_ssim = u32::from(lambda > 0.0);
+    });
+    Ok(case.erase(&d_image.clone()).judge(move |gpu, _| {
+        let all = read(gpu, &d_image)?;
+        let (mut found, mut expected, mut near) = (Vec::new(), Vec::new(), Vec::new());
+        for place in sample(3 * pixels, SAMPLES) {
+            let weight_here = target.weight(place % pixels);
+            let [x, y] = target.pair(place);
+            let [a, b, c] = target.window(place, |at| slopes[at].map(f64::from));
+            // The slopes are those by weighted values.
+            let d_ssim = a + 2.0 * weight_here * x * b + weight_here * y * c;
+            let sign = if x == y { 0.0 } else { (x - y).signum() };
+            // In units of a pixel's share: slopes are up to 2 / C2 = 2200 and cancel between the three, which leaves
+            // 2200 · 2u of rounding.
+            let unit = if weight > 0.0 { weight } else { 1.0 };
+            found.push(f64::from(all[place]) * unit);
+            let terms = (1.0 - lambda) * sign - lambda * d_ssim;
+            expected.push(terms * weight_here * share * unit);
+            near.push(x != y && (x - y).abs() < 1e-6);
+        }
+        let d_image = Output::relative("d_image", found, expected, 3e-4, 1.0);
+        Ok(vec![d_image.near(near, 2.0, 0.01)])
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::loss;
+
+    /// The windows here and those of the reference's loss are the same.
+    #[test]
+    fn tiles_add_up_to_the_reference() {
+        let of = Comparison::shaded(37, 29);
+        let target = of.target();
+        let whole = loss::sums(&of.image, &loss::Target::new(37, &target.photo));
+        let tiles = (0..of.tiles()).map(|tile| target.tile(tile));
+        let sums = tiles.fold([0.0; 4], |a, b| [0, 1, 2, 3].map(|i| a[i] + b[i]));
+        let expected = [whole.l1, whole.dissimilarity, whole.squared, whole.weight];
+        for (sum, expected) in sums.iter().zip(expected) {
+            assert!((sum - expected).abs() < 1e-9, "{sum}, not {expected}");
+        }
     }
-    Ok(())
 }

@@ -1,82 +1,200 @@
-//! Every kernel, in every variant and workgroup that the device can run, on inputs of several sizes: checked
-//! against the reference, then timed.
+//! Cases of every kernel: inputs, bindings, expected values and tolerances, for its tests and its benchmarks.
 //!
-//! A kernel that writes more than the reference can prune_limit to judge is judged by samples, evenly spaced.
+//! Outputs of large inputs are compared by samples, evenly spaced.
 
-mod backward;
-mod composite;
-mod contribution;
-mod expand;
-mod loss;
-mod present;
-mod project;
-mod project_backward;
-mod rasterize_inria;
-mod removal_error;
-mod sort;
-mod stream;
-mod sums;
-mod update;
+pub mod adam;
+pub mod compact;
+pub mod composite;
+pub mod contribution;
+pub mod expand;
+pub mod gather;
+pub mod gradient;
+pub mod loss;
+pub mod perturb;
+pub mod plan;
+pub mod present;
+pub mod project;
+pub mod project_backward;
+pub mod prune_limit;
+pub mod ranges;
+pub mod rasterize_inria;
+pub mod removal_error;
+pub mod scan;
+pub mod sort;
+pub mod sum_by_splat;
 
-pub use backward::{Device, Gradient, params as backward_params};
-pub use composite::{Composite, Input};
-pub use sort::Sorting;
+mod case;
+
+pub use case::{KernelCase, Workgroups};
 
 use super::input::pack::{Splat2d, arrays};
-use super::session::Bench;
+use super::input::random::Random;
+use super::input::scene::scattered;
+use super::session::{Bench, Case};
 use crate::Result;
 use crate::gpu::{Buffer, Caps, DeviceKind, Gpu};
-use crate::layout::{COUNT_SLOTS, DispatchArgs};
+use crate::kernels::Kernel;
+use crate::layout::COUNT_SLOTS;
 use bytemuck::Pod;
+pub use composite::{Composite, Input};
+pub use gradient::{Device, Gradient};
+pub use sort::Sorting;
+use std::fmt::Display;
 
-/// Measures all kernels that are asked for.
+/// Measures all kernels that the filter wants.
 ///
 /// # Errors
 /// The first kernel that is wrong, before it is timed; anything that Vulkan reports.
 pub fn run(bench: &mut Bench) -> Result<()> {
     bench.copy_rate()?;
-    project::run(bench)?;
-    stream::run(bench)?;
-    sums::run(bench)?;
+    for &count in sizes(bench.gpu().caps()) {
+        by_splat(bench, count)?;
+        by_list(bench, count)?;
+    }
+    time(bench, Workgroups::FIXED, "visible", plan::usual)?;
     sort::run(bench)?;
-    expand::run(bench)?;
-    composite::run(bench)?;
-    rasterize_inria::run(bench)?;
-    present::run(bench)?;
-    backward::run(bench)?;
     loss::run(bench)?;
-    project_backward::run(bench)?;
-    update::run(bench)?;
-    contribution::run(bench)?;
-    removal_error::run(bench)
+    for (count, size, sigma) in [(50_000, [480, 272], 3.0), (20_000, [1920, 1080], 60.0)] {
+        let name = format!("{count}/{}x{}", size[0], size[1]);
+        let make = |gpu: &Gpu| expand::scattered(gpu, count, size, sigma);
+        time(bench, ELEMENTWISE, name, make)?;
+    }
+    for size in [[480, 272], [1920, 1080]] {
+        let name = format!("{}x{}", size[0], size[1]);
+        time(bench, Workgroups::FIXED, name, |gpu| {
+            present::present(gpu, size)
+        })?;
+    }
+    // About 40 splats are blended at a pixel.
+    by_tile(bench, "small", 50_000, [480, 272], 3.0)?;
+    by_tile(bench, "large", 50_000, [640, 480], 6.0)
 }
 
-/// The choices of a kernel that the device can run and the filter wants, each as (variant, workgroup, case).
-macro_rules! wanted {
-    ($bench:expr, $kernel:ident, $input:expr, $workgroups:expr, $work:expr) => {{
-        use crate::kernels::$kernel::Variant;
-        let (input, work) = (&$input, $work);
-        let caps = $bench.gpu().caps();
-        let mut choices = Vec::new();
-        for &variant in Variant::ALL {
-            if caps.supports(variant.info()).is_err() {
-                continue;
-            }
-            for workgroup in $workgroups {
-                let kernel = stringify!($kernel);
-                let case = crate::lab::bench::Case::of(kernel, input, variant.name(), workgroup);
-                if workgroup <= caps.max_workgroup && $bench.wants(&case) {
-                    choices.push((variant, workgroup, case.doing(work)));
-                }
-            }
+/// Kernels of one invocation a splat.
+fn by_splat(bench: &mut Bench, count: usize) -> Result<()> {
+    let scene = |degree| scattered(count, [960, 540], 3.0, degree);
+    time(bench, ELEMENTWISE, count, |gpu| {
+        project::project(gpu, &scene(3), &[])
+    })?;
+    time(bench, ELEMENTWISE, count, |gpu| {
+        project_backward::scattered(gpu, &scene(3))
+    })?;
+    time(bench, ELEMENTWISE, count, |gpu| adam::usual(gpu, count))?;
+    time(bench, ELEMENTWISE, count, |gpu| {
+        perturb::perturb(gpu, &perturb::faint(scene(0)))
+    })
+}
+
+/// Kernels of one invocation an element of a list.
+fn by_list(bench: &mut Bench, count: usize) -> Result<()> {
+    let below = |most: usize, count: usize| -> Vec<u32> {
+        let random = &mut Random::new(count as u64);
+        (0..count).map(|_| random.below(most) as u32).collect()
+    };
+    // Three splats of four are visible.
+    time(bench, ELEMENTWISE, count, |gpu| {
+        compact::compact(gpu, &below(4, count))
+    })?;
+    time(bench, ELEMENTWISE, count, |gpu| gather::gather(gpu, count))?;
+    // About a hundred intersections a tile.
+    let tiles = || {
+        let mut tiles = below(count / 100, count);
+        tiles.sort_unstable();
+        tiles
+    };
+    time(bench, ELEMENTWISE, count, |gpu| {
+        ranges::ranges(gpu, &tiles(), count as u32 / 100, u32::MAX)
+    })?;
+    let values = || below(9, count);
+    time(bench, ELEMENTWISE, count, |gpu| {
+        scan::reduce(gpu, &values(), false)
+    })?;
+    time(bench, ELEMENTWISE, count, |gpu| {
+        scan::chunks(gpu, &scan::chunk_sums(&values(), false))
+    })?;
+    time(bench, ELEMENTWISE, count, |gpu| {
+        scan::apply(gpu, &values(), false)
+    })?;
+    time(bench, Workgroups::FIXED, count, |gpu| {
+        scan::whole(gpu, &values(), false)
+    })
+}
+
+/// Kernels that walk the lists of tiles.
+fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f64) -> Result<()> {
+    let engine = std::cell::LazyCell::new(|| Composite::new(count, size, sigma));
+    let squares = std::cell::LazyCell::new(|| Composite::baseline_16x16(count, size, sigma));
+    let (lanes, fixed) = (LANES, Workgroups::FIXED);
+    time(bench, lanes, name, |gpu| {
+        composite::rasterize(gpu, &engine, Default::default())
+    })?;
+    time(bench, fixed, name, |gpu| {
+        composite::baseline_16x16(gpu, &squares)
+    })?;
+    time(bench, fixed, name, |gpu| {
+        rasterize_inria::rasterize_inria(gpu, &engine)
+    })?;
+    use gradient::{SAMPLED, SOURCE_TOLERANCE, SPLAT_TOLERANCE};
+    time(bench, lanes, name, |gpu| {
+        gradient::rasterize_backward(gpu, &engine, SAMPLED, SOURCE_TOLERANCE)
+    })?;
+    time(bench, fixed, name, |gpu| {
+        gradient::baseline_16x16_backward(gpu, &squares, SAMPLED, SPLAT_TOLERANCE)
+    })?;
+    time(bench, lanes, name, |gpu| {
+        contribution::contribution(gpu, &engine)
+    })?;
+    time(bench, lanes, name, |gpu| {
+        prune_limit::prune_limit(gpu, &engine, 0.05)
+    })?;
+    time(bench, lanes, name, |gpu| {
+        removal_error::removal_error(gpu, &engine)
+    })?;
+    time(bench, ELEMENTWISE, name, |gpu| {
+        sum_by_splat::sum_by_splat(gpu, &sum_by_splat::Records::of(&engine), false)
+    })
+}
+
+/// Checks and times a kernel in every choice that the filter wants. The case is made if there is one.
+fn time<'a, K: Kernel>(
+    bench: &mut Bench,
+    workgroups: Workgroups,
+    input: impl Display,
+    make: impl FnOnce(&Gpu) -> Result<KernelCase<'a, K>>,
+) -> Result<()> {
+    let gpu = bench.gpu().clone();
+    let mut choices = Vec::new();
+    for (choice, workgroup) in workgroups.choices::<K>(gpu.caps()) {
+        let variant = match K::info(&choice).variant {
+            "" => "base",
+            name => name,
+        };
+        let named = Case::of(K::NAME, &input, variant, workgroup);
+        if bench.wants(&named) {
+            choices.push((choice, named));
         }
-        choices
-    }};
+    }
+    if choices.is_empty() {
+        return Ok(());
+    }
+    let case = make(&gpu)?;
+    for (choice, named) in choices {
+        let choice = case.tuned(choice);
+        let kernel = K::compile(&gpu, choice)?;
+        let named = named.doing(case.work());
+        case.run(&gpu, &kernel, &choice)?;
+        named.judge(&case.outputs(&gpu, &choice)?)?;
+        let record = |rec: &mut crate::gpu::Recorder<'_>| case.record(rec, &kernel, &choice);
+        bench.measure_commands(&named, |rec| case.prepare_timing(rec, &kernel), record)?;
+    }
+    Ok(())
 }
-pub(super) use wanted;
 
-/// Workgroups that kernels of one invocation per element are tried with.
-const ELEMENTWISE: [u32; 4] = [32, 64, 128, 256];
+/// Workgroups of kernels of one invocation an element.
+const ELEMENTWISE: Workgroups = Workgroups::any(&[32, 64, 128, 256]);
+
+/// Workgroups of kernels with a workgroup a tile.
+const LANES: Workgroups = Workgroups::lanes(&[8, 16, 32]);
 
 /// Splats, or other elements, of the inputs: in the caches and beyond them.
 fn sizes(caps: &Caps) -> &'static [usize] {
@@ -88,7 +206,7 @@ fn sizes(caps: &Caps) -> &'static [usize] {
 
 /// At most `most` of `count` indices, evenly spaced.
 fn sample(count: usize, most: usize) -> impl Iterator<Item = usize> + Clone {
-    (0..count).step_by((count / most).max(1))
+    (0..count).step_by((count / most.max(1)).max(1))
 }
 
 /// All of a buffer.
@@ -97,7 +215,7 @@ pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Result<Vec<T>> {
 }
 
 /// The slots of `counts`, with some of them set.
-fn counts(gpu: &Gpu, slots: &[(u32, u32)]) -> Result<Buffer<u32>> {
+pub fn counts(gpu: &Gpu, slots: &[(u32, u32)]) -> Result<Buffer<u32>> {
     let mut counts = [0; COUNT_SLOTS as usize];
     for &(slot, value) in slots {
         counts[slot as usize] = value;
@@ -105,35 +223,25 @@ fn counts(gpu: &Gpu, slots: &[(u32, u32)]) -> Result<Buffer<u32>> {
     gpu.buffer_from("counts", &counts)
 }
 
-/// Workgroups for `count` invocations, as far as one dimension holds them, which the sizes here respect.
-fn groups(count: usize, workgroup: u32) -> DispatchArgs {
-    let x = (count as u32).div_ceil(workgroup);
-    let y = u32::from(x > 0);
-    DispatchArgs { x, y, z: 1 }
-}
-
-/// Arguments of one indirect dispatch: one invocation for each of `count` elements.
-fn args(gpu: &Gpu, count: usize, workgroup: u32) -> Result<Buffer<DispatchArgs>> {
-    gpu.buffer_from("args", &[groups(count, workgroup)])
-}
-
 /// Splats on the screen, as kernels read them.
-pub(super) struct Records {
-    pub(super) shape: Buffer<[f32; 4]>,
-    pub(super) tone: Buffer<[f32; 4]>,
-    pub(super) rest: Buffer<[f32; 2]>,
+#[derive(Clone)]
+pub struct ScreenBuffers {
+    /// Mean in pixels, slope, log2 of the opacity.
+    pub shape: Buffer<[f32; 4]>,
+    /// Whitening factors, red, green.
+    pub tone: Buffer<[f32; 4]>,
+    /// Blue, depth.
+    pub rest: Buffer<[f32; 2]>,
 }
 
-impl Records {
-    fn new(gpu: &Gpu, records: &[Splat2d]) -> Result<Records> {
+impl ScreenBuffers {
+    /// Uploads them.
+    pub fn new(gpu: &Gpu, records: &[Splat2d]) -> Result<ScreenBuffers> {
         let (shape, tone, rest) = arrays(records);
-        Ok(Records {
+        Ok(ScreenBuffers {
             shape: gpu.buffer_from("ellipse_from_splat", &shape)?,
             tone: gpu.buffer_from("whiten_rg_from_splat", &tone)?,
             rest: gpu.buffer_from("blue_depth_from_splat", &rest)?,
         })
     }
 }
-
-/// Before a run that finds everything as it was.
-fn nothing(_: &mut crate::gpu::Recorder<'_>) {}

@@ -1,68 +1,50 @@
-//! Writing a composited image into a storage image, as hosts hand one in; here it is one of our own.
+//! Case of `present`: a composited image written into a storage image of our own.
 
-use super::wanted;
+use super::KernelCase;
 use crate::Result;
-use crate::kernels::present::{Bindings, Choice, Present, groups};
+use crate::gpu::Gpu;
+use crate::kernels::present::{Bindings, Present, groups};
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::{Bench, Unit, Work};
+use crate::lab::bench::{Unit, Work};
 use crate::layout::View;
 
-/// Pixels of the images: in the caches and beyond them.
-const SIZES: [[u32; 2]; 2] = [[480, 272], [1920, 1080]];
-
-pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    SIZES.iter().try_for_each(|&size| present(bench, size))
-}
-
-/// Four channels of each pixel, from four planes to one image; the last, what passes, becomes its opposite.
-fn present(bench: &mut Bench, size: [u32; 2]) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    let name = format!("{}x{}", size[0], size[1]);
-    let pixels = size[0] as usize * size[1] as usize;
-    let work = Work::of(pixels, Unit::Pixels).moving(2 * 16 * pixels);
-    let choices = wanted!(bench, present, name, [0], work);
-    if choices.is_empty() {
-        return Ok(());
-    }
-    let random = &mut Random::new(pixels as u64);
-    let planes: Vec<f32> = (0..4 * pixels)
-        .map(|_| random.between(0.0, 1.0) as f32)
-        .collect();
-    let channel = |pixel: usize, channel: usize| match (planes[channel * pixels + pixel], channel) {
-        (through, 3) => f64::from(1.0 - through),
-        (color, _) => f64::from(color),
-    };
-    let expected: Vec<f64> = (0..4 * pixels).map(|i| channel(i / 4, i % 4)).collect();
+/// Four planes of random numbers to an image of `size` pixels. Transmittance becomes opacity.
+pub fn present<'a>(gpu: &Gpu, size: [u32; 2]) -> Result<KernelCase<'a, Present>> {
+    let [width, height] = size.map(|side| side as usize);
+    let pixels = width * height;
+    let random = &mut Random::new(width as u64);
+    let mut value = || random.between(-0.5, 1.5) as f32;
+    let planes: Vec<f32> = (0..4 * pixels).map(|_| value()).collect();
     let view = View {
         size,
         ..View::default()
     };
-    let (view, image) = (
-        gpu.buffer_from("view", &[view])?,
-        gpu.buffer_from("image", &planes)?,
-    );
-    let target = gpu.image("target", size)?;
-    for (variant, _, case) in choices {
-        let choice = Choice {
-            variant,
-            ..Choice::default()
-        };
-        let kernel = Present::new(&gpu, choice)?;
+    let view = gpu.buffer_from("view", &[view])?;
+    let image = gpu.buffer_from("image", &planes)?;
+    // A column and a row more than are asked for: they must not be touched.
+    let target = gpu.image("target", size.map(|side| side + 1))?;
+    let mut expected = Vec::new();
+    for (y, x) in (0..=height).flat_map(|y| (0..=width).map(move |x| (y, x))) {
+        let plane = |plane: usize| planes[(plane * height + y) * width + x];
+        expected.extend(match x < width && y < height {
+            true => [plane(0), plane(1), plane(2), 1.0 - plane(3)].map(f64::from),
+            false => [f64::NAN; 4],
+        });
+    }
+    let (cleared, out) = (target.clone(), target.clone());
+    let work = Work::of(pixels, Unit::Pixels).moving(2 * 16 * pixels);
+    let case = KernelCase::new(work, move |rec, kernel: &Present, _| {
         let io = Bindings {
             view: &view,
             image: &image,
-            target: &target,
+            target: &out,
         };
-        bench.trial(
-            &case,
-            |rec| rec.clear(&target, f32::NAN),
-            |rec| kernel.record(rec, io, groups(size)),
-            || {
-                let found = floats(&gpu.download_image(&target)?);
-                Ok(vec![Output::exact("pixels", found, expected.clone())])
-            },
-        )?;
-    }
-    Ok(())
+        kernel.record(rec, io, groups(size));
+    });
+    let case = case.before(move |rec, _| rec.clear(&cleared, f32::NAN));
+    Ok(case.judge(move |gpu, _| {
+        let found = floats(&gpu.download_image(&target)?);
+        Ok(vec![Output::exact("pixels", found, expected.clone())])
+    }))
 }

@@ -1,134 +1,178 @@
-//! From parameters to ellipses.
+//! Case of `project`: from parameters to the ellipse, its colour and its number of tiles.
 
-use super::{ELEMENTWISE, read, sample, sizes, wanted};
+use super::{KernelCase, read, sample};
 use crate::Result;
-use crate::kernels::project::{Bindings, Choice, Params, Project, Spec};
-use crate::lab::bench::check::Output;
+use crate::gpu::{Buffer, Gpu};
+use crate::kernels::project::{Bindings, Choice, Params, Project};
+use crate::lab::bench::check::{Output, UNWRITTEN};
 use crate::lab::bench::input::lists::{tiles_near, view, viewpoint};
 use crate::lab::bench::input::pack::{self, Splat2d};
-use crate::lab::bench::input::scene::{Scene, scattered};
-use crate::lab::bench::{Bench, Unit, Work};
+use crate::lab::bench::input::scene::Scene;
+use crate::lab::bench::{Unit, Work};
+use crate::reference::project::margins;
+use crate::reference::smoothing::smoothed;
 use crate::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
-use crate::reference::{Splat, Thresholds, project};
+use crate::reference::{Splat, Thresholds, project as reference};
 use crate::render::{plane_count, planes_from_splats};
 
-/// Pixels of the picture.
-const SIZE: [u32; 2] = [960, 540];
-/// Degree of the harmonics.
-const DEGREE: u32 = 3;
-/// Splats that are judged.
+/// Splats that are compared.
 const SAMPLES: usize = 1000;
 
-pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    for &count in sizes(gpu.caps()) {
-        let bytes = 16 * plane_count(DEGREE) + size_of::<Splat2d>() + 4;
-        let work = Work::of(count, Unit::Splats).moving(count * bytes);
-        let choices = wanted!(bench, project, count, ELEMENTWISE, work);
-        if choices.is_empty() {
-            continue;
-        }
-        let scene = scattered(count, SIZE, 3.0, DEGREE);
-        let view = gpu.buffer_from("view", &[view(&scene)])?;
-        let params = gpu.buffer_from("params", &planes_from_splats(&scene.splats))?;
-        let shape = gpu.buffer("ellipse_from_splat", count)?;
-        let tone = gpu.buffer("whiten_rg_from_splat", count)?;
-        let rest = gpu.buffer("blue_depth_from_splat", count)?;
-        let tiles = gpu.buffer("tile_count_from_splat", count)?;
-        let index = gpu.buffer("splat_from_slot", 1)?;
-        let all = Params {
+/// Buffers that the kernel writes.
+#[derive(Clone)]
+pub struct ProjectOutputs {
+    shape: Buffer<[f32; 4]>,
+    tone: Buffer<[f32; 4]>,
+    rest: Buffer<[f32; 2]>,
+    tiles: Buffer<u32>,
+}
+
+impl ProjectOutputs {
+    /// Room for `count` splats, and for one tile count more.
+    pub fn new(gpu: &Gpu, count: usize) -> Result<ProjectOutputs> {
+        Ok(ProjectOutputs {
+            shape: gpu.buffer("ellipse_from_splat", count)?,
+            tone: gpu.buffer("whiten_rg_from_splat", count)?,
+            rest: gpu.buffer("blue_depth_from_splat", count)?,
+            tiles: gpu.buffer("tile_count_from_splat", count + 1)?,
+        })
+    }
+
+    /// Records and tile counts of all splats.
+    ///
+    /// # Errors
+    /// Those of transfers.
+    pub fn read(&self, gpu: &Gpu) -> Result<(Vec<Splat2d>, Vec<u32>)> {
+        let (shape, tone) = (read(gpu, &self.shape)?, read(gpu, &self.tone)?);
+        let (rest, mut tiles) = (read(gpu, &self.rest)?, read(gpu, &self.tiles)?);
+        assert_eq!(tiles.pop(), Some(UNWRITTEN), "wrote past the end");
+        let record = |i: usize| Splat2d {
+            shape: shape[i],
+            tone: tone[i],
+            rest: rest[i],
+        };
+        Ok(((0..shape.len()).map(record).collect(), tiles))
+    }
+}
+
+/// The splats of a scene, with their smoothing filters; none: no filters.
+pub fn project<'a>(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Result<KernelCase<'a, Project>> {
+    let mut planes = planes_from_splats(&scene.splats);
+    let mut filters = filters.to_vec();
+    filters.resize(scene.splats.len(), 0.0);
+    pack::set_filters(&mut planes, &filters);
+    let outputs = ProjectOutputs::new(gpu, scene.splats.len())?;
+    let scene = scene.clone();
+    let case = commands(gpu, &scene, &planes, None, &outputs)?;
+    Ok(case.judge(move |gpu, _| {
+        let (records, tiles) = outputs.read(gpu)?;
+        Ok(compare(&scene, &filters, &records, &tiles))
+    }))
+}
+
+/// Commands for parameter planes, in the order of an index where there is one.
+pub fn commands<'a>(
+    gpu: &Gpu,
+    scene: &Scene,
+    planes: &[[f32; 4]],
+    index: Option<&[u32]>,
+    outputs: &ProjectOutputs,
+) -> Result<KernelCase<'a, Project>> {
+    let (count, degree) = (scene.splats.len(), scene.splats.sh_degree);
+    let view = gpu.buffer_from("view", &[view(scene)])?;
+    let params = gpu.buffer_from("params", planes)?;
+    let splat_from_slot = gpu.buffer_from("splat_from_slot", index.unwrap_or(&[UNWRITTEN]))?;
+    let (out, indexed) = (outputs.clone(), index.is_some());
+    let bytes = 16 * plane_count(degree) + size_of::<Splat2d>() + 4;
+    let work = Work::of(count, Unit::Splats).moving(count * bytes);
+    let case = KernelCase::new(work, move |rec, kernel: &Project, _| {
+        let io = Bindings {
+            view: &view,
+            params: &params,
+            ellipse_from_splat: &out.shape,
+            whiten_rg_from_splat: &out.tone,
+            blue_depth_from_splat: &out.rest,
+            tile_count_from_splat: &out.tiles,
+            splat_from_slot: &splat_from_slot,
+        };
+        let params = Params {
             splat_count: count as u32,
             stride: count as u32,
         };
-        for (variant, workgroup, case) in choices {
-            let spec = Spec {
-                workgroup,
-                sh_degree: DEGREE,
-                ..Spec::default()
-            };
-            let kernel = Project::new(&gpu, Choice { variant, spec })?;
-            let io = Bindings {
-                view: &view,
-                params: &params,
-                ellipse_from_splat: &shape,
-                whiten_rg_from_splat: &tone,
-                blue_depth_from_splat: &rest,
-                tile_count_from_splat: &tiles,
-                splat_from_slot: &index,
-            };
-            bench.trial(
-                &case,
-                |rec| rec.fill(&shape, u32::MAX),
-                |rec| kernel.record(rec, io, all, kernel.groups(count)),
-                || {
-                    let (shape, tone) = (read(&gpu, &shape)?, read(&gpu, &tone)?);
-                    let rest = read(&gpu, &rest)?;
-                    let record = |i: usize| Splat2d {
-                        shape: shape[i],
-                        tone: tone[i],
-                        rest: rest[i],
-                    };
-                    let records: Vec<Splat2d> = (0..count).map(record).collect();
-                    Ok(outputs(&scene, &records, &read(&gpu, &tiles)?))
-                },
-            )?;
-        }
-    }
-    Ok(())
+        kernel.record(rec, io, params, kernel.groups(count));
+    });
+    let case = case.tune(move |choice: &mut Choice| {
+        choice.spec.sh_degree = degree;
+        choice.spec.indexed = indexed.into();
+    });
+    let case = case.erase(&outputs.shape).erase(&outputs.tone);
+    Ok(case.erase(&outputs.rest).erase(&outputs.tiles))
 }
 
-/// The tolerances are those of the kernel's test, which derives them.
-fn outputs(scene: &Scene, records: &[Splat2d], tile_counts: &[u32]) -> Vec<Output> {
+/// Records and tile counts beside the reference's, splat by splat.
+fn compare(scene: &Scene, filters: &[f32], records: &[Splat2d], tiles: &[u32]) -> Vec<Output> {
     let at = viewpoint(scene);
     let grid = Grid::new(scene.camera.width, scene.camera.height);
     let cut = Thresholds::ENGINE.alpha_min;
     let [mut found, mut expected] = [(); 2].map(|()| [(); 5].map(|()| Vec::<f64>::new()));
     let (mut counted, mut allowed) = (Vec::new(), Vec::new());
-    for i in sample(tile_counts.len(), SAMPLES) {
-        let screen = project(&Splat::<f64>::of(&scene.splats, i), &at);
-        let Some(screen) = screen.filter(|s| s.opacity >= cut) else {
+    for i in sample(tiles.len(), SAMPLES) {
+        let splat = smoothed(&Splat::<f64>::of(&scene.splats, i), filters[i].into());
+        let count = f64::from(tiles[i]);
+        counted.push(count);
+        let screen = reference(&splat, &at).filter(|s| s.opacity >= cut * (1.0 - 1e-5));
+        let Some(screen) = screen else {
+            allowed.push(0.0);
             continue;
         };
-        let tiles = |alpha: &dyn Fn(u32) -> f64, cut: f64| {
+        // A pixel centre well inside needs its tile, an ellipse well outside does not; between, as it comes. The
+        // margins are those of `expand`, whose lists are as long.
+        let near = |alpha: &dyn Fn(u32) -> f64, cut: f64| {
             tiles_near(&screen, &grid)
                 .filter(|&tile| alpha(tile) >= cut)
                 .count() as f64
         };
-        // A pixel centre well inside needs its tile, an ellipse well outside does not.
-        let low = tiles(&|tile| alpha_at_pixels(&screen, &grid, tile), cut * 1.01);
-        let high = tiles(&|tile| alpha_max(&screen, &grid, tile), cut * 0.99);
-        let count = f64::from(tile_counts[i]);
-        counted.push(count);
-        allowed.push(count.clamp(low, high));
-        if tile_counts[i] == 0 {
+        let low = near(&|tile| alpha_at_pixels(&screen, &grid, tile), cut * 1.01);
+        let high = near(&|tile| alpha_max(&screen, &grid, tile), cut * 0.99);
+        allowed.push(count.clamp(low, high.max(low)));
+        if tiles[i] == 0 || margins(&splat, &at).limit < 1e-5 {
             continue;
         }
-        let [shape, tone, rest] = pack::splat2d_values(&screen);
-        let record = &records[i];
-        let [s, t] = [record.shape, record.tone].map(|v| v.map(f64::from));
-        let r = record.rest.map(f64::from);
-        let pairs = [
-            (&s[..2], &shape[..2]),
-            (&s[2..3], &shape[2..3]),
-            (&s[3..], &shape[3..]),
-            (&t[..2], &tone[..2]),
+        let [s, t, [blue, depth, ..]] = pack::splat2d_values(&screen);
+        let Splat2d { shape, tone, rest } = records[i];
+        let (shape, tone, rest) = (
+            shape.map(f64::from),
+            tone.map(f64::from),
+            rest.map(f64::from),
+        );
+        let columns: [(&[f64], &[f64]); 5] = [
+            (&shape[..2], &s[..2]),
+            (&shape[2..3], &s[2..3]),
+            (&shape[3..], &s[3..]),
+            (&tone[..2], &t[..2]),
             (
-                &[t[2], t[3], r[0], r[1]],
                 &[tone[2], tone[3], rest[0], rest[1]],
+                &[t[2], t[3], blue, depth],
             ),
         ];
-        for (slot, (f, e)) in pairs.into_iter().enumerate() {
+        for (slot, (f, e)) in columns.into_iter().enumerate() {
             found[slot].extend(f);
             expected[slot].extend(e);
         }
     }
+    // A position in the view is a sum of three products of numbers up to 4: 5u · 4 of a depth of 2 and more, times a
+    // focal length of up to 1.2 sizes: 1e-6 of the image. Whitening passes through about 30 roundings and is built of
+    // sums of squares: 1e-5. A slope is not: a needle that points at the camera is foreshortened by a difference that
+    // leaves the 30u of its full length, 50 px and more, of which a slope of 1 divides by as little as 0.55 px: 2e-4.
+    // Logarithms carry the specification's 3 ULP at 8, and in mip mode half the error of a determinant. Colours are
+    // sums of 16 products.
     let size = f64::from(scene.camera.width.max(scene.camera.height));
     let bounds = [
         ("mean", 2e-6, size),
         ("slope", 2e-4, 1.0),
         ("opacity", 1e-5, 1.0),
         ("whitening", 1e-5, 0.0),
-        ("colour and depth", 2e-6, 20.0),
+        ("colour and depth", 2e-6, 1.0),
     ];
     let columns = found.into_iter().zip(expected).zip(bounds);
     let mut outputs: Vec<Output> = columns

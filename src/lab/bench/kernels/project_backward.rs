@@ -1,130 +1,69 @@
-//! From sums over pixels to gradients of parameters.
+//! Case of `project_backward`: from sums over pixels to the gradient of every parameter.
 
-use super::{ELEMENTWISE, Records, counts, read, sample, sizes, wanted};
+use super::{KernelCase, ScreenBuffers, counts, read, sample};
 use crate::Result;
-use crate::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward, Spec};
-use crate::lab::bench::check::{Output, rms};
+use crate::gpu::{Buffer, Gpu};
+use crate::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward};
+use crate::lab::bench::check::{Output, UNWRITTEN, floats};
 use crate::lab::bench::input::lists::{view, viewpoint};
-use crate::lab::bench::input::pack::{Splat2d, planes, screen_row, splat2d};
+use crate::lab::bench::input::pack::{self, Splat2d};
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::input::scene::{Scene, scattered};
-use crate::lab::bench::{Bench, Unit, Work};
+use crate::lab::bench::input::scene::Scene;
+use crate::lab::bench::{Unit, Work};
+use crate::reference::primitive::extent;
 use crate::reference::project::margins;
-use crate::reference::project_backward::project_backward;
+use crate::reference::project_backward::{Penalties, penalty_backward};
+use crate::reference::smoothing::{smoothed, smoothed_backward};
 use crate::reference::{ScreenSplat, Splat, Thresholds, project};
 use crate::render::{plane_count, planes_from_splats};
 use rayon::prelude::*;
 
-/// Pixels of the picture.
-const SIZE: [u32; 2] = [960, 540];
-/// Degree of the harmonics.
-const DEGREE: u32 = 3;
-/// Splats that are judged.
+/// Splats that are compared.
 const SAMPLES: usize = 500;
+/// Weights of the penalties on opacity, scale and size.
+const PENALTIES: [f32; 3] = [0.125, 0.5, 0.75];
+/// Statistics of every splat before the step.
+const STATISTICS: [f32; 4] = [0.5, 3.0, 2.0, 7.0];
 
-pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    for &count in sizes(gpu.caps()) {
-        if wanted!(bench, project_backward, count, ELEMENTWISE, Work::default()).is_empty() {
-            continue;
-        }
-        let input = Input::new(count);
-        // Parameters in, gradients out; record, statistics, and the records of the tiles.
-        let bytes = 2 * 16 * plane_count(DEGREE) + size_of::<Splat2d>() + 32 + 8;
-        let work = Work::of(count, Unit::Splats).moving(bytes * count + 36 * input.rest.len());
-        let parameters = planes_from_splats(&input.scene.splats);
-        let view = gpu.buffer_from("view", &[view(&input.scene)])?;
-        let counts = counts(&gpu, &[])?;
-        let d_params = gpu.buffer("d_params", parameters.len())?;
-        let params = gpu.buffer_from("params", &parameters)?;
-        let tiles = gpu.buffer_from("tiles", &input.tiles)?;
-        let begins = gpu.buffer_from("begins", &input.begins)?;
-        let records = Records::new(&gpu, &input.records)?;
-        let shape = gpu.buffer_from("shape", &input.shape)?;
-        let tone = gpu.buffer_from("tone", &input.tone)?;
-        let rest = gpu.buffer_from("rest", &input.rest)?;
-        let statistics = gpu.buffer("statistics", count)?;
-        for (variant, workgroup, case) in wanted!(bench, project_backward, count, ELEMENTWISE, work)
-        {
-            let spec = Spec {
-                workgroup,
-                sh_degree: DEGREE,
-                ..Spec::default()
-            };
-            let kernel = ProjectBackward::new(&gpu, Choice { variant, spec })?;
-            let index = gpu.buffer("splat_from_slot", 1)?;
-            let io = Bindings {
-                view: &view,
-                counts: &counts,
-                params: &params,
-                tile_count_from_splat: &tiles,
-                emitted_from_splat: &begins,
-                ellipse_from_splat: &records.shape,
-                whiten_rg_from_splat: &records.tone,
-                blue_depth_from_splat: &records.rest,
-                d_shape_from_source: &shape,
-                d_tone_from_source: &tone,
-                d_rest_from_source: &rest,
-                d_params: &d_params,
-                statistics: &statistics,
-                splat_from_slot: &index,
-            };
-            let all = Params {
-                splat_count: count as u32,
-                stride: count as u32,
-                // Without penalties.
-                ..Params::default()
-            };
-            bench.trial(
-                &case,
-                |rec| {
-                    rec.fill(&d_params, u32::MAX);
-                    rec.fill(&statistics, 0);
-                },
-                |rec| kernel.record(rec, io, all, kernel.groups(count)),
-                || Ok(input.outputs(&read(&gpu, &d_params)?)),
-            )?;
-        }
-    }
-    Ok(())
-}
-
-/// Visible splats with one to four records each.
-struct Input {
-    scene: Scene,
+/// Splats with records of one to four tiles each.
+pub struct Sums {
+    /// The scene.
+    pub scene: Scene,
+    /// Its splats' 3D filters.
+    pub filters: Vec<f32>,
+    /// The splats on the screen; none where a splat is not drawn, or so near a discontinuity of the projection that
+    /// either side is right.
     screen: Vec<Option<ScreenSplat<f64>>>,
-    records: Vec<Splat2d>,
-    tiles: Vec<u32>,
-    begins: Vec<u32>,
-    shape: Vec<[f32; 4]>,
-    tone: Vec<[f32; 4]>,
-    rest: Vec<f32>,
+    /// Tiles of each splat.
+    pub tiles: Vec<u32>,
+    /// First record of each splat.
+    pub begins: Vec<u32>,
+    /// Records of tiles, in three arrays.
+    pub shape: Vec<[f32; 4]>,
+    /// See above.
+    pub tone: Vec<[f32; 4]>,
+    /// See above.
+    pub rest: Vec<f32>,
 }
 
-impl Input {
-    fn new(count: usize) -> Input {
-        let scene = scattered(count, SIZE, 3.0, DEGREE);
-        let at = viewpoint(&scene);
-        let screen: Vec<_> = (0..count)
-            .into_par_iter()
-            .map(|i| {
-                let splat = Splat::<f64>::of(&scene.splats, i);
-                // At a discontinuity of the projection either side is right: left out.
-                let margins = margins(&splat, &at);
-                let sound = margins.limit.min(margins.color) > 1e-4;
-                let drawn =
-                    |s: &ScreenSplat<f64>| sound && s.opacity >= Thresholds::ENGINE.alpha_min;
-                project(&splat, &at).filter(drawn)
-            })
-            .collect();
+impl Sums {
+    /// Random sums; without `filters` there are none.
+    pub fn new(scene: &Scene, filters: &[f32]) -> Sums {
+        let (at, count) = (viewpoint(scene), scene.splats.len());
+        let mut filters = filters.to_vec();
+        filters.resize(count, 0.0);
+        let drawn = |i: usize| {
+            let splat = Splat::<f64>::of(&scene.splats, i);
+            let margins = margins(&splat, &at);
+            let sound = margins.limit.min(margins.color) > 1e-4;
+            let screen = project(&smoothed(&splat, filters[i].into()), &at);
+            screen.filter(|s| sound && s.opacity >= Thresholds::ENGINE.alpha_min)
+        };
         let random = &mut Random::new(count as u64);
-        let mut input = Input {
-            records: screen
-                .iter()
-                .map(|s| s.as_ref().map(splat2d).unwrap_or_default())
-                .collect(),
-            scene,
-            screen,
+        let mut sums = Sums {
+            scene: scene.clone(),
+            screen: (0..count).into_par_iter().map(drawn).collect(),
+            filters,
             tiles: Vec::new(),
             begins: Vec::new(),
             shape: Vec::new(),
@@ -132,67 +71,214 @@ impl Input {
             rest: Vec::new(),
         };
         for i in 0..count {
-            let tiles = if input.screen[i].is_some() {
-                1 + i as u32 % 4
-            } else {
-                0
-            };
-            input.begins.push(input.rest.len() as u32);
-            input.tiles.push(tiles);
+            let tiles = sums.screen[i].map_or(0, |_| 1 + i as u32 % 4);
+            sums.begins.push(sums.rest.len() as u32);
+            sums.tiles.push(tiles);
             for _ in 0..tiles {
-                input.shape.push([0; 4].map(|_| random.normal() as f32));
-                input.tone.push([0; 4].map(|_| random.normal() as f32));
-                input.rest.push(random.normal() as f32);
+                sums.shape.push([0; 4].map(|_| random.normal() as f32));
+                sums.tone.push([0; 4].map(|_| random.normal() as f32));
+                sums.rest.push(random.normal() as f32);
             }
         }
-        input
+        sums
     }
 
-    fn sums(&self, splat: usize) -> [f64; 9] {
+    fn total(&self, splat: usize) -> [f64; 9] {
         let begin = self.begins[splat] as usize;
         let mut sums = [0.0; 9];
         for source in begin..begin + self.tiles[splat] as usize {
             let [a, b, c, d] = self.shape[source];
             let [e, f, g, h] = self.tone[source];
             let terms = [a, b, c, d, e, f, g, h, self.rest[source]];
-            sums.iter_mut()
-                .zip(terms)
-                .for_each(|(sum, x)| *sum += f64::from(x));
+            let pairs = sums.iter_mut().zip(terms);
+            pairs.for_each(|(sum, x)| *sum += f64::from(x));
         }
         sums
     }
 
-    /// A sample of the gradients, each splat's mean, opacity, quaternion, scales and harmonics in units of their
-    /// own length; the tolerance is that of the kernel's test.
-    fn outputs(&self, found: &[[f32; 4]]) -> Vec<Output> {
-        let (count, at) = (self.tiles.len(), viewpoint(&self.scene));
-        let groups: [(&str, std::ops::Range<usize>); 5] = [
-            ("mean", 0..3),
-            ("opacity", 3..4),
-            ("quaternion", 4..8),
-            ("log-scale", 8..12),
-            ("harmonics", 12..4 * plane_count(DEGREE)),
-        ];
-        let mut columns = groups.clone().map(|_| (Vec::new(), Vec::new()));
-        for i in sample(count, SAMPLES) {
-            let row = match &self.screen[i] {
-                Some(screen) => {
-                    let splat = Splat::<f64>::of(&self.scene.splats, i);
-                    project_backward(&splat, &at, &screen_row(screen, self.sums(i)))
-                }
-                None => vec![0.0; Splat::<f64>::of(&self.scene.splats, i).parameters().len()],
-            };
-            let expected = planes(&[row]).concat();
-            let place = |k: usize| f64::from(found[k / 4 * count + i][k % 4]);
-            for ((_, range), (f, e)) in groups.iter().zip(&mut columns) {
-                let part = &expected[range.clone()];
-                let norm = rms(part) * (part.len() as f64).sqrt();
-                let unit = if norm > 0.0 { norm } else { 1.0 };
-                f.extend(range.clone().map(|k| place(k) / unit));
-                e.extend(part.iter().map(|x| x / unit));
-            }
-        }
-        let output = |((name, _), (f, e))| Output::relative(name, f, e, 2e-4, 1.0);
-        groups.into_iter().zip(columns).map(output).collect()
+    /// Gradient of a splat's parameters, and its statistics after the step.
+    fn expected(&self, i: usize) -> (Vec<f64>, [f64; 4]) {
+        let splat = Splat::<f64>::of(&self.scene.splats, i);
+        let [opacity, scale, size] = PENALTIES.map(f64::from);
+        let mut row = penalty_backward(
+            &splat,
+            Penalties {
+                opacity,
+                scale,
+                size,
+            },
+        );
+        let mut statistics = STATISTICS.map(f64::from);
+        let Some(screen) = &self.screen[i] else {
+            return (row, statistics);
+        };
+        let by_screen = pack::screen_row(screen, self.total(i));
+        let at = viewpoint(&self.scene);
+        let gradient = smoothed_backward(&splat, self.filters[i].into(), &at, &by_screen);
+        row.iter_mut().zip(&gradient).for_each(|(sum, g)| *sum += g);
+        let camera = &self.scene.camera;
+        let half = [camera.width, camera.height].map(|n| 0.5 * f64::from(n));
+        statistics[0] += (by_screen[0] * half[0]).hypot(by_screen[1] * half[1]);
+        statistics[1] += 1.0;
+        let [x, y] = extent(screen, &Thresholds::ENGINE);
+        // The kernels widen the ellipse, so that rounding drops no pixel on its rim.
+        let level = 2.0 * (screen.opacity / Thresholds::ENGINE.alpha_min).ln();
+        let wider = ((level * 1.00001 + 1e-5) / level).sqrt();
+        statistics[2] = statistics[2].max(x * wider).max(y * wider);
+        (row, statistics)
     }
+}
+
+/// Buffers that the kernel writes.
+#[derive(Clone)]
+pub struct GradientOutputs {
+    d_params: Buffer<[f32; 4]>,
+    statistics: Buffer<[f32; 4]>,
+}
+
+impl GradientOutputs {
+    /// Room for the splats of a scene, and for one vector more.
+    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<GradientOutputs> {
+        let count = scene.splats.len();
+        let planes = plane_count(scene.splats.sh_degree);
+        Ok(GradientOutputs {
+            d_params: gpu.buffer("d_params", planes * count + 1)?,
+            statistics: gpu.buffer("statistics", count)?,
+        })
+    }
+
+    /// Gradients of all parameters in planes, and statistics by splat.
+    ///
+    /// # Errors
+    /// Those of transfers.
+    pub fn read(&self, gpu: &Gpu) -> Result<[Vec<[f32; 4]>; 2]> {
+        let mut gradients = read(gpu, &self.d_params)?;
+        let beyond = gradients.pop().unwrap_or_default();
+        let is_untouched = beyond.iter().all(|x| x.to_bits() == UNWRITTEN);
+        assert!(is_untouched, "wrote past the end");
+        Ok([gradients, read(gpu, &self.statistics)?])
+    }
+}
+
+/// Scattered splats without filters.
+pub fn scattered<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, ProjectBackward>> {
+    project_backward(gpu, Sums::new(scene, &[]))
+}
+
+/// Gradients and statistics of these sums.
+pub fn project_backward<'a>(gpu: &Gpu, sums: Sums) -> Result<KernelCase<'a, ProjectBackward>> {
+    let outputs = GradientOutputs::new(gpu, &sums.scene)?;
+    let case = commands(gpu, &sums, None, &[], &outputs)?;
+    Ok(case.judge(move |gpu, _| {
+        let [gradients, statistics] = outputs.read(gpu)?;
+        Ok(compare(&sums, &gradients, &statistics))
+    }))
+}
+
+/// Commands for parameters in the order of an index where there is one, with some `counts` set.
+pub fn commands<'a>(
+    gpu: &Gpu,
+    sums: &Sums,
+    index: Option<&[u32]>,
+    slots: &[(u32, u32)],
+    outputs: &GradientOutputs,
+) -> Result<KernelCase<'a, ProjectBackward>> {
+    let (count, degree) = (sums.scene.splats.len(), sums.scene.splats.sh_degree);
+    let mut planes = planes_from_splats(&sums.scene.splats);
+    pack::set_filters(&mut planes, &sums.filters);
+    if let Some(index) = index {
+        planes = pack::in_order(&planes, index);
+    }
+    let records: Vec<Splat2d> = sums
+        .screen
+        .iter()
+        .map(|s| s.as_ref().map(pack::splat2d).unwrap_or_default())
+        .collect();
+    let view = gpu.buffer_from("view", &[view(&sums.scene)])?;
+    let counts = counts(gpu, slots)?;
+    let params = gpu.buffer_from("params", &planes)?;
+    let tiles = gpu.buffer_from("tile_count_from_splat", &sums.tiles)?;
+    let begins = gpu.buffer_from("emitted_from_splat", &sums.begins)?;
+    let records = ScreenBuffers::new(gpu, &records)?;
+    let shape = gpu.buffer_from("d_shape_from_source", &sums.shape)?;
+    let tone = gpu.buffer_from("d_tone_from_source", &sums.tone)?;
+    let rest = gpu.buffer_from("d_rest_from_source", &sums.rest)?;
+    let splat_from_slot = gpu.buffer_from("splat_from_slot", index.unwrap_or(&[u32::MAX]))?;
+    let before = gpu.buffer_from("statistics", &vec![STATISTICS; count])?;
+    let (out, indexed) = (outputs.clone(), index.is_some());
+    // Parameters in, gradients out; record, statistics, and the records of the tiles.
+    let bytes = 2 * 16 * plane_count(degree) + size_of::<Splat2d>() + 32 + 8;
+    let work = Work::of(count, Unit::Splats).moving(bytes * count + 36 * sums.rest.len());
+    let case = KernelCase::new(work, move |rec, kernel: &ProjectBackward, _| {
+        let io = Bindings {
+            view: &view,
+            counts: &counts,
+            params: &params,
+            tile_count_from_splat: &tiles,
+            emitted_from_splat: &begins,
+            ellipse_from_splat: &records.shape,
+            whiten_rg_from_splat: &records.tone,
+            blue_depth_from_splat: &records.rest,
+            d_shape_from_source: &shape,
+            d_tone_from_source: &tone,
+            d_rest_from_source: &rest,
+            d_params: &out.d_params,
+            statistics: &out.statistics,
+            splat_from_slot: &splat_from_slot,
+        };
+        let [opacity_penalty, scale_penalty, size_penalty] = PENALTIES;
+        let params = Params {
+            splat_count: count as u32,
+            stride: count as u32,
+            opacity_penalty,
+            scale_penalty,
+            size_penalty,
+            banded: 0,
+        };
+        kernel.record(rec, io, params, kernel.groups(count));
+    });
+    let case = case.tune(move |choice: &mut Choice| {
+        choice.spec.sh_degree = degree;
+        choice.spec.indexed = indexed.into();
+    });
+    Ok(case
+        .erase(&outputs.d_params)
+        .copy(&before, &outputs.statistics))
+}
+
+/// Gradients and statistics beside the reference's: each splat's mean, opacity, quaternion, scales and harmonics in
+/// units of their own length, since splats differ by many magnitudes.
+fn compare(sums: &Sums, gradients: &[[f32; 4]], statistics: &[[f32; 4]]) -> Vec<Output> {
+    let count = sums.tiles.len();
+    let planes = plane_count(sums.scene.splats.sh_degree);
+    let groups: [(&str, std::ops::Range<usize>); 5] = [
+        ("mean", 0..3),
+        ("opacity", 3..4),
+        ("quaternion", 4..8),
+        ("log-scale", 8..12),
+        ("harmonics", 12..4 * planes),
+    ];
+    let mut columns = groups.clone().map(|_| (Vec::new(), Vec::new()));
+    let (mut found, mut wanted) = (Vec::new(), Vec::new());
+    for i in sample(count, SAMPLES) {
+        let (row, after) = sums.expected(i);
+        let expected = pack::planes(&[row]).concat();
+        let place = |k: usize| f64::from(gradients[k / 4 * count + i][k % 4]);
+        for ((_, range), (f, e)) in groups.iter().zip(&mut columns) {
+            let part = &expected[range.clone()];
+            let norm = part.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let unit = if norm > 0.0 { norm } else { 1.0 };
+            f.extend(range.clone().map(|k| place(k) / unit));
+            e.extend(part.iter().map(|x| x / unit));
+        }
+        found.extend(floats(&statistics[i..=i]));
+        wanted.extend(after);
+    }
+    // Everything up to here is a product of about forty factors, 40u = 2.4e-6; the length of a quaternion's gradient
+    // is what is left of terms larger by the aspect, a hundred for needles.
+    let output = |((name, _), (f, e))| Output::relative(name, f, e, 2e-4, 1.0);
+    let mut outputs: Vec<Output> = groups.into_iter().zip(columns).map(output).collect();
+    // A norm of two sums.
+    outputs.push(Output::relative("statistics", found, wanted, 1e-5, 1.0));
+    outputs
 }

@@ -1,67 +1,205 @@
-//! The radix sort: both halves of a pass, and whole sorts of random pairs.
+//! Cases of the radix sort: both halves of a pass, and whole sorts.
 
-use super::{counts, groups, read, wanted};
+use super::{KernelCase, Workgroups, counts, read, time};
 use crate::Result;
-use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
+use crate::gpu::{Buffer, DeviceKind, Gpu, Groups, Recorder};
 use crate::kernels::scan::Scan;
 use crate::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
-use crate::kernels::{sort_count, sort_scatter};
+use crate::kernels::{Kernel, sort_count, sort_scatter};
 use crate::lab::bench::check::{Output, words};
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::{Bench, Case, Unit, Work};
+use crate::lab::bench::{Bench, Unit, Work};
 use crate::layout::*;
 use crate::reference;
+use crate::shader::KernelInfo;
 
 /// Keys of the passes that are measured one by one.
 const PASS_KEYS: usize = 1 << 18;
-/// Keys of a chunk that passes are tried with.
-const CHUNKS: [usize; 2] = [1024, 4096];
+
+/// Workgroups: few invocations where each has a chunk of its own, many where they share one.
+const WORKGROUPS: Workgroups = Workgroups::subgroups(&[8, 64, 256]);
 
 pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    passes(bench)?;
+    for chunk in [1024, 4096] {
+        let name = format!("{PASS_KEYS}/chunk-{chunk}");
+        let digit = Digit {
+            bits: 8,
+            shift: 0,
+            chunks: PASS_KEYS / chunk,
+        };
+        time(bench, WORKGROUPS, &name, |gpu| {
+            count(gpu, &keys(PASS_KEYS), digit)
+        })?;
+        time(bench, WORKGROUPS, &name, |gpu| {
+            scatter(gpu, &keys(PASS_KEYS), digit)
+        })?;
+    }
     let sizes: &[usize] = match bench.gpu().caps().kind {
         DeviceKind::Cpu => &[1 << 16, 1 << 20],
         _ => &[1 << 16, 1 << 20, 1 << 25],
     };
     for &count in sizes {
-        whole(bench, count)?;
+        time(bench, WORKGROUPS, count, |gpu| {
+            sort(gpu, keys(count), layout(8, 4))
+        })?;
     }
     Ok(())
 }
 
-/// Invocations of a workgroup: few where each has a chunk of its own, many where they share one.
-const WORKGROUPS: [u32; 5] = [4, 8, 16, 64, 256];
+/// Random keys.
+pub fn keys(count: usize) -> Vec<u32> {
+    let random = &mut Random::new(count as u64);
+    (0..count).map(|_| random.bits() as u32).collect()
+}
 
-/// Whether a device can run a variant, and its workgroup makes sense: full subgroups where a workgroup shares a
-/// chunk.
-fn fits(caps: &Caps, variant: sort_scatter::Variant, workgroup: u32) -> bool {
-    if caps.supports(variant.info()).is_err() || workgroup > caps.max_workgroup {
-        return false;
-    }
-    match variant {
-        sort_scatter::Variant::Subgroup => {
-            workgroup >= 64 && workgroup.is_multiple_of(caps.subgroup_size.max(1))
-        }
-        sort_scatter::Variant::Base => workgroup <= 16,
+/// Digits of so many bits in so many passes, in the slots of the tiles' sort.
+pub const fn layout(digit_bits: u32, passes: u32) -> Layout {
+    Layout {
+        digit_bits,
+        passes,
+        count_slot: COUNT_ISECT,
+        chunk_slot: COUNT_ISECT_CHUNK,
+        table_slot: COUNT_ISECT_TABLE,
+        chunk_args: 0,
+        table_args: 1,
     }
 }
 
-/// 32-bit keys in passes of eight bits, as depths are sorted.
-const LAYOUT: Layout = Layout {
-    digit_bits: 8,
-    passes: 4,
-    count_slot: COUNT_ISECT,
-    chunk_slot: COUNT_ISECT_CHUNK,
-    table_slot: COUNT_ISECT_TABLE,
-    chunk_args: 0,
-    table_args: 1,
-};
+/// The digit of a pass, and the number of chunks.
+#[derive(Clone, Copy, Debug)]
+pub struct Digit {
+    /// Bits of the digit.
+    pub bits: u32,
+    /// Bits below it.
+    pub shift: u32,
+    /// Chunks, of whole quadruples of keys; the last may be empty.
+    pub chunks: usize,
+}
 
-/// Random pairs on the device, ready to be sorted again and again.
+impl Digit {
+    /// `[digit][chunk]`: how often each digit occurs in each chunk.
+    fn table(self, keys: &[u32]) -> Vec<u32> {
+        let digits = 1 << self.bits;
+        let mut table = vec![0; self.chunks * digits];
+        let size = keys.len().div_ceil(self.chunks).next_multiple_of(4);
+        for (i, &key) in keys.iter().enumerate() {
+            let digit = (key >> self.shift) as usize & (digits - 1);
+            table[digit * self.chunks + i / size] += 1;
+        }
+        table
+    }
+
+    fn counts(self, gpu: &Gpu, keys: usize) -> Result<Buffer<u32>> {
+        let chunks = (COUNT_ISECT_CHUNK, self.chunks as u32);
+        counts(gpu, &[(COUNT_ISECT, keys as u32), chunks])
+    }
+
+    /// Dispatch with a workgroup a chunk, or with an invocation a chunk.
+    fn groups(self, by_workgroup: bool, workgroup: u32) -> Groups<'static> {
+        let per_group = if by_workgroup { 1 } else { workgroup };
+        Groups::Count((self.chunks as u32).div_ceil(per_group))
+    }
+}
+
+/// Digits counted by chunk.
+pub fn count<'a>(
+    gpu: &Gpu,
+    keys: &[u32],
+    digit: Digit,
+) -> Result<KernelCase<'a, sort_count::SortCount>> {
+    let expected = digit.table(keys);
+    let counts = digit.counts(gpu, keys.len())?;
+    let work = Work::of(keys.len(), Unit::Keys).moving(4 * (keys.len() + expected.len()));
+    let keys = gpu.buffer_from("keys", keys)?;
+    let table = gpu.buffer::<u32>("table", expected.len() + 1)?;
+    let out = table.clone();
+    let case = KernelCase::new(work, move |rec, kernel: &sort_count::SortCount, choice| {
+        let io = sort_count::Bindings {
+            counts: &counts,
+            keys: &keys,
+            table: &out,
+        };
+        let params = sort_count::Params {
+            count_slot: COUNT_ISECT,
+            chunk_slot: COUNT_ISECT_CHUNK,
+            shift: digit.shift,
+            digit_count: 1 << digit.bits,
+        };
+        let groups = digit.groups(
+            choice.variant == sort_count::Variant::Subgroup,
+            kernel.workgroup,
+        );
+        kernel.record(rec, io, params, groups);
+    });
+    Ok(case.exact("table", &table, words(&expected)))
+}
+
+/// Pairs moved to the places of their digits; the values are the keys' indices.
+pub fn scatter<'a>(
+    gpu: &Gpu,
+    keys: &[u32],
+    digit: Digit,
+) -> Result<KernelCase<'a, sort_scatter::SortScatter>> {
+    let len = keys.len();
+    let (places, _) = reference::scan::scan(&digit.table(keys));
+    let values: Vec<u32> = (0..len as u32).collect();
+    let mask = ((1u32 << digit.bits) - 1) << digit.shift;
+    let (sorted, moved) = reference::sort::sort(keys, &values, mask);
+    let counts = digit.counts(gpu, len)?;
+    let work = Work::of(len, Unit::Keys).moving(16 * len + 4 * places.len());
+    let keys = gpu.buffer_from("keys", keys)?;
+    let values = gpu.buffer_from("values", &values)?;
+    let [keys_out, values_out] = ["keys", "values"].map(|name| gpu.buffer::<u32>(name, len + 1));
+    let (keys_out, values_out) = (keys_out?, values_out?);
+    let before = gpu.buffer_from("places", &places)?;
+    let table = gpu.buffer::<u32>("table", places.len())?;
+    let (keys_to, values_to, places) = (keys_out.clone(), values_out.clone(), table.clone());
+    let case = KernelCase::new(
+        work,
+        move |rec, kernel: &sort_scatter::SortScatter, choice| {
+            let io = sort_scatter::Bindings {
+                counts: &counts,
+                keys: &keys,
+                values: &values,
+                table: &places,
+                keys_out: &keys_to,
+                values_out: &values_to,
+            };
+            let params = sort_scatter::Params {
+                count_slot: COUNT_ISECT,
+                chunk_slot: COUNT_ISECT_CHUNK,
+                shift: digit.shift,
+                digit_count: 1 << digit.bits,
+            };
+            let groups = digit.groups(
+                choice.variant == sort_scatter::Variant::Subgroup,
+                kernel.workgroup,
+            );
+            kernel.record(rec, io, params, groups);
+        },
+    );
+    Ok(case
+        .copy(&before, &table)
+        .exact("keys", &keys_out, words(&sorted))
+        .exact("values", &values_out, words(&moved)))
+}
+
+/// A whole sort of keys with their indices.
+pub fn sort<'a>(gpu: &Gpu, keys: Vec<u32>, layout: Layout) -> Result<KernelCase<'a, Sort>> {
+    let sorting = std::rc::Rc::new(Sorting::new(gpu, keys, layout)?);
+    let [before, recorded, after] = [(); 3].map(|()| sorting.clone());
+    let case = KernelCase::new(sorting.work(), move |rec, sort: &Sort, _| {
+        recorded.record(rec, sort);
+    });
+    let case = case.before(move |rec, sort| before.prepare(rec, sort));
+    Ok(case.judge(move |gpu, _| after.outputs(gpu)))
+}
+
+/// Pairs on the device, ready to be sorted again and again.
 pub struct Sorting {
-    gpu: Gpu,
     /// The keys.
     pub keys: Vec<u32>,
+    layout: Layout,
     keys_before: Buffer<u32>,
     values_before: Buffer<u32>,
     pairs: Pairs,
@@ -69,35 +207,25 @@ pub struct Sorting {
     counts: Buffer<u32>,
     args: Buffer<DispatchArgs>,
     scan: Scan,
-    sort: Sort,
 }
 
 impl Sorting {
-    /// `count` random keys, each with its index as value.
-    pub fn new(gpu: &Gpu, count: usize, sort: Sort) -> Result<Sorting> {
-        let random = &mut Random::new(count as u64);
-        let keys: Vec<u32> = (0..count).map(|_| random.bits() as u32).collect();
+    /// Each key with its index as value.
+    pub fn new(gpu: &Gpu, keys: Vec<u32>, layout: Layout) -> Result<Sorting> {
+        let count = keys.len();
         let values: Vec<u32> = (0..count as u32).collect();
-        let chunks = sort.chunks(LAYOUT, count);
-        let entries = chunks * LAYOUT.digit_count() as usize;
-        let scanned = entries.div_ceil(SCAN_CHUNK as usize);
-        let slots = [
-            (COUNT_ISECT, count as u32),
-            (COUNT_ISECT_CHUNK, chunks as u32),
-            (COUNT_ISECT_TABLE, entries as u32),
-        ];
-        let args = [
-            groups(chunks, sort.chunks_per_group),
-            groups(scanned, Scan::WORKGROUP),
-        ];
+        // Of the largest workgroup, too.
+        let entries = layout
+            .table_len(count)
+            .max(512 * layout.digit_count() as usize);
         let pair = |name| -> Result<[Buffer<u32>; 2]> {
             Ok([gpu.buffer(name, count)?, gpu.buffer(name, count)?])
         };
         Ok(Sorting {
-            gpu: gpu.clone(),
             keys_before: gpu.buffer_from("keys", &keys)?,
             values_before: gpu.buffer_from("values", &values)?,
             keys,
+            layout,
             pairs: Pairs {
                 keys: pair("keys")?,
                 values: pair("values")?,
@@ -105,221 +233,103 @@ impl Sorting {
             tables: Tables {
                 counted: gpu.buffer("table", entries)?,
                 places: gpu.buffer("places", entries)?,
-                sums: gpu.buffer("sums", scanned)?,
+                sums: gpu.buffer("sums", entries.div_ceil(SCAN_CHUNK as usize))?,
             },
-            counts: counts(gpu, &slots)?,
-            args: gpu.buffer_from("args", &args)?,
+            counts: counts(gpu, &[])?,
+            args: gpu.buffer("args", 2)?,
             scan: Scan::new(gpu)?,
-            sort,
         })
     }
 
-    /// Puts the unsorted pairs back.
-    pub fn prepare(&self, rec: &mut Recorder<'_>) {
-        let all = 0..self.keys.len();
-        rec.copy(&self.keys_before, all.clone(), &self.pairs.keys[0], 0);
-        rec.copy(&self.values_before, all, &self.pairs.values[0], 0);
+    /// Puts the unsorted pairs back, with counts and dispatch sizes as `plan` gives them.
+    pub fn prepare(&self, rec: &mut Recorder<'_>, sort: &Sort) {
+        let count = self.keys.len();
+        rec.copy(&self.keys_before, 0..count, &self.pairs.keys[0], 0);
+        rec.copy(&self.values_before, 0..count, &self.pairs.values[0], 0);
+        let chunks = sort.chunks(self.layout, count);
+        let entries = chunks * self.layout.digit_count() as usize;
+        for (slot, value) in [
+            (COUNT_ISECT, count),
+            (COUNT_ISECT_CHUNK, chunks),
+            (COUNT_ISECT_TABLE, entries),
+        ] {
+            rec.update(&self.counts, slot as usize, &[value as u32]);
+        }
+        let groups = |count: usize, workgroup: u32| {
+            let x = (count as u32).div_ceil(workgroup);
+            let y = u32::from(x > 0);
+            DispatchArgs { x, y, z: 1 }
+        };
+        let scanned = entries.div_ceil(SCAN_CHUNK as usize);
+        let args = [
+            groups(chunks, sort.chunks_per_group),
+            groups(scanned, Scan::WORKGROUP),
+        ];
+        rec.update(&self.args, 0, &args);
     }
 
     /// Sorts them.
-    pub fn record(&self, rec: &mut Recorder<'_>) {
+    pub fn record(&self, rec: &mut Recorder<'_>, sort: &Sort) {
         let io = Io {
             counts: &self.counts,
             args: &self.args,
             pairs: &self.pairs,
             tables: &self.tables,
         };
-        self.sort.record(rec, &self.scan, io, LAYOUT);
+        sort.record(rec, &self.scan, io, self.layout);
     }
 
-    /// What one sort does: each pass reads keys to count them, and reads and writes pairs.
+    /// Work of one sort: each pass reads keys to count them, and reads and writes pairs.
     pub fn work(&self) -> Work {
         let count = self.keys.len();
-        Work::of(count, Unit::Keys).moving(20 * LAYOUT.passes as usize * count)
+        Work::of(count, Unit::Keys).moving(20 * self.layout.passes as usize * count)
     }
 
-    /// What it left, and a stable sort of the same.
-    pub fn outputs(&self) -> Result<Vec<Output>> {
+    /// The sorted keys and values.
+    ///
+    /// # Errors
+    /// Those of transfers.
+    pub fn sorted(&self, gpu: &Gpu) -> Result<[Vec<u32>; 2]> {
+        let at = (self.layout.passes % 2) as usize;
+        Ok([
+            read(gpu, &self.pairs.keys[at])?,
+            read(gpu, &self.pairs.values[at])?,
+        ])
+    }
+
+    /// The sorted pairs beside a stable sort of the same.
+    ///
+    /// # Errors
+    /// Those of transfers.
+    pub fn outputs(&self, gpu: &Gpu) -> Result<Vec<Output>> {
         let values: Vec<u32> = (0..self.keys.len() as u32).collect();
-        let (sorted, moved) = reference::sort::sort(&self.keys, &values, u32::MAX);
-        let at = (LAYOUT.passes % 2) as usize;
-        let keys = words(&read(&self.gpu, &self.pairs.keys[at])?);
-        let found = words(&read(&self.gpu, &self.pairs.values[at])?);
+        let mask = u32::MAX >> (32 - self.layout.digit_bits * self.layout.passes);
+        let (sorted, moved) = reference::sort::sort(&self.keys, &values, mask);
+        let [keys, found] = self.sorted(gpu)?;
         Ok(vec![
-            Output::exact("keys", keys, words(&sorted)),
-            Output::exact("values", found, words(&moved)),
+            Output::exact("keys", words(&keys), words(&sorted)),
+            Output::exact("values", words(&found), words(&moved)),
         ])
     }
 }
 
-fn whole(bench: &mut Bench, count: usize) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    for &variant in sort_scatter::Variant::ALL {
-        for workgroup in WORKGROUPS {
-            let case = Case::of("sort", count, variant.name(), workgroup);
-            if !fits(gpu.caps(), variant, workgroup) || !bench.wants(&case) {
-                continue;
-            }
-            let Some(sort) = sort_with(&gpu, variant, workgroup)? else {
-                continue;
-            };
-            let sorting = Sorting::new(&gpu, count, sort)?;
-            bench.trial(
-                &case.doing(sorting.work()),
-                |rec| sorting.prepare(rec),
-                |rec| sorting.record(rec),
-                || sorting.outputs(),
-            )?;
-        }
+impl Kernel for Sort {
+    type Choice = sort_scatter::Choice;
+    const NAME: &'static str = "sort";
+
+    fn choices(workgroup: u32) -> Vec<sort_scatter::Choice> {
+        sort_scatter::SortScatter::choices(workgroup)
     }
-    Ok(())
-}
 
-/// Both halves in the variant of this name, if there is such a half of each.
-fn sort_with(gpu: &Gpu, variant: sort_scatter::Variant, workgroup: u32) -> Result<Option<Sort>> {
-    let Some(half) = counterpart(variant.name()) else {
-        return Ok(None);
-    };
-    let count = sort_count::Choice {
-        variant: half,
-        spec: sort_count::Spec { workgroup },
-    };
-    let scatter = sort_scatter::Choice {
-        variant,
-        spec: sort_scatter::Spec { workgroup },
-    };
-    Sort::with(gpu, count, scatter).map(Some)
-}
-
-/// The counting variant that goes with a scattering one: that of the same name.
-fn counterpart(name: &str) -> Option<sort_count::Variant> {
-    let mut variants = sort_count::Variant::ALL.iter().copied();
-    variants.find(|variant| variant.name() == name)
-}
-
-fn passes(bench: &mut Bench) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    let random = &mut Random::new(5);
-    let keys: Vec<u32> = (0..PASS_KEYS).map(|_| random.bits() as u32).collect();
-    for chunk in CHUNKS {
-        count_pass(bench, &gpu, &keys, chunk)?;
-        scatter_pass(bench, &gpu, &keys, chunk)?;
+    fn info(choice: &sort_scatter::Choice) -> &'static KernelInfo {
+        choice.variant.info()
     }
-    Ok(())
-}
 
-/// `[digit][chunk]` of the lowest eight bits: how often each digit occurs in each chunk.
-fn table(keys: &[u32], chunk: usize) -> Vec<u32> {
-    let chunks = keys.len().div_ceil(chunk);
-    let mut table = vec![0; chunks * 256];
-    for (i, &key) in keys.iter().enumerate() {
-        table[(key & 255) as usize * chunks + i / chunk] += 1;
+    /// With the counting kernel of the same variant.
+    fn compile(gpu: &Gpu, choice: sort_scatter::Choice) -> Result<Sort> {
+        let count = sort_count::SortCount::choices(choice.spec.workgroup)
+            .into_iter()
+            .find(|count| count.variant.name() == choice.variant.name());
+        Sort::with(gpu, count.unwrap_or_default(), choice)
     }
-    table
-}
-
-fn count_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: usize) -> Result<()> {
-    let input = format!("{}/chunk-{chunk}", keys.len());
-    let expected = table(keys, chunk);
-    let work = Work::of(keys.len(), Unit::Keys).moving(4 * (keys.len() + expected.len()));
-    let chunks = keys.len().div_ceil(chunk);
-    let slots = [
-        (COUNT_ISECT, keys.len() as u32),
-        (COUNT_ISECT_CHUNK, chunks as u32),
-    ];
-    let counts = counts(gpu, &slots)?;
-    let buffer = gpu.buffer_from("keys", keys)?;
-    let counted = gpu.buffer("table", expected.len())?;
-    for (variant, workgroup, case) in wanted!(bench, sort_count, input, WORKGROUPS, work) {
-        let by_workgroup = variant == sort_count::Variant::Subgroup;
-        let twin = sort_scatter::Variant::ALL
-            .iter()
-            .find(|twin| twin.name() == variant.name());
-        if !twin.is_some_and(|&twin| fits(gpu.caps(), twin, workgroup)) {
-            continue;
-        }
-        let spec = sort_count::Spec { workgroup };
-        let kernel = sort_count::SortCount::new(gpu, sort_count::Choice { variant, spec })?;
-        let io = sort_count::Bindings {
-            counts: &counts,
-            keys: &buffer,
-            table: &counted,
-        };
-        let params = sort_count::Params {
-            count_slot: COUNT_ISECT,
-            chunk_slot: COUNT_ISECT_CHUNK,
-            shift: 0,
-            digit_count: 256,
-        };
-        let args = super::args(gpu, chunks, if by_workgroup { 1 } else { workgroup })?;
-        bench.trial(
-            &case,
-            |rec| rec.fill(&counted, u32::MAX),
-            |rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)),
-            || {
-                let found = words(&read(gpu, &counted)?);
-                Ok(vec![Output::exact("table", found, words(&expected))])
-            },
-        )?;
-    }
-    Ok(())
-}
-
-fn scatter_pass(bench: &mut Bench, gpu: &Gpu, keys: &[u32], chunk: usize) -> Result<()> {
-    let input = format!("{}/chunk-{chunk}", keys.len());
-    let (places, _) = reference::scan::scan(&table(keys, chunk));
-    let values: Vec<u32> = (0..keys.len() as u32).collect();
-    let (sorted, moved) = reference::sort::sort(keys, &values, 255);
-    let work = Work::of(keys.len(), Unit::Keys).moving(16 * keys.len() + 4 * places.len());
-    let chunks = keys.len().div_ceil(chunk);
-    let slots = [
-        (COUNT_ISECT, keys.len() as u32),
-        (COUNT_ISECT_CHUNK, chunks as u32),
-    ];
-    let counts = counts(gpu, &slots)?;
-    let [keys_in, values_in] = [
-        gpu.buffer_from("keys", keys)?,
-        gpu.buffer_from("values", &values)?,
-    ];
-    let [keys_out, values_out] = [
-        gpu.buffer("keys", keys.len())?,
-        gpu.buffer("values", keys.len())?,
-    ];
-    let before = gpu.buffer_from("places", &places)?;
-    let table = gpu.buffer("table", places.len())?;
-    for (variant, workgroup, case) in wanted!(bench, sort_scatter, input, WORKGROUPS, work) {
-        let by_workgroup = variant == sort_scatter::Variant::Subgroup;
-        if !fits(gpu.caps(), variant, workgroup) {
-            continue;
-        }
-        let spec = sort_scatter::Spec { workgroup };
-        let kernel = sort_scatter::SortScatter::new(gpu, sort_scatter::Choice { variant, spec })?;
-        let io = sort_scatter::Bindings {
-            counts: &counts,
-            keys: &keys_in,
-            values: &values_in,
-            table: &table,
-            keys_out: &keys_out,
-            values_out: &values_out,
-        };
-        let params = sort_scatter::Params {
-            count_slot: COUNT_ISECT,
-            chunk_slot: COUNT_ISECT_CHUNK,
-            shift: 0,
-            digit_count: 256,
-        };
-        let args = super::args(gpu, chunks, if by_workgroup { 1 } else { workgroup })?;
-        bench.trial(
-            &case,
-            |rec| rec.copy(&before, 0..before.len(), &table, 0),
-            |rec| kernel.record(rec, io, params, Groups::indirect(&args, 0)),
-            || {
-                Ok(vec![
-                    Output::exact("keys", words(&read(gpu, &keys_out)?), words(&sorted)),
-                    Output::exact("values", words(&read(gpu, &values_out)?), words(&moved)),
-                ])
-            },
-        )?;
-    }
-    Ok(())
 }

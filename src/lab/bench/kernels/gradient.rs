@@ -1,22 +1,20 @@
-//! The gradient of compositing.
+//! Cases of compositing's gradient.
 
-use super::composite::{Composite, INPUTS, Input, LANES};
-use super::{read, wanted};
+use super::composite::{Composite, Input};
+use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::kernels::{baseline_16x16_backward, rasterize_backward};
-use crate::lab::bench::Bench;
-use crate::lab::bench::Work;
+use crate::kernels::{Kernel, baseline_16x16_backward, rasterize_backward};
 use crate::lab::bench::check::{Output, floats, rms};
 use crate::lab::bench::input::pack;
 use crate::lab::bench::input::random::Random;
 use crate::reference::Thresholds;
 use crate::reference::rasterize_backward::{PixelGradient, ScreenGradient, pixel_backward};
 use crate::render::tile_stride;
-use rayon::prelude::*;
+use std::rc::Rc;
 
-/// One pixel of so many is given a gradient while results are judged: the oracle takes its time.
-const SAMPLED: u64 = 16;
+/// One pixel in so many has a gradient in checked runs of large inputs, for the reference's sake.
+pub const SAMPLED: u64 = 16;
 
 /// The nine sums' names, in the order of `whitened_sums`.
 const NAMES: [&str; 9] = [
@@ -36,8 +34,8 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// A random gradient of a composite.
-    pub fn new(composite: &Composite) -> Gradient {
+    /// A random gradient, of one pixel in `sampled` for checked runs.
+    pub fn new(composite: &Composite, sampled: u64) -> Gradient {
         let pixels = composite.pixels.len();
         let random = &mut Random::new(8);
         let d_image: Vec<f32> = (0..3 * pixels).map(|_| random.normal() as f32).collect();
@@ -45,7 +43,7 @@ impl Gradient {
         let judged: Vec<bool> = (0..pixels)
             .map(|i| {
                 let expected = &composite.pixels[i];
-                random.bits().is_multiple_of(SAMPLED) && !expected.near && !expected.capped
+                random.bits().is_multiple_of(sampled) && !expected.near && !expected.capped
             })
             .collect();
         let sampled = |(i, &d): (usize, &f32)| if judged[i % pixels] { d } else { 0.0 };
@@ -68,8 +66,8 @@ impl Gradient {
     }
 
     /// Sums by splat, nine in a row, held against the oracle's.
-    pub fn judge_splats(&self, found: &[f32]) -> Vec<Output> {
-        outputs(&self.sums_from_splat, |quantity| {
+    pub fn judge_splats(&self, found: &[f32], tolerance: f64) -> Vec<Output> {
+        outputs(&self.sums_from_splat, tolerance, |quantity| {
             let column = found.iter().skip(quantity).step_by(9);
             column.map(|&sum| f64::from(sum)).collect()
         })
@@ -80,41 +78,33 @@ impl Gradient {
 fn sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[f64; 9]> {
     let pixels = judged.len();
     let lists = &composite.lists;
-    let said: Vec<Vec<(usize, ScreenGradient)>> = (0..pixels)
-        .into_par_iter()
-        .map(|i| {
-            if !judged[i] {
-                return Vec::new();
-            }
-            let upstream = PixelGradient {
-                color: [0, 1, 2].map(|channel| f64::from(d_image[channel * pixels + i])),
-                ..PixelGradient::default()
-            };
-            let (tile, at) = composite.place(i);
-            let ranks = &composite.ranks_from_tile[tile];
-            let background = composite.background();
-            let splats = &composite.splats;
-            let said = pixel_backward(
-                splats,
-                ranks,
-                at,
-                background,
-                &Thresholds::ENGINE,
-                &upstream,
-            );
-            let begin = lists.range_from_tile[tile][0] as usize;
-            let sourced = |(rank, gradient)| {
-                let place = ranks.partition_point(|&r| r < rank);
-                (lists.emitted_from_isect[begin + place] as usize, gradient)
-            };
-            said.into_iter().map(sourced).collect()
-        })
-        .collect();
+    let background = composite.background();
+    let upstream = |i: usize| PixelGradient {
+        color: [0, 1, 2].map(|channel| f64::from(d_image[channel * pixels + i])),
+        ..PixelGradient::default()
+    };
     let mut gradients = vec![ScreenGradient::default(); lists.isects.len()];
-    for (source, gradient) in said.iter().flatten() {
-        let row = gradients[*source].row.iter_mut().zip(gradient.row);
-        row.for_each(|(sum, term)| *sum += term);
-    }
+    composite.fold_sources(
+        |i, ranks, at| match judged[i] {
+            true => {
+                let thresholds = &Thresholds::ENGINE;
+                pixel_backward(
+                    &composite.splats,
+                    ranks,
+                    at,
+                    background,
+                    thresholds,
+                    &upstream(i),
+                )
+            }
+            false => Vec::new(),
+        },
+        |source, _, (_, gradient)| {
+            let row = gradients[source].row.iter_mut().zip(gradient.row);
+            row.for_each(|(sum, term)| *sum += term);
+        },
+        |&(rank, _)| rank,
+    );
     let whitened = |(isect, gradient): (&crate::reference::expand::Isect, &ScreenGradient)| {
         let screen = lists.screen[isect.splat as usize].as_ref();
         screen.map_or([0.0; 9], |screen| pack::whitened_sums(screen, gradient))
@@ -122,13 +112,30 @@ fn sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[f64; 9]
     lists.isects.iter().zip(&gradients).map(whitened).collect()
 }
 
-/// Nine columns, each in units of its own typical size; the tolerance is that of the kernels' tests, for sums
-/// over a whole splat.
-fn outputs(expected: &[[f64; 9]], found: impl Fn(usize) -> Vec<f64>) -> Vec<Output> {
+/// Tolerance of sums by source, in units of their typical size.
+///
+/// Terms of a sum over 128 pixels carry the error of alpha (2e-5, see `Composite::outputs`) and of the transmittance
+/// that is regained by one division per splat, 2u each; upstream signs alternate, so sums are smaller than their terms
+/// by about sqrt(128), and residuals contribute up to 3.3 squared.
+pub const SOURCE_TOLERANCE: f64 = 1e-4;
+
+/// Tolerance of sums by splat, which add up those of several tiles.
+pub const SPLAT_TOLERANCE: f64 = 2e-4;
+
+/// Tolerance of both for splats at the cap of alphas: next to it, a float knows an alpha's complement to 4 parts in a
+/// thousand.
+pub const CAPPED_TOLERANCE: f64 = 6e-3;
+
+/// Nine columns, each in units of its own typical size.
+fn outputs(
+    expected: &[[f64; 9]],
+    tolerance: f64,
+    found: impl Fn(usize) -> Vec<f64>,
+) -> Vec<Output> {
     let column = |quantity: usize| {
         let expected: Vec<f64> = expected.iter().map(|sums| sums[quantity]).collect();
         let scale = rms(&expected).max(1e-6);
-        Output::relative(NAMES[quantity], found(quantity), expected, 2e-4, scale)
+        Output::relative(NAMES[quantity], found(quantity), expected, tolerance, scale)
     };
     (0..9).map(column).collect()
 }
@@ -211,11 +218,11 @@ impl Device {
     }
 
     /// What the engine's kernel left.
-    pub fn judge_sources(&self, gradient: &Gradient) -> Result<Vec<Output>> {
+    pub fn judge_sources(&self, gradient: &Gradient, tolerance: f64) -> Result<Vec<Output>> {
         let shape = floats(&read(&self.gpu, &self.d_shape)?);
         let tone = floats(&read(&self.gpu, &self.d_tone)?);
         let rest = floats(&read(&self.gpu, &self.d_rest)?);
-        Ok(outputs(&gradient.sums_from_source, |quantity| {
+        Ok(outputs(&gradient.sums_from_source, tolerance, |quantity| {
             let column =
                 |list: &[f64], at: usize| list.iter().skip(at).step_by(4).copied().collect();
             match quantity {
@@ -227,8 +234,8 @@ impl Device {
     }
 
     /// What the baseline left.
-    pub fn judge_splats(&self, gradient: &Gradient) -> Result<Vec<Output>> {
-        Ok(gradient.judge_splats(&read(&self.gpu, &self.sum_from_splat)?))
+    pub fn judge_splats(&self, gradient: &Gradient, tolerance: f64) -> Result<Vec<Output>> {
+        Ok(gradient.judge_splats(&read(&self.gpu, &self.sum_from_splat)?, tolerance))
     }
 }
 
@@ -240,72 +247,61 @@ pub fn params(input: &Input) -> rasterize_backward::Params {
     }
 }
 
-pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    for (name, count, size, sigma) in INPUTS {
-        if !wanted!(bench, rasterize_backward, name, LANES, Work::default()).is_empty() {
-            engine(bench, name, &Composite::new(count, size, sigma))?;
-        }
-        if !wanted!(bench, baseline_16x16_backward, name, [0], Work::default()).is_empty() {
-            baseline(bench, name, &Composite::baseline_16x16(count, size, sigma))?;
-        }
-    }
-    Ok(())
+/// What a case of either kernel holds.
+type Held = Rc<(Input, Gradient, Device)>;
+
+fn held(gpu: &Gpu, composite: &Composite, sampled: u64) -> Result<Held> {
+    let gradient = Gradient::new(composite, sampled);
+    let device = Device::new(gpu, composite, &gradient)?;
+    Ok(Rc::new((Input::new(gpu, composite)?, gradient, device)))
 }
 
-fn engine(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    let input = Input::new(&gpu, composite)?;
-    let gradient = Gradient::new(composite);
-    let device = Device::new(&gpu, composite, &gradient)?;
-    for (variant, workgroup, case) in
-        wanted!(bench, rasterize_backward, name, LANES, composite.work())
-    {
-        if !gpu.caps().lanes_fit(variant.info(), workgroup) {
-            continue;
-        }
-        let spec = rasterize_backward::Spec {
-            workgroup,
-            ..rasterize_backward::Spec::default()
-        };
-        let choice = rasterize_backward::Choice { variant, spec };
-        let kernel = rasterize_backward::RasterizeBackward::new(&gpu, choice)?;
-        let record = |rec: &mut Recorder<'_>| {
-            kernel.record(
-                rec,
-                device.rasterize_backward(&input),
-                params(&input),
-                input.groups(),
-            );
-        };
-        gpu.run(|rec| device.upstream(rec, true))?;
-        gpu.run(record)?;
-        case.judge(&device.judge_sources(&gradient)?)?;
-        gpu.run(|rec| device.upstream(rec, false))?;
-        bench.measure_commands(&case, super::nothing, record)?;
-    }
-    Ok(())
+/// Adds what the cases of both kernels have in common: upstream gradients, of a sample in checked runs.
+fn with_upstream<'a, K: Kernel + 'a>(case: KernelCase<'a, K>, held: &Held) -> KernelCase<'a, K> {
+    let (checked, timed) = (held.clone(), held.clone());
+    case.before(move |rec, _| checked.2.upstream(rec, true))
+        .before_timing(move |rec, _| timed.2.upstream(rec, false))
 }
 
-fn baseline(bench: &mut Bench, name: &str, composite: &Composite) -> Result<()> {
-    let gpu = bench.gpu().clone();
-    let input = Input::new(&gpu, composite)?;
-    let gradient = Gradient::new(composite);
-    let device = Device::new(&gpu, composite, &gradient)?;
-    for (variant, _, case) in wanted!(bench, baseline_16x16_backward, name, [0], composite.work()) {
-        let choice = baseline_16x16_backward::Choice {
-            variant,
-            ..baseline_16x16_backward::Choice::default()
-        };
-        let kernel = baseline_16x16_backward::Baseline16x16Backward::new(&gpu, choice)?;
-        let record = |rec: &mut Recorder<'_>| {
-            let io = device.baseline_16x16_backward(&input);
+/// The engine's gradients by intersection.
+pub fn rasterize_backward<'a>(
+    gpu: &Gpu,
+    composite: &'a Composite,
+    sampled: u64,
+    tolerance: f64,
+) -> Result<KernelCase<'a, rasterize_backward::RasterizeBackward>> {
+    let held = held(gpu, composite, sampled)?;
+    let (recorded, found) = (held.clone(), held.clone());
+    let case = KernelCase::new(composite.work(), {
+        move |rec, kernel: &rasterize_backward::RasterizeBackward, _| {
+            let (input, _, device) = &*recorded;
+            let io = device.rasterize_backward(input);
+            kernel.record(rec, io, params(input), input.groups());
+        }
+    });
+    let case = with_upstream(case, &held);
+    let case = case
+        .erase(&held.2.d_shape)
+        .erase(&held.2.d_tone)
+        .erase(&held.2.d_rest);
+    Ok(case.judge(move |_, _| found.2.judge_sources(&found.1, tolerance)))
+}
+
+/// The baseline's gradients by splat, of a scene in its square tiles.
+pub fn baseline_16x16_backward<'a>(
+    gpu: &Gpu,
+    composite: &'a Composite,
+    sampled: u64,
+    tolerance: f64,
+) -> Result<KernelCase<'a, baseline_16x16_backward::Baseline16x16Backward>> {
+    let held = held(gpu, composite, sampled)?;
+    let (recorded, found) = (held.clone(), held.clone());
+    let case = KernelCase::new(composite.work(), {
+        move |rec, kernel: &baseline_16x16_backward::Baseline16x16Backward, _| {
+            let (input, _, device) = &*recorded;
+            let io = device.baseline_16x16_backward(input);
             kernel.record_cleared(rec, io, input.groups());
-        };
-        gpu.run(|rec| device.upstream(rec, true))?;
-        gpu.run(record)?;
-        case.judge(&device.judge_splats(&gradient)?)?;
-        gpu.run(|rec| device.upstream(rec, false))?;
-        bench.measure_commands(&case, super::nothing, record)?;
-    }
-    Ok(())
+        }
+    });
+    Ok(with_upstream(case, &held).judge(move |_, _| found.2.judge_splats(&found.1, tolerance)))
 }

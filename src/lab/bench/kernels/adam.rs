@@ -1,0 +1,221 @@
+//! Case of `adam`: parameters and moments, one number at a time.
+
+use super::{KernelCase, counts, read, sample};
+use crate::Result;
+use crate::gpu::{Gpu, Groups};
+use crate::kernels::adam::{Adam, Bindings, Params};
+use crate::lab::bench::check::Output;
+use crate::lab::bench::input::random::Random;
+use crate::lab::bench::{Unit, Work};
+use crate::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST};
+use crate::reference::adam::{self as reference, State};
+use crate::render::plane_count;
+
+/// Vectors that are compared.
+const SAMPLES: usize = 5000;
+/// The step, on which Adam's corrections depend.
+const STEP: i32 = 7;
+/// Number of the first splat.
+const FIRST_SPLAT: u32 = 1000;
+
+/// Parameters, gradients and both moments of some splats, `[plane][splat]`.
+pub struct Planes {
+    /// Splats.
+    pub count: usize,
+    /// Vectors of a plane, of which the last ones belong to no splat.
+    pub stride: usize,
+    /// Planes.
+    pub planes: usize,
+    /// Size of the gradients.
+    pub magnitude: f64,
+    /// Largest log-ratio of scales; 0: no bound.
+    pub log_aspect_max: f32,
+    /// Whether the frame failed.
+    pub failed: bool,
+    /// Parameters, gradients, first and second moments.
+    pub vectors: [Vec<[f32; 4]>; 4],
+}
+
+impl Planes {
+    /// Random numbers; now and then there is no gradient at all.
+    pub fn new(count: usize, stride: usize, planes: usize, magnitude: f64) -> Planes {
+        let random = &mut Random::new(count as u64);
+        let mut four = |low: f64, high: f64| [0; 4].map(|_| random.between(low, high) as f32);
+        let square = magnitude * magnitude;
+        let mut vectors = [(); 4].map(|()| Vec::new());
+        for i in 0..stride * planes {
+            vectors[0].push(four(-2.0, 2.0));
+            let gradient = four(-magnitude, magnitude);
+            vectors[1].push(if i % 11 == 5 { [0.0; 4] } else { gradient });
+            vectors[2].push(four(-magnitude, magnitude));
+            vectors[3].push(four(0.01 * square, square));
+        }
+        Planes {
+            count,
+            stride,
+            planes,
+            magnitude,
+            log_aspect_max: 0.0,
+            failed: false,
+            vectors,
+        }
+    }
+
+    fn params(&self) -> Params {
+        let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powi(STEP))) as f32;
+        Params {
+            first_splat: FIRST_SPLAT,
+            splat_count: self.count as u32,
+            stride: self.stride as u32,
+            rate_mean: 1.6e-4,
+            rate_opacity: 0.05,
+            rate_quaternion: 1e-3,
+            rate_log_scale: 5e-3,
+            rate_sh_dc: 2.5e-3,
+            rate_sh_rest: 1.25e-4,
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-15,
+            correction1: correction(0.9),
+            correction2: correction(0.999),
+            log_aspect_max: self.log_aspect_max,
+        }
+    }
+
+    /// Whether a vector's gradient is left out, its squares being no numbers.
+    fn is_poisoned(&self, i: usize) -> bool {
+        let is_drawn = i % self.stride < self.count && !self.failed;
+        is_drawn && self.vectors[1][i].iter().any(|g| !(g * g).is_finite())
+    }
+
+    /// Parameters and moments of a vector after the step.
+    fn expected(&self, i: usize) -> [[f64; 4]; 3] {
+        let [values, gradients, first, second] = &self.vectors;
+        let (plane, splat) = (i / self.stride, i % self.stride);
+        if splat >= self.count || self.failed || self.is_poisoned(i) {
+            return [values, first, second].map(|list| list[i].map(f64::from));
+        }
+        let p = self.params();
+        let adam = reference::Adam {
+            beta1: f64::from(p.beta1),
+            beta2: f64::from(p.beta2),
+            epsilon: f64::from(p.epsilon),
+        };
+        let step = |lane: usize| {
+            let state = State {
+                value: f64::from(values[i][lane]),
+                first: f64::from(first[i][lane]),
+                second: f64::from(second[i][lane]),
+            };
+            let rate = f64::from(rate(&p, plane, lane));
+            adam.step(state, f64::from(gradients[i][lane]), rate, STEP)
+        };
+        let mut next = [0, 1, 2, 3].map(step);
+        if plane == 1 {
+            let norm = next.iter().map(|s| s.value * s.value).sum::<f64>().sqrt();
+            next.iter_mut().for_each(|s| s.value /= norm);
+        }
+        if plane == 2 && self.log_aspect_max > 0.0 {
+            let moved = [0, 1, 2].map(|lane: usize| next[lane].value);
+            let moved = reference::bounded(moved, f64::from(self.log_aspect_max));
+            next.iter_mut().zip(moved).for_each(|(s, x)| s.value = x);
+        }
+        [
+            next.map(|s| s.value),
+            next.map(|s| s.first),
+            next.map(|s| s.second),
+        ]
+    }
+}
+
+/// The learning rate of one lane of a plane.
+fn rate(p: &Params, plane: usize, lane: usize) -> f32 {
+    match (plane, lane) {
+        (0, 0..3) => p.rate_mean,
+        (0, _) => p.rate_opacity,
+        (1, _) => p.rate_quaternion,
+        (2, 0..3) => p.rate_log_scale,
+        (2, _) => 0.0,
+        (3, 0..3) => p.rate_sh_dc,
+        _ => p.rate_sh_rest,
+    }
+}
+
+/// Splats of degree 3.
+pub fn usual<'a>(gpu: &Gpu, count: usize) -> Result<KernelCase<'a, Adam>> {
+    adam(gpu, Planes::new(count, count, plane_count(3), 1.0))
+}
+
+/// One step.
+pub fn adam<'a>(gpu: &Gpu, input: Planes) -> Result<KernelCase<'a, Adam>> {
+    let vectors = input.planes * input.stride;
+    let upload = |i: usize| gpu.buffer_from("before", &input.vectors[i]);
+    let [values, gradients, first, second] = [upload(0)?, upload(1)?, upload(2)?, upload(3)?];
+    let [value, moment1, moment2] = [(); 3].map(|()| gpu.buffer("after", vectors));
+    let (value, moment1, moment2) = (value?, moment1?, moment2?);
+    let counts_before = counts(gpu, &[(COUNT_FAILED, input.failed.into())])?;
+    let counts = counts(gpu, &[])?;
+    let found = [&value, &moment1, &moment2].map(Clone::clone);
+    let (out, counted, params) = (found.clone(), counts.clone(), input.params());
+    let planes = input.planes as u32;
+    // Seven times each parameter: the gradient read, the others read and written.
+    let work = Work::of(input.count, Unit::Splats).moving(7 * 16 * input.planes * input.count);
+    let case = KernelCase::new(work, move |rec, kernel: &Adam, _| {
+        let io = Bindings {
+            counts: &counted,
+            d_params: &gradients,
+            params: &out[0],
+            moment1: &out[1],
+            moment2: &out[2],
+        };
+        let row = params.splat_count.div_ceil(kernel.workgroup);
+        kernel.record(rec, io, params, Groups::Grid([row, planes, 1]));
+    });
+    let case = case
+        .copy(&values, &value)
+        .copy(&first, &moment1)
+        .copy(&second, &moment2);
+    Ok(case.copy(&counts_before, &counts).judge(move |gpu, _| {
+        let counts = read(gpu, &counts)?;
+        let after = found.each_ref().map(|buffer| read(gpu, buffer));
+        let [value, moment1, moment2] = after;
+        let after = [value?, moment1?, moment2?];
+        let [mut found, mut expected] = [(); 2].map(|()| [(); 3].map(|()| Vec::new()));
+        for i in sample(vectors, SAMPLES) {
+            for (k, four) in input.expected(i).into_iter().enumerate() {
+                found[k].extend(after[k][i].map(f64::from));
+                expected[k].extend(four);
+            }
+        }
+        // A moment is two products and a sum of terms up to the gradients' magnitude: 4u of it, and the second adds
+        // one factor. The step is a quotient of those, about 12u, and far smaller than its parameter; the norm of a
+        // quaternion that happens to be short adds as much again.
+        let (u, magnitude) = (2f64.powi(-24), input.magnitude);
+        let bounds = [
+            ("parameters", 16.0 * u, 1.0),
+            ("moment1", 4.0 * u, magnitude),
+            ("moment2", 5.0 * u, magnitude * magnitude),
+        ];
+        let columns = found.into_iter().zip(expected).zip(bounds);
+        let mut outputs: Vec<Output> = columns
+            .map(|((f, e), (name, tolerance, scale))| {
+                Output::relative(name, f, e, tolerance, scale)
+            })
+            .collect();
+        let poisoned: Vec<usize> = (0..vectors).filter(|&i| input.is_poisoned(i)).collect();
+        let first = poisoned
+            .iter()
+            .map(|i| FIRST_SPLAT + (i % input.stride) as u32)
+            .min();
+        // The slot counts down from the top, 0 being none.
+        let first = first.map_or(0, |splat| u32::MAX - splat);
+        let slots = [COUNT_POISONED, COUNT_POISONED_FIRST].map(|slot| counts[slot as usize]);
+        let wanted = vec![poisoned.len() as f64, f64::from(first)];
+        outputs.push(Output::exact(
+            "poisoned",
+            slots.map(f64::from).into(),
+            wanted,
+        ));
+        Ok(outputs)
+    }))
+}

@@ -1,0 +1,226 @@
+//! One kernel on one input: its commands, and the comparison of their outputs with the reference.
+
+use super::read;
+use crate::Result;
+use crate::gpu::{Buffer, Caps, Gpu, Recorder};
+use crate::kernels::Kernel;
+use crate::lab::bench::Work;
+use crate::lab::bench::check::{Output, UNWRITTEN, floats, words};
+use crate::shader::KernelInfo;
+use bytemuck::Pod;
+
+type Tune<'a, C> = Box<dyn Fn(&mut C) + 'a>;
+type Prepare<'a, K> = Box<dyn Fn(&mut Recorder<'_>, &K) + 'a>;
+type Record<'a, K> = Box<dyn Fn(&mut Recorder<'_>, &K, &<K as Kernel>::Choice) + 'a>;
+type Outputs<'a, C> = Box<dyn Fn(&Gpu, &C) -> Result<Vec<Output>> + 'a>;
+
+/// A kernel on an input.
+pub struct KernelCase<'a, K: Kernel> {
+    work: Work,
+    tune: Option<Tune<'a, K::Choice>>,
+    prepare: Vec<Prepare<'a, K>>,
+    prepare_timing: Option<Prepare<'a, K>>,
+    record: Record<'a, K>,
+    outputs: Vec<Outputs<'a, K::Choice>>,
+}
+
+impl<'a, K: Kernel> KernelCase<'a, K> {
+    /// Commands of one run, and the work that they do.
+    pub fn new(
+        work: Work,
+        record: impl Fn(&mut Recorder<'_>, &K, &K::Choice) + 'a,
+    ) -> KernelCase<'a, K> {
+        KernelCase {
+            work,
+            tune: None,
+            prepare: Vec::new(),
+            prepare_timing: None,
+            record: Box::new(record),
+            outputs: Vec::new(),
+        }
+    }
+
+    /// Sets specialisation constants.
+    #[must_use]
+    pub fn tune(mut self, tune: impl Fn(&mut K::Choice) + 'a) -> Self {
+        self.tune = Some(Box::new(tune));
+        self
+    }
+
+    /// Commands before every run, which are not timed.
+    #[must_use]
+    pub fn before(mut self, prepare: impl Fn(&mut Recorder<'_>, &K) + 'a) -> Self {
+        self.prepare.push(Box::new(prepare));
+        self
+    }
+
+    /// Commands before every timed run in place of those before a checked one.
+    #[must_use]
+    pub fn before_timing(mut self, prepare: impl Fn(&mut Recorder<'_>, &K) + 'a) -> Self {
+        self.prepare_timing = Some(Box::new(prepare));
+        self
+    }
+
+    /// Outputs to compare.
+    #[must_use]
+    pub fn judge(mut self, of: impl Fn(&Gpu, &K::Choice) -> Result<Vec<Output>> + 'a) -> Self {
+        self.outputs.push(Box::new(of));
+        self
+    }
+
+    /// A buffer whose words are compared exactly. It is erased before every run; elements beyond the expected ones
+    /// must stay so.
+    #[must_use]
+    pub fn exact<T: Pod>(self, name: &'static str, buffer: &Buffer<T>, expected: Vec<f64>) -> Self {
+        let found = buffer.clone();
+        self.erase(buffer).judge(move |gpu, _| {
+            let found = words(&read(gpu, &found)?);
+            let expected = padded(expected.clone(), found.len());
+            Ok(vec![Output::exact(name, found, expected)])
+        })
+    }
+
+    /// A buffer whose floats are compared as [`Output::relative`] does, erased before every run.
+    #[must_use]
+    pub fn relative<T: Pod>(
+        self,
+        name: &'static str,
+        buffer: &Buffer<T>,
+        expected: Vec<f64>,
+        (tolerance, scale): (f64, f64),
+    ) -> Self {
+        let found = buffer.clone();
+        self.erase(buffer).judge(move |gpu, _| {
+            let found = floats(&read(gpu, &found)?);
+            let expected = padded(expected.clone(), found.len());
+            Ok(vec![Output::relative(
+                name, found, expected, tolerance, scale,
+            )])
+        })
+    }
+
+    /// Fills a buffer with [`UNWRITTEN`] before every run.
+    #[must_use]
+    pub fn erase<T: Pod>(self, buffer: &Buffer<T>) -> Self {
+        self.fill(buffer, UNWRITTEN)
+    }
+
+    /// Fills a buffer before every run.
+    #[must_use]
+    pub fn fill<T: Pod>(self, buffer: &Buffer<T>, word: u32) -> Self {
+        let buffer = buffer.clone();
+        self.before(move |rec, _| rec.fill(&buffer, word))
+    }
+
+    /// Copies a buffer to another one before every run.
+    #[must_use]
+    pub fn copy<T: Pod>(self, from: &Buffer<T>, to: &Buffer<T>) -> Self {
+        let (from, to) = (from.clone(), to.clone());
+        self.before(move |rec, _| rec.copy(&from, 0..from.len(), &to, 0))
+    }
+
+    /// Work of one run.
+    pub fn work(&self) -> Work {
+        self.work
+    }
+
+    /// A choice with the case's specialisation constants.
+    pub fn tuned(&self, mut choice: K::Choice) -> K::Choice {
+        self.tune.iter().for_each(|tune| tune(&mut choice));
+        choice
+    }
+
+    /// Records one run.
+    pub fn record(&self, rec: &mut Recorder<'_>, kernel: &K, choice: &K::Choice) {
+        (self.record)(rec, kernel, choice);
+    }
+
+    /// Records the commands before a timed run.
+    pub fn prepare_timing(&self, rec: &mut Recorder<'_>, kernel: &K) {
+        match &self.prepare_timing {
+            Some(prepare) => prepare(rec, kernel),
+            None => self.prepare.iter().for_each(|prepare| prepare(rec, kernel)),
+        }
+    }
+
+    /// Runs the kernel once.
+    ///
+    /// # Errors
+    /// Those of a submission.
+    pub fn run(&self, gpu: &Gpu, kernel: &K, choice: &K::Choice) -> Result<()> {
+        gpu.run(|rec| {
+            self.prepare.iter().for_each(|prepare| prepare(rec, kernel));
+            self.record(rec, kernel, choice);
+        })
+    }
+
+    /// Outputs of the last run beside the expected ones.
+    ///
+    /// # Errors
+    /// Those of transfers.
+    pub fn outputs(&self, gpu: &Gpu, choice: &K::Choice) -> Result<Vec<Output>> {
+        let outputs: Result<Vec<_>> = self.outputs.iter().map(|of| of(gpu, choice)).collect();
+        Ok(outputs?.into_iter().flatten().collect())
+    }
+}
+
+/// Expected values with NaNs up to `len`, for elements that a kernel must not write.
+fn padded(mut expected: Vec<f64>, len: usize) -> Vec<f64> {
+    expected.resize(len.max(expected.len()), f64::NAN);
+    expected
+}
+
+/// Sizes of workgroups that a kernel is tried with.
+#[derive(Clone, Copy)]
+pub struct Workgroups {
+    sizes: &'static [u32],
+    fits: fn(&Caps, &KernelInfo, u32) -> bool,
+}
+
+impl Workgroups {
+    /// For kernels whose workgroup is fixed.
+    pub const FIXED: Workgroups = Workgroups::any(&[0]);
+
+    /// Sizes of any kind.
+    pub const fn any(sizes: &'static [u32]) -> Workgroups {
+        Workgroups {
+            sizes,
+            fits: |_, _, _| true,
+        }
+    }
+
+    /// Sizes of kernels that have all lanes of a tile in one subgroup, where they use subgroups.
+    pub const fn lanes(sizes: &'static [u32]) -> Workgroups {
+        Workgroups {
+            sizes,
+            fits: |caps, info, size| caps.lanes_fit(info, size),
+        }
+    }
+
+    /// Sizes of kernels that have full subgroups, where they use them.
+    pub const fn subgroups(sizes: &'static [u32]) -> Workgroups {
+        Workgroups {
+            sizes,
+            fits: |caps, info, size| {
+                let full = size.is_multiple_of(caps.subgroup_size.max(1));
+                !info.uses_subgroups() || full
+            },
+        }
+    }
+
+    /// Choices of a kernel that the device can run, with their sizes.
+    pub fn choices<K: Kernel>(&self, caps: &Caps) -> Vec<(K::Choice, u32)> {
+        let mut choices = Vec::new();
+        for variant in 0..K::choices(0).len() {
+            for &size in self.sizes {
+                let choice = K::choices(size)[variant];
+                let info = K::info(&choice);
+                let runs = caps.supports(info).is_ok() && size <= caps.max_workgroup;
+                if runs && (self.fits)(caps, info, size) {
+                    choices.push((choice, size));
+                }
+            }
+        }
+        choices
+    }
+}

@@ -1,0 +1,95 @@
+//! Case of `prune_limit`: how far down a ranking of splats each pixel can do without them.
+
+use super::composite::{Composite, Input};
+use super::{KernelCase, read};
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::kernels::prune_limit::{Bindings, Params, PruneLimit};
+use crate::lab::bench::check::{Output, floats};
+use crate::lab::bench::input::random::Random;
+use crate::reference::Thresholds;
+use crate::reference::contribution::weights;
+use crate::reference::frame::depth_order;
+use crate::reference::prune_limit::{PruneLimits, prune_limit as reference};
+use crate::render::tile_stride;
+use rayon::prelude::*;
+
+/// Steps of a whole search.
+const STEPS: [f32; 4] = [64.0, 16.0, 4.0, 1.0];
+
+/// Ranks by splat: some gone, some that stay, most between; several of one rank.
+fn ranks(count: usize) -> Vec<f32> {
+    let random = &mut Random::new(count as u64);
+    let rank = |_| match random.below(10) {
+        0 => 0.0,
+        1 => 1e9,
+        _ => 1.0 + random.below(255) as f32,
+    };
+    (0..count).map(rank).collect()
+}
+
+/// A search by pixel: the budget is that of the pixels that lose something, times a number.
+pub fn prune_limit<'a>(
+    gpu: &Gpu,
+    composite: &'a Composite,
+    budget: f32,
+) -> Result<KernelCase<'a, PruneLimit>> {
+    let (pixels, wide) = (composite.pixels.len(), f64::from(budget));
+    let ranks = ranks(composite.scene.splats.len());
+    let splat_from_rank = depth_order(&composite.lists.screen);
+    let limits = |pixel| {
+        let (tile, at) = composite.place(pixel);
+        let listed = &composite.ranks_from_tile[tile];
+        let weights = weights(&composite.splats, listed, at, &Thresholds::ENGINE);
+        let ranked =
+            |&(place, weight): &(usize, f64)| (f64::from(ranks[splat_from_rank[place]]), weight);
+        reference(&weights.iter().map(ranked).collect::<Vec<_>>(), wide)
+    };
+    let expected: Vec<PruneLimits> = (0..pixels).into_par_iter().map(limits).collect();
+    let input = Input::new(gpu, composite)?;
+    let ranks = gpu.buffer_from("rank_from_splat", &ranks)?;
+    let limit = gpu.buffer::<f32>("limit_from_pixel", pixels)?;
+    let spent = gpu.buffer::<f32>("spent_from_pixel", pixels)?;
+    let (limit_out, spent_out) = (limit.clone(), spent.clone());
+    let case = KernelCase::new(composite.work(), move |rec, kernel: &PruneLimit, _| {
+        let io = Bindings {
+            view: &input.view,
+            range_from_tile: &input.range_from_tile,
+            emitted_from_isect: &input.emitted_from_isect,
+            splat_from_emitted: &input.splat_from_emitted,
+            ellipse_from_splat: &input.records.shape,
+            whiten_rg_from_splat: &input.records.tone,
+            rank_from_splat: &ranks,
+            limit_from_pixel: &limit_out,
+            spent_from_pixel: &spent_out,
+        };
+        for step in STEPS {
+            let params = Params {
+                tile_stride: tile_stride(input.tiles),
+                step,
+                budget,
+            };
+            kernel.record(rec, io, params, input.groups());
+        }
+    });
+    Ok(case.fill(&limit, 0).erase(&spent).judge(move |gpu, _| {
+        let near = composite.pixels.iter().map(|pixel| pixel.near);
+        // The weights that make up a sum err by 2e-5 of what there is at most (see `contribution`); a budget within so
+        // much of a sum may be met or not.
+        let unsure = |(near, limits): (bool, &PruneLimits)| near || limits.margin < 2e-5 / wide;
+        let unsure = near.clone().zip(&expected).map(unsure).collect();
+        // A search that begins with what is beyond its budget finds nothing to add to it.
+        let limits = expected.iter().map(|limits| match limits.spent > wide {
+            true => 0.0,
+            false => limits.limit,
+        });
+        let found = floats(&read(gpu, &limit)?);
+        let limit = Output::exact("limit", found, limits.collect());
+        let sums = expected.iter().map(|limits| limits.spent).collect();
+        let spent = Output::relative("spent", floats(&read(gpu, &spent)?), sums, 2e-5, 1.0);
+        Ok(vec![
+            limit.near(unsure, f64::INFINITY, 0.05),
+            spent.near(near.collect(), 2.0 / 255.0, 0.02),
+        ])
+    }))
+}
