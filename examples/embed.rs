@@ -7,8 +7,8 @@
 use ash::vk;
 use ashfall::gpu::{HostFeatures, HostQueue, ImageState};
 use ashfall::{
-    Camera, Gpu, HostCommands, HostDevice, HostImage, Model, REQUIRED, RenderMode, RenderOptions,
-    Renderer, Splats, ViewOptions,
+    Camera, Gpu, HostCommands, HostDevice, HostImage, Model, REQUIRED, RenderOptions, Renderer,
+    ScreenFilter, Splats, ViewOptions,
 };
 use glam::{DMat3, DVec2, DVec3};
 use std::error::Error;
@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let options = ViewOptions {
             background: [0.1; 3],
             near: 0.01,
-            mode: RenderMode::Default,
+            filter: ScreenFilter::Classic,
         };
         renderer.record(&mut commands, &model, &camera(), &options, &target)?;
     }

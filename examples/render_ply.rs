@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let view = ViewOptions {
         background: [0.0; 3],
         near: (0.01 * radius) as f32,
-        mode: splats.mode,
+        filter: splats.filter,
     };
     let gpu = Gpu::create(&GpuOptions::default())?;
     let model = Model::upload(&gpu, &splats)?;

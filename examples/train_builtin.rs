@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let view = ViewOptions {
         background: run.config().evaluation_background(),
         near: run.config().near(dataset.extent()),
-        mode: splats.mode,
+        filter: splats.filter,
     };
     let mut evaluator = Evaluator::new(&gpu, &dataset, &dataset.split(Split::Test), view);
     let mut pictures = Vec::new();

@@ -1,6 +1,6 @@
 #version 460
 #include "shared/prelude.glsl"
-#include "shared/gaussian.glsl"
+#include "shared/math.glsl"
 
 // One step of Adam on every parameter.
 //

@@ -1,6 +1,6 @@
 #version 460
 #include "shared/prelude.glsl"
-#include "shared/gaussian.glsl"
+#include "shared/primitive.glsl"
 
 // Lists one intersection for every tile that a visible splat of the current band touches, in depth order.
 //

@@ -1,6 +1,6 @@
 #version 460
 #include "shared/prelude.glsl"
-#include "shared/gaussian.glsl"
+#include "shared/math.glsl"
 
 // MCMC's exploration: moves every mean by noise with the splat's own covariance, less with higher opacity (3DGS as
 // Markov Chain Monte Carlo, equation 9).

@@ -1,6 +1,7 @@
 #version 460
 #include "shared/prelude.glsl"
-#include "shared/gaussian.glsl"
+#include "shared/math.glsl"
+#include "shared/primitive.glsl"
 #include "shared/sh.glsl"
 
 // Projects splats: ellipse, colour and depth on the screen, and number of tiles touched.
@@ -98,7 +99,7 @@ uint project(uint slot, uint splat) {
     if (view.compensate != 0) log_opacity += log_compensation(f);
     sound = sound && log_opacity >= LOG2_ALPHA_MIN && is_finite(vec3(mean_pixel, 0.0));
 
-    vec2 whiten = WHITEN * vec2(inversesqrt(f.a), sqrt(f.a / f.det));
+    vec2 whiten = WHITEN * whitening(f);
     sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
 
     float distance = vector_length(offset);

@@ -1,6 +1,7 @@
 #version 460
 #include "shared/prelude.glsl"
-#include "shared/gaussian.glsl"
+#include "shared/math.glsl"
+#include "shared/primitive.glsl"
 #include "shared/sh.glsl"
 
 // Gradient of every parameter of every splat, from the records of compositing.
@@ -97,23 +98,16 @@ vec4 quaternion_backward(vec4 unit, float q_length, mat3 d) {
     return (g - unit * dot(unit, g)) / q_length;
 }
 
-// A splat's records, summed in order.
-struct Records {
-    vec4 shape;
-    vec4 tone;
-    float rest;
-};
-
-void add_record(uint source, inout Records sum) {
+void add_record(uint source, inout Sums sum) {
     sum.shape += d_shape_from_source[source];
     sum.tone += d_tone_from_source[source];
     sum.rest += d_rest_from_source[source];
 }
 
-// Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest image that it binds has 65,536
-// tiles.
-Records sum_of_records(uint splat, uint tile_count) {
-    Records sum = Records(vec4(0.0), vec4(0.0), 0.0);
+// A splat's records, summed in order. Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest
+// image that it binds has 65,536 tiles.
+Sums sum_of_records(uint splat, uint tile_count) {
+    Sums sum = Sums(vec4(0.0), vec4(0.0), 0.0);
     uint begin = emitted_from_splat[splat];
     uint end = begin + tile_count;
     for (uint source = begin; source < end; source += 2) {
@@ -149,7 +143,7 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
 
 // Adds the gradient of a visible splat's geometry; `scale` is before smoothing. Returns dL/d mean_pixel.
 vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout Gradient gradient, out Seen seen) {
-    Records records = sum_of_records(splat, tile_count);
+    Sums records = sum_of_records(splat, tile_count);
     vec4 mean = params[slot];
     vec4 rotation = params[push.stride + slot];
     vec3 offset = mean.xyz - view.position;
@@ -163,40 +157,26 @@ vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout 
     Smoothed s = smoothed(scale, params[2 * push.stride + slot].w);
     Footprint f = footprint(local_x * s.scale, local_y * s.scale, view.dilation);
 
-    // The whitening matrix [[p, 0], [-slope q, q]], e = matrix * (pixel - mean); first and second moments
-    // of e, weighted by s.
-    float p = inversesqrt(f.a);
-    float q = sqrt(f.a / f.det);
-    vec2 first = records.shape.yz / WHITEN;
-    vec3 second = vec3(records.shape.w, records.tone.xy) / (WHITEN * WHITEN);  // xx, xy, yy
-    vec2 d_mean_pixel = vec2(first.x * p - first.y * f.slope * q, first.y * q);
     gradient.opacity_logit += records.shape.x * sigmoid(-mean.w);
-
-    // dL/dV = W^T M (W V): whitened moments stay accurate for needles, where an inverse covariance cancels.
-    vec3 white_x = p * f.v_x;
-    vec3 white_y = q * (f.v_y - f.slope * f.v_x);
-    vec3 moved_x = second.x * white_x + second.y * white_y;
-    vec3 moved_y = second.y * white_x + second.z * white_y;
-    vec3 d_v_x = p * moved_x - q * f.slope * moved_y;
-    vec3 d_v_y = q * moved_y;
-    if (view.compensate != 0) compensation_backward(f, records.shape.x, d_v_x, d_v_y);
+    FootprintGradient d = footprint_backward(f, records);
+    if (view.compensate != 0) compensation_backward(f, records.shape.x, d.v_x, d.v_y);
     // Smoothed variances are s^2 + sigma^2, and ln(opacity) contains half of ln(s^2 / (s^2 + sigma^2)) per axis.
-    gradient.log_scale += (d_v_x * local_x + d_v_y * local_y) * s.scale * s.own + records.shape.x * s.added;
-    vec3 d_local_x = d_v_x * s.scale;
-    vec3 d_local_y = d_v_y * s.scale;
+    gradient.log_scale += (d.v_x * local_x + d.v_y * local_y) * s.scale * s.own + records.shape.x * s.added;
+    vec3 d_local_x = d.v_x * s.scale;
+    vec3 d_local_y = d.v_y * s.scale;
     // local = row * axes, component k = dot(row, axes[k]).
     mat3 d_axes = outerProduct(j.row_x, d_local_x) + outerProduct(j.row_y, d_local_y);
     gradient.quaternion += quaternion_backward(unit, q_length, d_axes);
     vec3 g_x = view.view_from_world * (axes * d_local_x);
     vec3 g_y = view.view_from_world * (axes * d_local_y);
-    gradient.mean += mean_view_backward(mean_view, j, g_x, g_y, d_mean_pixel) * view.view_from_world;
+    gradient.mean += mean_view_backward(mean_view, j, g_x, g_y, d.mean_pixel) * view.view_from_world;
 
     vec3 color = vec3(whiten_rg_from_splat[splat].zw, blue_depth_from_splat[splat].x);
     seen.any = true;
     seen.distance = vector_length(offset);
     seen.direction = offset / seen.distance;
     seen.d_color = mix(vec3(0.0), vec3(records.tone.zw, records.rest), greaterThan(color, vec3(0.0)));
-    return d_mean_pixel;
+    return d.mean_pixel;
 }
 
 void main() {

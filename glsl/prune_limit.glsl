@@ -30,6 +30,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 #include "shared/tile.glsl"
+#include "shared/primitive.glsl"
 #include "shared/stage.glsl"
 #include "shared/weights.glsl"
 

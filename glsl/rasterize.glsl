@@ -36,6 +36,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 #include "shared/tile.glsl"
+#include "shared/primitive.glsl"
 #include "shared/stage.glsl"
 
 bool any_lane(bool mine);
@@ -70,7 +71,7 @@ void blend(Tile t, uint isect, Staged splat) {
         red[q] += weight * splat.tone.z;
         green[q] += weight * splat.tone.w;
         blue[q] += weight * splat.rest.x;
-        if (WITH_DEPTH != 0) far[q] += weight * splat.rest.y;
+        if (WITH_DEPTH != 0) far[q] += weight * depth_of(splat.rest);
         transmittance[q] *= vec4(1.0) - alpha;
         if (WITH_ENDS != 0) last[q] = mix(last[q], uvec4(isect + 1), on);
     }

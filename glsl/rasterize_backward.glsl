@@ -36,15 +36,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 #include "shared/tile.glsl"
-
-// Contribution of one (tile, splat) pair to its splat's gradient. With s = alpha * dL/d alpha and the whitened residual
-// f = WHITEN * e: sums of s, s f, s f f^T, and of the blending weight times the upstream gradient.
-struct Sums {
-    vec4 shape;  // s, s f_x, s f_y, s f_x f_x
-    vec4 tone;   // s f_x f_y, s f_y f_y, red, green
-    float rest;  // blue
-};
-
+#include "shared/primitive.glsl"
 #include "shared/stage.glsl"
 
 uint max_of_lanes(uint mine);
@@ -101,9 +93,7 @@ void store_pixels(Tile t) {
 
 // Removes one splat from the lane's pixels, from the back, and returns its contribution to the gradient.
 Sums take_off(uint isect, Column column, vec3 color) {
-    vec4 s = vec4(0.0);
-    vec4 sf = vec4(0.0);
-    vec4 sff = vec4(0.0);
+    Moments moments = Moments(vec4(0.0), vec4(0.0), vec4(0.0));
     vec4 red = vec4(0.0);
     vec4 green = vec4(0.0);
     vec4 blue = vec4(0.0);
@@ -122,17 +112,11 @@ Sums take_off(uint isect, Column column, vec3 color) {
         red += weight * d_red[q];
         green += weight * d_green[q];
         blue += weight * d_blue[q];
-        s += here;
-        here *= f;
-        sf += here;
-        sff += here * f;
+        add_moments(moments, here, f);
     }
     const vec4 one = vec4(1.0);
-    float sum = dot(s, one);
-    float sum_y = dot(sf, one);
-    Sums sums;
-    sums.shape = vec4(sum, sum * column.f_x, sum_y, sum * column.f_x * column.f_x);
-    sums.tone = vec4(sum_y * column.f_x, dot(sff, one), dot(red, one), dot(green, one));
+    Sums sums = sums_of(moments, column);
+    sums.tone = vec4(sums.tone.xy, dot(red, one), dot(green, one));
     sums.rest = dot(blue, one);
     return sums;
 }

@@ -29,16 +29,7 @@ layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
 } push;
 
-// log2 of a splat's alpha before its cap, at a pixel of the tile; `corner` is the tile's first pixel.
-float exponent_at(uvec2 in_tile, uvec2 corner, vec4 shape, vec4 tone) {
-    // Positions relative to the tile are small, and so is their rounding.
-    precise vec2 mean = shape.xy - vec2(corner);
-    precise vec2 d = vec2(in_tile) + 0.5 - mean;
-    precise float f_x = d.x * tone.x;
-    precise float f_y = (d.y - shape.z * d.x) * tone.y;
-    precise float exponent = shape.w - f_x * f_x - f_y * f_y;
-    return exponent;
-}
+#include "shared/primitive.glsl"
 
 // Accumulated colour of the pixel.
 vec3 color = vec3(0.0);
@@ -58,7 +49,7 @@ bool blend(uint isect, uvec2 in_tile, uvec2 corner) {
     float weight = alpha * transmittance;
     vec2 rest = blue_depth_from_splat[splat];
     color += weight * vec3(tone.zw, rest.x);
-    far += weight * rest.y;
+    far += weight * depth_of(rest);
     transmittance = next;
     last = isect + 1;
     return true;

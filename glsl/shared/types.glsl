@@ -1,4 +1,4 @@
-// Structs shared by host and shaders.
+// Structs of several includes; those in buffers are shared with the host.
 
 // Camera and other parameters of one frame.
 struct View {
@@ -25,4 +25,11 @@ struct DispatchArgs {
     uint x;
     uint y;
     uint z;
+};
+
+// A tile, and the column of pixels of this lane.
+struct Tile {
+    uvec2 corner;  // the tile's first pixel
+    uint x;        // this lane's column, from the corner
+    uint y;        // this lane's first row, from the corner
 };

@@ -1,7 +1,7 @@
 // Weights alpha T of a pixel's splats, recomputed exactly as in compositing: the same exponents, products and end.
 // Kernels that include this walk a tile's list from the front.
 //
-// They need `tile.glsl` and `stage.glsl`, a `view`, T_MIN, LOG2_ALPHA_MIN and INRIA.
+// They need `tile.glsl`, `primitive.glsl` and `stage.glsl`, a `view`, T_MIN, LOG2_ALPHA_MIN and INRIA.
 
 bool any_lane(bool mine);
 

@@ -1,7 +1,7 @@
 //! From options to a [`TrainConfig`].
 
 use crate::cli::args::parse_background;
-use crate::scene::RenderMode;
+use crate::scene::ScreenFilter;
 use crate::train::{Background, StrategyKind, TrainConfig};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
@@ -102,9 +102,9 @@ impl ConfigArgs {
             };
         }
         config.seed = self.seed.unwrap_or(config.seed);
-        config.mode = match self.mode {
-            None | Some(ModeArg::Default) => RenderMode::Default,
-            Some(ModeArg::Mip) => RenderMode::Mip,
+        config.filter = match self.mode {
+            None | Some(ModeArg::Default) => ScreenFilter::Classic,
+            Some(ModeArg::Mip) => ScreenFilter::Mip,
         };
         config.max_splats = self.max_splats;
         config.sh_degree = self.sh_degree.unwrap_or(config.sh_degree);
@@ -212,7 +212,10 @@ mod tests {
         let config = args.config(true).map_err(|e| e.to_string())?;
         let wanted = TrainConfig::for_iterations(ITERATIONS_SOFTWARE).against_floaters();
         assert_eq!(config.init, wanted.init);
-        assert_eq!((config.max_aspect, config.mode), (20.0, RenderMode::Mip));
+        assert_eq!(
+            (config.max_aspect, config.filter),
+            (20.0, ScreenFilter::Mip)
+        );
         assert_eq!(
             (config.size_penalty, config.adc.prune_opacity),
             (1e-4, 0.01)

@@ -6,7 +6,7 @@ use super::args::DeviceArgs;
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Limits};
 use crate::lab::bench::{Bench, BenchRow, Options};
 use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, ViewOptions};
-use crate::scene::{Camera, RenderMode, Splats};
+use crate::scene::{Camera, ScreenFilter, Splats};
 use crate::{Error, Result};
 
 pub(super) use describe::devices;
@@ -115,7 +115,7 @@ impl Engine {
             renderer: Renderer::new(&self.gpu, options)?,
             model: Model::upload(&self.gpu, splats)?,
             near: near as f32,
-            mode: splats.mode,
+            filter: splats.filter,
         })
     }
 }
@@ -125,7 +125,7 @@ pub(super) struct SceneRenderer {
     renderer: Renderer,
     model: Model,
     near: f32,
-    mode: RenderMode,
+    filter: ScreenFilter,
 }
 
 impl SceneRenderer {
@@ -134,7 +134,7 @@ impl SceneRenderer {
         let view = ViewOptions {
             background,
             near: self.near,
-            mode: self.mode,
+            filter: self.filter,
         };
         self.renderer.render(&self.model, camera, &view)
     }

@@ -8,7 +8,7 @@ use crate::gpu::Gpu;
 use crate::lab::report::comparison;
 use crate::metrics::{MeanScore, ViewScore};
 use crate::render::{Evaluated, Evaluator, ViewOptions};
-use crate::scene::{Dataset, RenderMode, Splats};
+use crate::scene::{Dataset, ScreenFilter, Splats};
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
 use clap::Args;
@@ -138,7 +138,7 @@ pub(super) fn evaluator<'d>(
     let options = ViewOptions {
         background,
         near: near(dataset) as f32,
-        mode: RenderMode::Default,
+        filter: ScreenFilter::Classic,
     };
     Evaluator::new(gpu, dataset, views, options)
 }

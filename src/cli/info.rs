@@ -114,7 +114,7 @@ fn scene(splats: &Splats) -> (String, Value) {
          faint:       {} (opacity below 1/255: never drawn)\non a device: {}",
         grouped(splats.len()),
         splats.sh_degree,
-        splats.mode,
+        splats.filter,
         axes[0],
         axes[1],
         axes[2],
@@ -124,7 +124,7 @@ fn scene(splats: &Splats) -> (String, Value) {
     let value = json!({
         "splat_count": splats.len(),
         "sh_degree": splats.sh_degree,
-        "mode": format!("{:?}", splats.mode).to_lowercase(),
+        "mode": splats.filter.name(),
         "bounds": axes,
         "faint_count": faint,
         "device_bytes": size,

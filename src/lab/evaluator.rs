@@ -3,7 +3,7 @@
 use super::bench::CpuClock;
 use crate::gpu::Gpu;
 use crate::render::{Evaluator, Model, RenderOptions, Renderer, ViewOptions};
-use crate::scene::{Dataset, RenderMode, Splats, Split};
+use crate::scene::{Dataset, ScreenFilter, Splats, Split};
 use crate::stats::Summary;
 use crate::train::TrainConfig;
 use crate::{Error, Result};
@@ -23,11 +23,11 @@ pub(super) struct FrameTime {
     pub(super) cpu_ms: Option<f64>,
 }
 
-fn view_options(dataset: &Dataset, mode: RenderMode) -> ViewOptions {
+fn view_options(dataset: &Dataset, filter: ScreenFilter) -> ViewOptions {
     ViewOptions {
         background: BACKGROUND,
         near: TrainConfig::default().near(dataset.extent()),
-        mode,
+        filter,
     }
 }
 
@@ -41,7 +41,7 @@ pub(super) fn held_out<'d>(gpu: &Gpu, dataset: &'d Dataset) -> Result<Evaluator<
         let text = "training is evaluated on held-out views, and the data set has none";
         return Err(Error::Config(text.into()));
     }
-    let options = view_options(dataset, RenderMode::Default);
+    let options = view_options(dataset, ScreenFilter::Classic);
     Evaluator::new(gpu, dataset, &views, options).with_photos()
 }
 
@@ -57,7 +57,7 @@ pub(super) fn frame_time(
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(gpu, options)?;
-    let view = view_options(dataset, splats.mode);
+    let view = view_options(dataset, splats.filter);
     let (mut device, mut cpu) = (Vec::new(), Vec::new());
     for round in 0..=ROUNDS {
         for index in dataset.split(Split::Test) {

@@ -95,7 +95,7 @@ pub fn render_splats<R: Real>(
 
 /// Renders a scene.
 pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64> {
-    let view = Viewpoint::new(camera, options, splats.mode);
+    let view = Viewpoint::new(camera, options, splats.filter);
     render_splats(
         &Splat::all(splats),
         &view,
@@ -110,7 +110,7 @@ pub fn discontinuity_margins(
     camera: &Camera,
     options: &Options,
 ) -> Vec<DiscontinuityMargin> {
-    let view = Viewpoint::new(camera, options, splats.mode);
+    let view = Viewpoint::new(camera, options, splats.filter);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
     let order: Vec<usize> = (0..list.len()).collect();
     let (width, height) = (camera.width as usize, camera.height as usize);

@@ -68,7 +68,7 @@ pub fn loss_gradient(
     options: &Options,
     target: &Target<'_>,
 ) -> LossGradient {
-    let view = Viewpoint::new(camera, options, splats.mode);
+    let view = Viewpoint::new(camera, options, splats.filter);
     let screen = project_all(&Splat::<f64>::all(splats), &view);
     let frame = render_screen(
         &screen,
@@ -103,7 +103,7 @@ pub fn backward(
     options: &Options,
     upstream: &[PixelGradient],
 ) -> (Vec<ScreenGradient>, SplatGradients) {
-    let view = Viewpoint::new(camera, options, splats.mode);
+    let view = Viewpoint::new(camera, options, splats.filter);
     let splats = Splat::<f64>::all(splats);
     let screen = project_all(&splats, &view);
     let by_screen = rasterize_backward(
@@ -130,7 +130,7 @@ pub fn loss_derivatives(
     target: &Target<'_>,
     parameters: &[(usize, usize)],
 ) -> Vec<f64> {
-    let view = Viewpoint::new(camera, options, splats.mode);
+    let view = Viewpoint::new(camera, options, splats.filter);
     let rows: Vec<Vec<f64>> = Splat::<f64>::all(splats)
         .iter()
         .map(Splat::parameters)

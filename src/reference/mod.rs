@@ -22,6 +22,7 @@ pub mod gradient;
 pub mod linear;
 pub mod loss;
 pub mod perturb;
+pub mod primitive;
 pub mod project;
 pub mod project_backward;
 pub mod prune_limit;

@@ -6,7 +6,7 @@ use super::linear::{
 };
 use super::{Options, Real, sh};
 use crate::layout::COLOR_MAX;
-use crate::scene::{Camera, RenderMode, Splats};
+use crate::scene::{Camera, ScreenFilter, Splats};
 
 /// Floats of [`Splat::parameters`] before the SH coefficients.
 pub const GEOMETRY_PARAMETERS: usize = 11;
@@ -96,7 +96,7 @@ pub struct Viewpoint {
 
 impl Viewpoint {
     /// View of a camera. The limits lie 15 % of the image beyond each border.
-    pub fn new(camera: &Camera, options: &Options, mode: RenderMode) -> Viewpoint {
+    pub fn new(camera: &Camera, options: &Options, filter: ScreenFilter) -> Viewpoint {
         let width = f64::from(camera.width);
         let height = f64::from(camera.height);
         let (focal, center) = (camera.focal, camera.center);
@@ -109,11 +109,11 @@ impl Viewpoint {
                 (1.15 * height - center.y) / focal.y,
             ],
             near: options.near,
-            dilation: match mode {
-                RenderMode::Default => 0.3,
-                RenderMode::Mip => 0.1,
+            dilation: match filter {
+                ScreenFilter::Classic => 0.3,
+                ScreenFilter::Mip => 0.1,
             },
-            compensated: mode == RenderMode::Mip,
+            compensated: filter == ScreenFilter::Mip,
             sh_degree: options.sh_degree,
         }
     }

@@ -4,7 +4,7 @@
 //! threshold is still blended ("include last"), so that the stop costs at most the threshold itself.
 
 use super::linear::{Vec3, add, scale};
-use super::project::determinant;
+use super::primitive::{depth, power};
 use super::{Real, ScreenSplat, Thresholds};
 
 /// A splat at one pixel.
@@ -58,15 +58,6 @@ impl DiscontinuityMargin {
     }
 }
 
-/// Half the squared Mahalanobis distance of a position (pixels) from the splat's mean: `½ dᵀ Σ⁻¹ d`.
-pub fn power<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
-    let dx = R::of(position[0]) - splat.mean[0];
-    let dy = R::of(position[1]) - splat.mean[1];
-    let [xx, xy, yy] = splat.covariance;
-    let two = R::of(2.0);
-    (yy * dx * dx - two * xy * dx * dy + xx * dy * dy) / (two * determinant(splat.covariance))
-}
-
 /// `opacity · exp(−power)`, before threshold and cap.
 pub fn raw_alpha<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
     let power = power(splat, position);
@@ -87,7 +78,7 @@ pub fn layer<R: Real>(
     (alpha.value() >= thresholds.alpha_min && alpha.value() > 0.0).then(|| Layer {
         alpha: alpha.at_most(thresholds.alpha_max),
         color: splat.color,
-        depth: splat.depth,
+        depth: depth(splat),
     })
 }
 

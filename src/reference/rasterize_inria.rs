@@ -95,7 +95,7 @@ pub fn over<'a>(
 
 /// Renders a scene; also returns each pixel's distance to its nearest threshold.
 pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> (Frame<f64>, Vec<f64>) {
-    let view = Viewpoint::new(camera, options, splats.mode);
+    let view = Viewpoint::new(camera, options, splats.filter);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
     let (width, height) = (camera.width as usize, camera.height as usize);
     let (pixels, nearest): (Vec<_>, Vec<f64>) = (0..width * height)

@@ -29,7 +29,7 @@ pub fn colors(
     options: &Options,
     pixels: &[usize],
 ) -> Vec<[f64; 3]> {
-    let view = Viewpoint::new(camera, options, splats.mode);
+    let view = Viewpoint::new(camera, options, splats.filter);
     let all = Splat::<f64>::all(splats);
     let (list, splat_from_rank) = sorted(&project_all(&all, &view));
     let solids: Vec<Solid> = list

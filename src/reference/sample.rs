@@ -6,7 +6,8 @@
 //! across, its whole share is allowed for. So every pixel of every scene has a bound, as small as that pixel permits.
 
 use super::frame::{center, sorted};
-use super::rasterize::{layer, power, raw_alpha};
+use super::primitive::power;
+use super::rasterize::{layer, raw_alpha};
 use super::{Options, Pixel, ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
@@ -114,7 +115,7 @@ pub fn sample(
     let view = Viewpoint {
         // Splats just in front of the near plane may be drawn behind it.
         near: options.near * (1.0 - 1e-4),
-        ..Viewpoint::new(camera, options, splats.mode)
+        ..Viewpoint::new(camera, options, splats.filter)
     };
     let screen: Vec<Option<ScreenSplat<f64>>> = (0..splats.len())
         .into_par_iter()

@@ -1,10 +1,11 @@
-//! Tiles that a splat touches: by testing their pixels, and by minimising its quadratic form over the rectangle of
-//! their pixel centres.
+//! Tiles that a splat touches: by testing their pixels, and by the minimum of `power` over the rectangle of their pixel
+//! centres.
 //!
 //! A kernel must list every tile in which some pixel centre of the image has an alpha above the threshold
 //! ([`holds_pixel`]); it may list tiles touched only between pixel centres ([`alpha_max`]); it should list few others.
 
-use super::rasterize::{power, raw_alpha};
+use super::primitive::power_min;
+use super::rasterize::raw_alpha;
 use super::{ScreenSplat, Thresholds};
 use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
 
@@ -93,24 +94,7 @@ pub fn alpha_max(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32) -> f64 {
     let [x, y] = grid
         .pixels(tile)
         .map(|(first, end)| [f64::from(first) + 0.5, f64::from(end) - 0.5]);
-    let [mean_x, mean_y] = splat.mean;
-    if (x[0]..=x[1]).contains(&mean_x) && (y[0]..=y[1]).contains(&mean_y) {
-        return splat.opacity;
-    }
-    // The form is convex: outside its minimum it is least on the border, and on a line it is a parabola with its
-    // minimum at the conditional mean.
-    let [xx, xy, yy] = splat.covariance;
-    let mut least = f64::INFINITY;
-    for edge in x {
-        // x = edge: over y, the parabola is lowest at mean_y + xy / xx (x − mean_x).
-        let y = (mean_y + xy / xx * (edge - mean_x)).clamp(y[0], y[1]);
-        least = least.min(power(splat, [edge, y]));
-    }
-    for edge in y {
-        let x = (mean_x + xy / yy * (edge - mean_y)).clamp(x[0], x[1]);
-        least = least.min(power(splat, [x, edge]));
-    }
-    splat.opacity * (-least).exp()
+    splat.opacity * (-power_min(splat, x, y)).exp()
 }
 
 /// Tiles in which some pixel blends the splat if nothing lies in front of it, ascending.
@@ -118,14 +102,4 @@ pub fn tiles(splat: &ScreenSplat<f64>, grid: &Grid, thresholds: &Thresholds) -> 
     (0..grid.len())
         .filter(|&tile| holds_pixel(splat, grid, tile, thresholds))
         .collect()
-}
-
-/// Half width and half height, in pixels, of the box around the ellipse above the alpha threshold; 0 if the splat is
-/// below it everywhere.
-pub fn extent(splat: &ScreenSplat<f64>, thresholds: &Thresholds) -> [f64; 2] {
-    // opacity · exp(−r² / 2) = alpha_min at the squared Mahalanobis radius r², and an ellipse extends along an axis by
-    // r times its standard deviation.
-    let squared_radius = 2.0 * (splat.opacity / thresholds.alpha_min).ln();
-    let [xx, _, yy] = splat.covariance;
-    [xx, yy].map(|variance| (squared_radius.max(0.0) * variance).sqrt())
 }

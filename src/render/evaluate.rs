@@ -100,7 +100,7 @@ impl<'d> Evaluator<'d> {
         let mut renderer = self.renderer(splats.sh_degree)?;
         let model = Model::upload(&self.gpu, splats)?;
         let options = ViewOptions {
-            mode: splats.mode,
+            filter: splats.filter,
             ..self.options
         };
         for (i, &index) in self.views.iter().enumerate() {

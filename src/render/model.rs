@@ -5,7 +5,7 @@ use super::precision::Precision;
 use super::slots::{ByDegree, Slots};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::scene::{NotFinite, RenderMode, Splats};
+use crate::scene::{NotFinite, Primitive, ScreenFilter, Splats};
 use std::ops::Range;
 
 /// Planes of vec4 of splats of a degree in full precision: three of geometry, then SH.
@@ -31,8 +31,10 @@ pub struct Model {
     pub sh_degree: u32,
     /// Storage precision of `params`.
     pub precision: Precision,
-    /// Render mode of the scene.
-    pub mode: RenderMode,
+    /// Kind of the splats.
+    pub primitive: Primitive,
+    /// Filter on the screen.
+    pub filter: ScreenFilter,
     /// Splats with a non-finite parameter when uploaded: they are not drawn.
     pub not_finite: Option<NotFinite>,
 }
@@ -88,7 +90,8 @@ impl Model {
             counts: slots.counts,
             sh_degree: slots.sh_degree(),
             precision,
-            mode: splats.mode,
+            primitive: splats.primitive,
+            filter: splats.filter,
             not_finite: splats.not_finite(),
         })
     }

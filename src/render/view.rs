@@ -1,7 +1,7 @@
 //! View parameters of the kernels, from a camera and options.
 
 use crate::layout::{TILE_HEIGHT, TILE_WIDTH, View};
-use crate::scene::{Camera, RenderMode};
+use crate::scene::{Camera, ScreenFilter};
 
 /// Margin around the image beyond which the Jacobian's direction is clamped, as a share of the image size: 0.15, which
 /// is 1.3 times the tangent of half the field of view when centred (3DGS code).
@@ -14,8 +14,8 @@ pub struct ViewOptions {
     pub background: [f32; 3],
     /// Near plane in world units along z: nearer splats are not drawn, and splats behind the camera never are.
     pub near: f32,
-    /// Render mode that the scene was trained with.
-    pub mode: RenderMode,
+    /// Filter on the screen, that of training.
+    pub filter: ScreenFilter,
 }
 
 /// View parameters of the kernels.
@@ -44,11 +44,11 @@ pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
         tiles: [size[0].div_ceil(TILE_WIDTH), size[1].div_ceil(TILE_HEIGHT)],
         // Depths are always positive: their bits then sort as integers, and nothing behind the camera is drawn.
         near_plane: options.near.max(f32::MIN_POSITIVE),
-        dilation: match options.mode {
-            RenderMode::Default => 0.3,
-            RenderMode::Mip => 0.1,
+        dilation: match options.filter {
+            ScreenFilter::Classic => 0.3,
+            ScreenFilter::Mip => 0.1,
         },
-        compensate: (options.mode == RenderMode::Mip).into(),
+        compensate: (options.filter == ScreenFilter::Mip).into(),
         background: options.background,
     }
 }

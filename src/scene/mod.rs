@@ -14,4 +14,4 @@ pub use camera::Camera;
 pub use dataset::{AlphaMode, Dataset, Distortion, Photo, PhotoSource, Point, Split, View};
 pub use focus::focus;
 pub use mesh::Mesh;
-pub use splats::{NotFinite, RenderMode, SH_C0, Splats, sh_coefficient_count};
+pub use splats::{NotFinite, Primitive, SH_C0, ScreenFilter, Splats, sh_coefficient_count};

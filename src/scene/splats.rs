@@ -11,15 +11,35 @@ pub const fn sh_coefficient_count(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
 }
 
-/// Rendering mode of training; stored in the `.ply`'s comment.
+/// Kind of splat, the same for all splats of a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Primitive {
+    /// 3D Gaussian, an ellipse on the screen (3DGS paper, section 4).
+    #[default]
+    Gaussian3d,
+}
+
+/// Filter of splats on the screen, in training and later; stored in the `.ply`'s comment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum RenderMode {
+pub enum ScreenFilter {
     /// Screen covariance dilated by 0.3 px² (3DGS paper, section 4 and its code).
     #[default]
-    Default,
+    #[serde(rename = "default")]
+    Classic,
     /// Mip-Splatting, section 5.2: 0.1 px², and opacities lowered so that no light is added.
     Mip,
+}
+
+impl ScreenFilter {
+    /// Word of `--mode`, of files and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            ScreenFilter::Classic => "default",
+            ScreenFilter::Mip => "mip",
+        }
+    }
 }
 
 /// Splats as structure of arrays; all vectors have `len()` entries but `sh`.
@@ -38,8 +58,10 @@ pub struct Splats {
     pub sh: Vec<f32>,
     /// Highest spherical-harmonic degree stored, 0 to 3.
     pub sh_degree: u32,
-    /// Rendering mode.
-    pub mode: RenderMode,
+    /// Kind of the splats.
+    pub primitive: Primitive,
+    /// Filter on the screen.
+    pub filter: ScreenFilter,
     /// Origin of the means, in the coordinates of the data set's files; its cameras must have the same
     /// (`Dataset::set_origin`).
     pub origin: DVec3,
@@ -72,7 +94,8 @@ impl Splats {
             opacity_logit: indices.iter().map(|&i| self.opacity_logit[i]).collect(),
             sh: rows.flatten().copied().collect(),
             sh_degree: self.sh_degree,
-            mode: self.mode,
+            primitive: self.primitive,
+            filter: self.filter,
             origin: self.origin,
         }
     }

@@ -282,7 +282,7 @@ impl ContributionPass {
         let options = ViewOptions {
             background: self.pass_options.background,
             near: self.pass_options.near,
-            mode: self.resources.model.mode,
+            filter: self.resources.model.filter,
         };
         view_of(camera, &options)
     }

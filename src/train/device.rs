@@ -4,7 +4,7 @@ use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::render::{Block, Blocks, Model, Precision, Slots, index_of, of_degree, plane_count};
-use crate::scene::RenderMode;
+use crate::scene::{Primitive, ScreenFilter};
 
 /// Parameters, gradients and moments in planes of vec4, and the statistics of density control.
 #[derive(Debug)]
@@ -33,9 +33,9 @@ impl DeviceState {
         usize::try_from(by_binding.min(by_memory)).unwrap_or(usize::MAX)
     }
 
-    /// Uploads `state`, to be drawn in `mode`, into buffers without spare capacity: sizes change seldom, and spare
+    /// Uploads `state`, to be drawn with `filter`, into buffers without spare capacity: sizes change seldom, and spare
     /// capacity would cost five times. Statistics start at 0.
-    pub(crate) fn new(gpu: &Gpu, state: &HostState, mode: RenderMode) -> Result<DeviceState> {
+    pub(crate) fn new(gpu: &Gpu, state: &HostState, filter: ScreenFilter) -> Result<DeviceState> {
         let slots = Slots::of(&state.degrees);
         let room = match state.is_empty() {
             true => of_degree(1, state.sh_degree),
@@ -51,7 +51,8 @@ impl DeviceState {
                 counts: Default::default(),
                 sh_degree: state.sh_degree,
                 precision: Precision::Full,
-                mode,
+                primitive: Primitive::Gaussian3d,
+                filter,
                 not_finite: None,
             },
             sh_degree: state.sh_degree,

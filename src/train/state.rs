@@ -6,7 +6,7 @@
 use super::filter::{baked, opacity_factor};
 use crate::layout::GEOMETRY_PLANES;
 use crate::render::plane_count;
-use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+use crate::scene::{ScreenFilter, Splats, sh_coefficient_count};
 
 /// `[plane][splat]`: plane 0 is mean x, y, z and opacity logit; 1 the quaternion w, x, y, z; 2 log-scale x, y, z and
 /// the standard deviation of the [smoothing filter](super::smoothing) in world units (0: none), which is no parameter
@@ -65,7 +65,7 @@ impl HostState {
 
     /// The parameters as splats of the highest degree in use, the smoothing filter baked into their scales and
     /// opacities.
-    pub fn to_splats(&self, mode: RenderMode) -> Splats {
+    pub fn to_splats(&self, filter: ScreenFilter) -> Splats {
         let highest = self.degrees.iter().max();
         let sh_degree = highest.map_or(self.sh_degree, |&degree| u32::from(degree));
         let stride = sh_coefficient_count(sh_degree) * 3;
@@ -86,7 +86,7 @@ impl HostState {
             opacity_logit,
             sh,
             sh_degree,
-            mode,
+            filter,
             ..Splats::default()
         }
     }
@@ -243,7 +243,7 @@ mod tests {
                 let state = HostState::from_splats(&original, degree);
                 assert_eq!(state.len(), count);
                 assert_eq!(state.params.len(), plane_count(degree));
-                assert_eq!(state.to_splats(RenderMode::Default), original);
+                assert_eq!(state.to_splats(ScreenFilter::Classic), original);
             }
         }
     }
@@ -251,10 +251,10 @@ mod tests {
     #[test]
     fn a_degree_is_raised_with_zeros_and_cut_from_the_end() {
         let low = splats(3, 1);
-        let raised = HostState::from_splats(&low, 3).to_splats(RenderMode::Default);
+        let raised = HostState::from_splats(&low, 3).to_splats(ScreenFilter::Classic);
         assert_eq!(raised.sh[48..60], low.sh[12..24]);
         assert!(raised.sh[60..96].iter().all(|&x| x == 0.0));
-        let cut = HostState::from_splats(&low, 0).to_splats(RenderMode::Default);
+        let cut = HostState::from_splats(&low, 0).to_splats(ScreenFilter::Classic);
         assert_eq!(cut.sh[3..6], low.sh[12..15]);
     }
 
@@ -290,9 +290,9 @@ mod tests {
             }
         }
         assert_eq!(state.params[..SH_PLANE], before.params[..SH_PLANE]);
-        assert_eq!(state.to_splats(RenderMode::Default).sh_degree, 3);
+        assert_eq!(state.to_splats(ScreenFilter::Classic).sh_degree, 3);
         state.lower_degrees(&[1; 5]);
-        let lowered = state.to_splats(RenderMode::Default);
+        let lowered = state.to_splats(ScreenFilter::Classic);
         assert_eq!((lowered.sh_degree, lowered.sh.len()), (1, 5 * 12));
         assert_eq!(state.select(&[3, 0, 3]).degrees, [0, 1, 0]);
     }

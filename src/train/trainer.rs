@@ -23,7 +23,7 @@ use crate::layout::*;
 use crate::render::{
     Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, view_of,
 };
-use crate::scene::{Camera, Dataset, RenderMode, Splats, Split};
+use crate::scene::{Camera, Dataset, ScreenFilter, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
@@ -138,7 +138,7 @@ impl<'a> Trainer<'a> {
             strategy: strategy(config.strategy),
             forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy)?,
             backward: Backward::new(gpu, &config)?,
-            state: DeviceState::new(gpu, state, config.mode)?,
+            state: DeviceState::new(gpu, state, config.filter)?,
             gradients: Gradients::new(gpu, &scratch)?,
             scratch,
             bands: DepthBands::default(),
@@ -257,7 +257,7 @@ impl<'a> Trainer<'a> {
 
     /// The splats after the last step begun; waits for it.
     pub fn splats(&mut self) -> Result<Splats> {
-        let splats = self.download()?.to_splats(self.config.mode);
+        let splats = self.download()?.to_splats(self.config.filter);
         Ok(splats.counted_from(self.dataset.origin))
     }
 
@@ -279,7 +279,7 @@ impl<'a> Trainer<'a> {
         let options = ViewOptions {
             background: schedule::background(&self.config, iteration),
             near: self.near(),
-            mode: self.config.mode,
+            filter: self.config.filter,
         };
         let model = &self.state.model;
         let mut view = view_of(camera, &options);
@@ -386,9 +386,9 @@ impl<'a> Trainer<'a> {
     }
 }
 
-/// Updates the smoothing filter, if the mode has one, to the splats' positions.
+/// Updates the smoothing filter, if the screen filter has one, to the splats' positions.
 fn smooth(state: &mut HostState, dataset: &Dataset, config: &TrainConfig) {
-    if config.mode == RenderMode::Mip && config.mip.smoothing > 0.0 {
+    if config.filter == ScreenFilter::Mip && config.mip.smoothing > 0.0 {
         let views = dataset.split(Split::Train).into_iter();
         let cameras: Vec<_> = views.map(|view| dataset.views[view].camera).collect();
         let near = dataset.extent() * f64::from(config.near_factor);

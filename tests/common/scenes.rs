@@ -12,7 +12,7 @@ pub use ashfall::lab::bench::input::pack::in_order;
 pub use ashfall::lab::bench::input::random::{Random, single};
 pub use ashfall::lab::bench::input::scene::{Scene, Sketch, push};
 use ashfall::reference::Options;
-use ashfall::scene::{Camera, RenderMode, Splats, sh_coefficient_count};
+use ashfall::scene::{Camera, ScreenFilter, Splats, sh_coefficient_count};
 use glam::{DMat3, DVec2, DVec3};
 
 /// A camera about four units from the origin, directed at it, with unequal focal lengths and a principal point off the
@@ -66,7 +66,7 @@ fn empty(random: &mut Random, width: u32, height: u32, sh_degree: u32) -> Scene 
     Scene {
         splats: Splats {
             sh_degree,
-            mode: RenderMode::Default,
+            filter: ScreenFilter::Classic,
             ..Splats::default()
         },
         camera: camera(random, width, height),

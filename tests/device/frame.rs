@@ -4,7 +4,7 @@ use crate::common::scenes::Scene;
 use ashfall::gpu::Buffer;
 use ashfall::reference;
 use ashfall::render::{Accuracy, Model, Precision, RenderOptions, Rendered, Renderer, ViewOptions};
-use ashfall::scene::{RenderMode, Splats};
+use ashfall::scene::{ScreenFilter, Splats};
 
 /// Largest error over the pixels far from any discontinuity, share of pixels near one, and largest error over those.
 fn compare(scene: &Scene) -> (f64, f64, f64) {
@@ -23,7 +23,7 @@ fn compare(scene: &Scene) -> (f64, f64, f64) {
     let view = ViewOptions {
         background: scene.options.background.map(|c| c as f32),
         near: scene.options.near as f32,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
     };
     let image = renderer.render(&model, &scene.camera, &view).unwrap();
     let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
@@ -81,7 +81,7 @@ fn mip_frames_agree_with_the_oracle() {
     for (seed, count) in [(21, 60), (22, 150)] {
         for make in [crate::common::scenes::gentle, crate::common::scenes::hard] {
             let mut scene = make(seed, count, 80, 61, 1);
-            scene.splats.mode = RenderMode::Mip;
+            scene.splats.filter = ScreenFilter::Mip;
             let (interior, near, flipped) = compare(&scene);
             println!("seed {seed}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
             assert!(interior <= 1e-4, "seed {seed}: {interior}");
@@ -125,7 +125,7 @@ fn draw_as(scene: &Scene, precision: Precision) -> Rendered {
     let view = ViewOptions {
         background: scene.options.background.map(|c| c as f32),
         near: scene.options.near as f32,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
     };
     let mut renderer = Renderer::new(&gpu, options).unwrap();
     renderer.render(&model, &scene.camera, &view).unwrap()
@@ -189,7 +189,7 @@ fn frames_of_several_degrees_are_those_of_the_highest() {
             let view = ViewOptions {
                 background: scene.options.background.map(|c| c as f32),
                 near: scene.options.near as f32,
-                mode: splats.mode,
+                filter: splats.filter,
             };
             let image = renderer.render(&model, &scene.camera, &view).unwrap();
             (model, image)
@@ -221,7 +221,7 @@ fn a_renderer_refuses_a_model_that_it_would_misread() {
     let view = ViewOptions {
         background: [0.0; 3],
         near: 0.1,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
     };
     let refused = renderer.render(&model, &scene.camera, &view);
     let message = refused.err().map(|e| e.to_string()).unwrap_or_default();

@@ -26,7 +26,7 @@ fn render(gpu: &Gpu, scene: &Scene) -> Rendered {
     let view = ViewOptions {
         background: scene.options.background.map(|c| c as f32),
         near: scene.options.near as f32,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
     };
     renderer.render(&model, &scene.camera, &view).unwrap()
 }

@@ -6,7 +6,7 @@ use ashfall::render::{
     Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, frame_needs,
     isects_expected, model_needs, total,
 };
-use ashfall::scene::{Dataset, RenderMode};
+use ashfall::scene::{Dataset, ScreenFilter};
 use ashfall::train::{
     Residency, StrategyKind, TrainConfig, TrainSize, Trainer, initial_splats, splats_expected,
 };
@@ -272,7 +272,7 @@ fn a_renderer_that_grows_never_holds_old_and_new() {
     let view = ViewOptions {
         background: [0.0; 3],
         near: 0.01,
-        mode: RenderMode::Default,
+        filter: ScreenFilter::Classic,
     };
     let mut camera = dataset.views[0].camera;
     renderer.render(&model, &camera, &view).unwrap();

@@ -6,7 +6,7 @@ use super::header::{Element, Encoding, Header};
 use super::rows;
 use super::{Loaded, ORIGIN};
 use crate::error::{Error, Result};
-use crate::scene::{Point, RenderMode, Splats, sh_coefficient_count};
+use crate::scene::{Point, ScreenFilter, Splats, sh_coefficient_count};
 use glam::DVec3;
 use std::path::Path;
 
@@ -37,11 +37,11 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
     };
     let (columns, sh_degree) = splat_columns(path, vertex)?;
     let mut warnings = Vec::new();
-    let mode = render_mode(path, &header.comments, &mut warnings)?;
+    let filter = screen_filter(path, &header.comments, &mut warnings)?;
     let origin = origin(path, &header.comments)?;
     rows::skip_to(&mut reader, &header, index)?;
     let count = rows::check_count(&reader, &header, vertex)?;
-    let mut builder = Builder::new(count, sh_degree, mode);
+    let mut builder = Builder::new(count, sh_degree, filter);
     rows::read(&mut reader, header.encoding, vertex, &columns, |row| {
         builder.push(row);
     })?;
@@ -147,14 +147,18 @@ fn splat_columns(path: &Path, vertex: &Element) -> Result<(Vec<usize>, u32)> {
     Ok((columns, degree))
 }
 
-/// Render mode of the comments; the last wins, as with the programs that write them.
-fn render_mode(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> Result<RenderMode> {
-    let mut mode = RenderMode::Default;
+/// Screen filter of the comments; the last wins, as with the programs that write them.
+fn screen_filter(
+    path: &Path,
+    comments: &[String],
+    warnings: &mut Vec<String>,
+) -> Result<ScreenFilter> {
+    let mut filter = ScreenFilter::Classic;
     for comment in comments {
         if let Some(name) = comment.strip_prefix("SplatRenderMode:") {
             match name.trim() {
-                "default" => mode = RenderMode::Default,
-                "mip" => mode = RenderMode::Mip,
+                "default" => filter = ScreenFilter::Classic,
+                "mip" => filter = ScreenFilter::Mip,
                 "2dgs" => {
                     let what = "SplatRenderMode is 2dgs: 2D Gaussian scenes are not supported";
                     return Err(Error::file(path, what));
@@ -166,13 +170,13 @@ fn render_mode(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> 
                 )),
             }
         } else if let Some(flag) = comment.strip_prefix("antialiased") {
-            mode = match flag.trim() {
-                "1" | "true" => RenderMode::Mip,
-                _ => RenderMode::Default,
+            filter = match flag.trim() {
+                "1" | "true" => ScreenFilter::Mip,
+                _ => ScreenFilter::Classic,
             };
         }
     }
-    Ok(mode)
+    Ok(filter)
 }
 
 /// Origin of the means, if a comment gives it.
@@ -222,10 +226,10 @@ struct Builder {
 }
 
 impl Builder {
-    fn new(count: usize, sh_degree: u32, mode: RenderMode) -> Builder {
+    fn new(count: usize, sh_degree: u32, filter: ScreenFilter) -> Builder {
         let mut splats = Splats {
             sh_degree,
-            mode,
+            filter,
             ..Splats::default()
         };
         splats.mean.reserve_exact(count);

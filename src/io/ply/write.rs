@@ -3,7 +3,7 @@
 use super::super::atomic::write_atomically;
 use super::ORIGIN;
 use crate::error::Result;
-use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+use crate::scene::{Splats, sh_coefficient_count};
 use glam::DVec3;
 use std::io::Write;
 use std::path::Path;
@@ -42,10 +42,7 @@ pub fn write(path: &Path, splats: &Splats) -> Result<()> {
 }
 
 fn header(splats: &Splats) -> String {
-    let mode = match splats.mode {
-        RenderMode::Default => "default",
-        RenderMode::Mip => "mip",
-    };
+    let filter = splats.filter.name();
     let rest = (sh_coefficient_count(splats.sh_degree) - 1) * 3;
     let mut names: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"].map(String::from).into();
     names.extend((0..3).map(|i| format!("f_dc_{i}")));
@@ -62,7 +59,7 @@ fn header(splats: &Splats) -> String {
         DVec3 { x, y, z } => format!("comment {ORIGIN} {x} {y} {z}\n"),
     };
     format!(
-        "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: {mode}\n{origin}\
+        "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: {filter}\n{origin}\
          element vertex {}\n{properties}end_header\n",
         splats.len()
     )

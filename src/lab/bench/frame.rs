@@ -228,7 +228,7 @@ impl FrameBench {
             view: ViewOptions {
                 background: [0.0; 3],
                 near,
-                mode: splats.mode,
+                filter: splats.filter,
             },
         })
     }

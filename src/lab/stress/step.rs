@@ -54,7 +54,7 @@ impl StepResult {
 fn config(splats: &Splats) -> TrainConfig {
     TrainConfig {
         sh_degree: splats.sh_degree,
-        mode: splats.mode,
+        filter: splats.filter,
         background: Background::Fixed(BACKGROUND),
         ..TrainConfig::for_iterations(30_000)
     }

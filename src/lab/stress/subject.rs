@@ -3,7 +3,7 @@
 use crate::lab::bench::input::random::{Random, single};
 use crate::reference;
 use crate::render::ViewOptions;
-use crate::scene::{Camera, RenderMode, SH_C0, Splats};
+use crate::scene::{Camera, SH_C0, ScreenFilter, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Background colour; exact in single precision.
@@ -108,7 +108,7 @@ pub(super) fn view_options(splats: &Splats, near: f64) -> ViewOptions {
     ViewOptions {
         background: BACKGROUND,
         near: near as f32,
-        mode: splats.mode,
+        filter: splats.filter,
     }
 }
 
@@ -153,7 +153,7 @@ fn push(splats: &mut Splats, disc: &Disc, random: &mut Random) {
 fn still_life() -> Splats {
     let mut splats = Splats {
         sh_degree: 1,
-        mode: RenderMode::Default,
+        filter: ScreenFilter::Classic,
         ..Splats::default()
     };
     let random = &mut Random::new(4);

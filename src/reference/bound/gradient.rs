@@ -76,7 +76,7 @@ pub fn gradient_bounds(
         rounding: rounding.share,
     };
     let sums = job.sums(upstream, splats.len());
-    let view = Viewpoint::new(camera, options, splats.mode);
+    let view = Viewpoint::new(camera, options, splats.filter);
     let all = Splat::<f64>::all(splats);
     let slopes: Vec<Vec<[f64; 10]>> = all.par_iter().map(|splat| slopes(splat, &view)).collect();
     let by_screen = |which: usize, splat: usize| -> [f64; ROW] {

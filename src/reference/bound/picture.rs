@@ -31,7 +31,7 @@ pub fn trace(
     let screen = Screen::new(splats, camera, options);
     let stored = |approximations: &Approximations| {
         let stored = approximations.stored.as_ref()?;
-        let view = Viewpoint::new(camera, options, stored.mode);
+        let view = Viewpoint::new(camera, options, stored.filter);
         Some(project_all(&Splat::<f64>::all(stored), &view))
     };
     let stored: Vec<Stored> = approximations.iter().map(stored).collect();

@@ -54,7 +54,7 @@ pub(super) struct Group {
 
 impl Screen {
     pub(super) fn new(splats: &Splats, camera: &Camera, options: &Options) -> Screen {
-        let view = Viewpoint::new(camera, options, splats.mode);
+        let view = Viewpoint::new(camera, options, splats.filter);
         let (list, splat_from_rank) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
         Screen {
             list,

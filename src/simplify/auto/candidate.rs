@@ -7,7 +7,7 @@
 use super::CountController;
 use super::survey::Survey;
 use crate::Result;
-use crate::scene::{Camera, RenderMode, Splats};
+use crate::scene::{Camera, ScreenFilter, Splats};
 use crate::simplify::gain::{differences, steps_of_ten_percent};
 use crate::simplify::held_out;
 use crate::simplify::merge::{merge, rates};
@@ -57,7 +57,7 @@ impl<'a> CountController<'a> {
     /// Scene with neighbours merged; `None` if merging has cost too much before, and in mip mode, where merged splats
     /// would lack a filter.
     fn merged(&self, trainer: &Trainer<'a>, splats: &Splats, left: usize) -> Option<Splats> {
-        if self.history.has_detail || trainer.config().mode != RenderMode::Default {
+        if self.history.has_detail || trainer.config().filter != ScreenFilter::Classic {
             return None;
         }
         let camera = |&view: &usize| self.dataset.views[view].camera;

@@ -257,6 +257,6 @@ fn view_options(trainer: &Trainer<'_>) -> ViewOptions {
     ViewOptions {
         background: config.evaluation_background(),
         near: trainer.near(),
-        mode: config.mode,
+        filter: config.filter,
     }
 }

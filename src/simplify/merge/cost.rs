@@ -91,7 +91,7 @@ fn product(a: &Part, b: &Part, tones: &ColorProducts) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{RenderMode, Splats};
+    use crate::scene::{ScreenFilter, Splats};
 
     /// Splats of mean, scale and opacity logit, all with the same rotation.
     fn bodies(rows: &[([f32; 3], [f32; 3], f32)]) -> Vec<MassGaussian> {
@@ -107,7 +107,7 @@ mod tests {
     }
 
     fn pen() -> PixelFilter {
-        PixelFilter::of(RenderMode::Default)
+        PixelFilter::of(ScreenFilter::Classic)
     }
 
     /// Colours of one channel, and the cover.

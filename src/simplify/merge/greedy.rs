@@ -69,7 +69,7 @@ pub(super) struct Merging {
 impl Merging {
     /// `rates`: pixels per world unit at each splat.
     pub(super) fn new(splats: &Splats, rates: &[f64]) -> Merging {
-        let pen = PixelFilter::of(splats.mode);
+        let pen = PixelFilter::of(splats.filter);
         let stride = splats.sh_stride();
         let body = |i: usize| {
             let finite = splats.sh[i * stride..][..stride]

@@ -2,13 +2,13 @@
 
 use super::axes::{axes, mean_shadow};
 use super::projection::Turned;
-use crate::scene::{RenderMode, Splats};
+use crate::scene::{ScreenFilter, Splats};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Shortest quaternion length with a direction; splats below it are not drawn.
 const QUATERNION_MIN: f64 = 1e-18;
 
-/// Screen-space filter of a render mode.
+/// Screen filter in numbers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PixelFilter {
     /// Variance added on the screen, px².
@@ -18,9 +18,9 @@ pub(super) struct PixelFilter {
 }
 
 impl PixelFilter {
-    /// Filter of a mode, as in `render::view_of`.
-    pub(super) fn of(mode: RenderMode) -> PixelFilter {
-        let keeps_light = mode == RenderMode::Mip;
+    /// Numbers of a filter, as in `render::view_of`.
+    pub(super) fn of(filter: ScreenFilter) -> PixelFilter {
+        let keeps_light = filter == ScreenFilter::Mip;
         PixelFilter {
             dilation: if keeps_light { 0.1 } else { 0.3 },
             keeps_light,
@@ -323,13 +323,13 @@ mod tests {
             rotation: DMat3::IDENTITY,
             position: DVec3::ZERO,
         };
-        for mode in [RenderMode::Default, RenderMode::Mip] {
+        for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
             let options = ViewOptions {
                 background: [0.0; 3],
                 near: 0.1,
-                mode,
+                filter,
             };
-            let (view, pen) = (view_of(&camera, &options), PixelFilter::of(mode));
+            let (view, pen) = (view_of(&camera, &options), PixelFilter::of(filter));
             assert_eq!(view.dilation, pen.dilation as f32);
             assert_eq!(view.compensate == 1, pen.keeps_light);
         }

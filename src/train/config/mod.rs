@@ -16,7 +16,7 @@ pub use groups::{
 };
 
 use crate::render::Accuracy;
-use crate::scene::RenderMode;
+use crate::scene::ScreenFilter;
 use serde::{Deserialize, Serialize};
 
 /// Strategy of density control.
@@ -48,8 +48,9 @@ pub struct TrainConfig {
     pub iterations: u32,
     /// Key of all random numbers.
     pub seed: u64,
-    /// Render mode, in training and later; stored in the scene's file.
-    pub mode: RenderMode,
+    /// Filter on the screen, in training and later; stored in the scene's file. `mode` in files and for `--set`.
+    #[serde(rename = "mode", alias = "filter")]
+    pub filter: ScreenFilter,
     /// Constants of mip mode.
     pub mip: MipConfig,
     /// Strategy of density control.
@@ -136,7 +137,7 @@ impl TrainConfig {
         TrainConfig {
             iterations,
             seed: 0,
-            mode: RenderMode::Default,
+            filter: ScreenFilter::Classic,
             mip: MipConfig::default(),
             strategy: StrategyKind::Adc,
             max_splats: None,

@@ -40,6 +40,21 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_screen_filter_loads_by_either_name() {
+        let config = TrainConfig {
+            filter: crate::scene::ScreenFilter::Mip,
+            ..TrainConfig::default()
+        };
+        let mut saved = serde_json::to_value(&config).unwrap_or_default();
+        let mode = saved
+            .as_object_mut()
+            .and_then(|fields| fields.remove("mode"));
+        assert_eq!(mode, Some(json!("mip")));
+        saved["filter"] = json!("mip");
+        assert_eq!(TrainConfig::from_saved(saved), Ok(config));
+    }
+
+    #[test]
     fn retired_constants_load_where_they_change_nothing() {
         let config = TrainConfig::for_iterations(100);
         let saved = |skipped: u32, sigma: Value| {

@@ -121,7 +121,7 @@ impl Trainer<'_> {
             isects: self.scratch.capacity.isects.max(isects),
             ..self.scratch.capacity
         };
-        let (mode, sh_degree) = (self.state.model.mode, state.sh_degree);
+        let (filter, sh_degree) = (self.state.model.filter, state.sh_degree);
         let bytes = |room, capacity| total(&state_needs(room)) + step_bytes(capacity);
         let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
         let plane = (16 * count).min(TRANSFER_BYTES) as u64;
@@ -129,8 +129,8 @@ impl Trainer<'_> {
         self.check_room(freed, bytes(counts, capacity) + plane)?;
         self.frames.release()?;
         let nothing = HostState::zeros(0, sh_degree);
-        self.state = DeviceState::new(&self.gpu, &nothing, mode)?;
-        self.state = DeviceState::new(&self.gpu, state, mode)?;
+        self.state = DeviceState::new(&self.gpu, &nothing, filter)?;
+        self.state = DeviceState::new(&self.gpu, state, filter)?;
         self.prepare()?;
         if self.bands.count > 1 {
             self.state.keep_gradients(&self.gpu)?;

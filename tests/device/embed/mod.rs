@@ -27,7 +27,7 @@ fn view(scene: &Scene) -> ViewOptions {
     ViewOptions {
         background: [0.25, 0.5, 0.75],
         near: scene.options.near as f32,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
     }
 }
 

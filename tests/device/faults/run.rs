@@ -4,7 +4,7 @@ use ashfall::Result;
 use ashfall::gpu::Gpu;
 use ashfall::io::ply;
 use ashfall::lab::synth::{self, Kind, SynthOptions};
-use ashfall::scene::{Dataset, RenderMode};
+use ashfall::scene::{Dataset, ScreenFilter};
 use ashfall::train::checkpoint::{Checkpoint, fingerprint};
 use ashfall::train::{TrainConfig, Trainer};
 use std::path::Path;
@@ -71,7 +71,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
         before(trainer.iteration());
         checkpoint.write(&path)?;
     }
-    let splats = trainer.download()?.to_splats(RenderMode::Default);
+    let splats = trainer.download()?.to_splats(ScreenFilter::Classic);
     ply::write(&folder.join("scene.ply"), &splats)
 }
 

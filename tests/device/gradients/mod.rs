@@ -18,7 +18,7 @@ const BEGUN: u32 = 20_000;
 
 fn config(scene: &Scene) -> TrainConfig {
     TrainConfig {
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
         sh_degree: scene.splats.sh_degree,
         background: Background::Fixed(scene.options.background.map(|c| c as f32)),
         ..TrainConfig::for_iterations(30_000)

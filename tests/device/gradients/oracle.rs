@@ -7,7 +7,7 @@ use ashfall::reference::loss::Target;
 use ashfall::reference::smoothing::unsmoothed;
 use ashfall::reference::{Options, Splat, loss_gradient};
 use ashfall::render::degrees_used;
-use ashfall::scene::{RenderMode, sh_coefficient_count};
+use ashfall::scene::{ScreenFilter, sh_coefficient_count};
 use ashfall::train::HostState;
 use ashfall::train::state::Planes;
 
@@ -87,7 +87,7 @@ pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
             ..Target::new(camera.width as usize, &photo)
         };
         // As drawn: the filters are applied to the splats, then undone in the gradient.
-        let drawn = state.to_splats(scene.splats.mode);
+        let drawn = state.to_splats(scene.splats.filter);
         let expected = loss_gradient(&drawn, camera, &options, &target);
         let loss = (found.report.loss / expected.loss - 1.0).abs();
         assert!(loss < 1e-5, "{name}: the loss is off by {loss:e}");
@@ -133,7 +133,7 @@ fn state_of(scene: &Scene, filters: &[f32]) -> HostState {
 #[test]
 fn mip_gradients_are_the_oracles_with_the_3d_filter_and_without() {
     let mip = |mut scene: Scene, has_filters: bool| {
-        scene.splats.mode = RenderMode::Mip;
+        scene.splats.filter = ScreenFilter::Mip;
         let filters = match has_filters {
             true => scenes::filters(&scene.splats, 3),
             false => Vec::new(),

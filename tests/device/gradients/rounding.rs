@@ -44,7 +44,7 @@ fn found(gpu: &Gpu, scene: &Scene) -> (Splats, f64) {
     let params = trainer.gradients().unwrap();
     let near = f64::from(trainer.near());
     let gradients = HostState { params, ..state };
-    (gradients.to_splats(scene.splats.mode), near)
+    (gradients.to_splats(scene.splats.filter), near)
 }
 
 /// The oracle's gradients and their error bounds.

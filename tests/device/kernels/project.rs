@@ -9,11 +9,11 @@ use ashfall::kernels::project::{Choice, Project};
 use ashfall::lab::bench::kernels::Workgroups;
 use ashfall::lab::bench::kernels::project::{ProjectOutputs, commands, project};
 use ashfall::render::planes_from_splats;
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 use scenes::Scene;
 
 fn mip(mut scene: Scene) -> Scene {
-    scene.splats.mode = RenderMode::Mip;
+    scene.splats.filter = ScreenFilter::Mip;
     scene
 }
 

@@ -11,10 +11,10 @@ use ashfall::lab::bench::kernels::project_backward::{
     GradientOutputs, Sums, commands, project_backward,
 };
 use ashfall::layout::COUNT_FAILED;
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 
 fn mip(mut scene: Scene) -> Scene {
-    scene.splats.mode = RenderMode::Mip;
+    scene.splats.filter = ScreenFilter::Mip;
     scene
 }
 

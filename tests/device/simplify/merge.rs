@@ -5,7 +5,7 @@ use crate::common::scenes::{self, Random, Scene};
 use crate::simplify::{pass_options, weigher};
 use ashfall::gpu::Gpu;
 use ashfall::render::Compatibility;
-use ashfall::scene::{RenderMode, Splats};
+use ashfall::scene::{ScreenFilter, Splats};
 use ashfall::simplify::{Difference, difference, kept, merge, rates};
 use glam::{Quat, Vec3};
 
@@ -55,14 +55,14 @@ fn compared(gpu: &Gpu, scene: &Scene, after: &Splats) -> Difference {
 #[test]
 fn merging_half_costs_far_less_than_leaving_out_half() {
     let gpu = device::gpu();
-    for mode in [RenderMode::Default, RenderMode::Mip] {
+    for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
         let mut simple = scenes::gentle(32, 60, 96, 72, 1);
-        simple.splats.mode = mode;
+        simple.splats.filter = filter;
         let scene = oversampled(&simple, 4, 33);
         let count = scene.splats.len();
         let rates = rates(&scene.splats, &[scene.camera], scene.options.near);
         let half = merged(&scene.splats, &rates, 0.5);
-        assert_eq!((half.len(), half.mode), (count / 2, mode));
+        assert_eq!((half.len(), half.filter), (count / 2, filter));
         let by_merging = compared(&gpu, &scene, &half);
         assert!(by_merging.pixels == 96 * 72 && by_merging.most >= by_merging.rms);
 
@@ -80,12 +80,12 @@ fn merging_half_costs_far_less_than_leaving_out_half() {
         let by_chance = without(&Random::new(34).permutation(count)[..count / 2]);
         let by_merging = by_merging.psnr_db();
         println!(
-            "{mode:?}: merged {by_merging:.2} dB, by weight {by_weight:.2} dB, by chance {by_chance:.2} dB"
+            "{filter:?}: merged {by_merging:.2} dB, by weight {by_weight:.2} dB, by chance {by_chance:.2} dB"
         );
-        assert!(by_merging > 45.0, "{mode:?}: {by_merging}");
+        assert!(by_merging > 45.0, "{filter:?}: {by_merging}");
         assert!(
             by_merging > by_weight.max(by_chance) + 15.0,
-            "{mode:?}: {by_weight}, {by_chance}"
+            "{filter:?}: {by_weight}, {by_chance}"
         );
     }
 }

@@ -147,7 +147,7 @@ struct Seen {
 
 impl Seen {
     fn new(splats: &Splats, camera: &Camera, options: &Options) -> Seen {
-        let view = Viewpoint::new(camera, options, splats.mode);
+        let view = Viewpoint::new(camera, options, splats.filter);
         let (list, splat_from_rank) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
         Seen {
             order: (0..list.len()).collect(),

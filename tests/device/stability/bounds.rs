@@ -8,11 +8,12 @@ use crate::stability::props::{OPAQUE, Prop, logit, place, stage, with_copy};
 use ashfall::gpu::Groups;
 use ashfall::kernels::expand::{self, Expand};
 use ashfall::layout::{COUNT_BAND_END, COUNT_SLOTS, DispatchArgs};
+use ashfall::reference::primitive::extent;
 use ashfall::reference::rasterize::raw_alpha;
-use ashfall::reference::tiles::{Grid, alpha_max, extent};
+use ashfall::reference::tiles::{Grid, alpha_max};
 use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use ashfall::render::view_of;
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 
 /// The extent of the drawn ellipse is exact: no eigenvalues, no determinant.
 #[test]
@@ -23,7 +24,7 @@ fn f031_radius() {
         (needles(331, 1e3, 30), "aspect 1e3"),
     ] {
         let stepped = lab.step(&scene, &Lesson::flat(&scene, 0));
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let mut worst = 0.0f64;
         for (i, seen) in stepped
             .statistics
@@ -83,13 +84,13 @@ fn f032_rim_of_an_opaque_splat() {
 /// Bounds of needles, computed from the covariance and not from its inverse, contain every drawn pixel.
 #[test]
 fn f033_bounds_of_needles() {
-    for mode in [RenderMode::Default, RenderMode::Mip] {
+    for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
         for aspect in [1e3, 1e4, 1e5] {
             let random = &mut Random::new(333);
             let mut pixels = 0;
             for _ in 0..15 {
                 // A lost pixel would show as an error of its whole alpha.
-                let errors = alpha_errors(&needle(random, aspect, mode, 128));
+                let errors = alpha_errors(&needle(random, aspect, filter, 128));
                 assert!(
                     errors.iter().all(|&e| e < 1.0 / 255.0),
                     "a pixel is lost at aspect {aspect:e}"
@@ -155,7 +156,7 @@ fn f035_tiles_of_ellipses() {
     for aspect in [1.0, 10.0, 1e2, 1e3, 1e4, 1e6] {
         let random = &mut Random::new(335);
         for _ in 0..25 {
-            let mut scene = needle(random, aspect, RenderMode::Default, 512);
+            let mut scene = needle(random, aspect, ScreenFilter::Classic, 512);
             scene.splats.opacity_logit[0] = logit(random.log_between(0.01, 0.99));
             let (_, tiles) = lab.records(&scene);
             let Some(exact) = on_screen(&scene) else {

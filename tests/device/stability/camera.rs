@@ -151,7 +151,7 @@ fn f020_pixel_positions() {
     let mut scene = scenes::gentle(320, 2000, 7680, 4320, 0);
     scene.options.near = 0.05;
     let (records, tiles) = lab.records(&scene);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let mut worst = 0.0f64;
     for (i, record) in records.iter().enumerate().filter(|(i, _)| tiles[*i] > 0) {
         let exact = project(&Splat::<f64>::of(&scene.splats, i), &view)

@@ -160,7 +160,7 @@ fn f056_what_the_cut_costs() {
         *logit = -4.0;
     }
     let image = lab.draw(&scene);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(&scene.splats), &view));
     let mut without = scene.clone();
     without.options.thresholds = Thresholds::NONE;

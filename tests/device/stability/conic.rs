@@ -7,13 +7,13 @@ use crate::stability::props::{OPAQUE, Prop, place, stage};
 use ashfall::reference::linear::{dot, product, rotation, sub, vector};
 use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint, project};
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 
 /// An opaque splat of the given aspect and random orientation in the middle of the image, its long σ 1 to 2,000 px.
-pub(crate) fn needle(random: &mut Random, aspect: f64, mode: RenderMode, side: u32) -> Scene {
+pub(crate) fn needle(random: &mut Random, aspect: f64, filter: ScreenFilter, side: u32) -> Scene {
     let mut scene = stage(side, side);
     scene.camera.focal *= random.between(0.8, 1.5);
-    scene.splats.mode = mode;
+    scene.splats.filter = filter;
     let long = random.log_between(1.0, 2000.0);
     let middle = f64::from(side) / 2.0;
     let prop = Prop {
@@ -35,7 +35,7 @@ pub(crate) fn needle(random: &mut Random, aspect: f64, mode: RenderMode, side: u
 
 /// Exact screen-space projection of the scene's first splat.
 pub(crate) fn on_screen(scene: &Scene) -> Option<ScreenSplat<f64>> {
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     project(&Splat::<f64>::of(&scene.splats, 0), &view)
 }
 
@@ -67,12 +67,12 @@ pub(crate) fn alpha_errors(scene: &Scene) -> Vec<f64> {
 #[test]
 fn f024_needle_determinant() {
     let lab = lab();
-    for mode in [RenderMode::Default, RenderMode::Mip] {
+    for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
         for aspect in [1.0, 1e2, 1e4, 1e6] {
             let random = &mut Random::new(324);
             let mut errors = Vec::new();
             for _ in 0..25 {
-                let scene = needle(random, aspect, mode, 128);
+                let scene = needle(random, aspect, filter, 128);
                 let (records, tiles) = lab.records(&scene);
                 let Some(exact) = on_screen(&scene).filter(|_| tiles[0] > 0) else {
                     continue;
@@ -87,7 +87,7 @@ fn f024_needle_determinant() {
             // Scales carry the exponential's 3 + 2 · 8 ULP, 38U, V some 15 roundings more, all of them twice in a
             // determinant of positive terms only; the factor is its root, and its divisor a carries as much: 120U at
             // worst.
-            let what = format!("whitening in y, aspect {aspect:.0e}, {mode:?}");
+            let what = format!("whitening in y, aspect {aspect:.0e}, {filter:?}");
             within(
                 "project",
                 "24",
@@ -106,17 +106,17 @@ fn f025_needle_exponent() {
     // by up to 3.33 / σ of it, σ the short one; the slope's error acts over the needle's visible length, up to 3.33 of
     // its long σ. Measured for the catalogue in numpy: 2.4e-5 at the 99th percentile for aspect 1e3, 5e-5 for 1e6, 4e-4
     // at most.
-    for (mode, high, most) in [
-        (RenderMode::Default, 1e-4, 5e-4),
-        (RenderMode::Mip, 2e-4, 1e-3),
+    for (filter, high, most) in [
+        (ScreenFilter::Classic, 1e-4, 5e-4),
+        (ScreenFilter::Mip, 2e-4, 1e-3),
     ] {
         for aspect in [1.0, 10.0, 1e2, 1e3, 1e4, 1e6] {
             let random = &mut Random::new(325);
             let mut errors = Vec::new();
             for _ in 0..20 {
-                errors.extend(alpha_errors(&needle(random, aspect, mode, 128)));
+                errors.extend(alpha_errors(&needle(random, aspect, filter, 128)));
             }
-            let what = |what: &str| format!("alpha, aspect {aspect:.0e}, {mode:?}, {what}");
+            let what = |what: &str| format!("alpha, aspect {aspect:.0e}, {filter:?}, {what}");
             within(
                 "rasterize",
                 "25",
@@ -209,7 +209,7 @@ fn f027_no_regulariser() {
     }
 }
 
-/// comp² · det with dilation = det without, and the mode survives its file.
+/// comp² · det with dilation = det without, and the filter survives its file.
 #[test]
 fn f028_mip_compensation() {
     let lab = lab();
@@ -217,7 +217,7 @@ fn f028_mip_compensation() {
     for aspect in [1.0, 1e2, 1e3, 1e4] {
         let (mut worst, mut seen) = (0.0f64, 0);
         for _ in 0..40 {
-            let scene = needle(random, aspect, RenderMode::Mip, 64);
+            let scene = needle(random, aspect, ScreenFilter::Mip, 64);
             let (records, tiles) = lab.records(&scene);
             if tiles[0] == 0 {
                 continue;
@@ -241,12 +241,15 @@ fn f028_mip_compensation() {
         );
     }
     let folder = tempfile::tempdir().unwrap();
-    for mode in [RenderMode::Mip, RenderMode::Default] {
+    for filter in [ScreenFilter::Mip, ScreenFilter::Classic] {
         let mut splats = scenes::gentle(328, 3, 8, 8, 1).splats;
-        splats.mode = mode;
+        splats.filter = filter;
         let path = folder.path().join("scene.ply");
         ashfall::io::splats::write(&path, &splats).unwrap();
-        assert_eq!(ashfall::io::splats::read(&path).unwrap().splats.mode, mode);
+        assert_eq!(
+            ashfall::io::splats::read(&path).unwrap().splats.filter,
+            filter
+        );
     }
 }
 
@@ -281,12 +284,12 @@ pub(crate) fn exact_compensation(splat: &Splat<f64>, scene: &Scene) -> f64 {
 #[test]
 fn f029_light_under_zoom() {
     let lab = lab();
-    let light = |mode: RenderMode, zoom: f64| {
+    let light = |filter: ScreenFilter, zoom: f64| {
         let mut total = 0.0;
         for shift in 0..16 {
             let [x, y] = [shift % 4, shift / 4].map(|k| f64::from(k) / 4.0 + 16.1);
             let mut scene = stage(32, 32);
-            scene.splats.mode = mode;
+            scene.splats.filter = filter;
             place(&mut scene, &Prop::ball([x, y], 2.0 * zoom, OPAQUE));
             let image = lab.draw(&scene);
             total += image
@@ -298,8 +301,8 @@ fn f029_light_under_zoom() {
         total / 16.0 / (zoom * zoom)
     };
     for zoom in [0.5, 0.25, 0.125] {
-        let [mip, usual] =
-            [RenderMode::Mip, RenderMode::Default].map(|m| light(m, zoom) / light(m, 1.0) - 1.0);
+        let [mip, usual] = [ScreenFilter::Mip, ScreenFilter::Classic]
+            .map(|m| light(m, zoom) / light(m, 1.0) - 1.0);
         println!(
             "| frame | 29 | light at zoom {zoom}, usual dilation (known defect) | {usual:.1e} | - |"
         );

@@ -230,7 +230,7 @@ fn f009_covariance_is_a_product() {
     }
     let (records, tiles) = lab.records(&scene);
     let viewpoint =
-        ashfall::reference::Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        ashfall::reference::Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let mut worst = 0.0f64;
     for (i, record) in records.iter().enumerate().filter(|(i, _)| tiles[*i] > 0) {
         let found = crate::common::pack::screen_splat(record).covariance;

@@ -137,7 +137,7 @@ impl Stepped {
 pub(crate) fn config(scene: &Scene, lambda: f32) -> TrainConfig {
     TrainConfig {
         sh_degree: scene.splats.sh_degree,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
         lambda_dssim: lambda,
         background: Background::Fixed(scene.options.background.map(|c| c as f32)),
         ..TrainConfig::for_iterations(30_000)
@@ -172,7 +172,7 @@ pub(crate) fn view_options(scene: &Scene) -> ViewOptions {
     ViewOptions {
         background: scene.options.background.map(|c| c as f32),
         near: scene.options.near as f32,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
     }
 }
 

@@ -101,7 +101,7 @@ fn f066_harmonics_layout() {
             coefficient(&mut scene.splats, i, i / 3)[i % 3] = if i % 2 == 0 { 0.4 } else { -0.4 };
         }
         let (records, tiles) = lab.records(&scene);
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let mut worst = 0.0f64;
         for (i, record) in records.iter().enumerate().filter(|(i, _)| tiles[*i] > 0) {
             let exact = project(&Splat::<f64>::of(&scene.splats, i), &view)

@@ -12,7 +12,7 @@ use ashfall::reference::frame::discontinuity_margins;
 use ashfall::render::{
     Accuracy, Model, RenderOptions, Rendered, Renderer, ViewOptions, planes_from_splats,
 };
-use ashfall::scene::{Camera, Dataset, RenderMode, Splats, Split};
+use ashfall::scene::{Camera, Dataset, ScreenFilter, Splats, Split};
 use ashfall::train::smoothing::{refresh, sampling_rates};
 use ashfall::train::{HostState, TrainConfig};
 use glam::{DMat3, DVec2, DVec3};
@@ -42,9 +42,9 @@ fn dataset(scene: &synth::Scene) -> Dataset {
     })
 }
 
-fn config(mode: RenderMode) -> TrainConfig {
+fn config(filter: ScreenFilter) -> TrainConfig {
     TrainConfig {
-        mode,
+        filter,
         sh_degree: 0,
         ..TrainConfig::for_iterations(400)
     }
@@ -57,11 +57,11 @@ fn f029_zoom_sweep() {
     let scene = synth::scene(Kind::Demo);
     let dataset = dataset(&scene);
     // Training amplifies rounding: one run's gain is uncertain by some tenths of a decibel, the mean of three less.
-    let trained = [RenderMode::Default, RenderMode::Mip].map(|mode| {
+    let trained = [ScreenFilter::Classic, ScreenFilter::Mip].map(|filter| {
         [0, 1, 2].map(|seed| {
             let config = TrainConfig {
                 seed,
-                ..config(mode)
+                ..config(filter)
             };
             train(&lab, &dataset, &config)
         })
@@ -123,7 +123,7 @@ fn flicker(lab: &Lab, splats: &Splats, scene: &synth::Scene, camera: &Camera) ->
             let options = ViewOptions {
                 background: scene.background.map(|c| c as f32),
                 near: 0.01,
-                mode: splats.mode,
+                filter: splats.filter,
             };
             let found = renderer.render(&model, &camera, &options).unwrap().rgb;
             let truth = scene.image(&camera, 16);
@@ -159,7 +159,7 @@ fn spot(sigma: f64) -> Scene {
         // 1 − opacity is 6e-6.
         opacity_logit: vec![12.0],
         sh: vec![0.5 / ashfall::scene::SH_C0; 3],
-        mode: RenderMode::Mip,
+        filter: ScreenFilter::Mip,
         ..Splats::default()
     };
     scene
@@ -212,10 +212,10 @@ fn f029_no_shimmer_between_pixels() {
         let spot = spot(sigma);
         // As after training with one view, that of the picture.
         let mut state = HostState::from_splats(&spot.splats, 0);
-        let mip = config(RenderMode::Mip).mip;
+        let mip = config(ScreenFilter::Mip).mip;
         refresh(&mut state, &[spot.camera], 0.1, &mip);
         let trained = Scene {
-            splats: state.to_splats(RenderMode::Mip),
+            splats: state.to_splats(ScreenFilter::Mip),
             ..spot.clone()
         };
         let s = sigma * sigma;
@@ -266,7 +266,7 @@ const BAKED: f64 = 200.0 * lab::U;
 
 fn filtered_scene(seed: u64) -> (Scene, Vec<f32>) {
     let mut scene = scenes::gentle(seed, 80, 64, 48, 1);
-    scene.splats.mode = RenderMode::Mip;
+    scene.splats.filter = ScreenFilter::Mip;
     let filters = scenes::filters(&scene.splats, seed);
     (scene, filters)
 }
@@ -280,7 +280,7 @@ fn f030_a_baked_scene_is_drawn_as_it_was_trained() {
         row[3] = filter;
     }
     let baked = Scene {
-        splats: state.to_splats(RenderMode::Mip),
+        splats: state.to_splats(ScreenFilter::Mip),
         ..scene.clone()
     };
     let (trained, drawn) = (draw_filtered(&lab, &scene, &filters), lab.draw(&baked));
@@ -342,7 +342,7 @@ fn thinnest(splats: &Splats, dataset: &Dataset) -> Vec<f64> {
 fn f030_no_trained_splat_is_thinner_than_what_was_seen() {
     let lab = lab();
     let dataset = dataset(&synth::scene(Kind::Demo));
-    let mut config = config(RenderMode::Mip);
+    let mut config = config(ScreenFilter::Mip);
     config.iterations = 250;
     let share_thin = |config: &TrainConfig| {
         let widths = thinnest(&train(&lab, &dataset, config), &dataset);
@@ -373,7 +373,7 @@ fn f010_the_aspect_of_splats_is_bounded() {
         let config = TrainConfig {
             max_aspect,
             iterations: 150,
-            ..config(RenderMode::Default)
+            ..config(ScreenFilter::Classic)
         };
         let aspect = |s: &[f32; 3]| {
             let (low, high) = (s[0].min(s[1]).min(s[2]), s[0].max(s[1]).max(s[2]));

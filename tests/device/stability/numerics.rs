@@ -12,7 +12,7 @@ use ashfall::reference::frame::center;
 use ashfall::reference::linear::{covariance, product};
 use ashfall::reference::rasterize::raw_alpha;
 use ashfall::reference::{ScreenSplat, Splat, Viewpoint, project, rasterize_inria};
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 
 /// Prints the errors of a naive formula and of the device on the same inputs, and asserts that the device's is within
 /// its bound and smaller.
@@ -31,7 +31,7 @@ pub(crate) fn gained(number: u32, what: &str, naive: f64, ours: f64, bound: f64)
 
 /// Projection of the scene's first splat in plain single precision, by full matrices.
 pub(crate) fn naive_screen(scene: &Scene) -> Option<ScreenSplat<f32>> {
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     project(&Splat::<f32>::of(&scene.splats, 0), &view)
 }
 
@@ -99,7 +99,7 @@ fn b01_whitened_residual() {
         let (mut naive, mut ours) = (Vec::new(), Vec::new());
         let random = &mut Random::new(901);
         for _ in 0..20 {
-            let scene = needle(random, aspect, RenderMode::Default, 96);
+            let scene = needle(random, aspect, ScreenFilter::Classic, 96);
             naive.extend(naive_alpha_errors(&scene));
             ours.extend(alpha_errors(&scene));
         }
@@ -117,7 +117,7 @@ fn b01_whitened_residual() {
         let (mut naive, mut ours) = (Vec::new(), Vec::new());
         let random = &mut Random::new(902);
         for _ in 0..16 {
-            let mut scene = needle(random, aspect, RenderMode::Default, 48);
+            let mut scene = needle(random, aspect, ScreenFilter::Classic, 48);
             // Half transparent, so that all alphas are below the cap; long σ up to the picture's size.
             scene.splats.opacity_logit[0] = 0.0;
             let long = random.log_between(3.0, 60.0) * 4.0 / scene.camera.focal.x;
@@ -146,7 +146,7 @@ fn b01_whitened_residual() {
 fn b04_gradient_of_the_limit() {
     let scene = clamped(315);
     let exact = rows(&flat_gradient(&scene, scene.options.near as f32, 1.0));
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let pixels = (scene.camera.width * scene.camera.height) as usize;
     let upstream = vec![
         ashfall::reference::rasterize_backward::PixelGradient {
@@ -239,7 +239,7 @@ fn b05_bounds() {
         let random = &mut Random::new(905);
         let (mut squares, mut listed, mut touched) = (0.0, 0.0, 0.0);
         for _ in 0..25 {
-            let scene = needle(random, aspect, RenderMode::Default, 512);
+            let scene = needle(random, aspect, ScreenFilter::Classic, 512);
             let Some(exact) = on_screen(&scene) else {
                 continue;
             };

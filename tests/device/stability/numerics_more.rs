@@ -11,7 +11,7 @@ use crate::stability::props::{Prop, place, stage};
 use ashfall::io::png::to_byte;
 use ashfall::reference::loss::{Target, loss};
 use ashfall::reference::{Splat, relocate};
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 use ashfall::train::strategy::relocated;
 
 /// Mean of 1 − SSIM in single precision, variances as E[x²] − E[x]².
@@ -106,7 +106,7 @@ fn b10_compensation() {
         let random = &mut Random::new(910);
         let (mut naive, mut ours) = (Vec::new(), Vec::new());
         for _ in 0..60 {
-            let scene = needle(random, aspect, RenderMode::Mip, 64);
+            let scene = needle(random, aspect, ScreenFilter::Mip, 64);
             let (records, tiles) = lab.records(&scene);
             let exact = exact_compensation(&Splat::<f64>::of(&scene.splats, 0), &scene);
             if tiles[0] > 0 {
@@ -292,7 +292,7 @@ fn b15_no_regularisers() {
     let lab = lab();
     // Much smaller than a pixel, in mip mode: det = 0.1².
     let mut scene = stage(24, 20);
-    scene.splats.mode = RenderMode::Mip;
+    scene.splats.filter = ScreenFilter::Mip;
     place(&mut scene, &Prop::ball([12.4, 10.3], 0.08, 3.0));
     let ours = percentile(&mut gradient_errors(&scene, 7..10), 1.0);
     let det: f64 = (0.08f64.powi(2) + 0.1).powi(2);
@@ -307,7 +307,7 @@ fn b15_no_regularisers() {
     // A divisor of w + 1e-7 at depths of thousandths.
     let near = scaled(&scenes::gentle(916, 100, 640, 480, 0), 2f64.powi(-12));
     let (records, tiles) = lab.records(&near);
-    let view = ashfall::reference::Viewpoint::new(&near.camera, &near.options, near.splats.mode);
+    let view = ashfall::reference::Viewpoint::new(&near.camera, &near.options, near.splats.filter);
     let (mut naive, mut ours) = (0.0f64, 0.0f64);
     for (i, record) in records.iter().enumerate().filter(|(i, _)| tiles[*i] > 0) {
         let exact = ashfall::reference::project(&Splat::<f64>::of(&near.splats, i), &view).unwrap();

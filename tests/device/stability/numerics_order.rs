@@ -21,7 +21,7 @@ fn b02_full_depth_keys() {
             .map(|i| f64::from((distance * (1.0 + f64::from(i) / 3000.0)) as f32))
             .collect();
         let scene = stack(903, &depths);
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
         let exact = render_screen(&screen, 16, 16, [0.0; 3], &Thresholds::ENGINE);
         let mut order = depth_order(&screen);
@@ -77,7 +77,7 @@ fn b03_include_last() {
     let (mut naive, mut ours) = (0.0f64, 0.0f64);
     for seed in 0..30 {
         let scene = column(&opacities(random, 60, 1.5), seed);
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let list: Vec<ScreenSplat<f64>> = project_all(&Splat::<f64>::all(&scene.splats), &view)
             .into_iter()
             .flatten()
@@ -148,7 +148,7 @@ fn b06_transmittance() {
         let scene = column(&vec![each; count], 906);
         let stepped = lab.step(&scene, &Lesson::flat(&scene, 0));
         let exact = rows(&flat_gradient(&scene, stepped.near, 1.0));
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let list = project_all(&Splat::<f64>::all(&scene.splats), &view);
         let shade: Vec<f32> = list
             .iter()

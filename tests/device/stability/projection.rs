@@ -202,7 +202,7 @@ fn f014_slope_limit() {
     let lab = lab();
     let scene = beside(1.5);
     // The same without the limit, in double precision.
-    let mut view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let mut view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     view.limit = [-1e9, 1e9, -1e9, 1e9];
     let loose = project(&Splat::<f64>::of(&scene.splats, 0), &view).unwrap();
     let mut unlimited = 0.0f64;

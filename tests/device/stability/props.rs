@@ -2,7 +2,7 @@
 
 use crate::common::scenes::Scene;
 use ashfall::reference::Options;
-use ashfall::scene::{Camera, RenderMode, SH_C0, Splats};
+use ashfall::scene::{Camera, SH_C0, ScreenFilter, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Opacity logit of an opaque splat: opacity 1 − 4e-18.
@@ -12,7 +12,7 @@ pub(crate) const OPAQUE: f32 = 40.0;
 pub(crate) fn stage(width: u32, height: u32) -> Scene {
     Scene {
         splats: Splats {
-            mode: RenderMode::Default,
+            filter: ScreenFilter::Classic,
             ..Splats::default()
         },
         camera: Camera {

@@ -26,7 +26,7 @@ fn renderer() -> Renderer {
 
 /// Whether no splat is close to a change of its tiles, which would affect many pixels at once.
 fn is_clear(scene: &Scene) -> bool {
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
     screen
         .iter()

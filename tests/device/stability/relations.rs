@@ -6,7 +6,7 @@ use crate::stability::props::{OPAQUE, Prop, picked, place, stage};
 use ashfall::reference::DiscontinuityMargin;
 use ashfall::reference::frame::discontinuity_margins;
 use ashfall::render::Rendered;
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 use glam::{DMat3, DQuat, DVec3, Vec2Swizzles as _};
 
 fn exact_margins(scene: &Scene) -> Vec<DiscontinuityMargin> {
@@ -175,7 +175,7 @@ fn m07_double_size() {
     ] {
         let mut light = Vec::new();
         let mut worst = 0.0f64;
-        for mode in [RenderMode::Mip, RenderMode::Default] {
+        for filter in [ScreenFilter::Mip, ScreenFilter::Classic] {
             // Positions of the centre within a pixel, which matter for narrow splats.
             let (mut total, mut total_large) = (0.0, 0.0);
             for place_in_pixel in 0..16 {
@@ -183,7 +183,7 @@ fn m07_double_size() {
                     [place_in_pixel % 4, place_in_pixel / 4].map(|k| f64::from(k) / 4.0 + 32.1);
                 let mut scene = stage(side as u32, side as u32);
                 place(&mut scene, &Prop::ball([x, y], sigma, OPAQUE));
-                scene.splats.mode = mode;
+                scene.splats.filter = filter;
                 let mut large = scene.clone();
                 large.camera = scene.camera.resized(2 * side as u32, 2 * side as u32);
                 let (small, large) = (lab.draw(&scene), lab.draw(&large));
@@ -193,7 +193,7 @@ fn m07_double_size() {
                     let mean = four.iter().sum::<f64>() / 4.0;
                     total += alpha(&small, i);
                     total_large += mean;
-                    if mode == RenderMode::Mip {
+                    if filter == ScreenFilter::Mip {
                         worst = worst.max((alpha(&small, i) - mean).abs());
                     }
                 }

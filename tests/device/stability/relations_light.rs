@@ -49,7 +49,7 @@ fn m16_removal() {
         ..scene.clone()
     };
     let (whole, without) = (lab.draw(&scene), lab.draw(&other));
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let (list, splat_from_rank) = sorted(&project_all(&Splat::<f64>::all(&scene.splats), &view));
     let order: Vec<usize> = (0..list.len()).collect();
     let thresholds = Thresholds::ENGINE;

@@ -136,7 +136,7 @@ fn m09_noether() {
         near: f64::from(stepped.near),
         ..scene.options
     };
-    let view = Viewpoint::new(&scene.camera, &options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &options, scene.splats.filter);
     let lifted: Vec<Splat<Dual<3>>> = Splat::<f64>::all(&scene.splats)
         .iter()
         .map(|splat| {

@@ -36,7 +36,7 @@ pub(crate) fn psnr_db(
     let options = ViewOptions {
         background: truth.background.map(|c| c as f32),
         near: 0.01,
-        mode: splats.mode,
+        filter: splats.filter,
     };
     let score = |camera: &Camera| {
         let found = renderer.render(&model, camera, &options).unwrap();

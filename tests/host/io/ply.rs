@@ -2,12 +2,12 @@
 
 use crate::io::{error_at, files_in, for_every_prefix};
 use ashfall::io::ply;
-use ashfall::scene::{RenderMode, Splats};
+use ashfall::scene::{ScreenFilter, Splats};
 use std::fmt::Write as _;
 use std::io::Write as _;
 
 /// Splats with distinct numbers, among them special values.
-fn example(count: usize, sh_degree: u32, mode: RenderMode) -> Splats {
+fn example(count: usize, sh_degree: u32, filter: ScreenFilter) -> Splats {
     let mut state = 1u32 + sh_degree;
     let mut next = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -15,7 +15,7 @@ fn example(count: usize, sh_degree: u32, mode: RenderMode) -> Splats {
     };
     let mut splats = Splats {
         sh_degree,
-        mode,
+        filter,
         ..Splats::default()
     };
     for i in 0..count {
@@ -44,8 +44,8 @@ fn what_is_written_is_read_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ply");
     for degree in 0..=3 {
-        for mode in [RenderMode::Default, RenderMode::Mip] {
-            let splats = example(5, degree, mode);
+        for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
+            let splats = example(5, degree, filter);
             ply::write(&path, &splats).unwrap();
             let loaded = ply::read(&path).unwrap();
             assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
@@ -64,7 +64,7 @@ fn what_is_written_is_read_bit_for_bit() {
 fn the_layout_is_the_usual_one() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ply");
-    ply::write(&path, &example(3, 3, RenderMode::Mip)).unwrap();
+    ply::write(&path, &example(3, 3, ScreenFilter::Mip)).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let end = bytes
         .windows(11)
@@ -172,7 +172,7 @@ fn every_encoding_order_and_type_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ply");
     for degree in 0..=3 {
-        let splats = example(4, degree, RenderMode::Default);
+        let splats = example(4, degree, ScreenFilter::Classic);
         for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
             for kind in ["float", "double", "float32", "float64"] {
                 let kind_stored = if kind.ends_with("64") { "double" } else { kind };
@@ -200,7 +200,7 @@ fn every_encoding_order_and_type_is_read() {
 fn a_file_cut_anywhere_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ply");
-    let splats = example(2, 1, RenderMode::Default);
+    let splats = example(2, 1, ScreenFilter::Classic);
     ply::write(&path, &splats).unwrap();
     let contents = std::fs::read(&path).unwrap();
     for_every_prefix(
@@ -231,7 +231,7 @@ fn no_damage_to_the_header_is_fatal() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ply");
     let contents = encoded(
-        &example(1, 0, RenderMode::Default),
+        &example(1, 0, ScreenFilter::Classic),
         "binary_little_endian",
         "float",
         "\n",
@@ -258,7 +258,7 @@ fn no_damage_to_the_header_is_fatal() {
 fn the_last_comment_on_the_mode_wins() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ply");
-    ply::write(&path, &example(1, 0, RenderMode::Mip)).unwrap();
+    ply::write(&path, &example(1, 0, ScreenFilter::Mip)).unwrap();
     let text = |from: &str, to: &str| {
         let bytes = std::fs::read(&path).unwrap();
         let at = bytes
@@ -274,12 +274,12 @@ fn the_last_comment_on_the_mode_wins() {
         ply::read(&other)
     };
     let loaded = mode_of("comment SplatRenderMode: mip\ncomment antialiased 0\n").unwrap();
-    assert_eq!(loaded.splats.mode, RenderMode::Default);
+    assert_eq!(loaded.splats.filter, ScreenFilter::Classic);
     assert_eq!(
-        mode_of("comment antialiased 1\n").unwrap().splats.mode,
-        RenderMode::Mip
+        mode_of("comment antialiased 1\n").unwrap().splats.filter,
+        ScreenFilter::Mip
     );
-    assert_eq!(mode_of("").unwrap().splats.mode, RenderMode::Default);
+    assert_eq!(mode_of("").unwrap().splats.filter, ScreenFilter::Classic);
     let unknown = mode_of("comment SplatRenderMode: future\n").unwrap();
     assert!(
         unknown.warnings[0].contains("\"future\""),

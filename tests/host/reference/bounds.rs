@@ -130,7 +130,7 @@ fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
 fn removed_splats_keep_to_their_bounds() {
     for scene in cases() {
         let removed: Vec<bool> = (0..scene.splats.len()).map(|i| i % 3 == 0).collect();
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let screen = frame::project_all(&Splat::<f64>::all(&scene.splats), &view);
         let (list, splat_from_rank) = frame::sorted(&screen);
         let draw = |keep: &dyn Fn(usize) -> bool| -> Vec<Pixel<f64>> {

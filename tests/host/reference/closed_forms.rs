@@ -7,7 +7,7 @@ use ashfall::reference::project::determinant;
 use ashfall::reference::rasterize::{Layer, composite};
 use ashfall::reference::ssim::{C1, C2, ssim};
 use ashfall::reference::{Options, Splat, Viewpoint, project, render, sh};
-use ashfall::scene::{Camera, RenderMode, SH_C0, Splats};
+use ashfall::scene::{Camera, SH_C0, ScreenFilter, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
 /// A camera at the origin along z with the principal point at the centre.
@@ -247,7 +247,7 @@ fn a_needles_determinant_is_the_sum_of_squared_minors() {
         splats.log_scale[0][1] += aspect.ln();
         let splat = Splat::<f64>::of(&splats, 0);
         let camera = upright(64, 48, 50.0);
-        let view = Viewpoint::new(&camera, &Options::default(), RenderMode::Default);
+        let view = Viewpoint::new(&camera, &Options::default(), ScreenFilter::Classic);
         let screen = project(&splat, &view)
             .map(|s| s.covariance)
             .unwrap_or_default();
@@ -273,9 +273,9 @@ fn mip_mode_keeps_the_light() {
     // opacity · √det is the total light of a splat: equal before and after the dilation.
     let mut splats = single([0.0, 0.0, 4.0]);
     splats.log_scale[0] = [0.02f32.ln(), 0.05f32.ln(), 0.02f32.ln()];
-    splats.mode = RenderMode::Mip;
+    splats.filter = ScreenFilter::Mip;
     let camera = upright(33, 33, 40.0);
-    let view = Viewpoint::new(&camera, &Options::default(), splats.mode);
+    let view = Viewpoint::new(&camera, &Options::default(), splats.filter);
     let splat = Splat::<f64>::of(&splats, 0);
     let screen = project(&splat, &view);
     let light = screen.map_or(0.0, |s| s.opacity * determinant(s.covariance).sqrt());

@@ -4,7 +4,7 @@ use crate::common::scenes::{self, Random};
 use crate::reference::{assert_close, central_difference};
 use ashfall::reference::project::GEOMETRY_PARAMETERS;
 use ashfall::reference::{Dual, Real, Splat, Viewpoint, linear, project, sh};
-use ashfall::scene::{RenderMode, Splats};
+use ashfall::scene::{ScreenFilter, Splats};
 
 /// Checks the derivative of a function of one number, by duals against differences.
 macro_rules! check {
@@ -87,12 +87,12 @@ fn check_projection(splats: &Splats, index: usize, view: &Viewpoint) {
 
 #[test]
 fn projection_differentiates_itself_even_where_it_clamps() {
-    for (scene, mode) in [
-        (scenes::gentle(11, 6, 40, 31, 3), RenderMode::Default),
-        (scenes::gentle(12, 6, 40, 31, 3), RenderMode::Mip),
-        (scenes::hard(13, 18, 40, 31, 3), RenderMode::Default),
+    for (scene, filter) in [
+        (scenes::gentle(11, 6, 40, 31, 3), ScreenFilter::Classic),
+        (scenes::gentle(12, 6, 40, 31, 3), ScreenFilter::Mip),
+        (scenes::hard(13, 18, 40, 31, 3), ScreenFilter::Classic),
     ] {
-        let view = Viewpoint::new(&scene.camera, &scene.options, mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, filter);
         for index in 0..scene.splats.len() {
             check_projection(&scene.splats, index, &view);
         }
@@ -102,7 +102,7 @@ fn projection_differentiates_itself_even_where_it_clamps() {
 #[test]
 fn beyond_the_limit_the_footprint_ignores_x_but_not_z() {
     let scene = scenes::gentle(14, 1, 40, 30, 0);
-    let mut view = Viewpoint::new(&scene.camera, &scene.options, RenderMode::Default);
+    let mut view = Viewpoint::new(&scene.camera, &scene.options, ScreenFilter::Classic);
     view.camera.rotation = glam::DMat3::IDENTITY;
     view.camera.position = glam::DVec3::ZERO;
     view.dilation = 0.0;
@@ -132,7 +132,7 @@ fn the_limits_lie_beyond_each_border() {
     camera.center = glam::DVec2::new(16.0, 18.0);
     camera.rotation = glam::DMat3::IDENTITY;
     camera.position = glam::DVec3::ZERO;
-    let view = Viewpoint::new(camera, &scene.options, RenderMode::Default);
+    let view = Viewpoint::new(camera, &scene.options, ScreenFilter::Classic);
     let mut splat = Splat::<f64>::of(&scene.splats, 0);
     splat.log_scale = [0.1f64.ln(); 3];
     let spread = |x: f64, y: f64| {
@@ -162,7 +162,7 @@ fn the_limits_lie_beyond_each_border() {
 #[test]
 fn colour_that_is_clamped_has_no_gradient() {
     let scene = scenes::hard(15, 9, 40, 30, 1);
-    let view = Viewpoint::new(&scene.camera, &scene.options, RenderMode::Default);
+    let view = Viewpoint::new(&scene.camera, &scene.options, ScreenFilter::Classic);
     let dark = 8;
     assert_eq!(scenes::Trouble::of(dark), scenes::Trouble::Dark);
     let values = Splat::<f64>::of(&scene.splats, dark).parameters();

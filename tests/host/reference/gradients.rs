@@ -13,7 +13,7 @@ use ashfall::reference::tiles::Grid;
 use ashfall::reference::{
     Dual, Options, Real, ScreenSplat, Splat, Thresholds, Viewpoint, frame, loss_gradient, rasterize,
 };
-use ashfall::scene::RenderMode;
+use ashfall::scene::ScreenFilter;
 
 /// All pairs of splat and parameter index.
 fn every_parameter(scene: &Scene) -> Vec<(usize, usize)> {
@@ -32,7 +32,7 @@ fn rows(scene: &Scene, target: &Target<'_>) -> Vec<Vec<f64>> {
 #[test]
 fn the_composed_gradient_is_that_of_the_whole() {
     let mut mip = scenes::gentle(21, 6, 19, 14, 2);
-    mip.splats.mode = RenderMode::Mip;
+    mip.splats.filter = ScreenFilter::Mip;
     for scene in [
         scenes::gentle(22, 8, 23, 17, 1),
         scenes::hard(23, 9, 21, 26, 1),
@@ -64,7 +64,7 @@ fn without_cuts_the_gradient_is_the_limit_of_differences() {
     scene.options.thresholds = Thresholds::NONE;
     let photo = scenes::photo_values(&scenes::photo(4, 24, 19));
     let target = Target::new(24, &photo);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let splats = Splat::<f64>::all(&scene.splats);
     let loss_at = |splat: usize, parameter: usize, x: f64| {
         let mut splats = splats.clone();
@@ -100,7 +100,7 @@ fn transmittance_and_depth_have_gradients_too() {
         .collect();
     let (d_screen, _) = backward(&scene.splats, &scene.camera, &scene.options, &upstream);
     // The same objective with duals through the frame, by each number of each screen-space splat.
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let screen = frame::project_all(&Splat::<f64>::all(&scene.splats), &view);
     for (chosen, gradient) in d_screen.iter().enumerate() {
         let lifted: Vec<Option<ScreenSplat<Dual<10>>>> = (0..screen.len())

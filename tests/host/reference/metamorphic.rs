@@ -14,7 +14,7 @@ pub(crate) fn draw(scene: &Scene) -> Frame<f64> {
 }
 
 pub(crate) fn on_screen(scene: &Scene) -> Vec<Option<ScreenSplat<f64>>> {
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     project_all(&Splat::all(&scene.splats), &view)
 }
 
@@ -56,7 +56,7 @@ fn scale_does_not_show() {
     let picture = draw(&scene);
     for power in [-20i32, 3, 16] {
         let factor = 2f64.powi(power);
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let mut far = view;
         far.camera.position *= factor;
         far.near *= factor;
@@ -109,7 +109,7 @@ fn ties_go_by_index() {
 fn two_halves_make_a_picture() {
     let scene = scenes::hard(33, 27, 40, 21, 1);
     let whole = draw(&scene);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let splats = Splat::<f64>::all(&scene.splats);
     for half in 0..2 {
         let mut shifted = view;

@@ -7,12 +7,13 @@ use ashfall::reference::expand::expand;
 use ashfall::reference::frame::project_all;
 use ashfall::reference::linear::rotation;
 use ashfall::reference::perturb::{normals, perturb};
+use ashfall::reference::primitive::extent;
 use ashfall::reference::ranges::ranges;
 use ashfall::reference::rasterize::{layer, raw_alpha};
 use ashfall::reference::relocate;
 use ashfall::reference::scan::scan;
 use ashfall::reference::sort::sort;
-use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max, extent};
+use ashfall::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
 use ashfall::reference::{Splat, Thresholds, Viewpoint};
 
 #[test]
@@ -73,7 +74,7 @@ fn ranges_cover_the_list_once() {
 #[test]
 fn a_tiles_pixels_never_exceed_its_rectangle() {
     let scene = scenes::hard(5, 90, 61, 45, 0);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let grid = Grid::new(61, 45);
     let mut random = Random::new(1);
     for splat in project_all(&Splat::<f64>::all(&scene.splats), &view)
@@ -113,7 +114,7 @@ fn a_tiles_pixels_never_exceed_its_rectangle() {
 #[test]
 fn the_extent_is_as_far_as_a_splat_reaches() {
     let scene = scenes::gentle(7, 20, 40, 40, 0);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     for splat in project_all(&Splat::<f64>::all(&scene.splats), &view)
         .iter()
         .flatten()
@@ -138,7 +139,7 @@ fn the_extent_is_as_far_as_a_splat_reaches() {
 #[test]
 fn expansion_goes_by_depth_then_tile() {
     let scene = scenes::gentle(6, 30, 40, 40, 0);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
     let list = expand(&screen, &Grid::new(40, 40), &Thresholds::ENGINE);
     assert!(!list.is_empty());

@@ -9,7 +9,7 @@ use ashfall::reference::{Splat, Thresholds, Viewpoint, frame};
 #[test]
 fn packing_keeps_the_meaning() {
     let scene = scenes::gentle(30, 3, 20, 20, 0);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let random = &mut Random::new(30);
     for splat in frame::project_all(&Splat::<f64>::all(&scene.splats), &view)
         .iter()

@@ -43,7 +43,7 @@ fn the_cuts_cost_what_they_promise() {
 fn pixels_that_flip_were_in_the_band() {
     for seed in 0..4 {
         let scene = scenes::gentle(42 + seed, 60, 48, 40, 1);
-        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode);
+        let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let Options {
             background,
             thresholds,

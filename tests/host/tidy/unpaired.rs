@@ -36,6 +36,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "part of loss: the similarity of one channel",
     ),
     (
+        "src/reference/primitive.rs",
+        "part of rasterize and of project: a splat at a pixel, and its extent",
+    ),
+    (
         "src/reference/tiles.rs",
         "part of project: which tiles an ellipse meets",
     ),

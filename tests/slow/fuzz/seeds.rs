@@ -1,7 +1,7 @@
 //! Seed inputs of the corpora: small valid files of every format, generated here.
 
 use ashfall::io::ply;
-use ashfall::scene::{RenderMode, Splats, sh_coefficient_count};
+use ashfall::scene::{ScreenFilter, Splats, sh_coefficient_count};
 use ashfall::train::checkpoint::Checkpoint;
 use ashfall::train::{HostState, TrainConfig};
 use image::codecs::jpeg::JpegEncoder;
@@ -12,8 +12,12 @@ use std::io::Cursor;
 pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     let mut seeds = Vec::new();
     let mut add = |target, name: &str, bytes: Vec<u8>| seeds.push((target, name.to_owned(), bytes));
-    for (degree, mode) in [(0, RenderMode::Default), (1, RenderMode::Mip)] {
-        add("ply", &format!("binary-{degree}"), binary_ply(degree, mode));
+    for (degree, filter) in [(0, ScreenFilter::Classic), (1, ScreenFilter::Mip)] {
+        add(
+            "ply",
+            &format!("binary-{degree}"),
+            binary_ply(degree, filter),
+        );
     }
     add("ply", "ascii", ascii_ply("ascii", "float").into_bytes());
     add("ply", "mesh-before", mesh_before().into_bytes());
@@ -69,7 +73,7 @@ fn encoded(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
     bytes.into_inner()
 }
 
-fn splats(degree: u32, mode: RenderMode) -> Splats {
+fn splats(degree: u32, filter: ScreenFilter) -> Splats {
     let stride = sh_coefficient_count(degree) * 3;
     Splats {
         mean: vec![[0.0, 1.0, 2.0], [-1.5, 0.25, 3.0]],
@@ -78,15 +82,15 @@ fn splats(degree: u32, mode: RenderMode) -> Splats {
         opacity_logit: vec![0.5, -0.5],
         sh: (0..2 * stride).map(|i| i as f32 * 0.125).collect(),
         sh_degree: degree,
-        mode,
+        filter,
         ..Splats::default()
     }
 }
 
-fn binary_ply(degree: u32, mode: RenderMode) -> Vec<u8> {
+fn binary_ply(degree: u32, filter: ScreenFilter) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ply");
-    ply::write(&path, &splats(degree, mode)).unwrap();
+    ply::write(&path, &splats(degree, filter)).unwrap();
     std::fs::read(path).unwrap()
 }
 
@@ -196,7 +200,7 @@ fn checkpoint() -> Vec<u8> {
     let checkpoint = Checkpoint {
         config,
         iteration: 40,
-        state: HostState::from_splats(&splats(0, RenderMode::Default), 0),
+        state: HostState::from_splats(&splats(0, ScreenFilter::Classic), 0),
         statistics: vec![[1.0, 2.0, 3.0, 0.0]; 2],
         fingerprint: 5,
         controller: None,

@@ -222,7 +222,7 @@ fn check_checkpoint(checkpoint: Checkpoint) -> Vec<String> {
     let state = &checkpoint.state;
     assert!(state.params.iter().chain(&state.m).chain(&state.v).all(|plane| plane.len() == count));
     assert!(checkpoint.iteration <= checkpoint.config.iterations);
-    let splats = state.to_splats(ashfall::scene::RenderMode::Default);
+    let splats = state.to_splats(ashfall::scene::ScreenFilter::Classic);
     assert_eq!(splats.len(), count);
     Vec::new()
 }

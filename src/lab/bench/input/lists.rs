@@ -5,8 +5,9 @@ use super::scene::Scene;
 use crate::layout::View;
 use crate::reference::expand::Isect;
 use crate::reference::frame::{depth_order, project_all};
+use crate::reference::primitive::extent;
 use crate::reference::ranges::ranges;
-use crate::reference::tiles::{Grid, extent, holds_pixel};
+use crate::reference::tiles::{Grid, holds_pixel};
 use crate::reference::{ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::render::{ViewOptions, view_of};
 use rayon::prelude::*;
@@ -16,14 +17,14 @@ pub fn view(scene: &Scene) -> View {
     let options = ViewOptions {
         background: scene.options.background.map(|c| c as f32),
         near: scene.options.near as f32,
-        mode: scene.splats.mode,
+        filter: scene.splats.filter,
     };
     view_of(&scene.camera, &options)
 }
 
 /// The camera in the oracle's form.
 pub fn viewpoint(scene: &Scene) -> Viewpoint {
-    Viewpoint::new(&scene.camera, &scene.options, scene.splats.mode)
+    Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter)
 }
 
 /// Projected splats and their intersections.

@@ -2,7 +2,7 @@
 
 use super::random::Random;
 use crate::reference::Options;
-use crate::scene::{Camera, RenderMode, SH_C0, Splats};
+use crate::scene::{Camera, SH_C0, ScreenFilter, Splats};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Splats with a camera and options.
@@ -67,7 +67,7 @@ pub fn scattered(count: usize, [width, height]: [u32; 2], sigma_max: f64, sh_deg
     };
     let mut splats = Splats {
         sh_degree,
-        mode: RenderMode::Default,
+        filter: ScreenFilter::Classic,
         ..Splats::default()
     };
     for _ in 0..count {

@@ -6,7 +6,7 @@
 //! axes of a splat by another, opacities are logistic-normal, directions, colours and harmonics random.
 
 use super::random::Random;
-use crate::scene::{Camera, RenderMode, Splats, sh_coefficient_count};
+use crate::scene::{Camera, ScreenFilter, Splats, sh_coefficient_count};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Bounding squares over a pixel; measured on the trained scenes behind [`crate::render::isects_expected`].
@@ -36,7 +36,7 @@ pub fn splats(count: usize, sh_degree: u32, aspect: f64, seed: u64) -> Splats {
     let random = &mut Random::new(seed);
     let mut splats = Splats {
         sh_degree,
-        mode: RenderMode::Default,
+        filter: ScreenFilter::Classic,
         ..Splats::default()
     };
     // In widths of the image: count · side² = overlap · area.

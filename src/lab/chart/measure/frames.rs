@@ -58,7 +58,7 @@ impl FrameInputs<'_> {
         let view = ViewOptions {
             background: training::BACKGROUND,
             near: self.near,
-            mode: self.splats.mode,
+            filter: self.splats.filter,
         };
         let mut bench = |setting: FrameSetting| -> Result<SettingBench> {
             let options = RenderOptions {

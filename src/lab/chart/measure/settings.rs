@@ -4,7 +4,7 @@ use super::ChartPlan;
 use crate::lab::chart::Knob;
 use crate::reference::bound::{Approximations, color_errors};
 use crate::render::{Accuracy, Precision};
-use crate::scene::{RenderMode, Splats, sh_coefficient_count};
+use crate::scene::{ScreenFilter, Splats, sh_coefficient_count};
 use crate::simplify::reduce_harmonics;
 use crate::train::{StrategyKind, TrainConfig};
 
@@ -272,7 +272,7 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     }
     runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
     runs.push(with("render mode", "mip".into(), &|c| {
-        c.mode = RenderMode::Mip
+        c.filter = ScreenFilter::Mip
     }));
     for most in [splats, (splats / 2).max(1)] {
         let setting = format!("MCMC, {most} splats");

@@ -141,7 +141,7 @@ impl GradientInputs<'_> {
             v: planes.clone(),
             params: planes,
         };
-        Ok(found.to_splats(self.splats.mode))
+        Ok(found.to_splats(self.splats.filter))
     }
 
     fn exact(
@@ -199,7 +199,7 @@ fn config(setting: &FrameSetting, splats: &Splats) -> TrainConfig {
     TrainConfig {
         sh_degree: splats.sh_degree,
         accuracy: setting.accuracy,
-        mode: splats.mode,
+        filter: splats.filter,
         background: Background::Fixed(training::BACKGROUND),
         ..TrainConfig::for_iterations(30_000)
     }

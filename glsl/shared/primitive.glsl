@@ -1,46 +1,5 @@
-// Projection of a 3D Gaussian to its ellipse on the screen, and the tiles that the ellipse touches.
-
-bool is_finite(float x) {
-    // Integer arithmetic: a compiler may assume that floats are never NaN.
-    return (floatBitsToUint(x) & 0x7f800000u) != 0x7f800000u;
-}
-
-bool is_finite(vec3 v) {
-    return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
-}
-
-bool is_finite(vec4 v) {
-    return is_finite(v.xyz) && is_finite(v.w);
-}
-
-// 1 / (1 + exp(-u)) without overflow at either end.
-float sigmoid(float u) {
-    float e = exp(-abs(u));
-    return (u >= 0.0 ? 1.0 : e) / (1.0 + e);
-}
-
-// Length of a quaternion, safe over the whole range of floats.
-float quaternion_length(vec4 q) {
-    float m = max(max(abs(q.x), abs(q.y)), max(abs(q.z), abs(q.w)));
-    return m > 0.0 ? m * length(q / m) : 0.0;
-}
-
-// Length of a vector, safe over the whole range of floats. The scale is a power of two, so that the result equals the
-// plain length bit for bit unless that overflows or underflows.
-float vector_length(vec3 v) {
-    float m = max(max(abs(v.x), abs(v.y)), abs(v.z));
-    float unit = uintBitsToFloat(floatBitsToUint(m) & 0x7f800000u);
-    return unit > 0.0 ? unit * length(v / unit) : 0.0;
-}
-
-// Rotation matrix of a unit quaternion (w, x, y, z); columns are the local axes in the world.
-mat3 rotation_matrix(vec4 q) {
-    float w = q.x, x = q.y, y = q.z, z = q.w;
-    return mat3(
-        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y),
-        2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x),
-        2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y));
-}
+// Everything that depends on the kind of splat, here a 3D Gaussian with its ellipse on the screen: footprint, extent,
+// exponent and depth at a pixel, and the exponent's gradient. The screen filter is apart: its dilation is an argument.
 
 // The rows of J W: pixels per world unit, at the direction x/z, y/z clamped to the view's limits.
 struct Jacobian {
@@ -110,6 +69,11 @@ Footprint footprint(vec3 v_x, vec3 v_y, float dilation) {
     f.minors = minors;
     f.det = dot(minors, minors) + dilation * (xx + dot(v_y, v_y)) + dilation * dilation;
     return f;
+}
+
+// Whitening factors of a pixel's distance from the mean: of x, and of y - slope x.
+vec2 whitening(Footprint f) {
+    return vec2(inversesqrt(f.a), sqrt(f.a / f.det));
 }
 
 // log2 of the opacity's factor that keeps dilation from adding light: sqrt(det without / det with it).
@@ -205,4 +169,110 @@ ivec2 tile_columns(Ellipse e, int row, uvec2 size) {
     precise float right = e.mean.x + e.slope_y * y_right + half_right + 1e-3;
     precise float left = e.mean.x + e.slope_y * y_left - half_left - 1e-3;
     return cells(left, right, TILE_WIDTH, size.x);
+}
+
+// A splat along one column of pixels: the exponent of alpha is top - (scale * (row - row_zero))^2. Forward and backward
+// share this, for equal alphas.
+struct Column {
+    float f_x;      // whitened residual in x, the same for the whole column
+    float top;
+    float scale;
+    float row_zero;
+};
+
+Column column_of(Tile t, vec4 shape, vec4 tone) {
+    // Positions relative to the tile are small, and so is their rounding.
+    precise vec2 mean = shape.xy - vec2(t.corner);
+    precise float dx = float(t.x) + 0.5 - mean.x;
+    Column c;
+    precise float f_x = dx * tone.x;
+    precise float top = shape.w - f_x * f_x;
+    precise float row_zero = mean.y + shape.z * dx - float(t.y);
+    c.f_x = f_x;
+    c.top = top;
+    c.scale = tone.y;
+    c.row_zero = row_zero;
+    return c;
+}
+
+// log2 of alpha before its cap, for quad `q`; `f` is the whitened residual in y.
+vec4 exponent_of(Column c, uint q, out vec4 f) {
+    precise vec4 residual = (vec4(0.5, 1.5, 2.5, 3.5) + float(q * 4) - c.row_zero) * c.scale;
+    precise vec4 exponent = c.top - residual * residual;
+    f = residual;
+    return exponent;
+}
+
+// log2 of a splat's alpha before its cap, at a pixel of the tile; `corner` is the tile's first pixel.
+float exponent_at(uvec2 in_tile, uvec2 corner, vec4 shape, vec4 tone) {
+    // Positions relative to the tile are small, and so is their rounding.
+    precise vec2 mean = shape.xy - vec2(corner);
+    precise vec2 d = vec2(in_tile) + 0.5 - mean;
+    precise float f_x = d.x * tone.x;
+    precise float f_y = (d.y - shape.z * d.x) * tone.y;
+    precise float exponent = shape.w - f_x * f_x - f_y * f_y;
+    return exponent;
+}
+
+// Depth of a splat at a pixel: that of its mean.
+float depth_of(vec2 rest) {
+    return rest.y;
+}
+
+// Sums over pixels for the gradient of one splat. With s = alpha * dL/d alpha and the whitened residual f = WHITEN * e:
+// sums of s, s f, s f f^T, and of the blending weight times the upstream gradient.
+struct Sums {
+    vec4 shape;  // s, s f_x, s f_y, s f_x f_x
+    vec4 tone;   // s f_x f_y, s f_y f_y, red, green
+    float rest;  // blue
+};
+
+// Sums over the quads of a column, each with the gradient s by the exponents and the residual f in y.
+struct Moments {
+    vec4 s;
+    vec4 sf;
+    vec4 sff;
+};
+
+void add_moments(inout Moments m, vec4 s, vec4 f) {
+    m.s += s;
+    s *= f;
+    m.sf += s;
+    m.sff += s * f;
+}
+
+// The exponent's part of the sums; colours are 0.
+Sums sums_of(Moments m, Column c) {
+    const vec4 one = vec4(1.0);
+    float sum = dot(m.s, one);
+    float sum_y = dot(m.sf, one);
+    vec4 shape = vec4(sum, sum * c.f_x, sum_y, sum * c.f_x * c.f_x);
+    return Sums(shape, vec4(sum_y * c.f_x, dot(m.sff, one), 0.0, 0.0), 0.0);
+}
+
+struct FootprintGradient {
+    vec2 mean_pixel;
+    vec3 v_x;
+    vec3 v_y;
+};
+
+// Gradient of the footprint and the mean's pixel, from a splat's sums.
+FootprintGradient footprint_backward(Footprint f, Sums sums) {
+    // The whitening matrix [[p, 0], [-slope q, q]], e = matrix * (pixel - mean); first and second moments
+    // of e, weighted by s.
+    vec2 white = whitening(f);
+    float p = white.x;
+    float q = white.y;
+    vec2 first = sums.shape.yz / WHITEN;
+    vec3 second = vec3(sums.shape.w, sums.tone.xy) / (WHITEN * WHITEN);  // xx, xy, yy
+    FootprintGradient d;
+    d.mean_pixel = vec2(first.x * p - first.y * f.slope * q, first.y * q);
+    // dL/dV = W^T M (W V): whitened moments stay accurate for needles, where an inverse covariance cancels.
+    vec3 white_x = p * f.v_x;
+    vec3 white_y = q * (f.v_y - f.slope * f.v_x);
+    vec3 moved_x = second.x * white_x + second.y * white_y;
+    vec3 moved_y = second.y * white_x + second.z * white_y;
+    d.v_x = p * moved_x - q * f.slope * moved_y;
+    d.v_y = q * moved_y;
+    return d;
 }
