@@ -2,11 +2,13 @@
 
 use ashfall::kernels::KERNELS;
 use ashfall::shader::Requirement;
+use language::*;
 use layers::{folders_have_no_circles, ranks_hold};
 use rules::*;
 use source::{File, repository};
 use unpaired::UNPAIRED;
 
+mod language;
 mod layers;
 mod rules;
 mod source;
@@ -228,4 +230,36 @@ fn the_repository_stands_by_itself() {
         &["src/a.rs:1: there is no METHODS", "src/a.rs:3: a folder"],
     );
     holds(&nothing_points_outside(&repository()));
+}
+
+#[test]
+fn comments_begin_with_the_noun() {
+    let text = format!("//! {}\n// It is what it is.\n", "A word ".repeat(100));
+    let faults = comments_name_things(&[file("src/a.rs", text)]);
+    refuses(&faults, &["4.9 in", "src/a.rs: what"]);
+    refuses(&comments_name_things(&[file("src/a.rs", "// It is.")]), &[]);
+    let header = file("glsl/a.comp", "#version 460\n// Whether a splat is drawn.");
+    refuses(
+        &headers_begin_with_a_noun(&[header]),
+        &["glsl/a.comp: begins with Whether"],
+    );
+    holds(&comments_name_things(&repository()));
+    holds(&headers_begin_with_a_noun(&repository()));
+}
+
+#[test]
+fn types_are_named_after_things() {
+    let text = "pub(crate) struct Seen;\nenum Merged {}\nimpl A {\n    type Traced = u8;\n}\nstruct View;\ntype Known = u8;";
+    let faults = ["src/a.rs: Known", "src/a.rs: Merged", "src/a.rs: Seen"];
+    refuses(
+        &types_have_names_of_their_own(&[file("src/a.rs", text)]),
+        &faults,
+    );
+    let many: String = (0..16).map(|i| format!("struct S{i};\n")).collect();
+    let twice = [
+        file("src/a.rs", many.as_str()),
+        file("src/b.rs", many.as_str()),
+    ];
+    assert_eq!(types_have_names_of_their_own(&twice).len(), 16);
+    holds(&types_have_names_of_their_own(&repository()));
 }
