@@ -1,4 +1,4 @@
-//! What a caller could not have known beforehand: files, devices, memory. Programmer errors are assertions.
+//! Errors of the environment: files, devices, memory. Programming errors are assertions.
 
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! Command line and record file of the benches; the measurements are in `ashfall::lab::bench`.
 
 use ashfall::gpu::{Gpu, GpuOptions};
-use ashfall::lab::bench::{Bench, Options, record};
+use ashfall::lab::bench::{Bench, BenchOptions, record};
 use clap::Parser;
 use std::error::Error;
 use std::path::Path;
@@ -14,7 +14,7 @@ struct Arguments {
     /// Only cases with this text in their name
     filter: Option<String>,
     /// Counted runs of each case
-    #[arg(long, default_value_t = Options::default().runs)]
+    #[arg(long, default_value_t = BenchOptions::default().runs)]
     runs: usize,
     /// Index or part of the name of the device
     #[arg(long)]
@@ -38,10 +38,10 @@ pub(crate) fn run(
         ..GpuOptions::default()
     })?;
     println!("{}, {}", gpu.caps().name, gpu.caps().driver);
-    let options = Options {
+    let options = BenchOptions {
         filter: arguments.filter,
         runs: arguments.runs,
-        ..Options::default()
+        ..BenchOptions::default()
     };
     let mut bench = Bench::new(name, &gpu, options, |row| println!("{}", row.line()))?;
     measure(&mut bench)?;

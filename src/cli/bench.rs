@@ -7,7 +7,7 @@ use super::args::DeviceArgs;
 use super::engine::Engine;
 use crate::io::atomic::write_atomically;
 use crate::lab::baseline::{self, KernelReport, Ratio};
-use crate::lab::bench::{self, Bench, BenchRow, Options, record};
+use crate::lab::bench::{self, Bench, BenchOptions, BenchRow, record};
 use crate::{Error, Result};
 use clap::{Args, Subcommand};
 use serde::Serialize;
@@ -55,7 +55,7 @@ pub(super) struct OutputArgs {
     #[arg(long, value_name = "TEXT")]
     pub filter: Option<String>,
     /// Runs of each that count
-    #[arg(long, value_name = "N", default_value_t = Options::default().runs,
+    #[arg(long, value_name = "N", default_value_t = BenchOptions::default().runs,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=10_000))]
     pub runs: usize,
     /// Write the rows to this file, as CSV
@@ -84,11 +84,11 @@ pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
 }
 
 impl OutputArgs {
-    pub(super) fn options(&self) -> Options {
-        Options {
+    pub(super) fn options(&self) -> BenchOptions {
+        BenchOptions {
             filter: self.filter.clone(),
             runs: self.runs,
-            ..Options::default()
+            ..BenchOptions::default()
         }
     }
 

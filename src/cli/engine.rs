@@ -4,8 +4,8 @@ mod describe;
 
 use super::args::DeviceArgs;
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Limits};
-use crate::lab::bench::{Bench, BenchRow, Options};
-use crate::render::{Compatibility, Model, RenderOptions, Rendered, Renderer, ViewOptions};
+use crate::lab::bench::{Bench, BenchOptions, BenchRow};
+use crate::render::{Compatibility, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use crate::scene::{Camera, ScreenFilter, Splats};
 use crate::{Error, Result};
 
@@ -63,7 +63,7 @@ impl Engine {
     pub(crate) fn bench(
         &self,
         name: &'static str,
-        options: Options,
+        options: BenchOptions,
         progress: impl FnMut(&BenchRow) + 'static,
     ) -> Result<Bench> {
         Bench::new(name, &self.gpu, options, progress)
@@ -130,7 +130,7 @@ pub(super) struct SceneRenderer {
 
 impl SceneRenderer {
     /// Draws a view.
-    pub(crate) fn draw(&mut self, camera: &Camera, background: [f32; 3]) -> Result<Rendered> {
+    pub(crate) fn draw(&mut self, camera: &Camera, background: [f32; 3]) -> Result<RenderedImage> {
         let view = ViewOptions {
             background,
             near: self.near,

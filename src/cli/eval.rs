@@ -7,7 +7,7 @@ use super::output::{Output, file_stem, score_text};
 use crate::gpu::Gpu;
 use crate::lab::report::comparison;
 use crate::metrics::{MeanScore, ViewScore};
-use crate::render::{Evaluated, Evaluator, ViewOptions};
+use crate::render::{Evaluator, ViewEvaluation, ViewOptions};
 use crate::scene::{Dataset, ScreenFilter, Splats};
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
@@ -144,7 +144,7 @@ pub(super) fn evaluator<'d>(
 }
 
 /// Writes photograph | rendering | difference of a view to a folder, under the view's name.
-pub(super) fn write_comparison(dir: &Path, evaluated: Evaluated<'_>) -> Result<()> {
+pub(super) fn write_comparison(dir: &Path, evaluated: ViewEvaluation<'_>) -> Result<()> {
     let path = dir.join(file_stem(&evaluated.view.name) + ".png");
     let target = evaluated.target;
     let size = [target.width, target.height];

@@ -16,7 +16,7 @@ use crate::simplify::{
 };
 use crate::{Error, Result, io};
 use clap::Args;
-use figures::{Figures, Merging};
+use figures::{Figures, MergeFigures};
 use std::path::PathBuf;
 
 /// Remove unneeded splats of a scene, at a proven error
@@ -98,7 +98,7 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
         return Err(Error::file(&args.data, "holds no training view"));
     }
     let engine = Engine::open(&args.device)?;
-    let work = Work {
+    let work = PruneRun {
         args,
         engine: &engine,
         dataset: &dataset,
@@ -147,7 +147,7 @@ fn parse_share(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Inputs of a run.
-struct Work<'a> {
+struct PruneRun<'a> {
     args: &'a PruneArgs,
     engine: &'a Engine,
     dataset: &'a Dataset,
@@ -155,7 +155,7 @@ struct Work<'a> {
     interrupt: Interrupt,
 }
 
-impl Work<'_> {
+impl PruneRun<'_> {
     /// Prunes, measures and scores; `None` if interrupted.
     fn run(&self, splats: &Splats) -> Result<Option<Figures>> {
         let output = self.output();
@@ -222,7 +222,7 @@ impl Work<'_> {
     }
 
     /// The merged scene and the change of its pictures; `None` if interrupted.
-    fn merge(&self, splats: &Splats, share: f64) -> Result<Option<Merging>> {
+    fn merge(&self, splats: &Splats, share: f64) -> Result<Option<MergeFigures>> {
         let mut go_on = || !self.interrupt.is_requested();
         let wanted = share * splats.len() as f64;
         let bar = self.output().bar(wanted as u64, "merging");
@@ -242,7 +242,7 @@ impl Work<'_> {
             return Ok(None);
         };
         let test = self.score(&merged.splats)?;
-        Ok(Some(Merging {
+        Ok(Some(MergeFigures {
             merged,
             moved,
             test,

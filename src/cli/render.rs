@@ -7,7 +7,7 @@ use super::args::{Compat, DataArgs, DeviceArgs, SplitArg, parse_color};
 use super::engine::Engine;
 use super::eval::{near, read_scene};
 use super::output::{Output, file_stem};
-use crate::render::Rendered;
+use crate::render::RenderedImage;
 use crate::scene::{Camera, Dataset};
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
@@ -155,7 +155,7 @@ fn shots(
     Ok(views.iter().zip(cameras).map(shot).collect())
 }
 
-fn write(dir: &Path, stem: &str, format: Format, picture: &Rendered) -> Result<PathBuf> {
+fn write(dir: &Path, stem: &str, format: Format, picture: &RenderedImage) -> Result<PathBuf> {
     let (width, height) = (picture.width, picture.height);
     match format {
         Format::Png => {

@@ -8,25 +8,25 @@ use std::sync::{Arc, OnceLock};
 /// Injects failures into one device, counts its calls, and keeps its validation messages, leaks included, beyond its
 /// destruction. Clones are handles of the same state.
 #[derive(Clone, Debug, Default)]
-pub struct Faults(Arc<State>);
+pub struct Faults(Arc<FaultState>);
 
 #[derive(Debug, Default)]
-struct State {
-    creation: Point,
-    submission: Point,
+struct FaultState {
+    creation: CallCounter,
+    submission: CallCounter,
     is_lost: AtomicBool,
     messages: OnceLock<Arc<Messages>>,
 }
 
 /// Counter of one kind of call, from 1.
 #[derive(Debug, Default)]
-struct Point {
+struct CallCounter {
     /// Number of the failing call; 0: none.
     fails: AtomicU64,
     done: AtomicU64,
 }
 
-impl Point {
+impl CallCounter {
     /// Counts a call; true if it has to fail.
     fn is_due(&self) -> bool {
         let number = self.done.fetch_add(1, Ordering::Relaxed) + 1;

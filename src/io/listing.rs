@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 /// A view listed by a reconstruction.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Listed {
+pub struct ListedView {
     /// Name of the photograph in the reconstruction.
     pub name: String,
     /// Expected path of the photograph; the file may be missing.
@@ -23,7 +23,7 @@ pub struct Listed {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Listing {
     /// The views.
-    pub views: Vec<Listed>,
+    pub views: Vec<ListedView>,
     /// Points as stored, some possibly not finite.
     pub points: Vec<Point>,
     /// Warnings for the user.

@@ -26,6 +26,6 @@ pub mod splat32;
 pub mod splats;
 pub mod transforms;
 
-pub use listing::{Listed, Listing};
+pub use listing::{ListedView, Listing};
 pub use lock::FolderLock;
 pub use source::Source;

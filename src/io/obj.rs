@@ -22,10 +22,10 @@ const LINE_BYTES_MAX: u64 = 1 << 24;
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Mesh> {
     let source = source.into();
     let path = source.name();
-    let mut checked = Checked::read(source, true)?;
+    let mut checked = CheckedObj::read(source, true)?;
     if (1..checked.vertices).contains(&checked.colored) {
         // Colours count only if every vertex has one; `tobj` pairs them by order and would mix them up.
-        checked = Checked::read(source, false)?;
+        checked = CheckedObj::read(source, false)?;
     }
     let options = tobj::LoadOptions {
         triangulate: true,
@@ -55,7 +55,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Mesh> {
 
 /// Checked statements of a file: `v x y z` or `v x y z r g b`, and `f` with positive indices.
 #[derive(Default)]
-struct Checked {
+struct CheckedObj {
     text: String,
     vertices: u64,
     /// Vertices that have a colour.
@@ -65,11 +65,11 @@ struct Checked {
     highest: (u64, u64),
 }
 
-impl Checked {
-    fn read(source: Source<'_>, with_colors: bool) -> Result<Checked> {
+impl CheckedObj {
+    fn read(source: Source<'_>, with_colors: bool) -> Result<CheckedObj> {
         let path = source.name();
         let mut reader = Reader::open(source)?;
-        let mut checked = Checked::default();
+        let mut checked = CheckedObj::default();
         let mut line = String::new();
         while reader.line(&mut line, LINE_BYTES_MAX)? {
             let mut words = line.split_whitespace();

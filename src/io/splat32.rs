@@ -3,7 +3,7 @@
 //! A record is three `f32` of position, three of scale (not its logarithm), colour and opacity as
 //! RGBA bytes, and the quaternion w, x, y, z as bytes `128 + 128 q`.
 
-use super::ply::Loaded;
+use super::ply::LoadedSplats;
 use super::reader::Reader;
 use super::source::Source;
 use crate::error::Result;
@@ -17,7 +17,7 @@ const SCALE_MIN: f32 = 1e-10;
 /// Reads a `.splat` file. Records with positions or scales that are not finite, or negative scales,
 /// are dropped; quaternions of length zero are read as no rotation; an incomplete record at the end is
 /// ignored. Each is counted in a warning.
-pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
+pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let source = source.into();
     let path = source.name();
     let mut reader = Reader::open(source)?;
@@ -74,7 +74,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
         ),
     );
     warn(splats.is_empty(), "holds no splats".to_owned());
-    Ok(Loaded { splats, warnings })
+    Ok(LoadedSplats { splats, warnings })
 }
 
 /// Logit of an opacity in 255ths. The ends stand for the middle of their rounding interval, because their own logits

@@ -1,6 +1,6 @@
 //! Scene files: format by the extension of the name.
 
-use super::ply::{self, Loaded};
+use super::ply::{self, LoadedSplats};
 use super::source::Source;
 use super::splat32;
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// Those of the format's reader; for unsupported splat formats, the advice to convert.
-pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
+pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let source = source.into();
     let path = source.name();
     let extension = extension(path);

@@ -8,7 +8,7 @@ use crate::gpu::{Caps, DeviceKind};
 
 /// The choice for one kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Chosen {
+pub struct KernelChoice {
     /// The kernel.
     pub kernel: &'static str,
     /// The variant.
@@ -44,13 +44,13 @@ const INRIA: &str =
     "the only variant; it draws as the 3DGS code does where that is asked for, and is not tuned";
 
 /// Choices for a device, in the order of the kernels' names; for SH degree 3, without depth.
-pub fn chosen(caps: &Caps) -> Vec<Chosen> {
+pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
     let measured = (caps.kind == DeviceKind::Cpu).then_some(ON_PROCESSORS);
     macro_rules! chosen {
         ($($kernel:ident: $choice:expr, $why:expr;)*) => {
             vec![$({
                 let choice = $choice;
-                Chosen {
+                KernelChoice {
                     kernel: stringify!($kernel),
                     variant: choice.variant.name(),
                     spec: words(&format!("{:?}", choice.spec)),

@@ -23,7 +23,7 @@ impl Default for Adam {
 
 /// A parameter in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct State {
+pub struct AdamState {
     /// The parameter.
     pub value: f64,
     /// Decayed mean of the gradients.
@@ -34,13 +34,13 @@ pub struct State {
 
 impl Adam {
     /// State after step number `step`, counted from 1.
-    pub fn step(&self, state: State, gradient: f64, rate: f64, step: i32) -> State {
+    pub fn step(&self, state: AdamState, gradient: f64, rate: f64, step: i32) -> AdamState {
         assert!(step >= 1, "steps are counted from 1");
         let first = self.beta1 * state.first + (1.0 - self.beta1) * gradient;
         let second = self.beta2 * state.second + (1.0 - self.beta2) * gradient * gradient;
         let first_unbiased = first / (1.0 - self.beta1.powi(step));
         let second_unbiased = second / (1.0 - self.beta2.powi(step));
-        State {
+        AdamState {
             value: state.value - rate * first_unbiased / (second_unbiased.sqrt() + self.epsilon),
             first,
             second,

@@ -44,7 +44,7 @@ pub fn slope_terms(splat: &Splat<f64>, view: &Viewpoint) -> Vec<[f64; 10]> {
 
 /// Weights of one splat's penalties in the loss, whether the splat is visible or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Penalties {
+pub struct PenaltyWeights {
     /// Weight of the opacity (3DGS-MCMC, section 3.4).
     pub opacity: f64,
     /// Weight of Σ scale (there as well).
@@ -53,8 +53,8 @@ pub struct Penalties {
     pub size: f64,
 }
 
-/// Sum of the [`Penalties`] of one splat.
-pub fn penalty<R: Real>(splat: &Splat<R>, weights: Penalties) -> R {
+/// Sum of the [`PenaltyWeights`] of one splat.
+pub fn penalty<R: Real>(splat: &Splat<R>, weights: PenaltyWeights) -> R {
     let scales: R = splat.log_scale.iter().map(|s| s.exp()).sum();
     let squares: R = splat.log_scale.iter().map(|s| s.exp().squared()).sum();
     R::of(weights.opacity) * splat.opacity_logit.sigmoid()
@@ -63,7 +63,7 @@ pub fn penalty<R: Real>(splat: &Splat<R>, weights: Penalties) -> R {
 }
 
 /// Derivatives of [`penalty`] by [`Splat::parameters`].
-pub fn penalty_backward(splat: &Splat<f64>, weights: Penalties) -> Vec<f64> {
+pub fn penalty_backward(splat: &Splat<f64>, weights: PenaltyWeights) -> Vec<f64> {
     differentiate(splat, |lifted| penalty(lifted, weights))
 }
 

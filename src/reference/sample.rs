@@ -17,7 +17,7 @@ const U: f64 = 1.0 / 16_777_216.0;
 
 /// A pixel with its error bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sampled {
+pub struct PixelBound {
     /// Index of the pixel, `y * width + x`.
     pub index: usize,
     /// Colour.
@@ -48,7 +48,7 @@ pub fn spread(width: u32, height: u32, count: usize) -> Vec<usize> {
 
 /// A projected splat with its errors in single precision.
 #[derive(Clone, Copy)]
-struct Known {
+struct SplatError {
     screen: ScreenSplat<f64>,
     /// Error of its position, px.
     position: f64,
@@ -60,8 +60,8 @@ struct Known {
     color: f64,
 }
 
-impl Known {
-    fn new(splat: &Splat<f64>, screen: ScreenSplat<f64>, camera: &Camera) -> Known {
+impl SplatError {
+    fn new(splat: &Splat<f64>, screen: ScreenSplat<f64>, camera: &Camera) -> SplatError {
         let (focal, middle) = (camera.focal.to_array(), camera.center.to_array());
         let tangent = [0, 1].map(|i| (screen.mean[i] - middle[i]) / focal[i]);
         // Distance from the camera over depth.
@@ -70,7 +70,7 @@ impl Known {
         let half = 0.5 * (xx - yy);
         let smallest = 0.5 * (xx + yy) - half.hypot(xy);
         let coefficients = (0..3).map(|c| splat.sh.iter().map(|rgb| rgb[c].abs()).sum::<f64>());
-        Known {
+        SplatError {
             screen,
             // A view coordinate is a sum of three products with a difference and a rounded matrix: 5U of the distance.
             // A quotient of two is off by 5U · reach · (1 + |tangent|) and its own 5U, which is less than 16U · reach².
@@ -111,7 +111,7 @@ pub fn sample(
     camera: &Camera,
     options: &Options,
     pixels: &[usize],
-) -> Vec<Sampled> {
+) -> Vec<PixelBound> {
     let view = Viewpoint {
         // Splats just in front of the near plane may be drawn behind it.
         near: options.near * (1.0 - 1e-4),
@@ -122,10 +122,10 @@ pub fn sample(
         .map(|i| project(&Splat::<f64>::of(splats, i), &view))
         .collect();
     let (list, splat_from_rank) = sorted(&screen);
-    let known: Vec<Known> = list
+    let known: Vec<SplatError> = list
         .iter()
         .zip(&splat_from_rank)
-        .map(|(&screen, &i)| Known::new(&Splat::of(splats, i), screen, camera))
+        .map(|(&screen, &i)| SplatError::new(&Splat::of(splats, i), screen, camera))
         .collect();
     let of_pixel = |&index: &usize| {
         let mut walk = RayBound::new(options);
@@ -178,7 +178,7 @@ impl RayBound<'_> {
     }
 
     /// Passes a splat.
-    fn meet(&mut self, splat: &Known, at: [f64; 2]) {
+    fn meet(&mut self, splat: &SplatError, at: [f64; 2]) {
         let thresholds: &Thresholds = &self.options.thresholds;
         let before = self.pixel.transmittance;
         let (least, most) = (1.0 - self.transmittance, 1.0 + self.transmittance);
@@ -228,7 +228,7 @@ impl RayBound<'_> {
     }
 
     /// Allows for either order of splats at practically one depth.
-    fn exchange(&mut self, splat: &Known, alpha: f64, before: f64) {
+    fn exchange(&mut self, splat: &SplatError, alpha: f64, before: f64) {
         if splat.screen.depth - splat.depth > self.group.farthest {
             self.color += self.group.cost();
             self.group = DepthTie {
@@ -239,7 +239,7 @@ impl RayBound<'_> {
         self.group.join(splat, alpha);
     }
 
-    fn finish(mut self, index: usize, background: [f64; 3]) -> Sampled {
+    fn finish(mut self, index: usize, background: [f64; 3]) -> PixelBound {
         self.color += self.group.cost();
         let pixel = self.pixel.over_background(background);
         let [low, high] = self.range;
@@ -247,7 +247,7 @@ impl RayBound<'_> {
         let brightest = high.into_iter().fold(0.0, f64::max);
         // Each layer rounds the sum, the transmittance and their product.
         let sums = 3.0 * (self.layers + 2) as f64 * U;
-        Sampled {
+        PixelBound {
             index,
             color: pixel.color,
             transmittance: pixel.transmittance,
@@ -284,7 +284,7 @@ impl DepthTie {
         range: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
     };
 
-    fn join(&mut self, splat: &Known, alpha: f64) {
+    fn join(&mut self, splat: &SplatError, alpha: f64) {
         self.count += 1;
         self.farthest = self.farthest.max(splat.screen.depth + splat.depth);
         self.pairs += self.alphas * alpha;

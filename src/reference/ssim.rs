@@ -57,7 +57,7 @@ impl Window {
 
 /// Moments of SSIM at one pixel.
 #[derive(Clone, Copy)]
-struct Moments<R> {
+struct WindowMoments<R> {
     mean_x: R,
     mean_y: f64,
     variance_x: R,
@@ -65,8 +65,8 @@ struct Moments<R> {
     covariance: R,
 }
 
-impl<R: Real> Moments<R> {
-    fn under(window: &[(usize, f64)], x: &[R], y: &[f64]) -> Moments<R> {
+impl<R: Real> WindowMoments<R> {
+    fn under(window: &[(usize, f64)], x: &[R], y: &[f64]) -> WindowMoments<R> {
         let sum = |f: &dyn Fn(usize) -> f64| window.iter().map(|&(i, g)| g * f(i)).sum::<f64>();
         let sum_x =
             |f: &dyn Fn(usize) -> R| window.iter().map(|&(i, g)| R::of(g) * f(i)).sum::<R>();
@@ -78,7 +78,7 @@ impl<R: Real> Moments<R> {
         let variance_y = sum(&|i| (y[i] - mean_y).powi(2)) + beyond * mean_y * mean_y;
         let covariance =
             sum_x(&|i| (x[i] - mean_x) * R::of(y[i] - mean_y)) + R::of(beyond * mean_y) * mean_x;
-        Moments {
+        WindowMoments {
             mean_x,
             mean_y,
             variance_x,
@@ -97,11 +97,11 @@ impl<R: Real> Moments<R> {
     }
 }
 
-impl Moments<f64> {
+impl WindowMoments<f64> {
     /// Derivatives of SSIM by the mean, variance and covariance of the image.
     fn slopes(&self) -> [f64; 3] {
         let variable = |value, index| Dual::<3>::variable(value, Some(index));
-        let dual = Moments {
+        let dual = WindowMoments {
             mean_x: variable(self.mean_x, 0),
             mean_y: self.mean_y,
             variance_x: variable(self.variance_x, 1),
@@ -117,7 +117,7 @@ pub fn ssim<R: Real>(width: usize, x: &[R], y: &[f64]) -> Vec<R> {
     let window = Window::new(width, x.len());
     (0..x.len())
         .into_par_iter()
-        .map(|i| Moments::under(&window.around(i), x, y).ssim())
+        .map(|i| WindowMoments::under(&window.around(i), x, y).ssim())
         .collect()
 }
 
@@ -127,10 +127,10 @@ pub fn ssim<R: Real>(width: usize, x: &[R], y: &[f64]) -> Vec<R> {
 /// out: `∂μ/∂x = g`, `∂σ²/∂x = 2g (x − μ)`, `∂cov/∂x = g (y − ν)`.
 pub fn gradient(width: usize, x: &[f64], y: &[f64], upstream: &[f64]) -> Vec<f64> {
     let window = Window::new(width, x.len());
-    let slopes: Vec<(Moments<f64>, [f64; 3])> = (0..x.len())
+    let slopes: Vec<(WindowMoments<f64>, [f64; 3])> = (0..x.len())
         .into_par_iter()
         .map(|i| {
-            let moments = Moments::under(&window.around(i), x, y);
+            let moments = WindowMoments::under(&window.around(i), x, y);
             (moments, moments.slopes().map(|slope| slope * upstream[i]))
         })
         .collect();

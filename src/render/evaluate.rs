@@ -3,7 +3,7 @@
 use super::compatibility::Compatibility;
 use super::model::Model;
 use super::options::RenderOptions;
-use super::renderer::{Rendered, Renderer};
+use super::renderer::{RenderedImage, Renderer};
 use super::view::ViewOptions;
 use crate::Result;
 use crate::gpu::Gpu;
@@ -27,16 +27,16 @@ pub struct Evaluator<'d> {
 
 /// A rendered view with its photograph.
 #[derive(Clone, Copy, Debug)]
-pub struct Evaluated<'e> {
+pub struct ViewEvaluation<'e> {
     /// The view.
     pub view: &'e View,
     /// Photograph over the background, or with its mask.
     pub target: &'e Target,
     /// Rendering of the scene.
-    pub rendered: &'e Rendered,
+    pub rendered: &'e RenderedImage,
 }
 
-impl Evaluated<'_> {
+impl ViewEvaluation<'_> {
     /// PSNR and SSIM of the rendering.
     pub fn score(&self) -> ViewScore {
         self.target.score(&self.view.name, &self.rendered.rgb)
@@ -92,7 +92,7 @@ impl<'d> Evaluator<'d> {
     pub fn for_each(
         &mut self,
         splats: &Splats,
-        each: &mut dyn FnMut(Evaluated<'_>) -> Result<()>,
+        each: &mut dyn FnMut(ViewEvaluation<'_>) -> Result<()>,
     ) -> Result<()> {
         if self.views.is_empty() {
             return Ok(());
@@ -114,7 +114,7 @@ impl<'d> Evaluator<'d> {
                 }
             };
             let rendered = &renderer.render(&model, &view.camera, &options)?;
-            each(Evaluated {
+            each(ViewEvaluation {
                 view,
                 target,
                 rendered,

@@ -21,7 +21,7 @@ const ISECT_BYTES: u64 = 4;
 
 /// An image read back from the device.
 #[derive(Clone, Debug)]
-pub struct Rendered {
+pub struct RenderedImage {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
@@ -38,7 +38,7 @@ pub struct Rendered {
 /// Coverage below which a pixel has no depth: one 8-bit level.
 const COVERAGE_MIN: f32 = 1.0 / 255.0;
 
-impl Rendered {
+impl RenderedImage {
     /// Coverage of each pixel, 0 to 1.
     pub fn alpha(&self) -> Vec<f32> {
         self.transmittance.iter().map(|t| 1.0 - t).collect()
@@ -75,11 +75,11 @@ pub struct Renderer {
     /// Bands of the next pictures of a host, from the counts of finished ones.
     bands: DepthBands,
     /// Pictures in the host's frames in flight, oldest first.
-    pending: VecDeque<Pending>,
+    pending: VecDeque<PendingPicture>,
 }
 
 /// A recorded picture with unread counts.
-struct Pending {
+struct PendingPicture {
     /// Number of the frame.
     frame: u64,
     /// Capacity of the buffers.
@@ -240,7 +240,7 @@ impl Renderer {
         }
         rec.release(target);
         let counts = rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?;
-        self.pending.push_back(Pending {
+        self.pending.push_back(PendingPicture {
             frame,
             capacity,
             bands: self.bands,
@@ -323,7 +323,7 @@ impl Renderer {
         model: &Model,
         camera: &Camera,
         view: &ViewOptions,
-    ) -> Result<Rendered> {
+    ) -> Result<RenderedImage> {
         self.check(model)?;
         self.forward.prepare(&self.gpu, model)?;
         let expected = isects_expected(model.splat_count, camera.width, camera.height);
@@ -381,13 +381,13 @@ fn record_frame(
     forward.record(rec, picture.model, scratch, &view, sh_degree, bands);
 }
 
-fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>) -> Rendered {
+fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>) -> RenderedImage {
     let pixels = camera.width as usize * camera.height as usize;
     let rgb = (0..pixels)
         .map(|i| [image[i], image[pixels + i], image[2 * pixels + i]])
         .collect();
     let transmittance = image[3 * pixels..].to_vec();
-    Rendered {
+    RenderedImage {
         width: camera.width,
         height: camera.height,
         rgb,

@@ -1,4 +1,4 @@
-//! What a compiled kernel is: the facts that `build.rs` reads out of its SPIR-V.
+//! Reflection of compiled kernels: the facts that `build.rs` reads out of their SPIR-V.
 //!
 //! Shared by the build script, which writes tables of these, and by `gpu`, which turns one into a
 //! pipeline. Knows neither Vulkan handles nor splats.

@@ -8,7 +8,7 @@ use crate::scene::Camera;
 
 /// Change over all pixels of all views.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Change {
+pub struct MeasuredChange {
     /// Pixels compared.
     pub pixels: usize,
     /// Largest change of any channel of any pixel; 1 is white.
@@ -52,8 +52,8 @@ pub fn measure(
     cameras: &[Camera],
     promise: Promise,
     go_on: &mut dyn FnMut() -> bool,
-) -> Result<Option<Change>> {
-    let mut change = Change::default();
+) -> Result<Option<MeasuredChange>> {
+    let mut change = MeasuredChange::default();
     let leak = leak_limit(before.pass_options().compatibility);
     for camera in cameras {
         if !go_on() {
@@ -65,7 +65,7 @@ pub fn measure(
     Ok(Some(change))
 }
 
-impl Change {
+impl MeasuredChange {
     fn add(
         &mut self,
         camera: &Camera,
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_change_beyond_its_bound_is_counted() {
-        let mut change = Change::default();
+        let mut change = MeasuredChange::default();
         change.take(0.5, 1.0, 1.0);
         assert_eq!((change.broken, change.nearest), (0, 0.5));
         change.take(2.0, 1.0, 1.0);

@@ -36,7 +36,7 @@ fn lost(photo: &Photo, alpha: AlphaMode, background: [f32; 3]) -> f64 {
 /// A picture resized by bilinear interpolation between pixel centres, with the pixels' weights.
 fn enlarged(from: &Target, [width, height]: [u32; 2]) -> Vec<[f32; 3]> {
     let (columns, rows) = (pairs(from.width, width), pairs(from.height, height));
-    let pixel = |row: &Pair, column: &Pair| {
+    let pixel = |row: &LinearTap, column: &LinearTap| {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for (y, row_share) in row {
             for (x, column_share) in column {
@@ -55,10 +55,10 @@ fn enlarged(from: &Target, [width, height]: [u32; 2]) -> Vec<[f32; 3]> {
 }
 
 /// Two neighbouring pixels, each with its weight.
-type Pair = [(usize, f32); 2];
+type LinearTap = [(usize, f32); 2];
 
 /// By pixel of the longer line, the two pixels of the shorter one around its centre.
-fn pairs(short: u32, long: u32) -> Vec<Pair> {
+fn pairs(short: u32, long: u32) -> Vec<LinearTap> {
     let step = f64::from(short) / f64::from(long);
     let last = f64::from(short.saturating_sub(1));
     let pair = |i: u32| {

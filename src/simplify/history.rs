@@ -34,7 +34,7 @@ pub enum Act {
     /// Growth ended.
     Stopped,
     /// The least important splats were removed.
-    Pruned,
+    PruneResult,
     /// Removal of the least important splats was rejected by the held-out views.
     Missed,
     /// The part of a rejected round's splats that would have been allowed was removed.
@@ -47,15 +47,15 @@ pub enum Act {
     Indispensable,
 }
 
-impl Entry {
+impl HistoryEntry {
     /// The action in words.
     fn name(&self) -> &'static str {
         match (self.act, self.is_merged) {
             (Act::Looked, _) => "looked",
             (Act::Enlarged, _) => "whole photographs from now on",
             (Act::Stopped, _) => "growth stopped",
-            (Act::Pruned, false) => "the least important went",
-            (Act::Pruned, true) => "neighbours merged",
+            (Act::PruneResult, false) => "the least important went",
+            (Act::PruneResult, true) => "neighbours merged",
             (Act::Missed, false) => "the least important would be missed, and stayed",
             (Act::Missed, true) => "merged neighbours would be missed, and stayed",
             (Act::PartPruned, _) => "as many of those went as would not have been missed",
@@ -68,7 +68,7 @@ impl Entry {
 
 /// An action with the evaluation before it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct HistoryEntry {
     /// Steps done.
     pub iteration: u32,
     /// The action.
@@ -153,7 +153,7 @@ pub struct History {
     #[serde(default, alias = "keeps_harmonics")]
     pub keeps_sh: bool,
     /// Actions so far.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<HistoryEntry>,
 }
 
 impl History {
@@ -172,14 +172,14 @@ impl History {
     }
 
     /// Points from the given loss of each round.
-    fn chain(&self, lost: impl Fn(&Entry, &[f64]) -> f64) -> Vec<[f64; 2]> {
+    fn chain(&self, lost: impl Fn(&HistoryEntry, &[f64]) -> f64) -> Vec<[f64; 2]> {
         let mut points = Vec::new();
         let mut level = None;
         for entry in self.entries.iter().rev() {
             let Some((left, without)) = &entry.without else {
                 continue;
             };
-            if !matches!(entry.act, Act::Pruned | Act::Missed) {
+            if !matches!(entry.act, Act::PruneResult | Act::Missed) {
                 continue;
             }
             let (splats, left) = (entry.splats as f64, *left as f64);
@@ -224,7 +224,7 @@ impl History {
             return &[];
         };
         match (&last.without, last.act) {
-            (Some((_, psnr_db)), Act::Pruned | Act::PartPruned | Act::Lowered) => psnr_db,
+            (Some((_, psnr_db)), Act::PruneResult | Act::PartPruned | Act::Lowered) => psnr_db,
             _ => &last.psnr_db,
         }
     }
@@ -255,7 +255,7 @@ impl History {
         let lost = self.lost_by_halving;
         let mut entries = self.entries.iter();
         let turn = entries.find(|entry| entry.act == Act::Enlarged);
-        let hidden = |turn: &Entry| (lost / error(&turn.psnr_db)).min(1.0);
+        let hidden = |turn: &HistoryEntry| (lost / error(&turn.psnr_db)).min(1.0);
         let limit = -10.0 * lost.log10();
         (turn.is_some() || lost > 0.0).then(|| HalfResolution {
             until: turn.map_or(0, |turn| turn.iteration),
@@ -266,7 +266,7 @@ impl History {
 
     /// Decisions as reported.
     pub fn steps(&self) -> Vec<Decision> {
-        let step = |entry: &Entry| Decision {
+        let step = |entry: &HistoryEntry| Decision {
             iteration: entry.iteration,
             act: entry.name().into(),
             splats: entry.splats,
@@ -287,7 +287,7 @@ mod tests {
 
     #[test]
     fn what_half_the_size_hides_is_a_share_of_what_is_wrong() {
-        let looked = |act, psnr_db: f64| Entry {
+        let looked = |act, psnr_db: f64| HistoryEntry {
             iteration: 149,
             act,
             splats: 7,
@@ -319,7 +319,7 @@ mod tests {
     fn of_what_is_missed_by_little_some_is_allowed() {
         let history = |act, lost_db| History {
             preference_db: 0.08,
-            entries: vec![Entry {
+            entries: vec![HistoryEntry {
                 iteration: 0,
                 act,
                 splats: 1_100,
@@ -334,14 +334,14 @@ mod tests {
         let found = history(Act::Missed, 0.12).nearly_allowed(2.0);
         assert!((found.unwrap_or_default() - (1.0 - 1.0 / 1.1) / 1.5).abs() < 1e-9);
         assert_eq!(history(Act::Missed, 0.17).nearly_allowed(2.0), None);
-        assert_eq!(history(Act::Pruned, 0.12).nearly_allowed(2.0), None);
+        assert_eq!(history(Act::PruneResult, 0.12).nearly_allowed(2.0), None);
         assert_eq!(history(Act::Missed, 0.0).psnr_db(), [40.0]);
-        assert_eq!(history(Act::Pruned, 0.0).psnr_db(), [39.0]);
+        assert_eq!(history(Act::PruneResult, 0.0).psnr_db(), [39.0]);
     }
 
     #[test]
     fn what_rounds_lost_adds_up_whatever_time_has_gained() {
-        let entry = |act, splats, with: f64, left, without: f64| Entry {
+        let entry = |act, splats, with: f64, left, without: f64| HistoryEntry {
             iteration: 0,
             act,
             splats,
@@ -351,16 +351,16 @@ mod tests {
             lost_db: 0.0,
             is_merged: false,
         };
-        let looked = Entry {
+        let looked = HistoryEntry {
             without: None,
             ..entry(Act::Looked, 500, 10.0, 0, 0.0)
         };
         let history = History {
             entries: vec![
                 looked,
-                entry(Act::Pruned, 1000, 20.0, 800, 19.5),
+                entry(Act::PruneResult, 1000, 20.0, 800, 19.5),
                 entry(Act::Missed, 800, 24.0, 600, 22.0),
-                entry(Act::Pruned, 800, 26.0, 700, 25.0),
+                entry(Act::PruneResult, 800, 26.0, 700, 25.0),
             ],
             ..History::default()
         };

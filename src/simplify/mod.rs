@@ -5,13 +5,13 @@
 //! transmittance before nearer splats unchanged, so that each is removed at its weight in the full picture, and Bᵢ, a
 //! mixture of remaining colours and the background, lies within their range. So
 //!
-//! ΔC| ≤ Σ_S wᵢ · range, with the weights of the full picture,
+//! |ΔC| ≤ Σ_S wᵢ · range, with the weights of the full picture,
 //!
 //! channel by channel, where the range is that of the channel over the pixel's splats and the background (SH colours
 //! may leave 0 to 1). A ray that ended early, with transmittance T < t, may reach farther splats after a removal; as if
 //! those had been added first, at a cost of T · range, and S been removed then. In total
 //!
-//! ΔC| ≤ (Σ_S wᵢ + T \[T < t\]) · range, and rounding.
+//! |ΔC| ≤ (Σ_S wᵢ + T \[T < t\]) · range, and rounding.
 //!
 //! Colour errors of at most δ, as from [`reduce_harmonics`], move a pixel by at most δ, since the weights sum to no
 //! more than 1, and widen its range by 2 δ.
@@ -40,16 +40,16 @@ mod sh_error;
 mod sh_fit;
 
 pub use auto::{AutoRun, CountController, for_auto_count};
-pub use change::{Change, Promise, measure};
+pub use change::{MeasuredChange, Promise, measure};
 pub use contribution::{
     ContributionPass, PassOptions, PixelErrors, RemovalError, RenderedTiles, SplatContribution,
 };
 pub use decision::{Decision, HalfResolution};
 pub use held_out::split_views;
-pub use history::{Act, Entry, History, Phase, Round};
+pub use history::{Act, History, HistoryEntry, Phase, Round};
 pub use law::Law;
-pub use merge::{Difference, Merged, difference, merge, rates};
-pub use prune::{Pruned, kept, prune};
+pub use merge::{Difference, MergeResult, difference, merge, rates};
+pub use prune::{PruneResult, kept, prune};
 pub use refit::refit_config;
-pub use sh_error::{Reduced, reduce_harmonics};
-pub use sh_fit::{Fits, Seen};
+pub use sh_error::{ShReduction, reduce_harmonics};
+pub use sh_fit::{Fits, ViewWeights};

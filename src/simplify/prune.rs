@@ -10,7 +10,7 @@ const ROUNDING: f64 = 1e-3;
 
 /// Result of [`prune`].
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Pruned {
+pub struct PruneResult {
     /// By splat: whether it can be removed.
     pub removed: Vec<bool>,
     /// Number of removed splats.
@@ -25,7 +25,7 @@ pub struct Pruned {
 
 /// Decision on a splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fate {
+enum PruneDecision {
     Open,
     Goes,
     Stays,
@@ -46,15 +46,20 @@ pub fn prune(
     cameras: &[Camera],
     error: f64,
     go_on: &mut dyn FnMut() -> bool,
-) -> Result<Option<Pruned>> {
+) -> Result<Option<PruneResult>> {
     let count = weigher.splat_count();
     let budget = (error * (1.0 - ROUNDING)) as f32;
     let Some(first) = weigher.losses(cameras, &vec![STAYS; count], budget, go_on)? else {
         return Ok(None);
     };
-    let mut fates: Vec<Fate> = first.iter().map(|loss| fate(loss, budget)).collect();
-    let unseen = fates.iter().filter(|&&fate| fate == Fate::Goes).count();
-    let mut order: Vec<usize> = (0..count).filter(|&i| fates[i] == Fate::Open).collect();
+    let mut fates: Vec<PruneDecision> = first.iter().map(|loss| fate(loss, budget)).collect();
+    let unseen = fates
+        .iter()
+        .filter(|&&fate| fate == PruneDecision::Goes)
+        .count();
+    let mut order: Vec<usize> = (0..count)
+        .filter(|&i| fates[i] == PruneDecision::Open)
+        .collect();
     let light = unseen + order.len();
     order.sort_by(|&a, &b| first[a].sum.total_cmp(&first[b].sum).then(a.cmp(&b)));
     let (mut rounds, mut fine) = (1, false);
@@ -67,22 +72,25 @@ pub fn prune(
         let open = order.len();
         for &i in &order {
             if ranks[i] <= RANKS as f32 && losses[i].limit >= ranks[i] {
-                fates[i] = Fate::Goes;
+                fates[i] = PruneDecision::Goes;
             } else if losses[i].most > budget {
-                fates[i] = Fate::Stays;
+                fates[i] = PruneDecision::Stays;
             }
         }
-        order.retain(|&i| fates[i] == Fate::Open);
+        order.retain(|&i| fates[i] == PruneDecision::Open);
         let stuck = order.len() == open;
         if stuck && fine {
             // Only if two orders of summation round to either side of the budget.
-            fates[order.remove(0)] = Fate::Stays;
+            fates[order.remove(0)] = PruneDecision::Stays;
         }
         // If even the first rank, of many splats, exceeds a budget, the first few splats get ranks of their own.
         fine = stuck;
     }
-    let removed: Vec<bool> = fates.iter().map(|&fate| fate == Fate::Goes).collect();
-    Ok(Some(Pruned {
+    let removed: Vec<bool> = fates
+        .iter()
+        .map(|&fate| fate == PruneDecision::Goes)
+        .collect();
+    Ok(Some(PruneResult {
         count: removed.iter().filter(|&&gone| gone).count(),
         removed,
         unseen,
@@ -92,20 +100,20 @@ pub fn prune(
 }
 
 /// Decision from a splat's own weights alone.
-fn fate(loss: &SplatContribution, budget: f32) -> Fate {
+fn fate(loss: &SplatContribution, budget: f32) -> PruneDecision {
     match loss.most {
-        most if most > budget => Fate::Stays,
-        0.0 => Fate::Goes,
-        _ => Fate::Open,
+        most if most > budget => PruneDecision::Stays,
+        0.0 => PruneDecision::Goes,
+        _ => PruneDecision::Open,
     }
 }
 
 /// Rank of each splat: open splats by `order`, with the smallest equal number per rank that fits, or, if `fine`, the
 /// first [`RANKS`] alone, one per rank.
-fn ranks(fates: &[Fate], order: &[usize], fine: bool) -> Vec<f32> {
-    let rank = |fate: &Fate| match fate {
-        Fate::Goes => 0.0,
-        Fate::Open | Fate::Stays => STAYS,
+fn ranks(fates: &[PruneDecision], order: &[usize], fine: bool) -> Vec<f32> {
+    let rank = |fate: &PruneDecision| match fate {
+        PruneDecision::Goes => 0.0,
+        PruneDecision::Open | PruneDecision::Stays => STAYS,
     };
     let mut ranks: Vec<f32> = fates.iter().map(rank).collect();
     let each = match fine {
@@ -133,9 +141,9 @@ mod tests {
     #[test]
     fn ranks_follow_the_order_and_none_is_passed_over() {
         let fates = [
-            vec![Fate::Goes; 3],
-            vec![Fate::Open; 700],
-            vec![Fate::Stays; 2],
+            vec![PruneDecision::Goes; 3],
+            vec![PruneDecision::Open; 700],
+            vec![PruneDecision::Stays; 2],
         ]
         .concat();
         let order: Vec<usize> = (3..703).rev().collect();

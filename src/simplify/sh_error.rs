@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1e-3;
 
 /// Scene with reduced SH degrees.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Reduced {
+pub struct ShReduction {
     /// The scene with dropped coefficients set to zero, stored at the highest remaining degree.
     pub splats: Splats,
     /// SH degree of each splat.
@@ -27,7 +27,7 @@ pub struct Reduced {
 
 /// Drops the highest SH degrees of every splat while no channel moves by more than `error` in any direction. At an
 /// error of 0 only zero coefficients are dropped.
-pub fn reduce_harmonics(splats: &Splats, error: f64) -> Reduced {
+pub fn reduce_harmonics(splats: &Splats, error: f64) -> ShReduction {
     let error = error * (1.0 - ROUNDING);
     let stride = splats.sh_stride();
     let mut sh = splats.sh.clone();
@@ -46,7 +46,7 @@ pub fn reduce_harmonics(splats: &Splats, error: f64) -> Reduced {
     let sh_degree = highest.unwrap_or(0) as u32;
     let kept = 3 * sh_coefficient_count(sh_degree);
     let rows = sh.chunks_exact(stride).flat_map(|row| &row[..kept]);
-    Reduced {
+    ShReduction {
         splats: Splats {
             sh: rows.copied().collect(),
             sh_degree,

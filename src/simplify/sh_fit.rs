@@ -35,7 +35,7 @@ const HALVINGS: usize = 40;
 const DEGREES: usize = 4;
 
 /// A view with each splat's weight in it, summed over pixels.
-pub struct Seen {
+pub struct ViewWeights {
     /// Camera of the view.
     pub camera: Camera,
     /// Weight of each splat.
@@ -61,7 +61,7 @@ impl Fits {
     /// Fits the colours of all splats.
     ///
     /// Panics unless each view has a weight for every splat.
-    pub fn new(splats: &Splats, views: &[Seen]) -> Fits {
+    pub fn new(splats: &Splats, views: &[ViewWeights]) -> Fits {
         assert!(views.iter().all(|v| v.weights.len() == splats.len()));
         let fit = |i: usize| fit(splats, i, views);
         Fits {
@@ -148,7 +148,7 @@ pub(super) fn count(degrees: &[u8]) -> usize {
     degrees.iter().map(|&degree| floats(degree)).sum()
 }
 
-fn fit(splats: &Splats, index: usize, views: &[Seen]) -> Fit {
+fn fit(splats: &Splats, index: usize, views: &[ViewWeights]) -> Fit {
     let stride = splats.sh_stride();
     let row = &splats.sh[index * stride..][..stride];
     let mean = DVec3::from(splats.mean[index].map(f64::from));
@@ -269,8 +269,8 @@ mod tests {
     }
 
     /// Views from `places`, each with these weights for the splats.
-    fn views(places: &[[f64; 3]], weights: &[f32]) -> Vec<Seen> {
-        let view = |&place: &[f64; 3]| Seen {
+    fn views(places: &[[f64; 3]], weights: &[f32]) -> Vec<ViewWeights> {
+        let view = |&place: &[f64; 3]| ViewWeights {
             camera: Camera {
                 width: 1,
                 height: 1,

@@ -21,7 +21,7 @@ pub(crate) fn mean_neighbor_distance(points: &[[f32; 3]]) -> Vec<f64> {
     points
         .par_iter()
         .map(|&query| {
-            let mut nearest = Nearest::default();
+            let mut nearest = NearestDistances::default();
             search(&places, &order, 0, query, &mut nearest);
             nearest.mean_distance()
         })
@@ -50,15 +50,15 @@ pub(crate) fn build(points: &[[f32; 3]], order: &mut [u32], axis: usize) {
 }
 
 /// Squared distances of the nearest points so far, ascending.
-struct Nearest([f64; NEIGHBORS]);
+struct NearestDistances([f64; NEIGHBORS]);
 
-impl Default for Nearest {
-    fn default() -> Nearest {
-        Nearest([f64::INFINITY; NEIGHBORS])
+impl Default for NearestDistances {
+    fn default() -> NearestDistances {
+        NearestDistances([f64::INFINITY; NEIGHBORS])
     }
 }
 
-impl Nearest {
+impl NearestDistances {
     fn offer(&mut self, a: [f32; 3], b: [f32; 3]) {
         let mut squared = 0.0;
         for axis in 0..3 {
@@ -82,7 +82,13 @@ impl Nearest {
     }
 }
 
-fn search(points: &[[f32; 3]], order: &[u32], axis: usize, query: [f32; 3], best: &mut Nearest) {
+fn search(
+    points: &[[f32; 3]],
+    order: &[u32],
+    axis: usize,
+    query: [f32; 3],
+    best: &mut NearestDistances,
+) {
     if order.len() <= LEAF {
         for &i in order {
             best.offer(query, points[i as usize]);
@@ -115,7 +121,7 @@ mod tests {
         places.sort_unstable_by(compare);
         places.dedup();
         let all = |&query: &[f32; 3]| {
-            let mut nearest = Nearest::default();
+            let mut nearest = NearestDistances::default();
             places.iter().for_each(|&p| nearest.offer(query, p));
             nearest.mean_distance()
         };

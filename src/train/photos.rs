@@ -9,7 +9,7 @@ use crate::scene::{AlphaMode, Dataset, Photo, PhotoSource};
 const HOST_BUDGET: u64 = 4 << 30;
 
 /// One training photograph.
-struct Entry {
+struct PhotoEntry {
     /// Index of its view in the data set.
     view: usize,
     /// 8-bit RGBA; `None`: streamed.
@@ -63,7 +63,7 @@ impl Residency {
 
 /// The training photographs.
 pub(crate) struct Photos {
-    entries: Vec<Entry>,
+    entries: Vec<PhotoEntry>,
     cache: PhotoCache,
     /// One buffer per frame in flight, for photographs that are not resident.
     ring: Vec<Buffer<u32>>,
@@ -108,7 +108,7 @@ impl Photos {
             );
             // Undistortion leaves pixels outside the photograph, which only a weight can exclude.
             let masks = undistorted || dataset.alpha == AlphaMode::Mask;
-            let mut entry = Entry {
+            let mut entry = PhotoEntry {
                 view,
                 resident: None,
                 masks,

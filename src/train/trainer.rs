@@ -52,7 +52,7 @@ pub struct StepReport {
 }
 
 /// A step in flight.
-struct Pending {
+struct StepInFlight {
     iteration: u32,
     ticket: Ticket,
     counts: Readback<u32>,
@@ -88,7 +88,7 @@ pub struct Trainer<'a> {
     frames: Frames,
     /// Last iteration recorded.
     iteration: u32,
-    pending: VecDeque<Pending>,
+    pending: VecDeque<StepInFlight>,
     done: VecDeque<StepReport>,
     extremes: Extremes,
 }
@@ -269,7 +269,7 @@ impl<'a> Trainer<'a> {
         statistics.map_err(|e| e.at_step(self.iteration))
     }
 
-    fn submit(&mut self, iteration: u32) -> Result<Pending> {
+    fn submit(&mut self, iteration: u32) -> Result<StepInFlight> {
         let index = schedule::view(&self.config, self.views.len(), iteration);
         let (dataset, camera) = match &self.halved {
             Some(half) => (half, &half.views[index].camera),
@@ -306,7 +306,7 @@ impl<'a> Trainer<'a> {
             let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
             Ok((counts, rec.read_back(&gradients.loss, 0..1)?))
         })?;
-        Ok(Pending {
+        Ok(StepInFlight {
             iteration,
             ticket,
             counts,

@@ -5,7 +5,7 @@ use ashfall::lab::baseline;
 use ashfall::lab::baseline::scalar;
 use ashfall::lab::bench::check::Output;
 use ashfall::lab::bench::kernels::gradient::SPLAT_TOLERANCE;
-use ashfall::lab::bench::{Bench, Case, Options, Unit, Work, kernels, row};
+use ashfall::lab::bench::{Bench, BenchOptions, Case, Unit, Work, kernels, row};
 use serde_json::Value;
 use std::cell::Cell;
 use std::fs;
@@ -23,7 +23,7 @@ fn ashfall(arguments: &[&str]) -> std::process::Output {
 }
 
 fn bench(gpu: &ashfall::gpu::Gpu, filter: &str) -> (Bench, Rc<Cell<usize>>) {
-    let options = Options {
+    let options = BenchOptions {
         filter: Some(filter.into()),
         runs: 1,
         warm_up: 0,

@@ -3,7 +3,9 @@
 use crate::common::scenes::Scene;
 use ashfall::gpu::Buffer;
 use ashfall::reference;
-use ashfall::render::{Accuracy, Model, Precision, RenderOptions, Rendered, Renderer, ViewOptions};
+use ashfall::render::{
+    Accuracy, Model, Precision, RenderOptions, RenderedImage, Renderer, ViewOptions,
+};
 use ashfall::scene::{ScreenFilter, Splats};
 
 /// Largest error over the pixels far from any discontinuity, share of pixels near one, and largest error over those.
@@ -115,7 +117,7 @@ fn frames_cut_as_they_are_told_to() {
     }
 }
 
-fn draw_as(scene: &Scene, precision: Precision) -> Rendered {
+fn draw_as(scene: &Scene, precision: Precision) -> RenderedImage {
     let gpu = crate::common::device::gpu();
     let model = Model::upload_as(&gpu, &scene.splats, precision).unwrap();
     let options = RenderOptions {
@@ -133,7 +135,7 @@ fn draw_as(scene: &Scene, precision: Precision) -> Rendered {
 
 #[test]
 fn a_scene_stored_as_halves_is_drawn_as_the_rounded_one() {
-    let largest = |a: &Rendered, b: &Rendered| {
+    let largest = |a: &RenderedImage, b: &RenderedImage| {
         let all = a.rgb.as_flattened().iter().zip(b.rgb.as_flattened());
         all.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     };

@@ -3,14 +3,14 @@
 use crate::common::scenes::Scene;
 use ashfall::gpu::Gpu;
 use ashfall::reference;
-use ashfall::render::{Capacity, Model, RenderOptions, Rendered, Renderer, ViewOptions};
+use ashfall::render::{Capacity, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use ashfall::scene::{Dataset, Photo, PhotoSource, Point, View};
 use ashfall::train::{HostState, TrainConfig, Trainer};
 
 /// Smallest range of a binding for these tests, bytes: that of their images.
 const NARROW: u64 = 32 << 10;
 
-fn render(gpu: &Gpu, scene: &Scene) -> Rendered {
+fn render(gpu: &Gpu, scene: &Scene) -> RenderedImage {
     let options = RenderOptions {
         capacity: Capacity {
             splats: 1,
@@ -31,13 +31,13 @@ fn render(gpu: &Gpu, scene: &Scene) -> Rendered {
     renderer.render(&model, &scene.camera, &view).unwrap()
 }
 
-fn bits(image: &Rendered) -> Vec<u32> {
+fn bits(image: &RenderedImage) -> Vec<u32> {
     let values = image.rgb.iter().flatten().chain(&image.transmittance);
     values.chain(&image.depth).map(|x| x.to_bits()).collect()
 }
 
 /// Largest error against the oracle over pixels far from any discontinuity.
-fn error(scene: &Scene, image: &Rendered) -> f64 {
+fn error(scene: &Scene, image: &RenderedImage) -> f64 {
     let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
     let margins =
         reference::frame::discontinuity_margins(&scene.splats, &scene.camera, &scene.options);

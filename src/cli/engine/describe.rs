@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::cli::output::bytes;
 use crate::gpu::{self, Caps};
-use crate::kernels::choices::{Chosen, chosen as chosen_kernels};
+use crate::kernels::choices::{KernelChoice, chosen as chosen_kernels};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -75,7 +75,7 @@ fn caps_value(caps: &Caps) -> Value {
 }
 
 /// A choice and its reason on one line.
-fn words(choice: &Chosen) -> String {
+fn words(choice: &KernelChoice) -> String {
     let mut text = choice.variant.to_owned();
     if !choice.spec.is_empty() {
         _ = write!(text, ", {}", choice.spec);
@@ -87,7 +87,7 @@ fn words(choice: &Chosen) -> String {
     text
 }
 
-fn choice_value(choice: &Chosen) -> Value {
+fn choice_value(choice: &KernelChoice) -> Value {
     json!({
         "kernel": choice.kernel,
         "variant": choice.variant,

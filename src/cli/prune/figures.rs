@@ -4,7 +4,7 @@ use super::PruneArgs;
 use crate::cli::output::{bytes, grouped, score_text};
 use crate::metrics::MeanScore;
 use crate::scene::{Splats, sh_coefficient_count};
-use crate::simplify::{Change, Difference, Merged, Pruned, Reduced};
+use crate::simplify::{Difference, MeasuredChange, MergeResult, PruneResult, ShReduction};
 use serde_json::json;
 
 /// Bytes of a scene as a .ply: position, normal, harmonics, opacity, scale and rotation in 32 bits each.
@@ -14,17 +14,17 @@ fn ply_bytes(splats: &Splats) -> u64 {
 }
 
 /// Result of merging.
-pub(super) struct Merging {
-    pub merged: Merged,
+pub(super) struct MergeFigures {
+    pub merged: MergeResult,
     /// Change of the training views' pictures.
     pub moved: Difference,
     /// Score of the merged scene.
     pub test: MeanScore,
 }
 
-impl Merging {
+impl MergeFigures {
     fn text(&self, share: f64) -> Vec<String> {
-        let Merged { splats, gone } = &self.merged;
+        let MergeResult { splats, gone } = &self.merged;
         let moved = &self.moved;
         let psnr = match moved.rms {
             0.0 => "they are the same".to_string(),
@@ -68,13 +68,13 @@ impl Merging {
 /// Figures of the report.
 pub(super) struct Figures {
     pub views: usize,
-    pub merging: Option<Merging>,
+    pub merging: Option<MergeFigures>,
     /// Splats found in the scene, or in the merged one.
-    pub pruned: Pruned,
+    pub pruned: PruneResult,
     /// Remaining splats after SH reduction.
-    pub reduced: Reduced,
+    pub reduced: ShReduction,
     /// Change against the scene, or the merged one.
-    pub change: Change,
+    pub change: MeasuredChange,
     /// Scores of the original scene, of the pruned one, and of that after a refit.
     pub test: Vec<MeanScore>,
 }

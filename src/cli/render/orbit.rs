@@ -20,7 +20,7 @@ pub(crate) fn orbit_of_cameras(cameras: &[Camera], extent: f64, count: u32) -> V
     // Without a focus (parallel or diverging views) the target is a point ahead of the cameras.
     let ahead = forward.try_normalize().unwrap_or(DVec3::Z) * extent;
     let target = focus(cameras).unwrap_or(position + ahead);
-    let frame = Frame::new(target, up, position);
+    let frame = CylinderFrame::new(target, up, position);
     let polar: Vec<[f64; 3]> = cameras.iter().map(|c| frame.polar(c.position)).collect();
     let average = |axis: usize| polar.iter().map(|p| p[axis]).sum::<f64>() / polar.len() as f64;
     let arc = Arc::of(polar.iter().map(|p| p[0]).collect());
@@ -44,7 +44,7 @@ pub(in crate::cli) fn orbit_of_splats(splats: &Splats, count: Option<u32>) -> Ve
         position: target,
     };
     let distance = 2.5 * radius(splats);
-    let frame = Frame::new(target, DVec3::NEG_Y, target - DVec3::Z);
+    let frame = CylinderFrame::new(target, DVec3::NEG_Y, target - DVec3::Z);
     let at = |i: u32| {
         let angle = TAU * f64::from(i) / f64::from(count);
         let place = frame.place(angle, 0.94 * distance, 0.34 * distance);
@@ -81,19 +81,19 @@ fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
 }
 
 /// Cylinder coordinates around a target.
-struct Frame {
+struct CylinderFrame {
     target: DVec3,
     up: DVec3,
     /// Direction of angle 0, and of a quarter turn.
     axes: [DVec3; 2],
 }
 
-impl Frame {
+impl CylinderFrame {
     /// Angle 0 lies on the side of `start`.
-    fn new(target: DVec3, up: DVec3, start: DVec3) -> Frame {
+    fn new(target: DVec3, up: DVec3, start: DVec3) -> CylinderFrame {
         let flat = (start - target).reject_from_normalized(up);
         let zero = flat.try_normalize().unwrap_or(up.any_orthonormal_vector());
-        Frame {
+        CylinderFrame {
             target,
             up,
             axes: [zero, up.cross(zero)],

@@ -3,7 +3,7 @@
 use super::super::reader::Reader;
 use super::super::source::Source;
 use super::camera::{Lens, model_from_id};
-use super::{ImageRecord, Numbered};
+use super::{ImageRecord, PointWithId};
 use crate::error::Result;
 use crate::scene::Point;
 use std::collections::BTreeMap;
@@ -72,7 +72,7 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
     Ok(images)
 }
 
-pub(super) fn points(source: Source<'_>) -> Result<Vec<Numbered>> {
+pub(super) fn points(source: Source<'_>) -> Result<Vec<PointWithId>> {
     let mut reader = Reader::open(source)?;
     let count = reader.u64("the number of points")?;
     let count = reader.check_count(count, POINT3D_BYTES_MIN, "points")?;

@@ -8,7 +8,7 @@ mod binary;
 mod camera;
 mod text;
 
-use super::listing::{Check, Listed, Listing, check_position, inside};
+use super::listing::{Check, ListedView, Listing, check_position, inside};
 use super::reader::excerpt;
 use super::source::Source;
 use crate::error::{Error, Result};
@@ -36,7 +36,7 @@ struct ImageRecord {
 }
 
 /// A point and its id.
-type Numbered = (u64, Point);
+type PointWithId = (u64, Point);
 
 /// Files of a model, all in one form.
 #[derive(Clone, Copy, Debug)]
@@ -128,7 +128,7 @@ fn listed(
     lenses: &BTreeMap<u32, Lens>,
     files: &Files<'_>,
     photos: &Path,
-) -> Check<Listed> {
+) -> Check<ListedView> {
     let photo = inside(photos, &image.name)?;
     let lens = lenses.get(&image.camera).ok_or_else(|| {
         let cameras = files.cameras.name().file_name().unwrap_or_default();
@@ -152,7 +152,7 @@ fn listed(
     let rotation = glam::DMat3::from_quat(quaternion / length);
     let position = -(rotation.transpose() * translation);
     check_position(position)?;
-    Ok(Listed {
+    Ok(ListedView {
         name: image.name,
         photo,
         camera: Camera {

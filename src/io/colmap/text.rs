@@ -3,7 +3,7 @@
 use super::super::reader::{Reader, excerpt, parse_number};
 use super::super::source::Source;
 use super::camera::{Lens, parameters_of};
-use super::{ImageRecord, Numbered};
+use super::{ImageRecord, PointWithId};
 use crate::error::Result;
 use crate::scene::Point;
 use std::collections::BTreeMap;
@@ -147,7 +147,7 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
     Ok(images)
 }
 
-pub(super) fn points(source: Source<'_>) -> Result<Vec<Numbered>> {
+pub(super) fn points(source: Source<'_>) -> Result<Vec<PointWithId>> {
     let mut lines = Lines::open(source)?;
     let mut points = Vec::new();
     while lines.advance_to_record()? {

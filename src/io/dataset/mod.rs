@@ -5,7 +5,7 @@
 
 mod views;
 
-use super::listing::{Listed, Listing};
+use super::listing::{ListedView, Listing};
 use super::{colmap, transforms};
 use crate::error::{Error, Result};
 use crate::scene::{AlphaMode, Dataset, Point, Split, View};
@@ -152,7 +152,7 @@ fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
         listing.warnings.extend(held_out.warnings);
         listing
             .views
-            .extend(held_out.views.into_iter().map(|view| Listed {
+            .extend(held_out.views.into_iter().map(|view| ListedView {
                 held_out: true,
                 ..view
             }));

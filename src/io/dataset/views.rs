@@ -1,6 +1,6 @@
 //! Check of listed views against their photographs.
 
-use super::super::listing::Listed;
+use super::super::listing::ListedView;
 use super::super::photo::{self, SIDE_MIN};
 use super::OpenOptions;
 use crate::error::{Error, Result};
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::path::Path;
 
 /// A view with its photograph's size checked.
-struct Found {
+struct CheckedView {
     view: View,
     /// Size of the file if it differs from the camera's.
     file_size: Option<(u32, u32)>,
@@ -19,11 +19,11 @@ struct Found {
 /// Checks the photographs in parallel. Returns the remaining views and the indices of the held-out ones.
 pub(super) fn look_at_photos(
     path: &Path,
-    listed: Vec<Listed>,
+    listed: Vec<ListedView>,
     options: &OpenOptions,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<View>, Vec<usize>)> {
-    let found: Vec<Option<Found>> = listed
+    let found: Vec<Option<CheckedView>> = listed
         .par_iter()
         .map(|view| look_at_photo(view, options))
         .collect::<Result<_>>()?;
@@ -74,7 +74,7 @@ pub(super) fn look_at_photos(
 }
 
 /// `None` if the photograph is required but missing.
-fn look_at_photo(listed: &Listed, options: &OpenOptions) -> Result<Option<Found>> {
+fn look_at_photo(listed: &ListedView, options: &OpenOptions) -> Result<Option<CheckedView>> {
     let mut camera = listed.camera;
     let mut source = PhotoSource::Absent;
     let (mut file_size, mut warning) = (None, None);
@@ -114,7 +114,7 @@ fn look_at_photo(listed: &Listed, options: &OpenOptions) -> Result<Option<Found>
         camera,
         photo: source,
     };
-    Ok(Some(Found {
+    Ok(Some(CheckedView {
         view,
         file_size,
         warning,
@@ -122,7 +122,7 @@ fn look_at_photo(listed: &Listed, options: &OpenOptions) -> Result<Option<Found>
 }
 
 /// Size of the file; an error if its aspect ratio is not the camera's.
-fn fitting_size(listed: &Listed) -> Result<(u32, u32)> {
+fn fitting_size(listed: &ListedView) -> Result<(u32, u32)> {
     let size = photo::dimensions(&listed.photo)?;
     let camera = (listed.camera.width, listed.camera.height);
     if photo::same_aspect(size, camera) {

@@ -68,13 +68,13 @@ pub(super) struct Property {
 
 /// Kind of row and its count.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Element {
+pub(super) struct PlyElement {
     pub(super) name: String,
     pub(super) count: u64,
     pub(super) properties: Vec<Property>,
 }
 
-impl Element {
+impl PlyElement {
     /// Index of a property.
     pub(super) fn find(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|p| p.name == name)
@@ -94,21 +94,21 @@ impl Element {
 
 /// Contents up to `end_header`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Header {
+pub(super) struct PlyHeader {
     pub(super) encoding: Encoding,
-    pub(super) elements: Vec<Element>,
+    pub(super) elements: Vec<PlyElement>,
     pub(super) comments: Vec<String>,
 }
 
-impl Header {
+impl PlyHeader {
     /// Element of that name and its index.
-    pub(super) fn element(&self, name: &str) -> Option<(usize, &Element)> {
+    pub(super) fn element(&self, name: &str) -> Option<(usize, &PlyElement)> {
         let mut all = self.elements.iter().enumerate();
         all.find(|(_, e)| e.name == name)
     }
 
     /// Reads up to and including `end_header`.
-    pub(super) fn read(reader: &mut Reader) -> Result<Header> {
+    pub(super) fn read(reader: &mut Reader) -> Result<PlyHeader> {
         if reader.size() == 0 {
             return Err(reader.fault("the file is empty"));
         }
@@ -123,7 +123,7 @@ impl Header {
             return Err(reader.fault_in_line("not a PLY file: \"ply\" must stand alone"));
         }
         let mut encoding = None;
-        let mut header = Header {
+        let mut header = PlyHeader {
             encoding: Encoding::Ascii,
             elements: Vec::new(),
             comments: Vec::new(),
@@ -182,7 +182,7 @@ fn parse_format(reader: &Reader, rest: &str) -> Result<Encoding> {
     }
 }
 
-fn parse_element(reader: &Reader, rest: &str, header: &Header) -> Result<Element> {
+fn parse_element(reader: &Reader, rest: &str, header: &PlyHeader) -> Result<PlyElement> {
     let mut words = rest.split_whitespace();
     let (Some(name), Some(count)) = (words.next(), words.next()) else {
         return Err(reader.fault_in_line("an element needs a name and a count"));
@@ -200,7 +200,7 @@ fn parse_element(reader: &Reader, rest: &str, header: &Header) -> Result<Element
             excerpt(name)
         ))
     })?;
-    Ok(Element {
+    Ok(PlyElement {
         name: name.to_owned(),
         count,
         properties: Vec::new(),

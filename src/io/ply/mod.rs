@@ -19,7 +19,7 @@ const ORIGIN: &str = "SplatOrigin:";
 
 /// Splats read, with warnings about repairs and omissions, one sentence each.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Loaded {
+pub struct LoadedSplats {
     /// Splats.
     pub splats: Splats,
     /// Warnings for the user; each names the file.

@@ -2,9 +2,9 @@
 
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
-use super::header::{Element, Encoding, Header};
+use super::header::{Encoding, PlyElement, PlyHeader};
 use super::rows;
-use super::{Loaded, ORIGIN};
+use super::{LoadedSplats, ORIGIN};
 use crate::error::{Error, Result};
 use crate::scene::{Point, ScreenFilter, Splats, sh_coefficient_count};
 use glam::DVec3;
@@ -21,11 +21,11 @@ const REQUIRED: [&str; 14] = [
 /// # Errors
 /// Names the file and the place: not a PLY file, not splats (the missing properties are listed), counts beyond the
 /// file, a row that cannot be parsed, or an unsupported variant.
-pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
+pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let source = source.into();
     let path = source.name();
     let mut reader = Reader::open(source)?;
-    let header = Header::read(&mut reader)?;
+    let header = PlyHeader::read(&mut reader)?;
     if header.element("chunk").is_some() {
         return Err(Error::file(
             path,
@@ -49,7 +49,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Loaded> {
         warn_of_trailing_bytes(path, &mut reader, header.encoding, &mut warnings)?;
     }
     builder.warn(path, count, &mut warnings);
-    Ok(Loaded {
+    Ok(LoadedSplats {
         splats: Splats {
             origin,
             ..builder.splats
@@ -64,7 +64,7 @@ pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
     let source = source.into();
     let path = source.name();
     let mut reader = Reader::open(source)?;
-    let header = Header::read(&mut reader)?;
+    let header = PlyHeader::read(&mut reader)?;
     let Some((index, vertex)) = header.element("vertex") else {
         return Err(Error::file(path, "has no element \"vertex\""));
     };
@@ -94,7 +94,7 @@ pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
     Ok(points)
 }
 
-fn refuse_lists(path: &Path, vertex: &Element) -> Result<()> {
+fn refuse_lists(path: &Path, vertex: &PlyElement) -> Result<()> {
     match vertex.properties.iter().find(|p| p.list.is_some()) {
         Some(list) => Err(Error::file(
             path,
@@ -105,7 +105,7 @@ fn refuse_lists(path: &Path, vertex: &Element) -> Result<()> {
 }
 
 /// Column of each value of a splat, in the order of [`REQUIRED`] and then of `f_rest`; and the SH degree.
-fn splat_columns(path: &Path, vertex: &Element) -> Result<(Vec<usize>, u32)> {
+fn splat_columns(path: &Path, vertex: &PlyElement) -> Result<(Vec<usize>, u32)> {
     let missing: Vec<&str> = REQUIRED
         .into_iter()
         .filter(|name| vertex.find(name).is_none())

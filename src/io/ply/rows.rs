@@ -1,7 +1,7 @@
 //! Rows of a PLY file: values of chosen properties in any encoding.
 
 use super::super::reader::{Reader, excerpt, parse_number};
-use super::header::{Element, Encoding, Header, Property, Scalar};
+use super::header::{Encoding, PlyElement, PlyHeader, Property, Scalar};
 use crate::error::Result;
 
 /// Bytes read at a time.
@@ -11,7 +11,7 @@ const CHUNK_BYTES: usize = 1 << 20;
 const LINE_BYTES_MAX: u64 = 1 << 24;
 
 /// Skips all rows of the elements before position `index`.
-pub(super) fn skip_to(reader: &mut Reader, header: &Header, index: usize) -> Result<()> {
+pub(super) fn skip_to(reader: &mut Reader, header: &PlyHeader, index: usize) -> Result<()> {
     for element in &header.elements[..index] {
         let what = format!("element {}", excerpt(&element.name));
         if header.encoding == Encoding::Ascii {
@@ -34,7 +34,12 @@ pub(super) fn skip_to(reader: &mut Reader, header: &Header, index: usize) -> Res
     Ok(())
 }
 
-fn skip_row(reader: &mut Reader, encoding: Encoding, element: &Element, what: &str) -> Result<()> {
+fn skip_row(
+    reader: &mut Reader,
+    encoding: Encoding,
+    element: &PlyElement,
+    what: &str,
+) -> Result<()> {
     for property in &element.properties {
         let Some(length) = property.list else {
             reader.skip(property.scalar.bytes() as u64, what)?;
@@ -54,7 +59,11 @@ fn skip_row(reader: &mut Reader, encoding: Encoding, element: &Element, what: &s
 }
 
 /// Compares the count of `element`, whose rows come next, with the size of the file.
-pub(super) fn check_count(reader: &Reader, header: &Header, element: &Element) -> Result<usize> {
+pub(super) fn check_count(
+    reader: &Reader,
+    header: &PlyHeader,
+    element: &PlyElement,
+) -> Result<usize> {
     let bytes_each = match header.encoding {
         // A digit and a separator per value.
         Encoding::Ascii => 2 * element.properties.len() as u64 - 1,
@@ -71,7 +80,7 @@ pub(super) fn check_count(reader: &Reader, header: &Header, element: &Element) -
 pub(super) fn read(
     reader: &mut Reader,
     encoding: Encoding,
-    element: &Element,
+    element: &PlyElement,
     columns: &[usize],
     mut each: impl FnMut(&[f64]),
 ) -> Result<()> {

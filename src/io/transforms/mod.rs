@@ -8,7 +8,7 @@ mod pose;
 mod scope;
 
 use super::listing::{
-    Check, Listed, Listing, check_intrinsics, check_position, check_size, inside,
+    Check, ListedView, Listing, check_intrinsics, check_position, check_size, inside,
 };
 use super::reader::Reader;
 use super::source::Source;
@@ -88,7 +88,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<
 }
 
 /// A view, and true if its matrix was scaled.
-fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(Listed, bool)> {
+fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(ListedView, bool)> {
     check_model(scope)?;
     let name = scope.text("file_path")?.ok_or("has no \"file_path\"")?;
     // Windows programs write backslashes.
@@ -128,7 +128,7 @@ fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(Listed, bool)> {
             ));
         }
     }
-    let view = Listed {
+    let view = ListedView {
         name: name.to_owned(),
         photo,
         camera: Camera {

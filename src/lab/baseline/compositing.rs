@@ -8,7 +8,7 @@ use crate::kernels::rasterize::Outputs;
 use crate::kernels::{baseline_16x16, baseline_16x16_backward, rasterize, rasterize_backward};
 use crate::lab::bench::check::Output;
 use crate::lab::bench::kernels::gradient::{SAMPLED, SOURCE_TOLERANCE, SPLAT_TOLERANCE, params};
-use crate::lab::bench::kernels::{Composite, Device, Gradient, Input};
+use crate::lab::bench::kernels::{Composite, CompositeBuffers, Device, Gradient};
 use crate::lab::bench::session::device_times;
 use crate::lab::bench::session::{Bench, Case};
 use crate::lab::bench::trial::{Subject, host_times};
@@ -105,7 +105,10 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     }
     let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
     let squares = Composite::baseline_16x16(COUNT, SIZE, SIGMA_MAX);
-    let (input, square_input) = (Input::new(&gpu, &engine)?, Input::new(&gpu, &squares)?);
+    let (input, square_input) = (
+        CompositeBuffers::new(&gpu, &engine)?,
+        CompositeBuffers::new(&gpu, &squares)?,
+    );
     let host = HostInput::new(&squares);
     let work = engine.work();
     let case = |variant: &str| case("forward", variant).doing(work);
@@ -169,7 +172,10 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     }
     let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
     let squares = Composite::baseline_16x16(COUNT, SIZE, SIGMA_MAX);
-    let (input, square_input) = (Input::new(&gpu, &engine)?, Input::new(&gpu, &squares)?);
+    let (input, square_input) = (
+        CompositeBuffers::new(&gpu, &engine)?,
+        CompositeBuffers::new(&gpu, &squares)?,
+    );
     let (gradient, square_gradient) = (
         Gradient::new(&engine, SAMPLED),
         Gradient::new(&squares, SAMPLED),

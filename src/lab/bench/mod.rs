@@ -22,5 +22,5 @@ pub mod trial;
 
 pub use clock::CpuClock;
 pub use row::{BenchRow, Unit, Work};
-pub use session::{Bench, Case, Options, Times};
+pub use session::{Bench, BenchOptions, Case, Times};
 pub use trial::Subject;

@@ -13,7 +13,7 @@ const COPY_BYTES: usize = 64 << 20;
 
 /// Selection and repetitions of measurements.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Options {
+pub struct BenchOptions {
     /// Only cases with this text in their name, `bench/input/variant`.
     pub filter: Option<String>,
     /// Counted runs.
@@ -22,9 +22,9 @@ pub struct Options {
     pub warm_up: usize,
 }
 
-impl Default for Options {
-    fn default() -> Options {
-        Options {
+impl Default for BenchOptions {
+    fn default() -> BenchOptions {
+        BenchOptions {
             filter: None,
             runs: 21,
             warm_up: 3,
@@ -64,7 +64,7 @@ pub struct Case {
 /// Measurements on a device.
 pub struct Bench {
     name: &'static str,
-    options: Options,
+    options: BenchOptions,
     gpu: Gpu,
     copy_rate: Option<f64>,
     rows: Vec<BenchRow>,
@@ -81,7 +81,7 @@ impl Bench {
     pub fn new(
         name: &'static str,
         gpu: &Gpu,
-        options: Options,
+        options: BenchOptions,
         progress: impl FnMut(&BenchRow) + 'static,
     ) -> Result<Bench> {
         if gpu.caps().timestamp_period_ns <= 0.0 {
@@ -105,7 +105,7 @@ impl Bench {
     }
 
     /// The options.
-    pub fn options(&self) -> &Options {
+    pub fn options(&self) -> &BenchOptions {
         &self.options
     }
 

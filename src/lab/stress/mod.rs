@@ -22,8 +22,8 @@ mod thumbnail;
 
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::reference::sample::{Sampled, sample, spread};
-use crate::render::{Model, RenderOptions, Rendered, Renderer};
+use crate::reference::sample::{PixelBound, sample, spread};
+use crate::render::{Model, RenderOptions, RenderedImage, Renderer};
 use crate::scene::{Camera, Splats};
 use outcome::{CheckGroup, StressCheck, StressReport, Sweep, Thumbnail};
 use std::ops::ControlFlow;
@@ -148,7 +148,7 @@ struct PixelError {
 }
 
 impl StressRun<'_> {
-    fn draw(&mut self, splats: &Splats, camera: &Camera, near: f64) -> Result<Rendered> {
+    fn draw(&mut self, splats: &Splats, camera: &Camera, near: f64) -> Result<RenderedImage> {
         let model = Model::upload(self.gpu, splats)?;
         self.renderer
             .render(&model, camera, &view_options(splats, near))
@@ -160,7 +160,7 @@ impl StressRun<'_> {
         pair: &ScenePair,
         camera: &Camera,
         near: f64,
-    ) -> Result<(Rendered, PixelError)> {
+    ) -> Result<(RenderedImage, PixelError)> {
         let image = self.draw(&pair.drawn, camera, near)?;
         let pixels = spread(camera.width, camera.height, self.plan.pixels);
         let options = reference_options(&pair.exact, f64::from(near as f32));
@@ -181,7 +181,7 @@ impl StressRun<'_> {
 }
 
 /// The pixel closest to its bound; NaN anywhere in the picture is beyond all.
-fn compare(image: &Rendered, sampled: &[Sampled]) -> PixelError {
+fn compare(image: &RenderedImage, sampled: &[PixelBound]) -> PixelError {
     let mut worst = PixelError {
         measured: 0.0,
         bound: f64::MIN_POSITIVE,
@@ -208,13 +208,13 @@ fn compare(image: &Rendered, sampled: &[Sampled]) -> PixelError {
 }
 
 /// A picture for the page.
-fn thumbnail(label: impl Into<String>, image: &Rendered) -> Thumbnail {
+fn thumbnail(label: impl Into<String>, image: &RenderedImage) -> Thumbnail {
     Thumbnail::new(label, [image.width, image.height], &image.rgb)
 }
 
 /// Pixels that differ in any bit, colour or transmittance.
-fn differing(a: &Rendered, b: &Rendered) -> usize {
-    let bits = |r: &Rendered, i: usize| {
+fn differing(a: &RenderedImage, b: &RenderedImage) -> usize {
+    let bits = |r: &RenderedImage, i: usize| {
         let [red, green, blue] = r.rgb[i].map(f32::to_bits);
         [red, green, blue, r.transmittance[i].to_bits()]
     };
@@ -229,8 +229,8 @@ fn differing(a: &Rendered, b: &Rendered) -> usize {
 mod tests {
     use super::*;
 
-    fn image(red: f32) -> Rendered {
-        Rendered {
+    fn image(red: f32) -> RenderedImage {
+        RenderedImage {
             width: 2,
             height: 1,
             rgb: vec![[red, 0.0, 0.0], [0.5; 3]],
@@ -239,8 +239,8 @@ mod tests {
         }
     }
 
-    fn sampled(index: usize, color: [f64; 3], bound: f64) -> Sampled {
-        Sampled {
+    fn sampled(index: usize, color: [f64; 3], bound: f64) -> PixelBound {
+        PixelBound {
             index,
             color,
             transmittance: 0.5,

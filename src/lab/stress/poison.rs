@@ -4,7 +4,7 @@ use super::outcome::{CheckGroup, StressCheck, Sweep};
 use super::step::{StepResult, step};
 use super::{ScenePair, StressRun, differing, thumbnail};
 use crate::Result;
-use crate::render::Rendered;
+use crate::render::RenderedImage;
 use crate::scene::{Camera, Splats};
 use std::ops::Range;
 
@@ -67,7 +67,7 @@ fn poisoned(splats: &Splats, slots: Range<usize>, values: &[f32]) -> Splats {
     more
 }
 
-fn not_finite(image: &Rendered) -> usize {
+fn not_finite(image: &RenderedImage) -> usize {
     let pixels = image.rgb.iter().zip(&image.transmittance);
     pixels
         .filter(|(rgb, passes)| !rgb.iter().chain([*passes]).all(|value| value.is_finite()))

@@ -3,7 +3,7 @@
 use super::material::{Material, Texture};
 use super::mesh::MeshTree;
 use super::model::{icosphere, knot};
-use super::random::Random;
+use super::random::KeyedRandom;
 use super::shape::Shape;
 use super::{Object, Rig, Scene};
 use glam::{DMat3, DVec2, DVec3};
@@ -166,7 +166,7 @@ const SHAPES: usize = 200;
 
 /// Ground that fills the pictures, shapes strewn over it by the golden angle, and two knots above them.
 fn intricate() -> Scene {
-    let random = &mut Random::new(31, 0);
+    let random = &mut KeyedRandom::new(31, 0);
     let ground = Texture::ripples([0.5, 0.48, 0.45], 0.45, 0.13, 29)
         .striped([1.0, 0.6, 0.0], 0.31, [0.12, 0.08, 0.02])
         .striped([-0.5, 1.0, 0.0], 0.37, [0.03, 0.1, 0.12]);

@@ -1,6 +1,6 @@
 //! Cameras around a synthetic scene, and its data set.
 
-use super::random::Random;
+use super::random::KeyedRandom;
 use super::{Scene, save::view_name};
 use crate::scene::{AlphaMode, Camera, Dataset, PhotoSource, Point, View};
 use glam::{DMat3, DVec2, DVec3};
@@ -151,7 +151,7 @@ impl Scene {
         while points.len() < options.points && key < tries {
             let block = key..(key + (options.points - points.len()).max(64) as u64).min(tries);
             key = block.end;
-            let draw = |key| self.point(cameras, options, &mut Random::new(options.seed, key));
+            let draw = |key| self.point(cameras, options, &mut KeyedRandom::new(options.seed, key));
             points.par_extend(block.into_par_iter().filter_map(draw));
         }
         points.truncate(options.points);
@@ -162,7 +162,7 @@ impl Scene {
     /// An outlier point, on no surface.
     fn stray(&self, seed: u64, key: u64) -> Point {
         // A stream apart from that of the points on surfaces.
-        let random = &mut Random::new(!seed, key);
+        let random = &mut KeyedRandom::new(!seed, key);
         // Uniform over the ball.
         let reach = 1.5 * self.rig.distance * random.uniform().cbrt();
         let position = self.rig.target + reach * random.direction();
@@ -176,7 +176,7 @@ impl Scene {
         &self,
         cameras: &[Camera],
         options: &SynthOptions,
-        random: &mut Random,
+        random: &mut KeyedRandom,
     ) -> Option<Point> {
         let first = random.index(cameras.len());
         let camera = &cameras[first];

@@ -3,7 +3,7 @@
 //! Colours are display-referred, as in photographs; light is not linear. Training only needs smooth shading and
 //! view-dependent highlights.
 
-use super::random::Random;
+use super::random::KeyedRandom;
 use glam::DVec3;
 
 /// A colour, 0 to 1, or light that may exceed 1.
@@ -41,7 +41,7 @@ impl Texture {
     /// `contrast` is their largest total deviation in a channel.
     pub fn ripples(base: [f64; 3], contrast: f64, finest: f64, seed: u64) -> Texture {
         const COUNT: usize = 7;
-        let mut random = Random::new(seed, 0);
+        let mut random = KeyedRandom::new(seed, 0);
         let wave = |i: usize| {
             let wavelength = finest * 8.0_f64.powf(i as f64 / (COUNT - 1) as f64);
             let tint = 0.7 * DVec3::ONE + 0.6 * random.direction();

@@ -10,10 +10,10 @@ const LEAF_TRIANGLES: usize = 4;
 
 /// A triangle mesh in a binary tree of boxes; cheap to clone.
 #[derive(Clone, Debug)]
-pub struct MeshTree(Arc<Tree>);
+pub struct MeshTree(Arc<MeshNodes>);
 
 #[derive(Debug)]
-struct Tree {
+struct MeshNodes {
     triangles: Vec<Triangle>,
     nodes: Vec<Node>,
     bounding_radius: f64,
@@ -71,7 +71,7 @@ impl MeshTree {
                 .fold(0.0, f64::max)
         };
         let bounding_radius = triangles.iter().map(radius).fold(0.0, f64::max);
-        MeshTree(Arc::new(Tree {
+        MeshTree(Arc::new(MeshNodes {
             triangles,
             nodes,
             bounding_radius,
@@ -84,7 +84,7 @@ impl MeshTree {
 
     /// The nearest triangle on the ray with a distance in `t_min..t_max`.
     pub(super) fn hit(&self, ray: &Ray, t_min: f64, t_max: f64) -> Option<Hit> {
-        let Tree {
+        let MeshNodes {
             triangles, nodes, ..
         } = &*self.0;
         let inverse = ray.direction.recip();

@@ -3,12 +3,12 @@
 use glam::DVec3;
 
 /// A short stream of numbers, a pure function of `seed` and `key`.
-pub(super) struct Random(u64);
+pub(super) struct KeyedRandom(u64);
 
-impl Random {
+impl KeyedRandom {
     /// The stream of item `key` under `seed`.
-    pub(super) fn new(seed: u64, key: u64) -> Random {
-        let mut random = Random(seed);
+    pub(super) fn new(seed: u64, key: u64) -> KeyedRandom {
+        let mut random = KeyedRandom(seed);
         // One round first, so that neighbouring seeds and keys do not share streams.
         random.0 = random.next() ^ key.wrapping_mul(0xd1b5_4a32_d192_ed03);
         random

@@ -22,7 +22,7 @@ mod picture;
 mod stack;
 
 pub use gradient::{GradientBounds, Rounding, gradient_bounds};
-pub use picture::{Traced, color_errors, trace};
+pub use picture::{TracedPixel, color_errors, trace};
 
 use crate::scene::Splats;
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 /// A pixel of the exact frame, and bounds for approximated ones.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Traced {
+pub struct TracedPixel {
     /// Colour.
     pub color: [f64; 3],
     /// For each of the [`Approximations`], the maximum difference of any channel.
@@ -27,20 +27,20 @@ pub fn trace(
     camera: &Camera,
     options: &Options,
     approximations: &[Approximations],
-) -> Vec<Traced> {
+) -> Vec<TracedPixel> {
     let screen = Screen::new(splats, camera, options);
     let stored = |approximations: &Approximations| {
         let stored = approximations.stored.as_ref()?;
         let view = Viewpoint::new(camera, options, stored.filter);
         Some(project_all(&Splat::<f64>::all(stored), &view))
     };
-    let stored: Vec<Stored> = approximations.iter().map(stored).collect();
+    let stored: Vec<StoredScreen> = approximations.iter().map(stored).collect();
     let rows = (0..screen.height).into_par_iter();
     rows.flat_map_iter(|row| {
         let pixels = screen.row(row);
         let all = || approximations.iter().zip(&stored);
         let traced = pixels.map(|stack| traced(&stack, options.background, all()));
-        traced.collect::<Vec<Traced>>()
+        traced.collect::<Vec<TracedPixel>>()
     })
     .collect()
 }
@@ -67,11 +67,11 @@ pub fn color_errors(splats: &Splats, drawn: impl Fn(usize) -> f64) -> Vec<f64> {
 }
 
 /// Another scene's splats on the screen, in the order of the scene.
-type Stored = Option<Vec<Option<ScreenSplat<f64>>>>;
+type StoredScreen = Option<Vec<Option<ScreenSplat<f64>>>>;
 
 /// Losses of a pixel.
 #[derive(Default)]
-struct Saved {
+struct PixelLoss {
     /// Weight of the splats that are left out.
     weight: f64,
     /// Maximum transmittance at the stop.
@@ -87,8 +87,8 @@ struct Saved {
 fn traced<'a>(
     stack: &Stack,
     background: [f64; 3],
-    approximations: impl Iterator<Item = (&'a Approximations, &'a Stored)>,
-) -> Traced {
+    approximations: impl Iterator<Item = (&'a Approximations, &'a StoredScreen)>,
+) -> TracedPixel {
     let range = stack.range(background, FAINT);
     let faint = stack.faint() * stack.range(background, 0.0);
     // Over splats of uncertain order: sums of α α and of α α T.
@@ -97,7 +97,7 @@ fn traced<'a>(
         pairs += group.pairs;
         order += group.pairs * group.before;
     }
-    let bound = |(approximations, stored): (&Approximations, &Stored)| {
+    let bound = |(approximations, stored): (&Approximations, &StoredScreen)| {
         let saved = saved(stack, approximations, stored);
         let range = range + 2.0 * saved.color_most;
         let weight = saved.weight + saved.moved;
@@ -105,7 +105,7 @@ fn traced<'a>(
         let order = pairs * weight * range;
         faint + saved.color + (weight + saved.behind) * range + order
     };
-    Traced {
+    TracedPixel {
         color: stack.pixel.over_background(background).color,
         bounds: approximations.map(bound).collect(),
         range,
@@ -113,8 +113,8 @@ fn traced<'a>(
     }
 }
 
-fn saved(stack: &Stack, approximations: &Approximations, stored: &Stored) -> Saved {
-    let mut saved = Saved::default();
+fn saved(stack: &Stack, approximations: &Approximations, stored: &StoredScreen) -> PixelLoss {
+    let mut saved = PixelLoss::default();
     // Transmittance with the drawn alphas; `least` is not negative.
     let (mut before, mut least) = (1.0, 1.0_f64);
     for slice in &stack.slices {

@@ -4,7 +4,7 @@ use super::survey::Survey;
 use super::{CountController, Phase};
 use crate::Result;
 use crate::simplify::gain::{differences, estimate, steps_of_ten_percent};
-use crate::simplify::history::{Act, Entry};
+use crate::simplify::history::{Act, HistoryEntry};
 use crate::train::schedule::is_refine;
 use crate::train::{TrainConfig, Trainer};
 
@@ -75,11 +75,11 @@ impl<'a> CountController<'a> {
 
     /// Gain of a tenth more splats over the last `growth_refinements` evaluations and its lower bound, decibels. Only
     /// evaluations since the change to full-size photographs count, so that its gain is not attributed to splats.
-    fn gain(&self, config: &TrainConfig, now: &Entry) -> Option<[f64; 2]> {
+    fn gain(&self, config: &TrainConfig, now: &HistoryEntry) -> Option<[f64; 2]> {
         let auto = &self.history.config;
-        let is_look = |entry: &&Entry| is_refine(config, entry.iteration + 1);
-        let looks: Vec<&Entry> = self.history.entries.iter().filter(is_look).collect();
-        let is_enlarged = |entry: &&Entry| entry.act == Act::Enlarged;
+        let is_look = |entry: &&HistoryEntry| is_refine(config, entry.iteration + 1);
+        let looks: Vec<&HistoryEntry> = self.history.entries.iter().filter(is_look).collect();
+        let is_enlarged = |entry: &&HistoryEntry| entry.act == Act::Enlarged;
         let from = looks.iter().rposition(is_enlarged).unwrap_or(0);
         let before = looks[from..]
             .iter()

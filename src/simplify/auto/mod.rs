@@ -27,7 +27,7 @@ mod survey;
 use super::contribution::ContributionPass;
 use super::gain::differences;
 use super::held_out::{self, split_views};
-use super::history::{Act, Entry, History, Phase};
+use super::history::{Act, History, HistoryEntry, Phase};
 use crate::render::{Evaluator, ViewOptions};
 use crate::scene::{Dataset, Split};
 use crate::stats::mean;
@@ -199,9 +199,9 @@ impl<'a> CountController<'a> {
     }
 
     /// Evaluation of the current scene on the held-out views.
-    fn look(&mut self, trainer: &mut Trainer<'a>) -> Result<Entry> {
+    fn look(&mut self, trainer: &mut Trainer<'a>) -> Result<HistoryEntry> {
         let splats = trainer.splats()?;
-        Ok(Entry {
+        Ok(HistoryEntry {
             iteration: trainer.iteration(),
             act: Act::Looked,
             splats: splats.len(),

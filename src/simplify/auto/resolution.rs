@@ -10,7 +10,7 @@ use crate::Result;
 use crate::simplify::detail::lost_by_halving;
 use crate::simplify::gain::error;
 use crate::simplify::held_out::{self, split_views};
-use crate::simplify::history::{Act, Entry};
+use crate::simplify::history::{Act, HistoryEntry};
 use crate::train::Trainer;
 
 impl<'a> CountController<'a> {
@@ -47,9 +47,9 @@ impl<'a> CountController<'a> {
     }
 
     /// Changes to full-size photographs and records `now`, the scene before it.
-    pub(super) fn enlarge(&mut self, trainer: &mut Trainer<'a>, now: &Entry) -> Result<()> {
+    pub(super) fn enlarge(&mut self, trainer: &mut Trainer<'a>, now: &HistoryEntry) -> Result<()> {
         self.history.is_half = false;
-        self.history.entries.push(Entry {
+        self.history.entries.push(HistoryEntry {
             act: Act::Enlarged,
             ..now.clone()
         });

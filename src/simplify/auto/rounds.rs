@@ -4,7 +4,7 @@ use super::{CountController, Phase};
 use crate::Result;
 use crate::simplify::gain::{differences, estimate, steps_of_ten_percent};
 use crate::simplify::held_out;
-use crate::simplify::history::{Act, Entry, History, Round};
+use crate::simplify::history::{Act, History, HistoryEntry, Round};
 use crate::stats::mean;
 use crate::train::{HostState, TrainConfig, Trainer};
 
@@ -65,7 +65,7 @@ impl<'a> CountController<'a> {
         &mut self,
         trainer: &mut Trainer<'a>,
         round: &Round,
-        entry: Entry,
+        entry: HistoryEntry,
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
@@ -89,7 +89,7 @@ impl<'a> CountController<'a> {
     fn judge_round(
         &mut self,
         trainer: &mut Trainer<'a>,
-        mut entry: Entry,
+        mut entry: HistoryEntry,
         (without, own_lost): ((usize, Vec<f64>), f64),
         less: &HostState,
     ) -> Result<()> {
@@ -103,7 +103,7 @@ impl<'a> CountController<'a> {
         entry.without = Some(without);
         let cost = cost(&self.history, gain.mean, own_lost / gone);
         entry.lost_db = cost * gone;
-        entry.act = Act::Pruned;
+        entry.act = Act::PruneResult;
         self.history.entries.push(entry);
         let tolerance = self.history.config.knee_tolerance;
         let is_beyond = |knee: f64| (left as f64) < (1.0 - tolerance) * knee;
@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn what_is_nearly_perfect_without_splats_need_not_be_seen_with_them() {
-        let stopped = |psnr_db: f64| Entry {
+        let stopped = |psnr_db: f64| HistoryEntry {
             iteration: 0,
             act: Act::Stopped,
             splats: 1_100,
@@ -334,7 +334,7 @@ mod tests {
     #[test]
     fn rounds_aim_at_the_knee_once_it_is_known() {
         let law = |splats: f64| 30.0 - 5.0 * (splats / 1e3).powf(-0.8);
-        let round = |splats: usize, left: usize, act| Entry {
+        let round = |splats: usize, left: usize, act| HistoryEntry {
             iteration: 0,
             act,
             splats,
@@ -344,7 +344,7 @@ mod tests {
             lost_db: law(splats as f64) - law(left as f64),
             is_merged: false,
         };
-        let stopped = |psnr_db: f64| Entry {
+        let stopped = |psnr_db: f64| HistoryEntry {
             psnr_db: vec![psnr_db],
             without: None,
             ..round(40_000, 20_000, Act::Stopped)
@@ -352,7 +352,7 @@ mod tests {
         let mut history = History {
             preference_db: 0.08,
             share: 0.5,
-            entries: vec![stopped(29.0), round(40_000, 20_000, Act::Pruned)],
+            entries: vec![stopped(29.0), round(40_000, 20_000, Act::PruneResult)],
             ..History::default()
         };
         assert_eq!(history.knee(), None, "two counts show no law");

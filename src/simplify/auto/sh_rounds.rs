@@ -13,7 +13,7 @@ use crate::render::{apart, degrees_used};
 use crate::scene::{Splats, sh_coefficient_count};
 use crate::simplify::gain::differences;
 use crate::simplify::held_out;
-use crate::simplify::history::{Act, Entry};
+use crate::simplify::history::{Act, HistoryEntry};
 use crate::simplify::sh_fit::{Fits, count};
 use crate::stats::mean;
 use crate::train::schedule::sh_degree;
@@ -57,7 +57,7 @@ impl<'a> CountController<'a> {
     pub(super) fn end_round_without_sh(
         &mut self,
         trainer: &mut Trainer<'a>,
-        entry: Entry,
+        entry: HistoryEntry,
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
@@ -140,7 +140,7 @@ impl<'a> CountController<'a> {
     pub(super) fn end_lowering_round(
         &mut self,
         trainer: &mut Trainer<'a>,
-        entry: Entry,
+        entry: HistoryEntry,
         without: (usize, Vec<f64>),
     ) -> Result<()> {
         let share = self.history.sh_share;
@@ -161,7 +161,7 @@ impl<'a> CountController<'a> {
     /// round, with `act` if so.
     fn could_go(
         &mut self,
-        mut entry: Entry,
+        mut entry: HistoryEntry,
         without: (usize, Vec<f64>),
         preferences: f64,
         act: Act,

@@ -5,7 +5,7 @@ use crate::metrics::Target;
 use crate::render::Compatibility;
 use crate::scene::{Camera, Dataset, Splats, View};
 use crate::simplify::contribution::{ContributionPass, PassOptions, RemovalError};
-use crate::simplify::sh_fit::Seen;
+use crate::simplify::sh_fit::ViewWeights;
 use crate::train::Trainer;
 use crate::{Result, io};
 
@@ -53,7 +53,7 @@ impl<'a> Survey<'a> {
     }
 
     /// Weight of each splat in each view.
-    pub(super) fn seen(&mut self, views: &[usize]) -> Result<Vec<Seen>> {
+    pub(super) fn seen(&mut self, views: &[usize]) -> Result<Vec<ViewWeights>> {
         let seen = |&view: &usize| {
             let camera = self.dataset.views[view].camera;
             let found = self.weigher.removal_errors(&camera, None)?;
@@ -61,7 +61,7 @@ impl<'a> Survey<'a> {
                 .iter()
                 .map(|removal_error| removal_error.weight)
                 .collect();
-            Ok(Seen { camera, weights })
+            Ok(ViewWeights { camera, weights })
         };
         views.iter().map(seen).collect()
     }

@@ -2,7 +2,7 @@
 
 use super::joint::Joint;
 use super::mass::{MassGaussian, PixelFilter};
-use super::projection::Projected;
+use super::projection::ProjectedGaussian;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
@@ -34,7 +34,7 @@ impl ColorProducts {
 /// Term of the error.
 struct Part {
     sign: f64,
-    shade: Projected,
+    shade: ProjectedGaussian,
     /// Colour as a mixture of the two splats'.
     mixture: [f64; 2],
 }

@@ -22,7 +22,7 @@ const BATCH: usize = 1 << 12;
 
 /// Candidate pair of splats.
 #[derive(Clone, Copy, Debug)]
-struct Pair {
+struct CandidatePair {
     cost: f64,
     /// Indices, the lower first: it will hold the merged splat.
     splats: [u32; 2],
@@ -30,29 +30,29 @@ struct Pair {
     ages: [u32; 2],
 }
 
-impl Ord for Pair {
-    fn cmp(&self, other: &Pair) -> Ordering {
+impl Ord for CandidatePair {
+    fn cmp(&self, other: &CandidatePair) -> Ordering {
         let ties = || (self.splats, self.ages).cmp(&(other.splats, other.ages));
         self.cost.total_cmp(&other.cost).then_with(ties)
     }
 }
 
-impl PartialOrd for Pair {
-    fn partial_cmp(&self, other: &Pair) -> Option<Ordering> {
+impl PartialOrd for CandidatePair {
+    fn partial_cmp(&self, other: &CandidatePair) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Pair {
-    fn eq(&self, other: &Pair) -> bool {
+impl PartialEq for CandidatePair {
+    fn eq(&self, other: &CandidatePair) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for Pair {}
+impl Eq for CandidatePair {}
 
 /// State of a scene during merging.
-pub(super) struct Merging {
+pub(super) struct MergeState {
     splats: Splats,
     pen: PixelFilter,
     /// By splat; `None` if it takes no part.
@@ -63,12 +63,12 @@ pub(super) struct Merging {
     /// By splat: the splat that it was merged into, or itself.
     holders: Vec<u32>,
     partners: Vec<Vec<u32>>,
-    pairs: BinaryHeap<Reverse<Pair>>,
+    pairs: BinaryHeap<Reverse<CandidatePair>>,
 }
 
-impl Merging {
+impl MergeState {
     /// `rates`: pixels per world unit at each splat.
-    pub(super) fn new(splats: &Splats, rates: &[f64]) -> Merging {
+    pub(super) fn new(splats: &Splats, rates: &[f64]) -> MergeState {
         let pen = PixelFilter::of(splats.filter);
         let stride = splats.sh_stride();
         let body = |i: usize| {
@@ -79,7 +79,7 @@ impl Merging {
         };
         let count = splats.len();
         let tone = |i: usize| tone(splats, i, i);
-        Merging {
+        MergeState {
             pen,
             bodies: (0..count).into_par_iter().map(body).collect(),
             tones: (0..count).into_par_iter().map(tone).collect(),
@@ -168,13 +168,13 @@ impl Merging {
     }
 
     /// Pairs of a splat with its partners of higher index.
-    fn later_pairs(&self, i: u32) -> Vec<Pair> {
+    fn later_pairs(&self, i: u32) -> Vec<CandidatePair> {
         let later = self.partners[i as usize].iter().filter(|&&j| j > i);
         later.filter_map(|&j| self.pair(i, j)).collect()
     }
 
     /// Candidate pair with its cost; `None` if the two cannot merge.
-    fn pair(&self, i: u32, j: u32) -> Option<Pair> {
+    fn pair(&self, i: u32, j: u32) -> Option<CandidatePair> {
         let splats = [i.min(j), i.max(j)];
         let [i, j] = splats.map(|i| i as usize);
         let (a, b) = (self.bodies[i].as_ref()?, self.bodies[j].as_ref()?);
@@ -185,7 +185,7 @@ impl Merging {
             across: tone(&self.splats, i, j),
         };
         let cost = cost((a, b), (&merged, &joint), &tones, self.pen);
-        cost.is_finite().then_some(Pair {
+        cost.is_finite().then_some(CandidatePair {
             cost,
             splats,
             ages: [self.ages[i], self.ages[j]],
@@ -220,14 +220,14 @@ impl Merging {
         }
         known.sort_unstable();
         known.dedup();
-        let mut pairs: Vec<Pair> = known
+        let mut pairs: Vec<CandidatePair> = known
             .iter()
             .filter(|&&partner| partner != i as u32)
             .filter_map(|&partner| self.pair(i as u32, partner))
             .collect();
         pairs.sort_unstable();
         pairs.truncate(PARTNERS);
-        let partner = |pair: &Pair| pair.splats[usize::from(pair.splats[0] == i as u32)];
+        let partner = |pair: &CandidatePair| pair.splats[usize::from(pair.splats[0] == i as u32)];
         self.partners[i] = pairs.iter().map(partner).collect();
         self.pairs.extend(pairs.into_iter().map(Reverse));
     }

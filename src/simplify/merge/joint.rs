@@ -1,7 +1,7 @@
 //! Merge of two splats, and their overlap averaged over viewing directions.
 
 use super::axes::{axes, mean_shadow, square};
-use super::mass::{Drawn, MassGaussian, PixelFilter};
+use super::mass::{FilteredGaussian, MassGaussian, PixelFilter};
 use crate::layout::ALPHA_MAX;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
@@ -89,7 +89,7 @@ impl MassGaussian {
             filter_variance,
             opacity: 0.0,
             mass,
-            drawn: Drawn::NOTHING,
+            drawn: FilteredGaussian::NOTHING,
         };
         let (shadow, most) = (body.shadow(pen), f64::from(ALPHA_MAX));
         if mass > most * shadow {
@@ -99,7 +99,7 @@ impl MassGaussian {
         let shadow = body.shadow(pen);
         body.opacity = (mass / shadow).min(most);
         body.mass = body.opacity * shadow;
-        body.drawn = Drawn::of(body.covariance, body.filter_variance);
+        body.drawn = FilteredGaussian::of(body.covariance, body.filter_variance);
         body.drawn.amplitude = body.mass / body.drawn.shadow;
         body.is_sound().then_some((body, joint))
     }

@@ -1,7 +1,7 @@
 //! Splat as a Gaussian with a mass.
 
 use super::axes::{axes, mean_shadow};
-use super::projection::Turned;
+use super::projection::RotatedGaussian;
 use crate::scene::{ScreenFilter, Splats};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -41,12 +41,12 @@ pub(super) struct MassGaussian {
     /// Opacity × mean projected area: the light that it covers, averaged over all directions.
     pub mass: f64,
     /// The Gaussian as drawn, with the screen filter's variance.
-    pub drawn: Drawn,
+    pub drawn: FilteredGaussian,
 }
 
 /// A Gaussian `amplitude · exp(−½ dᵀ covariance⁻¹ d)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Drawn {
+pub(super) struct FilteredGaussian {
     pub(super) amplitude: f64,
     pub covariance: DMat3,
     pub shadow: f64,
@@ -78,10 +78,10 @@ impl MassGaussian {
             filter_variance: pen.dilation / (rate * rate),
             opacity: (1.0 + (-f64::from(splats.opacity_logit[index])).exp()).recip(),
             mass: 0.0,
-            drawn: Drawn::NOTHING,
+            drawn: FilteredGaussian::NOTHING,
         };
         body.mass = body.opacity * body.shadow(pen);
-        body.drawn = Drawn::of(body.covariance, body.filter_variance);
+        body.drawn = FilteredGaussian::of(body.covariance, body.filter_variance);
         body.drawn.amplitude = body.mass / body.drawn.shadow;
         body.is_sound().then_some(body)
     }
@@ -90,7 +90,7 @@ impl MassGaussian {
     pub(super) fn shadow(&self, pen: PixelFilter) -> f64 {
         match pen.keeps_light {
             true => mean_shadow(axes(self.covariance).0.max(DVec3::splat(self.thinnest))),
-            false => Drawn::of(self.covariance, self.filter_variance).shadow,
+            false => FilteredGaussian::of(self.covariance, self.filter_variance).shadow,
         }
     }
 
@@ -107,9 +107,9 @@ impl MassGaussian {
     }
 
     /// The Gaussian as drawn, at `mean`, in other axes.
-    pub(super) fn turned(&self, mean: DVec3, axes: &DMat3) -> Turned {
+    pub(super) fn turned(&self, mean: DVec3, axes: &DMat3) -> RotatedGaussian {
         let turn = axes.transpose();
-        Turned {
+        RotatedGaussian {
             amplitude: self.drawn.amplitude,
             covariance: turn * self.drawn.covariance * *axes,
             mean: turn * mean,
@@ -133,17 +133,17 @@ impl MassGaussian {
     }
 }
 
-impl Drawn {
-    pub(super) const NOTHING: Drawn = Drawn {
+impl FilteredGaussian {
+    pub(super) const NOTHING: FilteredGaussian = FilteredGaussian {
         amplitude: 0.0,
         covariance: DMat3::ZERO,
         shadow: 0.0,
     };
 
-    pub(super) fn of(covariance: DMat3, filter_variance: f64) -> Drawn {
+    pub(super) fn of(covariance: DMat3, filter_variance: f64) -> FilteredGaussian {
         let covariance = covariance + DMat3::from_diagonal(DVec3::splat(filter_variance));
         let variances = axes(covariance).0.max(DVec3::splat(filter_variance));
-        Drawn {
+        FilteredGaussian {
             amplitude: 0.0,
             covariance,
             shadow: mean_shadow(variances),

@@ -29,7 +29,7 @@ pub use difference::{Difference, difference};
 
 use crate::scene::{Camera, Splats};
 use crate::train::smoothing::sampling_rates;
-use greedy::Merging;
+use greedy::MergeState;
 
 /// Margin beyond the image's border, as a share of its size, within which a splat counts as seen; as for the mip
 /// filter.
@@ -37,7 +37,7 @@ const MARGIN: f64 = 0.15;
 
 /// Result of [`merge`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct Merged {
+pub struct MergeResult {
     /// Remaining splats in their order; unmerged ones are bit-identical.
     pub splats: Splats,
     /// Number of splats removed.
@@ -61,12 +61,12 @@ pub fn merge(
     rates: &[f64],
     share: f64,
     each: &mut dyn FnMut(usize) -> bool,
-) -> Option<Merged> {
+) -> Option<MergeResult> {
     assert_eq!(splats.len(), rates.len(), "a rate for every splat");
     let count = (share.clamp(0.0, 1.0) * splats.len() as f64).floor() as usize;
-    let mut merging = Merging::new(splats, rates);
+    let mut merging = MergeState::new(splats, rates);
     let gone = merging.run(count, each)?;
-    Some(Merged {
+    Some(MergeResult {
         splats: merging.splats(),
         gone,
     })

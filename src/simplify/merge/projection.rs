@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 /// A Gaussian in rotated axes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Turned {
+pub(super) struct RotatedGaussian {
     pub amplitude: f64,
     pub covariance: DMat3,
     pub mean: DVec3,
@@ -13,19 +13,19 @@ pub(super) struct Turned {
 
 /// `amplitude · exp(−½ dᵀ covariance⁻¹ d)` over a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Projected {
+pub(super) struct ProjectedGaussian {
     amplitude: f64,
     /// xx, xy, yy.
     covariance: [f64; 3],
     mean: [f64; 2],
 }
 
-impl Turned {
+impl RotatedGaussian {
     /// Projection along an axis.
-    pub(super) fn shade(&self, axis: usize) -> Projected {
+    pub(super) fn shade(&self, axis: usize) -> ProjectedGaussian {
         let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
         let c = &self.covariance;
-        Projected {
+        ProjectedGaussian {
             amplitude: self.amplitude,
             covariance: [c.col(x)[x], c.col(x)[y], c.col(y)[y]],
             mean: [self.mean[x], self.mean[y]],
@@ -33,9 +33,9 @@ impl Turned {
     }
 }
 
-impl Projected {
+impl ProjectedGaussian {
     /// Product of two, again a Gaussian.
-    pub(super) fn times(&self, other: &Projected) -> Projected {
+    pub(super) fn times(&self, other: &ProjectedGaussian) -> ProjectedGaussian {
         let ([a, b, c], [d, e, f]) = (self.covariance, other.covariance);
         let [xx, xy, yy] = [a + d, b + e, c + f];
         let determinant = xx * yy - xy * xy;
@@ -49,7 +49,7 @@ impl Projected {
         // A (A + B)⁻¹ B = (|B| A + |A| B) / |A + B| in a plane.
         let [mine, others] = [self.determinant(), other.determinant()];
         let mix = |a: f64, b: f64| (others * a + mine * b) / determinant;
-        Projected {
+        ProjectedGaussian {
             amplitude: self.amplitude * other.amplitude * (-0.5 * distance).exp(),
             covariance: [mix(a, d), mix(b, e), mix(c, f)],
             mean: [
@@ -85,12 +85,12 @@ mod tests {
 
     #[test]
     fn a_product_is_the_product_at_every_point_and_its_light_the_sum_of_them() {
-        let a = Projected {
+        let a = ProjectedGaussian {
             amplitude: 0.8,
             covariance: [1.0, 0.4, 0.7],
             mean: [0.3, -0.2],
         };
-        let b = Projected {
+        let b = ProjectedGaussian {
             amplitude: 0.5,
             covariance: [0.3, -0.1, 1.5],
             mean: [-0.6, 0.5],

@@ -26,7 +26,7 @@ macro_rules! constants {
 
         impl $group {
             pub(super) fn check(&self) -> $crate::Result<()> {
-                use $crate::train::config::constants::Bounded;
+                use $crate::train::config::constants::RangedField;
                 $(self.$name.check(concat!($prefix, ".", stringify!($name)), $range)?;)*
                 Ok(())
             }
@@ -39,7 +39,7 @@ pub(super) use constants;
 pub(super) const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// Constant with a range.
-pub(super) trait Bounded {
+pub(super) trait RangedField {
     /// Number, or that of each element.
     type Number;
     /// Refuses numbers outside the range; NaN is in no range.
@@ -48,7 +48,7 @@ pub(super) trait Bounded {
 
 macro_rules! bounded {
     ($($number:ident),*) => {
-        $(impl Bounded for $number {
+        $(impl RangedField for $number {
             type Number = $number;
             fn check(&self, name: &str, range: RangeInclusive<$number>) -> Result<()> {
                 check(*self, $number::MAX, name, range)
@@ -58,7 +58,7 @@ macro_rules! bounded {
 }
 bounded!(u32, f32, f64);
 
-impl<T: Bounded, const N: usize> Bounded for [T; N]
+impl<T: RangedField, const N: usize> RangedField for [T; N]
 where
     T::Number: Clone,
 {

@@ -1,6 +1,6 @@
 //! Validation of a configuration; errors name the field, its value and its range.
 
-use super::constants::{Bounded, refused};
+use super::constants::{RangedField, refused};
 use super::{Background, TrainConfig};
 use crate::Result;
 use std::fmt::Debug;

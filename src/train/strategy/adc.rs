@@ -1,7 +1,7 @@
 //! Adaptive density control as in 3DGS: at large screen gradients, small splats are cloned and large ones split in two;
 //! transparent and oversized ones are removed. With known errors, gradients are weighted by each splat's share in them.
 
-use super::{Change, RefineContext, RefineReport, Row, SplatStats, Strategy, gather};
+use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, Strategy, gather};
 use crate::train::config::AdcConfig;
 use crate::train::rng::{self, Stream};
 use crate::train::state::{HostState, logit};
@@ -13,7 +13,7 @@ pub struct Adc;
 
 /// Decision on a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Fate {
+enum AdcDecision {
     Keep,
     Prune,
     Clone,
@@ -34,27 +34,27 @@ impl Strategy for Adc {
             let kept = Row {
                 source: row,
                 mean: state.mean(row as usize),
-                change: Change::Kept,
+                change: RowChange::Kept,
             };
             match fate {
-                Fate::Prune => {}
-                Fate::Keep => rows.push(kept),
-                Fate::Clone => {
+                AdcDecision::Prune => {}
+                AdcDecision::Keep => rows.push(kept),
+                AdcDecision::Clone => {
                     rows.push(kept);
                     rows.push(Row {
-                        change: Change::Copied,
+                        change: RowChange::Copied,
                         ..kept
                     });
                 }
-                Fate::Split => rows.extend(children(state, row, context)),
+                AdcDecision::Split => rows.extend(children(state, row, context)),
             }
         }
         *state = gather(state, &rows);
         let count = |fate| fates.iter().filter(|&&f| f == fate).count();
         RefineReport {
-            cloned: count(Fate::Clone),
-            split: count(Fate::Split),
-            pruned: count(Fate::Prune),
+            cloned: count(AdcDecision::Clone),
+            split: count(AdcDecision::Split),
+            pruned: count(AdcDecision::Prune),
             relocated: 0,
             count: state.len(),
         }
@@ -81,13 +81,16 @@ pub fn reset_opacity(state: &mut HostState, value: f32) {
     }
 }
 
-fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -> Vec<Fate> {
+fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -> Vec<AdcDecision> {
     let adc = &context.config.adc;
-    let mut fates: Vec<Fate> = (0..state.len())
+    let mut fates: Vec<AdcDecision> = (0..state.len())
         .map(|row| prune_or_keep(state, row, stats[row], context))
         .collect();
-    let survivors = fates.iter().filter(|&&fate| fate == Fate::Keep).count();
-    let mut wanted: Vec<(f32, usize, Fate)> = (0..state.len())
+    let survivors = fates
+        .iter()
+        .filter(|&&fate| fate == AdcDecision::Keep)
+        .count();
+    let mut wanted: Vec<(f32, usize, AdcDecision)> = (0..state.len())
         .filter_map(|row| {
             let fate = grow(state, row, stats[row], fates[row], context)?;
             Some((
@@ -101,7 +104,7 @@ fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -
     let mut count = survivors;
     for (_, row, fate) in wanted {
         // A clone adds a row; a split replaces one by two, and the row of a splat to be pruned is free already.
-        let added = 1 + usize::from(fates[row] == Fate::Prune);
+        let added = 1 + usize::from(fates[row] == AdcDecision::Prune);
         if count + added <= context.limit {
             fates[row] = fate;
             count += added;
@@ -117,15 +120,15 @@ fn prune_or_keep(
     row: usize,
     stats: SplatStats,
     context: RefineContext<'_>,
-) -> Fate {
+) -> AdcDecision {
     let adc = &context.config.adc;
     let faint = is_faint(state, row, context);
     let seen_big = adc.prune_radius_px > 0.0 && stats[2] > adc.prune_radius_px;
     let big = is_big(state.max_scale(row), context) || seen_big && prunes_big(context);
     if faint || big || !state.is_finite(row) {
-        Fate::Prune
+        AdcDecision::Prune
     } else {
-        Fate::Keep
+        AdcDecision::Keep
     }
 }
 
@@ -149,9 +152,9 @@ fn grow(
     state: &HostState,
     row: usize,
     stats: SplatStats,
-    fate: Fate,
+    fate: AdcDecision,
     context: RefineContext<'_>,
-) -> Option<Fate> {
+) -> Option<AdcDecision> {
     let adc: &AdcConfig = &context.config.adc;
     if !state.is_finite(row) || is_faint(state, row, context) {
         return None;
@@ -163,9 +166,9 @@ fn grow(
     let scale = state.max_scale(row);
     if scale > f64::from(adc.dense_fraction) * context.extent {
         let child = scale / f64::from(adc.split_factor);
-        (!is_big(child, context)).then_some(Fate::Split)
+        (!is_big(child, context)).then_some(AdcDecision::Split)
     } else {
-        (fate == Fate::Keep).then_some(Fate::Clone)
+        (fate == AdcDecision::Keep).then_some(AdcDecision::Clone)
     }
 }
 
@@ -199,7 +202,7 @@ fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2]
         Row {
             source: row,
             mean: mean.unwrap_or(parent).to_array(),
-            change: Change::Shrunk(less),
+            change: RowChange::Shrunk(less),
         }
     })
 }

@@ -3,7 +3,7 @@
 //! also weighted by each splat's share in them.
 
 use super::relocation::relocated;
-use super::{Change, RefineContext, RefineReport, Row, SplatStats, Strategy, gather};
+use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, Strategy, gather};
 use crate::train::rng::{self, Stream};
 use crate::train::state::{HostState, logit};
 
@@ -93,11 +93,11 @@ fn share(
         let mut shared = Row {
             source: row as u32,
             mean: state.mean(row),
-            change: Change::Kept,
+            change: RowChange::Kept,
         };
         if copies > 1 {
             let (opacity, factor) = relocated(state.opacity(row), copies);
-            shared.change = Change::Shared {
+            shared.change = RowChange::Shared {
                 logit: logit(opacity.max(least)) as f32,
                 log_factor: factor.ln() as f32,
             };

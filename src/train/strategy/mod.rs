@@ -93,11 +93,11 @@ struct Row {
     /// Mean.
     mean: [f32; 3],
     /// Change from the source.
-    change: Change,
+    change: RowChange,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Change {
+enum RowChange {
     /// No change.
     Kept,
     /// A copy: parameters as they are, no moments.
@@ -121,19 +121,19 @@ fn gather(state: &HostState, rows: &[Row]) -> HostState {
     let mut refined = state.select(&sources);
     for (to, &from) in order.iter().enumerate() {
         let row = &rows[from as usize];
-        if row.change == Change::Kept {
+        if row.change == RowChange::Kept {
             continue;
         }
         refined.clear_moments(to);
         let place = &mut refined.params[0][to];
         place[..3].copy_from_slice(&row.mean);
         let add = match row.change {
-            Change::Shrunk(less) => -less,
-            Change::Shared { logit, log_factor } => {
+            RowChange::Shrunk(less) => -less,
+            RowChange::Shared { logit, log_factor } => {
                 place[3] = logit;
                 log_factor
             }
-            Change::Kept | Change::Copied => 0.0,
+            RowChange::Kept | RowChange::Copied => 0.0,
         };
         for log_scale in &mut refined.params[2][to][..3] {
             *log_scale += add;

@@ -9,7 +9,7 @@ use ash::vk;
 use ashfall::gpu::{Gpu, HostCommands, REQUIRED};
 use ashfall::kernels::{BASELINES, KERNELS};
 use ashfall::lab::synth;
-use ashfall::render::{Capacity, Model, RenderOptions, Rendered, Renderer, ViewOptions};
+use ashfall::render::{Capacity, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use ashfall::scene::Camera;
 use ashfall::shader::{BindingKind, Requirement};
 use ashfall::train::{TrainConfig, Trainer};
@@ -40,7 +40,7 @@ fn moved(camera: &Camera, frame: usize) -> Camera {
 }
 
 /// Frames drawn on a device of the engine's own.
-fn expected(scene: &Scene, frames: usize) -> Vec<Rendered> {
+fn expected(scene: &Scene, frames: usize) -> Vec<RenderedImage> {
     let gpu = crate::common::device::gpu();
     let model = Model::upload(&gpu, &scene.splats).unwrap();
     let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
@@ -60,7 +60,7 @@ fn wrap(frame: &Frame<'_>) -> HostCommands {
     unsafe { HostCommands::wrap(frame.commands) }
 }
 
-fn assert_same(pixels: &[[f32; 4]], expected: &Rendered) {
+fn assert_same(pixels: &[[f32; 4]], expected: &RenderedImage) {
     for (i, pixel) in pixels.iter().enumerate() {
         let [r, g, b] = expected.rgb[i];
         assert_eq!(
@@ -72,7 +72,7 @@ fn assert_same(pixels: &[[f32; 4]], expected: &Rendered) {
 }
 
 /// Asserts at most the rounding of a store to 8 bits per channel (nearest of 256 levels).
-fn assert_near(pixels: &[[u8; 4]], expected: &Rendered) {
+fn assert_near(pixels: &[[u8; 4]], expected: &RenderedImage) {
     for (i, pixel) in pixels.iter().enumerate() {
         let [r, g, b] = expected.rgb[i];
         let exact = [r, g, b, 1.0 - expected.transmittance[i]];

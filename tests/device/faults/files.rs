@@ -5,7 +5,7 @@ use ashfall::io::colmap::{self, Files};
 use ashfall::io::{Source, ply};
 use std::path::Path;
 
-fn splats(text: &[u8]) -> ashfall::Result<ply::Loaded> {
+fn splats(text: &[u8]) -> ashfall::Result<ply::LoadedSplats> {
     ply::read(Source::bytes(Path::new("scene.ply"), text))
 }
 

@@ -3,15 +3,15 @@
 use crate::common::check::*;
 use crate::common::device;
 use crate::kernels::ELEMENTWISE;
-use ashfall::lab::bench::kernels::adam::{Planes, adam};
+use ashfall::lab::bench::kernels::adam::{AdamInput, adam};
 
 /// Five planes with vectors beyond the last splat.
-fn planes(count: usize, magnitude: f64) -> Planes {
-    Planes::new(count, count + 3, 5, magnitude)
+fn planes(count: usize, magnitude: f64) -> AdamInput {
+    AdamInput::new(count, count + 3, 5, magnitude)
 }
 
 /// Planes with a number among the gradients of every third vector.
-fn poisoned(number: f32) -> Planes {
+fn poisoned(number: f32) -> AdamInput {
     let mut input = planes(100, 1.0);
     for (i, gradient) in input.vectors[1].iter_mut().enumerate() {
         if i % 3 == 1 && i % 11 != 5 {
@@ -23,8 +23,8 @@ fn poisoned(number: f32) -> Planes {
 
 /// Planes with a bound on the log-ratio of scales. Log-scales lie between -2 and 2: a bound of 1 moves most of them, one
 /// of 3.9 hardly any.
-fn bounded(log_aspect_max: f32) -> Planes {
-    Planes {
+fn bounded(log_aspect_max: f32) -> AdamInput {
+    AdamInput {
         log_aspect_max,
         ..planes(200, 1.0)
     }
@@ -34,7 +34,7 @@ fn bounded(log_aspect_max: f32) -> Planes {
 fn parameters_and_moments_step_together() {
     let gpu = device::gpu();
     let mut check = Check::new("adam");
-    let failed = Planes {
+    let failed = AdamInput {
         failed: true,
         ..planes(100, 1.0)
     };

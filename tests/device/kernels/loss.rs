@@ -5,15 +5,15 @@ use crate::common::device;
 use crate::common::scenes::{self, Random};
 use crate::kernels::{ELEMENTWISE, by_length};
 use ashfall::lab::bench::kernels::Workgroups;
-use ashfall::lab::bench::kernels::loss::{Comparison, LAMBDA, TILE, compare, differentiate, sum};
+use ashfall::lab::bench::kernels::loss::{ImagePair, LAMBDA, TILE, compare, differentiate, sum};
 use ashfall::scene::AlphaMode::{self, Composite, Mask};
 
 /// A photograph, and a render that differs by noise.
-fn noisy(width: usize, height: usize, mode: AlphaMode) -> Comparison {
+fn noisy(width: usize, height: usize, mode: AlphaMode) -> ImagePair {
     let random = &mut Random::new((width * height) as u64);
     let photo = scenes::photo(width as u64, width as u32, height as u32);
     let mut value = |c: u8| f64::from((f64::from(c) / 255.0 + random.between(-0.2, 0.2)) as f32);
-    Comparison {
+    ImagePair {
         width,
         image: photo.iter().map(|rgb| rgb.map(&mut value)).collect(),
         rgba: photo.iter().map(|&[r, g, b]| [r, g, b, 255]).collect(),
@@ -23,7 +23,7 @@ fn noisy(width: usize, height: usize, mode: AlphaMode) -> Comparison {
 }
 
 /// The same with an alpha by position.
-fn alpha(mut of: Comparison, alpha: impl Fn(usize, usize) -> u8) -> Comparison {
+fn alpha(mut of: ImagePair, alpha: impl Fn(usize, usize) -> u8) -> ImagePair {
     for (i, pixel) in of.rgba.iter_mut().enumerate() {
         pixel[3] = alpha(i % of.width, i / of.width);
     }
@@ -31,7 +31,7 @@ fn alpha(mut of: Comparison, alpha: impl Fn(usize, usize) -> u8) -> Comparison {
 }
 
 /// A photograph and a render in shades by column.
-fn paint(width: usize, photo: impl Fn(usize) -> u8, image: impl Fn(usize) -> f64) -> Comparison {
+fn paint(width: usize, photo: impl Fn(usize) -> u8, image: impl Fn(usize) -> f64) -> ImagePair {
     let mut of = noisy(width, 20, Composite);
     for (i, pixel) in of.rgba.iter_mut().enumerate() {
         *pixel = [photo(i % width); 4];
@@ -41,7 +41,7 @@ fn paint(width: usize, photo: impl Fn(usize) -> u8, image: impl Fn(usize) -> f64
     of
 }
 
-fn comparisons() -> Vec<(&'static str, Comparison)> {
+fn comparisons() -> Vec<(&'static str, ImagePair)> {
     let corner = |x: usize, y: usize| match x < 20 && y < 9 {
         true => 0,
         false => (x * 7 % 256) as u8,

@@ -8,7 +8,7 @@ use ashfall::kernels::Kernel;
 use ashfall::kernels::project_backward::{Choice, ProjectBackward};
 use ashfall::lab::bench::kernels::Workgroups;
 use ashfall::lab::bench::kernels::project_backward::{
-    GradientOutputs, Sums, commands, project_backward,
+    GradientOutputs, SplatSums, commands, project_backward,
 };
 use ashfall::layout::COUNT_FAILED;
 use ashfall::scene::ScreenFilter;
@@ -19,7 +19,7 @@ fn mip(mut scene: Scene) -> Scene {
 }
 
 /// Scenes of a degree, with and without 3D filters.
-fn sums(degree: u32) -> Vec<(&'static str, Sums)> {
+fn sums(degree: u32) -> Vec<(&'static str, SplatSums)> {
     let plain = [
         ("nothing to do", scenes::gentle(30, 0, 33, 47, degree)),
         ("one", scenes::gentle(31, 1, 33, 47, degree)),
@@ -35,11 +35,15 @@ fn sums(degree: u32) -> Vec<(&'static str, Sums)> {
             mip(scenes::hard(38, 270, 97, 129, degree)),
         ),
     ];
-    let filtered =
-        |(name, scene): (_, Scene)| (name, Sums::new(&scene, &scenes::filters(&scene.splats, 2)));
+    let filtered = |(name, scene): (_, Scene)| {
+        (
+            name,
+            SplatSums::new(&scene, &scenes::filters(&scene.splats, 2)),
+        )
+    };
     let plain = plain
         .into_iter()
-        .map(|(name, scene)| (name, Sums::new(&scene, &[])));
+        .map(|(name, scene)| (name, SplatSums::new(&scene, &[])));
     plain.chain(smoothed.into_iter().map(filtered)).collect()
 }
 
@@ -56,7 +60,7 @@ fn sums_become_gradients_of_parameters() {
 }
 
 /// Gradients and statistics, of slots in the order of an index where there is one.
-fn run(gpu: &Gpu, sums: &Sums, index: Option<&[u32]>, failed: u32) -> [Vec<[f32; 4]>; 2] {
+fn run(gpu: &Gpu, sums: &SplatSums, index: Option<&[u32]>, failed: u32) -> [Vec<[f32; 4]>; 2] {
     let outputs = GradientOutputs::new(gpu, &sums.scene).unwrap();
     let case = commands(gpu, sums, index, &[(COUNT_FAILED, failed)], &outputs).unwrap();
     let choice = case.tuned(Choice::default());
@@ -78,7 +82,7 @@ fn a_failed_frame_has_no_gradients() {
 #[test]
 fn slots_may_lie_in_any_order() {
     let gpu = device::gpu();
-    let sums = Sums::new(&scenes::hard(33, 270, 97, 129, 3), &[]);
+    let sums = SplatSums::new(&scenes::hard(33, 270, 97, 129, 3), &[]);
     let index = scenes::shuffled(270);
     let [ordered, statistics] = run(&gpu, &sums, None, 0);
     let [moved, moved_statistics] = run(&gpu, &sums, Some(&index), 0);
@@ -91,7 +95,7 @@ fn slots_may_lie_in_any_order() {
 #[test]
 fn a_splat_may_have_more_records_than_a_driver_runs_loops() {
     let gpu = device::gpu();
-    let mut sums = Sums::new(&scenes::gentle(36, 1, 33, 47, 3), &[]);
+    let mut sums = SplatSums::new(&scenes::gentle(36, 1, 33, 47, 3), &[]);
     let records = 80_001;
     sums.tiles = vec![records as u32];
     sums.begins = vec![0];

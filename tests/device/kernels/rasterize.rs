@@ -9,7 +9,7 @@ use ashfall::gpu::{DeviceKind, Gpu};
 use ashfall::kernels::Kernel;
 use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize};
 use ashfall::lab::bench::kernels::composite::rasterize;
-use ashfall::lab::bench::kernels::{Composite, Input};
+use ashfall::lab::bench::kernels::{Composite, CompositeBuffers};
 use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE};
 use ashfall::render::list_limit;
 
@@ -110,7 +110,7 @@ fn choices(gpu: &Gpu) -> Vec<Choice> {
 fn run(
     gpu: &Gpu,
     kernel: &Rasterize,
-    input: &Input,
+    input: &CompositeBuffers,
     pixels: usize,
     bands: &[&[[u32; 2]]],
 ) -> (Vec<u32>, Vec<u32>, Vec<Vec<u32>>) {
@@ -157,7 +157,7 @@ fn bands_change_no_bit() {
         let kernel = Rasterize::compile(&gpu, choice).unwrap();
         for (name, composite) in &composites {
             let (slices, pixels) = (&composite.lists.range_from_tile, composite.pixels.len());
-            let input = Input::new(&gpu, composite).unwrap();
+            let input = CompositeBuffers::new(&gpu, composite).unwrap();
             let (image, depth, ends) = run(&gpu, &kernel, &input, pixels, &[slices]);
             // A short band, one of nothing, and the rest.
             let cut = |&[begin, end]: &[u32; 2]| begin + (end - begin) / 5;
@@ -200,7 +200,7 @@ fn pixels_are_composited() {
 fn a_list_as_long_as_allowed_is_composited_to_its_end() {
     let gpu = device::gpu();
     let composite = Composite::of(longest());
-    let input = Input::new(&gpu, &composite).unwrap();
+    let input = CompositeBuffers::new(&gpu, &composite).unwrap();
     let len = list_limit(DeviceKind::Cpu);
     assert_eq!(composite.lists.range_from_tile, [[0, len]]);
     let pieces: Vec<[[u32; 2]; 1]> = (0..len)

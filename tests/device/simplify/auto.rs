@@ -317,7 +317,7 @@ fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
         let is_beyond = left < entry.splats
             && !is_perfect
             && known.knee().is_some_and(|knee| (left as f64) < 0.95 * knee);
-        let has_gone = matches!(entry.act, Act::Pruned | Act::Dispensable);
+        let has_gone = matches!(entry.act, Act::PruneResult | Act::Dispensable);
         assert_eq!(!has_gone, is_missed || is_beyond, "{entry:?}");
         splats = Some(if has_gone { left } else { entry.splats });
         missed += usize::from(is_missed);

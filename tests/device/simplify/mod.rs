@@ -9,7 +9,7 @@ use ashfall::reference::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use ashfall::render::Compatibility;
 use ashfall::scene::{Camera, SH_C0, Splats};
 use ashfall::simplify::{
-    Change, ContributionPass, PassOptions, Promise, Pruned, kept, measure, prune,
+    ContributionPass, MeasuredChange, PassOptions, Promise, PruneResult, kept, measure, prune,
 };
 
 mod auto;
@@ -112,7 +112,12 @@ fn weigher(gpu: &Gpu, splats: &Splats, pass_options: PassOptions) -> Contributio
     ContributionPass::new(gpu, splats, pass_options).unwrap()
 }
 
-fn pruned(gpu: &Gpu, world: &World, error: f64, compatibility: Compatibility) -> (Pruned, Change) {
+fn pruned(
+    gpu: &Gpu,
+    world: &World,
+    error: f64,
+    compatibility: Compatibility,
+) -> (PruneResult, MeasuredChange) {
     let pass_options = pass_options(&world.scene.options, compatibility);
     let mut before = weigher(gpu, &world.scene.splats, pass_options);
     pruned_by(gpu, &mut before, world, error)
@@ -124,7 +129,7 @@ fn pruned_by(
     before: &mut ContributionPass,
     world: &World,
     error: f64,
-) -> (Pruned, Change) {
+) -> (PruneResult, MeasuredChange) {
     let found = prune(before, &world.cameras, error, &mut || true);
     let found = found.unwrap().unwrap();
     let left = kept(&world.scene.splats, &found.removed);
@@ -207,7 +212,7 @@ impl Seen {
 
 /// M16, by the oracle: removed weights stay within the limit at every pixel, the picture changes by at most their sum
 /// times its range, and almost every remaining splat would exceed the limit somewhere.
-fn check(world: &World, found: &Pruned, error: f64) {
+fn check(world: &World, found: &PruneResult, error: f64) {
     let (name, splats) = (world.name, &world.scene.splats);
     let mut most_with = vec![0.0_f64; splats.len()];
     let (mut pixels, mut excused) = (0, 0);

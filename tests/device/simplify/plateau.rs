@@ -7,7 +7,7 @@ use ashfall::gpu::Gpu;
 use ashfall::lab::synth::Kind;
 use ashfall::scene::Dataset;
 use ashfall::simplify::gain::steps_of_ten_percent;
-use ashfall::simplify::{Act, CountController, Entry, History, Phase, Round, split_views};
+use ashfall::simplify::{Act, CountController, History, HistoryEntry, Phase, Round, split_views};
 use ashfall::train::config::AutoConfig;
 use ashfall::train::{Controller, StrategyKind, Trainer};
 
@@ -52,7 +52,7 @@ fn after_last_round(
         split_views(dataset, &AutoConfig::default()),
     );
     let own = fitted.len().div_ceil(fitted.len().div_ceil(held.len()));
-    let stopped = Entry {
+    let stopped = HistoryEntry {
         iteration: 200,
         act: Act::Stopped,
         splats,

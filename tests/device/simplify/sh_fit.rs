@@ -3,7 +3,7 @@
 use crate::common::scenes::{self, Random};
 use ashfall::reference::sh::unclamped_color;
 use ashfall::scene::{Camera, Splats};
-use ashfall::simplify::{Fits, Seen};
+use ashfall::simplify::{Fits, ViewWeights};
 use glam::DVec3;
 
 /// A splat's colour from a camera.
@@ -23,7 +23,7 @@ fn what_one_view_sees_stays_whatever_goes() {
     let splats = &scene.splats;
     for seed in 0..4 {
         let camera = scenes::camera(&mut Random::new(seed), 40, 30);
-        let seen = Seen {
+        let seen = ViewWeights {
             camera,
             weights: vec![1.0; splats.len()],
         };

@@ -4,7 +4,7 @@ use crate::common::scenes::{self, Random};
 use crate::stability::lab::{BEGUN, Lesson, config, dataset, lab, within};
 use crate::stability::optimiser::{BETAS, RATE, Run};
 use crate::stability::props::{Prop, place, stage};
-use ashfall::reference::adam::{Adam, State};
+use ashfall::reference::adam::{Adam, AdamState};
 use ashfall::train::strategy::{RefineContext, SplatStats, strategy};
 use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
 
@@ -60,7 +60,7 @@ fn exact_course(gradients: &[[f32; 4]]) -> Vec<[f64; 4]> {
         beta2: f64::from(BETAS[1]),
         epsilon: 1e-15,
     };
-    let mut states = [State::default(); 4];
+    let mut states = [AdamState::default(); 4];
     let mut course = Vec::new();
     for (step, gradient) in (1..).zip(gradients) {
         for (state, g) in states.iter_mut().zip(gradient) {

@@ -11,7 +11,7 @@ use ashfall::reference::frame::{self, discontinuity_margins};
 use ashfall::reference::gradient::SplatGradients;
 use ashfall::reference::rasterize_backward::PixelGradient;
 use ashfall::render::{
-    Model, RenderOptions, Rendered, Renderer, ViewOptions, planes_from_splats, view_of,
+    Model, RenderOptions, RenderedImage, Renderer, ViewOptions, planes_from_splats, view_of,
 };
 use ashfall::scene::{AlphaMode, Dataset, Photo, PhotoSource, Point, View};
 use ashfall::train::state::Planes;
@@ -182,12 +182,12 @@ impl Lab {
     }
 
     /// Draws a scene.
-    pub(crate) fn draw(&self, scene: &Scene) -> Rendered {
+    pub(crate) fn draw(&self, scene: &Scene) -> RenderedImage {
         self.draw_with(scene, &view_options(scene))
     }
 
     /// Draws a scene with other options than its own.
-    pub(crate) fn draw_with(&self, scene: &Scene, view: &ViewOptions) -> Rendered {
+    pub(crate) fn draw_with(&self, scene: &Scene, view: &ViewOptions) -> RenderedImage {
         let model = Model::upload(self.gpu(), &scene.splats).unwrap();
         let mut renderer = self.renderer();
         renderer.render(&model, &scene.camera, view).unwrap()
@@ -286,7 +286,7 @@ pub(crate) fn rows(gradient: &SplatGradients) -> Vec<Vec<f64>> {
 }
 
 /// Largest error of a drawn scene's colours and transmittance over the pixels without a discontinuity within `margin`.
-pub(crate) fn apart(scene: &Scene, image: &Rendered, margin: f64) -> f64 {
+pub(crate) fn apart(scene: &Scene, image: &RenderedImage, margin: f64) -> f64 {
     let expected = frame::render(&scene.splats, &scene.camera, &scene.options);
     let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
     let mut worst = 0.0f64;
@@ -304,7 +304,7 @@ pub(crate) fn apart(scene: &Scene, image: &Rendered, margin: f64) -> f64 {
 }
 
 /// Largest difference of two pictures in colours and transmittance.
-pub(crate) fn difference(a: &Rendered, b: &Rendered) -> f64 {
+pub(crate) fn difference(a: &RenderedImage, b: &RenderedImage) -> f64 {
     let colors = a.rgb.as_flattened().iter().zip(b.rgb.as_flattened());
     let all = colors.chain(a.transmittance.iter().zip(&b.transmittance));
     all.map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs())
@@ -312,8 +312,8 @@ pub(crate) fn difference(a: &Rendered, b: &Rendered) -> f64 {
 }
 
 /// Whether two pictures have the same bits.
-pub(crate) fn same(a: &Rendered, b: &Rendered) -> bool {
-    let bits = |r: &Rendered| -> Vec<u32> {
+pub(crate) fn same(a: &RenderedImage, b: &RenderedImage) -> bool {
+    let bits = |r: &RenderedImage| -> Vec<u32> {
         let all = r.rgb.as_flattened().iter().chain(&r.transmittance);
         all.chain(&r.depth).map(|x| x.to_bits()).collect()
     };

@@ -10,7 +10,7 @@ use crate::stability::trained::{cameras, psnr_db, train};
 use ashfall::lab::synth::{self, Kind, SynthOptions};
 use ashfall::reference::frame::discontinuity_margins;
 use ashfall::render::{
-    Accuracy, Model, RenderOptions, Rendered, Renderer, ViewOptions, planes_from_splats,
+    Accuracy, Model, RenderOptions, RenderedImage, Renderer, ViewOptions, planes_from_splats,
 };
 use ashfall::scene::{Camera, Dataset, ScreenFilter, Splats, Split};
 use ashfall::train::smoothing::{refresh, sampling_rates};
@@ -239,7 +239,7 @@ fn f029_no_shimmer_between_pixels() {
 }
 
 /// Largest difference of two pictures of a scene, away from its discontinuities.
-fn apart(scene: &Scene, a: &Rendered, b: &Rendered) -> f64 {
+fn apart(scene: &Scene, a: &RenderedImage, b: &RenderedImage) -> f64 {
     let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
     let pixels = a.rgb.iter().zip(&b.rgb).zip(&margins);
     let away = pixels.filter(|(_, at)| at.nearest() > 1e-4);
@@ -248,7 +248,7 @@ fn apart(scene: &Scene, a: &Rendered, b: &Rendered) -> f64 {
 }
 
 /// Draws with one 3D filter per splat, as in training.
-fn draw_filtered(lab: &Lab, scene: &Scene, filters: &[f32]) -> Rendered {
+fn draw_filtered(lab: &Lab, scene: &Scene, filters: &[f32]) -> RenderedImage {
     let mut planes = planes_from_splats(&scene.splats);
     pack::set_filters(&mut planes, filters);
     let model = Model::upload(lab.gpu(), &scene.splats).unwrap();

@@ -5,10 +5,10 @@ use crate::stability::lab::{image_bound, lab, same, view_options, within};
 use crate::stability::props::{OPAQUE, Prop, place, stage};
 use ashfall::reference::frame::project_all;
 use ashfall::reference::{Splat, Viewpoint, rasterize_inria};
-use ashfall::render::{Accuracy, Compatibility, Model, RenderOptions, Rendered, Renderer};
+use ashfall::render::{Accuracy, Compatibility, Model, RenderOptions, RenderedImage, Renderer};
 
 /// Draws scenes by the rules of the 3DGS code.
-fn draw(renderer: &mut Renderer, scene: &Scene) -> Rendered {
+fn draw(renderer: &mut Renderer, scene: &Scene) -> RenderedImage {
     let model = Model::upload(lab().gpu(), &scene.splats).unwrap();
     renderer
         .render(&model, &scene.camera, &view_options(scene))
@@ -100,7 +100,7 @@ fn the_inria_rules_differ_where_they_should() {
     let mut ball = stage(96, 96);
     place(&mut ball, &Prop::ball([40.3, 40.3], 8.0, OPAQUE));
     let (theirs, ours) = (draw(&mut renderer, &ball), lab().draw(&ball));
-    let drawn = |image: &Rendered| image.transmittance.iter().filter(|&&t| t < 1.0).count();
+    let drawn = |image: &RenderedImage| image.transmittance.iter().filter(|&&t| t < 1.0).count();
     assert!(!same(&theirs, &ours) && drawn(&theirs) <= drawn(&ours));
     // The accuracy setting has no effect on these rules.
     let options = RenderOptions {

@@ -5,7 +5,7 @@ use crate::stability::lab::{U, image_bound, lab, same, within};
 use crate::stability::props::{OPAQUE, Prop, picked, place, stage};
 use ashfall::reference::DiscontinuityMargin;
 use ashfall::reference::frame::discontinuity_margins;
-use ashfall::render::Rendered;
+use ashfall::render::RenderedImage;
 use ashfall::scene::ScreenFilter;
 use glam::{DMat3, DQuat, DVec3, Vec2Swizzles as _};
 
@@ -14,7 +14,7 @@ fn exact_margins(scene: &Scene) -> Vec<DiscontinuityMargin> {
 }
 
 /// Largest difference of two pictures over the pixels farther than `margin` from a discontinuity.
-fn interior(scene: &Scene, a: &Rendered, b: &Rendered, margin: f64) -> f64 {
+fn interior(scene: &Scene, a: &RenderedImage, b: &RenderedImage, margin: f64) -> f64 {
     let mut worst = 0.0f64;
     for (i, at) in exact_margins(scene).iter().enumerate() {
         if at.nearest() > margin {
@@ -163,7 +163,7 @@ fn m04_halves() {
 fn m07_double_size() {
     let lab = lab();
     let side = 64usize;
-    let alpha = |image: &Rendered, i: usize| 1.0 - f64::from(image.transmittance[i]);
+    let alpha = |image: &RenderedImage, i: usize| 1.0 - f64::from(image.transmittance[i]);
     // Standard deviation at the usual size, and the largest error of a pixel: that of sampling a Gaussian at a pixel's
     // centre instead of over its area, measured in double precision for the catalogue.
     for (sigma, bound) in [

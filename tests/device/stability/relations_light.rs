@@ -12,7 +12,7 @@ use ashfall::layout::COUNT_SLOTS;
 use ashfall::reference::frame::{center, discontinuity_margins, project_all, sorted};
 use ashfall::reference::rasterize::{blended, layer};
 use ashfall::reference::{Splat, Thresholds, Viewpoint};
-use ashfall::render::Rendered;
+use ashfall::render::RenderedImage;
 use ashfall::scene::SH_C0;
 
 /// A renderer draws the same picture after drawing others.
@@ -31,7 +31,7 @@ fn m15_views_do_not_mix() {
             ..scene.clone()
         })
     };
-    let once: Vec<Rendered> = cameras.iter().map(seen).collect();
+    let once: Vec<RenderedImage> = cameras.iter().map(seen).collect();
     for (camera, once) in cameras.iter().zip(&once).rev() {
         assert!(same(&seen(camera), once), "another picture the second time");
     }

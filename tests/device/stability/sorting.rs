@@ -8,7 +8,7 @@ use ashfall::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
 use ashfall::kernels::{sort_count, sort_scatter};
 use ashfall::layout::*;
 use ashfall::reference::{Options, frame};
-use ashfall::render::{Rendered, ViewOptions};
+use ashfall::render::{RenderedImage, ViewOptions};
 use ashfall::scene::AlphaMode;
 use std::fs;
 use std::path::Path;
@@ -34,7 +34,7 @@ pub(crate) fn stack(seed: u64, depths: &[f64]) -> Scene {
 }
 
 /// Largest error against the oracle, which sorts by exact depth and ties by index.
-pub(crate) fn order_error(scene: &Scene, image: &Rendered) -> f64 {
+pub(crate) fn order_error(scene: &Scene, image: &RenderedImage) -> f64 {
     let exact = frame::render(&scene.splats, &scene.camera, &scene.options);
     let pairs = image.rgb.iter().zip(&exact.pixels);
     let apart = pairs

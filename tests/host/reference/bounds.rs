@@ -2,7 +2,7 @@
 
 use crate::common::scenes::{self, Scene};
 use crate::reference::metamorphic::draw;
-use ashfall::reference::bound::{Approximations, Traced, color_errors, trace};
+use ashfall::reference::bound::{Approximations, TracedPixel, color_errors, trace};
 use ashfall::reference::frame::center;
 use ashfall::reference::rasterize::{composite, layer};
 use ashfall::reference::{Pixel, Splat, Thresholds, Viewpoint, frame};
@@ -16,12 +16,12 @@ fn cases() -> Vec<Scene> {
     ]
 }
 
-fn full(scene: &Scene, approximations: &[Approximations]) -> Vec<Traced> {
+fn full(scene: &Scene, approximations: &[Approximations]) -> Vec<TracedPixel> {
     trace(&scene.splats, &scene.camera, &scene.options, approximations)
 }
 
 /// Largest error over the channels.
-fn error(pixel: &Pixel<f64>, traced: &Traced) -> f64 {
+fn error(pixel: &Pixel<f64>, traced: &TracedPixel) -> f64 {
     (0..3)
         .map(|c| (pixel.color[c] - traced.color[c]).abs())
         .fold(0.0, f64::max)
@@ -29,7 +29,7 @@ fn error(pixel: &Pixel<f64>, traced: &Traced) -> f64 {
 
 /// Asserts that the bound holds everywhere, and that some error reaches `tightness` of it.
 #[track_caller]
-fn judge(name: &str, pixels: &[Pixel<f64>], traced: &[Traced], tightness: f64) {
+fn judge(name: &str, pixels: &[Pixel<f64>], traced: &[TracedPixel], tightness: f64) {
     let mut closest: f64 = 0.0;
     for (i, (pixel, traced)) in pixels.iter().zip(traced).enumerate() {
         let (error, bound) = (error(pixel, traced), traced.bounds[0]);

@@ -6,7 +6,7 @@ use crate::reference::{assert_close, central_difference};
 use ashfall::reference::expand::expand;
 use ashfall::reference::gradient::{backward, loss_derivatives};
 use ashfall::reference::loss::{self, Target};
-use ashfall::reference::project_backward::{Penalties, penalty_backward};
+use ashfall::reference::project_backward::{PenaltyWeights, penalty_backward};
 use ashfall::reference::rasterize::Layer;
 use ashfall::reference::rasterize_backward::{PixelGradient, isect_backward};
 use ashfall::reference::tiles::Grid;
@@ -262,7 +262,7 @@ fn only_the_visible_have_gradients() {
 #[test]
 fn penalties_pull_on_opacity_and_size() {
     let splat = Splat::<f64>::of(&scenes::gentle(29, 1, 20, 20, 1).splats, 0);
-    let weights = Penalties {
+    let weights = PenaltyWeights {
         opacity: 0.3,
         scale: 0.2,
         size: 0.1,

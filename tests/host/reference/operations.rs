@@ -2,7 +2,7 @@
 
 use crate::common::scenes::{self, Random};
 use crate::reference::assert_close;
-use ashfall::reference::adam::{Adam, State};
+use ashfall::reference::adam::{Adam, AdamState};
 use ashfall::reference::expand::expand;
 use ashfall::reference::frame::project_all;
 use ashfall::reference::linear::rotation;
@@ -19,9 +19,9 @@ use ashfall::reference::{Splat, Thresholds, Viewpoint};
 #[test]
 fn adams_first_step_is_the_learning_rate() {
     for gradient in [1e-12, -3.0, 1e6] {
-        let state = State {
+        let state = AdamState {
             value: 5.0,
-            ..State::default()
+            ..AdamState::default()
         };
         let moved = Adam::default().step(state, gradient, 0.01, 1).value - 5.0;
         assert_close(moved, -0.01 * gradient.signum(), 2e-3, 0.0);
@@ -34,7 +34,7 @@ fn adam_does_not_mind_the_gradients_unit() {
         epsilon: 0.0,
         ..Adam::default()
     };
-    let (mut a, mut b) = (State::default(), State::default());
+    let (mut a, mut b) = (AdamState::default(), AdamState::default());
     let random = &mut Random::new(3);
     for step in 1..200 {
         let gradient = random.normal();

@@ -2,15 +2,15 @@
 
 use crate::common::scenes::{self, Scene};
 use crate::reference::metamorphic::draw;
-use ashfall::reference::sample::{Sampled, sample, spread};
+use ashfall::reference::sample::{PixelBound, sample, spread};
 use glam::DVec2;
 
-fn all(scene: &Scene) -> Vec<Sampled> {
+fn all(scene: &Scene) -> Vec<PixelBound> {
     let pixels: Vec<usize> = (0..(scene.camera.width * scene.camera.height) as usize).collect();
     sample(&scene.splats, &scene.camera, &scene.options, &pixels)
 }
 
-fn error(sampled: &Sampled, color: [f64; 3]) -> f64 {
+fn error(sampled: &PixelBound, color: [f64; 3]) -> f64 {
     let errors = (0..3).map(|c| (sampled.color[c] - color[c]).abs());
     errors.fold(0.0, f64::max)
 }

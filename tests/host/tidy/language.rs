@@ -93,7 +93,7 @@ pub(crate) fn types_have_names_of_their_own(files: &[File]) -> Vec<String> {
     }
     let is_participle = |name: &str| {
         let is_one_word = name.chars().filter(|c| c.is_uppercase()).count() == 1;
-        is_one_word && name.ends_with("ed") || PLAIN_WORDS.contains(&name)
+        is_one_word && name.ends_with("ed") && !name.ends_with("eed") || PLAIN_WORDS.contains(&name)
     };
     let mut faults: Vec<String> = places
         .iter()

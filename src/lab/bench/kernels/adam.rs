@@ -8,7 +8,7 @@ use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::{Unit, Work};
 use crate::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST};
-use crate::reference::adam::{self as reference, State};
+use crate::reference::adam::{self as reference, AdamState};
 use crate::render::plane_count;
 
 /// Vectors that are compared.
@@ -19,7 +19,7 @@ const STEP: i32 = 7;
 const FIRST_SPLAT: u32 = 1000;
 
 /// Parameters, gradients and both moments of some splats, `[plane][splat]`.
-pub struct Planes {
+pub struct AdamInput {
     /// Splats.
     pub count: usize,
     /// Vectors of a plane, of which the last ones belong to no splat.
@@ -36,9 +36,9 @@ pub struct Planes {
     pub vectors: [Vec<[f32; 4]>; 4],
 }
 
-impl Planes {
+impl AdamInput {
     /// Random numbers; now and then there is no gradient at all.
-    pub fn new(count: usize, stride: usize, planes: usize, magnitude: f64) -> Planes {
+    pub fn new(count: usize, stride: usize, planes: usize, magnitude: f64) -> AdamInput {
         let random = &mut Random::new(count as u64);
         let mut four = |low: f64, high: f64| [0; 4].map(|_| random.between(low, high) as f32);
         let square = magnitude * magnitude;
@@ -50,7 +50,7 @@ impl Planes {
             vectors[2].push(four(-magnitude, magnitude));
             vectors[3].push(four(0.01 * square, square));
         }
-        Planes {
+        AdamInput {
             count,
             stride,
             planes,
@@ -102,7 +102,7 @@ impl Planes {
             epsilon: f64::from(p.epsilon),
         };
         let step = |lane: usize| {
-            let state = State {
+            let state = AdamState {
                 value: f64::from(values[i][lane]),
                 first: f64::from(first[i][lane]),
                 second: f64::from(second[i][lane]),
@@ -143,11 +143,11 @@ fn rate(p: &Params, plane: usize, lane: usize) -> f32 {
 
 /// Splats of degree 3.
 pub fn usual<'a>(gpu: &Gpu, count: usize) -> Result<KernelCase<'a, Adam>> {
-    adam(gpu, Planes::new(count, count, plane_count(3), 1.0))
+    adam(gpu, AdamInput::new(count, count, plane_count(3), 1.0))
 }
 
 /// One step.
-pub fn adam<'a>(gpu: &Gpu, input: Planes) -> Result<KernelCase<'a, Adam>> {
+pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
     let vectors = input.planes * input.stride;
     let upload = |i: usize| gpu.buffer_from("before", &input.vectors[i]);
     let [values, gradients, first, second] = [upload(0)?, upload(1)?, upload(2)?, upload(3)?];

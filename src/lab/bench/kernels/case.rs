@@ -12,7 +12,7 @@ use bytemuck::Pod;
 type Tune<'a, C> = Box<dyn Fn(&mut C) + 'a>;
 type Prepare<'a, K> = Box<dyn Fn(&mut Recorder<'_>, &K) + 'a>;
 type Record<'a, K> = Box<dyn Fn(&mut Recorder<'_>, &K, &<K as Kernel>::Choice) + 'a>;
-type Outputs<'a, C> = Box<dyn Fn(&Gpu, &C) -> Result<Vec<Output>> + 'a>;
+type CaseOutputs<'a, C> = Box<dyn Fn(&Gpu, &C) -> Result<Vec<Output>> + 'a>;
 
 /// A kernel on an input.
 pub struct KernelCase<'a, K: Kernel> {
@@ -21,7 +21,7 @@ pub struct KernelCase<'a, K: Kernel> {
     prepare: Vec<Prepare<'a, K>>,
     prepare_timing: Option<Prepare<'a, K>>,
     record: Record<'a, K>,
-    outputs: Vec<Outputs<'a, K::Choice>>,
+    outputs: Vec<CaseOutputs<'a, K::Choice>>,
 }
 
 impl<'a, K: Kernel> KernelCase<'a, K> {

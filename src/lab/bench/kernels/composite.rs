@@ -29,12 +29,12 @@ pub struct Composite {
     /// By tile, nearest first: places in `splats`.
     pub ranks_from_tile: Vec<Vec<usize>>,
     /// By pixel.
-    pub pixels: Vec<Expected>,
+    pub pixels: Vec<ExpectedPixel>,
 }
 
 /// What a pixel should be.
 #[derive(Clone, Copy, Debug)]
-pub struct Expected {
+pub struct ExpectedPixel {
     /// Red, green, blue, transmittance.
     pub planes: [f64; 4],
     /// Expected depth.
@@ -116,7 +116,7 @@ impl Composite {
         self.scene.options.background.map(|c| f64::from(c as f32))
     }
 
-    fn expected_at(&self, pixel: usize) -> Expected {
+    fn expected_at(&self, pixel: usize) -> ExpectedPixel {
         let thresholds = Thresholds::ENGINE;
         let (tile, at) = self.place(pixel);
         let ranks = &self.ranks_from_tile[tile];
@@ -126,7 +126,7 @@ impl Composite {
         let place = taken.last().and_then(|last| ranks.binary_search(last).ok());
         let begin = self.lists.range_from_tile[tile][0];
         let [red, green, blue] = shown.color;
-        Expected {
+        ExpectedPixel {
             planes: [red, green, blue, shown.transmittance],
             depth: shown.depth,
             end: place.map_or(0, |place| begin + place as u32 + 1),
@@ -207,7 +207,7 @@ impl Composite {
 }
 
 /// The lists on the device, and room for the image.
-pub struct Input {
+pub struct CompositeBuffers {
     pub(super) view: Buffer<View>,
     pub(super) range_from_tile: Buffer<[u32; 2]>,
     pub(super) emitted_from_isect: Buffer<u32>,
@@ -221,12 +221,12 @@ pub struct Input {
     pub(super) tiles: usize,
 }
 
-impl Input {
+impl CompositeBuffers {
     /// Uploads what compositing reads.
-    pub fn new(gpu: &Gpu, composite: &Composite) -> Result<Input> {
+    pub fn new(gpu: &Gpu, composite: &Composite) -> Result<CompositeBuffers> {
         let (lists, scene) = (&composite.lists, &composite.scene);
         let pixels = composite.pixels.len();
-        Ok(Input {
+        Ok(CompositeBuffers {
             view: gpu.buffer_from("view", &[view(scene)])?,
             range_from_tile: gpu.buffer_from("range_from_tile", &lists.range_from_tile)?,
             emitted_from_isect: gpu.buffer_from("emitted_from_isect", &lists.emitted_from_isect)?,
@@ -308,7 +308,7 @@ pub fn rasterize<'a>(
     composite: &'a Composite,
     outputs: Outputs,
 ) -> Result<KernelCase<'a, rasterize::Rasterize>> {
-    let input = Rc::new(Input::new(gpu, composite)?);
+    let input = Rc::new(CompositeBuffers::new(gpu, composite)?);
     let found = input.clone();
     let case = KernelCase::new(composite.work(), {
         let input = input.clone();
@@ -356,7 +356,7 @@ pub fn baseline_16x16<'a>(
     gpu: &Gpu,
     composite: &'a Composite,
 ) -> Result<KernelCase<'a, baseline_16x16::Baseline16x16>> {
-    let input = Rc::new(Input::new(gpu, composite)?);
+    let input = Rc::new(CompositeBuffers::new(gpu, composite)?);
     let found = input.clone();
     let case = KernelCase::new(composite.work(), {
         let input = input.clone();

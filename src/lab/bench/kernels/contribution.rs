@@ -1,6 +1,6 @@
 //! Case of `contribution`: what the pixels of a tile would lose with each of its splats.
 
-use super::composite::{Composite, Input};
+use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
@@ -44,7 +44,7 @@ pub fn contribution_into<'a>(
         },
         |&(rank, _)| rank,
     );
-    let input = Input::new(gpu, composite)?;
+    let input = CompositeBuffers::new(gpu, composite)?;
     let spent = gpu.buffer_from("spent_from_pixel", &spent)?;
     let limit = gpu.buffer_from("limit_from_pixel", &limit)?;
     let (records, out) = (records.clone(), records.clone());

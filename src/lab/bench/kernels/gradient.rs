@@ -1,6 +1,6 @@
 //! Cases of compositing's gradient.
 
-use super::composite::{Composite, Input};
+use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
@@ -180,7 +180,10 @@ impl Device {
     }
 
     /// What the engine's kernel binds.
-    pub fn rasterize_backward<'a>(&'a self, input: &'a Input) -> rasterize_backward::Bindings<'a> {
+    pub fn rasterize_backward<'a>(
+        &'a self,
+        input: &'a CompositeBuffers,
+    ) -> rasterize_backward::Bindings<'a> {
         rasterize_backward::Bindings {
             view: &input.view,
             range_from_tile: &input.range_from_tile,
@@ -201,7 +204,7 @@ impl Device {
     /// What the baseline binds.
     pub fn baseline_16x16_backward<'a>(
         &'a self,
-        input: &'a Input,
+        input: &'a CompositeBuffers,
     ) -> baseline_16x16_backward::Bindings<'a> {
         baseline_16x16_backward::Bindings {
             view: &input.view,
@@ -240,7 +243,7 @@ impl Device {
 }
 
 /// A step through the tiles, as the engine has it.
-pub fn params(input: &Input) -> rasterize_backward::Params {
+pub fn params(input: &CompositeBuffers) -> rasterize_backward::Params {
     rasterize_backward::Params {
         tile_stride: tile_stride(input.tiles),
         band: 0,
@@ -248,16 +251,23 @@ pub fn params(input: &Input) -> rasterize_backward::Params {
 }
 
 /// What a case of either kernel holds.
-type Held = Rc<(Input, Gradient, Device)>;
+type GradientCase = Rc<(CompositeBuffers, Gradient, Device)>;
 
-fn held(gpu: &Gpu, composite: &Composite, sampled: u64) -> Result<Held> {
+fn held(gpu: &Gpu, composite: &Composite, sampled: u64) -> Result<GradientCase> {
     let gradient = Gradient::new(composite, sampled);
     let device = Device::new(gpu, composite, &gradient)?;
-    Ok(Rc::new((Input::new(gpu, composite)?, gradient, device)))
+    Ok(Rc::new((
+        CompositeBuffers::new(gpu, composite)?,
+        gradient,
+        device,
+    )))
 }
 
 /// Adds what the cases of both kernels have in common: upstream gradients, of a sample in checked runs.
-fn with_upstream<'a, K: Kernel + 'a>(case: KernelCase<'a, K>, held: &Held) -> KernelCase<'a, K> {
+fn with_upstream<'a, K: Kernel + 'a>(
+    case: KernelCase<'a, K>,
+    held: &GradientCase,
+) -> KernelCase<'a, K> {
     let (checked, timed) = (held.clone(), held.clone());
     case.before(move |rec, _| checked.2.upstream(rec, true))
         .before_timing(move |rec, _| timed.2.upstream(rec, false))

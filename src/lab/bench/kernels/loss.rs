@@ -24,7 +24,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
     let workgroups = Workgroups::any(&[8, 16, 32, 64]);
     for [width, height] in [[480, 272], [1920, 1080]] {
         let name = format!("{width}x{height}");
-        let shaded = std::cell::LazyCell::new(|| Comparison::shaded(width, height));
+        let shaded = std::cell::LazyCell::new(|| ImagePair::shaded(width, height));
         time(bench, workgroups, &name, |gpu| compare(gpu, &shaded, true))?;
         let tiles = width.div_ceil(TILE[0]) * height.div_ceil(TILE[1]);
         time(bench, workgroups, &name, |gpu| sum(gpu, tiles))?;
@@ -36,7 +36,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
 }
 
 /// A render, a photograph and the meaning of its alpha.
-pub struct Comparison {
+pub struct ImagePair {
     /// Pixels of a row.
     pub width: usize,
     /// The render, 0 to 1.
@@ -49,9 +49,9 @@ pub struct Comparison {
     pub background: [f32; 3],
 }
 
-impl Comparison {
+impl ImagePair {
     /// Noise about a gradient; nothing is masked.
-    fn shaded(width: usize, height: usize) -> Comparison {
+    fn shaded(width: usize, height: usize) -> ImagePair {
         let random = &mut Random::new((width * height) as u64);
         let (mut rgba, mut image) = (Vec::new(), Vec::new());
         for i in 0..width * height {
@@ -63,7 +63,7 @@ impl Comparison {
                 |c: u8| f64::from((f64::from(c) / 255.0 + random.between(-0.1, 0.1)) as f32);
             image.push([r, g, b].map(noisy));
         }
-        Comparison {
+        ImagePair {
             width,
             image,
             rgba,
@@ -82,9 +82,9 @@ impl Comparison {
     }
 
     /// Photograph and weight of each pixel.
-    fn target(&self) -> Target<'_> {
+    fn target(&self) -> WindowTarget<'_> {
         let (photo, mask) = values(&self.rgba, self.mode, self.background.map(f64::from));
-        Target {
+        WindowTarget {
             of: self,
             photo,
             mask,
@@ -117,13 +117,13 @@ impl Comparison {
 }
 
 /// The photograph as the loss compares it, by plain double sums under the windows.
-struct Target<'a> {
-    of: &'a Comparison,
+struct WindowTarget<'a> {
+    of: &'a ImagePair,
     photo: Vec<[f64; 3]>,
     mask: Option<Vec<f64>>,
 }
 
-impl Target<'_> {
+impl WindowTarget<'_> {
     fn pixels(&self) -> usize {
         self.photo.len()
     }
@@ -210,7 +210,7 @@ impl Target<'_> {
 /// Sums by tile, and with `with_ssim` SSIM's slopes.
 pub fn compare<'a>(
     gpu: &Gpu,
-    of: &'a Comparison,
+    of: &'a ImagePair,
     with_ssim: bool,
 ) -> Result<KernelCase<'a, loss::Loss>> {
     let (pixels, tiles) = (of.image.len(), of.tiles());
@@ -294,7 +294,7 @@ pub fn sum<'a>(gpu: &Gpu, tiles: usize) -> Result<KernelCase<'a, loss_sum::LossS
 /// The gradient from slopes that are given, so that only this kernel is judged.
 pub fn differentiate<'a>(
     gpu: &Gpu,
-    of: &'a Comparison,
+    of: &'a ImagePair,
     lambda: f64,
 ) -> Result<KernelCase<'a, loss_backward::LossBackward>> {
     let (pixels, target) = (of.image.len(), of.target());
@@ -362,7 +362,7 @@ mod tests {
     /// The windows here and those of the reference's loss are the same.
     #[test]
     fn tiles_add_up_to_the_reference() {
-        let of = Comparison::shaded(37, 29);
+        let of = ImagePair::shaded(37, 29);
         let target = of.target();
         let whole = loss::sums(&of.image, &loss::Target::new(37, &target.photo));
         let tiles = (0..of.tiles()).map(|tile| target.tile(tile));

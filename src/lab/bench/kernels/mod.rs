@@ -36,7 +36,7 @@ use crate::gpu::{Buffer, Caps, DeviceKind, Gpu};
 use crate::kernels::Kernel;
 use crate::layout::COUNT_SLOTS;
 use bytemuck::Pod;
-pub use composite::{Composite, Input};
+pub use composite::{Composite, CompositeBuffers};
 pub use gradient::{Device, Gradient};
 pub use sort::Sorting;
 use std::fmt::Display;

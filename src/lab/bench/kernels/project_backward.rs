@@ -12,7 +12,7 @@ use crate::lab::bench::input::scene::Scene;
 use crate::lab::bench::{Unit, Work};
 use crate::reference::primitive::extent;
 use crate::reference::project::margins;
-use crate::reference::project_backward::{Penalties, penalty_backward};
+use crate::reference::project_backward::{PenaltyWeights, penalty_backward};
 use crate::reference::smoothing::{smoothed, smoothed_backward};
 use crate::reference::{ScreenSplat, Splat, Thresholds, project};
 use crate::render::{plane_count, planes_from_splats};
@@ -26,7 +26,7 @@ const PENALTIES: [f32; 3] = [0.125, 0.5, 0.75];
 const STATISTICS: [f32; 4] = [0.5, 3.0, 2.0, 7.0];
 
 /// Splats with records of one to four tiles each.
-pub struct Sums {
+pub struct SplatSums {
     /// The scene.
     pub scene: Scene,
     /// Its splats' 3D filters.
@@ -46,9 +46,9 @@ pub struct Sums {
     pub rest: Vec<f32>,
 }
 
-impl Sums {
+impl SplatSums {
     /// Random sums; without `filters` there are none.
-    pub fn new(scene: &Scene, filters: &[f32]) -> Sums {
+    pub fn new(scene: &Scene, filters: &[f32]) -> SplatSums {
         let (at, count) = (viewpoint(scene), scene.splats.len());
         let mut filters = filters.to_vec();
         filters.resize(count, 0.0);
@@ -60,7 +60,7 @@ impl Sums {
             screen.filter(|s| sound && s.opacity >= Thresholds::ENGINE.alpha_min)
         };
         let random = &mut Random::new(count as u64);
-        let mut sums = Sums {
+        let mut sums = SplatSums {
             scene: scene.clone(),
             screen: (0..count).into_par_iter().map(drawn).collect(),
             filters,
@@ -102,7 +102,7 @@ impl Sums {
         let [opacity, scale, size] = PENALTIES.map(f64::from);
         let mut row = penalty_backward(
             &splat,
-            Penalties {
+            PenaltyWeights {
                 opacity,
                 scale,
                 size,
@@ -162,11 +162,11 @@ impl GradientOutputs {
 
 /// Scattered splats without filters.
 pub fn scattered<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, ProjectBackward>> {
-    project_backward(gpu, Sums::new(scene, &[]))
+    project_backward(gpu, SplatSums::new(scene, &[]))
 }
 
 /// Gradients and statistics of these sums.
-pub fn project_backward<'a>(gpu: &Gpu, sums: Sums) -> Result<KernelCase<'a, ProjectBackward>> {
+pub fn project_backward<'a>(gpu: &Gpu, sums: SplatSums) -> Result<KernelCase<'a, ProjectBackward>> {
     let outputs = GradientOutputs::new(gpu, &sums.scene)?;
     let case = commands(gpu, &sums, None, &[], &outputs)?;
     Ok(case.judge(move |gpu, _| {
@@ -178,7 +178,7 @@ pub fn project_backward<'a>(gpu: &Gpu, sums: Sums) -> Result<KernelCase<'a, Proj
 /// Commands for parameters in the order of an index where there is one, with some `counts` set.
 pub fn commands<'a>(
     gpu: &Gpu,
-    sums: &Sums,
+    sums: &SplatSums,
     index: Option<&[u32]>,
     slots: &[(u32, u32)],
     outputs: &GradientOutputs,
@@ -248,7 +248,7 @@ pub fn commands<'a>(
 
 /// Gradients and statistics beside the reference's: each splat's mean, opacity, quaternion, scales and harmonics in
 /// units of their own length, since splats differ by many magnitudes.
-fn compare(sums: &Sums, gradients: &[[f32; 4]], statistics: &[[f32; 4]]) -> Vec<Output> {
+fn compare(sums: &SplatSums, gradients: &[[f32; 4]], statistics: &[[f32; 4]]) -> Vec<Output> {
     let count = sums.tiles.len();
     let planes = plane_count(sums.scene.splats.sh_degree);
     let groups: [(&str, std::ops::Range<usize>); 5] = [

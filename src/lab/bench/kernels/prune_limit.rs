@@ -1,6 +1,6 @@
 //! Case of `prune_limit`: how far down a ranking of splats each pixel can do without them.
 
-use super::composite::{Composite, Input};
+use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
@@ -46,7 +46,7 @@ pub fn prune_limit<'a>(
         reference(&weights.iter().map(ranked).collect::<Vec<_>>(), wide)
     };
     let expected: Vec<PruneLimits> = (0..pixels).into_par_iter().map(limits).collect();
-    let input = Input::new(gpu, composite)?;
+    let input = CompositeBuffers::new(gpu, composite)?;
     let ranks = gpu.buffer_from("rank_from_splat", &ranks)?;
     let limit = gpu.buffer::<f32>("limit_from_pixel", pixels)?;
     let spent = gpu.buffer::<f32>("spent_from_pixel", pixels)?;

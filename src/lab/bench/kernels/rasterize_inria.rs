@@ -1,6 +1,6 @@
 //! Case of `rasterize_inria`: compositing by the rules of the 3DGS code, over the engine's own lists.
 
-use super::composite::{Composite, Input};
+use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
@@ -40,7 +40,7 @@ pub fn rasterize_inria<'a>(
         .collect();
     let near = near.repeat(4);
     let pairs = pixels.iter().map(|&(_, blended, _)| blended).sum();
-    let input = Input::new(gpu, composite)?;
+    let input = CompositeBuffers::new(gpu, composite)?;
     let image = input.image.clone();
     let case = KernelCase::new(Work::of(pairs, Unit::Pairs), {
         move |rec, kernel: &RasterizeInria, _| {

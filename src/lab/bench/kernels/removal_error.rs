@@ -1,6 +1,6 @@
 //! Case of `removal_error`: the change of a tile's pixels without each of its splats.
 
-use super::composite::{Composite, Input};
+use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
@@ -36,7 +36,7 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
         |touch| touch.splat,
     );
     let planes: Vec<f32> = composite.planes().iter().map(|&c| c as f32).collect();
-    let input = Input::new(gpu, composite)?;
+    let input = CompositeBuffers::new(gpu, composite)?;
     let image = gpu.buffer_from("image", &planes)?;
     let errors = gpu.buffer_from("error_from_pixel", &errors)?;
     let records = gpu.buffer::<[f32; 3]>("influence_from_source", expected.len())?;

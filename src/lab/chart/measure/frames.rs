@@ -7,7 +7,7 @@ use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::lab::bench::CpuClock;
 use crate::lab::chart::{FrameErrors, FramePoint};
-use crate::reference::bound::{Traced, trace};
+use crate::reference::bound::{TracedPixel, trace};
 use crate::reference::{self, ray};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
 use crate::scene::Camera;
@@ -107,7 +107,7 @@ impl FrameInputs<'_> {
     }
 
     /// Differences between linear projection and rays, by channel of some pixels.
-    fn by_rays(&self, camera: &Camera, traced: &[Traced], most: usize) -> Vec<[f64; 3]> {
+    fn by_rays(&self, camera: &Camera, traced: &[TracedPixel], most: usize) -> Vec<[f64; 3]> {
         // An odd stride over the image's pixels samples all columns.
         let every = traced.len().div_ceil(most.max(1)) | 1;
         let pixels: Vec<usize> = (0..traced.len()).step_by(every).collect();
@@ -145,7 +145,7 @@ struct FrameComparison {
 /// rounding.
 fn compare_frame(
     drawn: &[[f32; 3]],
-    traced: &[Traced],
+    traced: &[TracedPixel],
     index: usize,
     share: f64,
 ) -> FrameComparison {
@@ -272,8 +272,8 @@ fn percentiles(sorted: &[f64]) -> FrameErrors {
 mod tests {
     use super::*;
 
-    fn exact(bound: f64) -> Traced {
-        Traced {
+    fn exact(bound: f64) -> TracedPixel {
+        TracedPixel {
             color: [0.5, 0.25, 0.0],
             bounds: vec![1.0, bound],
             range: 1.0,

@@ -14,7 +14,7 @@ use crate::io::photo;
 use crate::lab::bench::CpuClock;
 use crate::lab::chart::{GradientErrors, GradientPoint};
 use crate::reference::bound::{
-    Approximations, GradientBounds, Rounding, Traced, gradient_bounds, trace,
+    Approximations, GradientBounds, Rounding, TracedPixel, gradient_bounds, trace,
 };
 use crate::reference::gradient::{SplatGradients, backward};
 use crate::reference::rasterize_backward::PixelGradient;
@@ -180,9 +180,9 @@ impl GradientInputs<'_> {
 }
 
 /// A white photograph, with a mask of the pixels that stay below white in all settings.
-fn white(camera: &Camera, traced: &[Traced]) -> Photo {
+fn white(camera: &Camera, traced: &[TracedPixel]) -> Photo {
     let share = rounding(camera);
-    let pixel = |traced: &Traced| {
+    let pixel = |traced: &TracedPixel| {
         let most = traced.color.iter().copied().fold(0.0, f64::max);
         let off = traced.bounds.iter().copied().fold(0.0, f64::max);
         let is_below = most + off + share * traced.range + traced.order < 1.0;
