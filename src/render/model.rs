@@ -1,6 +1,7 @@
 //! Splats on the device, as planes of vec4.
 
 use super::blocks::{Block, Blocks};
+use super::memory::{Need, buffers};
 use super::precision::Precision;
 use super::slots::{ByDegree, Slots};
 use crate::Result;
@@ -37,6 +38,14 @@ pub struct Model {
     /// Splats that held a number that is not finite when they were copied here: they are not drawn, and nobody
     /// else notices them.
     pub not_finite: Option<NotFinite>,
+}
+
+buffers! {
+    /// Buffers of [`Model::params`] and [`Model::splat_from_slot`].
+    struct Planes(blocks: Blocks) {
+        params: Vec<Buffer<[f32; 4]>>, Parameters, blocks.sizes();
+        splat_from_slot: Vec<Buffer<u32>>, Parameters, blocks.index_sizes();
+    }
 }
 
 impl Model {
@@ -83,16 +92,38 @@ impl Model {
     fn reserve(gpu: &Gpu, splats: &Splats, slots: &Slots, precision: Precision) -> Result<Model> {
         let blocks = Blocks::of_degrees(gpu.caps(), slots.counts, precision);
         Ok(Model {
-            params: blocks.buffers(gpu, "params")?,
-            splat_from_slot: index_of(gpu, &blocks, slots)?,
-            blocks,
             splat_count: splats.len(),
             counts: slots.counts,
-            sh_degree: slots.sh_degree(),
             precision,
-            mode: splats.mode,
             not_finite: splats.not_finite(),
+            ..Model::empty(gpu, blocks, slots.sh_degree(), splats.mode)?
         })
+    }
+
+    /// Buffers without a splat in them.
+    pub(crate) fn empty(
+        gpu: &Gpu,
+        blocks: Blocks,
+        sh_degree: u32,
+        mode: RenderMode,
+    ) -> Result<Model> {
+        let planes = Planes::new(gpu, blocks)?;
+        Ok(Model {
+            params: planes.params,
+            splat_from_slot: planes.splat_from_slot,
+            blocks,
+            splat_count: 0,
+            counts: ByDegree::default(),
+            sh_degree,
+            precision: Precision::Full,
+            mode,
+            not_finite: None,
+        })
+    }
+
+    /// Bytes of the buffers.
+    pub fn needs(blocks: Blocks) -> Vec<Need> {
+        Planes::needs(blocks)
     }
 
     /// Whether slots are in an order of their own.
@@ -123,16 +154,6 @@ pub(crate) struct Places {
     pub(crate) splats: Range<usize>,
     /// Whose slots they are, among those, where the model has an index; else they are in order.
     pub(crate) splat_from_slot: Buffer<u32>,
-}
-
-/// Buffers for an index by blocks; none where slots are splats.
-pub(crate) fn index_of(gpu: &Gpu, blocks: &Blocks, slots: &Slots) -> Result<Vec<Buffer<u32>>> {
-    let strides = blocks.of(blocks.room).map(|block| block.stride);
-    let buffers = strides.map(|stride| gpu.buffer("splat_from_slot", stride));
-    match slots.splat_from_slot {
-        Some(_) => buffers.collect(),
-        None => Ok(Vec::new()),
-    }
 }
 
 /// The planes of a scene, one after the other, each `splats.len()` long.

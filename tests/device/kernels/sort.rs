@@ -6,7 +6,7 @@ use crate::common::scenes::Random;
 use crate::kernels::supported;
 use ashfall::gpu::{Gpu, Groups};
 use ashfall::kernels::scan::Scan;
-use ashfall::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
+use ashfall::kernels::sort::{Io, Layout, Sort};
 use ashfall::kernels::{sort_count, sort_scatter};
 use ashfall::layout::*;
 use ashfall::reference::{scan, sort};
@@ -206,30 +206,23 @@ fn sort_on(gpu: &Gpu, whole: &Sort, layout: Layout, keys: &[u32]) -> [Vec<u32>; 
             groups(scanned, Scan::WORKGROUP),
         ],
     );
-    let pairs = Pairs {
-        keys: [buffer(gpu, keys), unwritten(gpu, len)],
-        values: [buffer(gpu, &values), unwritten(gpu, len)],
-    };
-    let tables = Tables {
-        counted: unwritten(gpu, entries),
-        places: unwritten(gpu, entries),
-        sums: unwritten(gpu, scanned),
-    };
+    let keys = [buffer(gpu, keys), unwritten(gpu, len)];
+    let values = [buffer(gpu, &values), unwritten(gpu, len)];
     let scan = Scan::new(gpu).unwrap();
     let counts = counts(gpu, &slots);
     let io = Io {
         counts: &counts,
         args: &args,
-        pairs: &pairs,
-        tables: &tables,
+        keys: &keys,
+        values: &values,
+        table: &unwritten(gpu, entries),
+        places: &unwritten(gpu, entries),
+        sums: &unwritten(gpu, scanned),
     };
     let mut sorted = 0;
     gpu.run(|rec| sorted = whole.record(rec, &scan, io, layout))
         .unwrap();
-    [
-        read(gpu, &pairs.keys[sorted]),
-        read(gpu, &pairs.values[sorted]),
-    ]
+    [&keys[sorted], &values[sorted]].map(|buffer| read(gpu, buffer))
 }
 
 /// Sorts a permutation of `0..n`: what comes out is `0..n`, and every value still goes with its key.

@@ -4,7 +4,7 @@ use super::{counts, groups, read, wanted};
 use crate::Result;
 use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
 use crate::kernels::scan::Scan;
-use crate::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
+use crate::kernels::sort::{Io, Layout, Sort};
 use crate::kernels::{sort_count, sort_scatter};
 use crate::lab::bench::check::{Output, words};
 use crate::lab::bench::input::random::Random;
@@ -64,8 +64,11 @@ pub struct Sorting {
     pub keys: Vec<u32>,
     keys_before: Buffer<u32>,
     values_before: Buffer<u32>,
-    pairs: Pairs,
-    tables: Tables,
+    key_buffers: [Buffer<u32>; 2],
+    value_buffers: [Buffer<u32>; 2],
+    table: Buffer<u32>,
+    places: Buffer<u32>,
+    sums: Buffer<u32>,
     counts: Buffer<u32>,
     args: Buffer<DispatchArgs>,
     scan: Scan,
@@ -98,15 +101,11 @@ impl Sorting {
             keys_before: gpu.buffer_from("keys", &keys)?,
             values_before: gpu.buffer_from("values", &values)?,
             keys,
-            pairs: Pairs {
-                keys: pair("keys")?,
-                values: pair("values")?,
-            },
-            tables: Tables {
-                counted: gpu.buffer("table", entries)?,
-                places: gpu.buffer("places", entries)?,
-                sums: gpu.buffer("sums", scanned)?,
-            },
+            key_buffers: pair("keys")?,
+            value_buffers: pair("values")?,
+            table: gpu.buffer("table", entries)?,
+            places: gpu.buffer("places", entries)?,
+            sums: gpu.buffer("sums", scanned)?,
             counts: counts(gpu, &slots)?,
             args: gpu.buffer_from("args", &args)?,
             scan: Scan::new(gpu)?,
@@ -117,8 +116,8 @@ impl Sorting {
     /// Puts the unsorted pairs back.
     pub fn prepare(&self, rec: &mut Recorder<'_>) {
         let all = 0..self.keys.len();
-        rec.copy(&self.keys_before, all.clone(), &self.pairs.keys[0], 0);
-        rec.copy(&self.values_before, all, &self.pairs.values[0], 0);
+        rec.copy(&self.keys_before, all.clone(), &self.key_buffers[0], 0);
+        rec.copy(&self.values_before, all, &self.value_buffers[0], 0);
     }
 
     /// Sorts them.
@@ -126,8 +125,11 @@ impl Sorting {
         let io = Io {
             counts: &self.counts,
             args: &self.args,
-            pairs: &self.pairs,
-            tables: &self.tables,
+            keys: &self.key_buffers,
+            values: &self.value_buffers,
+            table: &self.table,
+            places: &self.places,
+            sums: &self.sums,
         };
         self.sort.record(rec, &self.scan, io, LAYOUT);
     }
@@ -143,8 +145,8 @@ impl Sorting {
         let values: Vec<u32> = (0..self.keys.len() as u32).collect();
         let (sorted, moved) = reference::sort::sort(&self.keys, &values, u32::MAX);
         let at = (LAYOUT.passes % 2) as usize;
-        let keys = words(&read(&self.gpu, &self.pairs.keys[at])?);
-        let found = words(&read(&self.gpu, &self.pairs.values[at])?);
+        let keys = words(&read(&self.gpu, &self.key_buffers[at])?);
+        let found = words(&read(&self.gpu, &self.value_buffers[at])?);
         Ok(vec![
             Output::exact("keys", keys, words(&sorted)),
             Output::exact("values", found, words(&moved)),
