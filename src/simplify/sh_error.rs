@@ -1,13 +1,10 @@
 //! SH degree reduction of each splat within a proven colour error.
 //!
 //! A colour is a sum over degrees l of c_l · Y_l(direction), with c_l the 2l + 1 coefficients of a channel. By
-//! Cauchy–Schwarz and the addition theorem, Σ_m Y_lm² = (2l + 1) / 4π in every direction, |c_l · Y_l| ≤ ‖c_l‖ √((2l +
-//! 1) / 4π). So dropping the degrees above d moves a colour by at most the sum of that over those degrees, in any
-//! direction, and pixels, being mixtures of colours, by at most the largest error of their splats. The later clamp of
-//! colours at 0 does not increase differences.
-//! |c_l · Y_l| ≤ ‖c_l‖ √((2l + 1) / 4π). So colours without the degrees above d are off by no more than the sum of that
-//! over those degrees, seen from anywhere, and pixels, being mixtures of colours, by no more than the largest of their
-//! splats' errors. Colours are cut at 0 afterwards, which brings them no farther apart.
+//! Cauchy–Schwarz and the addition theorem, Σ_m Y_lm² = (2l + 1) / 4π in every direction,
+//! |c_l · Y_l| ≤ ‖c_l‖ √((2l + 1) / 4π). So dropping the degrees above d moves a colour by at most the sum of that over
+//! those degrees, in any direction, and pixels, being mixtures of colours, by at most the largest error of their
+//! splats. The later clamp of colours at 0 does not increase differences.
 
 use crate::scene::{Splats, sh_coefficient_count};
 
