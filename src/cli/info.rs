@@ -8,6 +8,7 @@ use super::eval::read_scene;
 use super::output::{Output, bytes, grouped};
 use super::predict::PredictArgs;
 use crate::Result;
+use crate::io::splats::readable;
 use crate::render::{Blocks, Slots};
 use crate::scene::{Dataset, Splats, Split};
 use clap::Args;
@@ -20,8 +21,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct InfoArgs {
-    /// A scene (.ply, .splat) or a data set
-    #[arg(value_name = "PATH")]
+    #[arg(value_name = "PATH", help = format!("A scene ({}) or a data set", readable()))]
     path: Option<PathBuf>,
     /// Print one JSON object instead of text
     #[arg(long)]
