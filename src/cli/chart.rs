@@ -6,6 +6,7 @@ use super::engine::Engine;
 use super::eval::read_scene;
 use super::output::Output;
 use crate::io::atomic::write_atomically;
+use crate::io::splats::readable;
 use crate::lab::bench::record;
 use crate::lab::chart::measure::{ChartPlan, measure};
 use crate::lab::chart::{Chart, csv, page};
@@ -28,9 +29,11 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct ChartArgs {
-    /// The scene to draw, a .ply (or .splat) file, and the data set it was trained on; or either: a scene
-    /// alone has no cameras, so one path is the data set
-    #[arg(value_names = ["SCENE.ply", "DATA"], num_args = 0..=2)]
+    #[arg(value_names = ["SCENE", "DATA"], num_args = 0..=2, help = format!(
+        "The scene to draw, {}, and the data set it was trained on; or either: a scene alone has no cameras, so one \
+         path is the data set",
+        readable()
+    ))]
     paths: Vec<PathBuf>,
     /// Folder for the page, made if it is not there
     #[arg(long, value_name = "DIR", default_value = "out/chart")]

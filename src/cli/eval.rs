@@ -5,6 +5,7 @@ use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};
 use super::engine::Engine;
 use super::output::{Output, file_stem, score_text};
 use crate::gpu::Gpu;
+use crate::io::splats::readable;
 use crate::lab::report::comparison;
 use crate::metrics::{MeanScore, ViewScore};
 use crate::render::{Evaluator, ViewEvaluation, ViewOptions};
@@ -22,8 +23,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct EvalArgs {
-    /// The scene: a .ply (or .splat) file
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "SCENE", help = format!("The scene, {}", readable()))]
     scene: PathBuf,
     /// The data set, as for `ashfall train`
     #[arg(value_name = "DATA")]

@@ -8,7 +8,8 @@ use super::eval::read_scene;
 use super::output::{Output, bytes, grouped};
 use super::predict::PredictArgs;
 use crate::Result;
-use crate::render::{Blocks, Slots, model_needs};
+use crate::io::splats::readable;
+use crate::render::{Blocks, Slots};
 use crate::scene::{Dataset, Splats, Split};
 use clap::Args;
 use serde_json::{Value, json};
@@ -20,8 +21,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct InfoArgs {
-    /// A scene (.ply, .splat) or a data set
-    #[arg(value_name = "PATH")]
+    #[arg(value_name = "PATH", help = format!("A scene ({}) or a data set", readable()))]
     path: Option<PathBuf>,
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -108,7 +108,7 @@ fn scene(splats: &Splats) -> (String, Value) {
         .filter(|&&logit| logit < FAINT_LOGIT)
         .count();
     let blocks = Blocks::anywhere(Slots::of_scene(splats).counts);
-    let size = model_needs(blocks).bytes;
+    let size = (size_of::<[f32; 4]>() * blocks.vectors()) as u64;
     let text = format!(
         "splats:      {}\nSH degree:   {}\nmode:        {:?}\nmeans:       x {:?}, y {:?}, z {:?}\n\
          faint:       {} (opacity below 1/255: never drawn)\non a device: {}",

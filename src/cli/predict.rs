@@ -3,8 +3,8 @@
 use super::configure::ConfigArgs;
 use super::output::{bytes, grouped};
 use crate::render::{
-    Blocks, ByDegree, Capacity, Need, Outputs, Purpose, Slots, frame_needs, index_needs,
-    isects_expected, model_needs, of_degree, total,
+    Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, Scratch, Slots, isects_expected,
+    of_degree, total,
 };
 use crate::scene::{Dataset, Splats};
 use crate::train::{Residency, TrainConfig, TrainSize, splats_expected};
@@ -197,8 +197,8 @@ impl PredictArgs {
             .unwrap_or(isects_expected(splats, width, height));
         let blocks = Blocks::anywhere(counts);
         let capacity = Capacity::for_image(splats.max(1), isects, width, height);
-        let mut needs = vec![model_needs(blocks), index_needs(blocks)];
-        needs.extend(frame_needs(capacity, Outputs::default()));
+        let mut needs = Model::needs(blocks);
+        needs.extend(Scratch::needs(capacity, Outputs::default()));
         needs.retain(|need| need.bytes > 0);
         Prediction {
             what: format!("drawing {} splats at {width}×{height}", grouped(splats)),

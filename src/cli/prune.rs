@@ -8,6 +8,7 @@ use super::engine::Engine;
 use super::eval::{evaluator, near, read_scene};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
+use crate::io::splats::{readable, writable};
 use crate::metrics::MeanScore;
 use crate::scene::{Camera, Dataset, Splats, Split};
 use crate::simplify::{
@@ -39,8 +40,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct PruneArgs {
-    /// The scene: a .ply (or .splat) file, of this program or another
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "SCENE", help = format!("The scene, {}, of this program or another", readable()))]
     scene: PathBuf,
     /// The data set, as for `ashfall train`
     #[arg(value_name = "DATA")]
@@ -56,8 +56,10 @@ pub(super) struct PruneArgs {
     /// [default: only zeros]
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     sh_error: Option<f64>,
-    /// Output .ply file; without it nothing is written
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help = format!(
+        "Output file, {} only; without it nothing is written",
+        writable()
+    ))]
     out: Option<PathBuf>,
     /// Train the remaining splats for N iterations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]

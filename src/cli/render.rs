@@ -7,6 +7,7 @@ use super::args::{Compat, DataArgs, DeviceArgs, SplitArg, parse_color};
 use super::engine::Engine;
 use super::eval::{near, read_scene};
 use super::output::{Output, file_stem};
+use crate::io::splats::readable;
 use crate::render::RenderedImage;
 use crate::scene::{Camera, Dataset};
 use crate::train::TrainConfig;
@@ -24,8 +25,7 @@ pub(super) use orbit::orbit_of_cameras;
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct RenderArgs {
-    /// The scene: a .ply (or .splat) file
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "SCENE", help = format!("The scene, {}", readable()))]
     scene: PathBuf,
     /// Folder for the pictures, made if it is not there
     #[arg(long, value_name = "DIR")]

@@ -8,6 +8,7 @@ use super::interrupt::Interrupt;
 use super::output::Output;
 use super::render::orbit;
 use crate::io::atomic::write_atomically;
+use crate::io::splats::readable;
 use crate::lab::bench::record;
 use crate::lab::page::{Fact, number};
 use crate::lab::stress::outcome::{CheckGroup, StressCheck, StressReport};
@@ -34,8 +35,10 @@ use std::time::Instant;
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct StressArgs {
-    /// The scene to try, a .ply (or .splat) file; of a large one 50,000 splats are taken, spread over all
-    #[arg(value_name = "SCENE.ply")]
+    #[arg(value_name = "SCENE", help = format!(
+        "The scene to try, {}; of a large one 50,000 splats are taken, spread over all",
+        readable()
+    ))]
     scene: Option<PathBuf>,
     /// Folder for the page, made if it is not there
     #[arg(long, value_name = "DIR", default_value = "out/stress")]

@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A Vulkan device. Clones are cheap and share it; it is destroyed with the last clone and the last buffer.
 #[derive(Clone)]
-pub struct Gpu(pub(super) Arc<DeviceState>);
+pub struct Gpu(pub(super) Arc<GpuState>);
 
 /// Instance, messenger and loader of an owned device: created before it, destroyed after it.
 pub(super) struct Own {
@@ -36,7 +36,7 @@ impl Drop for Own {
             // SAFETY: made from this instance, destroyed once.
             unsafe { utils.destroy_debug_utils_messenger(*messenger, None) };
         }
-        // SAFETY: the device made from it is gone: `DeviceState` destroys it before it drops this.
+        // SAFETY: the device made from it is gone: `GpuState` destroys it before it drops this.
         unsafe { self.instance.destroy_instance(None) };
     }
 }
@@ -44,7 +44,7 @@ impl Drop for Own {
 /// The allocator, owned or the host's.
 pub(super) type SharedAllocator = Arc<Mutex<Allocator>>;
 
-pub(super) struct DeviceState {
+pub(super) struct GpuState {
     pub(super) device: ash::Device,
     pub(super) caps: Caps,
     pub(super) family: u32,
@@ -162,7 +162,7 @@ impl Parts {
                 what: format!("device memory: {error}"),
             }
         })?;
-        Ok(Gpu(Arc::new(DeviceState {
+        Ok(Gpu(Arc::new(GpuState {
             device: self.device,
             memory_limit: options.memory_limit.unwrap_or(self.caps.heap),
             caps: self.caps,
@@ -178,7 +178,7 @@ impl Parts {
     }
 }
 
-impl DeviceState {
+impl GpuState {
     /// The queue, locked.
     pub(super) fn queue(&self) -> Result<MutexGuard<'_, vk::Queue>> {
         match &self.queue {
@@ -259,7 +259,7 @@ impl DeviceState {
     }
 }
 
-impl Drop for DeviceState {
+impl Drop for GpuState {
     fn drop(&mut self) {
         // SAFETY: dropped once, here, before the device that its memory belongs to.
         unsafe { ManuallyDrop::drop(&mut self.allocator) };

@@ -4,7 +4,7 @@
 //! since the last barrier. Used resources are kept alive until the frame's slot is reused.
 
 use super::buffer::{Buffer, RawBuffer};
-use super::device::{DeviceState, Gpu};
+use super::device::{Gpu, GpuState};
 use super::frame_slot::FrameSlot;
 use super::hazards::Hazards;
 use super::image::{Image, ImageState, WHOLE};
@@ -56,7 +56,7 @@ impl<'a> Recorder<'a> {
         &self.gpu
     }
 
-    fn shared(&self) -> &DeviceState {
+    fn shared(&self) -> &GpuState {
         &self.gpu.0
     }
 

@@ -1,4 +1,4 @@
-//! Scene files: format by the extension of the name.
+//! Scene files: format by the end of the name.
 
 use super::ply::{self, LoadedSplats};
 use super::source::Source;
@@ -7,51 +7,85 @@ use crate::error::{Error, Result};
 use crate::scene::Splats;
 use std::path::Path;
 
-/// Reads a scene from a `.ply` or `.splat` file, by the extension of its name.
+type Reader = fn(Source<'_>) -> Result<LoadedSplats>;
+type Writer = fn(&Path, &Splats) -> Result<()>;
+
+/// A file format of scenes: name, ends of file names by which it is recognised, reader and writer.
+struct Format(
+    &'static str,
+    &'static [&'static str],
+    Option<Reader>,
+    Option<Writer>,
+);
+
+/// All formats; unsupported ones for the advice to convert.
+const FORMATS: [Format; 5] = [
+    Format("PLY", &[".ply"], Some(|s| ply::read(s)), Some(ply::write)),
+    Format("splat", &[".splat"], Some(|s| splat32::read(s)), None),
+    Format("SPZ", &[".spz"], None, None),
+    Format("SOG", &[".sog", "meta.json"], None, None),
+    Format("KSPLAT", &[".ksplat"], None, None),
+];
+
+fn format_of(path: &Path) -> Option<&'static Format> {
+    let name = path.file_name()?.to_string_lossy().to_ascii_lowercase();
+    let ends = |Format(_, ends, ..): &&Format| ends.iter().any(|end| name.ends_with(end));
+    FORMATS.iter().find(ends)
+}
+
+fn endings(is_in: impl Fn(&Format) -> bool) -> String {
+    let formats = FORMATS.iter().filter(|format| is_in(format));
+    let endings: Vec<&str> = formats.flat_map(|format| format.1).copied().collect();
+    endings.join(" or ")
+}
+
+/// Ends of the names of files that [`read()`] reads.
+pub fn readable() -> String {
+    endings(|format| format.2.is_some())
+}
+
+/// Ends of the names of files that [`write()`] writes.
+pub fn writable() -> String {
+    endings(|format| format.3.is_some())
+}
+
+/// Reads a scene, in the format that the end of its name says.
 ///
 /// # Errors
 /// Those of the format's reader; for unsupported splat formats, the advice to convert.
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let source = source.into();
-    let path = source.name();
-    let extension = extension(path);
-    match extension.as_str() {
-        "ply" => ply::read(source),
-        "splat" => splat32::read(source),
-        "spz" | "sog" | "ksplat" => Err(Error::file(
-            path,
-            format!(".{extension} scenes are not supported; convert to a .ply"),
-        )),
-        "json" if path.file_name().is_some_and(|name| name == "meta.json") => Err(Error::file(
-            path,
-            "SOG scenes are not supported; convert to a .ply",
-        )),
-        _ => Err(Error::file(
-            path,
-            "the name does not end in .ply or .splat, the formats of splats that can be read",
-        )),
-    }
+    let fault = match format_of(source.name()) {
+        Some(Format(_, _, Some(read), _)) => return read(source),
+        Some(Format(name, ..)) => {
+            format!("{name} scenes are not supported; convert to {}", writable())
+        }
+        None => format!(
+            "the name does not end in {}, as scenes that can be read do",
+            readable()
+        ),
+    };
+    Err(Error::file(source.name(), fault))
 }
 
-/// Writes a scene to a `.ply` file, atomically.
+/// Writes a scene, in the format that the end of its name says, atomically.
 pub fn write(path: &Path, splats: &Splats) -> Result<()> {
-    check_name(path)?;
-    ply::write(path, splats)
+    writer(path)?(path, splats)
 }
 
 /// Refuses names that [`write()`] refuses, before there is anything to write.
 pub fn check_name(path: &Path) -> Result<()> {
-    match extension(path).as_str() {
-        "ply" => Ok(()),
-        _ => Err(Error::file(
-            path,
-            "splats are written to .ply files only; choose such a name",
-        )),
-    }
+    writer(path).map(|_| ())
 }
 
-fn extension(path: &Path) -> String {
-    path.extension()
-        .map(|e| e.to_string_lossy().to_ascii_lowercase())
-        .unwrap_or_default()
+fn writer(path: &Path) -> Result<Writer> {
+    let write = format_of(path).and_then(|format| format.3);
+    write.ok_or_else(|| {
+        let read_only = endings(|format| format.2.is_some() && format.3.is_none());
+        let fault = format!(
+            "scenes are written to {} files only, {read_only} is for reading; choose such a name",
+            writable()
+        );
+        Error::file(path, fault)
+    })
 }

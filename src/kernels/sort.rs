@@ -18,26 +18,6 @@ pub struct Sort {
     by_workgroup: bool,
 }
 
-/// Double buffers of keys and values.
-#[derive(Clone, Debug)]
-pub struct Pairs {
-    /// Keys; each pass reads one and writes the other.
-    pub keys: [Buffer<u32>; 2],
-    /// Values, likewise double-buffered.
-    pub values: [Buffer<u32>; 2],
-}
-
-/// Digit table of each chunk, and its prefix sum.
-#[derive(Clone, Debug)]
-pub struct Tables {
-    /// `[digit][chunk]`: counts.
-    pub counted: Buffer<u32>,
-    /// `[digit][chunk]`: offsets.
-    pub places: Buffer<u32>,
-    /// Chunk sums of the scan.
-    pub sums: Buffer<u32>,
-}
-
 /// Buffers of a sort.
 #[derive(Clone, Copy, Debug)]
 pub struct Io<'a> {
@@ -45,10 +25,16 @@ pub struct Io<'a> {
     pub counts: &'a Buffer<u32>,
     /// Dispatch sizes that `plan` derived from the counts.
     pub args: &'a Buffer<DispatchArgs>,
-    /// Pairs to sort, at first in buffer 0 of each.
-    pub pairs: &'a Pairs,
-    /// Scratch.
-    pub tables: &'a Tables,
+    /// Two buffers of keys, at first in buffer 0; each pass reads one and writes the other.
+    pub keys: &'a [Buffer<u32>],
+    /// Values, likewise.
+    pub values: &'a [Buffer<u32>],
+    /// `[digit][chunk]`: counts.
+    pub table: &'a Buffer<u32>,
+    /// `[digit][chunk]`: offsets.
+    pub places: &'a Buffer<u32>,
+    /// Chunk sums of the scan.
+    pub sums: &'a Buffer<u32>,
 }
 
 /// Division of keys into digits and chunks, with the slots and arguments that `plan` fills.
@@ -212,12 +198,7 @@ impl Sort {
         layout: Layout,
         pass: u32,
     ) {
-        let Io {
-            counts,
-            args,
-            pairs,
-            tables,
-        } = io;
+        let Io { counts, args, .. } = io;
         let (from, to) = ((pass % 2) as usize, (pass % 2) as usize ^ 1);
         let (count_slot, chunk_slot) = (layout.count_slot, layout.chunk_slot);
         let chunks = Groups::indirect(args, layout.chunk_args as usize);
@@ -226,8 +207,8 @@ impl Sort {
             rec,
             sort_count::Bindings {
                 counts,
-                keys: &pairs.keys[from],
-                table: &tables.counted,
+                keys: &io.keys[from],
+                table: io.table,
             },
             sort_count::Params {
                 count_slot,
@@ -241,9 +222,9 @@ impl Sort {
             rec,
             ScanBuffers {
                 counts,
-                values: &tables.counted,
-                offsets: &tables.places,
-                sums: &tables.sums,
+                values: io.table,
+                offsets: io.places,
+                sums: io.sums,
             },
             What {
                 count_slot: layout.table_slot,
@@ -256,11 +237,11 @@ impl Sort {
             rec,
             sort_scatter::Bindings {
                 counts,
-                keys: &pairs.keys[from],
-                values: &pairs.values[from],
-                table: &tables.places,
-                keys_out: &pairs.keys[to],
-                values_out: &pairs.values[to],
+                keys: &io.keys[from],
+                values: &io.values[from],
+                table: io.places,
+                keys_out: &io.keys[to],
+                values_out: &io.values[to],
             },
             sort_scatter::Params {
                 count_slot,

@@ -8,8 +8,7 @@
 
 use super::precision::Precision;
 use super::slots::{ByDegree, DEGREES, of_degree};
-use crate::Result;
-use crate::gpu::{Buffer, Caps, Gpu, PART_ALIGNMENT};
+use crate::gpu::{Caps, PART_ALIGNMENT};
 use std::ops::Range;
 
 /// Most splats of a block: at this size the cost of a dispatch is negligible.
@@ -109,17 +108,26 @@ impl Blocks {
 
     /// Vec4 of all blocks.
     pub fn vectors(&self) -> usize {
-        self.sizes().sum()
+        self.sizes().iter().sum()
     }
 
     /// Vec4 of the largest block.
     pub fn vectors_of_largest(&self) -> usize {
-        self.sizes().max().unwrap_or(0)
+        self.sizes().into_iter().max().unwrap_or(0)
     }
 
-    fn sizes(self) -> impl Iterator<Item = usize> {
+    /// Vec4 of each block.
+    pub fn sizes(self) -> Vec<usize> {
         let all = self.of(self.room);
-        all.map(move |block| block.stride * self.planes(block.degree))
+        all.map(|block| block.stride * self.planes(block.degree))
+            .collect()
+    }
+
+    /// Slots of each block, where an index says whose they are: where splats are of several degrees.
+    pub(super) fn index_sizes(self) -> Vec<usize> {
+        let is_mixed = self.room.iter().filter(|&&room| room > 0).count() > 1;
+        let all = self.of(self.room).filter(|_| is_mixed);
+        all.map(|block| block.stride).collect()
     }
 
     /// Blocks in use with `counts` splats of each degree, in order of degree.
@@ -145,11 +153,6 @@ impl Blocks {
                 }
             })
         })
-    }
-
-    /// New buffer for each block.
-    pub fn buffers(&self, gpu: &Gpu, name: &str) -> Result<Vec<Buffer<[f32; 4]>>> {
-        self.sizes().map(|size| gpu.buffer(name, size)).collect()
     }
 }
 

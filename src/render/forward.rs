@@ -9,10 +9,10 @@ use super::options::RenderOptions;
 use super::projections::Projections;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use crate::Result;
-use crate::gpu::{Gpu, Groups, Recorder};
+use crate::gpu::{Buffer, Gpu, Groups, Recorder};
 use crate::kernels::rasterize::Outputs;
 use crate::kernels::scan::{Io as ScanBuffers, Scan, What};
-use crate::kernels::sort::{self, Layout, Pairs, Sort};
+use crate::kernels::sort::{self, Layout, Sort};
 use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize, rasterize_inria};
 use crate::layout::*;
 
@@ -194,7 +194,7 @@ impl Forward {
                     view: &s.view,
                     counts: &s.counts,
                     range_from_tile: &s.range_from_tile,
-                    emitted_from_isect: &s.by_tile.values[sorted],
+                    emitted_from_isect: &s.emitted_from_isect[sorted],
                     splat_from_emitted: &s.splat_from_emitted,
                     ellipse_from_splat: &s.ellipse_from_splat,
                     whiten_rg_from_splat: &s.whiten_rg_from_splat,
@@ -219,7 +219,7 @@ impl Forward {
                 let io = rasterize_inria::Bindings {
                     view: &s.view,
                     range_from_tile: &s.range_from_tile,
-                    emitted_from_isect: &s.by_tile.values[sorted],
+                    emitted_from_isect: &s.emitted_from_isect[sorted],
                     splat_from_emitted: &s.splat_from_emitted,
                     ellipse_from_splat: &s.ellipse_from_splat,
                     whiten_rg_from_splat: &s.whiten_rg_from_splat,
@@ -239,7 +239,7 @@ impl Forward {
         rec.timestamp("rasterize");
     }
 
-    /// Index in `by_tile` of the sorted list of an image with `tiles` tiles.
+    /// Which of `emitted_from_isect` holds the sorted list of an image of so many tiles.
     pub(crate) fn sorted_index(tiles: usize) -> usize {
         (tile_sort(tiles).passes % 2) as usize
     }
@@ -280,7 +280,7 @@ impl Forward {
             counts: &s.counts,
             values: &s.tile_count_from_splat,
             offsets: &s.visible_from_splat,
-            sums: &s.tables.sums,
+            sums: &s.sums,
         };
         let visible = What {
             count_slot: COUNT_SPLAT,
@@ -296,18 +296,18 @@ impl Forward {
                 tile_count_from_splat: &s.tile_count_from_splat,
                 visible_from_splat: &s.visible_from_splat,
                 blue_depth_from_splat: &s.blue_depth_from_splat,
-                depth_from_visible: &s.by_depth.keys[0],
-                splat_from_visible: &s.by_depth.values[0],
+                depth_from_visible: &s.depth_from_visible[0],
+                splat_from_visible: &s.splat_from_visible[0],
             },
             self.compact.groups(count),
         );
-        self.sort
-            .record(rec, &self.scan, sort_io(s, &s.by_depth), DEPTH_SORT);
+        let pairs = [&s.depth_from_visible[..], &s.splat_from_visible];
+        self.sort(rec, s, pairs, DEPTH_SORT);
         self.gather.record(
             rec,
             gather::Bindings {
                 counts: &s.counts,
-                splat_from_rank: &s.by_depth.values[0],
+                splat_from_rank: &s.splat_from_visible[0],
                 tile_count_from_splat: &s.tile_count_from_splat,
                 tile_count_from_rank: &s.tile_count_from_rank,
             },
@@ -337,13 +337,13 @@ impl Forward {
             expand::Bindings {
                 view: &s.view,
                 counts: &s.counts,
-                splat_from_rank: &s.by_depth.values[0],
+                splat_from_rank: &s.splat_from_visible[0],
                 isect_from_rank: &s.isect_from_rank,
                 tile_count_from_splat: &s.tile_count_from_splat,
                 ellipse_from_splat: &s.ellipse_from_splat,
                 whiten_rg_from_splat: &s.whiten_rg_from_splat,
-                tile_from_isect: &s.by_tile.keys[0],
-                emitted_from_isect: &s.by_tile.values[0],
+                tile_from_isect: &s.tile_from_isect[0],
+                emitted_from_isect: &s.emitted_from_isect[0],
                 splat_from_emitted: &s.splat_from_emitted,
                 emitted_from_splat: &s.emitted_from_splat,
             },
@@ -354,15 +354,14 @@ impl Forward {
     /// Sorts intersections by the bits of their tile alone; stable, which keeps the depth order within each tile.
     fn order_by_tile(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize) {
         let layout = tile_sort(tiles);
-        let sorted = self
-            .sort
-            .record(rec, &self.scan, sort_io(s, &s.by_tile), layout);
+        let pairs = [&s.tile_from_isect[..], &s.emitted_from_isect];
+        let sorted = self.sort(rec, s, pairs, layout);
         rec.fill(&s.range_from_tile, 0);
         self.ranges.record(
             rec,
             ranges::Bindings {
                 counts: &s.counts,
-                tile_from_isect: &s.by_tile.keys[sorted],
+                tile_from_isect: &s.tile_from_isect[sorted],
                 range_from_tile: &s.range_from_tile,
             },
             ranges::Params {
@@ -371,6 +370,25 @@ impl Forward {
             },
             Groups::indirect(&s.args, ARGS_ISECT as usize),
         );
+    }
+
+    fn sort(
+        &self,
+        rec: &mut Recorder<'_>,
+        s: &Scratch,
+        [keys, values]: [&[Buffer<u32>]; 2],
+        layout: Layout,
+    ) -> usize {
+        let io = sort::Io {
+            counts: &s.counts,
+            args: &s.args,
+            keys,
+            values,
+            table: &s.table,
+            places: &s.places,
+            sums: &s.sums,
+        };
+        self.sort.record(rec, &self.scan, io, layout)
     }
 }
 
@@ -389,16 +407,6 @@ pub fn tile_stride(tiles: usize) -> u32 {
     (start..=most)
         .find(|&stride| gcd(stride, tiles) == 1)
         .unwrap_or(1) as u32
-}
-
-/// The frame's buffers as the sort's arguments.
-fn sort_io<'a>(s: &'a Scratch, pairs: &'a Pairs) -> sort::Io<'a> {
-    sort::Io {
-        counts: &s.counts,
-        args: &s.args,
-        pairs,
-        tables: &s.tables,
-    }
 }
 
 #[cfg(test)]

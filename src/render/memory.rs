@@ -1,12 +1,9 @@
-//! Device memory of a frame, buffer by buffer, as a closed formula of its capacity.
-//!
-//! A test compares it with the allocations, name by name.
+//! Device memory by buffer: groups of buffers declare names, purposes and sizes once, for allocation and prediction.
 
-use super::blocks::Blocks;
-use super::capacity::Capacity;
-use super::scratch::{DEPTH_SORT, tile_sort_widest};
-use crate::kernels::rasterize::Outputs;
+use crate::Result;
+use crate::gpu::{Buffer, Gpu};
 use crate::layout::*;
+use bytemuck::Pod;
 
 /// Purpose of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -78,71 +75,71 @@ pub fn total(needs: &[Need]) -> u64 {
     needs.iter().map(|need| need.bytes).sum()
 }
 
-/// Parameter buffers of a [`super::Model`].
-pub fn model_needs(blocks: Blocks) -> Need {
-    Need::new("params", Purpose::Parameters, 16, blocks.vectors())
+/// Buffers under one name.
+pub(crate) trait Allocate: Sized {
+    /// Elements, of each buffer where there are several.
+    type Size;
+    fn allocate(gpu: &Gpu, name: &str, size: Self::Size) -> Result<Self>;
+    fn needs(name: &'static str, purpose: Purpose, size: Self::Size) -> Vec<Need>;
 }
 
-/// Index buffers of a [`super::Model`]; 0 bytes if all splats have one degree.
-pub fn index_needs(blocks: Blocks) -> Need {
-    let is_mixed = blocks.room.iter().filter(|&&room| room > 0).count() > 1;
-    let slots = if is_mixed { blocks.splats() } else { 0 };
-    Need::new("splat_from_slot", Purpose::Parameters, 4, slots)
+impl<T: Pod> Allocate for Buffer<T> {
+    type Size = usize;
+
+    fn allocate(gpu: &Gpu, name: &str, size: usize) -> Result<Self> {
+        gpu.buffer(name, size)
+    }
+
+    fn needs(name: &'static str, purpose: Purpose, size: usize) -> Vec<Need> {
+        vec![Need::new(name, purpose, size_of::<T>(), size)]
+    }
 }
 
-/// Buffers of a frame: those of [`super::Scratch`].
-pub fn frame_needs(capacity: Capacity, outputs: Outputs) -> Vec<Need> {
-    let Capacity {
-        splats,
-        isects,
-        pixels,
-        tiles,
-    } = capacity;
-    let tile_table = tile_sort_widest(tiles).table_len(isects);
-    let table = DEPTH_SORT.table_len(splats).max(tile_table);
-    // One table serves both sorts; its purpose is that of the sort with the larger one.
-    let sorting = match table > tile_table {
-        true => Purpose::Splats,
-        false => Purpose::Intersections,
+impl<T: Pod> Allocate for Vec<Buffer<T>> {
+    type Size = Vec<usize>;
+
+    fn allocate(gpu: &Gpu, name: &str, sizes: Vec<usize>) -> Result<Self> {
+        let buffers = sizes.into_iter().map(|size| gpu.buffer(name, size));
+        buffers.collect()
+    }
+
+    fn needs(name: &'static str, purpose: Purpose, sizes: Vec<usize>) -> Vec<Need> {
+        Buffer::<T>::needs(name, purpose, sizes.iter().sum())
+    }
+}
+
+/// Declares a struct of buffers that are sized by its arguments: `field: type, purpose, size;`. `new` allocates them
+/// under the names of their fields, `needs` says what that takes. Further fields stand in `beside`, with their values.
+macro_rules! buffers {
+    ($(#[$about:meta])* $vis:vis struct $group:ident($($arg:ident: $type:ty),*)
+    $(beside { $($(#[$doc:meta])* $own_vis:vis $own:ident: $own_type:ty = $value:expr,)* })?
+    { $($(#[$note:meta])* $field:ident: $buffers:ty, $purpose:expr, $size:expr;)* }) => {
+        $(#[$about])*
+        #[derive(Clone, Debug)]
+        $vis struct $group {
+            $($($(#[$doc])* $own_vis $own: $own_type,)*)?
+            $($(#[$note])* pub(crate) $field: $buffers,)*
+        }
+
+        impl $group {
+            /// Allocates the buffers.
+            $vis fn new(gpu: &$crate::gpu::Gpu, $($arg: $type),*) -> $crate::Result<$group> {
+                use $crate::render::Allocate;
+                Ok($group {
+                    $($field: Allocate::allocate(gpu, stringify!($field), $size)?,)*
+                    $($($own: $value,)*)?
+                })
+            }
+
+            /// Bytes of the buffers.
+            $vis fn needs($($arg: $type),*) -> Vec<$crate::render::Need> {
+                use $crate::render::{Allocate, Purpose::*};
+                [$(<$buffers>::needs(stringify!($field), $purpose, $size)),*].concat()
+            }
+        }
     };
-    let sums = table.max(splats).div_ceil(SCAN_CHUNK as usize);
-    use Purpose::*;
-    vec![
-        Need::new("view", Transfer, size_of::<View>(), 1),
-        Need::new("counts", Transfer, 4, COUNT_SLOTS as usize),
-        Need::new(
-            "args",
-            Transfer,
-            size_of::<DispatchArgs>(),
-            ARGS_SLOTS as usize,
-        ),
-        Need::new("ellipse_from_splat", Splats, 16, splats),
-        Need::new("whiten_rg_from_splat", Splats, 16, splats),
-        Need::new("blue_depth_from_splat", Splats, 8, splats),
-        Need::new("tile_count_from_splat", Splats, 4, splats),
-        Need::new("visible_from_splat", Splats, 4, splats),
-        Need::new("depth_from_visible", Splats, 8, splats),
-        Need::new("splat_from_visible", Splats, 8, splats),
-        Need::new("tile_count_from_rank", Splats, 4, splats),
-        Need::new("isect_from_rank", Splats, 4, splats),
-        Need::new("emitted_from_splat", Splats, 4, splats),
-        Need::new("tile_from_isect", Intersections, 8, isects),
-        Need::new("emitted_from_isect", Intersections, 8, isects),
-        Need::new("splat_from_emitted", Intersections, 4, isects),
-        Need::new("table", sorting, 4, table),
-        Need::new("places", sorting, 4, table),
-        Need::new("sums", sorting, 4, sums),
-        Need::new("range_from_tile", Pixels, 8, tiles),
-        Need::new("image", Pixels, 16, pixels),
-        Need::new("depth", Pixels, 4, if outputs.depth { pixels } else { 1 }),
-        Need::new(
-            "isect_end_from_pixel",
-            Pixels,
-            4,
-            if outputs.ends { pixels } else { 1 },
-        ),
-    ]
 }
+pub(crate) use buffers;
 
 /// Estimated (splat, tile) pairs of a frame, for capacities before the first frame.
 ///

@@ -1,6 +1,7 @@
 //! Splats on the device, as planes of vec4.
 
 use super::blocks::{Block, Blocks};
+use super::memory::{Need, buffers};
 use super::precision::Precision;
 use super::slots::{ByDegree, Slots};
 use crate::Result;
@@ -37,6 +38,14 @@ pub struct Model {
     pub filter: ScreenFilter,
     /// Splats with a non-finite parameter when uploaded: they are not drawn.
     pub not_finite: Option<NotFinite>,
+}
+
+buffers! {
+    /// Buffers of [`Model::params`] and [`Model::splat_from_slot`].
+    struct Planes(blocks: Blocks) {
+        params: Vec<Buffer<[f32; 4]>>, Parameters, blocks.sizes();
+        splat_from_slot: Vec<Buffer<u32>>, Parameters, blocks.index_sizes();
+    }
 }
 
 impl Model {
@@ -83,20 +92,43 @@ impl Model {
     fn reserve(gpu: &Gpu, splats: &Splats, slots: &Slots, precision: Precision) -> Result<Model> {
         let blocks = Blocks::of_degrees(gpu.caps(), slots.counts, precision);
         Ok(Model {
-            params: blocks.buffers(gpu, "params")?,
-            splat_from_slot: index_of(gpu, &blocks, slots)?,
-            blocks,
             splat_count: splats.len(),
             counts: slots.counts,
-            sh_degree: slots.sh_degree(),
             precision,
-            primitive: splats.primitive,
-            filter: splats.filter,
             not_finite: splats.not_finite(),
+            primitive: splats.primitive,
+            ..Model::empty(gpu, blocks, slots.sh_degree(), splats.filter)?
         })
     }
 
-    /// True if the slots are not in splat order.
+    /// Buffers without a splat in them.
+    pub(crate) fn empty(
+        gpu: &Gpu,
+        blocks: Blocks,
+        sh_degree: u32,
+        filter: ScreenFilter,
+    ) -> Result<Model> {
+        let planes = Planes::new(gpu, blocks)?;
+        Ok(Model {
+            params: planes.params,
+            splat_from_slot: planes.splat_from_slot,
+            blocks,
+            splat_count: 0,
+            counts: ByDegree::default(),
+            sh_degree,
+            precision: Precision::Full,
+            primitive: Primitive::default(),
+            filter,
+            not_finite: None,
+        })
+    }
+
+    /// Bytes of the buffers.
+    pub fn needs(blocks: Blocks) -> Vec<Need> {
+        Planes::needs(blocks)
+    }
+
+    /// Whether slots are in an order of their own.
     pub fn is_indexed(&self) -> bool {
         !self.splat_from_slot.is_empty()
     }
@@ -126,17 +158,7 @@ pub(crate) struct Places {
     pub(crate) splat_from_slot: Buffer<u32>,
 }
 
-/// Index buffer of each block; none if slot = splat.
-pub(crate) fn index_of(gpu: &Gpu, blocks: &Blocks, slots: &Slots) -> Result<Vec<Buffer<u32>>> {
-    let strides = blocks.of(blocks.room).map(|block| block.stride);
-    let buffers = strides.map(|stride| gpu.buffer("splat_from_slot", stride));
-    match slots.splat_from_slot {
-        Some(_) => buffers.collect(),
-        None => Ok(Vec::new()),
-    }
-}
-
-/// Planes of a scene in full precision, one after the other, each `splats.len()` long.
+/// The planes of a scene, one after the other, each `splats.len()` long.
 pub fn planes_from_splats(splats: &Splats) -> Vec<[f32; 4]> {
     let all: Vec<u32> = (0..splats.len() as u32).collect();
     Precision::Full.planes_of(splats, &all, splats.sh_degree)

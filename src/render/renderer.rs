@@ -136,11 +136,12 @@ impl Renderer {
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
         let presents = gpu.caps().supports(present::Variant::Base.info()).is_ok();
         let present = || present::Present::new(gpu, present::Choice::default());
+        let capacity = options.capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(Renderer {
             gpu: gpu.clone(),
             forward: Forward::for_rendering(gpu, &options)?,
             present: presents.then(present).transpose()?,
-            scratch: Scratch::new(gpu, options.capacity, options.outputs())?,
+            scratch: Scratch::new(gpu, capacity, options.outputs())?,
             frames: Frames::new(gpu, 1, true)?,
             rendered: None,
             host_frames: Frames::new(gpu, options.frames_in_flight, false)?,

@@ -255,7 +255,7 @@ impl ContributionPass {
         let isects = counts[COUNT_ISECT as usize] as usize;
         let sorted = Forward::sorted_index(capacity.tiles);
         let ranges = gpu.download(&s.range_from_tile, 0..capacity.tiles)?;
-        let sources = gpu.download(&s.by_tile.values[sorted], 0..isects)?;
+        let sources = gpu.download(&s.emitted_from_isect[sorted], 0..isects)?;
         let owners = gpu.download(&s.splat_from_emitted, 0..isects)?;
         let tones = gpu.download(&s.whiten_rg_from_splat, 0..count)?;
         let rests = gpu.download(&s.blue_depth_from_splat, 0..count)?;

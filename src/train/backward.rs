@@ -11,7 +11,10 @@ use crate::kernels::{
     adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
 };
 use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
-use crate::render::{Block, DepthBands, Forward, Model, Scratch, plane_count, tile_stride};
+use crate::render::{
+    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers,
+    plane_count, tile_stride,
+};
 
 /// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
 const ALPHA_MASKS: u32 = 1;
@@ -50,45 +53,53 @@ impl Comparison {
     }
 }
 
-/// Buffers of a step beyond those of rendering.
-#[derive(Debug)]
-pub(crate) struct Gradients {
-    /// Aliases the records: last read before the first record is written.
+buffers! {
+    /// Buffers of a step beyond those of rendering.
+    pub(crate) struct Gradients(capacity: Capacity) {
+        records: Records, Intersections, capacity;
+        /// An image of these tiles has at most as many loss tiles as compositing tiles.
+        loss_from_tile: Buffer<[f32; 4]>, Pixels, capacity.tiles;
+        loss: Buffer<[f32; 4]>, Pixels, 1;
+        d_image: Buffer<f32>, Pixels, 3 * capacity.pixels;
+    }
+}
+
+/// Gradients of every (splat, tile) pair, nine words in three arrays, in one buffer with the slopes of SSIM: these are
+/// last read before the first record is written.
+#[derive(Clone, Debug)]
+pub(crate) struct Records {
     ssim_slope: Buffer<[f32; 3]>,
-    loss_from_tile: Buffer<[f32; 4]>,
-    pub(crate) loss: Buffer<[f32; 4]>,
-    d_image: Buffer<f32>,
     d_shape_from_source: Buffer<[f32; 4]>,
     d_tone_from_source: Buffer<[f32; 4]>,
     d_rest_from_source: Buffer<f32>,
 }
 
-/// Words of the records of `isects` (splat, tile) pairs: nine per pair, in three arrays at aligned offsets.
-pub(crate) fn record_words(isects: usize) -> usize {
-    9 * isects.next_multiple_of(PART_ALIGNMENT)
-}
+impl Allocate for Records {
+    type Size = Capacity;
 
-impl Gradients {
-    /// Buffers to match `scratch`.
-    pub(crate) fn new(gpu: &Gpu, scratch: &Scratch) -> Result<Gradients> {
-        let (pixels, isects) = (scratch.capacity.pixels, scratch.capacity.isects);
-        // An image of these tiles has at most as many loss tiles as compositing tiles.
-        let tiles = scratch.capacity.tiles;
+    fn allocate(gpu: &Gpu, name: &str, capacity: Capacity) -> Result<Records> {
+        let (slopes, isects) = (9 * capacity.pixels, capacity.isects);
         gpu.check_reach("d_shape_from_source", 16 * isects as u64)?;
-        gpu.check_reach("ssim_slope", 36 * pixels as u64)?;
-        let words = record_words(isects);
-        let records = gpu.room::<f32>("records", words.max(9 * pixels))?;
-        let [tone, rest] = [4, 8].map(|before| words / 9 * before);
+        gpu.check_reach("ssim_slope", 4 * slopes as u64)?;
+        let padded = isects.next_multiple_of(PART_ALIGNMENT);
+        let records = gpu.room::<f32>(name, slopes.max(9 * padded))?;
         let array = |begin: usize, width: usize| records.part(begin..begin + width * isects);
-        Ok(Gradients {
-            ssim_slope: records.part(0..9 * pixels).cast(),
-            loss_from_tile: gpu.buffer("loss_from_tile", tiles)?,
-            loss: gpu.buffer("loss", 1)?,
-            d_image: gpu.buffer("d_image", 3 * pixels)?,
+        Ok(Records {
+            ssim_slope: records.part(0..slopes).cast(),
             d_shape_from_source: array(0, 4).cast(),
-            d_tone_from_source: array(tone, 4).cast(),
-            d_rest_from_source: array(rest, 1),
+            d_tone_from_source: array(4 * padded, 4).cast(),
+            d_rest_from_source: array(8 * padded, 1),
         })
+    }
+
+    /// Of the slopes, only what they need beyond the records counts as theirs.
+    fn needs(name: &'static str, purpose: Purpose, capacity: Capacity) -> Vec<Need> {
+        let records = 9 * capacity.isects.next_multiple_of(PART_ALIGNMENT);
+        let slopes = (9 * capacity.pixels).saturating_sub(records);
+        vec![
+            Need::new(name, purpose, 4, records),
+            Need::new("ssim_slope", Purpose::Pixels, 4, slopes),
+        ]
     }
 }
 
@@ -186,7 +197,7 @@ impl Backward {
                 view: &s.view,
                 image: &s.image,
                 photo: &photo.pixels,
-                ssim_slope: &g.ssim_slope,
+                ssim_slope: &g.records.ssim_slope,
                 loss_from_tile: &g.loss_from_tile,
             },
             loss::Params { alpha_mode },
@@ -214,7 +225,7 @@ impl Backward {
                 view: &s.view,
                 image: &s.image,
                 photo: &photo.pixels,
-                ssim_slope: &g.ssim_slope,
+                ssim_slope: &g.records.ssim_slope,
                 d_image: &g.d_image,
             },
             loss_backward::Params {
@@ -241,7 +252,7 @@ impl Backward {
             rasterize_backward::Bindings {
                 view: &s.view,
                 range_from_tile: &s.range_from_tile,
-                emitted_from_isect: &s.by_tile.values[Forward::sorted_index(tiles)],
+                emitted_from_isect: &s.emitted_from_isect[Forward::sorted_index(tiles)],
                 splat_from_emitted: &s.splat_from_emitted,
                 ellipse_from_splat: &s.ellipse_from_splat,
                 whiten_rg_from_splat: &s.whiten_rg_from_splat,
@@ -249,9 +260,9 @@ impl Backward {
                 image: &s.image,
                 d_image: &g.d_image,
                 isect_end_from_pixel: ends,
-                d_shape_from_source: &g.d_shape_from_source,
-                d_tone_from_source: &g.d_tone_from_source,
-                d_rest_from_source: &g.d_rest_from_source,
+                d_shape_from_source: &g.records.d_shape_from_source,
+                d_tone_from_source: &g.records.d_tone_from_source,
+                d_rest_from_source: &g.records.d_rest_from_source,
             },
             rasterize_backward::Params {
                 tile_stride: tile_stride(tiles),
@@ -291,11 +302,11 @@ impl Backward {
                 ellipse_from_splat: &s.ellipse_from_splat.part(splats.clone()),
                 whiten_rg_from_splat: &s.whiten_rg_from_splat.part(splats.clone()),
                 blue_depth_from_splat: &s.blue_depth_from_splat.part(splats.clone()),
-                d_shape_from_source: &g.d_shape_from_source,
-                d_tone_from_source: &g.d_tone_from_source,
-                d_rest_from_source: &g.d_rest_from_source,
+                d_shape_from_source: &g.records.d_shape_from_source,
+                d_tone_from_source: &g.records.d_tone_from_source,
+                d_rest_from_source: &g.records.d_rest_from_source,
                 d_params: state.gradients(block),
-                statistics: &state.statistics.part(splats),
+                statistics: &state.buffers.statistics.part(splats),
                 splat_from_slot: &at.splat_from_slot,
             },
             project_backward::Params {
@@ -333,8 +344,8 @@ impl Backward {
                 counts: &s.counts,
                 d_params: state.gradients(block),
                 params: &state.model.params[block.index],
-                moment1: &state.moment1[block.index],
-                moment2: &state.moment2[block.index],
+                moment1: &state.buffers.moment1[block.index],
+                moment2: &state.buffers.moment2[block.index],
             },
             adam::Params {
                 first_splat: block.first as u32,

@@ -3,8 +3,11 @@
 use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::render::{Block, Blocks, Model, Precision, Slots, index_of, of_degree, plane_count};
-use crate::scene::{Primitive, ScreenFilter};
+use crate::render::{
+    Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Slots, buffers, of_degree,
+    plane_count,
+};
+use crate::scene::ScreenFilter;
 
 /// Parameters, gradients and moments in planes of vec4, and the statistics of density control.
 #[derive(Debug)]
@@ -15,14 +18,27 @@ pub(crate) struct DeviceState {
     sh_degree: u32,
     /// Mapping between slots and splats.
     slots: Slots,
-    /// Gradients of every block if kept for inspection or depth bands, else of the current block.
-    gradients: Vec<Buffer<[f32; 4]>>,
-    pub(crate) moment1: Vec<Buffer<[f32; 4]>>,
-    pub(crate) moment2: Vec<Buffer<[f32; 4]>>,
-    pub(crate) statistics: Buffer<[f32; 4]>,
+    pub(crate) buffers: OptimizerBuffers,
+}
+
+buffers! {
+    /// Buffers beside the parameters, of so many splats of each degree.
+    pub(crate) struct OptimizerBuffers(blocks: Blocks) {
+        moment1: Vec<Buffer<[f32; 4]>>, Moments, blocks.sizes();
+        moment2: Vec<Buffer<[f32; 4]>>, Moments, blocks.sizes();
+        /// Of every block if kept for inspection or depth bands, else of the current block.
+        gradients: Vec<Buffer<[f32; 4]>>, Gradients, vec![blocks.vectors_of_largest()];
+        statistics: Buffer<[f32; 4]>, Gradients, blocks.splats();
+    }
 }
 
 impl DeviceState {
+    /// Bytes of the buffers.
+    pub(crate) fn needs(room: ByDegree) -> Vec<Need> {
+        let blocks = Blocks::anywhere(room);
+        [Model::needs(blocks), OptimizerBuffers::needs(blocks)].concat()
+    }
+
     /// Maximum number of splats of a degree on the device: one binding must hold a vec4 per splat, and memory the
     /// parameters with their moments.
     pub(crate) fn splat_limit(gpu: &Gpu, sh_degree: u32) -> usize {
@@ -43,24 +59,10 @@ impl DeviceState {
         };
         let blocks = Blocks::of_degrees(gpu.caps(), room, Precision::Full);
         let mut device = DeviceState {
-            model: Model {
-                params: blocks.buffers(gpu, "params")?,
-                splat_from_slot: index_of(gpu, &blocks, &slots)?,
-                blocks,
-                splat_count: 0,
-                counts: Default::default(),
-                sh_degree: state.sh_degree,
-                precision: Precision::Full,
-                primitive: Primitive::Gaussian3d,
-                filter,
-                not_finite: None,
-            },
+            model: Model::empty(gpu, blocks, state.sh_degree, filter)?,
             sh_degree: state.sh_degree,
             slots,
-            gradients: vec![gpu.buffer("gradients", blocks.vectors_of_largest())?],
-            moment1: blocks.buffers(gpu, "moment1")?,
-            moment2: blocks.buffers(gpu, "moment2")?,
-            statistics: gpu.buffer("statistics", blocks.splats())?,
+            buffers: OptimizerBuffers::new(gpu, blocks)?,
         };
         device.fill(gpu, state)?;
         Ok(device)
@@ -68,12 +70,13 @@ impl DeviceState {
 
     /// Gradient buffer of a block.
     pub(crate) fn gradients(&self, block: Block) -> &Buffer<[f32; 4]> {
-        &self.gradients[block.index.min(self.gradients.len() - 1)]
+        &self.buffers.gradients[block.index.min(self.buffers.gradients.len() - 1)]
     }
 
     /// Gives every block its own gradient buffer, so that all gradients of a step exist at once.
     pub(crate) fn keep_gradients(&mut self, gpu: &Gpu) -> Result<()> {
-        self.gradients = self.model.blocks.buffers(gpu, "gradients")?;
+        let sizes = self.model.blocks.sizes();
+        self.buffers.gradients = Allocate::allocate(gpu, "gradients", sizes)?;
         Ok(())
     }
 
@@ -97,8 +100,8 @@ impl DeviceState {
             }
             for (buffers, planes) in [
                 (&self.model.params, &state.params),
-                (&self.moment1, &state.m),
-                (&self.moment2, &state.v),
+                (&self.buffers.moment1, &state.m),
+                (&self.buffers.moment2, &state.v),
             ] {
                 for (i, plane) in planes[..plane_count(block.degree)].iter().enumerate() {
                     let rows: Vec<[f32; 4]> = splats.iter().map(|&s| plane[s as usize]).collect();
@@ -106,7 +109,7 @@ impl DeviceState {
                 }
             }
         }
-        gpu.run(|rec| rec.fill(&self.statistics, 0))
+        gpu.run(|rec| rec.fill(&self.buffers.statistics, 0))
     }
 
     /// Planes up to the run's SH degree; zeros above a splat's own degree.
@@ -137,8 +140,8 @@ impl DeviceState {
             sh_degree: self.sh_degree,
             degrees,
             params: self.planes(gpu, &self.model.params)?,
-            m: self.planes(gpu, &self.moment1)?,
-            v: self.planes(gpu, &self.moment2)?,
+            m: self.planes(gpu, &self.buffers.moment1)?,
+            v: self.planes(gpu, &self.buffers.moment2)?,
         })
     }
 
@@ -150,15 +153,15 @@ impl DeviceState {
     /// Downloads the last step's gradients, which must have been kept.
     pub(crate) fn download_gradients(&self, gpu: &Gpu) -> Result<Planes> {
         assert_eq!(
-            self.gradients.len(),
+            self.buffers.gradients.len(),
             self.model.params.len(),
             "gradients were not kept"
         );
-        self.planes(gpu, &self.gradients)
+        self.planes(gpu, &self.buffers.gradients)
     }
 
     /// Copies the statistics to the host.
     pub(crate) fn download_statistics(&self, gpu: &Gpu) -> Result<Vec<[f32; 4]>> {
-        gpu.download(&self.statistics, 0..self.model.splat_count)
+        gpu.download(&self.buffers.statistics, 0..self.model.splat_count)
     }
 }

@@ -1,14 +1,14 @@
 //! Device memory of a training run by buffer: a closed formula, printed before a run and tested against its
 //! allocations.
 
-use super::backward::record_words;
+use super::backward::Gradients;
 use super::config::{StrategyKind, TrainConfig};
+use super::device::DeviceState;
 use super::photos::Residency;
 use super::schedule;
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
 use crate::render::{
-    Blocks, ByDegree, Capacity, Need, Outputs, Purpose, frame_needs, index_needs, isects_expected,
-    model_needs, of_degree, total,
+    ByDegree, Capacity, Need, Outputs, Purpose, Scratch, isects_expected, of_degree, total,
 };
 use crate::scene::{Dataset, Split};
 
@@ -110,11 +110,16 @@ impl TrainSize {
         let [width, height] = self.image;
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let mut needs = photo_needs(self.photos, self.splats);
-        needs.extend(state_needs(self.counts()));
-        needs.extend(frame_needs(capacity, Outputs::TRAINING));
-        needs.extend(gradient_needs(capacity));
+        needs.extend(DeviceState::needs(self.counts()));
+        needs.extend(step_needs(capacity));
         needs
     }
+}
+
+/// Buffers of a step.
+pub(crate) fn step_needs(capacity: Capacity) -> Vec<Need> {
+    let frame = Scratch::needs(capacity, Outputs::TRAINING);
+    [frame, Gradients::needs(capacity)].concat()
 }
 
 /// Buffers of the photographs, and for transfers to the device and back.
@@ -131,51 +136,6 @@ fn photo_needs(photos: Residency, splats: usize) -> Vec<Need> {
         Need::new("photo ring", Photos, 1, ring),
         Need::new("staging", Transfer, 1, frames),
         Need::new("readback", Transfer, 1, IN_FLIGHT * STAGING_BYTES + piece),
-    ]
-}
-
-/// Parameters and moments of so many splats of each degree, and the gradients of one block.
-pub(crate) fn state_needs(room: ByDegree) -> Vec<Need> {
-    let blocks = Blocks::anywhere(room);
-    let params = model_needs(blocks);
-    let moment = |name| Need {
-        name,
-        purpose: Purpose::Moments,
-        ..params
-    };
-    vec![
-        params,
-        index_needs(blocks),
-        moment("moment1"),
-        moment("moment2"),
-        Need::new(
-            "gradients",
-            Purpose::Gradients,
-            16,
-            blocks.vectors_of_largest(),
-        ),
-        Need::new("statistics", Purpose::Gradients, 16, blocks.splats()),
-    ]
-}
-
-/// Buffers of a step beyond the frame's.
-pub(crate) fn gradient_needs(capacity: Capacity) -> Vec<Need> {
-    let Capacity {
-        isects,
-        pixels,
-        tiles,
-        ..
-    } = capacity;
-    // The slopes of SSIM alias the records: only their excess counts.
-    let records = record_words(isects);
-    let slopes = (9 * pixels).saturating_sub(records);
-    use Purpose::*;
-    vec![
-        Need::new("records", Intersections, 4, records),
-        Need::new("ssim_slope", Pixels, 4, slopes),
-        Need::new("loss_from_tile", Pixels, 16, tiles),
-        Need::new("loss", Pixels, 16, 1),
-        Need::new("d_image", Pixels, 12, pixels),
     ]
 }
 

@@ -139,7 +139,7 @@ impl<'a> Trainer<'a> {
             forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy)?,
             backward: Backward::new(gpu, &config)?,
             state: DeviceState::new(gpu, state, config.filter)?,
-            gradients: Gradients::new(gpu, &scratch)?,
+            gradients: Gradients::new(gpu, scratch.capacity)?,
             scratch,
             bands: DepthBands::default(),
             photos,

@@ -3,8 +3,7 @@
 use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::render::{
-    Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, frame_needs,
-    isects_expected, model_needs, total,
+    Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, isects_expected, total,
 };
 use ashfall::scene::{Dataset, ScreenFilter};
 use ashfall::train::{
@@ -52,7 +51,7 @@ fn every_buffer_of_a_frame_is_in_the_formula() {
         gpu.reset_memory_peak();
         let scratch = Scratch::new(&gpu, capacity, outputs).unwrap();
         let found = peaks(&gpu);
-        let needs = frame_needs(scratch.capacity, outputs);
+        let needs = Scratch::needs(scratch.capacity, outputs);
         assert_eq!(
             found.keys().collect::<Vec<_>>(),
             {
@@ -286,6 +285,6 @@ fn a_renderer_that_grows_never_holds_old_and_new() {
     let capacity = Capacity::for_image(splats.len(), isects, camera.width, camera.height);
     let frame: u64 = peaks(&gpu).values().sum();
     let wanted =
-        total(&frame_needs(capacity, Outputs::default())) + model_needs(model.blocks).bytes;
+        total(&Scratch::needs(capacity, Outputs::default())) + total(&Model::needs(model.blocks));
     assert!(frame < wanted + (1 << 20), "{frame} bytes, {wanted} needed");
 }

@@ -8,6 +8,7 @@ use crate::cli::eval::read_scene;
 use crate::cli::output::{bytes, grouped};
 use crate::cli::predict::parse_image_size;
 use crate::cli::render::orbit::{orbit_of_splats, radius};
+use crate::io::splats::readable;
 use crate::lab::bench::frame::{self, FramePlan, Scaling, ScalingPoint};
 use crate::lab::bench::growth::Exponent;
 use crate::lab::bench::train::{self, TrainMemory, TrainPlan};
@@ -29,8 +30,10 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Args)]
 #[command(after_help = FRAME_EXAMPLES)]
 pub(super) struct BenchFrameArgs {
-    /// A scene to draw instead (.ply or .splat), from the first camera of an orbit; sampled to each number of splats
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "SCENE", help = format!(
+        "A scene to draw instead, {}, from the first camera of an orbit; sampled to each number of splats",
+        readable()
+    ))]
     scene: Option<PathBuf>,
     /// Numbers of splats [default: 10,000 to 4,000,000; of a SCENE: its own]
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_count)]
@@ -64,8 +67,10 @@ pub(super) struct BenchTrainArgs {
     /// The data set
     #[arg(value_name = "DATA")]
     data: PathBuf,
-    /// Begin with the splats of this scene (.ply or .splat) instead of the data set's points
-    #[arg(long, value_name = "SCENE")]
+    #[arg(long, value_name = "SCENE", help = format!(
+        "Begin with the splats of this scene, {}, instead of the data set's points",
+        readable()
+    ))]
     init: Option<PathBuf>,
     /// Numbers of splats [default: 50000,200000]
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_count)]

@@ -21,7 +21,7 @@ impl Resources {
         let groups = Groups::Count(tiles as u32);
         let buffers = &self.buffers;
         let s = &buffers.scratch;
-        let emitted_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
+        let emitted_from_isect = &s.emitted_from_isect[Forward::sorted_index(tiles)];
         let tile_stride = tile_stride(tiles);
         rec.fill(&buffers.limit, 0);
         for step in STEPS {
@@ -51,7 +51,7 @@ impl Resources {
         let groups = Groups::Count(tiles as u32);
         let buffers = &self.buffers;
         let s = &buffers.scratch;
-        let emitted_from_isect = &s.by_tile.values[Forward::sorted_index(tiles)];
+        let emitted_from_isect = &s.emitted_from_isect[Forward::sorted_index(tiles)];
         let tile_stride = tile_stride(tiles);
         // A pair that was counted but not listed keeps this record, which lets no splat go.
         rec.fill(&buffers.records, 0);
@@ -81,7 +81,7 @@ impl Resources {
         let io = removal_error::Bindings {
             view: &s.view,
             range_from_tile: &s.range_from_tile,
-            emitted_from_isect: &s.by_tile.values[Forward::sorted_index(tiles)],
+            emitted_from_isect: &s.emitted_from_isect[Forward::sorted_index(tiles)],
             splat_from_emitted: &s.splat_from_emitted,
             ellipse_from_splat: &s.ellipse_from_splat,
             whiten_rg_from_splat: &s.whiten_rg_from_splat,

@@ -5,14 +5,12 @@ use super::Trainer;
 use crate::gpu::{Gpu, TRANSFER_BYTES};
 use crate::layout::COUNT_ISECT_WANTED;
 use crate::render::{
-    BandReplay, ByDegree, Capacity, DepthBands, Outputs, Scratch, Slots, frame_needs, list_limit,
-    total,
+    BandReplay, ByDegree, Capacity, DepthBands, Outputs, Scratch, Slots, list_limit, total,
 };
 use crate::train::backward::Gradients;
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
-use crate::train::memory::with_margin;
-use crate::train::memory::{TrainSize, gradient_needs, splats_expected, state_needs};
+use crate::train::memory::{TrainSize, splats_expected, step_needs, with_margin};
 use crate::train::state::HostState;
 use crate::{Error, Result};
 
@@ -94,7 +92,8 @@ impl Trainer<'_> {
 
     /// Reallocates the buffers of a step. No step may be in flight.
     pub(super) fn resize(&mut self, capacity: Capacity) -> Result<()> {
-        self.check_room(step_bytes(self.scratch.capacity), step_bytes(capacity))?;
+        let bytes = |capacity| total(&step_needs(capacity));
+        self.check_room(bytes(self.scratch.capacity), bytes(capacity))?;
         self.frames.release()?;
         self.remake(capacity)
     }
@@ -102,7 +101,7 @@ impl Trainer<'_> {
     fn remake(&mut self, capacity: Capacity) -> Result<()> {
         for capacity in [Capacity::LEAST, capacity] {
             self.scratch = new_scratch(&self.gpu, capacity, self.bands)?;
-            self.gradients = Gradients::new(&self.gpu, &self.scratch)?;
+            self.gradients = Gradients::new(&self.gpu, self.scratch.capacity)?;
         }
         Ok(())
     }
@@ -122,7 +121,8 @@ impl Trainer<'_> {
             ..self.scratch.capacity
         };
         let (filter, sh_degree) = (self.state.model.filter, state.sh_degree);
-        let bytes = |room, capacity| total(&state_needs(room)) + step_bytes(capacity);
+        let bytes =
+            |room, capacity| total(&DeviceState::needs(room)) + total(&step_needs(capacity));
         let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
         let plane = (16 * count).min(TRANSFER_BYTES) as u64;
         let counts = Slots::of(&state.degrees).counts;
@@ -163,11 +163,6 @@ pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: DepthBands) -> R
     }
     gpu.run(|rec| rec.fill(&scratch.counts, 0))?;
     Ok(scratch)
-}
-
-/// Bytes of the buffers of a step.
-fn step_bytes(capacity: Capacity) -> u64 {
-    total(&frame_needs(capacity, Outputs::TRAINING)) + total(&gradient_needs(capacity))
 }
 
 /// Lowers the splat limit to that of the device.

@@ -41,7 +41,8 @@ impl Trainer<'_> {
 
     /// Restores the statistics from [`Trainer::statistics`] when a run is resumed.
     pub fn set_statistics(&mut self, statistics: &[[f32; 4]]) -> Result<()> {
-        self.gpu.upload(&self.state.statistics, 0, statistics)
+        self.gpu
+            .upload(&self.state.buffers.statistics, 0, statistics)
     }
 
     /// Sets each splat's share in the pixels' errors, relative to the mean splat's, for the next refinement.

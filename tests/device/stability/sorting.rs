@@ -4,7 +4,7 @@ use crate::common::scenes::{self, Random, Scene};
 use crate::stability::lab::{Lab, Lesson, U, difference, lab, same, view_options, within};
 use crate::stability::props::{Prop, logit, picked, place, stage};
 use ashfall::kernels::scan::Scan;
-use ashfall::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
+use ashfall::kernels::sort::{Io, Layout, Sort};
 use ashfall::kernels::{sort_count, sort_scatter};
 use ashfall::layout::*;
 use ashfall::reference::{Options, frame};
@@ -130,32 +130,27 @@ fn sorted(lab: &Lab, sort: &Sort, keys: &[u32]) -> [Vec<u32>; 2] {
         groups(chunks, sort.chunks_per_group),
         groups(scanned, Scan::WORKGROUP),
     ];
-    let pairs = Pairs {
-        keys: [
-            gpu.buffer_from("keys", keys).unwrap(),
-            gpu.buffer("keys", len).unwrap(),
-        ],
-        values: [
-            gpu.buffer_from("values", &values).unwrap(),
-            gpu.buffer("values", len).unwrap(),
-        ],
+    let pair = |name, data: &[u32]| {
+        [
+            gpu.buffer_from(name, data).unwrap(),
+            gpu.buffer(name, len).unwrap(),
+        ]
     };
-    let tables = Tables {
-        counted: gpu.buffer("counted", entries).unwrap(),
-        places: gpu.buffer("places", entries).unwrap(),
-        sums: gpu.buffer("sums", scanned).unwrap(),
-    };
+    let (keys, values) = (pair("keys", keys), pair("values", &values));
     let io = Io {
         counts: &gpu.buffer_from("counts", &slots).unwrap(),
         args: &gpu.buffer_from("args", &args).unwrap(),
-        pairs: &pairs,
-        tables: &tables,
+        keys: &keys,
+        values: &values,
+        table: &gpu.buffer("table", entries).unwrap(),
+        places: &gpu.buffer("places", entries).unwrap(),
+        sums: &gpu.buffer("sums", scanned).unwrap(),
     };
     let scan = Scan::new(gpu).unwrap();
     let mut place = 0;
     gpu.run(|rec| place = sort.record(rec, &scan, io, LAYOUT))
         .unwrap();
-    [&pairs.keys[place], &pairs.values[place]].map(|buffer| gpu.download(buffer, 0..len).unwrap())
+    [&keys[place], &values[place]].map(|buffer| gpu.download(buffer, 0..len).unwrap())
 }
 
 /// Eight bits a pass, over all of a key's 32 bits.

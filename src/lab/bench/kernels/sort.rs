@@ -4,7 +4,7 @@ use super::{KernelCase, Workgroups, counts, read, time};
 use crate::Result;
 use crate::gpu::{Buffer, DeviceKind, Gpu, Groups, Recorder};
 use crate::kernels::scan::Scan;
-use crate::kernels::sort::{Io, Layout, Pairs, Sort, Tables};
+use crate::kernels::sort::{Io, Layout, Sort};
 use crate::kernels::{Kernel, sort_count, sort_scatter};
 use crate::lab::bench::check::{Output, words};
 use crate::lab::bench::input::random::Random;
@@ -202,8 +202,11 @@ pub struct Sorting {
     layout: Layout,
     keys_before: Buffer<u32>,
     values_before: Buffer<u32>,
-    pairs: Pairs,
-    tables: Tables,
+    pair_keys: [Buffer<u32>; 2],
+    pair_values: [Buffer<u32>; 2],
+    table: Buffer<u32>,
+    places: Buffer<u32>,
+    sums: Buffer<u32>,
     counts: Buffer<u32>,
     args: Buffer<DispatchArgs>,
     scan: Scan,
@@ -226,15 +229,11 @@ impl Sorting {
             values_before: gpu.buffer_from("values", &values)?,
             keys,
             layout,
-            pairs: Pairs {
-                keys: pair("keys")?,
-                values: pair("values")?,
-            },
-            tables: Tables {
-                counted: gpu.buffer("table", entries)?,
-                places: gpu.buffer("places", entries)?,
-                sums: gpu.buffer("sums", entries.div_ceil(SCAN_CHUNK as usize))?,
-            },
+            pair_keys: pair("keys")?,
+            pair_values: pair("values")?,
+            table: gpu.buffer("table", entries)?,
+            places: gpu.buffer("places", entries)?,
+            sums: gpu.buffer("sums", entries.div_ceil(SCAN_CHUNK as usize))?,
             counts: counts(gpu, &[])?,
             args: gpu.buffer("args", 2)?,
             scan: Scan::new(gpu)?,
@@ -244,8 +243,8 @@ impl Sorting {
     /// Puts the unsorted pairs back, with counts and dispatch sizes as `plan` gives them.
     pub fn prepare(&self, rec: &mut Recorder<'_>, sort: &Sort) {
         let count = self.keys.len();
-        rec.copy(&self.keys_before, 0..count, &self.pairs.keys[0], 0);
-        rec.copy(&self.values_before, 0..count, &self.pairs.values[0], 0);
+        rec.copy(&self.keys_before, 0..count, &self.pair_keys[0], 0);
+        rec.copy(&self.values_before, 0..count, &self.pair_values[0], 0);
         let chunks = sort.chunks(self.layout, count);
         let entries = chunks * self.layout.digit_count() as usize;
         for (slot, value) in [
@@ -273,8 +272,11 @@ impl Sorting {
         let io = Io {
             counts: &self.counts,
             args: &self.args,
-            pairs: &self.pairs,
-            tables: &self.tables,
+            keys: &self.pair_keys,
+            values: &self.pair_values,
+            table: &self.table,
+            places: &self.places,
+            sums: &self.sums,
         };
         sort.record(rec, &self.scan, io, self.layout);
     }
@@ -292,8 +294,8 @@ impl Sorting {
     pub fn sorted(&self, gpu: &Gpu) -> Result<[Vec<u32>; 2]> {
         let at = (self.layout.passes % 2) as usize;
         Ok([
-            read(gpu, &self.pairs.keys[at])?,
-            read(gpu, &self.pairs.values[at])?,
+            read(gpu, &self.pair_keys[at])?,
+            read(gpu, &self.pair_values[at])?,
         ])
     }
 
