@@ -45,11 +45,8 @@ pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
         tiles: [size[0].div_ceil(TILE_WIDTH), size[1].div_ceil(TILE_HEIGHT)],
         // Depths are positive whatever is asked for: their bits order them, and nothing behind the camera shows.
         near_plane: options.near.max(f32::MIN_POSITIVE),
-        dilation: match options.mode {
-            RenderMode::Default => 0.3,
-            RenderMode::Mip => 0.1,
-        },
-        compensate: (options.mode == RenderMode::Mip).into(),
+        dilation: options.mode.dilation() as f32,
+        compensate: options.mode.keeps_light().into(),
         background: options.background,
     }
 }

@@ -22,6 +22,21 @@ pub enum RenderMode {
     Mip,
 }
 
+impl RenderMode {
+    /// Variance that is added to both axes on the screen, px².
+    pub fn dilation(self) -> f64 {
+        match self {
+            RenderMode::Default => 0.3,
+            RenderMode::Mip => 0.1,
+        }
+    }
+
+    /// Whether opacities are lowered so that the dilation adds no light.
+    pub fn keeps_light(self) -> bool {
+        self == RenderMode::Mip
+    }
+}
+
 /// Splats as structure of arrays; all vectors have `len()` entries but `sh`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
