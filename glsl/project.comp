@@ -84,7 +84,7 @@ uint project(uint slot, uint splat) {
     vec3 mean_view = view.view_from_world * offset;
     float q_length = quaternion_length(rotation);
     bool sound = is_finite(mean) && is_finite(rotation) && is_finite(log_scale) && is_finite(scale);
-    sound = sound && is_finite(mean_view) && mean_view.z >= view.near_plane && q_length > 1e-18;
+    sound = sound && is_finite(mean_view) && mean_view.z >= view.near_plane && q_length > QUATERNION_MIN;
 
     Jacobian j = jacobian(view, mean_view);
     mat3 axes = rotation_matrix(rotation / q_length);

@@ -30,6 +30,9 @@ const float LOG2_255 = 7.994353436858858;
 // Transmittance under which a pixel ends (3DGS paper, appendix C).
 const float TRANSMITTANCE_MIN = 1e-4;
 
+// Shortest quaternion length with a direction: splats with shorter ones are not drawn.
+const float QUATERNION_MIN = 1e-18;
+
 // Largest colour of a splat, on a display of 0 to 1: sums and squares of such colours, and gradients by them, stay
 // finite for all coefficients.
 const float COLOR_MAX = 1e6;

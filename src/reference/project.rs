@@ -5,14 +5,11 @@ use super::linear::{
     Mat3, Vec3, covariance, matrix, normalize, product, sub, transform, transpose, vector,
 };
 use super::{Options, Real, sh};
-use crate::layout::COLOR_MAX;
+use crate::layout::{COLOR_MAX, QUATERNION_MIN};
 use crate::scene::{Camera, ScreenFilter, Splats};
 
 /// Floats of [`Splat::parameters`] before the SH coefficients.
 pub const GEOMETRY_PARAMETERS: usize = 11;
-
-/// Shortest quaternion length with a direction; splats below it are not drawn.
-pub const QUATERNION_MIN: f64 = 1e-18;
 
 /// Raw parameters of one splat, as stored and trained.
 #[derive(Clone, Debug, PartialEq)]
@@ -180,7 +177,7 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSpla
     let from_camera = sub(splat.mean, vector(view.camera.position));
     let mean_view = transform(matrix(view.camera.rotation), from_camera);
     let finite = splat.parameters().iter().all(|p| p.value().is_finite());
-    if !(finite && mean_view[2].value() >= view.near && length > QUATERNION_MIN) {
+    if !(finite && mean_view[2].value() >= view.near && length > f64::from(QUATERNION_MIN)) {
         return None;
     }
     let [x, y, z] = mean_view;

@@ -44,11 +44,8 @@ pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
         tiles: [size[0].div_ceil(TILE_WIDTH), size[1].div_ceil(TILE_HEIGHT)],
         // Depths are always positive: their bits then sort as integers, and nothing behind the camera is drawn.
         near_plane: options.near.max(f32::MIN_POSITIVE),
-        dilation: match options.filter {
-            ScreenFilter::Classic => 0.3,
-            ScreenFilter::Mip => 0.1,
-        },
-        compensate: (options.filter == ScreenFilter::Mip).into(),
+        dilation: options.filter.dilation() as f32,
+        compensate: options.filter.keeps_light().into(),
         background: options.background,
     }
 }

@@ -40,6 +40,19 @@ impl ScreenFilter {
             ScreenFilter::Mip => "mip",
         }
     }
+
+    /// Variance that is added to both axes on the screen, px².
+    pub fn dilation(self) -> f64 {
+        match self {
+            ScreenFilter::Classic => 0.3,
+            ScreenFilter::Mip => 0.1,
+        }
+    }
+
+    /// Whether opacities are lowered so that the dilation adds no light.
+    pub fn keeps_light(self) -> bool {
+        self == ScreenFilter::Mip
+    }
 }
 
 /// Splats as structure of arrays; all vectors have `len()` entries but `sh`.

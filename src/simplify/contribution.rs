@@ -11,6 +11,7 @@ use crate::render::{
 };
 use crate::scene::{Camera, Splats};
 use crate::{Error, Result};
+use std::sync::Arc;
 
 /// Options of a contribution pass.
 #[derive(Clone, Copy, Debug)]
@@ -89,16 +90,45 @@ pub struct ContributionPass {
     resources: Resources,
 }
 
-/// Kernels, scene and buffers.
-struct Resources {
-    model: Model,
-    forward: Forward,
+/// Kernels after the drawing, compiled once for several passes with the same rules.
+pub(super) struct Kernels {
     prune_limit: prune_limit::PruneLimit,
     contribution: contribution::Contribution,
     removal_error: removal_error::RemovalError,
     sum_by_splat: sum_by_splat::SumBySplat,
     /// Sums only, without maxima and minima.
     total: sum_by_splat::SumBySplat,
+}
+
+impl Kernels {
+    pub(super) fn new(gpu: &Gpu, compatibility: Compatibility) -> Result<Arc<Kernels>> {
+        let caps = gpu.caps();
+        let inria = u32::from(compatibility == Compatibility::Inria);
+        let (mut prune_limit, mut contribution) = (
+            prune_limit::Choice::prefer(caps),
+            contribution::Choice::prefer(caps),
+        );
+        let mut removal_error = removal_error::Choice::prefer(caps);
+        (prune_limit.spec.inria, contribution.spec.inria) = (inria, inria);
+        removal_error.spec.inria = inria;
+        let sum_by_splat = sum_by_splat::Choice::default();
+        let mut total = sum_by_splat;
+        total.spec.sums = 1;
+        Ok(Arc::new(Kernels {
+            prune_limit: prune_limit::PruneLimit::new(gpu, prune_limit)?,
+            contribution: contribution::Contribution::new(gpu, contribution)?,
+            removal_error: removal_error::RemovalError::new(gpu, removal_error)?,
+            sum_by_splat: sum_by_splat::SumBySplat::new(gpu, sum_by_splat)?,
+            total: sum_by_splat::SumBySplat::new(gpu, total)?,
+        }))
+    }
+}
+
+/// Kernels, scene and buffers.
+struct Resources {
+    model: Model,
+    forward: Forward,
+    kernels: Arc<Kernels>,
     buffers: ViewBuffers,
     totals: Buffer<[f32; 3]>,
     ranks: Buffer<f32>,
@@ -127,18 +157,17 @@ impl ViewBuffers {
 impl ContributionPass {
     /// Uploads a scene to the device.
     pub fn new(gpu: &Gpu, splats: &Splats, pass_options: PassOptions) -> Result<ContributionPass> {
-        let caps = gpu.caps();
-        let inria = u32::from(pass_options.compatibility == Compatibility::Inria);
-        let (mut prune_limit, mut contribution) = (
-            prune_limit::Choice::prefer(caps),
-            contribution::Choice::prefer(caps),
-        );
-        let mut removal_error = removal_error::Choice::prefer(caps);
-        (prune_limit.spec.inria, contribution.spec.inria) = (inria, inria);
-        removal_error.spec.inria = inria;
-        let sum_by_splat = sum_by_splat::Choice::default();
-        let mut total = sum_by_splat;
-        total.spec.sums = 1;
+        let kernels = Kernels::new(gpu, pass_options.compatibility)?;
+        ContributionPass::with(kernels, gpu, splats, pass_options)
+    }
+
+    /// The same with kernels for these options.
+    pub(super) fn with(
+        kernels: Arc<Kernels>,
+        gpu: &Gpu,
+        splats: &Splats,
+        pass_options: PassOptions,
+    ) -> Result<ContributionPass> {
         let count = splats.len().max(1);
         let options = RenderOptions {
             sh_degree: splats.sh_degree,
@@ -151,11 +180,7 @@ impl ContributionPass {
         let resources = Resources {
             model,
             forward,
-            prune_limit: prune_limit::PruneLimit::new(gpu, prune_limit)?,
-            contribution: contribution::Contribution::new(gpu, contribution)?,
-            removal_error: removal_error::RemovalError::new(gpu, removal_error)?,
-            sum_by_splat: sum_by_splat::SumBySplat::new(gpu, sum_by_splat)?,
-            total: sum_by_splat::SumBySplat::new(gpu, total)?,
+            kernels,
             buffers: ViewBuffers::new(gpu, Capacity::LEAST)?,
             totals: gpu.buffer("sum_from_splat", count)?,
             ranks: gpu.buffer("rank_from_splat", count)?,

@@ -1,7 +1,8 @@
 //! Training: fits splats to the photographs of a data set, one step at a time.
 //!
 //! **Invariant:** every step is a pure function of (configuration, seed, step), and refinement is a pure function of
-//! the optimiser state on the CPU; the device only does arithmetic. The only file read here is a given checkpoint.
+//! the optimiser state on the CPU; the device only does arithmetic. The only files read here are
+//! the photographs of the data set and a given checkpoint.
 //!
 #![doc = include_str!("../../docs/training.md")]
 

@@ -5,7 +5,6 @@
 //! run equals an uninterrupted one to the bit.
 
 mod capacity;
-mod degrees;
 mod halved;
 mod inspect;
 mod steer;

@@ -46,7 +46,7 @@ impl<'a> CountController<'a> {
             self.history.has_detail = true;
         }
         // Held-out views are included: splats that only they see would otherwise go first. Only their cameras are used.
-        let changes = Survey::begin(trainer, self.dataset)?.changes(&self.all())?;
+        let changes = Survey::begin(&self.kernels, trainer, self.dataset)?.changes(&self.all())?;
         Ok(Candidate {
             less: whole.select(&largest(&changes, left)),
             whole,

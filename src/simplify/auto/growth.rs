@@ -64,7 +64,7 @@ impl<'a> CountController<'a> {
         }
         let turn = (next / config.refine.every) as usize;
         let views = trainer.views().to_vec();
-        let errors = Survey::begin(trainer, self.dataset)?.errors(
+        let errors = Survey::begin(&self.kernels, trainer, self.dataset)?.errors(
             &views,
             self.history.config.error_views as usize,
             turn,

@@ -24,7 +24,7 @@ mod rounds;
 mod sh_rounds;
 mod survey;
 
-use super::contribution::ContributionPass;
+use super::contribution::Kernels;
 use super::gain::differences;
 use super::held_out::{self, split_views};
 use super::history::{Act, History, HistoryEntry, Phase};
@@ -33,6 +33,7 @@ use crate::scene::{Dataset, Split};
 use crate::stats::mean;
 use crate::train::{Controller, HostState, Run, TrainConfig, Trainer};
 use crate::{Error, Result};
+use std::sync::Arc;
 
 /// Controller of the splat count of a run.
 pub struct CountController<'a> {
@@ -46,8 +47,8 @@ pub struct CountController<'a> {
     trained: Evaluator<'a>,
     /// Views trained on while others are held out.
     fitted: Vec<usize>,
-    /// Keeps the kernels compiled, which every survey shares.
-    _idle: ContributionPass,
+    /// Kernels of the surveys.
+    kernels: Arc<Kernels>,
 }
 
 /// Training run with an optional [`CountController`].
@@ -133,7 +134,7 @@ impl<'a> CountController<'a> {
             held_out,
             trained,
             fitted,
-            _idle: survey::idle(trainer)?,
+            kernels: survey::kernels(trainer)?,
         };
         controller.set_densify_errors(trainer)?;
         Ok(controller)

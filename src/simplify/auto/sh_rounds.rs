@@ -218,7 +218,7 @@ impl<'a> CountController<'a> {
             .div_ceil(self.history.config.sh_fit_views as usize)
             .max(1);
         let views: Vec<usize> = all.into_iter().step_by(step).collect();
-        let seen = Survey::begin(trainer, self.dataset)?.seen(&views)?;
+        let seen = Survey::begin(&self.kernels, trainer, self.dataset)?.seen(&views)?;
         Ok(Fits::new(splats, &seen))
     }
 }

@@ -3,11 +3,12 @@
 use super::view_options;
 use crate::metrics::Target;
 use crate::render::Compatibility;
-use crate::scene::{Camera, Dataset, Splats, View};
-use crate::simplify::contribution::{ContributionPass, PassOptions, RemovalError};
+use crate::scene::{Camera, Dataset, View};
+use crate::simplify::contribution::{ContributionPass, Kernels, PassOptions, RemovalError};
 use crate::simplify::sh_fit::ViewWeights;
 use crate::train::Trainer;
 use crate::{Result, io};
+use std::sync::Arc;
 
 /// Contribution pass over views of the current scene.
 pub(super) struct Survey<'a> {
@@ -15,10 +16,12 @@ pub(super) struct Survey<'a> {
     weigher: ContributionPass,
 }
 
-/// Contribution pass of an empty scene. While it lives, surveys reuse its compiled kernels; compiling takes longer than
-/// most surveys.
-pub(super) fn idle(trainer: &Trainer<'_>) -> Result<ContributionPass> {
-    ContributionPass::new(trainer.gpu(), &Splats::default(), pass_options(trainer))
+/// Rasterisation rules of training.
+const RULES: Compatibility = Compatibility::Engine;
+
+/// Kernels of all surveys: compiling takes longer than most of them.
+pub(super) fn kernels(trainer: &Trainer<'_>) -> Result<Arc<Kernels>> {
+    Kernels::new(trainer.gpu(), RULES)
 }
 
 /// Options of training's own rendering.
@@ -27,17 +30,20 @@ fn pass_options(trainer: &Trainer<'_>) -> PassOptions {
     PassOptions {
         near: options.near,
         background: options.background,
-        compatibility: Compatibility::Engine,
+        compatibility: RULES,
     }
 }
 
 impl<'a> Survey<'a> {
-    pub(super) fn begin(trainer: &mut Trainer<'_>, dataset: &'a Dataset) -> Result<Survey<'a>> {
-        let splats = trainer.splats()?;
-        Ok(Survey {
-            dataset,
-            weigher: ContributionPass::new(trainer.gpu(), &splats, pass_options(trainer))?,
-        })
+    pub(super) fn begin(
+        kernels: &Arc<Kernels>,
+        trainer: &mut Trainer<'_>,
+        dataset: &'a Dataset,
+    ) -> Result<Survey<'a>> {
+        let (kernels, splats) = (kernels.clone(), trainer.splats()?);
+        let options = pass_options(trainer);
+        let weigher = ContributionPass::with(kernels, trainer.gpu(), &splats, options)?;
+        Ok(Survey { dataset, weigher })
     }
 
     /// Change of the views by removal of each splat: squares summed over pixels and channels.

@@ -41,7 +41,7 @@ impl Resources {
                 step,
                 budget,
             };
-            self.prune_limit.record(rec, io, params, groups);
+            self.kernels.prune_limit.record(rec, io, params, groups);
         }
     }
 
@@ -67,8 +67,8 @@ impl Resources {
             record_from_emitted: &buffers.records,
         };
         let params = contribution::Params { tile_stride };
-        self.contribution.record(rec, io, params, groups);
-        self.record_totals(rec, &self.sum_by_splat);
+        self.kernels.contribution.record(rec, io, params, groups);
+        self.record_totals(rec, &self.kernels.sum_by_splat);
     }
 
     /// Records the removal errors after a completed drawing. The `spent` buffer holds the pixels' errors here.
@@ -93,8 +93,8 @@ impl Resources {
         let params = removal_error::Params {
             tile_stride: tile_stride(tiles),
         };
-        self.removal_error.record(rec, io, params, groups);
-        self.record_totals(rec, &self.total);
+        self.kernels.removal_error.record(rec, io, params, groups);
+        self.record_totals(rec, &self.kernels.total);
     }
 
     fn record_totals(&self, rec: &mut Recorder<'_>, sum_by_splat: &sum_by_splat::SumBySplat) {

@@ -1,8 +1,9 @@
 //! Cost of a merge: difference between the pictures of two splats and of the merged one.
 
 use super::joint::Joint;
-use super::mass::{MassGaussian, PixelFilter};
+use super::mass::MassGaussian;
 use super::projection::ProjectedGaussian;
+use crate::scene::ScreenFilter;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
@@ -50,7 +51,7 @@ pub(super) fn cost(
     (a, b): (&MassGaussian, &MassGaussian),
     (merged, joint): (&MassGaussian, &Joint),
     tones: &ColorProducts,
-    pen: PixelFilter,
+    filter: ScreenFilter,
 ) -> f64 {
     let a_turned = a.turned(DVec3::ZERO, &joint.axes);
     let b_turned = b.turned(joint.offset, &joint.axes);
@@ -78,7 +79,7 @@ pub(super) fn cost(
     };
     let error = (0..3).map(error).sum::<f64>();
     let color = COLOR * TAU * merged.drawn.shadow * tones.distance();
-    let cost = (error + color) / merged.pixel(pen);
+    let cost = (error + color) / merged.pixel(filter);
     if cost.is_nan() { f64::INFINITY } else { cost }
 }
 
@@ -91,7 +92,7 @@ fn product(a: &Part, b: &Part, tones: &ColorProducts) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{ScreenFilter, Splats};
+    use crate::scene::Splats;
 
     /// Splats of mean, scale and opacity logit, all with the same rotation.
     fn bodies(rows: &[([f32; 3], [f32; 3], f32)]) -> Vec<MassGaussian> {
@@ -102,12 +103,8 @@ mod tests {
             opacity_logit: rows.iter().map(|row| row.2).collect(),
             ..Splats::default()
         };
-        let body = |i| MassGaussian::new(&splats, i, 10.0, pen()).unwrap();
+        let body = |i| MassGaussian::new(&splats, i, 10.0, ScreenFilter::Classic).unwrap();
         (0..rows.len()).map(body).collect()
-    }
-
-    fn pen() -> PixelFilter {
-        PixelFilter::of(ScreenFilter::Classic)
     }
 
     /// Colours of one channel, and the cover.
@@ -120,8 +117,8 @@ mod tests {
     }
 
     fn price(a: &MassGaussian, b: &MassGaussian, tones: &ColorProducts) -> f64 {
-        let (merged, joint) = a.merged(b, pen()).unwrap();
-        cost((a, b), (&merged, &joint), tones, pen())
+        let (merged, joint) = a.merged(b, ScreenFilter::Classic).unwrap();
+        cost((a, b), (&merged, &joint), tones, ScreenFilter::Classic)
     }
 
     /// Energy of one splat alone: the scale of all costs.
@@ -130,7 +127,7 @@ mod tests {
             let shade = a.turned(DVec3::ZERO, &glam::DMat3::IDENTITY).shade(axis);
             shade.times(&shade).light()
         };
-        tones.first * (0..3).map(light).sum::<f64>() / 3.0 / a.pixel(pen())
+        tones.first * (0..3).map(light).sum::<f64>() / 3.0 / a.pixel(ScreenFilter::Classic)
     }
 
     /// Against the integral of the squared difference, by summation over planes.
@@ -141,7 +138,7 @@ mod tests {
             ([0.3, -0.2, 0.4], [0.25, 0.4, 0.3], 1.5),
         ]);
         let (a, b) = (&found[0], &found[1]);
-        let (merged, joint) = a.merged(b, pen()).unwrap();
+        let (merged, joint) = a.merged(b, ScreenFilter::Classic).unwrap();
         let colors = [0.8, 0.3];
         let mean_color = colors[0] + joint.share * (colors[1] - colors[0]);
         let turned = [
@@ -164,9 +161,9 @@ mod tests {
                 }
             }
         }
-        let wanted = sum / merged.pixel(pen());
+        let wanted = sum / merged.pixel(ScreenFilter::Classic);
         let price = price(a, b, &tones(colors[0], colors[1]));
-        let color = COLOR * TAU * merged.drawn.shadow * 0.25 / merged.pixel(pen());
+        let color = COLOR * TAU * merged.drawn.shadow * 0.25 / merged.pixel(ScreenFilter::Classic);
         assert!(
             (price - wanted - color).abs() < 1e-9 * wanted,
             "{price}, {wanted}"

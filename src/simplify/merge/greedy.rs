@@ -1,9 +1,9 @@
 //! Greedy merging, cheapest pair first; a merged splat gets new costs with its neighbours before the next merge.
 
 use super::cost::{ColorProducts, cost};
-use super::mass::{MassGaussian, PixelFilter};
+use super::mass::MassGaussian;
 use super::neighbors::neighbors;
-use crate::scene::{SH_C0, Splats};
+use crate::scene::{SH_C0, ScreenFilter, Splats};
 use rayon::prelude::*;
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -54,7 +54,7 @@ impl Eq for CandidatePair {}
 /// State of a scene during merging.
 pub(super) struct MergeState {
     splats: Splats,
-    pen: PixelFilter,
+    filter: ScreenFilter,
     /// By splat; `None` if it takes no part.
     bodies: Vec<Option<MassGaussian>>,
     /// By splat: product of its colour with itself, as in [`ColorProducts`].
@@ -69,18 +69,18 @@ pub(super) struct MergeState {
 impl MergeState {
     /// `rates`: pixels per world unit at each splat.
     pub(super) fn new(splats: &Splats, rates: &[f64]) -> MergeState {
-        let pen = PixelFilter::of(splats.filter);
+        let filter = splats.filter;
         let stride = splats.sh_stride();
         let body = |i: usize| {
             let finite = splats.sh[i * stride..][..stride]
                 .iter()
                 .all(|v| v.is_finite());
-            MassGaussian::new(splats, i, rates[i], pen).filter(|_| finite)
+            MassGaussian::new(splats, i, rates[i], filter).filter(|_| finite)
         };
         let count = splats.len();
         let tone = |i: usize| tone(splats, i, i);
         MergeState {
-            pen,
+            filter,
             bodies: (0..count).into_par_iter().map(body).collect(),
             tones: (0..count).into_par_iter().map(tone).collect(),
             splats: splats.clone(),
@@ -178,13 +178,13 @@ impl MergeState {
         let splats = [i.min(j), i.max(j)];
         let [i, j] = splats.map(|i| i as usize);
         let (a, b) = (self.bodies[i].as_ref()?, self.bodies[j].as_ref()?);
-        let (merged, joint) = a.merged(b, self.pen)?;
+        let (merged, joint) = a.merged(b, self.filter)?;
         let tones = ColorProducts {
             first: self.tones[i],
             second: self.tones[j],
             across: tone(&self.splats, i, j),
         };
-        let cost = cost((a, b), (&merged, &joint), &tones, self.pen);
+        let cost = cost((a, b), (&merged, &joint), &tones, self.filter);
         cost.is_finite().then_some(CandidatePair {
             cost,
             splats,
@@ -197,7 +197,7 @@ impl MergeState {
         let (Some(a), Some(b)) = (self.bodies[i], self.bodies[j].take()) else {
             return;
         };
-        let Some((merged, joint)) = a.merged(&b, self.pen) else {
+        let Some((merged, joint)) = a.merged(&b, self.filter) else {
             return;
         };
         let stride = self.splats.sh_stride();

@@ -1,8 +1,9 @@
 //! Merge of two splats, and their overlap averaged over viewing directions.
 
 use super::axes::{axes, mean_shadow, square};
-use super::mass::{FilteredGaussian, MassGaussian, PixelFilter};
+use super::mass::{FilteredGaussian, MassGaussian};
 use crate::layout::ALPHA_MAX;
+use crate::scene::ScreenFilter;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
@@ -68,7 +69,7 @@ impl MassGaussian {
     pub(super) fn merged(
         &self,
         other: &MassGaussian,
-        pen: PixelFilter,
+        filter: ScreenFilter,
     ) -> Option<(MassGaussian, Joint)> {
         let joint = Joint::of(self, other);
         let mass = self.mass + other.mass - joint.mass;
@@ -91,12 +92,12 @@ impl MassGaussian {
             mass,
             drawn: FilteredGaussian::NOTHING,
         };
-        let (shadow, most) = (body.shadow(pen), f64::from(ALPHA_MAX));
+        let (shadow, most) = (body.shadow(filter), f64::from(ALPHA_MAX));
         if mass > most * shadow {
             // Opacity is capped: excess mass enlarges the splat.
             body.covariance *= mass / (most * shadow);
         }
-        let shadow = body.shadow(pen);
+        let shadow = body.shadow(filter);
         body.opacity = (mass / shadow).min(most);
         body.mass = body.opacity * shadow;
         body.drawn = FilteredGaussian::of(body.covariance, body.filter_variance);

@@ -2,31 +2,9 @@
 
 use super::axes::{axes, mean_shadow};
 use super::projection::RotatedGaussian;
+use crate::layout::QUATERNION_MIN;
 use crate::scene::{ScreenFilter, Splats};
 use glam::{DMat3, DQuat, DVec3};
-
-/// Shortest quaternion length with a direction; splats below it are not drawn.
-const QUATERNION_MIN: f64 = 1e-18;
-
-/// Screen filter in numbers.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PixelFilter {
-    /// Variance added on the screen, px².
-    dilation: f64,
-    /// Whether opacities are lowered so that the dilation adds no light.
-    keeps_light: bool,
-}
-
-impl PixelFilter {
-    /// Numbers of a filter, as in `render::view_of`.
-    pub(super) fn of(filter: ScreenFilter) -> PixelFilter {
-        let keeps_light = filter == ScreenFilter::Mip;
-        PixelFilter {
-            dilation: if keeps_light { 0.1 } else { 0.3 },
-            keeps_light,
-        }
-    }
-}
 
 /// A splat, original or merged.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,11 +37,11 @@ impl MassGaussian {
         splats: &Splats,
         index: usize,
         rate: f64,
-        pen: PixelFilter,
+        filter: ScreenFilter,
     ) -> Option<MassGaussian> {
         let [w, x, y, z] = splats.quaternion[index].map(f64::from);
         let quaternion = DQuat::from_xyzw(x, y, z, w);
-        let directed = quaternion.length() > QUATERNION_MIN && quaternion.is_finite();
+        let directed = quaternion.length() > f64::from(QUATERNION_MIN) && quaternion.is_finite();
         if !directed || rate.is_nan() || rate <= 0.0 {
             return None;
         }
@@ -75,20 +53,20 @@ impl MassGaussian {
             mean: DVec3::from(splats.mean[index].map(f64::from)),
             covariance: axes * axes.transpose(),
             thinnest: variances.min_element(),
-            filter_variance: pen.dilation / (rate * rate),
+            filter_variance: filter.dilation() / (rate * rate),
             opacity: (1.0 + (-f64::from(splats.opacity_logit[index])).exp()).recip(),
             mass: 0.0,
             drawn: FilteredGaussian::NOTHING,
         };
-        body.mass = body.opacity * body.shadow(pen);
+        body.mass = body.opacity * body.shadow(filter);
         body.drawn = FilteredGaussian::of(body.covariance, body.filter_variance);
         body.drawn.amplitude = body.mass / body.drawn.shadow;
         body.is_sound().then_some(body)
     }
 
     /// Mean projected area that multiplies the opacity.
-    pub(super) fn shadow(&self, pen: PixelFilter) -> f64 {
-        match pen.keeps_light {
+    pub(super) fn shadow(&self, filter: ScreenFilter) -> f64 {
+        match filter.keeps_light() {
             true => mean_shadow(axes(self.covariance).0.max(DVec3::splat(self.thinnest))),
             false => FilteredGaussian::of(self.covariance, self.filter_variance).shadow,
         }
@@ -117,8 +95,8 @@ impl MassGaussian {
     }
 
     /// Area of a pixel at the splat, world units².
-    pub(super) fn pixel(&self, pen: PixelFilter) -> f64 {
-        self.filter_variance / pen.dilation
+    pub(super) fn pixel(&self, filter: ScreenFilter) -> f64 {
+        self.filter_variance / filter.dilation()
     }
 
     /// Stores it as splat `index`, except for SH.
@@ -185,15 +163,10 @@ mod tests {
             &splat(mean, quaternion, log_scale, 6.0 * w - 4.0),
             0,
             30.0,
-            PEN,
+            ScreenFilter::Classic,
         )
         .unwrap()
     }
-
-    const PEN: PixelFilter = PixelFilter {
-        dilation: 0.3,
-        keeps_light: false,
-    };
 
     /// Mass, first and second moments about the world's origin.
     fn moments(mass: f64, mean: DVec3, covariance: DMat3) -> [DMat3; 3] {
@@ -210,7 +183,7 @@ mod tests {
             let mut tested = 0;
             for i in 0..200 {
                 let (a, b) = (random(2 * i, spread), random(2 * i + 1, spread));
-                let (merged, joint) = a.merged(&b, PEN).unwrap();
+                let (merged, joint) = a.merged(&b, ScreenFilter::Classic).unwrap();
                 let common_mean = a.mean + joint.common_offset;
                 let filter_variance = DMat3::from_diagonal(DVec3::splat(merged.filter_variance));
                 let parts = [
@@ -258,8 +231,8 @@ mod tests {
                 [-1.0, -1.5, -0.5],
                 logit,
             );
-            let body = MassGaussian::new(&one, 0, 1e6, PEN).unwrap();
-            let (merged, joint) = body.merged(&body, PEN).unwrap();
+            let body = MassGaussian::new(&one, 0, 1e6, ScreenFilter::Classic).unwrap();
+            let (merged, joint) = body.merged(&body, ScreenFilter::Classic).unwrap();
             let alpha = body.opacity;
             let share = merged.mass / body.mass;
             assert!(
@@ -289,14 +262,15 @@ mod tests {
             for other in [shape, other] {
                 let a = splat([0.1, 0.2, 0.3], [0.3, 0.1, -0.2, 0.9], shape, 2.0);
                 let b = splat([0.1, 0.21, 0.3], [0.3, 0.1, -0.2, 0.9], other, 20.0);
-                let [one, two] = [&a, &b].map(|s| MassGaussian::new(s, 0, 100.0, PEN).unwrap());
-                let (merged, _) = one.merged(&two, PEN).unwrap();
+                let [one, two] = [&a, &b]
+                    .map(|s| MassGaussian::new(s, 0, 100.0, ScreenFilter::Classic).unwrap());
+                let (merged, _) = one.merged(&two, ScreenFilter::Classic).unwrap();
                 let mut written = a.clone();
                 merged.store(&mut written, 0);
                 assert_eq!(written.not_finite(), None, "{shape:?}");
                 let length: f32 = written.quaternion[0].iter().map(|q| q * q).sum();
                 assert!((length - 1.0).abs() < 1e-6);
-                let read = MassGaussian::new(&written, 0, 100.0, PEN).unwrap();
+                let read = MassGaussian::new(&written, 0, 100.0, ScreenFilter::Classic).unwrap();
                 let off = (read.covariance - merged.covariance).to_cols_array();
                 let largest = merged.covariance.col(0)[0]
                     + merged.covariance.col(1)[1]
@@ -308,30 +282,6 @@ mod tests {
                 );
                 assert!((read.opacity - merged.opacity).abs() < 1e-5);
             }
-        }
-    }
-
-    #[test]
-    fn pens_draw_as_views_do() {
-        use crate::render::{ViewOptions, view_of};
-        use crate::scene::Camera;
-        let camera = Camera {
-            width: 8,
-            height: 8,
-            focal: glam::DVec2::ONE,
-            center: glam::DVec2::ONE,
-            rotation: DMat3::IDENTITY,
-            position: DVec3::ZERO,
-        };
-        for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
-            let options = ViewOptions {
-                background: [0.0; 3],
-                near: 0.1,
-                filter,
-            };
-            let (view, pen) = (view_of(&camera, &options), PixelFilter::of(filter));
-            assert_eq!(view.dilation, pen.dilation as f32);
-            assert_eq!(view.compensate == 1, pen.keeps_light);
         }
     }
 }

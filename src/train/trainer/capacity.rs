@@ -139,6 +139,13 @@ impl Trainer<'_> {
         self.remake(capacity)
     }
 
+    /// Compiles the kernels for steps from the state's current layout.
+    pub(super) fn prepare(&mut self) -> Result<()> {
+        let model = &self.state.model;
+        self.forward.prepare(&self.gpu, model)?;
+        self.backward.prepare(&self.gpu, model)
+    }
+
     /// Checks that the limit allows `wanted` bytes in place of `freed`.
     fn check_room(&self, freed: u64, wanted: u64) -> Result<()> {
         let taken = self.gpu.memory_in_use().saturating_sub(freed);

@@ -1,4 +1,4 @@
-//! Access to a trainer's internals for tests of single steps, hidden from the documentation.
+//! Access to a trainer's internals for tests and measurements of single steps, hidden from the documentation.
 
 use super::Trainer;
 use crate::Result;
@@ -37,11 +37,5 @@ impl Trainer<'_> {
             isects,
             ..self.scratch.capacity
         })
-    }
-
-    pub(super) fn settle(&mut self) -> Result<()> {
-        let reports = self.finish()?;
-        self.done.extend(reports);
-        Ok(())
     }
 }

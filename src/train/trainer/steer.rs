@@ -1,5 +1,5 @@
-//! Changes between two steps by a run's controller: views and their size, state, splat limit. A resumed run needs the
-//! same changes.
+//! Changes between two steps by a run's controller: views and their size, state, degrees of harmonics, splat limit. A
+//! resumed run needs the same changes.
 
 use super::Trainer;
 use crate::train::state::HostState;
@@ -60,6 +60,18 @@ impl Trainer<'_> {
         self.take_over(state).map_err(|e| e.at_step(self.iteration))
     }
 
+    /// Removes each splat's SH coefficients above a degree, with their memory and time: see
+    /// [`HostState::lower_degrees`]. Statistics of density control stay. Waits for the last step begun.
+    ///
+    /// Panics unless there is a degree for every splat.
+    pub fn lower_degrees(&mut self, degrees: &[u8]) -> Result<()> {
+        let statistics = self.statistics()?;
+        let mut state = self.download()?;
+        state.lower_degrees(degrees);
+        self.take_over(&state)?;
+        self.set_statistics(&statistics)
+    }
+
     /// Returns to the state after an earlier iteration.
     pub fn go_back(&mut self, state: &HostState, iteration: u32) -> Result<()> {
         self.replace(state)?;
@@ -68,6 +80,13 @@ impl Trainer<'_> {
             "only what has been can be gone back to"
         );
         self.iteration = iteration;
+        Ok(())
+    }
+
+    /// Waits for all steps begun. [`Trainer::step`] returns their reports.
+    pub(super) fn settle(&mut self) -> Result<()> {
+        let reports = self.finish()?;
+        self.done.extend(reports);
         Ok(())
     }
 }
