@@ -2,8 +2,7 @@
 
 use super::source::{File, Sources};
 use shaderc::{
-    CompileOptions, Compiler, EnvVersion, OptimizationLevel, ResolvedInclude, ShaderKind,
-    SpirvVersion, TargetEnv,
+    CompileOptions, Compiler, EnvVersion, OptimizationLevel, ResolvedInclude, ShaderKind, SpirvVersion, TargetEnv,
 };
 use std::cell::RefCell;
 use std::path::Path;
@@ -41,20 +40,11 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
             if resolved_name == from {
                 return Err(format!("{name} includes itself"));
             }
-            included
-                .borrow_mut()
-                .push(File::new(&resolved_name, &content));
-            Ok(ResolvedInclude {
-                resolved_name,
-                content,
-            })
+            included.borrow_mut().push(File::new(&resolved_name, &content));
+            Ok(ResolvedInclude { resolved_name, content })
         });
-        let result =
-            compiler.compile_into_spirv(&text, ShaderKind::Compute, &shown, "main", Some(&options));
-        Ok(result
-            .map_err(|error| error.to_string())?
-            .as_binary()
-            .to_vec())
+        let result = compiler.compile_into_spirv(&text, ShaderKind::Compute, &shown, "main", Some(&options));
+        Ok(result.map_err(|error| error.to_string())?.as_binary().to_vec())
     };
     let plain = run(OptimizationLevel::Zero)?;
     let embedded = match EMBEDDED {

@@ -16,11 +16,7 @@ pub(crate) fn emit(file: &File, faults: &mut Vec<String>) -> String {
             Some((scalar, name, value)) => {
                 let comment = file.comment_at(line);
                 let comment = comment.unwrap_or_else(|| format!("`{name}` of the shaders."));
-                let _ = writeln!(
-                    text,
-                    "/// {comment}\npub const {name}: {} = {value};",
-                    scalar.rust()
-                );
+                let _ = writeln!(text, "/// {comment}\npub const {name}: {} = {value};", scalar.rust());
             }
             None => faults.push(file.fault(
                 line,
@@ -35,9 +31,7 @@ pub(crate) fn emit(file: &File, faults: &mut Vec<String>) -> String {
 fn constant(code: &str) -> Option<(Scalar, &str, String)> {
     let (declared, value) = code.strip_suffix(';')?.split_once('=')?;
     let mut words = declared.split_whitespace();
-    let (Some("const"), Some(ty), Some(name), None) =
-        (words.next(), words.next(), words.next(), words.next())
-    else {
+    let (Some("const"), Some(ty), Some(name), None) = (words.next(), words.next(), words.next(), words.next()) else {
         return None;
     };
     let capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';

@@ -24,11 +24,7 @@ pub(crate) fn variant_enum(text: &mut String, kernel: &Kernel) {
     let mut infos = String::new();
     for (number, variant) in kernel.variants.iter().enumerate() {
         let name = camel(&variant.name);
-        let default = if number == 0 {
-            "        #[default]\n"
-        } else {
-            ""
-        };
+        let default = if number == 0 { "        #[default]\n" } else { "" };
         let comment = match variant.name.as_str() {
             "" => "Portable variant.".to_owned(),
             other => {
@@ -38,11 +34,7 @@ pub(crate) fn variant_enum(text: &mut String, kernel: &Kernel) {
         };
         let _ = writeln!(items, "        /// {comment}\n{default}        {name},");
         let _ = write!(all, "Variant::{name}, ");
-        let _ = writeln!(
-            infos,
-            "                Variant::{name} => &{},",
-            static_name(variant)
-        );
+        let _ = writeln!(infos, "                Variant::{name} => &{},", static_name(variant));
     }
     let _ = write!(
         text,
@@ -104,11 +96,7 @@ pub(crate) fn spec(text: &mut String, kernel: &Kernel) {
                 format!("self.{name}.to_bits()"),
             ),
         };
-        let _ = writeln!(
-            fields,
-            "        /// {}\n        pub {name}: {ty},",
-            comment(spec)
-        );
+        let _ = writeln!(fields, "        /// {}\n        pub {name}: {ty},", comment(spec));
         let _ = writeln!(defaults, "                {name}: {default},");
         let _ = write!(values, "{value}, ");
     }

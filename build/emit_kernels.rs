@@ -13,10 +13,7 @@ pub(crate) fn kernels(kernels: &[Kernel]) -> String {
     let mut table = String::new();
     for kernel in kernels {
         let name = &kernel.name;
-        let comment = kernel
-            .variants
-            .first()
-            .and_then(|base| base.sources.opening());
+        let comment = kernel.variants.first().and_then(|base| base.sources.opening());
         let comment = comment.unwrap_or_else(|| format!("`{name}`"));
         let _ = writeln!(text, "/// {comment}\npub mod {name} {{\n{PRELUDE}");
         variant_enum(&mut text, kernel);
@@ -130,7 +127,17 @@ fn wrapper(text: &mut String, kernel: &Kernel) {
             rec.dispatch(&self.pipeline, &[{slots}], {bytes}, groups);
         }}
     }}
+"#,
+        slots = slots.join(", "),
+    );
+    kernel_trait(text, kernel_name, &name, sized);
+}
 
+/// Implementation of `kernels::Kernel`.
+fn kernel_trait(text: &mut String, kernel_name: &str, name: &str, sized: bool) {
+    let _ = write!(
+        text,
+        r#"
     impl crate::kernels::Kernel for {name} {{
         type Choice = Choice;
         const NAME: &'static str = {kernel_name:?};
@@ -151,7 +158,6 @@ fn wrapper(text: &mut String, kernel: &Kernel) {
         }}
     }}
 "#,
-        slots = slots.join(", "),
         tuned = if sized {
             "let mut choice = "
         } else {
@@ -196,10 +202,7 @@ fn info(text: &mut String, kernel: &Kernel, variant: &Variant) {
         );
     }
     let mut specs = String::new();
-    for Spec {
-        id, name, default, ..
-    } in &kernel.specs
-    {
+    for Spec { id, name, default, .. } in &kernel.specs {
         let _ = writeln!(
             specs,
             "            SpecInfo {{ id: {id}, name: {name:?}, default: {default:#x} }},"

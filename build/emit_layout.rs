@@ -36,19 +36,9 @@ pub(crate) fn structs<'k>(kernels: &'k [Kernel], faults: &mut Vec<String>) -> St
 }
 
 /// One struct with its assertions. `rust` is its name here, `path` the module path of the structs it contains.
-pub(crate) fn structure(
-    text: &mut String,
-    found: &Struct,
-    rust: &str,
-    path: &str,
-    comment: &str,
-    sources: &Sources,
-) {
+pub(crate) fn structure(text: &mut String, found: &Struct, rust: &str, path: &str, comment: &str, sources: &Sources) {
     // `Default` of arrays ends at 32 elements; longer ones are zeroed by other means.
-    let long = found
-        .members
-        .iter()
-        .any(|member| member.ty.has_long_array());
+    let long = found.members.iter().any(|member| member.ty.has_long_array());
     let default = if long { "" } else { "Default, " };
     let _ = writeln!(
         text,
@@ -58,11 +48,7 @@ pub(crate) fn structure(
         let name = &member.name;
         let comment = sources.member_comment(&found.name, name);
         let comment = comment.unwrap_or_else(|| format!("`{name}` of the shaders."));
-        let _ = writeln!(
-            text,
-            "    /// {comment}\n    pub {name}: {},",
-            member.ty.rust(path)
-        );
+        let _ = writeln!(text, "    /// {comment}\n    pub {name}: {},", member.ty.rust(path));
     }
     let _ = writeln!(text, "}}");
     if long {

@@ -29,11 +29,7 @@ pub(crate) struct Kernel {
 
 impl Kernel {
     /// Compiles `<name>.comp` and `<name>.<variant>.comp` for each of `variants`.
-    pub(crate) fn build(
-        glsl: &Path,
-        name: &str,
-        variants: &[String],
-    ) -> Result<Kernel, Vec<String>> {
+    pub(crate) fn build(glsl: &Path, name: &str, variants: &[String]) -> Result<Kernel, Vec<String>> {
         let mut built = Vec::new();
         let mut faults = Vec::new();
         for variant in variants {
@@ -54,10 +50,7 @@ impl Kernel {
 
     /// Makes one kernel of its variants, if they are consistent.
     pub(crate) fn unite(name: &str, variants: Vec<Variant>) -> Result<Kernel, Vec<String>> {
-        let Some((base, others)) = variants
-            .split_first()
-            .filter(|(base, _)| base.name.is_empty())
-        else {
+        let Some((base, others)) = variants.split_first().filter(|(base, _)| base.name.is_empty()) else {
             return Err(vec![format!(
                 "glsl/{name}.comp:1: missing: a kernel needs its portable base variant"
             )]);
@@ -67,7 +60,10 @@ impl Kernel {
         for other in others {
             other.compare(base, &mut faults);
             for spec in &other.module.specs {
-                match specs.iter().find(|known| known.id == spec.id || known.name == spec.name) {
+                match specs
+                    .iter()
+                    .find(|known| known.id == spec.id || known.name == spec.name)
+                {
                     None => specs.push(spec.clone()),
                     Some(known) if known == spec => {}
                     Some(known) => faults.push(other.sources.fault(
@@ -107,11 +103,7 @@ impl Variant {
             sources,
         };
         let faults = variant.check();
-        if faults.is_empty() {
-            Ok(variant)
-        } else {
-            Err(faults)
-        }
+        if faults.is_empty() { Ok(variant) } else { Err(faults) }
     }
 
     /// The rules for one file.
@@ -123,26 +115,13 @@ impl Variant {
             let what = format!("{size} bytes of push constants; devices promise {PARAMS_MAX}");
             fault(At::Push, what);
         }
-        if self
-            .module
-            .params
-            .as_ref()
-            .is_some_and(|p| p.members.is_empty())
-        {
+        if self.module.params.as_ref().is_some_and(|p| p.members.is_empty()) {
             fault(At::Push, "push constants without a member".to_owned());
         }
         if self.module.bindings.is_empty() {
-            fault(
-                At::Kernel,
-                "a kernel without bindings has no effect".to_owned(),
-            );
+            fault(At::Kernel, "a kernel without bindings has no effect".to_owned());
         }
-        let mut names: Vec<&str> = self
-            .module
-            .bindings
-            .iter()
-            .map(|b| b.name.as_str())
-            .collect();
+        let mut names: Vec<&str> = self.module.bindings.iter().map(|b| b.name.as_str()).collect();
         names.sort_unstable();
         for pair in names.windows(2) {
             if let [first, second] = pair
@@ -151,11 +130,7 @@ impl Variant {
                 fault(At::Kernel, format!("two bindings are called `{first}`"));
             }
         }
-        let workgroup = self
-            .module
-            .specs
-            .iter()
-            .find(|spec| spec.name == "workgroup");
+        let workgroup = self.module.specs.iter().find(|spec| spec.name == "workgroup");
         let named = workgroup.is_some_and(|spec| spec.id == 0);
         if self.sources.has_workgroup_constant() != named || (workgroup.is_some() && !named) {
             let rule = "constant 0 is `WORKGROUP` exactly where local_size_x_id = 0 is declared";
@@ -189,21 +164,15 @@ impl Variant {
 
     /// Bytes of push constants.
     pub(crate) fn params_size(&self) -> u32 {
-        self.module
-            .params
-            .as_ref()
-            .map_or(0, super::model::Struct::size)
+        self.module.params.as_ref().map_or(0, super::model::Struct::size)
     }
 
     /// Every type of this variant's interface with the host.
     pub(crate) fn buffer_types(&self) -> impl Iterator<Item = &Type> {
-        self.module
-            .bindings
-            .iter()
-            .filter_map(|binding| match &binding.bound {
-                Bound::Buffer(element) => Some(element),
-                Bound::Image => None,
-            })
+        self.module.bindings.iter().filter_map(|binding| match &binding.bound {
+            Bound::Buffer(element) => Some(element),
+            Bound::Image => None,
+        })
     }
 }
 
@@ -234,9 +203,5 @@ pub(crate) fn group(mut files: Vec<String>) -> Result<Vec<(String, Vec<String>)>
     for (_, variants) in &mut kernels {
         variants.sort();
     }
-    if faults.is_empty() {
-        Ok(kernels)
-    } else {
-        Err(faults)
-    }
+    if faults.is_empty() { Ok(kernels) } else { Err(faults) }
 }

@@ -34,13 +34,7 @@ pub(crate) fn generate(glsl: &Path, out: &Path) -> Result<(), Vec<String>> {
     let lone = |error: std::io::Error| vec![format!("{}: {error}", glsl.display())];
     let mut files = Vec::new();
     for entry in std::fs::read_dir(glsl).map_err(lone)? {
-        files.push(
-            entry
-                .map_err(lone)?
-                .file_name()
-                .to_string_lossy()
-                .into_owned(),
-        );
+        files.push(entry.map_err(lone)?.file_name().to_string_lossy().into_owned());
     }
     let mut kernels = Vec::new();
     let mut faults = Vec::new();
@@ -68,11 +62,7 @@ pub(crate) fn generate(glsl: &Path, out: &Path) -> Result<(), Vec<String>> {
     write("kernels.rs", emit_kernels::kernels(&kernels).as_bytes())
 }
 
-fn layout(
-    glsl: &Path,
-    kernels: &[Kernel],
-    faults: &mut Vec<String>,
-) -> Result<String, Vec<String>> {
+fn layout(glsl: &Path, kernels: &[Kernel], faults: &mut Vec<String>) -> Result<String, Vec<String>> {
     const CONSTANTS: &str = "shared/constants.glsl";
     let constants = match std::fs::read_to_string(glsl.join(CONSTANTS)) {
         Ok(text) => text,

@@ -34,12 +34,10 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
                 Ok(None) => {}
                 Err((at, what)) => faults.push(sources.fault(at, what)),
             },
-            Op::SpecConstant | Op::SpecConstantTrue | Op::SpecConstantFalse => {
-                match spec_constant(&index, line, id) {
-                    Ok(spec) => found.specs.extend(spec),
-                    Err((at, what)) => faults.push(sources.fault(at, what)),
-                }
-            }
+            Op::SpecConstant | Op::SpecConstantTrue | Op::SpecConstantFalse => match spec_constant(&index, line, id) {
+                Ok(spec) => found.specs.extend(spec),
+                Err((at, what)) => faults.push(sources.fault(at, what)),
+            },
             _ => {}
         }
     }
@@ -50,9 +48,7 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
         .bindings
         .sort_by_key(|binding| (binding.binding, binding.name.len()));
     found.specs.sort_by_key(|spec| spec.id);
-    found
-        .bindings
-        .dedup_by(|second, first| is_view(second, first));
+    found.bindings.dedup_by(|second, first| is_view(second, first));
     for pair in found.bindings.windows(2) {
         if let [first, second] = pair
             && first.binding == second.binding
@@ -61,11 +57,7 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
             faults.push(sources.fault(At::Binding(first.binding), what));
         }
     }
-    if faults.is_empty() {
-        Ok(found)
-    } else {
-        Err(faults)
-    }
+    if faults.is_empty() { Ok(found) } else { Err(faults) }
 }
 
 /// True if a binding is a view of another one as vectors of four, for access to four numbers at a time. The host binds
@@ -182,20 +174,7 @@ fn buffer(index: &Index<'_>, block: u32, number: u32) -> Result<Binding, String>
 fn image(index: &Index<'_>, ty: u32, id: u32, number: u32) -> Result<Binding, String> {
     let line = index.definition(ty)?;
     let sort = (line.class.opcode, line.operands.as_slice());
-    let (
-        Op::TypeImage,
-        [
-            _,
-            Operand::Dim(dim),
-            _,
-            arrayed,
-            samples,
-            sampled,
-            format,
-            ..,
-        ],
-    ) = sort
-    else {
+    let (Op::TypeImage, [_, Operand::Dim(dim), _, arrayed, samples, sampled, format, ..]) = sort else {
         return Err("only storage buffers and storage images are bound".to_owned());
     };
     let flat = *dim == Dim::Dim2D && bits(arrayed) == 0 && bits(samples) == 0;
@@ -223,10 +202,7 @@ fn access(readonly: bool, writeonly: bool) -> Result<Access, String> {
 
 fn spec_constant(index: &Index<'_>, line: &Instruction, id: u32) -> Result<Option<Spec>, Fault> {
     // The workgroup size is a second, nameless constant of the same id.
-    let (Some(number), name) = (
-        index.value(id, None, Decoration::SpecId),
-        index.name(id).to_owned(),
-    ) else {
+    let (Some(number), name) = (index.value(id, None, Decoration::SpecId), index.name(id).to_owned()) else {
         return Ok(None);
     };
     if name.is_empty() {

@@ -185,34 +185,28 @@ impl Sources {
         if let Some(kernel) = self.0.first() {
             let code = kernel.code_lines().map(|(line, text)| (line, text.trim()));
             // Extensions have to precede the code that the prelude includes.
-            let mut code =
-                code.filter(|(_, text)| !text.is_empty() && !text.starts_with("#extension"));
+            let mut code = code.filter(|(_, text)| !text.is_empty() && !text.starts_with("#extension"));
             for wanted in ["#version 460", "#include \"shared/prelude.glsl\""] {
                 let (line, text) = code.next().unwrap_or_default();
                 if text != wanted {
-                    let what =
-                        format!("expected `{wanted}`: version, extensions, then the prelude");
+                    let what = format!("expected `{wanted}`: version, extensions, then the prelude");
                     faults.push(kernel.fault(line, what));
                 }
             }
         }
         for file in &self.0 {
             if let Some(line) = file.early_size() {
-                let what =
-                    "before local_size is declared, gl_WorkGroupSize silently is 1: use a macro";
+                let what = "before local_size is declared, gl_WorkGroupSize silently is 1: use a macro";
                 faults.push(file.fault(line, what));
             }
             for declaration in file.declarations() {
-                let block = words(&declaration.what).any(|(_, word)| word == "buffer")
-                    || declaration.says("push_constant");
+                let block =
+                    words(&declaration.what).any(|(_, word)| word == "buffer") || declaration.says("push_constant");
                 if block && !declaration.says("scalar") {
-                    let rule =
-                        "a block must say `scalar` in its layout(…), then a vec3 is [f32; 3]";
+                    let rule = "a block must say `scalar` in its layout(…), then a vec3 is [f32; 3]";
                     faults.push(file.fault(declaration.line, rule));
                 }
-                if declaration.qualifiers.contains("local_size_x_id=")
-                    && !declaration.says("local_size_x_id=0")
-                {
+                if declaration.qualifiers.contains("local_size_x_id=") && !declaration.says("local_size_x_id=0") {
                     let rule = "the workgroup's size in x is constant 0: local_size_x_id = 0";
                     faults.push(file.fault(declaration.line, rule));
                 }

@@ -80,10 +80,9 @@ pub(crate) fn check_stride(index: &Index<'_>, array: u32, element: &Type) -> Res
 
 /// Rust keywords that are valid names in GLSL.
 const RESERVED: &[&str] = &[
-    "abstract", "as", "async", "await", "become", "box", "crate", "dyn", "enum", "extern", "final",
-    "fn", "gen", "impl", "let", "loop", "macro", "match", "mod", "move", "mut", "override", "priv",
-    "pub", "ref", "self", "static", "super", "trait", "try", "type", "typeof", "unsafe", "unsized",
-    "use", "virtual", "where", "yield",
+    "abstract", "as", "async", "await", "become", "box", "crate", "dyn", "enum", "extern", "final", "fn", "gen",
+    "impl", "let", "loop", "macro", "match", "mod", "move", "mut", "override", "priv", "pub", "ref", "self", "static",
+    "super", "trait", "try", "type", "typeof", "unsafe", "unsized", "use", "virtual", "where", "yield",
 ];
 
 /// Checks for a name in Rust's style.

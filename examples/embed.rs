@@ -7,8 +7,8 @@
 use ash::vk;
 use ashfall::gpu::{HostFeatures, HostQueue, ImageState};
 use ashfall::{
-    Camera, Gpu, HostCommands, HostDevice, HostImage, Model, REQUIRED, RenderOptions, Renderer,
-    ScreenFilter, Splats, ViewOptions,
+    Camera, Gpu, HostCommands, HostDevice, HostImage, Model, REQUIRED, RenderOptions, Renderer, ScreenFilter, Splats,
+    ViewOptions,
 };
 use glam::{DMat3, DVec2, DVec3};
 use std::error::Error;
@@ -78,8 +78,7 @@ impl Host {
         // SAFETY: the system's Vulkan loader.
         let entry = unsafe { ash::Entry::load() }?;
         let (major, minor) = REQUIRED.api;
-        let application =
-            vk::ApplicationInfo::default().api_version(vk::make_api_version(0, major, minor, 0));
+        let application = vk::ApplicationInfo::default().api_version(vk::make_api_version(0, major, minor, 0));
         let info = vk::InstanceCreateInfo::default().application_info(&application);
         // SAFETY: `info` outlives the call.
         let instance = unsafe { entry.create_instance(&info, None) }?;
@@ -152,8 +151,7 @@ impl Host {
             let types = self
                 .instance
                 .get_physical_device_memory_properties(self.physical_device);
-            let kind =
-                (0..types.memory_type_count).find(|kind| needs.memory_type_bits >> kind & 1 == 1);
+            let kind = (0..types.memory_type_count).find(|kind| needs.memory_type_bits >> kind & 1 == 1);
             let allocation = vk::MemoryAllocateInfo::default()
                 .allocation_size(needs.size)
                 .memory_type_index(kind.ok_or("no memory for an image")?);
@@ -169,10 +167,7 @@ impl Host {
 }
 
 /// Device with everything in REQUIRED, and writes to storage images of any format.
-fn create_device(
-    instance: &ash::Instance,
-    physical: vk::PhysicalDevice,
-) -> Result<ash::Device, Box<dyn Error>> {
+fn create_device(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<ash::Device, Box<dyn Error>> {
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
     for &feature in REQUIRED.features {
@@ -184,8 +179,7 @@ fn create_device(
             other => return Err(format!("{other} is required").into()),
         }
     }
-    let base =
-        vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(true);
+    let base = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(true);
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(0)
         .queue_priorities(&[1.0])];

@@ -2,9 +2,7 @@
 //!
 //!     cargo run --release --example render_ply SCENE.ply OUT.png
 
-use ashfall::{
-    Camera, Gpu, GpuOptions, Model, RenderOptions, Renderer, ViewOptions, io, read_splats,
-};
+use ashfall::{Camera, Gpu, GpuOptions, Model, RenderOptions, Renderer, ViewOptions, io, read_splats};
 use glam::{DMat3, DVec2, DVec3};
 use std::error::Error;
 use std::path::PathBuf;
@@ -21,20 +19,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         eprintln!("warning: {warning}");
     }
     let splats = loaded.splats;
-    let means = || {
-        splats
-            .mean
-            .iter()
-            .map(|mean| DVec3::from(mean.map(f64::from)))
-    };
+    let means = || splats.mean.iter().map(|mean| DVec3::from(mean.map(f64::from)));
     let center = means().sum::<DVec3>() / splats.len().max(1) as f64;
     let mut distances: Vec<f64> = means().map(|mean| mean.distance(center)).collect();
     distances.sort_by(f64::total_cmp);
     // Radius around 90 % of the splats; the rest may be background.
-    let radius = distances
-        .get(distances.len() * 9 / 10)
-        .copied()
-        .unwrap_or(1.0);
+    let radius = distances.get(distances.len() * 9 / 10).copied().unwrap_or(1.0);
 
     let camera = Camera {
         width: SIZE[0],

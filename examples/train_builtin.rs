@@ -38,11 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         Ok(())
     })?;
     let (score, picture) = pictures.first().ok_or("no view is held out")?;
-    println!(
-        "{}: {:.2} dB",
-        score.name,
-        score.psnr_db.unwrap_or(f64::NAN)
-    );
+    println!("{}: {:.2} dB", score.name, score.psnr_db.unwrap_or(f64::NAN));
     io::png::write_rgb(&out, picture.width, picture.height, &picture.rgb)?;
     let scene = out.with_extension("ply");
     write_splats(&scene, &splats)?;

@@ -114,10 +114,7 @@ mod tests {
     #[test]
     fn what_a_file_holds_reaches_no_terminal_as_commands() {
         let message = |what: &str| Error::file("a", what).to_string();
-        assert_eq!(
-            message("unknown word \u{1b}[2J\r\n"),
-            "a: unknown word  [2J"
-        );
+        assert_eq!(message("unknown word \u{1b}[2J\r\n"), "a: unknown word  [2J");
         assert_eq!(message("é"), "a: é");
         assert_eq!(message(&"ü".repeat(5000)).chars().count(), 3 + 1000);
     }

@@ -28,10 +28,7 @@ struct Arguments {
 }
 
 /// Reads the command line, opens the device, runs the measurements, and writes the record if requested.
-pub(crate) fn run(
-    name: &'static str,
-    measure: impl FnOnce(&mut Bench) -> Outcome<()>,
-) -> Outcome<()> {
+pub(crate) fn run(name: &'static str, measure: impl FnOnce(&mut Bench) -> Outcome<()>) -> Outcome<()> {
     let arguments = Arguments::parse();
     let gpu = Gpu::create(&GpuOptions {
         device: arguments.device,

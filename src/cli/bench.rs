@@ -93,12 +93,7 @@ impl OutputArgs {
     }
 
     /// Prints the table and `more`, and writes the files of the options.
-    fn write(
-        &self,
-        bench: &Bench,
-        more: impl IntoIterator<Item = String>,
-        report: &impl Serialize,
-    ) -> Result<()> {
+    fn write(&self, bench: &Bench, more: impl IntoIterator<Item = String>, report: &impl Serialize) -> Result<()> {
         let mut out = std::io::stdout().lock();
         // Rows of bytes have no times.
         let timed = bench.rows().iter().filter(|row| row.runs > 0);
@@ -110,8 +105,8 @@ impl OutputArgs {
             write_text(path, &bench::row::csv(bench.rows())?)?;
         }
         if let Some(path) = &self.json {
-            let text = serde_json::to_string_pretty(report)
-                .map_err(|error| Error::Config(format!("the report: {error}")))?;
+            let text =
+                serde_json::to_string_pretty(report).map_err(|error| Error::Config(format!("the report: {error}")))?;
             write_text(path, &(text + "\n"))?;
         }
         if let Some(folder) = &self.record {

@@ -124,13 +124,9 @@ fn verdict(chart: &Chart) -> Result<Outcome> {
 /// Writes the page and its numbers.
 fn write(chart: &Chart, folder: &Path) -> Result<()> {
     let html = page::html(chart)?;
-    write_atomically(&folder.join("chart.html"), |file| {
-        file.write_all(html.as_bytes())
-    })?;
+    write_atomically(&folder.join("chart.html"), |file| file.write_all(html.as_bytes()))?;
     let text = csv::csv(chart);
-    write_atomically(&folder.join("chart.csv"), |file| {
-        file.write_all(text.as_bytes())
-    })
+    write_atomically(&folder.join("chart.csv"), |file| file.write_all(text.as_bytes()))
 }
 
 fn plan(args: &ChartArgs) -> ChartPlan {
@@ -183,13 +179,7 @@ fn made(is_quick: bool) -> Dataset {
 }
 
 /// Facts at the top of the page.
-fn facts(
-    engine: &Engine,
-    dataset: &Dataset,
-    scene: Option<&Splats>,
-    name: &str,
-    plan: &ChartPlan,
-) -> Vec<Fact> {
+fn facts(engine: &Engine, dataset: &Dataset, scene: Option<&Splats>, name: &str, plan: &ChartPlan) -> Vec<Fact> {
     let views = dataset.split(Split::Test).len();
     let drawn = match scene {
         Some(splats) => format!("{} splats of degree {}", splats.len(), splats.sh_degree),
@@ -210,22 +200,14 @@ fn facts(
     ];
     if plan.with_accuracy {
         rows.push(("drawn", drawn));
-        let runs = format!(
-            "frames and steps {} times each, by the device's timestamps",
-            plan.runs
-        );
+        let runs = format!("frames and steps {} times each, by the device's timestamps", plan.runs);
         rows.push(("timed", runs));
     }
     if plan.with_training {
-        let runs = format!(
-            "{} runs a setting, {} steps by default",
-            plan.seeds, plan.iterations
-        );
+        let runs = format!("{} runs a setting, {} steps by default", plan.seeds, plan.iterations);
         rows.push(("trained", runs));
     }
-    rows.into_iter()
-        .map(|(name, value)| (name.to_owned(), value))
-        .collect()
+    rows.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 #[cfg(test)]
@@ -247,10 +229,7 @@ mod tests {
         for excess in [1e-6, f64::NAN] {
             let message = verdict(&chart(excess)).err().map(|error| error.to_string());
             let message = message.unwrap_or_default();
-            assert!(
-                message.contains("1 of 2 settings break their bounds"),
-                "{message}"
-            );
+            assert!(message.contains("1 of 2 settings break their bounds"), "{message}");
         }
         let dir = tempfile::tempdir().map_err(Error::io(Path::new("a temporary folder")))?;
         write(&chart(1.0), dir.path())?;

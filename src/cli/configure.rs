@@ -84,11 +84,7 @@ impl ConfigArgs {
         is_software: bool,
         other: impl FnOnce(TrainConfig) -> TrainConfig,
     ) -> Result<TrainConfig> {
-        let usual = if is_software {
-            ITERATIONS_SOFTWARE
-        } else {
-            ITERATIONS
-        };
+        let usual = if is_software { ITERATIONS_SOFTWARE } else { ITERATIONS };
         let strategy = match self.strategy {
             None | Some(StrategyArg::Adc) => StrategyKind::Adc,
             Some(StrategyArg::Mcmc) => StrategyKind::Mcmc,
@@ -163,10 +159,7 @@ fn unknown(tree: &Value, name: &str) -> String {
         true => String::new(),
         false => format!(" in {}", reached.join(".")),
     };
-    format!(
-        "there is no such constant{place}; there are {}",
-        names.join(", ")
-    )
+    format!("there is no such constant{place}; there are {}", names.join(", "))
 }
 
 #[cfg(test)]
@@ -184,18 +177,11 @@ mod tests {
 
     #[test]
     fn any_constant_can_be_set_by_name() -> std::result::Result<(), String> {
-        let config = with(&[
-            "adc.grad_threshold=4e-4",
-            "strategy=mcmc",
-            "refine.every = 20",
-        ])?;
+        let config = with(&["adc.grad_threshold=4e-4", "strategy=mcmc", "refine.every = 20"])?;
         assert_eq!(config.adc.grad_threshold, 4e-4);
         assert_eq!(config.strategy, StrategyKind::Mcmc);
         assert_eq!(config.refine.every, 20);
-        let config = with(&[
-            "background={\"fixed\": [1, 0, 0.5]}",
-            "sh_degree_from=[1,2,3]",
-        ])?;
+        let config = with(&["background={\"fixed\": [1, 0, 0.5]}", "sh_degree_from=[1,2,3]"])?;
         assert_eq!(config.background, Background::Fixed([1.0, 0.0, 0.5]));
         assert_eq!(config.sh_degree_from, [1, 2, 3]);
         Ok(())
@@ -212,23 +198,18 @@ mod tests {
         let config = args.config(true).map_err(|e| e.to_string())?;
         let wanted = TrainConfig::for_iterations(ITERATIONS_SOFTWARE).against_floaters();
         assert_eq!(config.init, wanted.init);
-        assert_eq!(
-            (config.max_aspect, config.filter),
-            (20.0, ScreenFilter::Mip)
-        );
-        assert_eq!(
-            (config.size_penalty, config.adc.prune_opacity),
-            (1e-4, 0.01)
-        );
+        assert_eq!((config.max_aspect, config.filter), (20.0, ScreenFilter::Mip));
+        assert_eq!((config.size_penalty, config.adc.prune_opacity), (1e-4, 0.01));
         Ok(())
     }
 
     #[test]
     fn a_wrong_setting_is_named() {
         let message = |setting| with(&[setting]).err().unwrap_or_default();
-        assert!(message("adc.gradthreshold=1").starts_with(
-            "--set adc.gradthreshold=1: there is no such constant in adc; there are dense_fraction,"
-        ));
+        assert!(
+            message("adc.gradthreshold=1")
+                .starts_with("--set adc.gradthreshold=1: there is no such constant in adc; there are dense_fraction,")
+        );
         assert!(message("foo=1").contains("there are accuracy, adam, adc, auto, background"));
         assert!(message("seed").contains("NAME=VALUE"));
         assert!(message("seed=-1").contains("--set seed=-1: invalid value"));

@@ -54,10 +54,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let _lock = io::FolderLock::take(&args.out)?;
     let data = args.out.join("data");
     std::fs::create_dir_all(&data).map_err(Error::io(&data))?;
-    synth::save(
-        &synth::scene(Kind::Demo).dataset(&SynthOptions::default()),
-        &data,
-    )?;
+    synth::save(&synth::scene(Kind::Demo).dataset(&SynthOptions::default()), &data)?;
     // Trained from the files, like any data set.
     let options = DataArgs::default();
     let dataset = options.open(&data, true)?;

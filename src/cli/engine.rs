@@ -88,12 +88,7 @@ impl Engine {
     }
 
     /// Uploads a scene for rendering; `near` is the near plane in world units.
-    pub(crate) fn scene_renderer(
-        &self,
-        splats: &Splats,
-        near: f64,
-        with_depth: bool,
-    ) -> Result<SceneRenderer> {
+    pub(crate) fn scene_renderer(&self, splats: &Splats, near: f64, with_depth: bool) -> Result<SceneRenderer> {
         self.scene_renderer_with(splats, near, with_depth, Compatibility::Engine)
     }
 

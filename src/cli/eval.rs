@@ -102,11 +102,7 @@ pub(super) fn read_scene(path: &Path) -> Result<Splats> {
 }
 
 fn table(scores: &[ViewScore], mean: &MeanScore) -> String {
-    let width = scores
-        .iter()
-        .map(|s| s.name.chars().count())
-        .max()
-        .unwrap_or(0);
+    let width = scores.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
     let figure = |value: Option<f64>, digits: usize| match value {
         Some(value) => format!("{value:.digits$}"),
         None => "–".into(),
@@ -129,12 +125,7 @@ fn table(scores: &[ViewScore], mean: &MeanScore) -> String {
 }
 
 /// Evaluator of some of a data set's views.
-pub(super) fn evaluator<'d>(
-    gpu: &Gpu,
-    dataset: &'d Dataset,
-    views: &[usize],
-    background: [f32; 3],
-) -> Evaluator<'d> {
+pub(super) fn evaluator<'d>(gpu: &Gpu, dataset: &'d Dataset, views: &[usize], background: [f32; 3]) -> Evaluator<'d> {
     let options = ViewOptions {
         background,
         near: near(dataset) as f32,

@@ -90,13 +90,7 @@ fn devices(args: &DeviceArgs) -> Result<(String, Value)> {
 
 fn scene(splats: &Splats) -> (String, Value) {
     let axes = [0, 1, 2].map(|axis| {
-        let values = || {
-            splats
-                .mean
-                .iter()
-                .map(|m| m[axis])
-                .filter(|v| v.is_finite())
-        };
+        let values = || splats.mean.iter().map(|m| m[axis]).filter(|v| v.is_finite());
         [
             values().fold(f32::INFINITY, f32::min),
             values().fold(f32::NEG_INFINITY, f32::max),
@@ -136,10 +130,7 @@ fn scene(splats: &Splats) -> (String, Value) {
 const FAINT_LOGIT: f32 = -5.537_334_3;
 
 fn dataset(dataset: &Dataset) -> (String, Value) {
-    let (train, test) = (
-        dataset.split(Split::Train).len(),
-        dataset.split(Split::Test).len(),
-    );
+    let (train, test) = (dataset.split(Split::Train).len(), dataset.split(Split::Test).len());
     let mut sizes: Vec<[u32; 2]> = dataset
         .views
         .iter()
@@ -147,11 +138,7 @@ fn dataset(dataset: &Dataset) -> (String, Value) {
         .collect();
     sizes.sort_unstable();
     sizes.dedup();
-    let size_text: Vec<String> = sizes
-        .iter()
-        .take(5)
-        .map(|[w, h]| format!("{w}×{h}"))
-        .collect();
+    let size_text: Vec<String> = sizes.iter().take(5).map(|[w, h]| format!("{w}×{h}")).collect();
     let pixels = dataset
         .views
         .iter()

@@ -68,12 +68,7 @@ impl Output {
 const LINE_EVERY: Duration = Duration::from_secs(30);
 
 /// Writes a progress line at intervals of `every` until the bar is dropped.
-fn write_lines(
-    bar: &ProgressBar,
-    name: &'static str,
-    every: Duration,
-    write: impl Fn(String) + Send + 'static,
-) {
+fn write_lines(bar: &ProgressBar, name: &'static str, every: Duration, write: impl Fn(String) + Send + 'static) {
     let bar = bar.downgrade();
     std::thread::spawn(move || {
         loop {
@@ -165,10 +160,7 @@ mod tests {
         assert_eq!(bytes(1 << 20), "1.0 MiB");
         assert_eq!(bytes(u64::MAX), "16777216.0 TiB");
         let none = MeanScore::default();
-        assert_eq!(
-            score_text(&none),
-            "– dB, SSIM – over 0 views (8-bit: – dB, –)"
-        );
+        assert_eq!(score_text(&none), "– dB, SSIM – over 0 views (8-bit: – dB, –)");
     }
 
     #[test]

@@ -3,8 +3,7 @@
 use super::configure::ConfigArgs;
 use super::output::{bytes, grouped};
 use crate::render::{
-    Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, Scratch, Slots, isects_expected,
-    of_degree, total,
+    Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, Scratch, Slots, isects_expected, of_degree, total,
 };
 use crate::scene::{Dataset, Splats};
 use crate::train::{Residency, TrainConfig, TrainSize, splats_expected};
@@ -49,14 +48,10 @@ pub(super) fn parse_image_size(text: &str) -> std::result::Result<[u32; 2], Stri
     let side = |text: &str| text.trim().parse::<u32>().ok();
     let sides = text.split_once(['x', 'X', '×']);
     match sides.map(|(width, height)| (side(width), side(height))) {
-        Some((Some(width), Some(height)))
-            if (1..=SIDE_MAX).contains(&width) && (1..=SIDE_MAX).contains(&height) =>
-        {
+        Some((Some(width), Some(height))) if (1..=SIDE_MAX).contains(&width) && (1..=SIDE_MAX).contains(&height) => {
             Ok([width, height])
         }
-        _ => Err(format!(
-            "a size is WIDTHxHEIGHT in pixels, 1 to {SIDE_MAX} each"
-        )),
+        _ => Err(format!("a size is WIDTHxHEIGHT in pixels, 1 to {SIDE_MAX} each")),
     }
 }
 
@@ -105,9 +100,7 @@ impl Prediction {
         let mut sums: Vec<(Purpose, u64)> = sums.into_iter().collect();
         sums.sort_by_key(|&(_, sum)| Reverse(sum));
         let sums = sums.into_iter();
-        let mut rows: Vec<_> = sums
-            .map(|(purpose, sum)| (purpose.name(), bytes(sum)))
-            .collect();
+        let mut rows: Vec<_> = sums.map(|(purpose, sum)| (purpose.name(), bytes(sum))).collect();
         let total = total(&self.needs);
         rows.push(("total", bytes(total)));
         let further = self.per_splat.map(|more| bytes((1e3 * more) as u64));
@@ -147,12 +140,7 @@ impl Prediction {
 
 impl PredictArgs {
     /// Training on a data set.
-    pub(crate) fn on_dataset(
-        &self,
-        dataset: &Dataset,
-        config: &TrainConfig,
-        limit: u64,
-    ) -> Prediction {
+    pub(crate) fn on_dataset(&self, dataset: &Dataset, config: &TrainConfig, limit: u64) -> Prediction {
         let first = match dataset.points.len() {
             0 => config.init.random_count as usize,
             points => points.min(config.splat_limit()),
@@ -192,9 +180,7 @@ impl PredictArgs {
     fn drawing(&self, counts: ByDegree) -> Prediction {
         let [width, height] = self.size.unwrap_or(SIZE);
         let splats: usize = counts.iter().sum();
-        let isects = self
-            .isects
-            .unwrap_or(isects_expected(splats, width, height));
+        let isects = self.isects.unwrap_or(isects_expected(splats, width, height));
         let blocks = Blocks::anywhere(counts);
         let capacity = Capacity::for_image(splats.max(1), isects, width, height);
         let mut needs = Model::needs(blocks);
@@ -227,9 +213,7 @@ impl PredictArgs {
     pub(crate) fn check(&self, config: &ConfigArgs) -> Result<()> {
         match self.predict || *config == ConfigArgs::default() {
             true => Ok(()),
-            false => Err(Error::Config(
-                "options of training are for --predict here".into(),
-            )),
+            false => Err(Error::Config("options of training are for --predict here".into())),
         }
     }
 }
@@ -262,25 +246,15 @@ mod tests {
         let capped = args.on_numbers(&config, 1 << 30);
         assert_eq!(capped.splats, 400_000);
         // One photograph has 4 bytes a pixel, and a quarter of the memory holds all.
-        let photos = capped
-            .needs
-            .iter()
-            .filter(|need| need.purpose == Purpose::Photos);
-        assert_eq!(
-            photos.map(|need| need.bytes).sum::<u64>(),
-            10 * 4 * 480 * 270
-        );
+        let photos = capped.needs.iter().filter(|need| need.purpose == Purpose::Photos);
+        assert_eq!(photos.map(|need| need.bytes).sum::<u64>(), 10 * 4 * 480 * 270);
         let all = total(&capped.needs);
         assert_eq!(capped.value()["bytes"], all);
         assert!(capped.table(all - 1).ends_with("too little"));
         assert!(!capped.table(all).contains("too little"));
         // Without photographs the scene is only drawn.
         let drawn = PredictArgs::default().on_numbers(&config, 1 << 30);
-        assert!(
-            drawn.what.starts_with("drawing 100,000 splats"),
-            "{}",
-            drawn.what
-        );
+        assert!(drawn.what.starts_with("drawing 100,000 splats"), "{}", drawn.what);
         let mut needs = drawn.needs.iter();
         assert!(needs.all(|need| need.purpose != Purpose::Moments));
     }

@@ -12,8 +12,8 @@ use crate::io::splats::{readable, writable};
 use crate::metrics::MeanScore;
 use crate::scene::{Camera, Dataset, Splats, Split};
 use crate::simplify::{
-    AutoRun, ContributionPass, PassOptions, Promise, difference, kept, measure, merge, prune,
-    rates, reduce_harmonics, refit_config,
+    AutoRun, ContributionPass, PassOptions, Promise, difference, kept, measure, merge, prune, rates, reduce_harmonics,
+    refit_config,
 };
 use crate::{Error, Result, io};
 use clap::Args;
@@ -218,9 +218,7 @@ impl PruneRun<'_> {
     }
 
     fn output(&self) -> Output {
-        Output {
-            json: self.args.json,
-        }
+        Output { json: self.args.json }
     }
 
     /// The merged scene and the change of its pictures; `None` if interrupted.
@@ -244,11 +242,7 @@ impl PruneRun<'_> {
             return Ok(None);
         };
         let test = self.score(&merged.splats)?;
-        Ok(Some(MergeFigures {
-            merged,
-            moved,
-            test,
-        }))
+        Ok(Some(MergeFigures { merged, moved, test }))
     }
 
     fn weigher(&self, splats: &Splats) -> Result<ContributionPass> {
@@ -263,13 +257,8 @@ impl PruneRun<'_> {
     /// Mean score over the test views.
     fn score(&self, splats: &Splats) -> Result<MeanScore> {
         let views = self.dataset.split(Split::Test);
-        let mut evaluator = evaluator(
-            self.engine.gpu(),
-            self.dataset,
-            &views,
-            self.args.background,
-        )
-        .drawing_as(self.args.compat.into());
+        let mut evaluator = evaluator(self.engine.gpu(), self.dataset, &views, self.args.background)
+            .drawing_as(self.args.compat.into());
         Ok(MeanScore::of(&evaluator.scores(splats)?))
     }
 

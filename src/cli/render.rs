@@ -87,17 +87,14 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     if let Some(dataset) = &mut dataset {
         dataset.set_origin(splats.origin);
     }
-    let shots = shots(args, dataset.as_ref(), || {
-        orbit::orbit_of_splats(&splats, args.orbit)
-    })?;
+    let shots = shots(args, dataset.as_ref(), || orbit::orbit_of_splats(&splats, args.orbit))?;
     let near = match &dataset {
         Some(dataset) => near(dataset),
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
     let engine = Engine::open(&args.device)?;
     let with_depth = args.format == Format::Exr;
-    let mut scene_renderer =
-        engine.scene_renderer_with(&splats, near, with_depth, args.compat.into())?;
+    let mut scene_renderer = engine.scene_renderer_with(&splats, near, with_depth, args.compat.into())?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let bar = output.bar(shots.len() as u64, "pictures");
     // An EXR has no background.
@@ -142,11 +139,7 @@ fn shots(
     }
     let cameras: Vec<Camera> = views.iter().map(|&i| dataset.views[i].camera).collect();
     if let Some(count) = args.orbit {
-        return Ok(numbered(orbit_of_cameras(
-            &cameras,
-            dataset.extent(),
-            count,
-        )));
+        return Ok(numbered(orbit_of_cameras(&cameras, dataset.extent(), count)));
     }
     let shot = |(&i, camera): (&usize, Camera)| Shot {
         stem: file_stem(&dataset.views[i].name),

@@ -90,15 +90,9 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
         return Ok(Outcome::Interrupted);
     };
     // The suite's own facts come last.
-    found
-        .facts
-        .splice(0..0, facts(&engine, &subject, name, started));
+    found.facts.splice(0..0, facts(&engine, &subject, name, started));
     let page = write(&found, &args.out, args.json.as_deref())?;
-    let mut lines = found
-        .failed()
-        .into_iter()
-        .map(line)
-        .collect::<Vec<String>>();
+    let mut lines = found.failed().into_iter().map(line).collect::<Vec<String>>();
     lines.push(summary(&found));
     lines.push(format!("Look at {}", page.display()));
     output.result(lines.join("\n"), || unreachable!());
@@ -210,9 +204,7 @@ mod tests {
         };
         assert_eq!(verdict(&found(1e-5))?, Outcome::Done);
         for measured in [2e-4, f64::NAN] {
-            let message = verdict(&found(measured))
-                .err()
-                .map(|error| error.to_string());
+            let message = verdict(&found(measured)).err().map(|error| error.to_string());
             let expected = "1 of 2 checks failed; the first: 1 × 1";
             assert_eq!(message.as_deref(), Some(expected));
         }

@@ -26,12 +26,7 @@ pub(super) struct RawBuffer {
 }
 
 impl RawBuffer {
-    pub(super) fn new(
-        gpu: &Gpu,
-        name: &str,
-        bytes: u64,
-        location: MemoryLocation,
-    ) -> Result<Arc<RawBuffer>> {
+    pub(super) fn new(gpu: &Gpu, name: &str, bytes: u64, location: MemoryLocation) -> Result<Arc<RawBuffer>> {
         let bytes = bytes.max(4).next_multiple_of(4);
         let available = gpu.caps().max_allocation;
         if bytes > available {
@@ -42,18 +37,13 @@ impl RawBuffer {
             });
         }
         use vk::BufferUsageFlags as Usage;
-        let info = vk::BufferCreateInfo::default().size(bytes).usage(
-            Usage::STORAGE_BUFFER
-                | Usage::INDIRECT_BUFFER
-                | Usage::TRANSFER_SRC
-                | Usage::TRANSFER_DST,
-        );
+        let info = vk::BufferCreateInfo::default()
+            .size(bytes)
+            .usage(Usage::STORAGE_BUFFER | Usage::INDIRECT_BUFFER | Usage::TRANSFER_SRC | Usage::TRANSFER_DST);
         gpu.0.creating("vkCreateBuffer")?;
         let device = &gpu.0.device;
         // SAFETY: a plain buffer within the device's limits.
-        let handle = check("vkCreateBuffer", unsafe {
-            device.create_buffer(&info, None)
-        })?;
+        let handle = check("vkCreateBuffer", unsafe { device.create_buffer(&info, None) })?;
         let mut raw = RawBuffer {
             gpu: gpu.clone(),
             handle,
@@ -66,8 +56,7 @@ impl RawBuffer {
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
         let allocation = gpu.0.allocate(name, requirements, location, true)?;
         // SAFETY: memory from our allocator, as required, bound once.
-        let bound =
-            unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+        let bound = unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         raw.allocation = Some(allocation);
         raw.memory = requirements.size;
         gpu.0.creating("vkBindBufferMemory")?;
@@ -99,11 +88,7 @@ impl RawBuffer {
         // SAFETY: in bounds (asserted), and the frame's `Chunks` hand out disjoint ranges that no command reads before
         // they are submitted.
         unsafe {
-            std::ptr::copy_nonoverlapping(
-                data.as_ptr(),
-                mapped.as_ptr().cast::<u8>().add(offset),
-                data.len(),
-            );
+            std::ptr::copy_nonoverlapping(data.as_ptr(), mapped.as_ptr().cast::<u8>().add(offset), data.len());
         }
     }
 }

@@ -71,11 +71,7 @@ pub struct Caps {
 impl Caps {
     /// `Ok` if the kernel can run on the device, else the reason.
     pub fn supports(&self, kernel: &KernelInfo) -> Result<(), String> {
-        match kernel
-            .requirements
-            .iter()
-            .find(|need| !self.offers.contains(need))
-        {
+        match kernel.requirements.iter().find(|need| !self.offers.contains(need)) {
             Some(need) => Err(format!("{need:?}, which {} does not offer", self.name)),
             None => Ok(()),
         }
@@ -205,18 +201,11 @@ fn offers(
     // SAFETY: `physical` belongs to `instance`.
     let features = unsafe { instance.get_physical_device_features(physical) };
     let atomic_float_add = atomic_float_add(instance, physical);
-    let in_compute =
-        |flag| stages.contains(vk::ShaderStageFlags::COMPUTE) && operations.contains(flag);
+    let in_compute = |flag| stages.contains(vk::ShaderStageFlags::COMPUTE) && operations.contains(flag);
     [
         (Requirement::AtomicFloatAdd, atomic_float_add),
-        (
-            Requirement::SubgroupBasic,
-            in_compute(vk::SubgroupFeatureFlags::BASIC),
-        ),
-        (
-            Requirement::SubgroupVote,
-            in_compute(vk::SubgroupFeatureFlags::VOTE),
-        ),
+        (Requirement::SubgroupBasic, in_compute(vk::SubgroupFeatureFlags::BASIC)),
+        (Requirement::SubgroupVote, in_compute(vk::SubgroupFeatureFlags::VOTE)),
         (
             Requirement::SubgroupArithmetic,
             in_compute(vk::SubgroupFeatureFlags::ARITHMETIC),
@@ -260,6 +249,5 @@ fn atomic_float_add(instance: &ash::Instance, physical: vk::PhysicalDevice) -> b
 }
 
 fn text(name: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {
-    name.map(|name| name.to_string_lossy().into_owned())
-        .unwrap_or_default()
+    name.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -18,12 +18,8 @@ const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 pub fn devices() -> Result<Vec<Caps>> {
     let entry = load()?;
     let instance = create_instance(&entry, None)?;
-    let found = enumerate(&instance).map(|physical| {
-        physical
-            .iter()
-            .map(|&device| Caps::query(&instance, device))
-            .collect()
-    });
+    let found =
+        enumerate(&instance).map(|physical| physical.iter().map(|&device| Caps::query(&instance, device)).collect());
     // SAFETY: nothing made from the instance is left.
     unsafe { instance.destroy_instance(None) };
     found
@@ -62,10 +58,9 @@ fn create_instance(entry: &ash::Entry, messages: Option<&Messages>) -> Result<as
             .any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION))
         {
             return Err(Error::Unsupported {
-                what:
-                    "validation: the layer VK_LAYER_KHRONOS_validation is not installed (Debian: \
+                what: "validation: the layer VK_LAYER_KHRONOS_validation is not installed (Debian: \
                        vulkan-validationlayers)"
-                        .into(),
+                    .into(),
             });
         }
         messenger = messages.create_info();
@@ -76,9 +71,7 @@ fn create_instance(entry: &ash::Entry, messages: Option<&Messages>) -> Result<as
             .push_next(&mut messenger);
     }
     // SAFETY: every pointer in `info` outlives the call; `messages` outlives the instance.
-    check("vkCreateInstance", unsafe {
-        entry.create_instance(&info, None)
-    })
+    check("vkCreateInstance", unsafe { entry.create_instance(&info, None) })
 }
 
 fn enumerate(instance: &ash::Instance) -> Result<Vec<vk::PhysicalDevice>> {
@@ -105,21 +98,15 @@ fn choose(caps: &[Caps], wanted: Option<&str>) -> Result<usize> {
             DeviceKind::Other => 2,
             DeviceKind::Cpu => 3,
         }),
-        Some(text) => text
-            .parse()
-            .ok()
-            .filter(|&i: &usize| i < caps.len())
-            .or_else(|| {
-                caps.iter()
-                    .position(|c| c.name.to_lowercase().contains(&text.to_lowercase()))
-            }),
+        Some(text) => text.parse().ok().filter(|&i: &usize| i < caps.len()).or_else(|| {
+            caps.iter()
+                .position(|c| c.name.to_lowercase().contains(&text.to_lowercase()))
+        }),
     };
     found.ok_or_else(|| Error::Unsupported {
         what: match wanted {
             Some(text) => format!("device \"{text}\": there is only {}", names()),
-            None => {
-                "no Vulkan device found (Debian: mesa-vulkan-drivers has a software one)".into()
-            }
+            None => "no Vulkan device found (Debian: mesa-vulkan-drivers has a software one)".into(),
         },
     })
 }
@@ -169,15 +156,14 @@ fn create_device(
         .synchronization2(true)
         .maintenance4(true)
         .subgroup_size_control(size_control);
-    let want = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(
-        base.shader_storage_image_write_without_format == vk::TRUE,
-    );
+    let want = vk::PhysicalDeviceFeatures::default()
+        .shader_storage_image_write_without_format(base.shader_storage_image_write_without_format == vk::TRUE);
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(family)
         .queue_priorities(&priorities)];
-    let mut want_floats = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
-        .shader_buffer_float32_atomic_add(true);
+    let mut want_floats =
+        vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
     let extensions = [ash::ext::shader_atomic_float::NAME.as_ptr()];
     let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
@@ -185,9 +171,7 @@ fn create_device(
         .push_next(&mut want12)
         .push_next(&mut want13);
     if caps.offers.contains(&Requirement::AtomicFloatAdd) {
-        info = info
-            .enabled_extension_names(&extensions)
-            .push_next(&mut want_floats);
+        info = info.enabled_extension_names(&extensions).push_next(&mut want_floats);
     }
     // SAFETY: every pointer in `info` outlives the call, and only offered features are enabled.
     check("vkCreateDevice", unsafe {
@@ -223,10 +207,7 @@ impl Gpu {
         }
         let instance = own.instance.clone();
         let physical = enumerate(&instance)?;
-        let caps: Vec<Caps> = physical
-            .iter()
-            .map(|&device| Caps::query(&instance, device))
-            .collect();
+        let caps: Vec<Caps> = physical.iter().map(|&device| Caps::query(&instance, device)).collect();
         let index = choose(&caps, options.device.as_deref())?;
         let (physical, mut caps) = (physical[index], caps[index].clone());
         caps.lower(&options.limits);

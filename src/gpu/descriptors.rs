@@ -81,11 +81,7 @@ impl Arena {
     }
 
     /// New set of one dispatch, bound to `slots`.
-    pub(super) fn set(
-        &mut self,
-        pipeline: &RawPipeline,
-        slots: &[Slot<'_>],
-    ) -> Result<vk::DescriptorSet> {
+    pub(super) fn set(&mut self, pipeline: &RawPipeline, slots: &[Slot<'_>]) -> Result<vk::DescriptorSet> {
         let set = self.allocate(pipeline.set_layout)?;
         let mut buffers = vec![vk::DescriptorBufferInfo::default(); slots.len()];
         let mut images = vec![vk::DescriptorImageInfo::default(); slots.len()];

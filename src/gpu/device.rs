@@ -9,9 +9,7 @@ use super::memory::{MemoryTracker, MemoryUse};
 use super::options::GpuOptions;
 use crate::{Error, Result};
 use ash::vk;
-use gpu_allocator::vulkan::{
-    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
-};
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -120,9 +118,7 @@ impl Gpu {
         let _queue = self.0.queue()?;
         self.0.using_queue("vkDeviceWaitIdle")?;
         // SAFETY: the queue is locked, so no other thread submits to it meanwhile.
-        check("vkDeviceWaitIdle", unsafe {
-            self.0.device.device_wait_idle()
-        })
+        check("vkDeviceWaitIdle", unsafe { self.0.device.device_wait_idle() })
     }
 }
 

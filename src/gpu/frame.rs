@@ -33,8 +33,7 @@ impl Frames {
     /// Ring of `in_flight` frames; [`Recorder::timestamp`] has an effect only with `timestamps`.
     pub fn new(gpu: &Gpu, in_flight: usize, timestamps: bool) -> Result<Frames> {
         assert!(in_flight > 0, "at least one frame in flight");
-        let mut kind =
-            vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         gpu.0.creating("vkCreateSemaphore")?;
         // SAFETY: timeline semaphores are a required feature.
@@ -97,10 +96,7 @@ impl Frames {
 
     /// Starts a frame, after waiting for its slot's previous one.
     pub fn begin(&mut self) -> Result<Recorder<'_>> {
-        assert!(
-            !self.guest,
-            "these frames are recorded into a host's commands"
-        );
+        assert!(!self.guest, "these frames are recorded into a host's commands");
         let index = self.index(self.begun);
         self.begun += 1;
         self.wait(Ticket(self.slots[index].value))?;
@@ -113,8 +109,7 @@ impl Frames {
         check("vkResetCommandPool", unsafe {
             device.reset_command_pool(slot.pool, flags)
         })?;
-        let info = vk::CommandBufferBeginInfo::default()
-            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the pool was just reset.
         check("vkBeginCommandBuffer", unsafe {
             device.begin_command_buffer(slot.commands, &info)
@@ -175,19 +170,14 @@ impl Frames {
     ///
     /// # Errors
     /// Those of `begin`, `record` and the submission.
-    pub fn submit<R>(
-        &mut self,
-        record: impl FnOnce(&mut Recorder<'_>) -> Result<R>,
-    ) -> Result<(Ticket, R)> {
+    pub fn submit<R>(&mut self, record: impl FnOnce(&mut Recorder<'_>) -> Result<R>) -> Result<(Ticket, R)> {
         let mut recorder = self.begin()?;
         let result = record(&mut recorder);
         recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, true);
         let (commands, failed) = (recorder.commands, recorder.failed.take());
         let device = &self.gpu.0.device;
         // SAFETY: recording began in `begin`.
-        check("vkEndCommandBuffer", unsafe {
-            device.end_command_buffer(commands)
-        })?;
+        check("vkEndCommandBuffer", unsafe { device.end_command_buffer(commands) })?;
         let result = result?;
         if let Some(error) = failed {
             return Err(error);
@@ -222,9 +212,7 @@ impl Frames {
 
     fn wait_for(&self, ticket: Ticket) -> Result<()> {
         let (semaphores, values) = ([self.timeline], [ticket.0]);
-        let info = vk::SemaphoreWaitInfo::default()
-            .semaphores(&semaphores)
-            .values(&values);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the value was submitted, or is 0.
         check("vkWaitSemaphores", unsafe {
             self.gpu.0.device.wait_semaphores(&info, u64::MAX)

@@ -56,8 +56,7 @@ impl Chunks {
                 }
                 None => {
                     let size = bytes.max(STAGING_BYTES) as u64;
-                    self.chunks
-                        .push(RawBuffer::new(gpu, self.name, size, self.location)?);
+                    self.chunks.push(RawBuffer::new(gpu, self.name, size, self.location)?);
                 }
             }
         }

@@ -16,9 +16,9 @@ pub struct Hazards {
 impl Hazards {
     /// Adds a command's accesses; returns true if it needs a barrier before it.
     pub fn command(&mut self, accesses: &[(u64, Access)]) -> bool {
-        let conflict = accesses.iter().any(|&(id, access)| {
-            self.written.contains(&id) || (access != Access::Read && self.read.contains(&id))
-        });
+        let conflict = accesses
+            .iter()
+            .any(|&(id, access)| self.written.contains(&id) || (access != Access::Read && self.read.contains(&id)));
         if conflict {
             self.barrier();
         }
@@ -53,11 +53,7 @@ mod tests {
     }
 
     fn command() -> impl Strategy<Value = Vec<(u64, Access)>> {
-        let access = prop_oneof![
-            Just(Access::Read),
-            Just(Access::Write),
-            Just(Access::ReadWrite)
-        ];
+        let access = prop_oneof![Just(Access::Read), Just(Access::Write), Just(Access::ReadWrite)];
         proptest::collection::vec((0u64..5, access), 1..4)
     }
 

@@ -65,8 +65,7 @@ impl Gpu {
         let mut caps = Caps::query(&host.instance, host.physical_device);
         caps.check(&REQUIRED)?;
         if !host.enabled.storage_image_write_without_format {
-            caps.offers
-                .remove(&Requirement::StorageImageWriteWithoutFormat);
+            caps.offers.remove(&Requirement::StorageImageWriteWithoutFormat);
         }
         // Only a baseline adds floats atomically, so that hosts need not enable it.
         caps.offers.remove(&Requirement::AtomicFloatAdd);

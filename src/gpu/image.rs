@@ -80,8 +80,7 @@ impl OwnImage {
         let location = MemoryLocation::GpuOnly;
         let allocation = gpu.0.allocate(name, requirements, location, false)?;
         // SAFETY: memory from our allocator, as required, bound once.
-        let bound =
-            unsafe { device.bind_image_memory(image, allocation.memory(), allocation.offset()) };
+        let bound = unsafe { device.bind_image_memory(image, allocation.memory(), allocation.offset()) };
         own.allocation = Some(allocation);
         own.memory = requirements.size;
         gpu.0.creating("vkBindImageMemory")?;

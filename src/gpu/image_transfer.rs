@@ -78,9 +78,7 @@ impl Recorder<'_> {
     pub fn clear(&mut self, image: &Image, value: f32) {
         self.access(&[(image.image.as_raw(), Access::Write)]);
         self.keep_image(image);
-        let color = vk::ClearColorValue {
-            float32: [value; 4],
-        };
+        let color = vk::ClearColorValue { float32: [value; 4] };
         let (layout, device) = (READY.layout, &self.gpu.0.device);
         // SAFETY: the frame keeps the image, which is in this layout between commands.
         unsafe {
@@ -90,15 +88,9 @@ impl Recorder<'_> {
 
     /// Copies all pixels of an owned image, row by row.
     pub fn copy_image(&mut self, image: &Image, to: &Buffer<[f32; 4]>) {
-        assert!(
-            image.pixels() <= to.len(),
-            "{to:?} is too short for {image:?}"
-        );
+        assert!(image.pixels() <= to.len(), "{to:?} is too short for {image:?}");
         let to_id = to.raw.handle.as_raw();
-        self.access(&[
-            (image.image.as_raw(), Access::ReadWrite),
-            (to_id, Access::Write),
-        ]);
+        self.access(&[(image.image.as_raw(), Access::ReadWrite), (to_id, Access::Write)]);
         self.keep_image(image);
         self.slot.keep(to.raw.clone());
         let regions = [vk::BufferImageCopy::default()

@@ -29,10 +29,7 @@ impl MemoryTracker {
         match self.by_name.get_mut(name) {
             Some(entry) => entry.bytes += bytes,
             None => {
-                let entry = MemoryUse {
-                    bytes,
-                    peak_bytes: 0,
-                };
+                let entry = MemoryUse { bytes, peak_bytes: 0 };
                 self.by_name.insert(name.to_owned(), entry);
             }
         }
@@ -89,11 +86,7 @@ mod tests {
         tracker.give("b", 5);
         let [a, b] = [(0, 10), (4, 5)].map(|(bytes, peak_bytes)| MemoryUse { bytes, peak_bytes });
         assert_eq!(tracker.by_name(), [("a".into(), a), ("b".into(), b)]);
-        let totals = (
-            tracker.bytes,
-            tracker.peak_bytes,
-            tracker.reserved_peak_bytes,
-        );
+        let totals = (tracker.bytes, tracker.peak_bytes, tracker.reserved_peak_bytes);
         assert_eq!(totals, (4, 15, 32));
         tracker.reset_peak(16);
         let b = MemoryUse {
@@ -101,11 +94,7 @@ mod tests {
             peak_bytes: 4,
         };
         assert_eq!(tracker.by_name(), [("b".into(), b)]);
-        let totals = (
-            tracker.bytes,
-            tracker.peak_bytes,
-            tracker.reserved_peak_bytes,
-        );
+        let totals = (tracker.bytes, tracker.peak_bytes, tracker.reserved_peak_bytes);
         assert_eq!(totals, (4, 4, 16));
     }
 }

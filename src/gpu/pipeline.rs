@@ -22,11 +22,7 @@ pub struct Pipeline(pub(super) Arc<RawPipeline>);
 
 impl std::fmt::Debug for Pipeline {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "Pipeline({}.{})",
-            self.0.info.kernel, self.0.info.variant
-        )
+        write!(f, "Pipeline({}.{})", self.0.info.kernel, self.0.info.variant)
     }
 }
 
@@ -133,8 +129,8 @@ impl RawPipeline {
         })?;
         // On devices with varying subgroup sizes, kernels with subgroup operations require the size in `Caps`.
         let caps = self.gpu.caps();
-        let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
-            .required_subgroup_size(caps.subgroup_size);
+        let mut size =
+            vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default().required_subgroup_size(caps.subgroup_size);
         let mut stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)

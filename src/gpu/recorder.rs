@@ -46,9 +46,8 @@ pub struct Recorder<'a> {
     pub(super) failed: Option<crate::Error>,
 }
 
-const ACCESS: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
-    vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw(),
-);
+const ACCESS: vk::AccessFlags2 =
+    vk::AccessFlags2::from_raw(vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw());
 
 impl<'a> Recorder<'a> {
     /// Device of the commands.
@@ -74,11 +73,7 @@ impl<'a> Recorder<'a> {
         let barriers = [barrier];
         let info = vk::DependencyInfo::default().memory_barriers(&barriers);
         // SAFETY: the command buffer is being recorded.
-        unsafe {
-            self.shared()
-                .device
-                .cmd_pipeline_barrier2(self.commands, &info)
-        };
+        unsafe { self.shared().device.cmd_pipeline_barrier2(self.commands, &info) };
         self.hazards.barrier();
     }
 
@@ -94,22 +89,12 @@ impl<'a> Recorder<'a> {
                 .dst_access_mask(ACCESS)];
             let info = vk::DependencyInfo::default().memory_barriers(&barriers);
             // SAFETY: the command buffer is being recorded.
-            unsafe {
-                self.shared()
-                    .device
-                    .cmd_pipeline_barrier2(self.commands, &info)
-            };
+            unsafe { self.shared().device.cmd_pipeline_barrier2(self.commands, &info) };
         }
     }
 
     /// Dispatches a kernel with `slots` in the order of its bindings. Called by generated code.
-    pub fn dispatch(
-        &mut self,
-        pipeline: &Pipeline,
-        slots: &[Slot<'_>],
-        push: &[u8],
-        groups: Groups<'_>,
-    ) {
+    pub fn dispatch(&mut self, pipeline: &Pipeline, slots: &[Slot<'_>], push: &[u8], groups: Groups<'_>) {
         let raw: &RawPipeline = &pipeline.0;
         assert_eq!(
             slots.len(),
@@ -134,9 +119,7 @@ impl<'a> Recorder<'a> {
         for slot in slots {
             match slot.kind {
                 SlotKind::Buffer { raw, .. } => self.slot.keep(raw.clone()),
-                SlotKind::Image(image) => {
-                    image.own.iter().for_each(|own| self.slot.keep(own.clone()))
-                }
+                SlotKind::Image(image) => image.own.iter().for_each(|own| self.slot.keep(own.clone())),
             }
         }
         let device = &self.gpu.0.device;
@@ -165,11 +148,10 @@ impl<'a> Recorder<'a> {
                 // SAFETY: the element lies in the buffer (asserted in `Groups::indirect`), which has the indirect
                 // usage; the kernel that wrote it kept to the device's limits.
                 unsafe {
-                    self.gpu.0.device.cmd_dispatch_indirect(
-                        self.commands,
-                        raw.handle,
-                        offset + 12 * index as u64,
-                    );
+                    self.gpu
+                        .0
+                        .device
+                        .cmd_dispatch_indirect(self.commands, raw.handle, offset + 12 * index as u64);
                 }
                 return;
             }
@@ -198,24 +180,15 @@ impl<'a> Recorder<'a> {
         self.slot.keep(buffer.raw.clone());
         // SAFETY: the buffer is alive until the frame is done and its size is a multiple of four.
         unsafe {
-            self.gpu.0.device.cmd_fill_buffer(
-                self.commands,
-                buffer.raw.handle,
-                buffer.offset,
-                bytes,
-                word,
-            );
+            self.gpu
+                .0
+                .device
+                .cmd_fill_buffer(self.commands, buffer.raw.handle, buffer.offset, bytes, word);
         }
     }
 
     /// Copies `range` of `from` to `to`, from element `at` on.
-    pub fn copy<T: Pod>(
-        &mut self,
-        from: &Buffer<T>,
-        range: Range<usize>,
-        to: &Buffer<T>,
-        at: usize,
-    ) {
+    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, range: Range<usize>, to: &Buffer<T>, at: usize) {
         assert!(
             range.end <= from.len() && at + range.len() <= to.len(),
             "copy out of bounds: {from:?} to {to:?}"
@@ -230,14 +203,7 @@ impl<'a> Recorder<'a> {
         );
     }
 
-    fn copy_raw(
-        &mut self,
-        from: &Arc<RawBuffer>,
-        start: usize,
-        to: &Arc<RawBuffer>,
-        at: usize,
-        bytes: usize,
-    ) {
+    fn copy_raw(&mut self, from: &Arc<RawBuffer>, start: usize, to: &Arc<RawBuffer>, at: usize, bytes: usize) {
         if bytes == 0 {
             return;
         }
@@ -262,10 +228,7 @@ impl<'a> Recorder<'a> {
 
     /// Writes `data` into a buffer from element `at` on, when the frame runs. The data is copied at once.
     pub fn update<T: Pod>(&mut self, buffer: &Buffer<T>, at: usize, data: &[T]) {
-        assert!(
-            at + data.len() <= buffer.len(),
-            "update out of bounds: {buffer:?}"
-        );
+        assert!(at + data.len() <= buffer.len(), "update out of bounds: {buffer:?}");
         let bytes: &[u8] = bytemuck::cast_slice(data);
         match self.slot.staging.take(&self.gpu, bytes.len()) {
             Ok((raw, offset)) => {
@@ -278,15 +241,8 @@ impl<'a> Recorder<'a> {
     }
 
     /// Copies a range of a buffer to host-visible memory, readable once the frame is done.
-    pub fn read_back<T: Pod>(
-        &mut self,
-        buffer: &Buffer<T>,
-        range: Range<usize>,
-    ) -> Result<Readback<T>> {
-        assert!(
-            range.end <= buffer.len(),
-            "read_back out of bounds: {buffer:?}"
-        );
+    pub fn read_back<T: Pod>(&mut self, buffer: &Buffer<T>, range: Range<usize>) -> Result<Readback<T>> {
+        assert!(range.end <= buffer.len(), "read_back out of bounds: {buffer:?}");
         let bytes = range.len() * size_of::<T>();
         let (raw, offset) = self.slot.reading.take(&self.gpu, bytes)?;
         self.copy_raw(
@@ -328,12 +284,7 @@ impl<'a> Recorder<'a> {
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
         // SAFETY: a host's image is in the state that its wrapper's contract says, an owned one in the state that the
         // last transition left.
-        unsafe {
-            self.gpu
-                .0
-                .device
-                .cmd_pipeline_barrier2(self.commands, &info)
-        };
+        unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands, &info) };
     }
 
     pub(super) fn fail(&mut self, error: crate::Error) {

@@ -28,10 +28,7 @@ pub const REQUIRED: Requirements = Requirements {
         "synchronization2",
         "maintenance4",
     ],
-    optional_features: &[
-        "shaderStorageImageWriteWithoutFormat",
-        "subgroupSizeControl",
-    ],
+    optional_features: &["shaderStorageImageWriteWithoutFormat", "subgroupSizeControl"],
     extensions: &[],
     push_constant_bytes: 128,
     storage_buffers: 14,

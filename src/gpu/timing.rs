@@ -35,12 +35,7 @@ impl Timestamps {
     pub(super) fn begin(&mut self, commands: vk::CommandBuffer) {
         self.labels.clear();
         // SAFETY: the commands are being recorded and the pool's last use has finished.
-        unsafe {
-            self.gpu
-                .0
-                .device
-                .cmd_reset_query_pool(commands, self.pool, 0, CAPACITY)
-        };
+        unsafe { self.gpu.0.device.cmd_reset_query_pool(commands, self.pool, 0, CAPACITY) };
         self.mark(commands, "begin");
     }
 

@@ -44,8 +44,7 @@ impl Gpu {
         let mut all = Vec::with_capacity(range.len());
         let mut frames = Frames::new(self, 1, false)?;
         for start in range.clone().step_by(step) {
-            let (ticket, piece) =
-                frames.submit(|rec| rec.read_back(buffer, start..range.end.min(start + step)))?;
+            let (ticket, piece) = frames.submit(|rec| rec.read_back(buffer, start..range.end.min(start + step)))?;
             frames.wait(ticket)?;
             all.extend(piece.get());
         }

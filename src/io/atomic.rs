@@ -10,10 +10,7 @@ use std::path::{Path, PathBuf};
 /// `path`. On any error (and when `write` panics) the temporary file is removed and `path` is unchanged. The folder
 /// must exist; a `path` to anything but a regular file is refused, because renaming would replace a device or a pipe by
 /// a file.
-pub fn write_atomically(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-) -> Result<()> {
+pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<()> {
     if fs::metadata(path).is_ok_and(|meta| !meta.is_file()) {
         return Err(Error::file(path, "exists and is not a file"));
     }
@@ -43,8 +40,7 @@ pub fn remove_leftovers(folder: &Path) -> usize {
         let process = name.to_str().and_then(process_of);
         process.is_some_and(|id| is_gone(id) && entry.path().is_file())
     });
-    left.filter(|entry| fs::remove_file(entry.path()).is_ok())
-        .count()
+    left.filter(|entry| fs::remove_file(entry.path()).is_ok()).count()
 }
 
 /// Process id in the name of a temporary file; see [`create_beside`].

@@ -155,8 +155,8 @@ impl<'a> Checkpoint<'a> {
         if crc32fast::hash(&text) != crc {
             return Err(reader.fault("the checksum of the header is wrong: the file is damaged"));
         }
-        let header: Header = serde_json::from_slice(&text)
-            .map_err(|e| reader.fault(format!("the header cannot be parsed: {e}")))?;
+        let header: Header =
+            serde_json::from_slice(&text).map_err(|e| reader.fault(format!("the header cannot be parsed: {e}")))?;
         let total = header
             .sections
             .iter()
@@ -226,8 +226,7 @@ impl<'a> Checkpoint<'a> {
         let mut values = vec![T::zeroed(); count];
         reader.fill(bytemuck::cast_slice_mut(&mut values), &what)?;
         if crc32fast::hash(bytemuck::cast_slice(&values)) != entry.crc32 {
-            let what =
-                format!("byte {offset}: the checksum of {what} is wrong: the file is damaged");
+            let what = format!("byte {offset}: the checksum of {what} is wrong: the file is damaged");
             return Err(Error::file(self.source.name(), what));
         }
         Ok(values)

@@ -9,26 +9,11 @@ use std::path::Path as FilePath;
 ///
 /// `rgba` and `depth` are `[row][column]`; depth is along the view's z axis in world units. Values are
 /// stored as given, NaN and infinity included.
-pub fn write(
-    path: &FilePath,
-    width: u32,
-    height: u32,
-    rgba: &[[f32; 4]],
-    depth: &[f32],
-) -> Result<()> {
+pub fn write(path: &FilePath, width: u32, height: u32, rgba: &[[f32; 4]], depth: &[f32]) -> Result<()> {
     let pixels = width as usize * height as usize;
-    assert_eq!(
-        rgba.len(),
-        pixels,
-        "as many colours as the image has pixels"
-    );
-    assert_eq!(
-        depth.len(),
-        pixels,
-        "as many depths as the image has pixels"
-    );
-    let plane =
-        |channel: usize| FlatSamples::F32(rgba.iter().map(|pixel| pixel[channel]).collect());
+    assert_eq!(rgba.len(), pixels, "as many colours as the image has pixels");
+    assert_eq!(depth.len(), pixels, "as many depths as the image has pixels");
+    let plane = |channel: usize| FlatSamples::F32(rgba.iter().map(|pixel| pixel[channel]).collect());
     let channels = [
         AnyChannel::new("R", plane(0)),
         AnyChannel::new("G", plane(1)),
@@ -42,9 +27,6 @@ pub fn write(
         AnyChannels::sort(channels.into_iter().collect()),
     );
     write_atomically(path, |file| {
-        image
-            .write()
-            .to_buffered(file)
-            .map_err(std::io::Error::other)
+        image.write().to_buffered(file).map_err(std::io::Error::other)
     })
 }

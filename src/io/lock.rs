@@ -23,9 +23,7 @@ impl FolderLock {
         let file = file.map_err(Error::io(&path))?;
         match file.try_lock() {
             Ok(()) => Ok(FolderLock { _file: file }),
-            Err(TryLockError::WouldBlock) => {
-                Err(Error::file(folder, "is being written to by another run"))
-            }
+            Err(TryLockError::WouldBlock) => Err(Error::file(folder, "is being written to by another run")),
             Err(TryLockError::Error(error)) => Err(Error::io(&path)(error)),
         }
     }
@@ -41,10 +39,7 @@ mod tests {
         let first = FolderLock::take(dir.path())?;
         let second = FolderLock::take(dir.path()).err();
         let message = second.map(|e| e.to_string()).unwrap_or_default();
-        assert!(
-            message.ends_with("is being written to by another run"),
-            "{message}"
-        );
+        assert!(message.ends_with("is being written to by another run"), "{message}");
         drop(first);
         FolderLock::take(dir.path()).map(|_| ())
     }

@@ -33,8 +33,8 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Mesh> {
     };
     let mut text = checked.text.as_bytes();
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) = tobj::load_obj_buf(&mut text, &options, no_materials)
-        .map_err(|error| Error::file(path, error.to_string()))?;
+    let (models, _) =
+        tobj::load_obj_buf(&mut text, &options, no_materials).map_err(|error| Error::file(path, error.to_string()))?;
     let mut mesh = Mesh::default();
     for tobj::Model { mesh: part, .. } in models {
         let first = mesh.positions.len() as u32;
@@ -44,8 +44,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<Mesh> {
         };
         mesh.positions.extend(triples(&part.positions));
         let colors = triples(&part.vertex_color).into_iter();
-        mesh.colors
-            .extend(colors.map(|color| color.map(|c| c.clamp(0.0, 1.0))));
+        mesh.colors.extend(colors.map(|color| color.map(|c| c.clamp(0.0, 1.0))));
         let corners = part.indices.chunks_exact(3);
         mesh.triangles
             .extend(corners.map(|t| [t[0], t[1], t[2]].map(|v| first + v)));
@@ -96,12 +95,7 @@ impl CheckedObj {
     }
 
     /// Checks `x y z` and, if present and wanted, `r g b`.
-    fn vertex<'a>(
-        &mut self,
-        reader: &Reader,
-        words: impl Iterator<Item = &'a str>,
-        with_colors: bool,
-    ) -> Result<()> {
+    fn vertex<'a>(&mut self, reader: &Reader, words: impl Iterator<Item = &'a str>, with_colors: bool) -> Result<()> {
         let words: Vec<&str> = words.take(6).collect();
         for word in &words {
             if !word.parse().is_ok_and(|value: f32| value.is_finite()) {

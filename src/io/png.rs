@@ -40,22 +40,10 @@ pub fn write_rgba(path: &Path, width: u32, height: u32, pixels: &[[f32; 4]]) -> 
 /// Writes a photograph unchanged.
 pub fn write_photo(path: &Path, photo: &Photo) -> Result<()> {
     let bytes = photo.rgba.as_flattened();
-    write_bytes(
-        path,
-        photo.width,
-        photo.height,
-        bytes,
-        ExtendedColorType::Rgba8,
-    )
+    write_bytes(path, photo.width, photo.height, bytes, ExtendedColorType::Rgba8)
 }
 
-fn write_bytes(
-    path: &Path,
-    width: u32,
-    height: u32,
-    bytes: &[u8],
-    color: ExtendedColorType,
-) -> Result<()> {
+fn write_bytes(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorType) -> Result<()> {
     let channels = usize::from(color.channel_count());
     assert_eq!(
         bytes.len(),

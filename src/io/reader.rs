@@ -83,10 +83,7 @@ impl<'a> Reader<'a> {
 
     /// Error at the current byte.
     pub(crate) fn fault(&self, what: impl AsRef<str>) -> Error {
-        Error::file(
-            self.path,
-            format!("byte {}: {}", self.offset, what.as_ref()),
-        )
+        Error::file(self.path, format!("byte {}: {}", self.offset, what.as_ref()))
     }
 
     /// Error in the last line read.

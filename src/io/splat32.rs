@@ -57,21 +57,14 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
         }
     };
     let odd = reader.remaining();
-    warn(
-        odd > 0,
-        format!("the {odd} bytes after the last record were ignored"),
-    );
+    warn(odd > 0, format!("the {odd} bytes after the last record were ignored"));
     warn(
         dropped > 0,
-        format!(
-            "{dropped} of {count} splats hold values that are not finite or negative scales and were dropped"
-        ),
+        format!("{dropped} of {count} splats hold values that are not finite or negative scales and were dropped"),
     );
     warn(
         unrotated > 0,
-        format!(
-            "{unrotated} of {count} splats have a quaternion of length zero, read as no rotation"
-        ),
+        format!("{unrotated} of {count} splats have a quaternion of length zero, read as no rotation"),
     );
     warn(splats.is_empty(), "holds no splats".to_owned());
     Ok(LoadedSplats { splats, warnings })

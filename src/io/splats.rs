@@ -11,12 +11,7 @@ type Reader = fn(Source<'_>) -> Result<LoadedSplats>;
 type Writer = fn(&Path, &Splats) -> Result<()>;
 
 /// A file format of scenes: name, ends of file names by which it is recognised, reader and writer.
-struct Format(
-    &'static str,
-    &'static [&'static str],
-    Option<Reader>,
-    Option<Writer>,
-);
+struct Format(&'static str, &'static [&'static str], Option<Reader>, Option<Writer>);
 
 /// All formats; unsupported ones for the advice to convert.
 const FORMATS: [Format; 5] = [
@@ -60,10 +55,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
         Some(Format(name, ..)) => {
             format!("{name} scenes are not supported; convert to {}", writable())
         }
-        None => format!(
-            "the name does not end in {}, as scenes that can be read do",
-            readable()
-        ),
+        None => format!("the name does not end in {}, as scenes that can be read do", readable()),
     };
     Err(Error::file(source.name(), fault))
 }

@@ -33,15 +33,13 @@ const TILED: &str = "the only variant; few invocations slide long strips each, w
                      what a processor pays for";
 
 /// Reason for kernels with a single workgroup.
-const ALONE: &str =
-    "the only variant; a single workgroup does it all, and few elements are left to it";
+const ALONE: &str = "the only variant; a single workgroup does it all, and few elements are left to it";
 
 /// Reason for kernels without tunables.
 const FIXED: &str = "the only variant, with nothing to tune";
 
 /// Reason for the kernel of the compatibility mode.
-const INRIA: &str =
-    "the only variant; it draws as the 3DGS code does where that is asked for, and is not tuned";
+const INRIA: &str = "the only variant; it draws as the 3DGS code does where that is asked for, and is not tuned";
 
 /// Choices for a device, in the order of the kernels' names; for SH degree 3, without depth.
 pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
@@ -92,9 +90,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
 
 /// `Spec { workgroup: 8, x: 1 }` as `workgroup 8, x 1`.
 fn words(spec: &str) -> String {
-    let inner = spec
-        .trim_start_matches("Spec")
-        .trim_matches([' ', '{', '}']);
+    let inner = spec.trim_start_matches("Spec").trim_matches([' ', '{', '}']);
     inner.replace(": ", " ")
 }
 
@@ -156,17 +152,13 @@ mod tests {
             Requirement::SubgroupShuffleRelative,
         ];
         let of = |kernel: &str, caps: &Caps| {
-            let choice = chosen(caps)
-                .into_iter()
-                .find(|choice| choice.kernel == kernel);
+            let choice = chosen(caps).into_iter().find(|choice| choice.kernel == kernel);
             choice.map(|choice| (choice.variant, choice.spec, choice.why))
         };
         let wide = of("rasterize", &caps(DeviceKind::Discrete, 32, &all));
         let none = of("rasterize", &caps(DeviceKind::Discrete, 32, &[]));
         assert_ne!(wide, none);
-        assert!(wide.is_some_and(|(variant, spec, _)| {
-            variant == "subgroup" && spec.contains("workgroup 32")
-        }));
+        assert!(wide.is_some_and(|(variant, spec, _)| { variant == "subgroup" && spec.contains("workgroup 32") }));
         let processor = of("sort_scatter", &caps(DeviceKind::Cpu, 8, &all));
         let other = of("sort_scatter", &caps(DeviceKind::Discrete, 32, &all));
         assert_ne!(processor.map(|c| c.2), other.map(|c| c.2));

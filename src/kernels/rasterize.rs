@@ -8,14 +8,7 @@ use crate::shader::KernelInfo;
 /// pixels each.
 fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
     let subgroup = caps.supports(kernel).is_ok() && caps.subgroup_size >= 8;
-    (
-        subgroup,
-        if subgroup {
-            caps.subgroup_size.min(32)
-        } else {
-            8
-        },
-    )
+    (subgroup, if subgroup { caps.subgroup_size.min(32) } else { 8 })
 }
 
 /// Reason for [`lanes`], one sentence.
@@ -29,9 +22,7 @@ fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
             "one subgroup a tile, at least four pixels a lane: lanes pass splats round and agree without shared \
              memory (by design; not measured on this class of devices)"
         }
-        _ => {
-            "no subgroup of eight lanes or more can do all that it takes here: eight lanes share memory instead"
-        }
+        _ => "no subgroup of eight lanes or more can do all that it takes here: eight lanes share memory instead",
     }
 }
 

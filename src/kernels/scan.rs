@@ -53,11 +53,7 @@ impl Scan {
 
     /// Workgroups for `count` values.
     pub fn groups(count: usize) -> Groups<'static> {
-        Groups::Count(
-            (count as u32)
-                .div_ceil(SCAN_CHUNK)
-                .div_ceil(Scan::WORKGROUP),
-        )
+        Groups::Count((count as u32).div_ceil(SCAN_CHUNK).div_ceil(Scan::WORKGROUP))
     }
 
     /// Records a prefix sum; `groups` covers the number of values.
@@ -90,10 +86,7 @@ impl Scan {
                 counts,
                 sum_from_chunk: sums,
             },
-            scan_chunks::Params {
-                count_slot,
-                total_slot,
-            },
+            scan_chunks::Params { count_slot, total_slot },
             Groups::Count(1),
         );
         self.apply.record(

@@ -86,9 +86,7 @@ const SUBGROUP_WORKGROUP: u32 = 256;
 /// sort use this, because both must divide the keys alike.
 fn by_subgroup(caps: &Caps) -> bool {
     caps.kind != DeviceKind::Cpu
-        && caps
-            .supports(sort_scatter::Variant::Subgroup.info())
-            .is_ok()
+        && caps.supports(sort_scatter::Variant::Subgroup.info()).is_ok()
         && caps.max_workgroup >= SUBGROUP_WORKGROUP
         && SUBGROUP_WORKGROUP.is_multiple_of(caps.subgroup_size.max(1))
 }
@@ -122,9 +120,7 @@ pub(super) fn why(caps: &Caps) -> &'static str {
             "an invocation a chunk, with a table of its own: a processor runs one lane after the other, and pays for \
              every ballot"
         }
-        _ => {
-            "an invocation a chunk: subgroups cannot vote by ballot here, or workgroups of 256 do not fit"
-        }
+        _ => "an invocation a chunk: subgroups cannot vote by ballot here, or workgroups of 256 do not fit",
     }
 }
 
@@ -139,11 +135,7 @@ impl Sort {
     }
 
     /// Compiles the kernels with these choices. Both must give a workgroup the same number of chunks.
-    pub fn with(
-        gpu: &Gpu,
-        count: sort_count::Choice,
-        scatter: sort_scatter::Choice,
-    ) -> Result<Sort> {
+    pub fn with(gpu: &Gpu, count: sort_count::Choice, scatter: sort_scatter::Choice) -> Result<Sort> {
         let chunks_per_group = match count.variant {
             sort_count::Variant::Base => count.spec.workgroup,
             sort_count::Variant::Subgroup => 1,
@@ -190,14 +182,7 @@ impl Sort {
     }
 
     /// One digit: counts it per chunk, scans the counts to offsets, and moves the pairs there.
-    fn record_pass(
-        &self,
-        rec: &mut Recorder<'_>,
-        scan: &Scan,
-        io: Io<'_>,
-        layout: Layout,
-        pass: u32,
-    ) {
+    fn record_pass(&self, rec: &mut Recorder<'_>, scan: &Scan, io: Io<'_>, layout: Layout, pass: u32) {
         let Io { counts, args, .. } = io;
         let (from, to) = ((pass % 2) as usize, (pass % 2) as usize ^ 1);
         let (count_slot, chunk_slot) = (layout.count_slot, layout.chunk_slot);

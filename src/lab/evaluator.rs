@@ -46,12 +46,7 @@ pub(super) fn held_out<'d>(gpu: &Gpu, dataset: &'d Dataset) -> Result<Evaluator<
 }
 
 /// Time of a frame of the held-out views, by a renderer of the model's own SH degree.
-pub(super) fn frame_time(
-    gpu: &Gpu,
-    dataset: &Dataset,
-    splats: &Splats,
-    model: &Model,
-) -> Result<FrameTime> {
+pub(super) fn frame_time(gpu: &Gpu, dataset: &Dataset, splats: &Splats, model: &Model) -> Result<FrameTime> {
     let options = RenderOptions {
         sh_degree: model.sh_degree,
         ..RenderOptions::default()

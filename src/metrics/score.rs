@@ -83,8 +83,7 @@ impl Target {
                 true => photo.rgba.iter().map(as_stored).collect(),
                 false => photo.rgba.iter().map(over_background).collect(),
             },
-            weights: (is_mask && has_alpha)
-                .then(|| photo.rgba.iter().map(|pixel| unit(pixel[3])).collect()),
+            weights: (is_mask && has_alpha).then(|| photo.rgba.iter().map(|pixel| unit(pixel[3])).collect()),
         }
     }
 
@@ -130,10 +129,7 @@ mod tests {
         let mask = Target::new(&photo(51), AlphaMode::Mask, [0.0; 3]);
         assert_eq!(mask.rgb[1], [1.0; 3]);
         assert_eq!(mask.weights, Some(vec![1.0, 0.2]));
-        assert_eq!(
-            Target::new(&photo(255), AlphaMode::Mask, [0.0; 3]).weights,
-            None
-        );
+        assert_eq!(Target::new(&photo(255), AlphaMode::Mask, [0.0; 3]).weights, None);
     }
 
     #[test]

@@ -17,9 +17,7 @@ fn naive_ssim(a: &[[f32; 3]], b: &[[f32; 3]], width: i64, height: i64) -> f64 {
     let gauss = |d: i64| (-((d * d) as f64) / (2.0 * 1.5 * 1.5)).exp();
     let norm: f64 = (-5..=5).map(gauss).sum();
     let mut sum = 0.0;
-    for (y, x, c) in
-        (0..height).flat_map(|y| (0..width).flat_map(move |x| (0..3).map(move |c| (y, x, c))))
-    {
+    for (y, x, c) in (0..height).flat_map(|y| (0..width).flat_map(move |x| (0..3).map(move |c| (y, x, c)))) {
         let mut m = [0.0; 5];
         for (dy, dx) in (-5..=5).flat_map(|dy| (-5..=5).map(move |dx| (dy, dx))) {
             let inside = (0..height).contains(&(y + dy)) && (0..width).contains(&(x + dx));
@@ -67,10 +65,7 @@ fn ssim_follows_the_definition_at_every_size() {
         let image = |rgb| Image::new(width, height, rgb);
         let fast = ssim(image(&a), image(&b), None);
         let naive = naive_ssim(&a, &b, i64::from(width), i64::from(height));
-        assert!(
-            (fast - naive).abs() < 1e-12,
-            "{width} × {height}: {fast} {naive}"
-        );
+        assert!((fast - naive).abs() < 1e-12, "{width} × {height}: {fast} {naive}");
         assert!((ssim(image(&a), image(&a), None) - 1.0).abs() < 1e-12);
     }
 }
@@ -113,10 +108,7 @@ fn rounding_is_half_up_and_never_truncates() {
     assert_eq!(Photo::level(0.5 / 255.0), 1);
     assert_eq!(Photo::level(0.499 / 255.0), 0);
     assert_eq!(Photo::level(254.5 / 255.0), 255);
-    assert_eq!(
-        [-1.0, 2.0, f32::NAN, f32::INFINITY].map(Photo::level),
-        [0, 255, 0, 255]
-    );
+    assert_eq!([-1.0, 2.0, f32::NAN, f32::INFINITY].map(Photo::level), [0, 255, 0, 255]);
     assert!((0..=255_u8).all(|level| Photo::level(f32::from(level) / 255.0) == level));
     // Within half a level of a level the rounded images agree and the float images do not.
     let (a, b) = (vec![[100.0 / 255.0; 3]; 9], vec![[100.4 / 255.0; 3]; 9]);

@@ -94,10 +94,7 @@ impl<const N: usize> Sum for Dual<N> {
 
 impl<const N: usize> Real for Dual<N> {
     fn of(value: f64) -> Self {
-        Dual {
-            v: value,
-            d: [0.0; N],
-        }
+        Dual { v: value, d: [0.0; N] }
     }
     fn value(self) -> f64 {
         self.v

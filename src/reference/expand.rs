@@ -14,16 +14,10 @@ pub struct Isect {
 }
 
 /// All intersections: splats nearest first, tiles of a splat ascending.
-pub fn expand(
-    screen: &[Option<ScreenSplat<f64>>],
-    grid: &Grid,
-    thresholds: &Thresholds,
-) -> Vec<Isect> {
+pub fn expand(screen: &[Option<ScreenSplat<f64>>], grid: &Grid, thresholds: &Thresholds) -> Vec<Isect> {
     let mut list = Vec::new();
     for index in depth_order(screen) {
-        let touched = screen[index]
-            .iter()
-            .flat_map(|splat| tiles(splat, grid, thresholds));
+        let touched = screen[index].iter().flat_map(|splat| tiles(splat, grid, thresholds));
         list.extend(touched.map(|tile| Isect {
             tile,
             splat: index as u32,

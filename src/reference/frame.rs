@@ -1,9 +1,7 @@
 //! A whole frame: every pixel over every splat, by depth, ties by index. No tiles.
 
 use super::rasterize::{discontinuity_margin, rasterize};
-use super::{
-    DiscontinuityMargin, Options, Pixel, Real, ScreenSplat, Splat, Thresholds, Viewpoint, project,
-};
+use super::{DiscontinuityMargin, Options, Pixel, Real, ScreenSplat, Splat, Thresholds, Viewpoint, project};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -32,10 +30,7 @@ pub fn center(index: usize, width: usize) -> [f64; 2] {
 
 /// Projected splats, `None` if not drawn.
 pub fn project_all<R: Real>(splats: &[Splat<R>], view: &Viewpoint) -> Vec<Option<ScreenSplat<R>>> {
-    splats
-        .par_iter()
-        .map(|splat| project(splat, view))
-        .collect()
+    splats.par_iter().map(|splat| project(splat, view)).collect()
 }
 
 /// Indices of the drawn splats, nearest first, ties by index.
@@ -69,11 +64,7 @@ pub fn render_screen<R: Real>(
         .into_par_iter()
         .map(|i| rasterize(&list, &order, center(i, width), background, thresholds))
         .collect();
-    Frame {
-        width,
-        height,
-        pixels,
-    }
+    Frame { width, height, pixels }
 }
 
 /// Renders splats given by their parameters.
@@ -84,32 +75,17 @@ pub fn render_splats<R: Real>(
     thresholds: &Thresholds,
 ) -> Frame<R> {
     let screen = project_all(splats, view);
-    render_screen(
-        &screen,
-        view.camera.width,
-        view.camera.height,
-        background,
-        thresholds,
-    )
+    render_screen(&screen, view.camera.width, view.camera.height, background, thresholds)
 }
 
 /// Renders a scene.
 pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64> {
     let view = Viewpoint::new(camera, options, splats.filter);
-    render_splats(
-        &Splat::all(splats),
-        &view,
-        options.background,
-        &options.thresholds,
-    )
+    render_splats(&Splat::all(splats), &view, options.background, &options.thresholds)
 }
 
 /// Distance of every pixel of [`render`] from the nearest discontinuity.
-pub fn discontinuity_margins(
-    splats: &Splats,
-    camera: &Camera,
-    options: &Options,
-) -> Vec<DiscontinuityMargin> {
+pub fn discontinuity_margins(splats: &Splats, camera: &Camera, options: &Options) -> Vec<DiscontinuityMargin> {
     let view = Viewpoint::new(camera, options, splats.filter);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
     let order: Vec<usize> = (0..list.len()).collect();

@@ -62,12 +62,7 @@ pub struct LossGradient {
 }
 
 /// Renders the scene, compares it with the target and differentiates the loss.
-pub fn loss_gradient(
-    splats: &Splats,
-    camera: &Camera,
-    options: &Options,
-    target: &Target<'_>,
-) -> LossGradient {
+pub fn loss_gradient(splats: &Splats, camera: &Camera, options: &Options, target: &Target<'_>) -> LossGradient {
     let view = Viewpoint::new(camera, options, splats.filter);
     let screen = project_all(&Splat::<f64>::all(splats), &view);
     let frame = render_screen(
@@ -106,13 +101,7 @@ pub fn backward(
     let view = Viewpoint::new(camera, options, splats.filter);
     let splats = Splat::<f64>::all(splats);
     let screen = project_all(&splats, &view);
-    let by_screen = rasterize_backward(
-        &screen,
-        camera.width,
-        options.background,
-        &options.thresholds,
-        upstream,
-    );
+    let by_screen = rasterize_backward(&screen, camera.width, options.background, &options.thresholds, upstream);
     let rows: Vec<Vec<f64>> = splats
         .par_iter()
         .zip(&by_screen)
@@ -131,27 +120,17 @@ pub fn loss_derivatives(
     parameters: &[(usize, usize)],
 ) -> Vec<f64> {
     let view = Viewpoint::new(camera, options, splats.filter);
-    let rows: Vec<Vec<f64>> = Splat::<f64>::all(splats)
-        .iter()
-        .map(Splat::parameters)
-        .collect();
+    let rows: Vec<Vec<f64>> = Splat::<f64>::all(splats).iter().map(Splat::parameters).collect();
     let mut derivatives = Vec::with_capacity(parameters.len());
     for chunk in parameters.chunks(LANES) {
         let mut lifted: Vec<Vec<Dual<LANES>>> = rows
             .iter()
-            .map(|row| {
-                row.iter()
-                    .map(|&value| Dual::variable(value, None))
-                    .collect()
-            })
+            .map(|row| row.iter().map(|&value| Dual::variable(value, None)).collect())
             .collect();
         for (lane, &(splat, parameter)) in chunk.iter().enumerate() {
             lifted[splat][parameter] = Dual::variable(rows[splat][parameter], Some(lane));
         }
-        let lifted: Vec<Splat<Dual<LANES>>> = lifted
-            .iter()
-            .map(|row| Splat::from_parameters(row))
-            .collect();
+        let lifted: Vec<Splat<Dual<LANES>>> = lifted.iter().map(|row| Splat::from_parameters(row)).collect();
         let frame = render_splats(&lifted, &view, options.background, &options.thresholds);
         let loss = loss::loss(&frame.colors(), target);
         derivatives.extend(&loss.d[..chunk.len()]);

@@ -63,9 +63,7 @@ pub fn product<R: Real>(a: Mat3<R>, b: Mat3<R>) -> Mat3<R> {
 /// Rotation matrix of a quaternion w, x, y, z of any length but 0.
 pub fn rotation<R: Real>(quaternion: [R; 4]) -> Mat3<R> {
     // Scaled by the largest component first, so that squares neither overflow nor underflow.
-    let largest = quaternion
-        .iter()
-        .fold(0.0, |m: f64, q| m.max(q.value().abs()));
+    let largest = quaternion.iter().fold(0.0, |m: f64, q| m.max(q.value().abs()));
     let scaled = quaternion.map(|q| q / R::of(largest));
     let length = scaled.iter().map(|q| q.squared()).sum::<R>().sqrt();
     let [w, x, y, z] = scaled.map(|q| q / length);

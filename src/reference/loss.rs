@@ -57,19 +57,15 @@ impl<'a> Target<'a> {
 }
 
 /// Values of a photograph's stored pixels: target colours, and weights if alpha is a mask.
-pub fn values(
-    rgba: &[[u8; 4]],
-    mode: AlphaMode,
-    background: [f64; 3],
-) -> (Vec<[f64; 3]>, Option<Vec<f64>>) {
+pub fn values(rgba: &[[u8; 4]], mode: AlphaMode, background: [f64; 3]) -> (Vec<[f64; 3]>, Option<Vec<f64>>) {
     let share = |level: u8| f64::from(level) / 255.0;
     let colors = rgba.iter().map(|&[r, g, b, alpha]| {
         let stored = [r, g, b].map(share);
         match mode {
             AlphaMode::Mask => stored,
-            AlphaMode::Composite => [0, 1, 2].map(|channel| {
-                share(alpha) * stored[channel] + (1.0 - share(alpha)) * background[channel]
-            }),
+            AlphaMode::Composite => {
+                [0, 1, 2].map(|channel| share(alpha) * stored[channel] + (1.0 - share(alpha)) * background[channel])
+            }
         }
     });
     let weights = || rgba.iter().map(|pixel| share(pixel[3])).collect();
@@ -139,11 +135,7 @@ pub fn gradient(image: &[[f64; 3]], target: &Target<'_>) -> Vec<[f64; 3]> {
         let d_ssim = ssim::gradient(target.width, &x, &y, &target.weights());
         for (i, d) in d_image.iter_mut().enumerate() {
             let difference = image[i][channel] - target.photo[i][channel];
-            let d_l1 = if difference == 0.0 {
-                0.0
-            } else {
-                difference.signum()
-            };
+            let d_l1 = if difference == 0.0 { 0.0 } else { difference.signum() };
             let d_mixed = (1.0 - target.lambda) * d_l1 - target.lambda * d_ssim[i];
             d[channel] = target.weight(i) * d_mixed / count;
         }

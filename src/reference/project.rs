@@ -1,9 +1,7 @@
 //! Projection of a Gaussian to an ellipse on the screen: EWA splatting as in the 3DGS paper (section 4), with the whole
 //! covariance matrices written out.
 
-use super::linear::{
-    Mat3, Vec3, covariance, matrix, normalize, product, sub, transform, transpose, vector,
-};
+use super::linear::{Mat3, Vec3, covariance, matrix, normalize, product, sub, transform, transpose, vector};
 use super::{Options, Real, sh};
 use crate::layout::{COLOR_MAX, QUATERNION_MIN};
 use crate::scene::{Camera, ScreenFilter, Splats};
@@ -168,12 +166,7 @@ impl<R: Real> ScreenSplat<R> {
 
 /// Projects a splat; `None` if it is in front of the near plane, without an orientation, or not finite.
 pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSplat<R>> {
-    let length = splat
-        .quaternion
-        .iter()
-        .map(|q| q.value().powi(2))
-        .sum::<f64>()
-        .sqrt();
+    let length = splat.quaternion.iter().map(|q| q.value().powi(2)).sum::<f64>().sqrt();
     let from_camera = sub(splat.mean, vector(view.camera.position));
     let mean_view = transform(matrix(view.camera.rotation), from_camera);
     let finite = splat.parameters().iter().all(|p| p.value().is_finite());
@@ -199,11 +192,7 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSpla
             .map(|c| c.at_least(0.0).at_most(f64::from(COLOR_MAX))),
         depth: z,
     };
-    screen
-        .row()
-        .iter()
-        .all(|x| x.value().is_finite())
-        .then_some(screen)
+    screen.row().iter().all(|x| x.value().is_finite()).then_some(screen)
 }
 
 /// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian is taken at x/z and y/z clamped to the limits; the clamped quotients are
@@ -221,10 +210,7 @@ fn screen_covariance<R: Real>(splat: &Splat<R>, view: &Viewpoint, mean_view: Vec
     ];
     let screen_from_world = product(jacobian, matrix(view.camera.rotation));
     let world = covariance(splat.quaternion, splat.log_scale);
-    let screen = product(
-        product(screen_from_world, world),
-        transpose(screen_from_world),
-    );
+    let screen = product(product(screen_from_world, world), transpose(screen_from_world));
     [screen[0][0], screen[0][1], screen[1][1]]
 }
 
@@ -236,11 +222,7 @@ pub fn determinant<R: Real>([xx, xy, yy]: Vec3<R>) -> R {
 /// `√(det spread / det dilated)`: keeps a splat's integral unchanged by the dilation.
 fn compensation<R: Real>(spread: Vec3<R>, dilated: Vec3<R>) -> R {
     let ratio = determinant(spread) / determinant(dilated);
-    if ratio.value() > 0.0 {
-        ratio.sqrt()
-    } else {
-        R::of(0.0)
-    }
+    if ratio.value() > 0.0 { ratio.sqrt() } else { R::of(0.0) }
 }
 
 /// Distances of a splat's projection from its discontinuities, relative to 1.
@@ -258,9 +240,7 @@ pub struct Margins {
 pub fn margins(splat: &Splat<f64>, view: &Viewpoint) -> Margins {
     let from_camera = sub(splat.mean, vector(view.camera.position));
     let [x, y, z] = transform(matrix(view.camera.rotation), from_camera);
-    let apart = |slope: f64, low: f64, high: f64| {
-        (slope - low).abs().min((slope - high).abs()) / (high - low)
-    };
+    let apart = |slope: f64, low: f64, high: f64| (slope - low).abs().min((slope - high).abs()) / (high - low);
     let [x_min, x_max, y_min, y_max] = view.limit;
     let color = sh::unclamped_color(view.sh_degree, &splat.sh, normalize(from_camera));
     Margins {

@@ -68,10 +68,7 @@ pub fn penalty_backward(splat: &Splat<f64>, weights: PenaltyWeights) -> Vec<f64>
 }
 
 /// Derivatives of a function by all parameters of a splat, a few per pass.
-pub(super) fn differentiate(
-    splat: &Splat<f64>,
-    function: impl Fn(&Splat<Dual<LANES>>) -> Dual<LANES>,
-) -> Vec<f64> {
+pub(super) fn differentiate(splat: &Splat<f64>, function: impl Fn(&Splat<Dual<LANES>>) -> Dual<LANES>) -> Vec<f64> {
     let passes = lifted(splat, Dual::variable).into_iter();
     passes
         .flat_map(|(lifted, lanes)| function(&lifted).d.into_iter().take(lanes))
@@ -80,10 +77,7 @@ pub(super) fn differentiate(
 
 /// Copies of a splat, each with a few parameters as variables, and their number; `variable` makes a variable or a
 /// constant.
-fn lifted<R: Real>(
-    splat: &Splat<f64>,
-    variable: impl Fn(f64, Option<usize>) -> R,
-) -> Vec<(Splat<R>, usize)> {
+fn lifted<R: Real>(splat: &Splat<f64>, variable: impl Fn(f64, Option<usize>) -> R) -> Vec<(Splat<R>, usize)> {
     let values = splat.parameters();
     let pass = |first: usize| {
         let lifted: Vec<R> = values
@@ -91,10 +85,7 @@ fn lifted<R: Real>(
             .enumerate()
             .map(|(i, &value)| variable(value, i.checked_sub(first)))
             .collect();
-        (
-            Splat::from_parameters(&lifted),
-            LANES.min(values.len() - first),
-        )
+        (Splat::from_parameters(&lifted), LANES.min(values.len() - first))
     };
     (0..values.len()).step_by(LANES).map(pass).collect()
 }

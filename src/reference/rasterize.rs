@@ -69,11 +69,7 @@ pub fn raw_alpha<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
 }
 
 /// The splat at a pixel centre, or `None` if below the alpha threshold.
-pub fn layer<R: Real>(
-    splat: &ScreenSplat<R>,
-    position: [f64; 2],
-    thresholds: &Thresholds,
-) -> Option<Layer<R>> {
+pub fn layer<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2], thresholds: &Thresholds) -> Option<Layer<R>> {
     let alpha = raw_alpha(splat, position);
     (alpha.value() >= thresholds.alpha_min && alpha.value() > 0.0).then(|| Layer {
         alpha: alpha.at_most(thresholds.alpha_max),
@@ -159,9 +155,7 @@ pub fn rasterize<R: Real>(
     background: [f64; 3],
     thresholds: &Thresholds,
 ) -> Pixel<R> {
-    let layers = order
-        .iter()
-        .filter_map(|&i| layer(&splats[i], position, thresholds));
+    let layers = order.iter().filter_map(|&i| layer(&splats[i], position, thresholds));
     composite(layers, background, thresholds.transmittance_min).0
 }
 

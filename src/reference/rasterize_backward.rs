@@ -98,10 +98,7 @@ pub fn pixel_backward(
 }
 
 /// Numbers as variables `first..` of a dual.
-fn variables<const COUNT: usize, const N: usize>(
-    values: [f64; COUNT],
-    first: usize,
-) -> [Dual<N>; COUNT] {
+fn variables<const COUNT: usize, const N: usize>(values: [f64; COUNT], first: usize) -> [Dual<N>; COUNT] {
     let mut slot = first;
     values.map(|value| {
         slot += 1;
@@ -133,11 +130,7 @@ fn weighted<const N: usize>(numbers: &[Dual<N>], slopes: &[f64]) -> [f64; N] {
 }
 
 /// Derivatives of the objective by the pixel's row before the background is added.
-fn background_slopes(
-    pixel: &Pixel<f64>,
-    background: [f64; 3],
-    upstream: &PixelGradient,
-) -> [f64; 5] {
+fn background_slopes(pixel: &Pixel<f64>, background: [f64; 3], upstream: &PixelGradient) -> [f64; 5] {
     let lifted: Pixel<Dual<5>> = pixel_from_row(variables(pixel_row(pixel), 0));
     let [r, g, b] = upstream.color;
     let slopes = [r, g, b, upstream.transmittance, upstream.depth];
@@ -146,11 +139,7 @@ fn background_slopes(
 
 /// Derivatives by the pixel's row before a layer, and by the layer's alpha, rgb and depth, given those by the
 /// pixel's row after it.
-fn blend_slopes(
-    before: &Pixel<f64>,
-    layer: &Layer<f64>,
-    by_after: [f64; 5],
-) -> ([f64; 5], [f64; 5]) {
+fn blend_slopes(before: &Pixel<f64>, layer: &Layer<f64>, by_after: [f64; 5]) -> ([f64; 5], [f64; 5]) {
     let lifted: Pixel<Dual<10>> = pixel_from_row(variables(pixel_row(before), 0));
     let [r, g, b] = layer.color;
     let [alpha, r, g, b, depth] = variables([layer.alpha, r, g, b, layer.depth], 5);
@@ -199,8 +188,7 @@ pub fn rasterize_backward(
             let mut sums = nothing();
             for (x, upstream) in row.iter().enumerate() {
                 let position = center(y * width + x, width);
-                let said =
-                    pixel_backward(&list, &order, position, background, thresholds, upstream);
+                let said = pixel_backward(&list, &order, position, background, thresholds, upstream);
                 for (rank, gradient) in said {
                     sums[rank].absorb(&gradient);
                 }
@@ -232,14 +220,9 @@ pub fn isect_backward(
     for (index, upstream) in upstream.iter().enumerate() {
         let position = center(index, grid.width as usize);
         let tile = grid.tile_from_position(position);
-        for (rank, gradient) in
-            pixel_backward(&list, &order, position, background, thresholds, upstream)
-        {
+        for (rank, gradient) in pixel_backward(&list, &order, position, background, thresholds, upstream) {
             let splat = splat_from_rank[rank] as u32;
-            gradients
-                .entry(Isect { tile, splat })
-                .or_default()
-                .absorb(&gradient);
+            gradients.entry(Isect { tile, splat }).or_default().absorb(&gradient);
         }
     }
     gradients

@@ -56,11 +56,7 @@ fn lists(splat: &ScreenSplat<f64>, position: [f64; 2]) -> bool {
 
 /// One pixel over the sorted splats that its tile lists, nearest first, and the distance to the nearest threshold; see
 /// [`over`].
-pub fn pixel(
-    splats: &[ScreenSplat<f64>],
-    position: [f64; 2],
-    background: [f64; 3],
-) -> (Pixel<f64>, f64) {
+pub fn pixel(splats: &[ScreenSplat<f64>], position: [f64; 2], background: [f64; 3]) -> (Pixel<f64>, f64) {
     let listed = splats.iter().filter(|splat| lists(splat, position));
     let (pixel, _, nearest) = over(listed, position, background);
     (pixel, nearest)
@@ -102,10 +98,6 @@ pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> (Frame<f64
         .into_par_iter()
         .map(|i| pixel(&list, center(i, width), options.background))
         .unzip();
-    let frame = Frame {
-        width,
-        height,
-        pixels,
-    };
+    let frame = Frame { width, height, pixels };
     (frame, nearest)
 }

@@ -23,12 +23,7 @@ struct Solid {
 }
 
 /// Colours of some pixels, given by their indices `y * width + x`; `options.thresholds` are ignored.
-pub fn colors(
-    splats: &Splats,
-    camera: &Camera,
-    options: &Options,
-    pixels: &[usize],
-) -> Vec<[f64; 3]> {
+pub fn colors(splats: &Splats, camera: &Camera, options: &Options, pixels: &[usize]) -> Vec<[f64; 3]> {
     let view = Viewpoint::new(camera, options, splats.filter);
     let all = Splat::<f64>::all(splats);
     let (list, splat_from_rank) = sorted(&project_all(&all, &view));
@@ -71,15 +66,8 @@ fn solid(splat: &Splat<f64>, screen: ScreenSplat<f64>, view: &Viewpoint) -> Soli
     let [x, y, z] = mean_view;
     let [fx, fy] = view.camera.focal.to_array();
     // J has orthogonal null vector m: J⁺ maps into the plane across it.
-    let rows = [
-        [fx / z, 0.0, -fx * x / (z * z)],
-        [0.0, fy / z, -fy * y / (z * z)],
-    ];
-    let gram = [
-        dot(rows[0], rows[0]),
-        dot(rows[0], rows[1]),
-        dot(rows[1], rows[1]),
-    ];
+    let rows = [[fx / z, 0.0, -fx * x / (z * z)], [0.0, fy / z, -fy * y / (z * z)]];
+    let gram = [dot(rows[0], rows[0]), dot(rows[0], rows[1]), dot(rows[1], rows[1])];
     let det = gram[0] * gram[2] - gram[1] * gram[1];
     let columns: [[f64; 3]; 2] = [
         std::array::from_fn(|k| (gram[2] * rows[0][k] - gram[1] * rows[1][k]) / det),
@@ -87,8 +75,7 @@ fn solid(splat: &Splat<f64>, screen: ScreenSplat<f64>, view: &Viewpoint) -> Soli
     ];
     for (i, row) in spread.iter_mut().enumerate() {
         for (j, entry) in row.iter_mut().enumerate() {
-            *entry +=
-                view.dilation * (columns[0][i] * columns[0][j] + columns[1][i] * columns[1][j]);
+            *entry += view.dilation * (columns[0][i] * columns[0][j] + columns[1][i] * columns[1][j]);
         }
     }
     Solid {

@@ -32,20 +32,12 @@ pub trait Real:
 
     /// `max(self, floor)`; at or below the floor a constant. NaN stays NaN.
     fn at_least(self, floor: f64) -> Self {
-        if self.value() <= floor {
-            Self::of(floor)
-        } else {
-            self
-        }
+        if self.value() <= floor { Self::of(floor) } else { self }
     }
 
     /// `min(self, cap)`; at or above the cap a constant. NaN stays NaN.
     fn at_most(self, cap: f64) -> Self {
-        if self.value() >= cap {
-            Self::of(cap)
-        } else {
-            self
-        }
+        if self.value() >= cap { Self::of(cap) } else { self }
     }
 
     /// The absolute value; a constant at 0, so that an exact match has zero gradient.

@@ -8,10 +8,7 @@ use std::f64::consts::PI;
 
 /// Opacity of each of `n` copies: `1 − (1 − opacity)^(1/n)`. The opacity must be below 1.
 pub fn opacity(opacity: f64, n: u32) -> f64 {
-    assert!(
-        (0.0..1.0).contains(&opacity) && n > 0,
-        "opacity {opacity}, {n} copies"
-    );
+    assert!((0.0..1.0).contains(&opacity) && n > 0, "opacity {opacity}, {n} copies");
     -f64::exp_m1(f64::ln_1p(-opacity) / f64::from(n))
 }
 

@@ -126,17 +126,9 @@ mod tests {
         };
         let splats = [splat(0.5, 0.9), splat(0.3, 0.1), splat(0.7, 0.6)];
         let background = [0.2, 0.4, 0.8];
-        let color = |order: &[usize]| {
-            rasterize(&splats, order, [0.0; 2], background, &Thresholds::ENGINE).color
-        };
+        let color = |order: &[usize]| rasterize(&splats, order, [0.0; 2], background, &Thresholds::ENGINE).color;
         let whole = color(&[0, 1, 2]);
-        let found = touches(
-            &splats,
-            &[0, 1, 2],
-            [0.0; 2],
-            background,
-            &Thresholds::ENGINE,
-        );
+        let found = touches(&splats, &[0, 1, 2], [0.0; 2], background, &Thresholds::ENGINE);
         assert_eq!(found.len(), 3);
         for (touch, rest) in found.iter().zip([[1, 2], [0, 2], [0, 1]]) {
             let without = color(&rest);

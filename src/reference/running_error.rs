@@ -86,9 +86,7 @@ impl<const N: usize> Mul for Terms<N> {
         let (mine, theirs) = (self.v.abs(), other.v.abs());
         let v = self.v * other.v;
         let p: [f64; N] = std::array::from_fn(|i| mine * other.p[i] + theirs * self.p[i]);
-        let f = |i: usize| {
-            mine * other.f[i] + self.e * other.p[i] + theirs * self.f[i] + other.e * self.p[i]
-        };
+        let f = |i: usize| mine * other.f[i] + self.e * other.p[i] + theirs * self.f[i] + other.e * self.p[i];
         Terms {
             v,
             e: mine * other.e + theirs * self.e + v.abs(),

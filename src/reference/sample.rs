@@ -106,12 +106,7 @@ impl SplatError {
 }
 
 /// Samples pixels of [`render`](super::render)'s frame.
-pub fn sample(
-    splats: &Splats,
-    camera: &Camera,
-    options: &Options,
-    pixels: &[usize],
-) -> Vec<PixelBound> {
+pub fn sample(splats: &Splats, camera: &Camera, options: &Options, pixels: &[usize]) -> Vec<PixelBound> {
     let view = Viewpoint {
         // Splats just in front of the near plane may be drawn behind it.
         near: options.near * (1.0 - 1e-4),

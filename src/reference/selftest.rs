@@ -33,17 +33,13 @@ pub fn lanes(lanes: u32, rounds: u32) -> Vec<u32> {
     let mut numbers: Vec<u32> = (0..lanes).map(seed).collect();
     let mut folded = vec![[0u32; 8]; lanes as usize];
     for round in 0..rounds {
-        numbers
-            .iter_mut()
-            .for_each(|number| *number = next(*number));
+        numbers.iter_mut().for_each(|number| *number = next(*number));
         let values: Vec<u32> = numbers.iter().map(|number| number >> 12).collect();
         let odd = |values: &[u32]| values.iter().filter(|&value| value % 2 == 1).count() as u32;
         for (lane, folded) in folded.iter_mut().enumerate() {
             let asked = (lane as u32 * 5 + round) % lanes;
             let results = [
-                values
-                    .iter()
-                    .fold(0u32, |sum, &value| sum.wrapping_add(value)),
+                values.iter().fold(0u32, |sum, &value| sum.wrapping_add(value)),
                 values.iter().copied().max().unwrap_or(0),
                 values.iter().map(|value| value % 1024).sum(),
                 values[asked as usize],
@@ -78,9 +74,7 @@ pub fn progress(groups: u32, lanes: u32, rounds: u32) -> Vec<u32> {
                 *number ^= given[(lane + 1) % given.len()] >> 1;
             }
         }
-        numbers
-            .iter()
-            .fold(0u32, |sum, &number| sum.wrapping_add(number))
+        numbers.iter().fold(0u32, |sum, &number| sum.wrapping_add(number))
     };
     (0..groups).map(of_group).collect()
 }
@@ -132,12 +126,7 @@ impl Function {
     /// all derived tolerances here assume three millionths, and the self-test requires that.
     pub fn allowance(self, x: f64) -> f64 {
         let value = self.exact(x).abs();
-        let ulp = value
-            .max(f64::from(f32::MIN_POSITIVE))
-            .log2()
-            .floor()
-            .exp2()
-            * EPSILON;
+        let ulp = value.max(f64::from(f32::MIN_POSITIVE)).log2().floor().exp2() * EPSILON;
         let allowed = match self {
             Function::Exp | Function::Exp2 => (3.0 + 2.0 * x.abs()) * ulp,
             Function::Log2 => (3.0 * ulp).max(3e-6),
@@ -161,8 +150,7 @@ mod tests {
     #[test]
     fn lanes_know_of_each_other() {
         // Two lanes, one round: each result follows by hand.
-        let values =
-            [12_345u32, 2_654_435_761u32.wrapping_add(12_345)].map(|seed| next(seed) >> 12);
+        let values = [12_345u32, 2_654_435_761u32.wrapping_add(12_345)].map(|seed| next(seed) >> 12);
         let found = lanes(2, 1);
         assert_eq!(found[0], values[0] + values[1]);
         assert_eq!((found[4], found[12]), (values[1], values[0]));
@@ -180,14 +168,10 @@ mod tests {
 
     #[test]
     fn allowances_follow_the_specification() {
-        let ulps =
-            |f: Function, x: f64| f.allowance(x) / (EPSILON * f.exact(x).log2().floor().exp2());
+        let ulps = |f: Function, x: f64| f.allowance(x) / (EPSILON * f.exact(x).log2().floor().exp2());
         assert!((ulps(Function::Exp, 2.5) - 8.0).abs() < 1e-9);
         assert!((ulps(Function::Exp2, -5.0) - 13.0).abs() < 1e-9);
-        assert_eq!(
-            Function::Exp.allowance(-200.0),
-            f64::from(f32::MIN_POSITIVE)
-        );
+        assert_eq!(Function::Exp.allowance(-200.0), f64::from(f32::MIN_POSITIVE));
         assert_eq!(Function::Log2.allowance(1.0), 3e-6);
     }
 }

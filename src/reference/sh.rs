@@ -50,11 +50,7 @@ fn legendre<R: Real>(l: i64, m: i64, z: R) -> R {
 }
 
 /// `0.5 + Σ coefficient · basis`, before the clamp. `coefficients` may hold more than `degree` needs.
-pub fn unclamped_color<R: Real>(
-    degree: u32,
-    coefficients: &[Vec3<R>],
-    direction: Vec3<R>,
-) -> Vec3<R> {
+pub fn unclamped_color<R: Real>(degree: u32, coefficients: &[Vec3<R>], direction: Vec3<R>) -> Vec3<R> {
     let mut color = [R::of(0.5); 3];
     for (function, coefficient) in basis(degree, direction).iter().zip(coefficients) {
         for channel in 0..3 {

@@ -23,12 +23,7 @@ pub fn smoothed<R: Real>(splat: &Splat<R>, sigma: f64) -> Splat<R> {
 }
 
 /// [`project_backward`] of a splat that is smoothed before projection.
-pub fn smoothed_backward(
-    splat: &Splat<f64>,
-    sigma: f64,
-    view: &Viewpoint,
-    by_screen: &[f64; 10],
-) -> Vec<f64> {
+pub fn smoothed_backward(splat: &Splat<f64>, sigma: f64, view: &Viewpoint, by_screen: &[f64; 10]) -> Vec<f64> {
     let by_smoothed = project_backward(&smoothed(splat, sigma), view, by_screen);
     unsmoothed(splat, sigma, &by_smoothed)
 }

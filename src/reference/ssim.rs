@@ -68,16 +68,14 @@ struct WindowMoments<R> {
 impl<R: Real> WindowMoments<R> {
     fn under(window: &[(usize, f64)], x: &[R], y: &[f64]) -> WindowMoments<R> {
         let sum = |f: &dyn Fn(usize) -> f64| window.iter().map(|&(i, g)| g * f(i)).sum::<f64>();
-        let sum_x =
-            |f: &dyn Fn(usize) -> R| window.iter().map(|&(i, g)| R::of(g) * f(i)).sum::<R>();
+        let sum_x = |f: &dyn Fn(usize) -> R| window.iter().map(|&(i, g)| R::of(g) * f(i)).sum::<R>();
         let mean_x = sum_x(&|i| x[i]);
         let mean_y = sum(&|i| y[i]);
         // The zeros beyond the border also differ from the mean.
         let beyond = 1.0 - sum(&|_| 1.0);
         let variance_x = sum_x(&|i| (x[i] - mean_x).squared()) + R::of(beyond) * mean_x.squared();
         let variance_y = sum(&|i| (y[i] - mean_y).powi(2)) + beyond * mean_y * mean_y;
-        let covariance =
-            sum_x(&|i| (x[i] - mean_x) * R::of(y[i] - mean_y)) + R::of(beyond * mean_y) * mean_x;
+        let covariance = sum_x(&|i| (x[i] - mean_x) * R::of(y[i] - mean_y)) + R::of(beyond * mean_y) * mean_x;
         WindowMoments {
             mean_x,
             mean_y,
@@ -91,8 +89,7 @@ impl<R: Real> WindowMoments<R> {
         let of = R::of;
         let luminance = (of(2.0 * self.mean_y) * self.mean_x + of(C1))
             / (self.mean_x.squared() + of(self.mean_y * self.mean_y + C1));
-        let structure =
-            (of(2.0) * self.covariance + of(C2)) / (self.variance_x + of(self.variance_y + C2));
+        let structure = (of(2.0) * self.covariance + of(C2)) / (self.variance_x + of(self.variance_y + C2));
         luminance * structure
     }
 }

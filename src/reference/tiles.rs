@@ -80,12 +80,7 @@ pub fn alpha_at_pixels(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32) -> f64 
 }
 
 /// Whether some pixel of the tile blends the splat if nothing lies in front of it.
-pub fn holds_pixel(
-    splat: &ScreenSplat<f64>,
-    grid: &Grid,
-    tile: u32,
-    thresholds: &Thresholds,
-) -> bool {
+pub fn holds_pixel(splat: &ScreenSplat<f64>, grid: &Grid, tile: u32, thresholds: &Thresholds) -> bool {
     alpha_at_pixels(splat, grid, tile) >= thresholds.alpha_min
 }
 

@@ -68,10 +68,7 @@ impl Accuracy {
         choice
     }
 
-    pub(crate) fn of_rasterize_backward(
-        &self,
-        mut choice: rasterize_backward::Choice,
-    ) -> rasterize_backward::Choice {
+    pub(crate) fn of_rasterize_backward(&self, mut choice: rasterize_backward::Choice) -> rasterize_backward::Choice {
         choice.spec.log2_alpha_min = self.log2_alpha_min();
         choice
     }

@@ -85,9 +85,7 @@ impl Blocks {
         let planes = std::array::from_fn(|degree| precision.plane_count(degree as u32));
         let per_block = planes.map(|planes: usize| {
             let reached = reach / (16 * planes) / PART_ALIGNMENT * PART_ALIGNMENT;
-            share
-                .clamp(SPLATS_MIN, SPLATS_MAX)
-                .min(reached.max(PART_ALIGNMENT))
+            share.clamp(SPLATS_MIN, SPLATS_MAX).min(reached.max(PART_ALIGNMENT))
         });
         Blocks {
             room,
@@ -119,8 +117,7 @@ impl Blocks {
     /// Vec4 of each block.
     pub fn sizes(self) -> Vec<usize> {
         let all = self.of(self.room);
-        all.map(|block| block.stride * self.planes(block.degree))
-            .collect()
+        all.map(|block| block.stride * self.planes(block.degree)).collect()
     }
 
     /// Slots of each block, where an index says whose they are: where splats are of several degrees.

@@ -108,9 +108,7 @@ mod tests {
             tiles: 50,
         };
         for seed in 0..200u32 {
-            let tiles: Vec<u32> = (0..seed * 5)
-                .map(|i| 1 + (i * 7919 + seed * 104_729) % 50)
-                .collect();
+            let tiles: Vec<u32> = (0..seed * 5).map(|i| 1 + (i * 7919 + seed * 104_729) % 50).collect();
             let mut counts = [0; COUNT_SLOTS as usize];
             counts[COUNT_VISIBLE as usize] = tiles.len() as u32;
             counts[COUNT_ISECT_WANTED as usize] = tiles.iter().sum();

@@ -53,12 +53,7 @@ impl ViewEvaluation<'_> {
 
 impl<'d> Evaluator<'d> {
     /// Evaluator of the data set's views with these indices.
-    pub fn new(
-        gpu: &Gpu,
-        dataset: &'d Dataset,
-        views: &[usize],
-        options: ViewOptions,
-    ) -> Evaluator<'d> {
+    pub fn new(gpu: &Gpu, dataset: &'d Dataset, views: &[usize], options: ViewOptions) -> Evaluator<'d> {
         Evaluator {
             gpu: gpu.clone(),
             dataset,
@@ -89,11 +84,7 @@ impl<'d> Evaluator<'d> {
     }
 
     /// Renders each view in order and hands it to `each`; stops at the first error.
-    pub fn for_each(
-        &mut self,
-        splats: &Splats,
-        each: &mut dyn FnMut(ViewEvaluation<'_>) -> Result<()>,
-    ) -> Result<()> {
+    pub fn for_each(&mut self, splats: &Splats, each: &mut dyn FnMut(ViewEvaluation<'_>) -> Result<()>) -> Result<()> {
         if self.views.is_empty() {
             return Ok(());
         }
@@ -114,11 +105,7 @@ impl<'d> Evaluator<'d> {
                 }
             };
             let rendered = &renderer.render(&model, &view.camera, &options)?;
-            each(ViewEvaluation {
-                view,
-                target,
-                rendered,
-            })?;
+            each(ViewEvaluation { view, target, rendered })?;
         }
         self.renderer = Some((splats.sh_degree, renderer));
         Ok(())
@@ -146,11 +133,7 @@ impl<'d> Evaluator<'d> {
 
     fn target(&self, view: usize) -> Result<Target> {
         let photo = photo::load(&self.dataset.views[view])?;
-        Ok(Target::new(
-            &photo,
-            self.dataset.alpha,
-            self.options.background,
-        ))
+        Ok(Target::new(&photo, self.dataset.alpha, self.options.background))
     }
 
     fn renderer(&mut self, sh_degree: u32) -> Result<Renderer> {

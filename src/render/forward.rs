@@ -179,13 +179,7 @@ impl Forward {
     }
 
     /// Composites a band behind the nearer ones.
-    fn composite(
-        &self,
-        rec: &mut Recorder<'_>,
-        s: &Scratch,
-        tiles: usize,
-        (band, bands): (u32, DepthBands),
-    ) {
+    fn composite(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize, (band, bands): (u32, DepthBands)) {
         let sorted = Forward::sorted_index(tiles);
         let tile_stride = tile_stride(tiles);
         match &self.compositor {
@@ -228,10 +222,7 @@ impl Forward {
                     depth: &s.depth,
                     isect_end_from_pixel: &s.isect_end_from_pixel,
                 };
-                assert_eq!(
-                    bands.count, 1,
-                    "a pixel that has ended is not told from others"
-                );
+                assert_eq!(bands.count, 1, "a pixel that has ended is not told from others");
                 let params = rasterize_inria::Params { tile_stride };
                 kernel.record(rec, io, params, Groups::Count(tiles as u32));
             }
@@ -323,12 +314,8 @@ impl Forward {
             total_slot: COUNT_ISECT,
             flags: false,
         };
-        self.scan.record(
-            rec,
-            io,
-            isects,
-            Groups::indirect(&s.args, ARGS_VISIBLE_SCAN as usize),
-        );
+        self.scan
+            .record(rec, io, isects, Groups::indirect(&s.args, ARGS_VISIBLE_SCAN as usize));
     }
 
     fn list_intersections(&self, rec: &mut Recorder<'_>, s: &Scratch) {
@@ -372,13 +359,7 @@ impl Forward {
         );
     }
 
-    fn sort(
-        &self,
-        rec: &mut Recorder<'_>,
-        s: &Scratch,
-        [keys, values]: [&[Buffer<u32>]; 2],
-        layout: Layout,
-    ) -> usize {
+    fn sort(&self, rec: &mut Recorder<'_>, s: &Scratch, [keys, values]: [&[Buffer<u32>]; 2], layout: Layout) -> usize {
         let io = sort::Io {
             counts: &s.counts,
             args: &s.args,
@@ -404,9 +385,7 @@ pub fn tile_stride(tiles: usize) -> u32 {
     // Products of workgroup and stride must stay within 32 bits.
     let most = (u32::MAX as usize / tiles.max(1)).clamp(1, tiles.max(1));
     let start = ((tiles as f64 * 0.381_966) as usize).clamp(1, most);
-    (start..=most)
-        .find(|&stride| gcd(stride, tiles) == 1)
-        .unwrap_or(1) as u32
+    (start..=most).find(|&stride| gcd(stride, tiles) == 1).unwrap_or(1) as u32
 }
 
 #[cfg(test)]

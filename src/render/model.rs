@@ -71,11 +71,7 @@ impl Model {
     }
 
     /// Copies a scene to the device when the recorded commands run.
-    pub fn record_upload(
-        rec: &mut Recorder<'_>,
-        splats: &Splats,
-        precision: Precision,
-    ) -> Result<Model> {
+    pub fn record_upload(rec: &mut Recorder<'_>, splats: &Splats, precision: Precision) -> Result<Model> {
         let slots = Slots::of_scene(splats);
         let model = Model::reserve(rec.gpu(), splats, &slots, precision)?;
         for block in model.blocks.of(model.counts) {
@@ -102,12 +98,7 @@ impl Model {
     }
 
     /// Buffers without a splat in them.
-    pub(crate) fn empty(
-        gpu: &Gpu,
-        blocks: Blocks,
-        sh_degree: u32,
-        filter: ScreenFilter,
-    ) -> Result<Model> {
+    pub(crate) fn empty(gpu: &Gpu, blocks: Blocks, sh_degree: u32, filter: ScreenFilter) -> Result<Model> {
         let planes = Planes::new(gpu, blocks)?;
         Ok(Model {
             params: planes.params,

@@ -52,16 +52,8 @@ impl Precision {
             rounded.sh.iter_mut().for_each(round);
         }
         if self == Precision::Half {
-            rounded
-                .quaternion
-                .as_flattened_mut()
-                .iter_mut()
-                .for_each(round);
-            rounded
-                .log_scale
-                .as_flattened_mut()
-                .iter_mut()
-                .for_each(round);
+            rounded.quaternion.as_flattened_mut().iter_mut().for_each(round);
+            rounded.log_scale.as_flattened_mut().iter_mut().for_each(round);
             rounded.opacity_logit.iter_mut().for_each(round);
         }
         rounded

@@ -51,11 +51,7 @@ impl RenderedImage {
             alpha if alpha >= COVERAGE_MIN => sum / alpha,
             _ => f32::INFINITY,
         };
-        self.depth
-            .iter()
-            .zip(&self.transmittance)
-            .map(mean)
-            .collect()
+        self.depth.iter().zip(&self.transmittance).map(mean).collect()
     }
 }
 
@@ -197,8 +193,7 @@ impl Renderer {
     ) -> Result<Option<Stats>> {
         if self.present.is_none() {
             return Err(Error::Unsupported {
-                what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled"
-                    .into(),
+                what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled".into(),
             });
         }
         self.check(model)?;
@@ -216,20 +211,9 @@ impl Renderer {
         let in_flight = self.host_frames.in_flight() as u64;
         let finished = self.finished_before((frame + 1).saturating_sub(in_flight))?;
         let mut rec = self.host_frames.begin_in(commands)?;
-        let picture = Picture {
-            model,
-            camera,
-            view,
-        };
+        let picture = Picture { model, camera, view };
         let (forward, scratch) = (&self.forward, &self.scratch);
-        record_frame(
-            &mut rec,
-            forward,
-            scratch,
-            picture,
-            self.options.sh_degree,
-            self.bands,
-        );
+        record_frame(&mut rec, forward, scratch, picture, self.options.sh_degree, self.bands);
         rec.acquire(target);
         let io = present::Bindings {
             view: &self.scratch.view,
@@ -277,8 +261,7 @@ impl Renderer {
 
     /// Stages of the last rendered image with their device time in nanoseconds; empty on devices without timestamps.
     pub fn timings(&self) -> Result<Vec<(&'static str, f64)>> {
-        self.rendered
-            .map_or(Ok(Vec::new()), |last| self.frames.timings(last))
+        self.rendered.map_or(Ok(Vec::new()), |last| self.frames.timings(last))
     }
 
     /// Bands that complete the picture that left `counts`.
@@ -287,8 +270,7 @@ impl Renderer {
         let bands = bands.after(counts, &self.scratch.capacity, limit)?;
         if bands.count > 1 && self.options.compatibility == Compatibility::Inria {
             return Err(Error::Unsupported {
-                what: "a picture by the rules of the 3DGS code that takes more than one pass"
-                    .into(),
+                what: "a picture by the rules of the 3DGS code that takes more than one pass".into(),
             });
         }
         Ok(bands)
@@ -319,21 +301,12 @@ impl Renderer {
     }
 
     /// Renders one image and reads it back. Grows the buffers as needed; draws in bands if they cannot grow.
-    pub fn render(
-        &mut self,
-        model: &Model,
-        camera: &Camera,
-        view: &ViewOptions,
-    ) -> Result<RenderedImage> {
+    pub fn render(&mut self, model: &Model, camera: &Camera, view: &ViewOptions) -> Result<RenderedImage> {
         self.check(model)?;
         self.forward.prepare(&self.gpu, model)?;
         let expected = isects_expected(model.splat_count, camera.width, camera.height);
         self.reserve_some(model, camera, expected)?;
-        let picture = Picture {
-            model,
-            camera,
-            view,
-        };
+        let picture = Picture { model, camera, view };
         let mut bands = DepthBands::default();
         loop {
             let pixels = camera.width as usize * camera.height as usize;

@@ -58,9 +58,7 @@ pub fn degrees_used(splats: &Splats) -> Vec<u8> {
         let most = row.iter().rposition(|&value| value != 0.0);
         let coefficients = most.map_or(1, |last| last / 3 + 1);
         let holds = |&degree: &u32| sh_coefficient_count(degree) >= coefficients;
-        (0..splats.sh_degree)
-            .find(holds)
-            .unwrap_or(splats.sh_degree) as u8
+        (0..splats.sh_degree).find(holds).unwrap_or(splats.sh_degree) as u8
     };
     splats.sh.chunks_exact(stride).map(used).collect()
 }
@@ -105,10 +103,7 @@ impl Slots {
 
     /// Highest degree of any splat; 0 without splats.
     pub fn sh_degree(&self) -> u32 {
-        self.counts
-            .iter()
-            .rposition(|&count| count > 0)
-            .unwrap_or(0) as u32
+        self.counts.iter().rposition(|&count| count > 0).unwrap_or(0) as u32
     }
 
     /// Splat indices of a range of slots.
@@ -152,12 +147,7 @@ mod tests {
                 .collect();
             let before = degrees.clone();
             merge_degrees(&mut degrees);
-            assert!(
-                degrees
-                    .iter()
-                    .zip(&before)
-                    .all(|(after, before)| after >= before)
-            );
+            assert!(degrees.iter().zip(&before).all(|(after, before)| after >= before));
             count(&degrees)
         };
         assert_eq!(of([5, 0, 0, 0]), [5, 0, 0, 0]);

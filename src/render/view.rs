@@ -22,11 +22,7 @@ pub struct ViewOptions {
 pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
     let size = [camera.width, camera.height];
     let limits = |axis: usize| {
-        let (extent, focal, center) = (
-            f64::from(size[axis]),
-            camera.focal[axis],
-            camera.center[axis],
-        );
+        let (extent, focal, center) = (f64::from(size[axis]), camera.focal[axis], camera.center[axis]);
         let margin = BORDER * extent / focal;
         (
             (-center / focal - margin) as f32,

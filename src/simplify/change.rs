@@ -66,13 +66,7 @@ pub fn measure(
 }
 
 impl MeasuredChange {
-    fn add(
-        &mut self,
-        camera: &Camera,
-        before: &RenderedTiles,
-        after: &RenderedTiles,
-        (promise, leak): (Promise, f64),
-    ) {
+    fn add(&mut self, camera: &Camera, before: &RenderedTiles, after: &RenderedTiles, (promise, leak): (Promise, f64)) {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let pixels = width * height;
         let columns = width.div_ceil(TILE_WIDTH as usize);
@@ -127,10 +121,7 @@ mod tests {
         change.take(0.5, 1.0, 1.0);
         assert_eq!((change.broken, change.nearest), (0, 0.5));
         change.take(2.0, 1.0, 1.0);
-        assert_eq!(
-            (change.broken, change.most, change.bound_there),
-            (1, 2.0, 1.0)
-        );
+        assert_eq!((change.broken, change.most, change.bound_there), (1, 2.0, 1.0));
         change.take(f64::NAN, 1.0, 1.0);
         assert_eq!(change.broken, 2);
         change.take(0.0, 0.0, 0.0);

@@ -6,8 +6,8 @@ use crate::gpu::{Buffer, Frames, Gpu};
 use crate::kernels::{contribution, prune_limit, removal_error, sum_by_splat};
 use crate::layout::*;
 use crate::render::{
-    Capacity, Compatibility, DepthBands, Forward, Model, Outputs, RenderOptions, Scratch,
-    ViewOptions, isects_expected, list_limit, view_of,
+    Capacity, Compatibility, DepthBands, Forward, Model, Outputs, RenderOptions, Scratch, ViewOptions, isects_expected,
+    list_limit, view_of,
 };
 use crate::scene::{Camera, Splats};
 use crate::{Error, Result};
@@ -104,10 +104,8 @@ impl Kernels {
     pub(super) fn new(gpu: &Gpu, compatibility: Compatibility) -> Result<Arc<Kernels>> {
         let caps = gpu.caps();
         let inria = u32::from(compatibility == Compatibility::Inria);
-        let (mut prune_limit, mut contribution) = (
-            prune_limit::Choice::prefer(caps),
-            contribution::Choice::prefer(caps),
-        );
+        let (mut prune_limit, mut contribution) =
+            (prune_limit::Choice::prefer(caps), contribution::Choice::prefer(caps));
         let mut removal_error = removal_error::Choice::prefer(caps);
         (prune_limit.spec.inria, contribution.spec.inria) = (inria, inria);
         removal_error.spec.inria = inria;
@@ -219,8 +217,7 @@ impl ContributionPass {
         assert_eq!(ranks.len(), count, "a rank for every splat");
         self.gpu.upload(&self.resources.ranks, 0, ranks)?;
         let nothing = [0.0, 0.0, f32::MAX];
-        self.gpu
-            .upload(&self.resources.totals, 0, &vec![nothing; count])?;
+        self.gpu.upload(&self.resources.totals, 0, &vec![nothing; count])?;
         for camera in cameras {
             if !go_on() {
                 return Ok(None);
@@ -236,11 +233,7 @@ impl ContributionPass {
     ///
     /// # Errors
     /// As [`ContributionPass::losses`].
-    pub fn removal_errors(
-        &mut self,
-        camera: &Camera,
-        judge: Option<PixelErrors<'_>>,
-    ) -> Result<Vec<RemovalError>> {
+    pub fn removal_errors(&mut self, camera: &Camera, judge: Option<PixelErrors<'_>>) -> Result<Vec<RemovalError>> {
         let sh_degree = self.resources.model.sh_degree;
         self.draw(camera, sh_degree, Purpose::Show)?;
         let (gpu, buffers) = (&self.gpu, &self.resources.buffers);
@@ -259,11 +252,7 @@ impl ContributionPass {
             Ok(())
         })?;
         self.frames.wait(ticket)?;
-        let removal_error = |[weight, error, change]: [f32; 3]| RemovalError {
-            weight,
-            error,
-            change,
-        };
+        let removal_error = |[weight, error, change]: [f32; 3]| RemovalError { weight, error, change };
         let totals = self.gpu.download(&self.resources.totals, 0..count)?;
         Ok(totals.into_iter().map(removal_error).collect())
     }
@@ -315,10 +304,7 @@ impl ContributionPass {
     /// Draws a view for a purpose; returns the kernels' counters.
     fn draw(&mut self, camera: &Camera, sh_degree: u32, purpose: Purpose) -> Result<Vec<u32>> {
         let view = self.view(camera);
-        self.reserve(
-            camera,
-            isects_expected(self.splat_count(), camera.width, camera.height),
-        )?;
+        self.reserve(camera, isects_expected(self.splat_count(), camera.width, camera.height))?;
         loop {
             let resources = &self.resources;
             let (ticket, counts) = self.frames.submit(|rec| {

@@ -9,11 +9,7 @@ use crate::stats::mean;
 
 /// Mean squared error between the views' photographs, as training compares with them, and their halves enlarged to full
 /// size: the error of a scene fitted perfectly to the halves.
-pub(super) fn lost_by_halving(
-    dataset: &Dataset,
-    views: &[usize],
-    background: [f32; 3],
-) -> Result<f64> {
+pub(super) fn lost_by_halving(dataset: &Dataset, views: &[usize], background: [f32; 3]) -> Result<f64> {
     let lost = |&view: &usize| {
         let photo = load(&dataset.views[view])?;
         Ok(lost(&photo, dataset.alpha, background))
@@ -116,13 +112,7 @@ mod tests {
 
     #[test]
     fn what_does_not_count_is_not_lost() {
-        let masked = |level: u8| {
-            photo(
-                16,
-                16,
-                move |x, _| if x < 7 { [level, 0] } else { [90, 255] },
-            )
-        };
+        let masked = |level: u8| photo(16, 16, move |x, _| if x < 7 { [level, 0] } else { [90, 255] });
         assert!(lost(&masked(255), AlphaMode::Mask) < 1e-12);
         // Composited over a background, the mask's edge counts.
         assert!(lost(&masked(255), AlphaMode::Composite) > 1e-3);

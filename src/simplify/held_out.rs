@@ -37,11 +37,7 @@ pub fn split_views(dataset: &Dataset, config: &AutoConfig) -> (Vec<usize>, Vec<u
 }
 
 /// PSNR of each of the evaluator's views, decibels, at most `most`; 0 if the rendering is not finite.
-pub(super) fn psnr_db(
-    evaluator: &mut Evaluator<'_>,
-    splats: &Splats,
-    most: f64,
-) -> Result<Vec<f64>> {
+pub(super) fn psnr_db(evaluator: &mut Evaluator<'_>, splats: &Splats, most: f64) -> Result<Vec<f64>> {
     let errors = evaluator.mean_squared_errors(splats)?;
     let psnr = |error: f64| match error.is_finite() {
         true => (-10.0 * error.max(f64::MIN_POSITIVE).log10()).min(most),

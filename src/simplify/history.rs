@@ -186,11 +186,7 @@ impl History {
             let (with, lost) = (mean(&entry.psnr_db), lost(entry, without));
             let is_missed = entry.act == Act::Missed;
             let after = level.unwrap_or_else(|| {
-                let end = if is_missed {
-                    [splats, with]
-                } else {
-                    [left, with - lost]
-                };
+                let end = if is_missed { [splats, with] } else { [left, with - lost] };
                 points.push(end);
                 end[1]
             });
@@ -271,10 +267,7 @@ impl History {
             act: entry.name().into(),
             splats: entry.splats,
             psnr_db: mean(&entry.psnr_db),
-            without: entry
-                .without
-                .as_ref()
-                .map(|(splats, psnr)| (*splats, mean(psnr))),
+            without: entry.without.as_ref().map(|(splats, psnr)| (*splats, mean(psnr))),
             gain_db: entry.gain_db,
         };
         self.entries.iter().map(step).collect()
@@ -300,11 +293,7 @@ mod tests {
         let mut history = History::default();
         assert_eq!(history.half_size(), None);
         history.lost_by_halving = 1e-4;
-        let found = |history: &History| {
-            history
-                .half_size()
-                .map(|half| (half.until, half.hidden_share))
-        };
+        let found = |history: &History| history.half_size().map(|half| (half.until, half.hidden_share));
         assert_eq!(found(&history), Some((0, None)));
         history.entries = vec![looked(Act::Looked, 10.0), looked(Act::Enlarged, 30.0)];
         let half = history.half_size().unwrap_or_default();

@@ -45,10 +45,7 @@ impl Law {
 fn fit(points: &[[f64; 2]], exponent: f64) -> Option<(f64, Law)> {
     // Counts in units of the first: powers of large numbers would lose precision.
     let unit = points[0][0].max(1.0);
-    let xs: Vec<f64> = points
-        .iter()
-        .map(|p| (p[0] / unit).powf(-exponent))
-        .collect();
+    let xs: Vec<f64> = points.iter().map(|p| (p[0] / unit).powf(-exponent)).collect();
     let ys: Vec<f64> = points.iter().map(|p| p[1]).collect();
     let line = Line::through(&xs, &ys)?;
     let law = Law {
@@ -73,9 +70,7 @@ mod tests {
         };
         let points = [1e4, 2e4, 4e4, 9e4].map(|n| [n, law.at(n)]);
         let found = Law::through(&points);
-        let near = |found: Law| {
-            (found.limit_db - 31.0).abs() < 1e-6 && (found.exponent - 0.6).abs() < 1e-9
-        };
+        let near = |found: Law| (found.limit_db - 31.0).abs() < 1e-6 && (found.exponent - 0.6).abs() < 1e-9;
         assert!(found.is_some_and(near), "{found:?}");
         let knee = law.knee(0.02);
         assert!((law.at(1.1 * knee) - law.at(knee) - 0.02).abs() < 1e-9);

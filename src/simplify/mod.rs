@@ -41,9 +41,7 @@ mod sh_fit;
 
 pub use auto::{AutoRun, CountController, for_auto_count};
 pub use change::{MeasuredChange, Promise, measure};
-pub use contribution::{
-    ContributionPass, PassOptions, PixelErrors, RemovalError, RenderedTiles, SplatContribution,
-};
+pub use contribution::{ContributionPass, PassOptions, PixelErrors, RemovalError, RenderedTiles, SplatContribution};
 pub use decision::{Decision, HalfResolution};
 pub use held_out::split_views;
 pub use history::{Act, History, HistoryEntry, Phase, Round};

@@ -53,13 +53,8 @@ pub fn prune(
         return Ok(None);
     };
     let mut fates: Vec<PruneDecision> = first.iter().map(|loss| fate(loss, budget)).collect();
-    let unseen = fates
-        .iter()
-        .filter(|&&fate| fate == PruneDecision::Goes)
-        .count();
-    let mut order: Vec<usize> = (0..count)
-        .filter(|&i| fates[i] == PruneDecision::Open)
-        .collect();
+    let unseen = fates.iter().filter(|&&fate| fate == PruneDecision::Goes).count();
+    let mut order: Vec<usize> = (0..count).filter(|&i| fates[i] == PruneDecision::Open).collect();
     let light = unseen + order.len();
     order.sort_by(|&a, &b| first[a].sum.total_cmp(&first[b].sum).then(a.cmp(&b)));
     let (mut rounds, mut fine) = (1, false);
@@ -86,10 +81,7 @@ pub fn prune(
         // If even the first rank, of many splats, exceeds a budget, the first few splats get ranks of their own.
         fine = stuck;
     }
-    let removed: Vec<bool> = fates
-        .iter()
-        .map(|&fate| fate == PruneDecision::Goes)
-        .collect();
+    let removed: Vec<bool> = fates.iter().map(|&fate| fate == PruneDecision::Goes).collect();
     Ok(Some(PruneResult {
         count: removed.iter().filter(|&&gone| gone).count(),
         removed,

@@ -3,8 +3,8 @@
 //! A colour is a sum over degrees l of c_l · Y_l(direction), with c_l the 2l + 1 coefficients of a channel. By
 //! Cauchy–Schwarz and the addition theorem, Σ_m Y_lm² = (2l + 1) / 4π in every direction, and
 //! |c_l · Y_l| ≤ ‖c_l‖ √((2l + 1) / 4π). So dropping the degrees above d moves a colour by at most the sum of that over
-//! those degrees, in any direction, and pixels, being mixtures of colours, by at most the largest error of their splats.
-//! The later clamp of colours at 0 does not increase differences.
+//! those degrees, in any direction, and pixels, being mixtures of colours, by at most the largest error of their
+//! splats. The later clamp of colours at 0 does not increase differences.
 
 use crate::scene::{Splats, sh_coefficient_count};
 
@@ -133,10 +133,7 @@ mod tests {
             let counts = reduce_harmonics(&scene, error).count_from_degree;
             counts.iter().position(|&count| count > 0)
         };
-        assert_eq!(
-            [0.373, 0.374, 0.689, 0.69].map(needed),
-            [3, 2, 2, 1].map(Some)
-        );
+        assert_eq!([0.373, 0.374, 0.689, 0.69].map(needed), [3, 2, 2, 1].map(Some));
         assert_eq!([0.932, 0.934].map(needed), [1, 0].map(Some));
     }
 

@@ -225,9 +225,7 @@ fn fewer(row: &[f32], seen: &[(f64, [f64; 16])], count: usize, all_round: f64) -
 fn factorize(matrix: &mut [f64], size: usize) {
     for i in 0..size {
         for j in 0..=i {
-            let dot: f64 = (0..j)
-                .map(|k| matrix[i * size + k] * matrix[j * size + k])
-                .sum();
+            let dot: f64 = (0..j).map(|k| matrix[i * size + k] * matrix[j * size + k]).sum();
             let rest = matrix[i * size + j] - dot;
             matrix[i * size + j] = match i == j {
                 true => rest.sqrt(),
@@ -298,9 +296,7 @@ mod tests {
         let fits = Fits::new(&splats, &views(&[place], &[4.0]));
         let flat = fits.applied(&splats, &[0]);
         let off = |splats: &Splats| {
-            let pairs = color(splats, 0, place)
-                .into_iter()
-                .zip(color(&scene(1), 0, place));
+            let pairs = color(splats, 0, place).into_iter().zip(color(&scene(1), 0, place));
             pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>()
         };
         let cut = Splats {
@@ -313,25 +309,14 @@ mod tests {
             ..splats.clone()
         };
         // A thousandth of the weight is all round: a millionth of the error of truncation.
-        assert!(
-            off(&flat) < 2e-6 * off(&cut),
-            "{} of {}",
-            off(&flat),
-            off(&cut)
-        );
+        assert!(off(&flat) < 2e-6 * off(&cut), "{} of {}", off(&flat), off(&cut));
         assert!(flat.sh[3..].iter().all(|&c| c == 0.0));
     }
 
     #[test]
     fn errors_fall_with_the_degree_and_are_what_they_say() {
         let places: Vec<[f64; 3]> = (0..12)
-            .map(|i| {
-                [
-                    (i as f64).sin(),
-                    (i as f64 * 1.7).cos(),
-                    0.3 + (i as f64 * 0.9).sin(),
-                ]
-            })
+            .map(|i| [(i as f64).sin(), (i as f64 * 1.7).cos(), 0.3 + (i as f64 * 0.9).sin()])
             .collect();
         let splats = scene(3);
         let fits = Fits::new(&splats, &views(&places, &[0.5, 2.0, 9.0]));
@@ -342,9 +327,7 @@ mod tests {
             let seen: f64 = places
                 .iter()
                 .map(|&p| {
-                    let pairs = color(&cut, index, p)
-                        .into_iter()
-                        .zip(color(&splats, index, p));
+                    let pairs = color(&cut, index, p).into_iter().zip(color(&splats, index, p));
                     weight * pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>()
                 })
                 .sum();

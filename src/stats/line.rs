@@ -22,12 +22,7 @@ impl Line {
         if xs.len() < 2 || spread <= 0.0 {
             return None;
         }
-        let slope = xs
-            .iter()
-            .zip(ys)
-            .map(|(a, b)| (a - x) * (b - y))
-            .sum::<f64>()
-            / spread;
+        let slope = xs.iter().zip(ys).map(|(a, b)| (a - x) * (b - y)).sum::<f64>() / spread;
         let residuals = xs.iter().zip(ys).map(|(a, b)| b - y - slope * (a - x));
         let freedom = (xs.len() - 2).max(1) as f64;
         let variance = residuals.map(|r| r * r).sum::<f64>() / freedom;

@@ -7,13 +7,10 @@ use super::schedule;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
 use crate::kernels::project_backward::ProjectBackward;
-use crate::kernels::{
-    adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward,
-};
+use crate::kernels::{adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward};
 use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::render::{
-    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers,
-    plane_count, tile_stride,
+    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, plane_count, tile_stride,
 };
 
 /// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
@@ -178,14 +175,7 @@ impl Backward {
         blocks().for_each(|block| self.record_update(rec, state, scratch, step, block));
     }
 
-    fn record_loss(
-        &self,
-        rec: &mut Recorder<'_>,
-        s: &Scratch,
-        g: &Gradients,
-        photo: &Bound,
-        step: &Step<'_>,
-    ) {
+    fn record_loss(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {
         let [width, height] = step.view.size;
         let tiles = width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT);
         let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
@@ -324,14 +314,7 @@ impl Backward {
         rec.timestamp("project_backward");
     }
 
-    fn record_update(
-        &self,
-        rec: &mut Recorder<'_>,
-        state: &DeviceState,
-        s: &Scratch,
-        step: &Step<'_>,
-        block: Block,
-    ) {
+    fn record_update(&self, rec: &mut Recorder<'_>, state: &DeviceState, s: &Scratch, step: &Step<'_>, block: Block) {
         let (config, iteration, extent) = (step.config, step.iteration, step.extent);
         let rates = schedule::rates(config, extent, iteration);
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);

@@ -66,11 +66,7 @@ pub fn fingerprint(dataset: &Dataset) -> u32 {
 impl Checkpoint {
     /// Writes the file atomically.
     pub fn write(&self, path: &Path) -> Result<()> {
-        assert_eq!(
-            self.statistics.len(),
-            self.state.len(),
-            "one statistic per splat"
-        );
+        assert_eq!(self.statistics.len(), self.state.len(), "one statistic per splat");
         let meta = json!({
             "kind": "training",
             "config": self.config,
@@ -119,8 +115,8 @@ impl Checkpoint {
             value.ok_or_else(|| fault(&format!("{name} is missing from its header")))
         };
         let config = meta.get("config").cloned().unwrap_or_default();
-        let config = TrainConfig::from_saved(config)
-            .map_err(|e| fault(&format!("the configuration cannot be read: {e}")))?;
+        let config =
+            TrainConfig::from_saved(config).map_err(|e| fault(&format!("the configuration cannot be read: {e}")))?;
         config.validate().map_err(|e| fault(&e.to_string()))?;
         let count = number("splat_count")? as usize;
         let iteration = number("iteration")?;
@@ -137,9 +133,7 @@ impl Checkpoint {
             let is_below = degrees.iter().all(|&d| u32::from(d) <= config.sh_degree);
             if degrees.len() != count || !is_below {
                 let most = config.sh_degree;
-                return Err(fault(&format!(
-                    "{prefix}degrees are not {count} of at most {most}"
-                )));
+                return Err(fault(&format!("{prefix}degrees are not {count} of at most {most}")));
             }
             let planes = |name: &str| planes(&format!("{prefix}{name}"), count);
             Ok(HostState {
@@ -212,11 +206,7 @@ fn numbers(state: &HostState) -> [Vec<f32>; 3] {
 }
 
 fn flat(planes: &Planes) -> Vec<f32> {
-    planes
-        .iter()
-        .flat_map(|plane| plane.as_flattened())
-        .copied()
-        .collect()
+    planes.iter().flat_map(|plane| plane.as_flattened()).copied().collect()
 }
 
 /// `None` if the numbers are not exactly `plane_count * count * 4`.
@@ -244,11 +234,7 @@ mod tests {
         let mut state = HostState::zeros(count, sh_degree);
         let degrees = (0..=sh_degree as u8).cycle();
         state.degrees = degrees.take(count).collect();
-        let planes = state
-            .params
-            .iter_mut()
-            .chain(&mut state.m)
-            .chain(&mut state.v);
+        let planes = state.params.iter_mut().chain(&mut state.m).chain(&mut state.v);
         for (i, number) in planes.flatten().flatten().enumerate() {
             *number = (i as f32).sin();
         }

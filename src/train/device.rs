@@ -4,8 +4,7 @@ use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::render::{
-    Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Slots, buffers, of_degree,
-    plane_count,
+    Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Slots, buffers, of_degree, plane_count,
 };
 use crate::scene::ScreenFilter;
 

@@ -41,9 +41,7 @@ pub(crate) fn build(points: &[[f32; 3]], order: &mut [u32], axis: usize) {
     }
     let middle = order.len() / 2;
     let coordinate = |&i: &u32| points[i as usize][axis];
-    order.select_nth_unstable_by(middle, |a, b| {
-        coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(b))
-    });
+    order.select_nth_unstable_by(middle, |a, b| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(b)));
     let (left, right) = order.split_at_mut(middle);
     build(points, left, (axis + 1) % 3);
     build(points, &mut right[1..], (axis + 1) % 3);
@@ -72,23 +70,12 @@ impl NearestDistances {
     }
 
     fn mean_distance(&self) -> f64 {
-        let found: Vec<f64> = self
-            .0
-            .iter()
-            .filter(|d| d.is_finite())
-            .map(|d| d.sqrt())
-            .collect();
+        let found: Vec<f64> = self.0.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()).collect();
         found.iter().sum::<f64>() / found.len().max(1) as f64
     }
 }
 
-fn search(
-    points: &[[f32; 3]],
-    order: &[u32],
-    axis: usize,
-    query: [f32; 3],
-    best: &mut NearestDistances,
-) {
+fn search(points: &[[f32; 3]], order: &[u32], axis: usize, query: [f32; 3], best: &mut NearestDistances) {
     if order.len() <= LEAF {
         for &i in order {
             best.offer(query, points[i as usize]);
@@ -100,11 +87,7 @@ fn search(
     best.offer(query, pivot);
     let offset = f64::from(query[axis]) - f64::from(pivot[axis]);
     let (left, right) = (&order[..middle], &order[middle + 1..]);
-    let (near, far) = if offset < 0.0 {
-        (left, right)
-    } else {
-        (right, left)
-    };
+    let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
     search(points, near, (axis + 1) % 3, query, best);
     if offset * offset < best.0[NEIGHBORS - 1] {
         search(points, far, (axis + 1) % 3, query, best);
@@ -138,20 +121,13 @@ mod tests {
             for i in (0..points.len()).step_by(5) {
                 points[i] = points[0];
             }
-            assert_eq!(
-                mean_neighbor_distance(&points),
-                brute_force(&points),
-                "{count}"
-            );
+            assert_eq!(mean_neighbor_distance(&points), brute_force(&points), "{count}");
         }
     }
 
     #[test]
     fn points_in_one_place_have_no_spacing() {
         assert_eq!(mean_neighbor_distance(&[[1.0; 3]; 100]), vec![0.0; 100]);
-        assert_eq!(
-            mean_neighbor_distance(&[[0.0; 3], [2.0, 0.0, 0.0]]),
-            [2.0, 2.0]
-        );
+        assert_eq!(mean_neighbor_distance(&[[0.0; 3], [2.0, 0.0, 0.0]]), [2.0, 2.0]);
     }
 }

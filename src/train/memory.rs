@@ -7,9 +7,7 @@ use super::device::DeviceState;
 use super::photos::Residency;
 use super::schedule;
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
-use crate::render::{
-    ByDegree, Capacity, Need, Outputs, Purpose, Scratch, isects_expected, of_degree, total,
-};
+use crate::render::{ByDegree, Capacity, Need, Outputs, Purpose, Scratch, isects_expected, of_degree, total};
 use crate::scene::{Dataset, Split};
 
 /// Steps in flight.
@@ -41,12 +39,7 @@ pub struct TrainSize {
 impl TrainSize {
     /// Training with so many splats on a data set, on a device with `memory_limit` bytes for buffers; pairs are
     /// estimated.
-    pub fn of(
-        dataset: &Dataset,
-        config: &TrainConfig,
-        memory_limit: u64,
-        splats: usize,
-    ) -> TrainSize {
+    pub fn of(dataset: &Dataset, config: &TrainConfig, memory_limit: u64, splats: usize) -> TrainSize {
         let views = dataset.split(Split::Train);
         let sizes = views.iter().map(|&view| {
             let camera = &dataset.views[view].camera;

@@ -9,12 +9,7 @@ const AXIS_BITS: u32 = 10;
 /// Rows in Morton order of their positions: `order[i]` is the `i`-th row. Equal codes keep the order of their rows;
 /// rows without a finite position come last.
 pub(crate) fn morton_order(positions: &[[f32; 3]]) -> Vec<u32> {
-    let finite = || {
-        positions
-            .iter()
-            .map(|&p| Vec3::from(p))
-            .filter(|p| p.is_finite())
-    };
+    let finite = || positions.iter().map(|&p| Vec3::from(p)).filter(|p| p.is_finite());
     let low = finite().fold(Vec3::INFINITY, Vec3::min);
     let high = finite().fold(Vec3::NEG_INFINITY, Vec3::max);
     let mut keyed: Vec<(u32, u32)> = positions
@@ -36,11 +31,7 @@ fn code(position: Vec3, low: Vec3, high: Vec3) -> u32 {
     let bits = (0..3).map(|axis| {
         // Halved before the subtraction, so that even the extremes of f32 do not overflow.
         let offset = position[axis] / 2.0 - low[axis] / 2.0;
-        let share = if size[axis] > 0.0 {
-            offset / size[axis]
-        } else {
-            0.0
-        };
+        let share = if size[axis] > 0.0 { offset / size[axis] } else { 0.0 };
         spread((share * cells) as u32) << axis
     });
     bits.sum()
@@ -48,9 +39,7 @@ fn code(position: Vec3, low: Vec3, high: Vec3) -> u32 {
 
 /// Moves bit `i` of ten to bit `3 i`.
 fn spread(cell: u32) -> u32 {
-    (0..AXIS_BITS)
-        .map(|bit| ((cell >> bit) & 1) << (3 * bit))
-        .sum()
+    (0..AXIS_BITS).map(|bit| ((cell >> bit) & 1) << (3 * bit)).sum()
 }
 
 #[cfg(test)]

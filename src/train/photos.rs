@@ -80,13 +80,7 @@ pub(crate) struct Bound {
 
 impl Photos {
     /// Decodes the views' photographs in parallel and uploads those that fit into `share` of the device's memory.
-    pub(crate) fn new(
-        gpu: &Gpu,
-        dataset: &Dataset,
-        views: &[usize],
-        in_flight: usize,
-        share: f32,
-    ) -> Result<Photos> {
+    pub(crate) fn new(gpu: &Gpu, dataset: &Dataset, views: &[usize], in_flight: usize, share: f32) -> Result<Photos> {
         let cache = PhotoCache::new(dataset, HOST_BUDGET);
         cache.load_all(dataset, views)?;
         let budget = (gpu.memory_limit() as f64 * f64::from(share)) as u64;
@@ -131,12 +125,7 @@ impl Photos {
     }
 
     /// Photograph of the `index`-th training view, on the device when the frame runs.
-    pub(crate) fn bind(
-        &mut self,
-        rec: &mut Recorder<'_>,
-        dataset: &Dataset,
-        index: usize,
-    ) -> Result<Bound> {
+    pub(crate) fn bind(&mut self, rec: &mut Recorder<'_>, dataset: &Dataset, index: usize) -> Result<Bound> {
         let entry = &self.entries[index];
         if let (Some(pixels), Some(weight)) = (&entry.resident, entry.weight) {
             return Ok(Bound {
@@ -159,20 +148,12 @@ impl Photos {
 
 /// 8-bit RGBA words, red in the lowest byte, as in the shaders.
 fn words(photo: &Photo) -> Vec<u32> {
-    photo
-        .rgba
-        .iter()
-        .map(|&rgba| u32::from_le_bytes(rgba))
-        .collect()
+    photo.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)).collect()
 }
 
 fn weight(photo: &Photo, masks: bool) -> f64 {
     if !masks {
         return photo.rgba.len() as f64;
     }
-    photo
-        .rgba
-        .iter()
-        .map(|rgba| f64::from(rgba[3]) / 255.0)
-        .sum()
+    photo.rgba.iter().map(|rgba| f64::from(rgba[3]) / 255.0).sum()
 }

@@ -29,12 +29,7 @@ pub enum Stream {
 /// Four independent 32-bit words for a key.
 pub fn bits(seed: u64, step: u32, index: u32, stream: Stream) -> [u32; 4] {
     let [low, high] = [seed as u32, (seed >> 32) as u32];
-    pcg4d([
-        low,
-        step,
-        index,
-        (stream as u32) ^ high.wrapping_mul(0x9E37_79B9),
-    ])
+    pcg4d([low, step, index, (stream as u32) ^ high.wrapping_mul(0x9E37_79B9)])
 }
 
 /// The mixing function, public for comparison with shaders.

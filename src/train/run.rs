@@ -60,12 +60,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
     }
 
     /// Run from given splats, at their SH degree.
-    pub fn from_splats(
-        gpu: &Gpu,
-        dataset: &'a Dataset,
-        config: TrainConfig,
-        splats: &Splats,
-    ) -> Result<Run<'a, C>> {
+    pub fn from_splats(gpu: &Gpu, dataset: &'a Dataset, config: TrainConfig, splats: &Splats) -> Result<Run<'a, C>> {
         let state = HostState::from_splats(splats, splats.sh_degree);
         Ok(Run {
             trainer: Trainer::from_state(gpu, dataset, config, &state, 0)?,
@@ -75,10 +70,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
     }
 
     /// Puts the run under a controller before its first step.
-    pub fn controlled(
-        mut self,
-        begin: impl FnOnce(&mut Trainer<'a>, &'a Dataset) -> Result<C>,
-    ) -> Result<Run<'a, C>> {
+    pub fn controlled(mut self, begin: impl FnOnce(&mut Trainer<'a>, &'a Dataset) -> Result<C>) -> Result<Run<'a, C>> {
         self.controller = Some(begin(&mut self.trainer, self.dataset)?);
         Ok(self)
     }
@@ -189,9 +181,7 @@ fn typed<'a, C: Controller<'a>>(path: &Path, saved: &ControllerState) -> Result<
     let refuse = |text: String| Err(Error::file(path, text));
     if saved.name != C::NAME {
         let (found, known) = (&saved.name, C::NAME);
-        return refuse(format!(
-            "belongs to a run under the controller {found}, not {known}"
-        ));
+        return refuse(format!("belongs to a run under the controller {found}, not {known}"));
     }
     if saved.version > C::VERSION {
         let (found, known) = (saved.version, C::VERSION);

@@ -58,10 +58,7 @@ pub fn bias_corrections(config: &TrainConfig, iteration: u32) -> [f32; 2] {
 
 /// SH degree trained and drawn at an iteration.
 pub fn sh_degree(config: &TrainConfig, iteration: u32) -> u32 {
-    let reached = config
-        .sh_degree_from
-        .iter()
-        .filter(|&&from| iteration >= from);
+    let reached = config.sh_degree_from.iter().filter(|&&from| iteration >= from);
     (reached.count() as u32).min(config.sh_degree)
 }
 
@@ -203,8 +200,7 @@ mod tests {
     #[test]
     fn every_epoch_visits_each_view_once_in_its_own_order() {
         let config = TrainConfig::for_iterations(1_000);
-        let epoch =
-            |e: u32| -> Vec<usize> { (1..=43).map(|i| view(&config, 43, e * 43 + i)).collect() };
+        let epoch = |e: u32| -> Vec<usize> { (1..=43).map(|i| view(&config, 43, e * 43 + i)).collect() };
         let mut sorted = epoch(3);
         assert_eq!(sorted, view_order(config.seed, 43, 3));
         assert_ne!(sorted, epoch(4));

@@ -15,12 +15,7 @@ use rayon::prelude::*;
 /// Sampling rate at each mean, pixels per world unit: the largest f / z of the cameras that see it, with `margin` (a
 /// share of the image's size) around their images and the near plane at `near` world units. `None` for means that no
 /// camera sees.
-pub fn sampling_rates(
-    means: &[[f32; 3]],
-    cameras: &[Camera],
-    near: f64,
-    margin: f64,
-) -> Vec<Option<f64>> {
+pub fn sampling_rates(means: &[[f32; 3]], cameras: &[Camera], near: f64, margin: f64) -> Vec<Option<f64>> {
     let rate = |mean: &[f32; 3]| {
         let mean = DVec3::from(mean.map(f64::from));
         let rates = cameras.iter().filter_map(|c| rate(c, mean, near, margin));
@@ -83,18 +78,8 @@ mod tests {
             position: DVec3::new(0.0, 0.0, -2.0),
             ..camera(400.0)
         };
-        let means = [
-            [0.0, 0.0, 2.0],
-            [0.0, 0.0, 20.0],
-            [0.0, 0.0, 0.4],
-            [0.0, 0.0, -9.0],
-        ];
-        let wanted = [
-            Some(100.0),
-            Some(400.0 / 22.0),
-            Some(400.0 / f64::from(2.4_f32)),
-            None,
-        ];
+        let means = [[0.0, 0.0, 2.0], [0.0, 0.0, 20.0], [0.0, 0.0, 0.4], [0.0, 0.0, -9.0]];
+        let wanted = [Some(100.0), Some(400.0 / 22.0), Some(400.0 / f64::from(2.4_f32)), None];
         let found = rates(&means, &[near, back]);
         for (found, wanted) in found.iter().zip(wanted) {
             let apart = found.unwrap_or(-1.0) / wanted.unwrap_or(-1.0) - 1.0;
@@ -148,10 +133,7 @@ mod tests {
                 factor *= s / wanted;
             }
             let wanted = logit(sigmoid(f64::from(u)) * factor);
-            assert!(
-                (f64::from(opacity) - wanted).abs() < 1e-5,
-                "{opacity}, not {wanted}"
-            );
+            assert!((f64::from(opacity) - wanted).abs() < 1e-5, "{opacity}, not {wanted}");
             assert!((opacity_factor(log_scale, sigma as f32) / factor - 1.0).abs() < 1e-5);
         }
     }
@@ -175,10 +157,7 @@ mod tests {
         assert!(wide.iter().all(|s| s.is_finite()));
         assert_eq!(opacity, LOGIT_MIN as f32);
         assert_eq!(baked([1.0, 2.0, 3.0], 0.5, 0.0), ([1.0, 2.0, 3.0], 0.5));
-        assert_eq!(
-            baked([1.0, 2.0, 3.0], 0.5, f32::NAN),
-            ([1.0, 2.0, 3.0], 0.5)
-        );
+        assert_eq!(baked([1.0, 2.0, 3.0], 0.5, f32::NAN), ([1.0, 2.0, 3.0], 0.5));
         assert!(baked([0.0; 3], f32::NAN, 0.1).1.is_nan());
     }
 }

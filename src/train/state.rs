@@ -163,9 +163,7 @@ impl HostState {
         for (row, color) in splats.sh.chunks_exact(splats.sh_stride()).enumerate() {
             let planes = self.params[SH_PLANE..].iter_mut();
             let numbers = planes.flat_map(|plane| &mut plane[row]);
-            numbers
-                .zip(color)
-                .for_each(|(number, &value)| *number = value);
+            numbers.zip(color).for_each(|(number, &value)| *number = value);
         }
     }
 
@@ -262,10 +260,7 @@ mod tests {
     fn lowered_degrees_leave_nothing_above_them() {
         let mut state = HostState::from_splats(&splats(5, 3), 3);
         for planes in [&mut state.m, &mut state.v] {
-            planes
-                .iter_mut()
-                .flatten()
-                .for_each(|four| *four = [7.0; 4]);
+            planes.iter_mut().flatten().for_each(|four| *four = [7.0; 4]);
         }
         let before = state.clone();
         state.lower_degrees(&[3, 2, 1, 0, 3]);
@@ -278,12 +273,8 @@ mod tests {
                 (&state.m, &before.m),
                 (&state.v, &before.v),
             ] {
-                let numbers = |planes: &Planes| -> Vec<f32> {
-                    planes[SH_PLANE..]
-                        .iter()
-                        .flat_map(|plane| plane[row])
-                        .collect()
-                };
+                let numbers =
+                    |planes: &Planes| -> Vec<f32> { planes[SH_PLANE..].iter().flat_map(|plane| plane[row]).collect() };
                 let (after, before) = (numbers(after), numbers(before));
                 assert_eq!(after[..kept], before[..kept]);
                 assert!(after[kept..].iter().all(|&x| x == 0.0));

@@ -19,9 +19,7 @@ use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
 use super::{adc_reset, initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
-use crate::render::{
-    Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, view_of,
-};
+use crate::render::{Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, view_of};
 use crate::scene::{Camera, Dataset, ScreenFilter, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;

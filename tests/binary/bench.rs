@@ -76,10 +76,7 @@ fn rows_and_files_agree() {
     assert_eq!(rows.iter().filter(|row| row["input"] == "copy").count(), 1);
     assert_eq!(report["ratios"], Value::Array(Vec::new()));
     let name = ashfall::lab::bench::record::slug(report["device"].as_str().unwrap());
-    let recorded = fs::read_dir(folder.path().join(name))
-        .unwrap()
-        .next()
-        .unwrap();
+    let recorded = fs::read_dir(folder.path().join(name)).unwrap().next().unwrap();
     assert_eq!(fs::read_to_string(recorded.unwrap().path()).unwrap(), text);
 }
 
@@ -89,11 +86,7 @@ fn what_is_not_there_is_an_error() {
     assert_eq!(output.status.code(), Some(1));
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(
-        errors
-            .lines()
-            .last()
-            .unwrap()
-            .starts_with("error: nothing is called"),
+        errors.lines().last().unwrap().starts_with("error: nothing is called"),
         "{errors}"
     );
     assert_eq!(ashfall(&["bench"]).status.code(), Some(2));
@@ -117,10 +110,7 @@ fn a_wrong_kernel_is_named_and_not_timed() {
     };
     let error = trial(8.0).unwrap_err().to_string();
     assert_eq!(seen.get(), 0, "it was timed");
-    assert!(
-        error.starts_with("fill/4 base/64: wrong result: values:"),
-        "{error}"
-    );
+    assert!(error.starts_with("fill/4 base/64: wrong result: values:"), "{error}");
     assert_eq!(trial(7.0).unwrap().runs, 1);
     assert_eq!(seen.get(), 1);
 }
@@ -135,11 +125,7 @@ fn every_kernel_is_measured() {
     assert_eq!(seen.get(), 1);
     let names = bench.names();
     for info in KERNELS {
-        let variant = if info.variant.is_empty() {
-            "base"
-        } else {
-            info.variant
-        };
+        let variant = if info.variant.is_empty() { "base" } else { info.variant };
         let named = |name: &&String| {
             let mut parts = name.split('/').skip(1);
             parts.next() == Some(info.kernel) && parts.any(|part| part == variant)
@@ -184,8 +170,7 @@ fn a_yardstick_that_is_wrong_is_noticed() {
     let case = Case::of("baseline", "forward", "scalar", 0);
     let (mut image, ends) = scalar::forward(&input);
     let vectorised = planes(&baseline::vector::forward(&input));
-    case.judge(&composite.outputs(&planes(&image), Some(&ends)))
-        .unwrap();
+    case.judge(&composite.outputs(&planes(&image), Some(&ends))).unwrap();
     case.judge(&composite.outputs(&vectorised, None)).unwrap();
     let sums = scalar::backward(&input, &image, &ends, &gradient.d_sampled);
     case.judge(&gradient.judge_splats(&scalar::whitened(&input, &sums), SPLAT_TOLERANCE))
@@ -196,8 +181,5 @@ fn a_yardstick_that_is_wrong_is_noticed() {
             .is_err()
     );
     image.iter_mut().for_each(|pixel| pixel[1] *= 1.001);
-    assert!(
-        case.judge(&composite.outputs(&planes(&image), None))
-            .is_err()
-    );
+    assert!(case.judge(&composite.outputs(&planes(&image), None)).is_err());
 }

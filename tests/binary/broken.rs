@@ -164,10 +164,7 @@ type Outcome = ashfall::Result<(usize, Vec<String>)>;
 
 /// The file of a case with one of these names.
 fn file_of(case: &Path, names: &[&str]) -> Option<PathBuf> {
-    names
-        .iter()
-        .map(|name| case.join(name))
-        .find(|path| path.is_file())
+    names.iter().map(|name| case.join(name)).find(|path| path.is_file())
 }
 
 const SCENES: &[&str] = &[
@@ -184,9 +181,7 @@ fn load(case: &Path) -> Outcome {
         let all = loaded.splats.mean.as_flattened().iter();
         let all = all.chain(loaded.splats.quaternion.as_flattened());
         let all = all.chain(loaded.splats.log_scale.as_flattened());
-        let mut all = all
-            .chain(&loaded.splats.opacity_logit)
-            .chain(&loaded.splats.sh);
+        let mut all = all.chain(&loaded.splats.opacity_logit).chain(&loaded.splats.sh);
         assert!(all.all(|v| v.is_finite()), "every number is finite");
         return Ok((loaded.splats.len(), loaded.warnings));
     }
@@ -216,17 +211,11 @@ fn judge(expect: &Expect, outcome: &Outcome) -> Result<(), String> {
     let holds = |text: &str, words: &[&str]| {
         let missing: Vec<_> = words.iter().filter(|w| !text.contains(**w)).collect();
         let said = format!("{missing:?} not in: {text}");
-        if missing.is_empty() {
-            Ok(())
-        } else {
-            Err(said)
-        }
+        if missing.is_empty() { Ok(()) } else { Err(said) }
     };
     match (expect, outcome) {
         (Clean(count), Ok((n, warnings))) if n == count && warnings.is_empty() => Ok(()),
-        (Warns(count, words), Ok((n, warnings))) if n == count => {
-            holds(&warnings.join("\n"), words)
-        }
+        (Warns(count, words), Ok((n, warnings))) if n == count => holds(&warnings.join("\n"), words),
         (Fails(words), Err(error)) => {
             let text = error.to_string();
             holds(&text, words)?;
@@ -261,17 +250,8 @@ fn every_case_ends_as_expected() {
             faults.push(format!("{case}: {what}"));
         }
     }
-    faults.extend(
-        there
-            .iter()
-            .map(|case| format!("{case}: nothing is expected of it")),
-    );
-    assert!(
-        faults.is_empty(),
-        "{} cases:\n{}",
-        faults.len(),
-        faults.join("\n")
-    );
+    faults.extend(there.iter().map(|case| format!("{case}: nothing is expected of it")));
+    assert!(faults.is_empty(), "{} cases:\n{}", faults.len(), faults.join("\n"));
 }
 
 /// Runs the binary on a case: scenes are rendered, meshes and data sets trained on.
@@ -292,19 +272,11 @@ fn run(corpus: &Path, case: &Path, out: &Path) -> Output {
             .args(["--iterations", "1", "--set", "sh_degree=0", "--set"]);
         command.arg("init.random_count=200");
         match file_of(case, &["mesh.obj"]) {
-            Some(mesh) => command
-                .arg(corpus.join("00_good_colmap"))
-                .arg("--init")
-                .arg(mesh),
+            Some(mesh) => command.arg(corpus.join("00_good_colmap")).arg("--init").arg(mesh),
             None => command.arg(case),
         };
     }
-    command
-        .arg("--validate")
-        .arg("--out")
-        .arg(out)
-        .output()
-        .unwrap()
+    command.arg("--validate").arg("--out").arg(out).output().unwrap()
 }
 
 /// Compares the end of the binary's run with the required outcome; the error is the difference.
@@ -319,9 +291,7 @@ fn judge_run(expect: &Expect, output: &Output, out: &Path) -> Result<(), String>
     if sound && !said.contains("panicked") {
         return Ok(());
     }
-    Err(format!(
-        "code {code:?}, output written: {written}, said: {said}"
-    ))
+    Err(format!("code {code:?}, output written: {written}, said: {said}"))
 }
 
 #[test]
@@ -336,12 +306,7 @@ fn the_binary_refuses_every_broken_case_and_leaves_nothing() {
             faults.push(format!("{case}: {what}"));
         }
     }
-    assert!(
-        faults.is_empty(),
-        "{} cases:\n{}",
-        faults.len(),
-        faults.join("\n")
-    );
+    assert!(faults.is_empty(), "{} cases:\n{}", faults.len(), faults.join("\n"));
 }
 
 #[test]
@@ -350,22 +315,10 @@ fn a_wrong_expectation_is_noticed() {
     let failed: Outcome = Err(ashfall::Error::file("broken/x", "a word"));
     assert!(judge(&Warns(3, &["word"]), &fine).is_ok());
     assert!(judge(&Clean(3), &fine).is_err(), "a warning is noticed");
-    assert!(
-        judge(&Warns(4, &["word"]), &fine).is_err(),
-        "the count is compared"
-    );
-    assert!(
-        judge(&Warns(3, &["other"]), &fine).is_err(),
-        "the words are compared"
-    );
-    assert!(
-        judge(&Fails(&["word"]), &fine).is_err(),
-        "success is no failure"
-    );
+    assert!(judge(&Warns(4, &["word"]), &fine).is_err(), "the count is compared");
+    assert!(judge(&Warns(3, &["other"]), &fine).is_err(), "the words are compared");
+    assert!(judge(&Fails(&["word"]), &fine).is_err(), "success is no failure");
     assert!(judge(&Fails(&["word"]), &failed).is_ok());
-    assert!(
-        judge(&Fails(&["other"]), &failed).is_err(),
-        "the words are compared"
-    );
+    assert!(judge(&Fails(&["other"]), &failed).is_err(), "the words are compared");
     assert!(judge(&Clean(0), &failed).is_err(), "failure is no success");
 }

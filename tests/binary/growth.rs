@@ -15,12 +15,7 @@ fn run(arguments: &[&str]) -> Output {
 #[track_caller]
 fn bench(folder: &Path, arguments: &[&str]) -> (String, Value) {
     let path = folder.join("bench.json");
-    let output = run(&[
-        &["bench"][..],
-        arguments,
-        &["--json", path.to_str().unwrap()],
-    ]
-    .concat());
+    let output = run(&[&["bench"][..], arguments, &["--json", path.to_str().unwrap()]].concat());
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{arguments:?}\n{errors}");
     let report = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
@@ -53,10 +48,7 @@ fn frames_are_measured_by_size() {
     assert_eq!(points.len(), 9);
     for point in points {
         let number = |name: &str| point[name].as_f64().unwrap();
-        assert!(
-            number("wall_s") > 0.0 && number("processor_s") > 0.0,
-            "{point}"
-        );
+        assert!(number("wall_s") > 0.0 && number("processor_s") > 0.0, "{point}");
         let size = &point["size"];
         let pixels = size[0].as_u64().unwrap() * size[1].as_u64().unwrap();
         let memory = point["memory"].as_array().unwrap();
@@ -82,14 +74,8 @@ fn frames_are_measured_by_size() {
         assert!(exponent["doubling"].as_f64().unwrap() > 0.0);
     }
     assert!(report["giant"]["ratio"].as_f64().unwrap() > 0.0);
-    assert!(
-        text.contains("a splat all over the picture among 1,200"),
-        "{text}"
-    );
-    assert!(
-        text.contains("time over pixels at 600 splats: exponent"),
-        "{text}"
-    );
+    assert!(text.contains("a splat all over the picture among 1,200"), "{text}");
+    assert!(text.contains("time over pixels at 600 splats: exponent"), "{text}");
     let rows = report["rows"].as_array().unwrap().len();
     assert_eq!(fs::read_to_string(&csv).unwrap().lines().count(), rows + 1);
 }
@@ -162,11 +148,7 @@ fn steps_are_measured_from_points_and_from_a_scene() {
         assert!(text.contains("a step with 900 splats: "), "{text}");
         let points = report["points"].as_array().unwrap();
         assert_eq!(points.len(), 2);
-        assert!(
-            points
-                .iter()
-                .all(|p| p["processor_s"].as_f64().unwrap() > 0.0)
-        );
+        assert!(points.iter().all(|p| p["processor_s"].as_f64().unwrap() > 0.0));
         for memory in report["memory"].as_array().unwrap() {
             let bytes = |name: &str| memory[name].as_f64().unwrap();
             let ratio = bytes("predicted_bytes") / bytes("peak_bytes");

@@ -24,12 +24,7 @@ fn ashfall(arguments: &[&str]) -> Output {
 fn stress(folder: &Path, scene: Option<&Path>, more: &[&str]) -> (Output, Value) {
     let (json, out) = (folder.join("stress.json"), folder.join("page"));
     let mut arguments = vec!["stress", "--quick", "--validate", "--device", "0"];
-    arguments.extend([
-        "--json",
-        json.to_str().unwrap(),
-        "--out",
-        out.to_str().unwrap(),
-    ]);
+    arguments.extend(["--json", json.to_str().unwrap(), "--out", out.to_str().unwrap()]);
     arguments.extend(more);
     arguments.extend(scene.map(|scene| scene.to_str().unwrap()));
     let output = ashfall(&arguments);
@@ -41,12 +36,8 @@ fn stress(folder: &Path, scene: Option<&Path>, more: &[&str]) -> (Output, Value)
 fn groups(report: &Value) -> (Vec<String>, Vec<String>) {
     let outcomes = report["outcomes"].as_array().unwrap();
     let named = |only_failed: bool| {
-        let chosen = outcomes
-            .iter()
-            .filter(|o| !only_failed || o["passed"] == false);
-        let mut names: Vec<String> = chosen
-            .map(|o| o["group"].as_str().unwrap().to_owned())
-            .collect();
+        let chosen = outcomes.iter().filter(|o| !only_failed || o["passed"] == false);
+        let mut names: Vec<String> = chosen.map(|o| o["group"].as_str().unwrap().to_owned()).collect();
         names.dedup();
         names
     };
@@ -100,10 +91,7 @@ fn a_scene_of_ones_own_is_tried_with_all_its_faults() {
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     assert_eq!(groups(&report).0, GROUPS);
     let left_out = report["facts"]["640 × 480"].as_str().unwrap_or_default();
-    assert!(
-        left_out.starts_with("left out: out of device memory"),
-        "{report}"
-    );
+    assert!(left_out.starts_with("left out: out of device memory"), "{report}");
     // Splats with non-finite numbers are dropped on reading.
     let scene = report["facts"]["scene"].as_str().unwrap();
     assert!(scene.ends_with("scene.ply, 798 splats"), "{scene}");
@@ -133,11 +121,7 @@ fn what_is_wrong_is_noticed_wherever_it_shows() {
         );
         assert_eq!(of_group.count() > 0, compares, "{group:?}");
     }
-    for sweep in found
-        .sweeps
-        .iter()
-        .filter(|s| s.group == CheckGroup::Sweeps)
-    {
+    for sweep in found.sweeps.iter().filter(|s| s.group == CheckGroup::Sweeps) {
         assert!(!sweep.points.iter().all(|p| p.holds()), "{}", sweep.title);
     }
 }

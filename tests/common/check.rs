@@ -100,8 +100,7 @@ pub fn unwritten<T: Pod>(gpu: &Gpu, len: usize) -> Buffer<T> {
 
 /// Contents of a whole buffer.
 pub fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Vec<T> {
-    gpu.download(buffer, 0..buffer.len())
-        .expect("cannot read back")
+    gpu.download(buffer, 0..buffer.len()).expect("cannot read back")
 }
 
 /// The slots of `counts`, with some of them set.

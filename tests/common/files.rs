@@ -70,9 +70,7 @@ pub(crate) fn write_photos(folder: &Path) {
         let path = folder.join(pose.name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         let pixel = |x: u32, y: u32| image::Rgb([(x * 20) as u8, (y * 30) as u8, pose.id as u8]);
-        image::RgbImage::from_fn(WIDTH, HEIGHT, pixel)
-            .save(&path)
-            .unwrap();
+        image::RgbImage::from_fn(WIDTH, HEIGHT, pixel).save(&path).unwrap();
     }
 }
 
@@ -132,11 +130,7 @@ pub(crate) fn write_text(model: &Path) {
     let mut images = String::from("# Image list with two lines of data per image:\n");
     for (i, pose) in poses().into_iter().enumerate() {
         let DQuat { x, y, z, w } = pose.quaternion;
-        let DVec3 {
-            x: tx,
-            y: ty,
-            z: tz,
-        } = pose.translation;
+        let DVec3 { x: tx, y: ty, z: tz } = pose.translation;
         let (id, name) = (pose.id, pose.name);
         writeln!(images, "{id} {w} {x} {y} {z} {tx} {ty} {tz} 5 {name}").unwrap();
         writeln!(images, "{}", "1.5 2.5 -1 ".repeat(i)).unwrap();

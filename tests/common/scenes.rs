@@ -25,9 +25,7 @@ pub fn camera(random: &mut Random, width: u32, height: u32) -> Camera {
         f64::from(height) * random.between(0.4, 0.6),
     );
     let direction = DVec3::new(random.normal(), random.normal(), random.normal());
-    let position = (direction.normalize_or(DVec3::X) * 4.0)
-        .to_array()
-        .map(single);
+    let position = (direction.normalize_or(DVec3::X) * 4.0).to_array().map(single);
     let upright = Camera {
         width,
         height,
@@ -46,10 +44,7 @@ pub fn camera(random: &mut Random, width: u32, height: u32) -> Camera {
 /// A moderate, certainly visible splat; `rank` of `count` orders the depths without ties.
 fn moderate(camera: &Camera, rank: usize, count: usize, random: &mut Random) -> Sketch {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let pixel = DVec2::new(
-        width * random.between(0.05, 0.95),
-        height * random.between(0.05, 0.95),
-    );
+    let pixel = DVec2::new(width * random.between(0.05, 0.95), height * random.between(0.05, 0.95));
     let largest = (0.12 * width.min(height)).max(2.0);
     let sigma = random.log_between(1.0, largest);
     Sketch {
@@ -140,11 +135,7 @@ impl Trouble {
             Trouble::Clamped => {
                 // Beyond the right or left limit, 15 % of the width outside the image.
                 let beyond = size.x * random.between(0.2, 0.5);
-                sketch.pixel.x = if random.below(2) == 0 {
-                    size.x + beyond
-                } else {
-                    -beyond
-                };
+                sketch.pixel.x = if random.below(2) == 0 { size.x + beyond } else { -beyond };
                 sketch.sigma = [0; 3].map(|_| size.x * random.between(0.2, 0.35));
             }
             Trouble::Saturated => sketch.opacity_logit = random.between(6.0, 12.0),
@@ -195,10 +186,7 @@ pub fn photo(seed: u64, width: u32, height: u32) -> Vec<[u8; 3]> {
     let mut pixels = Vec::with_capacity((width * height) as usize);
     for y in 0..height {
         for x in 0..width {
-            let (u, v) = (
-                f64::from(x) / f64::from(width),
-                f64::from(y) / f64::from(height),
-            );
+            let (u, v) = (f64::from(x) / f64::from(width), f64::from(y) / f64::from(height));
             let shade = slope.map(|[a, b]| 0.5 + a * (u - 0.5) + b * (v - 0.5));
             pixels.push(shade.map(|s| ((s + random.between(-0.1, 0.1)) * 255.0).round() as u8));
         }
@@ -208,10 +196,7 @@ pub fn photo(seed: u64, width: u32, height: u32) -> Vec<[u8; 3]> {
 
 /// A photograph's values, 0 to 1.
 pub fn photo_values(photo: &[[u8; 3]]) -> Vec<[f64; 3]> {
-    photo
-        .iter()
-        .map(|rgb| rgb.map(|c| f64::from(c) / 255.0))
-        .collect()
+    photo.iter().map(|rgb| rgb.map(|c| f64::from(c) / 255.0)).collect()
 }
 
 /// SH coefficient `coefficient` (RGB) of a splat, asserted to be within the degree.

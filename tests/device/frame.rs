@@ -3,9 +3,7 @@
 use crate::common::scenes::Scene;
 use ashfall::gpu::Buffer;
 use ashfall::reference;
-use ashfall::render::{
-    Accuracy, Model, Precision, RenderOptions, RenderedImage, Renderer, ViewOptions,
-};
+use ashfall::render::{Accuracy, Model, Precision, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use ashfall::scene::{ScreenFilter, Splats};
 
 /// Largest error over the pixels far from any discontinuity, share of pixels near one, and largest error over those.
@@ -29,8 +27,7 @@ fn compare(scene: &Scene) -> (f64, f64, f64) {
     };
     let image = renderer.render(&model, &scene.camera, &view).unwrap();
     let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
-    let margins =
-        reference::frame::discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
+    let margins = reference::frame::discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
     let (mut interior, mut near, mut flipped) = (0.0f64, 0usize, 0.0f64);
     for (i, (pixel, margin)) in expected.pixels.iter().zip(&margins).enumerate() {
         let error = (0..3)
@@ -56,9 +53,7 @@ fn gentle_frames_agree_with_the_oracle() {
         (3, 10, 17, 33, 0),
         (4, 300, 130, 90, 1),
     ] {
-        let (interior, near, flipped) = compare(&crate::common::scenes::gentle(
-            seed, count, width, height, degree,
-        ));
+        let (interior, near, flipped) = compare(&crate::common::scenes::gentle(seed, count, width, height, degree));
         println!("seed {seed}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
         assert!(interior <= 1e-4, "seed {seed}: {interior}");
         assert!(
@@ -71,8 +66,7 @@ fn gentle_frames_agree_with_the_oracle() {
 #[test]
 fn hard_frames_agree_with_the_oracle() {
     for (seed, count) in [(11, 60), (12, 150)] {
-        let (interior, near, flipped) =
-            compare(&crate::common::scenes::hard(seed, count, 80, 61, 3));
+        let (interior, near, flipped) = compare(&crate::common::scenes::hard(seed, count, 80, 61, 3));
         println!("seed {seed}: interior {interior:.2e}, near {near:.4}, there {flipped:.2e}");
         assert!(interior <= 1e-3, "seed {seed}: {interior}");
     }
@@ -97,9 +91,7 @@ fn mip_frames_agree_with_the_oracle() {
 
 #[test]
 fn frames_cut_as_they_are_told_to() {
-    for (alpha_min, transmittance_min) in
-        [(1.0 / 1024.0_f64, 1e-6), (1.0 / 64.0, 1e-2), (0.125, 0.25)]
-    {
+    for (alpha_min, transmittance_min) in [(1.0 / 1024.0_f64, 1e-6), (1.0 / 64.0, 1e-2), (0.125, 0.25)] {
         for make in [crate::common::scenes::gentle, crate::common::scenes::hard] {
             let mut scene = make(31, 150, 80, 61, 1);
             // Rounded to f32, as on the device.
@@ -174,11 +166,7 @@ fn frames_of_several_degrees_are_those_of_the_highest() {
         }
         let whole = Splats {
             // Invisible but not zero, so that all splats have the highest degree.
-            sh: splats
-                .sh
-                .iter()
-                .map(|&c| if c == 0.0 { 1e-30 } else { c })
-                .collect(),
+            sh: splats.sh.iter().map(|&c| if c == 0.0 { 1e-30 } else { c }).collect(),
             ..splats.clone()
         };
         let render = |splats: &Splats| {
@@ -206,10 +194,7 @@ fn frames_of_several_degrees_are_those_of_the_highest() {
         let (model, expected) = render(&whole);
         assert_eq!(model.counts, [0, 0, 0, 9_000]);
         assert!(model.splat_from_slot.is_empty());
-        assert!(
-            image.rgb == expected.rgb,
-            "another picture as {precision:?}"
-        );
+        assert!(image.rgb == expected.rgb, "another picture as {precision:?}");
         assert!(image.transmittance == expected.transmittance);
     }
 }

@@ -39,14 +39,11 @@ fn bits(image: &RenderedImage) -> Vec<u32> {
 /// Largest error against the oracle over pixels far from any discontinuity.
 fn error(scene: &Scene, image: &RenderedImage) -> f64 {
     let expected = reference::frame::render(&scene.splats, &scene.camera, &scene.options);
-    let margins =
-        reference::frame::discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
+    let margins = reference::frame::discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
     let pixels = expected.pixels.iter().zip(&margins).enumerate();
     let sound = pixels.filter(|(_, (_, margin))| margin.nearest() > 1e-4);
     sound
-        .flat_map(|(i, (pixel, _))| {
-            [0, 1, 2].map(|c| (f64::from(image.rgb[i][c]) - pixel.color[c]).abs())
-        })
+        .flat_map(|(i, (pixel, _))| [0, 1, 2].map(|c| (f64::from(image.rgb[i][c]) - pixel.color[c]).abs()))
         .fold(0.0, f64::max)
 }
 
@@ -64,10 +61,7 @@ fn dense(seed: u64, splats: usize) -> Scene {
 
 #[test]
 fn a_scene_of_many_blocks_and_bands_is_drawn_as_one() {
-    let (wide, narrow) = (
-        crate::common::device::gpu(),
-        crate::common::device::narrow(NARROW),
-    );
+    let (wide, narrow) = (crate::common::device::gpu(), crate::common::device::narrow(NARROW));
     for (name, scene) in [
         ("nothing", crate::common::scenes::gentle(1, 0, 43, 37, 3)),
         ("one", crate::common::scenes::gentle(1, 1, 43, 37, 3)),
@@ -78,17 +72,11 @@ fn a_scene_of_many_blocks_and_bands_is_drawn_as_one() {
         let model = Model::upload(&narrow, &scene.splats).unwrap();
         assert_eq!(model.params.len() > 1, scene.splats.len() > 128, "{name}");
         let image = render(&narrow, &scene);
-        assert!(
-            bits(&image) == bits(&render(&wide, &scene)),
-            "{name}: other bits"
-        );
+        assert!(bits(&image) == bits(&render(&wide, &scene)), "{name}: other bits");
         let error = error(&scene, &image);
         println!("{name}: {error:.1e}");
         // The tolerances of frame.rs for gentle and hard scenes.
-        assert!(
-            error <= if name == "hard" { 1e-3 } else { 1e-4 },
-            "{name}: {error}"
-        );
+        assert!(error <= if name == "hard" { 1e-3 } else { 1e-4 }, "{name}: {error}");
     }
 }
 
@@ -174,10 +162,7 @@ fn train(gpu: &Gpu, scene: &Scene, steps: usize) -> Trained {
             false => reports.extend(trainer.finish().unwrap()),
         }
     }
-    assert!(
-        reports.iter().all(|report| report.poisoned == 0),
-        "{reports:?}"
-    );
+    assert!(reports.iter().all(|report| report.poisoned == 0), "{reports:?}");
     Trained {
         losses: reports.iter().map(|report| report.loss).collect(),
         isects: trainer.extremes().isects,
@@ -203,20 +188,14 @@ fn a_scene_of_many_blocks_and_bands_is_trained_as_one() {
     ] {
         let (found, expected) = (train(&narrow, &scene, 4), train(&wide, &scene, 4));
         assert_eq!(found.losses, expected.losses, "{name}: other losses");
-        assert!(
-            found.statistics == expected.statistics,
-            "{name}: other statistics"
-        );
+        assert!(found.statistics == expected.statistics, "{name}: other statistics");
         assert!(found.state == expected.state, "{name}: other bytes");
         let splats = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
         // 16 bytes per intersection in the widest array.
         let is_banded = found.isects as u64 > NARROW_TRAINING / 16;
         let wanted = ["hard", "margins"].contains(&name);
         assert_eq!(is_banded, wanted, "{name}: {}", found.isects);
-        assert!(
-            found.state.params != splats.params,
-            "{name}: nothing learnt"
-        );
+        assert!(found.state.params != splats.params, "{name}: nothing learnt");
     }
 }
 
@@ -228,9 +207,7 @@ fn a_list_longer_than_a_driver_runs_loops_is_trained_whole() {
     scene.splats.opacity_logit.fill(-5.28);
     scene.splats.log_scale.fill([-9.0; 3]);
     let gpu = crate::common::device::gpu();
-    let Trained {
-        state, statistics, ..
-    } = train(&gpu, &scene, 1);
+    let Trained { state, statistics, .. } = train(&gpu, &scene, 1);
     let seen = statistics.iter().filter(|of| of[1] == 1.0).count();
     let moved = state.m[0].iter().filter(|moment| moment[3] != 0.0).count();
     println!("{seen} splats seen, {moved} with a gradient");

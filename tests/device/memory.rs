@@ -6,9 +6,7 @@ use ashfall::render::{
     Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, isects_expected, total,
 };
 use ashfall::scene::{Dataset, ScreenFilter};
-use ashfall::train::{
-    Residency, StrategyKind, TrainConfig, TrainSize, Trainer, initial_splats, splats_expected,
-};
+use ashfall::train::{Residency, StrategyKind, TrainConfig, TrainSize, Trainer, initial_splats, splats_expected};
 use std::collections::BTreeMap;
 
 /// Alignment to which Vulkan rounds a buffer's size, bytes: 256 at most.
@@ -98,22 +96,11 @@ fn compare(gpu: &Gpu, dataset: &Dataset, config: &TrainConfig, streamed: bool) {
         config.strategy
     );
     for need in &needs {
-        println!(
-            "  {:24} {:10} {:?}",
-            need.name,
-            need.bytes,
-            found.get(need.name)
-        );
+        println!("  {:24} {:10} {:?}", need.name, need.bytes, found.get(need.name));
     }
     assert!((0.95..1.05).contains(&ratio), "{ratio}");
     // Parameters and the arrays beside them have exact sizes, without spare capacity.
-    for name in [
-        "params",
-        "moment1",
-        "moment2",
-        "gradients",
-        "ellipse_from_splat",
-    ] {
+    for name in ["params", "moment1", "moment2", "gradients", "ellipse_from_splat"] {
         let need = needs.iter().find(|need| need.name == name).unwrap();
         let taken = found[name];
         let exact = need.bytes..=need.bytes + ROUNDING;
@@ -251,10 +238,7 @@ fn a_refinement_without_room_is_refused_and_leaves_the_run_as_it_was() {
             Err(error) => break error,
         }
     };
-    assert!(
-        error.to_string().contains("out of device memory"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("out of device memory"), "{error}");
     let (count, splats) = (trainer.splat_count(), trainer.splats().unwrap());
     assert!(count > first && splats.len() == count);
     assert!(splats.mean.iter().flatten().all(|x| x.is_finite()));
@@ -284,7 +268,6 @@ fn a_renderer_that_grows_never_holds_old_and_new() {
     renderer.reserve(&model, &camera, isects).unwrap();
     let capacity = Capacity::for_image(splats.len(), isects, camera.width, camera.height);
     let frame: u64 = peaks(&gpu).values().sum();
-    let wanted =
-        total(&Scratch::needs(capacity, Outputs::default())) + total(&Model::needs(model.blocks));
+    let wanted = total(&Scratch::needs(capacity, Outputs::default())) + total(&Model::needs(model.blocks));
     assert!(frame < wanted + (1 << 20), "{frame} bytes, {wanted} needed");
 }

@@ -40,17 +40,10 @@ fn tree(more: &[&str]) -> BTreeSet<String> {
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).unwrap();
     let name = |line: &str| line.split(' ').next().unwrap_or_default().to_owned();
-    text.lines()
-        .filter(|line| !line.is_empty())
-        .map(name)
-        .collect()
+    text.lines().filter(|line| !line.is_empty()).map(name).collect()
 }
 
 #[test]
@@ -61,8 +54,5 @@ fn the_engine_depends_on_these_crates() {
     for tool in TOOLS {
         assert!(!all.contains(tool), "{tool} is a dependency of the engine");
     }
-    assert!(
-        tree(&["--features", "cli"]).contains("clap"),
-        "the list tells nothing"
-    );
+    assert!(tree(&["--features", "cli"]).contains("clap"), "the list tells nothing");
 }

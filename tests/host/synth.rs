@@ -35,12 +35,7 @@ fn a_saved_data_set_is_read_back_the_same() {
         assert_eq!(read.camera.center, made.camera.center);
         assert!(read.camera.position.distance(made.camera.position) < 1e-12);
         let turned = read.camera.rotation - made.camera.rotation;
-        assert!(
-            turned
-                .to_cols_array()
-                .iter()
-                .all(|value| value.abs() < 1e-9)
-        );
+        assert!(turned.to_cols_array().iter().all(|value| value.abs() < 1e-9));
         let PhotoSource::Memory(photo) = &made.photo else {
             unreachable!()
         };

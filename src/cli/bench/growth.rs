@@ -265,10 +265,7 @@ mod tests {
     #[test]
     fn counts_may_be_powers_of_ten() {
         let counts = ["200000", "200_000", "2e5", " 2E5 "].map(parse_count);
-        assert!(
-            counts.iter().all(|count| *count == Ok(200_000)),
-            "{counts:?}"
-        );
+        assert!(counts.iter().all(|count| *count == Ok(200_000)), "{counts:?}");
         for bad in ["", "0", "-1", "1.5", "1e10", "nan", "many"] {
             assert!(parse_count(bad).is_err(), "{bad}");
         }

@@ -14,11 +14,7 @@ pub(in crate::cli) fn devices() -> Result<(String, Value)> {
     let mut text = String::from("devices:\n");
     for (index, caps) in all.iter().enumerate() {
         // Writing to a string does not fail.
-        _ = writeln!(
-            text,
-            "  {index}  {} ({:?}, {})",
-            caps.name, caps.kind, caps.driver
-        );
+        _ = writeln!(text, "  {index}  {} ({:?}, {})", caps.name, caps.kind, caps.driver);
     }
     Ok((text, Value::Array(all.iter().map(caps_value).collect())))
 }
@@ -28,22 +24,13 @@ pub(super) fn chosen(caps: &Caps, memory_limit: u64) -> (String, Value) {
     let (major, minor, patch) = caps.api;
     let mut text = format!("chosen: {}\n", caps.name);
     let mut line = |name: &str, value: String| _ = writeln!(text, "  {name:<18} {value}");
-    line(
-        "Vulkan",
-        format!("{major}.{minor}.{patch}, {}", caps.driver),
-    );
+    line("Vulkan", format!("{major}.{minor}.{patch}, {}", caps.driver));
     line("memory", bytes(memory_limit));
     line("largest buffer", bytes(caps.max_storage_range));
-    line(
-        "largest group",
-        format!("{} invocations", caps.max_workgroup),
-    );
+    line("largest group", format!("{} invocations", caps.max_workgroup));
     line("shared memory", bytes(u64::from(caps.max_shared)));
     let (least, most) = caps.subgroup_range;
-    line(
-        "subgroups of",
-        format!("{} ({least} to {most})", caps.subgroup_size),
-    );
+    line("subgroups of", format!("{} ({least} to {most})", caps.subgroup_size));
     line("offers", format!("{:?}", caps.offers));
     let choices = chosen_kernels(caps);
     for choice in &choices {
@@ -128,10 +115,7 @@ mod tests {
             let line = text
                 .lines()
                 .find(|line| line.split_whitespace().next() == Some(choice.kernel));
-            assert!(
-                line.is_some_and(|line| line.ends_with(choice.why)),
-                "{text}"
-            );
+            assert!(line.is_some_and(|line| line.ends_with(choice.why)), "{text}");
         }
     }
 }

@@ -33,11 +33,7 @@ impl<'a> SurveySession<'a> {
     ///
     /// # Errors
     /// Two scenes of one name, a data set that cannot be read, or runs of another survey in the folder.
-    pub(super) fn begin(
-        args: &'a NeedsArgs,
-        engine: &'a Engine,
-        output: Output,
-    ) -> Result<SurveySession<'a>> {
+    pub(super) fn begin(args: &'a NeedsArgs, engine: &'a Engine, output: Output) -> Result<SurveySession<'a>> {
         let mut scenes = Vec::new();
         for given in &args.data {
             let (name, path) = named(given);
@@ -50,9 +46,7 @@ impl<'a> SurveySession<'a> {
         }
         let kinds = args.scenes.clone();
         let kinds = kinds.unwrap_or_else(|| Kind::ALL.map(Some).to_vec());
-        let kinds = Kind::ALL
-            .into_iter()
-            .filter(|kind| kinds.contains(&Some(*kind)));
+        let kinds = Kind::ALL.into_iter().filter(|kind| kinds.contains(&Some(*kind)));
         let made = kinds.map(|kind| {
             output.remark(format_args!("photographing {}", kind.name()));
             (kind.name().to_owned(), built_in(kind, args.width))
@@ -156,8 +150,7 @@ impl<'a> SurveySession<'a> {
         let key = (scene, Recipe::Parsimony, seed);
         let run = self.runs.iter().find(|run| run.key() == key);
         let run = run.ok_or_else(|| {
-            let what =
-                "MCMC takes the count of a parsimony run, and there is none: add parsimony to --recipes";
+            let what = "MCMC takes the count of a parsimony run, and there is none: add parsimony to --recipes";
             Error::Config(what.into())
         })?;
         Ok(u32::try_from(run.splats).unwrap_or(u32::MAX).max(1))
@@ -174,16 +167,9 @@ impl<'a> SurveySession<'a> {
     /// Does a run and writes the survey.
     fn add(&mut self, task: &Task<'_>, of: usize, interrupt: &Interrupt) -> Result<Outcome> {
         let Task {
-            scene,
-            recipe,
-            seed,
-            ..
+            scene, recipe, seed, ..
         } = task;
-        let title = format!(
-            "{scene} · {} · seed {seed} · run {} of {of}",
-            recipe.title(),
-            self.done
-        );
+        let title = format!("{scene} · {} · seed {seed} · run {} of {of}", recipe.title(), self.done);
         let bar = self.output.bar(u64::from(task.iterations), "training");
         bar.set_message(format!("· {title}"));
         let mut progress = |iteration: u32| {
@@ -218,13 +204,9 @@ impl<'a> SurveySession<'a> {
     pub(super) fn write(&self) -> Result<()> {
         let out = &self.args.out;
         let text = self.csv()?;
-        write_atomically(&out.join("needs.csv"), |file| {
-            file.write_all(text.as_bytes())
-        })?;
+        write_atomically(&out.join("needs.csv"), |file| file.write_all(text.as_bytes()))?;
         let html = page::html(&self.facts(), &self.runs)?;
-        write_atomically(&out.join("needs.html"), |file| {
-            file.write_all(html.as_bytes())
-        })
+        write_atomically(&out.join("needs.html"), |file| file.write_all(html.as_bytes()))
     }
 
     /// Facts at the top of the page.
@@ -237,10 +219,7 @@ impl<'a> SurveySession<'a> {
         let rows = [
             ("scenes", scenes(&self.runs)),
             ("trained", format!("{} steps a run", self.args.iterations)),
-            (
-                "preference",
-                format!("{} dB for a tenth more splats", self.args.gain),
-            ),
+            ("preference", format!("{} dB for a tenth more splats", self.args.gain)),
             ("device", self.engine.name().to_owned()),
             ("date", dates),
             ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),
@@ -311,10 +290,7 @@ mod tests {
         let found = named(Path::new("fox=/some=where/colmap"));
         assert_eq!(found, ("fox".into(), PathBuf::from("/some=where/colmap")));
         let unnamed = named(Path::new("/some=where/colmap"));
-        assert_eq!(
-            unnamed,
-            ("colmap".into(), PathBuf::from("/some=where/colmap"))
-        );
+        assert_eq!(unnamed, ("colmap".into(), PathBuf::from("/some=where/colmap")));
         assert_eq!(named(Path::new("=x")).0, "=x");
     }
 }

@@ -88,10 +88,7 @@ impl Figures {
         if let Some((merging, share)) = self.merging.as_ref().zip(args.merge) {
             scene = &merging.merged.splats;
             lines = merging.text(share);
-            lines.push(
-                "pruned after that, and proven against the merged scene, not the one before it:"
-                    .into(),
-            );
+            lines.push("pruned after that, and proven against the merged scene, not the one before it:".into());
         }
         let share = 100.0 * pruned.count as f64 / scene.len().max(1) as f64;
         lines.extend([
@@ -125,15 +122,8 @@ impl Figures {
             "degrees 0 to 3: {zero} · {one} · {two} · {three} splats, {:.1} % of their harmonics",
             100.0 * self.reduced.floats as f64 / stored.max(1) as f64
         ));
-        let merged = self
-            .merging
-            .as_ref()
-            .map(|m| ("test views merged", &m.test));
-        let names = [
-            "test views before",
-            "test views after ",
-            "after the re-fit ",
-        ];
+        let merged = self.merging.as_ref().map(|m| ("test views merged", &m.test));
+        let names = ["test views before", "test views after ", "after the re-fit "];
         let mut scores: Vec<_> = names.into_iter().zip(&self.test).collect();
         scores.splice(1..1, merged);
         lines.extend(

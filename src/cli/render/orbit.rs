@@ -11,8 +11,7 @@ use std::f64::consts::{FRAC_PI_3, TAU};
 /// Panics if there are no cameras.
 pub(crate) fn orbit_of_cameras(cameras: &[Camera], extent: f64, count: u32) -> Vec<Camera> {
     assert!(!cameras.is_empty(), "an orbit needs a camera to go by");
-    let mean =
-        |of: fn(&Camera) -> DVec3| cameras.iter().map(of).sum::<DVec3>() / cameras.len() as f64;
+    let mean = |of: fn(&Camera) -> DVec3| cameras.iter().map(of).sum::<DVec3>() / cameras.len() as f64;
     let position = mean(|c| c.position);
     let forward = mean(|c| c.rotation.row(2));
     let up = mean(|c| -c.rotation.row(1));
@@ -123,14 +122,8 @@ impl Arc {
     fn of(mut angles: Vec<f64>) -> Arc {
         angles.sort_unstable_by(f64::total_cmp);
         let around = angles.iter().skip(1).chain(angles.first());
-        let gaps = angles
-            .iter()
-            .zip(around)
-            .map(|(a, b)| ((b - a).rem_euclid(TAU), *b));
-        let widest = gaps.fold(
-            (0.0, 0.0),
-            |best, gap| if gap.0 > best.0 { gap } else { best },
-        );
+        let gaps = angles.iter().zip(around).map(|(a, b)| ((b - a).rem_euclid(TAU), *b));
+        let widest = gaps.fold((0.0, 0.0), |best, gap| if gap.0 > best.0 { gap } else { best });
         // One camera, or all in one place: the gap is the whole circle.
         let gap = if angles.len() < 2 { TAU } else { widest.0 };
         match gap < FRAC_PI_3 {
@@ -189,11 +182,7 @@ mod tests {
         }
         let mut sides = angles(&orbit);
         sides.sort_unstable_by(f64::total_cmp);
-        assert!(
-            sides
-                .windows(2)
-                .all(|w| (w[1] - w[0] - TAU / 8.0).abs() < 1e-6)
-        );
+        assert!(sides.windows(2).all(|w| (w[1] - w[0] - TAU / 8.0).abs() < 1e-6));
     }
 
     #[test]

@@ -218,10 +218,7 @@ fn points(path: &Path) -> Result<Vec<Point>> {
         Some("obj") => io::obj::sample(&io::obj::read(path)?, MESH_POINTS, 0),
         Some("ply") => io::ply::read_points(path)?,
         _ => {
-            return Err(Error::file(
-                path,
-                "first points come from a .ply or an .obj file",
-            ));
+            return Err(Error::file(path, "first points come from a .ply or an .obj file"));
         }
     };
     let mut warnings = Vec::new();
@@ -235,13 +232,7 @@ fn points(path: &Path) -> Result<Vec<Point>> {
     }
 }
 
-fn announce(
-    output: Output,
-    engine: &Engine,
-    dataset: &Dataset,
-    run: &AutoRun<'_>,
-    state: &RunState,
-) {
+fn announce(output: Output, engine: &Engine, dataset: &Dataset, run: &AutoRun<'_>, state: &RunState) {
     let trainer = run.trainer();
     let prediction = Prediction::of(trainer.size(), trainer.splats_expected());
     let config = run.config();
@@ -249,11 +240,7 @@ fn announce(
     let test = dataset.split(Split::Test).len();
     let part = match state.iteration {
         0 => format!("{} iterations", grouped(config.iterations as usize)),
-        done => format!(
-            "iteration {} of {}",
-            grouped(done as usize),
-            config.iterations
-        ),
+        done => format!("iteration {} of {}", grouped(done as usize), config.iterations),
     };
     output.remark(format_args!(
         "{} · {train} training views, {test} test views, {} points · {part}",
@@ -322,9 +309,7 @@ impl<'a> Session<'a> {
             return Ok(outcome);
         }
         let (splats, memory) = (run.splats()?, MemoryFigures::of(run.trainer()));
-        let history = run
-            .controller()
-            .map(|controller| controller.history().clone());
+        let history = run.controller().map(|controller| controller.history().clone());
         drop(run);
         let found = history.map(|history| needs::found(self.dataset, &history, &splats));
         let found = found.map(|needs| (needs, self.against));
@@ -348,10 +333,7 @@ mod tests {
     #[test]
     fn gains_are_decibels_above_0() {
         // Default of the option without a value.
-        assert_eq!(
-            parse_gain("0.08"),
-            Ok(TrainConfig::default().auto.preference_db)
-        );
+        assert_eq!(parse_gain("0.08"), Ok(TrainConfig::default().auto.preference_db));
         assert_eq!(parse_gain("1"), Ok(1.0));
         for bad in ["", "0", "-0.1", "nan", "inf", "photos/"] {
             assert!(parse_gain(bad).is_err(), "{bad}");

@@ -22,10 +22,7 @@ pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Ne
         sh_lost_db: history.sh_lost_db,
         settled_from: history.settled_from,
         half_size: history.half_size(),
-        validation_views: held
-            .iter()
-            .map(|&v| dataset.views[v].name.clone())
-            .collect(),
+        validation_views: held.iter().map(|&v| dataset.views[v].name.clone()).collect(),
         knee: law.map(|law| law.knee(history.preference_db)),
         law,
         points: history.points(),
@@ -37,6 +34,5 @@ pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Ne
 /// Reads the report of a run to compare with.
 pub(super) fn read(path: &Path) -> Result<Report> {
     let text = std::fs::read(path).map_err(Error::io(path))?;
-    serde_json::from_slice(&text)
-        .map_err(|e| Error::file(path, format!("is no report of a run: {e}")))
+    serde_json::from_slice(&text).map_err(|e| Error::file(path, format!("is no report of a run: {e}")))
 }

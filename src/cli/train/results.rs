@@ -31,9 +31,7 @@ pub(super) fn write(
     let train = session.evaluator(config, Split::Train).scores(splats)?;
     state.timings.evaluate_seconds += start.elapsed().as_secs_f64();
     let score = MeanScore::of(&test);
-    let needs = found.map(|(needs, against)| {
-        needs.beside(against.and_then(|report| report.comparison(score.psnr_db)))
-    });
+    let needs = found.map(|(needs, against)| needs.beside(against.and_then(|report| report.comparison(score.psnr_db))));
     let report = Report {
         iterations: state.iteration,
         seed: config.seed,
@@ -59,9 +57,7 @@ pub(super) fn write(
     };
     if let Some(needs) = &report.needs {
         let page = page::html(needs)?;
-        write_atomically(&session.dir.join("needs.html"), |file| {
-            write!(file, "{page}")
-        })?;
+        write_atomically(&session.dir.join("needs.html"), |file| write!(file, "{page}"))?;
     }
     report.write(&session.dir.join("report.json"))?;
     state.is_finished = true;
@@ -71,11 +67,7 @@ pub(super) fn write(
 }
 
 /// Scores the held-out views and writes photograph | rendering | difference of each.
-fn test_pictures(
-    session: &Session<'_>,
-    config: &TrainConfig,
-    splats: &Splats,
-) -> Result<Vec<ViewScore>> {
+fn test_pictures(session: &Session<'_>, config: &TrainConfig, splats: &Splats) -> Result<Vec<ViewScore>> {
     let dir = session.dir.join("test");
     let mut evaluator = session.evaluator(config, Split::Test);
     if evaluator.view_count() > 0 {

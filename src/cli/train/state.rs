@@ -87,8 +87,7 @@ impl RunState {
         if report.iteration.is_multiple_of(every) || report.iteration == self.iterations {
             let pending = std::mem::take(&mut self.pending);
             // A repeated step replaces its earlier entry (rounds of the count controller repeat steps).
-            self.history
-                .retain(|entry| entry.iteration < report.iteration);
+            self.history.retain(|entry| entry.iteration < report.iteration);
             self.history.push(HistoryEntry {
                 iteration: report.iteration,
                 seconds: self.timings.train_seconds,

@@ -48,12 +48,8 @@ pub(super) fn run_steps(
             .for_each(|report| display.show(state, report));
         state.iterations = run.end();
         let done = run.iteration();
-        let is_due =
-            |every: u32| every > 0 && done.is_multiple_of(every) && done < state.iterations;
-        let (evaluates, saves) = (
-            is_due(schedule.eval_every),
-            is_due(schedule.checkpoint_every),
-        );
+        let is_due = |every: u32| every > 0 && done.is_multiple_of(every) && done < state.iterations;
+        let (evaluates, saves) = (is_due(schedule.eval_every), is_due(schedule.checkpoint_every));
         if evaluates {
             drain(run, state, &mut display)?;
             let splats = run.splats()?;
@@ -71,12 +67,7 @@ pub(super) fn run_steps(
 }
 
 /// Writes the checkpoint, then `run.json`: one older than its checkpoint lacks a few figures, a newer one is rewound.
-fn save(
-    run: &mut AutoRun<'_>,
-    state: &mut RunState,
-    display: &mut Display,
-    dir: &Path,
-) -> Result<()> {
+fn save(run: &mut AutoRun<'_>, state: &mut RunState, display: &mut Display, dir: &Path) -> Result<()> {
     drain(run, state, display)?;
     state.iteration = run.iteration();
     let path = dir.join("checkpoint");
@@ -86,9 +77,7 @@ fn save(
 
 fn drain(run: &mut AutoRun<'_>, state: &mut RunState, display: &mut Display) -> Result<()> {
     let reports = timed(state, |t| &mut t.train_seconds, || run.finish())?;
-    reports
-        .iter()
-        .for_each(|report| display.show(state, report));
+    reports.iter().for_each(|report| display.show(state, report));
     Ok(())
 }
 
@@ -156,10 +145,8 @@ impl Display {
 
     fn show_test(&self, iteration: u32, score: &MeanScore) {
         let text = score_text(score);
-        self.bar.suspend(|| {
-            self.output
-                .remark(format_args!("iteration {iteration}: test {text}"))
-        });
+        self.bar
+            .suspend(|| self.output.remark(format_args!("iteration {iteration}: test {text}")));
         self.output
             .event(|| json!({"event": "test", "iteration": iteration, "score": score}));
     }

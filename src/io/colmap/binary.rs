@@ -29,16 +29,14 @@ pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Lens>> {
         let id = reader.u32("a camera")?;
         let model = reader.u32("a camera")?.cast_signed();
         let named = |what: String| format!("camera {id}: {what}");
-        let (model, parameter_count) =
-            model_from_id(model).map_err(|what| reader.fault(named(what)))?;
+        let (model, parameter_count) = model_from_id(model).map_err(|what| reader.fault(named(what)))?;
         let width = reader.u64("a camera")?;
         let height = reader.u64("a camera")?;
         let mut parameters = Vec::with_capacity(parameter_count);
         for _ in 0..parameter_count {
             parameters.extend(reader.f64s::<1>("the parameters of a camera")?);
         }
-        let lens = Lens::new(model, width, height, &parameters)
-            .map_err(|what| reader.fault(named(what)))?;
+        let lens = Lens::new(model, width, height, &parameters).map_err(|what| reader.fault(named(what)))?;
         if lenses.insert(id, lens).is_some() {
             return Err(reader.fault(format!("camera {id} occurs twice")));
         }
@@ -57,8 +55,7 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
         let translation = reader.f64s("the translation of an image")?;
         let camera = reader.u32("an image")?;
         let name = reader.zero_terminated(NAME_BYTES_MAX, "the name of an image")?;
-        let name = String::from_utf8(name)
-            .map_err(|_| reader.fault(format!("the name of image {id} is not UTF-8")))?;
+        let name = String::from_utf8(name).map_err(|_| reader.fault(format!("the name of image {id} is not UTF-8")))?;
         let points = reader.u64("the number of 2D points")?;
         let points = reader.check_count(points, POINT2D_BYTES, "2D points")?;
         reader.skip(points as u64 * POINT2D_BYTES, "2D points")?;

@@ -44,12 +44,7 @@ pub(super) fn parameters_of(name: &str) -> Check<usize> {
         .iter()
         .find(|(known, _)| *known == name)
         .map(|(_, count)| *count)
-        .ok_or_else(|| {
-            format!(
-                "unknown camera model {}",
-                super::super::reader::excerpt(name)
-            )
-        })
+        .ok_or_else(|| format!("unknown camera model {}", super::super::reader::excerpt(name)))
 }
 
 impl Lens {
@@ -63,9 +58,7 @@ impl Lens {
             ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], none),
             ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], radial(k, 0.0)),
             ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], radial(k1, k2)),
-            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
-                ([fx, fy], [cx, cy], Distortion { k1, k2, p1, p2 })
-            }
+            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy], [cx, cy], Distortion { k1, k2, p1, p2 }),
             _ => {
                 return Err(format!(
                     "the camera model {model} is not supported: undistort the photographs with \
@@ -76,9 +69,7 @@ impl Lens {
         check_intrinsics(focal, center)?;
         let Distortion { k1, k2, p1, p2 } = distortion;
         if ![k1, k2, p1, p2].iter().all(|k| k.is_finite()) {
-            return Err(format!(
-                "the distortion {k1}, {k2}, {p1}, {p2} is not finite"
-            ));
+            return Err(format!("the distortion {k1}, {k2}, {p1}, {p2} is not finite"));
         }
         Ok(Lens {
             width,

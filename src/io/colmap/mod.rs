@@ -123,12 +123,7 @@ pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     })
 }
 
-fn listed(
-    image: ImageRecord,
-    lenses: &BTreeMap<u32, Lens>,
-    files: &Files<'_>,
-    photos: &Path,
-) -> Check<ListedView> {
+fn listed(image: ImageRecord, lenses: &BTreeMap<u32, Lens>, files: &Files<'_>, photos: &Path) -> Check<ListedView> {
     let photo = inside(photos, &image.name)?;
     let lens = lenses.get(&image.camera).ok_or_else(|| {
         let cameras = files.cameras.name().file_name().unwrap_or_default();

@@ -150,12 +150,12 @@ fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
     if split && test.is_file() && options.test_every > 0 {
         let held_out = transforms::read(&test, photos.as_deref())?;
         listing.warnings.extend(held_out.warnings);
-        listing
-            .views
-            .extend(held_out.views.into_iter().map(|view| ListedView {
-                held_out: true,
-                ..view
-            }));
+        listing.views.extend(
+            held_out
+                .views
+                .into_iter()
+                .map(|view| ListedView { held_out: true, ..view }),
+        );
     }
     Ok(listing)
 }
@@ -164,10 +164,7 @@ fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
 fn colmap_photos(path: &Path, options: &OpenOptions) -> PathBuf {
     let images = options.images.clone().unwrap_or("images".into());
     let own = path.join(&images);
-    let above = [
-        path.join("..").join(&images),
-        path.join("../..").join(&images),
-    ];
+    let above = [path.join("..").join(&images), path.join("../..").join(&images)];
     let is_model = path.join("cameras.bin").is_file() || path.join("cameras.txt").is_file();
     if is_model
         && !own.is_dir()
@@ -200,8 +197,7 @@ fn warn_if_unseen(path: &Path, views: &[View], points: &[Point], warnings: &mut 
         views.iter().any(|view| {
             let size = DVec3::new(view.camera.width.into(), view.camera.height.into(), 0.0);
             let pixel = view.camera.pixel_from_world(point);
-            pixel
-                .is_some_and(|p| p.cmpge(glam::DVec2::ZERO).all() && p.cmplt(size.truncate()).all())
+            pixel.is_some_and(|p| p.cmpge(glam::DVec2::ZERO).all() && p.cmplt(size.truncate()).all())
         })
     });
     if !seen && !points.is_empty() {

@@ -51,10 +51,7 @@ pub(super) fn look_at_photos(
         if views.is_empty() {
             return Err(Error::file(path, what));
         }
-        warnings.push(format!(
-            "{}: {what}; their views are left out",
-            path.display()
-        ));
+        warnings.push(format!("{}: {what}; their views are left out", path.display()));
     }
     if let Some((first, size)) = resized.first() {
         warnings.push(format!(

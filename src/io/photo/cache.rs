@@ -72,8 +72,7 @@ impl PhotoCache {
     fn reserve(&self, bytes: u64) -> bool {
         self.kept_bytes
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |kept| {
-                kept.checked_add(bytes)
-                    .filter(|sum| *sum <= self.budget_bytes)
+                kept.checked_add(bytes).filter(|sum| *sum <= self.budget_bytes)
             })
             .is_ok()
     }

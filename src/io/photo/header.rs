@@ -29,8 +29,7 @@ pub fn dimensions<'a>(source: impl Into<Source<'a>>) -> Result<(u32, u32)> {
     };
     let size = check_size(width, height).map_err(|what| Error::file(path, what))?;
     if size.0 < SIDE_MIN || size.1 < SIDE_MIN {
-        let what =
-            format!("is {width} x {height} pixels; at least {SIDE_MIN} x {SIDE_MIN} are needed");
+        let what = format!("is {width} x {height} pixels; at least {SIDE_MIN} x {SIDE_MIN} are needed");
         return Err(Error::file(path, what));
     }
     let per_byte = match magic[0] {

@@ -38,11 +38,7 @@ pub fn load(view: &View) -> Result<Photo> {
         PhotoSource::File { path, distortion } => (path, distortion),
         PhotoSource::Memory(photo) => {
             let camera = (view.camera.width, view.camera.height);
-            assert_eq!(
-                (photo.width, photo.height),
-                camera,
-                "a photo in memory fits"
-            );
+            assert_eq!((photo.width, photo.height), camera, "a photo in memory fits");
             return Ok(photo.clone());
         }
         PhotoSource::Absent => {
@@ -53,11 +49,7 @@ pub fn load(view: &View) -> Result<Photo> {
     let mut photo = decode(path)?;
     let (width, height) = (view.camera.width, view.camera.height);
     if !same_aspect((photo.width, photo.height), (width, height)) {
-        return Err(wrong_aspect(
-            path,
-            (photo.width, photo.height),
-            (width, height),
-        ));
+        return Err(wrong_aspect(path, (photo.width, photo.height), (width, height)));
     }
     if let Some(distortion) = distortion {
         let camera = view.camera.resized(photo.width, photo.height);
@@ -89,10 +81,7 @@ pub fn decode<'a>(source: impl Into<Source<'a>>) -> Result<Photo> {
         .map_err(|e| Error::file(path, format!("cannot be decoded: {e}")))?
         .into_rgba8();
     if image.dimensions() != (width, height) {
-        return Err(Error::file(
-            path,
-            "cannot be decoded: two sizes in one file",
-        ));
+        return Err(Error::file(path, "cannot be decoded: two sizes in one file"));
     }
     Ok(Photo {
         width,

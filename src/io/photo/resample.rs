@@ -108,11 +108,7 @@ pub fn reduce(photo: Photo, width: u32, height: u32) -> Photo {
         }
         rgba.extend(sums.iter().map(|sum| unweighted(*sum)));
     }
-    Photo {
-        width,
-        height,
-        rgba,
-    }
+    Photo { width, height, rgba }
 }
 
 /// Source pixels under one target pixel: an interval in source pixels.

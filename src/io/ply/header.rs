@@ -209,8 +209,7 @@ fn parse_element(reader: &Reader, rest: &str, header: &PlyHeader) -> Result<PlyE
 
 fn parse_property(reader: &Reader, rest: &str) -> Result<Property> {
     let scalar = |word: &str| {
-        Scalar::parse(word)
-            .ok_or_else(|| reader.fault_in_line(format!("unknown property type {}", excerpt(word))))
+        Scalar::parse(word).ok_or_else(|| reader.fault_in_line(format!("unknown property type {}", excerpt(word))))
     };
     let words: Vec<&str> = rest.split_whitespace().collect();
     match words[..] {

@@ -12,8 +12,8 @@ use std::path::Path;
 
 /// Required properties, in the order of the values of a row.
 const REQUIRED: [&str; 14] = [
-    "x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2", "opacity",
-    "f_dc_0", "f_dc_1", "f_dc_2",
+    "x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2", "opacity", "f_dc_0", "f_dc_1",
+    "f_dc_2",
 ];
 
 /// Reads a scene of splats.
@@ -69,9 +69,7 @@ pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
         return Err(Error::file(path, "has no element \"vertex\""));
     };
     refuse_lists(path, vertex)?;
-    let find = |names: [&str; 3]| -> Option<Vec<usize>> {
-        names.into_iter().map(|name| vertex.find(name)).collect()
-    };
+    let find = |names: [&str; 3]| -> Option<Vec<usize>> { names.into_iter().map(|name| vertex.find(name)).collect() };
     let Some(mut columns) = find(["x", "y", "z"]) else {
         return Err(Error::file(path, "the vertices have no x, y, z"));
     };
@@ -148,11 +146,7 @@ fn splat_columns(path: &Path, vertex: &PlyElement) -> Result<(Vec<usize>, u32)> 
 }
 
 /// Screen filter of the comments; the last wins, as with the programs that write them.
-fn screen_filter(
-    path: &Path,
-    comments: &[String],
-    warnings: &mut Vec<String>,
-) -> Result<ScreenFilter> {
+fn screen_filter(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> Result<ScreenFilter> {
     let mut filter = ScreenFilter::Classic;
     for comment in comments {
         if let Some(name) = comment.strip_prefix("SplatRenderMode:") {

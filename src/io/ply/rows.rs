@@ -34,12 +34,7 @@ pub(super) fn skip_to(reader: &mut Reader, header: &PlyHeader, index: usize) -> 
     Ok(())
 }
 
-fn skip_row(
-    reader: &mut Reader,
-    encoding: Encoding,
-    element: &PlyElement,
-    what: &str,
-) -> Result<()> {
+fn skip_row(reader: &mut Reader, encoding: Encoding, element: &PlyElement, what: &str) -> Result<()> {
     for property in &element.properties {
         let Some(length) = property.list else {
             reader.skip(property.scalar.bytes() as u64, what)?;
@@ -59,11 +54,7 @@ fn skip_row(
 }
 
 /// Compares the count of `element`, whose rows come next, with the size of the file.
-pub(super) fn check_count(
-    reader: &Reader,
-    header: &PlyHeader,
-    element: &PlyElement,
-) -> Result<usize> {
+pub(super) fn check_count(reader: &Reader, header: &PlyHeader, element: &PlyElement) -> Result<usize> {
     let bytes_each = match header.encoding {
         // A digit and a separator per value.
         Encoding::Ascii => 2 * element.properties.len() as u64 - 1,

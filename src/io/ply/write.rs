@@ -50,10 +50,7 @@ fn header(splats: &Splats) -> String {
     names.push("opacity".into());
     names.extend((0..3).map(|i| format!("scale_{i}")));
     names.extend((0..4).map(|i| format!("rot_{i}")));
-    let properties: String = names
-        .iter()
-        .map(|name| format!("property float {name}\n"))
-        .collect();
+    let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
     let origin = match splats.origin {
         DVec3::ZERO => String::new(),
         DVec3 { x, y, z } => format!("comment {ORIGIN} {x} {y} {z}\n"),

@@ -7,9 +7,7 @@
 mod pose;
 mod scope;
 
-use super::listing::{
-    Check, ListedView, Listing, check_intrinsics, check_position, check_size, inside,
-};
+use super::listing::{Check, ListedView, Listing, check_intrinsics, check_position, check_size, inside};
 use super::reader::Reader;
 use super::source::Source;
 use super::{photo, ply};
@@ -24,13 +22,7 @@ use std::path::{Path, PathBuf};
 const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
 /// Camera models that are a pinhole with at most radial–tangential distortion.
-const MODELS: [&str; 5] = [
-    "OPENCV",
-    "PINHOLE",
-    "SIMPLE_PINHOLE",
-    "SIMPLE_RADIAL",
-    "RADIAL",
-];
+const MODELS: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
 
 /// The file in a data set's folder, if it exists: `transforms.json`, else `transforms_train.json`.
 pub fn find(folder: &Path) -> Option<PathBuf> {
@@ -51,8 +43,8 @@ pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<
     let path = source.name();
     let folder = path.parent().unwrap_or(Path::new("."));
     let bytes = Reader::all(source)?;
-    let root: Value = serde_json::from_slice(&bytes)
-        .map_err(|e| Error::file(path, format!("cannot be parsed as JSON: {e}")))?;
+    let root: Value =
+        serde_json::from_slice(&bytes).map_err(|e| Error::file(path, format!("cannot be parsed as JSON: {e}")))?;
     let fault = |what: String| Error::file(path, what);
     let root = object(&root).map_err(|what| fault(format!("the top level {what}")))?;
     let frames = match root.get("frames") {
@@ -208,14 +200,8 @@ fn with_extension(path: PathBuf) -> PathBuf {
     tried.into_iter().find(|p| p.is_file()).unwrap_or(path)
 }
 
-fn read_points(
-    path: &Path,
-    folder: &Path,
-    root: &Map<String, Value>,
-    listing: &mut Listing,
-) -> Result<()> {
-    let Some(name) = scope::text(root, "ply_file_path").map_err(|what| Error::file(path, what))?
-    else {
+fn read_points(path: &Path, folder: &Path, root: &Map<String, Value>, listing: &mut Listing) -> Result<()> {
+    let Some(name) = scope::text(root, "ply_file_path").map_err(|what| Error::file(path, what))? else {
         return Ok(());
     };
     let name = name.replace('\\', "/");
@@ -224,9 +210,7 @@ fn read_points(
         listing.points = ply::read_points(&cloud)?;
     } else {
         let cloud = cloud.display();
-        listing
-            .warnings
-            .push(format!("{cloud}: the point cloud is missing"));
+        listing.warnings.push(format!("{cloud}: the point cloud is missing"));
     }
     Ok(())
 }

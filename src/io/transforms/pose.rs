@@ -64,9 +64,10 @@ fn parse(matrix: &Value) -> Result<[[f64; 4]; 3], String> {
     for (row, into) in rows.iter().zip(&mut numbers) {
         let row = row.as_array().filter(|r| r.len() == 4).ok_or_else(shape)?;
         for (value, into) in row.iter().zip(into) {
-            *into = value.as_f64().filter(|v| v.is_finite()).ok_or_else(|| {
-                format!("\"transform_matrix\" holds {}, not a number", kind(value))
-            })?;
+            *into = value
+                .as_f64()
+                .filter(|v| v.is_finite())
+                .ok_or_else(|| format!("\"transform_matrix\" holds {}, not a number", kind(value)))?;
         }
     }
     Ok(numbers)

@@ -50,12 +50,7 @@ fn on_host<'a>(case: Case, run: impl Fn() + 'a) -> Subject<'a> {
 }
 
 /// Measures in turns and compares; a pair is the name of an engine's kernel and the prefix of a baseline's name.
-fn compare(
-    bench: &mut Bench,
-    what: &str,
-    mut subjects: Vec<Subject<'_>>,
-    pairs: &[[&str; 2]],
-) -> Result<Vec<Ratio>> {
+fn compare(bench: &mut Bench, what: &str, mut subjects: Vec<Subject<'_>>, pairs: &[[&str; 2]]) -> Result<Vec<Ratio>> {
     let runs = bench.measure_in_turns(&mut subjects)?;
     let by_processor = on_processor(bench);
     let named = |name: &str| {
@@ -63,13 +58,7 @@ fn compare(
         all.find(|(subject, _)| subject.case.variant.starts_with(name))
             .map(|(subject, times)| (subject.case.variant.as_str(), times.as_slice()))
     };
-    let ratio = |&[ours, baseline]: &[&str; 2]| {
-        Some(Ratio::of(
-            what,
-            [named(ours)?, named(baseline)?],
-            by_processor,
-        ))
-    };
+    let ratio = |&[ours, baseline]: &[&str; 2]| Some(Ratio::of(what, [named(ours)?, named(baseline)?], by_processor));
     Ok(pairs.iter().filter_map(ratio).collect())
 }
 
@@ -79,9 +68,7 @@ fn case(what: &str, variant: &str) -> Case {
 
 /// True if the filter selects one of the variants; then all subjects of the comparison are measured.
 fn wanted(bench: &Bench, what: &str, variants: &[&str]) -> bool {
-    variants
-        .iter()
-        .any(|variant| bench.wants(&case(what, variant)))
+    variants.iter().any(|variant| bench.wants(&case(what, variant)))
 }
 
 /// An image by pixel as planes.
@@ -162,11 +149,7 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
 pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let gpu = bench.gpu().clone();
     let choice = rasterize_backward::Choice::prefer(gpu.caps());
-    let ours = format!(
-        "rasterize_backward {}/{}",
-        choice.variant.name(),
-        choice.spec.workgroup
-    );
+    let ours = format!("rasterize_backward {}/{}", choice.variant.name(), choice.spec.workgroup);
     if !wanted(bench, "backward", &[&ours, "baseline_16x16", SCALAR]) {
         return Ok(Vec::new());
     }
@@ -176,10 +159,7 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
         CompositeBuffers::new(&gpu, &engine)?,
         CompositeBuffers::new(&gpu, &squares)?,
     );
-    let (gradient, square_gradient) = (
-        Gradient::new(&engine, SAMPLED),
-        Gradient::new(&squares, SAMPLED),
-    );
+    let (gradient, square_gradient) = (Gradient::new(&engine, SAMPLED), Gradient::new(&squares, SAMPLED));
     let device = Device::new(&gpu, &engine, &gradient)?;
     let square_device = Device::new(&gpu, &squares, &square_gradient)?;
     let host = HostInput::new(&squares);
@@ -189,8 +169,7 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
 
     let (image, ends) = scalar::forward(&host);
     let sums = scalar::backward(&host, &image, &ends, &square_gradient.d_sampled);
-    case(SCALAR)
-        .judge(&square_gradient.judge_splats(&scalar::whitened(&host, &sums), SPLAT_TOLERANCE))?;
+    case(SCALAR).judge(&square_gradient.judge_splats(&scalar::whitened(&host, &sums), SPLAT_TOLERANCE))?;
     let mut subjects = vec![on_device(
         &gpu,
         case(&ours),
@@ -218,12 +197,7 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
         )?);
     }
     subjects.push(on_host(case(SCALAR), || {
-        drop(scalar::backward(
-            &host,
-            &image,
-            &ends,
-            &square_gradient.d_image,
-        ));
+        drop(scalar::backward(&host, &image, &ends, &square_gradient.d_image));
     }));
     for device in [&device, &square_device] {
         gpu.run(|rec| device.upstream(rec, false))?;

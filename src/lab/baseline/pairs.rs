@@ -19,12 +19,7 @@ fn case(variant: &str) -> Case {
 }
 
 /// Checks a sort and prepares it for timing.
-fn on_device<'a>(
-    gpu: &Gpu,
-    name: &str,
-    sorting: &'a Sorting,
-    sort: &'a Sort,
-) -> Result<Subject<'a>> {
+fn on_device<'a>(gpu: &Gpu, name: &str, sorting: &'a Sorting, sort: &'a Sort) -> Result<Subject<'a>> {
     let case = case(name).doing(sorting.work());
     gpu.run(|rec| {
         sorting.prepare(rec, sort);
@@ -56,9 +51,7 @@ pub(super) fn sort(bench: &mut Bench) -> Result<Vec<Ratio>> {
             sorts.push((format!("ballot/{workgroup}"), Sort::compile(&gpu, choice)?));
         }
     }
-    let subjects = sorts
-        .iter()
-        .map(|(name, sort)| on_device(&gpu, name, &ours, sort));
+    let subjects = sorts.iter().map(|(name, sort)| on_device(&gpu, name, &ours, sort));
     let mut subjects = subjects.collect::<Result<Vec<_>>>()?;
     let pairs: Vec<(u32, u32)> = ours.keys.iter().copied().zip(0..).collect();
     // Single-threaded, so that its processor time is that of one core.

@@ -32,9 +32,7 @@ impl Ratio {
             }
         };
         let rounds = ours.1.iter().zip(baseline.1);
-        let ratios: Vec<f64> = rounds
-            .map(|(ours, baseline)| time(baseline) / time(ours))
-            .collect();
+        let ratios: Vec<f64> = rounds.map(|(ours, baseline)| time(baseline) / time(ours)).collect();
         let summary = Summary::of(&ratios);
         Ratio {
             what: what.into(),

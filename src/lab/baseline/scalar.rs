@@ -149,12 +149,7 @@ fn pixel(input: &HostInput<'_>, x: usize, y: usize) -> ([f32; 4], u32) {
 /// s dx, s dy, s dx², s dx dy, s dy² and of the blending weight times the upstream gradient. That gradient is
 /// laid out by `[channel][pixel]`; image and list ends are those of the forward pass. Every thread has sums of its own,
 /// added up at the end.
-pub fn backward(
-    input: &HostInput<'_>,
-    image: &[[f32; 4]],
-    ends: &[u32],
-    d_image: &[f32],
-) -> Vec<f32> {
+pub fn backward(input: &HostInput<'_>, image: &[[f32; 4]], ends: &[u32], d_image: &[f32]) -> Vec<f32> {
     let threads = rayon::current_num_threads();
     let empty = || vec![0.0f32; 9 * input.records.len()];
     (0..threads)
@@ -171,9 +166,7 @@ pub fn backward(
             sums
         })
         .reduce(empty, |mut all, part| {
-            all.iter_mut()
-                .zip(part)
-                .for_each(|(sum, term)| *sum += term);
+            all.iter_mut().zip(part).for_each(|(sum, term)| *sum += term);
             all
         })
 }
@@ -221,9 +214,7 @@ fn pixel_backward(
             weight * d[2],
         ];
         let row = &mut sums[9 * index as usize..][..9];
-        row.iter_mut()
-            .zip(terms)
-            .for_each(|(sum, term)| *sum += term);
+        row.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
     }
 }
 
@@ -245,13 +236,7 @@ pub fn whitened(input: &HostInput<'_>, sums: &[f32]) -> Vec<f32> {
             sum(8),
         ];
         // Splats outside the image have zero sums, and their shape may not be finite.
-        moved.map(|x| {
-            if sum(0) == 0.0 && !x.is_finite() {
-                0.0
-            } else {
-                x as f32
-            }
-        })
+        moved.map(|x| if sum(0) == 0.0 && !x.is_finite() { 0.0 } else { x as f32 })
     };
     rows.flat_map(whiten).collect()
 }

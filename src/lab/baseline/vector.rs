@@ -30,17 +30,14 @@ pub fn forward(input: &HostInput<'_>) -> Vec<[f32; 4]> {
         .map(|tile| composite(input, tile, columns))
         .collect();
     let mut image = vec![[0.0; 4]; input.len()];
-    image
-        .par_chunks_mut(width)
-        .enumerate()
-        .for_each(|(y, row)| {
-            for (x, pixel) in row.iter_mut().enumerate() {
-                let planes = &tiles[y / TILE * columns + x / TILE].0[y % TILE];
-                let [r, g, b, through] = [0, 1, 2, 3].map(|plane: usize| planes[plane][x % TILE]);
-                let behind = input.background.map(|c| c * through);
-                *pixel = [r + behind[0], g + behind[1], b + behind[2], through];
-            }
-        });
+    image.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let planes = &tiles[y / TILE * columns + x / TILE].0[y % TILE];
+            let [r, g, b, through] = [0, 1, 2, 3].map(|plane: usize| planes[plane][x % TILE]);
+            let behind = input.background.map(|c| c * through);
+            *pixel = [r + behind[0], g + behind[1], b + behind[2], through];
+        }
+    });
     image
 }
 

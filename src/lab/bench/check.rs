@@ -50,13 +50,7 @@ impl Output {
     }
 
     /// Output to be equal up to rounding.
-    pub fn relative(
-        name: &'static str,
-        found: Vec<f64>,
-        expected: Vec<f64>,
-        tolerance: f64,
-        scale: f64,
-    ) -> Output {
+    pub fn relative(name: &'static str, found: Vec<f64>, expected: Vec<f64>, tolerance: f64, scale: f64) -> Output {
         Output {
             name,
             found,
@@ -99,19 +93,14 @@ impl Output {
         }
         let (tolerance, scale) = match self.by {
             Comparator::Exact => (0.0, 1.0),
-            Comparator::Relative { tolerance, scale }
-            | Comparator::Boundary {
-                tolerance, scale, ..
-            } => (tolerance, scale),
+            Comparator::Relative { tolerance, scale } | Comparator::Boundary { tolerance, scale, .. } => {
+                (tolerance, scale)
+            }
         };
         let (mut worst, mut flips) = (0.0f64, 0usize);
         for (i, (&f, &e)) in found.iter().zip(expected).enumerate() {
             let same = f == e || (f.is_nan() && e.is_nan());
-            let error = if same {
-                0.0
-            } else {
-                (f - e).abs() / e.abs().max(scale)
-            };
+            let error = if same { 0.0 } else { (f - e).abs() / e.abs().max(scale) };
             let jump = match &self.by {
                 Comparator::Boundary { near, jump, .. } if near[i] => *jump,
                 _ => 0.0,
@@ -148,8 +137,7 @@ impl Output {
                 0.01 * magnitude(largest).max(scale)
             }
         };
-        let (mut off, mut gone, mut short) =
-            (self.found.clone(), self.found.clone(), self.found.clone());
+        let (mut off, mut gone, mut short) = (self.found.clone(), self.found.clone(), self.found.clone());
         off[largest] += step;
         gone[largest] = f64::NAN;
         short.pop();

@@ -144,11 +144,7 @@ pub(super) fn case(task: &str, splats: usize, [width, height]: [u32; 2]) -> Case
 }
 
 /// ScalingPoint of a row, or of the error if the device cannot hold the scene.
-pub(super) fn point(
-    splats: usize,
-    size: [u32; 2],
-    measured: Result<(BenchRow, BufferBytes)>,
-) -> Result<ScalingPoint> {
+pub(super) fn point(splats: usize, size: [u32; 2], measured: Result<(BenchRow, BufferBytes)>) -> Result<ScalingPoint> {
     let nothing = ScalingPoint {
         splats,
         size,
@@ -258,10 +254,7 @@ fn giant(bench: &mut Bench, plan: &FramePlan, scaling: &Scaling) -> Result<Optio
         return Ok(None);
     }
     let aspect = f64::from(size[1]) / f64::from(size[0]);
-    let (without, camera) = (
-        volume::splats(splats, plan.sh_degree, aspect, 1),
-        volume::camera(size),
-    );
+    let (without, camera) = (volume::splats(splats, plan.sh_degree, aspect, 1), volume::camera(size));
     let gpu = bench.gpu().clone();
     let mut frame_benches = [
         FrameBench::new(&gpu, &without, NEAR)?,
@@ -324,11 +317,7 @@ pub(super) fn exponents(points: &[ScalingPoint]) -> Vec<Exponent> {
             let pairs: Vec<(f64, f64)> = at
                 .filter_map(|point| Some((pixels(point.size), time(point)?)))
                 .collect();
-            found.extend(Exponent::of(
-                ["pixels", by],
-                format!("{count} splats"),
-                &pairs,
-            ));
+            found.extend(Exponent::of(["pixels", by], format!("{count} splats"), &pairs));
         }
     }
     found

@@ -26,17 +26,12 @@ pub struct Exponent {
 
 impl Exponent {
     /// Fits (size, time) pairs, all positive. `None` unless there are two different sizes.
-    pub fn of(
-        [over, by]: [&'static str; 2],
-        at: String,
-        points: &[(f64, f64)],
-    ) -> Option<Exponent> {
+    pub fn of([over, by]: [&'static str; 2], at: String, points: &[(f64, f64)]) -> Option<Exponent> {
         let mut points = points.to_vec();
         points.retain(|&(size, time)| size > 0.0 && time > 0.0);
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points.dedup_by(|a, b| a.0 == b.0);
-        let (sizes, times): (Vec<f64>, Vec<f64>) =
-            points.iter().map(|p| (p.0.ln(), p.1.ln())).unzip();
+        let (sizes, times): (Vec<f64>, Vec<f64>) = points.iter().map(|p| (p.0.ln(), p.1.ln())).unzip();
         let line = Line::through(&sizes, &times)?;
         let slope = line.slope;
         let freedom = points.len() - 2;
@@ -90,10 +85,7 @@ mod tests {
             let Some((slope, Some([low, high]), doubling)) = found else {
                 panic!("{found:?}")
             };
-            assert!(
-                (slope - p).abs() < 1e-9 && high - low < 1e-6,
-                "{slope} [{low}, {high}]"
-            );
+            assert!((slope - p).abs() < 1e-9 && high - low < 1e-6, "{slope} [{low}, {high}]");
             assert!((doubling - 2f64.powf(p)).abs() < 1e-9, "{doubling}");
         }
     }
@@ -102,11 +94,8 @@ mod tests {
     fn intervals_are_those_of_the_textbook() {
         // Draper and Smith with y = 1, 2, 4 at x = 0, 1, 2: slope 1.5, residuals 1/6, −1/3, 1/6, so that the error is
         // √(1/6 / 2), and t of one degree 12.706.
-        let logs =
-            [(0.0, 1.0), (1.0, 2.0), (2.0, 4.0)].map(|(x, y): (f64, f64)| (x.exp(), y.exp()));
-        let Some(found) = exponent(&logs) else {
-            panic!()
-        };
+        let logs = [(0.0, 1.0), (1.0, 2.0), (2.0, 4.0)].map(|(x, y): (f64, f64)| (x.exp(), y.exp()));
+        let Some(found) = exponent(&logs) else { panic!() };
         let reach = 12.706 * (1.0f64 / 12.0).sqrt();
         let [low, high] = found.interval.unwrap_or_default();
         assert!((found.slope - 1.5).abs() < 1e-12);
@@ -120,9 +109,6 @@ mod tests {
         assert_eq!(exponent(&[]), None);
         assert_eq!(exponent(&[(5.0, 1.0), (5.0, 2.0)]), None);
         let two = exponent(&[(1.0, 1.0), (2.0, 8.0), (0.0, 1.0)]);
-        assert_eq!(
-            two.map(|e| (e.points, e.interval.is_none())),
-            Some((2, true))
-        );
+        assert_eq!(two.map(|e| (e.points, e.interval.is_none())), Some((2, true)));
     }
 }

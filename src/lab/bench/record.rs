@@ -55,10 +55,7 @@ fn merged(earlier: &str, rows: &[BenchRow]) -> Result<String> {
         let line: csv::Result<HashMap<String, String>> = line;
         let mut line = line.map_err(|error| Error::Config(format!("the record: {error}")))?;
         let fields = COLUMNS.map(|column| line.remove(column).unwrap_or_default());
-        if !measured
-            .iter()
-            .any(|row| row[..KEY_COLUMNS] == fields[..KEY_COLUMNS])
-        {
+        if !measured.iter().any(|row| row[..KEY_COLUMNS] == fields[..KEY_COLUMNS]) {
             all.push(fields);
         }
     }
@@ -86,10 +83,7 @@ mod tests {
     #[test]
     fn days_become_dates() {
         let dates = [0, 11_016, 11_017, 20_778].map(date);
-        assert_eq!(
-            dates,
-            ["1970-01-01", "2000-02-29", "2000-03-01", "2026-11-21"]
-        );
+        assert_eq!(dates, ["1970-01-01", "2000-02-29", "2000-03-01", "2026-11-21"]);
     }
 
     #[test]

@@ -146,11 +146,7 @@ impl BenchRow {
     pub fn with_work(self, work: Work, copy_rate: Option<f64>) -> BenchRow {
         let seconds = self.median_ns * 1e-9;
         let per_second = |count: u64| {
-            if seconds > 0.0 {
-                count as f64 / seconds
-            } else {
-                0.0
-            }
+            if seconds > 0.0 { count as f64 / seconds } else { 0.0 }
         };
         BenchRow {
             items: work.items,
@@ -221,9 +217,7 @@ pub fn csv(rows: &[BenchRow]) -> Result<String> {
 }
 
 /// Fields of rows as CSV, with a header.
-pub(super) fn csv_of_fields(
-    rows: impl IntoIterator<Item = [String; COLUMNS.len()]>,
-) -> Result<String> {
+pub(super) fn csv_of_fields(rows: impl IntoIterator<Item = [String; COLUMNS.len()]>) -> Result<String> {
     csv_text([COLUMNS.map(String::from)].into_iter().chain(rows))
 }
 

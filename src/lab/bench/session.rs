@@ -43,10 +43,7 @@ pub struct Times {
 
 impl From<Vec<(&'static str, f64)>> for Times {
     fn from(stages: Vec<(&'static str, f64)>) -> Times {
-        Times {
-            stages,
-            cpu_ns: None,
-        }
+        Times { stages, cpu_ns: None }
     }
 }
 
@@ -130,11 +127,7 @@ impl Bench {
 
     /// Runs a case repeatedly, and keeps a row for each of its stages (if there are several) and one for the total,
     /// which is returned.
-    pub fn measure(
-        &mut self,
-        case: &Case,
-        mut run: impl FnMut() -> Result<Times>,
-    ) -> Result<BenchRow> {
+    pub fn measure(&mut self, case: &Case, mut run: impl FnMut() -> Result<Times>) -> Result<BenchRow> {
         for _ in 0..self.options.warm_up {
             run()?;
         }

@@ -53,11 +53,7 @@ pub struct TrainMemory {
 ///
 /// # Errors
 /// Those of the data set and of Vulkan; a scene too large for the device is a point with a fault.
-pub fn run(
-    bench: &mut Bench,
-    dataset: &Dataset,
-    plan: &TrainPlan,
-) -> Result<(Scaling, Vec<TrainMemory>)> {
+pub fn run(bench: &mut Bench, dataset: &Dataset, plan: &TrainPlan) -> Result<(Scaling, Vec<TrainMemory>)> {
     let (mut scaling, mut memories) = (Scaling::default(), Vec::new());
     let views = dataset.split(Split::Train);
     let sizes = views.iter().map(|&view| {

@@ -113,10 +113,7 @@ mod tests {
         let case = Case::of("gather", 1024, "base", 64);
         let output = |found: f64| vec![Output::exact("values", vec![1.0, found], vec![1.0, 2.0])];
         assert!(case.judge(&output(2.0)).is_ok());
-        let fault = case
-            .judge(&output(3.0))
-            .err()
-            .map(|error| error.to_string());
+        let fault = case.judge(&output(3.0)).err().map(|error| error.to_string());
         let fault = fault.unwrap_or_default();
         assert!(
             fault.contains("gather/1024 base/64: wrong result: values: element 1"),

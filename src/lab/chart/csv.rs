@@ -37,12 +37,7 @@ pub fn csv(chart: &Chart) -> String {
         lines.interval(knob, "time_ms", &point.time_ms);
         lines.number(knob, "cpu_ms", point.cpu_ms, None);
         let (error, bound) = (&point.error, &point.bound);
-        lines.number(
-            knob,
-            "median_relative_error",
-            error.median,
-            Some(bound.median),
-        );
+        lines.number(knob, "median_relative_error", error.median, Some(bound.median));
         lines.number(knob, "p99_relative_error", error.p99, Some(bound.p99));
         lines.number(knob, "excess", point.excess, Some(0.0));
     }
@@ -85,11 +80,7 @@ impl CsvLines {
     fn number(&mut self, knob: (&str, &Knob), quantity: &str, value: f64, bound: Option<f64>) {
         let empty = String::new;
         let bound = bound.map_or_else(empty, number);
-        self.push(
-            knob,
-            quantity,
-            [number(value), empty(), empty(), bound, empty()],
-        );
+        self.push(knob, quantity, [number(value), empty(), empty(), bound, empty()]);
     }
 }
 
@@ -122,10 +113,7 @@ mod tests {
         };
         let text = csv(&chart);
         let columns = HEADER.split(',').count();
-        assert!(
-            text.lines().all(|line| line.split(',').count() == columns),
-            "{text}"
-        );
+        assert!(text.lines().all(|line| line.split(',').count() == columns), "{text}");
         assert!(
             text.contains("\nrendering,stop alone,a;b,yes,max_error,0.00200000,,,0.00300000,\n"),
             "{text}"
@@ -136,9 +124,6 @@ mod tests {
     #[test]
     fn numbers_keep_six_digits() {
         let texts = [0.0, 1.0 / 3.0, 123_456.7, 1.5e-7, f64::INFINITY].map(number);
-        assert_eq!(
-            texts,
-            ["0.00000000", "0.333333", "123457", "1.50000e-7", "inf"]
-        );
+        assert_eq!(texts, ["0.00000000", "0.333333", "123457", "1.50000e-7", "inf"]);
     }
 }

@@ -205,11 +205,7 @@ pub(crate) mod tests {
     #[test]
     fn a_point_beyond_its_bound_is_named() {
         let chart = Chart {
-            frames: vec![
-                frame("1e-4", -1e-3),
-                frame("1e-2", 5e-4),
-                frame("1", f64::NAN),
-            ],
+            frames: vec![frame("1e-4", -1e-3), frame("1e-2", 5e-4), frame("1", f64::NAN)],
             gradients: vec![
                 GradientPoint::default(),
                 GradientPoint {

@@ -49,10 +49,7 @@ pub fn html(chart: &Chart) -> Result<String> {
 }
 
 fn heading(chart: &Chart) -> String {
-    let text = format!(
-        "<h1>Speed against accuracy</h1>\n{}",
-        page::facts(&chart.facts)
-    );
+    let text = format!("<h1>Speed against accuracy</h1>\n{}", page::facts(&chart.facts));
     let (broken, count) = (chart.broken(), chart.bounded());
     let summary = match broken.len() {
         0 if count == 0 => return text,
@@ -63,11 +60,7 @@ fn heading(chart: &Chart) -> String {
 }
 
 /// Glyphs of the series of some points, and the meaning of their parts.
-fn legend<'a>(
-    chart: &Chart,
-    knobs: impl Iterator<Item = &'a Knob>,
-    is_bounded: bool,
-) -> Result<String> {
+fn legend<'a>(chart: &Chart, knobs: impl Iterator<Item = &'a Knob>, is_bounded: bool) -> Result<String> {
     let used: Vec<&str> = knobs.map(|knob| knob.series.as_str()).collect();
     let names = series(chart).into_iter().enumerate();
     let names = names.filter(|(_, name)| used.contains(name));
@@ -78,15 +71,9 @@ fn legend<'a>(
         "horizontal bar: 95 % interval",
     ];
     if is_bounded {
-        parts.extend([
-            "vertical bar: to the proven bound",
-            "red cross: bound broken",
-        ]);
+        parts.extend(["vertical bar: to the proven bound", "red cross: bound broken"]);
     }
-    let parts: String = parts
-        .iter()
-        .map(|part| format!("<li>{part}</li>\n"))
-        .collect();
+    let parts: String = parts.iter().map(|part| format!("<li>{part}</li>\n")).collect();
     Ok(page::legend(names)? + &format!("<ul class=\"legend\">\n{parts}</ul>\n"))
 }
 
@@ -104,11 +91,7 @@ fn costs(runs: &[RunPoint]) -> String {
             escaped(&knob.series),
             escaped(&knob.setting),
             tables::gain(gain_db),
-            if is_significant {
-                ""
-            } else {
-                " (within the interval)"
-            },
+            if is_significant { "" } else { " (within the interval)" },
             run.seconds.value / usual
         )
     };
@@ -168,11 +151,7 @@ mod tests {
         assert_eq!(page.matches("EWA against rays").count(), 3);
         // The only addresses are XML namespaces.
         for (at, _) in page.match_indices("http") {
-            assert!(
-                page[at..].starts_with("http://www.w3.org/"),
-                "{}",
-                &page[at..at + 40]
-            );
+            assert!(page[at..].starts_with("http://www.w3.org/"), "{}", &page[at..at + 40]);
         }
         assert!(!page.contains("<script") && !page.contains(" src="));
         Ok(())

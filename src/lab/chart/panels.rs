@@ -139,11 +139,7 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
                 y: view.y,
                 front: front_of(&markers, view.is_high_good),
                 markers,
-                levels: chart
-                    .projection
-                    .iter()
-                    .map(|e| (PROJECTION, (view.value)(e)))
-                    .collect(),
+                levels: chart.projection.iter().map(|e| (PROJECTION, (view.value)(e))).collect(),
                 are_courses: false,
             },
             caption: view.caption.into(),
@@ -176,10 +172,7 @@ pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
                     title: "time of a training step on the device, ms",
                     is_log: false,
                 },
-                y: Axis {
-                    title,
-                    is_log: true,
-                },
+                y: Axis { title, is_log: true },
                 front: front_of(&markers, false),
                 markers,
                 levels: Vec::new(),
@@ -279,9 +272,7 @@ pub(super) fn of_runs(chart: &Chart) -> Vec<Panel> {
 fn courses(chart: &Chart, names: &[&str]) -> Panel {
     let is_last = |index: usize| {
         let series = &chart.runs[index].knob.series;
-        chart.runs[index + 1..]
-            .iter()
-            .all(|run| run.knob.series != *series)
+        chart.runs[index + 1..].iter().all(|run| run.knob.series != *series)
     };
     let shown: Vec<usize> = (0..chart.runs.len()).filter(|&i| is_last(i)).collect();
     let mut markers = Vec::new();

@@ -13,9 +13,9 @@ pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut front: Vec<usize> = Vec::new();
     for index in order {
         // All earlier points are at most as far right, so it must be lower than the lowest of them.
-        let beaten = front.last().is_some_and(|&last| {
-            points[last][1] <= points[index][1] && points[last] != points[index]
-        });
+        let beaten = front
+            .last()
+            .is_some_and(|&last| points[last][1] <= points[index][1] && points[last] != points[index]);
         if !beaten {
             front.push(index);
         }

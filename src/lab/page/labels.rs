@@ -65,14 +65,9 @@ pub(super) fn place(
     let mut placed = vec![None; requests.len()];
     for index in order {
         let request = &requests[index];
-        let free =
-            |area: &PixelRect| within(area, frame) && !taken.iter().any(|t| overlap(t, area));
+        let free = |area: &PixelRect| within(area, frame) && !taken.iter().any(|t| overlap(t, area));
         let is_clear = |area: &PixelRect| !crossed.iter().any(|line| overlap(line, area));
-        let places = || {
-            candidates(request.at, &request.text)
-                .into_iter()
-                .filter(free)
-        };
+        let places = || candidates(request.at, &request.text).into_iter().filter(free);
         let found = places().find(is_clear).or_else(|| places().next());
         taken.extend(found);
         placed[index] = found;

@@ -48,22 +48,12 @@ pub(crate) fn verdict(summary: &str, broken: &[String]) -> String {
 }
 
 /// Table from its head and rows of text, with a flag for each row to be marked as broken.
-pub(crate) fn table(
-    class: &str,
-    head: &[&str],
-    rows: impl IntoIterator<Item = (bool, Vec<String>)>,
-) -> String {
-    let head: String = head
-        .iter()
-        .map(|name| format!("<th>{}</th>", escaped(name)))
-        .collect();
+pub(crate) fn table(class: &str, head: &[&str], rows: impl IntoIterator<Item = (bool, Vec<String>)>) -> String {
+    let head: String = head.iter().map(|name| format!("<th>{}</th>", escaped(name))).collect();
     let mut text = format!("<div class=\"scroll\">\n<table class=\"{class}\">\n<tr>{head}</tr>\n");
     for (is_broken, cells) in rows {
         let class = if is_broken { " class=\"broken\"" } else { "" };
-        let cells: String = cells
-            .iter()
-            .map(|cell| format!("<td>{}</td>", escaped(cell)))
-            .collect();
+        let cells: String = cells.iter().map(|cell| format!("<td>{}</td>", escaped(cell))).collect();
         text += &format!("<tr{class}>{cells}</tr>\n");
     }
     text + "</table>\n</div>\n"

@@ -39,10 +39,7 @@ pub(crate) type PlotArea<'a> = DrawingArea<SVGBackend<'a>, Cartesian2d<Scale, Sc
 ///
 /// # Errors
 /// Those of drawing.
-pub(crate) fn svg(
-    [width, height]: [u32; 2],
-    draw: impl FnOnce(&SvgArea<'_>) -> Result<()>,
-) -> Result<String> {
+pub(crate) fn svg([width, height]: [u32; 2], draw: impl FnOnce(&SvgArea<'_>) -> Result<()>) -> Result<String> {
     let mut text = String::new();
     let area = SVGBackend::with_string(&mut text, (width, height)).into_drawing_area();
     area.fill(&WHITE).map_err(failed)?;
@@ -77,12 +74,7 @@ pub(crate) fn alarm(area: &SvgArea<'_>, (x, y): (i32, i32), radius: i32) -> Resu
 }
 
 /// Draws a series' glyph; shapes differ as well as colours.
-pub(crate) fn draw_glyph(
-    area: &SvgArea<'_>,
-    [x, y]: [i32; 2],
-    series: usize,
-    is_filled: bool,
-) -> Result<()> {
+pub(crate) fn draw_glyph(area: &SvgArea<'_>, [x, y]: [i32; 2], series: usize, is_filled: bool) -> Result<()> {
     let (color, radius) = (color(series), 5);
     let inside = if is_filled { color } else { WHITE };
     let polygon = |corners: &[(i32, i32)]| -> Result<()> {

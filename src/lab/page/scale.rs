@@ -32,11 +32,7 @@ impl Scale {
             (low, high) = (0.0, 1.0);
         }
         // A single value is centred.
-        let width = (high - low).max(if is_log {
-            0.2
-        } else {
-            high.abs().max(1e-6) * 0.02
-        });
+        let width = (high - low).max(if is_log { 0.2 } else { high.abs().max(1e-6) * 0.02 });
         let middle = 0.5 * (low + high);
         let span = [middle - 0.56 * width, middle + 0.56 * width];
         let step = nice((span[1] - span[0]) / TICKS);
@@ -123,10 +119,7 @@ fn trimmed(value: f64) -> String {
 fn nice(least: f64) -> f64 {
     let power = 10_f64.powf(least.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power);
-    steps
-        .into_iter()
-        .find(|&step| step >= least)
-        .unwrap_or(least)
+    steps.into_iter().find(|&step| step >= least).unwrap_or(least)
 }
 
 fn multiples([low, high]: [f64; 2], step: f64) -> Vec<f64> {
@@ -193,10 +186,7 @@ mod tests {
 
     #[test]
     fn nothing_has_an_axis_too() {
-        assert_eq!(
-            Scale::of([], false).span[0] + Scale::of([], false).span[1],
-            1.0
-        );
+        assert_eq!(Scale::of([], false).span[0] + Scale::of([], false).span[1], 1.0);
     }
 
     #[test]

@@ -98,12 +98,7 @@ impl ScatterPlot {
     }
 
     /// Draws the front as steps, the lines of series, and error bars.
-    fn draw_lines(
-        &self,
-        svg: &SvgArea<'_>,
-        at: &dyn Fn(f64, f64) -> [i32; 2],
-        frame: &PixelRect,
-    ) -> Result<()> {
+    fn draw_lines(&self, svg: &SvgArea<'_>, at: &dyn Fn(f64, f64) -> [i32; 2], frame: &PixelRect) -> Result<()> {
         let line = |points: Vec<[i32; 2]>, style: ShapeStyle| {
             let points = points.into_iter().map(|[x, y]| (x, y)).collect();
             plot::line(svg, points, style)
@@ -165,12 +160,7 @@ impl ScatterPlot {
         Ok(())
     }
 
-    fn draw_names(
-        &self,
-        svg: &SvgArea<'_>,
-        at: &dyn Fn(f64, f64) -> [i32; 2],
-        frame: &PixelRect,
-    ) -> Result<()> {
+    fn draw_names(&self, svg: &SvgArea<'_>, at: &dyn Fn(f64, f64) -> [i32; 2], frame: &PixelRect) -> Result<()> {
         let named: Vec<(usize, &Marker)> = self
             .markers
             .iter()
@@ -207,11 +197,7 @@ impl ScatterPlot {
             let Some([left, top, ..]) = area else {
                 continue;
             };
-            let ink = if mark.is_broken {
-                ALARM
-            } else {
-                color(mark.series)
-            };
+            let ink = if mark.is_broken { ALARM } else { color(mark.series) };
             let style = (FONT, 11).into_font().color(&ink);
             let text = Text::new(mark.text.clone(), (*left + 1, *top + 1), style);
             svg.draw(&text).map_err(failed)?;
@@ -233,13 +219,7 @@ fn level_name(name: &str, y: i32, signs: &[PixelRect], frame: &PixelRect) -> Pix
 }
 
 /// Draws a dashed horizontal line and its name.
-fn draw_level(
-    svg: &SvgArea<'_>,
-    name: &str,
-    place: PixelRect,
-    y: i32,
-    frame: &PixelRect,
-) -> Result<()> {
+fn draw_level(svg: &SvgArea<'_>, name: &str, place: PixelRect, y: i32, frame: &PixelRect) -> Result<()> {
     for left in (frame[0]..frame[2]).step_by(10) {
         let dash = vec![(left, y), ((left + 6).min(frame[2]), y)];
         let dash = PathElement::new(dash, INK.stroke_width(1));

@@ -28,9 +28,7 @@ fn draw(needs: &Needs, svg: &SvgArea<'_>) -> Result<()> {
     let titles = ["splats", "PSNR of held-out training views, dB"];
     let area = axes(svg, MARGINS, titles, [&x, &y])?;
     let at = |[splats, psnr]: [f64; 2]| area.map_coordinate(&(x.place(splats), y.place(psnr)));
-    let line = |points: Vec<[f64; 2]>, style: ShapeStyle| {
-        plot::line(svg, points.into_iter().map(at).collect(), style)
-    };
+    let line = |points: Vec<[f64; 2]>, style: ShapeStyle| plot::line(svg, points.into_iter().map(at).collect(), style);
     line(growth.clone(), FRONT.stroke_width(1))?;
     if let Some(law) = &needs.law {
         let ends = ends(&needs.points, needs.knee);

@@ -72,15 +72,8 @@ pub fn bytes_by_degree(splats: [usize; 4]) -> [u64; 4] {
 pub fn sentence(splats_by_degree: [usize; 4], against: Option<&RunComparison>) -> String {
     let count: usize = splats_by_degree.iter().sum();
     let share = 100.0 * splats_by_degree[0] as f64 / count.max(1) as f64;
-    let mut text = format!(
-        "this scene needs {} splats, {share:.0} % at degree 0",
-        grouped(count)
-    );
-    if let Some(RunComparison {
-        splat_count,
-        better_db,
-    }) = against
-    {
+    let mut text = format!("this scene needs {} splats, {share:.0} % at degree 0", grouped(count));
+    if let Some(RunComparison { splat_count, better_db }) = against {
         let word = if *better_db < 0.0 { "less" } else { "more" };
         text += &format!(
             "; the fixed recipe used {} for {:.2} dB {word}",

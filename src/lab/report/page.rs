@@ -63,10 +63,7 @@ fn facts(needs: &Needs) -> String {
         rows.push(("law", text));
     }
     if let Some(knee) = needs.knee {
-        rows.push((
-            "its knee",
-            format!("{} splats", grouped(knee.round() as usize)),
-        ));
+        rows.push(("its knee", format!("{} splats", grouped(knee.round() as usize))));
     }
     let rows = rows.into_iter().map(|(name, value)| (name.into(), value));
     page::facts(&rows.collect::<Vec<_>>())
@@ -104,8 +101,7 @@ fn steps(needs: &Needs) -> String {
             step.act.clone(),
             grouped(step.splats),
             format!("{:.3}", step.psnr_db),
-            step.without
-                .map_or("–".into(), |(splats, _)| grouped(splats)),
+            step.without.map_or("–".into(), |(splats, _)| grouped(splats)),
             decimals(step.without.map(|(_, psnr)| psnr), 3),
             decimals(step.gain_db.map(|gain| gain[0]), 4),
             decimals(step.gain_db.map(|gain| gain[1]), 4),
@@ -130,9 +126,9 @@ fn degrees(needs: &Needs) -> String {
     });
     let table = table("", &head, rows);
     let lost = match needs.sh_lost_db {
-        Some(lost) => format!(
-            "The held-out views lost {lost:.3} dB by the harmonics that were removed, before the last fit."
-        ),
+        Some(lost) => {
+            format!("The held-out views lost {lost:.3} dB by the harmonics that were removed, before the last fit.")
+        }
         None => "All harmonics were kept.".into(),
     };
     format!("<p>{lost}</p>\n{table}")
@@ -189,10 +185,7 @@ mod tests {
         let half = "iteration 149, at most 25 % of whose error they caused; they allow 30.5 dB";
         assert!(page.contains(half));
         // 900^(1 / 0.6) = 83,895, the count one decibel below the limit.
-        assert!(
-            page.contains("<dd>31.00 − (83,895 / N)^0.60 dB</dd>"),
-            "{page}"
-        );
+        assert!(page.contains("<dd>31.00 − (83,895 / N)^0.60 dB</dd>"), "{page}");
         // Every cell has its heading.
         let head = "<th>splats</th><th>PSNR dB</th><th>left</th><th>PSNR dB</th>";
         assert!(page.contains(head));

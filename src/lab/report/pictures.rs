@@ -13,17 +13,10 @@ const GAP: usize = 4;
 /// Writes photo | rendering | difference as one PNG. Both pictures are `[row][column]`, 0 to 1.
 ///
 /// Panics if their sizes are not `width * height`.
-pub fn comparison(
-    path: &Path,
-    [width, height]: [u32; 2],
-    photo: &[[f32; 3]],
-    rendering: &[[f32; 3]],
-) -> Result<()> {
+pub fn comparison(path: &Path, [width, height]: [u32; 2], photo: &[[f32; 3]], rendering: &[[f32; 3]]) -> Result<()> {
     let pixels = width as usize * height as usize;
     assert_eq!([photo.len(), rendering.len()], [pixels; 2], "image sizes");
-    let rows = photo
-        .chunks(width as usize)
-        .zip(rendering.chunks(width as usize));
+    let rows = photo.chunks(width as usize).zip(rendering.chunks(width as usize));
     let mut canvas = Vec::with_capacity(pixels * 3 + 2 * GAP * height as usize);
     for (photo, rendering) in rows {
         canvas.extend_from_slice(photo);
@@ -44,8 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_three_pictures_stand_side_by_side() -> std::result::Result<(), Box<dyn std::error::Error>>
-    {
+    fn the_three_pictures_stand_side_by_side() -> std::result::Result<(), Box<dyn std::error::Error>> {
         let dir = tempfile::tempdir()?;
         let path = dir.path().join("a.png");
         let photo = [[0.0; 3], [1.0; 3], [0.2, 0.4, 0.6], [0.5; 3]];

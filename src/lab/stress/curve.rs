@@ -20,8 +20,7 @@ fn draw(sweep: &Sweep, svg: &SvgArea<'_>) -> Result<()> {
     let y = Scale::of(points.iter().flat_map(|p| [p.measured, p.bound]), true);
     let titles = [sweep.parameter, sweep.quantity];
     let area = axes(svg, [8, 16, 44, 66], titles, [&x, &y])?;
-    let at =
-        |x_value: f64, y_value: f64| area.map_coordinate(&(x.place(x_value), y.place(y_value)));
+    let at = |x_value: f64, y_value: f64| area.map_coordinate(&(x.place(x_value), y.place(y_value)));
     let line = |of: fn(&SweepPoint) -> f64, style: ShapeStyle| {
         let places = points.iter().filter(|p| !of(p).is_nan());
         let places: Vec<(i32, i32)> = places.map(|p| at(p.x, of(p))).collect();

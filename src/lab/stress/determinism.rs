@@ -27,13 +27,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let drawn = other.render(&model, &cameras[0], &view)?;
     let changed = differing(&drawn, &first[0]);
     let what = "a second renderer, whose buffers have never held anything".into();
-    add(
-        lab,
-        "another renderer",
-        what,
-        changed,
-        "pixels that changed",
-    );
+    add(lab, "another renderer", what, changed, "pixels that changed");
     if lab.subject.is_made {
         // All depths differ, so that the splats' order does not matter.
         let backwards: Vec<usize> = (0..splats.len()).rev().collect();
@@ -43,10 +37,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         add(lab, "order of splats", what, changed, "pixels that changed");
     }
     let pair = ScenePair::of(lab.subject).thinned(2_000);
-    for (count, name) in [
-        (1, "a training step again"),
-        (20, "20 training steps again"),
-    ] {
+    for (count, name) in [(1, "a training step again"), (20, "20 training steps again")] {
         let run = |lab: &StressRun<'_>| steps(lab.gpu, &pair.drawn, &cameras[0], near, count);
         let (a, b) = (run(lab)?, run(lab)?);
         let what = format!("parameters and moments of {} splats", a.splat_count());
@@ -58,13 +49,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
 
 fn add(lab: &mut StressRun<'_>, name: &str, what: String, count: usize, unit: &'static str) {
     let pair = [count as f64, 0.0];
-    lab.add(StressCheck::at_most(
-        CheckGroup::Determinism,
-        name,
-        what,
-        pair,
-        unit,
-    ));
+    lab.add(StressCheck::at_most(CheckGroup::Determinism, name, what, pair, unit));
 }
 
 /// Numbers of the optimiser's state that differ in any bit.

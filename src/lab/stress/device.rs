@@ -138,10 +138,7 @@ fn functions(lab: &mut StressRun<'_>) -> Result<()> {
         };
         let each = arguments.iter().zip(found).map(share);
         // NaN must propagate.
-        let most = each.fold(
-            0.0,
-            |most: f64, s| if s > most || s.is_nan() { s } else { most },
-        );
+        let most = each.fold(0.0, |most: f64, s| if s > most || s.is_nan() { s } else { most });
         let what = format!(
             "{} arguments over its whole range, against the specification's precision",
             number(arguments.len() as f64)
@@ -195,15 +192,7 @@ fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
 
 /// Values of compositing and projection at the ends of their ranges.
 fn special_values(gpu: &Gpu) -> Result<StressCheck> {
-    let arguments = [
-        f32::NEG_INFINITY,
-        -1e30,
-        -200.0,
-        0.0,
-        200.0,
-        f32::INFINITY,
-        f32::NAN,
-    ];
+    let arguments = [f32::NEG_INFINITY, -1e30, -200.0, 0.0, 200.0, f32::INFINITY, f32::NAN];
     let found = computed(gpu, &arguments)?;
     let mut wrong = 0;
     for exponential in &found[..2] {
@@ -225,12 +214,7 @@ fn special_values(gpu: &Gpu) -> Result<StressCheck> {
         wrong += right.iter().filter(|right| !**right).count();
     }
     let what = "exp and exp2 of ±∞, −1e30, ±200, 0 and NaN are 0, 1, ∞ or NaN";
-    Ok(exactly(
-        "special values",
-        what.into(),
-        wrong,
-        "wrong values",
-    ))
+    Ok(exactly("special values", what.into(), wrong, "wrong values"))
 }
 
 /// Longest loop tested, in iterations: a fraction of a second on any device.
@@ -297,8 +281,7 @@ fn progress(gpu: &Gpu) -> Result<StressCheck> {
     };
     gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(GROUPS)))?;
     let expected = selftest::progress(GROUPS, choice.spec.workgroup, ROUNDS);
-    let wrong = wrong(&read(gpu, &counts)?, &vec![1; GROUPS as usize])
-        + wrong(&read(gpu, &found)?, &expected);
+    let wrong = wrong(&read(gpu, &counts)?, &vec![1; GROUPS as usize]) + wrong(&read(gpu, &found)?, &expected);
     let what = format!(
         "{} workgroups run once each, their lanes on unequal ways to common barriers; no kernel waits for another \
          workgroup",

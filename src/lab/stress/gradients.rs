@@ -45,10 +45,7 @@ impl ParameterErrors {
     fn at(&self, kind: usize, share: f64) -> f64 {
         let errors = &self.kinds[kind];
         let last = errors.len().saturating_sub(1);
-        errors
-            .get((last as f64 * share) as usize)
-            .copied()
-            .unwrap_or(f64::NAN)
+        errors.get((last as f64 * share) as usize).copied().unwrap_or(f64::NAN)
     }
 }
 
@@ -59,13 +56,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let unit = "relative";
     let what = "(1 − λ) L1 + λ (1 − SSIM) against the exact one";
     let pair_of = [errors.loss, 1e-5];
-    lab.add(StressCheck::at_most(
-        CheckGroup::Gradients,
-        "loss",
-        what,
-        pair_of,
-        unit,
-    ));
+    lab.add(StressCheck::at_most(CheckGroup::Gradients, "loss", what, pair_of, unit));
     for (kind, (name, _)) in KINDS.iter().enumerate() {
         for (share, bound, word) in [(0.5, BOUNDS[0], "median"), (0.99, BOUNDS[1], "99 %")] {
             let name = format!("{name}, {word}");
@@ -75,13 +66,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
                 pair.drawn.len()
             );
             let found = [errors.at(kind, share), bound];
-            lab.add(StressCheck::at_most(
-                CheckGroup::Gradients,
-                name,
-                what,
-                found,
-                unit,
-            ));
+            lab.add(StressCheck::at_most(CheckGroup::Gradients, name, what, found, unit));
         }
     }
     let step = if lab.plan.is_quick { 2 } else { 1 };
@@ -94,10 +79,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         points.push(SweepPoint {
             x: aspect,
             // NaN must propagate.
-            measured: worst.fold(
-                0.0,
-                |most: f64, e| if e > most || e.is_nan() { e } else { most },
-            ),
+            measured: worst.fold(0.0, |most: f64, e| if e > most || e.is_nan() { e } else { most }),
             bound: BOUNDS[1] + NEEDLE * aspect,
         });
     }
@@ -107,8 +89,10 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         parameter: "axes stretched apart by a factor of",
         is_log: true,
         quantity: "relative error, 99 %",
-        caption: "The 99th percentile of the kind of parameters that is worst. The bound grows by sixteen roundings of \
-                  a needle's length, in units of its width.".into(),
+        caption:
+            "The 99th percentile of the kind of parameters that is worst. The bound grows by sixteen roundings of \
+                  a needle's length, in units of its width."
+                .into(),
         points,
         thumbnails: Vec::new(),
     };
@@ -130,13 +114,10 @@ fn seen(lab: &StressRun<'_>, camera: &Camera) -> ScenePair {
         let depth = camera.view_from_world(place).z;
         let pixel = camera.pixel_from_world(place);
         let size = glam::DVec2::new(f64::from(camera.width), f64::from(camera.height));
-        depth > 2.0 * lab.subject.near
-            && pixel.is_some_and(|p| p.cmpge(glam::DVec2::ZERO).all() && p.cmplt(size).all())
+        depth > 2.0 * lab.subject.near && pixel.is_some_and(|p| p.cmpge(glam::DVec2::ZERO).all() && p.cmplt(size).all())
     };
     let splats = &lab.subject.splats;
-    let kept: Vec<usize> = (0..splats.len())
-        .filter(|&i| inside(&splats.mean[i]))
-        .collect();
+    let kept: Vec<usize> = (0..splats.len()).filter(|&i| inside(&splats.mean[i])).collect();
     ScenePair::of(lab.subject)
         .map(|splats: &Splats| splats.picked(&kept))
         .thinned(SPLATS)
@@ -176,9 +157,7 @@ fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<Param
 fn relative(pairs: &[(f64, f64)]) -> Vec<f64> {
     let square: f64 = pairs.iter().map(|(_, exact)| exact * exact).sum();
     let floor = SHARE * (square / pairs.len().max(1) as f64).sqrt();
-    let judged = pairs
-        .iter()
-        .filter(|(found, exact)| *exact != 0.0 || *found != 0.0);
+    let judged = pairs.iter().filter(|(found, exact)| *exact != 0.0 || *found != 0.0);
     let mut errors: Vec<f64> = judged
         .map(|(found, exact)| (found - exact).abs() / exact.abs().max(floor))
         .collect();

@@ -150,17 +150,11 @@ struct PixelError {
 impl StressRun<'_> {
     fn draw(&mut self, splats: &Splats, camera: &Camera, near: f64) -> Result<RenderedImage> {
         let model = Model::upload(self.gpu, splats)?;
-        self.renderer
-            .render(&model, camera, &view_options(splats, near))
+        self.renderer.render(&model, camera, &view_options(splats, near))
     }
 
     /// Draws a picture and compares a sample of its pixels with the reference.
-    fn look(
-        &mut self,
-        pair: &ScenePair,
-        camera: &Camera,
-        near: f64,
-    ) -> Result<(RenderedImage, PixelError)> {
+    fn look(&mut self, pair: &ScenePair, camera: &Camera, near: f64) -> Result<(RenderedImage, PixelError)> {
         let image = self.draw(&pair.drawn, camera, near)?;
         let pixels = spread(camera.width, camera.height, self.plan.pixels);
         let options = reference_options(&pair.exact, f64::from(near as f32));
@@ -220,9 +214,7 @@ fn differing(a: &RenderedImage, b: &RenderedImage) -> usize {
     };
     let same_size = (a.width, a.height) == (b.width, b.height);
     assert!(same_size, "pictures of one size are compared");
-    (0..a.rgb.len())
-        .filter(|&i| bits(a, i) != bits(b, i))
-        .count()
+    (0..a.rgb.len()).filter(|&i| bits(a, i) != bits(b, i)).count()
 }
 
 #[cfg(test)]

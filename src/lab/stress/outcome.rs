@@ -259,10 +259,7 @@ pub(crate) mod tests {
         assert_eq!(broken.outcome("of 1").measured, 2e-4);
         let none = sweep(&[[1.0, 1e-6, 1e-4], [10.0, f64::NAN, 1e-4], [1e2, 1.0, 2.0]]);
         assert!(!none.outcome("of 1").passed && none.outcome("of 1").measured.is_nan());
-        assert!(
-            !sweep(&[]).outcome("of 1").passed,
-            "nothing measured is no success"
-        );
+        assert!(!sweep(&[]).outcome("of 1").passed, "nothing measured is no success");
     }
 
     #[test]
@@ -270,13 +267,7 @@ pub(crate) mod tests {
         let stress = StressReport {
             facts: vec![("device".into(), "a device".into())],
             outcomes: vec![
-                StressCheck::at_most(
-                    CheckGroup::Device,
-                    "atomics",
-                    "…",
-                    [0.0, 0.0],
-                    "wrong counts",
-                ),
+                StressCheck::at_most(CheckGroup::Device, "atomics", "…", [0.0, 0.0], "wrong counts"),
                 StressCheck::at_least(CheckGroup::Device, "loops", "…", [65_535.0, 1e6], "turns"),
                 StressCheck::at_most(CheckGroup::Sizes, "1 × 1", "…", [f64::NAN, 1.0], "of 1"),
             ],

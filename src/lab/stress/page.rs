@@ -50,11 +50,7 @@ pub fn html(report: &StressReport) -> Result<String> {
         if outcomes.is_empty() {
             continue;
         }
-        body += &format!(
-            "<h2>{}</h2>\n<p>{}</p>\n",
-            group.title(),
-            introduction(group)
-        );
+        body += &format!("<h2>{}</h2>\n<p>{}</p>\n", group.title(), introduction(group));
         body += &table(&outcomes);
         for sweep in sweeps {
             body += &drawn(sweep)?;
@@ -145,13 +141,7 @@ mod tests {
         StressReport {
             facts: vec![("scene".into(), "a<b".into())],
             outcomes: vec![
-                StressCheck::at_most(
-                    CheckGroup::Device,
-                    "atomics",
-                    "x",
-                    [0.0, 0.0],
-                    "wrong counts",
-                ),
+                StressCheck::at_most(CheckGroup::Device, "atomics", "x", [0.0, 0.0], "wrong counts"),
                 sweep.outcome("of the colour range"),
             ],
             sweeps: vec![sweep],

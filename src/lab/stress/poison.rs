@@ -56,9 +56,7 @@ fn set(splats: &mut Splats, splat: usize, slot: usize, value: f32) {
 fn poisoned(splats: &Splats, slots: Range<usize>, values: &[f32]) -> Splats {
     let count = splats.len();
     let copies = slots.len() * values.len();
-    let order: Vec<usize> = (0..count)
-        .chain((0..copies).map(|i| i * 7919 % count))
-        .collect();
+    let order: Vec<usize> = (0..count).chain((0..copies).map(|i| i * 7919 % count)).collect();
     let mut more = splats.picked(&order);
     let all = slots.flat_map(|slot| values.iter().map(move |&value| (slot, value)));
     for (i, (slot, value)) in all.enumerate() {
@@ -97,17 +95,8 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
             count => format!("each of {count} slots"),
         };
         let what = format!("NaN and ±∞ in {place}, one splat each");
-        add(
-            lab,
-            format!("{kind}: no number"),
-            what,
-            worst[0],
-            "pixels that changed",
-        );
-        let what = format!(
-            "{} finite numbers in {place}, one splat each",
-            EXTREME.len()
-        );
+        add(lab, format!("{kind}: no number"), what, worst[0], "pixels that changed");
+        let what = format!("{} finite numbers in {place}, one splat each", EXTREME.len());
         add(
             lab,
             format!("{kind}: extreme numbers"),
@@ -151,15 +140,8 @@ fn learning(lab: &mut StressRun<'_>, camera: &Camera) -> Result<()> {
     let splats = &pair.drawn;
     let all = 0..11 + splats.sh_stride();
     let clean = step(lab.gpu, splats, camera, lab.subject.near)?;
-    let none = step(
-        lab.gpu,
-        &poisoned(splats, all.clone(), &NONE),
-        camera,
-        lab.subject.near,
-    )?;
-    let changed = (0..splats.len())
-        .filter(|&i| bits(&clean, i) != bits(&none, i))
-        .count();
+    let none = step(lab.gpu, &poisoned(splats, all.clone(), &NONE), camera, lab.subject.near)?;
+    let changed = (0..splats.len()).filter(|&i| bits(&clean, i) != bits(&none, i)).count();
     let moved = (splats.len()..none.splat_count())
         .filter(|&i| none.row(i).iter().any(|d| *d != 0.0))
         .count();
@@ -179,12 +161,7 @@ fn learning(lab: &mut StressRun<'_>, camera: &Camera) -> Result<()> {
         moved,
         "splats with a gradient",
     );
-    let extreme = step(
-        lab.gpu,
-        &poisoned(splats, all, &EXTREME),
-        camera,
-        lab.subject.near,
-    )?;
+    let extreme = step(lab.gpu, &poisoned(splats, all, &EXTREME), camera, lab.subject.near)?;
     let broken = extreme.moments_not_finite();
     let what = "finite numbers at the ends of the range in every slot: the optimiser's moments stay finite";
     add(

@@ -11,9 +11,7 @@ type SceneEdit = fn(&mut Splats, &Camera);
 
 /// Name, expectation and edit of each degenerate scene.
 const SCENES: [(&str, &str, SceneEdit); 13] = [
-    ("no splats", "nothing but background", |s, _| {
-        *s = s.picked(&[])
-    }),
+    ("no splats", "nothing but background", |s, _| *s = s.picked(&[])),
     ("one splat", "one alone", |s, _| *s = s.picked(&[0])),
     (
         "one place",
@@ -23,13 +21,9 @@ const SCENES: [(&str, &str, SceneEdit); 13] = [
             s.mean.fill(middle);
         },
     ),
-    (
-        "one splat, many times",
-        "300 copies of one splat",
-        |s, _| {
-            *s = s.picked(&[0; 300]);
-        },
-    ),
+    ("one splat, many times", "300 copies of one splat", |s, _| {
+        *s = s.picked(&[0; 300]);
+    }),
     (
         "one plane",
         "all splats at one depth, where rounding decides which come first",
@@ -43,19 +37,11 @@ const SCENES: [(&str, &str, SceneEdit); 13] = [
             }
         },
     ),
-    (
-        "at the camera",
-        "a splat at the camera's very centre",
-        |s, camera| {
-            s.mean[0] = camera.position.as_vec3().to_array();
-        },
-    ),
-    ("transparent", "opacities of 4e-18", |s, _| {
-        s.opacity_logit.fill(-40.0)
+    ("at the camera", "a splat at the camera's very centre", |s, camera| {
+        s.mean[0] = camera.position.as_vec3().to_array();
     }),
-    ("opaque", "opacities of 1 − 4e-18", |s, _| {
-        s.opacity_logit.fill(40.0)
-    }),
+    ("transparent", "opacities of 4e-18", |s, _| s.opacity_logit.fill(-40.0)),
+    ("opaque", "opacities of 1 − 4e-18", |s, _| s.opacity_logit.fill(40.0)),
     ("points", "standard deviations of 1e-26", |s, _| {
         s.log_scale.fill([-60.0; 3])
     }),
@@ -84,39 +70,26 @@ const SCENES: [(&str, &str, SceneEdit); 13] = [
 type CameraEdit = fn(&Camera, DVec3) -> Camera;
 
 const CAMERAS: [(&str, &str, CameraEdit); 9] = [
-    (
-        "looking away",
-        "everything lies behind the camera",
-        |c, target| c.look_at(c.position, 2.0 * c.position - target, DVec3::NEG_Y),
-    ),
-    (
-        "in the midst",
-        "the camera stands where it looked at",
-        |c, target| Camera {
-            position: target,
-            ..*c
-        },
-    ),
-    (
-        "from very far",
-        "a thousand times the distance",
-        |c, target| Camera {
-            position: target + (c.position - target) * 1e3,
-            ..*c
-        },
-    ),
+    ("looking away", "everything lies behind the camera", |c, target| {
+        c.look_at(c.position, 2.0 * c.position - target, DVec3::NEG_Y)
+    }),
+    ("in the midst", "the camera stands where it looked at", |c, target| {
+        Camera { position: target, ..*c }
+    }),
+    ("from very far", "a thousand times the distance", |c, target| Camera {
+        position: target + (c.position - target) * 1e3,
+        ..*c
+    }),
     ("very wide", "a field of view of 179°", |c, _| Camera {
         focal: c.focal * (0.0087 * 0.5 * f64::from(c.width) / c.focal.x),
         ..*c
     }),
-    (
-        "very narrow",
-        "a field of view of a hundredth of a degree",
-        |c, _| Camera {
+    ("very narrow", "a field of view of a hundredth of a degree", |c, _| {
+        Camera {
             focal: c.focal * (f64::from(c.width) / (1.745e-4 * c.focal.x)),
             ..*c
-        },
-    ),
+        }
+    }),
     (
         "unequal focal lengths",
         "pixels a hundred times as high as wide",
@@ -179,21 +152,9 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     Ok(())
 }
 
-fn check(
-    lab: &mut StressRun<'_>,
-    name: &str,
-    what: &str,
-    pair: &ScenePair,
-    camera: &Camera,
-) -> Result<Thumbnail> {
+fn check(lab: &mut StressRun<'_>, name: &str, what: &str, pair: &ScenePair, camera: &Camera) -> Result<Thumbnail> {
     let (image, compared) = lab.look(pair, camera, lab.subject.near)?;
     let errors = [compared.measured, compared.bound];
-    lab.add(StressCheck::at_most(
-        CheckGroup::Scenes,
-        name,
-        what,
-        errors,
-        OF_RANGE,
-    ));
+    lab.add(StressCheck::at_most(CheckGroup::Scenes, name, what, errors, OF_RANGE));
     Ok(thumbnail(name, &image))
 }

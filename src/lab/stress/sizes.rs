@@ -54,13 +54,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
             true => format!("{} of its pixels", lab.plan.pixels),
             false => "all its pixels".into(),
         };
-        lab.add(StressCheck::at_most(
-            CheckGroup::Sizes,
-            &name,
-            what,
-            errors,
-            OF_RANGE,
-        ));
+        lab.add(StressCheck::at_most(CheckGroup::Sizes, &name, what, errors, OF_RANGE));
         points.push(SweepPoint {
             x: f64::from(width.max(height)),
             measured: compared.measured,

@@ -94,13 +94,7 @@ pub(super) fn step(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64) -> Re
 }
 
 /// `count` steps; the gradient is the last one's.
-pub(super) fn steps(
-    gpu: &Gpu,
-    splats: &Splats,
-    camera: &Camera,
-    near: f64,
-    count: u32,
-) -> Result<StepResult> {
+pub(super) fn steps(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64, count: u32) -> Result<StepResult> {
     let config = config(splats);
     let lambda = f64::from(config.lambda_dssim);
     let dataset = dataset(camera, near, &config);

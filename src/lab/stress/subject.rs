@@ -142,9 +142,7 @@ fn push(splats: &mut Splats, disc: &Disc, random: &mut Random) {
         .log_scale
         .push([spread[0], spread[1], (0.15 * disc.size).ln() as f32]);
     splats.opacity_logit.push(random.between(1.0, 4.0) as f32);
-    splats
-        .sh
-        .extend(disc.color.map(|c| (c as f32 - 0.5) / SH_C0));
+    splats.sh.extend(disc.color.map(|c| (c as f32 - 0.5) / SH_C0));
     for _ in 3..splats.sh_stride() {
         splats.sh.push(random.between(-0.08, 0.08) as f32);
     }
@@ -189,10 +187,7 @@ fn still_life() -> Splats {
     for i in 0..360 {
         let (column, row) = (f64::from(i % 20), f64::from(i / 20));
         let jitter = [0; 2].map(|_| random.between(-0.03, 0.03));
-        let (x, z) = (
-            column * 0.18 - 1.71 + jitter[0],
-            row * 0.2 - 1.7 + jitter[1],
-        );
+        let (x, z) = (column * 0.18 - 1.71 + jitter[0], row * 0.2 - 1.7 + jitter[1]);
         let is_light = ((x * 2.0).floor() + (z * 2.0).floor()).rem_euclid(2.0) == 0.0;
         let shade = if is_light { 0.85 } else { 0.25 };
         let disc = Disc {

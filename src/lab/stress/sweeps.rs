@@ -143,9 +143,7 @@ fn approach(lab: &mut StressRun<'_>) -> Result<()> {
         parameter: "distance from what is looked at, of the first view's",
         is_log: true,
         quantity: "error, of 1",
-        caption:
-            "Splats pass by the camera at any distance; the near plane is a thousandth of the way."
-                .into(),
+        caption: "Splats pass by the camera at any distance; the near plane is a thousandth of the way.".into(),
         points,
         thumbnails,
     };

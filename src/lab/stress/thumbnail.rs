@@ -21,11 +21,7 @@ impl Thumbnail {
     /// Thumbnail of display-referred colours `[row][column]`, 0 to 1; large pictures are subsampled.
     ///
     /// Panics if there are not as many colours as pixels.
-    pub fn new(
-        label: impl Into<String>,
-        [width, height]: [u32; 2],
-        colors: &[[f32; 3]],
-    ) -> Thumbnail {
+    pub fn new(label: impl Into<String>, [width, height]: [u32; 2], colors: &[[f32; 3]]) -> Thumbnail {
         let pixels = width as usize * height as usize;
         assert_eq!(colors.len(), pixels, "as many colours as pixels");
         let step = width.max(height).div_ceil(SIDE_MAX) as usize;
@@ -50,9 +46,7 @@ fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for three in bytes.chunks(3) {
-        let bits = (0..3).fold(0, |bits, i| {
-            bits << 8 | u32::from(three.get(i).copied().unwrap_or(0))
-        });
+        let bits = (0..3).fold(0, |bits, i| bits << 8 | u32::from(three.get(i).copied().unwrap_or(0)));
         for i in 0..4 {
             match i <= three.len() {
                 true => text.push(char::from(DIGITS[(bits >> (18 - 6 * i) & 63) as usize])),

@@ -216,13 +216,7 @@ pub(crate) mod tests {
     use super::*;
 
     /// A run of a scene with these splats and decibels.
-    pub(crate) fn run(
-        scene: &str,
-        recipe: Recipe,
-        seed: u64,
-        splats: usize,
-        psnr: f64,
-    ) -> SurveyRun {
+    pub(crate) fn run(scene: &str, recipe: Recipe, seed: u64, splats: usize, psnr: f64) -> SurveyRun {
         SurveyRun {
             scene: scene.into(),
             recipe,

@@ -22,11 +22,7 @@ const COLUMNS: [Column; 9] = [
     ("SSIM", |run| run.ssim, 4),
     ("SH floats, %", |run| Some(100.0 * run.sh_share()), 0),
     ("file, MB", |run| Some(1e-6 * run.ply_bytes as f64), 2),
-    (
-        "device, MB",
-        |run| Some(1e-6 * run.device_bytes() as f64),
-        2,
-    ),
+    ("device, MB", |run| Some(1e-6 * run.device_bytes() as f64), 2),
     ("frame, ms", |run| Some(run.frame_ms), 2),
     ("training, s", |run| Some(run.train_seconds), 1),
     ("training, CPU s", |run| run.cpu_seconds, 1),
@@ -67,9 +63,7 @@ fn results(runs: &[SurveyRun]) -> String {
             if mine.is_empty() {
                 continue;
             }
-            let text = |found: Option<_>, digits| {
-                found.map_or("–".into(), |found| interval(&found, digits))
-            };
+            let text = |found: Option<_>, digits| found.map_or("–".into(), |found| interval(&found, digits));
             let mut cells = vec![scene.into(), recipe.title().into(), mine.len().to_string()];
             cells.extend(COLUMNS.map(|(_, value, digits)| text(mean(&mine, value), digits)));
             let others = runs.iter().filter(|run| run.recipe == Recipe::Fixed);

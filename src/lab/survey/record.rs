@@ -39,10 +39,7 @@ pub(super) mod list {
     use serde::ser::Error as _;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub(crate) fn serialize<T: Serialize, S: Serializer>(
-        values: &[T],
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<T: Serialize, S: Serializer>(values: &[T], serializer: S) -> Result<S::Ok, S::Error> {
         let text = serde_json::to_string(values).map_err(S::Error::custom)?;
         serializer.serialize_str(&text.trim_matches(['[', ']']).replace(',', " "))
     }

@@ -54,10 +54,7 @@ pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
         Recipe::FixedRates => at_rates_of(for_auto_count.rates, usual),
         Recipe::Parsimony | Recipe::ParsimonyAllSh => for_auto_count,
         Recipe::Mcmc => usual.with_strategy(StrategyKind::Mcmc),
-        Recipe::McmcRates => at_rates_of(
-            for_auto_count.rates,
-            usual.with_strategy(StrategyKind::Mcmc),
-        ),
+        Recipe::McmcRates => at_rates_of(for_auto_count.rates, usual.with_strategy(StrategyKind::Mcmc)),
     }
 }
 
@@ -66,8 +63,7 @@ pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
 pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
     let is_usual = |rates: Recipe, usual: Recipe| {
         // Rates that differ with few views differ with more, too.
-        let [rates, usual] =
-            [rates, usual].map(|recipe| config(recipe, iterations, usize::MAX).rates);
+        let [rates, usual] = [rates, usual].map(|recipe| config(recipe, iterations, usize::MAX).rates);
         rates == usual
     };
     let differs = |recipe: &Recipe| match recipe {
@@ -125,19 +121,12 @@ impl Task<'_> {
     ///
     /// # Errors
     /// Those of the device, of photographs that cannot be read, and of a folder that cannot be written to.
-    pub fn run(
-        &self,
-        gpu: &Gpu,
-        folder: &Path,
-        progress: &mut dyn FnMut(u32) -> bool,
-    ) -> Result<Option<SurveyRun>> {
+    pub fn run(&self, gpu: &Gpu, folder: &Path, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<SurveyRun>> {
         let mut evaluator = held_out(gpu, self.dataset)?;
         let Some(trained) = self.train(gpu, progress)? else {
             return Ok(None);
         };
-        let TrainingOutput {
-            splats, history, ..
-        } = &trained;
+        let TrainingOutput { splats, history, .. } = &trained;
         let score = MeanScore::of(&evaluator.scores(splats)?);
         let model = Model::upload(gpu, splats)?;
         let frame = frame_time(gpu, self.dataset, splats, &model)?;
@@ -160,20 +149,14 @@ impl Task<'_> {
             settled_from: history.as_ref().and_then(|history| history.settled_from),
             sh_lost_db: history.as_ref().and_then(|history| history.sh_lost_db),
             knee: law.map(|law| law.knee(self.gain_db)),
-            law: law.map_or(Vec::new(), |law| {
-                vec![law.limit_db, law.factor, law.exponent]
-            }),
+            law: law.map_or(Vec::new(), |law| vec![law.limit_db, law.factor, law.exponent]),
             point_splats: points.iter().map(|point| point[0]).collect(),
             point_db: points.iter().map(|point| point[1]).collect(),
             ..self.planned(gpu)
         }))
     }
 
-    fn train(
-        &self,
-        gpu: &Gpu,
-        progress: &mut dyn FnMut(u32) -> bool,
-    ) -> Result<Option<TrainingOutput>> {
+    fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<TrainingOutput>> {
         let mut run = AutoRun::new(gpu, self.dataset, self.config())?;
         let (start, clock) = (Instant::now(), CpuClock::now());
         if matches!(self.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
@@ -195,9 +178,7 @@ impl Task<'_> {
         Ok(Some(TrainingOutput {
             seconds: start.elapsed().as_secs_f64(),
             cpu_seconds: clock.elapsed_ns().map(|ns| 1e-9 * ns),
-            history: run
-                .controller()
-                .map(|controller| controller.history().clone()),
+            history: run.controller().map(|controller| controller.history().clone()),
             splats: run.splats()?,
         }))
     }
@@ -226,8 +207,7 @@ fn device_bytes(model: &Model) -> Vec<u64> {
     let mut bytes = vec![0; 4];
     for block in model.blocks.of(model.counts) {
         let index = model.splat_from_slot.get(block.index);
-        bytes[block.degree as usize] +=
-            model.params[block.index].bytes() + index.map_or(0, Buffer::bytes);
+        bytes[block.degree as usize] += model.params[block.index].bytes() + index.map_or(0, Buffer::bytes);
     }
     bytes
 }
@@ -238,8 +218,7 @@ mod tests {
 
     #[test]
     fn recipes_differ_in_their_own_constants_alone() {
-        let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] =
-            Recipe::ALL.map(|r| config(r, 2_000, 40));
+        let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] = Recipe::ALL.map(|r| config(r, 2_000, 40));
         assert_eq!(all_sh, for_auto_count);
         assert_eq!(fixed, TrainConfig::for_iterations(2_000));
         assert_eq!([rates.rates, mcmc_rates.rates], [for_auto_count.rates; 2]);

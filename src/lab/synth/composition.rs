@@ -25,13 +25,7 @@ pub enum Kind {
 
 impl Kind {
     /// All of them, simplest first.
-    pub const ALL: [Kind; 5] = [
-        Kind::Plane,
-        Kind::Sphere,
-        Kind::Solids,
-        Kind::Demo,
-        Kind::Intricate,
-    ];
+    pub const ALL: [Kind; 5] = [Kind::Plane, Kind::Sphere, Kind::Solids, Kind::Demo, Kind::Intricate];
 
     /// Name on command lines and in files.
     pub fn name(self) -> &'static str {
@@ -57,18 +51,11 @@ pub fn scene(kind: Kind) -> Scene {
 }
 
 fn plane() -> Scene {
-    let texture = Texture::ripples([0.55, 0.5, 0.45], 0.5, 0.3, 11).striped(
-        [1.0, 0.4, 0.0],
-        1.1,
-        [0.12, -0.05, 0.1],
-    );
+    let texture = Texture::ripples([0.55, 0.5, 0.45], 0.5, 0.3, 11).striped([1.0, 0.4, 0.0], 1.1, [0.12, -0.05, 0.1]);
     // Facing -y, towards the cameras.
     let upright = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
     Scene {
-        objects: vec![
-            Object::new(Shape::Rectangle(DVec2::splat(8.0)), Material::matt(texture))
-                .turned(upright),
-        ],
+        objects: vec![Object::new(Shape::Rectangle(DVec2::splat(8.0)), Material::matt(texture)).turned(upright)],
         rig: Rig {
             target: DVec3::ZERO,
             distance: 4.0,
@@ -102,16 +89,8 @@ fn stage() -> Object {
 
 fn solids() -> Scene {
     let ball = Texture::ripples([0.7, 0.35, 0.3], 0.4, 0.3, 2);
-    let block = Texture::ripples([0.35, 0.5, 0.7], 0.3, 0.3, 3).striped(
-        [0.0, 0.0, 1.0],
-        0.45,
-        [0.15, 0.15, 0.1],
-    );
-    let drum = Texture::ripples([0.4, 0.6, 0.35], 0.3, 0.3, 4).striped(
-        [0.7, 0.2, 1.0],
-        0.5,
-        [0.15, 0.1, 0.0],
-    );
+    let block = Texture::ripples([0.35, 0.5, 0.7], 0.3, 0.3, 3).striped([0.0, 0.0, 1.0], 0.45, [0.15, 0.15, 0.1]);
+    let drum = Texture::ripples([0.4, 0.6, 0.35], 0.3, 0.3, 4).striped([0.7, 0.2, 1.0], 0.5, [0.15, 0.1, 0.0]);
     let half = DVec3::new(0.45, 0.45, 0.6);
     let cylinder = Shape::Cylinder {
         radius: 0.45,
@@ -174,8 +153,7 @@ fn intricate() -> Scene {
     for i in 0..SHAPES {
         let size = random.between(0.07, 0.16);
         // Uniform over the disc, but for the middle with the knots.
-        let place = DVec2::from_angle(i as f64 * GOLDEN_ANGLE)
-            * (0.9 + 2.6 * (i as f64 / SHAPES as f64).sqrt());
+        let place = DVec2::from_angle(i as f64 * GOLDEN_ANGLE) * (0.9 + 2.6 * (i as f64 / SHAPES as f64).sqrt());
         let base = DVec3::splat(0.45) + 0.3 * random.direction();
         let texture = Texture::ripples(base.to_array(), 0.4, 0.1, 100 + i as u64).striped(
             random.direction().to_array(),
@@ -211,13 +189,8 @@ fn intricate() -> Scene {
 
 /// Two shining tubes, one within the other.
 fn knots() -> [Object; 2] {
-    let texture = |seed| {
-        Texture::ripples([0.6, 0.5, 0.35], 0.35, 0.14, seed).striped(
-            [0.3, 1.0, 0.5],
-            0.16,
-            [0.15, 0.1, 0.05],
-        )
-    };
+    let texture =
+        |seed| Texture::ripples([0.6, 0.5, 0.35], 0.35, 0.14, seed).striped([0.3, 1.0, 0.5], 0.16, [0.15, 0.1, 0.05]);
     [(0.45, 0.9, 41), (0.3, 1.5, 43)].map(|(size, height, seed)| {
         let tube = Shape::Mesh(MeshTree::new(&knot(0.2, 160, 16)));
         Object::new(tube, Material::glossy(texture(seed), 0.4, 12.0))

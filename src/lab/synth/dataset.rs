@@ -172,12 +172,7 @@ impl Scene {
         }
     }
 
-    fn point(
-        &self,
-        cameras: &[Camera],
-        options: &SynthOptions,
-        random: &mut KeyedRandom,
-    ) -> Option<Point> {
+    fn point(&self, cameras: &[Camera], options: &SynthOptions, random: &mut KeyedRandom) -> Option<Point> {
         let first = random.index(cameras.len());
         let camera = &cameras[first];
         let pixel = DVec2::new(random.uniform(), random.uniform());
@@ -189,9 +184,7 @@ impl Scene {
         let track = (0..cameras.len())
             .step_by(stride)
             .map(|i| &cameras[(first + i) % cameras.len()]);
-        let seen: Vec<DVec3> = track
-            .filter_map(|camera| self.seen(camera, position))
-            .collect();
+        let seen: Vec<DVec3> = track.filter_map(|camera| self.seen(camera, position)).collect();
         // The first camera sees it up to rounding.
         let color = seen.iter().sum::<DVec3>() / seen.len().max(1) as f64;
         let error = DVec3::from_array([(); 3].map(|()| random.normal())) * options.point_noise;

@@ -140,8 +140,7 @@ pub(super) fn shade(surface: &Surface<'_>, lamp: DVec3) -> Color {
     // A wide lamp lights a little beyond the terminator, without the edge of a small one.
     let facing = (0.5 + 0.5 * normal.dot(lamp)).powi(2);
     let sky = 0.7 + 0.3 * normal.z;
-    let light = surface.openness * AMBIENT * sky
-        + (0.5 + 0.5 * surface.openness) * (1.0 - AMBIENT) * facing;
+    let light = surface.openness * AMBIENT * sky + (0.5 + 0.5 * surface.openness) * (1.0 - AMBIENT) * facing;
     let mut color = light * material.texture.at(surface.local);
     if material.gloss > 0.0 {
         let mirrored = *incident - 2.0 * incident.dot(*normal) * *normal;

@@ -64,12 +64,7 @@ impl MeshTree {
         if count > 0 {
             split(&mut triangles, 0..count, &mut nodes);
         }
-        let radius = |t: &Triangle| {
-            t.corners
-                .map(|c| c.length())
-                .into_iter()
-                .fold(0.0, f64::max)
-        };
+        let radius = |t: &Triangle| t.corners.map(|c| c.length()).into_iter().fold(0.0, f64::max);
         let bounding_radius = triangles.iter().map(radius).fold(0.0, f64::max);
         MeshTree(Arc::new(MeshNodes {
             triangles,
@@ -84,9 +79,7 @@ impl MeshTree {
 
     /// The nearest triangle on the ray with a distance in `t_min..t_max`.
     pub(super) fn hit(&self, ray: &Ray, t_min: f64, t_max: f64) -> Option<Hit> {
-        let MeshNodes {
-            triangles, nodes, ..
-        } = &*self.0;
+        let MeshNodes { triangles, nodes, .. } = &*self.0;
         let inverse = ray.direction.recip();
         let mut nearest: Option<Hit> = None;
         // The tree's depth is logarithmic, as `split` halves.
@@ -137,10 +130,7 @@ fn split(triangles: &mut [Triangle], range: std::ops::Range<usize>, nodes: &mut 
 impl Node {
     /// True if the ray passes the box between the distances `t_min` and `t_max`.
     fn meets(&self, origin: DVec3, inverse: DVec3, t_min: f64, t_max: f64) -> bool {
-        let (t0, t1) = (
-            (self.low - origin) * inverse,
-            (self.high - origin) * inverse,
-        );
+        let (t0, t1) = ((self.low - origin) * inverse, (self.high - origin) * inverse);
         // f64::min and max ignore a NaN operand (0 · ∞), which keeps the box.
         let enter = (0..3).map(|i| t0[i].min(t1[i])).fold(t_min, f64::max);
         let leave = (0..3).map(|i| t0[i].max(t1[i])).fold(t_max, f64::min);

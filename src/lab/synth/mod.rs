@@ -83,10 +83,7 @@ impl Object {
 
     /// Sets the shading radius.
     pub fn shading(self, shading_radius: f64) -> Object {
-        Object {
-            shading_radius,
-            ..self
-        }
+        Object { shading_radius, ..self }
     }
 
     fn local_from_world(&self, point: DVec3) -> DVec3 {
@@ -98,9 +95,7 @@ impl Object {
         // Bounding spheres reject most rays.
         let away = self.position - ray.origin;
         let radius = self.scale * self.shape.bounding_radius();
-        if away.cross(ray.direction).length_squared()
-            > radius * radius * ray.direction.length_squared()
-        {
+        if away.cross(ray.direction).length_squared() > radius * radius * ray.direction.length_squared() {
             return None;
         }
         let local = Ray {
@@ -154,10 +149,7 @@ impl Scene {
         let mut nearest: Option<(usize, Hit)> = None;
         for (index, object) in self.objects.iter().enumerate() {
             let limit = nearest.map_or(t_max, |(_, hit)| hit.t);
-            nearest = object
-                .hit(ray, CLEARANCE, limit)
-                .map(|hit| (index, hit))
-                .or(nearest);
+            nearest = object.hit(ray, CLEARANCE, limit).map(|hit| (index, hit)).or(nearest);
         }
         nearest
     }
@@ -228,9 +220,7 @@ impl Scene {
         let background = DVec3::from(self.background);
         let over = |(color, covered): (Color, f64)| color + (1.0 - covered) * background;
         let pixels = self.coverage(camera, samples).into_iter();
-        pixels
-            .map(|pixel| over(pixel).as_vec3().to_array())
-            .collect()
+        pixels.map(|pixel| over(pixel).as_vec3().to_array()).collect()
     }
 
     /// An opaque photograph, `samples` × `samples` rays a pixel.
@@ -242,10 +232,7 @@ impl Scene {
     /// files).
     pub fn cutout(&self, camera: &Camera, samples: u32) -> Photo {
         let straight = |(color, covered): (Color, f64)| {
-            let [r, g, b] = (color / covered.max(1e-9))
-                .as_vec3()
-                .to_array()
-                .map(Photo::level);
+            let [r, g, b] = (color / covered.max(1e-9)).as_vec3().to_array().map(Photo::level);
             [r, g, b, Photo::level(covered as f32)]
         };
         let pixels = self.coverage(camera, samples).into_iter();

@@ -10,23 +10,17 @@ pub fn icosphere(levels: u32) -> Mesh {
     let g = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut positions: Vec<DVec3> = Vec::new();
     for (a, b) in [(-1.0, -g), (1.0, -g), (-1.0, g), (1.0, g)] {
-        let corners = [
-            DVec3::new(a, b, 0.0),
-            DVec3::new(0.0, a, b),
-            DVec3::new(b, 0.0, a),
-        ];
+        let corners = [DVec3::new(a, b, 0.0), DVec3::new(0.0, a, b), DVec3::new(b, 0.0, a)];
         positions.extend(corners.map(DVec3::normalize));
     }
     let mut triangles = hull(&positions);
     for _ in 0..levels {
         let mut middle_from_edge = HashMap::new();
         let mut middle = |a: u32, b: u32| {
-            *middle_from_edge
-                .entry((a.min(b), a.max(b)))
-                .or_insert_with(|| {
-                    positions.push((positions[a as usize] + positions[b as usize]).normalize());
-                    positions.len() as u32 - 1
-                })
+            *middle_from_edge.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                positions.push((positions[a as usize] + positions[b as usize]).normalize());
+                positions.len() as u32 - 1
+            })
         };
         let divide = |[a, b, c]: [u32; 3]| {
             let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));

@@ -23,10 +23,7 @@ pub fn save(dataset: &Dataset, dir: &Path) -> Result<()> {
             PhotoSource::Memory(photo) => save_photo(photo, &path)?,
             PhotoSource::Absent => {}
             PhotoSource::File { path, .. } => {
-                return Err(Error::file(
-                    path,
-                    "not in memory: only made data sets are saved",
-                ));
+                return Err(Error::file(path, "not in memory: only made data sets are saved"));
             }
         }
     }
@@ -51,11 +48,7 @@ fn save_photo(photo: &Photo, path: &Path) -> Result<()> {
     let (width, height) = (photo.width, photo.height);
     let opaque = photo.rgba.iter().all(|pixel| pixel[3] == 255);
     let written = if opaque {
-        let rgb: Vec<u8> = photo
-            .rgba
-            .iter()
-            .flat_map(|&[r, g, b, _]| [r, g, b])
-            .collect();
+        let rgb: Vec<u8> = photo.rgba.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
         image::save_buffer(path, &rgb, width, height, image::ColorType::Rgb8)
     } else {
         image::save_buffer(path, bytes, width, height, image::ColorType::Rgba8)
@@ -66,14 +59,7 @@ fn save_photo(photo: &Photo, path: &Path) -> Result<()> {
 fn frame(name: &str, camera: &Camera) -> serde_json::Value {
     // Columns: the camera's x, its y (up), its z (backward), its position, in the world.
     let axes = camera.rotation.transpose() * DMat3::from_diagonal([1.0, -1.0, -1.0].into());
-    let row = |i: usize| {
-        [
-            axes.x_axis[i],
-            axes.y_axis[i],
-            axes.z_axis[i],
-            camera.position[i],
-        ]
-    };
+    let row = |i: usize| [axes.x_axis[i], axes.y_axis[i], axes.z_axis[i], camera.position[i]];
     serde_json::json!({
         "file_path": name,
         "w": camera.width,
@@ -95,12 +81,7 @@ fn points_ply(points: &[Point]) -> Vec<u8> {
     )
     .into_bytes();
     for point in points {
-        bytes.extend(
-            point
-                .position
-                .iter()
-                .flat_map(|v| (*v as f32).to_le_bytes()),
-        );
+        bytes.extend(point.position.iter().flat_map(|v| (*v as f32).to_le_bytes()));
         bytes.extend(point.color.map(Photo::level));
     }
     bytes

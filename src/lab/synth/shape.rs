@@ -31,20 +31,19 @@ impl Shape {
     pub(super) fn hit(&self, ray: &Ray, t_min: f64, t_max: f64) -> Option<Hit> {
         let inside = |t: f64| t > t_min && t < t_max;
         match self {
-            Shape::Rectangle(half) => plane(ray, 0.0, DVec3::Z)
-                .filter(|hit| inside(hit.t) && ray.at(hit.t).xy().abs().cmple(*half).all()),
-            Shape::Disc(radius) => plane(ray, 0.0, DVec3::Z)
-                .filter(|hit| inside(hit.t) && ray.at(hit.t).xy().length() <= *radius),
+            Shape::Rectangle(half) => {
+                plane(ray, 0.0, DVec3::Z).filter(|hit| inside(hit.t) && ray.at(hit.t).xy().abs().cmple(*half).all())
+            }
+            Shape::Disc(radius) => {
+                plane(ray, 0.0, DVec3::Z).filter(|hit| inside(hit.t) && ray.at(hit.t).xy().length() <= *radius)
+            }
             Shape::Sphere(radius) => {
                 let roots = round(ray.origin, ray.direction, *radius)?;
                 let t = roots.into_iter().find(|&t| inside(t))?;
                 Some(Hit::new(t, ray.at(t) / *radius))
             }
             Shape::Cuboid(half) => cuboid(ray, *half, inside),
-            Shape::Cylinder {
-                radius,
-                half_height,
-            } => cylinder(ray, *radius, *half_height, inside),
+            Shape::Cylinder { radius, half_height } => cylinder(ray, *radius, *half_height, inside),
             Shape::Mesh(tree) => tree.hit(ray, t_min, t_max),
         }
     }
@@ -55,10 +54,7 @@ impl Shape {
             Shape::Rectangle(half) => half.length(),
             Shape::Disc(radius) | Shape::Sphere(radius) => *radius,
             Shape::Cuboid(half) => half.length(),
-            Shape::Cylinder {
-                radius,
-                half_height,
-            } => radius.hypot(*half_height),
+            Shape::Cylinder { radius, half_height } => radius.hypot(*half_height),
             Shape::Mesh(tree) => tree.bounding_radius(),
         }
     }

@@ -63,11 +63,7 @@ fn a_plane_has_its_closed_depth_and_normal() {
 fn a_sphere_has_its_closed_depth_and_normal() {
     let camera = camera(40, 30);
     let (center, radius) = (DVec3::new(0.1, 0.2, 0.0), 0.9);
-    let scene = only(
-        Object::new(Shape::Sphere(1.0), matt())
-            .scaled(radius)
-            .at(0.1, 0.2, 0.0),
-    );
+    let scene = only(Object::new(Shape::Sphere(1.0), matt()).scaled(radius).at(0.1, 0.2, 0.0));
     let (depth, normals) = (scene.depth(&camera), scene.normals(&camera));
     let mut met = 0;
     for ((ray, depth), normal) in rays(&camera).iter().zip(depth).zip(normals) {
@@ -78,10 +74,7 @@ fn a_sphere_has_its_closed_depth_and_normal() {
         if discriminant >= 0.0 {
             met += 1;
             let expected = (b - discriminant.sqrt()) / a;
-            assert!(
-                (f64::from(depth) - expected).abs() < 1e-5,
-                "{depth} {expected}"
-            );
+            assert!((f64::from(depth) - expected).abs() < 1e-5, "{depth} {expected}");
             let normal = DVec3::from(normal.map(f64::from));
             let expected = (camera.position + expected * *ray - center) / radius;
             assert!(normal.distance(expected) < 1e-5, "{normal} {expected}");
@@ -125,10 +118,7 @@ fn boxes_and_cylinders_have_the_depth_of_their_faces() {
     }
     .look_at(DVec3::new(5.0, 0.0, 0.0), DVec3::ZERO, DVec3::Z);
     let middle = 16 * 32 + 16;
-    let box_scene = only(Object::new(
-        Shape::Cuboid(DVec3::new(1.0, 0.5, 0.5)),
-        matt(),
-    ));
+    let box_scene = only(Object::new(Shape::Cuboid(DVec3::new(1.0, 0.5, 0.5)), matt()));
     assert!((box_scene.depth(&camera)[middle] - 4.0).abs() < 1e-6);
     assert_eq!(box_scene.normals(&camera)[middle], [1.0, 0.0, 0.0]);
     let drum = Shape::Cylinder {
@@ -199,9 +189,7 @@ fn points_lie_on_surfaces_and_have_their_colours() {
                 }
                 let ray = Scene::ray(&view.camera, pixel);
                 let depth = view.camera.view_from_world(position).z;
-                let met = scene
-                    .hit(&ray, f64::INFINITY)
-                    .map_or(f64::INFINITY, |(_, hit)| hit.t);
+                let met = scene.hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |(_, hit)| hit.t);
                 assert!(met < depth * 1.0001, "nothing is at {position}");
                 if met > depth * 0.9999 {
                     let PhotoSource::Memory(photo) = &view.photo else {
@@ -225,11 +213,7 @@ fn photographs_are_the_rounded_image_and_cutouts_have_its_alpha() {
     let (scene, options) = small(Kind::Sphere);
     let camera = scene.cameras(&options)[0];
     let photo = scene.photo(&camera, 2);
-    let rounded: Vec<[u8; 3]> = scene
-        .image(&camera, 2)
-        .iter()
-        .map(|c| c.map(Photo::level))
-        .collect();
+    let rounded: Vec<[u8; 3]> = scene.image(&camera, 2).iter().map(|c| c.map(Photo::level)).collect();
     let colors: Vec<[u8; 3]> = photo.rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
     assert_eq!(rounded, colors);
     assert!(photo.rgba.iter().all(|c| c[3] == 255));
@@ -237,10 +221,7 @@ fn photographs_are_the_rounded_image_and_cutouts_have_its_alpha() {
     for (cut, whole) in scene.cutout(&camera, 2).rgba.iter().zip(&photo.rgba) {
         for i in 0..3 {
             let over = f32::from(cut[i]) * f32::from(cut[3]) / 255.0;
-            assert!(
-                (over - f32::from(whole[i])).abs() <= 1.5,
-                "{cut:?} {whole:?}"
-            );
+            assert!((over - f32::from(whole[i])).abs() <= 1.5, "{cut:?} {whole:?}");
         }
     }
 }
@@ -256,13 +237,8 @@ fn highlights_move_with_the_view_and_matt_surfaces_do_not() {
                 direction: top - from,
             })
         };
-        let colors = [
-            color(DVec3::new(-0.5, -4.0, 3.0)),
-            color(DVec3::new(3.0, -3.0, 3.0)),
-        ];
-        let [Some(a), Some(b)] = colors else {
-            panic!("missed")
-        };
+        let colors = [color(DVec3::new(-0.5, -4.0, 3.0)), color(DVec3::new(3.0, -3.0, 3.0))];
+        let [Some(a), Some(b)] = colors else { panic!("missed") };
         (a - b).abs().max_element()
     };
     let plain = Texture::plain([0.4; 3]);
@@ -290,11 +266,11 @@ fn a_data_set_is_a_function_of_its_options() {
         point_noise: 0.02,
         ..options
     });
-    let squares = data.points.iter().zip(&noisy.points).map(|(a, b)| {
-        (0..3)
-            .map(|i| (a.position[i] - b.position[i]).powi(2))
-            .sum::<f64>()
-    });
+    let squares = data
+        .points
+        .iter()
+        .zip(&noisy.points)
+        .map(|(a, b)| (0..3).map(|i| (a.position[i] - b.position[i]).powi(2)).sum::<f64>());
     let deviation = (squares.sum::<f64>() / (3 * data.points.len()) as f64).sqrt();
     assert!((deviation - 0.02).abs() < 0.002, "{deviation}");
 }
@@ -319,10 +295,7 @@ fn a_scene_nobody_sees_ends_without_points() {
     let options = small(Kind::Plane).1;
     let data = Scene::default().dataset(&options);
     assert!(data.points.is_empty());
-    let none = scene(Kind::Plane).dataset(&SynthOptions {
-        views: 0,
-        ..options
-    });
+    let none = scene(Kind::Plane).dataset(&SynthOptions { views: 0, ..options });
     assert!(none.views.is_empty() && none.points.is_empty());
 }
 
@@ -339,8 +312,7 @@ fn a_saved_data_set_says_the_same() {
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     for (view, frame) in data.views.iter().zip(json["frames"].as_array().unwrap()) {
         let number = |value: &serde_json::Value| value.as_f64().unwrap();
-        let column =
-            |j: usize| DVec3::from([0, 1, 2].map(|i| number(&frame["transform_matrix"][i][j])));
+        let column = |j: usize| DVec3::from([0, 1, 2].map(|i| number(&frame["transform_matrix"][i][j])));
         // nerfstudio: x right, y up, z backward; here x right, y down, z forward.
         assert!(column(3).distance(view.camera.position) < 1e-12);
         assert!((column(0) - view.camera.rotation.row(0)).length() < 1e-12);

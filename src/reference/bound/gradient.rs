@@ -63,10 +63,7 @@ pub fn gradient_bounds(
     rounding: Rounding,
 ) -> GradientBounds {
     let is_scene = |s: &Approximations| s.color_error.is_empty() && s.stored.is_none();
-    assert!(
-        approximations.iter().all(is_scene),
-        "approximations draw another scene"
-    );
+    assert!(approximations.iter().all(is_scene), "approximations draw another scene");
     let screen = Screen::new(splats, camera, options);
     let job = Job {
         screen: &screen,
@@ -91,10 +88,7 @@ pub fn gradient_bounds(
     let by_parameters = |which: usize| {
         let row = |(splat, slopes): (usize, &Vec<[f64; 10]>)| -> Vec<f64> {
             let by_screen = by_screen(which, splat);
-            slopes
-                .iter()
-                .map(|slopes| entry(slopes, &by_screen))
-                .collect()
+            slopes.iter().map(|slopes| entry(slopes, &by_screen)).collect()
         };
         let rows: Vec<Vec<f64>> = slopes.iter().enumerate().map(row).collect();
         SplatGradients::from_rows(&rows)
@@ -104,10 +98,8 @@ pub fn gradient_bounds(
         let terms = by_screen(approximations.len() + 1, splat);
         let slope_terms = slope_terms(all, &view);
         let both = slopes.iter().zip(&slope_terms);
-        both.map(|(slopes, slope_terms)| {
-            entry(slopes, &off) + share_of_terms * entry(slope_terms, &terms)
-        })
-        .collect()
+        both.map(|(slopes, slope_terms)| entry(slopes, &off) + share_of_terms * entry(slope_terms, &terms))
+            .collect()
     };
     let paired: Vec<_> = slopes.iter().zip(&all).enumerate().collect();
     let rounded: Vec<Vec<f64>> = paired.into_par_iter().map(rounded).collect();
@@ -235,13 +227,7 @@ impl Job<'_> {
     }
 
     /// Adds the bound of the approximations.
-    fn add_saved(
-        &self,
-        stack: &Stack,
-        linear: &Linear,
-        approximations: &Approximations,
-        sums: &mut [[f64; ROW]],
-    ) {
+    fn add_saved(&self, stack: &Stack, linear: &Linear, approximations: &Approximations, sums: &mut [[f64; ROW]]) {
         let stop = approximations.transmittance_min * (1.0 + MARGIN);
         // Weight lost behind each slice, in weights of the exact frame.
         let mut lost = match stack.pixel.transmittance < stop {
@@ -268,8 +254,7 @@ impl Job<'_> {
             let exchanged = before_group * others * opened;
             let more = passes - slice.before + exchanged;
             let behind = linear.behind(slice, lost + linear.exchanged[i]);
-            let mut shape =
-                slice.alpha * (more * linear.steps[i] + passes * behind + exchanged * linear.range);
+            let mut shape = slice.alpha * (more * linear.steps[i] + passes * behind + exchanged * linear.range);
             let mut color = slice.alpha * more;
             if slice.before < stop || leaves_out(approximations, slice) {
                 shape = shape.max(slice.alpha * slice.before * linear.steps[i]);
@@ -295,13 +280,7 @@ impl Job<'_> {
     /// `terms` are the magnitudes of the summands, which multiply the rounding of the projection's derivatives. The
     /// device takes second moments of whitened residuals `e = W d` and transforms them back by `Wᵀ`; the terms of that
     /// are `|W|ᵀ |e|`, at most [`Slopes::scale`] by Cauchy–Schwarz, as `Σ⁻¹ = WᵀW`.
-    fn add_rounding(
-        &self,
-        stack: &Stack,
-        linear: &Linear,
-        sums: &mut [[f64; ROW]],
-        terms: &mut [[f64; ROW]],
-    ) {
+    fn add_rounding(&self, stack: &Stack, linear: &Linear, sums: &mut [[f64; ROW]], terms: &mut [[f64; ROW]]) {
         let share = self.rounding;
         let mut amplified: f64 = 0.0;
         for (slice, step) in stack.slices.iter().zip(&linear.steps) {

@@ -118,11 +118,7 @@ fn saved(stack: &Stack, approximations: &Approximations, stored: &StoredScreen) 
     // Transmittance with the drawn alphas; `least` is not negative.
     let (mut before, mut least) = (1.0, 1.0_f64);
     for slice in &stack.slices {
-        let off = approximations
-            .color_error
-            .get(slice.splat)
-            .copied()
-            .unwrap_or(0.0);
+        let off = approximations.color_error.get(slice.splat).copied().unwrap_or(0.0);
         saved.color += slice.alpha * slice.before * off;
         let alpha = match stored {
             None => slice.alpha,

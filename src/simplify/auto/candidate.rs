@@ -28,9 +28,8 @@ impl<'a> CountController<'a> {
         let (whole, splats) = (trainer.download()?, trainer.splats()?);
         let left = (whole.len() as f64 * (1.0 - self.history.share)).ceil() as usize;
         if let Some(merged) = self.merged(trainer, &splats, left) {
-            let [before, after] = [&splats, &merged].map(|scene| {
-                held_out::psnr_db(&mut self.held_out, scene, self.history.config.full_db)
-            });
+            let [before, after] = [&splats, &merged]
+                .map(|scene| held_out::psnr_db(&mut self.held_out, scene, self.history.config.full_db));
             let lost = mean(&differences(&after?, &before?));
             if lost
                 <= self.history.config.merge_cost

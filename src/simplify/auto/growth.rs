@@ -9,11 +9,7 @@ use crate::train::schedule::is_refine;
 use crate::train::{TrainConfig, Trainer};
 
 impl<'a> CountController<'a> {
-    pub(super) fn after_growth_step(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        iteration: u32,
-    ) -> Result<()> {
+    pub(super) fn after_growth_step(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let config = trainer.config();
         let is_last = iteration >= config.refine.until;
         // Evaluate just before a refinement: splats that it adds have not been fitted yet.
@@ -81,10 +77,7 @@ impl<'a> CountController<'a> {
         let looks: Vec<&HistoryEntry> = self.history.entries.iter().filter(is_look).collect();
         let is_enlarged = |entry: &&HistoryEntry| entry.act == Act::Enlarged;
         let from = looks.iter().rposition(is_enlarged).unwrap_or(0);
-        let before = looks[from..]
-            .iter()
-            .rev()
-            .nth(auto.growth_refinements as usize - 1)?;
+        let before = looks[from..].iter().rev().nth(auto.growth_refinements as usize - 1)?;
         let risen = differences(&before.psnr_db, &now.psnr_db);
         let added = steps_of_ten_percent(before.splats, now.splats).max(auto.growth_steps_min);
         let each: Vec<f64> = risen.iter().map(|d| d / added).collect();

@@ -62,10 +62,7 @@ pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 /// +0.97 dB, sphere −0.43 dB). With few training views (`views`), SH gains nothing (`2026-11-22-few-views.csv`) and
 /// keeps the published rate.
 pub fn for_auto_count(mut config: TrainConfig, views: usize) -> TrainConfig {
-    config.refine.until = config
-        .refine
-        .until
-        .min(config.auto.growth_until(config.iterations));
+    config.refine.until = config.refine.until.min(config.auto.growth_until(config.iterations));
     if config.iterations < config.auto.short_iterations {
         let (rates, factor) = (&mut config.rates, config.auto.short_rate_factor);
         rates.mean_start *= factor;
@@ -79,11 +76,7 @@ pub fn for_auto_count(mut config: TrainConfig, views: usize) -> TrainConfig {
 
 impl<'a> CountController<'a> {
     /// Starts the controller of a run at iteration 0. If `is_open`, the run may end on convergence.
-    pub fn begin(
-        trainer: &mut Trainer<'a>,
-        dataset: &'a Dataset,
-        is_open: bool,
-    ) -> Result<CountController<'a>> {
+    pub fn begin(trainer: &mut Trainer<'a>, dataset: &'a Dataset, is_open: bool) -> Result<CountController<'a>> {
         let config = &trainer.config().auto;
         let history = History {
             preference_db: config.preference_db,

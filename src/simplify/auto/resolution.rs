@@ -19,22 +19,14 @@ impl<'a> CountController<'a> {
         let (_, held) = split_views(self.dataset, &self.history.config);
         let background = view_options(trainer).background;
         self.history.lost_by_halving = lost_by_halving(self.dataset, &held, background)?;
-        let scores = held_out::psnr_db(
-            &mut self.held_out,
-            &trainer.splats()?,
-            self.history.config.full_db,
-        )?;
+        let scores = held_out::psnr_db(&mut self.held_out, &trainer.splats()?, self.history.config.full_db)?;
         self.history.is_half = true;
         self.history.is_half = !self.is_detail_missed(&scores);
         trainer.set_half_size(self.history.is_half)
     }
 
     /// Changes to full size before growth if due, checked as often as growth evaluates.
-    pub(super) fn after_first_steps(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        iteration: u32,
-    ) -> Result<()> {
+    pub(super) fn after_first_steps(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let every = trainer.config().refine.every;
         if !self.is_detail_hidden() || !(iteration + 1).is_multiple_of(every) {
             return Ok(());
@@ -65,7 +57,6 @@ impl<'a> CountController<'a> {
 
     /// Whether halving makes up a notable part of the error of a scene with `scores`, PSNR in decibels.
     pub(super) fn is_detail_missed(&self, scores: &[f64]) -> bool {
-        self.is_detail_hidden()
-            && self.history.lost_by_halving > self.history.config.half_size_missed * error(scores)
+        self.is_detail_hidden() && self.history.lost_by_halving > self.history.config.half_size_missed * error(scores)
     }
 }

@@ -9,11 +9,7 @@ use crate::stats::mean;
 use crate::train::{HostState, TrainConfig, Trainer};
 
 impl<'a> CountController<'a> {
-    pub(super) fn after_round_step(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        iteration: u32,
-    ) -> Result<()> {
+    pub(super) fn after_round_step(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let config = trainer.config();
         let steps = config.auto.round(config.iterations);
         let mut round = match self.history.round.take() {
@@ -30,11 +26,8 @@ impl<'a> CountController<'a> {
                 let without = (entry.splats, entry.psnr_db.clone());
                 let less = trainer.download()?;
                 if self.history.phase == Phase::Pruning && !round.is_without_sh {
-                    round.train_psnr_db = held_out::psnr_db(
-                        &mut self.trained,
-                        &trainer.splats()?,
-                        self.history.config.full_db,
-                    )?;
+                    round.train_psnr_db =
+                        held_out::psnr_db(&mut self.trained, &trainer.splats()?, self.history.config.full_db)?;
                 }
                 if is_surely_allowed(&self.history, &round, &without, whole.len()) {
                     entry.splats = whole.len();
@@ -75,11 +68,7 @@ impl<'a> CountController<'a> {
         if self.history.phase == Phase::Lowering {
             return self.end_lowering_round(trainer, entry, without);
         }
-        let own = held_out::psnr_db(
-            &mut self.trained,
-            &trainer.splats()?,
-            self.history.config.full_db,
-        )?;
+        let own = held_out::psnr_db(&mut self.trained, &trainer.splats()?, self.history.config.full_db)?;
         let own_lost = mean(&differences(&round.train_psnr_db, &own));
         self.judge_round(trainer, entry, (without, own_lost), less)
     }
@@ -116,12 +105,8 @@ impl<'a> CountController<'a> {
         }
         self.history.share = next_share(&self.history, cost, trainer.splat_count());
         let config = trainer.config();
-        let is_time = trainer.iteration() + config.auto.round(config.iterations)
-            > until(config, &less.degrees);
-        let least = self
-            .history
-            .knee()
-            .map_or(self.history.config.share_min, |_| tolerance);
+        let is_time = trainer.iteration() + config.auto.round(config.iterations) > until(config, &less.degrees);
+        let least = self.history.knee().map_or(self.history.config.share_min, |_| tolerance);
         if !is_time && self.history.share >= least {
             return self.begin_round(trainer);
         }
@@ -133,9 +118,7 @@ impl<'a> CountController<'a> {
     /// allowed, assuming that the worth of a tenth grows with the share. Without this, the final count would depend on
     /// where the last accepted round happened to end.
     fn take_some(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let nearly = self
-            .history
-            .nearly_allowed(self.history.config.partial_cost_max);
+        let nearly = self.history.nearly_allowed(self.history.config.partial_cost_max);
         let Some(share) = nearly.filter(|_| self.history.has_plateau()) else {
             return Ok(());
         };
@@ -192,15 +175,9 @@ impl<'a> CountController<'a> {
 
 /// Whether the reduced run is accepted for any result of the full run, so that the full run can be skipped: scores are
 /// capped at `full_db`, and with all splats they do not fall.
-fn is_surely_allowed(
-    history: &History,
-    round: &Round,
-    (left, psnr_db): &(usize, Vec<f64>),
-    splats: usize,
-) -> bool {
+fn is_surely_allowed(history: &History, round: &Round, (left, psnr_db): &(usize, Vec<f64>), splats: usize) -> bool {
     let (preference, config) = (history.preference_db, &history.config);
-    let [most_lost, most_own_lost] =
-        [psnr_db, &round.train_psnr_db].map(|psnr_db| config.short_of_full(psnr_db));
+    let [most_lost, most_own_lost] = [psnr_db, &round.train_psnr_db].map(|psnr_db| config.short_of_full(psnr_db));
     if round.is_without_sh {
         return !history.keeps_sh && most_lost <= config.sh_all_cost * preference;
     }
@@ -231,11 +208,9 @@ fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
     let Some(knee) = history.knee() else {
         return share_by_cost(history, cost_db);
     };
-    let most = history
-        .missed_share
-        .map_or(history.config.share_max, |missed| {
-            history.config.share_after_rejection * missed
-        });
+    let most = history.missed_share.map_or(history.config.share_max, |missed| {
+        history.config.share_after_rejection * missed
+    });
     (1.0 - knee / splats as f64).min(most)
 }
 
@@ -247,11 +222,7 @@ fn next_share(history: &History, cost_db: f64, splats: usize) -> f64 {
 fn share_by_cost(history: &History, cost_db: f64) -> f64 {
     let (share, relative) = (history.share, cost_db / history.preference_db);
     if relative > 1.0 {
-        return share
-            * relative
-                .sqrt()
-                .recip()
-                .clamp(0.5, history.config.share_after_rejection);
+        return share * relative.sqrt().recip().clamp(0.5, history.config.share_after_rejection);
     }
     let most = history
         .missed_share
@@ -294,23 +265,22 @@ mod tests {
             lost_db: 0.0,
             is_merged: false,
         };
-        let is_sure =
-            |before_db: f64, after_db: f64, train_psnr_db: f64, keeps_sh, is_without_sh| {
-                let history = History {
-                    preference_db: 0.1,
-                    phase: Phase::Pruning,
-                    keeps_sh,
-                    entries: vec![stopped(before_db)],
-                    ..History::default()
-                };
-                let round = Round {
-                    train_psnr_db: vec![train_psnr_db],
-                    is_without_sh,
-                    ..Round::default()
-                };
-                // A tenth of the splats is gone.
-                is_surely_allowed(&history, &round, &(1_000, vec![40.0, after_db]), 1_100)
+        let is_sure = |before_db: f64, after_db: f64, train_psnr_db: f64, keeps_sh, is_without_sh| {
+            let history = History {
+                preference_db: 0.1,
+                phase: Phase::Pruning,
+                keeps_sh,
+                entries: vec![stopped(before_db)],
+                ..History::default()
             };
+            let round = Round {
+                train_psnr_db: vec![train_psnr_db],
+                is_without_sh,
+                ..Round::default()
+            };
+            // A tenth of the splats is gone.
+            is_surely_allowed(&history, &round, &(1_000, vec![40.0, after_db]), 1_100)
+        };
         let is_round_sure = |before, after, own| is_sure(before, after, own, false, false);
         assert!(is_round_sure(40.0, 39.81, 40.0), "0.095 dB at most");
         assert!(!is_round_sure(40.0, 39.79, 40.0), "maybe 0.105 dB");

@@ -22,11 +22,7 @@ use crate::train::{HostState, Trainer};
 impl<'a> CountController<'a> {
     /// Starts a round without SH, if growth ended on a perfect result. Degrees that have not been trained yet go in any
     /// case.
-    pub(super) fn begin_round_without_sh(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        iteration: u32,
-    ) -> Result<()> {
+    pub(super) fn begin_round_without_sh(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let degree = sh_degree(trainer.config(), iteration);
         if degree < trainer.config().sh_degree && !self.history.keeps_sh {
             self.history.sh_lost_db = Some(0.0);
@@ -42,8 +38,7 @@ impl<'a> CountController<'a> {
         let at_once = held_out::psnr_db(&mut self.held_out, &less, self.history.config.full_db)?;
         let lost = mean(&differences(&at_once, self.history.psnr_db()));
         let config = &self.history.config;
-        let is_rejected_at_once =
-            lost > config.sh_all_cost_at_once * config.sh_all_cost * self.history.preference_db;
+        let is_rejected_at_once = lost > config.sh_all_cost_at_once * config.sh_all_cost * self.history.preference_db;
         let whole = trainer.download()?;
         let less = without(&whole, &degrees, &less);
         let round = match is_rejected_at_once {
@@ -61,13 +56,7 @@ impl<'a> CountController<'a> {
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
-        if self.could_go(
-            entry,
-            without,
-            self.history.config.sh_all_cost,
-            Act::Lowered,
-        ) && !self.history.keeps_sh
-        {
+        if self.could_go(entry, without, self.history.config.sh_all_cost, Act::Lowered) && !self.history.keeps_sh {
             trainer.replace(less)?;
         }
         self.begin_round(trainer)
@@ -89,12 +78,7 @@ impl<'a> CountController<'a> {
     }
 
     /// Removes SH coefficients with hardly any effect, if they are enough; returns whether it did.
-    fn take_unneeded(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        splats: &Splats,
-        fits: &Fits,
-    ) -> Result<bool> {
+    fn take_unneeded(&mut self, trainer: &mut Trainer<'a>, splats: &Splats, fits: &Fits) -> Result<bool> {
         // Scores capped at 40 dB would allow a loss down to that.
         let whole = held_out::psnr_db(&mut self.held_out, splats, f64::INFINITY)?;
         let mut found = None;
@@ -119,12 +103,7 @@ impl<'a> CountController<'a> {
     }
 
     /// Starts a round without `share` of the SH floats, if there is time and there are so many.
-    fn begin_share(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        share: f64,
-        (splats, fits): (&Splats, &Fits),
-    ) -> Result<()> {
+    fn begin_share(&mut self, trainer: &mut Trainer<'a>, share: f64, (splats, fits): (&Splats, &Fits)) -> Result<()> {
         let left = floats(trainer, 1.0 - share);
         if !has_time(trainer) || count(&degrees_used(splats)) <= left {
             return self.decide(trainer);
@@ -159,13 +138,7 @@ impl<'a> CountController<'a> {
 
     /// Whether the held-out views lose no more by the SH reduction than `preferences` times the preference; records the
     /// round, with `act` if so.
-    fn could_go(
-        &mut self,
-        mut entry: HistoryEntry,
-        without: (usize, Vec<f64>),
-        preferences: f64,
-        act: Act,
-    ) -> bool {
+    fn could_go(&mut self, mut entry: HistoryEntry, without: (usize, Vec<f64>), preferences: f64, act: Act) -> bool {
         let lost = mean(&differences(&without.1, &entry.psnr_db));
         let is_missed = lost > preferences * self.history.preference_db;
         entry.without = Some(without);
@@ -181,14 +154,9 @@ impl<'a> CountController<'a> {
     }
 
     /// Removes the SH share that a round found dispensable, once the last fit is far enough.
-    pub(super) fn after_last_fit_step(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        iteration: u32,
-    ) -> Result<()> {
+    pub(super) fn after_last_fit_step(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
         let config = trainer.config();
-        let left =
-            (f64::from(config.auto.last_fit(config.iterations)) * config.auto.sh_fit_left) as u32;
+        let left = (f64::from(config.auto.last_fit(config.iterations)) * config.auto.sh_fit_left) as u32;
         if iteration + left < self.history.end {
             return Ok(());
         }
@@ -213,10 +181,7 @@ impl<'a> CountController<'a> {
     /// Fits of lower SH degrees to the training views.
     fn fits(&self, trainer: &mut Trainer<'a>, splats: &Splats) -> Result<Fits> {
         let all = self.all();
-        let step = all
-            .len()
-            .div_ceil(self.history.config.sh_fit_views as usize)
-            .max(1);
+        let step = all.len().div_ceil(self.history.config.sh_fit_views as usize).max(1);
         let views: Vec<usize> = all.into_iter().step_by(step).collect();
         let seen = Survey::begin(&self.kernels, trainer, self.dataset)?.seen(&views)?;
         Ok(Fits::new(splats, &seen))
@@ -226,8 +191,7 @@ impl<'a> CountController<'a> {
 /// Whether there is time for one more round.
 fn has_time(trainer: &Trainer<'_>) -> bool {
     let config = trainer.config();
-    trainer.iteration() + config.auto.round(config.iterations)
-        <= config.auto.settle_by(config.iterations)
+    trainer.iteration() + config.auto.round(config.iterations) <= config.auto.settle_by(config.iterations)
 }
 
 /// `share` of the floats of full SH for all splats.

@@ -35,11 +35,7 @@ fn pass_options(trainer: &Trainer<'_>) -> PassOptions {
 }
 
 impl<'a> Survey<'a> {
-    pub(super) fn begin(
-        kernels: &Arc<Kernels>,
-        trainer: &mut Trainer<'_>,
-        dataset: &'a Dataset,
-    ) -> Result<Survey<'a>> {
+    pub(super) fn begin(kernels: &Arc<Kernels>, trainer: &mut Trainer<'_>, dataset: &'a Dataset) -> Result<Survey<'a>> {
         let (kernels, splats) = (kernels.clone(), trainer.splats()?);
         let options = pass_options(trainer);
         let weigher = ContributionPass::with(kernels, trainer.gpu(), &splats, options)?;
@@ -63,10 +59,7 @@ impl<'a> Survey<'a> {
         let seen = |&view: &usize| {
             let camera = self.dataset.views[view].camera;
             let found = self.weigher.removal_errors(&camera, None)?;
-            let weights = found
-                .iter()
-                .map(|removal_error| removal_error.weight)
-                .collect();
+            let weights = found.iter().map(|removal_error| removal_error.weight).collect();
             Ok(ViewWeights { camera, weights })
         };
         views.iter().map(seen).collect()
@@ -74,12 +67,7 @@ impl<'a> Survey<'a> {
 
     /// Share of each splat in the pixels' errors, relative to the mean splat's. At most `views_max` views are used;
     /// `turn` rotates them.
-    pub(super) fn errors(
-        &mut self,
-        views: &[usize],
-        views_max: usize,
-        turn: usize,
-    ) -> Result<Vec<f32>> {
+    pub(super) fn errors(&mut self, views: &[usize], views_max: usize, turn: usize) -> Result<Vec<f32>> {
         let step = views.len().div_ceil(views_max).max(1);
         let mut sums = vec![0.0; self.weigher.splat_count()];
         for &view in views.iter().skip(turn % step).step_by(step) {
@@ -97,11 +85,7 @@ impl<'a> Survey<'a> {
 
     fn judged(&mut self, view: &View) -> Result<Vec<RemovalError>> {
         let photo = io::photo::load(view)?;
-        let target = Target::new(
-            &photo,
-            self.dataset.alpha,
-            self.weigher.pass_options().background,
-        );
+        let target = Target::new(&photo, self.dataset.alpha, self.weigher.pass_options().background);
         let camera: Camera = view.camera;
         let errors = |planes: &[f32]| pixel_errors(planes, &target);
         self.weigher.removal_errors(&camera, Some(&errors))

@@ -87,10 +87,7 @@ mod tests {
         let largest = variances.max_element();
         let back = v * DMat3::from_diagonal(values) * v.transpose();
         let off = (back - m).to_cols_array().map(f64::abs);
-        assert!(
-            off.iter().all(|&x| x <= 1e-14 * largest),
-            "{variances}: {off:?}"
-        );
+        assert!(off.iter().all(|&x| x <= 1e-14 * largest), "{variances}: {off:?}");
         assert!((v.determinant() - 1.0).abs() < 1e-14, "{variances}: {v}");
         let mut found = values.to_array();
         let mut wanted = variances.to_array();
@@ -126,32 +123,21 @@ mod tests {
     /// Against quadrature over directions.
     #[test]
     fn a_mean_shadow_is_that_over_all_directions() {
-        for shape in [
-            [1.0, 1.0, 1.0],
-            [9.0, 4.0, 1.0],
-            [4.0, 4.0, 1e-6],
-            [100.0, 1.0, 1.0],
-        ] {
+        for shape in [[1.0, 1.0, 1.0], [9.0, 4.0, 1.0], [4.0, 4.0, 1e-6], [100.0, 1.0, 1.0]] {
             let [a, b, c] = shape;
             let (steps, mut sum) = (400, 0.0);
             for i in 0..steps {
                 let z = -1.0 + (2.0 * f64::from(i) + 1.0) / f64::from(steps);
                 for k in 0..steps {
                     let angle = std::f64::consts::TAU * f64::from(k) / f64::from(steps);
-                    let (x, y) = (
-                        (1.0 - z * z).sqrt() * angle.cos(),
-                        (1.0 - z * z).sqrt() * angle.sin(),
-                    );
+                    let (x, y) = ((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin());
                     // The projection along a unit vector u has the determinant uᵀ adj(Σ) u.
                     sum += (b * c * x * x + a * c * y * y + a * b * z * z).sqrt();
                 }
             }
             let mean = sum / f64::from(steps * steps);
             let shadow = mean_shadow(DVec3::from(shape));
-            assert!(
-                (shadow / mean - 1.0).abs() < 0.012,
-                "{shape:?}: {shadow}, {mean}"
-            );
+            assert!((shadow / mean - 1.0).abs() < 0.012, "{shape:?}: {shadow}, {mean}");
         }
     }
 }

@@ -59,11 +59,7 @@ pub(super) fn cost(
     let shares = [1.0 - joint.share, joint.share];
     let error = |axis: usize| {
         let [a, b] = [a_turned.shade(axis), b_turned.shade(axis)];
-        let part = |sign, shade, mixture| Part {
-            sign,
-            shade,
-            mixture,
-        };
+        let part = |sign, shade, mixture| Part { sign, shade, mixture };
         let parts = [
             part(1.0, a, [1.0, 0.0]),
             part(1.0, b, [0.0, 1.0]),
@@ -153,9 +149,7 @@ mod tests {
                 for k in -100..100 {
                     let at = [step * f64::from(i), step * f64::from(k)];
                     let [g, h, m] = shades.map(|s| s.value(at));
-                    let color = colors[0] * g + colors[1] * h
-                        - 0.5 * (colors[0] + colors[1]) * g * h
-                        - mean_color * m;
+                    let color = colors[0] * g + colors[1] * h - 0.5 * (colors[0] + colors[1]) * g * h - mean_color * m;
                     let cover = g + h - g * h - m;
                     sum += (color * color + cover * cover) * step * step * joint.views[axis];
                 }
@@ -164,10 +158,7 @@ mod tests {
         let wanted = sum / merged.pixel(ScreenFilter::Classic);
         let price = price(a, b, &tones(colors[0], colors[1]));
         let color = COLOR * TAU * merged.drawn.shadow * 0.25 / merged.pixel(ScreenFilter::Classic);
-        assert!(
-            (price - wanted - color).abs() < 1e-9 * wanted,
-            "{price}, {wanted}"
-        );
+        assert!((price - wanted - color).abs() < 1e-9 * wanted, "{price}, {wanted}");
     }
 
     #[test]

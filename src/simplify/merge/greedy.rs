@@ -72,9 +72,7 @@ impl MergeState {
         let filter = splats.filter;
         let stride = splats.sh_stride();
         let body = |i: usize| {
-            let finite = splats.sh[i * stride..][..stride]
-                .iter()
-                .all(|v| v.is_finite());
+            let finite = splats.sh[i * stride..][..stride].iter().all(|v| v.is_finite());
             MassGaussian::new(splats, i, rates[i], filter).filter(|_| finite)
         };
         let count = splats.len();
@@ -93,11 +91,7 @@ impl MergeState {
 
     /// Merges pairs until `count` splats are gone or no pair is left; returns how many went. `each` is called with the
     /// number gone so far; `None` if it returns false.
-    pub(super) fn run(
-        &mut self,
-        count: usize,
-        each: &mut dyn FnMut(usize) -> bool,
-    ) -> Option<usize> {
+    pub(super) fn run(&mut self, count: usize, each: &mut dyn FnMut(usize) -> bool) -> Option<usize> {
         let mut gone = 0;
         loop {
             let before = gone;
@@ -115,9 +109,7 @@ impl MergeState {
     fn look_around(&mut self) {
         let bodies = self.bodies.iter().enumerate();
         let there = bodies.filter_map(|(i, body)| body.as_ref().map(|body| (i as u32, body.mean)));
-        let (names, points): (Vec<u32>, Vec<[f32; 3]>) = there
-            .map(|(i, mean)| (i, mean.as_vec3().to_array()))
-            .unzip();
+        let (names, points): (Vec<u32>, Vec<[f32; 3]>) = there.map(|(i, mean)| (i, mean.as_vec3().to_array())).unzip();
         self.partners.iter_mut().for_each(Vec::clear);
         for (found, &of) in neighbors(&points, NEIGHBORS).into_iter().zip(&names) {
             for other in found.into_iter().map(|i| names[i as usize]) {
@@ -202,10 +194,7 @@ impl MergeState {
         };
         let stride = self.splats.sh_stride();
         let (before, after) = self.splats.sh.split_at_mut(j * stride);
-        for (mine, other) in before[i * stride..][..stride]
-            .iter_mut()
-            .zip(&after[..stride])
-        {
+        for (mine, other) in before[i * stride..][..stride].iter_mut().zip(&after[..stride]) {
             let (a, b) = (f64::from(*mine), f64::from(*other));
             *mine = (a + joint.share * (b - a)) as f32;
         }
@@ -261,11 +250,7 @@ impl MergeState {
 fn tone(splats: &Splats, i: usize, j: usize) -> f64 {
     let stride = splats.sh_stride();
     let c0 = f64::from(SH_C0);
-    let row = |i: usize| {
-        splats.sh[i * stride..][..stride]
-            .iter()
-            .map(|&v| f64::from(v))
-    };
+    let row = |i: usize| splats.sh[i * stride..][..stride].iter().map(|&v| f64::from(v));
     let constants = |i: usize| row(i).take(3).sum::<f64>();
     let product: f64 = row(i).zip(row(j)).map(|(a, b)| a * b).sum();
     1.0 + 3.0 * 0.25 + 0.5 * c0 * (constants(i) + constants(j)) + c0 * c0 * product

@@ -33,9 +33,8 @@ impl Joint {
         let offset = b.mean - a.mean;
         let (first, second) = (&a.drawn, &b.drawn);
         let share = b.mass / (a.mass + b.mass);
-        let mixture = first.covariance * (1.0 - share)
-            + second.covariance * share
-            + square(offset) * (share * (1.0 - share));
+        let mixture =
+            first.covariance * (1.0 - share) + second.covariance * share + square(offset) * (share * (1.0 - share));
         let (variances, axes) = axes(mixture);
         let variances = variances.max(DVec3::splat(a.filter_variance.min(b.filter_variance)));
         let inverse = variances.recip();
@@ -66,20 +65,14 @@ impl Joint {
 impl MassGaussian {
     /// Merged splat and overlap: the mass, mean and covariance of the mixture, and the opacity for that mass, or an
     /// opaque and larger splat if none suffices. `None` if a value leaves its range.
-    pub(super) fn merged(
-        &self,
-        other: &MassGaussian,
-        filter: ScreenFilter,
-    ) -> Option<(MassGaussian, Joint)> {
+    pub(super) fn merged(&self, other: &MassGaussian, filter: ScreenFilter) -> Option<(MassGaussian, Joint)> {
         let joint = Joint::of(self, other);
         let mass = self.mass + other.mass - joint.mass;
         let mix = |a: f64, b: f64| a + joint.share * (b - a);
         let filter_variance = mix(self.filter_variance, other.filter_variance);
         // Mean relative to this splat's.
         let mean = (other.mass * joint.offset - joint.mass * joint.common_offset) / mass;
-        let moment = |part: f64, covariance: DMat3, offset: DVec3| {
-            (covariance + square(offset - mean)) * (part / mass)
-        };
+        let moment = |part: f64, covariance: DMat3, offset: DVec3| (covariance + square(offset - mean)) * (part / mass);
         let without = DMat3::from_diagonal(DVec3::splat(filter_variance));
         let mut body = MassGaussian {
             mean: self.mean + mean,

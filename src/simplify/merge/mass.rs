@@ -33,12 +33,7 @@ pub(super) struct FilteredGaussian {
 impl MassGaussian {
     /// Splat `index`, seen at `rate` pixels per world unit; `None` without shape or mass, or with a value that is not
     /// finite.
-    pub(super) fn new(
-        splats: &Splats,
-        index: usize,
-        rate: f64,
-        filter: ScreenFilter,
-    ) -> Option<MassGaussian> {
+    pub(super) fn new(splats: &Splats, index: usize, rate: f64, filter: ScreenFilter) -> Option<MassGaussian> {
         let [w, x, y, z] = splats.quaternion[index].map(f64::from);
         let quaternion = DQuat::from_xyzw(x, y, z, w);
         let directed = quaternion.length() > f64::from(QUATERNION_MIN) && quaternion.is_finite();
@@ -73,15 +68,8 @@ impl MassGaussian {
     }
 
     pub(super) fn is_sound(&self) -> bool {
-        let positive = [
-            self.mass,
-            self.drawn.shadow,
-            self.drawn.amplitude,
-            self.filter_variance,
-        ];
-        positive.iter().all(|v| *v > 0.0 && v.is_finite())
-            && self.mean.is_finite()
-            && self.covariance.is_finite()
+        let positive = [self.mass, self.drawn.shadow, self.drawn.amplitude, self.filter_variance];
+        positive.iter().all(|v| *v > 0.0 && v.is_finite()) && self.mean.is_finite() && self.covariance.is_finite()
     }
 
     /// The Gaussian as drawn, at `mean`, in other axes.
@@ -137,12 +125,7 @@ mod tests {
     use crate::train::rng::{self, Stream};
 
     /// Scene of a single splat.
-    fn splat(
-        mean: [f32; 3],
-        quaternion: [f32; 4],
-        log_scale: [f32; 3],
-        opacity_logit: f32,
-    ) -> Splats {
+    fn splat(mean: [f32; 3], quaternion: [f32; 4], log_scale: [f32; 3], opacity_logit: f32) -> Splats {
         Splats {
             mean: vec![mean],
             quaternion: vec![quaternion],
@@ -204,16 +187,10 @@ mod tests {
                     // A few dozen roundings of numbers of this size: masses times squares of coordinates.
                     let size = (a.mass + b.mass) * (f64::from(spread) + 2.0).powi(order as i32);
                     let off = (found - wanted).to_cols_array().map(f64::abs);
-                    assert!(
-                        off.iter().all(|&x| x < 64.0 * f64::EPSILON * size),
-                        "{i}: {off:?}"
-                    );
+                    assert!(off.iter().all(|&x| x < 64.0 * f64::EPSILON * size), "{i}: {off:?}");
                 }
                 if !capped {
-                    assert!(
-                        joint.mass < 1e-3 * full,
-                        "so far apart they have nothing in common"
-                    );
+                    assert!(joint.mass < 1e-3 * full, "so far apart they have nothing in common");
                     assert!((joint.share - b.mass / full).abs() < 1e-3);
                 }
             }
@@ -225,20 +202,12 @@ mod tests {
     #[test]
     fn of_two_in_one_place_the_one_behind_is_covered() {
         for logit in [-3.0, 0.0, 1.0, 6.0] {
-            let one = splat(
-                [1.0, 2.0, 3.0],
-                [0.3, 0.1, -0.2, 0.9],
-                [-1.0, -1.5, -0.5],
-                logit,
-            );
+            let one = splat([1.0, 2.0, 3.0], [0.3, 0.1, -0.2, 0.9], [-1.0, -1.5, -0.5], logit);
             let body = MassGaussian::new(&one, 0, 1e6, ScreenFilter::Classic).unwrap();
             let (merged, joint) = body.merged(&body, ScreenFilter::Classic).unwrap();
             let alpha = body.opacity;
             let share = merged.mass / body.mass;
-            assert!(
-                (share - (2.0 - alpha / 2.0)).abs() < 1e-6,
-                "{alpha}: {share}"
-            );
+            assert!((share - (2.0 - alpha / 2.0)).abs() < 1e-6, "{alpha}: {share}");
             assert!((merged.mean - body.mean).length() < 1e-14);
             assert!((joint.share - 0.5).abs() < 1e-15);
             // A flatter top: wider than either, of the same shape.
@@ -262,8 +231,7 @@ mod tests {
             for other in [shape, other] {
                 let a = splat([0.1, 0.2, 0.3], [0.3, 0.1, -0.2, 0.9], shape, 2.0);
                 let b = splat([0.1, 0.21, 0.3], [0.3, 0.1, -0.2, 0.9], other, 20.0);
-                let [one, two] = [&a, &b]
-                    .map(|s| MassGaussian::new(s, 0, 100.0, ScreenFilter::Classic).unwrap());
+                let [one, two] = [&a, &b].map(|s| MassGaussian::new(s, 0, 100.0, ScreenFilter::Classic).unwrap());
                 let (merged, _) = one.merged(&two, ScreenFilter::Classic).unwrap();
                 let mut written = a.clone();
                 merged.store(&mut written, 0);
@@ -272,14 +240,9 @@ mod tests {
                 assert!((length - 1.0).abs() < 1e-6);
                 let read = MassGaussian::new(&written, 0, 100.0, ScreenFilter::Classic).unwrap();
                 let off = (read.covariance - merged.covariance).to_cols_array();
-                let largest = merged.covariance.col(0)[0]
-                    + merged.covariance.col(1)[1]
-                    + merged.covariance.col(2)[2];
+                let largest = merged.covariance.col(0)[0] + merged.covariance.col(1)[1] + merged.covariance.col(2)[2];
                 // Two roundings of 2⁻²⁴ of a logarithm of up to 20, four of a quaternion.
-                assert!(
-                    off.iter().all(|x| x.abs() < 1e-5 * largest),
-                    "{shape:?}: {off:?}"
-                );
+                assert!(off.iter().all(|x| x.abs() < 1e-5 * largest), "{shape:?}: {off:?}");
                 assert!((read.opacity - merged.opacity).abs() < 1e-5);
             }
         }

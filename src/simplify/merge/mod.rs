@@ -56,12 +56,7 @@ pub fn rates(splats: &Splats, cameras: &[Camera], near: f64) -> Vec<f64> {
 /// Merges neighbours until `share` of the splats is gone (0 to 1), or no pair is left. `rates` are those of [`rates`].
 /// Splats with a value that is not finite, a rate that is not positive, or without shape or mass are left alone. `each`
 /// is called with the number gone so far; `None` if it returns false.
-pub fn merge(
-    splats: &Splats,
-    rates: &[f64],
-    share: f64,
-    each: &mut dyn FnMut(usize) -> bool,
-) -> Option<MergeResult> {
+pub fn merge(splats: &Splats, rates: &[f64], share: f64, each: &mut dyn FnMut(usize) -> bool) -> Option<MergeResult> {
     assert_eq!(splats.len(), rates.len(), "a rate for every splat");
     let count = (share.clamp(0.0, 1.0) * splats.len() as f64).floor() as usize;
     let mut merging = MergeState::new(splats, rates);

@@ -68,11 +68,7 @@ impl Tree<'_> {
         nearest.offer(pivot, distance(pivot));
         let offset = query[axis] - f64::from(self.points[pivot as usize][axis]);
         let (left, right) = (&order[..middle], &order[middle + 1..]);
-        let (near, far) = if offset < 0.0 {
-            (left, right)
-        } else {
-            (right, left)
-        };
+        let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
         self.search(near, (axis + 1) % 3, nearest);
         // Strictly less: among many coincident points any `count` will do.
         if offset * offset < nearest.worst() {
@@ -96,10 +92,7 @@ mod tests {
             let found = neighbors(&points, 6);
             for (query, found) in found.iter().enumerate() {
                 let distance = |i: u32| {
-                    let (a, b) = (
-                        points[i as usize].map(f64::from),
-                        points[query].map(f64::from),
-                    );
+                    let (a, b) = (points[i as usize].map(f64::from), points[query].map(f64::from));
                     (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>()
                 };
                 let mut all: Vec<u32> = (0..size).filter(|&i| i as usize != query).collect();

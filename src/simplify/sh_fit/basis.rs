@@ -58,10 +58,7 @@ mod tests {
                 let band = &values[degree * degree..(degree + 1) * (degree + 1)];
                 let squares: f64 = band.iter().map(|value| value * value).sum();
                 let wanted = (2 * degree + 1) as f64 / (4.0 * std::f64::consts::PI);
-                assert!(
-                    (squares - wanted).abs() < 1e-12,
-                    "degree {degree}: {squares}"
-                );
+                assert!((squares - wanted).abs() < 1e-12, "degree {degree}: {squares}");
             }
         }
     }

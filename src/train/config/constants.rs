@@ -64,17 +64,11 @@ where
 {
     type Number = T::Number;
     fn check(&self, name: &str, range: RangeInclusive<T::Number>) -> Result<()> {
-        self.iter()
-            .try_for_each(|number| number.check(name, range.clone()))
+        self.iter().try_for_each(|number| number.check(name, range.clone()))
     }
 }
 
-fn check<T: PartialOrd + Display + Copy>(
-    value: T,
-    unbounded: T,
-    name: &str,
-    range: RangeInclusive<T>,
-) -> Result<()> {
+fn check<T: PartialOrd + Display + Copy>(value: T, unbounded: T, name: &str, range: RangeInclusive<T>) -> Result<()> {
     if range.contains(&value) {
         return Ok(());
     }

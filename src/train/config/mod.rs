@@ -11,9 +11,7 @@ mod retired;
 mod validate;
 
 pub use auto::AutoConfig;
-pub use groups::{
-    AdamConfig, AdcConfig, InitConfig, LearningRates, McmcConfig, MipConfig, RefineTimes,
-};
+pub use groups::{AdamConfig, AdcConfig, InitConfig, LearningRates, McmcConfig, MipConfig, RefineTimes};
 
 use crate::render::Accuracy;
 use crate::scene::ScreenFilter;

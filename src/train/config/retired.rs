@@ -5,10 +5,7 @@ use serde_json::{Value, json};
 
 /// Path of each retired constant, and its neutral value.
 fn retired() -> [(&'static str, Value); 2] {
-    [
-        ("/ssim_skipped", json!(0)),
-        ("/accuracy/sigma_max", Value::Null),
-    ]
+    [("/ssim_skipped", json!(0)), ("/accuracy/sigma_max", Value::Null)]
 }
 
 impl TrainConfig {
@@ -26,9 +23,7 @@ impl TrainConfig {
                 && value != neutral
             {
                 let name = path[1..].replace('/', ".");
-                return Err(format!(
-                    "{name} is {value}, and this version has no such constant"
-                ));
+                return Err(format!("{name} is {value}, and this version has no such constant"));
             }
         }
         serde_json::from_value(saved).map_err(|e| e.to_string())
@@ -46,9 +41,7 @@ mod tests {
             ..TrainConfig::default()
         };
         let mut saved = serde_json::to_value(&config).unwrap_or_default();
-        let mode = saved
-            .as_object_mut()
-            .and_then(|fields| fields.remove("mode"));
+        let mode = saved.as_object_mut().and_then(|fields| fields.remove("mode"));
         assert_eq!(mode, Some(json!("mip")));
         saved["filter"] = json!("mip");
         assert_eq!(TrainConfig::from_saved(saved), Ok(config));

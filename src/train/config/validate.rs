@@ -24,8 +24,7 @@ impl TrainConfig {
         }
         self.near_factor.check("near_factor", 1e-9..=1.0)?;
         self.photo_share.check("photo_share", 0.0..=1.0)?;
-        self.half_size_dilation
-            .check("half_size_dilation", 0.0..=1e3)?;
+        self.half_size_dilation.check("half_size_dilation", 0.0..=1e3)?;
         self.accuracy.validate()?;
         self.mip.check()?;
         self.rates.check()?;
@@ -90,11 +89,7 @@ mod tests {
         assert_eq!((mcmc.init.opacity, mcmc.init.scale_factor), (0.5, 0.1));
         let short = TrainConfig::for_iterations(2_000).with_strategy(StrategyKind::Mcmc);
         assert_eq!(short.init.scale_factor, 1.0);
-        assert!(
-            (short.mcmc.growth.powi(7) - 10.0).abs() < 0.1,
-            "{}",
-            short.mcmc.growth
-        );
+        assert!((short.mcmc.growth.powi(7) - 10.0).abs() < 0.1, "{}", short.mcmc.growth);
     }
 
     #[test]

@@ -91,12 +91,7 @@ mod tests {
     fn points_that_too_few_views_see_are_left_out() {
         let cameras = [camera(0.0), camera(3.0)];
         // Between them near and far, in front of one only, behind both.
-        let all = points([
-            [1.5, 0.0, 1.0],
-            [1.5, 0.0, 9.0],
-            [0.0, 0.0, 1.0],
-            [1.5, 0.0, -9.0],
-        ]);
+        let all = points([[1.5, 0.0, 1.0], [1.5, 0.0, 9.0], [0.0, 0.0, 1.0], [1.5, 0.0, -9.0]]);
         let left = |views| culled(&all, &cameras, &config(views, 0.0)).len();
         assert_eq!([left(0), left(1), left(2), left(3)], [4, 2, 1, 1]);
     }

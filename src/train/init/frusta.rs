@@ -10,13 +10,7 @@ use rayon::prelude::*;
 /// that the cameras look at or, if their axes do not meet, within the scene extent.
 ///
 /// Panics if there are no cameras.
-pub fn points_in_frusta(
-    cameras: &[Camera],
-    count: usize,
-    extent: f64,
-    seed: u64,
-    config: &InitConfig,
-) -> Vec<Point> {
+pub fn points_in_frusta(cameras: &[Camera], count: usize, extent: f64, seed: u64, config: &InitConfig) -> Vec<Point> {
     assert!(!cameras.is_empty(), "points in frusta need a camera");
     let depths: Vec<f64> = match focus(cameras) {
         Some(focus) => cameras.iter().map(|c| c.position.distance(focus)).collect(),
@@ -27,24 +21,14 @@ pub fn points_in_frusta(
     let point = |i: usize| {
         let (camera, depth) = (&cameras[i % cameras.len()], depths[i % cameras.len()]);
         let candidate = |draw: u32| {
-            let position = draw_position(
-                camera,
-                depth,
-                config.random_depths,
-                [seed, i as u64, draw.into()],
-            );
+            let position = draw_position(camera, depth, config.random_depths, [seed, i as u64, draw.into()]);
             let votes = voters.iter().filter(|c| sees(c, position)).count();
             (votes, position)
         };
         // The first of equals.
         let best = (1..config.random_candidates)
             .map(candidate)
-            .fold(
-                candidate(0),
-                |best, next| {
-                    if next.0 > best.0 { next } else { best }
-                },
-            );
+            .fold(candidate(0), |best, next| if next.0 > best.0 { next } else { best });
         Point {
             position: best.1.to_array(),
             color: [0.5; 3],
@@ -54,22 +38,15 @@ pub fn points_in_frusta(
 }
 
 /// Uniform over the picture, and over depth.
-fn draw_position(
-    camera: &Camera,
-    depth: f64,
-    [near, far]: [f64; 2],
-    [seed, index, draw]: [u64; 3],
-) -> DVec3 {
-    let [u, v, w, _] =
-        rng::uniform(seed, draw as u32, index as u32, Stream::RandomInit).map(f64::from);
+fn draw_position(camera: &Camera, depth: f64, [near, far]: [f64; 2], [seed, index, draw]: [u64; 3]) -> DVec3 {
+    let [u, v, w, _] = rng::uniform(seed, draw as u32, index as u32, Stream::RandomInit).map(f64::from);
     let pixel = DVec2::new(u * f64::from(camera.width), v * f64::from(camera.height));
     camera.position + camera.ray_from_pixel(pixel) * (depth * (near + (far - near) * w))
 }
 
 pub(super) fn sees(camera: &Camera, point: DVec3) -> bool {
     camera.pixel_from_world(point).is_some_and(|pixel| {
-        (0.0..f64::from(camera.width)).contains(&pixel.x)
-            && (0.0..f64::from(camera.height)).contains(&pixel.y)
+        (0.0..f64::from(camera.width)).contains(&pixel.x) && (0.0..f64::from(camera.height)).contains(&pixel.y)
     })
 }
 
@@ -93,10 +70,7 @@ mod tests {
     fn ring(target: DVec3) -> Vec<Camera> {
         let at = |i: u32| {
             let angle = f64::from(i) * 0.7;
-            camera(
-                DVec3::new(angle.cos() * 4.0, 1.0, angle.sin() * 4.0),
-                target,
-            )
+            camera(DVec3::new(angle.cos() * 4.0, 1.0, angle.sin() * 4.0), target)
         };
         (0..9).map(at).collect()
     }
@@ -106,10 +80,7 @@ mod tests {
         let cameras = ring(DVec3::ZERO);
         let points = points_in_frusta(&cameras, 500, 4.4, 1, &InitConfig::default());
         assert_eq!(points.len(), 500);
-        assert_eq!(
-            points,
-            points_in_frusta(&cameras, 500, 4.4, 1, &InitConfig::default())
-        );
+        assert_eq!(points, points_in_frusta(&cameras, 500, 4.4, 1, &InitConfig::default()));
         let votes = |p: &Point| {
             let position = DVec3::from(p.position);
             cameras.iter().filter(|c| sees(c, position)).count()
@@ -123,10 +94,6 @@ mod tests {
     fn a_lone_camera_uses_the_extent() {
         let one = [camera(DVec3::ZERO, DVec3::Z)];
         let points = points_in_frusta(&one, 100, 3.0, 1, &InitConfig::default());
-        assert!(
-            points
-                .iter()
-                .all(|p| (0.59..=6.01).contains(&p.position[2]))
-        );
+        assert!(points.iter().all(|p| (0.59..=6.01).contains(&p.position[2])));
     }
 }

@@ -38,10 +38,7 @@ pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> R
 /// finite.
 pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -> Splats {
     let points = subsample(points, config.splat_limit(), config.seed);
-    let positions: Vec<[f32; 3]> = points
-        .iter()
-        .map(|p| p.position.map(|x| x as f32))
-        .collect();
+    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position.map(|x| x as f32)).collect();
     let factor = f64::from(config.init.scale_factor);
     let log_scale = |distance: &f64| {
         let spacing = if *distance > 0.0 {
@@ -60,10 +57,7 @@ pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -
         }
     }
     Splats {
-        log_scale: mean_neighbor_distance(&positions)
-            .iter()
-            .map(log_scale)
-            .collect(),
+        log_scale: mean_neighbor_distance(&positions).iter().map(log_scale).collect(),
         quaternion: vec![[1.0, 0.0, 0.0, 0.0]; points.len()],
         opacity_logit: vec![logit(f64::from(config.init.opacity)) as f32; points.len()],
         mean: positions,
@@ -125,10 +119,7 @@ mod tests {
         ] {
             let splats = splats_from_points(&points(&set), 2.0, &config());
             assert_eq!(splats.len(), set.len());
-            let [least, most] = config()
-                .init
-                .scale_range
-                .map(|share| (share * 2.0).ln() as f32);
+            let [least, most] = config().init.scale_range.map(|share| (share * 2.0).ln() as f32);
             for scale in splats.log_scale.iter().flatten() {
                 assert!((least..=most).contains(scale), "{scale} of {set:?}");
             }

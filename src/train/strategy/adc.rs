@@ -21,12 +21,7 @@ enum AdcDecision {
 }
 
 impl Strategy for Adc {
-    fn refine(
-        &self,
-        state: &mut HostState,
-        stats: &[SplatStats],
-        context: RefineContext<'_>,
-    ) -> RefineReport {
+    fn refine(&self, state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport {
         assert_eq!(state.len(), stats.len(), "one statistic per splat");
         let fates = decide(state, stats, context);
         let mut rows = Vec::with_capacity(state.len() * 2);
@@ -86,18 +81,11 @@ fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -
     let mut fates: Vec<AdcDecision> = (0..state.len())
         .map(|row| prune_or_keep(state, row, stats[row], context))
         .collect();
-    let survivors = fates
-        .iter()
-        .filter(|&&fate| fate == AdcDecision::Keep)
-        .count();
+    let survivors = fates.iter().filter(|&&fate| fate == AdcDecision::Keep).count();
     let mut wanted: Vec<(f32, usize, AdcDecision)> = (0..state.len())
         .filter_map(|row| {
             let fate = grow(state, row, stats[row], fates[row], context)?;
-            Some((
-                weighed_gradient(stats[row], context.attraction(row)),
-                row,
-                fate,
-            ))
+            Some((weighed_gradient(stats[row], context.attraction(row)), row, fate))
         })
         .collect();
     wanted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -115,12 +103,7 @@ fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -
 }
 
 /// Whether a row is pruned in its current state.
-fn prune_or_keep(
-    state: &HostState,
-    row: usize,
-    stats: SplatStats,
-    context: RefineContext<'_>,
-) -> AdcDecision {
+fn prune_or_keep(state: &HostState, row: usize, stats: SplatStats, context: RefineContext<'_>) -> AdcDecision {
     let adc = &context.config.adc;
     let faint = is_faint(state, row, context);
     let seen_big = adc.prune_radius_px > 0.0 && stats[2] > adc.prune_radius_px;
@@ -296,8 +279,7 @@ mod tests {
         let stats = [QUIET, QUIET, wide];
         let pruned = |config: &TrainConfig, iteration| {
             let mut state = state_of(&sizes);
-            Adc.refine(&mut state, &stats, context(config, iteration))
-                .pruned
+            Adc.refine(&mut state, &stats, context(config, iteration)).pruned
         };
         assert_eq!(pruned(&config, 3_000), 0);
         assert_eq!(pruned(&config, 3_100), 1);

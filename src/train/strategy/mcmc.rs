@@ -12,12 +12,7 @@ use crate::train::state::{HostState, logit};
 pub struct Mcmc;
 
 impl Strategy for Mcmc {
-    fn refine(
-        &self,
-        state: &mut HostState,
-        stats: &[SplatStats],
-        context: RefineContext<'_>,
-    ) -> RefineReport {
+    fn refine(&self, state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport {
         assert_eq!(state.len(), stats.len(), "one statistic per splat");
         let least = f64::from(context.config.mcmc.min_opacity);
         let drawn = |row: usize| state.opacity(row) * state.smoothing_factor(row);
@@ -77,13 +72,7 @@ fn growth(count: usize, context: RefineContext<'_>) -> usize {
 }
 
 /// Rows after `guests` (moved, added) have joined each host; a host and its guests get equal shares.
-fn share(
-    state: &HostState,
-    guests: &[(u32, u32)],
-    live: &[bool],
-    drop_dead: bool,
-    least: f64,
-) -> Vec<Row> {
+fn share(state: &HostState, guests: &[(u32, u32)], live: &[bool], drop_dead: bool, least: f64) -> Vec<Row> {
     let mut rows = Vec::with_capacity(state.len());
     for (row, &(moved, added)) in guests.iter().enumerate() {
         if drop_dead && !live[row] {
@@ -127,9 +116,7 @@ impl Weights {
             };
             total
         });
-        Weights {
-            up_to: up_to.collect(),
-        }
+        Weights { up_to: up_to.collect() }
     }
 
     fn total(&self) -> u64 {
@@ -169,9 +156,7 @@ mod tests {
 
     /// −ln of the transmittance through all splats, as if coincident.
     fn depth(state: &HostState) -> f64 {
-        (0..state.len())
-            .map(|row| -(-state.opacity(row)).ln_1p())
-            .sum()
+        (0..state.len()).map(|row| -(-state.opacity(row)).ln_1p()).sum()
     }
 
     #[test]
@@ -191,9 +176,7 @@ mod tests {
     fn growth_keeps_opacity_and_stops_at_the_cap() {
         let mut state = state_of(&[(0.8, 0.1); 100]);
         let before = depth(&state);
-        let counts: Vec<usize> = (0..4)
-            .map(|_| refine(&mut state, &config(112)).count)
-            .collect();
+        let counts: Vec<usize> = (0..4).map(|_| refine(&mut state, &config(112)).count).collect();
         assert_eq!(counts, [105, 110, 112, 112]);
         assert!((depth(&state) / before - 1.0).abs() < 1e-5);
     }

@@ -69,12 +69,7 @@ pub trait Strategy: Send + Sync {
     /// Afterwards rows are in Morton order, untouched rows keep their moments, and new or moved ones have none.
     ///
     /// Panics if `stats` and the state differ in length.
-    fn refine(
-        &self,
-        state: &mut HostState,
-        stats: &[SplatStats],
-        context: RefineContext<'_>,
-    ) -> RefineReport;
+    fn refine(&self, state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport;
 }
 
 /// The strategy of a kind.

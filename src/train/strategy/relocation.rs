@@ -75,10 +75,7 @@ mod tests {
                     .map(|alpha| -(f64::from(copies) * (-alpha).ln_1p()).exp_m1() * step)
                     .sum();
                 let single = opacity * std::f64::consts::TAU.sqrt();
-                assert!(
-                    (line * factor / single - 1.0).abs() < 1e-8,
-                    "{opacity} {copies}"
-                );
+                assert!((line * factor / single - 1.0).abs() < 1e-8, "{opacity} {copies}");
             }
         }
     }

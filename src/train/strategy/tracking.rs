@@ -48,10 +48,7 @@ fn check(before: &HostState, after: &HostState) {
             assert_eq!([after.m[plane][row], after.v[plane][row]], wanted);
         }
         if untouched {
-            assert!(
-                !std::mem::replace(&mut seen[source], true),
-                "a row was doubled"
-            );
+            assert!(!std::mem::replace(&mut seen[source], true), "a row was doubled");
             for plane in 0..after.params.len() {
                 assert_eq!(after.params[plane][row], before.params[plane][source]);
             }

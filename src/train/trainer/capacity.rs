@@ -4,9 +4,7 @@
 use super::Trainer;
 use crate::gpu::{Gpu, TRANSFER_BYTES};
 use crate::layout::COUNT_ISECT_WANTED;
-use crate::render::{
-    BandReplay, ByDegree, Capacity, DepthBands, Outputs, Scratch, Slots, list_limit, total,
-};
+use crate::render::{BandReplay, ByDegree, Capacity, DepthBands, Outputs, Scratch, Slots, list_limit, total};
 use crate::train::backward::Gradients;
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
@@ -60,8 +58,7 @@ impl Trainer<'_> {
     /// Maximum number of splats of the run, if known: see [`splats_expected`].
     pub fn splats_expected(&self) -> Option<usize> {
         let most = DeviceState::splat_limit(&self.gpu, self.config.sh_degree);
-        let is_capped =
-            self.config.strategy == StrategyKind::Mcmc || self.config.splat_limit() < most;
+        let is_capped = self.config.strategy == StrategyKind::Mcmc || self.config.splat_limit() < most;
         is_capped
             .then(|| splats_expected(&self.config, self.splat_count()))
             .flatten()
@@ -121,8 +118,7 @@ impl Trainer<'_> {
             ..self.scratch.capacity
         };
         let (filter, sh_degree) = (self.state.model.filter, state.sh_degree);
-        let bytes =
-            |room, capacity| total(&DeviceState::needs(room)) + total(&step_needs(capacity));
+        let bytes = |room, capacity| total(&DeviceState::needs(room)) + total(&step_needs(capacity));
         let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
         let plane = (16 * count).min(TRANSFER_BYTES) as u64;
         let counts = Slots::of(&state.degrees).counts;

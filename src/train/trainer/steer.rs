@@ -41,8 +41,7 @@ impl Trainer<'_> {
 
     /// Restores the statistics from [`Trainer::statistics`] when a run is resumed.
     pub fn set_statistics(&mut self, statistics: &[[f32; 4]]) -> Result<()> {
-        self.gpu
-            .upload(&self.state.buffers.statistics, 0, statistics)
+        self.gpu.upload(&self.state.buffers.statistics, 0, statistics)
     }
 
     /// Sets each splat's share in the pixels' errors, relative to the mean splat's, for the next refinement.
@@ -75,10 +74,7 @@ impl Trainer<'_> {
     /// Returns to the state after an earlier iteration.
     pub fn go_back(&mut self, state: &HostState, iteration: u32) -> Result<()> {
         self.replace(state)?;
-        assert!(
-            iteration <= self.iteration,
-            "only what has been can be gone back to"
-        );
+        assert!(iteration <= self.iteration, "only what has been can be gone back to");
         self.iteration = iteration;
         Ok(())
     }

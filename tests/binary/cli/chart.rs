@@ -7,18 +7,8 @@ use std::fs;
 fn a_chart_is_one_page_with_its_numbers_and_every_bound_kept() {
     let folder = folder();
     let out = folder.path().join("chart");
-    let csv = stdout(&[
-        "chart",
-        "--quick",
-        "--csv",
-        "--out",
-        word(&out),
-        "--validate",
-    ]);
-    assert_eq!(
-        fs::read_to_string(out.join("chart.csv")).unwrap_or_default(),
-        csv
-    );
+    let csv = stdout(&["chart", "--quick", "--csv", "--out", word(&out), "--validate"]);
+    assert_eq!(fs::read_to_string(out.join("chart.csv")).unwrap_or_default(), csv);
     let mut lines = csv.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
@@ -43,10 +33,7 @@ fn a_chart_is_one_page_with_its_numbers_and_every_bound_kept() {
         coarse = coarse.max(error);
         fine = fine.min(error);
     }
-    assert!(
-        coarse > 2.0 * fine,
-        "every setting errs alike: {fine} to {coarse}"
-    );
+    assert!(coarse > 2.0 * fine, "every setting errs alike: {fine} to {coarse}");
     for chart in ["rendering", "gradients", "training"] {
         assert!(
             rows.iter().any(|row| row[0] == chart && row[3] == "yes"),

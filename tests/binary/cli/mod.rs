@@ -59,8 +59,7 @@ fn read_json(path: &Path) -> Value {
 }
 
 fn word(path: &Path) -> &str {
-    path.to_str()
-        .unwrap_or_else(|| panic!("{path:?} is no text"))
+    path.to_str().unwrap_or_else(|| panic!("{path:?} is no text"))
 }
 
 fn folder() -> TempDir {
@@ -87,12 +86,7 @@ fn data() -> &'static Path {
             .map_err(ashfall::Error::io(&path))
             .and_then(|()| synth::save(&dataset, &path))
             .unwrap_or_else(|e| panic!("{e}"));
-        assert!(
-            dataset
-                .views
-                .iter()
-                .all(|v| matches!(v.photo, PhotoSource::Memory(_)))
-        );
+        assert!(dataset.views.iter().all(|v| matches!(v.photo, PhotoSource::Memory(_))));
         (folder, path)
     });
     path
@@ -115,9 +109,7 @@ fn train<'a>(data: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 #[test]
 fn help_teaches_and_mistakes_are_told_apart() {
     let help = stdout(&["--help"]);
-    for command in [
-        "train", "render", "eval", "prune", "info", "demo", "chart", "needs",
-    ] {
+    for command in ["train", "render", "eval", "prune", "info", "demo", "chart", "needs"] {
         assert!(help.contains(&format!("\n  {command}")), "{help}");
         let own = stdout(&[command, "--help"]);
         assert!(own.lines().count() > 10, "{own}");
@@ -125,17 +117,10 @@ fn help_teaches_and_mistakes_are_told_apart() {
     assert!(help.contains("Examples:"));
     assert_eq!(run(&["train"]).status.code(), Some(2));
     assert_eq!(
-        run(&["render", "x.ply", "--out", "x", "--orbit", "0"])
-            .status
-            .code(),
+        run(&["render", "x.ply", "--out", "x", "--orbit", "0"]).status.code(),
         Some(2)
     );
-    assert_eq!(
-        run(&["train", "--resume", "a", "--seed", "1"])
-            .status
-            .code(),
-        Some(2)
-    );
+    assert_eq!(run(&["train", "--resume", "a", "--seed", "1"]).status.code(), Some(2));
 }
 
 #[test]
@@ -170,25 +155,13 @@ fn info_describes_devices_and_data_sets() {
         devices["devices"].as_array().is_some_and(|d| !d.is_empty()),
         "{devices}"
     );
-    assert!(
-        devices["chosen"]["variants"]["rasterize"].is_string(),
-        "{devices}"
-    );
+    assert!(devices["chosen"]["variants"]["rasterize"].is_string(), "{devices}");
     let named = ashfall(&["info", "--json"])
         .env("ASHFALL_DEVICE", "no such device")
         .output();
     assert_eq!(named.map(|o| o.status.code()).unwrap_or(None), Some(1));
-    let found = json(&stdout(&[
-        "info",
-        word(data()),
-        "--json",
-        "--downscale",
-        "2",
-    ]));
-    assert_eq!(
-        (&found["views"], &found["test_views"]),
-        (&12.into(), &2.into())
-    );
+    let found = json(&stdout(&["info", word(data()), "--json", "--downscale", "2"]));
+    assert_eq!((&found["views"], &found["test_views"]), (&12.into(), &2.into()));
     assert_eq!(found["points"], 300);
     assert_eq!(found["sizes"], json("[[23, 17]]"));
 }
@@ -203,38 +176,19 @@ fn a_scene_is_trained_judged_and_drawn() {
     let lines = stdout(&train(data, word(&run_dir), &more));
     let events: Vec<Value> = lines.lines().map(json).collect();
     let names = |name: &str| events.iter().filter(|e| e["event"] == name).count();
-    assert_eq!(
-        (names("start"), names("test"), names("done")),
-        (1, 1, 1),
-        "{lines}"
-    );
+    assert_eq!((names("start"), names("test"), names("done")), (1, 1, 1), "{lines}");
     assert!(names("step") >= 60, "{lines}");
 
     let report = read_json(&run_dir.join("report.json"));
     check_report(&report);
-    for name in [
-        "scene.ply",
-        "checkpoint",
-        "run.json",
-        "test/images_0000.png",
-    ] {
+    for name in ["scene.ply", "checkpoint", "run.json", "test/images_0000.png"] {
         assert!(run_dir.join(name).is_file(), "{name}");
     }
 
     let scene = run_dir.join("scene.ply");
     let scene = word(&scene);
-    let scores = json(&stdout(&[
-        "eval",
-        scene,
-        data,
-        "--test-every",
-        "4",
-        "--json",
-    ]));
-    assert_eq!(
-        scores["mean"], report["test"],
-        "the file is what was judged"
-    );
+    let scores = json(&stdout(&["eval", scene, data, "--test-every", "4", "--json"]));
+    assert_eq!(scores["mean"], report["test"], "the file is what was judged");
     assert_eq!(scores["views"].as_array().map(Vec::len), Some(3));
     assert!(stdout(&["eval", scene, data]).contains("mean:"));
     assert_eq!(
@@ -247,14 +201,7 @@ fn a_scene_is_trained_judged_and_drawn() {
     let draw = ["render", scene, "--cameras", data, "--out", word(&frames)];
     stdout(&[&draw[..], &split].concat());
     stdout(&[&draw[..], &["--orbit", "2"]].concat());
-    stdout(&[
-        "render",
-        scene,
-        "--orbit",
-        "1",
-        "--out",
-        word(&path("around")),
-    ]);
+    stdout(&["render", scene, "--orbit", "1", "--out", word(&path("around"))]);
     // Rendering by the rules of the 3DGS code gives another picture.
     let theirs = path("theirs");
     let draw = ["render", scene, "--orbit", "1", "--out", word(&theirs)];
@@ -278,15 +225,8 @@ fn check_report(report: &Value) {
         value.unwrap_or_else(|| panic!("{pointer} is no number in {report:#}"))
     };
     assert_eq!((number("/iterations"), number("/seed")), (60.0, 0.0));
-    assert_eq!(
-        (&report["strategy"], number("/sh_degree")),
-        (&"adc".into(), 3.0)
-    );
-    assert!(
-        report["device"]
-            .as_str()
-            .is_some_and(|name| !name.is_empty())
-    );
+    assert_eq!((&report["strategy"], number("/sh_degree")), (&"adc".into(), 3.0));
+    assert!(report["device"].as_str().is_some_and(|name| !name.is_empty()));
     assert!(number("/splat_count") > 300.0, "refinement adds splats");
     assert!(number("/train_seconds") > 0.0 && number("/memory_peak_bytes") > 1e5);
     let memory = |name: &str| number(&format!("/memory/{name}"));
@@ -302,10 +242,7 @@ fn check_report(report: &Value) {
     let history = report["history"].as_array().cloned().unwrap_or_default();
     assert_eq!(history.len(), 60);
     for field in ["iteration", "seconds", "splat_count", "loss", "psnr_db"] {
-        assert!(
-            history.iter().all(|entry| entry[field].is_number()),
-            "{field}"
-        );
+        assert!(history.iter().all(|entry| entry[field].is_number()), "{field}");
     }
     assert!(history[29]["test"]["psnr_db"].is_number());
     assert!(number("/loss") < history[0]["loss"].as_f64().unwrap_or_default());
@@ -318,14 +255,7 @@ fn equal_seeds_give_equal_bytes_also_when_stopped_and_resumed() {
     for (strategy, mode, signal) in [("adc", "default", "-KILL"), ("mcmc", "mip", "-INT")] {
         let path = |name: &str| folder.path().join(format!("{strategy}_{name}"));
         let (whole, parts, other) = (path("whole"), path("parts"), path("other"));
-        let kind = [
-            "--strategy",
-            strategy,
-            "--mode",
-            mode,
-            "--max-splats",
-            "500",
-        ];
+        let kind = ["--strategy", strategy, "--mode", mode, "--max-splats", "500"];
         let more = [&kind[..], &["--checkpoint-every", "1"]].concat();
         stdout(&train(data, word(&whole), &more));
         stop(&train(data, word(&parts), &more), &parts, signal);
@@ -336,14 +266,8 @@ fn equal_seeds_give_equal_bytes_also_when_stopped_and_resumed() {
         stdout(&train(data, word(&other), &seed));
         let bytes = |dir: &Path| fs::read(dir.join("scene.ply")).unwrap_or_default();
         assert!(!bytes(&whole).is_empty());
-        assert!(
-            bytes(&whole) == bytes(&parts),
-            "{strategy}: resumed differs"
-        );
-        assert!(
-            bytes(&whole) != bytes(&other),
-            "{strategy}: the seed does nothing"
-        );
+        assert!(bytes(&whole) == bytes(&parts), "{strategy}: resumed differs");
+        assert!(bytes(&whole) != bytes(&other), "{strategy}: the seed does nothing");
         check_mode(&parts, mode);
     }
 }
@@ -353,10 +277,7 @@ fn equal_seeds_give_equal_bytes_also_when_stopped_and_resumed() {
 fn check_mode(dir: &Path, mode: &str) {
     let (scene, report) = (dir.join("scene.ply"), read_json(&dir.join("report.json")));
     assert_eq!(report["config"]["mode"], mode);
-    assert_eq!(
-        json(&stdout(&["info", word(&scene), "--json"]))["mode"],
-        mode
-    );
+    assert_eq!(json(&stdout(&["info", word(&scene), "--json"]))["mode"], mode);
     let scores = json(&stdout(&["eval", word(&scene), word(data()), "--json"]));
     assert_eq!(scores["mean"], report["test"], "{mode}: judged otherwise");
 }
@@ -378,18 +299,10 @@ fn stop(arguments: &[&str], dir: &Path, signal: &str) {
         assert!(!over, "the run ended before it could be stopped");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-    let sent = Command::new("kill")
-        .args([signal, &child.id().to_string()])
-        .status();
-    assert!(
-        sent.is_ok_and(|status| status.success()),
-        "cannot send {signal}"
-    );
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status();
+    assert!(sent.is_ok_and(|status| status.success()), "cannot send {signal}");
     let status = child.wait().unwrap_or_else(|e| panic!("cannot wait: {e}"));
     let expected = (signal == "-INT").then_some(130);
     assert_eq!(status.code(), expected, "{signal}");
-    assert!(
-        !dir.join("scene.ply").exists(),
-        "stopped too late to test anything"
-    );
+    assert!(!dir.join("scene.ply").exists(), "stopped too late to test anything");
 }

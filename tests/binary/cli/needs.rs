@@ -21,10 +21,7 @@ fn every_run_is_written_down_drawn_and_not_run_again() {
     let (out, filed) = (folder.path().join("needs"), folder.path().join("filed.csv"));
     let data = word(data());
     let recipes = ["--recipes", "fixed,parsimony,mcmc"];
-    let first = survey(
-        &out,
-        &[&[data, "--seeds", "1", "--validate"], &recipes[..]].concat(),
-    );
+    let first = survey(&out, &[&[data, "--seeds", "1", "--validate"], &recipes[..]].concat());
     let said = stdout(&first);
     assert!(said.contains("needs.html"), "{said}");
     let csv = read(&out.join("needs.csv"));
@@ -36,10 +33,7 @@ fn every_run_is_written_down_drawn_and_not_run_again() {
     assert_eq!(lines.len(), 1 + 2 * 3);
     // Paths are private: only the data set's last folder is written, as the name of its scene.
     assert_eq!([lines[1][0], lines[4][0]], ["sphere", "data"]);
-    assert!(
-        !csv.contains(data) && !csv.contains(word(folder.path())),
-        "{csv}"
-    );
+    assert!(!csv.contains(data) && !csv.contains(word(folder.path())), "{csv}");
     for runs in [&lines[1..4], &lines[4..7]] {
         assert_eq!(runs[2][column("max_splats")], runs[1][column("splats")]);
         for run in runs {
@@ -54,10 +48,7 @@ fn every_run_is_written_down_drawn_and_not_run_again() {
     assert!(!page.contains(data) && page.ends_with("</html>\n"));
     // With one more seed, earlier lines stay to the byte, times included.
     let filing = ["--seeds", "2", "--record", word(&filed)];
-    stdout(&survey(
-        &out,
-        &[&[data], &filing[..], &recipes[..]].concat(),
-    ));
+    stdout(&survey(&out, &[&[data], &filing[..], &recipes[..]].concat()));
     let both = read(&out.join("needs.csv"));
     assert_eq!(both.lines().count(), 1 + 2 * 6);
     let kept: Vec<&str> = both.lines().filter(|line| csv.contains(line)).collect();
@@ -78,11 +69,7 @@ fn bad_input_is_refused_before_anything_is_written() {
         ["--seeds", "0"],
         ["--iterations", "1"],
     ] {
-        assert_eq!(
-            run(&survey(&out, &wrong)).status.code(),
-            Some(2),
-            "{wrong:?}"
-        );
+        assert_eq!(run(&survey(&out, &wrong)).status.code(), Some(2), "{wrong:?}");
     }
     let data = word(data());
     let missing = error(&survey(&out, &["/no/such/folder"]));
@@ -115,10 +102,7 @@ fn runs_of_another_survey_are_not_mixed_in() {
     fs::write(out.join("needs.csv"), "scene,recipe\n").unwrap_or_else(|e| panic!("{e}"));
     let spoilt = error(&survey(&out, &fixed));
     assert!(spoilt.contains("needs.csv: is no record"), "{spoilt}");
-    stdout(&survey(
-        &out,
-        &[&fixed[..], &["--gain", "0.5", "--overwrite"]].concat(),
-    ));
+    stdout(&survey(&out, &[&fixed[..], &["--gain", "0.5", "--overwrite"]].concat()));
     assert!(read(&out.join("needs.csv")).contains(",0.5,"));
 }
 
@@ -140,9 +124,7 @@ fn an_interrupted_survey_goes_on_with_the_run_that_was_broken_off() {
         assert!(!over, "the survey ended before it could be stopped");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-    let sent = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(sent.is_ok_and(|status| status.success()));
     let status = child.wait().unwrap_or_else(|e| panic!("cannot wait: {e}"));
     assert_eq!(status.code(), Some(130));
@@ -151,8 +133,5 @@ fn an_interrupted_survey_goes_on_with_the_run_that_was_broken_off() {
     assert!(read(&out.join("needs.html")).contains("fixed recipe"));
     stdout(&arguments);
     let after = csv();
-    assert!(
-        after.starts_with(&before) && after.lines().count() == 3,
-        "{after}"
-    );
+    assert!(after.starts_with(&before) && after.lines().count() == 3, "{after}");
 }

@@ -22,10 +22,7 @@ fn less_is_left_and_no_pixel_breaks_its_bound() {
     let figures = with(&["--error", "1/16", "--test-every", "4", "--out", word(&less)]);
     let count = |name: &str| figures[name].as_u64().unwrap_or_else(|| panic!("{name}"));
     assert!(count("removed") > 0);
-    assert_eq!(
-        count("splats_after"),
-        count("splats_before") - count("removed")
-    );
+    assert_eq!(count("splats_after"), count("splats_before") - count("removed"));
     let size = fs::metadata(&less).map(|file| file.len()).unwrap_or(0);
     assert!(size.abs_diff(count("ply_bytes_after")) < 2000, "{size}");
     let change = &figures["change"];
@@ -42,10 +39,7 @@ fn less_is_left_and_no_pixel_breaks_its_bound() {
     let left = json(&stdout(&["info", word(&less), "--json"]));
     let most = flat["splats_by_degree"].as_array().into_iter().flatten();
     let highest = most.enumerate().filter(|(_, count)| **count != 0).last();
-    assert_eq!(
-        left["sh_degree"].as_u64(),
-        highest.map(|(degree, _)| degree as u64)
-    );
+    assert_eq!(left["sh_degree"].as_u64(), highest.map(|(degree, _)| degree as u64));
 
     let fitted = with(&["--error", "1/16", "--refit", "20"]);
     let db = |of: &str| fitted[of]["psnr_db"].as_f64().unwrap_or(0.0);
@@ -58,11 +52,7 @@ fn less_is_left_and_no_pixel_breaks_its_bound() {
 fn words_say_what_went_and_nothing_is_written_unasked() {
     let folder = folder();
     let scene = scene(folder.path());
-    let files = || {
-        fs::read_dir(folder.path())
-            .map(Iterator::count)
-            .unwrap_or(0)
-    };
+    let files = || fs::read_dir(folder.path()).map(Iterator::count).unwrap_or(0);
     let before = files();
     let text = stdout(&["prune", word(&scene), word(data())]);
     for part in [
@@ -114,8 +104,7 @@ fn merging_comes_first_and_is_told_apart_from_the_proof() {
         "5",
     ]));
     let merge = &figures["merge"];
-    let count =
-        |of: &serde_json::Value, name: &str| of[name].as_u64().unwrap_or_else(|| panic!("{name}"));
+    let count = |of: &serde_json::Value, name: &str| of[name].as_u64().unwrap_or_else(|| panic!("{name}"));
     let before = count(&figures, "splats_before");
     assert_eq!(count(merge, "merged_away"), before / 4);
     assert_eq!(count(merge, "splats_after_merge"), before - before / 4);
@@ -123,21 +112,14 @@ fn merging_comes_first_and_is_told_apart_from_the_proof() {
         count(&figures, "splats_after"),
         before - before / 4 - count(&figures, "removed")
     );
-    assert!(
-        merge["bound"].is_null() && merge["share"] == 0.25,
-        "{merge}"
-    );
+    assert!(merge["bound"].is_null() && merge["share"] == 0.25, "{merge}");
     let change = &merge["train_change"];
-    let [most, rms, psnr] =
-        ["most", "rms", "psnr_db"].map(|name| change[name].as_f64().unwrap_or(f64::NAN));
+    let [most, rms, psnr] = ["most", "rms", "psnr_db"].map(|name| change[name].as_f64().unwrap_or(f64::NAN));
     assert!(
         most > rms && rms > 0.0 && (psnr + 20.0 * rms.log10()).abs() < 1e-9,
         "{change}"
     );
-    assert_eq!(
-        count(change, "pixels"),
-        count(&figures, "train_views") * 45 * 34
-    );
+    assert_eq!(count(change, "pixels"), count(&figures, "train_views") * 45 * 34);
     assert!(psnr > 20.0, "{change}");
     assert_eq!(figures["change"]["broken"], 0);
     for test in [
@@ -166,10 +148,7 @@ fn merging_comes_first_and_is_told_apart_from_the_proof() {
     assert!(json(&without)["merge"].is_null(), "{without}");
     let help = stdout(&["prune", "--help"]);
     let help: Vec<&str> = help.split_whitespace().collect();
-    assert!(
-        help.join(" ").contains("No bound of that is proven"),
-        "{help:?}"
-    );
+    assert!(help.join(" ").contains("No bound of that is proven"), "{help:?}");
     for bad in ["0", "1", "-1", "x"] {
         let output = run(&[&arguments[..], &["--merge", bad]].concat());
         assert_eq!(output.status.code(), Some(2), "{bad}");
@@ -186,26 +165,18 @@ fn an_interruption_leaves_no_half_scene() {
     fs::write(&less, "as it was").unwrap_or_else(|e| panic!("{e}"));
     let endless = ["--refit", "1000000", "--out", word(&less)];
     let arguments = [&["prune", word(&scene), word(data())], &endless[..]].concat();
-    let child = ashfall(&arguments)
-        .stderr(std::process::Stdio::piped())
-        .spawn();
+    let child = ashfall(&arguments).stderr(std::process::Stdio::piped()).spawn();
     let mut child = child.unwrap_or_else(|e| panic!("{e}"));
     // The signal handler is installed before this line of progress.
     let stderr = child.stderr.take().unwrap_or_else(|| panic!("no stderr"));
     let mut lines = std::io::BufRead::lines(std::io::BufReader::new(stderr)).map_while(Result::ok);
     let line = lines.find(|line| line.contains("training views"));
     assert!(line.is_some());
-    let sent = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(sent.is_ok_and(|status| status.success()));
     let status = child.wait().unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(status.code(), Some(130));
     assert_eq!(fs::read_to_string(&less).unwrap_or_default(), "as it was");
-    let left: Vec<_> = fs::read_dir(folder.path())
-        .into_iter()
-        .flatten()
-        .flatten()
-        .collect();
+    let left: Vec<_> = fs::read_dir(folder.path()).into_iter().flatten().flatten().collect();
     assert_eq!(left.len(), 2, "{left:?}");
 }

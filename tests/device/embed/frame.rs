@@ -88,9 +88,7 @@ impl<'a> Frame<'a> {
         self.image = unsafe { device.create_image(&info, None) }.unwrap();
         // SAFETY: just made.
         let requirements = unsafe { device.get_image_memory_requirements(self.image) };
-        let memory = self
-            .host
-            .allocate(requirements, MemoryLocation::GpuOnly, false);
+        let memory = self.host.allocate(requirements, MemoryLocation::GpuOnly, false);
         // SAFETY: memory as required, bound once.
         unsafe { device.bind_image_memory(self.image, memory.memory(), memory.offset()) }.unwrap();
         self.memory.push(memory);
@@ -112,12 +110,9 @@ impl<'a> Frame<'a> {
         self.buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
         // SAFETY: just made.
         let requirements = unsafe { device.get_buffer_memory_requirements(self.buffer) };
-        let memory = self
-            .host
-            .allocate(requirements, MemoryLocation::GpuToCpu, true);
+        let memory = self.host.allocate(requirements, MemoryLocation::GpuToCpu, true);
         // SAFETY: memory as required, bound once.
-        unsafe { device.bind_buffer_memory(self.buffer, memory.memory(), memory.offset()) }
-            .unwrap();
+        unsafe { device.bind_buffer_memory(self.buffer, memory.memory(), memory.offset()) }.unwrap();
         self.memory.push(memory);
     }
 
@@ -134,9 +129,7 @@ impl<'a> Frame<'a> {
         let device = &self.host.device;
         // SAFETY: the host's own objects; the fence has ended their last use.
         unsafe {
-            device
-                .wait_for_fences(&[self.fence], true, u64::MAX)
-                .unwrap();
+            device.wait_for_fences(&[self.fence], true, u64::MAX).unwrap();
             device.reset_fences(&[self.fence]).unwrap();
             device
                 .begin_command_buffer(self.commands, &vk::CommandBufferBeginInfo::default())
@@ -178,11 +171,7 @@ impl<'a> Frame<'a> {
             .subresource_range(WHOLE)];
         let dependency = vk::DependencyInfo::default().image_memory_barriers(&barriers);
         // SAFETY: the commands are being recorded.
-        unsafe {
-            self.host
-                .device
-                .cmd_pipeline_barrier2(self.commands, &dependency)
-        };
+        unsafe { self.host.device.cmd_pipeline_barrier2(self.commands, &dependency) };
     }
 
     /// The image as the engine's [`HostImage`].
@@ -211,18 +200,10 @@ impl<'a> Frame<'a> {
         let dependency = vk::DependencyInfo::default().memory_barriers(&to_host);
         // SAFETY: the host's own objects; the commands are being recorded.
         unsafe {
-            device.cmd_copy_image_to_buffer(
-                self.commands,
-                self.image,
-                COPYABLE.layout,
-                self.buffer,
-                &regions,
-            );
+            device.cmd_copy_image_to_buffer(self.commands, self.image, COPYABLE.layout, self.buffer, &regions);
             device.cmd_pipeline_barrier2(self.commands, &dependency);
             device.end_command_buffer(self.commands).unwrap();
-            device
-                .queue_submit2(self.host.queue, &submits, self.fence)
-                .unwrap();
+            device.queue_submit2(self.host.queue, &submits, self.fence).unwrap();
         }
     }
 
@@ -235,15 +216,9 @@ impl<'a> Frame<'a> {
     /// Waits for the commands, and reads the pixels.
     pub(crate) fn pixels<T: bytemuck::Pod>(&self) -> Vec<[T; 4]> {
         // SAFETY: the fence is the host's own, and was submitted or is signalled.
-        unsafe {
-            self.host
-                .device
-                .wait_for_fences(&[self.fence], true, u64::MAX)
-        }
-        .unwrap();
+        unsafe { self.host.device.wait_for_fences(&[self.fence], true, u64::MAX) }.unwrap();
         let bytes = (self.extent[0] * self.extent[1]) as usize * 4 * size_of::<T>();
-        let values: Vec<T> =
-            bytemuck::pod_collect_to_vec(&self.memory[1].mapped_slice().unwrap()[..bytes]);
+        let values: Vec<T> = bytemuck::pod_collect_to_vec(&self.memory[1].mapped_slice().unwrap()[..bytes]);
         values.chunks(4).map(|p| [p[0], p[1], p[2], p[3]]).collect()
     }
 }
@@ -256,17 +231,13 @@ impl Drop for Frame<'_> {
         let device = &self.host.device;
         // SAFETY: the fence ends the last use of everything.
         unsafe {
-            device
-                .wait_for_fences(&[self.fence], true, u64::MAX)
-                .unwrap();
+            device.wait_for_fences(&[self.fence], true, u64::MAX).unwrap();
             device.destroy_fence(self.fence, None);
             device.destroy_command_pool(self.pool, None);
             device.destroy_image_view(self.view, None);
             device.destroy_image(self.image, None);
             device.destroy_buffer(self.buffer, None);
         }
-        self.memory
-            .drain(..)
-            .for_each(|memory| self.host.free(memory));
+        self.memory.drain(..).for_each(|memory| self.host.free(memory));
     }
 }

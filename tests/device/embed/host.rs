@@ -8,9 +8,7 @@ use crate::embed::watch;
 use ash::vk;
 use ashfall::gpu::{HostDevice, HostFeatures, HostQueue, REQUIRED};
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{
-    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
-};
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use std::ffi::{CStr, c_void};
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
@@ -43,8 +41,7 @@ impl Host {
         let instance = instance(&entry, &messages);
         let debug = ash::ext::debug_utils::Instance::new(&entry, &instance);
         // SAFETY: the messages live in the host, which destroys the messenger.
-        let messenger =
-            unsafe { debug.create_debug_utils_messenger(&messenger(&messages), None) }.unwrap();
+        let messenger = unsafe { debug.create_debug_utils_messenger(&messenger(&messages), None) }.unwrap();
         // SAFETY: the instance is alive.
         let physical = unsafe { instance.enumerate_physical_devices() }.unwrap()[0];
         let device = device(&instance, physical, storage_image_write_without_format);
@@ -126,11 +123,7 @@ impl Drop for Host {
             return;
         }
         let allocator = self.allocator.take().unwrap();
-        assert_eq!(
-            Arc::strong_count(&allocator),
-            1,
-            "someone keeps the host's allocator"
-        );
+        assert_eq!(Arc::strong_count(&allocator), 1, "someone keeps the host's allocator");
         let report = allocator.lock().unwrap().generate_report();
         assert_eq!(report.total_allocated_bytes, 0, "memory was left behind");
         drop(allocator);
@@ -138,10 +131,7 @@ impl Drop for Host {
         unsafe { self.device.destroy_device(None) };
         let messages = self.messages();
         // SAFETY: as above.
-        unsafe {
-            self.debug
-                .destroy_debug_utils_messenger(self.messenger, None)
-        };
+        unsafe { self.debug.destroy_debug_utils_messenger(self.messenger, None) };
         // SAFETY: the device, destroyed above, was the last object made from it.
         unsafe { self.instance.destroy_instance(None) };
         assert_eq!(messages, Vec::<String>::new(), "validation messages");
@@ -207,12 +197,8 @@ fn device(instance: &ash::Instance, physical: vk::PhysicalDevice, writes: bool) 
             other => panic!("REQUIRED lists {other}, which this host does not know"),
         }
     }
-    assert!(
-        REQUIRED.extensions.is_empty(),
-        "this host enables no extension"
-    );
-    let base =
-        vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(writes);
+    assert!(REQUIRED.extensions.is_empty(), "this host enables no extension");
+    let base = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(writes);
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(0)
         .queue_priorities(&[1.0])];

@@ -63,11 +63,7 @@ fn wrap(frame: &Frame<'_>) -> HostCommands {
 fn assert_same(pixels: &[[f32; 4]], expected: &RenderedImage) {
     for (i, pixel) in pixels.iter().enumerate() {
         let [r, g, b] = expected.rgb[i];
-        assert_eq!(
-            *pixel,
-            [r, g, b, 1.0 - expected.transmittance[i]],
-            "pixel {i}"
-        );
+        assert_eq!(*pixel, [r, g, b, 1.0 - expected.transmittance[i]], "pixel {i}");
     }
 }
 
@@ -99,9 +95,7 @@ fn draw_once(with_queue: bool, with_allocator: bool, format: vk::Format) {
     } else {
         let refused = uploaded.unwrap_err().to_string();
         assert!(refused.contains("without a queue"), "{refused}");
-        renderer
-            .record_upload(&mut commands, &scene.splats)
-            .unwrap()
+        renderer.record_upload(&mut commands, &scene.splats).unwrap()
     };
     renderer.reserve(&model, &scene.camera, 1 << 16).unwrap();
     watch::calls();
@@ -129,12 +123,7 @@ fn draw_once(with_queue: bool, with_allocator: bool, format: vk::Format) {
     frame.hand_over();
     frame.submit();
     if format == vk::Format::R8G8B8A8_UNORM {
-        assert!(
-            frame
-                .pixels()
-                .iter()
-                .all(|p: &[u8; 4]| *p == [255, 0, 0, 255])
-        );
+        assert!(frame.pixels().iter().all(|p: &[u8; 4]| *p == [255, 0, 0, 255]));
     }
 }
 
@@ -202,10 +191,7 @@ fn frames_in_flight_report_what_did_not_fit_and_allocate_nothing_once_warm() {
             _ => {}
         }
         if i < 2 {
-            assert!(
-                pixels().iter().all(|p| *p == [0.25, 0.5, 0.75, 0.0]),
-                "frame {i}"
-            );
+            assert!(pixels().iter().all(|p| *p == [0.25, 0.5, 0.75, 0.0]), "frame {i}");
         } else if i % 2 == 1 || i == 2 {
             // Every other frame is still in flight while the next is recorded.
             assert_same(&pixels(), expected);
@@ -272,13 +258,8 @@ fn what_was_not_reserved_or_enabled_is_refused() {
         result.unwrap_err().to_string()
     };
     let refused = record(&mut renderer);
-    assert!(
-        refused.contains("shaderStorageImageWriteWithoutFormat"),
-        "{refused}"
-    );
-    let image = renderer
-        .render(&model, &scene.camera, &view(&scene))
-        .unwrap();
+    assert!(refused.contains("shaderStorageImageWriteWithoutFormat"), "{refused}");
+    let image = renderer.render(&model, &scene.camera, &view(&scene)).unwrap();
     assert_eq!(image.rgb, expected(&scene, 1)[0].rgb);
     frame.hand_over();
     frame.submit();
@@ -291,13 +272,7 @@ fn what_was_not_reserved_or_enabled_is_refused() {
     let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
     frame.begin();
     let target = frame.target(CLEARED, COPYABLE);
-    let result = renderer.record(
-        &mut wrap(&frame),
-        &model,
-        &scene.camera,
-        &view(&scene),
-        &target,
-    );
+    let result = renderer.record(&mut wrap(&frame), &model, &scene.camera, &view(&scene), &target);
     let refused = result.unwrap_err().to_string();
     assert!(refused.contains("call reserve first"), "{refused}");
     frame.hand_over();
@@ -346,13 +321,7 @@ fn a_lie_about_the_images_state_is_noticed() {
     };
     let target = frame.target(lie, COPYABLE);
     renderer
-        .record(
-            &mut wrap(&frame),
-            &model,
-            &scene.camera,
-            &view(&scene),
-            &target,
-        )
+        .record(&mut wrap(&frame), &model, &scene.camera, &view(&scene), &target)
         .unwrap();
     frame.submit();
     frame.pixels::<u8>();
@@ -364,11 +333,7 @@ fn what_is_published_covers_every_kernel() {
     for kernel in KERNELS {
         let of_kind = |kind| kernel.bindings.iter().filter(|b| b.kind == kind).count() as u32;
         let buffers = of_kind(BindingKind::Buffer);
-        assert!(
-            buffers <= REQUIRED.storage_buffers,
-            "{}: {buffers}",
-            kernel.kernel
-        );
+        assert!(buffers <= REQUIRED.storage_buffers, "{}: {buffers}", kernel.kernel);
         assert!(kernel.params_size <= REQUIRED.push_constant_bytes);
         for need in kernel
             .requirements
@@ -377,11 +342,7 @@ fn what_is_published_covers_every_kernel() {
         {
             // The only optional feature of a base variant.
             let optional = *need == Requirement::StorageImageWriteWithoutFormat;
-            assert!(
-                optional && kernel.kernel == "present",
-                "{}: {need:?}",
-                kernel.kernel
-            );
+            assert!(optional && kernel.kernel == "present", "{}: {need:?}", kernel.kernel);
         }
     }
 }

@@ -82,8 +82,7 @@ pub(crate) fn watched(instance: &ash::Instance, device: &ash::Device) -> ash::De
         // SAFETY: instance and device are alive; an unknown name gives null.
         let function = unsafe { instance.get_device_proc_addr(device.handle(), name.as_ptr()) };
         // SAFETY: function pointers and data pointers are of one size wherever Vulkan runs.
-        let function =
-            unsafe { std::mem::transmute::<vk::PFN_vkVoidFunction, *const c_void>(function) };
+        let function = unsafe { std::mem::transmute::<vk::PFN_vkVoidFunction, *const c_void>(function) };
         instead(name, function)
     };
     // SAFETY: the functions are the device's own, or forward to them.

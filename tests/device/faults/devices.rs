@@ -31,10 +31,7 @@ fn fail_everywhere(stride: usize, count: fn(&Faults) -> u64, fail: fn(&Faults, u
     drop(gpu);
     assert_eq!(faults.validation_messages(), [""; 0], "without a failure");
     let moments = (before + 1..=calls).step_by(stride);
-    println!(
-        "{calls} calls, a failure at {} of them",
-        moments.clone().count()
-    );
+    println!("{calls} calls, a failure at {} of them", moments.clone().count());
     let errors = moments.map(|n| {
         let folder = tempfile::tempdir().unwrap();
         let (_turn, gpu, faults) = faulty();
@@ -47,10 +44,7 @@ fn fail_everywhere(stride: usize, count: fn(&Faults) -> u64, fail: fn(&Faults, u
             "call {n} failed ({error}): something still holds the device"
         );
         let said = faults.validation_messages();
-        assert_eq!(
-            said, [""; 0],
-            "call {n} failed ({error}): leaks, or a misuse of Vulkan"
-        );
+        assert_eq!(said, [""; 0], "call {n} failed ({error}): leaks, or a misuse of Vulkan");
         holds_only(folder.path(), &["checkpoint"]);
         train(&healthy, folder.path()).unwrap();
         assert!(
@@ -67,9 +61,7 @@ fn losses(stride: usize) {
     let mut steps = BTreeSet::new();
     for error in errors {
         assert!(
-            error
-                .to_string()
-                .ends_with("vkQueueSubmit2 failed: ERROR_DEVICE_LOST"),
+            error.to_string().ends_with("vkQueueSubmit2 failed: ERROR_DEVICE_LOST"),
             "{error}"
         );
         if let Error::Step { iteration, .. } = error {
@@ -123,8 +115,7 @@ fn f107_an_image_whose_memory_ends_leaks_nothing() {
     for n in 1..=calls {
         let (_turn, gpu, faults) = faulty();
         faults.fail_creation(before + n);
-        gpu.image("picture", [9, 7])
-            .expect_err("the failure goes unnoticed");
+        gpu.image("picture", [9, 7]).expect_err("the failure goes unnoticed");
         assert_eq!(gpu.memory_in_use(), 0, "creation {n} failed");
         drop(gpu);
         assert!(faults.is_device_gone(), "creation {n} failed");
@@ -173,10 +164,7 @@ fn f107_a_device_whose_memory_ended_goes_on_working() {
         faults.fail_creation(faults.creations() + n);
         let folder = tempfile::tempdir().unwrap();
         train(&gpu, folder.path()).expect_err("the failure goes unnoticed");
-        assert!(
-            undisturbed(&gpu) == expected,
-            "after a failure of the {n}-th creation"
-        );
+        assert!(undisturbed(&gpu) == expected, "after a failure of the {n}-th creation");
     }
     assert_eq!(gpu.memory_in_use(), 0, "bytes of buffers that nobody holds");
     drop(gpu);

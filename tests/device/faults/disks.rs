@@ -28,12 +28,7 @@ pub(crate) fn limited(bytes: u64, program: &Path) -> Command {
 fn in_a_process(test: &str, bytes: u64, folder: &Path) -> Output {
     let own = std::env::current_exe().unwrap();
     limited(bytes, &own)
-        .args([
-            &format!("faults::disks::{test}"),
-            "--exact",
-            "--ignored",
-            "--nocapture",
-        ])
+        .args([&format!("faults::disks::{test}"), "--exact", "--ignored", "--nocapture"])
         .env("FAULTS_FOLDER", folder)
         .output()
         .unwrap()
@@ -42,10 +37,7 @@ fn in_a_process(test: &str, bytes: u64, folder: &Path) -> Output {
 #[track_caller]
 fn succeeds(output: &Output) {
     let [out, err] = [&output.stdout, &output.stderr].map(|t| String::from_utf8_lossy(t));
-    assert!(
-        output.status.success() && out.contains("1 passed"),
-        "{out}\n{err}"
-    );
+    assert!(output.status.success() && out.contains("1 passed"), "{out}\n{err}");
 }
 
 /// Sets this process's limit.
@@ -82,13 +74,7 @@ const WRITERS: &[(&str, Writer)] = &[
     }),
     ("picture.exr", |path, value| {
         let noise = |i: u32| [f32::from(value), (i * i) as f32, 0.5, 1.0];
-        exr::write(
-            path,
-            24,
-            16,
-            &(0..384).map(noise).collect::<Vec<_>>(),
-            &[1.0; 384],
-        )
+        exr::write(path, 24, 16, &(0..384).map(noise).collect::<Vec<_>>(), &[1.0; 384])
     }),
 ];
 
@@ -112,10 +98,7 @@ fn write_everything() {
         limit_to(&bytes.to_string());
         let error = write(&path, 2).expect_err("the disk is full").to_string();
         limit_to("unlimited");
-        assert!(
-            error.starts_with(&*path.to_string_lossy()),
-            "names no file: {error}"
-        );
+        assert!(error.starts_with(&*path.to_string_lossy()), "names no file: {error}");
         assert!(error.contains("too large"), "{error}");
         assert_eq!(
             std::fs::read(&path).unwrap(),
@@ -135,12 +118,7 @@ fn f102_a_disk_that_is_full_at_any_byte_leaves_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
         let own = std::env::current_exe().unwrap();
         let output = limited(1 << 40, &own)
-            .args([
-                "faults::disks::write_everything",
-                "--exact",
-                "--ignored",
-                "--nocapture",
-            ])
+            .args(["faults::disks::write_everything", "--exact", "--ignored", "--nocapture"])
             .env("FAULTS_FOLDER", folder.path())
             .env("FAULTS_LIMIT", share.to_string())
             .output()

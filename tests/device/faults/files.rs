@@ -9,8 +9,7 @@ fn splats(text: &[u8]) -> ashfall::Result<ply::LoadedSplats> {
     ply::read(Source::bytes(Path::new("scene.ply"), text))
 }
 
-const NAMES: &str =
-    "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+const NAMES: &str = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
 
 fn text(names: &str, kind: &str, rows: &[[f32; 14]]) -> String {
     let properties: String = names
@@ -35,11 +34,7 @@ fn f097_a_row_that_is_none_is_dropped_alone() {
     let loaded = splats(file.as_bytes()).unwrap();
     let first: Vec<f32> = loaded.splats.mean.iter().map(|mean| mean[0]).collect();
     assert_eq!(first, [1.0, 3.0]);
-    assert!(
-        loaded.warnings[0].contains("1 of 3 splats"),
-        "{:?}",
-        loaded.warnings
-    );
+    assert!(loaded.warnings[0].contains("1 of 3 splats"), "{:?}", loaded.warnings);
     assert!(
         loaded.warnings[0].contains("number 1 (counted from 0)"),
         "{:?}",
@@ -48,18 +43,12 @@ fn f097_a_row_that_is_none_is_dropped_alone() {
     // Any order of the properties, any number type, and Windows line ends.
     let swapped = NAMES.replace("x y z", "z y x");
     let file = text(&swapped, "double", &[row(1.0)]).replace('\n', "\r\n");
-    assert_eq!(
-        splats(file.as_bytes()).unwrap().splats.mean,
-        [[3.0, 2.0, 1.0]]
-    );
+    assert_eq!(splats(file.as_bytes()).unwrap().splats.mean, [[3.0, 2.0, 1.0]]);
     // A file truncated anywhere in its rows is an error, never fewer splats.
     let file = text(NAMES, "float", &[row(1.0), row(2.0)]);
     let second = file.trim_end().rfind('\n').unwrap();
     for length in 0..second {
-        assert!(
-            splats(&file.as_bytes()[..length]).is_err(),
-            "{length} bytes"
-        );
+        assert!(splats(&file.as_bytes()[..length]).is_err(), "{length} bytes");
     }
 }
 
@@ -79,11 +68,7 @@ fn f098_empty_lines_of_points_do_not_shift_images() {
     let pose = "1 0 0 0 0 0 1 7";
     let images = format!("1 {pose} a b.png\n\n5 {pose} c.png\n1 2 -1\n9 {pose} d.png\n");
     let listing = read(&images, "3 0 0 1 255 0 0 0.1\n1 -nan(ind) 0 1 0 0 0 0.1\n");
-    let names: Vec<&str> = listing
-        .views
-        .iter()
-        .map(|view| view.name.as_str())
-        .collect();
+    let names: Vec<&str> = listing.views.iter().map(|view| view.name.as_str()).collect();
     assert_eq!(names, ["a b.png", "c.png", "d.png"]);
     // Points are sorted by id; a NaN position is kept for the data set to count.
     assert!(listing.points[0].position[0].is_nan());
@@ -106,10 +91,7 @@ fn f111_no_kernel_adds_floats_by_atomics() {
         }
         found
     };
-    let mut names = ashfall::kernels::KERNELS
-        .iter()
-        .filter(adds)
-        .map(|info| info.kernel);
+    let mut names = ashfall::kernels::KERNELS.iter().filter(adds).map(|info| info.kernel);
     assert_eq!(names.next(), Some("baseline_16x16_backward"));
     assert_eq!(names.next(), None);
 }

@@ -12,14 +12,7 @@ use tempfile::TempDir;
 const BINARY: &str = env!("CARGO_BIN_EXE_ashfall");
 
 /// Files in a finished run's folder.
-const RESULTS: &[&str] = &[
-    "checkpoint",
-    "run.json",
-    "run.lock",
-    "report.json",
-    "scene.ply",
-    "test",
-];
+const RESULTS: &[&str] = &["checkpoint", "run.json", "run.lock", "report.json", "scene.ply", "test"];
 
 fn data() -> &'static Path {
     static DATA: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
@@ -114,10 +107,7 @@ fn kill(strategy: &str, kills: u32, seed: u64) {
             finish(&out, strategy);
         }
         if out.join("report.json").exists() {
-            assert!(
-                scene(&out) == expected,
-                "{strategy}: after {killed} kills, other bytes"
-            );
+            assert!(scene(&out) == expected, "{strategy}: after {killed} kills, other bytes");
             holds_only(&out, RESULTS);
             ended += 1;
             runs += 1;
@@ -125,14 +115,8 @@ fn kill(strategy: &str, kills: u32, seed: u64) {
         }
     }
     finish(&out, strategy);
-    assert!(
-        scene(&out) == expected,
-        "{strategy}: after {killed} kills, other bytes"
-    );
-    println!(
-        "{strategy}: {killed} kills, {} runs ended in the same bytes",
-        ended + 1
-    );
+    assert!(scene(&out) == expected, "{strategy}: after {killed} kills, other bytes");
+    println!("{strategy}: {killed} kills, {} runs ended in the same bytes", ended + 1);
 }
 
 #[test]
@@ -168,10 +152,7 @@ fn f102_the_program_on_a_full_disk_says_so_and_spoils_nothing() {
             .output()
             .unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        (
-            output.status.code(),
-            said.lines().last().unwrap_or_default().to_owned(),
-        )
+        (output.status.code(), said.lines().last().unwrap_or_default().to_owned())
     };
     let (code, said) = run(1 << 40);
     assert_eq!(code, Some(0), "{said}");
@@ -179,10 +160,7 @@ fn f102_the_program_on_a_full_disk_says_so_and_spoils_nothing() {
     for bytes in [0, 1, 100, 5000, 10_000] {
         let (code, said) = run(bytes);
         assert_eq!(code, Some(1), "{bytes} bytes: {said}");
-        assert!(
-            said.starts_with("error: ") && said.contains("File too large"),
-            "{said}"
-        );
+        assert!(said.starts_with("error: ") && said.contains("File too large"), "{said}");
         assert!(scene(&out) == before, "{bytes} bytes: the scene was spoilt");
         holds_only(&out, RESULTS);
     }

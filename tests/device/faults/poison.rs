@@ -42,25 +42,14 @@ fn f076_a_poisoned_gradient_reaches_no_moment_and_is_named() {
         let (before, after, reports) = train(&gpu, log_scale);
         for (report, iteration) in reports.iter().zip(1..) {
             assert_eq!(report.iteration, iteration);
-            assert_eq!(
-                (report.poisoned, report.poisoned_first),
-                expected,
-                "{log_scale}"
-            );
+            assert_eq!((report.poisoned, report.poisoned_first), expected, "{log_scale}");
             assert!(report.loss.is_finite(), "{log_scale}");
         }
         assert_eq!(reports.len(), 6);
         let bits = |state: &HostState| state.params[2][POISONED].map(f32::to_bits);
-        assert_eq!(
-            bits(&after),
-            bits(&before),
-            "{log_scale}: the last good state"
-        );
+        assert_eq!(bits(&after), bits(&before), "{log_scale}: the last good state");
         for moments in [&after.m, &after.v] {
-            assert_eq!(
-                moments[2][POISONED], [0.0; 4],
-                "{log_scale}: a poisoned moment"
-            );
+            assert_eq!(moments[2][POISONED], [0.0; 4], "{log_scale}: a poisoned moment");
             assert!(moments.iter().flatten().flatten().all(|v| v.is_finite()));
         }
         others(&after)

@@ -50,8 +50,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
     let mut trainer = match path.exists() {
         true => {
             let saved = Checkpoint::read(&path)?;
-            let mut trainer =
-                Trainer::from_state(gpu, dataset, saved.config, &saved.state, saved.iteration)?;
+            let mut trainer = Trainer::from_state(gpu, dataset, saved.config, &saved.state, saved.iteration)?;
             trainer.set_statistics(&saved.statistics)?;
             trainer
         }

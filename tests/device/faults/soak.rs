@@ -9,10 +9,7 @@ use serde_json::Value;
 /// Resident memory of this process in bytes, as reported by Linux.
 fn resident() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
-    let line = status
-        .lines()
-        .find(|line| line.starts_with("VmRSS:"))
-        .unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
     let kilobytes = line.split_whitespace().nth(1).unwrap();
     1024 * kilobytes.parse::<u64>().unwrap()
 }
@@ -32,9 +29,7 @@ fn all_finite(state: &HostState, what: &str) {
         ("second moment", &state.v),
     ] {
         for (plane, rows) in planes.iter().enumerate() {
-            let odd = rows
-                .iter()
-                .position(|four| !four.iter().all(|v| v.is_finite()));
+            let odd = rows.iter().position(|four| !four.iter().all(|v| v.is_finite()));
             let four = odd.map(|splat| (splat, rows[splat]));
             assert_eq!(four, None, "{what}: a {part} of plane {plane} is none");
         }
@@ -173,9 +168,7 @@ fn odd_trainings(gpu: &Gpu, count: u64) {
             Err(error) => panic!("{what}: {error}"),
         };
         while !trainer.is_done() {
-            trainer
-                .step()
-                .unwrap_or_else(|error| panic!("{what}: {error}"));
+            trainer.step().unwrap_or_else(|error| panic!("{what}: {error}"));
         }
         for report in trainer.finish().unwrap() {
             assert!(report.loss.is_finite(), "{what}: the loss");

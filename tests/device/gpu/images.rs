@@ -13,11 +13,7 @@ fn images_are_cleared_copied_counted_and_outlive_their_handles() {
     let fresh = gpu.download_image(&image).unwrap();
     assert!(fresh.len() == pixels && fresh.iter().flatten().all(|value| value.is_nan()));
     let by_name = gpu.memory_by_name();
-    let counted = by_name
-        .iter()
-        .find(|(name, _)| name == "picture")
-        .unwrap()
-        .1;
+    let counted = by_name.iter().find(|(name, _)| name == "picture").unwrap().1;
     assert!(counted.bytes >= 16 * pixels as u64, "{counted:?}");
     let copy = gpu.buffer::<[f32; 4]>("copy", pixels + 1).unwrap();
     let mut frames = Frames::new(&gpu, 1, false).unwrap();

@@ -42,10 +42,7 @@ fn empty_buffers_are_buffers() {
     let gpu = crate::common::device::gpu();
     let buffer = gpu.buffer::<[f32; 4]>("none", 0).unwrap();
     assert!(buffer.is_empty());
-    assert_eq!(
-        (buffer.len(), buffer.bytes(), buffer.name()),
-        (0, 0, "none")
-    );
+    assert_eq!((buffer.len(), buffer.bytes(), buffer.name()), (0, 0, "none"));
     gpu.upload(&buffer, 0, &[]).unwrap();
     assert_eq!(gpu.download(&buffer, 0..0).unwrap(), Vec::<[f32; 4]>::new());
     gpu.run(|rec| {
@@ -175,11 +172,7 @@ fn frames_take_turns_and_what_they_read_stays() {
         .collect();
     let last = submitted.last().unwrap().0;
     frames.wait(last).unwrap();
-    assert!(
-        submitted
-            .iter()
-            .all(|(ticket, _)| frames.is_done(*ticket).unwrap())
-    );
+    assert!(submitted.iter().all(|(ticket, _)| frames.is_done(*ticket).unwrap()));
     // Values kept past the reuse of their slots are still those of their frame.
     for (i, (_, value)) in submitted.into_iter().enumerate() {
         assert!(value.is_none_or(|value| value.get() == [i as u32]));
@@ -227,10 +220,7 @@ fn timestamps_are_filed_under_their_labels() {
     assert!(times[0].1 > 0.0 && times[0].1 < 60e9, "{times:?}");
     // Spans of one label are one; marks beyond the frame's capacity are dropped.
     let times = frames.timings(second).unwrap();
-    assert!(
-        matches!(times[..], [("too many", span)] if span >= 0.0),
-        "{times:?}"
-    );
+    assert!(matches!(times[..], [("too many", span)] if span >= 0.0), "{times:?}");
     let mut frames = Frames::new(&gpu, 1, false).unwrap();
     let (ticket, ()) = frames.submit(record).unwrap();
     assert_eq!(frames.timings(ticket).unwrap(), []);
@@ -251,9 +241,7 @@ fn a_dispatch_beyond_a_dimensions_limit_is_folded() {
     // Reversed order, so that every splat is distinguished.
     let offsets: Vec<u32> = (0..count as u32).rev().collect();
     let counts = gpu.buffer_from("counts", &counts).unwrap();
-    let ones = gpu
-        .buffer_from("tile_count_from_splat", &vec![1u32; count])
-        .unwrap();
+    let ones = gpu.buffer_from("tile_count_from_splat", &vec![1u32; count]).unwrap();
     let offsets = gpu.buffer_from("visible_from_splat", &offsets).unwrap();
     let rests = gpu
         .buffer_from("blue_depth_from_splat", &vec![[0.0f32; 2]; count])
@@ -342,13 +330,7 @@ fn devices_are_chosen_by_index_or_name() {
     };
     assert_eq!(choose("0").unwrap().caps().name, caps[0].name);
     let part = caps[0].name[..4].to_uppercase();
-    assert!(
-        choose(&part)
-            .unwrap()
-            .caps()
-            .name
-            .starts_with(&caps[0].name[..4])
-    );
+    assert!(choose(&part).unwrap().caps().name.starts_with(&caps[0].name[..4]));
     for wrong in ["no such device", "4096", "-1"] {
         let text = choose(wrong).unwrap_err().to_string();
         assert!(text.contains(wrong), "{text}");

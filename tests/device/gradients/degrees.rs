@@ -82,12 +82,7 @@ fn a_step_is_that_of_the_highest_degree_to_the_bit() {
 }
 
 /// State and statistics after seven steps from a state, noise included.
-fn steps(
-    gpu: &Gpu,
-    scene: &Scene,
-    config: TrainConfig,
-    state: &HostState,
-) -> (HostState, Vec<[f32; 4]>) {
+fn steps(gpu: &Gpu, scene: &Scene, config: TrainConfig, state: &HostState) -> (HostState, Vec<[f32; 4]>) {
     let dataset = dataset(scene, &scene.camera);
     let mut trainer = Trainer::from_state(gpu, &dataset, config, state, BEGUN).unwrap();
     for _ in 0..7 {
@@ -121,10 +116,7 @@ fn a_run_of_several_degrees_repeats_and_resumes_to_the_bit() {
     let config = config(&scene);
     let run = || steps(&gpu, &scene, config.clone(), &start);
     let (end, statistics) = run();
-    assert!(
-        run() == (end.clone(), statistics.clone()),
-        "not the same bits twice"
-    );
+    assert!(run() == (end.clone(), statistics.clone()), "not the same bits twice");
     assert_eq!(end.degrees, degrees(&scene));
     let mut first = Trainer::from_state(&gpu, &dataset, config.clone(), &start, BEGUN).unwrap();
     for _ in 0..3 {
@@ -165,9 +157,8 @@ fn a_trainer_lowers_degrees_between_two_steps() {
     let scene = scenes::gentle(164, 300, 64, 48, 3);
     let dataset = dataset(&scene, &scene.camera);
     let state = HostState::from_splats(&scene.splats, 3);
-    let begin = |state: &HostState, iteration| {
-        Trainer::from_state(&gpu, &dataset, config(&scene), state, iteration).unwrap()
-    };
+    let begin =
+        |state: &HostState, iteration| Trainer::from_state(&gpu, &dataset, config(&scene), state, iteration).unwrap();
     let mut trainer = begin(&state, BEGUN);
     trainer.step().unwrap();
     let (mut between, statistics) = (trainer.download().unwrap(), trainer.statistics().unwrap());

@@ -42,11 +42,7 @@ fn dataset(scene: &Scene, camera: &Camera) -> Dataset {
         views: vec![View {
             name: "view".into(),
             camera: *camera,
-            photo: PhotoSource::Memory(Photo {
-                width,
-                height,
-                rgba,
-            }),
+            photo: PhotoSource::Memory(Photo { width, height, rgba }),
         }],
         points: vec![point],
         test_every: 0,

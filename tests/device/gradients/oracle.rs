@@ -101,10 +101,7 @@ pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
             // A band absent from a splat has no gradient.
             row[GEOMETRY + 3 * sh_coefficient_count(degree.into())..].fill(0.0);
         }
-        let reference: Vec<Vec<[f64; 4]>> = pack::planes(&rows)
-            .chunks(count)
-            .map(<[_]>::to_vec)
-            .collect();
+        let reference: Vec<Vec<[f64; 4]>> = pack::planes(&rows).chunks(count).map(<[_]>::to_vec).collect();
         for (errors, which) in errors.iter_mut().zip(&GROUPS) {
             errors.add(&group(&planes, which), &group(&reference, which));
         }

@@ -8,11 +8,7 @@ use ashfall::scene::Splats;
 use ashfall::train::state::Planes;
 
 /// Appends a copy of splat `index` with its parameters changed.
-pub(crate) fn append(
-    splats: &mut Splats,
-    index: usize,
-    change: impl FnOnce(&mut [Option<&mut f32>]),
-) {
+pub(crate) fn append(splats: &mut Splats, index: usize, change: impl FnOnce(&mut [Option<&mut f32>])) {
     let stride = splats.sh_stride();
     splats.mean.push(splats.mean[index]);
     splats.quaternion.push(splats.quaternion[index]);

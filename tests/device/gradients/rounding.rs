@@ -69,22 +69,12 @@ fn expected(scene: &Scene, near: f64, unit: f64) -> (SplatGradients, GradientBou
     let rounding = Rounding { share: 1e-4, unit };
     (
         backward(splats, camera, &options, &pixels).1,
-        gradient_bounds(
-            splats,
-            camera,
-            &options,
-            &upstream,
-            &[approximations()],
-            rounding,
-        ),
+        gradient_bounds(splats, camera, &options, &upstream, &[approximations()], rounding),
     )
 }
 
 /// Per kind of parameter, `[found, exact, allowed error]` of splats that are visible and not at a kink.
-fn kinds(
-    found: &Splats,
-    (exact, allowed): &(SplatGradients, GradientBounds),
-) -> [(&'static str, Vec<[f64; 3]>); 5] {
+fn kinds(found: &Splats, (exact, allowed): &(SplatGradients, GradientBounds)) -> [(&'static str, Vec<[f64; 3]>); 5] {
     let (bound, rounding) = (&allowed.bounds[0], &allowed.rounding);
     macro_rules! kind {
         ($name:literal, $field:ident $(. $flat:ident ())?) => {{
@@ -136,23 +126,15 @@ fn rounding_keeps_to_its_bound_and_a_tenth_does_not() {
         let expected = expected(&scene, near, UNIT);
         for (kind, rows) in kinds(&found, &expected) {
             assert!(rows.len() > 20, "{name}, {kind}: {} gradients", rows.len());
-            let most = rows
-                .iter()
-                .map(|[f, e, a]| (f - e).abs() / a)
-                .fold(0.0, f64::max);
+            let most = rows.iter().map(|[f, e, a]| (f - e).abs() / a).fold(0.0, f64::max);
             let (ten, one) = (beyond(&rows, 1.1), beyond(&rows, 1.01));
-            println!(
-                "{name:8} {kind:12} {most:.1e} of what is allowed; beyond it {one:.2} by 1 %, {ten:.2} by 10 %"
-            );
+            println!("{name:8} {kind:12} {most:.1e} of what is allowed; beyond it {one:.2} by 1 %, {ten:.2} by 10 %");
             assert!(most <= 1.0, "{name}, {kind}: {most} of what is allowed");
             // Ten percent of a gradient that is a mere remainder is within the bound.
             if (name, kind) == ("round", "quaternion") {
                 continue;
             }
-            assert!(
-                ten > 0.3,
-                "{name}, {kind}: a tenth shows in {ten} of the gradients"
-            );
+            assert!(ten > 0.3, "{name}, {kind}: a tenth shows in {ten} of the gradients");
         }
     }
 }

@@ -9,12 +9,7 @@ use ashfall::scene::{Dataset, PhotoSource};
 use ashfall::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats};
 
 /// State and reports after some steps; `tiny` lists steps and the intersection capacity set before each.
-fn train(
-    gpu: &Gpu,
-    scene: &Scene,
-    steps: u32,
-    tiny: &[(u32, usize)],
-) -> (HostState, Vec<StepReport>) {
+fn train(gpu: &Gpu, scene: &Scene, steps: u32, tiny: &[(u32, usize)]) -> (HostState, Vec<StepReport>) {
     let dataset = dataset(scene, &scene.camera);
     let state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
     let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), &state, BEGUN).unwrap();

@@ -21,8 +21,8 @@ fn poisoned(number: f32) -> AdamInput {
     input
 }
 
-/// Planes with a bound on the log-ratio of scales. Log-scales lie between -2 and 2: a bound of 1 moves most of them, one
-/// of 3.9 hardly any.
+/// Planes with a bound on the log-ratio of scales. Log-scales lie between -2 and 2: a bound of 1 moves most of them,
+/// one of 3.9 hardly any.
 fn bounded(log_aspect_max: f32) -> AdamInput {
     AdamInput {
         log_aspect_max,

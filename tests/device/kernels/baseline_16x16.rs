@@ -12,10 +12,7 @@ fn pixels_are_composited() {
     let mut check = Check::new("baseline_16x16");
     let composites = composites(Composite::in_squares);
     let case = |of| baseline_16x16(&gpu, of).unwrap();
-    let cases: Vec<_> = composites
-        .iter()
-        .map(|(name, of)| (*name, case(of)))
-        .collect();
+    let cases: Vec<_> = composites.iter().map(|(name, of)| (*name, case(of))).collect();
     check.cases(&gpu, Workgroups::FIXED, &cases);
     check.finish();
 }

@@ -15,10 +15,7 @@ fn every_pair_is_weighed() {
     let mut check = Check::new("contribution");
     let composites = composites(Composite::of);
     let case = |(name, of)| (name, contribution(&gpu, of).unwrap());
-    let cases: Vec<_> = composites
-        .iter()
-        .map(|(name, of)| case((*name, of)))
-        .collect();
+    let cases: Vec<_> = composites.iter().map(|(name, of)| case((*name, of))).collect();
     check.cases(&gpu, LANES, &cases);
     check.finish();
 }

@@ -33,10 +33,7 @@ fn every_tile_with_a_pixel_is_listed_and_few_others() {
         let rooms = rooms(&lists, |rank, _| if rank % 5 == 4 { 3 } else { tiles + 2 });
         // In every other case, a band that begins at a third.
         let first_rank = if number % 2 == 1 { rooms.len() / 3 } else { 0 };
-        (
-            name,
-            expand(&gpu, &scene, lists, &rooms, first_rank).unwrap(),
-        )
+        (name, expand(&gpu, &scene, lists, &rooms, first_rank).unwrap())
     };
     let cases: Vec<_> = cases().into_iter().enumerate().map(case).collect();
     check.cases(&gpu, ELEMENTWISE, &cases);

@@ -78,8 +78,7 @@ fn gradients_reach_the_front() {
             tile_stride: 1,
             band: 0,
         };
-        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
-            .unwrap();
+        gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1))).unwrap();
         let blue = read(&gpu, &rest);
         // Half of every pixel, less what a deviation of 1e-3 of a standard one takes: under 1e-4.
         assert!(
@@ -95,8 +94,7 @@ fn gradients_reach_the_front() {
 fn the_inria_rules_reach_the_back() {
     let gpu = device::gpu();
     let list = Longest::new(&gpu, |len| len - 1);
-    let kernel =
-        rasterize_inria::RasterizeInria::new(&gpu, rasterize_inria::Choice::default()).unwrap();
+    let kernel = rasterize_inria::RasterizeInria::new(&gpu, rasterize_inria::Choice::default()).unwrap();
     let end = unwritten::<u32>(&gpu, PIXELS);
     let io = rasterize_inria::Bindings {
         view: &list.view,
@@ -110,14 +108,7 @@ fn the_inria_rules_reach_the_back() {
         depth: &unwritten(&gpu, PIXELS),
         isect_end_from_pixel: &end,
     };
-    gpu.run(|rec| {
-        kernel.record(
-            rec,
-            io,
-            rasterize_inria::Params { tile_stride: 1 },
-            Groups::Count(1),
-        )
-    })
-    .unwrap();
+    gpu.run(|rec| kernel.record(rec, io, rasterize_inria::Params { tile_stride: 1 }, Groups::Count(1)))
+        .unwrap();
     assert!(read(&gpu, &end).iter().all(|&end| end as usize == list.len));
 }

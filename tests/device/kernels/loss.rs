@@ -58,10 +58,7 @@ fn comparisons() -> Vec<(&'static str, ImagePair)> {
         ("masked", alpha(noisy(40, 33, Mask), corner)),
         ("masked out", alpha(noisy(18, 18, Mask), |_, _| 0)),
         ("a bright flat field", paint(40, |_| 250, |_| 0.97)),
-        (
-            "a hard edge",
-            paint(40, edge, |x| if x < 19 { 0.02 } else { 0.96 }),
-        ),
+        ("a hard edge", paint(40, edge, |x| if x < 19 { 0.02 } else { 0.96 })),
         ("a perfect match", paint(20, |_| 255, |_| 1.0)),
     ]
 }
@@ -75,10 +72,7 @@ fn tiles_are_compared() {
     let comparisons = comparisons();
     for with_ssim in [true, false] {
         let case = |of| compare(&gpu, of, with_ssim).unwrap();
-        let cases: Vec<_> = comparisons
-            .iter()
-            .map(|(name, of)| (*name, case(of)))
-            .collect();
+        let cases: Vec<_> = comparisons.iter().map(|(name, of)| (*name, case(of))).collect();
         check.cases(&gpu, WORKGROUPS, &cases);
     }
     check.finish();
@@ -91,10 +85,7 @@ fn pixels_get_their_gradient() {
     let comparisons = comparisons();
     for lambda in [LAMBDA, 0.0] {
         let case = |of| differentiate(&gpu, of, lambda).unwrap();
-        let cases: Vec<_> = comparisons
-            .iter()
-            .map(|(name, of)| (*name, case(of)))
-            .collect();
+        let cases: Vec<_> = comparisons.iter().map(|(name, of)| (*name, case(of))).collect();
         check.cases(&gpu, WORKGROUPS, &cases);
     }
     check.finish();

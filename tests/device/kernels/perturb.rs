@@ -72,10 +72,7 @@ fn poison_stays_with_its_splat() {
             assert_eq!(found, expected, "beside poison");
         } else if i < count {
             let is_finite = poisoned[i].iter().all(|x| x.is_finite());
-            assert!(
-                !is_finite || found.iter().all(|x| x.is_finite()),
-                "splat {i} is moved"
-            );
+            assert!(!is_finite || found.iter().all(|x| x.is_finite()), "splat {i} is moved");
         }
     }
 }
@@ -88,9 +85,5 @@ fn slots_may_lie_in_any_order() {
     let ordered = scenes::in_order(&run(&gpu, &planes, None, 0), &index);
     let moved = scenes::in_order(&planes, &index);
     assert_eq!(run(&gpu, &moved, Some(&index), 0), ordered);
-    assert_ne!(
-        run(&gpu, &moved, None, 0),
-        ordered,
-        "the order makes no difference"
-    );
+    assert_ne!(run(&gpu, &moved, None, 0), ordered, "the order makes no difference");
 }

@@ -74,12 +74,7 @@ fn bands_hold_as_many_splats_as_fit() {
                 args: &args,
                 isect_from_rank: &buffer(&gpu, &offsets),
             };
-            let slots = [
-                COUNT_BAND_BEGIN,
-                COUNT_BAND_END,
-                COUNT_BAND_BASE,
-                COUNT_ISECT,
-            ];
+            let slots = [COUNT_BAND_BEGIN, COUNT_BAND_END, COUNT_BAND_BASE, COUNT_ISECT];
             let (mut found, mut expected) = (Vec::new(), Vec::new());
             let run = |band, found: &mut Vec<u32>| {
                 let params = Params {
@@ -87,8 +82,7 @@ fn bands_hold_as_many_splats_as_fit() {
                     band_count: recorded as u32,
                     ..params
                 };
-                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
-                    .unwrap();
+                gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1))).unwrap();
                 let counts = read(&gpu, &counted);
                 found.extend(slots.map(|slot| counts[slot as usize]));
                 found.push(read(&gpu, &args)[ARGS_TILE as usize].x);
@@ -106,10 +100,7 @@ fn bands_hold_as_many_splats_as_fit() {
             let too_few = recorded < bands.len();
             // With a single band that does not suffice, nothing is planned: see the other test.
             if !(too_few && recorded == 1) {
-                check.outputs(
-                    &name,
-                    vec![Output::exact("bands", words(&found), words(&expected))],
-                );
+                check.outputs(&name, vec![Output::exact("bands", words(&found), words(&expected))]);
             }
             let failed_as = Output::exact("failed", words(&[failed]), words(&[u32::from(too_few)]));
             if recorded > 0 {
@@ -138,8 +129,7 @@ fn more_intersections_than_can_be_counted_fail_the_frame() {
         band_count: 8,
         ..PARAMS
     };
-    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
-        .unwrap();
+    gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1))).unwrap();
     let after = read(&gpu, &counted);
     assert_eq!(after[COUNT_FAILED as usize], 1);
     assert_eq!(after[COUNT_ISECT as usize], 0);
@@ -154,12 +144,11 @@ fn sizes_and_overflow_are_planned() {
         isect_capacity: 5000,
         ..PARAMS
     };
-    let counts = [
-        0, 1, 63, 64, 65, 1023, 1024, 1025, 5000, 5001, 1_000_000, 1_000_001,
-    ];
-    for (params, stage, earlier) in [PARAMS, small].into_iter().flat_map(|params| {
-        [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(stage, failed)| (params, stage, failed))
-    }) {
+    let counts = [0, 1, 63, 64, 65, 1023, 1024, 1025, 5000, 5001, 1_000_000, 1_000_001];
+    for (params, stage, earlier) in [PARAMS, small]
+        .into_iter()
+        .flat_map(|params| [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(stage, failed)| (params, stage, failed)))
+    {
         let params = Params { stage, ..params };
         let cases = counts.map(|count| {
             let mut before = [3; 16];

@@ -55,9 +55,8 @@ fn splats_are_projected() {
     let gpu = device::gpu();
     let mut check = Check::new("project");
     for degree in 0..=3 {
-        let case = |(name, scene, filters): (&'static str, Scene, Vec<f32>)| {
-            (name, project(&gpu, &scene, &filters).unwrap())
-        };
+        let case =
+            |(name, scene, filters): (&'static str, Scene, Vec<f32>)| (name, project(&gpu, &scene, &filters).unwrap());
         let cases: Vec<_> = cases(degree).into_iter().map(case).collect();
         check.cases(&gpu, Workgroups::any(&[8, 64]), &cases);
     }
@@ -65,17 +64,11 @@ fn splats_are_projected() {
 }
 
 /// Records and tile counts of a scene with these parameters.
-fn run(
-    gpu: &Gpu,
-    scene: &Scene,
-    planes: &[[f32; 4]],
-    index: Option<&[u32]>,
-) -> (Vec<Splat2d>, Vec<u32>) {
+fn run(gpu: &Gpu, scene: &Scene, planes: &[[f32; 4]], index: Option<&[u32]>) -> (Vec<Splat2d>, Vec<u32>) {
     let outputs = ProjectOutputs::new(gpu, scene.splats.len()).unwrap();
     let case = commands(gpu, scene, planes, index, &outputs).unwrap();
     let choice = case.tuned(Choice::default());
-    case.run(gpu, &Project::compile(gpu, choice).unwrap(), &choice)
-        .unwrap();
+    case.run(gpu, &Project::compile(gpu, choice).unwrap(), &choice).unwrap();
     outputs.read(gpu).unwrap()
 }
 
@@ -90,10 +83,7 @@ fn slots_may_lie_in_any_order() {
     let run = |planes: &[[f32; 4]], index| format!("{:?}", run(&gpu, &scene, planes, index));
     let ordered = run(&planes, None);
     assert!(run(&moved, Some(&index)) == ordered, "not in their places");
-    assert!(
-        run(&moved, None) != ordered,
-        "the order makes no difference"
-    );
+    assert!(run(&moved, None) != ordered, "the order makes no difference");
 }
 
 #[test]

@@ -7,9 +7,7 @@ use ashfall::gpu::Gpu;
 use ashfall::kernels::Kernel;
 use ashfall::kernels::project_backward::{Choice, ProjectBackward};
 use ashfall::lab::bench::kernels::Workgroups;
-use ashfall::lab::bench::kernels::project_backward::{
-    GradientOutputs, SplatSums, commands, project_backward,
-};
+use ashfall::lab::bench::kernels::project_backward::{GradientOutputs, SplatSums, commands, project_backward};
 use ashfall::layout::COUNT_FAILED;
 use ashfall::scene::ScreenFilter;
 
@@ -30,17 +28,9 @@ fn sums(degree: u32) -> Vec<(&'static str, SplatSums)> {
     ];
     let smoothed = [
         ("smoothed", mip(scenes::gentle(37, 100, 97, 129, degree))),
-        (
-            "smoothed, hard",
-            mip(scenes::hard(38, 270, 97, 129, degree)),
-        ),
+        ("smoothed, hard", mip(scenes::hard(38, 270, 97, 129, degree))),
     ];
-    let filtered = |(name, scene): (_, Scene)| {
-        (
-            name,
-            SplatSums::new(&scene, &scenes::filters(&scene.splats, 2)),
-        )
-    };
+    let filtered = |(name, scene): (_, Scene)| (name, SplatSums::new(&scene, &scenes::filters(&scene.splats, 2)));
     let plain = plain
         .into_iter()
         .map(|(name, scene)| (name, SplatSums::new(&scene, &[])));
@@ -106,8 +96,5 @@ fn a_splat_may_have_more_records_than_a_driver_runs_loops() {
     // The constant harmonic's blue: the third number of the fourth plane. Sums of ones are exact.
     let expected = records as f64 * 0.28209479177387814;
     let blue = f64::from(found[3][2]);
-    assert!(
-        (blue / expected - 1.0).abs() < 1e-6,
-        "{blue}, not {expected}"
-    );
+    assert!((blue / expected - 1.0).abs() < 1e-6, "{blue}, not {expected}");
 }

@@ -47,9 +47,6 @@ fn what_a_limit_allows_is_within_the_budget() {
             taken.map(|(_, weight)| weight).sum()
         };
         assert!(sum(limit) <= budget + 1e-12, "round {round}");
-        assert!(
-            limit == 255.0 || sum(limit + 1.0) > budget - 1e-12,
-            "round {round}"
-        );
+        assert!(limit == 255.0 || sum(limit + 1.0) > budget - 1e-12, "round {round}");
     }
 }

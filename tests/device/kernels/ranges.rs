@@ -30,11 +30,7 @@ fn inputs() -> Vec<(&'static str, Vec<u32>, u32)> {
         ("a border at 2^6", [vec![0; 64], vec![1; 64]].concat(), 3),
         ("a border at 2^8 + 1", [vec![1; 257], vec![2]].concat(), 3),
         ("crosses workgroups", drawn(20_000, 77), 77),
-        (
-            "padding at the end",
-            [drawn(500, 9), vec![9; 40]].concat(),
-            9,
-        ),
+        ("padding at the end", [drawn(500, 9), vec![9; 40]].concat(), 9),
         ("padding only", vec![9; 40], 9),
     ];
     lengths.into_iter().chain(others).collect()

@@ -61,10 +61,7 @@ pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
 
 /// The cases by tiles of the engine or of a baseline.
 pub(crate) fn composites(of: fn(Scene) -> Composite) -> Vec<(&'static str, Composite)> {
-    cases()
-        .into_iter()
-        .map(|(name, scene)| (name, of(scene)))
-        .collect()
+    cases().into_iter().map(|(name, scene)| (name, of(scene))).collect()
 }
 
 /// As many splats over one tile as its list may hold on a software device, so small and faint that the transmittance
@@ -114,10 +111,7 @@ fn run(
     pixels: usize,
     bands: &[&[[u32; 2]]],
 ) -> (Vec<u32>, Vec<u32>, Vec<Vec<u32>>) {
-    let (image, depth) = (
-        unwritten::<f32>(gpu, 4 * pixels),
-        unwritten::<f32>(gpu, pixels),
-    );
+    let (image, depth) = (unwritten::<f32>(gpu, 4 * pixels), unwritten::<f32>(gpu, pixels));
     let mut ends = Vec::new();
     for (band, slices) in bands.iter().enumerate() {
         let end = unwritten(gpu, pixels);
@@ -136,16 +130,10 @@ fn run(
             band_count: bands.len() as u32 + 1,
             ..input.params()
         };
-        gpu.run(|rec| kernel.record(rec, io, params, input.groups()))
-            .unwrap();
+        gpu.run(|rec| kernel.record(rec, io, params, input.groups())).unwrap();
         ends.push(read(gpu, &end));
     }
-    let bits = |buffer| {
-        read(gpu, buffer)
-            .iter()
-            .map(|x: &f32| x.to_bits())
-            .collect()
-    };
+    let bits = |buffer| read(gpu, buffer).iter().map(|x: &f32| x.to_bits()).collect();
     (bits(&image), bits(&depth), ends)
 }
 
@@ -187,10 +175,7 @@ fn pixels_are_composited() {
     let composites = composites(Composite::of);
     for outputs in OUTPUTS {
         let case = |of| rasterize(&gpu, of, outputs).unwrap();
-        let cases: Vec<_> = composites
-            .iter()
-            .map(|(name, of)| (*name, case(of)))
-            .collect();
+        let cases: Vec<_> = composites.iter().map(|(name, of)| (*name, case(of))).collect();
         check.cases(&gpu, LANES, &cases);
     }
     check.finish();

@@ -5,9 +5,7 @@ use crate::common::device;
 use crate::kernels::LANES;
 use crate::kernels::rasterize::composites;
 use ashfall::lab::bench::kernels::Composite;
-use ashfall::lab::bench::kernels::gradient::{
-    CAPPED_TOLERANCE, SOURCE_TOLERANCE, rasterize_backward,
-};
+use ashfall::lab::bench::kernels::gradient::{CAPPED_TOLERANCE, SOURCE_TOLERANCE, rasterize_backward};
 
 #[test]
 fn every_intersection_gets_its_gradient() {

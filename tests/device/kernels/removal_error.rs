@@ -13,10 +13,7 @@ fn every_pair_has_its_influence() {
     let mut check = Check::new("removal_error");
     let composites = composites(Composite::of);
     let case = |of| removal_error(&gpu, of).unwrap();
-    let cases: Vec<_> = composites
-        .iter()
-        .map(|(name, of)| (*name, case(of)))
-        .collect();
+    let cases: Vec<_> = composites.iter().map(|(name, of)| (*name, case(of))).collect();
     check.cases(&gpu, LANES, &cases);
     check.finish();
 }

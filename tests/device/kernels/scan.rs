@@ -29,8 +29,7 @@ fn cases<'a, K: Kernel>(
     inputs: Vec<(String, Vec<u32>, bool)>,
     case: impl Fn(&[u32], bool) -> Result<KernelCase<'a, K>>,
 ) -> Vec<(String, KernelCase<'a, K>)> {
-    let case =
-        |(name, values, flags): (String, Vec<u32>, bool)| (name, case(&values, flags).unwrap());
+    let case = |(name, values, flags): (String, Vec<u32>, bool)| (name, case(&values, flags).unwrap());
     inputs.into_iter().map(case).collect()
 }
 

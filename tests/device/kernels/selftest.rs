@@ -3,9 +3,7 @@
 use crate::common::check::*;
 use crate::common::device;
 use ashfall::gpu::{Gpu, Groups};
-use ashfall::kernels::{
-    selftest_atomics, selftest_lanes, selftest_loops, selftest_math, selftest_progress,
-};
+use ashfall::kernels::{selftest_atomics, selftest_lanes, selftest_loops, selftest_math, selftest_progress};
 use ashfall::reference::selftest::{self, FUNCTIONS};
 
 /// The variants that the device can run.
@@ -64,16 +62,11 @@ fn lanes_understand_each_other() {
             let found = unwritten::<u32>(&gpu, 8 * lanes as usize);
             let io = selftest_lanes::Bindings { found: &found };
             let params = selftest_lanes::Params { rounds };
-            gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1)))
-                .unwrap();
+            gpu.run(|rec| kernel.record(rec, io, params, Groups::Count(1))).unwrap();
             let expected = selftest::lanes(lanes, rounds);
             check.outputs(
                 &format!("{}, {lanes} lanes, {rounds} rounds", variant.name()),
-                vec![Output::exact(
-                    "results",
-                    words(&read(&gpu, &found)),
-                    words(&expected),
-                )],
+                vec![Output::exact("results", words(&read(&gpu, &found)), words(&expected))],
             );
         }
     }
@@ -95,11 +88,7 @@ fn loops_of_a_few_turns_end_where_they_should() {
         let expected: Vec<u32> = (0..lanes).map(|i| selftest::chain(i, turns)).collect();
         check.outputs(
             &format!("{turns} turns"),
-            vec![Output::exact(
-                "ends",
-                words(&read(&gpu, &found)),
-                words(&expected),
-            )],
+            vec![Output::exact("ends", words(&read(&gpu, &found)), words(&expected))],
         );
     }
     check.finish();
@@ -128,11 +117,7 @@ fn groups_run_once_and_lanes_arrive() {
         check.outputs(
             &format!("{groups} groups"),
             vec![
-                Output::exact(
-                    "runs",
-                    words(&read(&gpu, &counts)),
-                    vec![1.0; groups as usize],
-                ),
+                Output::exact("runs", words(&read(&gpu, &counts)), vec![1.0; groups as usize]),
                 Output::exact("results", words(&read(&gpu, &found)), words(&expected)),
             ],
         );
@@ -169,9 +154,7 @@ fn functions_are_as_exact_as_they_must_be() {
         let errors: Vec<f64> = arguments.iter().zip(found).map(allowed).collect();
         let zeros = vec![0.0; count];
         let output = Output::relative("errors", errors.clone(), zeros, 1.0, 1.0);
-        let worst = output
-            .judge()
-            .unwrap_or_else(|e| panic!("{function:?}: {e}"));
+        let worst = output.judge().unwrap_or_else(|e| panic!("{function:?}: {e}"));
         println!("{function:?}: {worst:.2} of its allowance");
         let mut lie = errors;
         lie[500] += 2.5;

@@ -40,11 +40,7 @@ const DIGITS: [Digit; 5] = [
 ];
 
 const fn digit(bits: u32, shift: u32, chunks: usize) -> Digit {
-    Digit {
-        bits,
-        shift,
-        chunks,
-    }
+    Digit { bits, shift, chunks }
 }
 
 /// Sizes of which variants of subgroups take those of full ones.
@@ -55,12 +51,7 @@ fn digits_are_counted_by_chunk() {
     let gpu = device::gpu();
     let mut check = Check::new("sort_count");
     for digit in DIGITS {
-        let case = |(name, keys): (&str, Vec<u32>)| {
-            (
-                format!("{name}, {digit:?}"),
-                count(&gpu, &keys, digit).unwrap(),
-            )
-        };
+        let case = |(name, keys): (&str, Vec<u32>)| (format!("{name}, {digit:?}"), count(&gpu, &keys, digit).unwrap());
         let cases: Vec<_> = inputs(70_000).into_iter().map(case).collect();
         check.cases(&gpu, WORKGROUPS, &cases);
     }
@@ -72,12 +63,8 @@ fn one_pass_sorts_by_one_digit_and_is_stable() {
     let gpu = device::gpu();
     let mut check = Check::new("sort_scatter");
     for digit in DIGITS {
-        let case = |(name, keys): (&str, Vec<u32>)| {
-            (
-                format!("{name}, {digit:?}"),
-                scatter(&gpu, &keys, digit).unwrap(),
-            )
-        };
+        let case =
+            |(name, keys): (&str, Vec<u32>)| (format!("{name}, {digit:?}"), scatter(&gpu, &keys, digit).unwrap());
         let cases: Vec<_> = inputs(70_000).into_iter().map(case).collect();
         check.cases(&gpu, WORKGROUPS, &cases);
     }

@@ -5,9 +5,7 @@ use ashfall::Result;
 use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::scene::{Dataset, PhotoSource, Split};
-use ashfall::simplify::{
-    Act, AutoRun, CountController, History, Phase, for_auto_count, split_views,
-};
+use ashfall::simplify::{Act, AutoRun, CountController, History, Phase, for_auto_count, split_views};
 use ashfall::stats::mean;
 use ashfall::train::checkpoint::Checkpoint;
 use ashfall::train::config::AutoConfig;
@@ -51,12 +49,7 @@ pub(super) fn longer() -> TrainConfig {
 }
 
 /// Final state and history of a run.
-fn run_to_end(
-    gpu: &Gpu,
-    dataset: &Dataset,
-    config: TrainConfig,
-    gain: f64,
-) -> Result<(HostState, History)> {
+fn run_to_end(gpu: &Gpu, dataset: &Dataset, config: TrainConfig, gain: f64) -> Result<(HostState, History)> {
     let mut run = controlled(gpu, dataset, config, gain)?;
     while !run.is_done() {
         run.step()?;
@@ -65,34 +58,20 @@ fn run_to_end(
 }
 
 /// Saves a run, drops it and resumes it from the file.
-fn reopened<'a>(
-    gpu: &Gpu,
-    dataset: &'a Dataset,
-    mut run: AutoRun<'a>,
-    path: &Path,
-) -> Result<AutoRun<'a>> {
+fn reopened<'a>(gpu: &Gpu, dataset: &'a Dataset, mut run: AutoRun<'a>, path: &Path) -> Result<AutoRun<'a>> {
     run.save(path)?;
     let saved = Checkpoint::read(path)?;
     drop(run);
     let run = AutoRun::resume(gpu, dataset, path)?;
     let copy = path.with_extension("copy");
     saved.write(&copy)?;
-    assert!(
-        Checkpoint::read(&copy)? == saved,
-        "a checkpoint comes back as another"
-    );
+    assert!(Checkpoint::read(&copy)? == saved, "a checkpoint comes back as another");
     Ok(run)
 }
 
-fn controlled<'a>(
-    gpu: &Gpu,
-    dataset: &'a Dataset,
-    mut config: TrainConfig,
-    gain: f64,
-) -> Result<AutoRun<'a>> {
+fn controlled<'a>(gpu: &Gpu, dataset: &'a Dataset, mut config: TrainConfig, gain: f64) -> Result<AutoRun<'a>> {
     config.auto.preference_db = gain;
-    AutoRun::new(gpu, dataset, config)?
-        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, false))
+    AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, false))
 }
 
 fn history_of<'r>(run: &'r AutoRun<'_>) -> &'r History {
@@ -113,11 +92,7 @@ fn who_pays_for_smaller_gains_gets_more_splats() -> Result<()> {
     let dataset = dataset(Kind::Intricate);
     let mut counts = Vec::new();
     for gain in [1e-4, 0.03, 2.0] {
-        counts.push(
-            run_to_end(&gpu, &dataset, config(StrategyKind::Adc), gain)?
-                .0
-                .len(),
-        );
+        counts.push(run_to_end(&gpu, &dataset, config(StrategyKind::Adc), gain)?.0.len());
     }
     assert!(counts[0] > counts[1] && counts[1] > counts[2], "{counts:?}");
     Ok(())
@@ -133,19 +108,11 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
         if kind == Kind::Plane {
             paint(&mut dataset);
         }
-        let (state, _) = run_to_end(
-            &gpu,
-            &dataset,
-            longer(),
-            AutoConfig::default().preference_db,
-        )?;
+        let (state, _) = run_to_end(&gpu, &dataset, longer(), AutoConfig::default().preference_db)?;
         counts.push((state.len(), degrees(&state)));
     }
     assert!(20 * counts[0].0 <= counts[1].0, "{counts:?}");
-    assert_eq!(
-        counts[0].1[0], counts[0].0,
-        "harmonics where there is nothing to see"
-    );
+    assert_eq!(counts[0].1[0], counts[0].0, "harmonics where there is nothing to see");
     Ok(())
 }
 
@@ -228,12 +195,7 @@ fn a_run_resumed_at_half_the_size_goes_on_at_half_the_size() -> Result<()> {
     let mut dataset = dataset(Kind::Plane);
     paint(&mut dataset);
     let config = config(StrategyKind::Adc);
-    let whole = run_to_end(
-        &gpu,
-        &dataset,
-        config.clone(),
-        AutoConfig::default().preference_db,
-    )?;
+    let whole = run_to_end(&gpu, &dataset, config.clone(), AutoConfig::default().preference_db)?;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");
     let mut run = controlled(&gpu, &dataset, config, AutoConfig::default().preference_db)?;
@@ -314,9 +276,8 @@ fn nothing_goes_that_the_held_out_views_miss() -> Result<()> {
             ..history.clone()
         };
         let is_perfect = without.iter().all(|&psnr| psnr >= 40.0);
-        let is_beyond = left < entry.splats
-            && !is_perfect
-            && known.knee().is_some_and(|knee| (left as f64) < 0.95 * knee);
+        let is_beyond =
+            left < entry.splats && !is_perfect && known.knee().is_some_and(|knee| (left as f64) < 0.95 * knee);
         let has_gone = matches!(entry.act, Act::PruneResult | Act::Dispensable);
         assert_eq!(!has_gone, is_missed || is_beyond, "{entry:?}");
         splats = Some(if has_gone { left } else { entry.splats });

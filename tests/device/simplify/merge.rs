@@ -79,9 +79,7 @@ fn merging_half_costs_far_less_than_leaving_out_half() {
         let by_weight = without(&order[..count / 2]);
         let by_chance = without(&Random::new(34).permutation(count)[..count / 2]);
         let by_merging = by_merging.psnr_db();
-        println!(
-            "{filter:?}: merged {by_merging:.2} dB, by weight {by_weight:.2} dB, by chance {by_chance:.2} dB"
-        );
+        println!("{filter:?}: merged {by_merging:.2} dB, by weight {by_weight:.2} dB, by chance {by_chance:.2} dB");
         assert!(by_merging > 45.0, "{filter:?}: {by_merging}");
         assert!(
             by_merging > by_weight.max(by_chance) + 15.0,
@@ -123,11 +121,7 @@ fn prices_know_no_unit_and_no_direction() {
             let q_new = turn * Quat::from_xyzw(x, y, z, w) / length;
             *q = [q_new.w, q_new.x, q_new.y, q_new.z];
         }
-        other
-            .log_scale
-            .iter_mut()
-            .flatten()
-            .for_each(|s| *s += scale.ln());
+        other.log_scale.iter_mut().flatten().for_each(|s| *s += scale.ln());
         let other = merged(&other, &vec![25.0 / f64::from(scale); splats.len()], 0.4);
         assert_eq!(other.len(), plain.len());
         for (i, mean) in plain.mean.iter().enumerate() {
@@ -194,9 +188,7 @@ fn copied(mut splats: Splats, from: usize, to: usize) -> Splats {
     splats.log_scale[to] = splats.log_scale[from];
     splats.opacity_logit[to] = splats.opacity_logit[from];
     let stride = splats.sh_stride();
-    splats
-        .sh
-        .copy_within(from * stride..(from + 1) * stride, to * stride);
+    splats.sh.copy_within(from * stride..(from + 1) * stride, to * stride);
     splats
 }
 

@@ -8,9 +8,7 @@ use ashfall::reference::rasterize::{discontinuity_margin, layer, rasterize};
 use ashfall::reference::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use ashfall::render::Compatibility;
 use ashfall::scene::{Camera, SH_C0, Splats};
-use ashfall::simplify::{
-    ContributionPass, MeasuredChange, PassOptions, Promise, PruneResult, kept, measure, prune,
-};
+use ashfall::simplify::{ContributionPass, MeasuredChange, PassOptions, Promise, PruneResult, kept, measure, prune};
 
 mod auto;
 mod merge;
@@ -112,24 +110,14 @@ fn weigher(gpu: &Gpu, splats: &Splats, pass_options: PassOptions) -> Contributio
     ContributionPass::new(gpu, splats, pass_options).unwrap()
 }
 
-fn pruned(
-    gpu: &Gpu,
-    world: &World,
-    error: f64,
-    compatibility: Compatibility,
-) -> (PruneResult, MeasuredChange) {
+fn pruned(gpu: &Gpu, world: &World, error: f64, compatibility: Compatibility) -> (PruneResult, MeasuredChange) {
     let pass_options = pass_options(&world.scene.options, compatibility);
     let mut before = weigher(gpu, &world.scene.splats, pass_options);
     pruned_by(gpu, &mut before, world, error)
 }
 
 /// Prunes a scene that is already on the device.
-fn pruned_by(
-    gpu: &Gpu,
-    before: &mut ContributionPass,
-    world: &World,
-    error: f64,
-) -> (PruneResult, MeasuredChange) {
+fn pruned_by(gpu: &Gpu, before: &mut ContributionPass, world: &World, error: f64) -> (PruneResult, MeasuredChange) {
     let found = prune(before, &world.cameras, error, &mut || true);
     let found = found.unwrap().unwrap();
     let left = kept(&world.scene.splats, &found.removed);
@@ -176,13 +164,7 @@ impl Seen {
             .copied()
             .filter(|&rank| !skipped.get(self.splat_from_rank[rank]).unwrap_or(&false))
             .collect();
-        let pixel = rasterize(
-            &self.splats,
-            &shown,
-            at,
-            self.background,
-            &Thresholds::ENGINE,
-        );
+        let pixel = rasterize(&self.splats, &shown, at, self.background, &Thresholds::ENGINE);
         (pixel.color, pixel.transmittance)
     }
 
@@ -198,10 +180,7 @@ impl Seen {
                 *range = [range[0].min(c), range[1].max(c)];
             }
         }
-        range
-            .iter()
-            .map(|[low, high]| high - low)
-            .fold(0.0, f64::max)
+        range.iter().map(|[low, high]| high - low).fold(0.0, f64::max)
     }
 
     fn is_near(&self, at: [f64; 2]) -> bool {
@@ -236,17 +215,11 @@ fn check(world: &World, found: &PruneResult, error: f64) {
             if spent > error || !before.iter().zip(after).all(moved) {
                 // One weight may have appeared or vanished by rounding.
                 excused += 1;
-                assert!(
-                    seen.is_near(at),
-                    "{name}, {error}: {spent} at pixel {pixel}"
-                );
+                assert!(seen.is_near(at), "{name}, {error}: {spent} at pixel {pixel}");
             }
         }
     }
-    assert!(
-        excused * 200 <= pixels,
-        "{name}: {excused} of {pixels} pixels"
-    );
+    assert!(excused * 200 <= pixels, "{name}: {excused} of {pixels} pixels");
     // 2e-3: the device's margin for rounding, and its rounding error.
     let could_go = |&i: &usize| !found.removed[i] && most_with[i] <= error * (1.0 - 2e-3);
     let could = (0..splats.len()).filter(could_go).count();

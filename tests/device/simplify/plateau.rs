@@ -38,19 +38,12 @@ fn where_nothing_can_be_missed_a_round_takes_its_steps_once() -> Result<()> {
 
 /// History and splat count after a last round that removed half of the splats, with the given scores, when growth had
 /// stopped.
-fn after_last_round(
-    gpu: &Gpu,
-    dataset: &Dataset,
-    without_db: Vec<f64>,
-) -> Result<(History, usize)> {
+fn after_last_round(gpu: &Gpu, dataset: &Dataset, without_db: Vec<f64>) -> Result<(History, usize)> {
     let mut trainer = Trainer::new(gpu, dataset, config(StrategyKind::Adc))?;
     while trainer.iteration() < 200 {
         trainer.step()?;
     }
-    let (splats, (fitted, held)) = (
-        trainer.splat_count(),
-        split_views(dataset, &AutoConfig::default()),
-    );
+    let (splats, (fitted, held)) = (trainer.splat_count(), split_views(dataset, &AutoConfig::default()));
     let own = fitted.len().div_ceil(fitted.len().div_ceil(held.len()));
     let stopped = HistoryEntry {
         iteration: 200,
@@ -106,9 +99,6 @@ fn of_splats_that_the_last_round_missed_by_little_some_go() -> Result<()> {
     assert_eq!((missed.act, part.act), (Act::Missed, Act::PartPruned));
     assert_eq!(part.without.as_ref().map(|&(left, _)| left), Some(left));
     // Four fifths of the half.
-    assert!(
-        (left as f64 / splats as f64 - 0.6).abs() < 2e-3,
-        "{left} of {splats}"
-    );
+    assert!((left as f64 / splats as f64 - 0.6).abs() < 2e-3, "{left} of {splats}");
     Ok(())
 }

@@ -18,15 +18,9 @@ fn what_would_change_without_a_splat_is_what_does() {
         let pixels = (scene.camera.width * scene.camera.height) as usize;
         let before = whole.show(&scene.camera).unwrap().planes;
         let found = whole.removal_errors(&scene.camera, None).unwrap();
-        let covered: f32 = before[3 * pixels..]
-            .iter()
-            .map(|passing| 1.0 - passing)
-            .sum();
+        let covered: f32 = before[3 * pixels..].iter().map(|passing| 1.0 - passing).sum();
         let weights: f32 = found.iter().map(|removal_error| removal_error.weight).sum();
-        assert!(
-            (weights / covered - 1.0).abs() < 1e-4,
-            "{weights} of {covered}"
-        );
+        assert!((weights / covered - 1.0).abs() < 1e-4, "{weights} of {covered}");
         let mut seen = 0;
         for (splat, removal_error) in found.iter().enumerate() {
             let mut gone = vec![false; scene.splats.len()];
@@ -51,15 +45,9 @@ fn what_would_change_without_a_splat_is_what_does() {
 fn errors_go_to_those_whose_pixels_have_them() {
     let gpu = gpu();
     let scene = scenes::gentle(33, 40, 40, 30, 0);
-    let mut whole = weigher(
-        &gpu,
-        &scene.splats,
-        pass_options(&scene.options, Compatibility::Engine),
-    );
+    let mut whole = weigher(&gpu, &scene.splats, pass_options(&scene.options, Compatibility::Engine));
     let random = &mut Random::new(5);
-    let errors: Vec<f32> = (0..40 * 30)
-        .map(|_| random.between(0.0, 1.0) as f32)
-        .collect();
+    let errors: Vec<f32> = (0..40 * 30).map(|_| random.between(0.0, 1.0) as f32).collect();
     let shown = whole.show(&scene.camera).unwrap().planes;
     let judge = |planes: &[f32]| {
         assert_eq!(planes, &shown[..planes.len()]);
@@ -68,9 +56,7 @@ fn errors_go_to_those_whose_pixels_have_them() {
     let found = whole.removal_errors(&scene.camera, Some(&judge)).unwrap();
     let sum: f32 = found.iter().map(|removal_error| removal_error.error).sum();
     let covered = errors.iter().zip(&shown[3 * errors.len()..]);
-    let wanted: f32 = covered
-        .map(|(error, passing)| error * (1.0 - passing))
-        .sum();
+    let wanted: f32 = covered.map(|(error, passing)| error * (1.0 - passing)).sum();
     assert!((sum / wanted - 1.0).abs() < 1e-4, "{sum}, not {wanted}");
     let alike = whole.removal_errors(&scene.camera, None).unwrap();
     assert!(alike.iter().all(|removal_error| removal_error.error == 0.0));

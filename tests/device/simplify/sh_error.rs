@@ -22,10 +22,7 @@ fn fewer_harmonics_keep_to_their_bound_in_every_direction() {
         let reduced = reduce_harmonics(&scene.splats, error);
         let counts = reduced.count_from_degree;
         assert_eq!(counts.iter().sum::<usize>(), 60);
-        assert!(
-            counts.iter().filter(|&&count| count > 0).count() > 1,
-            "{counts:?}"
-        );
+        assert!(counts.iter().filter(|&&count| count > 0).count() > 1, "{counts:?}");
         let mut most = 0.0_f64;
         let pairs = Splat::<f64>::all(&scene.splats).into_iter();
         for (whole, less) in pairs.zip(Splat::<f64>::all(&reduced.splats)) {
@@ -38,10 +35,7 @@ fn fewer_harmonics_keep_to_their_bound_in_every_direction() {
             }
         }
         assert!(most <= error, "{most} of {error}");
-        assert!(
-            most > 0.2 * error,
-            "{most} of {error}: the bound says little"
-        );
+        assert!(most > 0.2 * error, "{most} of {error}: the bound says little");
         let pass_options = pass_options(&scene.options, Compatibility::Engine);
         let [mut before, mut after] =
             [&scene.splats, &reduced.splats].map(|splats| weigher(&gpu, splats, pass_options));
@@ -49,13 +43,7 @@ fn fewer_harmonics_keep_to_their_bound_in_every_direction() {
             weight: 0.0,
             color: error,
         };
-        let change = measure(
-            &mut before,
-            &mut after,
-            &[scene.camera],
-            promise,
-            &mut || true,
-        );
+        let change = measure(&mut before, &mut after, &[scene.camera], promise, &mut || true);
         let change = change.unwrap().unwrap();
         assert_eq!(change.broken, 0, "{change:?}");
         assert!(change.most > 0.0, "{change:?}");

@@ -32,26 +32,17 @@ fn what_one_view_sees_stays_whatever_goes() {
             let fitted = fits.applied(splats, &vec![degree; splats.len()]);
             let mut cut = splats.clone();
             let kept = 3 * (usize::from(degree) + 1).pow(2);
-            cut.sh
-                .chunks_exact_mut(48)
-                .for_each(|row| row[kept..].fill(0.0));
+            cut.sh.chunks_exact_mut(48).for_each(|row| row[kept..].fill(0.0));
             let off = |of: &Splats| -> f64 {
                 let apart = |i: usize| {
-                    let pairs = color(of, i, &camera)
-                        .into_iter()
-                        .zip(color(splats, i, &camera));
+                    let pairs = color(of, i, &camera).into_iter().zip(color(splats, i, &camera));
                     pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>()
                 };
                 (0..splats.len()).map(apart).sum()
             };
             // Over degrees up to d, the squares of the (d + 1)^2 functions sum to (d + 1)^2 / 4 pi, against a tenth of
             // 1 / 4 pi.
-            assert!(
-                off(&fitted) < 0.02 * off(&cut),
-                "{} of {}",
-                off(&fitted),
-                off(&cut)
-            );
+            assert!(off(&fitted) < 0.02 * off(&cut), "{} of {}", off(&fitted), off(&cut));
         }
     }
 }

@@ -44,13 +44,9 @@ fn f072_logits_are_stored() {
     let lesson = Lesson::flat(&scene, 0);
     let dataset = dataset(&scene, &lesson);
     let state = HostState::from_splats(&scene.splats, 1);
-    let mut trainer =
-        Trainer::from_state(lab.gpu(), &dataset, config(&scene, 0.0), &state, BEGUN).unwrap();
+    let mut trainer = Trainer::from_state(lab.gpu(), &dataset, config(&scene, 0.0), &state, BEGUN).unwrap();
     assert!(trainer.download().unwrap() == state, "not the same bits");
-    assert_eq!(
-        trainer.splats().unwrap().opacity_logit,
-        scene.splats.opacity_logit
-    );
+    assert_eq!(trainer.splats().unwrap().opacity_logit, scene.splats.opacity_logit);
 }
 
 /// The same parameters over time in double precision.
@@ -87,8 +83,7 @@ fn course_error(gradients: &[[f32; 4]]) -> f64 {
 #[test]
 fn f073_adam_in_double() {
     let random = &mut Random::new(773);
-    let mut gradient =
-        || [1.0, 1e-6, 1e-9, 1e-12].map(|size| (random.normal() + 0.3) as f32 * size);
+    let mut gradient = || [1.0, 1e-6, 1e-9, 1e-12].map(|size| (random.normal() + 0.3) as f32 * size);
     let gradients: Vec<[f32; 4]> = (0..1000).map(|_| gradient()).collect();
     // Each moment rounds by 2U of itself a step and decays by a tenth or a thousandth: 20U and √1000 U of it; the
     // parameter by U of itself a step, which is less than the distance moved.
@@ -172,9 +167,7 @@ fn f075_moments_follow_their_splats() {
 fn f076_poisoned_gradient() {
     let lab = lab();
     let random = &mut Random::new(776);
-    let gradients: Vec<[f32; 4]> = (0..30)
-        .map(|_| [0; 4].map(|_| random.normal() as f32))
-        .collect();
+    let gradients: Vec<[f32; 4]> = (0..30).map(|_| [0; 4].map(|_| random.normal() as f32)).collect();
     for poison in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let (mut clean, mut hurt) = (Run::new(&lab, 0, [0.5; 4]), Run::new(&lab, 0, [0.5; 4]));
         let (mut before, mut after) = ([0.5; 4], [0.5; 4]);

@@ -26,12 +26,7 @@ fn f031_radius() {
         let stepped = lab.step(&scene, &Lesson::flat(&scene, 0));
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let mut worst = 0.0f64;
-        for (i, seen) in stepped
-            .statistics
-            .iter()
-            .enumerate()
-            .filter(|(_, s)| s[1] > 0.0)
-        {
+        for (i, seen) in stepped.statistics.iter().enumerate().filter(|(_, s)| s[1] > 0.0) {
             let exact = project(&Splat::<f64>::of(&scene.splats, i), &view).unwrap();
             let [x, y] = extent(&exact, &Thresholds::ENGINE);
             // Near the threshold the level is a difference of logarithms, with 1e-5 added to it.
@@ -109,15 +104,7 @@ fn f034_bounds_beyond_integers() {
     let scene = scenes::gentle(334, 12, 40, 33, 0);
     let clean = lab.draw(&scene);
     let camera = scene.camera;
-    for pixel in [
-        -3e9,
-        -2_147_483_649.0,
-        -1.0,
-        3e9,
-        4_294_967_296.0,
-        1e18,
-        f64::INFINITY,
-    ] {
+    for pixel in [-3e9, -2_147_483_649.0, -1.0, 3e9, 4_294_967_296.0, 1e18, f64::INFINITY] {
         for log_scale in [-3.0f32, 3.0, 30.0] {
             let odd = with_copy(&scene, |splats, i| {
                 let x = (pixel - camera.center.x) / camera.focal.x * 2.0;
@@ -163,11 +150,7 @@ fn f035_tiles_of_ellipses() {
                 continue;
             };
             let cut = Thresholds::ENGINE.alpha_min;
-            let over = |cut: f64| {
-                (0..grid.len())
-                    .filter(|&t| alpha_max(&exact, &grid, t) >= cut)
-                    .count() as u32
-            };
+            let over = |cut: f64| (0..grid.len()).filter(|&t| alpha_max(&exact, &grid, t) >= cut).count() as u32;
             // Listed: every tile in which the rectangle of pixel centres meets the ellipse.
             assert!(
                 tiles[0] >= over(cut * 1.001),
@@ -195,9 +178,7 @@ fn f036_count_and_list() {
     let gpu = lab.gpu();
     for scene in [scenes::hard(336, 180, 97, 129, 0), needles(336, 1e4, 60)] {
         let (records, tiles) = lab.records(&scene);
-        let visible: Vec<u32> = (0..tiles.len() as u32)
-            .filter(|&i| tiles[i as usize] > 0)
-            .collect();
+        let visible: Vec<u32> = (0..tiles.len() as u32).filter(|&i| tiles[i as usize] > 0).collect();
         let mut begins = Vec::new();
         let mut total = 0u32;
         for &splat in &visible {
@@ -235,22 +216,13 @@ fn f036_count_and_list() {
         let found = gpu.download(&tile, 0..sentinel.len()).unwrap();
         let (list, beyond) = found.split_at(total as usize);
         let last = view.tiles[0] * view.tiles[1];
-        assert!(
-            list.iter().all(|&t| t < last),
-            "a slot that was counted is not listed"
-        );
-        assert!(
-            beyond.iter().all(|&t| t == u32::MAX),
-            "written past what was counted"
-        );
+        assert!(list.iter().all(|&t| t < last), "a slot that was counted is not listed");
+        assert!(beyond.iter().all(|&t| t == u32::MAX), "written past what was counted");
         let owners = gpu.download(&owner, 0..total as usize).unwrap();
         for (rank, &splat) in visible.iter().enumerate() {
             let range = begins[rank] as usize..(begins[rank] + tiles[splat as usize]) as usize;
             assert!(owners[range.clone()].iter().all(|&o| o == splat));
-            assert!(
-                list[range].windows(2).all(|pair| pair[0] < pair[1]),
-                "a tile twice"
-            );
+            assert!(list[range].windows(2).all(|pair| pair[0] < pair[1]), "a tile twice");
         }
     }
 }

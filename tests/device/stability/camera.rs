@@ -79,10 +79,7 @@ fn f017_sizes_and_pixels() {
         let ray = camera.ray_from_pixel(corner.truncate());
         let there = small.pixel_from_world(small.position + ray).unwrap();
         let expected = corner.truncate() * DVec2::new(32.0 / 97.0, 43.0 / 129.0);
-        assert!(
-            (there - expected).length() < 1e-9,
-            "{there} is not {expected}"
-        );
+        assert!((there - expected).length() < 1e-9, "{there} is not {expected}");
     }
 }
 
@@ -120,11 +117,7 @@ fn f019_far_from_the_origin() {
             sigma: [0; 3].map(|_| random.between(1.0, 5.0)),
             quaternion: [0; 4].map(|_| random.normal()),
             color: [0; 3].map(|_| random.between(0.1, 0.9)),
-            ..Prop::ball(
-                [random.between(0.0, 48.0), random.between(0.0, 40.0)],
-                1.0,
-                0.5,
-            )
+            ..Prop::ball([random.between(0.0, 48.0), random.between(0.0, 40.0)], 1.0, 0.5)
         };
         place(&mut scene, &prop);
     }
@@ -154,9 +147,7 @@ fn f020_pixel_positions() {
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let mut worst = 0.0f64;
     for (i, record) in records.iter().enumerate().filter(|(i, _)| tiles[*i] > 0) {
-        let exact = project(&Splat::<f64>::of(&scene.splats, i), &view)
-            .unwrap()
-            .mean;
+        let exact = project(&Splat::<f64>::of(&scene.splats, i), &view).unwrap().mean;
         for (found, exact) in record.shape[..2].iter().zip(exact) {
             worst = worst.max((f64::from(*found) - exact).abs());
         }

@@ -3,9 +3,7 @@
 //! * 59: nothing is accumulated in half precision: there is no preview target of 16 bits.
 
 use crate::common::scenes::{self, Random, Scene};
-use crate::stability::lab::{
-    Lesson, U, apart, difference, flat_gradient, image_bound, lab, rows, same, within,
-};
+use crate::stability::lab::{Lesson, U, apart, difference, flat_gradient, image_bound, lab, rows, same, within};
 use crate::stability::props::{OPAQUE, Prop, logit, place, stage, with_copy};
 use ashfall::io::png::to_byte;
 use ashfall::layout::ALPHA_MAX;
@@ -45,11 +43,7 @@ fn f053_alpha_cap() {
     place(&mut scene, &wall(1.0, [1.0, 0.0, 0.0]));
     place(&mut scene, &wall(2.0, [0.0, 0.0, 1.0]));
     let image = lab.draw(&scene);
-    let leak = image
-        .rgb
-        .iter()
-        .map(|c| f64::from(c[2]))
-        .fold(0.0, f64::max);
+    let leak = image.rgb.iter().map(|c| f64::from(c[2])).fold(0.0, f64::max);
     // The cap itself, and the wall's curvature: 20 px of 4,000 are 1.3e-5 of an exponent.
     within(
         "rasterize",
@@ -72,15 +66,7 @@ pub(crate) fn column(opacities: &[f64], seed: u64) -> Scene {
         let prop = Prop {
             depth: 1.0 + i as f64 / 256.0,
             color: [0; 3].map(|_| random.between(0.0, 1.0)),
-            ..Prop::ball(
-                [0.5, 0.5],
-                1000.0,
-                if opacity < 1.0 {
-                    logit(opacity)
-                } else {
-                    OPAQUE
-                },
-            )
+            ..Prop::ball([0.5, 0.5], 1000.0, if opacity < 1.0 { logit(opacity) } else { OPAQUE })
         };
         place(&mut scene, &prop);
     }
@@ -258,11 +244,7 @@ fn f060_rounding_to_bytes() {
     for level in 0..=255u8 {
         let exact = f32::from(level) / 255.0;
         assert_eq!(to_byte(exact), level);
-        for (step, expected) in [
-            (-0.49, level),
-            (0.49, level),
-            (0.51, level.saturating_add(1)),
-        ] {
+        for (step, expected) in [(-0.49, level), (0.49, level), (0.51, level.saturating_add(1))] {
             assert_eq!(
                 to_byte((f32::from(level) + step) / 255.0),
                 expected,
@@ -277,10 +259,7 @@ fn f060_rounding_to_bytes() {
         .sum::<f64>()
         / f64::from(steps);
     within("output", "60", "bias of bytes, levels", bias.abs(), 1e-3);
-    assert_eq!(
-        [to_byte(f32::NAN), to_byte(-1.0), to_byte(2.0)],
-        [0, 0, 255]
-    );
+    assert_eq!([to_byte(f32::NAN), to_byte(-1.0), to_byte(2.0)], [0, 0, 255]);
 }
 
 /// Every picture writes every pixel, including uncovered ones.
@@ -334,9 +313,7 @@ fn f063_exponential() {
     let seen: ScreenSplat<f64> = crate::common::pack::screen_splat(&records[0]);
     let (mut worst, mut count) = (0.0f64, 0);
     for (i, through) in image.transmittance.iter().enumerate() {
-        if let Some(exact) =
-            layer(&seen, center(i, 1024), &Thresholds::ENGINE).filter(|l| l.alpha > 1.01 / 255.0)
-        {
+        if let Some(exact) = layer(&seen, center(i, 1024), &Thresholds::ENGINE).filter(|l| l.alpha > 1.01 / 255.0) {
             // The transmittance rounds by U at every alpha.
             let found = 1.0 - f64::from(*through);
             worst = worst.max(((found - exact.alpha).abs() - U) / exact.alpha);

@@ -21,10 +21,7 @@ pub(crate) fn needle(random: &mut Random, aspect: f64, filter: ScreenFilter, sid
         sigma: [long / aspect, long, long / aspect],
         quaternion: [0; 4].map(|_| random.normal()),
         ..Prop::ball(
-            [
-                middle + random.between(-9.0, 9.0),
-                middle + random.between(-9.0, 9.0),
-            ],
+            [middle + random.between(-9.0, 9.0), middle + random.between(-9.0, 9.0)],
             1.0,
             OPAQUE,
         )
@@ -54,10 +51,7 @@ pub(crate) fn alpha_errors(scene: &Scene) -> Vec<f64> {
         if alpha > 1.02 * thresholds.alpha_min {
             errors.push((1.0 - f64::from(*through) - alpha).abs());
         } else if alpha < 0.98 * thresholds.alpha_min {
-            assert_eq!(
-                *through, 1.0,
-                "something is drawn outside the ellipse at {at:?}"
-            );
+            assert_eq!(*through, 1.0, "something is drawn outside the ellipse at {at:?}");
         }
     }
     errors
@@ -88,13 +82,7 @@ fn f024_needle_determinant() {
             // determinant of positive terms only; the factor is its root, and its divisor a carries as much: 120U at
             // worst.
             let what = format!("whitening in y, aspect {aspect:.0e}, {filter:?}");
-            within(
-                "project",
-                "24",
-                &what,
-                percentile(&mut errors, 1.0),
-                120.0 * U,
-            );
+            within("project", "24", &what, percentile(&mut errors, 1.0), 120.0 * U);
         }
     }
 }
@@ -106,10 +94,7 @@ fn f025_needle_exponent() {
     // by up to 3.33 / σ of it, σ the short one; the slope's error acts over the needle's visible length, up to 3.33 of
     // its long σ. Measured for the catalogue in numpy: 2.4e-5 at the 99th percentile for aspect 1e3, 5e-5 for 1e6, 4e-4
     // at most.
-    for (filter, high, most) in [
-        (ScreenFilter::Classic, 1e-4, 5e-4),
-        (ScreenFilter::Mip, 2e-4, 1e-3),
-    ] {
+    for (filter, high, most) in [(ScreenFilter::Classic, 1e-4, 5e-4), (ScreenFilter::Mip, 2e-4, 1e-3)] {
         for aspect in [1.0, 10.0, 1e2, 1e3, 1e4, 1e6] {
             let random = &mut Random::new(325);
             let mut errors = Vec::new();
@@ -117,20 +102,8 @@ fn f025_needle_exponent() {
                 errors.extend(alpha_errors(&needle(random, aspect, filter, 128)));
             }
             let what = |what: &str| format!("alpha, aspect {aspect:.0e}, {filter:?}, {what}");
-            within(
-                "rasterize",
-                "25",
-                &what("99 %"),
-                percentile(&mut errors, 0.99),
-                high,
-            );
-            within(
-                "rasterize",
-                "25",
-                &what("all"),
-                percentile(&mut errors, 1.0),
-                most,
-            );
+            within("rasterize", "25", &what("99 %"), percentile(&mut errors, 0.99), high);
+            within("rasterize", "25", &what("all"), percentile(&mut errors, 1.0), most);
         }
     }
 }
@@ -146,11 +119,7 @@ pub(crate) fn needles(seed: u64, aspect: f64, count: usize) -> Scene {
             sigma: [long / aspect, long, long / aspect],
             quaternion: [0; 4].map(|_| random.normal()),
             color: [0; 3].map(|_| random.between(0.1, 0.9)),
-            ..Prop::ball(
-                [random.between(10.0, 54.0), random.between(10.0, 54.0)],
-                1.0,
-                0.0,
-            )
+            ..Prop::ball([random.between(10.0, 54.0), random.between(10.0, 54.0)], 1.0, 0.0)
         };
         place(&mut scene, &prop);
     }
@@ -171,13 +140,7 @@ fn f026_needle_gradient() {
             // Bound of the engine: 1e-3 up to aspect 1e4, except for the few gradients that are remainders of
             // cancelling sums.
             let what = format!("{what}, aspect {aspect:.0e}, median");
-            within(
-                "project_backward",
-                "26",
-                &what,
-                percentile(&mut errors, 0.5),
-                1e-4,
-            );
+            within("project_backward", "26", &what, percentile(&mut errors, 0.5), 1e-4);
             within(
                 "project_backward",
                 "26",
@@ -246,10 +209,7 @@ fn f028_mip_compensation() {
         splats.filter = filter;
         let path = folder.path().join("scene.ply");
         ashfall::io::splats::write(&path, &splats).unwrap();
-        assert_eq!(
-            ashfall::io::splats::read(&path).unwrap().splats.filter,
-            filter
-        );
+        assert_eq!(ashfall::io::splats::read(&path).unwrap().splats.filter, filter);
     }
 }
 
@@ -292,30 +252,17 @@ fn f029_light_under_zoom() {
             scene.splats.filter = filter;
             place(&mut scene, &Prop::ball([x, y], 2.0 * zoom, OPAQUE));
             let image = lab.draw(&scene);
-            total += image
-                .transmittance
-                .iter()
-                .map(|t| 1.0 - f64::from(*t))
-                .sum::<f64>();
+            total += image.transmittance.iter().map(|t| 1.0 - f64::from(*t)).sum::<f64>();
         }
         total / 16.0 / (zoom * zoom)
     };
     for zoom in [0.5, 0.25, 0.125] {
-        let [mip, usual] = [ScreenFilter::Mip, ScreenFilter::Classic]
-            .map(|m| light(m, zoom) / light(m, 1.0) - 1.0);
-        println!(
-            "| frame | 29 | light at zoom {zoom}, usual dilation (known defect) | {usual:.1e} | - |"
-        );
+        let [mip, usual] = [ScreenFilter::Mip, ScreenFilter::Classic].map(|m| light(m, zoom) / light(m, 1.0) - 1.0);
+        println!("| frame | 29 | light at zoom {zoom}, usual dilation (known defect) | {usual:.1e} | - |");
         // Alphas below 1/255 are dropped: of a splat compensated to a peak of σ² / (σ² + 0.1), 1 / 255 of it, and its
         // tail is sampled at pixel centres.
         let sigma: f64 = 2.0 * zoom;
         let bound = 3e-3 + 1.0 / 255.0 * (1.0 + 0.1 / (sigma * sigma)) * 1.1;
-        within(
-            "frame",
-            "29",
-            &format!("light at zoom {zoom}, mip"),
-            mip.abs(),
-            bound,
-        );
+        within("frame", "29", &format!("light at zoom {zoom}, mip"), mip.abs(), bound);
     }
 }

@@ -1,9 +1,7 @@
 //! Section 1 of the catalogue: quaternions, scales, covariances.
 
 use crate::common::scenes::{self, Random, Scene};
-use crate::stability::lab::{
-    Lesson, U, difference, flat_gradient, image_bound, lab, rows, same, within,
-};
+use crate::stability::lab::{Lesson, U, difference, flat_gradient, image_bound, lab, rows, same, within};
 use crate::stability::optimiser::Run;
 use crate::stability::props::{OPAQUE, Prop, logit, place, stage, with_copy};
 use ashfall::layout::TILE_PIXELS;
@@ -60,10 +58,7 @@ fn f002_large_quaternion() {
     let clean = lab.draw(&scene);
     for power in [60, -50, 100] {
         let scaled = turned_longer(&scene, 2f32.powi(power));
-        assert!(
-            same(&lab.draw(&scaled), &clean),
-            "quaternions times 2^{power}"
-        );
+        assert!(same(&lab.draw(&scaled), &clean), "quaternions times 2^{power}");
     }
     // As in entry 1.
     let bound = 4.0 * 5.55 * 6.0 * U + image_bound(48, 1.0, 30, 1.0);
@@ -109,13 +104,7 @@ fn f003_unnormalised_quaternion_gradient() {
         8.0 * U * 100.0,
     );
     // 99 % of this engine's gradients agree to 1e-4; smaller ones are noise of sums over pixels.
-    within(
-        "project_backward",
-        "3",
-        "gradient by the quaternion",
-        off,
-        1e-3,
-    );
+    within("project_backward", "3", "gradient by the quaternion", off, 1e-3);
 }
 
 /// Quaternion lengths do not grow, which would slow down learning.
@@ -136,26 +125,14 @@ fn f004_quaternion_norm_drift() {
     }
     assert_eq!(run.poisoned(), 0);
     let length = |q: &[f32; 4]| q.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
-    let drift = course[1..]
-        .iter()
-        .map(|q| (length(q) - 1.0).abs())
-        .fold(0.0, f64::max);
+    let drift = course[1..].iter().map(|q| (length(q) - 1.0).abs()).fold(0.0, f64::max);
     // One division and one square root a step, without accumulation.
-    within(
-        "adam",
-        "4",
-        "length of a quaternion in training",
-        drift,
-        4.0 * U,
-    );
+    within("adam", "4", "length of a quaternion in training", drift, 4.0 * U);
     let angle = |pair: &[[f32; 4]]| {
-        let square = (0..4)
-            .map(|k| f64::from(pair[1][k] - pair[0][k]).powi(2))
-            .sum::<f64>();
+        let square = (0..4).map(|k| f64::from(pair[1][k] - pair[0][k]).powi(2)).sum::<f64>();
         square.sqrt()
     };
-    let mean =
-        |part: &[[f32; 4]]| part.windows(2).map(angle).sum::<f64>() / (part.len() - 1) as f64;
+    let mean = |part: &[[f32; 4]]| part.windows(2).map(angle).sum::<f64>() / (part.len() - 1) as f64;
     let (early, late) = (mean(&course[101..200]), mean(&course[301..400]));
     // Steps of random direction: a mean over 99 of them, which share their moments over about 10, scatters by
     // a tenth of the mean or so; |q| = 5 at the start, unnormalised, would have made it five times smaller.
@@ -172,10 +149,7 @@ fn f005_direction_at_every_distance() {
     let scene = scenes::gentle(105, 20, 40, 33, 3);
     let lesson = Lesson::flat(&scene, 0);
     let (clean, picture) = (lab.step(&scene, &lesson), lab.draw(&scene));
-    let largest = clean.gradients[0]
-        .iter()
-        .flatten()
-        .fold(0.0f32, |m, g| m.max(g.abs()));
+    let largest = clean.gradients[0].iter().flatten().fold(0.0f32, |m, g| m.max(g.abs()));
     for power in [-70, -30, 30, 70] {
         let factor = 2f64.powi(power);
         let mut scaled = scene.clone();
@@ -229,8 +203,7 @@ fn f009_covariance_is_a_product() {
         *log = [long, long / aspect, long / aspect].map(|s| s.ln() as f32);
     }
     let (records, tiles) = lab.records(&scene);
-    let viewpoint =
-        ashfall::reference::Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
+    let viewpoint = ashfall::reference::Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let mut worst = 0.0f64;
     for (i, record) in records.iter().enumerate().filter(|(i, _)| tiles[*i] > 0) {
         let found = crate::common::pack::screen_splat(record).covariance;
@@ -238,12 +211,9 @@ fn f009_covariance_is_a_product() {
             found[0] > 0.0 && found[0] * found[2] - found[1] * found[1] > 0.0,
             "splat {i}: {found:?}"
         );
-        let exact = ashfall::reference::project(
-            &ashfall::reference::Splat::<f64>::of(&scene.splats, i),
-            &viewpoint,
-        )
-        .unwrap()
-        .covariance;
+        let exact = ashfall::reference::project(&ashfall::reference::Splat::<f64>::of(&scene.splats, i), &viewpoint)
+            .unwrap()
+            .covariance;
         // Relative to the largest entry: the small ones of a needle are differences.
         let largest = exact[0].max(exact[2]);
         for (f, e) in found.iter().zip(exact) {
@@ -252,13 +222,7 @@ fn f009_covariance_is_a_product() {
     }
     // The long axis carries the specification's exponential, 3 + 2 · 4.6 ULP or 25U, and V = J W R S some 15 roundings
     // more; a product of two carries both twice.
-    within(
-        "project",
-        "9",
-        "covariance, aspects 1 to 1e6",
-        worst,
-        80.0 * U,
-    );
+    within("project", "9", "covariance, aspects 1 to 1e6", worst, 80.0 * U);
 }
 
 /// A loss that favours only size gives a splat that covers everything, and finite numbers.
@@ -280,14 +244,7 @@ fn f010_scale_gradients_saturate() {
     // The distance of 5,000 steps at the usual rate, in 250.
     config.rates.log_scale *= 20.0;
     let state = HostState::from_splats(&scene.splats, 0);
-    let mut trainer = Trainer::from_state(
-        lab.gpu(),
-        &dataset,
-        config,
-        &state,
-        crate::stability::lab::BEGUN,
-    )
-    .unwrap();
+    let mut trainer = Trainer::from_state(lab.gpu(), &dataset, config, &state, crate::stability::lab::BEGUN).unwrap();
     let mut reports = Vec::new();
     for _ in 0..250 {
         reports.extend(trainer.step().unwrap());
@@ -295,20 +252,12 @@ fn f010_scale_gradients_saturate() {
     reports.extend(trainer.finish().unwrap());
     let tiles = (40 * 33usize).div_ceil(TILE_PIXELS as usize) + 5;
     for report in &reports {
-        assert!(
-            report.loss.is_finite() && report.poisoned == 0,
-            "{report:?}"
-        );
+        assert!(report.loss.is_finite() && report.poisoned == 0, "{report:?}");
         assert!(report.isect_count <= 2 * tiles, "{report:?}");
     }
     let after = trainer.download().unwrap();
     assert!(
-        after
-            .params
-            .iter()
-            .flatten()
-            .flatten()
-            .all(|x| x.is_finite()),
+        after.params.iter().flatten().flatten().all(|x| x.is_finite()),
         "{:?}",
         after.params
     );

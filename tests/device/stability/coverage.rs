@@ -11,20 +11,12 @@ const NUMERICS: u32 = 15;
 
 /// The texts of the modules of one folder of device tests.
 fn modules(name: &str) -> Vec<String> {
-    texts_in(
-        &Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("tests/device")
-            .join(name),
-    )
+    texts_in(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/device").join(name))
 }
 
 fn texts_in(folder: &Path) -> Vec<String> {
-    let files = fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path());
-    files
-        .map(|path| fs::read_to_string(path).unwrap())
-        .collect()
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    files.map(|path| fs::read_to_string(path).unwrap()).collect()
 }
 
 /// The numbers of the functions named `<letter><digits>_…` and marked as tests.
@@ -73,17 +65,11 @@ fn every_entry_has_its_test_or_its_reason() {
     let open: Vec<u32> = (1..=ENTRIES)
         .filter(|entry| !with_test.contains(entry) && !with_reason.contains(entry))
         .collect();
-    println!(
-        "{} entries tested, {} do not apply",
-        with_test.len(),
-        with_reason.len()
-    );
+    println!("{} entries tested, {} do not apply", with_test.len(), with_reason.len());
     assert!(open.is_empty(), "neither tested nor excused: {open:?}");
     for (letter, last) in [('m', RELATIONS), ('b', NUMERICS)] {
         let found = all(letter);
-        let open: Vec<u32> = (1..=last)
-            .filter(|number| !found.contains(number))
-            .collect();
+        let open: Vec<u32> = (1..=last).filter(|number| !found.contains(number)).collect();
         assert!(open.is_empty(), "{letter}: no test of {open:?}");
     }
 }

@@ -4,9 +4,7 @@
 //! * 112: no sum here is compensated, so reassociation has no effect; expressions with a fixed order are `precise`.
 
 use crate::common::scenes;
-use crate::stability::lab::{
-    Lesson, apart, difference, image_bound, lab, percentile, rows, same, within,
-};
+use crate::stability::lab::{Lesson, apart, difference, image_bound, lab, percentile, rows, same, within};
 use crate::stability::props::{OPAQUE, Prop, place, stage, with_copy};
 use ashfall::kernels::KERNELS;
 use ashfall::reference::loss::Target;
@@ -28,9 +26,7 @@ fn shaders() -> Vec<(PathBuf, String)> {
                 .is_some_and(|n| n.to_string_lossy().starts_with("baseline_16x16"));
             if path.is_file() && !baseline {
                 let text = fs::read_to_string(&path).unwrap();
-                let code = text
-                    .lines()
-                    .map(|line| line.split("//").next().unwrap_or_default());
+                let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
                 files.push((path.clone(), code.collect::<Vec<_>>().join("\n")));
             }
         }
@@ -68,13 +64,8 @@ fn f109_fresh_memory_is_poisoned() {
 #[test]
 fn f110_portable_forms() {
     // The baseline_16x16 kernels are run by benchmarks only.
-    for info in KERNELS
-        .iter()
-        .filter(|info| !info.kernel.starts_with("baseline_16x16"))
-    {
-        let base = KERNELS
-            .iter()
-            .find(|k| k.kernel == info.kernel && k.variant.is_empty());
+    for info in KERNELS.iter().filter(|info| !info.kernel.starts_with("baseline_16x16")) {
+        let base = KERNELS.iter().find(|k| k.kernel == info.kernel && k.variant.is_empty());
         let base = base.unwrap_or_else(|| panic!("{} has no portable form", info.kernel));
         for requirement in base.requirements {
             let allowed = match requirement {
@@ -104,10 +95,7 @@ fn f111_no_float_atomics() {
         }
         assert!(!code.contains("shader_atomic_float"), "{}", path.display());
     }
-    assert!(
-        seen > 0,
-        "no atomic at all: this test looks at the wrong files"
-    );
+    assert!(seen > 0, "no atomic at all: this test looks at the wrong files");
 }
 
 /// Results do not depend on numbers that a device may flush to zero.
@@ -195,18 +183,11 @@ fn f115_parity_of_every_gradient() {
     };
     let exact = rows(&loss_gradient(&scene.splats, &scene.camera, &options, &target).d_splats);
     for (name, range) in groups {
-        let square: f64 = exact
-            .iter()
-            .flat_map(|row| &row[range.clone()])
-            .map(|g| g * g)
-            .sum();
+        let square: f64 = exact.iter().flat_map(|row| &row[range.clone()]).map(|g| g * g).sum();
         let floor = 0.01 * (square / (90 * range.len()) as f64).sqrt();
         let mut errors = Vec::new();
         for (i, row) in exact.iter().enumerate() {
-            for (found, exact) in stepped.row(i)[range.clone()]
-                .iter()
-                .zip(&row[range.clone()])
-            {
+            for (found, exact) in stepped.row(i)[range.clone()].iter().zip(&row[range.clone()]) {
                 errors.push((found - exact).abs() / exact.abs().max(floor));
             }
         }

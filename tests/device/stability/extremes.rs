@@ -15,24 +15,16 @@ fn f006_splat_at_the_camera() {
     let ulp = |x: f32, step: i32| f32::from_bits(x.to_bits().wrapping_add_signed(step));
     for near in [scene.options.near as f32, 1e-30, 0.0] {
         for step in [-1, 0, 1] {
-            let at = with_copy(&scene, |splats, i| {
-                splats.mean[i] = centre.map(|x| ulp(x, step))
-            });
+            let at = with_copy(&scene, |splats, i| splats.mean[i] = centre.map(|x| ulp(x, step)));
             let view = ViewOptions {
                 near,
                 ..view_options(&scene)
             };
             let image = lab.draw_with(&at, &view);
             let finite = image.rgb.as_flattened().iter().all(|x| x.is_finite());
-            assert!(
-                finite,
-                "near plane at {near:e}, {step} steps off the centre"
-            );
+            assert!(finite, "near plane at {near:e}, {step} steps off the centre");
             if step == 0 || near > 1e-3 {
-                assert!(
-                    same(&image, &clean),
-                    "near plane at {near:e}, {step} steps off"
-                );
+                assert!(same(&image, &clean), "near plane at {near:e}, {step} steps off");
             }
         }
     }
@@ -47,10 +39,7 @@ fn f007_log_scale_extremes() {
             let odd = with_copy(&scene, |splats, i| splats.log_scale[i][..axes].fill(log));
             let image = lab.draw(&odd);
             let all = image.rgb.as_flattened().iter().chain(&image.transmittance);
-            assert!(
-                all.clone().all(|x| x.is_finite()),
-                "log-scale {log} on {axes} axes"
-            );
+            assert!(all.clone().all(|x| x.is_finite()), "log-scale {log} on {axes} axes");
             // A vanishing scale leaves the dilation, and the picture agrees with the oracle; beyond 2^63 px the
             // variance overflows and the splat is dropped.
             if log < 1.0 {
@@ -80,13 +69,7 @@ fn f008_nan_through_guards() {
     let lesson = Lesson::photo(&scene, 0.2);
     let (clean, drawn) = (lab.step(&scene, &lesson), lab.draw(&scene));
     let signalling = f32::from_bits(0x7f80_0001);
-    let nones = [
-        f32::NAN,
-        -f32::NAN,
-        signalling,
-        f32::INFINITY,
-        f32::NEG_INFINITY,
-    ];
+    let nones = [f32::NAN, -f32::NAN, signalling, f32::INFINITY, f32::NEG_INFINITY];
     let mut poisoned = scene.clone();
     for (i, &none) in nones.iter().enumerate() {
         let mut one = scene.clone();

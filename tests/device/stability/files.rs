@@ -107,18 +107,11 @@ fn f019_positions_are_counted_from_near_the_cameras() {
     assert_eq!(near.origin, DVec3::ZERO);
     let offset = DVec3::new(6.0e5, 5.1e6, 120.0);
     let mut far = moved(folder.path(), offset);
-    assert!(
-        far.warnings
-            .iter()
-            .any(|w| w.contains("far from the origin"))
-    );
+    assert!(far.warnings.iter().any(|w| w.contains("far from the origin")));
     let same = |a: DVec3, b: DVec3| (a - b).length() < 2e-9;
     for (a, b) in far.views.iter().zip(&near.views) {
         assert!(a.camera.position.length() < 10.0);
-        assert!(same(
-            a.camera.position + far.origin,
-            b.camera.position + offset
-        ));
+        assert!(same(a.camera.position + far.origin, b.camera.position + offset));
     }
     for (a, b) in far.points.iter().zip(&near.points) {
         assert!(same(
@@ -141,16 +134,9 @@ fn f019_positions_are_counted_from_near_the_cameras() {
     ));
     let text = fs::read(&path).unwrap();
     let text = text.strip_prefix(b"ply\n").unwrap();
-    fs::write(
-        &path,
-        [b"ply\ncomment SplatOrigin: 1 2 nan\n", text].concat(),
-    )
-    .unwrap();
+    fs::write(&path, [b"ply\ncomment SplatOrigin: 1 2 nan\n", text].concat()).unwrap();
     let error = splats::read(&path).unwrap_err().to_string();
-    assert!(
-        error.contains("scene.ply") && error.contains("1 2 nan"),
-        "{error}"
-    );
+    assert!(error.contains("scene.ply") && error.contains("1 2 nan"), "{error}");
 }
 
 /// A declared size beyond any photograph is refused before decoding.
@@ -166,15 +152,9 @@ fn f100_images() {
     bytes.extend(crc32(&header).to_be_bytes());
     fs::write(&path, &bytes).unwrap();
     let error = photo::decode(path.as_path()).unwrap_err().to_string();
-    assert!(
-        error.contains("bomb.png") && error.contains("65535"),
-        "{error}"
-    );
+    assert!(error.contains("bomb.png") && error.contains("65535"), "{error}");
     fs::write(&path, []).unwrap();
-    assert!(
-        photo::decode(path.as_path()).is_err(),
-        "an empty file is a picture"
-    );
+    assert!(photo::decode(path.as_path()).is_err(), "an empty file is a picture");
 }
 
 /// CRC-32 of a PNG chunk.
@@ -201,9 +181,7 @@ fn f104_reach_of_a_binding() {
             for block in blocks.of(blocks.room) {
                 assert_eq!(block.first, next);
                 next = block.slots().end;
-                assert!(
-                    block.stride * planes * 16 <= reach as usize && block.count <= block.stride
-                );
+                assert!(block.stride * planes * 16 <= reach as usize && block.count <= block.stride);
             }
             assert_eq!(next, room, "splats without a block");
         }
@@ -219,10 +197,7 @@ fn f105_indices_of_32_bits() {
         let blocks = Blocks::new(&caps, 400_000_000, degree);
         for block in blocks.of(blocks.room) {
             let elements = block.stride as u64 * plane_count(degree) as u64;
-            assert!(
-                elements <= u64::from(u32::MAX),
-                "{elements} elements of a block"
-            );
+            assert!(elements <= u64::from(u32::MAX), "{elements} elements of a block");
         }
     }
 }

@@ -75,13 +75,7 @@ fn floaters_do_not_grow_where_they_are_guarded_against() {
         let floating = share(guarded.floating, plain.floating);
         within("training", "floaters", "share left", floating, 0.6);
         let unsupported = share(guarded.unsupported, plain.unsupported);
-        within(
-            "training",
-            "floaters",
-            "share of low support left",
-            unsupported,
-            0.6,
-        );
+        within("training", "floaters", "share of low support left", unsupported, 0.6);
         let lost = plain.psnr_db - guarded.psnr_db;
         within("training", "floaters", "dB lost", lost, -1.0);
     }

@@ -19,11 +19,7 @@ fn f077_threshold_of_every_size() {
             sigma: [0; 3].map(|_| random.between(4.0, 9.0)),
             quaternion: [0; 4].map(|_| random.normal()),
             color: [0; 3].map(|_| random.between(0.1, 0.9)),
-            ..Prop::ball(
-                [random.between(0.0, 96.0), random.between(0.0, 64.0)],
-                1.0,
-                -1.0,
-            )
+            ..Prop::ball([random.between(0.0, 96.0), random.between(0.0, 64.0)], 1.0, -1.0)
         };
         place(&mut scene, &prop);
     }
@@ -72,16 +68,7 @@ pub(crate) fn state_of(splats: &[(f64, f64)]) -> HostState {
     let random = &mut Random::new(8);
     for (row, &(opacity, scale)) in splats.iter().enumerate() {
         let [x, y, z] = [0; 3].map(|_| random.normal() as f32);
-        state.params[0][row] = [
-            x,
-            y,
-            z,
-            if opacity.is_finite() {
-                logit(opacity)
-            } else {
-                f32::NAN
-            },
-        ];
+        state.params[0][row] = [x, y, z, if opacity.is_finite() { logit(opacity) } else { f32::NAN }];
         state.params[1][row] = [1.0, 0.0, 0.0, 0.0];
         state.params[2][row] = [scale.ln() as f32, scale.ln() as f32, scale.ln() as f32, 0.0];
         state.params[3][row] = [row as f32, 0.0, 0.0, 0.0];
@@ -111,17 +98,10 @@ fn f078_oversized_splats_go() {
     let mut config = TrainConfig::default();
     config.adc.prune_radius_px = 20.0;
     let mut state = state_of(&[(0.5, 0.001); 3]);
-    let stats = [
-        [0.0, 1.0, 21.0, 0.0],
-        [0.0, 1.0, 19.0, 0.0],
-        [0.0, 1.0, 1.0, 0.0],
-    ];
+    let stats = [[0.0, 1.0, 21.0, 0.0], [0.0, 1.0, 19.0, 0.0], [0.0, 1.0, 1.0, 0.0]];
     let report = refine(StrategyKind::Adc, &config, &mut state, &stats);
     assert_eq!((report.pruned, report.count), (1, 2));
-    assert!(
-        state.params[3].iter().all(|sh| sh[0] != 0.0),
-        "another one is gone"
-    );
+    assert!(state.params[3].iter().all(|sh| sh[0] != 0.0), "another one is gone");
 }
 
 /// A split needle becomes two needles with centres of its covariance: splitting is the published one; an option of
@@ -139,10 +119,7 @@ fn f085_split_of_needles() {
     let report = refine(StrategyKind::Adc, &config, &mut state, &stats);
     assert_eq!((report.split, report.count), (count, 2 * count));
     for (axis, scale) in [0.05, 5e-4, 0.005].into_iter().enumerate() {
-        let square: f64 = state.params[0]
-            .iter()
-            .map(|m| f64::from(m[axis]).powi(2))
-            .sum();
+        let square: f64 = state.params[0].iter().map(|m| f64::from(m[axis]).powi(2)).sum();
         let error = (square / (2.0 * count as f64 * scale * scale) - 1.0).abs();
         // Four standard errors of a variance.
         within(
@@ -153,10 +130,7 @@ fn f085_split_of_needles() {
             4.0 * (2.0 / (2.0 * count as f64)).sqrt(),
         );
         let child = f64::from(state.params[2][0][axis]).exp();
-        assert!(
-            (child * 1.6 / scale - 1.0).abs() < 1e-5,
-            "a child's scale is {child}"
-        );
+        assert!((child * 1.6 / scale - 1.0).abs() < 1e-5, "a child's scale is {child}");
     }
 }
 
@@ -199,11 +173,7 @@ fn f086_degenerate_starts() {
         let state = HostState::from_splats(&splats, config.sh_degree);
         assert!(!splats.is_empty());
         for row in 0..state.len() {
-            assert!(
-                state.is_finite(row) && state.max_scale(row) > 0.0,
-                "{:?}",
-                state.params
-            );
+            assert!(state.is_finite(row) && state.max_scale(row) > 0.0, "{:?}", state.params);
         }
     }
 }

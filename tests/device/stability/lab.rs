@@ -10,9 +10,7 @@ use ashfall::reference;
 use ashfall::reference::frame::{self, discontinuity_margins};
 use ashfall::reference::gradient::SplatGradients;
 use ashfall::reference::rasterize_backward::PixelGradient;
-use ashfall::render::{
-    Model, RenderOptions, RenderedImage, Renderer, ViewOptions, planes_from_splats, view_of,
-};
+use ashfall::render::{Model, RenderOptions, RenderedImage, Renderer, ViewOptions, planes_from_splats, view_of};
 use ashfall::scene::{AlphaMode, Dataset, Photo, PhotoSource, Point, View};
 use ashfall::train::state::Planes;
 use ashfall::train::{Background, HostState, StepReport, TrainConfig, Trainer};
@@ -197,18 +195,13 @@ impl Lab {
     pub(crate) fn device_time(&self, scene: &Scene) -> f64 {
         let model = Model::upload(self.gpu(), &scene.splats).unwrap();
         let mut renderer = self.renderer();
-        renderer
-            .render(&model, &scene.camera, &view_options(scene))
-            .unwrap();
+        renderer.render(&model, &scene.camera, &view_options(scene)).unwrap();
         renderer.timings().unwrap().iter().map(|(_, ns)| ns).sum()
     }
 
     fn renderer(&self) -> MutexGuard<'_, Renderer> {
         // The renderer is still usable after a test that failed while it drew.
-        self.0
-            .renderer
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+        self.0.renderer.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// One training step.
@@ -340,8 +333,5 @@ pub(crate) fn percentile(values: &mut [f64], share: f64) -> f64 {
 pub(crate) fn within(stage: &str, entry: &str, what: &str, measured: f64, bound: f64) {
     println!("| {stage} | {entry} | {what} | {measured:.1e} | {bound:.1e} |");
     // NaN fails this comparison.
-    assert!(
-        measured <= bound,
-        "{entry}: {what}: {measured:e}, more than {bound:e}"
-    );
+    assert!(measured <= bound, "{entry}: {what}: {measured:e}, more than {bound:e}");
 }

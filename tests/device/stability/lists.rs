@@ -1,9 +1,7 @@
 //! Section 4 of the catalogue: instances and tile lists.
 
 use crate::common::scenes::{self, Random};
-use crate::stability::lab::{
-    BEGUN, Lesson, apart, config, dataset, image_bound, lab, same, view_options, within,
-};
+use crate::stability::lab::{BEGUN, Lesson, apart, config, dataset, image_bound, lab, same, view_options, within};
 use crate::stability::props::{OPAQUE, Prop, place, stage};
 use ashfall::gpu::Groups;
 use ashfall::kernels::gather::{self, Gather};
@@ -27,18 +25,14 @@ fn f037_count_saturates() {
         let mut slots = [0u32; COUNT_SLOTS as usize];
         slots[COUNT_VISIBLE as usize] = values.len() as u32;
         let counts = gpu.buffer_from("counts", &slots).unwrap();
-        let args = gpu
-            .buffer::<DispatchArgs>("args", ARGS_SLOTS as usize)
-            .unwrap();
+        let args = gpu.buffer::<DispatchArgs>("args", ARGS_SLOTS as usize).unwrap();
         let scan = Scan::new(gpu).unwrap();
         let plan = Plan::new(gpu, plan::Choice::default()).unwrap();
         let (data, offsets) = (
             gpu.buffer_from("values", &values).unwrap(),
             gpu.buffer("offsets", values.len()).unwrap(),
         );
-        let sums = gpu
-            .buffer("sums", values.len().div_ceil(SCAN_CHUNK as usize))
-            .unwrap();
+        let sums = gpu.buffer("sums", values.len().div_ceil(SCAN_CHUNK as usize)).unwrap();
         let io = Io {
             counts: &counts,
             values: &data,
@@ -80,11 +74,7 @@ fn f037_count_saturates() {
         assert_eq!(slot(COUNT_FAILED) != 0, failed);
         assert_eq!(slot(COUNT_ISECT), if failed { 0 } else { total });
         let groups = gpu.download(&args, 0..ARGS_SLOTS as usize).unwrap()[ARGS_EXPAND as usize];
-        assert_eq!(
-            groups.x == 0,
-            failed,
-            "something is written that has no room"
-        );
+        assert_eq!(groups.x == 0, failed, "something is written that has no room");
     }
 }
 
@@ -106,10 +96,7 @@ fn f038_room_for_one_less() {
     let lesson = Lesson::photo(&scene, 0.2);
     let clean = lab.step(&scene, &lesson);
     let wanted = clean.report.isect_count;
-    assert!(
-        wanted > 4 * 6 + 1,
-        "{wanted} intersections: too few for this test"
-    );
+    assert!(wanted > 4 * 6 + 1, "{wanted} intersections: too few for this test");
     let expected = lab.draw(&scene);
     for isects in [wanted, wanted - 1, 1] {
         let options = RenderOptions {
@@ -119,9 +106,7 @@ fn f038_room_for_one_less() {
         };
         let mut renderer = Renderer::new(lab.gpu(), options).unwrap();
         let model = Model::upload(lab.gpu(), &scene.splats).unwrap();
-        let image = renderer
-            .render(&model, &scene.camera, &view_options(&scene))
-            .unwrap();
+        let image = renderer.render(&model, &scene.camera, &view_options(&scene)).unwrap();
         assert!(same(&image, &expected), "room for {isects} of {wanted}");
         let dataset = dataset(&scene, &lesson);
         let state = HostState::from_splats(&scene.splats, 0);
@@ -145,9 +130,7 @@ fn f039_nothing_to_draw() {
     let (mut empty, mut behind, mut beside) = (full.clone(), full.clone(), full.clone());
     empty.splats = scenes::gentle(439, 0, 40, 33, 1).splats;
     for mean in &mut behind.splats.mean {
-        *mean = (camera.position - camera.rotation.row(2) * 3.0)
-            .as_vec3()
-            .to_array();
+        *mean = (camera.position - camera.rotation.row(2) * 3.0).as_vec3().to_array();
     }
     for mean in &mut beside.splats.mean {
         let there = camera.rotation.row(2) * 3.0 + camera.rotation.row(0) * 90.0;
@@ -163,20 +146,12 @@ fn f039_nothing_to_draw() {
     ] {
         let image = lab.draw(&scene);
         let background = scene.options.background.map(|c| c as f32);
-        assert!(
-            image.rgb.iter().all(|&c| c == background),
-            "{name}: not the background"
-        );
+        assert!(image.rgb.iter().all(|&c| c == background), "{name}: not the background");
         assert!(image.transmittance.iter().all(|&t| t == 1.0), "{name}");
         let stepped = lab.step(&scene, &Lesson::photo(&scene, 0.2));
         assert_eq!(stepped.report.isect_count, 0, "{name}");
         assert!(
-            stepped
-                .gradients
-                .iter()
-                .flatten()
-                .flatten()
-                .all(|&g| g == 0.0),
+            stepped.gradients.iter().flatten().flatten().all(|&g| g == 0.0),
             "{name}: a gradient"
         );
     }
@@ -216,11 +191,7 @@ fn f041_dispatch_limits() {
     let index: Vec<u32> = (0..count).rev().collect();
     let mut slots = [0u32; COUNT_SLOTS as usize];
     slots[COUNT_VISIBLE as usize] = count;
-    let groups = DispatchArgs {
-        x: 65_535,
-        y: 2,
-        z: 1,
-    };
+    let groups = DispatchArgs { x: 65_535, y: 2, z: 1 };
     let index = gpu.buffer_from("index", &index).unwrap();
     let target = gpu.buffer::<u32>("target", count as usize).unwrap();
     let io = gather::Bindings {

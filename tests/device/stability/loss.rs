@@ -37,11 +37,7 @@ fn f064_colour_clamp() {
         let found = stepped.row(i);
         for (channel, exact) in exact[11..].iter().enumerate() {
             let dark = channel == 1 - i;
-            assert_eq!(
-                dark,
-                *exact == 0.0,
-                "the oracle, channel {channel} of splat {i}"
-            );
+            assert_eq!(dark, *exact == 0.0, "the oracle, channel {channel} of splat {i}");
             assert!(
                 !dark || found[11 + channel] == 0.0,
                 "channel {channel} of splat {i} is clamped"
@@ -52,13 +48,7 @@ fn f064_colour_clamp() {
         }
     }
     // Sums of positive weights over up to a thousand pixels, each with the exponential's 7 ULP.
-    within(
-        "project_backward",
-        "64",
-        "colour beside a clamped channel",
-        worst,
-        1e-5,
-    );
+    within("project_backward", "64", "colour beside a clamped channel", worst, 1e-5);
 }
 
 /// Means have a gradient through the view direction.
@@ -104,9 +94,7 @@ fn f066_harmonics_layout() {
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let mut worst = 0.0f64;
         for (i, record) in records.iter().enumerate().filter(|(i, _)| tiles[*i] > 0) {
-            let exact = project(&Splat::<f64>::of(&scene.splats, i), &view)
-                .unwrap()
-                .color;
+            let exact = project(&Splat::<f64>::of(&scene.splats, i), &view).unwrap().color;
             let found = [record.tone[2], record.tone[3], record.rest[0]];
             for (f, e) in found.iter().zip(exact) {
                 worst = worst.max((f64::from(*f) - e).abs());
@@ -163,12 +151,7 @@ pub(crate) fn bright_flat(amplitude: f64) -> (Scene, Lesson) {
     lesson.lambda = 1.0;
     for pixel in &mut lesson.rgba {
         let level = 250.0 + amplitude * random.between(-1.0, 1.0);
-        *pixel = [
-            level.round() as u8,
-            level.round() as u8,
-            level.round() as u8,
-            255,
-        ];
+        *pixel = [level.round() as u8, level.round() as u8, level.round() as u8, 255];
     }
     (scene, lesson)
 }
@@ -178,13 +161,7 @@ pub(crate) fn bright_flat(amplitude: f64) -> (Scene, Lesson) {
 fn f067_variance_of_flat_patches() {
     let (scene, lesson) = bright_flat(0.0);
     let (same, _, _) = losses(&scene, &lesson);
-    within(
-        "loss",
-        "67",
-        "1 − SSIM of a picture with itself",
-        same.abs(),
-        1e-6,
-    );
+    within("loss", "67", "1 − SSIM of a picture with itself", same.abs(), 1e-6);
     for amplitude in [0.6, 1.4, 4.0] {
         let (scene, lesson) = bright_flat(amplitude);
         let (found, exact, _) = losses(&scene, &lesson);
@@ -242,12 +219,7 @@ fn f069_masks() {
     let masked = lab.step(&scene, &lesson);
     assert_eq!(masked.report.loss, 0.0);
     assert!(
-        masked
-            .gradients
-            .iter()
-            .flatten()
-            .flatten()
-            .all(|&g| g == 0.0),
+        masked.gradients.iter().flatten().flatten().all(|&g| g == 0.0),
         "masked out, and yet a gradient"
     );
     lesson.alpha = AlphaMode::Composite;
@@ -295,8 +267,5 @@ fn f070_support_after_a_reset() {
     // The published value: its alpha is below 1/255 from 1.37 σ on. Precondition: the scene has the problem.
     assert_eq!(gradient(0.01), 0.0);
     let usual = TrainConfig::default().adc.opacity_reset_value;
-    assert!(
-        gradient(usual) != 0.0,
-        "no gradient after a reset to {usual}"
-    );
+    assert!(gradient(usual) != 0.0, "no gradient after a reset to {usual}");
 }

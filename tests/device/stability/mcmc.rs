@@ -24,24 +24,13 @@ fn mcmc(cap: u32) -> TrainConfig {
 fn f079_weights_of_any_kind() {
     let seen = |n: usize| vec![[0.0, 1.0, 1.0, 0.0]; n];
     for opacities in [vec![0.0; 5], vec![f64::NAN; 5], vec![1e-9; 5], vec![]] {
-        let splats: Vec<(f64, f64)> = opacities
-            .iter()
-            .map(|&o| (f64::max(o, 1e-12), 0.1))
-            .collect();
+        let splats: Vec<(f64, f64)> = opacities.iter().map(|&o| (f64::max(o, 1e-12), 0.1)).collect();
         let mut state = state_of(&splats);
         for (row, o) in opacities.iter().enumerate().filter(|(_, o)| o.is_nan()) {
             state.params[0][row][3] = *o as f32;
         }
-        let report = refine(
-            StrategyKind::Mcmc,
-            &mcmc(50),
-            &mut state,
-            &seen(opacities.len()),
-        );
-        assert_eq!(
-            (report.relocated, report.cloned, report.count),
-            (0, 0, opacities.len())
-        );
+        let report = refine(StrategyKind::Mcmc, &mcmc(50), &mut state, &seen(opacities.len()));
+        assert_eq!((report.relocated, report.cloned, report.count), (0, 0, opacities.len()));
     }
     let mut state = state_of(&[(0.5, 0.1), (0.5, 0.1), (0.5, 0.1), (0.3, 0.1)]);
     state.params[0][0][3] = f32::NAN;
@@ -60,12 +49,7 @@ fn f080_fair_choice() {
     splats.extend(vec![(1e-6, 0.1); dead]);
     let mut state = state_of(&splats);
     let stats = vec![[0.0, 1.0, 1.0, 0.0]; live + dead];
-    refine(
-        StrategyKind::Mcmc,
-        &mcmc((live + dead) as u32),
-        &mut state,
-        &stats,
-    );
+    refine(StrategyKind::Mcmc, &mcmc((live + dead) as u32), &mut state, &stats);
     let mut deciles = [0.0f64; 10];
     for sh in &state.params[3] {
         deciles[sh[0] as usize * 10 / live] += 1.0;
@@ -132,13 +116,9 @@ fn f082_many_copies() {
 /// Means after MCMC's noise, world units.
 fn perturbed(lab: &Lab, scene: &Scene, amplitude: f32, step: u32) -> Vec<[f64; 3]> {
     let (gpu, count) = (lab.gpu(), scene.splats.len());
-    let params = gpu
-        .buffer_from("params", &planes_from_splats(&scene.splats))
-        .unwrap();
+    let params = gpu.buffer_from("params", &planes_from_splats(&scene.splats)).unwrap();
     let io = Bindings {
-        counts: &gpu
-            .buffer_from("counts", &[0u32; COUNT_SLOTS as usize])
-            .unwrap(),
+        counts: &gpu.buffer_from("counts", &[0u32; COUNT_SLOTS as usize]).unwrap(),
         params: &params,
         splat_from_slot: &gpu.buffer("splat_from_slot", 1).unwrap(),
     };
@@ -155,10 +135,7 @@ fn perturbed(lab: &Lab, scene: &Scene, amplitude: f32, step: u32) -> Vec<[f64; 3
     gpu.run(|rec| kernel.record(rec, io, push, kernel.groups(count)))
         .unwrap();
     let means = gpu.download(&params, 0..count).unwrap();
-    means
-        .iter()
-        .map(|m| [0, 1, 2].map(|k| f64::from(m[k])))
-        .collect()
+    means.iter().map(|m| [0, 1, 2].map(|k| f64::from(m[k]))).collect()
 }
 
 /// Noise moves splats by the same distance relative to the scene in any unit.
@@ -219,9 +196,7 @@ fn f084_random_numbers() {
     }
     let n = 3.0 * count as f64;
     // Four standard errors of each moment; the variances are 1, 2, 15 and 96.
-    for (power, (expected, variance)) in
-        (1..).zip([(0.0, 1.0), (1.0, 2.0), (0.0, 15.0), (3.0, 96.0f64)])
-    {
+    for (power, (expected, variance)) in (1..).zip([(0.0, 1.0), (1.0, 2.0), (0.0, 15.0), (3.0, 96.0f64)]) {
         let error = (sums[power - 1] / n - expected).abs();
         within(
             "perturb",

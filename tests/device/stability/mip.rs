@@ -9,9 +9,7 @@ use crate::stability::lab::{Lab, lab, within};
 use crate::stability::trained::{cameras, psnr_db, train};
 use ashfall::lab::synth::{self, Kind, SynthOptions};
 use ashfall::reference::frame::discontinuity_margins;
-use ashfall::render::{
-    Accuracy, Model, RenderOptions, RenderedImage, Renderer, ViewOptions, planes_from_splats,
-};
+use ashfall::render::{Accuracy, Model, RenderOptions, RenderedImage, Renderer, ViewOptions, planes_from_splats};
 use ashfall::scene::{Camera, Dataset, ScreenFilter, Splats, Split};
 use ashfall::train::smoothing::{refresh, sampling_rates};
 use ashfall::train::{HostState, TrainConfig};
@@ -59,10 +57,7 @@ fn f029_zoom_sweep() {
     // Training amplifies rounding: one run's gain is uncertain by some tenths of a decibel, the mean of three less.
     let trained = [ScreenFilter::Classic, ScreenFilter::Mip].map(|filter| {
         [0, 1, 2].map(|seed| {
-            let config = TrainConfig {
-                seed,
-                ..config(filter)
-            };
+            let config = TrainConfig { seed, ..config(filter) };
             train(&lab, &dataset, &config)
         })
     });
@@ -88,23 +83,10 @@ fn f029_zoom_sweep() {
         };
         let [before, after] = [&trained[0], &trained[1]].map(mean);
         println!("zoom {zoom}: {before:.2} dB, mip {after:.2} dB");
-        within(
-            "frame",
-            "f029",
-            &format!("dB lost at x{zoom}"),
-            before - after,
-            -gain,
-        );
+        within("frame", "f029", &format!("dB lost at x{zoom}"), before - after, -gain);
     }
-    let [plain, mip] =
-        [&trained[0][0], &trained[1][0]].map(|splats| flicker(&lab, splats, &scene, &test[0]));
-    within(
-        "frame",
-        "f029",
-        "flicker of a quarter-size picture",
-        mip,
-        0.5 * plain,
-    );
+    let [plain, mip] = [&trained[0][0], &trained[1][0]].map(|splats| flicker(&lab, splats, &scene, &test[0]));
+    within("frame", "f029", "flicker of a quarter-size picture", mip, 0.5 * plain);
 }
 
 /// Temporal noise of a pixel's error while the picture shifts through a pixel in eight steps: the root of the mean
@@ -223,13 +205,7 @@ fn f029_no_shimmer_between_pixels() {
         let opacity = s / (s + 0.3) * (s / (s + 0.2)).sqrt();
         let bound = variation_bound(s + 0.3, opacity);
         let what = format!("light of a spot of {sigma} px");
-        within(
-            "frame",
-            "f029",
-            &what,
-            light_variation(&lab, &trained),
-            bound,
-        );
+        within("frame", "f029", &what, light_variation(&lab, &trained), bound);
         // Validity of the test: without the 3D filter a thin splat shimmers.
         if sigma <= 0.3 {
             let raw = light_variation(&lab, &spot);
@@ -312,13 +288,7 @@ fn f030_filters_have_no_unit() {
         let found = draw_filtered(&lab, &scaled, &filters);
         // Log-scales of up to 32 round four times as coarsely.
         let error = apart(&scene, &found, &clean);
-        within(
-            "frame",
-            "f030",
-            &format!("unit 2^{exponent}"),
-            error,
-            4.0 * BAKED,
-        );
+        within("frame", "f030", &format!("unit 2^{exponent}"), error, 4.0 * BAKED);
     }
 }
 
@@ -330,12 +300,7 @@ fn thinnest(splats: &Splats, dataset: &Dataset) -> Vec<f64> {
         let least = scale.iter().copied().fold(f32::INFINITY, f32::min);
         rate.map(|rate| f64::from(least).exp() * rate)
     };
-    splats
-        .log_scale
-        .iter()
-        .zip(rates)
-        .filter_map(thin)
-        .collect()
+    splats.log_scale.iter().zip(rates).filter_map(thin).collect()
 }
 
 #[test]
@@ -350,19 +315,10 @@ fn f030_no_trained_splat_is_thinner_than_what_was_seen() {
         let thin = widths.iter().filter(|w| **w < 0.9 * 0.2f64.sqrt());
         thin.count() as f64 / widths.len() as f64
     };
-    within(
-        "training",
-        "f030",
-        "share of thin splats",
-        share_thin(&config),
-        1e-3,
-    );
+    within("training", "f030", "share of thin splats", share_thin(&config), 1e-3);
     config.mip.smoothing = 0.0;
     let without = share_thin(&config);
-    assert!(
-        without > 0.05,
-        "only {without} of the splats are thin without"
-    );
+    assert!(without > 0.05, "only {without} of the splats are thin without");
 }
 
 #[test]

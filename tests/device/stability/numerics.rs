@@ -19,10 +19,7 @@ use ashfall::scene::ScreenFilter;
 #[track_caller]
 pub(crate) fn gained(number: u32, what: &str, naive: f64, ours: f64, bound: f64) {
     println!("| B{number:02} | {what} | {naive:.1e} | {ours:.1e} | {bound:.1e} |");
-    assert!(
-        ours <= bound,
-        "B{number}: {what}: {ours:e}, more than {bound:e}"
-    );
+    assert!(ours <= bound, "B{number}: {what}: {ours:e}, more than {bound:e}");
     assert!(
         naive > ours,
         "B{number}: {what}: the naive form loses {naive:e}, no more than {ours:e}"
@@ -47,11 +44,7 @@ fn naive_alpha_errors(scene: &Scene) -> Vec<f64> {
         let alpha = raw_alpha(&exact, at);
         // A non-finite alpha is drawn at the cap, or not at all.
         let found = f64::from(raw_alpha(&naive, at));
-        let found = if found.is_finite() {
-            found.clamp(0.0, 1.0)
-        } else {
-            1.0
-        };
+        let found = if found.is_finite() { found.clamp(0.0, 1.0) } else { 1.0 };
         (alpha > 1.02 / 255.0).then_some((found - alpha).abs())
     });
     errors.collect()
@@ -83,10 +76,8 @@ fn naive_needle_gradient(scene: &Scene) -> Option<[f64; 3]> {
     let inverse_square = 1.0 / (denominator * denominator + 1e-7);
     let by_a = inverse_square * (-c * c * d_a + 2.0 * b * c * d_b + (denominator - a * c) * d_c);
     let by_c = inverse_square * (-a * a * d_c + 2.0 * a * b * d_b + (denominator - a * c) * d_a);
-    let by_b =
-        inverse_square * 2.0 * (b * c * d_a - (denominator + 2.0 * b * b) * d_b + a * b * d_c);
-    let [row_x, row_y] =
-        factor(&Splat::<f64>::of(&scene.splats, 0), scene).map(|r| r.map(|x| x as f32));
+    let by_b = inverse_square * 2.0 * (b * c * d_a - (denominator + 2.0 * b * b) * d_b + a * b * d_c);
+    let [row_x, row_y] = factor(&Splat::<f64>::of(&scene.splats, 0), scene).map(|r| r.map(|x| x as f32));
     Some([0, 1, 2].map(|k| {
         let (x, y) = (row_x[k], row_y[k]);
         f64::from(2.0 * by_a * x * x + 2.0 * by_b * x * y + 2.0 * by_c * y * y)
@@ -131,13 +122,7 @@ fn b01_whitened_residual() {
             }
         }
         let what = format!("gradient by log-scale, aspect {aspect:.0e}, largest");
-        gained(
-            1,
-            &what,
-            percentile(&mut naive, 1.0),
-            percentile(&mut ours, 1.0),
-            1e-3,
-        );
+        gained(1, &what, percentile(&mut naive, 1.0), percentile(&mut ours, 1.0), 1e-3);
     }
 }
 
@@ -155,12 +140,8 @@ fn b04_gradient_of_the_limit() {
         };
         pixels
     ];
-    let (by_screen, _) = ashfall::reference::gradient::backward(
-        &scene.splats,
-        &scene.camera,
-        &scene.options,
-        &upstream,
-    );
+    let (by_screen, _) =
+        ashfall::reference::gradient::backward(&scene.splats, &scene.camera, &scene.options, &upstream);
     let mut naive = Vec::new();
     for (i, row) in exact.iter().enumerate() {
         let splat = Splat::<f64>::of(&scene.splats, i);
@@ -178,10 +159,7 @@ fn b04_gradient_of_the_limit() {
         ];
         let [_, _, xx, xy, yy, ..] = by_screen[i].row;
         let g = [[xx, 0.5 * xy, 0.0], [0.5 * xy, yy, 0.0], [0.0; 3]];
-        let d_jacobian = product(
-            product(g, jacobian),
-            covariance(splat.quaternion, splat.log_scale),
-        );
+        let d_jacobian = product(product(g, jacobian), covariance(splat.quaternion, splat.log_scale));
         let mut extra = 0.0;
         if slope[0] != x / z {
             extra += 2.0 * d_jacobian[0][2] * focal.x * slope[0] / (z * z);
@@ -244,9 +222,8 @@ fn b05_bounds() {
                 continue;
             };
             let spans = rasterize_inria::square(&exact);
-            let tiles = |(first, end): (f64, f64), tile: u32| {
-                (end.min(32.0) - first.min(32.0)) * 16.0 / f64::from(tile)
-            };
+            let tiles =
+                |(first, end): (f64, f64), tile: u32| (end.min(32.0) - first.min(32.0)) * 16.0 / f64::from(tile);
             squares += tiles(spans[0], TILE_WIDTH) * tiles(spans[1], TILE_HEIGHT);
             listed += f64::from(lab.records(&scene).1[0]);
             touched += f64::from(touched_tiles(&exact, 512));

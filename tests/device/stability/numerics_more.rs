@@ -30,10 +30,7 @@ fn naive_dissimilarity(width: usize, x: &[f32], y: &[f32]) -> f64 {
                     continue;
                 }
                 let g = gauss(v) / norm * (gauss(h) / norm);
-                let (x, y) = (
-                    x[b as usize * width + a as usize],
-                    y[b as usize * width + a as usize],
-                );
+                let (x, y) = (x[b as usize * width + a as usize], y[b as usize * width + a as usize]);
                 for (sum, term) in moments.iter_mut().zip([x, y, x * x, y * y, x * y]) {
                     *sum += g * term;
                 }
@@ -41,8 +38,7 @@ fn naive_dissimilarity(width: usize, x: &[f32], y: &[f32]) -> f64 {
         }
         let [mx, my, xx, yy, xy] = moments;
         let (vx, vy, cov) = (xx - mx * mx, yy - my * my, xy - mx * my);
-        let ssim = (2.0 * mx * my + 1e-4) * (2.0 * cov + 9e-4)
-            / ((mx * mx + my * my + 1e-4) * (vx + vy + 9e-4));
+        let ssim = (2.0 * mx * my + 1e-4) * (2.0 * cov + 9e-4) / ((mx * mx + my * my + 1e-4) * (vx + vy + 9e-4));
         total += 1.0 - f64::from(ssim);
     }
     total / x.len() as f64
@@ -86,8 +82,7 @@ fn b09_saturating_sigmoid() {
         let exact = rows(&flat_gradient(&scene, stepped.near, 1.0))[0][10];
         let ours = (stepped.row(0)[10] / exact - 1.0).abs();
         let opacity = 1.0 / (1.0 + (-logit).exp());
-        let exact_slope =
-            1.0 / (1.0 + f64::from(-logit).exp()) * (1.0 / (1.0 + f64::from(logit).exp()));
+        let exact_slope = 1.0 / (1.0 + f64::from(-logit).exp()) * (1.0 / (1.0 + f64::from(logit).exp()));
         let naive = (f64::from(opacity * (1.0 - opacity)) / exact_slope - 1.0).abs();
         gained(
             9,
@@ -142,23 +137,14 @@ fn b11_rounded_bytes() {
         })
         .collect();
     let decibels = |shown: &dyn Fn(f64) -> f64| {
-        let square: f64 = pairs
-            .iter()
-            .map(|&(truth, found)| (shown(found) - truth).powi(2))
-            .sum();
+        let square: f64 = pairs.iter().map(|&(truth, found)| (shown(found) - truth).powi(2)).sum();
         -10.0 * (square / pairs.len() as f64).log10()
     };
     let float = decibels(&|x| x);
     let truncated = float - decibels(&|x| (x * 255.0).floor() / 255.0);
     let rounded = float - decibels(&|x| f64::from(to_byte(x as f32)) / 255.0);
     // A step's variance of 1 / (12 · 255²) beside that of 1e-4: 0.055 dB.
-    gained(
-        11,
-        "decibels lost by 8 bits at 40 dB",
-        truncated,
-        rounded,
-        0.06,
-    );
+    gained(11, "decibels lost by 8 bits at 40 dB", truncated, rounded, 0.06);
 }
 
 /// The published double sum in single precision, and the opacity by a power.
@@ -183,11 +169,7 @@ fn b12_relocation() {
             relocate::opacity(opacity, copies),
             relocate::scale_factor(opacity, copies),
         );
-        let error = |(each, factor): (f64, f64)| {
-            (each / exact.0 - 1.0)
-                .abs()
-                .max((factor / exact.1 - 1.0).abs())
-        };
+        let error = |(each, factor): (f64, f64)| (each / exact.0 - 1.0).abs().max((factor / exact.1 - 1.0).abs());
         let (naive, ours) = (
             error(naive_relocation(opacity, copies)),
             error(relocated(opacity, copies)),
@@ -223,13 +205,7 @@ fn b13_sums_by_tiles() {
         }
         naive = naive.max((f64::from(sum) / whole - 1.0).abs());
     }
-    gained(
-        13,
-        "sum over 65,536 pixels, relative",
-        naive,
-        ours,
-        20.0 * U,
-    );
+    gained(13, "sum over 65,536 pixels, relative", naive, ours, 20.0 * U);
 }
 
 #[test]
@@ -245,12 +221,7 @@ fn b14_safe_lengths() {
         let ours = difference(&lab.draw(&other), &clean);
         // Squares in single precision: the length is 0 or infinite, and the rotation is lost.
         let mut naive = scene.clone();
-        for (q, long) in naive
-            .splats
-            .quaternion
-            .iter_mut()
-            .zip(&other.splats.quaternion)
-        {
+        for (q, long) in naive.splats.quaternion.iter_mut().zip(&other.splats.quaternion) {
             let length = long.iter().map(|x| x * x).sum::<f32>().sqrt();
             *q = long.map(|x| x / length);
             if !(q.iter().all(|x| x.is_finite()) && q.iter().any(|&x| x != 0.0)) {
@@ -297,13 +268,7 @@ fn b15_no_regularisers() {
     let ours = percentile(&mut gradient_errors(&scene, 7..10), 1.0);
     let det: f64 = (0.08f64.powi(2) + 0.1).powi(2);
     let naive = 1.0 - det * det / (det * det + 1e-7);
-    gained(
-        15,
-        "gradient of a splat of 0.08 px, relative",
-        naive,
-        ours,
-        100.0 * U,
-    );
+    gained(15, "gradient of a splat of 0.08 px, relative", naive, ours, 100.0 * U);
     // A divisor of w + 1e-7 at depths of thousandths.
     let near = scaled(&scenes::gentle(916, 100, 640, 480, 0), 2f64.powi(-12));
     let (records, tiles) = lab.records(&near);

@@ -109,13 +109,7 @@ fn b03_include_last() {
             ours = ours.max((f64::from(image.rgb[0][c]) - whole[c]).abs());
         }
     }
-    gained(
-        3,
-        "what the stop at T = 1e-4 leaves out",
-        naive,
-        ours,
-        1e-4 + 100.0 * U,
-    );
+    gained(3, "what the stop at T = 1e-4 leaves out", naive, ours, 1e-4 + 100.0 * U);
 }
 
 #[test]
@@ -129,12 +123,7 @@ fn b06_transmittance() {
     };
     place(&mut walls, &wall(1.0, [1.0, 0.0, 0.0]));
     place(&mut walls, &wall(2.0, [0.0, 0.0, 1.0]));
-    let leak = lab
-        .draw(&walls)
-        .rgb
-        .iter()
-        .map(|c| f64::from(c[2]))
-        .fold(0.0, f64::max);
+    let leak = lab.draw(&walls).rgb.iter().map(|c| f64::from(c[2])).fold(0.0, f64::max);
     gained(
         6,
         "blue behind an opaque red wall",
@@ -155,11 +144,7 @@ fn b06_transmittance() {
             .flatten()
             .map(|s| (s.color.iter().sum::<f64>() / 3.0) as f32)
             .collect();
-        let alpha: Vec<f32> = list
-            .iter()
-            .flatten()
-            .map(|s| raw_alpha(s, [0.5; 2]) as f32)
-            .collect();
+        let alpha: Vec<f32> = list.iter().flatten().map(|s| raw_alpha(s, [0.5; 2]) as f32).collect();
         let mut left = 0.0f32;
         let mut before = 1.0f32;
         for (a, c) in alpha.iter().zip(&shade) {
@@ -208,9 +193,7 @@ fn b07_differences_first() {
         // A rotated camera with entries exact in f32, as the splats' are.
         let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -0.7, 0.2);
         let turn = DMat3::from_cols_array(&turn.to_cols_array().map(|x| f64::from(x as f32)));
-        let by = DVec3::new(distance, -distance * 0.5, 1e3)
-            .as_vec3()
-            .as_dvec3();
+        let by = DVec3::new(distance, -distance * 0.5, 1e3).as_vec3().as_dvec3();
         for mean in &mut scene.splats.mean {
             *mean = (turn.transpose() * DVec3::from(mean.map(f64::from)) + by)
                 .as_vec3()
@@ -223,13 +206,7 @@ fn b07_differences_first() {
         let rows32 = rows.map(|row| row.map(|x| x as f32));
         let shift = transform(rows, by.to_array()).map(|x| -x as f32);
         let (mut naive, mut ours) = (0.0f64, 0.0f64);
-        for (i, mean) in scene
-            .splats
-            .mean
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| tiles[*i] > 0)
-        {
+        for (i, mean) in scene.splats.mean.iter().enumerate().filter(|(i, _)| tiles[*i] > 0) {
             let exact = transform(rows, (DVec3::from(mean.map(f64::from)) - by).to_array())[2];
             let found = transform(rows32, *mean)[2] + shift[2];
             naive = naive.max((f64::from(found) - exact).abs());

@@ -42,9 +42,7 @@ impl<'a> Run<'a> {
             kernel: Adam::new(gpu, adam::Choice::default()).unwrap(),
             plane,
             step: 0,
-            counts: gpu
-                .buffer_from("counts", &[0u32; COUNT_SLOTS as usize])
-                .unwrap(),
+            counts: gpu.buffer_from("counts", &[0u32; COUNT_SLOTS as usize]).unwrap(),
             params: buffer(&planes),
             gradients: buffer(&zeros),
             moments: [(); 2].map(|()| buffer(&zeros)),
@@ -55,8 +53,7 @@ impl<'a> Run<'a> {
     pub(crate) fn step(&mut self, gradient: [f32; 4]) -> [f32; 4] {
         self.step += 1;
         let gpu = self.lab.gpu();
-        gpu.upload(&self.gradients, self.plane, &[gradient])
-            .unwrap();
+        gpu.upload(&self.gradients, self.plane, &[gradient]).unwrap();
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powi(self.step))) as f32;
         let push = Params {
             first_splat: 0,
@@ -83,18 +80,14 @@ impl<'a> Run<'a> {
             moment2: &self.moments[1],
         };
         let groups = Groups::Grid([1, PLANES as u32, 1]);
-        gpu.run(|rec| self.kernel.record(rec, io, push, groups))
-            .unwrap();
+        gpu.run(|rec| self.kernel.record(rec, io, push, groups)).unwrap();
         let all = gpu.download(&self.params, 0..PLANES).unwrap();
         all[self.plane]
     }
 
     /// Number of non-finite groups of four gradients so far.
     pub(crate) fn poisoned(&self) -> u32 {
-        let counts = self
-            .lab
-            .gpu()
-            .download(&self.counts, 0..COUNT_SLOTS as usize);
+        let counts = self.lab.gpu().download(&self.counts, 0..COUNT_SLOTS as usize);
         counts.unwrap()[COUNT_POISONED as usize]
     }
 }
@@ -102,8 +95,5 @@ impl<'a> Run<'a> {
 /// Parameters after each of a sequence of gradients, for three mean coordinates and an opacity.
 pub(crate) fn course(lab: &Lab, gradients: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let mut run = Run::new(lab, 0, [0.0; 4]);
-    gradients
-        .iter()
-        .map(|&gradient| run.step(gradient))
-        .collect()
+    gradients.iter().map(|&gradient| run.step(gradient)).collect()
 }

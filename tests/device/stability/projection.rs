@@ -69,9 +69,7 @@ fn f011_near_plane_follows_the_scene() {
 fn alpha_along_ray(scene: &Scene, pixel: [f64; 2]) -> f64 {
     let splat = Splat::<f64>::of(&scene.splats, 0);
     let sigma = covariance(splat.quaternion, splat.log_scale);
-    let inverse = DMat3::from_cols_array_2d(&sigma)
-        .inverse()
-        .to_cols_array_2d();
+    let inverse = DMat3::from_cols_array_2d(&sigma).inverse().to_cols_array_2d();
     let ray = scene.camera.ray_from_pixel(DVec2::from(pixel)).to_array();
     let mean = splat.mean;
     let (dd, dm, mm) = (
@@ -128,12 +126,7 @@ fn f012_linearised_projection() {
     for ratio in [0.003, 0.01, 0.03, 0.1] {
         let mut worst = 0.0f64;
         for tan in [0.0, 0.6] {
-            worst = worst.max(model_error(&portrait(
-                [ratio; 3],
-                [1.0, 0.0, 0.0, 0.0],
-                tan,
-                30.0,
-            )));
+            worst = worst.max(model_error(&portrait([ratio; 3], [1.0, 0.0, 0.0, 0.0], tan, 30.0)));
             for _ in 0..6 {
                 let quaternion = [0; 4].map(|_| random.normal());
                 let needle = [0.1 * ratio, ratio, 0.1 * ratio];
@@ -161,9 +154,7 @@ fn f013_ghost_behind_the_camera() {
     let axis = scene.camera.rotation.row(2);
     for distance in [1e-3, 0.1, 2.0] {
         let ghost = with_copy(&scene, |splats, i| {
-            splats.mean[i] = (scene.camera.position - axis * distance)
-                .as_vec3()
-                .to_array();
+            splats.mean[i] = (scene.camera.position - axis * distance).as_vec3().to_array();
             splats.log_scale[i] = [-3.0, 2.0, -3.0];
             splats.opacity_logit[i] = OPAQUE;
         });
@@ -212,9 +203,7 @@ fn f014_slope_limit() {
         unlimited = unlimited.max((found - alpha_along_ray(&scene, at)).abs());
     }
     let limited = model_error(&scene);
-    println!(
-        "| model | 14 | a wide splat beside the image, without the limit | {unlimited:.1e} | - |"
-    );
+    println!("| model | 14 | a wide splat beside the image, without the limit | {unlimited:.1e} | - |");
     assert!(
         unlimited > 2.0 * limited,
         "the limit gains nothing: {unlimited} and {limited}"
@@ -263,10 +252,7 @@ pub(crate) fn clamped(seed: u64) -> Scene {
     let random = &mut Random::new(seed);
     for i in 0..24 {
         let left = [-48.0 * random.between(0.2, 0.5), random.between(0.0, 40.0)];
-        let below = [
-            random.between(0.0, 48.0),
-            40.0 + 40.0 * random.between(0.2, 0.5),
-        ];
+        let below = [random.between(0.0, 48.0), 40.0 + 40.0 * random.between(0.2, 0.5)];
         let prop = Prop {
             depth: 2.0 + f64::from(i) * 0.1,
             sigma: [0; 3].map(|_| 48.0 * random.between(0.2, 0.35)),

@@ -75,9 +75,7 @@ pub(crate) fn place(scene: &mut Scene, prop: &Prop) {
     let splats = &mut scene.splats;
     splats.mean.push(mean.to_array().map(|x| x as f32));
     splats.quaternion.push(prop.quaternion.map(|x| x as f32));
-    splats
-        .log_scale
-        .push(prop.sigma.map(|s| (s * unit).ln() as f32));
+    splats.log_scale.push(prop.sigma.map(|s| (s * unit).ln() as f32));
     splats.opacity_logit.push(prop.logit);
     let stride = splats.sh_stride();
     let mut sh = vec![0.0; stride];

@@ -10,9 +10,7 @@ use ashfall::render::{Accuracy, Compatibility, Model, RenderOptions, RenderedIma
 /// Draws scenes by the rules of the 3DGS code.
 fn draw(renderer: &mut Renderer, scene: &Scene) -> RenderedImage {
     let model = Model::upload(lab().gpu(), &scene.splats).unwrap();
-    renderer
-        .render(&model, &scene.camera, &view_options(scene))
-        .unwrap()
+    renderer.render(&model, &scene.camera, &view_options(scene)).unwrap()
 }
 
 fn renderer() -> Renderer {
@@ -39,19 +37,14 @@ fn frames_by_the_inria_rules() {
     let mut renderer = renderer();
     let (mut worst, mut compared, mut near) = (0.0f64, 0, 0);
     for seed in 0..40 {
-        let make = if seed % 2 == 0 {
-            scenes::gentle
-        } else {
-            scenes::hard
-        };
+        let make = if seed % 2 == 0 { scenes::gentle } else { scenes::hard };
         let scene = make(2000 + seed, 45, 97, 61, 1);
         if !is_clear(&scene) {
             continue;
         }
         compared += 1;
         let image = draw(&mut renderer, &scene);
-        let (exact, nearest) =
-            rasterize_inria::render(&scene.splats, &scene.camera, &scene.options);
+        let (exact, nearest) = rasterize_inria::render(&scene.splats, &scene.camera, &scene.options);
         for (i, pixel) in exact.pixels.iter().enumerate() {
             if nearest[i] < 1e-4 {
                 near += 1;
@@ -63,10 +56,7 @@ fn frames_by_the_inria_rules() {
             }
         }
     }
-    assert!(
-        compared >= 5,
-        "{compared} scenes without a splat at a threshold"
-    );
+    assert!(compared >= 5, "{compared} scenes without a splat at a threshold");
     assert!(near < compared * 97 * 61 / 20, "{near} pixels excused");
     within(
         "original",
@@ -91,12 +81,7 @@ fn the_inria_rules_differ_where_they_should() {
     place(&mut walls, &wall(2.0, [0.0, 0.0, 1.0]));
     let image = draw(&mut renderer, &walls);
     // 1 − 0.99 passes the first wall, and the second would take the transmittance to 1e-4 or below.
-    assert!(
-        image
-            .transmittance
-            .iter()
-            .all(|t| (9e-5..=1.1e-2).contains(t))
-    );
+    assert!(image.transmittance.iter().all(|t| (9e-5..=1.1e-2).contains(t)));
     let mut ball = stage(96, 96);
     place(&mut ball, &Prop::ball([40.3, 40.3], 8.0, OPAQUE));
     let (theirs, ours) = (draw(&mut renderer, &ball), lab().draw(&ball));

@@ -21,8 +21,7 @@ fn interior(scene: &Scene, a: &RenderedImage, b: &RenderedImage, margin: f64) ->
             for c in 0..3 {
                 worst = worst.max((f64::from(a.rgb[i][c]) - f64::from(b.rgb[i][c])).abs());
             }
-            worst =
-                worst.max((f64::from(a.transmittance[i]) - f64::from(b.transmittance[i])).abs());
+            worst = worst.max((f64::from(a.transmittance[i]) - f64::from(b.transmittance[i])).abs());
         }
     }
     worst
@@ -61,13 +60,7 @@ fn m01_rigid_motion() {
         // An exponent of up to 5.55 has the slope 3.33 / σ.
         let margin = 3.33 / 0.55 * pixel + 1e-4;
         let error = interior(&scene, &lab.draw(&other), &clean, margin);
-        within(
-            "frame",
-            "M1",
-            &format!("rigid motion by {distance}"),
-            error,
-            bound,
-        );
+        within("frame", "M1", &format!("rigid motion by {distance}"), error, bound);
     }
 }
 
@@ -91,13 +84,7 @@ fn m02_scale() {
         // it.
         let bound = 0.74 * 16.0 * U + 4.0 * U;
         let error = interior(&scene, &lab.draw(&scaled), &clean, 1e-4);
-        within(
-            "frame",
-            "M2",
-            &format!("everything times 2^{power}"),
-            error,
-            bound,
-        );
+        within("frame", "M2", &format!("everything times 2^{power}"), error, bound);
     }
 }
 
@@ -126,11 +113,7 @@ fn m04_halves() {
         let prop = Prop {
             depth: 2.0 + f64::from(i) * 0.02,
             color: [0; 3].map(|_| random.between(0.1, 0.9)),
-            ..Prop::ball(
-                [random.between(0.0, 64.0), random.between(0.0, 40.0)],
-                1.1,
-                1.0,
-            )
+            ..Prop::ball([random.between(0.0, 64.0), random.between(0.0, 40.0)], 1.1, 1.0)
         };
         place(&mut scene, &prop);
     }
@@ -166,21 +149,14 @@ fn m07_double_size() {
     let alpha = |image: &RenderedImage, i: usize| 1.0 - f64::from(image.transmittance[i]);
     // Standard deviation at the usual size, and the largest error of a pixel: that of sampling a Gaussian at a pixel's
     // centre instead of over its area, measured in double precision for the catalogue.
-    for (sigma, bound) in [
-        (0.2, 4.8e-2),
-        (0.5, 3.5e-2),
-        (1.0, 1.6e-2),
-        (2.0, 8e-3),
-        (8.0, 1e-3),
-    ] {
+    for (sigma, bound) in [(0.2, 4.8e-2), (0.5, 3.5e-2), (1.0, 1.6e-2), (2.0, 8e-3), (8.0, 1e-3)] {
         let mut light = Vec::new();
         let mut worst = 0.0f64;
         for filter in [ScreenFilter::Mip, ScreenFilter::Classic] {
             // Positions of the centre within a pixel, which matter for narrow splats.
             let (mut total, mut total_large) = (0.0, 0.0);
             for place_in_pixel in 0..16 {
-                let [x, y] =
-                    [place_in_pixel % 4, place_in_pixel / 4].map(|k| f64::from(k) / 4.0 + 32.1);
+                let [x, y] = [place_in_pixel % 4, place_in_pixel / 4].map(|k| f64::from(k) / 4.0 + 32.1);
                 let mut scene = stage(side as u32, side as u32);
                 place(&mut scene, &Prop::ball([x, y], sigma, OPAQUE));
                 scene.splats.filter = filter;
@@ -228,12 +204,7 @@ fn m12_axes() {
     let lab = lab();
     let scene = scenes::gentle(212, 30, 48, 40, 0);
     let mut other = scene.clone();
-    for (q, s) in other
-        .splats
-        .quaternion
-        .iter_mut()
-        .zip(&mut other.splats.log_scale)
-    {
+    for (q, s) in other.splats.quaternion.iter_mut().zip(&mut other.splats.log_scale) {
         let [w, x, y, z] = q.map(f64::from);
         let turned = DQuat::from_xyzw(x, y, z, w) * DQuat::from_xyzw(0.5, 0.5, 0.5, 0.5);
         *q = [turned.w, turned.x, turned.y, turned.z].map(|x| x as f32);
@@ -253,12 +224,7 @@ fn transposed(scene: &Scene) -> Scene {
     let camera = &mut other.camera;
     (camera.width, camera.height) = (camera.height, camera.width);
     (camera.focal, camera.center) = (camera.focal.yx(), camera.center.yx());
-    for (mean, q) in other
-        .splats
-        .mean
-        .iter_mut()
-        .zip(&mut other.splats.quaternion)
-    {
+    for (mean, q) in other.splats.mean.iter_mut().zip(&mut other.splats.quaternion) {
         mean.swap(0, 1);
         let [w, x, y, z] = q.map(f64::from);
         let turned = mirror * DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
@@ -283,11 +249,7 @@ fn m13_transposition() {
             sigma: [0; 3].map(|_| random.log_between(0.7, 6.0)),
             quaternion: [0; 4].map(|_| random.normal()),
             color: [0; 3].map(|_| random.between(0.1, 0.9)),
-            ..Prop::ball(
-                [random.between(0.0, 61.0), random.between(0.0, 40.0)],
-                1.0,
-                0.5,
-            )
+            ..Prop::ball([random.between(0.0, 61.0), random.between(0.0, 40.0)], 1.0, 0.5)
         };
         place(&mut scene, &prop);
     }

@@ -74,13 +74,7 @@ fn m16_removal() {
     }
     // The remainder is the rounding of both pictures, and the threshold at 1e-4, which moves.
     let bound = 2.0 * image_bound(40, 0.55, 40, range) + 1e-4 * range;
-    within(
-        "rasterize",
-        "M16",
-        "change beyond the weights removed",
-        worst,
-        bound,
-    );
+    within("rasterize", "M16", "change beyond the weights removed", worst, bound);
 }
 
 #[test]
@@ -171,16 +165,10 @@ fn m22_workgroups_and_variants() {
                 let image = gpu.buffer::<f32>("image", 4 * pixels).unwrap();
                 let io = Bindings {
                     view: &gpu.buffer_from("view", &[view(&scene)]).unwrap(),
-                    counts: &gpu
-                        .buffer_from("counts", &[0; COUNT_SLOTS as usize])
-                        .unwrap(),
+                    counts: &gpu.buffer_from("counts", &[0; COUNT_SLOTS as usize]).unwrap(),
                     range_from_tile: &gpu.buffer_from("ranges", &lists.range_from_tile).unwrap(),
-                    emitted_from_isect: &gpu
-                        .buffer_from("sources", &lists.emitted_from_isect)
-                        .unwrap(),
-                    splat_from_emitted: &gpu
-                        .buffer_from("owners", &lists.splat_from_emitted())
-                        .unwrap(),
+                    emitted_from_isect: &gpu.buffer_from("sources", &lists.emitted_from_isect).unwrap(),
+                    splat_from_emitted: &gpu.buffer_from("owners", &lists.splat_from_emitted()).unwrap(),
                     ellipse_from_splat: &gpu.buffer_from("shapes", &shapes).unwrap(),
                     whiten_rg_from_splat: &gpu.buffer_from("tones", &tones).unwrap(),
                     blue_depth_from_splat: &gpu.buffer_from("rests", &rests).unwrap(),
@@ -211,10 +199,7 @@ fn m22_workgroups_and_variants() {
     let mut worst = 0.0f64;
     for (workgroup, picture) in &pictures {
         if workgroup == lanes {
-            assert!(
-                bits(picture) == bits(first),
-                "another picture with as many lanes"
-            );
+            assert!(bits(picture) == bits(first), "another picture with as many lanes");
         }
         for (i, (a, b)) in picture.iter().zip(first).enumerate() {
             if clear[i % pixels] {

@@ -14,25 +14,12 @@ use ashfall::train::{HostState, Trainer};
 fn assert_unseen(lab: &Lab, name: &str, scene: &Scene, more: &Scene) {
     let lesson = Lesson::photo(scene, 0.2);
     let (clean, found) = (lab.step(scene, &lesson), lab.step(more, &lesson));
-    assert!(
-        same(&lab.draw(more), &lab.draw(scene)),
-        "{name}: the picture changed"
-    );
-    assert!(
-        found.image == clean.image,
-        "{name}: the image of the step changed"
-    );
+    assert!(same(&lab.draw(more), &lab.draw(scene)), "{name}: the picture changed");
+    assert!(found.image == clean.image, "{name}: the image of the step changed");
     for splat in 0..more.splats.len() {
         match splat < scene.splats.len() {
-            true => assert_eq!(
-                found.row(splat),
-                clean.row(splat),
-                "{name}: a neighbour's gradient"
-            ),
-            false => assert!(
-                found.row(splat).iter().all(|&g| g == 0.0),
-                "{name}: a gradient"
-            ),
+            true => assert_eq!(found.row(splat), clean.row(splat), "{name}: a neighbour's gradient"),
+            false => assert!(found.row(splat).iter().all(|&g| g == 0.0), "{name}: a gradient"),
         }
     }
 }
@@ -58,10 +45,7 @@ fn m05_the_unseen() {
     }
     assert_unseen(&lab, "unseen", &scene, &more);
     let shows = with_copy(&scene, |splats, i| splats.opacity_logit[i] = 0.0);
-    assert!(
-        !same(&lab.draw(&shows), &lab.draw(&scene)),
-        "a healthy copy shows"
-    );
+    assert!(!same(&lab.draw(&shows), &lab.draw(&scene)), "a healthy copy shows");
 }
 
 #[test]
@@ -201,10 +185,7 @@ fn m11_quaternions_length() {
             *q *= factor;
         }
         let found = lab.step(&other, &lesson);
-        assert!(
-            found.image == clean.image,
-            "quaternions times {factor:e}: the image"
-        );
+        assert!(found.image == clean.image, "quaternions times {factor:e}: the image");
         for (now, was) in found.gradients[1].iter().zip(&clean.gradients[1]) {
             assert_eq!(
                 now.map(|g| g * factor),
@@ -222,8 +203,7 @@ fn train(lab: &Lab, scene: &Scene, parts: &[u32]) -> HostState {
     let mut iteration = BEGUN;
     for steps in parts {
         let config = config(scene, 0.2);
-        let mut trainer =
-            Trainer::from_state(lab.gpu(), &dataset, config, &state, iteration).unwrap();
+        let mut trainer = Trainer::from_state(lab.gpu(), &dataset, config, &state, iteration).unwrap();
         for _ in 0..*steps {
             trainer.step().unwrap();
         }
@@ -238,15 +218,9 @@ fn train(lab: &Lab, scene: &Scene, parts: &[u32]) -> HostState {
 fn m14_twice_the_same() {
     let lab = lab();
     let scene = scenes::hard(214, 54, 40, 33, 1);
-    assert!(
-        same(&lab.draw(&scene), &lab.draw(&scene)),
-        "two pictures of one scene"
-    );
+    assert!(same(&lab.draw(&scene), &lab.draw(&scene)), "two pictures of one scene");
     let once = train(&lab, &scene, &[100]);
-    assert!(
-        train(&lab, &scene, &[100]) == once,
-        "a hundred steps, twice"
-    );
+    assert!(train(&lab, &scene, &[100]) == once, "a hundred steps, twice");
 }
 
 /// Gradients multiplied by a power of two give the same steps.
@@ -254,12 +228,8 @@ fn m14_twice_the_same() {
 fn m20_adam_has_no_scale() {
     let lab = lab();
     let random = &mut Random::new(220);
-    let gradients: Vec<[f32; 4]> = (0..40)
-        .map(|_| [0; 4].map(|_| random.normal() as f32))
-        .collect();
-    let scaled = |factor: f32| -> Vec<[f32; 4]> {
-        gradients.iter().map(|g| g.map(|g| g * factor)).collect()
-    };
+    let gradients: Vec<[f32; 4]> = (0..40).map(|_| [0; 4].map(|_| random.normal() as f32)).collect();
+    let scaled = |factor: f32| -> Vec<[f32; 4]> { gradients.iter().map(|g| g.map(|g| g * factor)).collect() };
     let clean = course(&lab, &gradients);
     for power in [-20, 20] {
         assert_eq!(

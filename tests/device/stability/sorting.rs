@@ -37,8 +37,7 @@ pub(crate) fn stack(seed: u64, depths: &[f64]) -> Scene {
 pub(crate) fn order_error(scene: &Scene, image: &RenderedImage) -> f64 {
     let exact = frame::render(&scene.splats, &scene.camera, &scene.options);
     let pairs = image.rgb.iter().zip(&exact.pixels);
-    let apart = pairs
-        .flat_map(|(rgb, pixel)| [0, 1, 2].map(|c| (f64::from(rgb[c]) - pixel.color[c]).abs()));
+    let apart = pairs.flat_map(|(rgb, pixel)| [0, 1, 2].map(|c| (f64::from(rgb[c]) - pixel.color[c]).abs()));
     apart.fold(0.0, f64::max)
 }
 
@@ -90,13 +89,7 @@ fn f046_equal_depths() {
     let scene = stack(546, &[3.0; 40]);
     let image = lab.draw(&scene);
     let bound = 14.1 * 2.0 * U + 42.0 * U;
-    within(
-        "sort",
-        "46",
-        "40 coplanar splats",
-        order_error(&scene, &image),
-        bound,
-    );
+    within("sort", "46", "40 coplanar splats", order_error(&scene, &image), bound);
     for _ in 0..3 {
         assert!(same(&lab.draw(&scene), &image), "another order of equals");
     }
@@ -126,16 +119,8 @@ fn sorted(lab: &Lab, sort: &Sort, keys: &[u32]) -> [Vec<u32>; 2] {
         z: 1,
     };
     let scanned = entries.div_ceil(SCAN_CHUNK as usize);
-    let args = [
-        groups(chunks, sort.chunks_per_group),
-        groups(scanned, Scan::WORKGROUP),
-    ];
-    let pair = |name, data: &[u32]| {
-        [
-            gpu.buffer_from(name, data).unwrap(),
-            gpu.buffer(name, len).unwrap(),
-        ]
-    };
+    let args = [groups(chunks, sort.chunks_per_group), groups(scanned, Scan::WORKGROUP)];
+    let pair = |name, data: &[u32]| [gpu.buffer_from(name, data).unwrap(), gpu.buffer(name, len).unwrap()];
     let (keys, values) = (pair("keys", keys), pair("values", &values));
     let io = Io {
         counts: &gpu.buffer_from("counts", &slots).unwrap(),
@@ -148,8 +133,7 @@ fn sorted(lab: &Lab, sort: &Sort, keys: &[u32]) -> [Vec<u32>; 2] {
     };
     let scan = Scan::new(gpu).unwrap();
     let mut place = 0;
-    gpu.run(|rec| place = sort.record(rec, &scan, io, LAYOUT))
-        .unwrap();
+    gpu.run(|rec| place = sort.record(rec, &scan, io, LAYOUT)).unwrap();
     [&keys[place], &values[place]].map(|buffer| gpu.download(buffer, 0..len).unwrap())
 }
 
@@ -226,16 +210,10 @@ fn f049_subgroup_sizes() {
     for count in sort_count::Variant::ALL {
         for scatter in sort_scatter::Variant::ALL {
             let whole = *count == sort_count::Variant::Subgroup;
-            if whole != (*scatter == sort_scatter::Variant::Subgroup)
-                || gpu.caps().supports(scatter.info()).is_err()
-            {
+            if whole != (*scatter == sort_scatter::Variant::Subgroup) || gpu.caps().supports(scatter.info()).is_err() {
                 continue;
             }
-            for workgroup in if whole {
-                [size, 2 * size, 8 * size]
-            } else {
-                [1, 8, 64]
-            } {
+            for workgroup in if whole { [size, 2 * size, 8 * size] } else { [1, 8, 64] } {
                 let count = sort_count::Choice {
                     variant: *count,
                     spec: sort_count::Spec { workgroup },
@@ -245,11 +223,7 @@ fn f049_subgroup_sizes() {
                     spec: sort_scatter::Spec { workgroup },
                 };
                 let sort = Sort::with(gpu, count, scatter).unwrap();
-                assert_eq!(
-                    sorted(&lab, &sort, &keys),
-                    expected,
-                    "{count:?}, {scatter:?}"
-                );
+                assert_eq!(sorted(&lab, &sort, &keys), expected, "{count:?}, {scatter:?}");
                 seen += 1;
             }
         }
@@ -270,17 +244,8 @@ fn f050_no_look_back() {
         }
         seen += 1;
         let text = fs::read_to_string(&path).unwrap();
-        for line in text
-            .lines()
-            .map(|line| line.split("//").next().unwrap_or_default())
-        {
-            for word in [
-                "coherent",
-                "volatile",
-                "while (true)",
-                "atomicCompSwap",
-                "atomicLoad",
-            ] {
+        for line in text.lines().map(|line| line.split("//").next().unwrap_or_default()) {
+            for word in ["coherent", "volatile", "while (true)", "atomicCompSwap", "atomicLoad"] {
                 assert!(!line.contains(word), "{}: {word}", path.display());
             }
         }
@@ -312,8 +277,7 @@ fn f051_partial_and_masked_tiles() {
             lambda: f64::from(lesson.lambda),
             ..Target::new(width as usize, &photo)
         };
-        let exact =
-            ashfall::reference::loss_gradient(&scene.splats, &scene.camera, &options, &target);
+        let exact = ashfall::reference::loss_gradient(&scene.splats, &scene.camera, &options, &target);
         let error = (stepped.report.loss / exact.loss - 1.0).abs();
         // Sums of some hundred terms, and SSIM's shifted variances: the usual 1e-5.
         within(

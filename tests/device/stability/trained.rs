@@ -24,13 +24,7 @@ pub(crate) fn cameras(dataset: &Dataset, split: Split) -> Vec<Camera> {
 }
 
 /// Mean PSNR over the cameras against ray casting with `samples` × `samples` a pixel.
-pub(crate) fn psnr_db(
-    lab: &Lab,
-    splats: &Splats,
-    truth: &Scene,
-    cameras: &[Camera],
-    samples: u32,
-) -> f64 {
+pub(crate) fn psnr_db(lab: &Lab, splats: &Splats, truth: &Scene, cameras: &[Camera], samples: u32) -> f64 {
     let model = Model::upload(lab.gpu(), splats).unwrap();
     let mut renderer = Renderer::new(lab.gpu(), RenderOptions::default()).unwrap();
     let options = ViewOptions {

@@ -44,20 +44,10 @@ fn layouts_are_packed_and_nested() {
     let Some(Bound::Buffer(Type::Struct(outer))) = module.bindings.get(1).map(|b| &b.bound) else {
         panic!("binding 1 holds structs");
     };
-    let offsets: Vec<_> = outer
-        .members
-        .iter()
-        .map(|m| (m.name.as_str(), m.offset))
-        .collect();
+    let offsets: Vec<_> = outer.members.iter().map(|m| (m.name.as_str(), m.offset)).collect();
     assert_eq!(
         offsets,
-        [
-            ("weight", 0),
-            ("pair", 4),
-            ("turn", 36),
-            ("place", 72),
-            ("table", 80)
-        ]
+        [("weight", 0), ("pair", 4), ("turn", 36), ("place", 72), ("table", 80)]
     );
     assert_eq!(outer.size(), 240);
     let params = module.params.as_ref().unwrap();
@@ -147,14 +137,7 @@ layout(set = 0, binding = 4) writeonly uniform image2D target;
     let found: Vec<_> = module
         .bindings
         .iter()
-        .map(|b| {
-            (
-                b.binding,
-                b.name.as_str(),
-                b.access,
-                b.bound == Bound::Image,
-            )
-        })
+        .map(|b| (b.binding, b.name.as_str(), b.access, b.bound == Bound::Image))
         .collect();
     assert_eq!(
         found,
@@ -171,14 +154,9 @@ layout(set = 0, binding = 4) writeonly uniform image2D target;
 fn a_view_by_four_is_no_binding_of_its_own() {
     let views = |access: &str, name: &str, element: &str| {
         let block = |block: &str, member: &str| {
-            format!(
-                "layout(set = 0, binding = 1, scalar) {access} buffer {block} {{ {member}[]; }};\n"
-            )
+            format!("layout(set = 0, binding = 1, scalar) {access} buffer {block} {{ {member}[]; }};\n")
         };
-        let (numbers, fours) = (
-            block("A", "uint keys"),
-            block("B", &format!("{element} {name}")),
-        );
+        let (numbers, fours) = (block("A", "uint keys"), block("B", &format!("{element} {name}")));
         format!("{OPEN}{numbers}{fours}{MAIN}")
     };
     for access in ["readonly", "writeonly"] {
@@ -286,9 +264,6 @@ const int LOW = -3;  // Lowest.\nconst float NEAR = 1e-2;\n#endif\n",
     ] {
         let dir = folder(&[("shared/constants.glsl", &format!("\n{wrong}\n"))]);
         let faults = generate(dir.path()).expect_err(wrong);
-        assert_contains(
-            &faults.concat(),
-            &["glsl/shared/constants.glsl:2: expected"],
-        );
+        assert_contains(&faults.concat(), &["glsl/shared/constants.glsl:2: expected"]);
     }
 }

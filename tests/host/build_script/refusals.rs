@@ -7,9 +7,8 @@ use crate::build_script::generator::kernel::Kernel;
 
 #[test]
 fn params_and_tunables_have_rules() {
-    let push = |members: &str| {
-        format!("{OPEN}layout(push_constant, scalar) uniform Push {{ {members} }} push;\n{MAIN}")
-    };
+    let push =
+        |members: &str| format!("{OPEN}layout(push_constant, scalar) uniform Push {{ {members} }} push;\n{MAIN}");
     refused(&push("vec4 rows[9];"), 6, "144 bytes of push constants");
     refused(&push("uint type;"), 6, "keyword of Rust");
     refused(&push("uint SplatCount;"), 6, "small letter");
@@ -25,27 +24,11 @@ fn params_and_tunables_have_rules() {
         7,
         "must be a uint, an int or a float",
     );
-    refused(
-        &spec("layout(constant_id = 1) const uint fast = 1;"),
-        7,
-        "IN_CAPITALS",
-    );
+    refused(&spec("layout(constant_id = 1) const uint fast = 1;"), 7, "IN_CAPITALS");
     let whole = format!("{OPEN}{MAIN}");
-    refused(
-        &whole.replace("WORKGROUP", "SIZE"),
-        3,
-        "`WORKGROUP` exactly",
-    );
-    refused(
-        &whole.replace("size_x_id = 0", "size_x = 8"),
-        3,
-        "`WORKGROUP` exactly",
-    );
-    refused(
-        &whole.replace("size_x_id = 0", "size_x_id = 1"),
-        4,
-        "constant 0",
-    );
+    refused(&whole.replace("WORKGROUP", "SIZE"), 3, "`WORKGROUP` exactly");
+    refused(&whole.replace("size_x_id = 0", "size_x = 8"), 3, "`WORKGROUP` exactly");
+    refused(&whole.replace("size_x_id = 0", "size_x_id = 1"), 4, "constant 0");
     let wide = MAIN.replace("= 1", "= uint(double(data[1]) * 2.0lf)");
     refused(&format!("{OPEN}{wide}"), 1, "capability Float64");
 }
@@ -54,11 +37,7 @@ fn params_and_tunables_have_rules() {
 fn bindings_have_rules() {
     let block = |text: &str| format!("{OPEN}\nlayout({text};\n{MAIN}");
     for (text, line, reason) in [
-        (
-            "set = 0, binding = 1, std430) buffer Two { vec3 a[]; }",
-            7,
-            "padded",
-        ),
+        ("set = 0, binding = 1, std430) buffer Two { vec3 a[]; }", 7, "padded"),
         (
             "set = 0, binding = 1, std430) buffer Two { uint a[]; }",
             7,
@@ -143,15 +122,10 @@ fn compiler_messages_name_the_file() {
     assert_contains(&message, &["from glsl/ downward"]);
 
     let dir = folder(&[
-        (
-            "test.comp",
-            &format!("{OPEN}#include \"broken.glsl\"\n{MAIN}"),
-        ),
+        ("test.comp", &format!("{OPEN}#include \"broken.glsl\"\n{MAIN}")),
         ("broken.glsl", "\nuint broken() { return nothing; }\n"),
     ]);
-    let faults = Kernel::build(dir.path(), "test", &[String::new()])
-        .err()
-        .unwrap();
+    let faults = Kernel::build(dir.path(), "test", &[String::new()]).err().unwrap();
     assert_contains(&faults.concat(), &["glsl/broken.glsl:2:"]);
 }
 
@@ -161,11 +135,7 @@ fn a_kernel_opens_with_version_and_prelude() {
     let (_, rest) = rest.split_once('\n').unwrap();
     let late = format!("{version}{PRELUDE}// Comments may stand anywhere.\n{rest}{MAIN}");
     refused(&late, 4, "then the prelude");
-    refused(
-        &format!("{OPEN}{MAIN}").replace("460", "450"),
-        1,
-        "#version 460",
-    );
+    refused(&format!("{OPEN}{MAIN}").replace("460", "450"), 1, "#version 460");
 }
 
 #[test]
@@ -190,14 +160,10 @@ fn variants_are_interchangeable() {
 
     let differs = |wide: &str, place: &str, reason: &str| {
         let faults = build_pair(&base, wide).err().expect("should be refused");
-        let found = faults
-            .iter()
-            .any(|f| f.contains(place) && f.contains(reason));
+        let found = faults.iter().any(|f| f.contains(place) && f.contains(reason));
         assert!(found, "expected `{place} …{reason}…`, got {faults:#?}");
     };
-    let blind = base
-        .replace("buffer", "readonly buffer")
-        .replace("data[0] = 1;", "");
+    let blind = base.replace("buffer", "readonly buffer").replace("data[0] = 1;", "");
     differs(&blind, "test.wide.comp:5:", "`data` differs");
     differs(
         &base.replace("= 64", "= 32"),
@@ -210,9 +176,7 @@ fn variants_are_interchangeable() {
         "push constants differ",
     );
     differs(
-        &format!(
-            "{OPEN}layout(set = 0, binding = 1, scalar) buffer More {{ uint more[]; }};\n{MAIN}"
-        ),
+        &format!("{OPEN}layout(set = 0, binding = 1, scalar) buffer More {{ uint more[]; }};\n{MAIN}"),
         "test.wide.comp:6:",
         "`more` differs",
     );
@@ -230,13 +194,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer Pairs {{ Pair pairs[]; }};
 {MAIN}"
         )
     };
-    let dir = folder(&[
-        ("one.comp", &kernel("uint")),
-        ("two.comp", &kernel("float")),
-    ]);
+    let dir = folder(&[("one.comp", &kernel("uint")), ("two.comp", &kernel("float"))]);
     let faults = generate(dir.path()).err().unwrap();
-    assert_contains(
-        &faults.concat(),
-        &["glsl/two.comp:6: `Pair` has other members"],
-    );
+    assert_contains(&faults.concat(), &["glsl/two.comp:6: `Pair` has other members"]);
 }

@@ -24,10 +24,7 @@ fn a_failed_write_leaves_the_old_file() {
     atomic::write_atomically(&path, |file| file.write_all(b"new")).unwrap();
     assert_eq!(std::fs::read(&path).unwrap(), b"new");
     // A folder as the target, and a file in a missing folder.
-    error_at(
-        atomic::write_atomically(folder.path(), |_| Ok(())),
-        folder.path(),
-    );
+    error_at(atomic::write_atomically(folder.path(), |_| Ok(())), folder.path());
     let nowhere = folder.path().join("no/file");
     error_at(atomic::write_atomically(&nowhere, |_| Ok(())), &nowhere);
 }
@@ -37,17 +34,8 @@ fn what_a_killed_writer_left_is_removed_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     // Linux process ids are at most 2^22, so 2^22 + 1 is never in use.
     let own = format!(".a.{}.0.tmp", std::process::id());
-    let stays = [
-        own.as_str(),
-        "a.4194305.0.tmp",
-        ".a.4194305.tmp",
-        ".a.x.0.tmp",
-        ".tmp",
-    ];
-    for name in stays
-        .iter()
-        .chain(&[".a.4194305.0.tmp", ".scene.ply.4194305.12.tmp"])
-    {
+    let stays = [own.as_str(), "a.4194305.0.tmp", ".a.4194305.tmp", ".a.x.0.tmp", ".tmp"];
+    for name in stays.iter().chain(&[".a.4194305.0.tmp", ".scene.ply.4194305.12.tmp"]) {
         std::fs::write(folder.path().join(name), b"half").unwrap();
     }
     assert_eq!(atomic::remove_leftovers(folder.path()), 2);

@@ -38,26 +38,17 @@ fn what_is_written_is_read() {
     let file = Checkpoint::open(&path).unwrap();
     assert_eq!(file.meta(), &json!({"step": 7000, "name": "a\nb"}));
     let names: Vec<&str> = file.names().collect();
-    assert_eq!(
-        names,
-        ["params", "nothing", "moments", "random", "ids", "note"]
-    );
+    assert_eq!(names, ["params", "nothing", "moments", "random", "ids", "note"]);
     let bits: Vec<u32> = file
         .read::<f32>("params")
         .unwrap()
         .iter()
         .map(|v| v.to_bits())
         .collect();
-    assert_eq!(
-        bits,
-        [1.5f32, -0.0, f32::NAN, f32::MIN_POSITIVE].map(f32::to_bits)
-    );
+    assert_eq!(bits, [1.5f32, -0.0, f32::NAN, f32::MIN_POSITIVE].map(f32::to_bits));
     assert_eq!(file.read::<f64>("nothing").unwrap(), [] as [f64; 0]);
     assert_eq!(file.read::<f64>("moments").unwrap(), [1e300, -2.0]);
-    assert_eq!(
-        file.read::<u64>("random").unwrap(),
-        [u64::MAX, 0x0123_4567_89ab_cdef]
-    );
+    assert_eq!(file.read::<u64>("random").unwrap(), [u64::MAX, 0x0123_4567_89ab_cdef]);
     assert_eq!(file.read::<u32>("ids").unwrap(), [7, 8, 9]);
     assert_eq!(file.read::<u8>("note").unwrap(), b"odd");
     assert!(file.has("ids") && !file.has("id"));

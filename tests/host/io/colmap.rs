@@ -51,10 +51,7 @@ fn values_are_those_of_the_files() {
         let view = data.views.iter().find(|v| v.name == pose.name).unwrap();
         let camera = view.camera;
         assert_eq!((camera.width, camera.height), (WIDTH, HEIGHT));
-        assert_eq!(
-            (camera.focal.to_array(), camera.center.to_array()),
-            (FOCAL, CENTER)
-        );
+        assert_eq!((camera.focal.to_array(), camera.center.to_array()), (FOCAL, CENTER));
         assert!(camera.rotation.abs_diff_eq(pose.rotation(), 1e-12));
         assert!(camera.position.abs_diff_eq(pose.position(), 1e-12));
         let photo = photo::load(view).unwrap();
@@ -168,11 +165,7 @@ fn camera_models_become_pinholes_with_distortion() {
             [20.0, 20.0],
             Some([0.1, 0.0, 0.0, 0.0]),
         ),
-        (
-            "RADIAL 12 8 20 6 4 0.1 0.2",
-            [20.0, 20.0],
-            Some([0.1, 0.2, 0.0, 0.0]),
-        ),
+        ("RADIAL 12 8 20 6 4 0.1 0.2", [20.0, 20.0], Some([0.1, 0.2, 0.0, 0.0])),
         ("OPENCV 12 8 20 21 6 4 0 0 0 0", [20.0, 21.0], None),
         (
             "OPENCV 12 8 20 21 6 4 0.1 0.2 0.3 0.4",
@@ -188,24 +181,15 @@ fn camera_models_become_pinholes_with_distortion() {
         } else {
             AlphaMode::Composite
         };
-        assert_eq!(
-            data.alpha, mask,
-            "borders are empty where there is distortion"
-        );
+        assert_eq!(data.alpha, mask, "borders are empty where there is distortion");
         assert_eq!(distortion(data), expected, "{line}");
     }
     for model in ["OPENCV_FISHEYE", "FULL_OPENCV", "FOV"] {
-        let text = error_at(
-            open(&format!("{model} 12 8 {}", "1 ".repeat(12).trim())),
-            &cameras,
-        );
+        let text = error_at(open(&format!("{model} 12 8 {}", "1 ".repeat(12).trim())), &cameras);
         assert!(text.contains(model) || text.contains("more"), "{text}");
     }
     let text = error_at(open("FOV 12 8 20 20 6 4 0.1"), &cameras);
-    assert!(
-        text.contains("FOV") && text.contains("image_undistorter"),
-        "{text}"
-    );
+    assert!(text.contains("FOV") && text.contains("image_undistorter"), "{text}");
     assert!(error_at(open("OPENCV 12 8 20 21 6 4 nan 0 0 0"), &cameras).contains("distortion"));
 }
 
@@ -218,11 +202,7 @@ fn numbers_of_c_libraries_are_read() {
     std::fs::write(&path, text).unwrap();
     let data = dataset::open(folder.path(), &options()).unwrap();
     assert_eq!(data.points.len(), 4);
-    assert!(
-        data.warnings[0].contains("3 of 7 points"),
-        "{:?}",
-        data.warnings
-    );
+    assert!(data.warnings[0].contains("3 of 7 points"), "{:?}", data.warnings);
 }
 
 #[test]
@@ -243,11 +223,7 @@ fn the_shared_scenes_are_as_described() {
     ] {
         let data = dataset::open(&root.join(scene), &options()).unwrap();
         assert_eq!(data.warnings, Vec::<String>::new());
-        assert_eq!(
-            (data.views.len(), data.points.len()),
-            (views, points),
-            "{scene}"
-        );
+        assert_eq!((data.views.len(), data.points.len()), (views, points), "{scene}");
         let held_out = data.split(Split::Test).into_iter();
         let held_out: Vec<&str> = held_out.map(|i| data.views[i].name.as_str()).collect();
         assert_eq!(held_out, tests.split(' ').collect::<Vec<_>>());
@@ -258,9 +234,9 @@ fn the_shared_scenes_are_as_described() {
         let seen = data.points.iter().filter(|point| {
             let point = glam::DVec3::from(point.position);
             data.views.iter().any(|view| {
-                view.camera.pixel_from_world(point).is_some_and(|p| {
-                    p.x > 0.0 && p.y > 0.0 && p.x < size.0.into() && p.y < size.1.into()
-                })
+                view.camera
+                    .pixel_from_world(point)
+                    .is_some_and(|p| p.x > 0.0 && p.y > 0.0 && p.x < size.0.into() && p.y < size.1.into())
             })
         });
         assert_eq!(seen.count(), points, "{scene}: all points are seen");

@@ -45,10 +45,7 @@ fn names_hold_no_commands_to_a_terminal() {
         "1 PINHOLE 8 6 9 9 4 3\n",
         &format!("1 1 0 0 0 0 0 0 1 {name}\n\n"),
     ));
-    assert!(
-        text.contains("is refused") && !text.contains('\u{1b}'),
-        "{text:?}"
-    );
+    assert!(text.contains("is refused") && !text.contains('\u{1b}'), "{text:?}");
 }
 
 /// A PNG header of 1-bit pixels and a JPEG frame header, both padded with zeros in place of pixel data.
@@ -81,13 +78,7 @@ fn a_size_that_the_file_cannot_hold_is_refused_unread() {
         assert_eq!(size(least).unwrap(), (32_768, 8192));
         assert!(refused(size(least - 1)).contains("more than its"));
     }
-    assert!(
-        refused(photo::decode(Source::bytes(
-            name,
-            &headers(9999, 9999, 64)[0]
-        )))
-        .contains("9999 x 9999")
-    );
+    assert!(refused(photo::decode(Source::bytes(name, &headers(9999, 9999, 64)[0]))).contains("9999 x 9999"));
 }
 
 #[test]
@@ -111,22 +102,12 @@ fn a_header_of_endless_names_is_refused_soon() {
             header(&|i| format!("property char a{i}\n")),
             "more than 4096 properties",
         ),
-        (
-            header(&|i| format!("element a{i} 0\n")),
-            "more than 4096 elements",
-        ),
+        (header(&|i| format!("element a{i} 0\n")), "more than 4096 elements"),
     ];
     for (text, rule) in texts {
         let start = Instant::now();
-        let fault = refused(ply::read(Source::bytes(
-            Path::new("a.ply"),
-            text.as_bytes(),
-        )));
+        let fault = refused(ply::read(Source::bytes(Path::new("a.ply"), text.as_bytes())));
         assert!(fault.contains(rule), "{fault}");
-        assert!(
-            start.elapsed() < Duration::from_secs(10),
-            "{:?}",
-            start.elapsed()
-        );
+        assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
     }
 }

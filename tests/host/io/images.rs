@@ -21,9 +21,7 @@ fn png_files_are_read_as_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     let color = |i: u8| [i, 100 + i, 255 - i];
-    let pixels: Vec<[f32; 3]> = (0..6)
-        .map(|i| color(i).map(|c| f32::from(c) / 255.0))
-        .collect();
+    let pixels: Vec<[f32; 3]> = (0..6).map(|i| color(i).map(|c| f32::from(c) / 255.0)).collect();
     png::write_rgb(&path, 3, 2, &pixels).unwrap();
     let photo = photo::decode(&path).unwrap();
     assert_eq!((photo.width, photo.height), (3, 2));
@@ -34,12 +32,7 @@ fn png_files_are_read_as_written() {
     let transparent = Photo {
         width: 2,
         height: 2,
-        rgba: vec![
-            [1, 2, 3, 4],
-            [5, 6, 7, 0],
-            [0, 0, 0, 255],
-            [255, 255, 255, 128],
-        ],
+        rgba: vec![[1, 2, 3, 4], [5, 6, 7, 0], [0, 0, 0, 255], [255, 255, 255, 128]],
     };
     png::write_photo(&path, &transparent).unwrap();
     assert_eq!(photo::decode(&path).unwrap(), transparent);

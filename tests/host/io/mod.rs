@@ -33,10 +33,7 @@ fn error_at<T>(result: ashfall::Result<T>, path: &Path) -> String {
         Ok(_) => panic!("{} was accepted", path.display()),
         Err(error) => {
             let text = error.to_string();
-            assert!(
-                text.contains(&*path.to_string_lossy()),
-                "no file in: {text}"
-            );
+            assert!(text.contains(&*path.to_string_lossy()), "no file in: {text}");
             text
         }
     }

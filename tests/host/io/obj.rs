@@ -26,10 +26,7 @@ fn faces_of_every_kind_are_read() {
     ));
     let mesh = obj::read(&path).unwrap();
     assert_eq!(mesh.positions.len(), 4);
-    assert_eq!(
-        mesh.triangles,
-        [[0, 1, 2], [0, 2, 3], [0, 1, 2], [0, 2, 3], [0, 1, 2]]
-    );
+    assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 2], [0, 2, 3], [0, 1, 2]]);
     assert!(mesh.colors.is_empty());
 }
 
@@ -75,10 +72,7 @@ fn a_file_cut_anywhere_is_read_or_refused() {
 #[test]
 fn colours_are_kept_only_if_all_have_one() {
     let mesh = read("v 0 0 0 1 0 0\nv 1 0 0 0 2 0\nv 0 1 0 0 0 0.5\nf 1 2 3\n").unwrap();
-    assert_eq!(
-        mesh.colors,
-        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.5]]
-    );
+    assert_eq!(mesh.colors, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.5]]);
     assert_eq!(obj::vertices(&mesh)[2].color, [0.0, 0.0, 0.5]);
     let mesh = read("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 1\nf 1 2 3\n").unwrap();
     assert!(mesh.colors.is_empty());
@@ -98,10 +92,7 @@ fn points_are_spread_by_area() {
     assert_eq!(points, obj::sample(&mesh, 20_000, 1));
     assert_ne!(points, obj::sample(&mesh, 20_000, 2));
     let low = points.iter().filter(|p| p.position[2] == 0.0).count();
-    let high = points
-        .iter()
-        .filter(|p| (p.position[2] - 5.0).abs() < 1e-5)
-        .count();
+    let high = points.iter().filter(|p| (p.position[2] - 5.0).abs() < 1e-5).count();
     assert_eq!(low + high, 20_000);
     // Five standard deviations of a binomial with p = 1/4.
     assert!(low.abs_diff(5000) < 310, "{low}");

@@ -29,18 +29,12 @@ pub(crate) fn view(path: &Path, camera: Camera, distortion: Option<Distortion>) 
     }
 }
 
-pub(crate) fn save<P: image::PixelWithColorType>(
-    folder: &Path,
-    name: &str,
-    pixel: impl Fn(u32, u32) -> P,
-) -> PathBuf
+pub(crate) fn save<P: image::PixelWithColorType>(folder: &Path, name: &str, pixel: impl Fn(u32, u32) -> P) -> PathBuf
 where
     [P::Subpixel]: image::EncodableLayout,
 {
     let path = folder.join(name);
-    image::ImageBuffer::from_fn(8, 4, pixel)
-        .save(&path)
-        .unwrap();
+    image::ImageBuffer::from_fn(8, 4, pixel).save(&path).unwrap();
     path
 }
 
@@ -55,17 +49,13 @@ fn every_kind_of_file_becomes_rgba() {
     };
     let grey = save(folder, "grey.png", |x, y| image::Luma([(10 * x + y) as u8]));
     assert_eq!(decoded(grey), [11, 11, 11, 255]);
-    let alpha = save(folder, "alpha.png", |x, y| {
-        image::LumaA([(10 * x + y) as u8, 77])
-    });
+    let alpha = save(folder, "alpha.png", |x, y| image::LumaA([(10 * x + y) as u8, 77]));
     assert_eq!(decoded(alpha), [11, 11, 11, 77]);
     let deep = save(folder, "deep.png", |_, _| image::Luma([257u16 * 40 + 128]));
     assert_eq!(decoded(deep), [40, 40, 40, 255], "rounded from 16 bits");
     let deep = save(folder, "deep3.png", |_, _| image::Rgb([65535u16, 257, 0]));
     assert_eq!(decoded(deep), [255, 1, 0, 255]);
-    let deep = save(folder, "deep4.png", |_, _| {
-        image::Rgba([65535u16, 257, 0, 257 * 3])
-    });
+    let deep = save(folder, "deep4.png", |_, _| image::Rgba([65535u16, 257, 0, 257 * 3]));
     assert_eq!(decoded(deep), [255, 1, 0, 3]);
     let rgb = save(folder, "rgb.png", |x, y| image::Rgb([x as u8, y as u8, 9]));
     assert_eq!(decoded(rgb), [1, 1, 9, 255]);
@@ -98,12 +88,7 @@ fn palette_png() -> Vec<u8> {
     zlib.extend((!length).to_le_bytes());
     zlib.extend(&rows);
     zlib.extend(((b << 16) | a).to_be_bytes());
-    png_of(
-        8,
-        4,
-        3,
-        &[(b"PLTE", &palette), (b"IDAT", &zlib), (b"IEND", &[])],
-    )
+    png_of(8, 4, 3, &[(b"PLTE", &palette), (b"IDAT", &zlib), (b"IEND", &[])])
 }
 
 fn png_of(width: u32, height: u32, color: u8, chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
@@ -131,11 +116,7 @@ fn sizes_no_photograph_has_are_refused_before_decoding() {
         (1, 1),
         (5, 1),
     ] {
-        std::fs::write(
-            &path,
-            png_of(width, height, 2, &[(b"IDAT", &[0; 9]), (b"IEND", &[])]),
-        )
-        .unwrap();
+        std::fs::write(&path, png_of(width, height, 2, &[(b"IDAT", &[0; 9]), (b"IEND", &[])])).unwrap();
         let text = error_at(photo::decode(&path), &path);
         assert!(text.contains(&format!("{width} x {height}")), "{text}");
     }
@@ -177,9 +158,7 @@ fn a_file_cut_anywhere_is_an_error() {
 #[test]
 fn orientation_in_exif_is_not_applied() {
     let folder = tempfile::tempdir().unwrap();
-    let path = save(folder.path(), "a.jpg", |x, _| {
-        image::Rgb([(x * 30) as u8; 3])
-    });
+    let path = save(folder.path(), "a.jpg", |x, _| image::Rgb([(x * 30) as u8; 3]));
     let plain = photo::decode(&path).unwrap();
     // Tag 0x0112, SHORT, one value: 6, "rotate by 90 degrees".
     let exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
@@ -203,20 +182,13 @@ fn files_of_another_aspect_are_refused() {
         photo: PhotoSource::Absent,
         ..view(&path, camera(8, 4), None)
     };
-    assert!(
-        photo::load(&absent)
-            .unwrap_err()
-            .to_string()
-            .contains("a view")
-    );
+    assert!(photo::load(&absent).unwrap_err().to_string().contains("a view"));
 }
 
 #[test]
 fn the_cache_keeps_to_its_budget() {
     let folder = tempfile::tempdir().unwrap();
-    let path = save(folder.path(), "a.png", |x, y| {
-        image::Rgb([x as u8, y as u8, 0])
-    });
+    let path = save(folder.path(), "a.png", |x, y| image::Rgb([x as u8, y as u8, 0]));
     let data = Dataset {
         views: vec![view(&path, camera(8, 4), None); 5],
         ..Dataset::default()
@@ -249,9 +221,7 @@ fn the_odd_files_of_the_corpus_show_the_same_picture() {
         return;
     };
     let mean = |a: &Photo, b: &Photo, grey: bool| -> f64 {
-        let luma = |p: &[u8; 4]| {
-            0.299 * f64::from(p[0]) + 0.587 * f64::from(p[1]) + 0.114 * f64::from(p[2])
-        };
+        let luma = |p: &[u8; 4]| 0.299 * f64::from(p[0]) + 0.587 * f64::from(p[1]) + 0.114 * f64::from(p[2]);
         let difference = |(a, b): (&[u8; 4], &[u8; 4])| match grey {
             true => (luma(a) - luma(b)).abs(),
             false => (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))).sum::<f64>() / 3.0,
@@ -261,9 +231,7 @@ fn the_odd_files_of_the_corpus_show_the_same_picture() {
     for case in ["ok_colmap_image_cmyk", "ok_colmap_image_grayscale"] {
         for entry in std::fs::read_dir(broken.join(case).join("images")).unwrap() {
             let path = entry.unwrap().path();
-            let good = broken
-                .join("00_good_colmap/images")
-                .join(path.file_name().unwrap());
+            let good = broken.join("00_good_colmap/images").join(path.file_name().unwrap());
             let (odd, good) = (photo::decode(&path).unwrap(), photo::decode(&good).unwrap());
             let difference = mean(&odd, &good, case.ends_with("grayscale"));
             assert!(difference < 6.0, "{}: {difference}", path.display());

@@ -53,11 +53,7 @@ fn what_is_written_is_read_bit_for_bit() {
             assert_eq!(bits(&loaded.splats), bits(&splats));
         }
     }
-    assert_eq!(
-        files_in(folder.path()),
-        ["scene.ply"],
-        "nothing is left behind"
-    );
+    assert_eq!(files_in(folder.path()), ["scene.ply"], "nothing is left behind");
 }
 
 #[test]
@@ -66,11 +62,7 @@ fn the_layout_is_the_usual_one() {
     let path = folder.path().join("scene.ply");
     ply::write(&path, &example(3, 3, ScreenFilter::Mip)).unwrap();
     let bytes = std::fs::read(&path).unwrap();
-    let end = bytes
-        .windows(11)
-        .position(|w| w == b"end_header\n")
-        .unwrap()
-        + 11;
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
     let names: Vec<&str> = header
         .lines()
@@ -156,10 +148,7 @@ fn encoded(splats: &Splats, format: &str, kind: &str, line_end: &str) -> Vec<u8>
             }
             match kind {
                 "float" => put(&value.to_le_bytes(), value.to_string()),
-                _ => put(
-                    &f64::from(value).to_le_bytes(),
-                    f64::from(value).to_string(),
-                ),
+                _ => put(&f64::from(value).to_le_bytes(), f64::from(value).to_string()),
             }
         }
         newline(&mut put);
@@ -176,19 +165,11 @@ fn every_encoding_order_and_type_is_read() {
         for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
             for kind in ["float", "double", "float32", "float64"] {
                 let kind_stored = if kind.ends_with("64") { "double" } else { kind };
-                let stored = if kind == "float32" {
-                    "float"
-                } else {
-                    kind_stored
-                };
+                let stored = if kind == "float32" { "float" } else { kind_stored };
                 for line_end in ["\n", "\r\n"] {
                     std::fs::write(&path, encoded(&splats, format, stored, line_end)).unwrap();
                     let loaded = ply::read(&path).unwrap();
-                    assert_eq!(
-                        bits(&loaded.splats),
-                        bits(&splats),
-                        "{format} {kind} {degree}"
-                    );
+                    assert_eq!(bits(&loaded.splats), bits(&splats), "{format} {kind} {degree}");
                     assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
                 }
             }
@@ -236,11 +217,7 @@ fn no_damage_to_the_header_is_fatal() {
         "float",
         "\n",
     );
-    let header = contents
-        .windows(11)
-        .position(|w| w == b"end_header\n")
-        .unwrap()
-        + 11;
+    let header = contents.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     for at in 0..header {
         for byte in [b'\n', b' ', b'9', b'-', 0, 0xff] {
             let mut damaged = contents.clone();
@@ -261,10 +238,7 @@ fn the_last_comment_on_the_mode_wins() {
     ply::write(&path, &example(1, 0, ScreenFilter::Mip)).unwrap();
     let text = |from: &str, to: &str| {
         let bytes = std::fs::read(&path).unwrap();
-        let at = bytes
-            .windows(from.len())
-            .position(|w| w == from.as_bytes())
-            .unwrap();
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
         [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()
     };
     let mip = "comment SplatRenderMode: mip\n";
@@ -281,10 +255,6 @@ fn the_last_comment_on_the_mode_wins() {
     );
     assert_eq!(mode_of("").unwrap().splats.filter, ScreenFilter::Classic);
     let unknown = mode_of("comment SplatRenderMode: future\n").unwrap();
-    assert!(
-        unknown.warnings[0].contains("\"future\""),
-        "{:?}",
-        unknown.warnings
-    );
+    assert!(unknown.warnings[0].contains("\"future\""), "{:?}", unknown.warnings);
     assert!(error_at(mode_of("comment SplatRenderMode: 2dgs\n"), &other).contains("2D Gaussian"));
 }

@@ -21,10 +21,7 @@ fn reduction_averages_areas() {
     let path = save(folder.path(), "b.png", |_, _| image::Rgb([201u8, 3, 77]));
     for (width, height) in [(7, 4), (5, 3), (3, 2), (6, 3), (8, 4), (16, 8)] {
         let photo = photo::load(&view(&path, camera(8, 4).resized(width, height), None)).unwrap();
-        assert_eq!(
-            photo.rgba,
-            vec![[201, 3, 77, 255]; (width * height) as usize]
-        );
+        assert_eq!(photo.rgba, vec![[201, 3, 77, 255]; (width * height) as usize]);
     }
     // Colours under transparent pixels have no weight.
     let path = save(folder.path(), "c.png", |x, _| match x % 2 {
@@ -90,10 +87,7 @@ fn undistortion_inverts_the_lens() {
                 continue;
             }
             // Within half a pixel of the border there is no neighbour for interpolation.
-            let margin = source
-                .min_element()
-                .min(96.0 - source.x)
-                .min(64.0 - source.y);
+            let margin = source.min_element().min(96.0 - source.x).min(64.0 - source.y);
             let tolerance = if margin < 0.5 { 4.0 } else { 1.6 };
             for (got, expected) in pixel.iter().zip(picture(ideal)) {
                 assert!(

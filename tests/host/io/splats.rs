@@ -7,15 +7,7 @@ use ashfall::scene::Splats;
 #[test]
 fn other_formats_say_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
-    for name in [
-        "a.spz",
-        "a.sog",
-        "a.ksplat",
-        "A.SPZ",
-        "meta.json",
-        "a.txt",
-        "a",
-    ] {
+    for name in ["a.spz", "a.sog", "a.ksplat", "A.SPZ", "meta.json", "a.txt", "a"] {
         let path = folder.path().join(name);
         std::fs::write(&path, b"whatever").unwrap();
         assert!(error_at(splats::read(&path), &path).contains(".ply"));
@@ -36,19 +28,12 @@ fn assert_matches(splats: &Splats, i: usize, entry: &serde_json::Value, toleranc
     let close = |a: &[f32], b: &[f32], what: &str| {
         assert_eq!(a.len(), b.len(), "{what}");
         for (a, b) in a.iter().zip(b) {
-            assert!(
-                (a - b).abs() <= tolerance,
-                "splat {i}: {what} {a} is not {b}"
-            );
+            assert!((a - b).abs() <= tolerance, "splat {i}: {what} {a} is not {b}");
         }
     };
     close(&splats.mean[i], &numbers(&entry["position"]), "position");
     close(&splats.log_scale[i], &numbers(&entry["log_scale"]), "scale");
-    close(
-        &splats.quaternion[i],
-        &numbers(&entry["quat_wxyz"]),
-        "rotation",
-    );
+    close(&splats.quaternion[i], &numbers(&entry["quat_wxyz"]), "rotation");
     let opacity = entry["opacity_logit"].as_f64().unwrap() as f32;
     close(&[splats.opacity_logit[i]], &[opacity], "opacity");
     let sh = &splats.sh[i * splats.sh_stride()..][..splats.sh_stride()];
@@ -78,10 +63,7 @@ fn the_shared_scene_reads_as_its_reference() {
     ] {
         let loaded = splats::read(&folder.join(name)).unwrap();
         assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
-        assert_eq!(
-            (loaded.splats.len(), loaded.splats.sh_degree),
-            (count, degree)
-        );
+        assert_eq!((loaded.splats.len(), loaded.splats.sh_degree), (count, degree));
         for (i, entry) in entries.iter().enumerate() {
             assert_matches(&loaded.splats, i, entry, 1e-6);
         }
@@ -93,9 +75,7 @@ fn the_shared_records_are_close_to_the_reference() {
     let Some(folder) = shared("splats/playbot") else {
         return;
     };
-    let exact = splats::read(&folder.join("playbot_inria_sh3.ply"))
-        .unwrap()
-        .splats;
+    let exact = splats::read(&folder.join("playbot_inria_sh3.ply")).unwrap().splats;
     let loaded = splats::read(&folder.join("playbot.splat")).unwrap();
     let records = loaded.splats;
     assert_eq!((records.len(), records.sh_degree), (exact.len(), 0));
@@ -112,9 +92,6 @@ fn the_shared_records_are_close_to_the_reference() {
             let scale = (records.log_scale[i][axis] - exact.log_scale[i][axis]).abs();
             assert!(scale < 1e-4, "splat {i}: scale is off by {scale}");
         }
-        assert!(
-            dot(i).abs() > (2.0f32).to_radians().cos(),
-            "splat {i}: rotation"
-        );
+        assert!(dot(i).abs() > (2.0f32).to_radians().cos(), "splat {i}: rotation");
     }
 }

@@ -44,20 +44,12 @@ fn assert_same_cameras(a: &Dataset, b: &Dataset, tolerance: f64) {
 fn the_same_scene_has_the_same_cameras_as_in_colmap() {
     let folder = folder_with(&files::transforms());
     let from_json = open(folder.path()).unwrap();
-    assert_eq!(
-        from_json.warnings.len(),
-        1,
-        "no points: {:?}",
-        from_json.warnings
-    );
+    assert_eq!(from_json.warnings.len(), 1, "no points: {:?}", from_json.warnings);
     let file = folder.path().join("transforms.json");
     assert_same_cameras(&from_json, &open(&file).unwrap(), 0.0);
     files::write_binary(&folder.path().join("sparse"));
     let from_colmap = open(folder.path()).unwrap();
-    assert!(
-        !from_colmap.points.is_empty(),
-        "COLMAP comes first where both are"
-    );
+    assert!(!from_colmap.points.is_empty(), "COLMAP comes first where both are");
     assert_same_cameras(&from_json, &from_colmap, 1e-12);
     for (a, b) in from_json.views.iter().zip(&from_colmap.views) {
         assert_eq!(a.camera.focal, b.camera.focal);
@@ -73,10 +65,7 @@ fn the_shared_scene_has_the_same_cameras_in_both_forms() {
     let nerfstudio = open(&fox.join("nerfstudio")).unwrap();
     assert_same_cameras(&colmap, &nerfstudio, 1e-6);
     assert_eq!(nerfstudio.alpha, AlphaMode::Mask);
-    assert_eq!(
-        nerfstudio.views[0].camera.focal.to_array(),
-        [343.88, 343.6225]
-    );
+    assert_eq!(nerfstudio.views[0].camera.focal.to_array(), [343.88, 343.6225]);
     let file = |data: &Dataset| {
         matches!(
             data.views[0].photo,
@@ -100,22 +89,11 @@ fn the_mini_blender_scene_loads() {
     };
     let data = dataset::open(&path, &options).unwrap();
     assert_eq!(data.views[0].name, "train/r_0.png");
-    assert_eq!(
-        data.views[0].camera.focal.x, 50.0,
-        "a length comes before an angle"
-    );
-    assert_eq!(
-        (data.views[0].camera.width, data.alpha),
-        (50, AlphaMode::Composite)
-    );
+    assert_eq!(data.views[0].camera.focal.x, 50.0, "a length comes before an angle");
+    assert_eq!((data.views[0].camera.width, data.alpha), (50, AlphaMode::Composite));
     let points = ashfall::io::ply::read_points(&path.join("init.ply")).unwrap();
     assert_eq!(points.len(), 100);
-    assert!(
-        points
-            .iter()
-            .flat_map(|p| p.color)
-            .all(|c| (0.0..=1.0).contains(&c))
-    );
+    assert!(points.iter().flat_map(|p| p.color).all(|c| (0.0..=1.0).contains(&c)));
 }
 
 #[test]
@@ -162,11 +140,7 @@ fn extensions_and_sizes_may_be_missing() {
     root.remove("w");
     root.remove("h");
     for frame in root["frames"].as_array_mut().unwrap() {
-        let name = frame["file_path"]
-            .as_str()
-            .unwrap()
-            .trim_end_matches(".png")
-            .to_owned();
+        let name = frame["file_path"].as_str().unwrap().trim_end_matches(".png").to_owned();
         frame["file_path"] = json!(name.replace('/', "\\"));
     }
     let folder = folder_with(&value);
@@ -212,11 +186,7 @@ fn point_clouds_come_along() {
     assert_eq!(data.points.len(), 2);
     assert_eq!(data.points[0].position, [0.0, 0.25, 0.0]);
     assert_eq!(data.points[0].color, [1.0, 0.0, 0.2]);
-    assert!(
-        data.warnings[0].contains("1 of 3 points"),
-        "{:?}",
-        data.warnings
-    );
+    assert!(data.warnings[0].contains("1 of 3 points"), "{:?}", data.warnings);
     // Behind all cameras: probably another coordinate system.
     let flipped = cloud
         .replace("0 0.25 0 255", "0 0 -90 255")
@@ -224,9 +194,7 @@ fn point_clouds_come_along() {
     std::fs::write(folder.path().join("points/cloud.ply"), flipped).unwrap();
     let data = open(folder.path()).unwrap();
     assert!(
-        data.warnings
-            .iter()
-            .any(|w| w.contains("coordinate system")),
+        data.warnings.iter().any(|w| w.contains("coordinate system")),
         "{:?}",
         data.warnings
     );

@@ -20,9 +20,8 @@ fn matrices_that_are_no_poses_are_refused() {
         assert!(text.contains("frame 1"), "{text}");
         text
     };
-    let diagonal = |x: f64, y: f64, z: f64, shear: f64| {
-        json!([[x, shear, 0, 0], [0, y, 0, 0], [0, 0, z, 0], [0, 0, 0, 1]])
-    };
+    let diagonal =
+        |x: f64, y: f64, z: f64, shear: f64| json!([[x, shear, 0, 0], [0, y, 0, 0], [0, 0, z, 0], [0, 0, 0, 1]]);
     assert!(fault(diagonal(0.0, 1.0, 1.0, 0.0)).contains("singular"));
     assert!(fault(diagonal(0.0, 0.0, 0.0, 0.0)).contains("singular"));
     assert!(fault(diagonal(1.0, 1.0, -1.0, 0.0)).contains("reflection"));
@@ -52,21 +51,12 @@ fn matrices_that_are_no_poses_are_refused() {
 
 #[test]
 fn names_stay_inside_the_folder() {
-    for name in [
-        "/etc/hostname",
-        "../x.png",
-        "images/../../x.png",
-        "",
-        "..\\x.png",
-    ] {
+    for name in ["/etc/hostname", "../x.png", "images/../../x.png", "", "..\\x.png"] {
         let mut value = files::transforms();
         value["frames"][2]["file_path"] = json!(name);
         let folder = folder_with(&value);
         let text = error_at(open(folder.path()), &folder.path().join("transforms.json"));
-        assert!(
-            text.contains("frame 2") && text.contains("refused"),
-            "{text}"
-        );
+        assert!(text.contains("frame 2") && text.contains("refused"), "{text}");
     }
 }
 

@@ -33,10 +33,7 @@ fn judge(name: &str, pixels: &[Pixel<f64>], traced: &[TracedPixel], tightness: f
     let mut closest: f64 = 0.0;
     for (i, (pixel, traced)) in pixels.iter().zip(traced).enumerate() {
         let (error, bound) = (error(pixel, traced), traced.bounds[0]);
-        assert!(
-            error <= bound + 1e-12,
-            "{name}, pixel {i}: {error:e} > {bound:e}"
-        );
+        assert!(error <= bound + 1e-12, "{name}, pixel {i}: {error:e} > {bound:e}");
         if error > 1e-9 {
             closest = closest.max(error / bound);
         }
@@ -61,12 +58,7 @@ fn without_savings_the_traced_frame_is_the_whole_one() {
 #[test]
 fn cuts_and_stops_keep_to_their_bounds() {
     for mut scene in cases() {
-        for (alpha_min, transmittance_min) in [
-            (1.0 / 255.0, 1e-4),
-            (1.0 / 32.0, 1e-9),
-            (1e-6, 0.1),
-            (0.1, 0.2),
-        ] {
+        for (alpha_min, transmittance_min) in [(1.0 / 255.0, 1e-4), (1.0 / 32.0, 1e-9), (1e-6, 0.1), (0.1, 0.2)] {
             let approximations = Approximations {
                 alpha_min,
                 transmittance_min,
@@ -92,11 +84,7 @@ fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
             let kept = 3 * sh_coefficient_count(degree);
             let (sh, stride) = (scene.splats.sh.clone(), scene.splats.sh_stride());
             let stored = |i: usize| {
-                if i % stride < kept {
-                    f64::from(sh[i])
-                } else {
-                    0.0
-                }
+                if i % stride < kept { f64::from(sh[i]) } else { 0.0 }
             };
             let approximations = Approximations {
                 color_error: color_errors(&scene.splats, stored),
@@ -105,12 +93,7 @@ fn truncated_and_rounded_harmonics_keep_to_their_bounds() {
             let traced = full(&scene, &[approximations]);
             let mut shown = scene.clone();
             shown.options.sh_degree = degree;
-            judge(
-                &format!("degree {degree}"),
-                &draw(&shown).pixels,
-                &traced,
-                0.2,
-            );
+            judge(&format!("degree {degree}"), &draw(&shown).pixels, &traced, 0.2);
         }
         let coarse = |i: usize| f64::from((scene.splats.sh[i] * 64.0).round() / 64.0);
         let approximations = Approximations {
@@ -179,16 +162,8 @@ fn scenes_stored_in_fewer_digits_keep_to_their_bounds() {
     for mut scene in cases() {
         let mut stored = scene.splats.clone();
         let round = |value: &mut f32| *value = (*value * 32.0).round() / 32.0;
-        stored
-            .quaternion
-            .as_flattened_mut()
-            .iter_mut()
-            .for_each(round);
-        stored
-            .log_scale
-            .as_flattened_mut()
-            .iter_mut()
-            .for_each(round);
+        stored.quaternion.as_flattened_mut().iter_mut().for_each(round);
+        stored.log_scale.as_flattened_mut().iter_mut().for_each(round);
         stored.opacity_logit.iter_mut().for_each(round);
         let exact = Approximations {
             stored: Some(stored.clone()),

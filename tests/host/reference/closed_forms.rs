@@ -71,27 +71,16 @@ fn a_splat_at_the_centre_of_a_pixel_has_four_fold_symmetry() {
 
 #[test]
 fn two_layers_blend_by_the_over_operator() {
-    let layer = |alpha: f64, color: [f64; 3], depth: f64| Layer {
-        alpha,
-        color,
-        depth,
-    };
-    let layers = [
-        layer(0.25, [1.0, 0.0, 0.5], 2.0),
-        layer(0.5, [0.0, 1.0, 0.5], 3.0),
-    ];
+    let layer = |alpha: f64, color: [f64; 3], depth: f64| Layer { alpha, color, depth };
+    let layers = [layer(0.25, [1.0, 0.0, 0.5], 2.0), layer(0.5, [0.0, 1.0, 0.5], 3.0)];
     let (pixel, count) = composite(layers, [0.2, 0.4, 0.8], 1e-4);
     assert_eq!(count, 2);
     // Front: 1/4. Back: 3/4 · 1/2 = 3/8. Background: 3/8.
     assert_eq!(pixel.transmittance, 0.375);
     assert_eq!(pixel.depth, 0.25 * 2.0 + 0.375 * 3.0);
-    for (channel, expected) in [
-        0.25 + 0.375 * 0.2,
-        0.375 + 0.375 * 0.4,
-        0.3125 + 0.375 * 0.8,
-    ]
-    .into_iter()
-    .enumerate()
+    for (channel, expected) in [0.25 + 0.375 * 0.2, 0.375 + 0.375 * 0.4, 0.3125 + 0.375 * 0.8]
+        .into_iter()
+        .enumerate()
     {
         assert_close(pixel.color[channel], expected, 1e-15, 1.0);
     }
@@ -121,10 +110,7 @@ fn an_image_is_like_itself() {
     let sums = loss::sums(&image, &Target::new(13, &image));
     assert_close(sums.dissimilarity, 0.0, 1e-12, 1.0);
     assert_eq!((sums.l1, sums.weight), (0.0, 663.0));
-    for d in loss::gradient(&image, &Target::new(13, &image))
-        .iter()
-        .flatten()
-    {
+    for d in loss::gradient(&image, &Target::new(13, &image)).iter().flatten() {
         assert!(d.abs() < 1e-12, "gradient {d} at the minimum");
     }
 }
@@ -134,12 +120,7 @@ fn flat_images_have_the_luminance_term_only() {
     let (a, b) = (0.7, 0.4);
     // Only for a pixel with its window inside the image: the middle one of 11 × 11.
     let middle = ssim(11, &[a; 121], &[b; 121])[60];
-    assert_close(
-        middle,
-        (2.0 * a * b + C1) / (a * a + b * b + C1),
-        1e-12,
-        1.0,
-    );
+    assert_close(middle, (2.0 * a * b + C1) / (a * a + b * b + C1), 1e-12, 1.0);
     // In the corner the window includes the zeros beyond the border: 1 − s of its weight, s = (Σ half)².
     let corner = ssim(11, &[a; 121], &[b; 121])[0];
     let half: f64 = (0..=5).map(|t| (-f64::from(t * t) / 4.5).exp()).sum();
@@ -163,8 +144,7 @@ fn spherical_harmonics_are_orthonormal() {
             i if i == steps => 1.0,
             i => 2.0 + 2.0 * f64::from(i % 2),
         };
-        let area =
-            simpson * 2.0 / f64::from(steps) / 3.0 * std::f64::consts::TAU / f64::from(turns);
+        let area = simpson * 2.0 / f64::from(steps) / 3.0 * std::f64::consts::TAU / f64::from(turns);
         for turn in 0..turns {
             let angle = std::f64::consts::TAU * f64::from(turn) / f64::from(turns);
             let r = (1.0 - z * z).max(0.0).sqrt();
@@ -215,10 +195,7 @@ fn spherical_harmonics_have_the_signs_of_the_files() {
 fn a_quarter_turn_is_a_quarter_turn() {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let turn = rotation([half, 0.0, 0.0, half]);
-    for (row, expected) in turn
-        .iter()
-        .zip([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    {
+    for (row, expected) in turn.iter().zip([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) {
         for (value, expected) in row.iter().zip(expected) {
             assert_close(*value, expected, 1e-15, 1.0);
         }
@@ -238,19 +215,14 @@ fn a_quarter_turn_is_a_quarter_turn() {
 #[test]
 fn a_needles_determinant_is_the_sum_of_squared_minors() {
     // Aspect up to 1000; Cauchy–Binet: det(V Vᵀ + d I) = Σ minors² + d tr(V Vᵀ) + d².
-    for (aspect, quaternion) in [
-        (100.0f32, [0.9, 0.2, 0.3, -0.1]),
-        (1000.0, [0.2, 0.7, -0.4, 0.5]),
-    ] {
+    for (aspect, quaternion) in [(100.0f32, [0.9, 0.2, 0.3, -0.1]), (1000.0, [0.2, 0.7, -0.4, 0.5])] {
         let mut splats = single([0.4, -0.3, 4.0]);
         splats.quaternion[0] = quaternion;
         splats.log_scale[0][1] += aspect.ln();
         let splat = Splat::<f64>::of(&splats, 0);
         let camera = upright(64, 48, 50.0);
         let view = Viewpoint::new(&camera, &Options::default(), ScreenFilter::Classic);
-        let screen = project(&splat, &view)
-            .map(|s| s.covariance)
-            .unwrap_or_default();
+        let screen = project(&splat, &view).map(|s| s.covariance).unwrap_or_default();
         let turn = rotation(splat.quaternion);
         let [x, y, z] = splat.mean;
         // Rows of J R S for an upright camera.

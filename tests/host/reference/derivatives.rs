@@ -15,12 +15,7 @@ macro_rules! check {
         let x: f64 = $x;
         let dual = on(Dual::<1>::variable(x, Some(0)));
         assert_close(dual.v, on(x), 1e-15, 0.0);
-        assert_close(
-            dual.d[0],
-            central_difference(on::<f64>, x, 1e-4 * x.abs()),
-            1e-8,
-            1e-3,
-        );
+        assert_close(dual.d[0], central_difference(on::<f64>, x, 1e-4 * x.abs()), 1e-8, 1e-3);
     }};
 }
 
@@ -35,8 +30,7 @@ fn every_operation_differentiates_itself() {
         check!(-x, |t| t.sigmoid());
         check!(-x, |t| t.abs());
         check!(x, |t| R::of(2.0) / t + t * t - -t);
-        check!(x, |t| t.exp() / (t + R::of(1.0)).sqrt()
-            * (t * R::of(0.3)).ln());
+        check!(x, |t| t.exp() / (t + R::of(1.0)).sqrt() * (t * R::of(0.3)).ln());
         check!(x, |t| {
             let mut sum: R = [t, t * t].into_iter().sum();
             sum += t.ln();
@@ -142,9 +136,7 @@ fn the_limits_lie_beyond_each_border() {
         };
         let [xx, _, yy] = project(&splat, &view).map_or([f64::NAN; 3], |s| s.covariance);
         // σ² (f/z)² (1 + slope²) + 0.3, solved for the slope.
-        let slope = |variance: f64, focal: f64| {
-            ((variance - 0.3) / (0.01 * (focal / 2.0).powi(2)) - 1.0).sqrt()
-        };
+        let slope = |variance: f64, focal: f64| ((variance - 0.3) / (0.01 * (focal / 2.0).powi(2)) - 1.0).sqrt();
         [slope(xx, 50.0), slope(yy, 25.0)]
     };
     for (x, y, expected) in [

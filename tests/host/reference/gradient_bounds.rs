@@ -10,9 +10,7 @@ use ashfall::reference::{Options, Thresholds};
 fn upstream(scene: &Scene) -> Vec<[f64; 3]> {
     let random = &mut Random::new(9);
     let pixels = scene.camera.width * scene.camera.height;
-    (0..pixels)
-        .map(|_| [0; 3].map(|_| random.between(-1.0, 1.0)))
-        .collect()
+    (0..pixels).map(|_| [0; 3].map(|_| random.between(-1.0, 1.0))).collect()
 }
 
 fn exact(scene: &Scene, thresholds: Thresholds) -> SplatGradients {
@@ -85,22 +83,15 @@ fn judge(
             }
         }
         println!("{name}, {group}: {closest:.3} of the bound");
-        assert!(
-            closest >= tightness,
-            "{name}, {group}: errors reach {closest} of it"
-        );
+        assert!(closest >= tightness, "{name}, {group}: errors reach {closest} of it");
     }
 }
 
 #[test]
 fn gradients_under_cuts_and_stops_keep_to_their_bounds() {
-    for scene in [
-        scenes::gentle(71, 60, 32, 24, 2),
-        scenes::hard(72, 90, 33, 25, 1),
-    ] {
+    for scene in [scenes::gentle(71, 60, 32, 24, 2), scenes::hard(72, 90, 33, 25, 1)] {
         let whole = exact(&scene, Thresholds::NONE);
-        for (alpha_min, transmittance_min) in [(1.0 / 255.0, 1e-4), (1.0 / 16.0, 1e-9), (1e-6, 0.1)]
-        {
+        for (alpha_min, transmittance_min) in [(1.0 / 255.0, 1e-4), (1.0 / 16.0, 1e-9), (1e-6, 0.1)] {
             let approximations = Approximations {
                 alpha_min,
                 transmittance_min,
@@ -114,9 +105,7 @@ fn gradients_under_cuts_and_stops_keep_to_their_bounds() {
             };
             let name = format!("cut {alpha_min:.1e}, stop {transmittance_min:.1e}");
             let found = exact(&scene, thresholds);
-            let GradientBounds {
-                bounds, rounding, ..
-            } = &promised;
+            let GradientBounds { bounds, rounding, .. } = &promised;
             judge(&name, &whole, &found, &bounds[0], rounding, 0.05);
         }
     }
@@ -139,14 +128,7 @@ fn gradients_without_some_splats_keep_to_their_bounds() {
     }
     let promised = bounds(&scene, &[gone]);
     let found = exact(&fewer, Thresholds::NONE);
-    judge(
-        "fewer",
-        &whole,
-        &found,
-        &promised.bounds[0],
-        &promised.rounding,
-        0.05,
-    );
+    judge("fewer", &whole, &found, &promised.bounds[0], &promised.rounding, 0.05);
 }
 
 #[test]
@@ -167,9 +149,7 @@ fn gradients_of_splats_of_one_depth_do_not_depend_on_their_order() {
     back.log_scale.reverse();
     back.opacity_logit.reverse();
     back.sh = back.sh.chunks(3).rev().flatten().copied().collect();
-    let GradientBounds {
-        bounds, rounding, ..
-    } = &promised;
+    let GradientBounds { bounds, rounding, .. } = &promised;
     judge("order", &whole, &back, &bounds[0], rounding, 1e-3);
 }
 

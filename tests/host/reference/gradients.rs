@@ -33,23 +33,12 @@ fn rows(scene: &Scene, target: &Target<'_>) -> Vec<Vec<f64>> {
 fn the_composed_gradient_is_that_of_the_whole() {
     let mut mip = scenes::gentle(21, 6, 19, 14, 2);
     mip.splats.filter = ScreenFilter::Mip;
-    for scene in [
-        scenes::gentle(22, 8, 23, 17, 1),
-        scenes::hard(23, 9, 21, 26, 1),
-        mip,
-    ] {
-        let photo =
-            scenes::photo_values(&scenes::photo(3, scene.camera.width, scene.camera.height));
+    for scene in [scenes::gentle(22, 8, 23, 17, 1), scenes::hard(23, 9, 21, 26, 1), mip] {
+        let photo = scenes::photo_values(&scenes::photo(3, scene.camera.width, scene.camera.height));
         let target = Target::new(scene.camera.width as usize, &photo);
         let composed = rows(&scene, &target);
         let parameters = every_parameter(&scene);
-        let whole = loss_derivatives(
-            &scene.splats,
-            &scene.camera,
-            &scene.options,
-            &target,
-            &parameters,
-        );
+        let whole = loss_derivatives(&scene.splats, &scene.camera, &scene.options, &target, &parameters);
         let largest = whole.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
         assert!(largest > 1e-3, "a gradient worth comparing");
         for (&(splat, parameter), whole) in parameters.iter().zip(&whole) {
@@ -80,8 +69,7 @@ fn without_cuts_the_gradient_is_the_limit_of_differences() {
         let values = splats[splat].parameters();
         let largest = row.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
         for parameter in 0..row.len() {
-            let difference =
-                central_difference(|x| loss_at(splat, parameter, x), values[parameter], 2e-5);
+            let difference = central_difference(|x| loss_at(splat, parameter, x), values[parameter], 2e-5);
             assert_close(row[parameter], difference, 1e-7, largest);
         }
     }
@@ -115,9 +103,7 @@ fn transmittance_and_depth_have_gradients_too() {
             })
             .collect();
         let Options {
-            background,
-            thresholds,
-            ..
+            background, thresholds, ..
         } = scene.options;
         let frame = frame::render_screen(&lifted, 17, 21, background, &thresholds);
         let objective: Dual<10> = frame
@@ -126,9 +112,7 @@ fn transmittance_and_depth_have_gradients_too() {
             .zip(&upstream)
             .map(|(pixel, up)| {
                 let color: Dual<10> = (0..3).map(|c| pixel.color[c] * Dual::of(up.color[c])).sum();
-                color
-                    + pixel.transmittance * Dual::of(up.transmittance)
-                    + pixel.depth * Dual::of(up.depth)
+                color + pixel.transmittance * Dual::of(up.transmittance) + pixel.depth * Dual::of(up.depth)
             })
             .sum();
         for (found, expected) in gradient.row.iter().zip(objective.d) {
@@ -138,19 +122,14 @@ fn transmittance_and_depth_have_gradients_too() {
         assert!(gradient.weight_max <= gradient.weight_sum);
     }
     let Options {
-        background,
-        thresholds,
-        ..
+        background, thresholds, ..
     } = scene.options;
     let grid = Grid::new(17, 21);
     let by_tile = isect_backward(&screen, &grid, background, &thresholds, &upstream);
     let touched = expand(&screen, &grid, &thresholds);
     let mut sums = vec![0.0; screen.len()];
     for (isect, gradient) in &by_tile {
-        assert!(
-            touched.contains(isect),
-            "{isect:?} is blended and not listed"
-        );
+        assert!(touched.contains(isect), "{isect:?} is blended and not listed");
         sums[isect.splat as usize] += gradient.row[3];
     }
     for (sum, whole) in sums.iter().zip(&d_screen) {
@@ -174,10 +153,7 @@ fn a_capped_alpha_has_no_gradient() {
     }));
     let at = |position| rasterize::layer(&lifted, position, &Thresholds::ENGINE);
     let peak: Option<Layer<Dual<10>>> = at([5.5, 5.5]);
-    assert_eq!(
-        peak.map(|l| l.alpha),
-        Some(Dual::of(Thresholds::ENGINE.alpha_max))
-    );
+    assert_eq!(peak.map(|l| l.alpha), Some(Dual::of(Thresholds::ENGINE.alpha_max)));
     assert!(at([7.5, 5.5]).is_some_and(|l| l.alpha.d[0] > 0.0));
 }
 
@@ -185,18 +161,8 @@ fn a_capped_alpha_has_no_gradient() {
 fn a_quaternions_length_has_no_gradient() {
     let scene = scenes::gentle(26, 12, 31, 22, 1);
     let photo = scenes::photo_values(&scenes::photo(5, 31, 22));
-    let gradient = loss_gradient(
-        &scene.splats,
-        &scene.camera,
-        &scene.options,
-        &Target::new(31, &photo),
-    );
-    for (d, q) in gradient
-        .d_splats
-        .quaternion
-        .iter()
-        .zip(&scene.splats.quaternion)
-    {
+    let gradient = loss_gradient(&scene.splats, &scene.camera, &scene.options, &Target::new(31, &photo));
+    for (d, q) in gradient.d_splats.quaternion.iter().zip(&scene.splats.quaternion) {
         let radial: f64 = d.iter().zip(q).map(|(d, q)| d * f64::from(*q)).sum();
         let length = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
         let product = length(&mut d.iter().copied()) * length(&mut q.map(f64::from).into_iter());
@@ -234,12 +200,7 @@ fn moving_all_splats_is_moving_the_camera_back() {
 fn only_the_visible_have_gradients() {
     let scene = scenes::hard(28, 18, 33, 25, 1);
     let photo = scenes::photo_values(&scenes::photo(7, 33, 25));
-    let gradient = loss_gradient(
-        &scene.splats,
-        &scene.camera,
-        &scene.options,
-        &Target::new(33, &photo),
-    );
+    let gradient = loss_gradient(&scene.splats, &scene.camera, &scene.options, &Target::new(33, &photo));
     for index in 0..scene.splats.len() {
         let d = &gradient.d_splats;
         let zero = d.mean[index] == [0.0; 3] && d.opacity_logit[index] == 0.0;
@@ -274,10 +235,5 @@ fn penalties_pull_on_opacity_and_size() {
         let scale = log_scale.exp();
         assert_close(*found, 0.2 * scale + 0.1 * scale * scale, 1e-14, 0.0);
     }
-    assert!(
-        gradient[..7]
-            .iter()
-            .chain(&gradient[11..])
-            .all(|&d| d == 0.0)
-    );
+    assert!(gradient[..7].iter().chain(&gradient[11..]).all(|&d| d == 0.0));
 }

@@ -24,8 +24,7 @@ fn the_losss_gradient_is_its_derivative() {
                     moved[chosen / 3][chosen % 3] = x;
                     loss::loss(&moved, &target)
                 };
-                let mut lifted: Vec<[Dual<1>; 3]> =
-                    image.iter().map(|rgb| rgb.map(Dual::of)).collect();
+                let mut lifted: Vec<[Dual<1>; 3]> = image.iter().map(|rgb| rgb.map(Dual::of)).collect();
                 lifted[chosen / 3][chosen % 3] = Dual::variable(values[chosen], Some(0));
                 let dual = loss::loss(&lifted, &target);
                 let found = gradient[chosen / 3][chosen % 3];
@@ -48,21 +47,14 @@ fn a_mask_of_zeros_is_no_loss_at_all() {
         ..loss::Target::new(12, &photo)
     };
     assert_close(loss::loss(&image, &target), 0.0, 1e-15, 1.0);
-    assert!(
-        loss::gradient(&image, &target)
-            .iter()
-            .flatten()
-            .all(|&d| d == 0.0)
-    );
+    assert!(loss::gradient(&image, &target).iter().flatten().all(|&d| d == 0.0));
 }
 
 #[test]
 fn what_is_masked_out_does_not_matter() {
     let photo = scenes::photo_values(&scenes::photo(1, 14, 12));
     let image = scenes::photo_values(&scenes::photo(2, 14, 12));
-    let mask: Vec<f64> = (0..image.len())
-        .map(|i| f64::from(u8::from(i % 14 < 8)))
-        .collect();
+    let mask: Vec<f64> = (0..image.len()).map(|i| f64::from(u8::from(i % 14 < 8))).collect();
     let masked = |image: &[[f64; 3]]| {
         let target = loss::Target {
             mask: Some(&mask),
@@ -71,9 +63,8 @@ fn what_is_masked_out_does_not_matter() {
         loss::loss(image, &target)
     };
     let mut other = image.clone();
-    let cropped = |image: &[[f64; 3]]| -> Vec<[f64; 3]> {
-        image.chunks(14).flat_map(|row| row[..8].to_vec()).collect()
-    };
+    let cropped =
+        |image: &[[f64; 3]]| -> Vec<[f64; 3]> { image.chunks(14).flat_map(|row| row[..8].to_vec()).collect() };
     other
         .iter_mut()
         .zip(&mask)
@@ -90,14 +81,8 @@ fn alpha_is_a_mask_or_a_mixture() {
     let rgba = [[255, 0, 51, 255], [255, 0, 51, 0], [0, 255, 0, 51]];
     let background = [0.5, 0.25, 1.0];
     let (colors, mask) = loss::values(&rgba, AlphaMode::Composite, background);
-    assert_eq!(
-        (colors[0], colors[1], mask),
-        ([1.0, 0.0, 0.2], background, None)
-    );
+    assert_eq!((colors[0], colors[1], mask), ([1.0, 0.0, 0.2], background, None));
     assert_close(colors[2][1], 0.2 + 0.8 * 0.25, 1e-15, 1.0);
     let (colors, mask) = loss::values(&rgba, AlphaMode::Mask, background);
-    assert_eq!(
-        (colors[1], mask),
-        ([1.0, 0.0, 0.2], Some(vec![1.0, 0.0, 0.2]))
-    );
+    assert_eq!((colors[1], mask), ([1.0, 0.0, 0.2], Some(vec![1.0, 0.0, 0.2])));
 }

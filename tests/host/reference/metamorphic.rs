@@ -4,9 +4,7 @@ use crate::common::scenes::{self, POISON, Random, Scene};
 use crate::reference::assert_close;
 use ashfall::reference::frame::{center, project_all, render_screen, sorted};
 use ashfall::reference::rasterize::{blended, layer};
-use ashfall::reference::{
-    Frame, Options, ScreenSplat, Splat, Thresholds, Viewpoint, frame, render,
-};
+use ashfall::reference::{Frame, Options, ScreenSplat, Splat, Thresholds, Viewpoint, frame, render};
 use ashfall::scene::{SH_C0, Splats};
 
 pub(crate) fn draw(scene: &Scene) -> Frame<f64> {
@@ -20,17 +18,9 @@ pub(crate) fn on_screen(scene: &Scene) -> Vec<Option<ScreenSplat<f64>>> {
 
 fn draw_screen(scene: &Scene, screen: &[Option<ScreenSplat<f64>>]) -> Frame<f64> {
     let Options {
-        background,
-        thresholds,
-        ..
+        background, thresholds, ..
     } = scene.options;
-    render_screen(
-        screen,
-        scene.camera.width,
-        scene.camera.height,
-        background,
-        &thresholds,
-    )
+    render_screen(screen, scene.camera.width, scene.camera.height, background, &thresholds)
 }
 
 /// The splats in another order.
@@ -207,9 +197,7 @@ fn removal_is_worth_the_weight() {
     let (list, _) = sorted(&screen);
     let order: Vec<usize> = (0..list.len()).collect();
     let without = |gone: &dyn Fn(usize) -> bool| {
-        let kept: Vec<_> = (0..list.len())
-            .map(|i| (!gone(i)).then_some(list[i]))
-            .collect();
+        let kept: Vec<_> = (0..list.len()).map(|i| (!gone(i)).then_some(list[i])).collect();
         draw_screen(&scene, &kept)
     };
     let (one, some) = (7, |i: usize| i % 3 == 1);
@@ -220,8 +208,7 @@ fn removal_is_worth_the_weight() {
         let position = center(pixel, 24);
         let (mut transmittance, mut weight_one, mut weight_some) = (1.0, 0.0, 0.0);
         for index in blended(&list, &order, position, &scene.options.thresholds) {
-            let alpha =
-                layer(&list[index], position, &scene.options.thresholds).map_or(0.0, |l| l.alpha);
+            let alpha = layer(&list[index], position, &scene.options.thresholds).map_or(0.0, |l| l.alpha);
             if index == one {
                 weight_one = alpha * transmittance;
             }
@@ -236,10 +223,7 @@ fn removal_is_worth_the_weight() {
             let expected = weight_one * (color(&behind) - list[one].color[channel]);
             assert_close(change, expected, 1e-12, 1.0);
             let change = (color(&without_some) - color(&whole)).abs();
-            assert!(
-                change <= weight_some * 1.0001,
-                "{change} for a weight of {weight_some}"
-            );
+            assert!(change <= weight_some * 1.0001, "{change} for a weight of {weight_some}");
         }
     }
 }
@@ -255,12 +239,7 @@ fn backgrounds_show_through_the_transmittance() {
         assert_eq!(a.transmittance, b.transmittance);
         for channel in 0..3 {
             let apart = scene.options.background[channel] - other.options.background[channel];
-            assert_close(
-                a.color[channel] - b.color[channel],
-                a.transmittance * apart,
-                1e-14,
-                1.0,
-            );
+            assert_close(a.color[channel] - b.color[channel], a.transmittance * apart, 1e-14, 1.0);
         }
     }
 }
@@ -271,8 +250,7 @@ fn one_colour_shows_the_coverage() {
     let mut scene = scenes::gentle(39, 20, 24, 20, 0);
     scene.splats.sh.fill(0.25 / SH_C0);
     for pixel in draw(&scene).pixels {
-        let expected =
-            0.75 * (1.0 - pixel.transmittance) + pixel.transmittance * scene.options.background[1];
+        let expected = 0.75 * (1.0 - pixel.transmittance) + pixel.transmittance * scene.options.background[1];
         assert_close(pixel.color[1], expected, 1e-7, 1.0);
     }
 }

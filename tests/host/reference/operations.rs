@@ -56,10 +56,7 @@ fn sorting_is_stable_and_sees_the_mask_only() {
 fn a_scan_excludes_its_own_element() {
     assert_eq!(scan(&[3, 0, 5, 1]), (vec![0, 3, 3, 8], 9));
     assert_eq!(scan(&[]), (vec![], 0));
-    assert_eq!(
-        scan(&[u32::MAX, 2, 1]),
-        (vec![0, u32::MAX, 1], (1 << 32) + 2)
-    );
+    assert_eq!(scan(&[u32::MAX, 2, 1]), (vec![0, u32::MAX, 1], (1 << 32) + 2));
 }
 
 #[test]
@@ -77,19 +74,10 @@ fn a_tiles_pixels_never_exceed_its_rectangle() {
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let grid = Grid::new(61, 45);
     let mut random = Random::new(1);
-    for splat in project_all(&Splat::<f64>::all(&scene.splats), &view)
-        .iter()
-        .flatten()
-    {
+    for splat in project_all(&Splat::<f64>::all(&scene.splats), &view).iter().flatten() {
         for tile in 0..grid.len() {
-            let (pixels, rectangle) = (
-                alpha_at_pixels(splat, &grid, tile),
-                alpha_max(splat, &grid, tile),
-            );
-            assert!(
-                pixels <= rectangle * (1.0 + 1e-12),
-                "{pixels} > {rectangle} in {tile}"
-            );
+            let (pixels, rectangle) = (alpha_at_pixels(splat, &grid, tile), alpha_max(splat, &grid, tile));
+            assert!(pixels <= rectangle * (1.0 + 1e-12), "{pixels} > {rectangle} in {tile}");
             // The rectangle's maximum is attained: no sample exceeds it, and a pixel comes near it for splats that are
             // smooth against the pixel grid.
             let x = f64::from(tile % grid.columns() * 8);
@@ -115,10 +103,7 @@ fn a_tiles_pixels_never_exceed_its_rectangle() {
 fn the_extent_is_as_far_as_a_splat_reaches() {
     let scene = scenes::gentle(7, 20, 40, 40, 0);
     let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
-    for splat in project_all(&Splat::<f64>::all(&scene.splats), &view)
-        .iter()
-        .flatten()
-    {
+    for splat in project_all(&Splat::<f64>::all(&scene.splats), &view).iter().flatten() {
         let [half_width, half_height] = extent(splat, &Thresholds::ENGINE);
         let seen = |x: f64, y: f64| layer(splat, [x, y], &Thresholds::ENGINE).is_some();
         let [x, y] = splat.mean;
@@ -127,11 +112,7 @@ fn the_extent_is_as_far_as_a_splat_reaches() {
         for (factor, expected) in [(0.999, true), (1.001, false)] {
             let right = steps().any(|t| seen(x + factor * half_width, y + t * half_height));
             let below = steps().any(|t| seen(x + t * half_width, y + factor * half_height));
-            assert_eq!(
-                (right, below),
-                (expected, expected),
-                "{splat:?} at {factor}"
-            );
+            assert_eq!((right, below), (expected, expected), "{splat:?} at {factor}");
         }
     }
 }
@@ -143,9 +124,7 @@ fn expansion_goes_by_depth_then_tile() {
     let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
     let list = expand(&screen, &Grid::new(40, 40), &Thresholds::ENGINE);
     assert!(!list.is_empty());
-    let key = |i: &ashfall::reference::expand::Isect| {
-        (screen[i.splat as usize].map_or(0.0, |s| s.depth), i.tile)
-    };
+    let key = |i: &ashfall::reference::expand::Isect| (screen[i.splat as usize].map_or(0.0, |s| s.depth), i.tile);
     assert!(list.is_sorted_by(|a, b| key(a) < key(b)));
 }
 
@@ -214,10 +193,7 @@ fn relocation_is_the_papers_sum() {
             let together = -f64::exp_m1(f64::from(n) * f64::ln_1p(-copy));
             assert_close(together, opacity, 1e-13, 0.0);
             let factor = relocate::scale_factor(opacity, n);
-            assert!(
-                factor.is_finite() && factor > 0.0 && factor <= 1.0,
-                "{factor}"
-            );
+            assert!(factor.is_finite() && factor > 0.0 && factor <= 1.0, "{factor}");
         }
     }
 }

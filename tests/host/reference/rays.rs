@@ -11,14 +11,9 @@ fn apart(scene: &Scene) -> f64 {
     let pixels: Vec<usize> = (0..linear.pixels.len()).collect();
     let rays = ray::colors(&scene.splats, &scene.camera, &options, &pixels);
     let difference = |(a, b): (&[f64; 3], &ashfall::reference::Pixel<f64>)| {
-        (0..3)
-            .map(|c| (a[c] - b.color[c]).abs())
-            .fold(0.0, f64::max)
+        (0..3).map(|c| (a[c] - b.color[c]).abs()).fold(0.0, f64::max)
     };
-    rays.iter()
-        .zip(&linear.pixels)
-        .map(difference)
-        .fold(0.0, f64::max)
+    rays.iter().zip(&linear.pixels).map(difference).fold(0.0, f64::max)
 }
 
 #[test]
@@ -36,9 +31,7 @@ fn linear_projection_is_the_limit_of_small_splats() {
             let from_camera = glam::DVec3::from(mean.map(f64::from)) - narrow.camera.position;
             let along = forward * forward.dot(from_camera);
             let place = along + (from_camera - along) * f64::from(factor);
-            *mean = (narrow.camera.position + place)
-                .to_array()
-                .map(|x| x as f32);
+            *mean = (narrow.camera.position + place).to_array().map(|x| x as f32);
         }
         apart(&narrow)
     };
@@ -46,10 +39,7 @@ fn linear_projection_is_the_limit_of_small_splats() {
     println!("linear projection is off by {errors:?}");
     assert!(errors[0] > 1e-3, "{errors:?}");
     // First order in σ / z.
-    assert!(
-        errors[1] < 0.4 * errors[0] && errors[2] < 0.4 * errors[1],
-        "{errors:?}"
-    );
+    assert!(errors[1] < 0.4 * errors[0] && errors[2] < 0.4 * errors[1], "{errors:?}");
 }
 
 #[test]

@@ -17,10 +17,7 @@ fn error(sampled: &PixelBound, color: [f64; 3]) -> f64 {
 
 #[test]
 fn samples_are_pixels_of_the_frame() {
-    for scene in [
-        scenes::gentle(71, 80, 40, 30, 3),
-        scenes::hard(72, 120, 33, 29, 2),
-    ] {
+    for scene in [scenes::gentle(71, 80, 40, 30, 3), scenes::hard(72, 120, 33, 29, 2)] {
         let frame = draw(&scene);
         let mut bounds = Vec::new();
         for (sampled, pixel) in all(&scene).iter().zip(&frame.pixels) {
@@ -33,10 +30,7 @@ fn samples_are_pixels_of_the_frame() {
         }
         bounds.sort_by(f64::total_cmp);
         let median = bounds[bounds.len() / 2];
-        println!(
-            "median {median:.1e}, largest {:.1e}",
-            bounds[bounds.len() - 1]
-        );
+        println!("median {median:.1e}, largest {:.1e}", bounds[bounds.len() - 1]);
         assert!((1e-6..3e-4).contains(&median), "{median:e}");
     }
 }
@@ -57,8 +51,7 @@ fn bounds_hold_under_perturbation_and_tell_a_thousandth() {
     let gross = moved(2e-2);
     let excess = |frame: &ashfall::reference::Frame<f64>| -> f64 {
         let each = sampled.iter().zip(&frame.pixels);
-        each.map(|(s, p)| error(s, p.color) / s.color_bound)
-            .fold(0.0, f64::max)
+        each.map(|(s, p)| error(s, p.color) / s.color_bound).fold(0.0, f64::max)
     };
     assert!(excess(&slight) <= 1.0, "{}", excess(&slight));
     assert!(excess(&gross) > 2.0, "{}", excess(&gross));

@@ -10,11 +10,7 @@ use ashfall::reference::{Options, Splat, Thresholds, Viewpoint, frame};
 #[test]
 fn the_cuts_cost_what_they_promise() {
     let mut scene = scenes::hard(41, 90, 30, 26, 0);
-    scene
-        .splats
-        .opacity_logit
-        .iter_mut()
-        .for_each(|o| *o += 2.0);
+    scene.splats.opacity_logit.iter_mut().for_each(|o| *o += 2.0);
     let mut range: f64 = 1.0;
     for splat in on_screen(&scene).iter().flatten() {
         range = splat.color.into_iter().fold(range, f64::max);
@@ -29,10 +25,7 @@ fn the_cuts_cost_what_they_promise() {
         for (stopped, full) in draw(&scene).pixels.iter().zip(&unstopped.pixels) {
             for channel in 0..3 {
                 let error = (stopped.color[channel] - full.color[channel]).abs();
-                assert!(
-                    error <= transmittance_min * range,
-                    "{error} at {transmittance_min}"
-                );
+                assert!(error <= transmittance_min * range, "{error} at {transmittance_min}");
             }
         }
     }
@@ -45,20 +38,12 @@ fn pixels_that_flip_were_in_the_band() {
         let scene = scenes::gentle(42 + seed, 60, 48, 40, 1);
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let Options {
-            background,
-            thresholds,
-            ..
+            background, thresholds, ..
         } = scene.options;
-        let plain = frame::render_splats(
-            &Splat::<f32>::all(&scene.splats),
-            &view,
-            background,
-            &thresholds,
-        );
+        let plain = frame::render_splats(&Splat::<f32>::all(&scene.splats), &view, background, &thresholds);
         let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
         let mut near_margin = 0;
-        for ((single, exact), margin) in plain.pixels.iter().zip(draw(&scene).pixels).zip(&margins)
-        {
+        for ((single, exact), margin) in plain.pixels.iter().zip(draw(&scene).pixels).zip(&margins) {
             if margin.nearest() < 1e-4 {
                 near_margin += 1;
                 continue;
@@ -68,10 +53,7 @@ fn pixels_that_flip_were_in_the_band() {
                 assert!(error.abs() < 2e-5, "{error} with {margin:?}");
             }
         }
-        assert!(
-            near_margin < margins.len() / 20,
-            "{near_margin} pixels excused"
-        );
+        assert!(near_margin < margins.len() / 20, "{near_margin} pixels excused");
     }
 }
 
@@ -79,11 +61,7 @@ fn pixels_that_flip_were_in_the_band() {
 #[test]
 fn a_band_is_the_distance_to_its_threshold() {
     let mut scene = scenes::gentle(46, 150, 40, 36, 0);
-    scene
-        .splats
-        .opacity_logit
-        .iter_mut()
-        .for_each(|o| *o += 2.0);
+    scene.splats.opacity_logit.iter_mut().for_each(|o| *o += 2.0);
     let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
     let (list, _) = sorted(&on_screen(&scene));
     let order: Vec<usize> = (0..list.len()).collect();
@@ -93,9 +71,8 @@ fn a_band_is_the_distance_to_its_threshold() {
         let position = center(index, 40);
         let with = |thresholds: Thresholds| blended(&list, &order, position, &thresholds);
         let usual = with(Thresholds::ENGINE);
-        let flips = |change: &dyn Fn(f64) -> Thresholds| {
-            with(change(1.0 - step)) != usual || with(change(1.0 + step)) != usual
-        };
+        let flips =
+            |change: &dyn Fn(f64) -> Thresholds| with(change(1.0 - step)) != usual || with(change(1.0 + step)) != usual;
         let alpha = flips(&|factor| Thresholds {
             alpha_min: factor * Thresholds::ENGINE.alpha_min,
             ..Thresholds::ENGINE
@@ -134,9 +111,7 @@ fn a_band_knows_of_near_ties() {
     for (index, margin) in margins.iter().enumerate() {
         let position = center(index, 30);
         let thresholds = Thresholds::ENGINE;
-        if blended(&list, &order, position, &thresholds)
-            != blended(&list, &other, position, &thresholds)
-        {
+        if blended(&list, &order, position, &thresholds) != blended(&list, &other, position, &thresholds) {
             assert!(margin.order <= 4.1e-3, "{margin:?}");
             flips += 1;
         }

@@ -14,21 +14,19 @@ const OPENINGS: [&str; 6] = ["What", "Which", "How", "Whether", "Where", "Who"];
 const DUPLICATES_MAX: usize = 15;
 /// Participles without the ending `ed`, and everyday words.
 const PLAIN_WORDS: [&str; 16] = [
-    "Begun", "Chosen", "Cut", "Drawn", "Found", "Given", "Held", "Judge", "Kept", "Known", "Lost",
-    "Made", "Seen", "Shown", "Taken", "Trail",
+    "Begun", "Chosen", "Cut", "Drawn", "Found", "Given", "Held", "Judge", "Kept", "Known", "Lost", "Made", "Seen",
+    "Shown", "Taken", "Trail",
 ];
 
 fn is_source(path: &str) -> bool {
     let ends = [".rs", ".comp", ".glsl"];
     let folders = ["src/", "glsl/", "build/", "tests/", "build.rs"];
-    ends.iter().any(|end| path.ends_with(end))
-        && folders.iter().any(|folder| path.starts_with(folder))
+    ends.iter().any(|end| path.ends_with(end)) && folders.iter().any(|folder| path.starts_with(folder))
 }
 
 /// Texts of the lines of comment.
 fn comments(text: &str) -> impl Iterator<Item = &str> {
-    text.lines()
-        .filter_map(|line| line.trim_start().strip_prefix("//"))
+    text.lines().filter_map(|line| line.trim_start().strip_prefix("//"))
 }
 
 /// Finds too many relative pronouns in place of nouns.
@@ -54,10 +52,7 @@ pub(crate) fn comments_name_things(files: &[File]) -> Vec<String> {
 pub(crate) fn headers_begin_with_a_noun(files: &[File]) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in files.iter().filter(|(path, _)| is_source(path)) {
-        let first = text
-            .lines()
-            .find(|line| line.starts_with("//"))
-            .unwrap_or_default();
+        let first = text.lines().find(|line| line.starts_with("//")).unwrap_or_default();
         let opening = words(first).next().unwrap_or_default();
         if OPENINGS.contains(&opening) {
             faults.push(format!("{path}: begins with {opening}"));
@@ -70,8 +65,7 @@ pub(crate) fn headers_begin_with_a_noun(files: &[File]) -> Vec<String> {
 fn types(code: &str) -> Vec<&str> {
     let mut names = Vec::new();
     for line in code.lines() {
-        let mut words =
-            words(line).skip_while(|word| ["pub", "crate", "super", "in"].contains(word));
+        let mut words = words(line).skip_while(|word| ["pub", "crate", "super", "in"].contains(word));
         let (keyword, name) = (words.next().unwrap_or_default(), words.next());
         let is_alias = keyword == "type" && !line.starts_with(' ');
         if is_alias || ["struct", "enum", "trait", "union"].contains(&keyword) {

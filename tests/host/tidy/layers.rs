@@ -54,10 +54,7 @@ pub(crate) fn ranks_hold(files: &[File]) -> Vec<String> {
             continue;
         };
         let allowed = allowed.replace("ENGINE", ENGINE);
-        let imports: BTreeSet<String> = imports(path, &code(text))
-            .iter()
-            .map(|p| ranked(p))
-            .collect();
+        let imports: BTreeSet<String> = imports(path, &code(text)).iter().map(|p| ranked(p)).collect();
         for import in imports {
             if import != module && !allowed.split(' ').any(|name| name == import) {
                 faults.push(format!("{path}: {module} must not import {import}"));
@@ -73,9 +70,7 @@ pub(crate) fn folders_have_no_circles(files: &[File]) -> Vec<String> {
     let product = |text: &str| {
         let code = code(text);
         let end = text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len());
-        code.chars()
-            .take(text[..end].chars().count())
-            .collect::<String>()
+        code.chars().take(text[..end].chars().count()).collect::<String>()
     };
     let modules: BTreeMap<Vec<String>, (&str, String)> = sources(files)
         .map(|(path, text)| (module_of(path), (path, product(text))))
@@ -84,11 +79,7 @@ pub(crate) fn folders_have_no_circles(files: &[File]) -> Vec<String> {
     let mut edges: BTreeMap<Vec<String>, BTreeMap<String, BTreeSet<String>>> = BTreeMap::new();
     for (module, (path, code)) in &modules {
         for import in imports(path, code) {
-            let common = module
-                .iter()
-                .zip(&import)
-                .take_while(|(a, b)| a == b)
-                .count();
+            let common = module.iter().zip(&import).take_while(|(a, b)| a == b).count();
             let Some(from) = module.get(common) else {
                 continue;
             };
@@ -98,9 +89,7 @@ pub(crate) fn folders_have_no_circles(files: &[File]) -> Vec<String> {
             };
             let target = match modules.contains_key(&import[..=common]) {
                 true => Some(name.clone()),
-                false => modules
-                    .get(parent)
-                    .and_then(|(_, text)| definer(text, name)),
+                false => modules.get(parent).and_then(|(_, text)| definer(text, name)),
             };
             if let Some(target) = target.filter(|target| target != from) {
                 edges
@@ -121,11 +110,7 @@ pub(crate) fn folders_have_no_circles(files: &[File]) -> Vec<String> {
                 .map(String::as_str)
                 .collect();
             if circle.first() == Some(&name.as_str()) {
-                faults.push(format!(
-                    "src/{}: a circle of {}",
-                    parent.join("/"),
-                    circle.join(", ")
-                ));
+                faults.push(format!("src/{}: a circle of {}", parent.join("/"), circle.join(", ")));
             }
         }
     }
@@ -212,16 +197,12 @@ fn imports(path: &str, code: &str) -> Vec<Vec<String>> {
         let supers = path.iter().take_while(|part| *part == "super").count();
         match path[0].as_str() {
             "crate" => Some(path[1..].to_vec()),
-            _ if supers <= module.len() => {
-                Some([&module[..module.len() - supers], &path[supers..]].concat())
-            }
+            _ if supers <= module.len() => Some([&module[..module.len() - supers], &path[supers..]].concat()),
             _ => None,
         }
     };
     let absolute = found.into_iter().filter_map(absolute);
-    absolute
-        .filter(|path| !path.is_empty() && path[0] != "*")
-        .collect()
+    absolute.filter(|path| !path.is_empty() && path[0] != "*").collect()
 }
 
 /// `a::{b, c::d}` as the paths `a::b` and `a::c::d`.

@@ -42,10 +42,7 @@ fn kernels_have_a_reference_and_a_test_of_their_name() {
         one("src/kernels/ranges.rs"),
         one("src/kernels/mod.rs"),
     ];
-    files.extend([
-        one("src/reference/ranges.rs"),
-        one("tests/device/kernels/ranges.rs"),
-    ]);
+    files.extend([one("src/reference/ranges.rs"), one("tests/device/kernels/ranges.rs")]);
     refuses(&names_pair_up(&files, &[]), &[]);
     refuses(
         &names_pair_up(&files, &[("src/kernels/ranges.rs", "")]),
@@ -58,10 +55,7 @@ fn kernels_have_a_reference_and_a_test_of_their_name() {
         "tests/device/kernels/ranges.rs: absent",
     ];
     refuses(&names_pair_up(&files, &[]), &faults);
-    refuses(
-        &names_pair_up(&files, &[("src/reference/dual.rs", "")]),
-        &faults[1..],
-    );
+    refuses(&names_pair_up(&files, &[("src/reference/dual.rs", "")]), &faults[1..]);
     // The steps of an operation share its reference and test, and may share its host file.
     let steps = [
         "glsl/sort_count.comp",
@@ -72,23 +66,18 @@ fn kernels_have_a_reference_and_a_test_of_their_name() {
     .map(one);
     refuses(&names_pair_up(&steps, &[]), &[]);
     let extra = [&steps[..], &[one("src/kernels/sorting.rs")]].concat();
-    refuses(
-        &names_pair_up(&extra, &[]),
-        &["src/kernels/sorting.rs: no kernel"],
-    );
+    refuses(&names_pair_up(&extra, &[]), &["src/kernels/sorting.rs: no kernel"]);
     holds(&names_pair_up(&repository(), UNPAIRED));
 }
 
 #[test]
 fn imports_point_down() {
-    let bad = "use crate::scene::Camera; // crate::train is not imported here\nuse crate::{Error, io::{ply, x}, train};";
+    let bad =
+        "use crate::scene::Camera; // crate::train is not imported here\nuse crate::{Error, io::{ply, x}, train};";
     let faults = ["src/io/ply.rs: io must not import train"];
     refuses(&ranks_hold(&[file("src/io/ply.rs", bad)]), &faults);
     let inline = file("src/gpu/caps.rs", "fn f() -> crate::scene::Camera {}");
-    refuses(
-        &ranks_hold(&[inline]),
-        &["src/gpu/caps.rs: gpu must not import scene"],
-    );
+    refuses(&ranks_hold(&[inline]), &["src/gpu/caps.rs: gpu must not import scene"]);
     refuses(
         &ranks_hold(&[file("src/extra.rs", "")]),
         &["src/extra.rs: the module extra has no rank"],
@@ -111,10 +100,7 @@ fn files_of_a_folder_import_each_other_one_way() {
         ]
     };
     let circle = ["src/io: a circle of a, b"];
-    refuses(
-        &folders_have_no_circles(&folder("use super::Two;")),
-        &circle,
-    );
+    refuses(&folders_have_no_circles(&folder("use super::Two;")), &circle);
     refuses(
         &folders_have_no_circles(&folder("fn f() -> crate::io::a::One {}")),
         &circle,
@@ -156,9 +142,8 @@ fn files_and_functions_are_short() {
         &["src/a.rs:1: more than 120"],
     );
     let body = "    f(\"}\", '{', r#\"}\"#); // }\n".repeat(69);
-    let long = format!(
-        "struct S {{ a: [u8; 3] }}\n\npub fn long<'a>(x: [f32; 3]) -> u32\n{{\n{body}}}\nfn short() {{}}\n"
-    );
+    let long =
+        format!("struct S {{ a: [u8; 3] }}\n\npub fn long<'a>(x: [f32; 3]) -> u32\n{{\n{body}}}\nfn short() {{}}\n");
     refuses(
         &lengths_are_bounded(&[file("src/a.rs", long)]),
         &["src/a.rs:3: `long` has 72 lines"],
@@ -176,10 +161,7 @@ fn files_and_functions_are_short() {
 #[test]
 fn sources_say_what_they_are_for() {
     let shader = "#version 460\n#include \"shared/prelude.glsl\"\n\n// Finds.\nlayout() in;";
-    refuses(
-        &sources_open_with_a_comment(&[file("glsl/a.comp", shader)]),
-        &[],
-    );
+    refuses(&sources_open_with_a_comment(&[file("glsl/a.comp", shader)]), &[]);
     let mute = shader.replace("// Finds.\n", "");
     refuses(
         &sources_open_with_a_comment(&[file("glsl/a.comp", mute)]),
@@ -195,10 +177,7 @@ fn sources_say_what_they_are_for() {
 #[test]
 fn base_variants_need_no_optional_feature() {
     for info in KERNELS.iter().filter(|info| info.variant.is_empty()) {
-        let optional = info
-            .requirements
-            .iter()
-            .find(|&&needs| is_optional(info.kernel, needs));
+        let optional = info.requirements.iter().find(|&&needs| is_optional(info.kernel, needs));
         assert_eq!(
             optional, None,
             "{}: an optional feature belongs into a variant",
@@ -206,19 +185,10 @@ fn base_variants_need_no_optional_feature() {
         );
     }
     assert!(is_optional("rasterize", Requirement::SubgroupArithmetic));
-    assert!(is_optional(
-        "project",
-        Requirement::StorageImageWriteWithoutFormat
-    ));
+    assert!(is_optional("project", Requirement::StorageImageWriteWithoutFormat));
     assert!(is_optional("adam", Requirement::AtomicFloatAdd));
-    assert!(!is_optional(
-        "baseline_16x16_backward",
-        Requirement::AtomicFloatAdd
-    ));
-    assert!(!is_optional(
-        "present",
-        Requirement::StorageImageWriteWithoutFormat
-    ));
+    assert!(!is_optional("baseline_16x16_backward", Requirement::AtomicFloatAdd));
+    assert!(!is_optional("present", Requirement::StorageImageWriteWithoutFormat));
 }
 
 #[test]
@@ -249,17 +219,12 @@ fn comments_begin_with_the_noun() {
 
 #[test]
 fn types_are_named_after_things() {
-    let text = "pub(crate) struct Seen;\nenum Merged {}\nimpl A {\n    type Traced = u8;\n}\nstruct View;\ntype Known = u8;";
+    let text =
+        "pub(crate) struct Seen;\nenum Merged {}\nimpl A {\n    type Traced = u8;\n}\nstruct View;\ntype Known = u8;";
     let faults = ["src/a.rs: Known", "src/a.rs: Merged", "src/a.rs: Seen"];
-    refuses(
-        &types_have_names_of_their_own(&[file("src/a.rs", text)]),
-        &faults,
-    );
+    refuses(&types_have_names_of_their_own(&[file("src/a.rs", text)]), &faults);
     let many: String = (0..16).map(|i| format!("struct S{i};\n")).collect();
-    let twice = [
-        file("src/a.rs", many.as_str()),
-        file("src/b.rs", many.as_str()),
-    ];
+    let twice = [file("src/a.rs", many.as_str()), file("src/b.rs", many.as_str())];
     assert_eq!(types_have_names_of_their_own(&twice).len(), 16);
     holds(&types_have_names_of_their_own(&repository()));
 }

@@ -70,9 +70,7 @@ pub(crate) fn words(code: &str) -> impl Iterator<Item = &str> {
 /// decides nothing.
 pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<String> {
     let operation = |kernel: &str| {
-        let part = OPERATIONS
-            .iter()
-            .find(|(prefix, _)| kernel.starts_with(prefix));
+        let part = OPERATIONS.iter().find(|(prefix, _)| kernel.starts_with(prefix));
         part.map_or(kernel.to_owned(), |(_, whole)| (*whole).to_owned())
     };
     let is_shader = |path: &str| path.starts_with("glsl/") && path.ends_with(".comp");
@@ -97,8 +95,7 @@ pub(crate) fn names_pair_up(files: &[File], unpaired: &[(&str, &str)]) -> Vec<St
             }
         }
         for path in present.iter().filter(|path| path.starts_with(folder)) {
-            let known = names.iter().any(|name| *name == stem(path))
-                || ["mod", "main"].contains(&stem(path));
+            let known = names.iter().any(|name| *name == stem(path)) || ["mod", "main"].contains(&stem(path));
             if !known && !excused(path) {
                 faults.push(format!("{path}: no kernel of this name"));
             }
@@ -135,9 +132,7 @@ pub(crate) fn words_keep_their_place(files: &[File]) -> Vec<String> {
 }
 
 fn is_source(path: &str) -> bool {
-    [".rs", ".comp", ".glsl"]
-        .iter()
-        .any(|end| path.ends_with(end))
+    [".rs", ".comp", ".glsl"].iter().any(|end| path.ends_with(end))
 }
 
 /// Finds files, functions and lines beyond their maximum length.
@@ -172,10 +167,7 @@ pub(crate) fn sources_open_with_a_comment(files: &[File]) -> Vec<String> {
     for (path, text) in files.iter().filter(|(path, _)| is_source(path)) {
         let rust = path.ends_with(".rs");
         let directive = |line: &&str| !rust && (line.trim().is_empty() || line.starts_with('#'));
-        let first = text
-            .lines()
-            .find(|line| !directive(line))
-            .unwrap_or_default();
+        let first = text.lines().find(|line| !directive(line)).unwrap_or_default();
         if !first.starts_with(if rust { "//!" } else { "//" }) {
             faults.push(format!("{path}: does not open with what it is for"));
         }
@@ -199,8 +191,7 @@ pub(crate) fn is_optional(kernel: &str, requirement: Requirement) -> bool {
 pub(crate) fn nothing_points_outside(files: &[File]) -> Vec<String> {
     let present: BTreeSet<&str> = files.iter().map(|(path, _)| stem(path)).collect();
     // Composed here, so that this file passes.
-    let folders =
-        ["/wo!rk/", "/ho!me/", "/ro!ot/", ".li!brary/"].map(|folder| folder.replace('!', ""));
+    let folders = ["/wo!rk/", "/ho!me/", "/ro!ot/", ".li!brary/"].map(|folder| folder.replace('!', ""));
     let mut faults = Vec::new();
     for (path, text) in files {
         for (number, line) in text.lines().enumerate() {

@@ -47,9 +47,7 @@ pub(crate) fn code(text: &str) -> String {
             out.push(chars[at]);
             at += 1;
         } else {
-            let blank = chars[at..end]
-                .iter()
-                .map(|&c| if c == '\n' { c } else { ' ' });
+            let blank = chars[at..end].iter().map(|&c| if c == '\n' { c } else { ' ' });
             out.extend(blank);
             at = end;
         }
@@ -59,11 +57,7 @@ pub(crate) fn code(text: &str) -> String {
 
 /// The end of the comment or literal that begins at `at`, or `at` if there is none.
 fn skip(chars: &[char], at: usize) -> usize {
-    let starts = |text: &str| {
-        text.chars()
-            .enumerate()
-            .all(|(i, c)| chars.get(at + i) == Some(&c))
-    };
+    let starts = |text: &str| text.chars().enumerate().all(|(i, c)| chars.get(at + i) == Some(&c));
     let find = |from: usize, text: &str| {
         let text: Vec<char> = text.chars().collect();
         let found = (from..chars.len()).find(|&i| chars[i..].starts_with(&text));
@@ -126,9 +120,7 @@ pub(crate) fn functions(code: &str, rust: bool) -> Vec<(String, usize, usize)> {
             '\n' => line += 1,
             // `[f32; 3]` ends no statement.
             '{' | '}' => statement.clear(),
-            ';' if statement.matches(['(', '[']).count()
-                == statement.matches([')', ']']).count() =>
-            {
+            ';' if statement.matches(['(', '[']).count() == statement.matches([')', ']']).count() => {
                 statement.clear();
             }
             _ => {}
@@ -148,17 +140,11 @@ pub(crate) fn functions(code: &str, rust: bool) -> Vec<(String, usize, usize)> {
 /// The name of the function declared by `head`, if it is one.
 fn function_name(head: &str, rust: bool, depth: usize) -> Option<String> {
     let name = |text: &str| {
-        let words: Vec<&str> = text
-            .split(|c: char| !c.is_alphanumeric() && c != '_')
-            .collect();
-        words
-            .into_iter()
-            .rfind(|word| !word.is_empty())
-            .map(str::to_owned)
+        let words: Vec<&str> = text.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+        words.into_iter().rfind(|word| !word.is_empty()).map(str::to_owned)
     };
     if rust {
-        let is_word_start =
-            |at: usize| !head[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        let is_word_start = |at: usize| !head[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
         let at = head
             .match_indices("fn ")
             .map(|(at, _)| at)

@@ -40,10 +40,7 @@ fn corpus(target: &Target) -> Vec<Vec<u8>> {
     let entries = std::fs::read_dir(&folder).unwrap();
     let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
     paths.sort();
-    let inputs: Vec<_> = paths
-        .iter()
-        .map(|path| std::fs::read(path).unwrap())
-        .collect();
+    let inputs: Vec<_> = paths.iter().map(|path| std::fs::read(path).unwrap()).collect();
     assert!(!inputs.is_empty(), "{} holds no inputs", folder.display());
     inputs
 }
@@ -81,8 +78,7 @@ fn watch() {
 
 /// Writes an input to a file for inspection; returns its path.
 fn keep(name: &str, bytes: &[u8]) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR"))
-        .join(format!("fuzz-{name}-{:08x}", crc32fast::hash(bytes)));
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("fuzz-{name}-{:08x}", crc32fast::hash(bytes)));
     std::fs::write(&path, bytes).unwrap();
     path
 }
@@ -178,11 +174,7 @@ fn faults_are_noticed() {
         numbers.len().to_string()
     });
     let found = |length| fault(&greedy, &vec![0; length]).err().unwrap_or_default();
-    assert!(
-        found(10).contains("bytes of memory for a file of 10"),
-        "{}",
-        found(10)
-    );
+    assert!(found(10).contains("bytes of memory for a file of 10"), "{}", found(10));
     assert_eq!(found(30), "");
     assert!(found(50).contains("an index out of range"));
     // The mutations reach it as well, from inputs of 32 bytes and more.

@@ -115,13 +115,7 @@ const NUMBERS: &[&str] = &[
 
 /// Changes `data` one or a few times, to at most `longest` bytes. `other` is a second input of the same format and
 /// `words` its vocabulary.
-pub(crate) fn mutate(
-    random: &mut Random,
-    data: &mut Vec<u8>,
-    other: &[u8],
-    words: &[&str],
-    longest: usize,
-) {
+pub(crate) fn mutate(random: &mut Random, data: &mut Vec<u8>, other: &[u8], words: &[&str], longest: usize) {
     loop {
         change(random, data, other, words);
         data.truncate(longest);

@@ -40,9 +40,7 @@ pub(crate) fn checkpoint(bytes: &mut Vec<u8>) {
         let Some(length) = section.get("bytes").and_then(Value::as_u64) else {
             continue;
         };
-        let length = sections
-            .len()
-            .min(usize::try_from(length).unwrap_or(usize::MAX));
+        let length = sections.len().min(usize::try_from(length).unwrap_or(usize::MAX));
         let (own, rest) = sections.split_at(length);
         section.insert("crc32".into(), crc32fast::hash(own).into());
         sections = rest;
@@ -61,8 +59,7 @@ pub(crate) fn png(bytes: &mut [u8]) {
     while let Some(&[a, b, c, d]) = bytes.get(at..at + 4) {
         let length = u32::from_be_bytes([a, b, c, d]) as usize;
         let (start, end) = (at + 4, at.saturating_add(8).saturating_add(length));
-        let (Some(chunk), true) = (bytes.get(start..end), bytes.len() >= end.saturating_add(4))
-        else {
+        let (Some(chunk), true) = (bytes.get(start..end), bytes.len() >= end.saturating_add(4)) else {
             return;
         };
         let crc = crc32fast::hash(chunk).to_be_bytes();
@@ -79,11 +76,7 @@ pub(crate) fn photo_bytes(bytes: &[u8]) -> usize {
     let name = std::path::Path::new("photo");
     let size = ashfall::io::photo::dimensions(ashfall::io::Source::bytes(name, bytes));
     let pixels = size.map_or(0, |(width, height)| width as usize * height as usize);
-    let per_byte = if bytes.starts_with(b"\x89P") {
-        8 * 1032
-    } else {
-        512
-    };
+    let per_byte = if bytes.starts_with(b"\x89P") { 8 * 1032 } else { 512 };
     assert!(
         pixels <= per_byte * bytes.len(),
         "{pixels} pixels in {} bytes",

@@ -13,11 +13,7 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     let mut seeds = Vec::new();
     let mut add = |target, name: &str, bytes: Vec<u8>| seeds.push((target, name.to_owned(), bytes));
     for (degree, filter) in [(0, ScreenFilter::Classic), (1, ScreenFilter::Mip)] {
-        add(
-            "ply",
-            &format!("binary-{degree}"),
-            binary_ply(degree, filter),
-        );
+        add("ply", &format!("binary-{degree}"), binary_ply(degree, filter));
     }
     add("ply", "ascii", ascii_ply("ascii", "float").into_bytes());
     add("ply", "mesh-before", mesh_before().into_bytes());
@@ -95,16 +91,13 @@ fn binary_ply(degree: u32, filter: ScreenFilter) -> Vec<u8> {
 }
 
 fn ascii_ply(format: &str, kind: &str) -> String {
-    let names =
-        "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
     let properties: String = names
         .split(' ')
         .map(|name| format!("property {kind} {name}\n"))
         .collect();
     let rows = "0 1 2 .1 .2 .3 0.5 -1 -2 -3 1 0 0 0\n1e1 nan 2 1 2 3 4 5 6 7 0 0 0 0\n";
-    format!(
-        "ply\nformat {format} 1.0\ncomment antialiased 1\nelement vertex 2\n{properties}end_header\n{rows}"
-    )
+    format!("ply\nformat {format} 1.0\ncomment antialiased 1\nelement vertex 2\n{properties}end_header\n{rows}")
 }
 
 fn mesh_before() -> String {
@@ -126,9 +119,7 @@ fn big_endian_cloud() -> Vec<u8> {
     bytes.extend(1.5f64.to_be_bytes());
     bytes.extend(3i16.to_be_bytes());
     bytes.extend((-9i32).to_be_bytes());
-    [0.1f32, 0.5, 1.0]
-        .iter()
-        .for_each(|v| bytes.extend(v.to_be_bytes()));
+    [0.1f32, 0.5, 1.0].iter().for_each(|v| bytes.extend(v.to_be_bytes()));
     bytes
 }
 
@@ -145,12 +136,8 @@ fn splat_records() -> Vec<u8> {
 
 fn colmap_binary() -> Vec<u8> {
     let mut cameras = 1u64.to_le_bytes().to_vec();
-    [7u32, 4]
-        .iter()
-        .for_each(|v| cameras.extend(v.to_le_bytes()));
-    [8u64, 6]
-        .iter()
-        .for_each(|v| cameras.extend(v.to_le_bytes()));
+    [7u32, 4].iter().for_each(|v| cameras.extend(v.to_le_bytes()));
+    [8u64, 6].iter().for_each(|v| cameras.extend(v.to_le_bytes()));
     [9.0, 9.5, 4.0, 3.0, 0.1, 0.01, 1e-3, -1e-3f64]
         .iter()
         .for_each(|v| cameras.extend(v.to_le_bytes()));
@@ -165,9 +152,7 @@ fn colmap_binary() -> Vec<u8> {
     images.extend([0; 24]);
     let mut points = 1u64.to_le_bytes().to_vec();
     points.extend(5u64.to_le_bytes());
-    [0.0, 1.0, 2.0f64]
-        .iter()
-        .for_each(|v| points.extend(v.to_le_bytes()));
+    [0.0, 1.0, 2.0f64].iter().for_each(|v| points.extend(v.to_le_bytes()));
     points.extend([255, 128, 0]);
     points.extend(0.5f64.to_le_bytes());
     points.extend(1u64.to_le_bytes());
@@ -176,9 +161,7 @@ fn colmap_binary() -> Vec<u8> {
     [cameras.len(), images.len()]
         .iter()
         .for_each(|length| all.extend((*length as u16).to_le_bytes()));
-    [cameras, images, points]
-        .iter()
-        .for_each(|part| all.extend(part));
+    [cameras, images, points].iter().for_each(|part| all.extend(part));
     all
 }
 

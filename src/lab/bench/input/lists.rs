@@ -151,10 +151,7 @@ mod tests {
                 tile_height: tile[1],
             };
             let lists = Lists::over(&scene, grid);
-            assert_eq!(
-                lists.isects,
-                expand(&lists.screen, &grid, &Thresholds::ENGINE)
-            );
+            assert_eq!(lists.isects, expand(&lists.screen, &grid, &Thresholds::ENGINE));
             assert_eq!(lists.splat_from_isect().len(), lists.isects.len());
         }
     }

@@ -88,9 +88,8 @@ pub fn whitened_sums(splat: &ScreenSplat<f64>, gradient: &ScreenGradient) -> [f6
     let along = [[1.0 / p, slope / p], [0.0, 1.0 / q]];
     let first = along.map(|c| whiten * (c[0] * d_x + c[1] * d_y));
     // d_xy is the sum of both off-diagonal entries.
-    let by_covariance = |a: [f64; 2], b: [f64; 2]| {
-        a[0] * d_xx * b[0] + 0.5 * d_xy * (a[0] * b[1] + a[1] * b[0]) + a[1] * d_yy * b[1]
-    };
+    let by_covariance =
+        |a: [f64; 2], b: [f64; 2]| a[0] * d_xx * b[0] + 0.5 * d_xy * (a[0] * b[1] + a[1] * b[0]) + a[1] * d_yy * b[1];
     let second = |i: usize, j: usize| 2.0 * whiten * whiten * by_covariance(along[i], along[j]);
     let s = splat.opacity * d_opacity;
     [
@@ -160,10 +159,7 @@ pub fn screen_row(splat: &ScreenSplat<f64>, sums: [f64; 9]) -> [f64; 10] {
     let [s, x, y, xx, xy, yy, red, green, blue] = sums;
     let [cov_xx, cov_xy, _] = splat.covariance;
     let w = f64::from(WHITEN);
-    let (p, q) = (
-        1.0 / cov_xx.sqrt(),
-        (cov_xx / determinant(splat.covariance)).sqrt(),
-    );
+    let (p, q) = (1.0 / cov_xx.sqrt(), (cov_xx / determinant(splat.covariance)).sqrt());
     let slope = cov_xy / cov_xx;
     // The gradient by the covariance is W' M W / 2 with W = [[p, 0], [-slope q, q]].
     let (a, b) = (-slope * q, q);

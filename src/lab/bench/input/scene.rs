@@ -45,9 +45,7 @@ pub fn push(splats: &mut Splats, camera: &Camera, sketch: &Sketch, random: &mut 
         .log_scale
         .push(sketch.sigma.map(|s| (s * world_per_pixel).ln() as f32));
     splats.opacity_logit.push(sketch.opacity_logit as f32);
-    splats
-        .sh
-        .extend(sketch.color.map(|c| (c as f32 - 0.5) / SH_C0));
+    splats.sh.extend(sketch.color.map(|c| (c as f32 - 0.5) / SH_C0));
     for _ in 3..splats.sh_stride() {
         splats.sh.push(random.between(-0.06, 0.06) as f32);
     }

@@ -70,17 +70,9 @@ pub fn with_giant(splats: &Splats) -> Splats {
     splats
 }
 
-fn push(
-    splats: &mut Splats,
-    mean: [f64; 3],
-    log_scale: [f32; 3],
-    opacity_logit: f32,
-    random: &mut Random,
-) {
+fn push(splats: &mut Splats, mean: [f64; 3], log_scale: [f32; 3], opacity_logit: f32, random: &mut Random) {
     splats.mean.push(mean.map(|x| x as f32));
-    splats
-        .quaternion
-        .push([0; 4].map(|_| random.normal() as f32));
+    splats.quaternion.push([0; 4].map(|_| random.normal() as f32));
     splats.log_scale.push(log_scale);
     splats.opacity_logit.push(opacity_logit);
     let coefficients = sh_coefficient_count(splats.sh_degree);
@@ -120,14 +112,10 @@ mod tests {
 
     /// Bounding squares of the splats before the image, in areas of the image.
     fn overlap(splats: &Splats, aspect: f64) -> f64 {
-        let squares = splats
-            .mean
-            .iter()
-            .zip(&splats.log_scale)
-            .map(|(mean, scale)| {
-                let sigma = scale.iter().map(|s| f64::from(s.exp())).sum::<f64>() / 3.0;
-                (SIDE * sigma / f64::from(mean[2])).powi(2)
-            });
+        let squares = splats.mean.iter().zip(&splats.log_scale).map(|(mean, scale)| {
+            let sigma = scale.iter().map(|s| f64::from(s.exp())).sum::<f64>() / 3.0;
+            (SIDE * sigma / f64::from(mean[2])).powi(2)
+        });
         squares.sum::<f64>() / ((1.0 + 2.0 * MARGIN) * (aspect + 2.0 * MARGIN))
     }
 

@@ -120,11 +120,7 @@ impl AdamInput {
             let moved = reference::bounded(moved, f64::from(self.log_aspect_max));
             next.iter_mut().zip(moved).for_each(|(s, x)| s.value = x);
         }
-        [
-            next.map(|s| s.value),
-            next.map(|s| s.first),
-            next.map(|s| s.second),
-        ]
+        [next.map(|s| s.value), next.map(|s| s.first), next.map(|s| s.second)]
     }
 }
 
@@ -198,24 +194,15 @@ pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
         ];
         let columns = found.into_iter().zip(expected).zip(bounds);
         let mut outputs: Vec<Output> = columns
-            .map(|((f, e), (name, tolerance, scale))| {
-                Output::relative(name, f, e, tolerance, scale)
-            })
+            .map(|((f, e), (name, tolerance, scale))| Output::relative(name, f, e, tolerance, scale))
             .collect();
         let poisoned: Vec<usize> = (0..vectors).filter(|&i| input.is_poisoned(i)).collect();
-        let first = poisoned
-            .iter()
-            .map(|i| FIRST_SPLAT + (i % input.stride) as u32)
-            .min();
+        let first = poisoned.iter().map(|i| FIRST_SPLAT + (i % input.stride) as u32).min();
         // The slot counts down from the top, 0 being none.
         let first = first.map_or(0, |splat| u32::MAX - splat);
         let slots = [COUNT_POISONED, COUNT_POISONED_FIRST].map(|slot| counts[slot as usize]);
         let wanted = vec![poisoned.len() as f64, f64::from(first)];
-        outputs.push(Output::exact(
-            "poisoned",
-            slots.map(f64::from).into(),
-            wanted,
-        ));
+        outputs.push(Output::exact("poisoned", slots.map(f64::from).into(), wanted));
         Ok(outputs)
     }))
 }

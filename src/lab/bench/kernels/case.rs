@@ -26,10 +26,7 @@ pub struct KernelCase<'a, K: Kernel> {
 
 impl<'a, K: Kernel> KernelCase<'a, K> {
     /// Commands of one run, and the work that they do.
-    pub fn new(
-        work: Work,
-        record: impl Fn(&mut Recorder<'_>, &K, &K::Choice) + 'a,
-    ) -> KernelCase<'a, K> {
+    pub fn new(work: Work, record: impl Fn(&mut Recorder<'_>, &K, &K::Choice) + 'a) -> KernelCase<'a, K> {
         KernelCase {
             work,
             tune: None,
@@ -93,9 +90,7 @@ impl<'a, K: Kernel> KernelCase<'a, K> {
         self.erase(buffer).judge(move |gpu, _| {
             let found = floats(&read(gpu, &found)?);
             let expected = padded(expected.clone(), found.len());
-            Ok(vec![Output::relative(
-                name, found, expected, tolerance, scale,
-            )])
+            Ok(vec![Output::relative(name, found, expected, tolerance, scale)])
         })
     }
 

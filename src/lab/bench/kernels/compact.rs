@@ -21,8 +21,8 @@ pub fn compact<'a>(gpu: &Gpu, tiles: &[u32]) -> Result<KernelCase<'a, Compact>> 
     let visible_from_splat = gpu.buffer_from("visible_from_splat", &scan(&flags).0)?;
     let tile_counts = gpu.buffer_from("tile_count_from_splat", tiles)?;
     let depths = gpu.buffer_from("blue_depth_from_splat", &rests)?;
-    let [keys, values] = ["depth_from_visible", "splat_from_visible"]
-        .map(|name| gpu.buffer::<u32>(name, visible.len() + 1));
+    let [keys, values] =
+        ["depth_from_visible", "splat_from_visible"].map(|name| gpu.buffer::<u32>(name, visible.len() + 1));
     let (keys, values) = (keys?, values?);
     let (keys_out, values_out) = (keys.clone(), values.clone());
     // A flag and a place for all; a depth, and a pair to write, for the visible.
@@ -39,11 +39,9 @@ pub fn compact<'a>(gpu: &Gpu, tiles: &[u32]) -> Result<KernelCase<'a, Compact>> 
         kernel.record(rec, io, kernel.groups(len));
     });
     let bits = |&i: &usize| f64::from(rests[i][1].to_bits());
-    Ok(case
-        .exact("depths", &keys, visible.iter().map(bits).collect())
-        .exact(
-            "splats",
-            &values,
-            visible.iter().map(|&i| i as f64).collect(),
-        ))
+    Ok(case.exact("depths", &keys, visible.iter().map(bits).collect()).exact(
+        "splats",
+        &values,
+        visible.iter().map(|&i| i as f64).collect(),
+    ))
 }

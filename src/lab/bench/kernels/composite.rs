@@ -86,10 +86,7 @@ impl Composite {
         let owners = lists.splat_from_isect();
         let ranks = |&[begin, end]: &[u32; 2]| {
             let slice = &owners[begin as usize..end as usize];
-            slice
-                .iter()
-                .map(|&splat| rank_from_splat[splat as usize])
-                .collect()
+            slice.iter().map(|&splat| rank_from_splat[splat as usize]).collect()
         };
         let ranks_from_tile: Vec<Vec<usize>> = lists.range_from_tile.iter().map(ranks).collect();
         let mut composite = Composite {
@@ -146,8 +143,8 @@ impl Composite {
         isects.map(|isect| near[isect.tile as usize]).collect()
     }
 
-    /// Sums what each pixel has `of` its splats by source: `of` maps a pixel, the ranks of its tile and its centre to terms,
-    /// `rank` a term to the rank of its splat, and `add` takes a source, a pixel and a term, pixel by pixel.
+    /// Sums terms of pixels by source: `of` maps a pixel, the ranks of its tile and its centre to terms, `rank` a term to
+    /// the rank of its splat, and `add` takes a source, a pixel and a term, pixel by pixel.
     pub fn fold_sources<T: Send>(
         &self,
         of: impl Fn(usize, &[usize], [f64; 2]) -> Vec<T> + Sync,
@@ -194,11 +191,7 @@ impl Composite {
         let image = Output::relative("image", floats(planes), self.planes(), 2e-5, 1.0);
         let mut outputs = vec![image.near(four, 1.0 / 255.0, 0.01)];
         if let Some(ends) = ends {
-            let expected = self
-                .pixels
-                .iter()
-                .map(|pixel| f64::from(pixel.end))
-                .collect();
+            let expected = self.pixels.iter().map(|pixel| f64::from(pixel.end)).collect();
             let output = Output::exact("ends", words(ends), expected);
             outputs.push(output.near(near, f64::INFINITY, 0.02));
         }
@@ -230,8 +223,7 @@ impl CompositeBuffers {
             view: gpu.buffer_from("view", &[view(scene)])?,
             range_from_tile: gpu.buffer_from("range_from_tile", &lists.range_from_tile)?,
             emitted_from_isect: gpu.buffer_from("emitted_from_isect", &lists.emitted_from_isect)?,
-            splat_from_emitted: gpu
-                .buffer_from("splat_from_emitted", &lists.splat_from_emitted())?,
+            splat_from_emitted: gpu.buffer_from("splat_from_emitted", &lists.splat_from_emitted())?,
             splat_from_isect: gpu.buffer_from("splat_from_isect", &lists.splat_from_isect())?,
             records: ScreenBuffers::new(gpu, &lists.records)?,
             image: gpu.buffer("image", 4 * pixels)?,
@@ -294,10 +286,7 @@ impl CompositeBuffers {
 
     /// What the last run left, held against the oracle.
     pub fn outputs(&self, gpu: &Gpu, composite: &Composite) -> Result<Vec<Output>> {
-        let (image, ends) = (
-            read(gpu, &self.image)?,
-            read(gpu, &self.isect_end_from_pixel)?,
-        );
+        let (image, ends) = (read(gpu, &self.image)?, read(gpu, &self.isect_end_from_pixel)?);
         Ok(composite.outputs(&image, Some(&ends)))
     }
 }
@@ -316,17 +305,13 @@ pub fn rasterize<'a>(
             kernel.record(rec, input.rasterize(), input.params(), input.groups());
         }
     });
-    let case =
-        case.tune(move |choice: &mut rasterize::Choice| *choice = choice.of_outputs(outputs));
+    let case = case.tune(move |choice: &mut rasterize::Choice| *choice = choice.of_outputs(outputs));
     let case = case
         .erase(&input.image)
         .erase(&input.depth)
         .erase(&input.isect_end_from_pixel);
     Ok(case.judge(move |gpu, _| {
-        let (image, ends) = (
-            read(gpu, &found.image)?,
-            read(gpu, &found.isect_end_from_pixel)?,
-        );
+        let (image, ends) = (read(gpu, &found.image)?, read(gpu, &found.isect_end_from_pixel)?);
         let mut all = composite.outputs(&image, outputs.ends.then_some(&ends));
         let near: Vec<bool> = composite.pixels.iter().map(|pixel| pixel.near).collect();
         let nothing = || vec![f64::NAN; near.len()];
@@ -334,17 +319,9 @@ pub fn rasterize<'a>(
             all.push(Output::exact("ends", words(&ends), nothing()));
         }
         let depths = composite.pixels.iter().map(|pixel| pixel.depth);
-        let expected = if outputs.depth {
-            depths.collect()
-        } else {
-            nothing()
-        };
+        let expected = if outputs.depth { depths.collect() } else { nothing() };
         let found = floats(&read(gpu, &found.depth)?);
-        let range = composite
-            .splats
-            .iter()
-            .map(|splat| splat.depth)
-            .fold(1.0, f64::max);
+        let range = composite.splats.iter().map(|splat| splat.depth).fold(1.0, f64::max);
         let depth = Output::relative("depth", found, expected, 2e-5, range);
         all.push(depth.near(near, range / 255.0, 0.01));
         Ok(all)

@@ -15,10 +15,7 @@ use crate::render::tile_stride;
 const NONE: f64 = 3.4e38_f32 as f64;
 
 /// Random spent weights and limits by pixel.
-pub fn contribution<'a>(
-    gpu: &Gpu,
-    composite: &'a Composite,
-) -> Result<KernelCase<'a, Contribution>> {
+pub fn contribution<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCase<'a, Contribution>> {
     let records = gpu.buffer("record_from_emitted", composite.lists.isects.len())?;
     contribution_into(gpu, composite, &records)
 }
@@ -31,9 +28,7 @@ pub fn contribution_into<'a>(
 ) -> Result<KernelCase<'a, Contribution>> {
     let pixels = composite.pixels.len();
     let random = &mut Random::new(pixels as u64);
-    let spent: Vec<f32> = (0..pixels)
-        .map(|_| random.between(0.0, 0.01) as f32)
-        .collect();
+    let spent: Vec<f32> = (0..pixels).map(|_| random.between(0.0, 0.01) as f32).collect();
     let limit: Vec<f32> = (0..pixels).map(|_| random.below(256) as f32).collect();
     let mut losses = vec![Loss::NOTHING; composite.lists.isects.len()];
     composite.fold_sources(

@@ -25,12 +25,7 @@ const SAMPLES: usize = 500;
 const MARGIN: f64 = 0.01;
 
 /// Scattered splats with as many slots each as it may need.
-pub fn scattered<'a>(
-    gpu: &Gpu,
-    count: usize,
-    size: [u32; 2],
-    sigma_max: f64,
-) -> Result<KernelCase<'a, Expand>> {
+pub fn scattered<'a>(gpu: &Gpu, count: usize, size: [u32; 2], sigma_max: f64) -> Result<KernelCase<'a, Expand>> {
     let scene = scene::scattered(count, size, sigma_max, 0);
     let lists = Lists::new(&scene);
     let cut = Thresholds::ENGINE.alpha_min * (1.0 - MARGIN);
@@ -46,11 +41,7 @@ pub fn scattered<'a>(
 pub fn rooms(lists: &Lists, room: impl Fn(usize, &ScreenSplat<f64>) -> u32) -> Vec<u32> {
     let order = depth_order(&lists.screen).into_iter().enumerate();
     order
-        .map(|(rank, splat)| {
-            lists.screen[splat]
-                .as_ref()
-                .map_or(0, |screen| room(rank, screen))
-        })
+        .map(|(rank, splat)| lists.screen[splat].as_ref().map_or(0, |screen| room(rank, screen)))
         .collect()
 }
 
@@ -78,22 +69,17 @@ pub fn expand<'a>(
         (COUNT_BAND_END, order.len() as u32),
         (COUNT_BAND_BASE, base),
     ];
-    let (view, counts) = (
-        gpu.buffer_from("view", &[view(scene)])?,
-        counts(gpu, &band)?,
-    );
+    let (view, counts) = (gpu.buffer_from("view", &[view(scene)])?, counts(gpu, &band)?);
     let splat_from_rank = gpu.buffer_from("splat_from_rank", &ranks)?;
     let isect_from_rank = gpu.buffer_from("isect_from_rank", &begins)?;
     let tile_counts = gpu.buffer_from("tile_count_from_splat", &tile_counts)?;
     let records = ScreenBuffers::new(gpu, &lists.records)?;
-    let [tiles, sources, owners] =
-        ["tile", "emitted", "splat"].map(|name| gpu.buffer::<u32>(name, total + 1));
+    let [tiles, sources, owners] = ["tile", "emitted", "splat"].map(|name| gpu.buffer::<u32>(name, total + 1));
     let (tiles, sources, owners) = (tiles?, sources?, owners?);
     let firsts = gpu.buffer::<u32>("emitted_from_splat", lists.screen.len())?;
     let out = [&tiles, &sources, &owners, &firsts].map(Clone::clone);
     let drawn = order.len() - first_rank;
-    let work =
-        Work::of(total, Unit::Isects).moving(12 * total + (size_of::<Splat2d>() + 16) * drawn);
+    let work = Work::of(total, Unit::Isects).moving(12 * total + (size_of::<Splat2d>() + 16) * drawn);
     let case = KernelCase::new(work, move |rec, kernel: &Expand, _| {
         let io = Bindings {
             view: &view,
@@ -112,33 +98,18 @@ pub fn expand<'a>(
     });
     let slots = |rank: usize| (begins[rank] - base) as usize..(begins[rank + 1] - base) as usize;
     let (mut owner, mut first) = (Vec::new(), vec![f64::NAN; lists.screen.len()]);
-    let mut sampled = Vec::new();
     for rank in first_rank..order.len() {
         owner.extend(slots(rank).map(|_| order[rank] as f64));
         first[order[rank]] = slots(rank).start as f64;
     }
-    for at in sample(drawn, SAMPLES) {
-        sampled.push((order[first_rank + at], slots(first_rank + at)));
-    }
+    let ranks = sample(drawn, SAMPLES).map(|i| first_rank + i);
+    let sampled: Vec<_> = ranks.map(|rank| (order[rank], slots(rank))).collect();
     Ok(case
         .exact("sources", &sources, (0..total).map(|i| i as f64).collect())
         .exact("owners", &owners, owner)
         .exact("first sources", &firsts, first)
         .erase(&tiles.clone())
-        .judge(move |gpu, _| {
-            let found = read(gpu, &tiles)?;
-            let mut tiles = TileColumns::default();
-            for (splat, slots) in &sampled {
-                tiles.add(&lists, *splat, &found[slots.clone()]);
-            }
-            tiles.slots.extend(words(&found[found.len() - 1..]));
-            tiles.slots_expected.push(f64::NAN);
-            Ok(vec![
-                // Tiles touched only between their pixel centres may be listed.
-                Output::exact("tiles", tiles.member, tiles.needed).near(tiles.free, 1.0, 0.2),
-                Output::exact("slots", tiles.slots, tiles.slots_expected),
-            ])
-        }))
+        .judge(move |gpu, _| Ok(TileColumns::new(&lists, &sampled, &read(gpu, &tiles)?).outputs())))
 }
 
 /// Every tile of the image for every compared splat: whether it is listed, has to be, and may be; and for every splat
@@ -153,6 +124,25 @@ struct TileColumns {
 }
 
 impl TileColumns {
+    /// The slots of some splats, and one slot beyond the last, which must not be written.
+    fn new(lists: &Lists, sampled: &[(usize, std::ops::Range<usize>)], found: &[u32]) -> TileColumns {
+        let mut tiles = TileColumns::default();
+        for (splat, slots) in sampled {
+            tiles.add(lists, *splat, &found[slots.clone()]);
+        }
+        tiles.slots.extend(words(&found[found.len() - 1..]));
+        tiles.slots_expected.push(f64::NAN);
+        tiles
+    }
+
+    /// Tiles touched only between their pixel centres may be listed.
+    fn outputs(self) -> Vec<Output> {
+        vec![
+            Output::exact("tiles", self.member, self.needed).near(self.free, 1.0, 0.2),
+            Output::exact("slots", self.slots, self.slots_expected),
+        ]
+    }
+
     fn add(&mut self, lists: &Lists, splat: usize, slots: &[u32]) {
         let Some(screen) = lists.screen[splat].as_ref() else {
             return;
@@ -171,10 +161,8 @@ impl TileColumns {
         }
         for tile in 0..grid.len() {
             let needed = near.contains(&tile) && needs(&tile);
-            let touched =
-                near.contains(&tile) && alpha_max(screen, grid, tile) >= cut * (1.0 - MARGIN);
-            self.member
-                .push(f64::from(u8::from(listed.contains(&tile))));
+            let touched = near.contains(&tile) && alpha_max(screen, grid, tile) >= cut * (1.0 - MARGIN);
+            self.member.push(f64::from(u8::from(listed.contains(&tile))));
             self.needed.push(f64::from(u8::from(needed)));
             self.free.push(!needed && touched);
         }

@@ -17,9 +17,7 @@ use std::rc::Rc;
 pub const SAMPLED: u64 = 16;
 
 /// The nine sums' names, in the order of `whitened_sums`.
-const NAMES: [&str; 9] = [
-    "s", "s x", "s y", "s xx", "s xy", "s yy", "red", "green", "blue",
-];
+const NAMES: [&str; 9] = ["s", "s x", "s y", "s xx", "s xy", "s yy", "red", "green", "blue"];
 
 /// A gradient of the image, and the sums that should come of it.
 pub struct Gradient {
@@ -52,10 +50,7 @@ impl Gradient {
         let mut sums_from_splat = vec![[0.0; 9]; composite.scene.splats.len()];
         for (isect, sums) in composite.lists.isects.iter().zip(&sums_from_source) {
             let total = &mut sums_from_splat[isect.splat as usize];
-            total
-                .iter_mut()
-                .zip(sums)
-                .for_each(|(total, sum)| *total += sum);
+            total.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
         }
         Gradient {
             d_image,
@@ -88,14 +83,7 @@ fn sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[f64; 9]
         |i, ranks, at| match judged[i] {
             true => {
                 let thresholds = &Thresholds::ENGINE;
-                pixel_backward(
-                    &composite.splats,
-                    ranks,
-                    at,
-                    background,
-                    thresholds,
-                    &upstream(i),
-                )
+                pixel_backward(&composite.splats, ranks, at, background, thresholds, &upstream(i))
             }
             false => Vec::new(),
         },
@@ -127,11 +115,7 @@ pub const SPLAT_TOLERANCE: f64 = 2e-4;
 pub const CAPPED_TOLERANCE: f64 = 6e-3;
 
 /// Nine columns, each in units of its own typical size.
-fn outputs(
-    expected: &[[f64; 9]],
-    tolerance: f64,
-    found: impl Fn(usize) -> Vec<f64>,
-) -> Vec<Output> {
+fn outputs(expected: &[[f64; 9]], tolerance: f64, found: impl Fn(usize) -> Vec<f64>) -> Vec<Output> {
     let column = |quantity: usize| {
         let expected: Vec<f64> = expected.iter().map(|sums| sums[quantity]).collect();
         let scale = rms(&expected).max(1e-6);
@@ -180,10 +164,7 @@ impl Device {
     }
 
     /// What the engine's kernel binds.
-    pub fn rasterize_backward<'a>(
-        &'a self,
-        input: &'a CompositeBuffers,
-    ) -> rasterize_backward::Bindings<'a> {
+    pub fn rasterize_backward<'a>(&'a self, input: &'a CompositeBuffers) -> rasterize_backward::Bindings<'a> {
         rasterize_backward::Bindings {
             view: &input.view,
             range_from_tile: &input.range_from_tile,
@@ -202,10 +183,7 @@ impl Device {
     }
 
     /// What the baseline binds.
-    pub fn baseline_16x16_backward<'a>(
-        &'a self,
-        input: &'a CompositeBuffers,
-    ) -> baseline_16x16_backward::Bindings<'a> {
+    pub fn baseline_16x16_backward<'a>(&'a self, input: &'a CompositeBuffers) -> baseline_16x16_backward::Bindings<'a> {
         baseline_16x16_backward::Bindings {
             view: &input.view,
             range_from_tile: &input.range_from_tile,
@@ -226,8 +204,7 @@ impl Device {
         let tone = floats(&read(&self.gpu, &self.d_tone)?);
         let rest = floats(&read(&self.gpu, &self.d_rest)?);
         Ok(outputs(&gradient.sums_from_source, tolerance, |quantity| {
-            let column =
-                |list: &[f64], at: usize| list.iter().skip(at).step_by(4).copied().collect();
+            let column = |list: &[f64], at: usize| list.iter().skip(at).step_by(4).copied().collect();
             match quantity {
                 0..4 => column(&shape, quantity),
                 4..8 => column(&tone, quantity - 4),
@@ -256,18 +233,11 @@ type GradientCase = Rc<(CompositeBuffers, Gradient, Device)>;
 fn held(gpu: &Gpu, composite: &Composite, sampled: u64) -> Result<GradientCase> {
     let gradient = Gradient::new(composite, sampled);
     let device = Device::new(gpu, composite, &gradient)?;
-    Ok(Rc::new((
-        CompositeBuffers::new(gpu, composite)?,
-        gradient,
-        device,
-    )))
+    Ok(Rc::new((CompositeBuffers::new(gpu, composite)?, gradient, device)))
 }
 
 /// Adds what the cases of both kernels have in common: upstream gradients, of a sample in checked runs.
-fn with_upstream<'a, K: Kernel + 'a>(
-    case: KernelCase<'a, K>,
-    held: &GradientCase,
-) -> KernelCase<'a, K> {
+fn with_upstream<'a, K: Kernel + 'a>(case: KernelCase<'a, K>, held: &GradientCase) -> KernelCase<'a, K> {
     let (checked, timed) = (held.clone(), held.clone());
     case.before(move |rec, _| checked.2.upstream(rec, true))
         .before_timing(move |rec, _| timed.2.upstream(rec, false))
@@ -290,10 +260,7 @@ pub fn rasterize_backward<'a>(
         }
     });
     let case = with_upstream(case, &held);
-    let case = case
-        .erase(&held.2.d_shape)
-        .erase(&held.2.d_tone)
-        .erase(&held.2.d_rest);
+    let case = case.erase(&held.2.d_shape).erase(&held.2.d_tone).erase(&held.2.d_rest);
     Ok(case.judge(move |_, _| found.2.judge_sources(&found.1, tolerance)))
 }
 

@@ -28,9 +28,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         time(bench, workgroups, &name, |gpu| compare(gpu, &shaded, true))?;
         let tiles = width.div_ceil(TILE[0]) * height.div_ceil(TILE[1]);
         time(bench, workgroups, &name, |gpu| sum(gpu, tiles))?;
-        time(bench, workgroups, &name, |gpu| {
-            differentiate(gpu, &shaded, LAMBDA)
-        })?;
+        time(bench, workgroups, &name, |gpu| differentiate(gpu, &shaded, LAMBDA))?;
     }
     Ok(())
 }
@@ -59,8 +57,7 @@ impl ImagePair {
             let channel = |_| ((shade + random.between(-0.1, 0.1)) * 255.0).round() as u8;
             let [r, g, b] = [0; 3].map(channel);
             rgba.push([r, g, b, 255]);
-            let noisy =
-                |c: u8| f64::from((f64::from(c) / 255.0 + random.between(-0.1, 0.1)) as f32);
+            let noisy = |c: u8| f64::from((f64::from(c) / 255.0 + random.between(-0.1, 0.1)) as f32);
             image.push([r, g, b].map(noisy));
         }
         ImagePair {
@@ -84,11 +81,7 @@ impl ImagePair {
     /// Photograph and weight of each pixel.
     fn target(&self) -> WindowTarget<'_> {
         let (photo, mask) = values(&self.rgba, self.mode, self.background.map(f64::from));
-        WindowTarget {
-            of: self,
-            photo,
-            mask,
-        }
+        WindowTarget { of: self, photo, mask }
     }
 
     fn upload(&self, gpu: &Gpu) -> Result<(Buffer<View>, Buffer<f32>, Buffer<u32>)> {
@@ -192,12 +185,7 @@ impl WindowTarget<'_> {
                     let pixel = y * self.of.width + x;
                     let place = channel * self.pixels() + pixel;
                     let [a, b] = self.pair(place);
-                    let terms = [
-                        (a - b).abs(),
-                        1.0 - self.ssim(place).v,
-                        (a - b).powi(2),
-                        1.0,
-                    ];
+                    let terms = [(a - b).abs(), 1.0 - self.ssim(place).v, (a - b).powi(2), 1.0];
                     let pairs = sums.iter_mut().zip(terms);
                     pairs.for_each(|(sum, term)| *sum += self.weight(pixel) * term);
                 }
@@ -208,11 +196,7 @@ impl WindowTarget<'_> {
 }
 
 /// Sums by tile, and with `with_ssim` SSIM's slopes.
-pub fn compare<'a>(
-    gpu: &Gpu,
-    of: &'a ImagePair,
-    with_ssim: bool,
-) -> Result<KernelCase<'a, loss::Loss>> {
+pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<KernelCase<'a, loss::Loss>> {
     let (pixels, tiles) = (of.image.len(), of.tiles());
     let (view, image, photo) = of.upload(gpu)?;
     let slopes = gpu.buffer::<[f32; 3]>("ssim_slope", 3 * pixels)?;
@@ -228,42 +212,34 @@ pub fn compare<'a>(
             ssim_slope: &slopes_out,
             loss_from_tile: &sums_out,
         };
-        kernel.record(
-            rec,
-            io,
-            loss::Params { alpha_mode },
-            Groups::Count(tiles as u32),
-        );
+        kernel.record(rec, io, loss::Params { alpha_mode }, Groups::Count(tiles as u32));
     });
     let case = case.tune(move |choice: &mut loss::Choice| choice.spec.with_ssim = with_ssim.into());
     let target = of.target();
-    Ok(case
-        .erase(&slopes.clone())
-        .erase(&sums.clone())
-        .judge(move |gpu, _| {
-            let (all_slopes, all_sums) = (read(gpu, &slopes)?, read(gpu, &sums)?);
+    Ok(case.erase(&slopes.clone()).erase(&sums.clone()).judge(move |gpu, _| {
+        let (all_slopes, all_sums) = (read(gpu, &slopes)?, read(gpu, &sums)?);
+        let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
+        for tile in sample(tiles, 40) {
+            let mut sums = target.tile(tile);
+            sums[1] *= f64::from(u8::from(with_ssim));
+            found.extend(all_sums[tile].map(f64::from));
+            expected.extend(sums);
+        }
+        // Moments of values up to 1 have an error of about 6u; variances are compared with C2 = 9e-4, so that SSIM is
+        // off by 4e-4 at worst, in a window of a single bright shade beside another tile's shift, and its slopes,
+        // which are up to 2 / C2, likewise.
+        let mut outputs = vec![Output::relative("tiles", found, expected, 1e-4, 1.0)];
+        if with_ssim {
             let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
-            for tile in sample(tiles, 40) {
-                let mut sums = target.tile(tile);
-                sums[1] *= f64::from(u8::from(with_ssim));
-                found.extend(all_sums[tile].map(f64::from));
-                expected.extend(sums);
+            for place in sample(3 * pixels, SAMPLES) {
+                found.extend(all_slopes[place].map(f64::from));
+                expected.extend(target.slopes(place));
             }
-            // Moments of values up to 1 have an error of about 6u; variances are compared with C2 = 9e-4, so that SSIM is
-            // off by 4e-4 at worst, in a window of a single bright shade beside another tile's shift, and its slopes,
-            // which are up to 2 / C2, likewise.
-            let mut outputs = vec![Output::relative("tiles", found, expected, 1e-4, 1.0)];
-            if with_ssim {
-                let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
-                for place in sample(3 * pixels, SAMPLES) {
-                    found.extend(all_slopes[place].map(f64::from));
-                    expected.extend(target.slopes(place));
-                }
-                let scale = rms(&expected).max(1.0);
-                outputs.push(Output::relative("slopes", found, expected, 1e-3, scale));
-            }
-            Ok(outputs)
-        }))
+            let scale = rms(&expected).max(1.0);
+            outputs.push(Output::relative("slopes", found, expected, 1e-3, scale));
+        }
+        Ok(outputs)
+    }))
 }
 
 /// Random sums of tiles, added up.

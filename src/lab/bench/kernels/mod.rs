@@ -61,9 +61,7 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     }
     for size in [[480, 272], [1920, 1080]] {
         let name = format!("{}x{}", size[0], size[1]);
-        time(bench, Workgroups::FIXED, name, |gpu| {
-            present::present(gpu, size)
-        })?;
+        time(bench, Workgroups::FIXED, name, |gpu| present::present(gpu, size))?;
     }
     // About 40 splats are blended at a pixel.
     by_tile(bench, "small", 50_000, [480, 272], 3.0)?;
@@ -73,9 +71,7 @@ pub fn run(bench: &mut Bench) -> Result<()> {
 /// Kernels of one invocation a splat.
 fn by_splat(bench: &mut Bench, count: usize) -> Result<()> {
     let scene = |degree| scattered(count, [960, 540], 3.0, degree);
-    time(bench, ELEMENTWISE, count, |gpu| {
-        project::project(gpu, &scene(3), &[])
-    })?;
+    time(bench, ELEMENTWISE, count, |gpu| project::project(gpu, &scene(3), &[]))?;
     time(bench, ELEMENTWISE, count, |gpu| {
         project_backward::scattered(gpu, &scene(3))
     })?;
@@ -92,9 +88,7 @@ fn by_list(bench: &mut Bench, count: usize) -> Result<()> {
         (0..count).map(|_| random.below(most) as u32).collect()
     };
     // Three splats of four are visible.
-    time(bench, ELEMENTWISE, count, |gpu| {
-        compact::compact(gpu, &below(4, count))
-    })?;
+    time(bench, ELEMENTWISE, count, |gpu| compact::compact(gpu, &below(4, count)))?;
     time(bench, ELEMENTWISE, count, |gpu| gather::gather(gpu, count))?;
     // About a hundred intersections a tile.
     let tiles = || {
@@ -106,15 +100,11 @@ fn by_list(bench: &mut Bench, count: usize) -> Result<()> {
         ranges::ranges(gpu, &tiles(), count as u32 / 100, u32::MAX)
     })?;
     let values = || below(9, count);
-    time(bench, ELEMENTWISE, count, |gpu| {
-        scan::reduce(gpu, &values(), false)
-    })?;
+    time(bench, ELEMENTWISE, count, |gpu| scan::reduce(gpu, &values(), false))?;
     time(bench, ELEMENTWISE, count, |gpu| {
         scan::chunks(gpu, &scan::chunk_sums(&values(), false))
     })?;
-    time(bench, ELEMENTWISE, count, |gpu| {
-        scan::apply(gpu, &values(), false)
-    })?;
+    time(bench, ELEMENTWISE, count, |gpu| scan::apply(gpu, &values(), false))?;
     time(bench, Workgroups::FIXED, count, |gpu| {
         scan::whole(gpu, &values(), false)
     })
@@ -128,12 +118,8 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
     time(bench, lanes, name, |gpu| {
         composite::rasterize(gpu, &engine, Default::default())
     })?;
-    time(bench, fixed, name, |gpu| {
-        composite::baseline_16x16(gpu, &squares)
-    })?;
-    time(bench, fixed, name, |gpu| {
-        rasterize_inria::rasterize_inria(gpu, &engine)
-    })?;
+    time(bench, fixed, name, |gpu| composite::baseline_16x16(gpu, &squares))?;
+    time(bench, fixed, name, |gpu| rasterize_inria::rasterize_inria(gpu, &engine))?;
     use gradient::{SAMPLED, SOURCE_TOLERANCE, SPLAT_TOLERANCE};
     time(bench, lanes, name, |gpu| {
         gradient::rasterize_backward(gpu, &engine, SAMPLED, SOURCE_TOLERANCE)
@@ -141,15 +127,9 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
     time(bench, fixed, name, |gpu| {
         gradient::baseline_16x16_backward(gpu, &squares, SAMPLED, SPLAT_TOLERANCE)
     })?;
-    time(bench, lanes, name, |gpu| {
-        contribution::contribution(gpu, &engine)
-    })?;
-    time(bench, lanes, name, |gpu| {
-        prune_limit::prune_limit(gpu, &engine, 0.05)
-    })?;
-    time(bench, lanes, name, |gpu| {
-        removal_error::removal_error(gpu, &engine)
-    })?;
+    time(bench, lanes, name, |gpu| contribution::contribution(gpu, &engine))?;
+    time(bench, lanes, name, |gpu| prune_limit::prune_limit(gpu, &engine, 0.05))?;
+    time(bench, lanes, name, |gpu| removal_error::removal_error(gpu, &engine))?;
     time(bench, ELEMENTWISE, name, |gpu| {
         sum_by_splat::sum_by_splat(gpu, &sum_by_splat::Records::of(&engine), false)
     })

@@ -82,12 +82,6 @@ pub fn perturb<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, Perturb>> 
         // and 3 ULP elsewhere; its square root multiplies what is small, where the noise is small too:
         // 2^-21 / (2 * 2^-11) at a radius of 2^-11, below which no draw falls; and as much again for sine and cosine
         // (2^-11 absolutely, by the specification; far less on any device).
-        Ok(vec![Output::relative(
-            "parameters",
-            found,
-            expected,
-            1e-4,
-            1.0,
-        )])
+        Ok(vec![Output::relative("parameters", found, expected, 1e-4, 1.0)])
     }))
 }

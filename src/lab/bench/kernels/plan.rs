@@ -37,12 +37,7 @@ pub fn usual<'a>(gpu: &Gpu) -> Result<KernelCase<'a, Plan>> {
 }
 
 /// Counts before, and the first intersection of each visible splat.
-pub fn plan<'a>(
-    gpu: &Gpu,
-    params: &Params,
-    before: &Counts,
-    isect_from_rank: &[u32],
-) -> Result<KernelCase<'a, Plan>> {
+pub fn plan<'a>(gpu: &Gpu, params: &Params, before: &Counts, isect_from_rank: &[u32]) -> Result<KernelCase<'a, Plan>> {
     let params = *params;
     let untouched = [DispatchArgs { x: 9, y: 9, z: 9 }; ARGS_SLOTS as usize];
     let (mut counts, mut planned) = (*before, untouched);
@@ -61,9 +56,7 @@ pub fn plan<'a>(
         };
         kernel.record(rec, io, params, Groups::Count(1));
     });
-    let case = case
-        .copy(&counts_before, &counts_after)
-        .copy(&args_before, &args);
+    let case = case.copy(&counts_before, &counts_after).copy(&args_before, &args);
     Ok(case.judge(move |gpu, _| {
         let (found, found_args) = (read(gpu, &counts_after)?, read(gpu, &args)?);
         Ok(vec![
@@ -120,10 +113,7 @@ fn expected(counts: &mut Counts, args: &mut Args, params: &Params) {
     counts[main + 2] = table as u32;
     let mut set = |slot: u32, groups: u64| args[slot as usize] = folded(groups, params.group_limit);
     set(elementwise, groups(count));
-    set(
-        by_chunk,
-        chunks.div_ceil(u64::from(params.chunks_per_group)),
-    );
+    set(by_chunk, chunks.div_ceil(u64::from(params.chunks_per_group)));
     set(by_table, scan(table));
     if params.stage == 0 {
         set(ARGS_VISIBLE_SCAN, scan(count));

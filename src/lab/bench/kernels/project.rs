@@ -128,9 +128,7 @@ fn compare(scene: &Scene, filters: &[f32], records: &[Splat2d], tiles: &[u32]) -
         // A pixel centre well inside needs its tile, an ellipse well outside does not; between, as it comes. The
         // margins are those of `expand`, whose lists are as long.
         let near = |alpha: &dyn Fn(u32) -> f64, cut: f64| {
-            tiles_near(&screen, &grid)
-                .filter(|&tile| alpha(tile) >= cut)
-                .count() as f64
+            tiles_near(&screen, &grid).filter(|&tile| alpha(tile) >= cut).count() as f64
         };
         let low = near(&|tile| alpha_at_pixels(&screen, &grid, tile), cut * 1.01);
         let high = near(&|tile| alpha_max(&screen, &grid, tile), cut * 0.99);
@@ -140,20 +138,13 @@ fn compare(scene: &Scene, filters: &[f32], records: &[Splat2d], tiles: &[u32]) -
         }
         let [s, t, [blue, depth, ..]] = pack::splat2d_values(&screen);
         let Splat2d { shape, tone, rest } = records[i];
-        let (shape, tone, rest) = (
-            shape.map(f64::from),
-            tone.map(f64::from),
-            rest.map(f64::from),
-        );
+        let (shape, tone, rest) = (shape.map(f64::from), tone.map(f64::from), rest.map(f64::from));
         let columns: [(&[f64], &[f64]); 5] = [
             (&shape[..2], &s[..2]),
             (&shape[2..3], &s[2..3]),
             (&shape[3..], &s[3..]),
             (&tone[..2], &t[..2]),
-            (
-                &[tone[2], tone[3], rest[0], rest[1]],
-                &[t[2], t[3], blue, depth],
-            ),
+            (&[tone[2], tone[3], rest[0], rest[1]], &[t[2], t[3], blue, depth]),
         ];
         for (slot, (f, e)) in columns.into_iter().enumerate() {
             found[slot].extend(f);

@@ -100,14 +100,7 @@ impl SplatSums {
     fn expected(&self, i: usize) -> (Vec<f64>, [f64; 4]) {
         let splat = Splat::<f64>::of(&self.scene.splats, i);
         let [opacity, scale, size] = PENALTIES.map(f64::from);
-        let mut row = penalty_backward(
-            &splat,
-            PenaltyWeights {
-                opacity,
-                scale,
-                size,
-            },
-        );
+        let mut row = penalty_backward(&splat, PenaltyWeights { opacity, scale, size });
         let mut statistics = STATISTICS.map(f64::from);
         let Some(screen) = &self.screen[i] else {
             return (row, statistics);
@@ -241,9 +234,7 @@ pub fn commands<'a>(
         choice.spec.sh_degree = degree;
         choice.spec.indexed = indexed.into();
     });
-    Ok(case
-        .erase(&outputs.d_params)
-        .copy(&before, &outputs.statistics))
+    Ok(case.erase(&outputs.d_params).copy(&before, &outputs.statistics))
 }
 
 /// Gradients and statistics beside the reference's: each splat's mean, opacity, quaternion, scales and harmonics in

@@ -29,11 +29,7 @@ fn ranks(count: usize) -> Vec<f32> {
 }
 
 /// A search by pixel: the budget is that of the pixels that lose something, times a number.
-pub fn prune_limit<'a>(
-    gpu: &Gpu,
-    composite: &'a Composite,
-    budget: f32,
-) -> Result<KernelCase<'a, PruneLimit>> {
+pub fn prune_limit<'a>(gpu: &Gpu, composite: &'a Composite, budget: f32) -> Result<KernelCase<'a, PruneLimit>> {
     let (pixels, wide) = (composite.pixels.len(), f64::from(budget));
     let ranks = ranks(composite.scene.splats.len());
     let splat_from_rank = depth_order(&composite.lists.screen);
@@ -41,8 +37,7 @@ pub fn prune_limit<'a>(
         let (tile, at) = composite.place(pixel);
         let listed = &composite.ranks_from_tile[tile];
         let weights = weights(&composite.splats, listed, at, &Thresholds::ENGINE);
-        let ranked =
-            |&(place, weight): &(usize, f64)| (f64::from(ranks[splat_from_rank[place]]), weight);
+        let ranked = |&(place, weight): &(usize, f64)| (f64::from(ranks[splat_from_rank[place]]), weight);
         reference(&weights.iter().map(ranked).collect::<Vec<_>>(), wide)
     };
     let expected: Vec<PruneLimits> = (0..pixels).into_par_iter().map(limits).collect();

@@ -10,12 +10,7 @@ use crate::layout::{COUNT_FAILED, COUNT_ISECT, COUNT_LIST_TOO_LONG};
 use crate::reference::ranges::ranges as reference;
 
 /// The sorted `tiles` of intersections; tiles from `tile_count` on are padding.
-pub fn ranges<'a>(
-    gpu: &Gpu,
-    tiles: &[u32],
-    tile_count: u32,
-    list_limit: u32,
-) -> Result<KernelCase<'a, Ranges>> {
+pub fn ranges<'a>(gpu: &Gpu, tiles: &[u32], tile_count: u32, list_limit: u32) -> Result<KernelCase<'a, Ranges>> {
     let len = tiles.len();
     // An empty range may lie anywhere; the kernel leaves it at 0.
     let expected: Vec<[u32; 2]> = reference(tiles, tile_count)
@@ -36,10 +31,7 @@ pub fn ranges<'a>(
             tile_from_isect: &tiles,
             range_from_tile: &out,
         };
-        let params = Params {
-            tile_count,
-            list_limit,
-        };
+        let params = Params { tile_count, list_limit };
         kernel.record(rec, io, params, kernel.groups(len));
     });
     Ok(case.fill(&target.clone(), 0).judge(move |gpu, _| {

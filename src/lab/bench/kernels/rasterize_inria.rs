@@ -12,10 +12,7 @@ use crate::render::tile_stride;
 use rayon::prelude::*;
 
 /// An image of a composite's splats.
-pub fn rasterize_inria<'a>(
-    gpu: &Gpu,
-    composite: &'a Composite,
-) -> Result<KernelCase<'a, RasterizeInria>> {
+pub fn rasterize_inria<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCase<'a, RasterizeInria>> {
     // Pixel, number of splats blended, and relative distance to the nearest threshold.
     let pixel = |i: usize| {
         let (tile, at) = composite.place(i);
@@ -23,10 +20,7 @@ pub fn rasterize_inria<'a>(
         let listed = ranks.iter().map(|&rank| &composite.splats[rank]);
         reference::rasterize_inria::over(listed, at, composite.background())
     };
-    let pixels: Vec<_> = (0..composite.pixels.len())
-        .into_par_iter()
-        .map(pixel)
-        .collect();
+    let pixels: Vec<_> = (0..composite.pixels.len()).into_par_iter().map(pixel).collect();
     let plane = |i: usize| {
         pixels.iter().map(move |(shown, ..)| match i {
             3 => shown.transmittance,
@@ -34,10 +28,7 @@ pub fn rasterize_inria<'a>(
         })
     };
     let planes: Vec<f64> = (0..4).flat_map(plane).collect();
-    let near: Vec<bool> = pixels
-        .iter()
-        .map(|&(.., nearest)| nearest <= 1e-4)
-        .collect();
+    let near: Vec<bool> = pixels.iter().map(|&(.., nearest)| nearest <= 1e-4).collect();
     let near = near.repeat(4);
     let pairs = pixels.iter().map(|&(_, blended, _)| blended).sum();
     let input = CompositeBuffers::new(gpu, composite)?;

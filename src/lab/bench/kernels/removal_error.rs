@@ -15,21 +15,11 @@ use crate::render::tile_stride;
 pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCase<'a, Kernel>> {
     let pixels = composite.pixels.len();
     let random = &mut Random::new(pixels as u64);
-    let errors: Vec<f32> = (0..pixels)
-        .map(|_| random.between(0.0, 1.0) as f32)
-        .collect();
+    let errors: Vec<f32> = (0..pixels).map(|_| random.between(0.0, 1.0) as f32).collect();
     let background = composite.background();
     let mut expected = vec![RemovalError::default(); composite.lists.isects.len()];
     composite.fold_sources(
-        |_, ranks, at| {
-            touches(
-                &composite.splats,
-                ranks,
-                at,
-                background,
-                &Thresholds::ENGINE,
-            )
-        },
+        |_, ranks, at| touches(&composite.splats, ranks, at, background, &Thresholds::ENGINE),
         |source, pixel, touch: &Touch| {
             expected[source] = expected[source].and(touch, f64::from(errors[pixel]));
         },

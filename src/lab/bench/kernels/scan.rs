@@ -24,11 +24,7 @@ pub fn chunk_sums(values: &[u32], flags: bool) -> Vec<u32> {
 }
 
 /// Sums of each chunk of values.
-pub fn reduce<'a>(
-    gpu: &Gpu,
-    values: &[u32],
-    flags: bool,
-) -> Result<KernelCase<'a, scan_reduce::ScanReduce>> {
+pub fn reduce<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a, scan_reduce::ScanReduce>> {
     let (len, expected) = (values.len(), chunk_sums(values, flags));
     let counts = counts(gpu, &[(COUNT_VISIBLE, len as u32)])?;
     let values = gpu.buffer_from("values", values)?;
@@ -87,17 +83,9 @@ pub fn chunks<'a>(gpu: &Gpu, sums: &[u32]) -> Result<KernelCase<'a, scan_chunks:
 }
 
 /// The sums before each value, given those before each chunk.
-pub fn apply<'a>(
-    gpu: &Gpu,
-    values: &[u32],
-    flags: bool,
-) -> Result<KernelCase<'a, scan_apply::ScanApply>> {
+pub fn apply<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a, scan_apply::ScanApply>> {
     let (len, (expected, _)) = (values.len(), scan(&summed(values, flags)));
-    let starts: Vec<u32> = expected
-        .iter()
-        .copied()
-        .step_by(SCAN_CHUNK as usize)
-        .collect();
+    let starts: Vec<u32> = expected.iter().copied().step_by(SCAN_CHUNK as usize).collect();
     let counts = counts(gpu, &[(COUNT_VISIBLE, len as u32)])?;
     let values = gpu.buffer_from("values", values)?;
     let sums = gpu.buffer_from("sum_from_chunk", &starts)?;
@@ -143,16 +131,10 @@ pub fn whole<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a
         };
         kernel.record(rec, io, what, Scan::groups(len));
     });
-    Ok(case
-        .exact("offsets", &offsets, words(&expected))
-        .judge(move |gpu, _| {
-            let found = f64::from(read(gpu, &counted)?[COUNT_SCRATCH as usize]);
-            Ok(vec![Output::exact(
-                "total",
-                vec![found],
-                vec![total as f64],
-            )])
-        }))
+    Ok(case.exact("offsets", &offsets, words(&expected)).judge(move |gpu, _| {
+        let found = f64::from(read(gpu, &counted)?[COUNT_SCRATCH as usize]);
+        Ok(vec![Output::exact("total", vec![found], vec![total as f64])])
+    }))
 }
 
 impl Kernel for Scan {

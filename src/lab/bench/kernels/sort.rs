@@ -27,21 +27,15 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
             shift: 0,
             chunks: PASS_KEYS / chunk,
         };
-        time(bench, WORKGROUPS, &name, |gpu| {
-            count(gpu, &keys(PASS_KEYS), digit)
-        })?;
-        time(bench, WORKGROUPS, &name, |gpu| {
-            scatter(gpu, &keys(PASS_KEYS), digit)
-        })?;
+        time(bench, WORKGROUPS, &name, |gpu| count(gpu, &keys(PASS_KEYS), digit))?;
+        time(bench, WORKGROUPS, &name, |gpu| scatter(gpu, &keys(PASS_KEYS), digit))?;
     }
     let sizes: &[usize] = match bench.gpu().caps().kind {
         DeviceKind::Cpu => &[1 << 16, 1 << 20],
         _ => &[1 << 16, 1 << 20, 1 << 25],
     };
     for &count in sizes {
-        time(bench, WORKGROUPS, count, |gpu| {
-            sort(gpu, keys(count), layout(8, 4))
-        })?;
+        time(bench, WORKGROUPS, count, |gpu| sort(gpu, keys(count), layout(8, 4)))?;
     }
     Ok(())
 }
@@ -102,11 +96,7 @@ impl Digit {
 }
 
 /// Digits counted by chunk.
-pub fn count<'a>(
-    gpu: &Gpu,
-    keys: &[u32],
-    digit: Digit,
-) -> Result<KernelCase<'a, sort_count::SortCount>> {
+pub fn count<'a>(gpu: &Gpu, keys: &[u32], digit: Digit) -> Result<KernelCase<'a, sort_count::SortCount>> {
     let expected = digit.table(keys);
     let counts = digit.counts(gpu, keys.len())?;
     let work = Work::of(keys.len(), Unit::Keys).moving(4 * (keys.len() + expected.len()));
@@ -125,21 +115,14 @@ pub fn count<'a>(
             shift: digit.shift,
             digit_count: 1 << digit.bits,
         };
-        let groups = digit.groups(
-            choice.variant == sort_count::Variant::Subgroup,
-            kernel.workgroup,
-        );
+        let groups = digit.groups(choice.variant == sort_count::Variant::Subgroup, kernel.workgroup);
         kernel.record(rec, io, params, groups);
     });
     Ok(case.exact("table", &table, words(&expected)))
 }
 
 /// Pairs moved to the places of their digits; the values are the keys' indices.
-pub fn scatter<'a>(
-    gpu: &Gpu,
-    keys: &[u32],
-    digit: Digit,
-) -> Result<KernelCase<'a, sort_scatter::SortScatter>> {
+pub fn scatter<'a>(gpu: &Gpu, keys: &[u32], digit: Digit) -> Result<KernelCase<'a, sort_scatter::SortScatter>> {
     let len = keys.len();
     let (places, _) = reference::scan::scan(&digit.table(keys));
     let values: Vec<u32> = (0..len as u32).collect();
@@ -154,30 +137,24 @@ pub fn scatter<'a>(
     let before = gpu.buffer_from("places", &places)?;
     let table = gpu.buffer::<u32>("table", places.len())?;
     let (keys_to, values_to, places) = (keys_out.clone(), values_out.clone(), table.clone());
-    let case = KernelCase::new(
-        work,
-        move |rec, kernel: &sort_scatter::SortScatter, choice| {
-            let io = sort_scatter::Bindings {
-                counts: &counts,
-                keys: &keys,
-                values: &values,
-                table: &places,
-                keys_out: &keys_to,
-                values_out: &values_to,
-            };
-            let params = sort_scatter::Params {
-                count_slot: COUNT_ISECT,
-                chunk_slot: COUNT_ISECT_CHUNK,
-                shift: digit.shift,
-                digit_count: 1 << digit.bits,
-            };
-            let groups = digit.groups(
-                choice.variant == sort_scatter::Variant::Subgroup,
-                kernel.workgroup,
-            );
-            kernel.record(rec, io, params, groups);
-        },
-    );
+    let case = KernelCase::new(work, move |rec, kernel: &sort_scatter::SortScatter, choice| {
+        let io = sort_scatter::Bindings {
+            counts: &counts,
+            keys: &keys,
+            values: &values,
+            table: &places,
+            keys_out: &keys_to,
+            values_out: &values_to,
+        };
+        let params = sort_scatter::Params {
+            count_slot: COUNT_ISECT,
+            chunk_slot: COUNT_ISECT_CHUNK,
+            shift: digit.shift,
+            digit_count: 1 << digit.bits,
+        };
+        let groups = digit.groups(choice.variant == sort_scatter::Variant::Subgroup, kernel.workgroup);
+        kernel.record(rec, io, params, groups);
+    });
     Ok(case
         .copy(&before, &table)
         .exact("keys", &keys_out, words(&sorted))
@@ -218,12 +195,8 @@ impl Sorting {
         let count = keys.len();
         let values: Vec<u32> = (0..count as u32).collect();
         // Of the largest workgroup, too.
-        let entries = layout
-            .table_len(count)
-            .max(512 * layout.digit_count() as usize);
-        let pair = |name| -> Result<[Buffer<u32>; 2]> {
-            Ok([gpu.buffer(name, count)?, gpu.buffer(name, count)?])
-        };
+        let entries = layout.table_len(count).max(512 * layout.digit_count() as usize);
+        let pair = |name| -> Result<[Buffer<u32>; 2]> { Ok([gpu.buffer(name, count)?, gpu.buffer(name, count)?]) };
         Ok(Sorting {
             keys_before: gpu.buffer_from("keys", &keys)?,
             values_before: gpu.buffer_from("values", &values)?,
@@ -260,10 +233,7 @@ impl Sorting {
             DispatchArgs { x, y, z: 1 }
         };
         let scanned = entries.div_ceil(SCAN_CHUNK as usize);
-        let args = [
-            groups(chunks, sort.chunks_per_group),
-            groups(scanned, Scan::WORKGROUP),
-        ];
+        let args = [groups(chunks, sort.chunks_per_group), groups(scanned, Scan::WORKGROUP)];
         rec.update(&self.args, 0, &args);
     }
 
@@ -293,10 +263,7 @@ impl Sorting {
     /// Those of transfers.
     pub fn sorted(&self, gpu: &Gpu) -> Result<[Vec<u32>; 2]> {
         let at = (self.layout.passes % 2) as usize;
-        Ok([
-            read(gpu, &self.pair_keys[at])?,
-            read(gpu, &self.pair_values[at])?,
-        ])
+        Ok([read(gpu, &self.pair_keys[at])?, read(gpu, &self.pair_values[at])?])
     }
 
     /// The sorted pairs beside a stable sort of the same.

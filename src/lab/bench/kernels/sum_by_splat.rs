@@ -57,11 +57,7 @@ impl Records {
 }
 
 /// Records added up; `sums`: all three numbers are sums.
-pub fn sum_by_splat<'a>(
-    gpu: &Gpu,
-    input: &Records,
-    sums: bool,
-) -> Result<KernelCase<'a, SumBySplat>> {
+pub fn sum_by_splat<'a>(gpu: &Gpu, input: &Records, sums: bool) -> Result<KernelCase<'a, SumBySplat>> {
     let splats = input.counts.len();
     let mut expected: Vec<[f64; 3]> = (0..splats).map(|i| input.expected(i, sums)).collect();
     // One more than asked for: it must not be touched.

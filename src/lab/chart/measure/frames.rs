@@ -76,10 +76,7 @@ impl FrameInputs<'_> {
                 errors: Vec::new(),
             })
         };
-        let mut benches = settings
-            .into_iter()
-            .map(&mut bench)
-            .collect::<Result<Vec<_>>>()?;
+        let mut benches = settings.into_iter().map(&mut bench).collect::<Result<Vec<_>>>()?;
         let mut by_rays = Vec::new();
         for (number, camera) in (1..).zip(self.cameras) {
             let of = self.cameras.len();
@@ -89,9 +86,7 @@ impl FrameInputs<'_> {
             for (index, bench) in benches.iter_mut().enumerate() {
                 let drawn = bench.renderer.render(&bench.model, camera, &view)?;
                 let rounding = rounding(camera);
-                bench
-                    .errors
-                    .push(compare_frame(&drawn.rgb, &traced, index, rounding));
+                bench.errors.push(compare_frame(&drawn.rgb, &traced, index, rounding));
             }
         }
         // In turns, so that disturbances of the machine affect all alike.
@@ -112,9 +107,7 @@ impl FrameInputs<'_> {
         let every = traced.len().div_ceil(most.max(1)) | 1;
         let pixels: Vec<usize> = (0..traced.len()).step_by(every).collect();
         let seen = ray::colors(self.splats, camera, &self.options(), &pixels);
-        let off = |(pixel, seen): (&usize, &[f64; 3])| {
-            [0, 1, 2].map(|c| (seen[c] - traced[*pixel].color[c]).abs())
-        };
+        let off = |(pixel, seen): (&usize, &[f64; 3])| [0, 1, 2].map(|c| (seen[c] - traced[*pixel].color[c]).abs());
         pixels.iter().zip(&seen).map(off).collect()
     }
 
@@ -143,12 +136,7 @@ struct FrameComparison {
 
 /// Compares a frame with the exact one, by the bounds of setting `index` and the share of a pixel's colour range for
 /// rounding.
-fn compare_frame(
-    drawn: &[[f32; 3]],
-    traced: &[TracedPixel],
-    index: usize,
-    share: f64,
-) -> FrameComparison {
+fn compare_frame(drawn: &[[f32; 3]], traced: &[TracedPixel], index: usize, share: f64) -> FrameComparison {
     assert_eq!(drawn.len(), traced.len(), "sizes differ");
     let mut comparison = FrameComparison {
         errors: Vec::with_capacity(drawn.len()),
@@ -201,10 +189,7 @@ impl SettingBench {
         let promised: f64 = bounds.iter().map(|b| b * b).sum();
         let most = |of: fn(&FrameComparison) -> f64| {
             let all = self.errors.iter().map(of);
-            all.fold(
-                f64::NEG_INFINITY,
-                |a, b| if b > a || b.is_nan() { b } else { a },
-            )
+            all.fold(f64::NEG_INFINITY, |a, b| if b > a || b.is_nan() { b } else { a })
         };
         FramePoint {
             knob: self.setting.knob.clone(),
@@ -237,12 +222,7 @@ pub(super) fn milliseconds(runs_ns: &[f64], frames: usize) -> Interval {
     let share = 1e-6 / frames as f64;
     let summary = Summary::of(runs_ns);
     let [low, high] = summary.interval;
-    Interval::new(
-        summary.median * share,
-        low * share,
-        high * share,
-        summary.runs,
-    )
+    Interval::new(summary.median * share, low * share, high * share, summary.runs)
 }
 
 /// Errors from those of pixels' channels.
@@ -289,11 +269,7 @@ mod tests {
         assert!(kept.excess < 0.0, "{}", kept.excess);
         // Below the largest bound, but above its own.
         let broken = compare_frame(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 1e-4);
-        assert!(
-            (broken.excess - (5e-3 - 1e-3 - 1e-4)).abs() < 1e-6,
-            "{}",
-            broken.excess
-        );
+        assert!((broken.excess - (5e-3 - 1e-3 - 1e-4)).abs() < 1e-6, "{}", broken.excess);
         // Within a larger share of rounding.
         let large = compare_frame(&[drawn[0], [0.5, 0.25, 0.005]], &traced, 1, 64e-4);
         assert!(large.excess < 0.0, "{}", large.excess);

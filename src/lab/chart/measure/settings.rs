@@ -34,9 +34,7 @@ impl FrameSetting {
         let drawn = |i: usize| match (&stored, &reduced) {
             _ if i % stride >= kept => 0.0,
             (_, Some(reduced)) => match (i % stride, reduced.sh_stride()) {
-                (place, stride_left) if place < stride_left => {
-                    reduced.sh[i / stride * stride_left + place]
-                }
+                (place, stride_left) if place < stride_left => reduced.sh[i / stride * stride_left + place],
                 _ => 0.0,
             },
             (Some(stored), None) => stored.sh[i],
@@ -109,11 +107,7 @@ fn cut(number: u32) -> FrameSetting {
 fn harmonics(sh_degree: u32) -> FrameSetting {
     FrameSetting {
         sh_degree,
-        ..frame(
-            HARMONICS,
-            format!("degree {sh_degree}"),
-            Accuracy::default(),
-        )
+        ..frame(HARMONICS, format!("degree {sh_degree}"), Accuracy::default())
     }
 }
 
@@ -251,18 +245,14 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     }
     for share in [2, 4] {
         let most = (splats / share).max(1);
-        runs.push(with("splats at most", most.to_string(), &|c| {
-            c.max_splats = Some(most)
-        }));
+        runs.push(with("splats at most", most.to_string(), &|c| c.max_splats = Some(most)));
     }
     for sh_degree in [1, 0] {
         let setting = format!("degree {sh_degree}");
         runs.push(with(HARMONICS, setting, &|c| c.sh_degree = sh_degree));
     }
     for frame in [together(1e-2, 255), together(1e-4, 128), together(1e-2, 64)] {
-        let Knob {
-            series, setting, ..
-        } = frame.knob;
+        let Knob { series, setting, .. } = frame.knob;
         runs.push(with(&series, setting, &|c| c.accuracy = frame.accuracy));
     }
     for percent in [25, 50] {
@@ -271,9 +261,7 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
         runs.push(with("photographs", setting, &|c| c.half_size_until = until));
     }
     runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
-    runs.push(with("render mode", "mip".into(), &|c| {
-        c.filter = ScreenFilter::Mip
-    }));
+    runs.push(with("render mode", "mip".into(), &|c| c.filter = ScreenFilter::Mip));
     for most in [splats, (splats / 2).max(1)] {
         let setting = format!("MCMC, {most} splats");
         runs.push(with("strategy", setting, &|c| {
@@ -305,11 +293,7 @@ mod tests {
                     assert!(setting.sh_degree <= sh_degree);
                 }
             }
-            assert!(
-                of_runs(&plan, 1000)
-                    .iter()
-                    .all(|run| run.config.validate().is_ok())
-            );
+            assert!(of_runs(&plan, 1000).iter().all(|run| run.config.validate().is_ok()));
         }
     }
 }

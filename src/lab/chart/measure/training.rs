@@ -34,11 +34,7 @@ pub(super) fn measure(
     let runs = seeds(gpu, dataset, &mut evaluator, &default, plan, progress)?;
     let usual: Vec<f64> = runs.iter().map(TrainingRun::psnr_db).collect();
     let mut points = vec![point(&default, &runs, &usual)];
-    let splats = runs
-        .into_iter()
-        .next()
-        .map(|run| run.splats)
-        .unwrap_or_default();
+    let splats = runs.into_iter().next().map(|run| run.splats).unwrap_or_default();
     for setting in settings::of_runs(plan, splats.len() as u32) {
         let runs = seeds(gpu, dataset, &mut evaluator, &setting, plan, progress)?;
         points.push(point(&setting, &runs, &usual));
@@ -89,10 +85,7 @@ fn seeds(
             knob.setting,
             seed + 1
         ));
-        let config = TrainConfig {
-            seed,
-            ..config.clone()
-        };
+        let config = TrainConfig { seed, ..config.clone() };
         runs.push(run(gpu, dataset, evaluator, config)?);
     }
     Ok(runs)
@@ -100,9 +93,7 @@ fn seeds(
 
 /// Means over the runs of a setting; `usual` are the decibels of the default ones, by seed.
 fn point(setting: &RunSetting, runs: &[TrainingRun], usual: &[f64]) -> RunPoint {
-    let mean = |figure: &dyn Fn(&TrainingRun) -> f64| {
-        Interval::of_mean(&runs.iter().map(figure).collect::<Vec<f64>>())
-    };
+    let mean = |figure: &dyn Fn(&TrainingRun) -> f64| Interval::of_mean(&runs.iter().map(figure).collect::<Vec<f64>>());
     let pairs = runs.iter().zip(usual);
     let gains: Vec<f64> = pairs.map(|(run, usual)| run.psnr_db() - usual).collect();
     let bytes = |splats: &Splats| 4 * splats.len() * (GEOMETRY_FLOATS + splats.sh_stride());
@@ -134,12 +125,7 @@ fn course(runs: &[TrainingRun]) -> Vec<(f64, Interval)> {
     course
 }
 
-fn run(
-    gpu: &Gpu,
-    dataset: &Dataset,
-    evaluator: &mut Evaluator<'_>,
-    config: TrainConfig,
-) -> Result<TrainingRun> {
+fn run(gpu: &Gpu, dataset: &Dataset, evaluator: &mut Evaluator<'_>, config: TrainConfig) -> Result<TrainingRun> {
     let mut trainer = Trainer::new(gpu, dataset, config)?;
     let (mut seconds, mut next) = (0.0, FIRST_EVALUATION);
     let mut course = Vec::new();

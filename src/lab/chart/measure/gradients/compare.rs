@@ -21,10 +21,7 @@ pub(super) struct GradientComparison {
 /// The value at a share of an ascending list; 0 if empty.
 pub(super) fn percentile(sorted: &[f64], share: f64) -> f64 {
     let last = sorted.len().max(1) - 1;
-    sorted
-        .get((last as f64 * share) as usize)
-        .copied()
-        .unwrap_or(0.0)
+    sorted.get((last as f64 * share) as usize).copied().unwrap_or(0.0)
 }
 
 /// A group of parameters, those of a splat one after the other.

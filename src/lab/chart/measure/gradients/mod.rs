@@ -13,9 +13,7 @@ use crate::gpu::Gpu;
 use crate::io::photo;
 use crate::lab::bench::CpuClock;
 use crate::lab::chart::{GradientErrors, GradientPoint};
-use crate::reference::bound::{
-    Approximations, GradientBounds, Rounding, TracedPixel, gradient_bounds, trace,
-};
+use crate::reference::bound::{Approximations, GradientBounds, Rounding, TracedPixel, gradient_bounds, trace};
 use crate::reference::gradient::{SplatGradients, backward};
 use crate::reference::rasterize_backward::PixelGradient;
 use crate::reference::{Options, Thresholds};
@@ -42,11 +40,7 @@ struct ExactGradient {
 
 impl GradientInputs<'_> {
     /// Times a step of every setting and compares its gradient.
-    pub(super) fn measure(
-        &self,
-        plan: &ChartPlan,
-        progress: &mut dyn FnMut(&str),
-    ) -> Result<Vec<GradientPoint>> {
+    pub(super) fn measure(&self, plan: &ChartPlan, progress: &mut dyn FnMut(&str)) -> Result<Vec<GradientPoint>> {
         let settings = settings::of_gradients(self.splats.sh_degree, plan);
         let camera = self.camera(plan)?;
         let usual = self.dataset_of(camera, self.photo(&camera)?, AlphaMode::Composite);
@@ -61,10 +55,7 @@ impl GradientInputs<'_> {
             sh_degree: self.splats.sh_degree,
             thresholds: Thresholds::NONE,
         };
-        let approximations: Vec<Approximations> = settings
-            .iter()
-            .map(|s| s.approximations(self.splats, &[]))
-            .collect();
+        let approximations: Vec<Approximations> = settings.iter().map(|s| s.approximations(self.splats, &[])).collect();
         let traced = trace(self.splats, &camera, &options, &approximations);
         let white = white(&camera, &traced);
         let exact = self.exact(&camera, &options, &white, &approximations);
@@ -98,8 +89,7 @@ impl GradientInputs<'_> {
     fn photo(&self, camera: &Camera) -> Result<Photo> {
         let (width, height) = (camera.width, camera.height);
         let photo = photo::reduce(photo::load(self.view()?)?, width, height);
-        let target =
-            crate::metrics::Target::new(&photo, AlphaMode::Composite, training::BACKGROUND);
+        let target = crate::metrics::Target::new(&photo, AlphaMode::Composite, training::BACKGROUND);
         Ok(Photo::from_rgb(width, height, &target.rgb))
     }
 
@@ -167,14 +157,7 @@ impl GradientInputs<'_> {
         };
         ExactGradient {
             gradients: backward(self.splats, camera, options, &pixels).1,
-            bounds: gradient_bounds(
-                self.splats,
-                camera,
-                options,
-                &upstream,
-                approximations,
-                rounding,
-            ),
+            bounds: gradient_bounds(self.splats, camera, options, &upstream, approximations, rounding),
         }
     }
 }
@@ -205,12 +188,7 @@ fn config(setting: &FrameSetting, splats: &Splats) -> TrainConfig {
     }
 }
 
-fn point(
-    setting: &FrameSetting,
-    found: &Splats,
-    exact: &ExactGradient,
-    index: usize,
-) -> GradientPoint {
+fn point(setting: &FrameSetting, found: &Splats, exact: &ExactGradient, index: usize) -> GradientPoint {
     let comparison = compare(found, &exact.gradients, &exact.bounds, index);
     let errors = |sorted: &[f64]| GradientErrors {
         median: percentile(sorted, 0.5),
