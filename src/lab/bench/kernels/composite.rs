@@ -143,8 +143,8 @@ impl Composite {
         isects.map(|isect| near[isect.tile as usize]).collect()
     }
 
-    /// Sums terms of pixels by source: `of` maps a pixel, the ranks of its tile and its centre to terms, `rank` a term to
-    /// the rank of its splat, and `add` takes a source, a pixel and a term, pixel by pixel.
+    /// Sums terms of pixels by source: `of` maps a pixel, the ranks of its tile and its centre to terms, `rank` a term
+    /// to the rank of its splat, and `add` takes a source, a pixel and a term, pixel by pixel.
     pub fn fold_sources<T: Send>(
         &self,
         of: impl Fn(usize, &[usize], [f64; 2]) -> Vec<T> + Sync,
