@@ -11,9 +11,14 @@ check: setup lints
 	cargo test --lib --test host
 	cargo test --test device -- kernels:: frame::
 
-# For every merge: all tests, those of documentation, and frames on a lesser device.
+# For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in one
+# process, so that the others run beside them.
 test: setup lints examples
-	cargo test
+	cargo test --no-run
+	cargo test --test device >target/device.log 2>&1 & device=$$!; \
+	cargo test --lib --bins --test host --test binary --test slow; others=$$?; \
+	wait $$device; device=$$?; cat target/device.log; exit $$((others + device))
+	cargo test --doc
 	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test device -- frame:: large::
 
 # The programs of `examples`, run; pictures go to out/examples.

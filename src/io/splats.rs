@@ -53,7 +53,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let fault = match format_of(source.name()) {
         Some(Format(_, _, Some(read), _)) => return read(source),
         Some(Format(name, ..)) => {
-            format!("{name} scenes are not supported; convert to {}", writable())
+            format!("{name} scenes are not supported; convert to a {}", writable())
         }
         None => format!("the name does not end in {}, as scenes that can be read do", readable()),
     };
