@@ -40,6 +40,15 @@ pub struct Knob {
 }
 
 impl Knob {
+    /// A setting that is not the default.
+    pub fn new(series: &str, setting: impl Into<String>) -> Knob {
+        Knob {
+            series: series.into(),
+            setting: setting.into(),
+            is_default: false,
+        }
+    }
+
     /// `stop alone 1e-3`.
     pub fn name(&self) -> String {
         format!("{} {}", self.series, self.setting)
@@ -180,11 +189,7 @@ pub(crate) mod tests {
 
     pub(crate) fn frame(setting: &str, excess: f64) -> FramePoint {
         FramePoint {
-            knob: Knob {
-                series: "stop alone".into(),
-                setting: setting.into(),
-                is_default: false,
-            },
+            knob: Knob::new("stop alone", setting),
             time_ms: Interval::new(2.0, 1.5, 2.5, 9),
             error: FrameErrors {
                 max: 2e-3,

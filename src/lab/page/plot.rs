@@ -74,7 +74,7 @@ pub(crate) fn alarm(area: &SvgArea<'_>, (x, y): (i32, i32), radius: i32) -> Resu
 }
 
 /// Draws a series' glyph; shapes differ as well as colours.
-pub(crate) fn draw_glyph(area: &SvgArea<'_>, [x, y]: [i32; 2], series: usize, is_filled: bool) -> Result<()> {
+pub(crate) fn draw_glyph(area: &SvgArea<'_>, (x, y): (i32, i32), series: usize, is_filled: bool) -> Result<()> {
     let (color, radius) = (color(series), 5);
     let inside = if is_filled { color } else { WHITE };
     let polygon = |corners: &[(i32, i32)]| -> Result<()> {
@@ -101,7 +101,7 @@ pub(crate) fn draw_glyph(area: &SvgArea<'_>, [x, y]: [i32; 2], series: usize, is
 
 /// A series' glyph alone, for legends.
 pub(crate) fn glyph(series: usize) -> Result<String> {
-    svg([18, 18], |area| draw_glyph(area, [9, 9], series, true))
+    svg([18, 18], |area| draw_glyph(area, (9, 9), series, true))
 }
 
 /// Draws the axes with their titles; returns the area between them.

@@ -11,7 +11,7 @@ use super::{Recipe, SurveyRun};
 use crate::gpu::{Buffer, Gpu};
 use crate::io;
 use crate::lab::bench::{CpuClock, record};
-use crate::lab::evaluator::{frame_time, held_out};
+use crate::lab::evaluator::{frame_ms, held_out};
 use crate::metrics::MeanScore;
 use crate::render::Model;
 use crate::scene::{Dataset, Splats, Split};
@@ -123,40 +123,30 @@ impl Task<'_> {
     /// Those of the device, of photographs that cannot be read, and of a folder that cannot be written to.
     pub fn run(&self, gpu: &Gpu, folder: &Path, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<SurveyRun>> {
         let mut evaluator = held_out(gpu, self.dataset)?;
-        let Some(trained) = self.train(gpu, progress)? else {
+        let Some((splats, trained)) = self.train(gpu, progress)? else {
             return Ok(None);
         };
-        let TrainingOutput { splats, history, .. } = &trained;
-        let score = MeanScore::of(&evaluator.scores(splats)?);
-        let model = Model::upload(gpu, splats)?;
-        let frame = frame_time(gpu, self.dataset, splats, &model)?;
-        let reduced = reduce_harmonics(splats, 0.0);
-        let law = history.as_ref().and_then(History::law);
-        let points = history.as_ref().map(History::points).unwrap_or_default();
+        let score = MeanScore::of(&evaluator.scores(&splats)?);
+        let model = Model::upload(gpu, &splats)?;
+        let (frame_ms, frame_cpu_ms) = frame_ms(gpu, self.dataset, &splats, &model)?;
+        let reduced = reduce_harmonics(&splats, 0.0);
         Ok(Some(SurveyRun {
             date: record::today(),
             splats: splats.len(),
             splats_by_degree: reduced.count_from_degree.to_vec(),
             psnr_db: score.psnr_db,
             ssim: score.ssim,
-            train_seconds: trained.seconds,
-            cpu_seconds: trained.cpu_seconds,
-            ply_bytes: file_bytes(folder, splats)?,
+            ply_bytes: file_bytes(folder, &splats)?,
             device_bytes_by_degree: device_bytes(&model),
             sh_floats: reduced.floats,
-            frame_ms: frame.device_ms,
-            frame_cpu_ms: frame.cpu_ms,
-            settled_from: history.as_ref().and_then(|history| history.settled_from),
-            sh_lost_db: history.as_ref().and_then(|history| history.sh_lost_db),
-            knee: law.map(|law| law.knee(self.gain_db)),
-            law: law.map_or(Vec::new(), |law| vec![law.limit_db, law.factor, law.exponent]),
-            point_splats: points.iter().map(|point| point[0]).collect(),
-            point_db: points.iter().map(|point| point[1]).collect(),
-            ..self.planned(gpu)
+            frame_ms,
+            frame_cpu_ms,
+            ..trained
         }))
     }
 
-    fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<TrainingOutput>> {
+    /// The scene, and the run with times and history of the training.
+    fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<(Splats, SurveyRun)>> {
         let mut run = AutoRun::new(gpu, self.dataset, self.config())?;
         let (start, clock) = (Instant::now(), CpuClock::now());
         if matches!(self.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
@@ -175,21 +165,23 @@ impl Task<'_> {
             run.step()?;
         }
         run.finish()?;
-        Ok(Some(TrainingOutput {
-            seconds: start.elapsed().as_secs_f64(),
-            cpu_seconds: clock.elapsed_ns().map(|ns| 1e-9 * ns),
-            history: run.controller().map(|controller| controller.history().clone()),
-            splats: run.splats()?,
-        }))
+        let (train_seconds, cpu_ns) = (start.elapsed().as_secs_f64(), clock.elapsed_ns());
+        let history = run.controller().map(CountController::history);
+        let law = history.and_then(History::law);
+        let points = history.map(History::points).unwrap_or_default();
+        let trained = SurveyRun {
+            train_seconds,
+            cpu_seconds: cpu_ns.map(|ns| 1e-9 * ns),
+            settled_from: history.and_then(|history| history.settled_from),
+            sh_lost_db: history.and_then(|history| history.sh_lost_db),
+            knee: law.map(|law| law.knee(self.gain_db)),
+            law: law.map_or(Vec::new(), |law| vec![law.limit_db, law.factor, law.exponent]),
+            point_splats: points.iter().map(|point| point[0]).collect(),
+            point_db: points.iter().map(|point| point[1]).collect(),
+            ..self.planned(gpu)
+        };
+        Ok(Some((run.splats()?, trained)))
     }
-}
-
-/// Scene, history and times of a run.
-struct TrainingOutput {
-    splats: Splats,
-    history: Option<History>,
-    seconds: f64,
-    cpu_seconds: Option<f64>,
 }
 
 /// Bytes of the scene's file.

@@ -1,5 +1,6 @@
 //! Comparison of gradients with the exact ones: errors and broken bounds.
 
+use super::super::frames::larger;
 use crate::reference::bound::GradientBounds;
 use crate::reference::gradient::SplatGradients;
 use crate::scene::Splats;
@@ -81,10 +82,7 @@ impl GradientComparison {
                 continue;
             }
             let size = exact.abs().max(floor);
-            let excess = (off - kind.bound[i] - kind.rounding[i]) / size;
-            if excess > self.excess || excess.is_nan() {
-                self.excess = excess;
-            }
+            self.excess = larger(self.excess, (off - kind.bound[i] - kind.rounding[i]) / size);
             self.errors.push(off / size);
             self.bounds.push(kind.bound[i] / size);
         }

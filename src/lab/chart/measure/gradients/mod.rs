@@ -6,17 +6,17 @@
 
 mod compare;
 
-use super::frames::{milliseconds, rounding};
+use super::frames::{exact_options, milliseconds, rounding};
 use super::settings::{self, FrameSetting};
 use super::{ChartPlan, reduced, training};
 use crate::gpu::Gpu;
 use crate::io::photo;
 use crate::lab::bench::CpuClock;
 use crate::lab::chart::{GradientErrors, GradientPoint};
+use crate::reference::Options;
 use crate::reference::bound::{Approximations, GradientBounds, Rounding, TracedPixel, gradient_bounds, trace};
 use crate::reference::gradient::{SplatGradients, backward};
 use crate::reference::rasterize_backward::PixelGradient;
-use crate::reference::{Options, Thresholds};
 use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, Split, View};
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
@@ -32,29 +32,19 @@ pub(super) struct GradientInputs<'a> {
     pub(super) splats: &'a Splats,
 }
 
-/// The exact gradient of the brightness, and the bounds of all settings.
-struct ExactGradient {
-    gradients: SplatGradients,
-    bounds: GradientBounds,
-}
-
 impl GradientInputs<'_> {
     /// Times a step of every setting and compares its gradient.
     pub(super) fn measure(&self, plan: &ChartPlan, progress: &mut dyn FnMut(&str)) -> Result<Vec<GradientPoint>> {
         let settings = settings::of_gradients(self.splats.sh_degree, plan);
-        let camera = self.camera(plan)?;
+        // A training view, small enough for the reference.
+        let camera = reduced(&self.view()?.camera, plan.gradient_pixels);
         let usual = self.dataset_of(camera, self.photo(&camera)?, AlphaMode::Composite);
         let mut timed = settings
             .iter()
             .map(|setting| self.trainer(&usual, config(setting, self.splats)))
             .collect::<Result<Vec<_>>>()?;
         progress("gradients: the exact ones");
-        let options = Options {
-            background: training::BACKGROUND.map(f64::from),
-            near: f64::from(timed[0].near()),
-            sh_degree: self.splats.sh_degree,
-            thresholds: Thresholds::NONE,
-        };
+        let options = exact_options(self.splats, timed[0].near());
         let approximations: Vec<Approximations> = settings.iter().map(|s| s.approximations(self.splats, &[])).collect();
         let traced = trace(self.splats, &camera, &options, &approximations);
         let white = white(&camera, &traced);
@@ -67,16 +57,21 @@ impl GradientInputs<'_> {
                 ..config(setting, self.splats)
             };
             let found = self.step(&white, config)?;
-            points.push(point(setting, &found, &exact, index));
+            let comparison = compare(&found, &exact.0, &exact.1, index);
+            let errors = |sorted: &[f64]| GradientErrors {
+                median: percentile(sorted, 0.5),
+                p99: percentile(sorted, 0.99),
+            };
+            points.push(GradientPoint {
+                knob: setting.knob.clone(),
+                error: errors(&comparison.errors),
+                bound: errors(&comparison.bounds),
+                excess: comparison.excess,
+                ..GradientPoint::default()
+            });
         }
         time(&mut timed, &mut points, plan, progress)?;
         Ok(points)
-    }
-
-    /// A training view, small enough for the reference.
-    fn camera(&self, plan: &ChartPlan) -> Result<Camera> {
-        let view = self.view()?;
-        Ok(reduced(&view.camera, plan.gradient_pixels))
     }
 
     fn view(&self) -> Result<&View> {
@@ -134,13 +129,14 @@ impl GradientInputs<'_> {
         Ok(found.to_splats(self.splats.filter))
     }
 
+    /// The exact gradient of the brightness, and the bounds of all settings.
     fn exact(
         &self,
         camera: &Camera,
         options: &Options,
         white: &Photo,
         approximations: &[Approximations],
-    ) -> ExactGradient {
+    ) -> (SplatGradients, GradientBounds) {
         // The L1 loss is a mean over the channels of unmasked pixels.
         let counted = white.rgba.iter().filter(|pixel| pixel[3] != 0).count();
         let slope = -1.0 / (3.0 * counted.max(1) as f64);
@@ -155,10 +151,8 @@ impl GradientInputs<'_> {
             share: rounding(camera),
             unit: f64::from(f32::EPSILON) / 2.0,
         };
-        ExactGradient {
-            gradients: backward(self.splats, camera, options, &pixels).1,
-            bounds: gradient_bounds(self.splats, camera, options, &upstream, approximations, rounding),
-        }
+        let bounds = gradient_bounds(self.splats, camera, options, &upstream, approximations, rounding);
+        (backward(self.splats, camera, options, &pixels).1, bounds)
     }
 }
 
@@ -185,21 +179,6 @@ fn config(setting: &FrameSetting, splats: &Splats) -> TrainConfig {
         filter: splats.filter,
         background: Background::Fixed(training::BACKGROUND),
         ..TrainConfig::for_iterations(30_000)
-    }
-}
-
-fn point(setting: &FrameSetting, found: &Splats, exact: &ExactGradient, index: usize) -> GradientPoint {
-    let comparison = compare(found, &exact.gradients, &exact.bounds, index);
-    let errors = |sorted: &[f64]| GradientErrors {
-        median: percentile(sorted, 0.5),
-        p99: percentile(sorted, 0.99),
-    };
-    GradientPoint {
-        knob: setting.knob.clone(),
-        error: errors(&comparison.errors),
-        bound: errors(&comparison.bounds),
-        excess: comparison.excess,
-        ..GradientPoint::default()
     }
 }
 
