@@ -1,17 +1,17 @@
 //! Gradients of a training step against the exact ones.
 
-use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
+use super::outcome::{CheckGroup, Sweep, SweepPoint};
 use super::step::step;
-use super::subject::reference_options;
+use super::subject::{reduced, reference_options};
 use super::sweeps::stretched;
 use super::{ScenePair, StressRun};
 use crate::Result;
 use crate::reference::loss::Target;
-use crate::reference::{Options, loss_gradient};
+use crate::reference::loss_gradient;
 use crate::scene::{Camera, Splats};
 
 /// Kinds of parameters, in the order of `reference::Splat::parameters`.
-const KINDS: [(&str, std::ops::Range<usize>); 5] = [
+pub(super) const KINDS: [(&str, std::ops::Range<usize>); 5] = [
     ("mean", 0..3),
     ("quaternion", 3..7),
     ("log-scale", 7..10),
@@ -50,23 +50,18 @@ impl ParameterErrors {
 }
 
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
-    let camera = small(lab.subject.camera());
+    // A small view, because the reference takes every pixel through every splat, forward and backward.
+    let camera = reduced(lab.subject.camera(), 48);
     let pair = seen(lab, &camera);
     let errors = judge(lab, &pair, &camera)?;
     let unit = "relative";
     let what = "(1 − λ) L1 + λ (1 − SSIM) against the exact one";
-    let pair_of = [errors.loss, 1e-5];
-    lab.add(StressCheck::at_most(CheckGroup::Gradients, "loss", what, pair_of, unit));
+    lab.at_most("loss", what, [errors.loss, 1e-5], unit);
     for (kind, (name, _)) in KINDS.iter().enumerate() {
         for (share, bound, word) in [(0.5, BOUNDS[0], "median"), (0.99, BOUNDS[1], "99 %")] {
-            let name = format!("{name}, {word}");
-            let what = format!(
-                "{} derivatives of {} splats",
-                errors.kinds[kind].len(),
-                pair.drawn.len()
-            );
-            let found = [errors.at(kind, share), bound];
-            lab.add(StressCheck::at_most(CheckGroup::Gradients, name, what, found, unit));
+            let [derivatives, splats] = [errors.kinds[kind].len(), pair.drawn.len()];
+            let what = format!("{derivatives} derivatives of {splats} splats");
+            lab.at_most(format!("{name}, {word}"), what, [errors.at(kind, share), bound], unit);
         }
     }
     let step = if lab.plan.is_quick { 2 } else { 1 };
@@ -85,26 +80,17 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     }
     let sweep = Sweep {
         group: CheckGroup::Gradients,
-        title: "Gradients of needles".into(),
+        title: "Gradients of needles",
         parameter: "axes stretched apart by a factor of",
         is_log: true,
         quantity: "relative error, 99 %",
-        caption:
-            "The 99th percentile of the kind of parameters that is worst. The bound grows by sixteen roundings of \
-                  a needle's length, in units of its width."
-                .into(),
+        caption: "The 99th percentile of the kind of parameters that is worst. The bound grows by sixteen roundings of \
+                  a needle's length, in units of its width.",
         points,
-        thumbnails: Vec::new(),
+        ..Sweep::default()
     };
     lab.sweep(sweep, unit);
     Ok(())
-}
-
-/// A small view, because the reference takes every pixel through every splat, forward and backward.
-fn small(camera: &Camera) -> Camera {
-    let side = camera.width.max(camera.height);
-    let length = |of: u32| (of * 48).div_ceil(side).max(1);
-    super::subject::exact(&camera.resized(length(camera.width), length(camera.height)))
 }
 
 /// Some of the splats in the image.
@@ -126,10 +112,7 @@ fn seen(lab: &StressRun<'_>, camera: &Camera) -> ScenePair {
 /// Errors of a step on the device against the reference.
 fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<ParameterErrors> {
     let found = step(lab.gpu, &pair.drawn, camera, lab.subject.near)?;
-    let options = Options {
-        near: found.near,
-        ..reference_options(&pair.exact, found.near)
-    };
+    let options = reference_options(&pair.exact, found.near);
     let photo = vec![[0.0; 3]; camera.width as usize * camera.height as usize];
     let target = Target {
         lambda: found.lambda,

@@ -3,7 +3,7 @@
 use super::subject::BACKGROUND;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, View};
+use crate::scene::{Camera, Dataset, Photo, PhotoSource, Point, Splats, View};
 use crate::train::state::Planes;
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 
@@ -80,11 +80,7 @@ fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
             position: (camera.position + ray).to_array(),
             color: [0.5; 3],
         }],
-        test_every: 0,
-        held_out: Vec::new(),
-        alpha: AlphaMode::Composite,
-        warnings: Vec::new(),
-        origin: glam::DVec3::ZERO,
+        ..Dataset::default()
     }
 }
 
