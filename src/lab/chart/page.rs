@@ -88,9 +88,8 @@ fn costs(runs: &[RunPoint]) -> String {
         let RunPoint { knob, gain_db, .. } = run;
         let is_significant = gain_db.low > 0.0 || gain_db.high < 0.0;
         format!(
-            "<li>{} {}: {} dB{} at {:.2} of the time</li>\n",
-            escaped(&knob.series),
-            escaped(&knob.setting),
+            "<li>{}: {} dB{} at {:.2} of the time</li>\n",
+            escaped(&knob.name()),
             tables::gain(gain_db),
             if is_significant { "" } else { " (within the interval)" },
             run.seconds.value / usual

@@ -217,7 +217,7 @@ fn courses(chart: &Chart, names: &[&str]) -> ScatterPlot {
                 is_default: false,
                 text: match i == last {
                     true if run.knob.is_default => "default".into(),
-                    true => format!("{} {}", run.knob.series, run.knob.setting),
+                    true => run.knob.name(),
                     false => String::new(),
                 },
                 ..mark(names, &run.knob, *seconds * shift, psnr.value)

@@ -50,42 +50,36 @@ impl FrameInputs<'_> {
         let settings = settings::of_frames(self.splats.sh_degree, plan);
         progress("frames: pruning");
         let mut scenes = ModelCache::new(gpu, self)?;
-        let mut approximations = Vec::new();
-        for setting in &settings {
-            approximations.push(setting.approximations(self.splats, &scenes.removed(setting)?));
-        }
-        let view = ViewOptions {
-            background: training::BACKGROUND,
-            near: self.near,
-            filter: self.splats.filter,
-        };
-        let mut bench = |setting: FrameSetting| -> Result<SettingBench> {
+        let (mut approximations, mut benches) = (Vec::new(), Vec::new());
+        for setting in settings {
+            let removed = scenes.removed(&setting)?;
+            approximations.push(setting.approximations(self.splats, &removed));
             let options = RenderOptions {
                 accuracy: setting.accuracy,
                 sh_degree: setting.sh_degree,
                 precision: setting.precision,
                 ..RenderOptions::default()
             };
-            Ok(SettingBench {
-                model: scenes.model(&setting)?,
+            benches.push(SettingBench {
+                model: scenes.model(&setting, &removed)?,
                 setting,
                 renderer: Renderer::new(gpu, options)?,
                 device_ns: Vec::new(),
                 cpu_ns: Vec::new(),
                 errors: Vec::new(),
-            })
+            });
+        }
+        let view = ViewOptions {
+            background: training::BACKGROUND,
+            near: self.near,
+            filter: self.splats.filter,
         };
-        let mut benches = settings.into_iter().map(&mut bench).collect::<Result<Vec<_>>>()?;
+        let options = exact_options(self.splats, self.near);
         let mut by_rays = Vec::new();
         for (number, camera) in (1..).zip(self.cameras) {
             let of = self.cameras.len();
             progress(&format!("frames: the exact view {number} of {of}"));
-            let traced = trace(
-                self.splats,
-                camera,
-                &exact_options(self.splats, self.near),
-                &approximations,
-            );
+            let traced = trace(self.splats, camera, &options, &approximations);
             by_rays.extend(self.by_rays(camera, &traced, plan.ray_pixels));
             for (index, bench) in benches.iter_mut().enumerate() {
                 let drawn = bench.renderer.render(&bench.model, camera, &view)?;

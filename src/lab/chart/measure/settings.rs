@@ -250,10 +250,7 @@ mod tests {
         for plan in [ChartPlan::USUAL, ChartPlan::QUICK] {
             for sh_degree in 0..=3 {
                 let frames = of_frames(sh_degree, &plan);
-                let names: BTreeSet<(String, String)> = frames
-                    .iter()
-                    .map(|s| (s.knob.series.clone(), s.knob.setting.clone()))
-                    .collect();
+                let names: BTreeSet<String> = frames.iter().map(|s| s.knob.name()).collect();
                 assert_eq!(names.len(), frames.len());
                 assert_eq!(frames.iter().filter(|s| s.knob.is_default).count(), 1);
                 for setting in &frames {
