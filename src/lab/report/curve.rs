@@ -4,7 +4,7 @@ use super::needs::Needs;
 use crate::Result;
 use crate::lab::page::plot::{self, ALARM, FRONT, MARGINS, axes, color, failed};
 use crate::lab::page::scale::Scale;
-use crate::simplify::{Decision, Law};
+use crate::simplify::Decision;
 use plotters::prelude::*;
 
 /// Width and height, pixels.
@@ -29,8 +29,13 @@ pub(super) fn svg(needs: &Needs) -> Result<String> {
             |points: Vec<[f64; 2]>, style: ShapeStyle| plot::line(svg, points.into_iter().map(at).collect(), style);
         line(growth.clone(), FRONT.stroke_width(1))?;
         if let Some(law) = &needs.law {
-            let ends = ends(&needs.points, needs.knee);
-            line(points_of_law(law, ends), color(1).stroke_width(2))?;
+            let [low, high] = ends(&needs.points, needs.knee);
+            let count = |i: u32| low * (high / low).powf(f64::from(i) / f64::from(SEGMENTS));
+            let counts = (0..=SEGMENTS).map(count);
+            line(
+                counts.map(|splats| [splats, law.at(splats)]).collect(),
+                color(1).stroke_width(2),
+            )?;
         }
         for (series, points) in [(0, &growth), (1, &needs.points)] {
             for &point in points {
@@ -53,11 +58,4 @@ fn ends(points: &[[f64; 2]], knee: Option<f64>) -> [f64; 2] {
     let least = least.min(most);
     let knee = knee.unwrap_or(least).clamp(least / 2.0, 2.0 * most);
     [least.min(knee), most.max(knee)]
-}
-
-/// Points of a law's line between two counts.
-fn points_of_law(law: &Law, [low, high]: [f64; 2]) -> Vec<[f64; 2]> {
-    let count = |i: u32| low * (high / low).powf(f64::from(i) / f64::from(SEGMENTS));
-    let point = |splats: f64| [splats, law.at(splats)];
-    (0..=SEGMENTS).map(|i| point(count(i))).collect()
 }

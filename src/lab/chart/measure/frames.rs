@@ -33,9 +33,6 @@ struct SettingBench {
     setting: FrameSetting,
     model: Rc<Model>,
     renderer: Renderer,
-    /// Nanoseconds of each timed run, over all views: on the device, and of the process.
-    device_ns: Vec<f64>,
-    cpu_ns: Vec<f64>,
     errors: Vec<FrameComparison>,
 }
 
@@ -64,8 +61,6 @@ impl FrameInputs<'_> {
                 model: scenes.model(&setting, &removed)?,
                 setting,
                 renderer: Renderer::new(gpu, options)?,
-                device_ns: Vec::new(),
-                cpu_ns: Vec::new(),
                 errors: Vec::new(),
             });
         }
@@ -87,15 +82,20 @@ impl FrameInputs<'_> {
                 bench.errors.push(compare_frame(&drawn.rgb, &traced, index, rounding));
             }
         }
-        // In turns, so that disturbances of the machine affect all alike.
-        for run in 0..plan.runs.max(1) {
-            progress(&format!("frames: run {} of {}", run + 1, plan.runs));
-            for bench in &mut benches {
-                bench.time(self.cameras, &view)?;
+        let begun = |run| progress(&format!("frames: run {run} of {}", plan.runs));
+        let times = times_ms(&mut benches, plan.runs, self.cameras.len(), begun, |bench| {
+            let mut device_ns = 0.0;
+            for camera in self.cameras {
+                bench.renderer.render(&bench.model, camera, &view)?;
+                device_ns += bench.renderer.timings()?.iter().map(|(_, ns)| ns).sum::<f64>();
             }
-        }
-        let point = |c: &SettingBench| c.point(self.cameras.len());
-        let points = benches.iter().map(point).collect();
+            Ok(device_ns)
+        })?;
+        let points = benches
+            .iter()
+            .zip(times)
+            .map(|(bench, times)| bench.point(times))
+            .collect();
         Ok((points, (!by_rays.is_empty()).then(|| of_channels(by_rays))))
     }
 
@@ -157,19 +157,7 @@ fn compare_frame(drawn: &[[f32; 3]], traced: &[TracedPixel], index: usize, share
 }
 
 impl SettingBench {
-    fn time(&mut self, cameras: &[Camera], view: &ViewOptions) -> Result<()> {
-        let (clock, mut device_ns) = (CpuClock::now(), 0.0);
-        for camera in cameras {
-            self.renderer.render(&self.model, camera, view)?;
-            let stages = self.renderer.timings()?;
-            device_ns += stages.iter().map(|(_, ns)| ns).sum::<f64>();
-        }
-        self.device_ns.push(device_ns);
-        self.cpu_ns.extend(clock.elapsed_ns());
-        Ok(())
-    }
-
-    fn point(&self, views: usize) -> FramePoint {
+    fn point(&self, (time_ms, cpu_ms): (Interval, f64)) -> FramePoint {
         let pool = |of: fn(&FrameComparison) -> &Vec<f64>| -> Vec<f64> {
             let mut all: Vec<f64> = self.errors.iter().flat_map(of).copied().collect();
             all.sort_by(f64::total_cmp);
@@ -182,8 +170,8 @@ impl SettingBench {
         let most = |of: fn(&FrameComparison) -> f64| self.errors.iter().map(of).fold(f64::NEG_INFINITY, larger);
         FramePoint {
             knob: self.setting.knob.clone(),
-            time_ms: milliseconds(&self.device_ns, views),
-            cpu_ms: milliseconds(&self.cpu_ns, views).value,
+            time_ms,
+            cpu_ms,
             scene_bytes: bytes(&self.model),
             error: of_sorted(&errors, squares / (3.0 * pixels)),
             bound: of_sorted(&bounds, promised / pixels),
@@ -200,12 +188,34 @@ fn bytes(model: &Model) -> usize {
     params.chain(slots).sum::<u64>() as usize
 }
 
-/// Median time of a frame, from runs of `frames` each.
-pub(super) fn milliseconds(runs_ns: &[f64], frames: usize) -> Interval {
+/// Medians of device and processor time of a frame of each subject, from runs of `frames` each, which return their
+/// nanoseconds on the device. In turns, so that disturbances of the machine affect all alike.
+pub(super) fn times_ms<T>(
+    subjects: &mut [T],
+    runs: usize,
+    frames: usize,
+    mut begun: impl FnMut(usize),
+    mut run: impl FnMut(&mut T) -> Result<f64>,
+) -> Result<Vec<(Interval, f64)>> {
+    let mut times = vec![(Vec::new(), Vec::new()); subjects.len()];
+    for number in 1..=runs.max(1) {
+        begun(number);
+        for (subject, (device_ns, cpu_ns)) in subjects.iter_mut().zip(&mut times) {
+            let clock = CpuClock::now();
+            device_ns.push(run(subject)?);
+            cpu_ns.extend(clock.elapsed_ns());
+        }
+    }
     let share = 1e-6 / frames as f64;
-    let summary = Summary::of(runs_ns);
-    let [low, high] = summary.interval;
-    Interval::new(summary.median * share, low * share, high * share, summary.runs)
+    let frame = |runs_ns: &[f64]| {
+        let summary = Summary::of(runs_ns);
+        let [low, high] = summary.interval;
+        Interval::new(summary.median * share, low * share, high * share, summary.runs)
+    };
+    Ok(times
+        .iter()
+        .map(|(device, cpu)| (frame(device), frame(cpu).value))
+        .collect())
 }
 
 /// Errors from those of pixels' channels.

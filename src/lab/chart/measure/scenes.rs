@@ -13,9 +13,7 @@ use std::rc::Rc;
 /// Scene and views of the compared frames.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FrameInputs<'a> {
-    /// The scene.
     pub(super) splats: &'a Splats,
-    /// Views.
     pub(super) cameras: &'a [Camera],
     /// Views that bound the error of pruning.
     pub(super) pruned_by: &'a [Camera],

@@ -6,12 +6,11 @@
 
 mod compare;
 
-use super::frames::{exact_options, milliseconds, rounding};
+use super::frames::{exact_options, rounding, times_ms};
 use super::settings::{self, FrameSetting};
 use super::{ChartPlan, reduced, training};
 use crate::gpu::Gpu;
 use crate::io::photo;
-use crate::lab::bench::CpuClock;
 use crate::lab::chart::{GradientErrors, GradientPoint};
 use crate::reference::Options;
 use crate::reference::bound::{Approximations, GradientBounds, Rounding, TracedPixel, gradient_bounds, trace};
@@ -70,7 +69,16 @@ impl GradientInputs<'_> {
                 ..GradientPoint::default()
             });
         }
-        time(&mut timed, &mut points, plan, progress)?;
+        // The first step compiles and grows buffers.
+        timed.iter_mut().try_for_each(|t| t.step().map(|_| ()))?;
+        let begun = |run| progress(&format!("gradients: run {run} of {}", plan.runs));
+        let times = times_ms(&mut timed, plan.runs, 1, begun, |trainer| {
+            trainer.step()?;
+            Ok(trainer.timings()?.iter().map(|(_, ns)| ns).sum())
+        })?;
+        for (point, times) in points.iter_mut().zip(times) {
+            (point.time_ms, point.cpu_ms) = times;
+        }
         Ok(points)
     }
 
@@ -180,31 +188,4 @@ fn config(setting: &FrameSetting, splats: &Splats) -> TrainConfig {
         background: Background::Fixed(training::BACKGROUND),
         ..TrainConfig::for_iterations(30_000)
     }
-}
-
-/// Times steps in turns, so that disturbances of the machine affect all alike.
-fn time(
-    trainers: &mut [Trainer<'_>],
-    points: &mut [GradientPoint],
-    plan: &ChartPlan,
-    progress: &mut dyn FnMut(&str),
-) -> Result<()> {
-    let mut times = vec![(Vec::new(), Vec::new()); trainers.len()];
-    // The first step compiles and grows buffers.
-    trainers.iter_mut().try_for_each(|t| t.step().map(|_| ()))?;
-    for run in 0..plan.runs.max(1) {
-        progress(&format!("gradients: run {} of {}", run + 1, plan.runs));
-        for (trainer, (device_ns, cpu_ns)) in trainers.iter_mut().zip(&mut times) {
-            let clock = CpuClock::now();
-            trainer.step()?;
-            let stages = trainer.timings()?;
-            device_ns.push(stages.iter().map(|(_, ns)| ns).sum());
-            cpu_ns.extend(clock.elapsed_ns());
-        }
-    }
-    for (point, (device_ns, cpu_ns)) in points.iter_mut().zip(&times) {
-        point.time_ms = milliseconds(device_ns, 1);
-        point.cpu_ms = milliseconds(cpu_ns, 1).value;
-    }
-    Ok(())
 }
