@@ -15,12 +15,7 @@ const COUNT: usize = 50_000;
 const SIZE: [u32; 2] = [480, 272];
 const SIGMA_MAX: f64 = 3.0;
 
-/// Names of the baselines on the processor.
 const SCALAR: &str = "processor scalar";
-
-fn vectorised() -> String {
-    format!("processor vectorised {TARGET_FEATURES}")
-}
 
 fn on_host<'a>(case: Case, run: impl Fn() + 'a) -> Subject<'a> {
     Subject {
@@ -44,7 +39,8 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     // Outputs for training include the end of each pixel's list, as do all baselines but the vectorised one.
     let ours = format!("rasterize {}/{lanes}", choice.variant.name());
     let image_ours = format!("rasterize image {}/{lanes}", choice.variant.name());
-    let names = [&ours, &image_ours, "baseline_16x16", SCALAR, &vectorised()];
+    let vectorised = format!("processor vectorised {TARGET_FEATURES}");
+    let names = [&ours, &image_ours, "baseline_16x16", SCALAR, &vectorised];
     if !is_wanted(bench, "forward", &names) {
         return Ok(Vec::new());
     }
@@ -67,7 +63,7 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let (image, ends) = scalar::forward(&host);
     case(SCALAR).judge(&squares.outputs(&planes(&image), Some(&ends)))?;
     let image = vector::forward(&host);
-    case(&vectorised()).judge(&squares.outputs(&planes(&image), None))?;
+    case(&vectorised).judge(&squares.outputs(&planes(&image), None))?;
     let subjects = vec![
         on_device(
             &gpu,
@@ -94,7 +90,7 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
             || square_input.outputs(&gpu, &squares),
         )?,
         on_host(case(SCALAR), || drop(scalar::forward(&host))),
-        on_host(case(&vectorised()), || drop(vector::forward(&host))),
+        on_host(case(&vectorised), || drop(vector::forward(&host))),
     ];
     let pairs = [
         [ours.as_str(), "baseline_16x16"],

@@ -158,25 +158,20 @@ impl Chart {
     pub fn broken(&self) -> Vec<String> {
         let frames = self.frames.iter().filter(|point| !point.holds());
         let frames = frames.map(|point| {
+            let (name, excess, rounding) = (point.knob.name(), point.excess, point.rounding);
             format!(
-                "{}: a pixel lies {:.2e} beyond its proven bound (largest error {:.2e}, largest bound {:.2e}, \
-                 rounding {:.2e})",
-                point.knob.name(),
-                point.excess,
-                point.error.max,
-                point.bound.max,
-                point.rounding
+                "{name}: a pixel lies {excess:.2e} beyond its proven bound (largest error {:.2e}, largest bound \
+                 {:.2e}, rounding {rounding:.2e})",
+                point.error.max, point.bound.max
             )
         });
         let gradients = self.gradients.iter().filter(|point| !point.holds());
         let gradients = gradients.map(|point| {
+            let (name, excess) = (point.knob.name(), point.excess);
             format!(
-                "{}: a gradient lies {:.2e} of its size beyond its proven bound (99 % of errors up to {:.2e}, of \
-                 bounds up to {:.2e})",
-                point.knob.name(),
-                point.excess,
-                point.error.p99,
-                point.bound.p99
+                "{name}: a gradient lies {excess:.2e} of its size beyond its proven bound (99 % of errors up to \
+                 {:.2e}, of bounds up to {:.2e})",
+                point.error.p99, point.bound.p99
             )
         });
         frames.chain(gradients).collect()

@@ -18,6 +18,7 @@ const OF_RUNS: &str = include_str!("runs.html");
 /// When a figure cannot be drawn.
 pub fn html(chart: &Chart) -> Result<String> {
     let mut body = heading(chart);
+    let details = |table| format!("<details open>\n<summary>The numbers</summary>\n{table}</details>\n");
     let Chart {
         frames,
         gradients,
@@ -29,14 +30,14 @@ pub fn html(chart: &Chart) -> Result<String> {
         body += &format!("<h2>Rendering: time against error</h2>\n{OF_FRAMES}");
         body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_frames(chart))?;
-        body += &details(&tables::of_frames(chart));
+        body += &details(tables::of_frames(chart));
     }
     if !gradients.is_empty() {
         let knobs = gradients.iter().map(|p| &p.knob);
         body += &format!("<h2>Gradients: time against error</h2>\n{OF_GRADIENTS}");
         body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_gradients(chart))?;
-        body += &details(&tables::of_gradients(chart));
+        body += &details(tables::of_gradients(chart));
     }
     if !runs.is_empty() {
         let knobs = runs.iter().map(|p| &p.knob);
@@ -44,7 +45,7 @@ pub fn html(chart: &Chart) -> Result<String> {
         body += &costs(runs);
         body += &legend(chart, knobs, false)?;
         body += &figures(&panels::of_runs(chart))?;
-        body += &details(&tables::of_runs(chart));
+        body += &details(tables::of_runs(chart));
     }
     Ok(document("speed against accuracy", &body))
 }
@@ -107,10 +108,6 @@ fn figures(plots: &[ScatterPlot]) -> Result<String> {
         text += &page::figure(class, &plot.svg()?, &escaped(plot.caption));
     }
     Ok(text + "</div>\n")
-}
-
-fn details(table: &str) -> String {
-    format!("<details open>\n<summary>The numbers</summary>\n{table}</details>\n")
 }
 
 #[cfg(test)]

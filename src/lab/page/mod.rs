@@ -36,15 +36,12 @@ pub(crate) fn facts(facts: &[Fact]) -> String {
 
 /// Summary of the checks of a page, with a line for each broken one.
 pub(crate) fn verdict(summary: &str, broken: &[String]) -> String {
-    if broken.is_empty() {
-        return format!("<p class=\"verdict\">{}</p>\n", escaped(summary));
-    }
     let line = |text: &String| format!("<br>{}", escaped(text));
-    let lines: String = broken.iter().map(line).collect();
-    format!(
-        "<p class=\"verdict broken\"><strong>{}</strong>{lines}</p>\n",
-        escaped(summary)
-    )
+    let (summary, lines) = (escaped(summary), broken.iter().map(line).collect::<String>());
+    match broken.is_empty() {
+        true => format!("<p class=\"verdict\">{summary}</p>\n"),
+        false => format!("<p class=\"verdict broken\"><strong>{summary}</strong>{lines}</p>\n"),
+    }
 }
 
 /// Table from its head and rows of text, with a flag for each row to be marked as broken.

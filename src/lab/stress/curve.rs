@@ -32,14 +32,12 @@ pub(super) fn svg(sweep: &Sweep) -> Result<String> {
                 false => point.measured,
             };
             let place = at(point.x, shown);
-            match point.holds() {
-                // Many points are drawn as a line.
-                true if points.len() > 60 => {}
-                true => {
-                    let disc = Circle::new(place, 3, color(0).filled());
-                    svg.draw(&disc).map_err(failed)?;
-                }
-                false => plot::alarm(svg, place, 6)?,
+            // Many points are drawn as a line.
+            if !point.holds() {
+                plot::alarm(svg, place, 6)?;
+            } else if points.len() <= 60 {
+                let disc = Circle::new(place, 3, color(0).filled());
+                svg.draw(&disc).map_err(failed)?;
             }
         }
         Ok(())

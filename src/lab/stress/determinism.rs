@@ -10,10 +10,8 @@ const CHANGED: &str = "pixels that changed";
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let (splats, near) = (lab.subject.splats.clone(), lab.subject.near);
     let cameras = lab.subject.cameras.clone();
-    let mut first = Vec::new();
-    for camera in &cameras {
-        first.push(lab.draw(&splats, camera, near)?);
-    }
+    let first = cameras.iter().map(|camera| lab.draw(&splats, camera, near));
+    let first = first.collect::<Result<Vec<_>>>()?;
     let mut again = 0;
     for _ in 0..4 {
         for (camera, first) in cameras.iter().zip(&first) {

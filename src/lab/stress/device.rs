@@ -166,11 +166,14 @@ fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
     }
 }
 
+/// An argument, and the condition of its value.
+type ExpectedValue = (f32, fn(f32) -> bool);
+
 /// Values of compositing and projection at the ends of their ranges.
 fn special_values(lab: &mut StressRun<'_>) -> Result<()> {
     let is_zero = |value: f32| (0.0..f32::MIN_POSITIVE).contains(&value);
     let is_infinite = |value: f32| value == f32::INFINITY;
-    let expected: [(f32, fn(f32) -> bool); 7] = [
+    let expected: [ExpectedValue; 7] = [
         (f32::NEG_INFINITY, is_zero),
         // Exponent of splats hidden from compositing.
         (-1e30, is_zero),

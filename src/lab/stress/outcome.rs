@@ -176,9 +176,11 @@ impl Sweep {
 
     /// Check of the point closest to its bound.
     pub fn outcome(&self, unit: &'static str) -> StressCheck {
-        let at = |p: &SweepPoint| format!("closest to its bound at {}", short_number(p.x));
         let (pair, at) = match self.closest() {
-            Some(p) => ([p.measured, p.bound], at(&p)),
+            Some(p) => (
+                [p.measured, p.bound],
+                format!("closest to its bound at {}", short_number(p.x)),
+            ),
             None => ([f64::NAN; 2], "nothing was measured".into()),
         };
         let count = self.points.len();

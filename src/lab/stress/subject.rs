@@ -144,9 +144,8 @@ fn push(splats: &mut Splats, disc: &Disc, random: &mut Random) {
     let spread = [0; 2].map(|_| (disc.size * random.log_between(0.8, 1.25)).ln() as f32);
     splats.mean.push(disc.place.as_vec3().to_array());
     splats.quaternion.push(quaternion);
-    splats
-        .log_scale
-        .push([spread[0], spread[1], (0.15 * disc.size).ln() as f32]);
+    let thin = (0.15 * disc.size).ln() as f32;
+    splats.log_scale.push([spread[0], spread[1], thin]);
     splats.opacity_logit.push(random.between(1.0, 4.0) as f32);
     splats.sh.extend(disc.color.map(|c| (c as f32 - 0.5) / SH_C0));
     for _ in 3..splats.sh_stride() {

@@ -6,7 +6,6 @@
 pub mod page;
 pub mod record;
 pub mod runner;
-mod scenes;
 
 use crate::lab::page::distinct;
 use crate::stats::Interval;

@@ -1,21 +1,21 @@
-//! One training run of a survey, from its recipe to its results.
+//! One training run of a survey, from its recipe to its results; built-in scenes, and checksums of data sets.
 //!
 //! All recipes take the same steps on the same photographs; [`config`] has their differences. Time includes the work
 //! between steps, but not loading and evaluation.
 //!
 //! **Invariant:** except for times and the date, the same task gives the same run on the same device.
 
-pub use super::scenes::{built_in, checksum};
-
 use super::{Recipe, SurveyRun};
 use crate::gpu::{Buffer, Gpu};
 use crate::io;
 use crate::lab::bench::{CpuClock, record};
 use crate::lab::evaluator::{frame_ms, held_out};
+use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::metrics::MeanScore;
 use crate::render::Model;
 use crate::scene::{Dataset, Splats, Split};
 use crate::simplify::{AutoRun, CountController, History, for_auto_count, reduce_harmonics};
+use crate::train::checkpoint::fingerprint;
 use crate::train::config::LearningRates;
 use crate::train::{StrategyKind, TrainConfig, Trainer};
 use crate::{Error, Result};
@@ -24,6 +24,32 @@ use std::time::Instant;
 
 /// Steps of [`Task::warm_up`].
 const WARM_UP: u32 = 3;
+
+/// Photographs of a built-in scene.
+const VIEWS: usize = 48;
+
+/// A built-in scene in photographs of this width and three quarters of it in height; every eighth is held out.
+pub fn built_in(kind: Kind, width: u32) -> Dataset {
+    synth::scene(kind).dataset(&SynthOptions {
+        views: VIEWS,
+        width,
+        height: (width * 3 / 4).max(1),
+        ..SynthOptions::default()
+    })
+}
+
+/// Checksum of a data set's training views and points, hexadecimal. The colours of points are included, photographs are
+/// not.
+pub fn checksum(dataset: &Dataset) -> String {
+    let mut hash = crc32fast::Hasher::new();
+    hash.update(&fingerprint(dataset).to_le_bytes());
+    for point in &dataset.points {
+        let position = point.position.iter().flat_map(|x| x.to_le_bytes());
+        let color = point.color.iter().flat_map(|x| x.to_le_bytes());
+        hash.update(&position.chain(color).collect::<Vec<u8>>());
+    }
+    format!("{:08x}", hash.finalize())
+}
 
 /// Settings of a run.
 #[derive(Clone, Copy, Debug)]
@@ -188,8 +214,7 @@ impl Task<'_> {
 fn file_bytes(folder: &Path, splats: &Splats) -> Result<u64> {
     let path = folder.join("needs.ply");
     io::ply::write(&path, splats)?;
-    let bytes = std::fs::metadata(&path).map(|file| file.len());
-    let bytes = bytes.map_err(Error::io(&path))?;
+    let bytes = std::fs::metadata(&path).map_err(Error::io(&path))?.len();
     std::fs::remove_file(&path).map_err(Error::io(&path))?;
     Ok(bytes)
 }
@@ -207,6 +232,20 @@ fn device_bytes(model: &Model) -> Vec<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn other_sizes_and_scenes_have_other_checksums() {
+        let found = [
+            built_in(Kind::Plane, 16),
+            built_in(Kind::Plane, 20),
+            built_in(Kind::Sphere, 16),
+        ];
+        let [plane, larger, sphere] = found.each_ref().map(checksum);
+        assert_eq!(plane, checksum(&built_in(Kind::Plane, 16)));
+        assert!(plane != larger && plane != sphere && larger != sphere);
+        assert_eq!(plane.len(), 8);
+        assert_eq!(found[0].split(Split::Test).len(), VIEWS / 8);
+    }
 
     #[test]
     fn recipes_differ_in_their_own_constants_alone() {
