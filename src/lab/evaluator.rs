@@ -14,15 +14,6 @@ pub(super) const BACKGROUND: [f32; 3] = [0.0; 3];
 /// Timed frames of each view, after one that is not timed.
 const ROUNDS: usize = 5;
 
-/// Medians of a frame, milliseconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct FrameTime {
-    /// On the device, by its timestamps.
-    pub(super) device_ms: f64,
-    /// Processor time of the process; `None` if the system does not report it.
-    pub(super) cpu_ms: Option<f64>,
-}
-
 fn view_options(dataset: &Dataset, filter: ScreenFilter) -> ViewOptions {
     ViewOptions {
         background: BACKGROUND,
@@ -45,8 +36,9 @@ pub(super) fn held_out<'d>(gpu: &Gpu, dataset: &'d Dataset) -> Result<Evaluator<
     Evaluator::new(gpu, dataset, &views, options).with_photos()
 }
 
-/// Time of a frame of the held-out views, by a renderer of the model's own SH degree.
-pub(super) fn frame_time(gpu: &Gpu, dataset: &Dataset, splats: &Splats, model: &Model) -> Result<FrameTime> {
+/// Median times of a frame of the held-out views in milliseconds, by a renderer of the model's own SH degree: on the
+/// device by its timestamps, and of the process, `None` if the system does not report it.
+pub(super) fn frame_ms(gpu: &Gpu, dataset: &Dataset, splats: &Splats, model: &Model) -> Result<(f64, Option<f64>)> {
     let options = RenderOptions {
         sh_degree: model.sh_degree,
         ..RenderOptions::default()
@@ -66,8 +58,6 @@ pub(super) fn frame_time(gpu: &Gpu, dataset: &Dataset, splats: &Splats, model: &
             }
         }
     }
-    Ok(FrameTime {
-        device_ms: Summary::of(&device).median,
-        cpu_ms: (!cpu.is_empty()).then(|| Summary::of(&cpu).median),
-    })
+    let cpu_ms = (!cpu.is_empty()).then(|| Summary::of(&cpu).median);
+    Ok((Summary::of(&device).median, cpu_ms))
 }

@@ -1,15 +1,13 @@
 //! Compositing against baselines, forward and backward.
 
 use super::scalar::{self, HostInput};
-use super::{Ratio, TARGET_FEATURES, on_processor, vector};
+use super::{Ratio, TARGET_FEATURES, case, compare, is_wanted, on_device, vector};
 use crate::Result;
-use crate::gpu::{Frames, Gpu, Recorder};
+use crate::gpu::Recorder;
 use crate::kernels::rasterize::Outputs;
 use crate::kernels::{baseline_16x16, baseline_16x16_backward, rasterize, rasterize_backward};
-use crate::lab::bench::check::Output;
 use crate::lab::bench::kernels::gradient::{SAMPLED, SOURCE_TOLERANCE, SPLAT_TOLERANCE, params};
 use crate::lab::bench::kernels::{Composite, CompositeBuffers, Device, Gradient};
-use crate::lab::bench::session::device_times;
 use crate::lab::bench::session::{Bench, Case};
 use crate::lab::bench::trial::{Subject, host_times};
 
@@ -17,58 +15,13 @@ const COUNT: usize = 50_000;
 const SIZE: [u32; 2] = [480, 272];
 const SIGMA_MAX: f64 = 3.0;
 
-/// Names of the baselines on the processor.
 const SCALAR: &str = "processor scalar";
-
-fn vectorised() -> String {
-    format!("processor vectorised {TARGET_FEATURES}")
-}
-
-/// Checks a device's kernel and prepares it for timing.
-fn on_device<'a>(
-    gpu: &Gpu,
-    case: Case,
-    prepare: impl Fn(&mut Recorder<'_>),
-    record: impl Fn(&mut Recorder<'_>) + 'a,
-    outputs: impl FnOnce() -> Result<Vec<Output>>,
-) -> Result<Subject<'a>> {
-    gpu.run(prepare)?;
-    gpu.run(&record)?;
-    case.judge(&outputs()?)?;
-    let mut frames = Frames::new(gpu, 1, true)?;
-    Ok(Subject {
-        case,
-        run: Box::new(move || device_times(&mut frames, |_| {}, &record)),
-    })
-}
 
 fn on_host<'a>(case: Case, run: impl Fn() + 'a) -> Subject<'a> {
     Subject {
         case,
         run: Box::new(move || Ok(host_times(&run))),
     }
-}
-
-/// Measures in turns and compares; a pair is the name of an engine's kernel and the prefix of a baseline's name.
-fn compare(bench: &mut Bench, what: &str, mut subjects: Vec<Subject<'_>>, pairs: &[[&str; 2]]) -> Result<Vec<Ratio>> {
-    let runs = bench.measure_in_turns(&mut subjects)?;
-    let by_processor = on_processor(bench);
-    let named = |name: &str| {
-        let mut all = subjects.iter().zip(&runs);
-        all.find(|(subject, _)| subject.case.variant.starts_with(name))
-            .map(|(subject, times)| (subject.case.variant.as_str(), times.as_slice()))
-    };
-    let ratio = |&[ours, baseline]: &[&str; 2]| Some(Ratio::of(what, [named(ours)?, named(baseline)?], by_processor));
-    Ok(pairs.iter().filter_map(ratio).collect())
-}
-
-fn case(what: &str, variant: &str) -> Case {
-    Case::of("baseline", what, variant, 0)
-}
-
-/// True if the filter selects one of the variants; then all subjects of the comparison are measured.
-fn wanted(bench: &Bench, what: &str, variants: &[&str]) -> bool {
-    variants.iter().any(|variant| bench.wants(&case(what, variant)))
 }
 
 /// An image by pixel as planes.
@@ -86,8 +39,9 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     // Outputs for training include the end of each pixel's list, as do all baselines but the vectorised one.
     let ours = format!("rasterize {}/{lanes}", choice.variant.name());
     let image_ours = format!("rasterize image {}/{lanes}", choice.variant.name());
-    let names = [&ours, &image_ours, "baseline_16x16", SCALAR, &vectorised()];
-    if !wanted(bench, "forward", &names) {
+    let vectorised = format!("processor vectorised {TARGET_FEATURES}");
+    let names = [&ours, &image_ours, "baseline_16x16", SCALAR, &vectorised];
+    if !is_wanted(bench, "forward", &names) {
         return Ok(Vec::new());
     }
     let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
@@ -109,7 +63,7 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let (image, ends) = scalar::forward(&host);
     case(SCALAR).judge(&squares.outputs(&planes(&image), Some(&ends)))?;
     let image = vector::forward(&host);
-    case(&vectorised()).judge(&squares.outputs(&planes(&image), None))?;
+    case(&vectorised).judge(&squares.outputs(&planes(&image), None))?;
     let subjects = vec![
         on_device(
             &gpu,
@@ -136,7 +90,7 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
             || square_input.outputs(&gpu, &squares),
         )?,
         on_host(case(SCALAR), || drop(scalar::forward(&host))),
-        on_host(case(&vectorised()), || drop(vector::forward(&host))),
+        on_host(case(&vectorised), || drop(vector::forward(&host))),
     ];
     let pairs = [
         [ours.as_str(), "baseline_16x16"],
@@ -150,7 +104,7 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let gpu = bench.gpu().clone();
     let choice = rasterize_backward::Choice::prefer(gpu.caps());
     let ours = format!("rasterize_backward {}/{}", choice.variant.name(), choice.spec.workgroup);
-    if !wanted(bench, "backward", &[&ours, "baseline_16x16", SCALAR]) {
+    if !is_wanted(bench, "backward", &[&ours, "baseline_16x16", SCALAR]) {
         return Ok(Vec::new());
     }
     let engine = Composite::new(COUNT, SIZE, SIGMA_MAX);
@@ -170,10 +124,13 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let (image, ends) = scalar::forward(&host);
     let sums = scalar::backward(&host, &image, &ends, &square_gradient.d_sampled);
     case(SCALAR).judge(&square_gradient.judge_splats(&scalar::whitened(&host, &sums), SPLAT_TOLERANCE))?;
+    for device in [&device, &square_device] {
+        gpu.run(|rec| device.upstream(rec, true))?;
+    }
     let mut subjects = vec![on_device(
         &gpu,
         case(&ours),
-        |rec| device.upstream(rec, true),
+        |_| {},
         |rec| {
             let io = device.rasterize_backward(&input);
             kernel.record(rec, io, params(&input), input.groups());
@@ -188,7 +145,7 @@ pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
         subjects.push(on_device(
             &gpu,
             case("baseline_16x16"),
-            |rec| device.upstream(rec, true),
+            |_| {},
             move |rec| {
                 let io = device.baseline_16x16_backward(input);
                 old.record_cleared(rec, io, input.groups());

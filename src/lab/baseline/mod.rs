@@ -14,9 +14,11 @@ pub mod vector;
 pub use ratio::Ratio;
 pub use report::KernelReport;
 
-use super::bench::session::Bench;
+use super::bench::check::Output;
+use super::bench::session::{Bench, Case, device_times};
+use super::bench::trial::Subject;
 use crate::Result;
-use crate::gpu::DeviceKind;
+use crate::gpu::{DeviceKind, Frames, Gpu, Recorder};
 
 /// Measures the comparisons that the filter selects.
 ///
@@ -29,9 +31,45 @@ pub fn run(bench: &mut Bench) -> Result<Vec<Ratio>> {
     Ok(ratios)
 }
 
-/// True for a software device, measured by processor time.
-fn on_processor(bench: &Bench) -> bool {
-    bench.gpu().caps().kind == DeviceKind::Cpu
+/// Checks a device's kernel and prepares it for timing.
+fn on_device<'a>(
+    gpu: &Gpu,
+    case: Case,
+    prepare: impl Fn(&mut Recorder<'_>) + 'a,
+    record: impl Fn(&mut Recorder<'_>) + 'a,
+    outputs: impl FnOnce() -> Result<Vec<Output>>,
+) -> Result<Subject<'a>> {
+    gpu.run(&prepare)?;
+    gpu.run(&record)?;
+    case.judge(&outputs()?)?;
+    let mut frames = Frames::new(gpu, 1, true)?;
+    Ok(Subject {
+        case,
+        run: Box::new(move || device_times(&mut frames, &prepare, &record)),
+    })
+}
+
+/// Measures in turns and compares; a pair is the name of an engine's kernel and the prefix of a baseline's name.
+fn compare(bench: &mut Bench, what: &str, mut subjects: Vec<Subject<'_>>, pairs: &[[&str; 2]]) -> Result<Vec<Ratio>> {
+    let runs = bench.measure_in_turns(&mut subjects)?;
+    // A software device is measured by processor time.
+    let by_processor = bench.gpu().caps().kind == DeviceKind::Cpu;
+    let named = |name: &str| {
+        let mut all = subjects.iter().zip(&runs);
+        all.find(|(subject, _)| subject.case.variant.starts_with(name))
+            .map(|(subject, times)| (subject.case.variant.as_str(), times.as_slice()))
+    };
+    let ratio = |&[ours, baseline]: &[&str; 2]| Some(Ratio::of(what, [named(ours)?, named(baseline)?], by_processor));
+    Ok(pairs.iter().filter_map(ratio).collect())
+}
+
+fn case(what: &str, variant: &str) -> Case {
+    Case::of("baseline", what, variant, 0)
+}
+
+/// True if the filter selects one of the variants; then all subjects of the comparison are measured.
+fn is_wanted(bench: &Bench, what: &str, variants: &[&str]) -> bool {
+    variants.iter().any(|variant| bench.wants(&case(what, variant)))
 }
 
 /// Vector instructions that the compiler was allowed to use.

@@ -24,12 +24,9 @@ pub struct Ratio {
 impl Ratio {
     /// Median ratio over rounds in which both ran once, by processor time or by device time.
     pub fn of(what: &str, [ours, baseline]: [(&str, &[Times]); 2], by_processor: bool) -> Ratio {
-        let time = |times: &Times| {
-            let clock = || times.stages.iter().map(|(_, ns)| ns).sum::<f64>();
-            match times.cpu_ns {
-                Some(ns) if by_processor => ns,
-                _ => clock(),
-            }
+        let time = |times: &Times| match times.cpu_ns {
+            Some(ns) if by_processor => ns,
+            _ => times.stages.iter().map(|(_, ns)| ns).sum::<f64>(),
         };
         let rounds = ours.1.iter().zip(baseline.1);
         let ratios: Vec<f64> = rounds.map(|(ours, baseline)| time(baseline) / time(ours)).collect();

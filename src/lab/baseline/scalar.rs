@@ -79,13 +79,8 @@ impl<'a> HostInput<'a> {
     }
 
     /// Number of pixels.
-    pub fn len(&self) -> usize {
+    pub fn pixels(&self) -> usize {
         self.size[0] * self.size[1]
-    }
-
-    /// True without pixels.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// List of a tile, and its first index.
@@ -100,7 +95,7 @@ impl<'a> HostInput<'a> {
 }
 
 /// Transmittance below which a pixel is done.
-const T_MIN: f32 = Thresholds::ENGINE.transmittance_min as f32;
+pub(super) const T_MIN: f32 = Thresholds::ENGINE.transmittance_min as f32;
 
 /// Alpha below which a splat is left out of a pixel.
 const ALPHA_MIN: f32 = Thresholds::ENGINE.alpha_min as f32;
@@ -108,8 +103,8 @@ const ALPHA_MIN: f32 = Thresholds::ENGINE.alpha_min as f32;
 /// Red, green, blue, transmittance of every pixel, and one past the last intersection that counts for it.
 pub fn forward(input: &HostInput<'_>) -> (Vec<[f32; 4]>, Vec<u32>) {
     let width = input.size[0];
-    let mut image = vec![[0.0; 4]; input.len()];
-    let mut ends = vec![0; input.len()];
+    let mut image = vec![[0.0; 4]; input.pixels()];
+    let mut ends = vec![0; input.pixels()];
     let rows = image.par_chunks_mut(width).zip(ends.par_chunks_mut(width));
     rows.enumerate().for_each(|(y, (row, ends))| {
         for x in 0..width {
@@ -159,7 +154,7 @@ pub fn backward(input: &HostInput<'_>, image: &[[f32; 4]], ends: &[u32], d_image
             for y in (thread..input.size[1]).step_by(threads) {
                 for x in 0..input.size[0] {
                     let at = y * input.size[0] + x;
-                    let d = [0, 1, 2].map(|channel| d_image[channel * input.len() + at]);
+                    let d = [0, 1, 2].map(|channel| d_image[channel * input.pixels() + at]);
                     pixel_backward(input, [x, y], image[at][3], ends[at], d, &mut sums);
                 }
             }

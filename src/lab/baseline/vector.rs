@@ -1,18 +1,15 @@
 //! Vectorised renderer on the processor: splat after splat over the pixels of a tile, without rows outside the splat's
 //! extent, with a branchless exponential. For builds with `-C target-cpu=native`.
 
-use super::scalar::HostInput;
+use super::scalar::{HostInput, T_MIN};
 use crate::lab::bench::input::pack::Splat2d;
 use crate::layout::{ALPHA_MAX, LOG2_255};
-use crate::reference::Thresholds;
 use rayon::prelude::*;
 
 /// Pixels of a row of a tile; tiles are as high.
 const TILE: usize = 16;
 /// Splats between two checks for a finished tile.
 const BATCH: usize = 16;
-/// Transmittance below which a pixel is done.
-const T_MIN: f32 = Thresholds::ENGINE.transmittance_min as f32;
 
 /// One value per pixel of a tile's row.
 type TileRow = [f32; TILE];
@@ -29,7 +26,7 @@ pub fn forward(input: &HostInput<'_>) -> Vec<[f32; 4]> {
         .into_par_iter()
         .map(|tile| composite(input, tile, columns))
         .collect();
-    let mut image = vec![[0.0; 4]; input.len()];
+    let mut image = vec![[0.0; 4]; input.pixels()];
     image.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.iter_mut().enumerate() {
             let planes = &tiles[y / TILE * columns + x / TILE].0[y % TILE];

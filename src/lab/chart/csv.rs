@@ -23,11 +23,7 @@ pub fn csv(chart: &Chart) -> String {
         lines.number(knob, "rounding", point.rounding, None);
     }
     if let Some(FrameErrors { max, p99, psnr_db }) = chart.projection {
-        let knob = Knob {
-            series: "linear projection".into(),
-            setting: "against rays".into(),
-            is_default: false,
-        };
+        let knob = Knob::new("linear projection", "against rays");
         for (quantity, value) in [("max_error", max), ("p99_error", p99), ("psnr_db", psnr_db)] {
             lines.number(("model", &knob), quantity, value, None);
         }

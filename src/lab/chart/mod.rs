@@ -40,6 +40,15 @@ pub struct Knob {
 }
 
 impl Knob {
+    /// A setting that is not the default.
+    pub fn new(series: &str, setting: impl Into<String>) -> Knob {
+        Knob {
+            series: series.into(),
+            setting: setting.into(),
+            is_default: false,
+        }
+    }
+
     /// `stop alone 1e-3`.
     pub fn name(&self) -> String {
         format!("{} {}", self.series, self.setting)
@@ -149,25 +158,20 @@ impl Chart {
     pub fn broken(&self) -> Vec<String> {
         let frames = self.frames.iter().filter(|point| !point.holds());
         let frames = frames.map(|point| {
+            let (name, excess, rounding) = (point.knob.name(), point.excess, point.rounding);
             format!(
-                "{}: a pixel lies {:.2e} beyond its proven bound (largest error {:.2e}, largest bound {:.2e}, \
-                 rounding {:.2e})",
-                point.knob.name(),
-                point.excess,
-                point.error.max,
-                point.bound.max,
-                point.rounding
+                "{name}: a pixel lies {excess:.2e} beyond its proven bound (largest error {:.2e}, largest bound \
+                 {:.2e}, rounding {rounding:.2e})",
+                point.error.max, point.bound.max
             )
         });
         let gradients = self.gradients.iter().filter(|point| !point.holds());
         let gradients = gradients.map(|point| {
+            let (name, excess) = (point.knob.name(), point.excess);
             format!(
-                "{}: a gradient lies {:.2e} of its size beyond its proven bound (99 % of errors up to {:.2e}, of \
-                 bounds up to {:.2e})",
-                point.knob.name(),
-                point.excess,
-                point.error.p99,
-                point.bound.p99
+                "{name}: a gradient lies {excess:.2e} of its size beyond its proven bound (99 % of errors up to \
+                 {:.2e}, of bounds up to {:.2e})",
+                point.error.p99, point.bound.p99
             )
         });
         frames.chain(gradients).collect()
@@ -180,11 +184,7 @@ pub(crate) mod tests {
 
     pub(crate) fn frame(setting: &str, excess: f64) -> FramePoint {
         FramePoint {
-            knob: Knob {
-                series: "stop alone".into(),
-                setting: setting.into(),
-                is_default: false,
-            },
+            knob: Knob::new("stop alone", setting),
             time_ms: Interval::new(2.0, 1.5, 2.5, 9),
             error: FrameErrors {
                 max: 2e-3,

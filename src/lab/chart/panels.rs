@@ -2,15 +2,9 @@
 
 use super::pareto::front;
 use super::{Chart, FrameErrors, GradientErrors, Knob, RunPoint};
-use crate::lab::page::scatter::{Axis, Marker, ScatterPlot};
+use crate::lab::page::distinct;
+use crate::lab::page::scatter::{Marker, ScatterPlot};
 use crate::stats::Interval;
-
-/// A plot and its caption.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Panel {
-    pub(super) plot: ScatterPlot,
-    pub(super) caption: String,
-}
 
 /// Sizes in pixels: one figure across the page, and two beside each other.
 const WIDE: [u32; 2] = [1080, 470];
@@ -19,23 +13,14 @@ const HALF: [u32; 2] = [532, 390];
 /// Name of the model's own error.
 const PROJECTION: &str = "EWA against rays";
 
-const TIME_OF_FRAME: Axis = Axis {
-    title: "time of a frame on the device, ms",
-    is_log: false,
-};
+const PSNR: &str = "PSNR of held-out views, dB";
 
 /// Names of all series of the page in the order of their first point; a series has the same glyph everywhere.
 pub(super) fn series(chart: &Chart) -> Vec<&str> {
     let frames = chart.frames.iter().map(|p| &p.knob);
     let gradients = chart.gradients.iter().map(|p| &p.knob);
     let runs = chart.runs.iter().map(|p| &p.knob);
-    let mut names: Vec<&str> = Vec::new();
-    for knob in frames.chain(gradients).chain(runs) {
-        if !names.contains(&knob.series.as_str()) {
-            names.push(&knob.series);
-        }
-    }
-    names
+    distinct(frames.chain(gradients).chain(runs).map(|knob| knob.series.as_str()))
 }
 
 fn mark(names: &[&str], knob: &Knob, x: f64, y: f64) -> Marker {
@@ -57,219 +42,163 @@ fn bar(interval: &Interval) -> Option<[f64; 2]> {
     (interval.high > interval.low).then_some([interval.low, interval.high])
 }
 
-/// Bar from the measured value to its proven bound.
-fn bound_bar(value: f64, bound: f64) -> Option<[f64; 2]> {
-    let is_bounded = bound.is_finite();
-    is_bounded.then_some([value.min(bound), value.max(bound)])
-}
-
-/// Pareto front of low x and low y; of high y if `is_high_good`.
-fn front_of(markers: &[Marker], is_high_good: bool) -> Vec<usize> {
-    let sign = if is_high_good { -1.0 } else { 1.0 };
+/// Plot with its Pareto front: of low x, and of low errors, which have a logarithmic axis, or of high quality on a
+/// linear one.
+fn plot(size: [u32; 2], titles: [&'static str; 2], is_log: bool, markers: Vec<Marker>) -> ScatterPlot {
+    let sign = if is_log { 1.0 } else { -1.0 };
     let points: Vec<[f64; 2]> = markers.iter().map(|m| [m.x, sign * m.y]).collect();
-    front(&points)
+    ScatterPlot {
+        size,
+        titles,
+        are_log: [false, is_log],
+        front: front(&points),
+        markers,
+        ..ScatterPlot::default()
+    }
 }
 
-/// Look of a panel of frames.
-struct FrameView {
-    size: [u32; 2],
-    y: Axis,
-    /// Plotted value.
-    value: fn(&FrameErrors) -> f64,
-    is_high_good: bool,
-    caption: &'static str,
-}
+/// Point with proven bounds: setting, time, errors, their bounds, and whether all are kept.
+type BoundedPoint<'a, E> = (&'a Knob, &'a Interval, &'a E, &'a E, bool);
 
-/// Panels of frame time against errors.
-pub(super) fn of_frames(chart: &Chart) -> Vec<Panel> {
+/// Size, vertical axis, true for a logarithmic one, plotted error, and caption of a plot of such points.
+type BoundedView<E> = ([u32; 2], &'static str, bool, fn(&E) -> f64, &'static str);
+
+/// Plot of errors over time, with bars to their proven bounds.
+fn bounded<E>(
+    chart: &Chart,
+    time: &'static str,
+    points: &[BoundedPoint<'_, E>],
+    &(size, title, is_log, value, caption): &BoundedView<E>,
+) -> ScatterPlot {
     let names = series(chart);
-    let views = [
-        FrameView {
-            size: WIDE,
-            y: Axis {
-                title: "largest error of any pixel (of 1)",
-                is_log: true,
-            },
-            value: |e| e.max,
-            is_high_good: false,
-            caption: "Largest error. Each sign is a setting, its upper bar reaches to the largest error that was \
-                      proven possible before the frame was drawn; the sign lies below its bar's end, or rounding \
-                      explains it, or the point has failed. Left and low is good.",
-        },
-        FrameView {
-            size: HALF,
-            y: Axis {
-                title: "99th percentile of the error (of 1)",
-                is_log: true,
-            },
-            value: |e| e.p99,
-            is_high_good: false,
-            caption: "99th percentile of the pixels' errors. Bars end at that of the pixels' own bounds.",
-        },
-        FrameView {
-            size: HALF,
-            y: Axis {
-                title: "PSNR against the exact frame, dB",
-                is_log: false,
-            },
-            value: |e| e.psnr_db,
-            is_high_good: true,
-            caption: "The whole frame in one figure. Bars end at the PSNR that the bounds' root mean square \
-                      promises: the worst that was possible. Left and high is good.",
-        },
-    ];
-    let panel = |view: FrameView| {
-        let markers: Vec<Marker> = chart
-            .frames
-            .iter()
-            .map(|point| {
-                let (value, bound) = ((view.value)(&point.error), (view.value)(&point.bound));
-                Marker {
-                    x_bar: bar(&point.time_ms),
-                    y_bar: bound_bar(value, bound),
-                    is_broken: !point.holds(),
-                    ..mark(&names, &point.knob, point.time_ms.value, value)
-                }
-            })
-            .collect();
-        Panel {
-            plot: ScatterPlot {
-                size: view.size,
-                x: TIME_OF_FRAME,
-                y: view.y,
-                front: front_of(&markers, view.is_high_good),
-                markers,
-                levels: chart.projection.iter().map(|e| (PROJECTION, (view.value)(e))).collect(),
-                are_courses: false,
-            },
-            caption: view.caption.into(),
+    let marker = |&(knob, time_ms, error, bound, holds): &BoundedPoint<'_, E>| {
+        let (value, bound) = (value(error), value(bound));
+        Marker {
+            x_bar: bar(time_ms),
+            y_bar: bound.is_finite().then_some([value.min(bound), value.max(bound)]),
+            is_broken: !holds,
+            ..mark(&names, knob, time_ms.value, value)
         }
     };
-    views.into_iter().map(panel).collect()
+    ScatterPlot {
+        caption,
+        ..plot(size, [time, title], is_log, points.iter().map(marker).collect())
+    }
 }
 
-/// Panels of step time against the errors of its gradient.
-pub(super) fn of_gradients(chart: &Chart) -> Vec<Panel> {
-    let names = series(chart);
-    let panel = |title, value: fn(&GradientErrors) -> f64, caption: &str| {
-        let markers: Vec<Marker> = chart
-            .gradients
-            .iter()
-            .map(|point| {
-                let (error, bound) = (value(&point.error), value(&point.bound));
-                Marker {
-                    x_bar: bar(&point.time_ms),
-                    y_bar: bound_bar(error, bound),
-                    is_broken: !point.holds(),
-                    ..mark(&names, &point.knob, point.time_ms.value, error)
-                }
-            })
-            .collect();
-        Panel {
-            plot: ScatterPlot {
-                size: HALF,
-                x: Axis {
-                    title: "time of a training step on the device, ms",
-                    is_log: false,
-                },
-                y: Axis { title, is_log: true },
-                front: front_of(&markers, false),
-                markers,
-                levels: Vec::new(),
-                are_courses: false,
-            },
-            caption: caption.into(),
-        }
-    };
-    vec![
-        panel(
-            "99th percentile of relative errors",
+/// Plots of frame time against errors.
+pub(super) fn of_frames(chart: &Chart) -> Vec<ScatterPlot> {
+    let views: [BoundedView<FrameErrors>; 3] = [
+        (
+            WIDE,
+            "largest error of any pixel (of 1)",
+            true,
+            |e| e.max,
+            "Largest error. Each sign is a setting, its upper bar reaches to the largest error that was proven \
+             possible before the frame was drawn; the sign lies below its bar's end, or rounding explains it, or the \
+             point has failed. Left and low is good.",
+        ),
+        (
+            HALF,
+            "99th percentile of the error (of 1)",
+            true,
             |e| e.p99,
-            "99 of 100 parameters' gradients are off by at most this, relative to the exact value, or to 1 % of \
-             its kind's root mean square where it is smaller than that. Bars end at the same percentile of the \
+            "99th percentile of the pixels' errors. Bars end at that of the pixels' own bounds.",
+        ),
+        (
+            HALF,
+            "PSNR against the exact frame, dB",
+            false,
+            |e| e.psnr_db,
+            "The whole frame in one figure. Bars end at the PSNR that the bounds' root mean square promises: the \
+             worst that was possible. Left and high is good.",
+        ),
+    ];
+    let points = chart.frames.iter();
+    let points: Vec<_> = points
+        .map(|p| (&p.knob, &p.time_ms, &p.error, &p.bound, p.holds()))
+        .collect();
+    let plot = |view: &BoundedView<FrameErrors>| ScatterPlot {
+        levels: chart.projection.iter().map(|e| (PROJECTION, view.3(e))).collect(),
+        ..bounded(chart, "time of a frame on the device, ms", &points, view)
+    };
+    views.iter().map(plot).collect()
+}
+
+/// Plots of step time against the errors of its gradient.
+pub(super) fn of_gradients(chart: &Chart) -> Vec<ScatterPlot> {
+    let views: [BoundedView<GradientErrors>; 2] = [
+        (
+            HALF,
+            "99th percentile of relative errors",
+            true,
+            |e| e.p99,
+            "99 of 100 parameters' gradients are off by at most this, relative to the exact value, or to 1 % of its \
+             kind's root mean square where it is smaller than that. Bars end at the same percentile of the \
              parameters' own bounds.",
         ),
-        panel(
+        (
+            HALF,
             "median of relative errors",
+            true,
             |e| e.median,
             "Half of the gradients are nearer than this, and proven to be nearer than the bar's end.",
         ),
-    ]
+    ];
+    let points = chart.gradients.iter();
+    let points: Vec<_> = points
+        .map(|p| (&p.knob, &p.time_ms, &p.error, &p.bound, p.holds()))
+        .collect();
+    let plot = |view| bounded(chart, "time of a training step on the device, ms", &points, view);
+    views.iter().map(plot).collect()
 }
 
-/// Axes, values and caption of a panel of runs.
-type RunView = (
-    Axis,
-    fn(&RunPoint) -> &Interval,
-    Axis,
-    fn(&RunPoint) -> &Interval,
-    &'static str,
-);
+/// Title and value of an axis of training runs.
+type RunAxis = (&'static str, fn(&RunPoint) -> &Interval);
 
-/// Panels of the quality of training runs against cost, and over time.
-pub(super) fn of_runs(chart: &Chart) -> Vec<Panel> {
+/// Plots of the quality of training runs against cost, and over time.
+pub(super) fn of_runs(chart: &Chart) -> Vec<ScatterPlot> {
     let names = series(chart);
-    let axis = |title, is_log| Axis { title, is_log };
-    let views: [RunView; 4] = [
+    let seconds: RunAxis = ("training time, s", |p| &p.seconds);
+    let psnr: RunAxis = (PSNR, |p| &p.psnr_db);
+    let views: [(RunAxis, RunAxis, &str); 4] = [
         (
-            axis("training time, s", false),
-            |p| &p.seconds,
-            axis("PSNR of held-out views, dB", false),
-            |p| &p.psnr_db,
+            seconds,
+            psnr,
             "Quality against time: wall time of the training steps, without loading and evaluation.",
         ),
         (
-            axis("training time, s", false),
-            |p| &p.seconds,
-            axis("SSIM of held-out views", false),
-            |p| &p.ssim,
+            seconds,
+            ("SSIM of held-out views", |p| &p.ssim),
             "The same by structural similarity.",
         ),
         (
-            axis("splats", false),
-            |p| &p.splats,
-            axis("PSNR of held-out views, dB", false),
-            |p| &p.psnr_db,
+            ("splats", |p| &p.splats),
+            psnr,
             "Quality against the size of the result: model no more than the scene needs.",
         ),
         (
-            axis("megabytes of parameters", false),
-            |p| &p.megabytes,
-            axis("PSNR of held-out views, dB", false),
-            |p| &p.psnr_db,
+            ("megabytes of parameters", |p| &p.megabytes),
+            psnr,
             "The same in bytes, where fewer harmonics count too.",
         ),
     ];
-    let panel = |(x, x_of, y, y_of, caption): RunView| {
-        let markers: Vec<Marker> = chart
-            .runs
-            .iter()
-            .map(|point| Marker {
-                x_bar: bar(x_of(point)),
-                y_bar: bar(y_of(point)),
-                ..mark(&names, &point.knob, x_of(point).value, y_of(point).value)
-            })
-            .collect();
-        Panel {
-            plot: ScatterPlot {
-                size: HALF,
-                x,
-                y,
-                front: front_of(&markers, true),
-                markers,
-                levels: Vec::new(),
-                are_courses: false,
-            },
-            caption: caption.into(),
+    let plot = |((x, x_of), (y, y_of), caption): (RunAxis, RunAxis, _)| {
+        let marker = |point: &RunPoint| Marker {
+            x_bar: bar(x_of(point)),
+            y_bar: bar(y_of(point)),
+            ..mark(&names, &point.knob, x_of(point).value, y_of(point).value)
+        };
+        ScatterPlot {
+            caption,
+            ..plot(HALF, [x, y], false, chart.runs.iter().map(marker).collect())
         }
     };
-    let mut panels: Vec<Panel> = views.into_iter().map(panel).collect();
-    panels.push(courses(chart, &names));
-    panels
+    views.into_iter().map(plot).chain([courses(chart, &names)]).collect()
 }
 
 /// Quality over time of the last setting of every series; the series' name is at the end of its line.
-fn courses(chart: &Chart, names: &[&str]) -> Panel {
+fn courses(chart: &Chart, names: &[&str]) -> ScatterPlot {
     let is_last = |index: usize| {
         let series = &chart.runs[index].knob.series;
         chart.runs[index + 1..].iter().all(|run| run.knob.series != *series)
@@ -288,34 +217,24 @@ fn courses(chart: &Chart, names: &[&str]) -> Panel {
                 is_default: false,
                 text: match i == last {
                     true if run.knob.is_default => "default".into(),
-                    true => format!("{} {}", run.knob.series, run.knob.setting),
+                    true => run.knob.name(),
                     false => String::new(),
                 },
                 ..mark(names, &run.knob, *seconds * shift, psnr.value)
             });
         }
     }
-    Panel {
-        plot: ScatterPlot {
-            size: WIDE,
-            x: Axis {
-                title: "training time, s",
-                is_log: true,
-            },
-            y: Axis {
-                title: "PSNR of held-out views, dB",
-                is_log: false,
-            },
-            markers,
-            front: Vec::new(),
-            levels: Vec::new(),
-            are_courses: true,
-        },
+    ScatterPlot {
+        size: WIDE,
+        titles: ["training time, s", PSNR],
+        are_log: [true, false],
+        markers,
+        are_courses: true,
         caption: "Quality on the way, by wall time with evaluation left out: of every knob the setting turned \
                   farthest, named at its end. A line that lies above another at your budget of seconds is the \
                   better choice there. Signs of one time (0.6, 1.25, 2.5, 5, 10 s and so on) are set apart by a \
-                  percent each, for their bars' sake."
-            .into(),
+                  percent each, for their bars' sake.",
+        ..ScatterPlot::default()
     }
 }
 

@@ -1,12 +1,24 @@
 //! Tables of the chart.
 
-use super::{Chart, Knob};
+use super::{Chart, FramePoint, GradientPoint, Knob, RunPoint};
 use crate::lab::page::{interval, table};
 use crate::stats::Interval;
 
-fn knob(knob: &Knob) -> [String; 2] {
-    let star = if knob.is_default { " (default)" } else { "" };
-    [knob.series.clone(), format!("{}{star}", knob.setting)]
+/// Title and text of a column.
+type Column<P> = (&'static str, fn(&P) -> String);
+
+/// Table of points, given by setting and a flag for broken bounds.
+fn rows<P>(points: &[P], of: fn(&P) -> (&Knob, bool), columns: &[Column<P>]) -> String {
+    let mut head = vec!["knob", "setting"];
+    head.extend(columns.iter().map(|(title, _)| *title));
+    let row = |point: &P| {
+        let (knob, is_broken) = of(point);
+        let star = if knob.is_default { " (default)" } else { "" };
+        let mut cells = vec![knob.series.clone(), format!("{}{star}", knob.setting)];
+        cells.extend(columns.iter().map(|(_, text)| text(point)));
+        (is_broken, cells)
+    };
+    table("", &head, points.iter().map(row))
 }
 
 fn error(value: f64) -> String {
@@ -28,94 +40,46 @@ pub(super) fn gain(gain: &Interval) -> String {
 }
 
 pub(super) fn of_frames(chart: &Chart) -> String {
-    let head = [
-        "knob",
-        "setting",
-        "ms a frame",
-        "CPU ms",
-        "MB",
-        "largest error",
-        "proven",
-        "99 %",
-        "proven",
-        "PSNR, dB",
-        "proven",
-        "bound",
+    let columns: [Column<FramePoint>; 10] = [
+        ("ms a frame", |p| interval(&p.time_ms, 2)),
+        ("CPU ms", |p| format!("{:.1}", p.cpu_ms)),
+        ("MB", |p| format!("{:.2}", p.scene_bytes as f64 * 1e-6)),
+        ("largest error", |p| error(p.error.max)),
+        ("proven", |p| error(p.bound.max)),
+        ("99 %", |p| error(p.error.p99)),
+        ("proven", |p| error(p.bound.p99)),
+        ("PSNR, dB", |p| format!("{:.1}", p.error.psnr_db)),
+        ("proven", |p| format!("{:.1}", p.bound.psnr_db)),
+        ("bound", |p| verdict(p.excess)),
     ];
-    let rows = chart.frames.iter().map(|p| {
-        let mut row = knob(&p.knob).to_vec();
-        row.extend([
-            interval(&p.time_ms, 2),
-            format!("{:.1}", p.cpu_ms),
-            format!("{:.2}", p.scene_bytes as f64 * 1e-6),
-            error(p.error.max),
-            error(p.bound.max),
-            error(p.error.p99),
-            error(p.bound.p99),
-            format!("{:.1}", p.error.psnr_db),
-            format!("{:.1}", p.bound.psnr_db),
-            verdict(p.excess),
-        ]);
-        (!p.holds(), row)
-    });
-    table("", &head, rows)
+    rows(&chart.frames, |p| (&p.knob, !p.holds()), &columns)
 }
 
 pub(super) fn of_gradients(chart: &Chart) -> String {
-    let head = [
-        "knob",
-        "setting",
-        "ms a step",
-        "CPU ms",
-        "median error",
-        "proven",
-        "99 %",
-        "proven",
-        "bound",
+    let columns: [Column<GradientPoint>; 7] = [
+        ("ms a step", |p| interval(&p.time_ms, 2)),
+        ("CPU ms", |p| format!("{:.1}", p.cpu_ms)),
+        ("median error", |p| error(p.error.median)),
+        ("proven", |p| error(p.bound.median)),
+        ("99 %", |p| error(p.error.p99)),
+        ("proven", |p| error(p.bound.p99)),
+        ("bound", |p| verdict(p.excess)),
     ];
-    let rows = chart.gradients.iter().map(|p| {
-        let mut row = knob(&p.knob).to_vec();
-        row.extend([
-            interval(&p.time_ms, 2),
-            format!("{:.1}", p.cpu_ms),
-            error(p.error.median),
-            error(p.bound.median),
-            error(p.error.p99),
-            error(p.bound.p99),
-            verdict(p.excess),
-        ]);
-        (!p.holds(), row)
-    });
-    table("", &head, rows)
+    rows(&chart.gradients, |p| (&p.knob, !p.holds()), &columns)
 }
 
 pub(super) fn of_runs(chart: &Chart) -> String {
-    let head = [
-        "knob",
-        "setting",
-        "runs",
-        "PSNR, dB",
-        "to default, dB",
-        "SSIM",
-        "seconds",
-        "splats",
-        "MB",
+    let columns: [Column<RunPoint>; 7] = [
+        ("runs", |p| p.psnr_db.count.to_string()),
+        ("PSNR, dB", |p| interval(&p.psnr_db, 2)),
+        ("to default, dB", |p| match p.knob.is_default {
+            true => String::new(),
+            false => gain(&p.gain_db),
+        }),
+        ("SSIM", |p| interval(&p.ssim, 4)),
+        ("seconds", |p| interval(&p.seconds, 2)),
+        ("splats", |p| interval(&p.splats, 0)),
+        ("MB", |p| interval(&p.megabytes, 2)),
     ];
-    let rows = chart.runs.iter().map(|p| {
-        let mut row = knob(&p.knob).to_vec();
-        row.extend([
-            p.psnr_db.count.to_string(),
-            interval(&p.psnr_db, 2),
-            match p.knob.is_default {
-                true => String::new(),
-                false => gain(&p.gain_db),
-            },
-            interval(&p.ssim, 4),
-            interval(&p.seconds, 2),
-            interval(&p.splats, 0),
-            interval(&p.megabytes, 2),
-        ]);
-        (false, row)
-    });
-    table("", &head, rows)
+    rows(&chart.runs, |p| (&p.knob, false), &columns)
 }

@@ -74,8 +74,8 @@ pub(crate) fn alarm(area: &SvgArea<'_>, (x, y): (i32, i32), radius: i32) -> Resu
 }
 
 /// Draws a series' glyph; shapes differ as well as colours.
-pub(crate) fn draw_glyph(area: &SvgArea<'_>, [x, y]: [i32; 2], series: usize, is_filled: bool) -> Result<()> {
-    let (color, radius) = (color(series), 5);
+pub(crate) fn draw_glyph(area: &SvgArea<'_>, (x, y): (i32, i32), series: usize, is_filled: bool) -> Result<()> {
+    let color = color(series);
     let inside = if is_filled { color } else { WHITE };
     let polygon = |corners: &[(i32, i32)]| -> Result<()> {
         let corners: Vec<(i32, i32)> = corners.iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
@@ -87,10 +87,10 @@ pub(crate) fn draw_glyph(area: &SvgArea<'_>, [x, y]: [i32; 2], series: usize, is
     // Colours repeat after ten, with the next shape.
     match (series + series / COLORS.len()) % 5 {
         0 => {
-            let disc = Circle::new((x, y), radius, inside.filled());
-            area.draw(&disc).map_err(failed)?;
-            let rim = Circle::new((x, y), radius, color.stroke_width(2));
-            area.draw(&rim).map_err(failed)
+            for style in [inside.filled(), color.stroke_width(2)] {
+                area.draw(&Circle::new((x, y), 5, style)).map_err(failed)?;
+            }
+            Ok(())
         }
         1 => polygon(&[(-4, -4), (4, -4), (4, 4), (-4, 4)]),
         2 => polygon(&[(0, -6), (5, 4), (-5, 4)]),
@@ -101,7 +101,7 @@ pub(crate) fn draw_glyph(area: &SvgArea<'_>, [x, y]: [i32; 2], series: usize, is
 
 /// A series' glyph alone, for legends.
 pub(crate) fn glyph(series: usize) -> Result<String> {
-    svg([18, 18], |area| draw_glyph(area, [9, 9], series, true))
+    svg([18, 18], |area| draw_glyph(area, (9, 9), series, true))
 }
 
 /// Draws the axes with their titles; returns the area between them.

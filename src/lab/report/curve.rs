@@ -2,9 +2,9 @@
 
 use super::needs::Needs;
 use crate::Result;
-use crate::lab::page::plot::{self, ALARM, FRONT, MARGINS, SvgArea, axes, color, failed};
+use crate::lab::page::plot::{self, ALARM, FRONT, MARGINS, axes, color, failed};
 use crate::lab::page::scale::Scale;
-use crate::simplify::{Decision, Law};
+use crate::simplify::Decision;
 use plotters::prelude::*;
 
 /// Width and height, pixels.
@@ -15,10 +15,6 @@ const SEGMENTS: u32 = 80;
 
 /// The curve as an SVG element.
 pub(super) fn svg(needs: &Needs) -> Result<String> {
-    plot::svg(SIZE, |svg| draw(needs, svg))
-}
-
-fn draw(needs: &Needs, svg: &SvgArea<'_>) -> Result<()> {
     let place = |step: &Decision| [step.splats.max(1) as f64, step.psnr_db];
     let growing = needs.steps.iter().filter(|step| step.without.is_none());
     let growth: Vec<[f64; 2]> = growing.map(place).collect();
@@ -26,25 +22,33 @@ fn draw(needs: &Needs, svg: &SvgArea<'_>) -> Result<()> {
     let x = Scale::of(all().map(|point| point[0]), true);
     let y = Scale::of(all().map(|point| point[1]), false);
     let titles = ["splats", "PSNR of held-out training views, dB"];
-    let area = axes(svg, MARGINS, titles, [&x, &y])?;
-    let at = |[splats, psnr]: [f64; 2]| area.map_coordinate(&(x.place(splats), y.place(psnr)));
-    let line = |points: Vec<[f64; 2]>, style: ShapeStyle| plot::line(svg, points.into_iter().map(at).collect(), style);
-    line(growth.clone(), FRONT.stroke_width(1))?;
-    if let Some(law) = &needs.law {
-        let ends = ends(&needs.points, needs.knee);
-        line(points_of_law(law, ends), color(1).stroke_width(2))?;
-    }
-    for (series, points) in [(0, &growth), (1, &needs.points)] {
-        for &point in points {
-            let mark = Circle::new(at(point), 4, color(series).filled());
+    plot::svg(SIZE, |svg| {
+        let area = axes(svg, MARGINS, titles, [&x, &y])?;
+        let at = |[splats, psnr]: [f64; 2]| area.map_coordinate(&(x.place(splats), y.place(psnr)));
+        let line =
+            |points: Vec<[f64; 2]>, style: ShapeStyle| plot::line(svg, points.into_iter().map(at).collect(), style);
+        line(growth.clone(), FRONT.stroke_width(1))?;
+        if let Some(law) = &needs.law {
+            let [low, high] = ends(&needs.points, needs.knee);
+            let count = |i: u32| low * (high / low).powf(f64::from(i) / f64::from(SEGMENTS));
+            let counts = (0..=SEGMENTS).map(count);
+            line(
+                counts.map(|splats| [splats, law.at(splats)]).collect(),
+                color(1).stroke_width(2),
+            )?;
+        }
+        for (series, points) in [(0, &growth), (1, &needs.points)] {
+            for &point in points {
+                let mark = Circle::new(at(point), 4, color(series).filled());
+                svg.draw(&mark).map_err(failed)?;
+            }
+        }
+        if let Some((knee, law)) = needs.knee.zip(needs.law) {
+            let mark = Circle::new(at([knee, law.at(knee)]), 8, ALARM.stroke_width(2));
             svg.draw(&mark).map_err(failed)?;
         }
-    }
-    if let Some((knee, law)) = needs.knee.zip(needs.law) {
-        let mark = Circle::new(at([knee, law.at(knee)]), 8, ALARM.stroke_width(2));
-        svg.draw(&mark).map_err(failed)?;
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Ends of a law's line: the measured counts, and the knee up to a factor of two beyond them.
@@ -54,11 +58,4 @@ fn ends(points: &[[f64; 2]], knee: Option<f64>) -> [f64; 2] {
     let least = least.min(most);
     let knee = knee.unwrap_or(least).clamp(least / 2.0, 2.0 * most);
     [least.min(knee), most.max(knee)]
-}
-
-/// Points of a law's line between two counts.
-fn points_of_law(law: &Law, [low, high]: [f64; 2]) -> Vec<[f64; 2]> {
-    let count = |i: u32| low * (high / low).powf(f64::from(i) / f64::from(SEGMENTS));
-    let point = |splats: f64| [splats, law.at(splats)];
-    (0..=SEGMENTS).map(|i| point(count(i))).collect()
 }

@@ -4,7 +4,7 @@ use super::curve;
 use super::needs::Needs;
 use crate::Result;
 use crate::lab::page::{self, decimals, document, escaped, grouped, table};
-use crate::simplify::HalfResolution;
+use crate::simplify::{HalfResolution, Law};
 
 const OF_CURVE: &str = "Blue: quality while splats were added, with training going on, so that these points also \
 rise with time. Orange: quality by splat count alone, from rounds that took the same steps from the same state \
@@ -38,34 +38,28 @@ pub fn html(needs: &Needs) -> Result<String> {
 }
 
 fn facts(needs: &Needs) -> String {
-    let mut rows = vec![
+    let settled = |from: u32| format!("after iteration {from}, from which all training views were used");
+    let of_law = |law: &Law| {
+        let unit = grouped(law.factor.powf(1.0 / law.exponent).round() as usize);
+        format!("{:.2} − ({unit} / N)^{:.2} dB", law.limit_db, law.exponent)
+    };
+    let rows = [
         (
             "smallest gain worth paying for",
-            format!("{} dB for a tenth more splats", needs.preference_db),
+            Some(format!("{} dB for a tenth more splats", needs.preference_db)),
         ),
-        ("views held out", needs.validation_views.join(", ")),
+        ("views held out", Some(needs.validation_views.join(", "))),
+        ("count decided", needs.settled_from.map(settled)),
+        ("photographs of half the size", needs.half_size.as_ref().map(of_half)),
+        ("law", needs.law.as_ref().map(of_law)),
+        (
+            "its knee",
+            needs
+                .knee
+                .map(|knee| format!("{} splats", grouped(knee.round() as usize))),
+        ),
     ];
-    if let Some(from) = needs.settled_from {
-        let text = format!("after iteration {from}, from which all training views were used");
-        rows.push(("count decided", text));
-    }
-    if let Some(half) = &needs.half_size {
-        rows.push(("photographs of half the size", of_half(half)));
-    }
-    if let Some(law) = &needs.law {
-        let unit = law.factor.powf(1.0 / law.exponent);
-        let text = format!(
-            "{:.2} − ({} / N)^{:.2} dB",
-            law.limit_db,
-            grouped(unit.round() as usize),
-            law.exponent
-        );
-        rows.push(("law", text));
-    }
-    if let Some(knee) = needs.knee {
-        rows.push(("its knee", format!("{} splats", grouped(knee.round() as usize))));
-    }
-    let rows = rows.into_iter().map(|(name, value)| (name.into(), value));
+    let rows = rows.into_iter().filter_map(|(name, value)| Some((name.into(), value?)));
     page::facts(&rows.collect::<Vec<_>>())
 }
 
@@ -137,7 +131,7 @@ fn degrees(needs: &Needs) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simplify::{Decision, Law};
+    use crate::simplify::Decision;
 
     fn needs() -> Needs {
         let step = |iteration: u32, splats: usize, psnr_db: f64| Decision {

@@ -1,18 +1,17 @@
 //! Determinism: repeated work gives the same bits.
 
-use super::outcome::{CheckGroup, StressCheck};
 use super::step::{StepResult, steps};
 use super::{ScenePair, StressRun, differing, subject};
 use crate::Result;
 use crate::render::{Model, RenderOptions, Renderer};
 
+const CHANGED: &str = "pixels that changed";
+
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let (splats, near) = (lab.subject.splats.clone(), lab.subject.near);
     let cameras = lab.subject.cameras.clone();
-    let mut first = Vec::new();
-    for camera in &cameras {
-        first.push(lab.draw(&splats, camera, near)?);
-    }
+    let first = cameras.iter().map(|camera| lab.draw(&splats, camera, near));
+    let first = first.collect::<Result<Vec<_>>>()?;
     let mut again = 0;
     for _ in 0..4 {
         for (camera, first) in cameras.iter().zip(&first) {
@@ -20,36 +19,28 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         }
     }
     let what = format!("{} views in turns, five times", cameras.len());
-    add(lab, "frames again", what, again, "pixels that changed");
+    lab.none("frames again", what, again, CHANGED);
     let mut other = Renderer::new(lab.gpu, RenderOptions::default())?;
     let model = Model::upload(lab.gpu, &splats)?;
     let view = subject::view_options(&splats, near);
     let drawn = other.render(&model, &cameras[0], &view)?;
-    let changed = differing(&drawn, &first[0]);
-    let what = "a second renderer, whose buffers have never held anything".into();
-    add(lab, "another renderer", what, changed, "pixels that changed");
+    let what = "a second renderer, whose buffers have never held anything";
+    lab.none("another renderer", what, differing(&drawn, &first[0]), CHANGED);
     if lab.subject.is_made {
         // All depths differ, so that the splats' order does not matter.
         let backwards: Vec<usize> = (0..splats.len()).rev().collect();
         let turned = lab.draw(&splats.picked(&backwards), &cameras[0], near)?;
-        let changed = differing(&turned, &first[0]);
-        let what = "the splats in the reverse order".into();
-        add(lab, "order of splats", what, changed, "pixels that changed");
+        let what = "the splats in the reverse order";
+        lab.none("order of splats", what, differing(&turned, &first[0]), CHANGED);
     }
     let pair = ScenePair::of(lab.subject).thinned(2_000);
     for (count, name) in [(1, "a training step again"), (20, "20 training steps again")] {
         let run = |lab: &StressRun<'_>| steps(lab.gpu, &pair.drawn, &cameras[0], near, count);
         let (a, b) = (run(lab)?, run(lab)?);
         let what = format!("parameters and moments of {} splats", a.splat_count());
-        let unlike = changed_numbers(&a, &b);
-        add(lab, name, what, unlike, "numbers that changed");
+        lab.none(name, what, changed_numbers(&a, &b), "numbers that changed");
     }
     Ok(())
-}
-
-fn add(lab: &mut StressRun<'_>, name: &str, what: String, count: usize, unit: &'static str) {
-    let pair = [count as f64, 0.0];
-    lab.add(StressCheck::at_most(CheckGroup::Determinism, name, what, pair, unit));
 }
 
 /// Numbers of the optimiser's state that differ in any bit.

@@ -15,26 +15,16 @@ use crate::render::loop_turns;
 use bytemuck::Pod;
 
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
-    let outcome = atomics(lab.gpu)?;
-    lab.add(outcome);
+    atomics(lab)?;
     for variant in selftest_lanes::Variant::ALL {
         if lab.gpu.caps().supports(variant.info()).is_ok() {
-            let outcome = lanes(lab.gpu, *variant)?;
-            lab.add(outcome);
+            lanes(lab, *variant)?;
         }
     }
     functions(lab)?;
-    let outcome = special_values(lab.gpu)?;
-    lab.add(outcome);
-    let outcome = loops(lab.gpu)?;
-    lab.add(outcome);
-    let outcome = progress(lab.gpu)?;
-    lab.add(outcome);
-    Ok(())
-}
-
-fn exactly(name: &str, what: String, wrong: usize, unit: &'static str) -> StressCheck {
-    StressCheck::at_most(CheckGroup::Device, name, what, [wrong as f64, 0.0], unit)
+    special_values(lab)?;
+    loops(lab)?;
+    progress(lab)
 }
 
 fn wrong<T: PartialEq>(found: &[T], expected: &[T]) -> usize {
@@ -46,7 +36,8 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &crate::gpu::Buffer<T>) -> Result<Vec<T>> {
     gpu.download(buffer, 0..buffer.len())
 }
 
-fn atomics(gpu: &Gpu) -> Result<StressCheck> {
+fn atomics(lab: &mut StressRun<'_>) -> Result<()> {
+    let gpu = lab.gpu;
     const INVOCATIONS: u32 = 100_000;
     let choice = selftest_atomics::Choice::default();
     let kernel = SelftestAtomics::new(gpu, choice)?;
@@ -63,10 +54,12 @@ fn atomics(gpu: &Gpu) -> Result<StressCheck> {
         number(INVOCATIONS.into())
     );
     let wrong = wrong(&read(gpu, &counts)?, &expected);
-    Ok(exactly("atomic operations", what, wrong, "wrong words"))
+    lab.none("atomic operations", what, wrong, "wrong words");
+    Ok(())
 }
 
-fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<StressCheck> {
+fn lanes(lab: &mut StressRun<'_>, variant: selftest_lanes::Variant) -> Result<()> {
+    let gpu = lab.gpu;
     const ROUNDS: u32 = 100;
     let choice = selftest_lanes::Choice::of_variant(gpu.caps(), variant);
     let lanes = choice.spec.workgroup;
@@ -81,7 +74,8 @@ fn lanes(gpu: &Gpu, variant: selftest_lanes::Variant) -> Result<StressCheck> {
         _ => ("subgroup operations", "by subgroup operations"),
     };
     let what = format!("{lanes} lanes add, vote, count and exchange numbers {how}, {ROUNDS} times");
-    Ok(exactly(name, what, wrong, "wrong results"))
+    lab.none(name, what, wrong, "wrong results");
+    Ok(())
 }
 
 /// Runs the functions on arguments: `[function][argument]`.
@@ -117,16 +111,8 @@ fn arguments(function: Function) -> Vec<f32> {
     }
 }
 
-fn name(function: Function) -> &'static str {
-    match function {
-        Function::Exp => "exp",
-        Function::Exp2 => "exp2",
-        Function::Log2 => "log2",
-        Function::Sqrt => "sqrt",
-        Function::InverseSqrt => "inversesqrt",
-        Function::Reciprocal => "1 / x",
-    }
-}
+/// Names of [`FUNCTIONS`].
+const NAMES: [&str; FUNCTIONS.len()] = ["exp", "exp2", "log2", "sqrt", "inversesqrt", "1 / x"];
 
 fn functions(lab: &mut StressRun<'_>) -> Result<()> {
     for (index, &function) in FUNCTIONS.iter().enumerate() {
@@ -143,15 +129,7 @@ fn functions(lab: &mut StressRun<'_>) -> Result<()> {
             "{} arguments over its whole range, against the specification's precision",
             number(arguments.len() as f64)
         );
-        let pair = [most, 1.0];
-        let unit = "of the error allowed";
-        lab.add(StressCheck::at_most(
-            CheckGroup::Device,
-            name(function),
-            what,
-            pair,
-            unit,
-        ));
+        lab.at_most(NAMES[index], what, [most, 1.0], "of the error allowed");
         if function == Function::Exp {
             lab.found.sweeps.push(curve_of_exp(&arguments, found));
         }
@@ -178,49 +156,46 @@ fn curve_of_exp(arguments: &[f32], found: &[f32]) -> Sweep {
     let pieces = arguments.chunks(size).zip(found.chunks(size));
     Sweep {
         group: CheckGroup::Device,
-        title: "exp over its whole range".into(),
+        title: "exp over its whole range",
         parameter: "argument of exp",
-        is_log: false,
         quantity: "largest error, ulp",
         caption: "In units in the last place of the result. The specification allows 3 + 2 |x|; where results are \
-                  hardly larger than the least normal number, that number is allowed."
-            .into(),
+                  hardly larger than the least normal number, that number is allowed.",
         points: pieces.filter_map(worst).collect(),
-        thumbnails: Vec::new(),
+        ..Sweep::default()
     }
 }
 
+/// An argument, and the condition of its value.
+type ExpectedValue = (f32, fn(f32) -> bool);
+
 /// Values of compositing and projection at the ends of their ranges.
-fn special_values(gpu: &Gpu) -> Result<StressCheck> {
-    let arguments = [f32::NEG_INFINITY, -1e30, -200.0, 0.0, 200.0, f32::INFINITY, f32::NAN];
-    let found = computed(gpu, &arguments)?;
-    let mut wrong = 0;
-    for exponential in &found[..2] {
-        let [least, hidden, tiny, one, huge, most, none] = exponential[..] else {
-            wrong += arguments.len();
-            continue;
-        };
-        let zero = |value: f32| (0.0..f32::MIN_POSITIVE).contains(&value);
-        let right = [
-            zero(least),
-            // Exponent of splats hidden from compositing.
-            zero(hidden),
-            zero(tiny),
-            one == 1.0,
-            huge == f32::INFINITY,
-            most == f32::INFINITY,
-            none.is_nan(),
-        ];
-        wrong += right.iter().filter(|right| !**right).count();
-    }
+fn special_values(lab: &mut StressRun<'_>) -> Result<()> {
+    let is_zero = |value: f32| (0.0..f32::MIN_POSITIVE).contains(&value);
+    let is_infinite = |value: f32| value == f32::INFINITY;
+    let expected: [ExpectedValue; 7] = [
+        (f32::NEG_INFINITY, is_zero),
+        // Exponent of splats hidden from compositing.
+        (-1e30, is_zero),
+        (-200.0, is_zero),
+        (0.0, |value| value == 1.0),
+        (200.0, is_infinite),
+        (f32::INFINITY, is_infinite),
+        (f32::NAN, f32::is_nan),
+    ];
+    let found = computed(lab.gpu, &expected.map(|(argument, _)| argument))?;
+    let exponentials = found[..2].iter().flat_map(|found| found.iter().zip(&expected));
+    let wrong = exponentials.filter(|(found, (_, is_right))| !is_right(**found)).count();
     let what = "exp and exp2 of ±∞, −1e30, ±200, 0 and NaN are 0, 1, ∞ or NaN";
-    Ok(exactly("special values", what.into(), wrong, "wrong values"))
+    lab.none("special values", what, wrong, "wrong values");
+    Ok(())
 }
 
 /// Longest loop tested, in iterations: a fraction of a second on any device.
 const TURNS_MAX: u32 = 1 << 22;
 
-fn loops(gpu: &Gpu) -> Result<StressCheck> {
+fn loops(lab: &mut StressRun<'_>) -> Result<()> {
+    let gpu = lab.gpu;
     let choice = selftest_loops::Choice::default();
     let kernel = SelftestLoops::new(gpu, choice)?;
     let lanes = choice.spec.workgroup;
@@ -238,13 +213,9 @@ fn loops(gpu: &Gpu) -> Result<StressCheck> {
         false => "the longest loop that runs to its end; no more are tried",
     };
     let pair = [longest.into(), needed.min(TURNS_MAX).into()];
-    Ok(StressCheck::at_least(
-        CheckGroup::Device,
-        "length of loops",
-        what,
-        pair,
-        "turns",
-    ))
+    let outcome = StressCheck::at_least(lab.group, "length of loops", what, pair, "turns");
+    lab.found.outcomes.push(outcome);
+    Ok(())
 }
 
 /// Largest number up to `most` for which `holds` is true, by bisection; 0 if for none.
@@ -263,7 +234,8 @@ fn longest(most: u32, mut holds: impl FnMut(u32) -> Result<bool>) -> Result<u32>
     Ok(good)
 }
 
-fn progress(gpu: &Gpu) -> Result<StressCheck> {
+fn progress(lab: &mut StressRun<'_>) -> Result<()> {
+    let gpu = lab.gpu;
     // Beyond the group limit of one dimension on any device.
     const GROUPS: u32 = 70_000;
     const ROUNDS: u32 = 3;
@@ -287,7 +259,8 @@ fn progress(gpu: &Gpu) -> Result<StressCheck> {
          workgroup",
         number(GROUPS.into())
     );
-    Ok(exactly("forward progress", what, wrong, "wrong groups"))
+    lab.none("forward progress", what, wrong, "wrong groups");
+    Ok(())
 }
 
 #[cfg(test)]

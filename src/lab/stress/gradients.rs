@@ -1,17 +1,17 @@
 //! Gradients of a training step against the exact ones.
 
-use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
+use super::outcome::{CheckGroup, Sweep, SweepPoint};
 use super::step::step;
-use super::subject::reference_options;
+use super::subject::{reduced, reference_options};
 use super::sweeps::stretched;
 use super::{ScenePair, StressRun};
 use crate::Result;
 use crate::reference::loss::Target;
-use crate::reference::{Options, loss_gradient};
+use crate::reference::loss_gradient;
 use crate::scene::{Camera, Splats};
 
 /// Kinds of parameters, in the order of `reference::Splat::parameters`.
-const KINDS: [(&str, std::ops::Range<usize>); 5] = [
+pub(super) const KINDS: [(&str, std::ops::Range<usize>); 5] = [
     ("mean", 0..3),
     ("quaternion", 3..7),
     ("log-scale", 7..10),
@@ -34,39 +34,30 @@ const NEEDLE: f64 = 16.0 / 16_777_216.0;
 /// Most splats of a compared step.
 const SPLATS: usize = 150;
 
-/// Errors of a step, by kind of parameter.
-struct ParameterErrors {
-    loss: f64,
-    /// Ascending.
-    kinds: Vec<Vec<f64>>,
-}
-
-impl ParameterErrors {
-    fn at(&self, kind: usize, share: f64) -> f64 {
-        let errors = &self.kinds[kind];
-        let last = errors.len().saturating_sub(1);
-        errors.get((last as f64 * share) as usize).copied().unwrap_or(f64::NAN)
-    }
+/// The error at a share of ascending ones.
+fn percentile(errors: &[f64], share: f64) -> f64 {
+    let last = errors.len().saturating_sub(1);
+    errors.get((last as f64 * share) as usize).copied().unwrap_or(f64::NAN)
 }
 
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
-    let camera = small(lab.subject.camera());
+    // A small view, because the reference takes every pixel through every splat, forward and backward.
+    let camera = reduced(lab.subject.camera(), 48);
     let pair = seen(lab, &camera);
-    let errors = judge(lab, &pair, &camera)?;
+    let (loss, kinds) = judge(lab, &pair, &camera)?;
     let unit = "relative";
     let what = "(1 − λ) L1 + λ (1 − SSIM) against the exact one";
-    let pair_of = [errors.loss, 1e-5];
-    lab.add(StressCheck::at_most(CheckGroup::Gradients, "loss", what, pair_of, unit));
-    for (kind, (name, _)) in KINDS.iter().enumerate() {
+    lab.at_most("loss", what, [loss, 1e-5], unit);
+    for ((name, _), errors) in KINDS.iter().zip(&kinds) {
         for (share, bound, word) in [(0.5, BOUNDS[0], "median"), (0.99, BOUNDS[1], "99 %")] {
-            let name = format!("{name}, {word}");
-            let what = format!(
-                "{} derivatives of {} splats",
-                errors.kinds[kind].len(),
-                pair.drawn.len()
+            let [derivatives, splats] = [errors.len(), pair.drawn.len()];
+            let what = format!("{derivatives} derivatives of {splats} splats");
+            lab.at_most(
+                format!("{name}, {word}"),
+                what,
+                [percentile(errors, share), bound],
+                unit,
             );
-            let found = [errors.at(kind, share), bound];
-            lab.add(StressCheck::at_most(CheckGroup::Gradients, name, what, found, unit));
         }
     }
     let step = if lab.plan.is_quick { 2 } else { 1 };
@@ -74,8 +65,8 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     for exponent in (0..=8).step_by(step) {
         let aspect = 10f64.powf(0.5 * f64::from(exponent));
         let needles = pair.map(|splats| stretched(splats, aspect));
-        let errors = judge(lab, &needles, &camera)?;
-        let worst = (0..KINDS.len()).map(|kind| errors.at(kind, 0.99));
+        let (_, kinds) = judge(lab, &needles, &camera)?;
+        let worst = kinds.iter().map(|errors| percentile(errors, 0.99));
         points.push(SweepPoint {
             x: aspect,
             // NaN must propagate.
@@ -85,26 +76,17 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     }
     let sweep = Sweep {
         group: CheckGroup::Gradients,
-        title: "Gradients of needles".into(),
+        title: "Gradients of needles",
         parameter: "axes stretched apart by a factor of",
         is_log: true,
         quantity: "relative error, 99 %",
-        caption:
-            "The 99th percentile of the kind of parameters that is worst. The bound grows by sixteen roundings of \
-                  a needle's length, in units of its width."
-                .into(),
+        caption: "The 99th percentile of the kind of parameters that is worst. The bound grows by sixteen roundings of \
+                  a needle's length, in units of its width.",
         points,
-        thumbnails: Vec::new(),
+        ..Sweep::default()
     };
     lab.sweep(sweep, unit);
     Ok(())
-}
-
-/// A small view, because the reference takes every pixel through every splat, forward and backward.
-fn small(camera: &Camera) -> Camera {
-    let side = camera.width.max(camera.height);
-    let length = |of: u32| (of * 48).div_ceil(side).max(1);
-    super::subject::exact(&camera.resized(length(camera.width), length(camera.height)))
 }
 
 /// Some of the splats in the image.
@@ -123,13 +105,11 @@ fn seen(lab: &StressRun<'_>, camera: &Camera) -> ScenePair {
         .thinned(SPLATS)
 }
 
-/// Errors of a step on the device against the reference.
-fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<ParameterErrors> {
+/// Errors of a step on the device against the reference: of the loss, and of the gradient by kind of parameter,
+/// ascending.
+fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<(f64, Vec<Vec<f64>>)> {
     let found = step(lab.gpu, &pair.drawn, camera, lab.subject.near)?;
-    let options = Options {
-        near: found.near,
-        ..reference_options(&pair.exact, found.near)
-    };
+    let options = reference_options(&pair.exact, found.near);
     let photo = vec![[0.0; 3]; camera.width as usize * camera.height as usize];
     let target = Target {
         lambda: found.lambda,
@@ -147,10 +127,8 @@ fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<Param
         }
         relative(&pairs)
     };
-    Ok(ParameterErrors {
-        loss: (found.loss / exact.loss - 1.0).abs(),
-        kinds: KINDS.iter().map(|(_, range)| of_kind(range)).collect(),
-    })
+    let kinds = KINDS.iter().map(|(_, range)| of_kind(range)).collect();
+    Ok(((found.loss / exact.loss - 1.0).abs(), kinds))
 }
 
 /// Relative errors of (found, exact) pairs, ascending, without pairs of two zeros.

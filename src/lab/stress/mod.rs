@@ -68,6 +68,7 @@ pub fn run(
     progress: &mut dyn FnMut(CheckGroup) -> ControlFlow<()>,
 ) -> Result<Option<StressReport>> {
     let mut lab = StressRun {
+        group: CheckGroup::Device,
         gpu,
         subject,
         plan,
@@ -78,6 +79,7 @@ pub fn run(
         if progress(group).is_break() {
             return Ok(None);
         }
+        lab.group = group;
         match group {
             CheckGroup::Device => device::run(&mut lab)?,
             CheckGroup::Scenes => scenes::run(&mut lab)?,
@@ -125,26 +127,19 @@ impl ScenePair {
 
     /// At most `most` of the splats, spread over all.
     fn thinned(&self, most: usize) -> ScenePair {
-        let step = self.drawn.len().div_ceil(most).max(1);
-        let some: Vec<usize> = (0..self.drawn.len()).step_by(step).collect();
-        self.map(|splats| splats.picked(&some))
+        self.map(|splats| subject::thinned(splats, most))
     }
 }
 
 /// State of a run of the suite.
 struct StressRun<'a> {
+    /// Group of the checks that are added.
+    group: CheckGroup,
     gpu: &'a Gpu,
     subject: &'a StressScene,
     plan: StressPlan,
     renderer: Renderer,
     found: StressReport,
-}
-
-/// Error and bound of the worst pixel of a picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct PixelError {
-    measured: f64,
-    bound: f64,
 }
 
 impl StressRun<'_> {
@@ -153,8 +148,8 @@ impl StressRun<'_> {
         self.renderer.render(&model, camera, &view_options(splats, near))
     }
 
-    /// Draws a picture and compares a sample of its pixels with the reference.
-    fn look(&mut self, pair: &ScenePair, camera: &Camera, near: f64) -> Result<(RenderedImage, PixelError)> {
+    /// Draws a picture and compares a sample of its pixels with the reference, as [`compare`] does.
+    fn look(&mut self, pair: &ScenePair, camera: &Camera, near: f64) -> Result<(RenderedImage, [f64; 2])> {
         let image = self.draw(&pair.drawn, camera, near)?;
         let pixels = spread(camera.width, camera.height, self.plan.pixels);
         let options = reference_options(&pair.exact, f64::from(near as f32));
@@ -163,31 +158,45 @@ impl StressRun<'_> {
         Ok((image, compared))
     }
 
-    fn add(&mut self, outcome: StressCheck) {
+    /// Adds a check of a measured value and its upper bound.
+    fn at_most(&mut self, name: impl Into<String>, what: impl Into<String>, pair: [f64; 2], unit: &'static str) {
+        let outcome = StressCheck::at_most(self.group, name, what, pair, unit);
         self.found.outcomes.push(outcome);
+    }
+
+    /// Adds a check of a count that must be 0.
+    fn none(&mut self, name: impl Into<String>, what: impl Into<String>, count: usize, unit: &'static str) {
+        self.at_most(name, what, [count as f64, 0.0], unit);
     }
 
     /// Adds a sweep and its check.
     fn sweep(&mut self, sweep: Sweep, unit: &'static str) {
-        self.add(sweep.outcome(unit));
+        self.found.outcomes.push(sweep.outcome(unit));
         self.found.sweeps.push(sweep);
+    }
+
+    /// Adds pictures without a curve.
+    fn pictures(&mut self, caption: &'static str, thumbnails: Vec<Thumbnail>) {
+        self.found.sweeps.push(Sweep {
+            group: self.group,
+            title: "As drawn",
+            caption,
+            thumbnails,
+            ..Sweep::default()
+        });
     }
 }
 
-/// The pixel closest to its bound; NaN anywhere in the picture is beyond all.
-fn compare(image: &RenderedImage, sampled: &[PixelBound]) -> PixelError {
-    let mut worst = PixelError {
-        measured: 0.0,
-        bound: f64::MIN_POSITIVE,
-    };
-    let all = image.rgb.as_flattened().iter().chain(&image.transmittance);
-    if !all.clone().all(|value| value.is_finite()) {
-        worst.measured = f64::NAN;
-        return worst;
+/// Error and bound of the pixel closest to its bound; NaN anywhere in the picture is beyond all.
+fn compare(image: &RenderedImage, sampled: &[PixelBound]) -> [f64; 2] {
+    let mut all = image.rgb.as_flattened().iter().chain(&image.transmittance);
+    if !all.all(|value| value.is_finite()) {
+        return [f64::NAN, f64::MIN_POSITIVE];
     }
+    let mut worst = [0.0, f64::MIN_POSITIVE];
     let mut consider = |measured: f64, bound: f64| {
-        if measured / bound >= worst.measured / worst.bound {
-            worst = PixelError { measured, bound };
+        if measured / bound >= worst[0] / worst[1] {
+            worst = [measured, bound];
         }
     };
     for pixel in sampled {
@@ -247,13 +256,12 @@ mod tests {
             sampled(0, [0.25, 0.0, 0.0], 1e-2),
             sampled(1, [0.5, 0.5, 0.500_01], 2e-5),
         ];
-        let found = compare(&image(0.251), &exact);
-        assert!((found.measured - 1e-5).abs() < 1e-9 && found.bound == 2e-5);
-        let found = compare(&image(0.27), &exact);
-        assert!(found.measured > found.bound && found.bound == 1e-2);
+        let [measured, bound] = compare(&image(0.251), &exact);
+        assert!((measured - 1e-5).abs() < 1e-9 && bound == 2e-5);
+        let [measured, bound] = compare(&image(0.27), &exact);
+        assert!(measured > bound && bound == 1e-2);
         // NaN outside the sample.
-        let found = compare(&image(f32::NAN), &exact[1..]);
-        assert!(found.measured.is_nan());
+        assert!(compare(&image(f32::NAN), &exact[1..])[0].is_nan());
     }
 
     #[test]

@@ -6,10 +6,11 @@ use serde::Serialize;
 pub use super::thumbnail::Thumbnail;
 
 /// Groups of checks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CheckGroup {
     /// Basic operations of the device.
+    #[default]
     Device,
     /// Degenerate scenes and cameras.
     Scenes,
@@ -136,15 +137,20 @@ impl SweepPoint {
     pub fn holds(&self) -> bool {
         self.measured <= self.bound
     }
+
+    /// Share of the bound; NaN, with its sign cleared, is the greatest of all.
+    pub(super) fn share(&self) -> f64 {
+        (self.measured / self.bound).abs()
+    }
 }
 
 /// A parameter varied over its range.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Sweep {
     /// Its group.
     pub group: CheckGroup,
     /// Heading on the page.
-    pub title: String,
+    pub title: &'static str,
     /// Title of the horizontal axis, with its unit.
     pub parameter: &'static str,
     /// Logarithmic horizontal axis.
@@ -152,7 +158,7 @@ pub struct Sweep {
     /// Title of the vertical axis, with its unit; always logarithmic.
     pub quantity: &'static str,
     /// Explanation of the figure.
-    pub caption: String,
+    pub caption: &'static str,
     /// Curve, by ascending parameter; empty for pictures alone.
     pub points: Vec<SweepPoint>,
     /// Pictures of some points.
@@ -163,31 +169,25 @@ pub struct Sweep {
 impl Sweep {
     /// The point closest to its bound, or farthest beyond it.
     pub fn closest(&self) -> Option<SweepPoint> {
-        let mut points = self.points.iter().copied();
-        let first = points.next()?;
-        Some(points.fold(first, |worst, point| {
-            let share = |p: &SweepPoint| p.measured / p.bound;
-            let is_worse = share(&point) > share(&worst) || share(&point).is_nan();
-            if is_worse && !share(&worst).is_nan() {
-                point
-            } else {
-                worst
-            }
-        }))
+        let points = self.points.iter().copied();
+        // The first of equal ones.
+        points.min_by(|a, b| b.share().total_cmp(&a.share()))
     }
 
     /// Check of the point closest to its bound.
     pub fn outcome(&self, unit: &'static str) -> StressCheck {
-        let at = |p: &SweepPoint| format!("closest to its bound at {}", short_number(p.x));
         let (pair, at) = match self.closest() {
-            Some(p) => ([p.measured, p.bound], at(&p)),
+            Some(p) => (
+                [p.measured, p.bound],
+                format!("closest to its bound at {}", short_number(p.x)),
+            ),
             None => ([f64::NAN; 2], "nothing was measured".into()),
         };
         let count = self.points.len();
         let what = format!("{count} values; {at}");
         StressCheck {
             passed: count > 0 && self.points.iter().all(SweepPoint::holds),
-            ..StressCheck::at_most(self.group, self.title.clone(), what, pair, unit)
+            ..StressCheck::at_most(self.group, self.title, what, pair, unit)
         }
     }
 }
@@ -239,11 +239,11 @@ pub(crate) mod tests {
         let point = |&[x, measured, bound]: &[f64; 3]| SweepPoint { x, measured, bound };
         Sweep {
             group: CheckGroup::Sweeps,
-            title: "needles".into(),
+            title: "needles",
             parameter: "aspect",
             is_log: true,
             quantity: "error, of the colour range",
-            caption: "thin & thinner".into(),
+            caption: "thin & thinner",
             points: points.iter().map(point).collect(),
             thumbnails: vec![Thumbnail::new("1", [2, 1], &[[0.0; 3], [1.0; 3]])],
         }

@@ -1,6 +1,6 @@
 //! NaN, infinities and extreme values in every parameter of a splat.
 
-use super::outcome::{CheckGroup, StressCheck, Sweep};
+use super::gradients::KINDS;
 use super::step::{StepResult, step};
 use super::{ScenePair, StressRun, differing, thumbnail};
 use crate::Result;
@@ -28,17 +28,6 @@ const EXTREME: [f32; 14] = [
     3e9,
     16_777_217.0,
 ];
-
-/// Kinds of parameters and their slots.
-fn kinds(splats: &Splats) -> [(&'static str, Range<usize>); 5] {
-    [
-        ("mean", 0..3),
-        ("quaternion", 3..7),
-        ("log-scale", 7..10),
-        ("opacity", 10..11),
-        ("harmonics", 11..11 + splats.sh_stride()),
-    ]
-}
 
 /// Sets one of a splat's parameters.
 fn set(splats: &mut Splats, splat: usize, slot: usize, value: f32) {
@@ -80,7 +69,8 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let (camera, near) = (*lab.subject.camera(), lab.subject.near);
     let clean = lab.draw(&splats, &camera, near)?;
     let mut thumbnails = vec![thumbnail("clean", &clean)];
-    for (kind, slots) in kinds(&splats) {
+    for (kind, slots) in KINDS {
+        let slots = slots.start..slots.end.min(11 + splats.sh_stride());
         let mut worst = [0, 0];
         let mut last = None;
         for slot in slots.clone() {
@@ -95,43 +85,18 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
             count => format!("each of {count} slots"),
         };
         let what = format!("NaN and ±∞ in {place}, one splat each");
-        add(lab, format!("{kind}: no number"), what, worst[0], "pixels that changed");
+        lab.none(format!("{kind}: no number"), what, worst[0], "pixels that changed");
         let what = format!("{} finite numbers in {place}, one splat each", EXTREME.len());
-        add(
-            lab,
-            format!("{kind}: extreme numbers"),
-            what,
-            worst[1],
-            "pixels not finite",
-        );
+        lab.none(format!("{kind}: extreme numbers"), what, worst[1], "pixels not finite");
         if let Some((none, extreme)) = last {
             thumbnails.push(thumbnail(format!("{kind}: NaN, ±∞"), &none));
             thumbnails.push(thumbnail(format!("{kind}: extremes"), &extreme));
         }
     }
-    lab.found.sweeps.push(Sweep {
-        group: CheckGroup::Poison,
-        title: "As drawn".into(),
-        parameter: "",
-        is_log: false,
-        quantity: "",
-        caption: "Pictures with numbers that are none must be the clean one. Extreme numbers may show: they are \
-                  drawn as what they say, in the last slot of each kind."
-            .into(),
-        points: Vec::new(),
-        thumbnails,
-    });
+    let caption = "Pictures with numbers that are none must be the clean one. Extreme numbers may show: they are \
+                   drawn as what they say, in the last slot of each kind.";
+    lab.pictures(caption, thumbnails);
     learning(lab, &camera)
-}
-
-fn add(lab: &mut StressRun<'_>, name: String, what: String, count: usize, unit: &'static str) {
-    lab.add(StressCheck::at_most(
-        CheckGroup::Poison,
-        name,
-        what,
-        [count as f64, 0.0],
-        unit,
-    ));
 }
 
 /// A training step from a scene with all poisoned values.
@@ -146,31 +111,13 @@ fn learning(lab: &mut StressRun<'_>, camera: &Camera) -> Result<()> {
         .filter(|&i| none.row(i).iter().any(|d| *d != 0.0))
         .count();
     let what = "NaN and ±∞ in every slot, one splat each: the gradients of all others";
-    add(
-        lab,
-        "a training step: others".into(),
-        what.into(),
-        changed,
-        "splats that changed",
-    );
+    lab.none("a training step: others", what, changed, "splats that changed");
     let what = "the gradients of the poisoned splats themselves are 0";
-    add(
-        lab,
-        "a training step: poisoned".into(),
-        what.into(),
-        moved,
-        "splats with a gradient",
-    );
+    lab.none("a training step: poisoned", what, moved, "splats with a gradient");
     let extreme = step(lab.gpu, &poisoned(splats, all, &EXTREME), camera, lab.subject.near)?;
-    let broken = extreme.moments_not_finite();
     let what = "finite numbers at the ends of the range in every slot: the optimiser's moments stay finite";
-    add(
-        lab,
-        "a training step: extremes".into(),
-        what.into(),
-        broken,
-        "moments not finite",
-    );
+    let broken = extreme.moments_not_finite();
+    lab.none("a training step: extremes", what, broken, "moments not finite");
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! Degenerate scenes and cameras: zero divisors, equal depths, empty images.
 
-use super::outcome::{CheckGroup, StressCheck, Sweep, Thumbnail};
+use super::outcome::Thumbnail;
 use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
 use crate::Result;
 use crate::scene::{Camera, Splats};
@@ -139,22 +139,12 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         let turned = subject::exact(&turn(&camera, lab.subject.target));
         thumbnails.push(check(lab, name, what, &pair, &turned)?);
     }
-    lab.found.sweeps.push(Sweep {
-        group: CheckGroup::Scenes,
-        title: "As drawn".into(),
-        parameter: "",
-        is_log: false,
-        quantity: "",
-        caption: String::new(),
-        points: Vec::new(),
-        thumbnails,
-    });
+    lab.pictures("", thumbnails);
     Ok(())
 }
 
 fn check(lab: &mut StressRun<'_>, name: &str, what: &str, pair: &ScenePair, camera: &Camera) -> Result<Thumbnail> {
-    let (image, compared) = lab.look(pair, camera, lab.subject.near)?;
-    let errors = [compared.measured, compared.bound];
-    lab.add(StressCheck::at_most(CheckGroup::Scenes, name, what, errors, OF_RANGE));
+    let (image, errors) = lab.look(pair, camera, lab.subject.near)?;
+    lab.at_most(name, what, errors, OF_RANGE);
     Ok(thumbnail(name, &image))
 }

@@ -1,6 +1,6 @@
 //! Pictures of all shapes: one pixel, one row, one column, up to longer than the largest displays.
 
-use super::outcome::{CheckGroup, StressCheck, Sweep, SweepPoint};
+use super::outcome::{CheckGroup, Sweep, SweepPoint};
 use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
 use crate::scene::Camera;
 use crate::{Error, Result};
@@ -39,26 +39,24 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         }
         let camera = shaped(lab.subject.camera(), width, height);
         let name = format!("{width} × {height}");
-        let (image, compared) = match lab.look(&pair, &camera, lab.subject.near) {
+        let (image, [measured, bound]) = match lab.look(&pair, &camera, lab.subject.near) {
             // Out of memory is a correct answer of a small device.
             Err(error @ Error::OutOfMemory { .. }) => {
-                let fact = (name, format!("left out: {error}"));
-                lab.found.facts.push(fact);
+                lab.found.facts.push((name, format!("left out: {error}")));
                 continue;
             }
             looked => looked?,
         };
-        let errors = [compared.measured, compared.bound];
         let all = (width * height) as usize;
         let what = match lab.plan.pixels < all {
             true => format!("{} of its pixels", lab.plan.pixels),
             false => "all its pixels".into(),
         };
-        lab.add(StressCheck::at_most(CheckGroup::Sizes, &name, what, errors, OF_RANGE));
+        lab.at_most(&name, what, [measured, bound], OF_RANGE);
         points.push(SweepPoint {
             x: f64::from(width.max(height)),
-            measured: compared.measured,
-            bound: compared.bound,
+            measured,
+            bound,
         });
         if width.min(height) > 4 && width.max(height) < 700 {
             thumbnails.push(thumbnail(name, &image));
@@ -68,20 +66,18 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     // Of pictures with one length, the one closest to its bound.
     points.dedup_by(|b, a| {
         let is_one = a.x == b.x;
-        let share = |p: &SweepPoint| (p.measured / p.bound).abs();
-        // NaN is the greatest of all.
-        if is_one && share(b).total_cmp(&share(a)).is_gt() {
+        if is_one && b.share().total_cmp(&a.share()).is_gt() {
             *a = *b;
         }
         is_one
     });
     lab.found.sweeps.push(Sweep {
         group: CheckGroup::Sizes,
-        title: "Error over size".into(),
+        title: "Error over size",
         parameter: "longer side, px",
         is_log: true,
         quantity: "error, of 1",
-        caption: "The longer side shows as much of the scene as the first view's does, so that all of its splats grow with it.".into(),
+        caption: "The longer side shows as much of the scene as the first view's does, so that all of its splats grow with it.",
         points,
         thumbnails,
     });

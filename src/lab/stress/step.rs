@@ -3,7 +3,7 @@
 use super::subject::BACKGROUND;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, View};
+use crate::scene::{Camera, Dataset, Photo, PhotoSource, Point, Splats, View};
 use crate::train::state::Planes;
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 
@@ -51,15 +51,6 @@ impl StepResult {
     }
 }
 
-fn config(splats: &Splats) -> TrainConfig {
-    TrainConfig {
-        sh_degree: splats.sh_degree,
-        filter: splats.filter,
-        background: Background::Fixed(BACKGROUND),
-        ..TrainConfig::for_iterations(30_000)
-    }
-}
-
 /// A view with a black photograph: every picture is brighter, so that no pixel's share in the gradient changes its
 /// sign. The extent of the data set determines the near plane.
 fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
@@ -80,11 +71,7 @@ fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
             position: (camera.position + ray).to_array(),
             color: [0.5; 3],
         }],
-        test_every: 0,
-        held_out: Vec::new(),
-        alpha: AlphaMode::Composite,
-        warnings: Vec::new(),
-        origin: glam::DVec3::ZERO,
+        ..Dataset::default()
     }
 }
 
@@ -95,7 +82,12 @@ pub(super) fn step(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64) -> Re
 
 /// `count` steps; the gradient is the last one's.
 pub(super) fn steps(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64, count: u32) -> Result<StepResult> {
-    let config = config(splats);
+    let config = TrainConfig {
+        sh_degree: splats.sh_degree,
+        filter: splats.filter,
+        background: Background::Fixed(BACKGROUND),
+        ..TrainConfig::for_iterations(30_000)
+    };
     let lambda = f64::from(config.lambda_dssim);
     let dataset = dataset(camera, near, &config);
     let state = HostState::from_splats(splats, splats.sh_degree);

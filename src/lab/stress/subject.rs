@@ -38,18 +38,11 @@ impl StressScene {
     /// Panics without a camera.
     pub fn of(splats: &Splats, cameras: &[Camera], target: DVec3, near: f64) -> StressScene {
         assert!(!cameras.is_empty(), "a scene is looked at from somewhere");
-        let step = splats.len().div_ceil(SPLATS_MAX).max(1);
-        let some: Vec<usize> = (0..splats.len()).step_by(step).collect();
-        let splats = splats.picked(&some);
-        let small = |camera: &Camera| {
-            let side = camera.width.max(camera.height);
-            let length = |of: u32| (of * SIDE).div_ceil(side).max(1);
-            exact(&camera.resized(length(camera.width), length(camera.height)))
-        };
+        let splats = thinned(splats, SPLATS_MAX);
         StressScene {
             exact: splats.clone(),
             splats,
-            cameras: cameras.iter().map(small).collect(),
+            cameras: cameras.iter().map(|camera| reduced(camera, SIDE)).collect(),
             target,
             near: single(near),
             is_made: false,
@@ -103,6 +96,19 @@ pub(super) fn exact(camera: &Camera) -> Camera {
     }
 }
 
+/// The camera with pictures of this longest side, px.
+pub(super) fn reduced(camera: &Camera, longest: u32) -> Camera {
+    let side = camera.width.max(camera.height);
+    let length = |of: u32| (of * longest).div_ceil(side).max(1);
+    exact(&camera.resized(length(camera.width), length(camera.height)))
+}
+
+/// At most `most` of the splats, spread over all.
+pub(super) fn thinned(splats: &Splats, most: usize) -> Splats {
+    let step = splats.len().div_ceil(most).max(1);
+    splats.picked(&(0..splats.len()).step_by(step).collect::<Vec<usize>>())
+}
+
 /// View options for the device.
 pub(super) fn view_options(splats: &Splats, near: f64) -> ViewOptions {
     ViewOptions {
@@ -138,9 +144,8 @@ fn push(splats: &mut Splats, disc: &Disc, random: &mut Random) {
     let spread = [0; 2].map(|_| (disc.size * random.log_between(0.8, 1.25)).ln() as f32);
     splats.mean.push(disc.place.as_vec3().to_array());
     splats.quaternion.push(quaternion);
-    splats
-        .log_scale
-        .push([spread[0], spread[1], (0.15 * disc.size).ln() as f32]);
+    let thin = (0.15 * disc.size).ln() as f32;
+    splats.log_scale.push([spread[0], spread[1], thin]);
     splats.opacity_logit.push(random.between(1.0, 4.0) as f32);
     splats.sh.extend(disc.color.map(|c| (c as f32 - 0.5) / SH_C0));
     for _ in 3..splats.sh_stride() {

@@ -81,10 +81,7 @@ mod tests {
         let thumbnail = Thumbnail::new("wide", [1000, 1], &colors);
         assert_eq!(thumbnail.size, [334, 1]);
         assert_eq!(thumbnail.rgb.len(), 334 * 3);
-        assert!(
-            thumbnail
-                .address()
-                .is_ok_and(|a| a.starts_with("data:image/png;base64,iVBOR"))
-        );
+        let address = thumbnail.address();
+        assert!(address.is_ok_and(|a| a.starts_with("data:image/png;base64,iVBOR")));
     }
 }

@@ -6,8 +6,8 @@
 pub mod page;
 pub mod record;
 pub mod runner;
-mod scenes;
 
+use crate::lab::page::distinct;
 use crate::stats::Interval;
 use serde::{Deserialize, Serialize};
 
@@ -41,28 +41,26 @@ impl Recipe {
         Recipe::ParsimonyAllSh,
     ];
 
+    /// Name in files and on command lines, and that on the page.
+    const fn names(self) -> [&'static str; 2] {
+        match self {
+            Recipe::Fixed => ["fixed", "fixed recipe"],
+            Recipe::FixedRates => ["fixed-rates", "fixed recipe, same rates"],
+            Recipe::Parsimony => ["parsimony", "parsimony"],
+            Recipe::Mcmc => ["mcmc", "MCMC, same count"],
+            Recipe::McmcRates => ["mcmc-rates", "MCMC, same count and rates"],
+            Recipe::ParsimonyAllSh => ["parsimony-all-sh", "parsimony, all harmonics"],
+        }
+    }
+
     /// Name in files and on command lines.
     pub fn name(self) -> &'static str {
-        match self {
-            Recipe::Fixed => "fixed",
-            Recipe::FixedRates => "fixed-rates",
-            Recipe::Parsimony => "parsimony",
-            Recipe::Mcmc => "mcmc",
-            Recipe::McmcRates => "mcmc-rates",
-            Recipe::ParsimonyAllSh => "parsimony-all-sh",
-        }
+        self.names()[0]
     }
 
     /// Name on the page.
     pub fn title(self) -> &'static str {
-        match self {
-            Recipe::Fixed => "fixed recipe",
-            Recipe::FixedRates => "fixed recipe, same rates",
-            Recipe::Parsimony => "parsimony",
-            Recipe::Mcmc => "MCMC, same count",
-            Recipe::McmcRates => "MCMC, same count and rates",
-            Recipe::ParsimonyAllSh => "parsimony, all harmonics",
-        }
+        self.names()[1]
     }
 }
 
@@ -179,13 +177,7 @@ impl SurveyRun {
 
 /// Names of the scenes, in the order of their first runs.
 pub fn scenes(runs: &[SurveyRun]) -> Vec<&str> {
-    let mut names: Vec<&str> = Vec::new();
-    for run in runs {
-        if !names.contains(&run.scene.as_str()) {
-            names.push(&run.scene);
-        }
-    }
-    names
+    distinct(runs.iter().map(|run| run.scene.as_str()))
 }
 
 /// Mean of a value over the runs that have it.

@@ -2,7 +2,7 @@
 
 use super::{Recipe, SurveyRun, mean, paired_difference, scenes};
 use crate::Result;
-use crate::lab::page::scatter::{Axis, Marker, ScatterPlot};
+use crate::lab::page::scatter::{Marker, ScatterPlot};
 use crate::lab::page::{self, Fact, document, escaped, figure, interval, legend, table};
 
 const OF_TABLE: &str = "Every scene is trained on the same photographs for the same number of steps by each \
@@ -90,18 +90,10 @@ fn plot(runs: &[SurveyRun], scene: &str) -> ScatterPlot {
     };
     ScatterPlot {
         size: [532, 390],
-        x: Axis {
-            title: "splats",
-            is_log: true,
-        },
-        y: Axis {
-            title: "PSNR of test views, dB",
-            is_log: false,
-        },
+        titles: ["splats", "PSNR of test views, dB"],
+        are_log: [true, false],
         markers: runs.filter_map(marker).collect(),
-        front: Vec::new(),
-        levels: Vec::new(),
-        are_courses: false,
+        ..ScatterPlot::default()
     }
 }
 

@@ -1,21 +1,21 @@
-//! One training run of a survey, from its recipe to its results.
+//! One training run of a survey, from its recipe to its results; built-in scenes, and checksums of data sets.
 //!
 //! All recipes take the same steps on the same photographs; [`config`] has their differences. Time includes the work
 //! between steps, but not loading and evaluation.
 //!
 //! **Invariant:** except for times and the date, the same task gives the same run on the same device.
 
-pub use super::scenes::{built_in, checksum};
-
 use super::{Recipe, SurveyRun};
 use crate::gpu::{Buffer, Gpu};
 use crate::io;
 use crate::lab::bench::{CpuClock, record};
-use crate::lab::evaluator::{frame_time, held_out};
+use crate::lab::evaluator::{frame_ms, held_out};
+use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::metrics::MeanScore;
 use crate::render::Model;
 use crate::scene::{Dataset, Splats, Split};
 use crate::simplify::{AutoRun, CountController, History, for_auto_count, reduce_harmonics};
+use crate::train::checkpoint::fingerprint;
 use crate::train::config::LearningRates;
 use crate::train::{StrategyKind, TrainConfig, Trainer};
 use crate::{Error, Result};
@@ -24,6 +24,32 @@ use std::time::Instant;
 
 /// Steps of [`Task::warm_up`].
 const WARM_UP: u32 = 3;
+
+/// Photographs of a built-in scene.
+const VIEWS: usize = 48;
+
+/// A built-in scene in photographs of this width and three quarters of it in height; every eighth is held out.
+pub fn built_in(kind: Kind, width: u32) -> Dataset {
+    synth::scene(kind).dataset(&SynthOptions {
+        views: VIEWS,
+        width,
+        height: (width * 3 / 4).max(1),
+        ..SynthOptions::default()
+    })
+}
+
+/// Checksum of a data set's training views and points, hexadecimal. The colours of points are included, photographs are
+/// not.
+pub fn checksum(dataset: &Dataset) -> String {
+    let mut hash = crc32fast::Hasher::new();
+    hash.update(&fingerprint(dataset).to_le_bytes());
+    for point in &dataset.points {
+        let position = point.position.iter().flat_map(|x| x.to_le_bytes());
+        let color = point.color.iter().flat_map(|x| x.to_le_bytes());
+        hash.update(&position.chain(color).collect::<Vec<u8>>());
+    }
+    format!("{:08x}", hash.finalize())
+}
 
 /// Settings of a run.
 #[derive(Clone, Copy, Debug)]
@@ -123,40 +149,30 @@ impl Task<'_> {
     /// Those of the device, of photographs that cannot be read, and of a folder that cannot be written to.
     pub fn run(&self, gpu: &Gpu, folder: &Path, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<SurveyRun>> {
         let mut evaluator = held_out(gpu, self.dataset)?;
-        let Some(trained) = self.train(gpu, progress)? else {
+        let Some((splats, trained)) = self.train(gpu, progress)? else {
             return Ok(None);
         };
-        let TrainingOutput { splats, history, .. } = &trained;
-        let score = MeanScore::of(&evaluator.scores(splats)?);
-        let model = Model::upload(gpu, splats)?;
-        let frame = frame_time(gpu, self.dataset, splats, &model)?;
-        let reduced = reduce_harmonics(splats, 0.0);
-        let law = history.as_ref().and_then(History::law);
-        let points = history.as_ref().map(History::points).unwrap_or_default();
+        let score = MeanScore::of(&evaluator.scores(&splats)?);
+        let model = Model::upload(gpu, &splats)?;
+        let (frame_ms, frame_cpu_ms) = frame_ms(gpu, self.dataset, &splats, &model)?;
+        let reduced = reduce_harmonics(&splats, 0.0);
         Ok(Some(SurveyRun {
             date: record::today(),
             splats: splats.len(),
             splats_by_degree: reduced.count_from_degree.to_vec(),
             psnr_db: score.psnr_db,
             ssim: score.ssim,
-            train_seconds: trained.seconds,
-            cpu_seconds: trained.cpu_seconds,
-            ply_bytes: file_bytes(folder, splats)?,
+            ply_bytes: file_bytes(folder, &splats)?,
             device_bytes_by_degree: device_bytes(&model),
             sh_floats: reduced.floats,
-            frame_ms: frame.device_ms,
-            frame_cpu_ms: frame.cpu_ms,
-            settled_from: history.as_ref().and_then(|history| history.settled_from),
-            sh_lost_db: history.as_ref().and_then(|history| history.sh_lost_db),
-            knee: law.map(|law| law.knee(self.gain_db)),
-            law: law.map_or(Vec::new(), |law| vec![law.limit_db, law.factor, law.exponent]),
-            point_splats: points.iter().map(|point| point[0]).collect(),
-            point_db: points.iter().map(|point| point[1]).collect(),
-            ..self.planned(gpu)
+            frame_ms,
+            frame_cpu_ms,
+            ..trained
         }))
     }
 
-    fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<TrainingOutput>> {
+    /// The scene, and the run with times and history of the training.
+    fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<(Splats, SurveyRun)>> {
         let mut run = AutoRun::new(gpu, self.dataset, self.config())?;
         let (start, clock) = (Instant::now(), CpuClock::now());
         if matches!(self.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
@@ -175,29 +191,30 @@ impl Task<'_> {
             run.step()?;
         }
         run.finish()?;
-        Ok(Some(TrainingOutput {
-            seconds: start.elapsed().as_secs_f64(),
-            cpu_seconds: clock.elapsed_ns().map(|ns| 1e-9 * ns),
-            history: run.controller().map(|controller| controller.history().clone()),
-            splats: run.splats()?,
-        }))
+        let (train_seconds, cpu_ns) = (start.elapsed().as_secs_f64(), clock.elapsed_ns());
+        let history = run.controller().map(CountController::history);
+        let law = history.and_then(History::law);
+        let points = history.map(History::points).unwrap_or_default();
+        let trained = SurveyRun {
+            train_seconds,
+            cpu_seconds: cpu_ns.map(|ns| 1e-9 * ns),
+            settled_from: history.and_then(|history| history.settled_from),
+            sh_lost_db: history.and_then(|history| history.sh_lost_db),
+            knee: law.map(|law| law.knee(self.gain_db)),
+            law: law.map_or(Vec::new(), |law| vec![law.limit_db, law.factor, law.exponent]),
+            point_splats: points.iter().map(|point| point[0]).collect(),
+            point_db: points.iter().map(|point| point[1]).collect(),
+            ..self.planned(gpu)
+        };
+        Ok(Some((run.splats()?, trained)))
     }
-}
-
-/// Scene, history and times of a run.
-struct TrainingOutput {
-    splats: Splats,
-    history: Option<History>,
-    seconds: f64,
-    cpu_seconds: Option<f64>,
 }
 
 /// Bytes of the scene's file.
 fn file_bytes(folder: &Path, splats: &Splats) -> Result<u64> {
     let path = folder.join("needs.ply");
     io::ply::write(&path, splats)?;
-    let bytes = std::fs::metadata(&path).map(|file| file.len());
-    let bytes = bytes.map_err(Error::io(&path))?;
+    let bytes = std::fs::metadata(&path).map_err(Error::io(&path))?.len();
     std::fs::remove_file(&path).map_err(Error::io(&path))?;
     Ok(bytes)
 }
@@ -217,6 +234,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn other_sizes_and_scenes_have_other_checksums() {
+        let found = [
+            built_in(Kind::Plane, 16),
+            built_in(Kind::Plane, 20),
+            built_in(Kind::Sphere, 16),
+        ];
+        let [plane, larger, sphere] = found.each_ref().map(checksum);
+        assert_eq!(plane, checksum(&built_in(Kind::Plane, 16)));
+        assert!(plane != larger && plane != sphere && larger != sphere);
+        assert_eq!(plane.len(), 8);
+        assert_eq!(found[0].split(Split::Test).len(), VIEWS / 8);
+    }
+
+    #[test]
     fn recipes_differ_in_their_own_constants_alone() {
         let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] = Recipe::ALL.map(|r| config(r, 2_000, 40));
         assert_eq!(all_sh, for_auto_count);
@@ -234,12 +265,10 @@ mod tests {
     #[test]
     fn nothing_is_run_twice_under_two_names() {
         for iterations in [100, 2_000, 30_000] {
-            let constants = distinct_recipes(iterations).into_iter();
+            let mut recipes = distinct_recipes(iterations);
             // `ParsimonyAllSh` has the constants of `Parsimony`.
-            let found = constants
-                .filter(|recipe| *recipe != Recipe::ParsimonyAllSh)
-                .map(|r| config(r, iterations, 40));
-            let found: Vec<TrainConfig> = found.collect();
+            recipes.retain(|recipe| *recipe != Recipe::ParsimonyAllSh);
+            let found: Vec<TrainConfig> = recipes.into_iter().map(|r| config(r, iterations, 40)).collect();
             for (i, one) in found.iter().enumerate() {
                 assert!(found[..i].iter().all(|other| other != one), "{one:?}");
             }

@@ -10,9 +10,8 @@ use crate::lab::chart::{FrameErrors, FramePoint};
 use crate::reference::bound::{TracedPixel, trace};
 use crate::reference::{self, ray};
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
-use crate::scene::Camera;
-use crate::stats::Interval;
-use crate::stats::Summary;
+use crate::scene::{Camera, Splats};
+use crate::stats::{Interval, Summary};
 use std::rc::Rc;
 
 /// Bound of rounding to `f32`, as a share of the colour range, in images up to [`ROUNDING_SIZE`] pixels wide: the
@@ -34,9 +33,6 @@ struct SettingBench {
     setting: FrameSetting,
     model: Rc<Model>,
     renderer: Renderer,
-    /// Nanoseconds of each timed run, over all views: on the device, and of the process.
-    device_ns: Vec<f64>,
-    cpu_ns: Vec<f64>,
     errors: Vec<FrameComparison>,
 }
 
@@ -51,37 +47,34 @@ impl FrameInputs<'_> {
         let settings = settings::of_frames(self.splats.sh_degree, plan);
         progress("frames: pruning");
         let mut scenes = ModelCache::new(gpu, self)?;
-        let mut approximations = Vec::new();
-        for setting in &settings {
-            approximations.push(setting.approximations(self.splats, &scenes.removed(setting)?));
-        }
-        let view = ViewOptions {
-            background: training::BACKGROUND,
-            near: self.near,
-            filter: self.splats.filter,
-        };
-        let mut bench = |setting: FrameSetting| -> Result<SettingBench> {
+        let (mut approximations, mut benches) = (Vec::new(), Vec::new());
+        for setting in settings {
+            let removed = scenes.removed(&setting)?;
+            approximations.push(setting.approximations(self.splats, &removed));
             let options = RenderOptions {
                 accuracy: setting.accuracy,
                 sh_degree: setting.sh_degree,
                 precision: setting.precision,
                 ..RenderOptions::default()
             };
-            Ok(SettingBench {
-                model: scenes.model(&setting)?,
+            benches.push(SettingBench {
+                model: scenes.model(&setting, &removed)?,
                 setting,
                 renderer: Renderer::new(gpu, options)?,
-                device_ns: Vec::new(),
-                cpu_ns: Vec::new(),
                 errors: Vec::new(),
-            })
+            });
+        }
+        let view = ViewOptions {
+            background: training::BACKGROUND,
+            near: self.near,
+            filter: self.splats.filter,
         };
-        let mut benches = settings.into_iter().map(&mut bench).collect::<Result<Vec<_>>>()?;
+        let options = exact_options(self.splats, self.near);
         let mut by_rays = Vec::new();
         for (number, camera) in (1..).zip(self.cameras) {
             let of = self.cameras.len();
             progress(&format!("frames: the exact view {number} of {of}"));
-            let traced = trace(self.splats, camera, &self.options(), &approximations);
+            let traced = trace(self.splats, camera, &options, &approximations);
             by_rays.extend(self.by_rays(camera, &traced, plan.ray_pixels));
             for (index, bench) in benches.iter_mut().enumerate() {
                 let drawn = bench.renderer.render(&bench.model, camera, &view)?;
@@ -89,16 +82,21 @@ impl FrameInputs<'_> {
                 bench.errors.push(compare_frame(&drawn.rgb, &traced, index, rounding));
             }
         }
-        // In turns, so that disturbances of the machine affect all alike.
-        for run in 0..plan.runs.max(1) {
-            progress(&format!("frames: run {} of {}", run + 1, plan.runs));
-            for bench in &mut benches {
-                bench.time(self.cameras, &view)?;
+        let begun = |run| progress(&format!("frames: run {run} of {}", plan.runs));
+        let times = times_ms(&mut benches, plan.runs, self.cameras.len(), begun, |bench| {
+            let mut device_ns = 0.0;
+            for camera in self.cameras {
+                bench.renderer.render(&bench.model, camera, &view)?;
+                device_ns += bench.renderer.timings()?.iter().map(|(_, ns)| ns).sum::<f64>();
             }
-        }
-        let point = |c: &SettingBench| c.point(self.cameras.len());
-        let points = benches.iter().map(point).collect();
-        Ok((points, (!by_rays.is_empty()).then(|| errors(by_rays))))
+            Ok(device_ns)
+        })?;
+        let points = benches
+            .iter()
+            .zip(times)
+            .map(|(bench, times)| bench.point(times))
+            .collect();
+        Ok((points, (!by_rays.is_empty()).then(|| of_channels(by_rays))))
     }
 
     /// Differences between linear projection and rays, by channel of some pixels.
@@ -106,18 +104,19 @@ impl FrameInputs<'_> {
         // An odd stride over the image's pixels samples all columns.
         let every = traced.len().div_ceil(most.max(1)) | 1;
         let pixels: Vec<usize> = (0..traced.len()).step_by(every).collect();
-        let seen = ray::colors(self.splats, camera, &self.options(), &pixels);
+        let seen = ray::colors(self.splats, camera, &exact_options(self.splats, self.near), &pixels);
         let off = |(pixel, seen): (&usize, &[f64; 3])| [0, 1, 2].map(|c| (seen[c] - traced[*pixel].color[c]).abs());
         pixels.iter().zip(&seen).map(off).collect()
     }
+}
 
-    fn options(&self) -> reference::Options {
-        reference::Options {
-            background: training::BACKGROUND.map(f64::from),
-            near: f64::from(self.near),
-            sh_degree: self.splats.sh_degree,
-            thresholds: reference::Thresholds::NONE,
-        }
+/// Options of the reference without any cut.
+pub(super) fn exact_options(splats: &Splats, near: f32) -> reference::Options {
+    reference::Options {
+        background: training::BACKGROUND.map(f64::from),
+        near: f64::from(near),
+        sh_degree: splats.sh_degree,
+        thresholds: reference::Thresholds::NONE,
     }
 }
 
@@ -148,35 +147,17 @@ fn compare_frame(drawn: &[[f32; 3]], traced: &[TracedPixel], index: usize, share
     for ((pixel, exact), bound) in drawn.iter().zip(traced).zip(&comparison.bounds) {
         let off = [0, 1, 2].map(|c| (f64::from(pixel[c]) - exact.color[c]).abs());
         comparison.square += off.iter().map(|d| d * d).sum::<f64>();
-        // NaN must propagate.
-        let error = off
-            .into_iter()
-            .fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a });
+        let error = off.into_iter().fold(0.0, larger);
         let rounding = share * exact.range + exact.order;
         comparison.rounding = comparison.rounding.max(rounding);
-        let excess = error - bound - rounding;
-        if excess > comparison.excess || excess.is_nan() {
-            comparison.excess = excess;
-        }
+        comparison.excess = larger(comparison.excess, error - bound - rounding);
         comparison.errors.push(error);
     }
     comparison
 }
 
 impl SettingBench {
-    fn time(&mut self, cameras: &[Camera], view: &ViewOptions) -> Result<()> {
-        let (clock, mut device_ns) = (CpuClock::now(), 0.0);
-        for camera in cameras {
-            self.renderer.render(&self.model, camera, view)?;
-            let stages = self.renderer.timings()?;
-            device_ns += stages.iter().map(|(_, ns)| ns).sum::<f64>();
-        }
-        self.device_ns.push(device_ns);
-        self.cpu_ns.extend(clock.elapsed_ns());
-        Ok(())
-    }
-
-    fn point(&self, views: usize) -> FramePoint {
+    fn point(&self, (time_ms, cpu_ms): (Interval, f64)) -> FramePoint {
         let pool = |of: fn(&FrameComparison) -> &Vec<f64>| -> Vec<f64> {
             let mut all: Vec<f64> = self.errors.iter().flat_map(of).copied().collect();
             all.sort_by(f64::total_cmp);
@@ -184,26 +165,16 @@ impl SettingBench {
         };
         let (errors, bounds) = (pool(|j| &j.errors), pool(|j| &j.bounds));
         let pixels = errors.len() as f64;
-        let psnr = |mean_square: f64| -10.0 * mean_square.log10();
         let squares: f64 = self.errors.iter().map(|j| j.square).sum();
         let promised: f64 = bounds.iter().map(|b| b * b).sum();
-        let most = |of: fn(&FrameComparison) -> f64| {
-            let all = self.errors.iter().map(of);
-            all.fold(f64::NEG_INFINITY, |a, b| if b > a || b.is_nan() { b } else { a })
-        };
+        let most = |of: fn(&FrameComparison) -> f64| self.errors.iter().map(of).fold(f64::NEG_INFINITY, larger);
         FramePoint {
             knob: self.setting.knob.clone(),
-            time_ms: milliseconds(&self.device_ns, views),
-            cpu_ms: milliseconds(&self.cpu_ns, views).value,
+            time_ms,
+            cpu_ms,
             scene_bytes: bytes(&self.model),
-            error: FrameErrors {
-                psnr_db: psnr(squares / (3.0 * pixels)),
-                ..percentiles(&errors)
-            },
-            bound: FrameErrors {
-                psnr_db: psnr(promised / pixels),
-                ..percentiles(&bounds)
-            },
+            error: of_sorted(&errors, squares / (3.0 * pixels)),
+            bound: of_sorted(&bounds, promised / pixels),
             rounding: most(|j| j.rounding),
             excess: most(|j| j.excess),
         }
@@ -217,35 +188,59 @@ fn bytes(model: &Model) -> usize {
     params.chain(slots).sum::<u64>() as usize
 }
 
-/// Median time of a frame, from runs of `frames` each.
-pub(super) fn milliseconds(runs_ns: &[f64], frames: usize) -> Interval {
+/// Medians of device and processor time of a frame of each subject, from runs of `frames` each, which return their
+/// nanoseconds on the device. In turns, so that disturbances of the machine affect all alike.
+pub(super) fn times_ms<T>(
+    subjects: &mut [T],
+    runs: usize,
+    frames: usize,
+    mut begun: impl FnMut(usize),
+    mut run: impl FnMut(&mut T) -> Result<f64>,
+) -> Result<Vec<(Interval, f64)>> {
+    let mut times = vec![(Vec::new(), Vec::new()); subjects.len()];
+    for number in 1..=runs.max(1) {
+        begun(number);
+        for (subject, (device_ns, cpu_ns)) in subjects.iter_mut().zip(&mut times) {
+            let clock = CpuClock::now();
+            device_ns.push(run(subject)?);
+            cpu_ns.extend(clock.elapsed_ns());
+        }
+    }
     let share = 1e-6 / frames as f64;
-    let summary = Summary::of(runs_ns);
-    let [low, high] = summary.interval;
-    Interval::new(summary.median * share, low * share, high * share, summary.runs)
+    let frame = |runs_ns: &[f64]| {
+        let summary = Summary::of(runs_ns);
+        let [low, high] = summary.interval;
+        Interval::new(summary.median * share, low * share, high * share, summary.runs)
+    };
+    Ok(times
+        .iter()
+        .map(|(device, cpu)| (frame(device), frame(cpu).value))
+        .collect())
 }
 
 /// Errors from those of pixels' channels.
-fn errors(pixels: Vec<[f64; 3]>) -> FrameErrors {
+fn of_channels(pixels: Vec<[f64; 3]>) -> FrameErrors {
     let square = |pixel: &[f64; 3]| pixel.iter().map(|d| d * d).sum::<f64>();
     let mean = pixels.iter().map(square).sum::<f64>() / (3 * pixels.len()) as f64;
     let largest = |pixel: &[f64; 3]| pixel.iter().copied().fold(0.0, f64::max);
     let mut worst: Vec<f64> = pixels.iter().map(largest).collect();
     worst.sort_by(f64::total_cmp);
-    FrameErrors {
-        psnr_db: -10.0 * mean.log10(),
-        ..percentiles(&worst)
-    }
+    of_sorted(&worst, mean)
 }
 
-/// Maximum and percentile of ascending values.
-fn percentiles(sorted: &[f64]) -> FrameErrors {
+/// Errors from those of pixels, ascending, and their mean square.
+fn of_sorted(sorted: &[f64], mean_square: f64) -> FrameErrors {
     let at = |share: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * share).round() as usize);
     FrameErrors {
         max: at(1.0).copied().unwrap_or(f64::NAN),
         p99: at(0.99).copied().unwrap_or(f64::NAN),
-        psnr_db: f64::NAN,
+        psnr_db: -10.0 * mean_square.log10(),
     }
+}
+
+/// The larger number; NaN propagates.
+pub(super) fn larger(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
 }
 
 #[cfg(test)]

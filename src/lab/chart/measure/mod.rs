@@ -102,14 +102,14 @@ pub fn measure(
             training::splats(gpu, dataset, TrainConfig::for_iterations(plan.iterations))?
         }
     };
-    let cameras = cameras(dataset, plan)?;
-    let near = TrainConfig::default().near(dataset.extent());
-    let pruned_by = training_cameras(dataset, plan);
+    let camera = |view: usize| reduced(&dataset.views[view].camera, plan.frame_pixels);
+    let cameras: Vec<Camera> = views(dataset, plan)?.into_iter().map(camera).collect();
+    let pruned_by: Vec<Camera> = dataset.split(Split::Train).into_iter().map(camera).collect();
     let frames = FrameInputs {
         splats: &made,
         cameras: &cameras,
         pruned_by: &pruned_by,
-        near,
+        near: TrainConfig::default().near(dataset.extent()),
     };
     (chart.frames, chart.projection) = frames.measure(gpu, plan, progress)?;
     let gradients = GradientInputs {
@@ -129,28 +129,15 @@ fn reduced(camera: &Camera, pixels: usize) -> Camera {
     camera.resized(side(camera.width), side(camera.height))
 }
 
-/// The training views at the size of compared frames.
-fn training_cameras(dataset: &Dataset, plan: &ChartPlan) -> Vec<Camera> {
-    let views = dataset.split(Split::Train).into_iter();
-    views
-        .map(|view| reduced(&dataset.views[view].camera, plan.frame_pixels))
-        .collect()
-}
-
 /// Some of the held-out views, else of all, spread evenly.
-fn cameras(dataset: &Dataset, plan: &ChartPlan) -> Result<Vec<Camera>> {
-    let test = dataset.split(Split::Test);
-    let views = if test.is_empty() {
-        dataset.split(Split::All)
-    } else {
-        test
-    };
+fn views(dataset: &Dataset, plan: &ChartPlan) -> Result<Vec<usize>> {
+    let mut views = dataset.split(Split::Test);
+    if views.is_empty() {
+        views = dataset.split(Split::All);
+    }
     if views.is_empty() {
         return Err(Error::Config("the data set has no view".into()));
     }
     let count = plan.views.clamp(1, views.len());
-    let chosen = (0..count).map(|i| views[i * views.len() / count]);
-    Ok(chosen
-        .map(|view| reduced(&dataset.views[view].camera, plan.frame_pixels))
-        .collect())
+    Ok((0..count).map(|i| views[i * views.len() / count]).collect())
 }

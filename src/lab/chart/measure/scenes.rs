@@ -13,9 +13,7 @@ use std::rc::Rc;
 /// Scene and views of the compared frames.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FrameInputs<'a> {
-    /// The scene.
     pub(super) splats: &'a Splats,
-    /// Views.
     pub(super) cameras: &'a [Camera],
     /// Views that bound the error of pruning.
     pub(super) pruned_by: &'a [Camera],
@@ -23,13 +21,11 @@ pub(super) struct FrameInputs<'a> {
     pub(super) near: f32,
 }
 
-/// Cache of the models, each made once.
+/// Models of the settings, each made once.
 pub(super) struct ModelCache<'a> {
     gpu: &'a Gpu,
     frames: &'a FrameInputs<'a>,
     pass: ContributionPass,
-    /// Flags of the pruned splats by the error that prunes them.
-    removed: Vec<(f64, Vec<bool>)>,
     models: Vec<(ModelKey, Rc<Model>)>,
 }
 
@@ -47,7 +43,6 @@ impl<'a> ModelCache<'a> {
             gpu,
             frames,
             pass: ContributionPass::new(gpu, frames.splats, pass_options)?,
-            removed: Vec::new(),
             models: Vec::new(),
         })
     }
@@ -57,26 +52,19 @@ impl<'a> ModelCache<'a> {
         let Some(error) = setting.pruned else {
             return Ok(Vec::new());
         };
-        if let Some((_, removed)) = self.removed.iter().find(|(known, _)| *known == error) {
-            return Ok(removed.clone());
-        }
-        let views = self.frames.pruned_by;
-        let found = prune(&mut self.pass, views, error, &mut || true)?;
-        let removed = found.map_or_else(Vec::new, |found| found.removed);
-        self.removed.push((error, removed.clone()));
-        Ok(removed)
+        let found = prune(&mut self.pass, self.frames.pruned_by, error, &mut || true)?;
+        Ok(found.map_or_else(Vec::new, |found| found.removed))
     }
 
-    /// The setting's model.
-    pub(super) fn model(&mut self, setting: &FrameSetting) -> Result<Rc<Model>> {
+    /// The setting's model, without the `removed` splats.
+    pub(super) fn model(&mut self, setting: &FrameSetting, removed: &[bool]) -> Result<Rc<Model>> {
         let key = (setting.pruned, setting.reduced, setting.precision);
         if let Some((_, model)) = self.models.iter().find(|(known, _)| *known == key) {
             return Ok(Rc::clone(model));
         }
-        let removed = self.removed(setting)?;
         let mut left = Cow::Borrowed(self.frames.splats);
         if !removed.is_empty() {
-            left = Cow::Owned(kept(&left, &removed));
+            left = Cow::Owned(kept(&left, removed));
         }
         if let Some(error) = setting.reduced {
             left = Cow::Owned(reduce_harmonics(&left, error).splats);

@@ -54,30 +54,14 @@ impl FrameSetting {
     }
 }
 
-/// Names of series.
+/// Name of a series.
 const HARMONICS: &str = "harmonics";
-const HARMONICS_BY_SPLAT: &str = "harmonics by splat";
-const HALVES: &str = "stored as halves";
-const PRUNED: &str = "pruned";
 
-fn knob(series: &str, setting: impl Into<String>) -> Knob {
-    Knob {
-        series: series.into(),
-        setting: setting.into(),
-        is_default: false,
-    }
-}
-
-/// `1/255` for 255.
-fn one_over(number: u32) -> String {
-    format!("1/{number}")
-}
-
-/// A frame with these thresholds.
-fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
+/// A frame with the default thresholds.
+fn frame(series: &str, setting: impl Into<String>) -> FrameSetting {
     FrameSetting {
-        knob: knob(series, setting),
-        accuracy,
+        knob: Knob::new(series, setting),
+        accuracy: Accuracy::default(),
         sh_degree: 3,
         precision: Precision::Full,
         pruned: None,
@@ -85,60 +69,57 @@ fn frame(series: &str, setting: String, accuracy: Accuracy) -> FrameSetting {
     }
 }
 
+/// A frame with these thresholds.
+fn cut_frame(series: &str, setting: String, transmittance_min: f32, alpha_min: f32) -> FrameSetting {
+    let mut frame = frame(series, setting);
+    frame.accuracy.transmittance_min = transmittance_min;
+    frame.accuracy.alpha_min = alpha_min;
+    frame
+}
+
 /// Stop alone, with the smallest cut.
 fn stop(transmittance_min: f32) -> FrameSetting {
     let setting = format!("{transmittance_min:.0e}");
-    let accuracy = Accuracy {
-        transmittance_min,
-        alpha_min: ALPHA_LEAST,
-    };
-    frame("stop alone", setting, accuracy)
+    cut_frame("stop alone", setting, transmittance_min, ALPHA_LEAST)
 }
 
 /// Cut alone, with the smallest stop.
 fn cut(number: u32) -> FrameSetting {
-    let accuracy = Accuracy {
-        alpha_min: 1.0 / number as f32,
-        transmittance_min: TRANSMITTANCE_LEAST,
-    };
-    frame("cut alone", one_over(number), accuracy)
+    let setting = format!("1/{number}");
+    cut_frame("cut alone", setting, TRANSMITTANCE_LEAST, 1.0 / number as f32)
+}
+
+fn together(transmittance_min: f32, number: u32) -> FrameSetting {
+    let setting = format!("{transmittance_min:.0e}, 1/{number}");
+    cut_frame("stop and cut", setting, transmittance_min, 1.0 / number as f32)
 }
 
 fn harmonics(sh_degree: u32) -> FrameSetting {
     FrameSetting {
         sh_degree,
-        ..frame(HARMONICS, format!("degree {sh_degree}"), Accuracy::default())
+        ..frame(HARMONICS, format!("degree {sh_degree}"))
     }
 }
 
 fn stored(precision: Precision, setting: &str) -> FrameSetting {
     FrameSetting {
         precision,
-        ..frame(HALVES, setting.into(), Accuracy::default())
+        ..frame("stored as halves", setting)
     }
 }
 
 fn pruned(number: u32) -> FrameSetting {
     FrameSetting {
         pruned: Some(1.0 / f64::from(number)),
-        ..frame(PRUNED, one_over(number), Accuracy::default())
+        ..frame("pruned", format!("1/{number}"))
     }
 }
 
 fn reduced(number: u32) -> FrameSetting {
     FrameSetting {
         reduced: Some(1.0 / f64::from(number)),
-        ..frame(HARMONICS_BY_SPLAT, one_over(number), Accuracy::default())
+        ..frame("harmonics by splat", format!("1/{number}"))
     }
-}
-
-fn together(transmittance_min: f32, number: u32) -> FrameSetting {
-    let setting = format!("{transmittance_min:.0e}, 1/{number}");
-    let accuracy = Accuracy {
-        transmittance_min,
-        alpha_min: 1.0 / number as f32,
-    };
-    frame("stop and cut", setting, accuracy)
 }
 
 /// Smallest cut and stop.
@@ -160,23 +141,13 @@ const TOGETHER: [(f32, u32); 9] = [
 
 /// The default, and every knob on its own from exact to coarse; then stop and cut together.
 pub(super) fn of_frames(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
-    let default = FrameSetting {
-        knob: Knob {
-            series: "default".into(),
-            setting: "1e-4, 1/255".into(),
-            is_default: true,
-        },
-        accuracy: Accuracy::default(),
-        sh_degree,
-        precision: Precision::Full,
-        pruned: None,
-        reduced: None,
-    };
-    let mut settings = vec![default];
-    settings.extend([
+    let mut default = frame("default", "1e-4, 1/255");
+    default.knob.is_default = true;
+    let mut settings = vec![
+        default,
         stored(Precision::HalfHarmonics, "harmonics"),
         stored(Precision::Half, "all but means"),
-    ]);
+    ];
     if plan.is_quick {
         settings.extend([stop(1e-2), cut(32), pruned(64), reduced(64)]);
         settings.extend((0..sh_degree.min(1)).map(harmonics));
@@ -197,11 +168,9 @@ pub(super) fn of_frames(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
 /// Settings of a training step: thresholds. Harmonics above the drawn degree and pruned splats have no gradients to
 /// compare, and half precision is not trained.
 pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting> {
-    let all = of_frames(sh_degree, plan).into_iter();
-    let is_cut = |setting: &FrameSetting| {
-        ![HARMONICS, HARMONICS_BY_SPLAT, HALVES, PRUNED].contains(&setting.knob.series.as_str())
-    };
-    all.filter(is_cut).collect()
+    let is_whole = |s: &FrameSetting| s.precision == Precision::Full && s.sh_degree == sh_degree;
+    let is_cut = |s: &FrameSetting| is_whole(s) && s.pruned.is_none() && s.reduced.is_none();
+    of_frames(sh_degree, plan).into_iter().filter(is_cut).collect()
 }
 
 /// Configuration of a training run.
@@ -215,9 +184,8 @@ pub(super) struct RunSetting {
 pub(super) fn default_run(plan: &ChartPlan) -> RunSetting {
     RunSetting {
         knob: Knob {
-            series: "default".into(),
-            setting: format!("{} steps", plan.iterations),
             is_default: true,
+            ..Knob::new("default", format!("{} steps", plan.iterations))
         },
         config: TrainConfig::for_iterations(plan.iterations),
     }
@@ -230,7 +198,7 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
         let mut config = base.clone();
         change(&mut config);
         RunSetting {
-            knob: knob(series, setting),
+            knob: Knob::new(series, setting),
             config,
         }
     };
@@ -282,10 +250,7 @@ mod tests {
         for plan in [ChartPlan::USUAL, ChartPlan::QUICK] {
             for sh_degree in 0..=3 {
                 let frames = of_frames(sh_degree, &plan);
-                let names: BTreeSet<(String, String)> = frames
-                    .iter()
-                    .map(|s| (s.knob.series.clone(), s.knob.setting.clone()))
-                    .collect();
+                let names: BTreeSet<String> = frames.iter().map(|s| s.knob.name()).collect();
                 assert_eq!(names.len(), frames.len());
                 assert_eq!(frames.iter().filter(|s| s.knob.is_default).count(), 1);
                 for setting in &frames {

@@ -77,15 +77,10 @@ fn seeds(
 ) -> Result<Vec<TrainingRun>> {
     let mut runs = Vec::new();
     for seed in 0..plan.seeds.max(1) {
-        let RunSetting { knob, config } = setting;
-        let of = plan.seeds;
-        progress(&format!(
-            "training: {} {}, run {} of {of}",
-            knob.series,
-            knob.setting,
-            seed + 1
-        ));
-        let config = TrainConfig { seed, ..config.clone() };
+        let (name, of) = (setting.knob.name(), plan.seeds);
+        progress(&format!("training: {name}, run {} of {of}", seed + 1));
+        let config = setting.config.clone();
+        let config = TrainConfig { seed, ..config };
         runs.push(run(gpu, dataset, evaluator, config)?);
     }
     Ok(runs)

@@ -1,5 +1,6 @@
 //! Comparison of gradients with the exact ones: errors and broken bounds.
 
+use super::super::frames::larger;
 use crate::reference::bound::GradientBounds;
 use crate::reference::gradient::SplatGradients;
 use crate::scene::Splats;
@@ -24,14 +25,6 @@ pub(super) fn percentile(sorted: &[f64], share: f64) -> f64 {
     sorted.get((last as f64 * share) as usize).copied().unwrap_or(0.0)
 }
 
-/// A group of parameters, those of a splat one after the other.
-struct ParameterGroup<'a> {
-    found: &'a [f32],
-    exact: &'a [f64],
-    bound: &'a [f64],
-    rounding: &'a [f64],
-}
-
 /// Compares gradients with the exact ones, by the bounds of one setting. Splats on a kink are left out.
 pub(super) fn compare(
     found: &Splats,
@@ -47,46 +40,39 @@ pub(super) fn compare(
     };
     macro_rules! kind {
         ($field:ident $(. $flat:ident ())?) => {
-            ParameterGroup {
-                found: found.$field $(.$flat())?.as_ref(),
-                exact: exact.$field $(.$flat())?.as_ref(),
-                bound: bound.$field $(.$flat())?.as_ref(),
-                rounding: rounding.$field $(.$flat())?.as_ref(),
-            }
+            comparison.add(
+                found.$field $(.$flat())?.as_ref(),
+                [exact, bound, rounding].map(|of| of.$field $(.$flat())?.as_ref()),
+                &bounds.kinked,
+            )
         };
     }
-    for kind in [
-        kind!(mean.as_flattened()),
-        kind!(quaternion.as_flattened()),
-        kind!(log_scale.as_flattened()),
-        kind!(opacity_logit),
-        kind!(sh),
-    ] {
-        comparison.add(&kind, &bounds.kinked);
-    }
+    kind!(mean.as_flattened());
+    kind!(quaternion.as_flattened());
+    kind!(log_scale.as_flattened());
+    kind!(opacity_logit);
+    kind!(sh);
     comparison.errors.sort_by(f64::total_cmp);
     comparison.bounds.sort_by(f64::total_cmp);
     comparison
 }
 
 impl GradientComparison {
-    fn add(&mut self, kind: &ParameterGroup<'_>, kinked: &[bool]) {
-        let numbers = kind.exact.len() / kinked.len().max(1);
-        let square: f64 = kind.exact.iter().map(|e| e * e).sum();
-        let floor = SHARE * (square / kind.exact.len().max(1) as f64).sqrt();
-        for (i, (&found, &exact)) in kind.found.iter().zip(kind.exact).enumerate() {
+    /// Adds a group of parameters, those of a splat one after the other.
+    fn add(&mut self, found: &[f32], [exact, bound, rounding]: [&[f64]; 3], kinked: &[bool]) {
+        let numbers = exact.len() / kinked.len().max(1);
+        let square: f64 = exact.iter().map(|e| e * e).sum();
+        let floor = SHARE * (square / exact.len().max(1) as f64).sqrt();
+        for (i, (&found, &exact)) in found.iter().zip(exact).enumerate() {
             let off = (f64::from(found) - exact).abs();
             // Invisible splats have no gradient, and no error.
             if kinked[i / numbers] || (off == 0.0 && exact == 0.0) {
                 continue;
             }
             let size = exact.abs().max(floor);
-            let excess = (off - kind.bound[i] - kind.rounding[i]) / size;
-            if excess > self.excess || excess.is_nan() {
-                self.excess = excess;
-            }
+            self.excess = larger(self.excess, (off - bound[i] - rounding[i]) / size);
             self.errors.push(off / size);
-            self.bounds.push(kind.bound[i] / size);
+            self.bounds.push(bound[i] / size);
         }
     }
 }

@@ -6,17 +6,16 @@
 
 mod compare;
 
-use super::frames::{milliseconds, rounding};
+use super::frames::{exact_options, rounding, times_ms};
 use super::settings::{self, FrameSetting};
 use super::{ChartPlan, reduced, training};
 use crate::gpu::Gpu;
 use crate::io::photo;
-use crate::lab::bench::CpuClock;
 use crate::lab::chart::{GradientErrors, GradientPoint};
+use crate::reference::Options;
 use crate::reference::bound::{Approximations, GradientBounds, Rounding, TracedPixel, gradient_bounds, trace};
 use crate::reference::gradient::{SplatGradients, backward};
 use crate::reference::rasterize_backward::PixelGradient;
-use crate::reference::{Options, Thresholds};
 use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, Split, View};
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
@@ -32,29 +31,19 @@ pub(super) struct GradientInputs<'a> {
     pub(super) splats: &'a Splats,
 }
 
-/// The exact gradient of the brightness, and the bounds of all settings.
-struct ExactGradient {
-    gradients: SplatGradients,
-    bounds: GradientBounds,
-}
-
 impl GradientInputs<'_> {
     /// Times a step of every setting and compares its gradient.
     pub(super) fn measure(&self, plan: &ChartPlan, progress: &mut dyn FnMut(&str)) -> Result<Vec<GradientPoint>> {
         let settings = settings::of_gradients(self.splats.sh_degree, plan);
-        let camera = self.camera(plan)?;
+        // A training view, small enough for the reference.
+        let camera = reduced(&self.view()?.camera, plan.gradient_pixels);
         let usual = self.dataset_of(camera, self.photo(&camera)?, AlphaMode::Composite);
         let mut timed = settings
             .iter()
             .map(|setting| self.trainer(&usual, config(setting, self.splats)))
             .collect::<Result<Vec<_>>>()?;
         progress("gradients: the exact ones");
-        let options = Options {
-            background: training::BACKGROUND.map(f64::from),
-            near: f64::from(timed[0].near()),
-            sh_degree: self.splats.sh_degree,
-            thresholds: Thresholds::NONE,
-        };
+        let options = exact_options(self.splats, timed[0].near());
         let approximations: Vec<Approximations> = settings.iter().map(|s| s.approximations(self.splats, &[])).collect();
         let traced = trace(self.splats, &camera, &options, &approximations);
         let white = white(&camera, &traced);
@@ -67,16 +56,30 @@ impl GradientInputs<'_> {
                 ..config(setting, self.splats)
             };
             let found = self.step(&white, config)?;
-            points.push(point(setting, &found, &exact, index));
+            let comparison = compare(&found, &exact.0, &exact.1, index);
+            let errors = |sorted: &[f64]| GradientErrors {
+                median: percentile(sorted, 0.5),
+                p99: percentile(sorted, 0.99),
+            };
+            points.push(GradientPoint {
+                knob: setting.knob.clone(),
+                error: errors(&comparison.errors),
+                bound: errors(&comparison.bounds),
+                excess: comparison.excess,
+                ..GradientPoint::default()
+            });
         }
-        time(&mut timed, &mut points, plan, progress)?;
+        // The first step compiles and grows buffers.
+        timed.iter_mut().try_for_each(|t| t.step().map(|_| ()))?;
+        let begun = |run| progress(&format!("gradients: run {run} of {}", plan.runs));
+        let times = times_ms(&mut timed, plan.runs, 1, begun, |trainer| {
+            trainer.step()?;
+            Ok(trainer.timings()?.iter().map(|(_, ns)| ns).sum())
+        })?;
+        for (point, times) in points.iter_mut().zip(times) {
+            (point.time_ms, point.cpu_ms) = times;
+        }
         Ok(points)
-    }
-
-    /// A training view, small enough for the reference.
-    fn camera(&self, plan: &ChartPlan) -> Result<Camera> {
-        let view = self.view()?;
-        Ok(reduced(&view.camera, plan.gradient_pixels))
     }
 
     fn view(&self) -> Result<&View> {
@@ -134,13 +137,14 @@ impl GradientInputs<'_> {
         Ok(found.to_splats(self.splats.filter))
     }
 
+    /// The exact gradient of the brightness, and the bounds of all settings.
     fn exact(
         &self,
         camera: &Camera,
         options: &Options,
         white: &Photo,
         approximations: &[Approximations],
-    ) -> ExactGradient {
+    ) -> (SplatGradients, GradientBounds) {
         // The L1 loss is a mean over the channels of unmasked pixels.
         let counted = white.rgba.iter().filter(|pixel| pixel[3] != 0).count();
         let slope = -1.0 / (3.0 * counted.max(1) as f64);
@@ -155,10 +159,8 @@ impl GradientInputs<'_> {
             share: rounding(camera),
             unit: f64::from(f32::EPSILON) / 2.0,
         };
-        ExactGradient {
-            gradients: backward(self.splats, camera, options, &pixels).1,
-            bounds: gradient_bounds(self.splats, camera, options, &upstream, approximations, rounding),
-        }
+        let bounds = gradient_bounds(self.splats, camera, options, &upstream, approximations, rounding);
+        (backward(self.splats, camera, options, &pixels).1, bounds)
     }
 }
 
@@ -186,46 +188,4 @@ fn config(setting: &FrameSetting, splats: &Splats) -> TrainConfig {
         background: Background::Fixed(training::BACKGROUND),
         ..TrainConfig::for_iterations(30_000)
     }
-}
-
-fn point(setting: &FrameSetting, found: &Splats, exact: &ExactGradient, index: usize) -> GradientPoint {
-    let comparison = compare(found, &exact.gradients, &exact.bounds, index);
-    let errors = |sorted: &[f64]| GradientErrors {
-        median: percentile(sorted, 0.5),
-        p99: percentile(sorted, 0.99),
-    };
-    GradientPoint {
-        knob: setting.knob.clone(),
-        error: errors(&comparison.errors),
-        bound: errors(&comparison.bounds),
-        excess: comparison.excess,
-        ..GradientPoint::default()
-    }
-}
-
-/// Times steps in turns, so that disturbances of the machine affect all alike.
-fn time(
-    trainers: &mut [Trainer<'_>],
-    points: &mut [GradientPoint],
-    plan: &ChartPlan,
-    progress: &mut dyn FnMut(&str),
-) -> Result<()> {
-    let mut times = vec![(Vec::new(), Vec::new()); trainers.len()];
-    // The first step compiles and grows buffers.
-    trainers.iter_mut().try_for_each(|t| t.step().map(|_| ()))?;
-    for run in 0..plan.runs.max(1) {
-        progress(&format!("gradients: run {} of {}", run + 1, plan.runs));
-        for (trainer, (device_ns, cpu_ns)) in trainers.iter_mut().zip(&mut times) {
-            let clock = CpuClock::now();
-            trainer.step()?;
-            let stages = trainer.timings()?;
-            device_ns.push(stages.iter().map(|(_, ns)| ns).sum());
-            cpu_ns.extend(clock.elapsed_ns());
-        }
-    }
-    for (point, (device_ns, cpu_ns)) in points.iter_mut().zip(&times) {
-        point.time_ms = milliseconds(device_ns, 1);
-        point.cpu_ms = milliseconds(cpu_ns, 1).value;
-    }
-    Ok(())
 }
