@@ -24,10 +24,11 @@ pub enum Phase {
 }
 
 /// Action at an iteration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Act {
     /// No action: an evaluation of the held-out views.
+    #[default]
     Looked,
     /// Change from half-size photographs to full size.
     Enlarged,
@@ -67,7 +68,7 @@ impl HistoryEntry {
 }
 
 /// An action with the evaluation before it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HistoryEntry {
     /// Steps done.
     pub iteration: u32,
@@ -285,10 +286,7 @@ mod tests {
             act,
             splats: 7,
             psnr_db: vec![psnr_db],
-            without: None,
-            gain_db: None,
-            lost_db: 0.0,
-            is_merged: false,
+            ..HistoryEntry::default()
         };
         let mut history = History::default();
         assert_eq!(history.half_size(), None);
@@ -309,14 +307,12 @@ mod tests {
         let history = |act, lost_db| History {
             preference_db: 0.08,
             entries: vec![HistoryEntry {
-                iteration: 0,
                 act,
                 splats: 1_100,
                 psnr_db: vec![40.0],
                 without: Some((1_000, vec![39.0])),
-                gain_db: None,
                 lost_db,
-                is_merged: false,
+                ..HistoryEntry::default()
             }],
             ..History::default()
         };
@@ -331,18 +327,16 @@ mod tests {
     #[test]
     fn what_rounds_lost_adds_up_whatever_time_has_gained() {
         let entry = |act, splats, with: f64, left, without: f64| HistoryEntry {
-            iteration: 0,
             act,
             splats,
             psnr_db: vec![with],
             without: Some((left, vec![without])),
-            gain_db: None,
-            lost_db: 0.0,
-            is_merged: false,
+            ..HistoryEntry::default()
         };
         let looked = HistoryEntry {
-            without: None,
-            ..entry(Act::Looked, 500, 10.0, 0, 0.0)
+            splats: 500,
+            psnr_db: vec![10.0],
+            ..HistoryEntry::default()
         };
         let history = History {
             entries: vec![

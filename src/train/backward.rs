@@ -19,7 +19,8 @@ const ALPHA_MASKS: u32 = 1;
 /// The kernels, compiled for one device.
 #[derive(Debug)]
 pub(crate) struct Backward {
-    comparison: Comparison,
+    loss: loss::Loss,
+    loss_backward: loss_backward::LossBackward,
     loss_sum: loss_sum::LossSum,
     rasterize: rasterize_backward::RasterizeBackward,
     /// One kernel per SH degree.
@@ -28,26 +29,6 @@ pub(crate) struct Backward {
     indexed: Vec<ProjectBackward>,
     adam: adam::Adam,
     perturb: perturb::Perturb,
-}
-
-/// Kernels that compare a picture with its photograph.
-#[derive(Debug)]
-struct Comparison {
-    loss: loss::Loss,
-    loss_backward: loss_backward::LossBackward,
-}
-
-impl Comparison {
-    fn new(gpu: &Gpu, with_ssim: bool) -> Result<Comparison> {
-        let mut loss = loss::Choice::default();
-        let mut loss_backward = loss_backward::Choice::default();
-        loss.spec.with_ssim = u32::from(with_ssim);
-        loss_backward.spec.with_ssim = u32::from(with_ssim);
-        Ok(Comparison {
-            loss: loss::Loss::new(gpu, loss)?,
-            loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
-        })
-    }
 }
 
 buffers! {
@@ -115,12 +96,16 @@ pub(crate) struct Step<'a> {
 impl Backward {
     /// Compiles the kernels.
     pub(crate) fn new(gpu: &Gpu, config: &TrainConfig) -> Result<Backward> {
-        let caps = gpu.caps();
-        let rasterize = rasterize_backward::Choice::prefer(caps);
+        let mut loss = loss::Choice::default();
+        let mut loss_backward = loss_backward::Choice::default();
+        let with_ssim = u32::from(config.lambda_dssim > 0.0);
+        (loss.spec.with_ssim, loss_backward.spec.with_ssim) = (with_ssim, with_ssim);
+        let rasterize = rasterize_backward::Choice::prefer(gpu.caps());
         let rasterize = config.accuracy.of_rasterize_backward(rasterize);
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
-            comparison: Comparison::new(gpu, config.lambda_dssim > 0.0)?,
+            loss: loss::Loss::new(gpu, loss)?,
+            loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
             project: ProjectBackward::of_degrees(gpu, config.sh_degree, false)?,
@@ -180,8 +165,7 @@ impl Backward {
         let tiles = width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT);
         let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
         let lambda = f64::from(step.config.lambda_dssim);
-        let kernels = &self.comparison;
-        kernels.loss.record(
+        self.loss.record(
             rec,
             loss::Bindings {
                 view: &s.view,
@@ -209,7 +193,7 @@ impl Backward {
         } else {
             0.0
         };
-        kernels.loss_backward.record(
+        self.loss_backward.record(
             rec,
             loss_backward::Bindings {
                 view: &s.view,
@@ -316,7 +300,7 @@ impl Backward {
 
     fn record_update(&self, rec: &mut Recorder<'_>, state: &DeviceState, s: &Scratch, step: &Step<'_>, block: Block) {
         let (config, iteration, extent) = (step.config, step.iteration, step.extent);
-        let rates = schedule::rates(config, extent, iteration);
+        let rates = &config.rates;
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);
         let (splat_count, stride) = (block.count as u32, block.stride as u32);
         let planes = plane_count(step.sh_degree.min(block.degree)) as u32;
@@ -334,7 +318,7 @@ impl Backward {
                 first_splat: block.first as u32,
                 splat_count,
                 stride,
-                rate_mean: rates.mean,
+                rate_mean: schedule::mean_rate(config, extent, iteration),
                 rate_opacity: rates.opacity,
                 rate_quaternion: rates.quaternion,
                 rate_log_scale: rates.log_scale,

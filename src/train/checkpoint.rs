@@ -11,6 +11,7 @@ use crate::io::checkpoint::{self, Section};
 use crate::render::plane_count;
 use crate::scene::{Dataset, Split};
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
 
@@ -32,15 +33,17 @@ pub struct Checkpoint {
 }
 
 /// State of a [`Controller`](super::Controller) between two steps.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControllerState {
     /// [`Controller::NAME`](super::Controller::NAME).
     pub name: String,
     /// [`Controller::VERSION`](super::Controller::VERSION) of the program that wrote it.
     pub version: u32,
     /// [`Controller::State`](super::Controller::State) as JSON.
+    #[serde(default)]
     pub state: serde_json::Value,
     /// Second scene state that the run may go back to.
+    #[serde(skip)]
     pub kept: Option<HostState>,
 }
 
@@ -73,11 +76,7 @@ impl Checkpoint {
             "iteration": self.iteration,
             "splat_count": self.state.len(),
             "fingerprint": self.fingerprint,
-            "controller": self.controller.as_ref().map(|controller| json!({
-                "name": controller.name,
-                "version": controller.version,
-                "state": controller.state,
-            })),
+            "controller": self.controller,
             "kept_count": self.kept().map(HostState::len),
         });
         let [params, m, v] = numbers(&self.state);
@@ -181,23 +180,19 @@ fn controller(
     kept: Option<HostState>,
 ) -> std::result::Result<Option<ControllerState>, String> {
     let present = |name: &str| meta.get(name).filter(|value| !value.is_null());
-    let (name, version, state) = match (present("controller"), present("steering")) {
+    let saved = match (present("controller"), present("steering")) {
         (Some(saved), _) => {
-            let version = saved["version"].as_u64();
-            let version = version.and_then(|version| u32::try_from(version).ok());
-            let named = saved["name"].as_str().zip(version);
-            let (name, version) = named.ok_or("its controller has no name or no version")?;
-            (name, version, &saved["state"])
+            ControllerState::deserialize(saved).map_err(|_| "its controller has no name or no version".to_string())?
         }
-        (None, Some(state)) => (UNNAMED.0, UNNAMED.1, state),
+        (None, Some(state)) => ControllerState {
+            name: UNNAMED.0.into(),
+            version: UNNAMED.1,
+            state: state.clone(),
+            kept: None,
+        },
         (None, None) => return Ok(None),
     };
-    Ok(Some(ControllerState {
-        name: name.into(),
-        version,
-        state: state.clone(),
-        kept,
-    }))
+    Ok(Some(ControllerState { kept, ..saved }))
 }
 
 /// A state's parameters and moments, flattened.

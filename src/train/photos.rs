@@ -12,12 +12,10 @@ const HOST_BUDGET: u64 = 4 << 30;
 struct PhotoEntry {
     /// Index of its view in the data set.
     view: usize,
-    /// 8-bit RGBA; `None`: streamed.
-    resident: Option<Buffer<u32>>,
     /// Whether alpha is a weight of the loss instead of being composited.
     masks: bool,
-    /// Sum of the pixels' weights, if known.
-    weight: Option<f64>,
+    /// `None`: streamed.
+    resident: Option<Bound>,
 }
 
 /// Split of the photographs into resident and streamed ones.
@@ -71,7 +69,9 @@ pub(crate) struct Photos {
 }
 
 /// A step's photograph as input of the loss.
+#[derive(Clone)]
 pub(crate) struct Bound {
+    /// 8-bit RGBA.
     pub(crate) pixels: Buffer<u32>,
     pub(crate) masks: bool,
     /// Sum of the pixels' weights.
@@ -102,18 +102,13 @@ impl Photos {
             );
             // Undistortion leaves pixels outside the photograph, which only a weight can exclude.
             let masks = undistorted || dataset.alpha == AlphaMode::Mask;
-            let mut entry = PhotoEntry {
-                view,
-                resident: None,
-                masks,
-                weight: None,
-            };
+            let mut resident = None;
             if residency.admit([camera.width, camera.height], budget) {
                 let photo = photos.cache.get(dataset, view)?;
-                entry.resident = Some(gpu.buffer_from("photo", &words(&photo))?);
-                entry.weight = Some(weight(&photo, masks));
+                let pixels = gpu.buffer_from("photo", &words(&photo))?;
+                resident = Some(bound(pixels, &photo, masks));
             }
-            photos.entries.push(entry);
+            photos.entries.push(PhotoEntry { view, masks, resident });
         }
         if residency.streamed > 0 {
             let largest = residency.streamed_max_bytes / 4;
@@ -127,22 +122,14 @@ impl Photos {
     /// Photograph of the `index`-th training view, on the device when the frame runs.
     pub(crate) fn bind(&mut self, rec: &mut Recorder<'_>, dataset: &Dataset, index: usize) -> Result<Bound> {
         let entry = &self.entries[index];
-        if let (Some(pixels), Some(weight)) = (&entry.resident, entry.weight) {
-            return Ok(Bound {
-                pixels: pixels.clone(),
-                masks: entry.masks,
-                weight,
-            });
+        if let Some(resident) = &entry.resident {
+            return Ok(resident.clone());
         }
         let photo = self.cache.get(dataset, entry.view)?;
         let pixels = self.ring[self.next % self.ring.len()].clone();
         self.next += 1;
         rec.update(&pixels, 0, &words(&photo));
-        Ok(Bound {
-            pixels,
-            masks: entry.masks,
-            weight: weight(&photo, entry.masks),
-        })
+        Ok(bound(pixels, &photo, entry.masks))
     }
 }
 
@@ -151,9 +138,10 @@ fn words(photo: &Photo) -> Vec<u32> {
     photo.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)).collect()
 }
 
-fn weight(photo: &Photo, masks: bool) -> f64 {
-    if !masks {
-        return photo.rgba.len() as f64;
-    }
-    photo.rgba.iter().map(|rgba| f64::from(rgba[3]) / 255.0).sum()
+fn bound(pixels: Buffer<u32>, photo: &Photo, masks: bool) -> Bound {
+    let weight = match masks {
+        true => photo.rgba.iter().map(|rgba| f64::from(rgba[3]) / 255.0).sum(),
+        false => photo.rgba.len() as f64,
+    };
+    Bound { pixels, masks, weight }
 }

@@ -6,45 +6,15 @@
 use super::config::{Background, StrategyKind, TrainConfig};
 use super::rng::{self, Stream};
 
-/// Learning rates of one iteration, by parameter group.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rates {
-    /// Means, world units.
-    pub mean: f32,
-    /// Quaternions.
-    pub quaternion: f32,
-    /// Log-scales.
-    pub log_scale: f32,
-    /// Opacity logits.
-    pub opacity: f32,
-    /// SH coefficient of degree 0.
-    pub sh_dc: f32,
-    /// Other SH coefficients.
-    pub sh_rest: f32,
-}
-
-/// Learning rates at an iteration; `extent` is the scene extent in world units.
-pub fn rates(config: &TrainConfig, extent: f64, iteration: u32) -> Rates {
-    let rates = &config.rates;
-    let (start, end) = (f64::from(rates.mean_start), f64::from(rates.mean_end));
-    let mean = if start > 0.0 {
-        let progress = f64::from(iteration.saturating_sub(1)) / f64::from(last_interval(config));
-        start * (end / start).powf(progress.min(1.0)) * extent
-    } else {
-        0.0
-    };
-    Rates {
-        mean: mean as f32,
-        quaternion: rates.quaternion,
-        log_scale: rates.log_scale,
-        opacity: rates.opacity,
-        sh_dc: rates.sh_dc,
-        sh_rest: rates.sh_rest,
+/// Learning rate of the means at an iteration, world units; `extent` is the scene extent in world units.
+pub fn mean_rate(config: &TrainConfig, extent: f64, iteration: u32) -> f32 {
+    let (start, end) = (f64::from(config.rates.mean_start), f64::from(config.rates.mean_end));
+    if start <= 0.0 {
+        return 0.0;
     }
-}
-
-fn last_interval(config: &TrainConfig) -> u32 {
-    config.iterations.saturating_sub(1).max(1)
+    let last_interval = config.iterations.saturating_sub(1).max(1);
+    let progress = f64::from(iteration.saturating_sub(1)) / f64::from(last_interval);
+    (start * (end / start).powf(progress.min(1.0)) * extent) as f32
 }
 
 /// Adam's bias corrections 1 / (1 − β₁ᵗ) and 1 / (1 − β₂ᵗ) at an iteration, in `f64` because the second loses all
@@ -119,7 +89,7 @@ pub fn noise_scale(config: &TrainConfig, extent: f64, iteration: u32) -> f32 {
         return 0.0;
     }
     let unit = f64::from(config.mcmc.reference_extent) / extent;
-    let rate = f64::from(rates(config, extent, iteration).mean);
+    let rate = f64::from(mean_rate(config, extent, iteration));
     (f64::from(config.mcmc.noise_rate) * rate * unit * unit) as f32
 }
 
@@ -159,13 +129,12 @@ mod tests {
     #[test]
     fn the_mean_rate_decays_exponentially_from_start_to_end() {
         let config = TrainConfig::for_iterations(1_001);
-        let at = |i| f64::from(rates(&config, 2.0, i).mean);
+        let at = |i| f64::from(mean_rate(&config, 2.0, i));
         assert!((at(1) / 3.2e-4 - 1.0).abs() < 1e-6);
         assert!((at(1_001) / 3.2e-6 - 1.0).abs() < 1e-6);
         assert!((at(501) / 3.2e-5 - 1.0).abs() < 1e-6);
         assert_eq!(at(5_000), at(1_001));
-        let single = rates(&TrainConfig::for_iterations(1), 1.0, 1);
-        assert!(single.mean.is_finite());
+        assert!(mean_rate(&TrainConfig::for_iterations(1), 1.0, 1).is_finite());
     }
 
     #[test]

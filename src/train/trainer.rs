@@ -246,8 +246,7 @@ impl<'a> Trainer<'a> {
 
     /// Parameters and moments after the last step begun; waits for it.
     pub fn download(&mut self) -> Result<HostState> {
-        let reports = self.finish()?;
-        self.done.extend(reports);
+        self.settle()?;
         let state = self.state.download(&self.gpu);
         state.map_err(|e| e.at_step(self.iteration))
     }
@@ -260,8 +259,7 @@ impl<'a> Trainer<'a> {
 
     /// Statistics of density control since the last refinement; waits for the last step begun.
     pub fn statistics(&mut self) -> Result<Vec<[f32; 4]>> {
-        let reports = self.finish()?;
-        self.done.extend(reports);
+        self.settle()?;
         let statistics = self.state.download_statistics(&self.gpu);
         statistics.map_err(|e| e.at_step(self.iteration))
     }

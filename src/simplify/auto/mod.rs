@@ -27,7 +27,7 @@ mod survey;
 use super::contribution::Kernels;
 use super::gain::differences;
 use super::held_out::{self, split_views};
-use super::history::{Act, History, HistoryEntry, Phase};
+use super::history::{History, HistoryEntry, Phase};
 use crate::render::{Evaluator, ViewOptions};
 use crate::scene::{Dataset, Split};
 use crate::stats::mean;
@@ -197,13 +197,9 @@ impl<'a> CountController<'a> {
         let splats = trainer.splats()?;
         Ok(HistoryEntry {
             iteration: trainer.iteration(),
-            act: Act::Looked,
             splats: splats.len(),
             psnr_db: held_out::psnr_db(&mut self.held_out, &splats, self.history.config.full_db)?,
-            without: None,
-            gain_db: None,
-            lost_db: 0.0,
-            is_merged: false,
+            ..HistoryEntry::default()
         })
     }
 }

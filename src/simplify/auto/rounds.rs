@@ -256,14 +256,10 @@ mod tests {
     #[test]
     fn what_is_nearly_perfect_without_splats_need_not_be_seen_with_them() {
         let stopped = |psnr_db: f64| HistoryEntry {
-            iteration: 0,
             act: Act::Stopped,
             splats: 1_100,
             psnr_db: vec![40.0, psnr_db],
-            without: None,
-            gain_db: None,
-            lost_db: 0.0,
-            is_merged: false,
+            ..HistoryEntry::default()
         };
         let is_sure = |before_db: f64, after_db: f64, train_psnr_db: f64, keeps_sh, is_without_sh| {
             let history = History {
@@ -305,14 +301,12 @@ mod tests {
     fn rounds_aim_at_the_knee_once_it_is_known() {
         let law = |splats: f64| 30.0 - 5.0 * (splats / 1e3).powf(-0.8);
         let round = |splats: usize, left: usize, act| HistoryEntry {
-            iteration: 0,
             act,
             splats,
             psnr_db: vec![law(splats as f64)],
             without: Some((left, vec![law(left as f64)])),
-            gain_db: None,
             lost_db: law(splats as f64) - law(left as f64),
-            is_merged: false,
+            ..HistoryEntry::default()
         };
         let stopped = |psnr_db: f64| HistoryEntry {
             psnr_db: vec![psnr_db],

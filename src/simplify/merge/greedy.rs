@@ -2,10 +2,10 @@
 
 use super::cost::{ColorProducts, cost};
 use super::mass::MassGaussian;
-use super::neighbors::neighbors;
 use crate::scene::{SH_C0, ScreenFilter, Splats};
+use crate::train::knn::neighbors;
 use rayon::prelude::*;
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Number of neighbours with which each splat forms candidate pairs.
@@ -21,35 +21,15 @@ const ROUND: usize = 4;
 const BATCH: usize = 1 << 12;
 
 /// Candidate pair of splats.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct CandidatePair {
-    cost: f64,
+    /// Bits of the cost, in its order, since no cost is negative.
+    cost_bits: u64,
     /// Indices, the lower first: it will hold the merged splat.
     splats: [u32; 2],
     /// Number of earlier merges of each at the time of the cost.
     ages: [u32; 2],
 }
-
-impl Ord for CandidatePair {
-    fn cmp(&self, other: &CandidatePair) -> Ordering {
-        let ties = || (self.splats, self.ages).cmp(&(other.splats, other.ages));
-        self.cost.total_cmp(&other.cost).then_with(ties)
-    }
-}
-
-impl PartialOrd for CandidatePair {
-    fn partial_cmp(&self, other: &CandidatePair) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for CandidatePair {
-    fn eq(&self, other: &CandidatePair) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for CandidatePair {}
 
 /// State of a scene during merging.
 pub(super) struct MergeState {
@@ -178,7 +158,7 @@ impl MergeState {
         };
         let cost = cost((a, b), (&merged, &joint), &tones, self.filter);
         cost.is_finite().then_some(CandidatePair {
-            cost,
+            cost_bits: cost.to_bits(),
             splats,
             ages: [self.ages[i], self.ages[j]],
         })

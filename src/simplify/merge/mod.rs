@@ -22,7 +22,6 @@ mod difference;
 mod greedy;
 mod joint;
 mod mass;
-mod neighbors;
 mod projection;
 
 pub use difference::{Difference, difference};

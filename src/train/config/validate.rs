@@ -94,32 +94,28 @@ mod tests {
 
     #[test]
     fn an_error_names_the_field_and_its_range() {
-        let message = |change: fn(&mut TrainConfig)| {
+        type Change = fn(&mut TrainConfig);
+        let message = |change: Change| {
             let mut config = TrainConfig::for_iterations(100);
             change(&mut config);
             config.validate().map_err(|e| e.to_string())
         };
-        let wanted = |text: &str| Err(text.to_string());
-        assert_eq!(
-            message(|c| c.sh_degree = 4),
-            wanted("sh_degree is 4, but must be from 0 to 3")
-        );
-        assert_eq!(
-            message(|c| c.iterations = 0),
-            wanted("iterations is 0, but must be at least 1")
-        );
-        assert_eq!(
-            message(|c| c.rates.opacity = f32::NAN),
-            wanted("rates.opacity is NaN, but must be at least 0")
-        );
-        assert_eq!(
-            message(|c| c.lambda_dssim = 1.5),
-            wanted("lambda_dssim is 1.5, but must be from 0 to 1")
-        );
-        assert_eq!(
-            message(|c| c.init.scale_range = [0.5, 0.25]),
-            wanted("init.scale_range is [0.5, 0.25], but must be ascending")
-        );
+        let refused: [(Change, &str); 5] = [
+            (|c| c.sh_degree = 4, "sh_degree is 4, but must be from 0 to 3"),
+            (|c| c.iterations = 0, "iterations is 0, but must be at least 1"),
+            (
+                |c| c.rates.opacity = f32::NAN,
+                "rates.opacity is NaN, but must be at least 0",
+            ),
+            (|c| c.lambda_dssim = 1.5, "lambda_dssim is 1.5, but must be from 0 to 1"),
+            (
+                |c| c.init.scale_range = [0.5, 0.25],
+                "init.scale_range is [0.5, 0.25], but must be ascending",
+            ),
+        ];
+        for (change, wanted) in refused {
+            assert_eq!(message(change), Err(wanted.to_string()));
+        }
         assert!(message(|c| c.init.opacity = 1.0).is_err());
         assert!(message(|c| c.adam.beta2 = 1.0).is_err());
         assert!(message(|c| c.rates.mean_end = 0.0).is_err());
