@@ -9,7 +9,8 @@ use crate::kernels::walker_bindings;
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
 use crate::reference::Thresholds;
-use crate::reference::contribution::{Loss, weights};
+use crate::reference::contribution::Loss;
+use crate::reference::rasterize::weights;
 use crate::render::tile_stride;
 
 /// The limit that stands for none, as the shader has it.

@@ -9,9 +9,9 @@ use crate::kernels::walker_bindings;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::random::Random;
 use crate::reference::Thresholds;
-use crate::reference::contribution::weights;
 use crate::reference::frame::depth_order;
 use crate::reference::prune_limit::{PruneLimits, prune_limit as reference};
+use crate::reference::rasterize::weights;
 use crate::render::tile_stride;
 use rayon::prelude::*;
 
