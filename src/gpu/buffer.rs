@@ -66,11 +66,8 @@ impl RawBuffer {
 
     /// Bytes of a host-visible buffer.
     pub(super) fn mapped(&self) -> &[u8] {
-        let all = self
-            .allocation
-            .as_ref()
-            .and_then(Allocation::mapped_slice)
-            .unwrap_or(&[]);
+        let all = self.allocation.as_ref().and_then(Allocation::mapped_slice);
+        let all = all.unwrap_or_default();
         &all[..all.len().min(self.bytes as usize)]
     }
 
@@ -114,10 +111,17 @@ pub struct Buffer<T> {
 
 impl<T> Clone for Buffer<T> {
     fn clone(&self) -> Buffer<T> {
+        self.view(self.offset, self.len)
+    }
+}
+
+impl<T> Buffer<T> {
+    /// The same memory from another byte offset and as other elements.
+    fn view<U>(&self, offset: u64, len: usize) -> Buffer<U> {
         Buffer {
             raw: self.raw.clone(),
-            offset: self.offset,
-            len: self.len,
+            offset,
+            len,
             element: PhantomData,
         }
     }
@@ -162,22 +166,12 @@ impl<T: Pod> Buffer<T> {
             range.start <= range.end && range.end <= self.len,
             "{self:?} has no part {range:?}"
         );
-        Buffer {
-            raw: self.raw.clone(),
-            offset: self.offset + (range.start * size_of::<T>()) as u64,
-            len: range.len(),
-            element: PhantomData,
-        }
+        self.view(self.offset + (range.start * size_of::<T>()) as u64, range.len())
     }
 
     /// The same bytes as elements of type `U`; a partial last element is dropped.
     pub fn cast<U: Pod>(&self) -> Buffer<U> {
-        Buffer {
-            raw: self.raw.clone(),
-            offset: self.offset,
-            len: self.len * size_of::<T>() / size_of::<U>(),
-            element: PhantomData,
-        }
+        self.view(self.offset, self.len * size_of::<T>() / size_of::<U>())
     }
 }
 

@@ -137,12 +137,7 @@ impl Caps {
                 _ => 0.0,
             },
             heap: local.map(|heap| heap.size).max().unwrap_or(0),
-            offers: offers(
-                instance,
-                physical,
-                subgroup.supported_operations,
-                subgroup.supported_stages,
-            ),
+            offers: offers(instance, physical, &subgroup),
         };
         let stages = sizes.required_subgroup_size_stages;
         if !stages.contains(vk::ShaderStageFlags::COMPUTE) {
@@ -195,37 +190,27 @@ impl Caps {
 fn offers(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
-    operations: vk::SubgroupFeatureFlags,
-    stages: vk::ShaderStageFlags,
+    subgroup: &vk::PhysicalDeviceSubgroupProperties<'_>,
 ) -> BTreeSet<Requirement> {
     // SAFETY: `physical` belongs to `instance`.
     let features = unsafe { instance.get_physical_device_features(physical) };
     let atomic_float_add = atomic_float_add(instance, physical);
-    let in_compute = |flag| stages.contains(vk::ShaderStageFlags::COMPUTE) && operations.contains(flag);
+    let image_write = features.shader_storage_image_write_without_format == vk::TRUE;
+    let is_compute = subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE);
+    let in_compute = |flag| is_compute && subgroup.supported_operations.contains(flag);
+    use vk::SubgroupFeatureFlags as Flags;
     [
         (Requirement::AtomicFloatAdd, atomic_float_add),
-        (Requirement::SubgroupBasic, in_compute(vk::SubgroupFeatureFlags::BASIC)),
-        (Requirement::SubgroupVote, in_compute(vk::SubgroupFeatureFlags::VOTE)),
-        (
-            Requirement::SubgroupArithmetic,
-            in_compute(vk::SubgroupFeatureFlags::ARITHMETIC),
-        ),
-        (
-            Requirement::SubgroupBallot,
-            in_compute(vk::SubgroupFeatureFlags::BALLOT),
-        ),
-        (
-            Requirement::SubgroupShuffle,
-            in_compute(vk::SubgroupFeatureFlags::SHUFFLE),
-        ),
+        (Requirement::SubgroupBasic, in_compute(Flags::BASIC)),
+        (Requirement::SubgroupVote, in_compute(Flags::VOTE)),
+        (Requirement::SubgroupArithmetic, in_compute(Flags::ARITHMETIC)),
+        (Requirement::SubgroupBallot, in_compute(Flags::BALLOT)),
+        (Requirement::SubgroupShuffle, in_compute(Flags::SHUFFLE)),
         (
             Requirement::SubgroupShuffleRelative,
-            in_compute(vk::SubgroupFeatureFlags::SHUFFLE_RELATIVE),
+            in_compute(Flags::SHUFFLE_RELATIVE),
         ),
-        (
-            Requirement::StorageImageWriteWithoutFormat,
-            features.shader_storage_image_write_without_format == vk::TRUE,
-        ),
+        (Requirement::StorageImageWriteWithoutFormat, image_write),
     ]
     .into_iter()
     .filter_map(|(need, offered)| offered.then_some(need))

@@ -26,13 +26,7 @@ pub(super) struct MemoryTracker {
 impl MemoryTracker {
     /// Adds an allocation; `reserved`: current bytes of the allocator's blocks.
     pub(super) fn take(&mut self, name: &str, bytes: u64, reserved: u64) {
-        match self.by_name.get_mut(name) {
-            Some(entry) => entry.bytes += bytes,
-            None => {
-                let entry = MemoryUse { bytes, peak_bytes: 0 };
-                self.by_name.insert(name.to_owned(), entry);
-            }
-        }
+        self.by_name.entry(name.to_owned()).or_default().bytes += bytes;
         self.bytes += bytes;
         self.reserved_peak_bytes = self.reserved_peak_bytes.max(reserved);
         if self.bytes > self.peak_bytes {

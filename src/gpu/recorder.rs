@@ -4,7 +4,7 @@
 //! since the last barrier. Used resources are kept alive until the frame's slot is reused.
 
 use super::buffer::{Buffer, RawBuffer};
-use super::device::{Gpu, GpuState};
+use super::device::Gpu;
 use super::frame_slot::FrameSlot;
 use super::hazards::Hazards;
 use super::image::{Image, ImageState, WHOLE};
@@ -55,12 +55,17 @@ impl<'a> Recorder<'a> {
         &self.gpu
     }
 
-    fn shared(&self) -> &GpuState {
-        &self.gpu.0
+    pub(super) fn device(&self) -> &ash::Device {
+        &self.gpu.0.device
     }
 
     /// Memory barrier that makes all earlier writes visible to all later commands, and to the host if `host`.
     pub(super) fn full_barrier(&mut self, stages: vk::PipelineStageFlags2, host: bool) {
+        self.barrier(stages, host);
+        self.hazards.barrier();
+    }
+
+    fn barrier(&self, stages: vk::PipelineStageFlags2, host: bool) {
         let mut barrier = vk::MemoryBarrier2::default()
             .src_stage_mask(stages)
             .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
@@ -73,8 +78,7 @@ impl<'a> Recorder<'a> {
         let barriers = [barrier];
         let info = vk::DependencyInfo::default().memory_barriers(&barriers);
         // SAFETY: the command buffer is being recorded.
-        unsafe { self.shared().device.cmd_pipeline_barrier2(self.commands, &info) };
-        self.hazards.barrier();
+        unsafe { self.device().cmd_pipeline_barrier2(self.commands, &info) };
     }
 
     pub(super) fn access(&mut self, accesses: &[(u64, Access)]) {
@@ -82,14 +86,7 @@ impl<'a> Recorder<'a> {
             let stages = vk::PipelineStageFlags2::COMPUTE_SHADER
                 | vk::PipelineStageFlags2::ALL_TRANSFER
                 | vk::PipelineStageFlags2::DRAW_INDIRECT;
-            let barriers = [vk::MemoryBarrier2::default()
-                .src_stage_mask(stages)
-                .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
-                .dst_stage_mask(stages)
-                .dst_access_mask(ACCESS)];
-            let info = vk::DependencyInfo::default().memory_barriers(&barriers);
-            // SAFETY: the command buffer is being recorded.
-            unsafe { self.shared().device.cmd_pipeline_barrier2(self.commands, &info) };
+            self.barrier(stages, false);
         }
     }
 
@@ -148,9 +145,7 @@ impl<'a> Recorder<'a> {
                 // SAFETY: the element lies in the buffer (asserted in `Groups::indirect`), which has the indirect
                 // usage; the kernel that wrote it kept to the device's limits.
                 unsafe {
-                    self.gpu
-                        .0
-                        .device
+                    self.device()
                         .cmd_dispatch_indirect(self.commands, raw.handle, offset + 12 * index as u64);
                 }
                 return;
@@ -167,7 +162,7 @@ impl<'a> Recorder<'a> {
             "a grid of {x}x{y}x{z} workgroups is too large"
         );
         // SAFETY: within the device's limits.
-        unsafe { self.gpu.0.device.cmd_dispatch(self.commands, x, y, z) };
+        unsafe { self.device().cmd_dispatch(self.commands, x, y, z) };
     }
 
     /// Sets every word of a buffer.
@@ -180,9 +175,7 @@ impl<'a> Recorder<'a> {
         self.slot.keep(buffer.raw.clone());
         // SAFETY: the buffer is alive until the frame is done and its size is a multiple of four.
         unsafe {
-            self.gpu
-                .0
-                .device
+            self.device()
                 .cmd_fill_buffer(self.commands, buffer.raw.handle, buffer.offset, bytes, word);
         }
     }
@@ -219,9 +212,7 @@ impl<'a> Recorder<'a> {
             .size(bytes as u64)];
         // SAFETY: in bounds (asserted by the callers), and both are alive until the frame is done.
         unsafe {
-            self.gpu
-                .0
-                .device
+            self.device()
                 .cmd_copy_buffer(self.commands, from.handle, to.handle, &regions)
         };
     }
@@ -284,7 +275,7 @@ impl<'a> Recorder<'a> {
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
         // SAFETY: a host's image is in the state that its wrapper's contract says, an owned one in the state that the
         // last transition left.
-        unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands, &info) };
+        unsafe { self.device().cmd_pipeline_barrier2(self.commands, &info) };
     }
 
     pub(super) fn fail(&mut self, error: crate::Error) {

@@ -45,13 +45,9 @@ impl Timestamps {
             return;
         }
         let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
+        let device = &self.gpu.0.device;
         // SAFETY: the query was reset in `begin` and is written once.
-        unsafe {
-            self.gpu
-                .0
-                .device
-                .cmd_write_timestamp2(commands, stage, self.pool, index)
-        };
+        unsafe { device.cmd_write_timestamp2(commands, stage, self.pool, index) };
         self.labels.push(label);
     }
 
@@ -62,13 +58,9 @@ impl Timestamps {
             return Ok(Vec::new());
         }
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        let device = &self.gpu.0.device;
         // SAFETY: the queries were written by the frame, which is done.
-        let read = unsafe {
-            self.gpu
-                .0
-                .device
-                .get_query_pool_results(self.pool, 0, &mut ticks, flags)
-        };
+        let read = unsafe { device.get_query_pool_results(self.pool, 0, &mut ticks, flags) };
         check("vkGetQueryPoolResults", read)?;
         let period = self.gpu.caps().timestamp_period_ns;
         let spans = ticks

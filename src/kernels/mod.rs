@@ -9,10 +9,8 @@ pub mod baseline_16x16_backward;
 pub mod choices;
 pub mod generated;
 pub mod present;
-pub mod project;
 pub mod project_backward;
 pub mod rasterize;
-pub mod rasterize_inria;
 pub mod scan;
 pub mod selftest_lanes;
 pub mod sort;
@@ -43,6 +41,22 @@ pub trait Kernel: Sized {
     /// Where the device cannot run the variant, or Vulkan fails.
     fn compile(gpu: &Gpu, choice: Self::Choice) -> Result<Self>;
 }
+
+/// Bindings of a kernel that walks the tiles' lists: lists and ellipses from a struct of buffers, then its own.
+macro_rules! walker_bindings {
+    ($kernel:ident, $buffers:expr, $emitted_from_isect:expr; $($own:ident: $value:expr,)*) => {
+        $kernel::Bindings {
+            view: &$buffers.view,
+            range_from_tile: &$buffers.range_from_tile,
+            emitted_from_isect: $emitted_from_isect,
+            splat_from_emitted: &$buffers.splat_from_emitted,
+            ellipse_from_splat: &$buffers.ellipse_from_splat,
+            whiten_rg_from_splat: &$buffers.whiten_rg_from_splat,
+            $($own: $value,)*
+        }
+    };
+}
+pub(crate) use walker_bindings;
 
 /// Baselines for measurements, used by no frame and no training step. They may need features that a device lacks.
 pub const BASELINES: [&str; 2] = ["baseline_16x16", "baseline_16x16_backward"];

@@ -4,14 +4,21 @@ pub use super::generated::project_backward::*;
 use crate::Result;
 use crate::gpu::Gpu;
 
-impl Choice {
-    /// Choice for splats of `sh_degree`, the same on all devices.
-    pub fn of_degree(sh_degree: u32) -> Choice {
-        let mut choice = Choice::default();
-        choice.spec.sh_degree = sh_degree;
-        choice
-    }
+/// Choices of the kernels that read parameters.
+macro_rules! of_degree {
+    ($($kernel:ident)*) => {$(
+        impl super::generated::$kernel::Choice {
+            /// Choice for splats of `sh_degree`, the same on all devices.
+            pub fn of_degree(sh_degree: u32) -> Self {
+                let mut choice = Self::default();
+                choice.spec.sh_degree = sh_degree;
+                choice
+            }
+        }
+    )*};
 }
+
+of_degree! { project project_backward }
 
 impl ProjectBackward {
     /// One for splats of each degree up to `highest`; `indexed`: slots are not in splat order.

@@ -70,12 +70,19 @@ macro_rules! choices {
 
 choices! { contribution prune_limit rasterize rasterize_backward removal_error }
 
-impl Choice {
-    /// The same choice for a frame with these outputs.
-    #[must_use]
-    pub fn of_outputs(mut self, outputs: Outputs) -> Choice {
-        self.spec.with_depth = outputs.depth.into();
-        self.spec.with_ends = outputs.ends.into();
-        self
-    }
+/// Outputs of the kernels that composite.
+macro_rules! outputs {
+    ($($kernel:ident)*) => {$(
+        impl super::generated::$kernel::Choice {
+            /// The same choice for a frame with these outputs.
+            #[must_use]
+            pub fn of_outputs(mut self, outputs: Outputs) -> Self {
+                self.spec.with_depth = outputs.depth.into();
+                self.spec.with_ends = outputs.ends.into();
+                self
+            }
+        }
+    )*};
 }
+
+outputs! { rasterize rasterize_inria }

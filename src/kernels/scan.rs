@@ -58,34 +58,21 @@ impl Scan {
 
     /// Records a prefix sum; `groups` covers the number of values.
     pub fn record(&self, rec: &mut Recorder<'_>, io: Io<'_>, what: What, groups: Groups<'_>) {
-        let Io {
-            counts,
-            values,
-            offsets,
-            sums,
-        } = io;
-        let What {
-            count_slot,
-            total_slot,
-            flags,
-        } = what;
-        let flags = u32::from(flags);
+        let (counts, values, sum_from_chunk) = (io.counts, io.values, io.sums);
+        let (count_slot, total_slot, flags) = (what.count_slot, what.total_slot, what.flags.into());
         self.reduce.record(
             rec,
             scan_reduce::Bindings {
                 counts,
                 values,
-                sum_from_chunk: sums,
+                sum_from_chunk,
             },
             scan_reduce::Params { count_slot, flags },
             groups,
         );
         self.chunks.record(
             rec,
-            scan_chunks::Bindings {
-                counts,
-                sum_from_chunk: sums,
-            },
+            scan_chunks::Bindings { counts, sum_from_chunk },
             scan_chunks::Params { count_slot, total_slot },
             Groups::Count(1),
         );
@@ -94,8 +81,8 @@ impl Scan {
             scan_apply::Bindings {
                 counts,
                 values,
-                sum_from_chunk: sums,
-                offsets,
+                sum_from_chunk,
+                offsets: io.offsets,
             },
             scan_apply::Params { count_slot, flags },
             groups,

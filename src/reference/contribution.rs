@@ -2,33 +2,10 @@
 
 use super::expand::Isect;
 use super::frame::{center, sorted};
-use super::rasterize::layer;
+use super::rasterize::weights;
 use super::tiles::Grid;
 use super::{ScreenSplat, Thresholds};
 use std::collections::BTreeMap;
-
-/// Weight `αᵢ Tᵢ` of each splat that a pixel blends, nearest first, as the difference of transmittance before and
-/// behind it: `(index into splats, weight)`.
-pub fn weights(
-    splats: &[ScreenSplat<f64>],
-    order: &[usize],
-    position: [f64; 2],
-    thresholds: &Thresholds,
-) -> Vec<(usize, f64)> {
-    let mut passing = 1.0;
-    let mut weights = Vec::new();
-    for &index in order {
-        if passing < thresholds.transmittance_min {
-            break;
-        }
-        if let Some(layer) = layer(&splats[index], position, thresholds) {
-            let behind = passing * (1.0 - layer.alpha);
-            weights.push((index, passing - behind));
-            passing = behind;
-        }
-    }
-    weights
-}
 
 /// Contribution of a splat over some pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]

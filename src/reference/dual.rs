@@ -5,7 +5,7 @@
 
 use super::Real;
 use std::iter::Sum;
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A value with its partial derivatives by `N` variables.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,12 +77,6 @@ impl<const N: usize> Neg for Dual<N> {
     type Output = Self;
     fn neg(self) -> Self {
         self.chain(-self.v, -1.0)
-    }
-}
-
-impl<const N: usize> AddAssign for Dual<N> {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
     }
 }
 

@@ -105,9 +105,9 @@ pub fn sums<R: Real>(image: &[[R; 3]], target: &Target<'_>) -> Sums<R> {
         for (i, ssim) in ssim::ssim(target.width, &x, &y).into_iter().enumerate() {
             let weight = R::of(target.weight(i));
             let difference = image[i][channel] - R::of(target.photo[i][channel]);
-            l1 += weight * difference.abs();
-            squared += weight * difference.squared();
-            dissimilarity += weight * (R::of(1.0) - ssim);
+            l1 = l1 + weight * difference.abs();
+            squared = squared + weight * difference.squared();
+            dissimilarity = dissimilarity + weight * (R::of(1.0) - ssim);
         }
     }
     Sums {

@@ -126,6 +126,29 @@ pub fn composite<R: Real>(
     (pixel.over_background(background), count)
 }
 
+/// Weight `αᵢ Tᵢ` of each splat that a pixel blends, nearest first, as the difference of transmittance before and
+/// behind it: `(index into splats, weight)`.
+pub fn weights(
+    splats: &[ScreenSplat<f64>],
+    order: &[usize],
+    position: [f64; 2],
+    thresholds: &Thresholds,
+) -> Vec<(usize, f64)> {
+    let mut passing = 1.0;
+    let mut weights = Vec::new();
+    for &index in order {
+        if passing < thresholds.transmittance_min {
+            break;
+        }
+        if let Some(layer) = layer(&splats[index], position, thresholds) {
+            let behind = passing * (1.0 - layer.alpha);
+            weights.push((index, passing - behind));
+            passing = behind;
+        }
+    }
+    weights
+}
+
 /// Indices of the splats that a pixel blends, visited in the given order.
 pub fn blended(
     splats: &[ScreenSplat<f64>],
@@ -133,18 +156,8 @@ pub fn blended(
     position: [f64; 2],
     thresholds: &Thresholds,
 ) -> Vec<usize> {
-    let mut transmittance = 1.0;
-    let mut list = Vec::new();
-    for &index in order {
-        if transmittance < thresholds.transmittance_min {
-            break;
-        }
-        if let Some(layer) = layer(&splats[index], position, thresholds) {
-            transmittance *= 1.0 - layer.alpha;
-            list.push(index);
-        }
-    }
-    list
+    let weights = weights(splats, order, position, thresholds);
+    weights.into_iter().map(|(index, _)| index).collect()
 }
 
 /// Renders one pixel over splats in the given order, nearest first.

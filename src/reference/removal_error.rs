@@ -1,9 +1,8 @@
 //! Effect of a splat on pixels: its share in their errors, and their change by its removal.
 
-use super::contribution::weights;
 use super::expand::Isect;
 use super::frame::{center, sorted};
-use super::rasterize::rasterize;
+use super::rasterize::{rasterize, weights};
 use super::tiles::Grid;
 use super::{ScreenSplat, Thresholds};
 use std::collections::BTreeMap;

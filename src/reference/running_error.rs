@@ -14,7 +14,7 @@
 
 use super::Real;
 use std::iter::Sum;
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Value with error bounds; see the module.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,12 +108,6 @@ impl<const N: usize> Neg for Terms<N> {
     type Output = Self;
     fn neg(self) -> Self {
         Terms { v: -self.v, ..self }
-    }
-}
-
-impl<const N: usize> AddAssign for Terms<N> {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
     }
 }
 

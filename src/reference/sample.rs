@@ -190,7 +190,7 @@ impl RayBound<'_> {
         if alpha + error < thresholds.alpha_min {
             return;
         }
-        self.widen(splat.screen.color);
+        widen(&mut self.range, splat.screen.color);
         if self.may_be_over {
             return;
         }
@@ -213,13 +213,6 @@ impl RayBound<'_> {
         let passed = 1.0 - alpha.min(thresholds.alpha_max);
         let lost = if is_doubtful { alpha + error } else { error };
         self.transmittance += (lost / passed).min(1.0);
-    }
-
-    fn widen(&mut self, color: [f64; 3]) {
-        for (channel, value) in color.into_iter().enumerate() {
-            self.range[0][channel] = self.range[0][channel].min(value);
-            self.range[1][channel] = self.range[1][channel].max(value);
-        }
     }
 
     /// Allows for either order of splats at practically one depth.
@@ -249,6 +242,14 @@ impl RayBound<'_> {
             color_bound: self.share * range + self.color + sums * brightest,
             transmittance_bound: self.share + sums,
         }
+    }
+}
+
+/// Includes a colour in the minimum and maximum of each channel.
+fn widen(range: &mut [[f64; 3]; 2], color: [f64; 3]) {
+    for (channel, value) in color.into_iter().enumerate() {
+        range[0][channel] = range[0][channel].min(value);
+        range[1][channel] = range[1][channel].max(value);
     }
 }
 
@@ -285,10 +286,7 @@ impl DepthTie {
         self.pairs += self.alphas * alpha;
         self.alphas += alpha;
         self.passes *= 1.0 - alpha;
-        for (channel, value) in splat.screen.color.into_iter().enumerate() {
-            self.range[0][channel] = self.range[0][channel].min(value);
-            self.range[1][channel] = self.range[1][channel].max(value);
-        }
+        widen(&mut self.range, splat.screen.color);
     }
 
     /// Maximum change by another order. An exchange of two changes a pixel by αᵢ αⱼ T (cᵢ − cⱼ), and the light through

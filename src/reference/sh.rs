@@ -54,7 +54,7 @@ pub fn unclamped_color<R: Real>(degree: u32, coefficients: &[Vec3<R>], direction
     let mut color = [R::of(0.5); 3];
     for (function, coefficient) in basis(degree, direction).iter().zip(coefficients) {
         for channel in 0..3 {
-            color[channel] += *function * coefficient[channel];
+            color[channel] = color[channel] + *function * coefficient[channel];
         }
     }
     color

@@ -27,7 +27,7 @@ impl Compositor {
                 Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
             }
             Compatibility::Inria => {
-                let choice = rasterize_inria::Choice::of_outputs(outputs);
+                let choice = rasterize_inria::Choice::default().of_outputs(outputs);
                 Compositor::Inria(rasterize_inria::RasterizeInria::new(gpu, choice)?)
             }
         })

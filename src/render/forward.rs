@@ -13,7 +13,7 @@ use crate::gpu::{Buffer, Gpu, Groups, Recorder};
 use crate::kernels::rasterize::Outputs;
 use crate::kernels::scan::{Io as ScanBuffers, Scan, What};
 use crate::kernels::sort::{self, Layout, Sort};
-use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize, rasterize_inria};
+use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize, rasterize_inria, walker_bindings};
 use crate::layout::*;
 
 /// The kernels of a frame, compiled for one device.
@@ -180,18 +180,13 @@ impl Forward {
 
     /// Composites a band behind the nearer ones.
     fn composite(&self, rec: &mut Recorder<'_>, s: &Scratch, tiles: usize, (band, bands): (u32, DepthBands)) {
-        let sorted = Forward::sorted_index(tiles);
+        let emitted_from_isect = &s.emitted_from_isect[Forward::sorted_index(tiles)];
         let tile_stride = tile_stride(tiles);
         match &self.compositor {
             Compositor::Engine(kernel) => {
-                let io = rasterize::Bindings {
-                    view: &s.view,
+                let io = walker_bindings! {
+                    rasterize, s, emitted_from_isect;
                     counts: &s.counts,
-                    range_from_tile: &s.range_from_tile,
-                    emitted_from_isect: &s.emitted_from_isect[sorted],
-                    splat_from_emitted: &s.splat_from_emitted,
-                    ellipse_from_splat: &s.ellipse_from_splat,
-                    whiten_rg_from_splat: &s.whiten_rg_from_splat,
                     blue_depth_from_splat: &s.blue_depth_from_splat,
                     image: &s.image,
                     depth: &s.depth,
@@ -210,13 +205,8 @@ impl Forward {
                 kernel.record(rec, io, params, groups);
             }
             Compositor::Inria(kernel) => {
-                let io = rasterize_inria::Bindings {
-                    view: &s.view,
-                    range_from_tile: &s.range_from_tile,
-                    emitted_from_isect: &s.emitted_from_isect[sorted],
-                    splat_from_emitted: &s.splat_from_emitted,
-                    ellipse_from_splat: &s.ellipse_from_splat,
-                    whiten_rg_from_splat: &s.whiten_rg_from_splat,
+                let io = walker_bindings! {
+                    rasterize_inria, s, emitted_from_isect;
                     blue_depth_from_splat: &s.blue_depth_from_splat,
                     image: &s.image,
                     depth: &s.depth,

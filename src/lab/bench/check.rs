@@ -2,51 +2,30 @@
 
 use bytemuck::Pod;
 
-/// Criterion of agreement.
-#[derive(Clone, Debug)]
-pub enum Comparator {
-    /// Equal numbers.
-    Exact,
-    /// `|found − expected| ≤ tolerance · max(|expected|, scale)`.
-    Relative {
-        /// Relative to the larger of the expected value and `scale`.
-        tolerance: f64,
-        /// Magnitude below which errors count absolutely.
-        scale: f64,
-    },
-    /// As `Relative`, but elements at a discontinuity may lie on its other side.
-    Boundary {
-        /// Tolerance away from discontinuities.
-        tolerance: f64,
-        /// As in `Relative`.
-        scale: f64,
-        /// Flags of the elements at a discontinuity.
-        near: Vec<bool>,
-        /// Largest absolute error of those.
-        jump: f64,
-        /// Largest share of all elements beyond the tolerance.
-        share: f64,
-    },
-}
-
 /// A buffer written by a kernel, as numbers, with the expected values. NaN stands for "not written".
+///
+/// Elements agree if `|found − expected| ≤ tolerance · max(|expected|, scale)`.
 #[derive(Clone, Debug)]
 pub struct Output {
     name: &'static str,
     found: Vec<f64>,
     expected: Vec<f64>,
-    by: Comparator,
+    /// Relative to the larger of the expected value and `scale`; 0: equal numbers.
+    tolerance: f64,
+    /// Magnitude below which errors count absolutely.
+    scale: f64,
+    /// Flags of the elements at a discontinuity, which may lie on its other side; empty: none.
+    near: Vec<bool>,
+    /// Largest absolute error of those.
+    jump: f64,
+    /// Largest share of all elements beyond the tolerance.
+    share: f64,
 }
 
 impl Output {
     /// Output to be equal.
     pub fn exact(name: &'static str, found: Vec<f64>, expected: Vec<f64>) -> Output {
-        Output {
-            name,
-            found,
-            expected,
-            by: Comparator::Exact,
-        }
+        Output::relative(name, found, expected, 0.0, 1.0)
     }
 
     /// Output to be equal up to rounding.
@@ -55,24 +34,22 @@ impl Output {
             name,
             found,
             expected,
-            by: Comparator::Relative { tolerance, scale },
+            tolerance,
+            scale,
+            near: Vec::new(),
+            jump: 0.0,
+            share: 0.0,
         }
     }
 
     /// Allows elements near a discontinuity to jump; no more than `share` of all.
-    pub fn near(mut self, near: Vec<bool>, jump: f64, share: f64) -> Output {
-        let (tolerance, scale) = match self.by {
-            Comparator::Relative { tolerance, scale } => (tolerance, scale),
-            _ => (0.0, 1.0),
-        };
-        self.by = Comparator::Boundary {
-            tolerance,
-            scale,
+    pub fn near(self, near: Vec<bool>, jump: f64, share: f64) -> Output {
+        Output {
             near,
             jump,
             share,
-        };
-        self
+            ..self
+        }
     }
 
     /// Name of the output.
@@ -91,22 +68,17 @@ impl Output {
         if found.len() != expected.len() {
             return Err(format!("{} elements, not {}", found.len(), expected.len()));
         }
-        let (tolerance, scale) = match self.by {
-            Comparator::Exact => (0.0, 1.0),
-            Comparator::Relative { tolerance, scale } | Comparator::Boundary { tolerance, scale, .. } => {
-                (tolerance, scale)
-            }
-        };
         let (mut worst, mut flips) = (0.0f64, 0usize);
         for (i, (&f, &e)) in found.iter().zip(expected).enumerate() {
             let same = f == e || (f.is_nan() && e.is_nan());
-            let error = if same { 0.0 } else { (f - e).abs() / e.abs().max(scale) };
-            let jump = match &self.by {
-                Comparator::Boundary { near, jump, .. } if near[i] => *jump,
-                _ => 0.0,
+            let error = if same {
+                0.0
+            } else {
+                (f - e).abs() / e.abs().max(self.scale)
             };
+            let jump = if self.is_near(i) { self.jump } else { 0.0 };
             // Written so that NaN fails.
-            if error <= tolerance {
+            if error <= self.tolerance {
                 worst = worst.max(error);
             } else if (f - e).abs() <= jump {
                 flips += 1;
@@ -114,28 +86,27 @@ impl Output {
                 return Err(format!("element {i} is {f:e}, not {e:e}: off by {error:e}"));
             }
         }
-        if let Comparator::Boundary { share, .. } = self.by
-            && flips as f64 > share * found.len() as f64
-        {
+        if flips as f64 > self.share * found.len() as f64 {
             return Err(format!("{flips} of {} elements flipped", found.len()));
         }
         Ok(worst)
     }
 
+    fn is_near(&self, i: usize) -> bool {
+        !self.near.is_empty() && self.near[i]
+    }
+
     /// Wrong outputs that must be detected: the largest element off by one percent (by one for exact comparison), the
     /// last one not written, the list truncated.
     pub fn falsified(&self) -> Vec<Vec<f64>> {
-        let near = |i: usize| matches!(&self.by, Comparator::Boundary { near, .. } if near[i]);
-        let sound = (0..self.found.len()).filter(|&i| !near(i) && self.expected[i].is_finite());
+        let sound = (0..self.found.len()).filter(|&i| !self.is_near(i) && self.expected[i].is_finite());
         let magnitude = |i: usize| self.expected[i].abs();
         let Some(largest) = sound.max_by(|&a, &b| magnitude(a).total_cmp(&magnitude(b))) else {
             return Vec::new();
         };
-        let step = match self.by {
-            Comparator::Exact => 1.0,
-            Comparator::Relative { scale, .. } | Comparator::Boundary { scale, .. } => {
-                0.01 * magnitude(largest).max(scale)
-            }
+        let step = match self.tolerance == 0.0 && self.near.is_empty() {
+            true => 1.0,
+            false => 0.01 * magnitude(largest).max(self.scale),
         };
         let (mut off, mut gone, mut short) = (self.found.clone(), self.found.clone(), self.found.clone());
         off[largest] += step;

@@ -8,6 +8,7 @@ use super::growth::Exponent;
 use super::input::volume;
 use super::row::{BenchRow, Unit, Work};
 use super::session::{Bench, Case, Times};
+use super::trial::Subject;
 use crate::gpu::Gpu;
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
 use crate::scene::{Camera, Splats};
@@ -60,7 +61,7 @@ impl FramePlan {
 pub(super) type BufferBytes = Vec<(String, u64)>;
 
 /// Times and memory at one splat count and image size.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct ScalingPoint {
     /// Splat count.
     pub splats: usize,
@@ -148,10 +149,7 @@ pub(super) fn point(splats: usize, size: [u32; 2], measured: Result<(BenchRow, B
     let nothing = ScalingPoint {
         splats,
         size,
-        wall_s: None,
-        processor_s: None,
-        memory: Vec::new(),
-        fault: None,
+        ..ScalingPoint::default()
     };
     match measured {
         Ok((row, memory)) => Ok(ScalingPoint {
@@ -260,23 +258,19 @@ fn giant(bench: &mut Bench, plan: &FramePlan, scaling: &Scaling) -> Result<Optio
         FrameBench::new(&gpu, &without, NEAR)?,
         FrameBench::new(&gpu, &volume::with_giant(&without), NEAR)?,
     ];
-    let mut runs = [Vec::new(), Vec::new()];
-    let options = bench.options().clone();
-    for round in 0..options.warm_up + options.runs.max(1) {
-        for (frame_bench, runs) in frame_benches.iter_mut().zip(&mut runs) {
+    let mut subjects = Vec::new();
+    for (name, frame_bench) in ["without", "with"].into_iter().zip(&mut frame_benches) {
+        let mut case = case("giant", splats, size);
+        case.variant = name.into();
+        let run = Box::new(|| {
             let clock = super::CpuClock::now();
             let mut times = frame_bench.draw(&camera)?;
             times.cpu_ns = clock.elapsed_ns();
-            if round >= options.warm_up {
-                runs.push(times);
-            }
-        }
+            Ok(times)
+        });
+        subjects.push(Subject { case, run });
     }
-    for (name, runs) in ["without", "with"].iter().zip(&runs) {
-        let mut case = case("giant", splats, size);
-        case.variant = (*name).into();
-        bench.keep(&case, runs);
-    }
+    let runs = bench.measure_in_turns(&mut subjects)?;
     let wall = |times: &Times| times.stages.iter().map(|(_, ns)| ns).sum::<f64>();
     let rounds = runs[0].iter().zip(&runs[1]);
     let ratios: Vec<f64> = rounds.map(|(a, b)| wall(b) / wall(a)).collect();
@@ -338,9 +332,7 @@ mod tests {
                     splats,
                     size,
                     wall_s: Some(wall),
-                    processor_s: None,
-                    memory: Vec::new(),
-                    fault: None,
+                    ..ScalingPoint::default()
                 });
             }
         }

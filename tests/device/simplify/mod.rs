@@ -2,8 +2,8 @@
 
 use crate::common::scenes::{Random, Scene};
 use ashfall::gpu::Gpu;
-use ashfall::reference::contribution::weights;
 use ashfall::reference::frame::{center, project_all, sorted};
+use ashfall::reference::rasterize::weights;
 use ashfall::reference::rasterize::{discontinuity_margin, layer, rasterize};
 use ashfall::reference::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use ashfall::render::Compatibility;

@@ -33,7 +33,7 @@ fn every_operation_differentiates_itself() {
         check!(x, |t| t.exp() / (t + R::of(1.0)).sqrt() * (t * R::of(0.3)).ln());
         check!(x, |t| {
             let mut sum: R = [t, t * t].into_iter().sum();
-            sum += t.ln();
+            sum = sum + t.ln();
             sum
         });
     }

@@ -1,10 +1,10 @@
 //! Conversion of the oracle's numbers to the kernels' layout.
 
 use crate::layout::WHITEN;
+use crate::reference::ScreenSplat;
 use crate::reference::gradient::SplatGradients;
-use crate::reference::project::determinant;
+use crate::reference::project::{GEOMETRY_PARAMETERS, determinant};
 use crate::reference::rasterize_backward::ScreenGradient;
-use crate::reference::{ScreenSplat, Splat};
 
 /// The whitening matrix `[[p, 0], [−slope q, q]]` as `(p, q, slope)`: it maps the distance from the centre to residuals
 /// of unit variance.
@@ -108,27 +108,17 @@ pub fn whitened_sums(splat: &ScreenSplat<f64>, gradient: &ScreenGradient) -> [f6
 /// Rows of parameters or of their gradients, each ordered like `Splat::parameters`, as planes of four:
 /// `[plane][splat]`, the planes `rows.len()` apart.
 pub fn planes(rows: &[Vec<f64>]) -> Vec<[f64; 4]> {
-    let splats: Vec<Splat<f64>> = rows.iter().map(|row| Splat::from_parameters(row)).collect();
-    let mut planes: Vec<[f64; 4]> = Vec::new();
-    planes.extend(
-        splats
-            .iter()
-            .map(|s| [s.mean[0], s.mean[1], s.mean[2], s.opacity_logit]),
-    );
-    planes.extend(splats.iter().map(|s| s.quaternion));
-    planes.extend(
-        splats
-            .iter()
-            .map(|s| [s.log_scale[0], s.log_scale[1], s.log_scale[2], 0.0]),
-    );
-    let floats = splats.first().map_or(0, |s| s.sh.len() * 3);
-    for start in (0..floats).step_by(4) {
-        planes.extend(splats.iter().map(|s| {
-            let sh: Vec<f64> = s.sh.iter().flatten().copied().collect();
-            [0, 1, 2, 3].map(|lane| sh.get(start + lane).copied().unwrap_or(0.0))
-        }));
-    }
-    planes
+    let floats = rows.first().map_or(0, Vec::len);
+    let geometry = [[0, 1, 2, 10], [3, 4, 5, 6], [7, 8, 9, usize::MAX]];
+    let harmonics = (GEOMETRY_PARAMETERS..floats).step_by(4);
+    let places = geometry
+        .into_iter()
+        .chain(harmonics.map(|start| [0, 1, 2, 3].map(|lane| start + lane)));
+    let plane = |lanes: [usize; 4]| {
+        let number = |row: &Vec<f64>, place: usize| row.get(place).copied().unwrap_or(0.0);
+        rows.iter().map(move |row| lanes.map(|place| number(row, place)))
+    };
+    places.flat_map(plane).collect()
 }
 
 /// Sets the smoothing filters in parameter planes, one per splat.
@@ -157,10 +147,7 @@ pub fn gradient_rows(gradient: &SplatGradients) -> Vec<Vec<f64>> {
 /// Gradient by a splat's screen parameters from its sums: the inverse of [`whitened_sums`].
 pub fn screen_row(splat: &ScreenSplat<f64>, sums: [f64; 9]) -> [f64; 10] {
     let [s, x, y, xx, xy, yy, red, green, blue] = sums;
-    let [cov_xx, cov_xy, _] = splat.covariance;
-    let w = f64::from(WHITEN);
-    let (p, q) = (1.0 / cov_xx.sqrt(), (cov_xx / determinant(splat.covariance)).sqrt());
-    let slope = cov_xy / cov_xx;
+    let (w, (p, q, slope)) = (f64::from(WHITEN), whitening(splat));
     // The gradient by the covariance is W' M W / 2 with W = [[p, 0], [-slope q, q]].
     let (a, b) = (-slope * q, q);
     let half = 0.5 / (w * w);

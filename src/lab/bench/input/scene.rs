@@ -1,9 +1,10 @@
 //! Scenes from sketches. All numbers are exact in `f32`, for equal inputs of device and oracle.
 
 use super::random::Random;
+use super::volume::camera;
 use crate::reference::Options;
 use crate::scene::{Camera, SH_C0, ScreenFilter, Splats};
-use glam::{DMat3, DVec2, DVec3};
+use glam::DVec2;
 
 /// Splats with a camera and options.
 #[derive(Clone, Debug)]
@@ -55,14 +56,7 @@ pub fn push(splats: &mut Splats, camera: &Camera, sketch: &Sketch, random: &mut 
 pub fn scattered(count: usize, [width, height]: [u32; 2], sigma_max: f64, sh_degree: u32) -> Scene {
     let random = &mut Random::new(7);
     let size = DVec2::new(width.into(), height.into());
-    let camera = Camera {
-        width,
-        height,
-        focal: DVec2::splat(size.x),
-        center: 0.5 * size,
-        rotation: DMat3::IDENTITY,
-        position: DVec3::ZERO,
-    };
+    let camera = camera([width, height]);
     let mut splats = Splats {
         sh_degree,
         filter: ScreenFilter::Classic,

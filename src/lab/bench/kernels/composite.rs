@@ -4,7 +4,7 @@ use super::{KernelCase, ScreenBuffers, counts, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::rasterize::Outputs;
-use crate::kernels::{baseline_16x16, rasterize};
+use crate::kernels::{baseline_16x16, rasterize, walker_bindings};
 use crate::lab::bench::check::{Output, floats, words};
 use crate::lab::bench::input::lists::{Lists, view};
 use crate::lab::bench::input::scene::{Scene, scattered};
@@ -206,7 +206,9 @@ pub struct CompositeBuffers {
     pub(super) emitted_from_isect: Buffer<u32>,
     pub(super) splat_from_emitted: Buffer<u32>,
     pub(super) splat_from_isect: Buffer<u32>,
-    pub(super) records: ScreenBuffers,
+    pub(super) ellipse_from_splat: Buffer<[f32; 4]>,
+    pub(super) whiten_rg_from_splat: Buffer<[f32; 4]>,
+    pub(super) blue_depth_from_splat: Buffer<[f32; 2]>,
     pub(super) image: Buffer<f32>,
     pub(super) depth: Buffer<f32>,
     pub(super) isect_end_from_pixel: Buffer<u32>,
@@ -219,13 +221,16 @@ impl CompositeBuffers {
     pub fn new(gpu: &Gpu, composite: &Composite) -> Result<CompositeBuffers> {
         let (lists, scene) = (&composite.lists, &composite.scene);
         let pixels = composite.pixels.len();
+        let records = ScreenBuffers::new(gpu, &lists.records)?;
         Ok(CompositeBuffers {
             view: gpu.buffer_from("view", &[view(scene)])?,
             range_from_tile: gpu.buffer_from("range_from_tile", &lists.range_from_tile)?,
             emitted_from_isect: gpu.buffer_from("emitted_from_isect", &lists.emitted_from_isect)?,
             splat_from_emitted: gpu.buffer_from("splat_from_emitted", &lists.splat_from_emitted())?,
             splat_from_isect: gpu.buffer_from("splat_from_isect", &lists.splat_from_isect())?,
-            records: ScreenBuffers::new(gpu, &lists.records)?,
+            ellipse_from_splat: records.shape,
+            whiten_rg_from_splat: records.tone,
+            blue_depth_from_splat: records.rest,
             image: gpu.buffer("image", 4 * pixels)?,
             depth: gpu.buffer("depth", pixels)?,
             isect_end_from_pixel: gpu.buffer("isect_end_from_pixel", pixels)?,
@@ -236,15 +241,10 @@ impl CompositeBuffers {
 
     /// What the engine's kernel binds.
     pub fn rasterize(&self) -> rasterize::Bindings<'_> {
-        rasterize::Bindings {
-            view: &self.view,
+        walker_bindings! {
+            rasterize, self, &self.emitted_from_isect;
             counts: &self.counts,
-            range_from_tile: &self.range_from_tile,
-            emitted_from_isect: &self.emitted_from_isect,
-            splat_from_emitted: &self.splat_from_emitted,
-            ellipse_from_splat: &self.records.shape,
-            whiten_rg_from_splat: &self.records.tone,
-            blue_depth_from_splat: &self.records.rest,
+            blue_depth_from_splat: &self.blue_depth_from_splat,
             image: &self.image,
             depth: &self.depth,
             isect_end_from_pixel: &self.isect_end_from_pixel,
@@ -257,9 +257,9 @@ impl CompositeBuffers {
             view: &self.view,
             range_from_tile: &self.range_from_tile,
             splat_from_isect: &self.splat_from_isect,
-            ellipse_from_splat: &self.records.shape,
-            whiten_rg_from_splat: &self.records.tone,
-            blue_depth_from_splat: &self.records.rest,
+            ellipse_from_splat: &self.ellipse_from_splat,
+            whiten_rg_from_splat: &self.whiten_rg_from_splat,
+            blue_depth_from_splat: &self.blue_depth_from_splat,
             image: &self.image,
             isect_end_from_pixel: &self.isect_end_from_pixel,
         }

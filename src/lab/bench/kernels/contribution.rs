@@ -4,11 +4,13 @@ use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::kernels::contribution::{Bindings, Contribution, Params};
+use crate::kernels::contribution::{self, Contribution, Params};
+use crate::kernels::walker_bindings;
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
 use crate::reference::Thresholds;
-use crate::reference::contribution::{Loss, weights};
+use crate::reference::contribution::Loss;
+use crate::reference::rasterize::weights;
 use crate::render::tile_stride;
 
 /// The limit that stands for none, as the shader has it.
@@ -44,13 +46,8 @@ pub fn contribution_into<'a>(
     let limit = gpu.buffer_from("limit_from_pixel", &limit)?;
     let (records, out) = (records.clone(), records.clone());
     let case = KernelCase::new(composite.work(), move |rec, kernel: &Contribution, _| {
-        let io = Bindings {
-            view: &input.view,
-            range_from_tile: &input.range_from_tile,
-            emitted_from_isect: &input.emitted_from_isect,
-            splat_from_emitted: &input.splat_from_emitted,
-            ellipse_from_splat: &input.records.shape,
-            whiten_rg_from_splat: &input.records.tone,
+        let io = walker_bindings! {
+            contribution, input, &input.emitted_from_isect;
             spent_from_pixel: &spent,
             limit_from_pixel: &limit,
             record_from_emitted: &out,

@@ -4,7 +4,7 @@ use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::kernels::{Kernel, baseline_16x16_backward, rasterize_backward};
+use crate::kernels::{Kernel, baseline_16x16_backward, rasterize_backward, walker_bindings};
 use crate::lab::bench::check::{Output, floats, rms};
 use crate::lab::bench::input::pack;
 use crate::lab::bench::input::random::Random;
@@ -165,14 +165,9 @@ impl Device {
 
     /// What the engine's kernel binds.
     pub fn rasterize_backward<'a>(&'a self, input: &'a CompositeBuffers) -> rasterize_backward::Bindings<'a> {
-        rasterize_backward::Bindings {
-            view: &input.view,
-            range_from_tile: &input.range_from_tile,
-            emitted_from_isect: &input.emitted_from_isect,
-            splat_from_emitted: &input.splat_from_emitted,
-            ellipse_from_splat: &input.records.shape,
-            whiten_rg_from_splat: &input.records.tone,
-            blue_depth_from_splat: &input.records.rest,
+        walker_bindings! {
+            rasterize_backward, input, &input.emitted_from_isect;
+            blue_depth_from_splat: &input.blue_depth_from_splat,
             image: &self.pixels[0],
             d_image: &self.pixels[3],
             isect_end_from_pixel: &self.isect_end_from_pixel,
@@ -188,9 +183,9 @@ impl Device {
             view: &input.view,
             range_from_tile: &input.range_from_tile,
             splat_from_isect: &input.splat_from_isect,
-            ellipse_from_splat: &input.records.shape,
-            whiten_rg_from_splat: &input.records.tone,
-            blue_depth_from_splat: &input.records.rest,
+            ellipse_from_splat: &input.ellipse_from_splat,
+            whiten_rg_from_splat: &input.whiten_rg_from_splat,
+            blue_depth_from_splat: &input.blue_depth_from_splat,
             image: &self.pixels[0],
             d_image: &self.pixels[3],
             isect_end_from_pixel: &self.isect_end_from_pixel,

@@ -4,13 +4,14 @@ use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::kernels::prune_limit::{Bindings, Params, PruneLimit};
+use crate::kernels::prune_limit::{self, Params, PruneLimit};
+use crate::kernels::walker_bindings;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::random::Random;
 use crate::reference::Thresholds;
-use crate::reference::contribution::weights;
 use crate::reference::frame::depth_order;
 use crate::reference::prune_limit::{PruneLimits, prune_limit as reference};
+use crate::reference::rasterize::weights;
 use crate::render::tile_stride;
 use rayon::prelude::*;
 
@@ -47,13 +48,8 @@ pub fn prune_limit<'a>(gpu: &Gpu, composite: &'a Composite, budget: f32) -> Resu
     let spent = gpu.buffer::<f32>("spent_from_pixel", pixels)?;
     let (limit_out, spent_out) = (limit.clone(), spent.clone());
     let case = KernelCase::new(composite.work(), move |rec, kernel: &PruneLimit, _| {
-        let io = Bindings {
-            view: &input.view,
-            range_from_tile: &input.range_from_tile,
-            emitted_from_isect: &input.emitted_from_isect,
-            splat_from_emitted: &input.splat_from_emitted,
-            ellipse_from_splat: &input.records.shape,
-            whiten_rg_from_splat: &input.records.tone,
+        let io = walker_bindings! {
+            prune_limit, input, &input.emitted_from_isect;
             rank_from_splat: &ranks,
             limit_from_pixel: &limit_out,
             spent_from_pixel: &spent_out,

@@ -4,7 +4,8 @@ use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::kernels::rasterize_inria::{Bindings, Params, RasterizeInria};
+use crate::kernels::rasterize_inria::{self, Params, RasterizeInria};
+use crate::kernels::walker_bindings;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::{Unit, Work};
 use crate::reference;
@@ -35,14 +36,9 @@ pub fn rasterize_inria<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<Kernel
     let image = input.image.clone();
     let case = KernelCase::new(Work::of(pairs, Unit::Pairs), {
         move |rec, kernel: &RasterizeInria, _| {
-            let io = Bindings {
-                view: &input.view,
-                range_from_tile: &input.range_from_tile,
-                emitted_from_isect: &input.emitted_from_isect,
-                splat_from_emitted: &input.splat_from_emitted,
-                ellipse_from_splat: &input.records.shape,
-                whiten_rg_from_splat: &input.records.tone,
-                blue_depth_from_splat: &input.records.rest,
+            let io = walker_bindings! {
+                rasterize_inria, input, &input.emitted_from_isect;
+                blue_depth_from_splat: &input.blue_depth_from_splat,
                 image: &input.image,
                 depth: &input.depth,
                 isect_end_from_pixel: &input.isect_end_from_pixel,

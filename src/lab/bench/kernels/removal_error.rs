@@ -4,7 +4,8 @@ use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::kernels::removal_error::{Bindings, Params, RemovalError as Kernel};
+use crate::kernels::removal_error::{self, Params, RemovalError as Kernel};
+use crate::kernels::walker_bindings;
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
 use crate::reference::Thresholds;
@@ -32,14 +33,9 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
     let records = gpu.buffer::<[f32; 3]>("influence_from_source", expected.len())?;
     let out = records.clone();
     let case = KernelCase::new(composite.work(), move |rec, kernel: &Kernel, _| {
-        let io = Bindings {
-            view: &input.view,
-            range_from_tile: &input.range_from_tile,
-            emitted_from_isect: &input.emitted_from_isect,
-            splat_from_emitted: &input.splat_from_emitted,
-            ellipse_from_splat: &input.records.shape,
-            whiten_rg_from_splat: &input.records.tone,
-            blue_depth_from_splat: &input.records.rest,
+        let io = walker_bindings! {
+            removal_error, input, &input.emitted_from_isect;
+            blue_depth_from_splat: &input.blue_depth_from_splat,
             image: &image,
             error_from_pixel: &errors,
             influence_from_source: &out,
