@@ -119,20 +119,13 @@ impl Weights {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tracking::state_of;
+    use super::super::tracking::{context, state_of};
     use super::*;
     use crate::train::{StrategyKind, TrainConfig};
 
     fn refine(state: &mut HostState, config: &TrainConfig) -> RefineReport {
         let stats = vec![[0.0; 4]; state.len()];
-        let context = RefineContext {
-            iteration: 100,
-            config,
-            extent: 1.0,
-            limit: config.splat_limit(),
-            errors: &[],
-        };
-        Mcmc.refine(state, &stats, context)
+        Mcmc.refine(state, &stats, context(config, 100))
     }
 
     fn config(max_splats: u32) -> TrainConfig {
