@@ -50,15 +50,6 @@ pub struct RemovalError {
 /// Function from a picture's planes, one channel after the other, to the error of each pixel.
 pub type PixelErrors<'a> = &'a dyn Fn(&[f32]) -> Vec<f32>;
 
-/// Purpose of drawing a view.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Purpose {
-    /// The picture.
-    Show,
-    /// Contribution of every splat at pixels with this budget.
-    Losses(f32),
-}
-
 /// Rendered picture with the statistics of its tiles.
 #[derive(Clone, Debug)]
 pub struct RenderedTiles {
@@ -222,7 +213,7 @@ impl ContributionPass {
             if !go_on() {
                 return Ok(None);
             }
-            self.draw(camera, 0, Purpose::Losses(budget))?;
+            self.draw(camera, 0, Some(budget))?;
         }
         let loss = |[most, sum, limit]: [f32; 3]| SplatContribution { most, sum, limit };
         let totals = self.gpu.download(&self.resources.totals, 0..count)?;
@@ -235,7 +226,7 @@ impl ContributionPass {
     /// As [`ContributionPass::losses`].
     pub fn removal_errors(&mut self, camera: &Camera, judge: Option<PixelErrors<'_>>) -> Result<Vec<RemovalError>> {
         let sh_degree = self.resources.model.sh_degree;
-        self.draw(camera, sh_degree, Purpose::Show)?;
+        self.draw(camera, sh_degree, None)?;
         let (gpu, buffers) = (&self.gpu, &self.resources.buffers);
         let pixels = (camera.width * camera.height) as usize;
         let errors = match judge {
@@ -263,7 +254,7 @@ impl ContributionPass {
     /// As [`ContributionPass::losses`].
     pub fn show(&mut self, camera: &Camera) -> Result<RenderedTiles> {
         let (count, sh_degree) = (self.splat_count(), self.resources.model.sh_degree);
-        let counts = self.draw(camera, sh_degree, Purpose::Show)?;
+        let counts = self.draw(camera, sh_degree, None)?;
         let (gpu, s) = (&self.gpu, &self.resources.buffers.scratch);
         let capacity = Capacity::for_image(0, 0, camera.width, camera.height);
         let isects = counts[COUNT_ISECT as usize] as usize;
@@ -301,8 +292,9 @@ impl ContributionPass {
         view_of(camera, &options)
     }
 
-    /// Draws a view for a purpose; returns the kernels' counters.
-    fn draw(&mut self, camera: &Camera, sh_degree: u32, purpose: Purpose) -> Result<Vec<u32>> {
+    /// Draws a view, with a budget also the contribution of every splat at pixels with it; returns the kernels'
+    /// counters.
+    fn draw(&mut self, camera: &Camera, sh_degree: u32, budget: Option<f32>) -> Result<Vec<u32>> {
         let view = self.view(camera);
         self.reserve(camera, isects_expected(self.splat_count(), camera.width, camera.height))?;
         loop {
@@ -314,7 +306,9 @@ impl ContributionPass {
                 resources
                     .forward
                     .record(rec, &resources.model, s, &view, sh_degree, bands);
-                resources.record(rec, &view, purpose);
+                if let Some(budget) = budget {
+                    resources.record_losses(rec, &view, budget);
+                }
                 rec.read_back(&s.counts, 0..COUNT_SLOTS as usize)
             })?;
             self.frames.wait(ticket)?;

@@ -2,8 +2,7 @@
 
 use crate::Result;
 use crate::io::photo::{half, load, reduce};
-use crate::metrics::Target;
-use crate::metrics::{Image, mean_squared_error};
+use crate::metrics::{Image, Target, mean_squared_error};
 use crate::scene::{AlphaMode, Dataset, Photo};
 use crate::stats::mean;
 

@@ -82,10 +82,11 @@ fn band_bound(row: &[f32], degree: u32, channel: usize) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn scene(rows: &[[f32; 48]]) -> Splats {
+    /// Splats of degree 3 with these coefficients.
+    pub(in crate::simplify) fn scene(rows: &[[f32; 48]]) -> Splats {
         let count = rows.len();
         Splats {
             mean: vec![[0.0; 3]; count],

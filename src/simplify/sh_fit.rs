@@ -250,20 +250,14 @@ fn solve(lower: &[f64], b: &mut [f64]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::sh_error::tests::scene as with_colors;
     use super::*;
 
     /// Splats of degree 3 at the origin with deterministic coefficients.
     fn scene(count: usize) -> Splats {
         let value = |i: usize| ((i * 7919 + 13) % 1009) as f32 / 1009.0 - 0.5;
-        Splats {
-            mean: vec![[0.0; 3]; count],
-            quaternion: vec![[1.0; 4]; count],
-            log_scale: vec![[0.0; 3]; count],
-            opacity_logit: vec![0.0; count],
-            sh: (0..48 * count).map(value).collect(),
-            sh_degree: 3,
-            ..Splats::default()
-        }
+        let sh: Vec<f32> = (0..48 * count).map(value).collect();
+        with_colors(sh.as_chunks().0)
     }
 
     /// Views from `places`, each with these weights for the splats.
@@ -299,15 +293,8 @@ mod tests {
             let pairs = color(splats, 0, place).into_iter().zip(color(&scene(1), 0, place));
             pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>()
         };
-        let cut = Splats {
-            sh: splats
-                .sh
-                .iter()
-                .enumerate()
-                .map(|(k, &c)| if k < 3 { c } else { 0.0 })
-                .collect(),
-            ..splats.clone()
-        };
+        let mut cut = splats.clone();
+        cut.sh[3..].fill(0.0);
         // A thousandth of the weight is all round: a millionth of the error of truncation.
         assert!(off(&flat) < 2e-6 * off(&cut), "{} of {}", off(&flat), off(&cut));
         assert!(flat.sh[3..].iter().all(|&c| c == 0.0));

@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::io::photo::PhotoCache;
-use crate::scene::{AlphaMode, Dataset, Photo, PhotoSource};
+use crate::scene::{AlphaMode, Dataset, Photo, PhotoSource, View};
 
 /// Bytes of decoded photographs cached on the host; the rest are decoded on use.
 const HOST_BUDGET: u64 = 4 << 30;
@@ -92,14 +92,8 @@ impl Photos {
         };
         let mut residency = Residency::default();
         for &view in views {
-            let camera = &dataset.views[view].camera;
-            let undistorted = matches!(
-                dataset.views[view].photo,
-                PhotoSource::File {
-                    distortion: Some(_),
-                    ..
-                }
-            );
+            let View { camera, photo, .. } = &dataset.views[view];
+            let undistorted = matches!(photo, PhotoSource::File { distortion, .. } if distortion.is_some());
             // Undistortion leaves pixels outside the photograph, which only a weight can exclude.
             let masks = undistorted || dataset.alpha == AlphaMode::Mask;
             let mut resident = None;

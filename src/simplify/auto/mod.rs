@@ -47,7 +47,7 @@ pub struct CountController<'a> {
     trained: Evaluator<'a>,
     /// Views trained on while others are held out.
     fitted: Vec<usize>,
-    /// Kernels of the surveys.
+    /// Kernels of the surveys: compiling takes longer than most of them.
     kernels: Arc<Kernels>,
 }
 
@@ -127,7 +127,7 @@ impl<'a> CountController<'a> {
             held_out,
             trained,
             fitted,
-            kernels: survey::kernels(trainer)?,
+            kernels: Kernels::new(trainer.gpu(), survey::RULES)?,
         };
         controller.set_densify_errors(trainer)?;
         Ok(controller)

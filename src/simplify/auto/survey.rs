@@ -2,7 +2,7 @@
 
 use super::view_options;
 use crate::metrics::Target;
-use crate::render::Compatibility;
+use crate::render::{Compatibility, ViewOptions};
 use crate::scene::{Camera, Dataset, View};
 use crate::simplify::contribution::{ContributionPass, Kernels, PassOptions, RemovalError};
 use crate::simplify::sh_fit::ViewWeights;
@@ -17,28 +17,18 @@ pub(super) struct Survey<'a> {
 }
 
 /// Rasterisation rules of training.
-const RULES: Compatibility = Compatibility::Engine;
-
-/// Kernels of all surveys: compiling takes longer than most of them.
-pub(super) fn kernels(trainer: &Trainer<'_>) -> Result<Arc<Kernels>> {
-    Kernels::new(trainer.gpu(), RULES)
-}
-
-/// Options of training's own rendering.
-fn pass_options(trainer: &Trainer<'_>) -> PassOptions {
-    let options = view_options(trainer);
-    PassOptions {
-        near: options.near,
-        background: options.background,
-        compatibility: RULES,
-    }
-}
+pub(super) const RULES: Compatibility = Compatibility::Engine;
 
 impl<'a> Survey<'a> {
     pub(super) fn begin(kernels: &Arc<Kernels>, trainer: &mut Trainer<'_>, dataset: &'a Dataset) -> Result<Survey<'a>> {
-        let (kernels, splats) = (kernels.clone(), trainer.splats()?);
-        let options = pass_options(trainer);
-        let weigher = ContributionPass::with(kernels, trainer.gpu(), &splats, options)?;
+        let ViewOptions { near, background, .. } = view_options(trainer);
+        let options = PassOptions {
+            near,
+            background,
+            compatibility: RULES,
+        };
+        let splats = trainer.splats()?;
+        let weigher = ContributionPass::with(kernels.clone(), trainer.gpu(), &splats, options)?;
         Ok(Survey { dataset, weigher })
     }
 

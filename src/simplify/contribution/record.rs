@@ -1,22 +1,15 @@
-//! Commands recorded after the drawing of a view, by purpose.
+//! Commands recorded after the drawing of a view.
 
-use super::{Purpose, Resources, STEPS};
+use super::{Resources, STEPS};
 use crate::gpu::{Groups, Recorder};
 use crate::kernels::{contribution, prune_limit, removal_error, sum_by_splat};
 use crate::layout::*;
 use crate::render::{Forward, tile_stride};
 
 impl Resources {
-    /// Records the commands of a purpose after the drawing.
-    pub(super) fn record(&self, rec: &mut Recorder<'_>, view: &View, purpose: Purpose) {
-        if let Purpose::Losses(budget) = purpose {
-            self.record_limits(rec, view, budget);
-            self.record_weights(rec, view);
-        }
-    }
-
-    /// Records the search for the highest prunable rank of each pixel.
-    fn record_limits(&self, rec: &mut Recorder<'_>, view: &View, budget: f32) {
+    /// Records the search for the highest prunable rank of each pixel, then the contributions and their reduction by
+    /// splat.
+    pub(super) fn record_losses(&self, rec: &mut Recorder<'_>, view: &View, budget: f32) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let groups = Groups::Count(tiles as u32);
         let buffers = &self.buffers;
@@ -43,16 +36,6 @@ impl Resources {
             };
             self.kernels.prune_limit.record(rec, io, params, groups);
         }
-    }
-
-    /// Records the contributions and their reduction by splat.
-    fn record_weights(&self, rec: &mut Recorder<'_>, view: &View) {
-        let tiles = (view.tiles[0] * view.tiles[1]) as usize;
-        let groups = Groups::Count(tiles as u32);
-        let buffers = &self.buffers;
-        let s = &buffers.scratch;
-        let emitted_from_isect = &s.emitted_from_isect[Forward::sorted_index(tiles)];
-        let tile_stride = tile_stride(tiles);
         // A pair that was counted but not listed keeps this record, which lets no splat go.
         rec.fill(&buffers.records, 0);
         let io = contribution::Bindings {

@@ -192,22 +192,12 @@ fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2]
 
 #[cfg(test)]
 mod tests {
-    use super::super::tracking::state_of;
+    use super::super::tracking::{context, state_of};
     use super::*;
     use crate::train::TrainConfig;
 
     const SEEN: SplatStats = [1.0, 1.0, 1.0, 0.0];
     const QUIET: SplatStats = [0.0, 1.0, 1.0, 0.0];
-
-    fn context(config: &TrainConfig, iteration: u32) -> RefineContext<'_> {
-        RefineContext {
-            iteration,
-            config,
-            extent: 1.0,
-            limit: config.splat_limit(),
-            errors: &[],
-        }
-    }
 
     fn refine(state: &mut HostState, stats: &[SplatStats], config: &TrainConfig) -> RefineReport {
         Adc.refine(state, stats, context(config, 100))

@@ -30,39 +30,31 @@ impl Strategy for Mcmc {
         };
         let relocated = if weights.total() == 0 { 0 } else { dead };
         let draws = [(relocated, Stream::Relocate), (grown, Stream::Grow)];
-        let mut guests: Vec<(u32, u32)> = vec![(0, 0); state.len()];
+        let mut guests = vec![0; state.len()];
         for (count, stream) in draws {
             for ordinal in 0..count as u32 {
-                let key = (context.config.seed, context.iteration, ordinal, stream);
-                let words = rng::bits(key.0, key.1, key.2, key.3);
-                let host = weights.find(rng::below(words, weights.total()));
-                match stream {
-                    Stream::Relocate => guests[host].0 += 1,
-                    _ => guests[host].1 += 1,
-                }
+                let words = rng::bits(context.config.seed, context.iteration, ordinal, stream);
+                guests[weights.find(rng::below(words, weights.total()))] += 1;
             }
         }
         let rows = share(state, &guests, &live, relocated > 0, least);
         *state = gather(state, &rows);
         RefineReport {
             cloned: grown,
-            split: 0,
-            pruned: 0,
             relocated,
             count: state.len(),
+            ..RefineReport::default()
         }
     }
 }
 
 /// Factor of a splat's errors on its probability, 0 to 1; 1 for all without errors.
 fn chance(context: RefineContext<'_>, row: usize) -> f64 {
-    match context.errors.is_empty() {
-        true => 1.0,
-        false => {
-            let most = context.config.mcmc.error_max;
-            f64::from(context.attraction(row)).min(most) / most
-        }
+    if context.errors.is_empty() {
+        return 1.0;
     }
+    let most = context.config.mcmc.error_max;
+    f64::from(context.attraction(row)).min(most) / most
 }
 
 /// Number of splats to add to `count`.
@@ -71,14 +63,14 @@ fn growth(count: usize, context: RefineContext<'_>) -> usize {
     wanted.min(context.limit).saturating_sub(count)
 }
 
-/// Rows after `guests` (moved, added) have joined each host; a host and its guests get equal shares.
-fn share(state: &HostState, guests: &[(u32, u32)], live: &[bool], drop_dead: bool, least: f64) -> Vec<Row> {
+/// Rows after so many `guests`, moved or added, have joined each host; a host and its guests get equal shares.
+fn share(state: &HostState, guests: &[u32], live: &[bool], drop_dead: bool, least: f64) -> Vec<Row> {
     let mut rows = Vec::with_capacity(state.len());
-    for (row, &(moved, added)) in guests.iter().enumerate() {
+    for (row, &joined) in guests.iter().enumerate() {
         if drop_dead && !live[row] {
             continue;
         }
-        let copies = 1 + moved + added;
+        let copies = 1 + joined;
         let mut shared = Row {
             source: row as u32,
             mean: state.mean(row),
@@ -109,11 +101,7 @@ impl Weights {
         let mut total = 0;
         let up_to = weights.map(|weight| {
             let valid = (0.0..=1.0).contains(&weight);
-            total += if valid {
-                (weight * f64::from(u32::MAX)) as u64
-            } else {
-                0
-            };
+            total += u64::from(valid) * (weight * f64::from(u32::MAX)) as u64;
             total
         });
         Weights { up_to: up_to.collect() }
@@ -131,20 +119,13 @@ impl Weights {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tracking::state_of;
+    use super::super::tracking::{context, state_of};
     use super::*;
     use crate::train::{StrategyKind, TrainConfig};
 
     fn refine(state: &mut HostState, config: &TrainConfig) -> RefineReport {
         let stats = vec![[0.0; 4]; state.len()];
-        let context = RefineContext {
-            iteration: 100,
-            config,
-            extent: 1.0,
-            limit: config.splat_limit(),
-            errors: &[],
-        };
-        Mcmc.refine(state, &stats, context)
+        Mcmc.refine(state, &stats, context(config, 100))
     }
 
     fn config(max_splats: u32) -> TrainConfig {

@@ -20,6 +20,17 @@ pub(super) fn state_of(splats: &[(f64, f64)]) -> HostState {
     state
 }
 
+/// Refinement after `iteration` in a scene of extent 1 with unknown errors.
+pub(super) fn context(config: &TrainConfig, iteration: u32) -> RefineContext<'_> {
+    RefineContext {
+        iteration,
+        config,
+        extent: 1.0,
+        limit: config.splat_limit(),
+        errors: &[],
+    }
+}
+
 /// Stores each row's index in its colour and moments.
 fn label(state: &mut HostState) {
     for row in 0..state.len() {
@@ -82,14 +93,7 @@ fn thousand_refinements(kind: StrategyKind) -> HostState {
         let stats = disturb(&mut state, step);
         label(&mut state);
         let before = state.clone();
-        let context = RefineContext {
-            iteration: step * 10,
-            config: &config,
-            extent: 1.0,
-            limit: config.splat_limit(),
-            errors: &[],
-        };
-        let report = strategy.refine(&mut state, &stats, context);
+        let report = strategy.refine(&mut state, &stats, context(&config, step * 10));
         check(&before, &state);
         let expected = before.len() + report.cloned + report.split - report.pruned;
         assert_eq!((report.count, state.len()), (expected, expected));
