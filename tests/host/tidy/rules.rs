@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 /// Most lines of a file.
 const FILE_LINES_MAX: usize = 500;
-/// Most columns of a line of comment; rustfmt wraps code.
+/// Most columns of a line of comment; rustfmt wraps code at as many.
 const COLUMNS_MAX: usize = 120;
 /// Most lines of a function.
 const FUNCTION_LINES_MAX: usize = 70;
