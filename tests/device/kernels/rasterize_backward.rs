@@ -17,7 +17,7 @@ fn every_intersection_gets_its_gradient() {
             // A whole frame, whose passes share their alphas, does not feel the cap; the transmittance here is the
             // reference's.
             "capped" => CAPPED_TOLERANCE,
-            // Alphas of 1 - 6e-6 are near it, too.
+            // Peaks of 1 - 6e-6 are beyond the cap of 1 - 1.5e-5, too, in few pixels: a part of the tolerance there.
             "opaque stack" => 4.0 * SOURCE_TOLERANCE,
             _ => SOURCE_TOLERANCE,
         };

@@ -43,7 +43,7 @@ const fn digit(bits: u32, shift: u32, chunks: usize) -> Digit {
     Digit { bits, shift, chunks }
 }
 
-/// Sizes of which variants of subgroups take those of full ones.
+/// Workgroups; variants with subgroup operations take the multiples of a subgroup.
 const WORKGROUPS: Workgroups = Workgroups::subgroups(&[1, 8, 64, 256]);
 
 #[test]

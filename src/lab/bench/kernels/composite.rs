@@ -1,4 +1,4 @@
-//! Cases of compositing, and what tile walkers share: a scene, its lists and its pixels.
+//! Cases of compositing, and the input of all tile walkers: a scene, its lists and its pixels.
 
 use super::{KernelCase, ScreenBuffers, counts, read};
 use crate::Result;
@@ -18,7 +18,7 @@ use crate::render::tile_stride;
 use rayon::prelude::*;
 use std::rc::Rc;
 
-/// A scene, listed by tiles of some size, with what compositing it shows.
+/// Scene, its lists by tiles of some size, and its composited pixels.
 pub struct Composite {
     /// The scene.
     pub scene: Scene,
@@ -32,7 +32,7 @@ pub struct Composite {
     pub pixels: Vec<ExpectedPixel>,
 }
 
-/// What a pixel should be.
+/// Expected pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct ExpectedPixel {
     /// Red, green, blue, transmittance.
@@ -173,7 +173,7 @@ impl Composite {
         Work::of(pairs.sum(), Unit::Pairs)
     }
 
-    /// One plane after the other of what should be seen.
+    /// Expected image, one plane after the other.
     pub fn planes(&self) -> Vec<f64> {
         let plane = |i: usize| self.pixels.iter().map(move |pixel| pixel.planes[i]);
         (0..4).flat_map(plane).collect()
@@ -217,7 +217,7 @@ pub struct CompositeBuffers {
 }
 
 impl CompositeBuffers {
-    /// Uploads what compositing reads.
+    /// Uploads the inputs of compositing.
     pub fn new(gpu: &Gpu, composite: &Composite) -> Result<CompositeBuffers> {
         let (lists, scene) = (&composite.lists, &composite.scene);
         let pixels = composite.pixels.len();
@@ -239,7 +239,7 @@ impl CompositeBuffers {
         })
     }
 
-    /// What the engine's kernel binds.
+    /// Bindings of the engine's kernel.
     pub fn rasterize(&self) -> rasterize::Bindings<'_> {
         walker_bindings! {
             rasterize, self, &self.emitted_from_isect;
@@ -251,7 +251,7 @@ impl CompositeBuffers {
         }
     }
 
-    /// What the baseline binds.
+    /// Bindings of the baseline.
     pub fn baseline_16x16(&self) -> baseline_16x16::Bindings<'_> {
         baseline_16x16::Bindings {
             view: &self.view,
@@ -284,7 +284,7 @@ impl CompositeBuffers {
         Ok(composite.outputs(&read(gpu, &self.image)?, None))
     }
 
-    /// What the last run left, held against the oracle.
+    /// Outputs of the last run beside the reference's.
     pub fn outputs(&self, gpu: &Gpu, composite: &Composite) -> Result<Vec<Output>> {
         let (image, ends) = (read(gpu, &self.image)?, read(gpu, &self.isect_end_from_pixel)?);
         Ok(composite.outputs(&image, Some(&ends)))

@@ -1,4 +1,4 @@
-//! Case of `contribution`: what the pixels of a tile would lose with each of its splats.
+//! Case of `contribution`: loss of a tile's pixels without each of its splats.
 
 use super::composite::{Composite, CompositeBuffers};
 use super::{KernelCase, read};

@@ -21,11 +21,11 @@ const NAMES: [&str; 9] = ["s", "s x", "s y", "s xx", "s xy", "s yy", "red", "gre
 
 /// A gradient of the image, and the sums that should come of it.
 pub struct Gradient {
-    /// By every pixel: what is timed.
+    /// Upstream gradient of every pixel, for timed runs.
     pub d_image: Vec<f32>,
-    /// By a sample of the pixels and zero elsewhere: what is judged.
+    /// Upstream gradient of a sample of the pixels and zero elsewhere, for checked runs.
     pub d_sampled: Vec<f32>,
-    /// What the sample should come to, by source.
+    /// Expected sums of the sample, by source.
     sums_from_source: Vec<[f64; 9]>,
     /// The same by splat.
     pub sums_from_splat: Vec<[f64; 9]>,
@@ -69,7 +69,7 @@ impl Gradient {
     }
 }
 
-/// What the judged pixels say, by source.
+/// Sums of the gradients of the checked pixels, by source.
 fn sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[f64; 9]> {
     let pixels = judged.len();
     let lists = &composite.lists;
@@ -124,7 +124,7 @@ fn outputs(expected: &[[f64; 9]], tolerance: f64, found: impl Fn(usize) -> Vec<f
     (0..9).map(column).collect()
 }
 
-/// What the backward kernels read and write, on the device.
+/// Device buffers of the backward kernels.
 pub struct Device {
     gpu: Gpu,
     pixels: [Buffer<f32>; 4],
@@ -136,7 +136,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Uploads the gradient, and what the forward pass should have left.
+    /// Uploads the gradient and the expected outputs of the forward pass.
     pub fn new(gpu: &Gpu, composite: &Composite, gradient: &Gradient) -> Result<Device> {
         let planes: Vec<f32> = composite.planes().iter().map(|&x| x as f32).collect();
         let ends: Vec<u32> = composite.pixels.iter().map(|pixel| pixel.end).collect();
@@ -163,7 +163,7 @@ impl Device {
         rec.copy(from, 0..from.len(), &self.pixels[3], 0);
     }
 
-    /// What the engine's kernel binds.
+    /// Bindings of the engine's kernel.
     pub fn rasterize_backward<'a>(&'a self, input: &'a CompositeBuffers) -> rasterize_backward::Bindings<'a> {
         walker_bindings! {
             rasterize_backward, input, &input.emitted_from_isect;
@@ -177,7 +177,7 @@ impl Device {
         }
     }
 
-    /// What the baseline binds.
+    /// Bindings of the baseline.
     pub fn baseline_16x16_backward<'a>(&'a self, input: &'a CompositeBuffers) -> baseline_16x16_backward::Bindings<'a> {
         baseline_16x16_backward::Bindings {
             view: &input.view,
@@ -193,7 +193,7 @@ impl Device {
         }
     }
 
-    /// What the engine's kernel left.
+    /// Outputs of the engine's kernel beside the reference's.
     pub fn judge_sources(&self, gradient: &Gradient, tolerance: f64) -> Result<Vec<Output>> {
         let shape = floats(&read(&self.gpu, &self.d_shape)?);
         let tone = floats(&read(&self.gpu, &self.d_tone)?);
@@ -208,7 +208,7 @@ impl Device {
         }))
     }
 
-    /// What the baseline left.
+    /// Outputs of the baseline beside the reference's.
     pub fn judge_splats(&self, gradient: &Gradient, tolerance: f64) -> Result<Vec<Output>> {
         Ok(gradient.judge_splats(&read(&self.gpu, &self.sum_from_splat)?, tolerance))
     }
@@ -222,7 +222,7 @@ pub fn params(input: &CompositeBuffers) -> rasterize_backward::Params {
     }
 }
 
-/// What a case of either kernel holds.
+/// Input, gradient and buffers of a case of either kernel.
 type GradientCase = Rc<(CompositeBuffers, Gradient, Device)>;
 
 fn held(gpu: &Gpu, composite: &Composite, sampled: u64) -> Result<GradientCase> {
@@ -231,7 +231,7 @@ fn held(gpu: &Gpu, composite: &Composite, sampled: u64) -> Result<GradientCase> 
     Ok(Rc::new((CompositeBuffers::new(gpu, composite)?, gradient, device)))
 }
 
-/// Adds what the cases of both kernels have in common: upstream gradients, of a sample in checked runs.
+/// Adds the upstream gradients to a case of either kernel, of a sample in checked runs.
 fn with_upstream<'a, K: Kernel + 'a>(case: KernelCase<'a, K>, held: &GradientCase) -> KernelCase<'a, K> {
     let (checked, timed) = (held.clone(), held.clone());
     case.before(move |rec, _| checked.2.upstream(rec, true))

@@ -168,7 +168,7 @@ impl WindowTarget<'_> {
         luminance * structure
     }
 
-    /// Derivatives of SSIM times the weight: what the forward pass leaves for the backward one.
+    /// Derivatives of SSIM times the weight, an output of the forward pass and input of the backward one.
     fn slopes(&self, place: usize) -> [f64; 3] {
         let weight = self.weight(place % self.pixels());
         self.ssim(place).d.map(|d| weight * d)
