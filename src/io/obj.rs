@@ -8,6 +8,7 @@ use super::reader::{Reader, excerpt};
 use super::source::Source;
 use crate::error::{Error, Result};
 use crate::scene::{Mesh, Point};
+use crate::stats::SplitMix64;
 use glam::Vec3;
 use std::path::Path;
 
@@ -183,16 +184,15 @@ pub fn sample(mesh: &Mesh, count: usize, seed: u64) -> Vec<Point> {
     if area.is_nan() || area <= 0.0 {
         return Vec::new();
     }
-    let mut state = seed;
-    let mut random = || uniform(&mut state);
+    let mut random = SplitMix64(seed);
     (0..count)
         .map(|_| {
-            let at = random() * area;
+            let at = random.unit() * area;
             // Rounding can put `at` on the total; the last triangle takes it.
             let index = area_until.partition_point(|until| *until <= at);
             let index = index.min(mesh.triangles.len() - 1);
             // Turk, "Generating random points in triangles", Graphics Gems I.
-            let (root, v) = (random().sqrt() as f32, random() as f32);
+            let (root, v) = (random.unit().sqrt() as f32, random.unit() as f32);
             let weights = [1.0 - root, root * (1.0 - v), root * v];
             let blend = |corners: [[f32; 3]; 3]| -> [f32; 3] {
                 let sum = |axis: usize| (0..3).map(|k| weights[k] * corners[k][axis]).sum();
@@ -205,13 +205,4 @@ pub fn sample(mesh: &Mesh, count: usize, seed: u64) -> Vec<Point> {
             }
         })
         .collect()
-}
-
-/// SplitMix64 (Steele, Lea and Flood 2014), as a number in [0, 1).
-fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }

@@ -1,11 +1,13 @@
-//! Statistics: means, medians and their intervals, Student's t, and straight lines by least squares.
+//! Statistics: means, medians and their intervals, Student's t, straight lines by least squares, and random numbers.
 
 mod interval;
 mod line;
+mod random;
 mod student;
 mod summary;
 
 pub use interval::{Interval, mean};
 pub use line::Line;
+pub(crate) use random::SplitMix64;
 pub use student::{student_t_95, student_t_975};
 pub use summary::{Summary, median_ranks};

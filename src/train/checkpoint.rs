@@ -181,9 +181,11 @@ fn controller(
 ) -> std::result::Result<Option<ControllerState>, String> {
     let present = |name: &str| meta.get(name).filter(|value| !value.is_null());
     let saved = match (present("controller"), present("steering")) {
-        (Some(saved), _) => {
-            ControllerState::deserialize(saved).map_err(|_| "its controller has no name or no version".to_string())?
-        }
+        // An array of the right values would be taken for the fields in order.
+        (Some(saved), _) => match ControllerState::deserialize(saved) {
+            Ok(state) if saved.is_object() => state,
+            _ => return Err("its controller has no name or no version".into()),
+        },
         (None, Some(state)) => ControllerState {
             name: UNNAMED.0.into(),
             version: UNNAMED.1,
@@ -271,6 +273,17 @@ mod tests {
         let message = Checkpoint::read(&path).err().map(|e| e.to_string());
         assert!(message.is_some_and(|m| m.ends_with("params has not 3 splats")));
         Ok(())
+    }
+
+    #[test]
+    fn a_controller_has_a_name_and_a_version() {
+        let read = |saved| controller(&json!({ "controller": saved }), None);
+        let saved = read(json!({ "name": "count", "version": 2, "state": 7 })).ok().flatten();
+        assert!(saved.is_some_and(|saved| saved.name == "count" && saved.version == 2 && saved.state == 7));
+        assert_eq!(read(json!(null)), Ok(None));
+        for damaged in [json!(["count", 2, 7]), json!({ "name": "count" }), json!({ "version": 2 }), json!(1)] {
+            assert!(read(damaged).is_err());
+        }
     }
 
     #[test]

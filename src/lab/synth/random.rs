@@ -1,31 +1,22 @@
 //! Random numbers keyed by their purpose, independent of the order of threads.
 
+use crate::stats::SplitMix64;
 use glam::DVec3;
 
 /// A short stream of numbers, a pure function of `seed` and `key`.
-pub(super) struct KeyedRandom(u64);
+pub(super) struct KeyedRandom(SplitMix64);
 
 impl KeyedRandom {
     /// The stream of item `key` under `seed`.
     pub(super) fn new(seed: u64, key: u64) -> KeyedRandom {
-        let mut random = KeyedRandom(seed);
         // One round first, so that neighbouring seeds and keys do not share streams.
-        random.0 = random.next() ^ key.wrapping_mul(0xd1b5_4a32_d192_ed03);
-        random
-    }
-
-    /// SplitMix64 (Steele, Lea, Flood 2014).
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        let mixed = SplitMix64(seed).bits();
+        KeyedRandom(SplitMix64(mixed ^ key.wrapping_mul(0xd1b5_4a32_d192_ed03)))
     }
 
     /// Uniform in 0 to 1, 1 excluded.
     pub(super) fn uniform(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+        self.0.unit()
     }
 
     /// Uniform in `low..high`.

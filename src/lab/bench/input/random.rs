@@ -1,22 +1,22 @@
 //! Reproducible random numbers, exact in `f32`.
 
-/// A small deterministic generator (SplitMix64).
+use crate::stats::SplitMix64;
+
+/// A small deterministic generator.
 #[derive(Clone, Debug)]
-pub struct Random(u64);
+pub struct Random(SplitMix64);
 
 impl Random {
     /// Generator of a seed.
     pub fn new(seed: u64) -> Random {
-        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
+        Random(SplitMix64(
+            seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d,
+        ))
     }
 
     /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.bits()
     }
 
     /// Uniform below `count`, which must be positive.
@@ -26,8 +26,7 @@ impl Random {
 
     /// Uniform in `[low, high)`, exact in `f32`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        let unit = (self.bits() >> 11) as f64 / (1u64 << 53) as f64;
-        single(low + (high - low) * unit)
+        single(low + (high - low) * self.0.unit())
     }
 
     /// Uniform in logarithm.
