@@ -9,7 +9,7 @@ use super::model::Model;
 use super::options::RenderOptions;
 use super::scratch::Scratch;
 use super::view::{ViewOptions, view_of};
-use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Recorder, Ticket};
+use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Ticket};
 use crate::kernels::present;
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS};
 use crate::scene::{Camera, NotFinite, Splats};
@@ -211,20 +211,21 @@ impl Renderer {
         let in_flight = self.host_frames.in_flight() as u64;
         let finished = self.finished_before((frame + 1).saturating_sub(in_flight))?;
         let mut rec = self.host_frames.begin_in(commands)?;
-        let picture = Picture { model, camera, view };
-        let (forward, scratch) = (&self.forward, &self.scratch);
-        record_frame(&mut rec, forward, scratch, picture, self.options.sh_degree, self.bands);
+        let (scratch, degree) = (&self.scratch, self.options.sh_degree);
+        rec.fill(&scratch.counts, 0);
+        self.forward
+            .record(&mut rec, model, scratch, &view_of(camera, view), degree, self.bands);
         rec.acquire(target);
         let io = present::Bindings {
-            view: &self.scratch.view,
-            image: &self.scratch.image,
+            view: &scratch.view,
+            image: &scratch.image,
             target: target.image(),
         };
         if let Some(present) = &self.present {
             present.record(&mut rec, io, present::groups(size));
         }
         rec.release(target);
-        let counts = rec.read_back(&self.scratch.counts, 0..COUNT_SLOTS as usize)?;
+        let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
         self.pending.push_back(PendingPicture {
             frame,
             capacity,
@@ -306,14 +307,15 @@ impl Renderer {
         self.forward.prepare(&self.gpu, model)?;
         let expected = isects_expected(model.splat_count, camera.width, camera.height);
         self.reserve_some(model, camera, expected)?;
-        let picture = Picture { model, camera, view };
+        let view = view_of(camera, view);
         let mut bands = DepthBands::default();
         loop {
             let pixels = camera.width as usize * camera.height as usize;
             let (forward, scratch) = (&self.forward, &self.scratch);
             let (degree, with_depth) = (self.options.sh_degree, self.options.with_depth);
             let (ticket, (counts, image, depth)) = self.frames.submit(|rec| {
-                record_frame(rec, forward, scratch, picture, degree, bands);
+                rec.fill(&scratch.counts, 0);
+                forward.record(rec, model, scratch, &view, degree, bands);
                 Ok((
                     rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?,
                     rec.read_back(&scratch.image, 0..4 * pixels)?,
@@ -331,28 +333,6 @@ impl Renderer {
             bands = self.bands_after(bands, &counts)?;
         }
     }
-}
-
-/// Model, camera and view options of a frame.
-#[derive(Clone, Copy)]
-struct Picture<'a> {
-    model: &'a Model,
-    camera: &'a Camera,
-    view: &'a ViewOptions,
-}
-
-fn record_frame(
-    rec: &mut Recorder<'_>,
-    forward: &Forward,
-    scratch: &Scratch,
-    picture: Picture<'_>,
-    sh_degree: u32,
-    bands: DepthBands,
-) {
-    rec.fill(&scratch.counts, 0);
-    let view = view_of(picture.camera, picture.view);
-    let sh_degree = sh_degree.min(picture.model.sh_degree);
-    forward.record(rec, picture.model, scratch, &view, sh_degree, bands);
 }
 
 fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>) -> RenderedImage {
