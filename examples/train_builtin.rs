@@ -32,11 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         filter: splats.filter,
     };
     let mut evaluator = Evaluator::new(&gpu, &dataset, &dataset.split(Split::Test), view);
-    let mut pictures = Vec::new();
-    evaluator.for_each(&splats, &mut |evaluated| {
-        pictures.push((evaluated.score(), evaluated.rendered.clone()));
-        Ok(())
-    })?;
+    let pictures = evaluator.map(&splats, |evaluated| Ok((evaluated.score(), evaluated.rendered.clone())))?;
     let (score, picture) = pictures.first().ok_or("no view is held out")?;
     println!("{}: {:.2} dB", score.name, score.psnr_db.unwrap_or(f64::NAN));
     io::png::write_rgb(&out, picture.width, picture.height, &picture.rgb)?;

@@ -68,14 +68,12 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let engine = Engine::open(&args.device)?;
     let mut evaluator = evaluator(engine.gpu(), &dataset, &views, args.background);
     let bar = output.bar(views.len() as u64, "views");
-    let mut scores = Vec::new();
-    evaluator.for_each(&splats, &mut |evaluated| {
+    let scores = evaluator.map(&splats, |evaluated| {
         bar.inc(1);
-        scores.push(evaluated.score());
-        match &args.pictures {
-            Some(dir) => write_comparison(dir, evaluated),
-            None => Ok(()),
+        if let Some(dir) = &args.pictures {
+            write_comparison(dir, evaluated)?;
         }
+        Ok(evaluated.score())
     })?;
     bar.finish_and_clear();
     engine.check()?;

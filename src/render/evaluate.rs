@@ -83,10 +83,11 @@ impl<'d> Evaluator<'d> {
         self.views.len()
     }
 
-    /// Renders each view in order and hands it to `each`; stops at the first error.
-    pub fn for_each(&mut self, splats: &Splats, each: &mut dyn FnMut(ViewEvaluation<'_>) -> Result<()>) -> Result<()> {
+    /// Renders each view in order and collects the results of `each`; stops at the first error.
+    pub fn map<T>(&mut self, splats: &Splats, mut each: impl FnMut(ViewEvaluation<'_>) -> Result<T>) -> Result<Vec<T>> {
+        let mut results = Vec::with_capacity(self.views.len());
         if self.views.is_empty() {
-            return Ok(());
+            return Ok(results);
         }
         let mut renderer = self.renderer(splats.sh_degree)?;
         let model = Model::upload(&self.gpu, splats)?;
@@ -105,30 +106,20 @@ impl<'d> Evaluator<'d> {
                 }
             };
             let rendered = &renderer.render(&model, &view.camera, &options)?;
-            each(ViewEvaluation { view, target, rendered })?;
+            results.push(each(ViewEvaluation { view, target, rendered })?);
         }
         self.renderer = Some((splats.sh_degree, renderer));
-        Ok(())
+        Ok(results)
     }
 
     /// Scores of all views.
     pub fn scores(&mut self, splats: &Splats) -> Result<Vec<ViewScore>> {
-        let mut scores = Vec::with_capacity(self.views.len());
-        self.for_each(splats, &mut |evaluated| {
-            scores.push(evaluated.score());
-            Ok(())
-        })?;
-        Ok(scores)
+        self.map(splats, |evaluated| Ok(evaluated.score()))
     }
 
     /// Mean squared error of each view.
     pub fn mean_squared_errors(&mut self, splats: &Splats) -> Result<Vec<f64>> {
-        let mut errors = Vec::with_capacity(self.views.len());
-        self.for_each(splats, &mut |evaluated| {
-            errors.push(evaluated.mean_squared_error());
-            Ok(())
-        })?;
-        Ok(errors)
+        self.map(splats, |evaluated| Ok(evaluated.mean_squared_error()))
     }
 
     fn target(&self, view: usize) -> Result<Target> {

@@ -73,12 +73,10 @@ fn test_pictures(session: &Session<'_>, config: &TrainConfig, splats: &Splats) -
     if evaluator.view_count() > 0 {
         std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
     }
-    let mut scores = Vec::new();
-    evaluator.for_each(splats, &mut |evaluated| {
-        scores.push(evaluated.score());
-        write_comparison(&dir, evaluated)
-    })?;
-    Ok(scores)
+    evaluator.map(splats, |evaluated| {
+        write_comparison(&dir, evaluated)?;
+        Ok(evaluated.score())
+    })
 }
 
 fn tell(session: &Session<'_>, report: &Report) {
