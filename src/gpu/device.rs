@@ -1,6 +1,5 @@
 //! Shared state of a [`Gpu`]: device, queue, memory.
 
-use super::cache::WeakCache;
 use super::caps::Caps;
 use super::check::check;
 use super::debug::Messages;
@@ -11,8 +10,10 @@ use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, MemoryLocation};
+use std::any::Any;
+use std::collections::HashMap;
 use std::mem::ManuallyDrop;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 /// A Vulkan device. Clones are cheap and share it; it is destroyed with the last clone and the last buffer.
 #[derive(Clone)]
@@ -42,6 +43,9 @@ impl Drop for Own {
 /// The allocator, owned or the host's.
 pub(super) type SharedAllocator = Arc<Mutex<Allocator>>;
 
+/// Pipelines in use, by module and specialisation constants; of any type, so that a device does not depend on theirs.
+pub(super) type PipelineCache = HashMap<(usize, Vec<u32>), Weak<dyn Any + Send + Sync>>;
+
 pub(super) struct GpuState {
     pub(super) device: ash::Device,
     pub(super) caps: Caps,
@@ -55,8 +59,7 @@ pub(super) struct GpuState {
     faults: Option<Faults>,
     memory_limit: u64,
     tracker: Mutex<MemoryTracker>,
-    /// Pipelines in use, by module and specialisation constants.
-    pub(super) pipelines: WeakCache<(usize, Vec<u32>)>,
+    pipelines: Mutex<PipelineCache>,
 }
 
 /// Bytes of the blocks shared by small buffers; larger buffers have dedicated blocks, freed with them. The allocator's
@@ -169,7 +172,7 @@ impl Parts {
             poison: options.validation,
             faults: options.faults.clone(),
             tracker: Mutex::default(),
-            pipelines: WeakCache::default(),
+            pipelines: Mutex::default(),
         })))
     }
 }
@@ -192,6 +195,10 @@ impl GpuState {
     fn allocator(&self) -> MutexGuard<'_, Allocator> {
         let shared: &SharedAllocator = &self.allocator;
         shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn pipelines(&self) -> MutexGuard<'_, PipelineCache> {
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn tracker(&self) -> MutexGuard<'_, MemoryTracker> {

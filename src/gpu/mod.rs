@@ -14,7 +14,6 @@
 )]
 
 mod buffer;
-mod cache;
 mod caps;
 mod check;
 mod create;

@@ -5,7 +5,7 @@ use super::device::Gpu;
 use crate::shader::{BindingKind, KernelInfo};
 use crate::{Error, Result};
 use ash::vk;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 pub(super) struct RawPipeline {
     gpu: Gpu,
@@ -50,7 +50,8 @@ impl Pipeline {
             )));
         }
         let key = (info.spirv.as_ptr() as usize, spec.to_vec());
-        if let Some(raw) = gpu.0.pipelines.find(&key) {
+        let known = gpu.0.pipelines().get(&key).and_then(Weak::upgrade);
+        if let Some(Ok(raw)) = known.map(Arc::downcast) {
             return Ok(Pipeline(raw));
         }
         let mut raw = RawPipeline {
@@ -63,7 +64,10 @@ impl Pipeline {
         raw.create_layouts()?;
         raw.create_pipeline(spec)?;
         let raw = Arc::new(raw);
-        gpu.0.pipelines.insert(key, raw.clone());
+        let mut pipelines = gpu.0.pipelines();
+        pipelines.retain(|_, pipeline| pipeline.strong_count() > 0);
+        let weak = Arc::downgrade(&raw);
+        pipelines.insert(key, weak);
         Ok(Pipeline(raw))
     }
 }

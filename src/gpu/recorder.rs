@@ -46,7 +46,8 @@ pub struct Recorder<'a> {
     pub(super) failed: Option<crate::Error>,
 }
 
-const ACCESS: vk::AccessFlags2 =
+/// Reads and writes of any kind.
+pub(super) const ACCESS: vk::AccessFlags2 =
     vk::AccessFlags2::from_raw(vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw());
 
 impl<'a> Recorder<'a> {
