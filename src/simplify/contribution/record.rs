@@ -2,7 +2,7 @@
 
 use super::{Resources, STEPS};
 use crate::gpu::{Groups, Recorder};
-use crate::kernels::{contribution, prune_limit, removal_error, sum_by_splat};
+use crate::kernels::{contribution, prune_limit, removal_error, sum_by_splat, walker_bindings};
 use crate::layout::*;
 use crate::render::{Forward, tile_stride};
 
@@ -18,13 +18,8 @@ impl Resources {
         let tile_stride = tile_stride(tiles);
         rec.fill(&buffers.limit, 0);
         for step in STEPS {
-            let io = prune_limit::Bindings {
-                view: &s.view,
-                range_from_tile: &s.range_from_tile,
-                emitted_from_isect,
-                splat_from_emitted: &s.splat_from_emitted,
-                ellipse_from_splat: &s.ellipse_from_splat,
-                whiten_rg_from_splat: &s.whiten_rg_from_splat,
+            let io = walker_bindings! {
+                prune_limit, s, emitted_from_isect;
                 rank_from_splat: &self.ranks,
                 limit_from_pixel: &buffers.limit,
                 spent_from_pixel: &buffers.spent,
@@ -38,13 +33,8 @@ impl Resources {
         }
         // A pair that was counted but not listed keeps this record, which lets no splat go.
         rec.fill(&buffers.records, 0);
-        let io = contribution::Bindings {
-            view: &s.view,
-            range_from_tile: &s.range_from_tile,
-            emitted_from_isect,
-            splat_from_emitted: &s.splat_from_emitted,
-            ellipse_from_splat: &s.ellipse_from_splat,
-            whiten_rg_from_splat: &s.whiten_rg_from_splat,
+        let io = walker_bindings! {
+            contribution, s, emitted_from_isect;
             spent_from_pixel: &buffers.spent,
             limit_from_pixel: &buffers.limit,
             record_from_emitted: &buffers.records,
@@ -61,13 +51,8 @@ impl Resources {
         let buffers = &self.buffers;
         let s = &buffers.scratch;
         rec.fill(&buffers.records, 0);
-        let io = removal_error::Bindings {
-            view: &s.view,
-            range_from_tile: &s.range_from_tile,
-            emitted_from_isect: &s.emitted_from_isect[Forward::sorted_index(tiles)],
-            splat_from_emitted: &s.splat_from_emitted,
-            ellipse_from_splat: &s.ellipse_from_splat,
-            whiten_rg_from_splat: &s.whiten_rg_from_splat,
+        let io = walker_bindings! {
+            removal_error, s, &s.emitted_from_isect[Forward::sorted_index(tiles)];
             blue_depth_from_splat: &s.blue_depth_from_splat,
             image: &s.image,
             error_from_pixel: &buffers.spent,
