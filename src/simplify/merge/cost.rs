@@ -53,18 +53,18 @@ pub(super) fn cost(
     tones: &ColorProducts,
     filter: ScreenFilter,
 ) -> f64 {
-    let a_turned = a.turned(DVec3::ZERO, &joint.axes);
-    let b_turned = b.turned(joint.offset, &joint.axes);
-    let merged_turned = merged.turned(merged.mean - a.mean, &joint.axes);
+    let a_shades = a.shades(DVec3::ZERO, &joint.axes);
+    let b_shades = b.shades(joint.offset, &joint.axes);
+    let merged_shades = merged.shades(merged.mean - a.mean, &joint.axes);
     let shares = [1.0 - joint.share, joint.share];
     let error = |axis: usize| {
-        let [a, b] = [a_turned.shade(axis), b_turned.shade(axis)];
+        let [a, b] = [a_shades[axis], b_shades[axis]];
         let part = |sign, shade, mixture| Part { sign, shade, mixture };
         let parts = [
             part(1.0, a, [1.0, 0.0]),
             part(1.0, b, [0.0, 1.0]),
             part(-1.0, a.times(&b), [0.5, 0.5]),
-            part(-1.0, merged_turned.shade(axis), shares),
+            part(-1.0, merged_shades[axis], shares),
         ];
         let mut error = 0.0;
         for (i, a) in parts.iter().enumerate() {
@@ -119,11 +119,9 @@ mod tests {
 
     /// Energy of one splat alone: the scale of all costs.
     fn energy(a: &MassGaussian, tones: &ColorProducts) -> f64 {
-        let light = |axis| {
-            let shade = a.turned(DVec3::ZERO, &glam::DMat3::IDENTITY).shade(axis);
-            shade.times(&shade).light()
-        };
-        tones.first * (0..3).map(light).sum::<f64>() / 3.0 / a.pixel(ScreenFilter::Classic)
+        let shades = a.shades(DVec3::ZERO, &glam::DMat3::IDENTITY);
+        let light = shades.iter().map(|shade| shade.times(shade).light());
+        tones.first * light.sum::<f64>() / 3.0 / a.pixel(ScreenFilter::Classic)
     }
 
     /// Against the integral of the squared difference, by summation over planes.
@@ -137,14 +135,14 @@ mod tests {
         let (merged, joint) = a.merged(b, ScreenFilter::Classic).unwrap();
         let colors = [0.8, 0.3];
         let mean_color = colors[0] + joint.share * (colors[1] - colors[0]);
-        let turned = [
-            a.turned(DVec3::ZERO, &joint.axes),
-            b.turned(joint.offset, &joint.axes),
-            merged.turned(merged.mean - a.mean, &joint.axes),
+        let shades = [
+            a.shades(DVec3::ZERO, &joint.axes),
+            b.shades(joint.offset, &joint.axes),
+            merged.shades(merged.mean - a.mean, &joint.axes),
         ];
         let (step, mut sum) = (0.05, 0.0);
         for axis in 0..3 {
-            let shades = turned.map(|t| t.shade(axis));
+            let shades = shades.map(|shades| shades[axis]);
             for i in -100..100 {
                 for k in -100..100 {
                     let at = [step * f64::from(i), step * f64::from(k)];

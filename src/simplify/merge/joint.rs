@@ -1,7 +1,7 @@
 //! Merge of two splats, and their overlap averaged over viewing directions.
 
 use super::axes::{axes, mean_shadow, square};
-use super::mass::{FilteredGaussian, MassGaussian};
+use super::mass::MassGaussian;
 use crate::layout::ALPHA_MAX;
 use crate::scene::ScreenFilter;
 use glam::{DMat3, DVec3};
@@ -39,10 +39,10 @@ impl Joint {
         let variances = variances.max(DVec3::splat(a.filter_variance.min(b.filter_variance)));
         let inverse = variances.recip();
         let views = inverse / inverse.element_sum();
-        let [one, other] = [a.turned(DVec3::ZERO, &axes), b.turned(offset, &axes)];
+        let [one, other] = [a.shades(DVec3::ZERO, &axes), b.shades(offset, &axes)];
         let deviations = variances.map(f64::sqrt);
         let filled = |axis: usize| {
-            let light = one.shade(axis).times(&other.shade(axis)).light() / TAU;
+            let light = one[axis].times(&other[axis]).light() / TAU;
             views[axis] * light * deviations[axis] / deviations.element_product()
         };
         let common = mean_shadow(variances) * (0..3).map(filled).sum::<f64>();
@@ -81,9 +81,7 @@ impl MassGaussian {
                 - moment(joint.mass, joint.covariance - without, joint.common_offset),
             thinnest: mix(self.thinnest, other.thinnest),
             filter_variance,
-            opacity: 0.0,
-            mass,
-            drawn: FilteredGaussian::NOTHING,
+            ..*self
         };
         let (shadow, most) = (body.shadow(filter), f64::from(ALPHA_MAX));
         if mass > most * shadow {
@@ -92,9 +90,6 @@ impl MassGaussian {
         }
         let shadow = body.shadow(filter);
         body.opacity = (mass / shadow).min(most);
-        body.mass = body.opacity * shadow;
-        body.drawn = FilteredGaussian::of(body.covariance, body.filter_variance);
-        body.drawn.amplitude = body.mass / body.drawn.shadow;
-        body.is_sound().then_some((body, joint))
+        Some((body.drawn_with(shadow)?, joint))
     }
 }

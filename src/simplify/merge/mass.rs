@@ -1,7 +1,7 @@
 //! Splat as a Gaussian with a mass.
 
 use super::axes::{axes, mean_shadow};
-use super::projection::RotatedGaussian;
+use super::projection::ProjectedGaussian;
 use crate::layout::QUATERNION_MIN;
 use crate::scene::{ScreenFilter, Splats};
 use glam::{DMat3, DQuat, DVec3};
@@ -23,9 +23,9 @@ pub(super) struct MassGaussian {
 }
 
 /// A Gaussian `amplitude · exp(−½ dᵀ covariance⁻¹ d)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct FilteredGaussian {
-    pub(super) amplitude: f64,
+    amplitude: f64,
     pub covariance: DMat3,
     pub shadow: f64,
 }
@@ -44,19 +44,27 @@ impl MassGaussian {
         let deviations = DVec3::from(splats.log_scale[index].map(|s| f64::from(s).exp()));
         let axes = rotation * DMat3::from_diagonal(deviations);
         let variances = deviations * deviations;
-        let mut body = MassGaussian {
+        let body = MassGaussian {
             mean: DVec3::from(splats.mean[index].map(f64::from)),
             covariance: axes * axes.transpose(),
             thinnest: variances.min_element(),
             filter_variance: filter.dilation() / (rate * rate),
             opacity: (1.0 + (-f64::from(splats.opacity_logit[index])).exp()).recip(),
             mass: 0.0,
-            drawn: FilteredGaussian::NOTHING,
+            drawn: FilteredGaussian::default(),
         };
-        body.mass = body.opacity * body.shadow(filter);
-        body.drawn = FilteredGaussian::of(body.covariance, body.filter_variance);
-        body.drawn.amplitude = body.mass / body.drawn.shadow;
-        body.is_sound().then_some(body)
+        body.drawn_with(body.shadow(filter))
+    }
+
+    /// The splat with its mass and its Gaussian as drawn, from the `shadow` that multiplies its opacity; `None` if a
+    /// value is not positive or not finite.
+    pub(super) fn drawn_with(mut self, shadow: f64) -> Option<MassGaussian> {
+        self.mass = self.opacity * shadow;
+        self.drawn = FilteredGaussian::of(self.covariance, self.filter_variance);
+        self.drawn.amplitude = self.mass / self.drawn.shadow;
+        let positive = [self.mass, self.drawn.shadow, self.drawn.amplitude, self.filter_variance];
+        let is_sound = positive.iter().all(|v| *v > 0.0 && v.is_finite());
+        (is_sound && self.mean.is_finite() && self.covariance.is_finite()).then_some(self)
     }
 
     /// Mean projected area that multiplies the opacity.
@@ -67,19 +75,11 @@ impl MassGaussian {
         }
     }
 
-    pub(super) fn is_sound(&self) -> bool {
-        let positive = [self.mass, self.drawn.shadow, self.drawn.amplitude, self.filter_variance];
-        positive.iter().all(|v| *v > 0.0 && v.is_finite()) && self.mean.is_finite() && self.covariance.is_finite()
-    }
-
-    /// The Gaussian as drawn, at `mean`, in other axes.
-    pub(super) fn turned(&self, mean: DVec3, axes: &DMat3) -> RotatedGaussian {
+    /// Projections of the Gaussian as drawn, at `mean`, along each of `axes`.
+    pub(super) fn shades(&self, mean: DVec3, axes: &DMat3) -> [ProjectedGaussian; 3] {
         let turn = axes.transpose();
-        RotatedGaussian {
-            amplitude: self.drawn.amplitude,
-            covariance: turn * self.drawn.covariance * *axes,
-            mean: turn * mean,
-        }
+        let (covariance, mean) = (turn * self.drawn.covariance * *axes, turn * mean);
+        [0, 1, 2].map(|axis| ProjectedGaussian::new(self.drawn.amplitude, &covariance, mean, axis))
     }
 
     /// Area of a pixel at the splat, world units².
@@ -100,13 +100,7 @@ impl MassGaussian {
 }
 
 impl FilteredGaussian {
-    pub(super) const NOTHING: FilteredGaussian = FilteredGaussian {
-        amplitude: 0.0,
-        covariance: DMat3::ZERO,
-        shadow: 0.0,
-    };
-
-    pub(super) fn of(covariance: DMat3, filter_variance: f64) -> FilteredGaussian {
+    fn of(covariance: DMat3, filter_variance: f64) -> FilteredGaussian {
         let covariance = covariance + DMat3::from_diagonal(DVec3::splat(filter_variance));
         let variances = axes(covariance).0.max(DVec3::splat(filter_variance));
         FilteredGaussian {

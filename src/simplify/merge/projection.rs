@@ -3,14 +3,6 @@
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
-/// A Gaussian in rotated axes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RotatedGaussian {
-    pub amplitude: f64,
-    pub covariance: DMat3,
-    pub mean: DVec3,
-}
-
 /// `amplitude · exp(−½ dᵀ covariance⁻¹ d)` over a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ProjectedGaussian {
@@ -20,20 +12,18 @@ pub(super) struct ProjectedGaussian {
     mean: [f64; 2],
 }
 
-impl RotatedGaussian {
-    /// Projection along an axis.
-    pub(super) fn shade(&self, axis: usize) -> ProjectedGaussian {
+impl ProjectedGaussian {
+    /// Projection of a Gaussian along an axis.
+    pub(super) fn new(amplitude: f64, covariance: &DMat3, mean: DVec3, axis: usize) -> ProjectedGaussian {
         let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
-        let c = &self.covariance;
+        let c = covariance;
         ProjectedGaussian {
-            amplitude: self.amplitude,
+            amplitude,
             covariance: [c.col(x)[x], c.col(x)[y], c.col(y)[y]],
-            mean: [self.mean[x], self.mean[y]],
+            mean: [mean[x], mean[y]],
         }
     }
-}
 
-impl ProjectedGaussian {
     /// Product of two, again a Gaussian.
     pub(super) fn times(&self, other: &ProjectedGaussian) -> ProjectedGaussian {
         let ([a, b, c], [d, e, f]) = (self.covariance, other.covariance);
