@@ -25,18 +25,13 @@ impl<'a> CountController<'a> {
             (None, Some(whole)) => {
                 let without = (entry.splats, entry.psnr_db.clone());
                 let less = trainer.download()?;
-                if self.history.phase == Phase::Pruning && !round.is_without_sh {
-                    round.train_psnr_db =
-                        held_out::psnr_db(&mut self.trained, &trainer.splats()?, self.history.config.full_db)?;
-                }
+                round.train_psnr_db = self.train_psnr_db(trainer, &round)?;
                 if is_surely_allowed(&self.history, &round, &without, whole.len()) {
                     entry.splats = whole.len();
-                    entry.psnr_db = vec![self.history.config.full_db; self.held_out.view_count()];
-                    let own_lost = self.history.config.short_of_full(&round.train_psnr_db);
-                    return match round.is_without_sh {
-                        true => self.end_round_without_sh(trainer, entry, without, &less),
-                        false => self.judge_round(trainer, entry, (without, own_lost), &less),
-                    };
+                    let full_db = self.history.config.full_db;
+                    entry.psnr_db = vec![full_db; self.held_out.view_count()];
+                    let own = vec![full_db; round.train_psnr_db.len()];
+                    return self.judge_any(trainer, (&round, own), entry, without, &less);
                 }
                 self.kept = Some(less);
                 trainer.go_back(&whole, round.from)?;
@@ -46,31 +41,41 @@ impl<'a> CountController<'a> {
                 });
                 Ok(())
             }
-            (Some(without), Some(less)) => self.judge_any(trainer, &round, entry, without, &less),
+            (Some(without), Some(less)) => {
+                let own = self.train_psnr_db(trainer, &round)?;
+                self.judge_any(trainer, (&round, own), entry, without, &less)
+            }
             // An incomplete checkpoint: the round is over.
             (_, None) => self.decide(trainer),
         }
     }
 
-    /// Decides on a round of any kind from the full run, `entry`, and the reduced run, `without` (count, PSNR) and
-    /// `less` (state).
+    /// PSNR of the views trained on, after a run of a round of splats; empty for other rounds.
+    fn train_psnr_db(&mut self, trainer: &mut Trainer<'a>, round: &Round) -> Result<Vec<f64>> {
+        match self.history.phase == Phase::Pruning && !round.is_without_sh {
+            true => held_out::psnr_db(&mut self.trained, &trainer.splats()?, self.history.config.full_db),
+            false => Ok(Vec::new()),
+        }
+    }
+
+    /// Decides on a round of any kind from the full run, `entry` and `own` (PSNR of views trained on), and the reduced
+    /// run, `without` (count, PSNR) and `less` (state).
     fn judge_any(
         &mut self,
         trainer: &mut Trainer<'a>,
-        round: &Round,
+        (round, own): (&Round, Vec<f64>),
         entry: HistoryEntry,
         without: (usize, Vec<f64>),
         less: &HostState,
     ) -> Result<()> {
-        if round.is_without_sh {
-            return self.end_round_without_sh(trainer, entry, without, less);
+        match self.history.phase {
+            _ if round.is_without_sh => self.end_round_without_sh(trainer, entry, without, less),
+            Phase::Lowering => self.end_lowering_round(trainer, entry, without),
+            _ => {
+                let own_lost = mean(&differences(&round.train_psnr_db, &own));
+                self.judge_round(trainer, entry, (without, own_lost), less)
+            }
         }
-        if self.history.phase == Phase::Lowering {
-            return self.end_lowering_round(trainer, entry, without);
-        }
-        let own = held_out::psnr_db(&mut self.trained, &trainer.splats()?, self.history.config.full_db)?;
-        let own_lost = mean(&differences(&round.train_psnr_db, &own));
-        self.judge_round(trainer, entry, (without, own_lost), less)
     }
 
     /// Decides on a round of splats: `entry` is the full run, `without` the reduced one, `own_lost` the PSNR that views
@@ -137,39 +142,20 @@ impl<'a> CountController<'a> {
     /// Starts a round: removes a share of the splats for its first half.
     pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let lesser = self.lesser(trainer)?;
-        let round = self.try_without(trainer, lesser.whole, &lesser.less)?;
-        round.is_merged = lesser.is_merged;
+        trainer.replace(&lesser.less)?;
+        let round = Round {
+            is_merged: lesser.is_merged,
+            ..Round::default()
+        };
+        self.start(trainer, lesser.whole, round);
         Ok(())
     }
 
-    /// Runs only the second half of a round, where the reduced state is too bad for its training to help.
-    pub(super) fn go_on_with(
-        &mut self,
-        trainer: &Trainer<'a>,
-        without: (usize, Vec<f64>),
-        less: HostState,
-    ) -> &mut Round {
-        self.kept = Some(less);
-        self.history.round.insert(Round {
-            from: trainer.iteration(),
-            without: Some(without),
-            ..Round::default()
-        })
-    }
-
-    /// Starts the first half of a round from the reduced state.
-    pub(super) fn try_without(
-        &mut self,
-        trainer: &mut Trainer<'a>,
-        whole: HostState,
-        less: &HostState,
-    ) -> Result<&mut Round> {
-        trainer.replace(less)?;
-        self.kept = Some(whole);
-        Ok(self.history.round.insert(Round {
-            from: trainer.iteration(),
-            ..Round::default()
-        }))
+    /// Starts a run of `round` from the trainer's state; `kept` is the state of the other run.
+    pub(super) fn start(&mut self, trainer: &Trainer<'a>, kept: HostState, round: Round) {
+        self.kept = Some(kept);
+        let from = trainer.iteration();
+        self.history.round = Some(Round { from, ..round });
     }
 }
 

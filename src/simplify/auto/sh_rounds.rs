@@ -13,7 +13,7 @@ use crate::render::{apart, degrees_used};
 use crate::scene::{Splats, sh_coefficient_count};
 use crate::simplify::gain::differences;
 use crate::simplify::held_out;
-use crate::simplify::history::{Act, HistoryEntry};
+use crate::simplify::history::{Act, HistoryEntry, Round};
 use crate::simplify::sh_fit::{Fits, count};
 use crate::stats::mean;
 use crate::train::schedule::sh_degree;
@@ -41,11 +41,22 @@ impl<'a> CountController<'a> {
         let is_rejected_at_once = lost > config.sh_all_cost_at_once * config.sh_all_cost * self.history.preference_db;
         let whole = trainer.download()?;
         let less = without(&whole, &degrees, &less);
-        let round = match is_rejected_at_once {
-            true => self.go_on_with(trainer, (less.len(), at_once), less),
-            false => self.try_without(trainer, whole, &less)?,
+        let mut round = Round {
+            is_without_sh: true,
+            ..Round::default()
         };
-        round.is_without_sh = true;
+        let kept = match is_rejected_at_once {
+            // Training would not help: the reduced run is over.
+            true => {
+                round.without = Some((less.len(), at_once));
+                less
+            }
+            false => {
+                trainer.replace(&less)?;
+                whole
+            }
+        };
+        self.start(trainer, kept, round);
         Ok(())
     }
 
@@ -111,8 +122,8 @@ impl<'a> CountController<'a> {
         self.history.sh_share = share;
         let (degrees, less) = lowered(fits, splats, left);
         let state = trainer.download()?;
-        let less = without(&state, &degrees, &less);
-        self.try_without(trainer, state, &less)?;
+        trainer.replace(&without(&state, &degrees, &less))?;
+        self.start(trainer, state, Round::default());
         Ok(())
     }
 
