@@ -4,7 +4,6 @@
 //! times its colour range, with the weights of the full picture: removed from the back, each replaces αᵢ Tᵢ of its
 //! colour by a mixture of those behind it.
 
-use crate::kernels::{expand, project, rasterize, rasterize_backward};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -48,47 +47,28 @@ impl Accuracy {
         Ok(())
     }
 
-    fn log2_alpha_min(&self) -> f32 {
+    /// The constant `LOG2_ALPHA_MIN` of the kernels.
+    pub(crate) fn log2_alpha_min(&self) -> f32 {
         f64::from(self.alpha_min).log2() as f32
-    }
-
-    pub(crate) fn of_project(&self, mut choice: project::Choice) -> project::Choice {
-        choice.spec.log2_alpha_min = self.log2_alpha_min();
-        choice
-    }
-
-    pub(crate) fn of_expand(&self, mut choice: expand::Choice) -> expand::Choice {
-        choice.spec.log2_alpha_min = self.log2_alpha_min();
-        choice
-    }
-
-    pub(crate) fn of_rasterize(&self, mut choice: rasterize::Choice) -> rasterize::Choice {
-        choice.spec.log2_alpha_min = self.log2_alpha_min();
-        choice.spec.t_min = self.transmittance_min;
-        choice
-    }
-
-    pub(crate) fn of_rasterize_backward(&self, mut choice: rasterize_backward::Choice) -> rasterize_backward::Choice {
-        choice.spec.log2_alpha_min = self.log2_alpha_min();
-        choice
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernels::{expand, project, rasterize, rasterize_backward};
 
     #[test]
     fn the_default_changes_no_kernel() {
         let same = Accuracy::default();
-        let project = project::Choice::default();
-        assert_eq!(same.of_project(project), project);
-        let expand = expand::Choice::default();
-        assert_eq!(same.of_expand(expand), expand);
-        let rasterize = rasterize::Choice::default();
-        assert_eq!(same.of_rasterize(rasterize), rasterize);
-        let backward = rasterize_backward::Choice::default();
-        assert_eq!(same.of_rasterize_backward(backward), backward);
+        let log2_alpha_min = [
+            project::Spec::default().log2_alpha_min,
+            expand::Spec::default().log2_alpha_min,
+            rasterize::Spec::default().log2_alpha_min,
+            rasterize_backward::Spec::default().log2_alpha_min,
+        ];
+        assert_eq!([same.log2_alpha_min(); 4], log2_alpha_min);
+        assert_eq!(same.transmittance_min, rasterize::Spec::default().t_min);
     }
 
     #[test]

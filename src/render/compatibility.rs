@@ -22,16 +22,16 @@ impl Compatibility {
     pub(super) fn listing(
         self,
         accuracy: &Accuracy,
-        project: project::Choice,
-        expand: expand::Choice,
+        mut project: project::Choice,
+        mut expand: expand::Choice,
     ) -> (project::Choice, expand::Choice) {
         match self {
-            Compatibility::Engine => (accuracy.of_project(project), accuracy.of_expand(expand)),
-            Compatibility::Inria => {
-                let (mut project, mut expand) = (project, expand);
-                (project.spec.inria, expand.spec.inria) = (1, 1);
-                (project, expand)
+            Compatibility::Engine => {
+                project.spec.log2_alpha_min = accuracy.log2_alpha_min();
+                expand.spec.log2_alpha_min = accuracy.log2_alpha_min();
             }
+            Compatibility::Inria => (project.spec.inria, expand.spec.inria) = (1, 1),
         }
+        (project, expand)
     }
 }

@@ -22,8 +22,9 @@ impl Compositor {
         let caps = gpu.caps();
         Ok(match options.compatibility {
             Compatibility::Engine => {
-                let choice = rasterize::Choice::prefer(caps).of_outputs(outputs);
-                let choice = options.accuracy.of_rasterize(choice);
+                let mut choice = rasterize::Choice::prefer(caps).of_outputs(outputs);
+                choice.spec.log2_alpha_min = options.accuracy.log2_alpha_min();
+                choice.spec.t_min = options.accuracy.transmittance_min;
                 Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)
             }
             Compatibility::Inria => {

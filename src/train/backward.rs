@@ -100,8 +100,8 @@ impl Backward {
         let mut loss_backward = loss_backward::Choice::default();
         let with_ssim = u32::from(config.lambda_dssim > 0.0);
         (loss.spec.with_ssim, loss_backward.spec.with_ssim) = (with_ssim, with_ssim);
-        let rasterize = rasterize_backward::Choice::prefer(gpu.caps());
-        let rasterize = config.accuracy.of_rasterize_backward(rasterize);
+        let mut rasterize = rasterize_backward::Choice::prefer(gpu.caps());
+        rasterize.spec.log2_alpha_min = config.accuracy.log2_alpha_min();
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
             loss: loss::Loss::new(gpu, loss)?,
