@@ -7,7 +7,7 @@
 //! degree, without spare room.
 
 use super::precision::Precision;
-use super::slots::{ByDegree, DEGREES, of_degree};
+use super::slots::{ByDegree, DEGREES};
 use crate::gpu::{Caps, PART_ALIGNMENT};
 use std::ops::Range;
 
@@ -62,13 +62,8 @@ impl Block {
 }
 
 impl Blocks {
-    /// Blocks for `room` splats of one degree in full precision, each within one binding of the device.
-    pub fn new(caps: &Caps, room: usize, sh_degree: u32) -> Blocks {
-        Blocks::of_degrees(caps, of_degree(room, sh_degree), Precision::Full)
-    }
-
-    /// Blocks for splats of several degrees in a precision, each within one binding of the device.
-    pub fn of_degrees(caps: &Caps, room: ByDegree, precision: Precision) -> Blocks {
+    /// Blocks for splats of some degrees in a precision, each within one binding of the device.
+    pub fn new(caps: &Caps, room: ByDegree, precision: Precision) -> Blocks {
         let reach = caps.max_storage_range.min(caps.max_allocation);
         Blocks::within(reach, room, precision)
     }

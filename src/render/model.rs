@@ -86,7 +86,7 @@ impl Model {
     }
 
     fn reserve(gpu: &Gpu, splats: &Splats, slots: &Slots, precision: Precision) -> Result<Model> {
-        let blocks = Blocks::of_degrees(gpu.caps(), slots.counts, precision);
+        let blocks = Blocks::new(gpu.caps(), slots.counts, precision);
         Ok(Model {
             splat_count: splats.len(),
             counts: slots.counts,

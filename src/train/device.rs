@@ -56,7 +56,7 @@ impl DeviceState {
             true => of_degree(1, state.sh_degree),
             false => slots.counts,
         };
-        let blocks = Blocks::of_degrees(gpu.caps(), room, Precision::Full);
+        let blocks = Blocks::new(gpu.caps(), room, Precision::Full);
         let mut device = DeviceState {
             model: Model::empty(gpu, blocks, state.sh_degree, filter)?,
             sh_degree: state.sh_degree,

@@ -5,7 +5,7 @@ use crate::common::scenes::{self, Scene};
 use crate::gradients::oracle::compare_smoothed;
 use crate::gradients::{BEGUN, config, dataset, step_from};
 use ashfall::gpu::Gpu;
-use ashfall::render::Blocks;
+use ashfall::render::{Blocks, Precision, of_degree};
 use ashfall::scene::sh_coefficient_count;
 use ashfall::train::checkpoint::{Checkpoint, fingerprint};
 use ashfall::train::state::Planes;
@@ -182,6 +182,6 @@ fn a_trainer_lowers_degrees_between_two_steps() {
     trainer.lower_degrees(&[0; 300]).unwrap();
     trainer.step().unwrap();
     assert_eq!(trainer.splats().unwrap().sh_degree, 0);
-    let vectors = [3, 0].map(|degree| Blocks::new(gpu.caps(), 300, degree).vectors());
+    let vectors = [3, 0].map(|degree| Blocks::new(gpu.caps(), of_degree(300, degree), Precision::Full).vectors());
     assert_eq!(vectors, [300 * 15, 300 * 4]);
 }

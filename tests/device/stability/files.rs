@@ -9,7 +9,7 @@ use crate::stability::lab::{Lab, lab};
 use crate::stability::trained::train;
 use ashfall::io::dataset::{self, OpenOptions};
 use ashfall::io::{photo, splats};
-use ashfall::render::{Blocks, plane_count};
+use ashfall::render::{Blocks, Precision, of_degree, plane_count};
 use ashfall::scene::{Camera, Dataset, View};
 use ashfall::train::TrainConfig;
 use glam::{DMat3, DVec3};
@@ -176,7 +176,7 @@ fn f104_reach_of_a_binding() {
         caps.max_storage_range = reach;
         for degree in 0..=3 {
             let (room, planes) = (700_001, plane_count(degree));
-            let blocks = Blocks::new(&caps, room, degree);
+            let blocks = Blocks::new(&caps, of_degree(room, degree), Precision::Full);
             let mut next = 0;
             for block in blocks.of(blocks.room) {
                 assert_eq!(block.first, next);
@@ -194,7 +194,7 @@ fn f105_indices_of_32_bits() {
     let mut caps = lab().gpu().caps().clone();
     (caps.max_storage_range, caps.max_allocation) = (u64::MAX, u64::MAX);
     for degree in 0..=3 {
-        let blocks = Blocks::new(&caps, 400_000_000, degree);
+        let blocks = Blocks::new(&caps, of_degree(400_000_000, degree), Precision::Full);
         for block in blocks.of(blocks.room) {
             let elements = block.stride as u64 * plane_count(degree) as u64;
             assert!(elements <= u64::from(u32::MAX), "{elements} elements of a block");
