@@ -91,11 +91,6 @@ impl Splats {
         self.mean.is_empty()
     }
 
-    /// The same splats with `origin` set; the means stay.
-    pub fn counted_from(self, origin: DVec3) -> Splats {
-        Splats { origin, ..self }
-    }
-
     /// The splats of these indices, in this order.
     pub fn picked(&self, indices: &[usize]) -> Splats {
         let stride = self.sh_stride();

@@ -253,8 +253,10 @@ impl<'a> Trainer<'a> {
 
     /// The splats after the last step begun; waits for it.
     pub fn splats(&mut self) -> Result<Splats> {
-        let splats = self.download()?.to_splats(self.config.filter);
-        Ok(splats.counted_from(self.dataset.origin))
+        Ok(Splats {
+            origin: self.dataset.origin,
+            ..self.download()?.to_splats(self.config.filter)
+        })
     }
 
     /// Statistics of density control since the last refinement; waits for the last step begun.
