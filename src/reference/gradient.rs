@@ -4,11 +4,11 @@
 //! sends dual numbers through projection, compositing and loss at once, is slow, and has no chain rule written out
 //! anywhere. `tests/host/reference` compares them.
 
-use super::frame::{project_all, render_screen, render_splats};
+use super::frame::{project_all, render, render_splats};
 use super::loss::{self, Target};
 use super::project_backward::project_backward;
 use super::rasterize_backward::{PixelGradient, ScreenGradient, rasterize_backward};
-use super::{Dual, Frame, Options, Splat, Viewpoint};
+use super::{Dual, Options, Splat, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -51,43 +51,21 @@ impl SplatGradients {
 pub struct LossGradient {
     /// The loss.
     pub loss: f64,
-    /// The rendered frame.
-    pub frame: Frame<f64>,
-    /// Gradient by every pixel's colour.
-    pub d_image: Vec<[f64; 3]>,
-    /// Gradient by every splat's screen row, summed over the pixels.
-    pub d_screen: Vec<ScreenGradient>,
     /// Gradient by every raw parameter.
     pub d_splats: SplatGradients,
 }
 
 /// Renders the scene, compares it with the target and differentiates the loss.
 pub fn loss_gradient(splats: &Splats, camera: &Camera, options: &Options, target: &Target<'_>) -> LossGradient {
-    let view = Viewpoint::new(camera, options, splats.filter);
-    let screen = project_all(&Splat::<f64>::all(splats), &view);
-    let frame = render_screen(
-        &screen,
-        camera.width,
-        camera.height,
-        options.background,
-        &options.thresholds,
-    );
-    let image = frame.colors();
-    let d_image = loss::gradient(&image, target);
-    let upstream: Vec<PixelGradient> = d_image
-        .iter()
-        .map(|&color| PixelGradient {
-            color,
-            ..PixelGradient::default()
-        })
-        .collect();
-    let (d_screen, d_splats) = backward(splats, camera, options, &upstream);
+    let image = render(splats, camera, options).colors();
+    let upstream = |color| PixelGradient {
+        color,
+        ..PixelGradient::default()
+    };
+    let upstream: Vec<PixelGradient> = loss::gradient(&image, target).into_iter().map(upstream).collect();
     LossGradient {
         loss: loss::loss(&image, target),
-        frame,
-        d_image,
-        d_screen,
-        d_splats,
+        d_splats: backward(splats, camera, options, &upstream).1,
     }
 }
 

@@ -157,11 +157,6 @@ impl<R: Real> ScreenSplat<R> {
             depth: row[9],
         }
     }
-
-    /// The values alone.
-    pub fn values(&self) -> ScreenSplat<f64> {
-        ScreenSplat::from_row(self.row().map(Real::value))
-    }
 }
 
 /// Projects a splat; `None` if it is in front of the near plane, without an orientation, or not finite.

@@ -44,14 +44,6 @@ pub struct DiscontinuityMargin {
 }
 
 impl DiscontinuityMargin {
-    /// No discontinuity.
-    pub const CLEAR: DiscontinuityMargin = DiscontinuityMargin {
-        alpha_min: f64::INFINITY,
-        alpha_max: f64::INFINITY,
-        transmittance: f64::INFINITY,
-        order: f64::INFINITY,
-    };
-
     /// Smallest relative distance to a jump of the colour.
     pub fn nearest(&self) -> f64 {
         self.alpha_min.min(self.transmittance).min(self.order)
@@ -186,7 +178,13 @@ pub fn discontinuity_margin(
             f64::INFINITY
         }
     };
-    let mut margin = DiscontinuityMargin::CLEAR;
+    let none = f64::INFINITY;
+    let mut margin = DiscontinuityMargin {
+        alpha_min: none,
+        alpha_max: none,
+        transmittance: none,
+        order: none,
+    };
     let mut transmittance = 1.0;
     let mut depth_before = None;
     for &index in order {

@@ -21,10 +21,7 @@ pub const CUTS: Thresholds = Thresholds {
 /// Tiles that list a splat, along x and along y: the first, and the one after the last. A square of three times the
 /// largest standard deviation, rounded up to whole pixels; pixel centres are at whole numbers.
 pub fn square(splat: &ScreenSplat<f64>) -> [(f64, f64); 2] {
-    let [xx, xy, yy] = splat.covariance;
-    let middle = 0.5 * (xx + yy);
-    let apart = (middle * middle - (xx * yy - xy * xy)).max(0.1).sqrt();
-    let radius = (3.0 * (middle + apart).sqrt()).ceil();
+    let radius = reach(splat).ceil();
     splat.mean.map(|mean| {
         let first = ((mean - 0.5 - radius) / TILE).trunc();
         let end = ((mean - 0.5 + radius + TILE - 1.0) / TILE).trunc();
@@ -32,12 +29,17 @@ pub fn square(splat: &ScreenSplat<f64>) -> [(f64, f64); 2] {
     })
 }
 
-/// Distance of a splat from being listed for other tiles, pixels: of its position, or of three standard deviations.
-pub fn margin(splat: &ScreenSplat<f64>) -> f64 {
+/// Three times the largest standard deviation, pixels.
+fn reach(splat: &ScreenSplat<f64>) -> f64 {
     let [xx, xy, yy] = splat.covariance;
     let middle = 0.5 * (xx + yy);
     let apart = (middle * middle - (xx * yy - xy * xy)).max(0.1).sqrt();
-    let reach = 3.0 * (middle + apart).sqrt();
+    3.0 * (middle + apart).sqrt()
+}
+
+/// Distance of a splat from being listed for other tiles, pixels: of its position, or of three standard deviations.
+pub fn margin(splat: &ScreenSplat<f64>) -> f64 {
+    let reach = reach(splat);
     let from_whole = |x: f64| (x - x.round()).abs();
     let edges = splat.mean.map(|mean| {
         let low = from_whole((mean - 0.5 - reach.ceil()) / TILE);

@@ -1,11 +1,7 @@
 //! Effect of a splat on pixels: its share in their errors, and their change by its removal.
 
-use super::expand::Isect;
-use super::frame::{center, sorted};
 use super::rasterize::{rasterize, weights};
-use super::tiles::Grid;
 use super::{ScreenSplat, Thresholds};
-use std::collections::BTreeMap;
 
 /// Effect of a splat on some pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -84,30 +80,6 @@ pub fn touches(
     let mut touches: Vec<Touch> = blended.iter().rev().map(touch).collect();
     touches.reverse();
     touches
-}
-
-/// Removal errors of every (splat, tile) pair that some pixel blends; `errors` by pixel.
-pub fn removal_error(
-    screen: &[Option<ScreenSplat<f64>>],
-    grid: &Grid,
-    background: [f64; 3],
-    thresholds: &Thresholds,
-    errors: &[f64],
-) -> BTreeMap<Isect, RemovalError> {
-    let (list, splat_from_rank) = sorted(screen);
-    let order: Vec<usize> = (0..list.len()).collect();
-    let mut found = BTreeMap::new();
-    for (pixel, &error) in errors.iter().enumerate() {
-        let position = center(pixel, grid.width as usize);
-        let tile = grid.tile_from_position(position);
-        for touch in touches(&list, &order, position, background, thresholds) {
-            let splat = splat_from_rank[touch.splat] as u32;
-            let sum = found.entry(Isect { tile, splat });
-            let sum: &mut RemovalError = sum.or_default();
-            *sum = sum.and(&touch, error);
-        }
-    }
-    found
 }
 
 #[cfg(test)]

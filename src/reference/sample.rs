@@ -5,10 +5,10 @@
 //! discontinuities (the alpha threshold, the stop, an exchange in depth, the near plane) that such an error may take it
 //! across, its whole share is allowed for. So every pixel of every scene has a bound, as small as that pixel permits.
 
-use super::frame::{center, sorted};
+use super::frame::{center, project_all, sorted};
 use super::primitive::power;
 use super::rasterize::{layer, raw_alpha};
-use super::{Options, Pixel, ScreenSplat, Splat, Thresholds, Viewpoint, project};
+use super::{Options, Pixel, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -112,15 +112,12 @@ pub fn sample(splats: &Splats, camera: &Camera, options: &Options, pixels: &[usi
         near: options.near * (1.0 - 1e-4),
         ..Viewpoint::new(camera, options, splats.filter)
     };
-    let screen: Vec<Option<ScreenSplat<f64>>> = (0..splats.len())
-        .into_par_iter()
-        .map(|i| project(&Splat::<f64>::of(splats, i), &view))
-        .collect();
-    let (list, splat_from_rank) = sorted(&screen);
+    let all = Splat::<f64>::all(splats);
+    let (list, splat_from_rank) = sorted(&project_all(&all, &view));
     let known: Vec<SplatError> = list
         .iter()
         .zip(&splat_from_rank)
-        .map(|(&screen, &i)| SplatError::new(&Splat::of(splats, i), screen, camera))
+        .map(|(&screen, &i)| SplatError::new(&all[i], screen, camera))
         .collect();
     let of_pixel = |&index: &usize| {
         let mut walk = RayBound::new(options);
