@@ -85,12 +85,6 @@ impl Photo {
             rgba: rgb.iter().map(opaque).collect(),
         }
     }
-
-    /// Colours as values of 0 to 1, without alpha.
-    pub fn rgb(&self) -> Vec<[f32; 3]> {
-        let value = |c: &[u8; 4]| [c[0], c[1], c[2]].map(|level| f32::from(level) / 255.0);
-        self.rgba.iter().map(value).collect()
-    }
 }
 
 /// Source of a photograph.

@@ -196,7 +196,8 @@ fn points_lie_on_surfaces_and_have_their_colours() {
                         unreachable!()
                     };
                     let [x, y] = [pixel.x as usize, pixel.y as usize];
-                    shown.push(photo.rgb()[y * options.width as usize + x]);
+                    let [r, g, b, _] = photo.rgba[y * options.width as usize + x];
+                    shown.push([r, g, b].map(|level| f32::from(level) / 255.0));
                 }
             }
             assert!(!shown.is_empty(), "{kind:?}: nobody sees {position}");
