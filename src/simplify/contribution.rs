@@ -213,7 +213,7 @@ impl ContributionPass {
             if !go_on() {
                 return Ok(None);
             }
-            self.draw(camera, 0, Some(budget))?;
+            self.draw(camera, Some(budget))?;
         }
         let loss = |[most, sum, limit]: [f32; 3]| SplatContribution { most, sum, limit };
         let totals = self.gpu.download(&self.resources.totals, 0..count)?;
@@ -225,8 +225,7 @@ impl ContributionPass {
     /// # Errors
     /// As [`ContributionPass::losses`].
     pub fn removal_errors(&mut self, camera: &Camera, judge: Option<PixelErrors<'_>>) -> Result<Vec<RemovalError>> {
-        let sh_degree = self.resources.model.sh_degree;
-        self.draw(camera, sh_degree, None)?;
+        self.draw(camera, None)?;
         let (gpu, buffers) = (&self.gpu, &self.resources.buffers);
         let pixels = (camera.width * camera.height) as usize;
         let errors = match judge {
@@ -253,8 +252,8 @@ impl ContributionPass {
     /// # Errors
     /// As [`ContributionPass::losses`].
     pub fn show(&mut self, camera: &Camera) -> Result<RenderedTiles> {
-        let (count, sh_degree) = (self.splat_count(), self.resources.model.sh_degree);
-        let counts = self.draw(camera, sh_degree, None)?;
+        let count = self.splat_count();
+        let counts = self.draw(camera, None)?;
         let (gpu, s) = (&self.gpu, &self.resources.buffers.scratch);
         let capacity = Capacity::for_image(0, 0, camera.width, camera.height);
         let isects = counts[COUNT_ISECT as usize] as usize;
@@ -292,9 +291,10 @@ impl ContributionPass {
         view_of(camera, &options)
     }
 
-    /// Draws a view, with a budget also the contribution of every splat at pixels with it; returns the kernels'
-    /// counters.
-    fn draw(&mut self, camera: &Camera, sh_degree: u32, budget: Option<f32>) -> Result<Vec<u32>> {
+    /// Draws a view, with a budget without SH and with the contribution of every splat at pixels with it; returns the
+    /// kernels' counters.
+    fn draw(&mut self, camera: &Camera, budget: Option<f32>) -> Result<Vec<u32>> {
+        let sh_degree = budget.map_or(self.resources.model.sh_degree, |_| 0);
         let view = self.view(camera);
         self.reserve(camera, isects_expected(self.splat_count(), camera.width, camera.height))?;
         loop {

@@ -3,8 +3,8 @@
 use super::view_options;
 use crate::metrics::Target;
 use crate::render::{Compatibility, ViewOptions};
-use crate::scene::{Camera, Dataset, View};
-use crate::simplify::contribution::{ContributionPass, Kernels, PassOptions, RemovalError};
+use crate::scene::Dataset;
+use crate::simplify::contribution::{ContributionPass, Kernels, PassOptions};
 use crate::simplify::sh_fit::ViewWeights;
 use crate::train::Trainer;
 use crate::{Result, io};
@@ -61,7 +61,11 @@ impl<'a> Survey<'a> {
         let step = views.len().div_ceil(views_max).max(1);
         let mut sums = vec![0.0; self.weigher.splat_count()];
         for &view in views.iter().skip(turn % step).step_by(step) {
-            let found = self.judged(&self.dataset.views[view])?;
+            let view = &self.dataset.views[view];
+            let photo = io::photo::load(view)?;
+            let target = Target::new(&photo, self.dataset.alpha, self.weigher.pass_options().background);
+            let judge = |planes: &[f32]| pixel_errors(planes, &target);
+            let found = self.weigher.removal_errors(&view.camera, Some(&judge))?;
             let pairs = sums.iter_mut().zip(found);
             pairs.for_each(|(sum, removal_error)| *sum += f64::from(removal_error.error));
         }
@@ -71,14 +75,6 @@ impl<'a> Survey<'a> {
             false => 1.0,
         };
         Ok(sums.iter().map(relative).collect())
-    }
-
-    fn judged(&mut self, view: &View) -> Result<Vec<RemovalError>> {
-        let photo = io::photo::load(view)?;
-        let target = Target::new(&photo, self.dataset.alpha, self.weigher.pass_options().background);
-        let camera: Camera = view.camera;
-        let errors = |planes: &[f32]| pixel_errors(planes, &target);
-        self.weigher.removal_errors(&camera, Some(&errors))
     }
 }
 
