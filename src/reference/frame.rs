@@ -1,7 +1,7 @@
 //! A whole frame: every pixel over every splat, by depth, ties by index. No tiles.
 
 use super::rasterize::{discontinuity_margin, rasterize};
-use super::{DiscontinuityMargin, Options, Pixel, Real, ScreenSplat, Splat, Thresholds, Viewpoint, project};
+use super::{DiscontinuityMargin, Options, Pixel, Real, ScreenSplat, Splat, Viewpoint, project};
 use crate::scene::{Camera, Splats};
 use rayon::prelude::*;
 
@@ -54,34 +54,28 @@ pub fn render_screen<R: Real>(
     screen: &[Option<ScreenSplat<R>>],
     width: u32,
     height: u32,
-    background: [f64; 3],
-    thresholds: &Thresholds,
+    options: &Options,
 ) -> Frame<R> {
     let (list, _) = sorted(screen);
     let order: Vec<usize> = (0..list.len()).collect();
     let (width, height) = (width as usize, height as usize);
     let pixels = (0..width * height)
         .into_par_iter()
-        .map(|i| rasterize(&list, &order, center(i, width), background, thresholds))
+        .map(|i| rasterize(&list, &order, center(i, width), options.background, &options.thresholds))
         .collect();
     Frame { width, height, pixels }
 }
 
 /// Renders splats given by their parameters.
-pub fn render_splats<R: Real>(
-    splats: &[Splat<R>],
-    view: &Viewpoint,
-    background: [f64; 3],
-    thresholds: &Thresholds,
-) -> Frame<R> {
+pub fn render_splats<R: Real>(splats: &[Splat<R>], view: &Viewpoint, options: &Options) -> Frame<R> {
     let screen = project_all(splats, view);
-    render_screen(&screen, view.camera.width, view.camera.height, background, thresholds)
+    render_screen(&screen, view.camera.width, view.camera.height, options)
 }
 
 /// Renders a scene.
 pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64> {
     let view = Viewpoint::new(camera, options, splats.filter);
-    render_splats(&Splat::all(splats), &view, options.background, &options.thresholds)
+    render_splats(&Splat::all(splats), &view, options)
 }
 
 /// Distance of every pixel of [`render`] from the nearest discontinuity.

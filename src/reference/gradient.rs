@@ -79,7 +79,7 @@ pub fn backward(
     let view = Viewpoint::new(camera, options, splats.filter);
     let splats = Splat::<f64>::all(splats);
     let screen = project_all(&splats, &view);
-    let by_screen = rasterize_backward(&screen, camera.width, options.background, &options.thresholds, upstream);
+    let by_screen = rasterize_backward(&screen, camera.width, options, upstream);
     let rows: Vec<Vec<f64>> = splats
         .par_iter()
         .zip(&by_screen)
@@ -109,7 +109,7 @@ pub fn loss_derivatives(
             lifted[splat][parameter] = Dual::variable(rows[splat][parameter], Some(lane));
         }
         let lifted: Vec<Splat<Dual<LANES>>> = lifted.iter().map(|row| Splat::from_parameters(row)).collect();
-        let frame = render_splats(&lifted, &view, options.background, &options.thresholds);
+        let frame = render_splats(&lifted, &view, options);
         let loss = loss::loss(&frame.colors(), target);
         derivatives.extend(&loss.d[..chunk.len()]);
     }

@@ -8,7 +8,7 @@ use super::expand::Isect;
 use super::frame::{center, sorted};
 use super::rasterize::{Layer, Pixel, blended, layer};
 use super::tiles::Grid;
-use super::{Dual, Real, ScreenSplat, Thresholds};
+use super::{Dual, Options, Real, ScreenSplat, Thresholds};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -172,8 +172,7 @@ fn screen_slopes(
 pub fn rasterize_backward(
     screen: &[Option<ScreenSplat<f64>>],
     width: u32,
-    background: [f64; 3],
-    thresholds: &Thresholds,
+    options: &Options,
     upstream: &[PixelGradient],
 ) -> Vec<ScreenGradient> {
     let (list, splat_from_rank) = sorted(screen);
@@ -188,6 +187,7 @@ pub fn rasterize_backward(
             let mut sums = nothing();
             for (x, upstream) in row.iter().enumerate() {
                 let position = center(y * width + x, width);
+                let (background, thresholds) = (options.background, &options.thresholds);
                 let said = pixel_backward(&list, &order, position, background, thresholds, upstream);
                 for (rank, gradient) in said {
                     sums[rank].absorb(&gradient);

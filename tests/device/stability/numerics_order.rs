@@ -9,7 +9,7 @@ use crate::stability::sorting::{order_error, stack};
 use ashfall::reference::frame::{depth_order, project_all, render_screen};
 use ashfall::reference::linear::{matrix, transform, transpose};
 use ashfall::reference::rasterize::raw_alpha;
-use ashfall::reference::{ScreenSplat, Splat, Thresholds, Viewpoint};
+use ashfall::reference::{Options, ScreenSplat, Splat, Thresholds, Viewpoint};
 use glam::{DMat3, DVec3};
 
 /// Depth keys of 18 bits, the rest of 32 after the tile index at 1920 × 1080.
@@ -23,7 +23,7 @@ fn b02_full_depth_keys() {
         let scene = stack(903, &depths);
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
         let screen = project_all(&Splat::<f64>::all(&scene.splats), &view);
-        let exact = render_screen(&screen, 16, 16, [0.0; 3], &Thresholds::ENGINE);
+        let exact = render_screen(&screen, 16, 16, &Options::default());
         let mut order = depth_order(&screen);
         order.sort_unstable();
         let key = |i: &usize| {
@@ -42,7 +42,7 @@ fn b02_full_depth_keys() {
                 })
             })
             .collect();
-        let found = render_screen(&packed, 16, 16, [0.0; 3], &Thresholds::ENGINE);
+        let found = render_screen(&packed, 16, 16, &Options::default());
         let pairs = found.pixels.iter().zip(&exact.pixels);
         let naive = pairs
             .flat_map(|(f, e)| [0, 1, 2].map(|c| (f.color[c] - e.color[c]).abs()))

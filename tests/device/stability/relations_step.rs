@@ -131,7 +131,7 @@ fn m09_noether() {
             Splat::from_parameters(&row)
         })
         .collect();
-    let frame = render_splats(&lifted, &view, options.background, &options.thresholds);
+    let frame = render_splats(&lifted, &view, &options);
     let mut by_shift = [0.0; 3];
     for color in frame.pixels.iter().flat_map(|p| p.color) {
         for (sum, d) in by_shift.iter_mut().zip(color.d) {

@@ -60,8 +60,7 @@ fn without_cuts_the_gradient_is_the_limit_of_differences() {
         let mut row = splats[splat].parameters();
         row[parameter] = x;
         splats[splat] = Splat::from_parameters(&row);
-        let options = &scene.options;
-        let frame = frame::render_splats(&splats, &view, options.background, &options.thresholds);
+        let frame = frame::render_splats(&splats, &view, &scene.options);
         loss::loss(&frame.colors(), &target)
     };
     let composed = rows(&scene, &target);
@@ -102,10 +101,7 @@ fn transmittance_and_depth_have_gradients_too() {
                 })
             })
             .collect();
-        let Options {
-            background, thresholds, ..
-        } = scene.options;
-        let frame = frame::render_screen(&lifted, 17, 21, background, &thresholds);
+        let frame = frame::render_screen(&lifted, 17, 21, &scene.options);
         let objective: Dual<10> = frame
             .pixels
             .iter()

@@ -4,7 +4,7 @@ use crate::common::scenes::{self, POISON, Random, Scene};
 use crate::reference::assert_close;
 use ashfall::reference::frame::{center, project_all, render_screen, sorted};
 use ashfall::reference::rasterize::{blended, layer};
-use ashfall::reference::{Frame, Options, ScreenSplat, Splat, Thresholds, Viewpoint, frame, render};
+use ashfall::reference::{Frame, ScreenSplat, Splat, Thresholds, Viewpoint, frame, render};
 use ashfall::scene::{SH_C0, Splats};
 
 pub(crate) fn draw(scene: &Scene) -> Frame<f64> {
@@ -17,10 +17,7 @@ pub(crate) fn on_screen(scene: &Scene) -> Vec<Option<ScreenSplat<f64>>> {
 }
 
 fn draw_screen(scene: &Scene, screen: &[Option<ScreenSplat<f64>>]) -> Frame<f64> {
-    let Options {
-        background, thresholds, ..
-    } = scene.options;
-    render_screen(screen, scene.camera.width, scene.camera.height, background, &thresholds)
+    render_screen(screen, scene.camera.width, scene.camera.height, &scene.options)
 }
 
 /// The splats in another order.
@@ -58,8 +55,7 @@ fn scale_does_not_show() {
                 ..splat
             })
             .collect();
-        let options = &scene.options;
-        let scaled = frame::render_splats(&splats, &far, options.background, &options.thresholds);
+        let scaled = frame::render_splats(&splats, &far, &scene.options);
         for (a, b) in picture.pixels.iter().zip(&scaled.pixels) {
             assert_close(a.transmittance, b.transmittance, 1e-11, 1.0);
             assert_close(a.depth * factor, b.depth, 1e-11, factor);
@@ -105,8 +101,7 @@ fn two_halves_make_a_picture() {
         let mut shifted = view;
         shifted.camera.width = 20;
         shifted.camera.center.x -= f64::from(20 * half);
-        let options = &scene.options;
-        let part = frame::render_splats(&splats, &shifted, options.background, &options.thresholds);
+        let part = frame::render_splats(&splats, &shifted, &scene.options);
         for (index, pixel) in part.pixels.iter().enumerate() {
             let expected = whole.pixels[index / 20 * 40 + index % 20 + 20 * half as usize];
             assert_close(pixel.color[0], expected.color[0], 1e-11, 1.0);

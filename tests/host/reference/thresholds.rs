@@ -4,7 +4,7 @@ use crate::common::scenes::{self, Random};
 use crate::reference::metamorphic::{draw, on_screen};
 use ashfall::reference::frame::{center, discontinuity_margins, sorted};
 use ashfall::reference::rasterize::blended;
-use ashfall::reference::{Options, Splat, Thresholds, Viewpoint, frame};
+use ashfall::reference::{Splat, Thresholds, Viewpoint, frame};
 
 /// The error of the transmittance threshold is at most its value times the colour range.
 #[test]
@@ -37,10 +37,7 @@ fn pixels_that_flip_were_in_the_band() {
     for seed in 0..4 {
         let scene = scenes::gentle(42 + seed, 60, 48, 40, 1);
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
-        let Options {
-            background, thresholds, ..
-        } = scene.options;
-        let plain = frame::render_splats(&Splat::<f32>::all(&scene.splats), &view, background, &thresholds);
+        let plain = frame::render_splats(&Splat::<f32>::all(&scene.splats), &view, &scene.options);
         let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
         let mut near_margin = 0;
         for ((single, exact), margin) in plain.pixels.iter().zip(draw(&scene).pixels).zip(&margins) {
