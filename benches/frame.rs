@@ -19,7 +19,6 @@ fn frames_and_steps(bench: &mut Bench) -> Outcome<()> {
         sizes: vec![[480, 270], [1920, 1080]],
         sh_degree: 3,
         scene: None,
-        giant: true,
     };
     let scaling = frame::run(bench, &plan)?;
     scaling

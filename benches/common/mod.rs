@@ -44,7 +44,7 @@ pub(crate) fn run(name: &'static str, measure: impl FnOnce(&mut Bench) -> Outcom
     measure(&mut bench)?;
     if arguments.record {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/record");
-        let path = record::write(&folder, &gpu.caps().name, bench.rows())?;
+        let path = record::write(&folder, &gpu.caps().name, &bench.rows)?;
         println!("{}", path.display());
     }
     Ok(())

@@ -6,7 +6,9 @@ use super::Outcome;
 use super::args::DeviceArgs;
 use super::engine::Engine;
 use crate::io::atomic::write_atomically;
-use crate::lab::baseline::{self, KernelReport, Ratio};
+use crate::lab::baseline::{self, Ratio, TARGET_FEATURES};
+use crate::lab::bench::frame::Scaling;
+use crate::lab::bench::train::TrainMemory;
 use crate::lab::bench::{self, Bench, BenchOptions, BenchRow, record};
 use crate::{Error, Result};
 use clap::{Args, Subcommand};
@@ -83,37 +85,85 @@ pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
     }
 }
 
+/// All results as one JSON object.
+#[derive(Default, Serialize)]
+struct Report<'a> {
+    device: &'a str,
+    driver: &'a str,
+    /// Vector instructions that the compiler was allowed to use.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    target_features: Option<&'static str>,
+    rows: &'a [BenchRow],
+    /// Comparisons with the baselines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ratios: Option<&'a [Ratio]>,
+    #[serde(flatten)]
+    scaling: Option<&'a Scaling>,
+    /// Device memory of training, measured and by the formula.
+    #[serde(skip_serializing_if = "<[TrainMemory]>::is_empty")]
+    memory: &'a [TrainMemory],
+}
+
 impl OutputArgs {
-    pub(super) fn options(&self) -> BenchOptions {
-        BenchOptions {
+    /// Opens the device and a bench on it.
+    fn open(&self, name: &'static str, device: &DeviceArgs) -> Result<(Engine, Bench)> {
+        let engine = Engine::open(device)?;
+        eprintln!("{}", engine.name());
+        let options = BenchOptions {
             filter: self.filter.clone(),
             runs: self.runs,
             ..BenchOptions::default()
-        }
+        };
+        let progress = |row: &BenchRow| {
+            if row.stage == "total" {
+                eprintln!("measured {} {}", row.input, row.variant);
+            }
+        };
+        let bench = Bench::new(name, engine.gpu(), options, progress)?;
+        Ok((engine, bench))
+    }
+
+    /// Error of a filter that selects nothing.
+    fn selects_nothing(&self) -> Error {
+        let filter = self.filter.as_deref().unwrap_or_default();
+        Error::Config(format!("nothing is called {filter:?}"))
     }
 
     /// Prints the table and `more`, and writes the files of the options.
-    fn write(&self, bench: &Bench, more: impl IntoIterator<Item = String>, report: &impl Serialize) -> Result<()> {
+    fn finish(
+        &self,
+        (engine, bench): &(Engine, Bench),
+        more: impl IntoIterator<Item = String>,
+        report: Report<'_>,
+    ) -> Result<Outcome> {
         let mut out = std::io::stdout().lock();
         // Rows of bytes have no times.
-        let timed = bench.rows().iter().filter(|row| row.runs > 0);
+        let timed = bench.rows.iter().filter(|row| row.runs > 0);
         for line in timed.map(BenchRow::line).chain(more) {
             // A closed pipe is not an error.
             _ = writeln!(out, "{line}");
         }
         if let Some(path) = &self.csv {
-            write_text(path, &bench::row::csv(bench.rows())?)?;
+            write_text(path, &bench::row::csv(&bench.rows)?)?;
         }
+        let caps = bench.gpu().caps();
         if let Some(path) = &self.json {
+            let report = Report {
+                device: &caps.name,
+                driver: &caps.driver,
+                rows: &bench.rows,
+                ..report
+            };
             let text =
-                serde_json::to_string_pretty(report).map_err(|error| Error::Config(format!("the report: {error}")))?;
+                serde_json::to_string_pretty(&report).map_err(|error| Error::Config(format!("the report: {error}")))?;
             write_text(path, &(text + "\n"))?;
         }
         if let Some(folder) = &self.record {
-            let path = record::write(folder, &bench.gpu().caps().name, bench.rows())?;
+            let path = record::write(folder, &caps.name, &bench.rows)?;
             eprintln!("{}", path.display());
         }
-        Ok(())
+        engine.check()?;
+        Ok(Outcome::Done)
     }
 }
 
@@ -122,21 +172,20 @@ fn write_text(path: &Path, text: &str) -> Result<()> {
 }
 
 fn kernels(args: &KernelsArgs) -> Result<Outcome> {
-    let engine = Engine::open(&args.device)?;
-    eprintln!("{}", engine.name());
-    let progress = |row: &BenchRow| eprintln!("measured {} {}", row.input, row.variant);
-    let mut bench = engine.bench("kernels", args.output.options(), progress)?;
-    bench::kernels::run(&mut bench)?;
-    let ratios = baseline::run(&mut bench)?;
+    let mut opened = args.output.open("kernels", &args.device)?;
+    let bench = &mut opened.1;
+    bench::kernels::run(bench)?;
+    let ratios = baseline::run(bench)?;
     // The copy is measured in any case.
     let filter = args.output.filter.as_deref().unwrap_or_default();
     let asked = |row: &BenchRow| format!("kernels/{}/{}", row.input, row.variant).contains(filter);
-    if !bench.rows().iter().any(asked) {
-        return Err(Error::Config(format!("nothing is called {filter:?}")));
+    if !bench.rows.iter().any(asked) {
+        return Err(args.output.selects_nothing());
     }
-    let report = KernelReport::of(&bench, &ratios);
-    let lines = ratios.iter().map(Ratio::line);
-    args.output.write(&bench, lines, &report)?;
-    engine.check()?;
-    Ok(Outcome::Done)
+    let report = Report {
+        target_features: Some(TARGET_FEATURES),
+        ratios: Some(&ratios),
+        ..Report::default()
+    };
+    args.output.finish(&opened, ratios.iter().map(Ratio::line), report)
 }

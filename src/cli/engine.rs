@@ -4,7 +4,6 @@ mod describe;
 
 use super::args::DeviceArgs;
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Limits};
-use crate::lab::bench::{Bench, BenchOptions, BenchRow};
 use crate::render::{Compatibility, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use crate::scene::{Camera, ScreenFilter, Splats};
 use crate::{Error, Result};
@@ -57,16 +56,6 @@ impl Engine {
     /// Peak of allocated device memory in bytes.
     pub(crate) fn memory_peak_bytes(&self) -> u64 {
         self.gpu.memory_peak()
-    }
-
-    /// Bench on this device; `progress` receives every row once it is measured.
-    pub(crate) fn bench(
-        &self,
-        name: &'static str,
-        options: BenchOptions,
-        progress: impl FnMut(&BenchRow) + 'static,
-    ) -> Result<Bench> {
-        Bench::new(name, &self.gpu, options, progress)
     }
 
     /// Error with the first validation message, if there is one.

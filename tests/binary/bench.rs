@@ -1,11 +1,15 @@
 //! `ashfall bench`: output and files, and refusal to time wrong kernels.
 
+use ashfall::gpu::Gpu;
+use ashfall::kernels::gather::Gather;
 use ashfall::kernels::{KERNELS, SELFTESTS};
 use ashfall::lab::baseline;
 use ashfall::lab::baseline::scalar;
-use ashfall::lab::bench::check::Output;
+use ashfall::lab::bench::check::{Output, words};
+use ashfall::lab::bench::input::scene::scattered;
 use ashfall::lab::bench::kernels::gradient::SPLAT_TOLERANCE;
-use ashfall::lab::bench::{Bench, BenchOptions, Case, Unit, Work, kernels, row};
+use ashfall::lab::bench::kernels::{KernelCase, Workgroups, gather};
+use ashfall::lab::bench::{Bench, BenchOptions, Case, kernels, row};
 use serde_json::Value;
 use std::cell::Cell;
 use std::fs;
@@ -62,8 +66,8 @@ fn rows_and_files_agree() {
 
     let text = fs::read_to_string(&csv).unwrap();
     let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
-    assert_eq!(lines[0], row::COLUMNS);
-    assert!(lines.iter().all(|line| line.len() == row::COLUMNS.len()));
+    assert_eq!(lines[0], row::column_names());
+    assert!(lines.iter().all(|line| line.len() == lines[0].len()));
     let report: Value = serde_json::from_slice(&fs::read(&json).unwrap()).unwrap();
     let rows = report["rows"].as_array().unwrap();
     assert_eq!(rows.len(), lines.len() - 1);
@@ -98,21 +102,23 @@ fn what_is_not_there_is_an_error() {
 fn a_wrong_kernel_is_named_and_not_timed() {
     let gpu = crate::common::device::gpu();
     let (mut bench, seen) = bench(&gpu, "");
-    let buffer = gpu.buffer::<u32>("values", 4).unwrap();
-    let case = Case::of("fill", 4, "base", 64).doing(Work::of(4, Unit::Keys));
-    let mut trial = |expected: f64| {
-        let found = || {
-            let words = gpu.download(&buffer, 0..4)?;
-            let found = words.iter().map(|&word| f64::from(word)).collect();
-            Ok(vec![Output::exact("values", found, vec![expected; 4])])
+    let mut trial = |last: f64| {
+        let buffer = gpu.buffer::<u32>("more", 4)?;
+        let more = move |gpu: &Gpu| -> ashfall::Result<KernelCase<'_, Gather>> {
+            let case = gather::gather(gpu, 4)?.fill(&buffer, 7);
+            Ok(case.judge(move |gpu| {
+                let found = words(&gpu.download(&buffer, 0..4)?);
+                Ok(vec![Output::exact("more", found, vec![7.0, 7.0, 7.0, last])])
+            }))
         };
-        bench.trial(&case, |_| {}, |rec| rec.fill(&buffer, 7), found)
+        kernels::time(&mut bench, Workgroups::any(&[64]), 4, more)
     };
     let error = trial(8.0).unwrap_err().to_string();
     assert_eq!(seen.get(), 0, "it was timed");
-    assert!(error.starts_with("fill/4 base/64: wrong result: values:"), "{error}");
-    assert_eq!(trial(7.0).unwrap().runs, 1);
+    assert!(error.starts_with("gather/4 base/64: wrong result: more:"), "{error}");
+    trial(7.0).unwrap();
     assert_eq!(seen.get(), 1);
+    assert_eq!(bench.rows[0].runs, 1);
 }
 
 #[test]
@@ -123,7 +129,6 @@ fn every_kernel_is_measured() {
     kernels::run(&mut bench).unwrap();
     baseline::run(&mut bench).unwrap();
     assert_eq!(seen.get(), 1);
-    let names = bench.names();
     for info in KERNELS {
         let variant = if info.variant.is_empty() { "base" } else { info.variant };
         let named = |name: &&String| {
@@ -133,7 +138,7 @@ fn every_kernel_is_measured() {
         // Self-tests are not benchmarked.
         let excused = SELFTESTS.contains(&info.kernel) || gpu.caps().supports(info).is_err();
         assert!(
-            excused || names.iter().any(|name| named(&name)),
+            excused || bench.names.iter().any(|name| named(&name)),
             "{} {variant} is not measured",
             info.kernel
         );
@@ -159,7 +164,7 @@ fn kernels_are_checked_on_what_they_are_timed_on() {
 /// A baseline with wrong results would be no baseline.
 #[test]
 fn a_yardstick_that_is_wrong_is_noticed() {
-    let composite = kernels::Composite::baseline_16x16(300, [61, 47], 6.0);
+    let composite = kernels::Composite::in_squares(scattered(300, [61, 47], 6.0, 0));
     let gradient = kernels::Gradient::new(&composite, kernels::gradient::SAMPLED);
     let input = scalar::HostInput::new(&composite);
     let planes = |image: &[[f32; 4]]| -> Vec<f32> {

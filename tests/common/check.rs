@@ -70,7 +70,7 @@ impl Check {
                     _ => K::compile(gpu, choice).unwrap(),
                 };
                 case.run(gpu, &kernel, &choice).unwrap();
-                let outputs = case.outputs(gpu, &choice).unwrap();
+                let outputs = case.outputs(gpu).unwrap();
                 self.outputs(&format!("{name}, {choice:?}"), outputs);
                 compiled = Some((choice, kernel));
             }

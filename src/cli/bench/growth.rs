@@ -1,6 +1,7 @@
 //! `ashfall bench frame` and `ashfall bench train`: whole frames and steps by size.
 
-use super::OutputArgs;
+use super::{OutputArgs, Report};
+use crate::Result;
 use crate::cli::Outcome;
 use crate::cli::args::{DataArgs, DeviceArgs};
 use crate::cli::engine::Engine;
@@ -9,14 +10,12 @@ use crate::cli::output::{bytes, grouped};
 use crate::cli::predict::parse_image_size;
 use crate::cli::render::orbit::{orbit_of_splats, radius};
 use crate::io::splats::readable;
+use crate::lab::bench::Bench;
 use crate::lab::bench::frame::{self, FramePlan, Scaling, ScalingPoint};
 use crate::lab::bench::growth::Exponent;
 use crate::lab::bench::train::{self, TrainMemory, TrainPlan};
-use crate::lab::bench::{Bench, BenchRow};
 use crate::train::TrainConfig;
-use crate::{Error, Result};
 use clap::Args;
-use serde::Serialize;
 use std::path::PathBuf;
 
 /// Whole frames by number of splats and size of the picture
@@ -109,22 +108,8 @@ fn parse_count(text: &str) -> std::result::Result<usize, String> {
     count.ok_or_else(|| "a number of splats is whole, 1 to 1e9".into())
 }
 
-/// All results as one JSON object.
-#[derive(Serialize)]
-struct ScalingReport<'a> {
-    device: &'a str,
-    driver: &'a str,
-    rows: &'a [BenchRow],
-    #[serde(flatten)]
-    scaling: &'a Scaling,
-    /// Device memory of training, measured and by the formula.
-    #[serde(skip_serializing_if = "<[TrainMemory]>::is_empty")]
-    memory: &'a [TrainMemory],
-}
-
 pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
-    let engine = Engine::open(&args.device)?;
-    eprintln!("{}", engine.name());
+    let mut opened = args.output.open("frame", &args.device)?;
     let scene = match &args.scene {
         None => None,
         Some(path) => {
@@ -142,12 +127,10 @@ pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
         splats: either(&args.splats, usual),
         sizes: either(&args.sizes, frame::SIZES.to_vec()),
         sh_degree: args.sh_degree,
-        giant: scene.is_none(),
         scene,
     };
-    let mut bench = engine.bench("frame", args.output.options(), progress)?;
-    let scaling = frame::run(&mut bench, &plan)?;
-    finish(&engine, &args.output, &bench, (&scaling, &[]), Vec::new())
+    let scaling = frame::run(&mut opened.1, &plan)?;
+    finish(&args.output, &opened, (&scaling, &[]), Vec::new())
 }
 
 pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
@@ -156,8 +139,7 @@ pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
     if let Some(scene) = &scene {
         dataset.set_origin(scene.origin);
     }
-    let engine = Engine::open(&args.device)?;
-    eprintln!("{}", engine.name());
+    let mut opened = args.output.open("train", &args.device)?;
     let plan = TrainPlan {
         splats: either(&args.splats, train::SPLATS.to_vec()),
         steps: args.steps,
@@ -165,17 +147,10 @@ pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
         sh_degree: args.sh_degree,
         scene,
     };
-    let mut bench = engine.bench("train", args.output.options(), progress)?;
-    let (scaling, memory) = train::run(&mut bench, &dataset, &plan)?;
+    let (scaling, memory) = train::run(&mut opened.1, &dataset, &plan)?;
     let mut lines: Vec<String> = scaling.points.iter().filter_map(step_line).collect();
     lines.extend(memory.iter().map(memory_line));
-    finish(&engine, &args.output, &bench, (&scaling, &memory), lines)
-}
-
-fn progress(row: &BenchRow) {
-    if row.stage == "total" {
-        eprintln!("measured {} {}", row.input, row.variant);
-    }
+    finish(&args.output, &opened, (&scaling, &memory), lines)
 }
 
 fn either<T: Clone>(asked: &[T], usual: Vec<T>) -> Vec<T> {
@@ -186,15 +161,13 @@ fn either<T: Clone>(asked: &[T], usual: Vec<T>) -> Vec<T> {
 }
 
 fn finish(
-    engine: &Engine,
     output: &OutputArgs,
-    bench: &Bench,
+    opened: &(Engine, Bench),
     (scaling, memory): (&Scaling, &[TrainMemory]),
     mut lines: Vec<String>,
 ) -> Result<Outcome> {
     if scaling.points.is_empty() {
-        let filter = output.filter.as_deref().unwrap_or_default();
-        return Err(Error::Config(format!("nothing is called {filter:?}")));
+        return Err(output.selects_nothing());
     }
     lines.extend(scaling.points.iter().map(point_line));
     lines.extend(scaling.exponents.iter().map(Exponent::line));
@@ -208,17 +181,12 @@ fn finish(
             giant.ratio
         ));
     }
-    let caps = bench.gpu().caps();
-    let report = ScalingReport {
-        device: &caps.name,
-        driver: &caps.driver,
-        rows: bench.rows(),
-        scaling,
+    let report = Report {
+        scaling: Some(scaling),
         memory,
+        ..Report::default()
     };
-    output.write(bench, lines, &report)?;
-    engine.check()?;
-    Ok(Outcome::Done)
+    output.finish(opened, lines, report)
 }
 
 /// A point's memory by buffer, or its error.

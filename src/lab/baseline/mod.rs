@@ -7,18 +7,15 @@
 mod compositing;
 mod pairs;
 mod ratio;
-mod report;
 pub mod scalar;
 pub mod vector;
 
 pub use ratio::Ratio;
-pub use report::KernelReport;
 
-use super::bench::check::Output;
-use super::bench::session::{Bench, Case, device_times};
+use super::bench::session::{Bench, Case};
 use super::bench::trial::Subject;
 use crate::Result;
-use crate::gpu::{DeviceKind, Frames, Gpu, Recorder};
+use crate::gpu::DeviceKind;
 
 /// Measures the comparisons that the filter selects.
 ///
@@ -29,24 +26,6 @@ pub fn run(bench: &mut Bench) -> Result<Vec<Ratio>> {
     ratios.extend(compositing::backward(bench)?);
     ratios.extend(pairs::sort(bench)?);
     Ok(ratios)
-}
-
-/// Checks a device's kernel and prepares it for timing.
-fn on_device<'a>(
-    gpu: &Gpu,
-    case: Case,
-    prepare: impl Fn(&mut Recorder<'_>) + 'a,
-    record: impl Fn(&mut Recorder<'_>) + 'a,
-    outputs: impl FnOnce() -> Result<Vec<Output>>,
-) -> Result<Subject<'a>> {
-    gpu.run(&prepare)?;
-    gpu.run(&record)?;
-    case.judge(&outputs()?)?;
-    let mut frames = Frames::new(gpu, 1, true)?;
-    Ok(Subject {
-        case,
-        run: Box::new(move || device_times(&mut frames, &prepare, &record)),
-    })
 }
 
 /// Measures in turns and compares; a pair is the name of an engine's kernel and the prefix of a baseline's name.
@@ -68,7 +47,7 @@ fn case(what: &str, variant: &str) -> Case {
 }
 
 /// True if the filter selects one of the variants; then all subjects of the comparison are measured.
-fn is_wanted(bench: &Bench, what: &str, variants: &[&str]) -> bool {
+fn is_wanted(bench: &mut Bench, what: &str, variants: &[&str]) -> bool {
     variants.iter().any(|variant| bench.wants(&case(what, variant)))
 }
 

@@ -1,11 +1,10 @@
 //! Sorting against baselines: 2^20 random pairs of 32 bits each.
 
-use super::{Ratio, case, compare, is_wanted, on_device};
+use super::{Ratio, case, compare, is_wanted};
 use crate::Result;
-use crate::gpu::Recorder;
-use crate::kernels::Kernel;
 use crate::kernels::sort::Sort;
-use crate::lab::bench::kernels::{Sorting, Workgroups, sort};
+use crate::kernels::{Kernel, sort_scatter};
+use crate::lab::bench::kernels::{Workgroups, sort};
 use crate::lab::bench::session::Bench;
 use crate::lab::bench::trial::{Subject, host_times};
 
@@ -19,25 +18,23 @@ pub(super) fn sort(bench: &mut Bench) -> Result<Vec<Ratio>> {
     if !is_wanted(bench, "sort", &names) {
         return Ok(Vec::new());
     }
-    let ours = Sorting::new(&gpu, sort::keys(COUNT), sort::layout(8, 4))?;
+    let keys = sort::keys(COUNT);
+    let ours = sort::sort(&gpu, keys.clone(), sort::layout(8, 4))?;
     // A chunk for each workgroup, and keys ranked by ballots of subgroups.
-    let mut sorts = vec![(names[0].to_owned(), Sort::new(&gpu)?)];
+    let mut choices = vec![(names[0].to_owned(), sort_scatter::Choice::prefer(gpu.caps()))];
     for (choice, workgroup) in BALLOT_WORKGROUPS.choices::<Sort>(gpu.caps()) {
         if Sort::info(&choice).uses_subgroups() {
-            sorts.push((format!("ballot/{workgroup}"), Sort::compile(&gpu, choice)?));
+            choices.push((format!("ballot/{workgroup}"), choice));
         }
     }
     let mut subjects = Vec::new();
-    for (name, sort) in &sorts {
-        let case = case("sort", name).doing(ours.work());
-        let prepare = |rec: &mut Recorder<'_>| ours.prepare(rec, sort);
-        let record = |rec: &mut Recorder<'_>| ours.record(rec, sort);
-        subjects.push(on_device(&gpu, case, prepare, record, || ours.outputs(&gpu))?);
+    for (name, choice) in choices {
+        subjects.push(ours.subject(&gpu, case("sort", &name).doing(ours.work), choice)?);
     }
-    let pairs: Vec<(u32, u32)> = ours.keys.iter().copied().zip(0..).collect();
+    let pairs: Vec<(u32, u32)> = keys.into_iter().zip(0..).collect();
     // Single-threaded, so that its processor time is that of one core.
     subjects.push(Subject {
-        case: case("sort", "radsort").doing(ours.work()),
+        case: case("sort", "radsort").doing(ours.work),
         run: Box::new(move || {
             let mut pairs = pairs.clone();
             let times = host_times(|| radsort::sort_by_key(&mut pairs, |&(key, _)| key));

@@ -4,9 +4,10 @@
 //! A frame is [`Renderer::render`]: recorded, submitted, waited for and read back. Its stages are the device's by
 //! timestamps, and `host` is the rest of the wall time: recording, submitting, copying the image.
 
+use super::CpuClock;
 use super::growth::Exponent;
 use super::input::volume;
-use super::row::{BenchRow, Unit, Work};
+use super::row::{BenchRow, Work};
 use super::session::{Bench, Case, Times};
 use super::trial::Subject;
 use crate::gpu::Gpu;
@@ -14,6 +15,7 @@ use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
 use crate::scene::{Camera, Splats};
 use crate::{Error, Result};
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 /// Default splat counts, neighbours at most 2.5 times apart.
@@ -36,9 +38,8 @@ pub struct FramePlan {
     /// SH degree of the made scene.
     pub sh_degree: u32,
     /// Scene in place of the made one, sampled to each splat count, with its camera and near plane in world units.
+    /// Without it, a comparison with one splat that covers the whole image is added, among the most splats measured.
     pub scene: Option<(Splats, Camera, f32)>,
-    /// Adds a comparison with one splat that covers the whole image, among the most splats measured.
-    pub giant: bool,
 }
 
 impl FramePlan {
@@ -56,9 +57,6 @@ impl FramePlan {
         }
     }
 }
-
-/// Names and bytes of buffers.
-pub(super) type BufferBytes = Vec<(String, u64)>;
 
 /// Times and memory at one splat count and image size.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -125,10 +123,12 @@ pub fn run(bench: &mut Bench, plan: &FramePlan) -> Result<Scaling> {
             };
             let near = plan.scene.as_ref().map_or(NEAR, |(.., near)| *near);
             let measured = frames(bench, &case, (splats, near), &plan.camera_for(size));
-            scaling.points.push(point(count, size, measured)?);
+            scaling
+                .points
+                .push(point(count, size, measured, |row| note_memory(bench, row))?);
         }
     }
-    if plan.giant {
+    if plan.scene.is_none() {
         scaling.giant = giant(bench, plan, &scaling)?;
     }
     scaling.exponents = exponents(&scaling.points);
@@ -139,23 +139,28 @@ pub fn run(bench: &mut Bench, plan: &FramePlan) -> Result<Scaling> {
 pub(super) fn case(task: &str, splats: usize, [width, height]: [u32; 2]) -> Case {
     Case {
         input: format!("{task}/{splats}/{width}x{height}"),
-        work: Work::of(splats, Unit::Splats),
+        work: Work::of(splats, "splats"),
         ..Case::default()
     }
 }
 
-/// ScalingPoint of a row, or of the error if the device cannot hold the scene.
-pub(super) fn point(splats: usize, size: [u32; 2], measured: Result<(BenchRow, BufferBytes)>) -> Result<ScalingPoint> {
+/// ScalingPoint of a row with its `memory`, or of the error if the device cannot hold the scene.
+pub(super) fn point(
+    splats: usize,
+    size: [u32; 2],
+    measured: Result<BenchRow>,
+    memory: impl FnOnce(&BenchRow) -> Vec<(String, u64)>,
+) -> Result<ScalingPoint> {
     let nothing = ScalingPoint {
         splats,
         size,
         ..ScalingPoint::default()
     };
     match measured {
-        Ok((row, memory)) => Ok(ScalingPoint {
+        Ok(row) => Ok(ScalingPoint {
             wall_s: Some(1e-9 * row.median_ns),
             processor_s: Some(1e-9 * row.cpu_ns),
-            memory,
+            memory: memory(&row),
             ..nothing
         }),
         Err(fault @ (Error::OutOfMemory { .. } | Error::Unsupported { .. })) => Ok(ScalingPoint {
@@ -167,40 +172,26 @@ pub(super) fn point(splats: usize, size: [u32; 2], measured: Result<(BenchRow, B
 }
 
 /// Bytes of each buffer at the peak, also as rows of the bench, `memory/<name>`.
-pub(super) fn note_memory(bench: &mut Bench, total: &BenchRow) -> BufferBytes {
-    let by_name = bench.gpu().memory_by_name();
-    let memory: BufferBytes = by_name
-        .into_iter()
-        .filter(|(_, memory)| memory.peak_bytes > 0)
-        .map(|(name, memory)| (name, memory.peak_bytes))
-        .collect();
-    let rows: Vec<BenchRow> = memory
-        .iter()
-        .map(|(name, bytes)| BenchRow {
-            bench: total.bench.clone(),
-            input: total.input.clone(),
-            stage: format!("memory/{name}"),
-            bytes: *bytes,
-            ..BenchRow::default()
-        })
-        .collect();
-    bench.note(rows);
+pub(super) fn note_memory(bench: &mut Bench, total: &BenchRow) -> Vec<(String, u64)> {
+    let by_name = bench.gpu().memory_by_name().into_iter();
+    let peaks = by_name.map(|(name, memory)| (name, memory.peak_bytes));
+    let memory: Vec<(String, u64)> = peaks.filter(|(_, bytes)| *bytes > 0).collect();
+    bench.rows.extend(memory.iter().map(|(name, bytes)| BenchRow {
+        bench: total.bench.clone(),
+        input: total.input.clone(),
+        stage: format!("memory/{name}"),
+        bytes: *bytes,
+        ..BenchRow::default()
+    }));
     memory
 }
 
-fn frames(
-    bench: &mut Bench,
-    case: &Case,
-    (splats, near): (&Splats, f32),
-    camera: &Camera,
-) -> Result<(BenchRow, BufferBytes)> {
+fn frames(bench: &mut Bench, case: &Case, (splats, near): (&Splats, f32), camera: &Camera) -> Result<BenchRow> {
     let gpu = bench.gpu().clone();
     let mut frame_bench = FrameBench::new(&gpu, splats, near)?;
     // The peak of frames excludes the staging memory of the upload.
     gpu.reset_memory_peak();
-    let row = bench.measure(case, || frame_bench.draw(camera))?;
-    let memory = note_memory(bench, &row);
-    Ok((row, memory))
+    bench.measure(case, || frame_bench.draw(camera))
 }
 
 /// Scene on the device with its renderer.
@@ -228,13 +219,16 @@ impl FrameBench {
     }
 
     fn draw(&mut self, camera: &Camera) -> Result<Times> {
-        let start = Instant::now();
+        let (clock, start) = (CpuClock::now(), Instant::now());
         self.renderer.render(&self.model, camera, &self.view)?;
         let wall = start.elapsed().as_nanos() as f64;
         let mut stages = self.renderer.timings()?;
         let device: f64 = stages.iter().map(|(_, ns)| ns).sum();
         stages.push(("host", (wall - device).max(0.0)));
-        Ok(stages.into())
+        Ok(Times {
+            stages,
+            cpu_ns: clock.elapsed_ns(),
+        })
     }
 }
 
@@ -262,12 +256,7 @@ fn giant(bench: &mut Bench, plan: &FramePlan, scaling: &Scaling) -> Result<Optio
     for (name, frame_bench) in ["without", "with"].into_iter().zip(&mut frame_benches) {
         let mut case = case("giant", splats, size);
         case.variant = name.into();
-        let run = Box::new(|| {
-            let clock = super::CpuClock::now();
-            let mut times = frame_bench.draw(&camera)?;
-            times.cpu_ns = clock.elapsed_ns();
-            Ok(times)
-        });
+        let run = Box::new(|| frame_bench.draw(&camera));
         subjects.push(Subject { case, run });
     }
     let runs = bench.measure_in_turns(&mut subjects)?;
@@ -285,32 +274,28 @@ fn giant(bench: &mut Bench, plan: &FramePlan, scaling: &Scaling) -> Result<Optio
 
 /// Exponents over splats at every image size and over pixels at every splat count, by wall and by processor time.
 pub(super) fn exponents(points: &[ScalingPoint]) -> Vec<Exponent> {
+    let sizes: BTreeSet<[u32; 2]> = points.iter().map(|point| point.size).collect();
+    let counts: BTreeSet<usize> = points.iter().map(|point| point.splats).collect();
     let mut found = Vec::new();
-    let mut sizes: Vec<[u32; 2]> = points.iter().map(|point| point.size).collect();
-    let mut counts: Vec<usize> = points.iter().map(|point| point.splats).collect();
-    sizes.sort_unstable();
-    sizes.dedup();
-    counts.sort_unstable();
-    counts.dedup();
     for by in ["clock", "processor"] {
         let time = |point: &ScalingPoint| match by {
             "clock" => point.wall_s,
             _ => point.processor_s,
         };
+        let splats = |point: &ScalingPoint| Some((point.splats as f64, time(point)?));
         for &size in &sizes {
             let at = points.iter().filter(|point| point.size == size);
-            let pairs: Vec<(f64, f64)> = at
-                .filter_map(|point| Some((point.splats as f64, time(point)?)))
-                .collect();
+            let pairs: Vec<(f64, f64)> = at.filter_map(splats).collect();
             let name = format!("{}x{}", size[0], size[1]);
             found.extend(Exponent::of(["splats", by], name, &pairs));
         }
+        let pixels = |point: &ScalingPoint| {
+            let [width, height] = point.size.map(f64::from);
+            Some((width * height, time(point)?))
+        };
         for &count in &counts {
             let at = points.iter().filter(|point| point.splats == count);
-            let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
-            let pairs: Vec<(f64, f64)> = at
-                .filter_map(|point| Some((pixels(point.size), time(point)?)))
-                .collect();
+            let pairs: Vec<(f64, f64)> = at.filter_map(pixels).collect();
             found.extend(Exponent::of(["pixels", by], format!("{count} splats"), &pairs));
         }
     }
@@ -352,7 +337,7 @@ mod tests {
             wanted: 2,
             available: 1,
         };
-        let point_of = |error| point(5, [1, 1], Err(error)).map(|point| point.fault.is_some());
+        let point_of = |error| point(5, [1, 1], Err(error), |_| Vec::new()).map(|point| point.fault.is_some());
         assert!(matches!(point_of(error()), Ok(true)));
         assert!(point_of(Error::Config("bad".into())).is_err());
     }

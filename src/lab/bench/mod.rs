@@ -21,6 +21,6 @@ pub mod train;
 pub mod trial;
 
 pub use clock::CpuClock;
-pub use row::{BenchRow, Unit, Work};
+pub use row::{BenchRow, Work};
 pub use session::{Bench, BenchOptions, Case, Times};
 pub use trial::Subject;

@@ -1,7 +1,7 @@
 //! Records: measurements on a device on a day, in `<folder>/<device>/<date>.csv`. Committed, they are the evidence for
 //! the choices of [`prefer`](crate::kernels).
 
-use super::row::{BenchRow, COLUMNS, KEY_COLUMNS, csv_of_fields};
+use super::row::{BenchRow, KEY_COLUMNS, column_names, csv_of_fields};
 use crate::io::atomic::write_atomically;
 use crate::{Error, Result};
 use std::collections::HashMap;
@@ -49,12 +49,12 @@ pub fn slug(device: &str) -> String {
 /// Earlier rows, except those measured again, and the new ones. Columns are matched by name, so that records of earlier
 /// versions can be extended.
 fn merged(earlier: &str, rows: &[BenchRow]) -> Result<String> {
-    let measured: Vec<[String; COLUMNS.len()]> = rows.iter().map(BenchRow::fields).collect();
+    let measured: Vec<_> = rows.iter().map(BenchRow::fields).collect();
     let mut all = Vec::new();
     for line in csv::Reader::from_reader(earlier.as_bytes()).deserialize() {
         let line: csv::Result<HashMap<String, String>> = line;
         let mut line = line.map_err(|error| Error::Config(format!("the record: {error}")))?;
-        let fields = COLUMNS.map(|column| line.remove(column).unwrap_or_default());
+        let fields = column_names().map(|column| line.remove(column).unwrap_or_default());
         if !measured.iter().any(|row| row[..KEY_COLUMNS] == fields[..KEY_COLUMNS]) {
             all.push(fields);
         }

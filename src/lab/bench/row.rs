@@ -5,56 +5,20 @@ use crate::{Error, Result};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Unit of a rate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Unit {
-    /// Time alone, without a rate.
-    #[default]
-    None,
-    /// Bytes read and written.
-    Bytes,
-    /// Keys sorted or values summed.
-    Keys,
-    /// Blended pixel–splat pairs.
-    Pairs,
-    /// Gaussians of the scene.
-    Splats,
-    /// Pixels of the image.
-    Pixels,
-    /// Splat–tile intersections.
-    Isects,
-}
-
-impl Unit {
-    /// Name in tables and files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Unit::None => "",
-            Unit::Bytes => "bytes",
-            Unit::Keys => "keys",
-            Unit::Pairs => "blended pairs",
-            Unit::Splats => "splats",
-            Unit::Pixels => "pixels",
-            Unit::Isects => "isects",
-        }
-    }
-}
-
 /// Work of one run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
     /// Count.
     pub items: u64,
-    /// Unit of the count.
-    pub unit: Unit,
+    /// Unit of the count, the word in tables and files; empty for time alone.
+    pub unit: &'static str,
     /// Bytes read and written by a memory-bound kernel; else 0.
     pub bytes: u64,
 }
 
 impl Work {
     /// Work of `items`, without bytes.
-    pub fn of(items: usize, unit: Unit) -> Work {
+    pub fn of(items: usize, unit: &'static str) -> Work {
         Work {
             items: items as u64,
             unit,
@@ -106,25 +70,6 @@ pub struct BenchRow {
     pub copy_share: f64,
 }
 
-/// The columns of the CSV, in order.
-pub const COLUMNS: [&str; 15] = [
-    "bench",
-    "input",
-    "variant",
-    "stage",
-    "runs",
-    "median_ns",
-    "mad_ns",
-    "low_ns",
-    "high_ns",
-    "cpu_ns",
-    "items",
-    "unit",
-    "rate",
-    "bytes",
-    "copy_share",
-];
-
 /// Leading columns that identify a measurement.
 pub const KEY_COLUMNS: usize = 4;
 
@@ -150,7 +95,7 @@ impl BenchRow {
         };
         BenchRow {
             items: work.items,
-            unit: work.unit.name(),
+            unit: work.unit,
             rate: per_second(work.items),
             bytes: work.bytes,
             copy_share: copy_rate.map_or(0.0, |rate| per_second(work.bytes) / rate),
@@ -158,26 +103,31 @@ impl BenchRow {
         }
     }
 
-    /// Fields in the order of [`COLUMNS`].
-    pub fn fields(&self) -> [String; COLUMNS.len()] {
+    /// Names and fields of the columns of the CSV, in order.
+    pub fn columns(&self) -> [(&'static str, String); 15] {
         let whole = |ns: f64| format!("{ns:.0}");
         [
-            self.bench.clone(),
-            self.input.clone(),
-            self.variant.clone(),
-            self.stage.clone(),
-            self.runs.to_string(),
-            whole(self.median_ns),
-            whole(self.mad_ns),
-            whole(self.low_ns),
-            whole(self.high_ns),
-            whole(self.cpu_ns),
-            self.items.to_string(),
-            self.unit.to_owned(),
-            whole(self.rate),
-            self.bytes.to_string(),
-            format!("{:.4}", self.copy_share),
+            ("bench", self.bench.clone()),
+            ("input", self.input.clone()),
+            ("variant", self.variant.clone()),
+            ("stage", self.stage.clone()),
+            ("runs", self.runs.to_string()),
+            ("median_ns", whole(self.median_ns)),
+            ("mad_ns", whole(self.mad_ns)),
+            ("low_ns", whole(self.low_ns)),
+            ("high_ns", whole(self.high_ns)),
+            ("cpu_ns", whole(self.cpu_ns)),
+            ("items", self.items.to_string()),
+            ("unit", self.unit.to_owned()),
+            ("rate", whole(self.rate)),
+            ("bytes", self.bytes.to_string()),
+            ("copy_share", format!("{:.4}", self.copy_share)),
         ]
+    }
+
+    /// Fields of the columns.
+    pub(super) fn fields(&self) -> [String; 15] {
+        self.columns().map(|(_, field)| field)
     }
 
     /// One line of text.
@@ -194,7 +144,7 @@ impl BenchRow {
             self.cpu_ns * 1e-6
         );
         // Writing to a string does not fail.
-        if self.items > 0 && self.unit != Unit::Bytes.name() {
+        if self.items > 0 && self.unit != "bytes" {
             _ = write!(line, "  {:.1} M {}/s", self.rate * 1e-6, self.unit);
         }
         if self.bytes > 0 {
@@ -208,6 +158,11 @@ impl BenchRow {
     }
 }
 
+/// Names of the columns of the CSV, in order.
+pub fn column_names() -> [&'static str; 15] {
+    BenchRow::default().columns().map(|(name, _)| name)
+}
+
 /// Rows as CSV, with a header.
 ///
 /// # Errors
@@ -217,8 +172,8 @@ pub fn csv(rows: &[BenchRow]) -> Result<String> {
 }
 
 /// Fields of rows as CSV, with a header.
-pub(super) fn csv_of_fields(rows: impl IntoIterator<Item = [String; COLUMNS.len()]>) -> Result<String> {
-    csv_text([COLUMNS.map(String::from)].into_iter().chain(rows))
+pub(super) fn csv_of_fields(rows: impl IntoIterator<Item = [String; 15]>) -> Result<String> {
+    csv_text([column_names().map(String::from)].into_iter().chain(rows))
 }
 
 /// Serialised lines as CSV; those of structs have a header.
@@ -245,12 +200,12 @@ mod tests {
             ..BenchRow::default()
         };
         let row = row.with_times(&Summary::of(&[1e6, 2e6, 3e6]), 4e6);
-        let work = Work::of(1000, Unit::Keys).moving(8000);
+        let work = Work::of(1000, "keys").moving(8000);
         let row = row.with_work(work, Some(8e6));
         assert_eq!((row.median_ns, row.rate, row.copy_share), (2e6, 5e5, 0.5));
         let text = csv(std::slice::from_ref(&row))?;
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], COLUMNS.join(","));
+        assert_eq!(lines[0], column_names().join(","));
         assert_eq!(
             lines[1],
             ",\"a,b\",,total,3,2000000,1000000,1000000,3000000,4000000,1000,keys,500000,8000,0.5000"

@@ -5,7 +5,6 @@ use super::row::{BenchRow, Work};
 use crate::gpu::{Frames, Gpu, Recorder};
 use crate::stats::Summary;
 use crate::{Error, Result};
-use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 /// Bytes of the copy that measures the bandwidth: beyond any cache.
@@ -37,14 +36,8 @@ impl Default for BenchOptions {
 pub struct Times {
     /// Stages in order, ns; the sum is the run's time.
     pub stages: Vec<(&'static str, f64)>,
-    /// Processor time of the process, ns. `None`: measured by [`Bench::measure`] around the whole call.
+    /// Processor time of the process, ns; `None` if it is not measured.
     pub cpu_ns: Option<f64>,
-}
-
-impl From<Vec<(&'static str, f64)>> for Times {
-    fn from(stages: Vec<(&'static str, f64)>) -> Times {
-        Times { stages, cpu_ns: None }
-    }
 }
 
 /// Name of a measurement, and the work of one run.
@@ -61,11 +54,13 @@ pub struct Case {
 /// Measurements on a device.
 pub struct Bench {
     name: &'static str,
-    options: BenchOptions,
+    pub(super) options: BenchOptions,
     gpu: Gpu,
     copy_rate: Option<f64>,
-    rows: Vec<BenchRow>,
-    names: RefCell<BTreeSet<String>>,
+    /// All rows so far, in the order of measurement.
+    pub rows: Vec<BenchRow>,
+    /// Names of all cases considered so far, selected or not.
+    pub names: BTreeSet<String>,
     /// Called with each row once it is measured.
     progress: Box<dyn FnMut(&BenchRow)>,
 }
@@ -91,7 +86,7 @@ impl Bench {
             gpu: gpu.clone(),
             copy_rate: None,
             rows: Vec::new(),
-            names: RefCell::default(),
+            names: BTreeSet::new(),
             progress: Box::new(progress),
         })
     }
@@ -101,28 +96,13 @@ impl Bench {
         &self.gpu
     }
 
-    /// The options.
-    pub fn options(&self) -> &BenchOptions {
-        &self.options
-    }
-
-    /// All rows so far, in the order of measurement.
-    pub fn rows(&self) -> &[BenchRow] {
-        &self.rows
-    }
-
     /// True if the filter selects a case; checked before its inputs are made.
-    pub fn wants(&self, case: &Case) -> bool {
+    pub fn wants(&mut self, case: &Case) -> bool {
         let whole = format!("{}/{}/{}", self.name, case.input, case.variant);
         let filter = self.options.filter.as_ref();
         let wanted = filter.is_none_or(|filter| whole.contains(filter.as_str()));
-        self.names.borrow_mut().insert(whole);
+        self.names.insert(whole);
         wanted
-    }
-
-    /// Names of all cases considered so far, selected or not.
-    pub fn names(&self) -> Vec<String> {
-        self.names.borrow().iter().cloned().collect()
     }
 
     /// Runs a case repeatedly, and keeps a row for each of its stages (if there are several) and one for the total,
@@ -133,10 +113,7 @@ impl Bench {
         }
         let mut runs = Vec::new();
         for _ in 0..self.options.runs.max(1) {
-            let clock = CpuClock::now();
-            let mut times = run()?;
-            times.cpu_ns = times.cpu_ns.or_else(|| clock.elapsed_ns());
-            runs.push(times);
+            runs.push(run()?);
         }
         Ok(self.keep(case, &runs))
     }
@@ -168,28 +145,11 @@ impl Bench {
         whole
     }
 
-    /// Keeps rows without times.
-    pub fn note(&mut self, rows: impl IntoIterator<Item = BenchRow>) {
-        self.rows.extend(rows);
-    }
-
-    /// Measures the commands of `record`. Before each run `prepare` restores its inputs, in a submission that is not
-    /// timed.
-    pub fn measure_commands(
-        &mut self,
-        case: &Case,
-        prepare: impl Fn(&mut Recorder<'_>),
-        record: impl Fn(&mut Recorder<'_>),
-    ) -> Result<BenchRow> {
-        let mut frames = Frames::new(&self.gpu, 1, true)?;
-        self.measure(case, || device_times(&mut frames, &prepare, &record))
-    }
-
-    /// The device's copy rate, bytes read and written per second; measured once.
-    pub fn copy_rate(&mut self) -> Result<f64> {
-        if let Some(rate) = self.copy_rate {
-            return Ok(rate);
-        }
+    /// Measures the device's copy rate, for the rows that follow.
+    ///
+    /// # Errors
+    /// Anything that Vulkan reports.
+    pub fn measure_copy_rate(&mut self) -> Result<()> {
         let words = COPY_BYTES / 4;
         let [from, to] = ["from", "to"].map(|name| self.gpu.buffer::<u32>(name, words));
         let (from, to) = (from?, to?);
@@ -201,11 +161,12 @@ impl Bench {
         let case = Case {
             input: "copy".into(),
             variant: String::new(),
-            work: Work::of(2 * COPY_BYTES, super::Unit::Bytes).moving(2 * COPY_BYTES),
+            work: Work::of(2 * COPY_BYTES, "bytes").moving(2 * COPY_BYTES),
         };
-        let row = self.measure_commands(&case, |_| {}, |rec| rec.copy(&from, 0..words, &to, 0))?;
-        self.copy_rate = Some(row.rate);
-        Ok(row.rate)
+        let mut frames = Frames::new(&self.gpu, 1, true)?;
+        let copy = || device_times(&mut frames, |_| {}, |rec| rec.copy(&from, 0..words, &to, 0));
+        self.copy_rate = Some(self.measure(&case, copy)?.rate);
+        Ok(())
     }
 }
 

@@ -5,7 +5,7 @@
 //! process, user and system, over these steps.
 
 use super::CpuClock;
-use super::frame::{BufferBytes, Scaling, case, exponents, note_memory, point};
+use super::frame::{Scaling, case, exponents, note_memory, point};
 use super::input::volume;
 use super::row::BenchRow;
 use super::session::{Bench, Times};
@@ -72,11 +72,13 @@ pub fn run(bench: &mut Bench, dataset: &Dataset, plan: &TrainPlan) -> Result<(Sc
         }
         let splats = volume::exactly(&first, count, 1);
         let measured = steps(bench, dataset, (&config, plan), (&splats, size));
-        let measured = measured.map(|(row, memory, by_name)| {
+        let measured = measured.map(|(row, memory)| {
             memories.push(memory);
-            (row, by_name)
+            row
         });
-        scaling.points.push(point(count, size, measured)?);
+        scaling
+            .points
+            .push(point(count, size, measured, |row| note_memory(bench, row))?);
     }
     scaling.exponents = exponents(&scaling.points);
     Ok((scaling, memories))
@@ -98,14 +100,14 @@ fn steps(
     dataset: &Dataset,
     (config, plan): (&TrainConfig, &TrainPlan),
     (splats, size): (&Splats, [u32; 2]),
-) -> Result<(BenchRow, TrainMemory, BufferBytes)> {
+) -> Result<(BenchRow, TrainMemory)> {
     let gpu = bench.gpu().clone();
     gpu.reset_memory_peak();
     let state = HostState::from_splats(splats, plan.sh_degree);
     let mut trainer = Trainer::from_state(&gpu, dataset, config.clone(), &state, 0)?;
     train_to(&mut trainer, plan.warm_up)?;
     let mut runs = Vec::new();
-    let parts = (bench.options().runs as u32).clamp(1, plan.steps.max(1));
+    let parts = (bench.options.runs as u32).clamp(1, plan.steps.max(1));
     let part = plan.steps.max(1).div_ceil(parts);
     for _ in 0..parts {
         let (clock, start) = (CpuClock::now(), Instant::now());
@@ -122,7 +124,8 @@ fn steps(
     let mut staged = Vec::new();
     for _ in 0..STAGED {
         trainer.step()?;
-        staged.push(Times::from(trainer.timings()?));
+        let stages = trainer.timings()?;
+        staged.push(Times { stages, cpu_ns: None });
     }
     // The splats read back at the end of a run are part of the formula.
     drop(trainer.splats()?);
@@ -136,8 +139,7 @@ fn steps(
         predicted_bytes: formula.bytes(),
         essential_bytes: formula.essential_bytes(),
     };
-    let by_name = note_memory(bench, &row);
-    Ok((row, memory, by_name))
+    Ok((row, memory))
 }
 
 /// Trains up to an iteration, including steps repeated with larger buffers, and waits for the device.

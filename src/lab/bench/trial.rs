@@ -2,9 +2,8 @@
 
 use super::check::Output;
 use super::clock::CpuClock;
-use super::row::{BenchRow, Work};
+use super::row::Work;
 use super::session::{Bench, Case, Times};
-use crate::gpu::Recorder;
 use crate::{Error, Result};
 use std::time::Instant;
 
@@ -48,33 +47,16 @@ impl Case {
 }
 
 impl Bench {
-    /// Runs `prepare` and `record` once, compares the `outputs` with the reference, and measures the commands.
-    ///
-    /// # Errors
-    /// A wrong result, before anything is timed.
-    pub fn trial(
-        &mut self,
-        case: &Case,
-        prepare: impl Fn(&mut Recorder<'_>),
-        record: impl Fn(&mut Recorder<'_>),
-        outputs: impl FnOnce() -> Result<Vec<Output>>,
-    ) -> Result<BenchRow> {
-        self.gpu().run(&prepare)?;
-        self.gpu().run(&record)?;
-        case.judge(&outputs()?)?;
-        self.measure_commands(case, prepare, record)
-    }
-
     /// Measures several subjects in turns, one run of each after the other, so that disturbances affect all alike.
     /// Returns the runs of each.
     pub fn measure_in_turns(&mut self, subjects: &mut [Subject<'_>]) -> Result<Vec<Vec<Times>>> {
         for subject in subjects.iter_mut() {
-            for _ in 0..self.options().warm_up {
+            for _ in 0..self.options.warm_up {
                 (subject.run)()?;
             }
         }
         let mut runs = vec![Vec::new(); subjects.len()];
-        for _ in 0..self.options().runs.max(1) {
+        for _ in 0..self.options.runs.max(1) {
             for (subject, runs) in subjects.iter_mut().zip(&mut runs) {
                 runs.push((subject.run)()?);
             }

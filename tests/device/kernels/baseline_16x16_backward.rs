@@ -4,7 +4,7 @@ use crate::common::check::*;
 use crate::common::device;
 use crate::kernels::rasterize::composites;
 use ashfall::kernels::baseline_16x16_backward::Variant;
-use ashfall::lab::bench::kernels::gradient::{CAPPED_TOLERANCE, SPLAT_TOLERANCE, baseline_16x16_backward};
+use ashfall::lab::bench::kernels::gradient::{CAPPED_TOLERANCE, Gradient, SPLAT_TOLERANCE, baseline_16x16_backward};
 use ashfall::lab::bench::kernels::{Composite, Workgroups};
 
 #[test]
@@ -22,7 +22,10 @@ fn every_splat_gets_its_gradient() {
             "capped" => CAPPED_TOLERANCE,
             _ => SPLAT_TOLERANCE,
         };
-        (name, baseline_16x16_backward(&gpu, of, 1, tolerance).unwrap())
+        (
+            name,
+            baseline_16x16_backward(&gpu, of, Gradient::new(of, 1), tolerance).unwrap(),
+        )
     };
     let cases: Vec<_> = composites.iter().map(|(name, of)| case(name, of)).collect();
     check.cases(&gpu, Workgroups::FIXED, &cases);

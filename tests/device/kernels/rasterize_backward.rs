@@ -5,7 +5,7 @@ use crate::common::device;
 use crate::kernels::LANES;
 use crate::kernels::rasterize::composites;
 use ashfall::lab::bench::kernels::Composite;
-use ashfall::lab::bench::kernels::gradient::{CAPPED_TOLERANCE, SOURCE_TOLERANCE, rasterize_backward};
+use ashfall::lab::bench::kernels::gradient::{CAPPED_TOLERANCE, Gradient, SOURCE_TOLERANCE, rasterize_backward};
 
 #[test]
 fn every_intersection_gets_its_gradient() {
@@ -21,7 +21,10 @@ fn every_intersection_gets_its_gradient() {
             "opaque stack" => 4.0 * SOURCE_TOLERANCE,
             _ => SOURCE_TOLERANCE,
         };
-        (name, rasterize_backward(&gpu, of, 1, tolerance).unwrap())
+        (
+            name,
+            rasterize_backward(&gpu, of, Gradient::new(of, 1), tolerance).unwrap(),
+        )
     };
     let cases: Vec<_> = composites.iter().map(|(name, of)| case(name, of)).collect();
     check.cases(&gpu, LANES, &cases);

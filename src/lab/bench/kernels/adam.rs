@@ -4,9 +4,9 @@ use super::{KernelCase, counts, read, sample};
 use crate::Result;
 use crate::gpu::{Gpu, Groups};
 use crate::kernels::adam::{Adam, Bindings, Params};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::{Unit, Work};
 use crate::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST};
 use crate::reference::adam::{self as reference, AdamState};
 use crate::render::plane_count;
@@ -152,29 +152,28 @@ pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
     let counts_before = counts(gpu, &[(COUNT_FAILED, input.failed.into())])?;
     let counts = counts(gpu, &[])?;
     let found = [&value, &moment1, &moment2].map(Clone::clone);
-    let (out, counted, params) = (found.clone(), counts.clone(), input.params());
-    let planes = input.planes as u32;
+    let (counted, params, planes) = (counts.clone(), input.params(), input.planes as u32);
     // Seven times each parameter: the gradient read, the others read and written.
-    let work = Work::of(input.count, Unit::Splats).moving(7 * 16 * input.planes * input.count);
-    let case = KernelCase::new(work, move |rec, kernel: &Adam, _| {
+    let work = Work::of(input.count, "splats").moving(7 * 16 * input.planes * input.count);
+    let case = KernelCase::new(work)
+        .copy(&values, &value)
+        .copy(&first, &moment1)
+        .copy(&second, &moment2)
+        .copy(&counts_before, &counts);
+    let case = case.commands(move |rec, kernel: &Adam, _| {
         let io = Bindings {
             counts: &counted,
             d_params: &gradients,
-            params: &out[0],
-            moment1: &out[1],
-            moment2: &out[2],
+            params: &value,
+            moment1: &moment1,
+            moment2: &moment2,
         };
         let row = params.splat_count.div_ceil(kernel.workgroup);
         kernel.record(rec, io, params, Groups::Grid([row, planes, 1]));
     });
-    let case = case
-        .copy(&values, &value)
-        .copy(&first, &moment1)
-        .copy(&second, &moment2);
-    Ok(case.copy(&counts_before, &counts).judge(move |gpu, _| {
+    Ok(case.judge(move |gpu| {
         let counts = read(gpu, &counts)?;
-        let after = found.each_ref().map(|buffer| read(gpu, buffer));
-        let [value, moment1, moment2] = after;
+        let [value, moment1, moment2] = found.each_ref().map(|buffer| read(gpu, buffer));
         let after = [value?, moment1?, moment2?];
         let [mut found, mut expected] = [(); 2].map(|()| [(); 3].map(|()| Vec::new()));
         for i in sample(vectors, SAMPLES) {

@@ -2,39 +2,48 @@
 
 use super::read;
 use crate::Result;
-use crate::gpu::{Buffer, Caps, Gpu, Recorder};
+use crate::gpu::{Buffer, Caps, Frames, Gpu, Recorder};
 use crate::kernels::Kernel;
-use crate::lab::bench::Work;
-use crate::lab::bench::check::{Output, UNWRITTEN, floats, words};
+use crate::lab::bench::check::{Output, UNWRITTEN, words};
+use crate::lab::bench::session::device_times;
+use crate::lab::bench::{Case, Subject, Work};
 use crate::shader::KernelInfo;
 use bytemuck::Pod;
 
 type Tune<'a, C> = Box<dyn Fn(&mut C) + 'a>;
 type Prepare<'a, K> = Box<dyn Fn(&mut Recorder<'_>, &K) + 'a>;
-type Record<'a, K> = Box<dyn Fn(&mut Recorder<'_>, &K, &<K as Kernel>::Choice) + 'a>;
-type CaseOutputs<'a, C> = Box<dyn Fn(&Gpu, &C) -> Result<Vec<Output>> + 'a>;
+type Commands<'a, K> = Box<dyn Fn(&mut Recorder<'_>, &K, &<K as Kernel>::Choice) + 'a>;
+type CaseOutputs<'a> = Box<dyn Fn(&Gpu) -> Result<Vec<Output>> + 'a>;
 
 /// A kernel on an input.
 pub struct KernelCase<'a, K: Kernel> {
-    work: Work,
+    /// Work of one run.
+    pub work: Work,
     tune: Option<Tune<'a, K::Choice>>,
     prepare: Vec<Prepare<'a, K>>,
     prepare_timing: Option<Prepare<'a, K>>,
-    record: Record<'a, K>,
-    outputs: Vec<CaseOutputs<'a, K::Choice>>,
+    commands: Commands<'a, K>,
+    outputs: Vec<CaseOutputs<'a>>,
 }
 
 impl<'a, K: Kernel> KernelCase<'a, K> {
-    /// Commands of one run, and the work that they do.
-    pub fn new(work: Work, record: impl Fn(&mut Recorder<'_>, &K, &K::Choice) + 'a) -> KernelCase<'a, K> {
+    /// A case without commands or outputs yet.
+    pub fn new(work: Work) -> KernelCase<'a, K> {
         KernelCase {
             work,
             tune: None,
             prepare: Vec::new(),
             prepare_timing: None,
-            record: Box::new(record),
+            commands: Box::new(|_, _, _| {}),
             outputs: Vec::new(),
         }
+    }
+
+    /// Commands of one run.
+    #[must_use]
+    pub fn commands(mut self, record: impl Fn(&mut Recorder<'_>, &K, &K::Choice) + 'a) -> Self {
+        self.commands = Box::new(record);
+        self
     }
 
     /// Sets specialisation constants.
@@ -60,37 +69,26 @@ impl<'a, K: Kernel> KernelCase<'a, K> {
 
     /// Outputs to compare.
     #[must_use]
-    pub fn judge(mut self, of: impl Fn(&Gpu, &K::Choice) -> Result<Vec<Output>> + 'a) -> Self {
+    pub fn judge(mut self, of: impl Fn(&Gpu) -> Result<Vec<Output>> + 'a) -> Self {
         self.outputs.push(Box::new(of));
         self
     }
 
-    /// A buffer whose words are compared exactly. It is erased before every run; elements beyond the expected ones
-    /// must stay so.
+    /// Outputs of a buffer, which is erased before every run, and before the preparations that follow.
     #[must_use]
-    pub fn exact<T: Pod>(self, name: &'static str, buffer: &Buffer<T>, expected: Vec<f64>) -> Self {
+    pub fn compare<T: Pod>(self, buffer: &Buffer<T>, of: impl Fn(Vec<T>) -> Vec<Output> + 'a) -> Self {
         let found = buffer.clone();
-        self.erase(buffer).judge(move |gpu, _| {
-            let found = words(&read(gpu, &found)?);
-            let expected = padded(expected.clone(), found.len());
-            Ok(vec![Output::exact(name, found, expected)])
-        })
+        self.erase(buffer).judge(move |gpu| Ok(of(read(gpu, &found)?)))
     }
 
-    /// A buffer whose floats are compared as [`Output::relative`] does, erased before every run.
+    /// [`KernelCase::compare`] of words that must be equal; elements beyond the expected ones must stay erased.
     #[must_use]
-    pub fn relative<T: Pod>(
-        self,
-        name: &'static str,
-        buffer: &Buffer<T>,
-        expected: Vec<f64>,
-        (tolerance, scale): (f64, f64),
-    ) -> Self {
-        let found = buffer.clone();
-        self.erase(buffer).judge(move |gpu, _| {
-            let found = floats(&read(gpu, &found)?);
-            let expected = padded(expected.clone(), found.len());
-            Ok(vec![Output::relative(name, found, expected, tolerance, scale)])
+    pub fn exact<T: Pod>(self, name: &'static str, buffer: &Buffer<T>, expected: Vec<f64>) -> Self {
+        self.compare(buffer, move |found| {
+            let found = words(&found);
+            let mut expected = expected.clone();
+            expected.resize(found.len().max(expected.len()), f64::NAN);
+            vec![Output::exact(name, found, expected)]
         })
     }
 
@@ -114,28 +112,10 @@ impl<'a, K: Kernel> KernelCase<'a, K> {
         self.before(move |rec, _| rec.copy(&from, 0..from.len(), &to, 0))
     }
 
-    /// Work of one run.
-    pub fn work(&self) -> Work {
-        self.work
-    }
-
     /// A choice with the case's specialisation constants.
     pub fn tuned(&self, mut choice: K::Choice) -> K::Choice {
         self.tune.iter().for_each(|tune| tune(&mut choice));
         choice
-    }
-
-    /// Records one run.
-    pub fn record(&self, rec: &mut Recorder<'_>, kernel: &K, choice: &K::Choice) {
-        (self.record)(rec, kernel, choice);
-    }
-
-    /// Records the commands before a timed run.
-    pub fn prepare_timing(&self, rec: &mut Recorder<'_>, kernel: &K) {
-        match &self.prepare_timing {
-            Some(prepare) => prepare(rec, kernel),
-            None => self.prepare.iter().for_each(|prepare| prepare(rec, kernel)),
-        }
     }
 
     /// Runs the kernel once.
@@ -145,7 +125,7 @@ impl<'a, K: Kernel> KernelCase<'a, K> {
     pub fn run(&self, gpu: &Gpu, kernel: &K, choice: &K::Choice) -> Result<()> {
         gpu.run(|rec| {
             self.prepare.iter().for_each(|prepare| prepare(rec, kernel));
-            self.record(rec, kernel, choice);
+            (self.commands)(rec, kernel, choice);
         })
     }
 
@@ -153,16 +133,36 @@ impl<'a, K: Kernel> KernelCase<'a, K> {
     ///
     /// # Errors
     /// Those of transfers.
-    pub fn outputs(&self, gpu: &Gpu, choice: &K::Choice) -> Result<Vec<Output>> {
-        let outputs: Result<Vec<_>> = self.outputs.iter().map(|of| of(gpu, choice)).collect();
+    pub fn outputs(&self, gpu: &Gpu) -> Result<Vec<Output>> {
+        let outputs: Result<Vec<_>> = self.outputs.iter().map(|of| of(gpu)).collect();
         Ok(outputs?.into_iter().flatten().collect())
     }
-}
 
-/// Expected values with NaNs up to `len`, for elements that a kernel must not write.
-fn padded(mut expected: Vec<f64>, len: usize) -> Vec<f64> {
-    expected.resize(len.max(expected.len()), f64::NAN);
-    expected
+    /// The kernel in a choice, checked once, to be timed under a name.
+    ///
+    /// # Errors
+    /// A wrong result; errors of Vulkan.
+    pub fn subject<'b>(&'b self, gpu: &Gpu, named: Case, choice: K::Choice) -> Result<Subject<'b>>
+    where
+        K: 'b,
+    {
+        let choice = self.tuned(choice);
+        let kernel = K::compile(gpu, choice)?;
+        self.run(gpu, &kernel, &choice)?;
+        named.judge(&self.outputs(gpu)?)?;
+        let mut frames = Frames::new(gpu, 1, true)?;
+        let run = move || {
+            let prepare = |rec: &mut Recorder<'_>| match &self.prepare_timing {
+                Some(prepare) => prepare(rec, &kernel),
+                None => self.prepare.iter().for_each(|prepare| prepare(rec, &kernel)),
+            };
+            device_times(&mut frames, prepare, |rec| (self.commands)(rec, &kernel, &choice))
+        };
+        Ok(Subject {
+            case: named,
+            run: Box::new(run),
+        })
+    }
 }
 
 /// Sizes of workgroups that a kernel is tried with.

@@ -4,8 +4,8 @@ use super::{KernelCase, counts};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::compact::{Bindings, Compact};
+use crate::lab::bench::Work;
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::{Unit, Work};
 use crate::layout::COUNT_SPLAT;
 use crate::reference::scan::scan;
 
@@ -24,24 +24,21 @@ pub fn compact<'a>(gpu: &Gpu, tiles: &[u32]) -> Result<KernelCase<'a, Compact>> 
     let [keys, values] =
         ["depth_from_visible", "splat_from_visible"].map(|name| gpu.buffer::<u32>(name, visible.len() + 1));
     let (keys, values) = (keys?, values?);
-    let (keys_out, values_out) = (keys.clone(), values.clone());
     // A flag and a place for all; a depth, and a pair to write, for the visible.
-    let work = Work::of(len, Unit::Splats).moving(8 * len + 12 * visible.len());
-    let case = KernelCase::new(work, move |rec, kernel: &Compact, _| {
+    let work = Work::of(len, "splats").moving(8 * len + 12 * visible.len());
+    let bits = |&i: &usize| f64::from(rests[i][1].to_bits());
+    let case = KernelCase::new(work)
+        .exact("depths", &keys, visible.iter().map(bits).collect())
+        .exact("splats", &values, visible.iter().map(|&i| i as f64).collect());
+    Ok(case.commands(move |rec, kernel: &Compact, _| {
         let io = Bindings {
             counts: &counts,
             tile_count_from_splat: &tile_counts,
             visible_from_splat: &visible_from_splat,
             blue_depth_from_splat: &depths,
-            depth_from_visible: &keys_out,
-            splat_from_visible: &values_out,
+            depth_from_visible: &keys,
+            splat_from_visible: &values,
         };
         kernel.record(rec, io, kernel.groups(len));
-    });
-    let bits = |&i: &usize| f64::from(rests[i][1].to_bits());
-    Ok(case.exact("depths", &keys, visible.iter().map(bits).collect()).exact(
-        "splats",
-        &values,
-        visible.iter().map(|&i| i as f64).collect(),
-    ))
+    }))
 }

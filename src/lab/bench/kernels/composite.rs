@@ -5,10 +5,10 @@ use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::rasterize::Outputs;
 use crate::kernels::{baseline_16x16, rasterize, walker_bindings};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, floats, words};
 use crate::lab::bench::input::lists::{Lists, view};
-use crate::lab::bench::input::scene::{Scene, scattered};
-use crate::lab::bench::{Unit, Work};
+use crate::lab::bench::input::scene::Scene;
 use crate::layout::{BASELINE_TILE, View};
 use crate::reference::frame::center;
 use crate::reference::rasterize::{self as reference, blended, discontinuity_margin};
@@ -50,20 +50,10 @@ pub struct ExpectedPixel {
 }
 
 impl Composite {
-    /// Scattered splats by the engine's tiles.
-    pub fn new(count: usize, size: [u32; 2], sigma_max: f64) -> Composite {
-        Composite::of(scattered(count, size, sigma_max, 0))
-    }
-
     /// A scene by the engine's tiles.
     pub fn of(scene: Scene) -> Composite {
         let grid = Grid::new(scene.camera.width, scene.camera.height);
         Composite::over(scene, grid)
-    }
-
-    /// Scattered splats by the square tiles of the 16 x 16 baseline.
-    pub fn baseline_16x16(count: usize, size: [u32; 2], sigma_max: f64) -> Composite {
-        Composite::in_squares(scattered(count, size, sigma_max, 0))
     }
 
     /// A scene by the square tiles of the 16 x 16 baseline.
@@ -170,7 +160,7 @@ impl Composite {
     /// Pixel–splat pairs that are blended: the work of a frame.
     pub fn work(&self) -> Work {
         let pairs = self.pixels.iter().map(|pixel| pixel.blended as usize);
-        Work::of(pairs.sum(), Unit::Pairs)
+        Work::of(pairs.sum(), "blended pairs")
     }
 
     /// Expected image, one plane after the other.
@@ -251,20 +241,6 @@ impl CompositeBuffers {
         }
     }
 
-    /// Bindings of the baseline.
-    pub fn baseline_16x16(&self) -> baseline_16x16::Bindings<'_> {
-        baseline_16x16::Bindings {
-            view: &self.view,
-            range_from_tile: &self.range_from_tile,
-            splat_from_isect: &self.splat_from_isect,
-            ellipse_from_splat: &self.ellipse_from_splat,
-            whiten_rg_from_splat: &self.whiten_rg_from_splat,
-            blue_depth_from_splat: &self.blue_depth_from_splat,
-            image: &self.image,
-            isect_end_from_pixel: &self.isect_end_from_pixel,
-        }
-    }
-
     /// One workgroup for each tile of the image.
     pub fn groups(&self) -> Groups<'static> {
         Groups::Count(self.tiles as u32)
@@ -278,17 +254,6 @@ impl CompositeBuffers {
             band_count: 1,
         }
     }
-
-    /// The image that the last run left, held against the oracle.
-    pub fn image_outputs(&self, gpu: &Gpu, composite: &Composite) -> Result<Vec<Output>> {
-        Ok(composite.outputs(&read(gpu, &self.image)?, None))
-    }
-
-    /// Outputs of the last run beside the reference's.
-    pub fn outputs(&self, gpu: &Gpu, composite: &Composite) -> Result<Vec<Output>> {
-        let (image, ends) = (read(gpu, &self.image)?, read(gpu, &self.isect_end_from_pixel)?);
-        Ok(composite.outputs(&image, Some(&ends)))
-    }
 }
 
 /// The engine's compositing with these outputs.
@@ -299,32 +264,30 @@ pub fn rasterize<'a>(
 ) -> Result<KernelCase<'a, rasterize::Rasterize>> {
     let input = Rc::new(CompositeBuffers::new(gpu, composite)?);
     let found = input.clone();
-    let case = KernelCase::new(composite.work(), {
-        let input = input.clone();
-        move |rec, kernel: &rasterize::Rasterize, _| {
-            kernel.record(rec, input.rasterize(), input.params(), input.groups());
-        }
-    });
-    let case = case.tune(move |choice: &mut rasterize::Choice| *choice = choice.of_outputs(outputs));
-    let case = case
+    let case = KernelCase::new(composite.work())
+        .tune(move |choice: &mut rasterize::Choice| *choice = choice.of_outputs(outputs))
         .erase(&input.image)
-        .erase(&input.depth)
-        .erase(&input.isect_end_from_pixel);
-    Ok(case.judge(move |gpu, _| {
-        let (image, ends) = (read(gpu, &found.image)?, read(gpu, &found.isect_end_from_pixel)?);
-        let mut all = composite.outputs(&image, outputs.ends.then_some(&ends));
-        let near: Vec<bool> = composite.pixels.iter().map(|pixel| pixel.near).collect();
-        let nothing = || vec![f64::NAN; near.len()];
-        if !outputs.ends {
-            all.push(Output::exact("ends", words(&ends), nothing()));
-        }
+        .erase(&input.isect_end_from_pixel)
+        .judge(move |gpu| {
+            let (image, ends) = (read(gpu, &found.image)?, read(gpu, &found.isect_end_from_pixel)?);
+            let mut all = composite.outputs(&image, outputs.ends.then_some(&ends));
+            if !outputs.ends {
+                all.push(Output::exact("ends", words(&ends), vec![f64::NAN; ends.len()]));
+            }
+            Ok(all)
+        });
+    let case = case.compare(&input.depth, move |found| {
         let depths = composite.pixels.iter().map(|pixel| pixel.depth);
-        let expected = if outputs.depth { depths.collect() } else { nothing() };
-        let found = floats(&read(gpu, &found.depth)?);
+        let expected = depths
+            .map(|depth| if outputs.depth { depth } else { f64::NAN })
+            .collect();
         let range = composite.splats.iter().map(|splat| splat.depth).fold(1.0, f64::max);
-        let depth = Output::relative("depth", found, expected, 2e-5, range);
-        all.push(depth.near(near, range / 255.0, 0.01));
-        Ok(all)
+        let depth = Output::relative("depth", floats(&found), expected, 2e-5, range);
+        let near = composite.pixels.iter().map(|pixel| pixel.near).collect();
+        vec![depth.near(near, range / 255.0, 0.01)]
+    });
+    Ok(case.commands(move |rec, kernel: &rasterize::Rasterize, _| {
+        kernel.record(rec, input.rasterize(), input.params(), input.groups());
     }))
 }
 
@@ -335,12 +298,24 @@ pub fn baseline_16x16<'a>(
 ) -> Result<KernelCase<'a, baseline_16x16::Baseline16x16>> {
     let input = Rc::new(CompositeBuffers::new(gpu, composite)?);
     let found = input.clone();
-    let case = KernelCase::new(composite.work(), {
-        let input = input.clone();
-        move |rec, kernel: &baseline_16x16::Baseline16x16, _| {
-            kernel.record(rec, input.baseline_16x16(), input.groups());
-        }
-    });
-    let case = case.erase(&input.image).erase(&input.isect_end_from_pixel);
-    Ok(case.judge(move |gpu, _| found.outputs(gpu, composite)))
+    let case = KernelCase::new(composite.work())
+        .erase(&input.image)
+        .erase(&input.isect_end_from_pixel)
+        .judge(move |gpu| {
+            let (image, ends) = (read(gpu, &found.image)?, read(gpu, &found.isect_end_from_pixel)?);
+            Ok(composite.outputs(&image, Some(&ends)))
+        });
+    Ok(case.commands(move |rec, kernel: &baseline_16x16::Baseline16x16, _| {
+        let io = baseline_16x16::Bindings {
+            view: &input.view,
+            range_from_tile: &input.range_from_tile,
+            splat_from_isect: &input.splat_from_isect,
+            ellipse_from_splat: &input.ellipse_from_splat,
+            whiten_rg_from_splat: &input.whiten_rg_from_splat,
+            blue_depth_from_splat: &input.blue_depth_from_splat,
+            image: &input.image,
+            isect_end_from_pixel: &input.isect_end_from_pixel,
+        };
+        kernel.record(rec, io, input.groups());
+    }))
 }

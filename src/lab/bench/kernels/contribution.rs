@@ -1,7 +1,7 @@
 //! Case of `contribution`: loss of a tile's pixels without each of its splats.
 
+use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
-use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::contribution::{self, Contribution, Params};
@@ -44,21 +44,7 @@ pub fn contribution_into<'a>(
     let input = CompositeBuffers::new(gpu, composite)?;
     let spent = gpu.buffer_from("spent_from_pixel", &spent)?;
     let limit = gpu.buffer_from("limit_from_pixel", &limit)?;
-    let (records, out) = (records.clone(), records.clone());
-    let case = KernelCase::new(composite.work(), move |rec, kernel: &Contribution, _| {
-        let io = walker_bindings! {
-            contribution, input, &input.emitted_from_isect;
-            spent_from_pixel: &spent,
-            limit_from_pixel: &limit,
-            record_from_emitted: &out,
-        };
-        let params = Params {
-            tile_stride: tile_stride(input.tiles),
-        };
-        kernel.record(rec, io, params, input.groups());
-    });
-    Ok(case.erase(&records.clone()).judge(move |gpu, _| {
-        let found = read(gpu, &records)?;
+    let case = KernelCase::new(composite.work()).compare(records, move |found| {
         let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
         let wanted = |of: fn(&Loss) -> f64| losses.iter().map(of).collect::<Vec<_>>();
         let near = || composite.near_sources();
@@ -68,10 +54,23 @@ pub fn contribution_into<'a>(
         let most = Output::relative("most", column(0), wanted(|l| l.most), tolerance, 1.0);
         let sum = Output::relative("sum", column(1), wanted(|l| l.sum), tolerance, 128.0);
         let limit = Output::exact("limit", column(2), wanted(|l| l.limit.min(NONE)));
-        Ok(vec![
+        vec![
             most.near(near(), jump, 0.02),
             sum.near(near(), 128.0 * jump, 0.02),
             limit.near(near(), f64::INFINITY, 0.02),
-        ])
+        ]
+    });
+    let records = records.clone();
+    Ok(case.commands(move |rec, kernel: &Contribution, _| {
+        let io = walker_bindings! {
+            contribution, input, &input.emitted_from_isect;
+            spent_from_pixel: &spent,
+            limit_from_pixel: &limit,
+            record_from_emitted: &records,
+        };
+        let params = Params {
+            tile_stride: tile_stride(input.tiles),
+        };
+        kernel.record(rec, io, params, input.groups());
     }))
 }

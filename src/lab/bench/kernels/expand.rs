@@ -1,14 +1,14 @@
 //! Case of `expand`: one intersection for every tile that a splat touches.
 
-use super::{KernelCase, ScreenBuffers, counts, read, sample};
+use super::{KernelCase, ScreenBuffers, counts, sample};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::expand::{Bindings, Expand};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, words};
 use crate::lab::bench::input::lists::{Lists, tiles_near, view};
 use crate::lab::bench::input::pack::Splat2d;
 use crate::lab::bench::input::scene::{self, Scene};
-use crate::lab::bench::{Unit, Work};
 use crate::layout::{COUNT_BAND_BASE, COUNT_BAND_BEGIN, COUNT_BAND_END};
 use crate::reference::frame::depth_order;
 use crate::reference::scan::scan;
@@ -77,25 +77,7 @@ pub fn expand<'a>(
     let [tiles, sources, owners] = ["tile", "emitted", "splat"].map(|name| gpu.buffer::<u32>(name, total + 1));
     let (tiles, sources, owners) = (tiles?, sources?, owners?);
     let firsts = gpu.buffer::<u32>("emitted_from_splat", lists.screen.len())?;
-    let out = [&tiles, &sources, &owners, &firsts].map(Clone::clone);
     let drawn = order.len() - first_rank;
-    let work = Work::of(total, Unit::Isects).moving(12 * total + (size_of::<Splat2d>() + 16) * drawn);
-    let case = KernelCase::new(work, move |rec, kernel: &Expand, _| {
-        let io = Bindings {
-            view: &view,
-            counts: &counts,
-            splat_from_rank: &splat_from_rank,
-            isect_from_rank: &isect_from_rank,
-            tile_count_from_splat: &tile_counts,
-            ellipse_from_splat: &records.shape,
-            whiten_rg_from_splat: &records.tone,
-            tile_from_isect: &out[0],
-            emitted_from_isect: &out[1],
-            splat_from_emitted: &out[2],
-            emitted_from_splat: &out[3],
-        };
-        kernel.record(rec, io, kernel.groups(drawn));
-    });
     let slots = |rank: usize| (begins[rank] - base) as usize..(begins[rank + 1] - base) as usize;
     let (mut owner, mut first) = (Vec::new(), vec![f64::NAN; lists.screen.len()]);
     for rank in first_rank..order.len() {
@@ -104,12 +86,30 @@ pub fn expand<'a>(
     }
     let ranks = sample(drawn, SAMPLES).map(|i| first_rank + i);
     let sampled: Vec<_> = ranks.map(|rank| (order[rank], slots(rank))).collect();
-    Ok(case
+    let work = Work::of(total, "isects").moving(12 * total + (size_of::<Splat2d>() + 16) * drawn);
+    let case = KernelCase::new(work)
         .exact("sources", &sources, (0..total).map(|i| i as f64).collect())
         .exact("owners", &owners, owner)
         .exact("first sources", &firsts, first)
-        .erase(&tiles.clone())
-        .judge(move |gpu, _| Ok(TileColumns::new(&lists, &sampled, &read(gpu, &tiles)?).outputs())))
+        .compare(&tiles, move |tiles| {
+            TileColumns::new(&lists, &sampled, &tiles).outputs()
+        });
+    Ok(case.commands(move |rec, kernel: &Expand, _| {
+        let io = Bindings {
+            view: &view,
+            counts: &counts,
+            splat_from_rank: &splat_from_rank,
+            isect_from_rank: &isect_from_rank,
+            tile_count_from_splat: &tile_counts,
+            ellipse_from_splat: &records.shape,
+            whiten_rg_from_splat: &records.tone,
+            tile_from_isect: &tiles,
+            emitted_from_isect: &sources,
+            splat_from_emitted: &owners,
+            emitted_from_splat: &firsts,
+        };
+        kernel.record(rec, io, kernel.groups(drawn));
+    }))
 }
 
 /// Every tile of the image for every compared splat: whether it is listed, has to be, and may be; and for every splat

@@ -4,8 +4,8 @@ use super::{KernelCase, counts};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::gather::{Bindings, Gather};
+use crate::lab::bench::Work;
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::{Unit, Work};
 use crate::layout::COUNT_VISIBLE;
 
 /// Random values through a random permutation, as the order of depths is one.
@@ -20,16 +20,15 @@ pub fn gather<'a>(gpu: &Gpu, len: usize) -> Result<KernelCase<'a, Gather>> {
     let source = gpu.buffer_from("tile_count_from_splat", &source)?;
     let index = gpu.buffer_from("splat_from_rank", &index)?;
     let target = gpu.buffer::<u32>("tile_count_from_rank", len + 1)?;
-    let out = target.clone();
-    let work = Work::of(len, Unit::Splats).moving(12 * len);
-    let case = KernelCase::new(work, move |rec, kernel: &Gather, _| {
+    let work = Work::of(len, "splats").moving(12 * len);
+    let case = KernelCase::new(work).exact("values", &target, expected);
+    Ok(case.commands(move |rec, kernel: &Gather, _| {
         let io = Bindings {
             counts: &counts,
             splat_from_rank: &index,
             tile_count_from_splat: &source,
-            tile_count_from_rank: &out,
+            tile_count_from_rank: &target,
         };
         kernel.record(rec, io, kernel.groups(len));
-    });
-    Ok(case.exact("values", &target, expected))
+    }))
 }

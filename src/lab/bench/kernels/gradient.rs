@@ -1,16 +1,17 @@
 //! Cases of compositing's gradient.
 
+use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
-use super::{KernelCase, read};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::gpu::{Buffer, Gpu};
 use crate::kernels::{Kernel, baseline_16x16_backward, rasterize_backward, walker_bindings};
-use crate::lab::bench::check::{Output, floats, rms};
+use crate::lab::bench::check::{Output, rms};
 use crate::lab::bench::input::pack;
 use crate::lab::bench::input::random::Random;
 use crate::reference::Thresholds;
 use crate::reference::rasterize_backward::{PixelGradient, ScreenGradient, pixel_backward};
 use crate::render::tile_stride;
+use std::ops::Range;
 use std::rc::Rc;
 
 /// One pixel in so many has a gradient in checked runs of large inputs, for the reference's sake.
@@ -62,10 +63,7 @@ impl Gradient {
 
     /// Sums by splat, nine in a row, held against the oracle's.
     pub fn judge_splats(&self, found: &[f32], tolerance: f64) -> Vec<Output> {
-        outputs(&self.sums_from_splat, tolerance, |quantity| {
-            let column = found.iter().skip(quantity).step_by(9);
-            column.map(|&sum| f64::from(sum)).collect()
-        })
+        columns(&self.sums_from_splat, 0..9, found, tolerance)
     }
 }
 
@@ -114,166 +112,115 @@ pub const SPLAT_TOLERANCE: f64 = 2e-4;
 /// thousand.
 pub const CAPPED_TOLERANCE: f64 = 6e-3;
 
-/// Nine columns, each in units of its own typical size.
-fn outputs(expected: &[[f64; 9]], tolerance: f64, found: impl Fn(usize) -> Vec<f64>) -> Vec<Output> {
+/// Columns of some of the nine sums, each in units of its own typical size; `found` has these sums in a row.
+fn columns(expected: &[[f64; 9]], quantities: Range<usize>, found: &[f32], tolerance: f64) -> Vec<Output> {
+    let (first, count) = (quantities.start, quantities.len());
     let column = |quantity: usize| {
+        let found = found.iter().skip(quantity - first).step_by(count);
         let expected: Vec<f64> = expected.iter().map(|sums| sums[quantity]).collect();
         let scale = rms(&expected).max(1e-6);
-        Output::relative(NAMES[quantity], found(quantity), expected, tolerance, scale)
+        let found = found.map(|&sum| f64::from(sum)).collect();
+        Output::relative(NAMES[quantity], found, expected, tolerance, scale)
     };
-    (0..9).map(column).collect()
+    quantities.map(column).collect()
 }
 
-/// Device buffers of the backward kernels.
-pub struct Device {
-    gpu: Gpu,
-    pixels: [Buffer<f32>; 4],
+/// Inputs of both kernels that the composite's buffers lack.
+struct Upstream {
+    image: Buffer<f32>,
     isect_end_from_pixel: Buffer<u32>,
-    d_shape: Buffer<[f32; 4]>,
-    d_tone: Buffer<[f32; 4]>,
-    d_rest: Buffer<f32>,
-    sum_from_splat: Buffer<f32>,
+    d_image: Buffer<f32>,
 }
 
-impl Device {
-    /// Uploads the gradient and the expected outputs of the forward pass.
-    pub fn new(gpu: &Gpu, composite: &Composite, gradient: &Gradient) -> Result<Device> {
-        let planes: Vec<f32> = composite.planes().iter().map(|&x| x as f32).collect();
-        let ends: Vec<u32> = composite.pixels.iter().map(|pixel| pixel.end).collect();
-        let isects = composite.lists.isects.len();
-        Ok(Device {
-            gpu: gpu.clone(),
-            pixels: [
-                gpu.buffer_from("image", &planes)?,
-                gpu.buffer_from("d_image", &gradient.d_image)?,
-                gpu.buffer_from("d_sampled", &gradient.d_sampled)?,
-                gpu.buffer("d_current", gradient.d_image.len())?,
-            ],
-            isect_end_from_pixel: gpu.buffer_from("ends", &ends)?,
-            d_shape: gpu.buffer("d_shape", isects)?,
-            d_tone: gpu.buffer("d_tone", isects)?,
-            d_rest: gpu.buffer("d_rest", isects)?,
-            sum_from_splat: gpu.buffer("sums", 9 * composite.scene.splats.len())?,
-        })
-    }
-
-    /// Takes the gradient that is judged, or else the whole one.
-    pub fn upstream(&self, rec: &mut Recorder<'_>, judged: bool) {
-        let from = &self.pixels[if judged { 2 } else { 1 }];
-        rec.copy(from, 0..from.len(), &self.pixels[3], 0);
-    }
-
-    /// Bindings of the engine's kernel.
-    pub fn rasterize_backward<'a>(&'a self, input: &'a CompositeBuffers) -> rasterize_backward::Bindings<'a> {
-        walker_bindings! {
-            rasterize_backward, input, &input.emitted_from_isect;
-            blue_depth_from_splat: &input.blue_depth_from_splat,
-            image: &self.pixels[0],
-            d_image: &self.pixels[3],
-            isect_end_from_pixel: &self.isect_end_from_pixel,
-            d_shape_from_source: &self.d_shape,
-            d_tone_from_source: &self.d_tone,
-            d_rest_from_source: &self.d_rest,
-        }
-    }
-
-    /// Bindings of the baseline.
-    pub fn baseline_16x16_backward<'a>(&'a self, input: &'a CompositeBuffers) -> baseline_16x16_backward::Bindings<'a> {
-        baseline_16x16_backward::Bindings {
-            view: &input.view,
-            range_from_tile: &input.range_from_tile,
-            splat_from_isect: &input.splat_from_isect,
-            ellipse_from_splat: &input.ellipse_from_splat,
-            whiten_rg_from_splat: &input.whiten_rg_from_splat,
-            blue_depth_from_splat: &input.blue_depth_from_splat,
-            image: &self.pixels[0],
-            d_image: &self.pixels[3],
-            isect_end_from_pixel: &self.isect_end_from_pixel,
-            sum_from_splat: &self.sum_from_splat,
-        }
-    }
-
-    /// Outputs of the engine's kernel beside the reference's.
-    pub fn judge_sources(&self, gradient: &Gradient, tolerance: f64) -> Result<Vec<Output>> {
-        let shape = floats(&read(&self.gpu, &self.d_shape)?);
-        let tone = floats(&read(&self.gpu, &self.d_tone)?);
-        let rest = floats(&read(&self.gpu, &self.d_rest)?);
-        Ok(outputs(&gradient.sums_from_source, tolerance, |quantity| {
-            let column = |list: &[f64], at: usize| list.iter().skip(at).step_by(4).copied().collect();
-            match quantity {
-                0..4 => column(&shape, quantity),
-                4..8 => column(&tone, quantity - 4),
-                _ => rest.clone(),
-            }
-        }))
-    }
-
-    /// Outputs of the baseline beside the reference's.
-    pub fn judge_splats(&self, gradient: &Gradient, tolerance: f64) -> Result<Vec<Output>> {
-        Ok(gradient.judge_splats(&read(&self.gpu, &self.sum_from_splat)?, tolerance))
-    }
-}
-
-/// A step through the tiles, as the engine has it.
-pub fn params(input: &CompositeBuffers) -> rasterize_backward::Params {
-    rasterize_backward::Params {
-        tile_stride: tile_stride(input.tiles),
-        band: 0,
-    }
-}
-
-/// Input, gradient and buffers of a case of either kernel.
-type GradientCase = Rc<(CompositeBuffers, Gradient, Device)>;
-
-fn held(gpu: &Gpu, composite: &Composite, sampled: u64) -> Result<GradientCase> {
-    let gradient = Gradient::new(composite, sampled);
-    let device = Device::new(gpu, composite, &gradient)?;
-    Ok(Rc::new((CompositeBuffers::new(gpu, composite)?, gradient, device)))
-}
-
-/// Adds the upstream gradients to a case of either kernel, of a sample in checked runs.
-fn with_upstream<'a, K: Kernel + 'a>(case: KernelCase<'a, K>, held: &GradientCase) -> KernelCase<'a, K> {
-    let (checked, timed) = (held.clone(), held.clone());
-    case.before(move |rec, _| checked.2.upstream(rec, true))
-        .before_timing(move |rec, _| timed.2.upstream(rec, false))
+/// A case of either kernel with the gradient of a sample in checked runs, after the reference's forward pass.
+fn with_upstream<'a, K: Kernel + 'a>(
+    gpu: &Gpu,
+    composite: &Composite,
+    gradient: &Gradient,
+) -> Result<(KernelCase<'a, K>, Upstream)> {
+    let planes: Vec<f32> = composite.planes().iter().map(|&x| x as f32).collect();
+    let ends: Vec<u32> = composite.pixels.iter().map(|pixel| pixel.end).collect();
+    let whole = gpu.buffer_from("d_image", &gradient.d_image)?;
+    let sampled = gpu.buffer_from("d_sampled", &gradient.d_sampled)?;
+    let upstream = Upstream {
+        image: gpu.buffer_from("image", &planes)?,
+        isect_end_from_pixel: gpu.buffer_from("ends", &ends)?,
+        d_image: gpu.buffer("d_current", whole.len())?,
+    };
+    let timed = upstream.d_image.clone();
+    let case = KernelCase::new(composite.work())
+        .copy(&sampled, &upstream.d_image)
+        .before_timing(move |rec, _| rec.copy(&whole, 0..whole.len(), &timed, 0));
+    Ok((case, upstream))
 }
 
 /// The engine's gradients by intersection.
 pub fn rasterize_backward<'a>(
     gpu: &Gpu,
-    composite: &'a Composite,
-    sampled: u64,
+    composite: &Composite,
+    gradient: impl Into<Rc<Gradient>>,
     tolerance: f64,
 ) -> Result<KernelCase<'a, rasterize_backward::RasterizeBackward>> {
-    let held = held(gpu, composite, sampled)?;
-    let (recorded, found) = (held.clone(), held.clone());
-    let case = KernelCase::new(composite.work(), {
-        move |rec, kernel: &rasterize_backward::RasterizeBackward, _| {
-            let (input, _, device) = &*recorded;
-            let io = device.rasterize_backward(input);
-            kernel.record(rec, io, params(input), input.groups());
-        }
-    });
-    let case = with_upstream(case, &held);
-    let case = case.erase(&held.2.d_shape).erase(&held.2.d_tone).erase(&held.2.d_rest);
-    Ok(case.judge(move |_, _| found.2.judge_sources(&found.1, tolerance)))
+    let gradient = gradient.into();
+    let (case, upstream) = with_upstream(gpu, composite, &gradient)?;
+    let (input, isects) = (CompositeBuffers::new(gpu, composite)?, composite.lists.isects.len());
+    let shape = gpu.buffer::<[f32; 4]>("d_shape", isects)?;
+    let tone = gpu.buffer::<[f32; 4]>("d_tone", isects)?;
+    let rest = gpu.buffer::<f32>("d_rest", isects)?;
+    let judge = move |quantities, found: &[f32]| columns(&gradient.sums_from_source, quantities, found, tolerance);
+    let (judge_tone, judge_rest) = (judge.clone(), judge.clone());
+    let case = case
+        .compare(&shape, move |found| judge(0..4, found.as_flattened()))
+        .compare(&tone, move |found| judge_tone(4..8, found.as_flattened()))
+        .compare(&rest, move |found| judge_rest(8..9, &found));
+    Ok(
+        case.commands(move |rec, kernel: &rasterize_backward::RasterizeBackward, _| {
+            let io = walker_bindings! {
+                rasterize_backward, input, &input.emitted_from_isect;
+                blue_depth_from_splat: &input.blue_depth_from_splat,
+                image: &upstream.image,
+                d_image: &upstream.d_image,
+                isect_end_from_pixel: &upstream.isect_end_from_pixel,
+                d_shape_from_source: &shape,
+                d_tone_from_source: &tone,
+                d_rest_from_source: &rest,
+            };
+            let params = rasterize_backward::Params {
+                tile_stride: tile_stride(input.tiles),
+                band: 0,
+            };
+            kernel.record(rec, io, params, input.groups());
+        }),
+    )
 }
 
 /// The baseline's gradients by splat, of a scene in its square tiles.
 pub fn baseline_16x16_backward<'a>(
     gpu: &Gpu,
-    composite: &'a Composite,
-    sampled: u64,
+    composite: &Composite,
+    gradient: impl Into<Rc<Gradient>>,
     tolerance: f64,
 ) -> Result<KernelCase<'a, baseline_16x16_backward::Baseline16x16Backward>> {
-    let held = held(gpu, composite, sampled)?;
-    let (recorded, found) = (held.clone(), held.clone());
-    let case = KernelCase::new(composite.work(), {
-        move |rec, kernel: &baseline_16x16_backward::Baseline16x16Backward, _| {
-            let (input, _, device) = &*recorded;
-            let io = device.baseline_16x16_backward(input);
+    let gradient = gradient.into();
+    let (case, upstream) = with_upstream(gpu, composite, &gradient)?;
+    let input = CompositeBuffers::new(gpu, composite)?;
+    let sums = gpu.buffer::<f32>("sums", 9 * composite.scene.splats.len())?;
+    let case = case.compare(&sums, move |found| gradient.judge_splats(&found, tolerance));
+    Ok(
+        case.commands(move |rec, kernel: &baseline_16x16_backward::Baseline16x16Backward, _| {
+            let io = baseline_16x16_backward::Bindings {
+                view: &input.view,
+                range_from_tile: &input.range_from_tile,
+                splat_from_isect: &input.splat_from_isect,
+                ellipse_from_splat: &input.ellipse_from_splat,
+                whiten_rg_from_splat: &input.whiten_rg_from_splat,
+                blue_depth_from_splat: &input.blue_depth_from_splat,
+                image: &upstream.image,
+                d_image: &upstream.d_image,
+                isect_end_from_pixel: &upstream.isect_end_from_pixel,
+                sum_from_splat: &sums,
+            };
             kernel.record_cleared(rec, io, input.groups());
-        }
-    });
-    Ok(with_upstream(case, &held).judge(move |_, _| found.2.judge_splats(&found.1, tolerance)))
+        }),
+    )
 }

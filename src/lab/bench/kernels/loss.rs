@@ -1,17 +1,18 @@
 //! Cases of the loss: its parts, their sums, and its gradient.
 
-use super::{KernelCase, Workgroups, read, sample, time};
+use super::{KernelCase, Workgroups, sample, time};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::{loss, loss_backward, loss_sum};
-use crate::lab::bench::check::{Output, rms};
+use crate::lab::bench::check::{Output, floats, rms};
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::{Bench, Unit, Work};
+use crate::lab::bench::{Bench, Work};
 use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::reference::loss::values;
 use crate::reference::ssim::{C1, C2};
 use crate::reference::{Dual, Real};
 use crate::scene::AlphaMode;
+use std::rc::Rc;
 
 /// Width and height of a tile.
 pub const TILE: [usize; 2] = [LOSS_TILE_WIDTH as usize, LOSS_TILE_HEIGHT as usize];
@@ -201,44 +202,42 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
     let (view, image, photo) = of.upload(gpu)?;
     let slopes = gpu.buffer::<[f32; 3]>("ssim_slope", 3 * pixels)?;
     let sums = gpu.buffer::<[f32; 4]>("loss_from_tile", tiles)?;
-    let (slopes_out, sums_out, alpha_mode) = (slopes.clone(), sums.clone(), of.alpha_mode());
+    let (target, alpha_mode) = (Rc::new(of.target()), of.alpha_mode());
+    let by_place = target.clone();
     // Three channels and the photograph in, three slopes of each channel out.
-    let work = Work::of(pixels, Unit::Pixels).moving(52 * pixels);
-    let case = KernelCase::new(work, move |rec, kernel: &loss::Loss, _| {
+    let case = KernelCase::new(Work::of(pixels, "pixels").moving(52 * pixels))
+        .tune(move |choice: &mut loss::Choice| choice.spec.with_ssim = with_ssim.into())
+        .compare(&sums, move |all| {
+            let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
+            for tile in sample(tiles, 40) {
+                let mut sums = target.tile(tile);
+                sums[1] *= f64::from(u8::from(with_ssim));
+                found.extend(all[tile].map(f64::from));
+                expected.extend(sums);
+            }
+            // Moments of values up to 1 have an error of about 6u; variances are compared with C2 = 9e-4, so that
+            // SSIM is off by 4e-4 at worst, in a window of a single bright shade beside another tile's shift, and its
+            // slopes, which are up to 2 / C2, likewise.
+            vec![Output::relative("tiles", found, expected, 1e-4, 1.0)]
+        })
+        .compare(&slopes, move |all| {
+            let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
+            for place in sample(3 * pixels, SAMPLES).filter(|_| with_ssim) {
+                found.extend(all[place].map(f64::from));
+                expected.extend(by_place.slopes(place));
+            }
+            let scale = rms(&expected).max(1.0);
+            vec![Output::relative("slopes", found, expected, 1e-3, scale)]
+        });
+    Ok(case.commands(move |rec, kernel: &loss::Loss, _| {
         let io = loss::Bindings {
             view: &view,
             image: &image,
             photo: &photo,
-            ssim_slope: &slopes_out,
-            loss_from_tile: &sums_out,
+            ssim_slope: &slopes,
+            loss_from_tile: &sums,
         };
         kernel.record(rec, io, loss::Params { alpha_mode }, Groups::Count(tiles as u32));
-    });
-    let case = case.tune(move |choice: &mut loss::Choice| choice.spec.with_ssim = with_ssim.into());
-    let target = of.target();
-    Ok(case.erase(&slopes.clone()).erase(&sums.clone()).judge(move |gpu, _| {
-        let (all_slopes, all_sums) = (read(gpu, &slopes)?, read(gpu, &sums)?);
-        let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
-        for tile in sample(tiles, 40) {
-            let mut sums = target.tile(tile);
-            sums[1] *= f64::from(u8::from(with_ssim));
-            found.extend(all_sums[tile].map(f64::from));
-            expected.extend(sums);
-        }
-        // Moments of values up to 1 have an error of about 6u; variances are compared with C2 = 9e-4, so that SSIM is
-        // off by 4e-4 at worst, in a window of a single bright shade beside another tile's shift, and its slopes,
-        // which are up to 2 / C2, likewise.
-        let mut outputs = vec![Output::relative("tiles", found, expected, 1e-4, 1.0)];
-        if with_ssim {
-            let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
-            for place in sample(3 * pixels, SAMPLES) {
-                found.extend(all_slopes[place].map(f64::from));
-                expected.extend(target.slopes(place));
-            }
-            let scale = rms(&expected).max(1.0);
-            outputs.push(Output::relative("slopes", found, expected, 1e-3, scale));
-        }
-        Ok(outputs)
     }))
 }
 
@@ -251,20 +250,20 @@ pub fn sum<'a>(gpu: &Gpu, tiles: usize) -> Result<KernelCase<'a, loss_sum::LossS
     let expected = [0, 1, 2, 3].map(sum).to_vec();
     let loss_from_tile = gpu.buffer_from("loss_from_tile", &terms)?;
     let loss = gpu.buffer::<[f32; 4]>("loss", 1)?;
-    let out = loss.clone();
-    let work = Work::default().moving(16 * tiles);
-    let case = KernelCase::new(work, move |rec, kernel: &loss_sum::LossSum, _| {
+    // Random rounding of as many positive terms: sqrt(tiles) u, at 5000 terms one after the other.
+    let case = KernelCase::new(Work::default().moving(16 * tiles)).compare(&loss, move |found| {
+        vec![Output::relative("total", floats(&found), expected.clone(), 1e-5, 1.0)]
+    });
+    Ok(case.commands(move |rec, kernel: &loss_sum::LossSum, _| {
         let io = loss_sum::Bindings {
             loss_from_tile: &loss_from_tile,
-            loss: &out,
+            loss: &loss,
         };
         let params = loss_sum::Params {
             tile_count: tiles as u32,
         };
         kernel.record(rec, io, params, Groups::Count(1));
-    });
-    // Random rounding of as many positive terms: sqrt(tiles) u, at 5000 terms one after the other.
-    Ok(case.relative("total", &loss, expected, (1e-5, 1.0)))
+    }))
 }
 
 /// The gradient from slopes that are given, so that only this kernel is judged.
@@ -287,28 +286,15 @@ pub fn differentiate<'a>(
     let (view, image, photo) = of.upload(gpu)?;
     let ssim_slope = gpu.buffer_from("ssim_slope", &slopes)?;
     let d_image = gpu.buffer::<f32>("d_image", 3 * pixels)?;
-    let (out, tiles) = (d_image.clone(), of.tiles() as u32);
+    let tiles = of.tiles() as u32;
     let params = loss_backward::Params {
         alpha_mode: of.alpha_mode(),
         l1_scale: ((1.0 - lambda) * share) as f32,
         ssim_scale: (lambda * share) as f32,
     };
-    let work = Work::of(pixels, Unit::Pixels).moving(64 * pixels);
-    let case = KernelCase::new(work, move |rec, kernel: &loss_backward::LossBackward, _| {
-        let io = loss_backward::Bindings {
-            view: &view,
-            image: &image,
-            photo: &photo,
-            ssim_slope: &ssim_slope,
-            d_image: &out,
-        };
-        kernel.record(rec, io, params, Groups::Count(tiles));
-    });
-    let case = case.tune(move |choice: &mut loss_backward::Choice| {
-        choice.spec.with_ssim = u32::from(lambda > 0.0);
-    });
-    Ok(case.erase(&d_image.clone()).judge(move |gpu, _| {
-        let all = read(gpu, &d_image)?;
+    let case = KernelCase::new(Work::of(pixels, "pixels").moving(64 * pixels))
+        .tune(move |choice: &mut loss_backward::Choice| choice.spec.with_ssim = u32::from(lambda > 0.0));
+    let case = case.compare(&d_image, move |all| {
         let (mut found, mut expected, mut near) = (Vec::new(), Vec::new(), Vec::new());
         for place in sample(3 * pixels, SAMPLES) {
             let weight_here = target.weight(place % pixels);
@@ -326,7 +312,17 @@ pub fn differentiate<'a>(
             near.push(x != y && (x - y).abs() < 1e-6);
         }
         let d_image = Output::relative("d_image", found, expected, 3e-4, 1.0);
-        Ok(vec![d_image.near(near, 2.0, 0.01)])
+        vec![d_image.near(near, 2.0, 0.01)]
+    });
+    Ok(case.commands(move |rec, kernel: &loss_backward::LossBackward, _| {
+        let io = loss_backward::Bindings {
+            view: &view,
+            image: &image,
+            photo: &photo,
+            ssim_slope: &ssim_slope,
+            d_image: &d_image,
+        };
+        kernel.record(rec, io, params, Groups::Count(tiles));
     }))
 }
 

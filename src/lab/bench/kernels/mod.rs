@@ -37,8 +37,9 @@ use crate::kernels::Kernel;
 use crate::layout::COUNT_SLOTS;
 use bytemuck::Pod;
 pub use composite::{Composite, CompositeBuffers};
-pub use gradient::{Device, Gradient};
+pub use gradient::Gradient;
 pub use sort::Sorting;
+use std::cell::LazyCell;
 use std::fmt::Display;
 
 /// Measures all kernels that the filter wants.
@@ -46,7 +47,7 @@ use std::fmt::Display;
 /// # Errors
 /// The first kernel that is wrong, before it is timed; anything that Vulkan reports.
 pub fn run(bench: &mut Bench) -> Result<()> {
-    bench.copy_rate()?;
+    bench.measure_copy_rate()?;
     for &count in sizes(bench.gpu().caps()) {
         by_splat(bench, count)?;
         by_list(bench, count)?;
@@ -112,8 +113,8 @@ fn by_list(bench: &mut Bench, count: usize) -> Result<()> {
 
 /// Kernels that walk the lists of tiles.
 fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f64) -> Result<()> {
-    let engine = std::cell::LazyCell::new(|| Composite::new(count, size, sigma));
-    let squares = std::cell::LazyCell::new(|| Composite::baseline_16x16(count, size, sigma));
+    let engine = LazyCell::new(|| Composite::of(scattered(count, size, sigma, 0)));
+    let squares = LazyCell::new(|| Composite::in_squares(scattered(count, size, sigma, 0)));
     let (lanes, fixed) = (LANES, Workgroups::FIXED);
     time(bench, lanes, name, |gpu| {
         composite::rasterize(gpu, &engine, Default::default())
@@ -122,10 +123,10 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
     time(bench, fixed, name, |gpu| rasterize_inria::rasterize_inria(gpu, &engine))?;
     use gradient::{SAMPLED, SOURCE_TOLERANCE, SPLAT_TOLERANCE};
     time(bench, lanes, name, |gpu| {
-        gradient::rasterize_backward(gpu, &engine, SAMPLED, SOURCE_TOLERANCE)
+        gradient::rasterize_backward(gpu, &engine, Gradient::new(&engine, SAMPLED), SOURCE_TOLERANCE)
     })?;
     time(bench, fixed, name, |gpu| {
-        gradient::baseline_16x16_backward(gpu, &squares, SAMPLED, SPLAT_TOLERANCE)
+        gradient::baseline_16x16_backward(gpu, &squares, Gradient::new(&squares, SAMPLED), SPLAT_TOLERANCE)
     })?;
     time(bench, lanes, name, |gpu| contribution::contribution(gpu, &engine))?;
     time(bench, lanes, name, |gpu| prune_limit::prune_limit(gpu, &engine, 0.05))?;
@@ -136,7 +137,10 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
 }
 
 /// Checks and times a kernel in every choice that the filter wants. The case is made if there is one.
-fn time<'a, K: Kernel>(
+///
+/// # Errors
+/// A wrong result, before anything is timed in that choice; errors of Vulkan.
+pub fn time<'a, K: Kernel>(
     bench: &mut Bench,
     workgroups: Workgroups,
     input: impl Display,
@@ -159,13 +163,8 @@ fn time<'a, K: Kernel>(
     }
     let case = make(&gpu)?;
     for (choice, named) in choices {
-        let choice = case.tuned(choice);
-        let kernel = K::compile(&gpu, choice)?;
-        let named = named.doing(case.work());
-        case.run(&gpu, &kernel, &choice)?;
-        named.judge(&case.outputs(&gpu, &choice)?)?;
-        let record = |rec: &mut crate::gpu::Recorder<'_>| case.record(rec, &kernel, &choice);
-        bench.measure_commands(&named, |rec| case.prepare_timing(rec, &kernel), record)?;
+        let subject = case.subject(&gpu, named.doing(case.work), choice)?;
+        bench.measure(&subject.case, subject.run)?;
     }
     Ok(())
 }

@@ -1,13 +1,13 @@
 //! Case of `perturb`: exploration noise of the splats' own shape.
 
-use super::{KernelCase, counts, read, sample};
+use super::{KernelCase, counts, sample};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::perturb::{Bindings, Params, Perturb};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::input::scene::Scene;
-use crate::lab::bench::{Unit, Work};
 use crate::reference::Splat;
 use crate::reference::perturb::{normals, perturb as reference};
 use crate::render::planes_from_splats;
@@ -44,26 +44,11 @@ pub fn perturb<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, Perturb>> 
     let planes = planes_from_splats(&splats);
     let counts = counts(gpu, &[])?;
     let before = gpu.buffer_from("before", &planes)?;
-    let values = gpu.buffer("params", planes.len())?;
+    let values = gpu.buffer::<[f32; 4]>("params", planes.len())?;
     let index = gpu.buffer_from("splat_from_slot", &[u32::MAX])?;
-    let out = values.clone();
     // Three planes in, one out.
-    let work = Work::of(count, Unit::Splats).moving(64 * count);
-    let case = KernelCase::new(work, move |rec, kernel: &Perturb, _| {
-        let io = Bindings {
-            counts: &counts,
-            params: &out,
-            splat_from_slot: &index,
-        };
-        let params = Params {
-            splat_count: count as u32,
-            stride: count as u32,
-            ..PARAMS
-        };
-        kernel.record(rec, io, params, kernel.groups(count));
-    });
-    Ok(case.copy(&before, &values).judge(move |gpu, _| {
-        let after = read(gpu, &values)?;
+    let work = Work::of(count, "splats").moving(64 * count);
+    let case = KernelCase::new(work).compare(&values, move |after| {
         let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
         for i in sample(planes.len(), SAMPLES * planes.len() / count.max(1)) {
             found.extend(after[i].map(f64::from));
@@ -82,6 +67,19 @@ pub fn perturb<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, Perturb>> 
         // and 3 ULP elsewhere; its square root multiplies what is small, where the noise is small too:
         // 2^-21 / (2 * 2^-11) at a radius of 2^-11, below which no draw falls; and as much again for sine and cosine
         // (2^-11 absolutely, by the specification; far less on any device).
-        Ok(vec![Output::relative("parameters", found, expected, 1e-4, 1.0)])
+        vec![Output::relative("parameters", found, expected, 1e-4, 1.0)]
+    });
+    Ok(case.copy(&before, &values).commands(move |rec, kernel: &Perturb, _| {
+        let io = Bindings {
+            counts: &counts,
+            params: &values,
+            splat_from_slot: &index,
+        };
+        let params = Params {
+            splat_count: count as u32,
+            stride: count as u32,
+            ..PARAMS
+        };
+        kernel.record(rec, io, params, kernel.groups(count));
     }))
 }

@@ -4,9 +4,9 @@ use super::KernelCase;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::present::{Bindings, Present, groups};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::{Unit, Work};
 use crate::layout::View;
 
 /// Four planes of random numbers to an image of `size` pixels. Transmittance becomes opacity.
@@ -32,19 +32,20 @@ pub fn present<'a>(gpu: &Gpu, size: [u32; 2]) -> Result<KernelCase<'a, Present>>
             false => [f64::NAN; 4],
         });
     }
-    let (cleared, out) = (target.clone(), target.clone());
-    let work = Work::of(pixels, Unit::Pixels).moving(2 * 16 * pixels);
-    let case = KernelCase::new(work, move |rec, kernel: &Present, _| {
+    let (cleared, found) = (target.clone(), target.clone());
+    let work = Work::of(pixels, "pixels").moving(2 * 16 * pixels);
+    let case = KernelCase::new(work)
+        .before(move |rec, _| rec.clear(&cleared, f32::NAN))
+        .judge(move |gpu| {
+            let found = floats(&gpu.download_image(&found)?);
+            Ok(vec![Output::exact("pixels", found, expected.clone())])
+        });
+    Ok(case.commands(move |rec, kernel: &Present, _| {
         let io = Bindings {
             view: &view,
             image: &image,
-            target: &out,
+            target: &target,
         };
         kernel.record(rec, io, groups(size));
-    });
-    let case = case.before(move |rec, _| rec.clear(&cleared, f32::NAN));
-    Ok(case.judge(move |gpu, _| {
-        let found = floats(&gpu.download_image(&target)?);
-        Ok(vec![Output::exact("pixels", found, expected.clone())])
     }))
 }

@@ -4,11 +4,11 @@ use super::{KernelCase, read, sample};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::project::{Bindings, Choice, Params, Project};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, UNWRITTEN};
 use crate::lab::bench::input::lists::{tiles_near, view, viewpoint};
 use crate::lab::bench::input::pack::{self, Splat2d};
 use crate::lab::bench::input::scene::Scene;
-use crate::lab::bench::{Unit, Work};
 use crate::reference::project::margins;
 use crate::reference::smoothing::smoothed;
 use crate::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
@@ -64,7 +64,7 @@ pub fn project<'a>(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Result<KernelCa
     let outputs = ProjectOutputs::new(gpu, scene.splats.len())?;
     let scene = scene.clone();
     let case = commands(gpu, &scene, &planes, None, &outputs)?;
-    Ok(case.judge(move |gpu, _| {
+    Ok(case.judge(move |gpu| {
         let (records, tiles) = outputs.read(gpu)?;
         Ok(compare(&scene, &filters, &records, &tiles))
     }))
@@ -84,8 +84,8 @@ pub fn commands<'a>(
     let splat_from_slot = gpu.buffer_from("splat_from_slot", index.unwrap_or(&[UNWRITTEN]))?;
     let (out, indexed) = (outputs.clone(), index.is_some());
     let bytes = 16 * plane_count(degree) + size_of::<Splat2d>() + 4;
-    let work = Work::of(count, Unit::Splats).moving(count * bytes);
-    let case = KernelCase::new(work, move |rec, kernel: &Project, _| {
+    let case = KernelCase::new(Work::of(count, "splats").moving(count * bytes));
+    let case = case.commands(move |rec, kernel: &Project, _| {
         let io = Bindings {
             view: &view,
             params: &params,

@@ -4,12 +4,12 @@ use super::{KernelCase, ScreenBuffers, counts, read, sample};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::project_backward::{Bindings, Choice, Params, ProjectBackward};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, UNWRITTEN, floats};
 use crate::lab::bench::input::lists::{view, viewpoint};
 use crate::lab::bench::input::pack::{self, Splat2d};
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::input::scene::Scene;
-use crate::lab::bench::{Unit, Work};
 use crate::reference::primitive::extent;
 use crate::reference::project::margins;
 use crate::reference::project_backward::{PenaltyWeights, penalty_backward};
@@ -162,7 +162,7 @@ pub fn scattered<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, ProjectB
 pub fn project_backward<'a>(gpu: &Gpu, sums: SplatSums) -> Result<KernelCase<'a, ProjectBackward>> {
     let outputs = GradientOutputs::new(gpu, &sums.scene)?;
     let case = commands(gpu, &sums, None, &[], &outputs)?;
-    Ok(case.judge(move |gpu, _| {
+    Ok(case.judge(move |gpu| {
         let [gradients, statistics] = outputs.read(gpu)?;
         Ok(compare(&sums, &gradients, &statistics))
     }))
@@ -201,8 +201,8 @@ pub fn commands<'a>(
     let (out, indexed) = (outputs.clone(), index.is_some());
     // Parameters in, gradients out; record, statistics, and the records of the tiles.
     let bytes = 2 * 16 * plane_count(degree) + size_of::<Splat2d>() + 32 + 8;
-    let work = Work::of(count, Unit::Splats).moving(bytes * count + 36 * sums.rest.len());
-    let case = KernelCase::new(work, move |rec, kernel: &ProjectBackward, _| {
+    let case = KernelCase::new(Work::of(count, "splats").moving(bytes * count + 36 * sums.rest.len()));
+    let case = case.commands(move |rec, kernel: &ProjectBackward, _| {
         let io = Bindings {
             view: &view,
             counts: &counts,

@@ -1,7 +1,7 @@
 //! Case of `prune_limit`: how far down a ranking of splats each pixel can do without them.
 
+use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
-use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::prune_limit::{self, Params, PruneLimit};
@@ -46,13 +46,34 @@ pub fn prune_limit<'a>(gpu: &Gpu, composite: &'a Composite, budget: f32) -> Resu
     let ranks = gpu.buffer_from("rank_from_splat", &ranks)?;
     let limit = gpu.buffer::<f32>("limit_from_pixel", pixels)?;
     let spent = gpu.buffer::<f32>("spent_from_pixel", pixels)?;
-    let (limit_out, spent_out) = (limit.clone(), spent.clone());
-    let case = KernelCase::new(composite.work(), move |rec, kernel: &PruneLimit, _| {
+    let near = || composite.pixels.iter().map(|pixel| pixel.near);
+    // The weights that make up a sum err by 2e-5 of what there is at most (see `contribution`); a budget within so
+    // much of a sum may be met or not.
+    let unsure = |(near, limits): (bool, &PruneLimits)| near || limits.margin < 2e-5 / wide;
+    let unsure: Vec<bool> = near().zip(&expected).map(unsure).collect();
+    // A search that begins with what is beyond its budget finds nothing to add to it.
+    let limits = expected.iter().map(|limits| match limits.spent > wide {
+        true => 0.0,
+        false => limits.limit,
+    });
+    let limits: Vec<f64> = limits.collect();
+    let sums: Vec<f64> = expected.iter().map(|limits| limits.spent).collect();
+    let case = KernelCase::new(composite.work())
+        .compare(&limit, move |found| {
+            let limit = Output::exact("limit", floats(&found), limits.clone());
+            vec![limit.near(unsure.clone(), f64::INFINITY, 0.05)]
+        })
+        .fill(&limit, 0)
+        .compare(&spent, move |found| {
+            let spent = Output::relative("spent", floats(&found), sums.clone(), 2e-5, 1.0);
+            vec![spent.near(near().collect(), 2.0 / 255.0, 0.02)]
+        });
+    Ok(case.commands(move |rec, kernel: &PruneLimit, _| {
         let io = walker_bindings! {
             prune_limit, input, &input.emitted_from_isect;
             rank_from_splat: &ranks,
-            limit_from_pixel: &limit_out,
-            spent_from_pixel: &spent_out,
+            limit_from_pixel: &limit,
+            spent_from_pixel: &spent,
         };
         for step in STEPS {
             let params = Params {
@@ -62,25 +83,5 @@ pub fn prune_limit<'a>(gpu: &Gpu, composite: &'a Composite, budget: f32) -> Resu
             };
             kernel.record(rec, io, params, input.groups());
         }
-    });
-    Ok(case.fill(&limit, 0).erase(&spent).judge(move |gpu, _| {
-        let near = composite.pixels.iter().map(|pixel| pixel.near);
-        // The weights that make up a sum err by 2e-5 of what there is at most (see `contribution`); a budget within so
-        // much of a sum may be met or not.
-        let unsure = |(near, limits): (bool, &PruneLimits)| near || limits.margin < 2e-5 / wide;
-        let unsure = near.clone().zip(&expected).map(unsure).collect();
-        // A search that begins with what is beyond its budget finds nothing to add to it.
-        let limits = expected.iter().map(|limits| match limits.spent > wide {
-            true => 0.0,
-            false => limits.limit,
-        });
-        let found = floats(&read(gpu, &limit)?);
-        let limit = Output::exact("limit", found, limits.collect());
-        let sums = expected.iter().map(|limits| limits.spent).collect();
-        let spent = Output::relative("spent", floats(&read(gpu, &spent)?), sums, 2e-5, 1.0);
-        Ok(vec![
-            limit.near(unsure, f64::INFINITY, 0.05),
-            spent.near(near.collect(), 2.0 / 255.0, 0.02),
-        ])
     }))
 }

@@ -1,13 +1,13 @@
 //! Case of `rasterize_inria`: compositing by the rules of the 3DGS code, over the engine's own lists.
 
+use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
-use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::rasterize_inria::{self, Params, RasterizeInria};
 use crate::kernels::walker_bindings;
+use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, floats};
-use crate::lab::bench::{Unit, Work};
 use crate::reference;
 use crate::render::tile_stride;
 use rayon::prelude::*;
@@ -33,27 +33,23 @@ pub fn rasterize_inria<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<Kernel
     let near = near.repeat(4);
     let pairs = pixels.iter().map(|&(_, blended, _)| blended).sum();
     let input = CompositeBuffers::new(gpu, composite)?;
-    let image = input.image.clone();
-    let case = KernelCase::new(Work::of(pairs, Unit::Pairs), {
-        move |rec, kernel: &RasterizeInria, _| {
-            let io = walker_bindings! {
-                rasterize_inria, input, &input.emitted_from_isect;
-                blue_depth_from_splat: &input.blue_depth_from_splat,
-                image: &input.image,
-                depth: &input.depth,
-                isect_end_from_pixel: &input.isect_end_from_pixel,
-            };
-            let params = Params {
-                tile_stride: tile_stride(input.tiles),
-            };
-            kernel.record(rec, io, params, input.groups());
-        }
-    });
-    Ok(case.erase(&image.clone()).judge(move |gpu, _| {
-        let found = floats(&read(gpu, &image)?);
+    let case = KernelCase::new(Work::of(pairs, "blended pairs")).compare(&input.image, move |found| {
         // Tolerances are those of the engine's own compositing; but what a pixel leaves out weighs as much as the
         // transmittance in front of it, 1e-4 / (1 - 0.99).
-        let image = Output::relative("image", found, planes.clone(), 2e-5, 1.0);
-        Ok(vec![image.near(near.clone(), 0.01, 0.01)])
+        let image = Output::relative("image", floats(&found), planes.clone(), 2e-5, 1.0);
+        vec![image.near(near.clone(), 0.01, 0.01)]
+    });
+    Ok(case.commands(move |rec, kernel: &RasterizeInria, _| {
+        let io = walker_bindings! {
+            rasterize_inria, input, &input.emitted_from_isect;
+            blue_depth_from_splat: &input.blue_depth_from_splat,
+            image: &input.image,
+            depth: &input.depth,
+            isect_end_from_pixel: &input.isect_end_from_pixel,
+        };
+        let params = Params {
+            tile_stride: tile_stride(input.tiles),
+        };
+        kernel.record(rec, io, params, input.groups());
     }))
 }

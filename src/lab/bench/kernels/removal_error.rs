@@ -1,7 +1,7 @@
 //! Case of `removal_error`: the change of a tile's pixels without each of its splats.
 
+use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
-use super::{KernelCase, read};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::removal_error::{self, Params, RemovalError as Kernel};
@@ -31,22 +31,7 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
     let image = gpu.buffer_from("image", &planes)?;
     let errors = gpu.buffer_from("error_from_pixel", &errors)?;
     let records = gpu.buffer::<[f32; 3]>("influence_from_source", expected.len())?;
-    let out = records.clone();
-    let case = KernelCase::new(composite.work(), move |rec, kernel: &Kernel, _| {
-        let io = walker_bindings! {
-            removal_error, input, &input.emitted_from_isect;
-            blue_depth_from_splat: &input.blue_depth_from_splat,
-            image: &image,
-            error_from_pixel: &errors,
-            influence_from_source: &out,
-        };
-        let params = Params {
-            tile_stride: tile_stride(input.tiles),
-        };
-        kernel.record(rec, io, params, input.groups());
-    });
-    Ok(case.erase(&records.clone()).judge(move |gpu, _| {
-        let found = read(gpu, &records)?;
+    let case = KernelCase::new(composite.work()).compare(&records, move |found| {
         let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
         let wanted = |of: fn(&RemovalError) -> f64| expected.iter().map(of).collect::<Vec<_>>();
         // Weights err as in `contribution`, and colours as in `rasterize`: 2e-5 of what there is. What that makes of
@@ -60,10 +45,23 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
         let sums = |name, i, of| Output::relative(name, column(i), wanted(of), tolerance, 128.0);
         let (changes, expected) = (units(column(2)), units(wanted(|i| i.change)));
         let change = Output::relative("change", changes, expected, tolerance, 1.0);
-        Ok(vec![
+        vec![
             sums("weight", 0, |i| i.weight).near(near(), jump, 0.02),
             sums("error", 1, |i| i.error).near(near(), jump, 0.02),
             change.near(near(), f64::INFINITY, 0.02),
-        ])
+        ]
+    });
+    Ok(case.commands(move |rec, kernel: &Kernel, _| {
+        let io = walker_bindings! {
+            removal_error, input, &input.emitted_from_isect;
+            blue_depth_from_splat: &input.blue_depth_from_splat,
+            image: &image,
+            error_from_pixel: &errors,
+            influence_from_source: &records,
+        };
+        let params = Params {
+            tile_stride: tile_stride(input.tiles),
+        };
+        kernel.record(rec, io, params, input.groups());
     }))
 }

@@ -2,11 +2,11 @@
 
 use super::{KernelCase, counts, read};
 use crate::Result;
-use crate::gpu::{Gpu, Groups};
+use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::scan::{Io, Scan, What};
 use crate::kernels::{Kernel, scan_apply, scan_chunks, scan_reduce};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, words};
-use crate::lab::bench::{Unit, Work};
 use crate::layout::{COUNT_SCRATCH, COUNT_VISIBLE, SCAN_CHUNK};
 use crate::reference::scan::scan;
 use crate::shader::KernelInfo;
@@ -29,21 +29,20 @@ pub fn reduce<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'
     let counts = counts(gpu, &[(COUNT_VISIBLE, len as u32)])?;
     let values = gpu.buffer_from("values", values)?;
     let sums = gpu.buffer::<u32>("sum_from_chunk", expected.len() + 1)?;
-    let (out, chunks) = (sums.clone(), expected.len());
-    let work = Work::of(len, Unit::Keys).moving(4 * len);
-    let case = KernelCase::new(work, move |rec, kernel: &scan_reduce::ScanReduce, _| {
+    let chunks = expected.len();
+    let case = KernelCase::new(Work::of(len, "keys").moving(4 * len)).exact("sums", &sums, words(&expected));
+    Ok(case.commands(move |rec, kernel: &scan_reduce::ScanReduce, _| {
         let io = scan_reduce::Bindings {
             counts: &counts,
             values: &values,
-            sum_from_chunk: &out,
+            sum_from_chunk: &sums,
         };
         let params = scan_reduce::Params {
             count_slot: COUNT_VISIBLE,
             flags: flags.into(),
         };
         kernel.record(rec, io, params, kernel.groups(chunks));
-    });
-    Ok(case.exact("sums", &sums, words(&expected)))
+    }))
 }
 
 /// The sums before each of these chunk sums, saturating, and their total.
@@ -59,27 +58,30 @@ pub fn chunks<'a>(gpu: &Gpu, sums: &[u32]) -> Result<KernelCase<'a, scan_chunks:
     let counts = counts(gpu, &[(COUNT_VISIBLE, sums.len() as u32 * SCAN_CHUNK)])?;
     let before = gpu.buffer_from("sum_from_chunk", sums)?;
     let after = gpu.buffer::<u32>("sum_from_chunk", sums.len())?;
-    let (counted, out) = (counts.clone(), after.clone());
-    let work = Work::of(sums.len(), Unit::Keys).moving(8 * sums.len());
-    let case = KernelCase::new(work, move |rec, kernel: &scan_chunks::ScanChunks, _| {
+    let case = KernelCase::new(Work::of(sums.len(), "keys").moving(8 * sums.len()))
+        .exact("sums", &after, expected)
+        .copy(&before, &after);
+    let case = with_total(case, &counts, total);
+    Ok(case.commands(move |rec, kernel: &scan_chunks::ScanChunks, _| {
         let io = scan_chunks::Bindings {
             counts: &counts,
-            sum_from_chunk: &out,
+            sum_from_chunk: &after,
         };
         let params = scan_chunks::Params {
             count_slot: COUNT_VISIBLE,
             total_slot: COUNT_SCRATCH,
         };
         kernel.record(rec, io, params, Groups::Count(1));
-    });
-    Ok(case.copy(&before, &after).judge(move |gpu, _| {
-        let (found, counts) = (read(gpu, &after)?, read(gpu, &counted)?);
-        let found_total = f64::from(counts[COUNT_SCRATCH as usize]);
-        Ok(vec![
-            Output::exact("sums", words(&found), expected.clone()),
-            Output::exact("total", vec![found_total], vec![total]),
-        ])
     }))
+}
+
+/// Adds a comparison of the total, among the counts, to a case.
+fn with_total<'a, K: Kernel>(case: KernelCase<'a, K>, counts: &Buffer<u32>, total: f64) -> KernelCase<'a, K> {
+    let counts = counts.clone();
+    case.judge(move |gpu| {
+        let found = f64::from(read(gpu, &counts)?[COUNT_SCRATCH as usize]);
+        Ok(vec![Output::exact("total", vec![found], vec![total])])
+    })
 }
 
 /// The sums before each value, given those before each chunk.
@@ -90,22 +92,20 @@ pub fn apply<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a
     let values = gpu.buffer_from("values", values)?;
     let sums = gpu.buffer_from("sum_from_chunk", &starts)?;
     let offsets = gpu.buffer::<u32>("offsets", len + 1)?;
-    let out = offsets.clone();
-    let work = Work::of(len, Unit::Keys).moving(8 * len);
-    let case = KernelCase::new(work, move |rec, kernel: &scan_apply::ScanApply, _| {
+    let case = KernelCase::new(Work::of(len, "keys").moving(8 * len)).exact("offsets", &offsets, words(&expected));
+    Ok(case.commands(move |rec, kernel: &scan_apply::ScanApply, _| {
         let io = scan_apply::Bindings {
             counts: &counts,
             values: &values,
             sum_from_chunk: &sums,
-            offsets: &out,
+            offsets: &offsets,
         };
         let params = scan_apply::Params {
             count_slot: COUNT_VISIBLE,
             flags: flags.into(),
         };
         kernel.record(rec, io, params, kernel.groups(starts.len()));
-    });
-    Ok(case.exact("offsets", &offsets, words(&expected)))
+    }))
 }
 
 /// The sums before each value, and their total, by all three kernels.
@@ -115,26 +115,23 @@ pub fn whole<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a
     let values = gpu.buffer_from("values", values)?;
     let sums = gpu.buffer::<u32>("sums", len.div_ceil(SCAN_CHUNK as usize))?;
     let offsets = gpu.buffer::<u32>("offsets", len + 1)?;
-    let (counted, out) = (counts.clone(), offsets.clone());
-    let work = Work::of(len, Unit::Keys).moving(12 * len);
-    let case = KernelCase::new(work, move |rec, kernel: &Scan, _| {
-        let io = Io {
-            counts: &counts,
-            values: &values,
-            offsets: &out,
-            sums: &sums,
-        };
-        let what = What {
-            count_slot: COUNT_VISIBLE,
-            total_slot: COUNT_SCRATCH,
-            flags,
-        };
-        kernel.record(rec, io, what, Scan::groups(len));
-    });
-    Ok(case.exact("offsets", &offsets, words(&expected)).judge(move |gpu, _| {
-        let found = f64::from(read(gpu, &counted)?[COUNT_SCRATCH as usize]);
-        Ok(vec![Output::exact("total", vec![found], vec![total as f64])])
-    }))
+    let case = KernelCase::new(Work::of(len, "keys").moving(12 * len)).exact("offsets", &offsets, words(&expected));
+    Ok(
+        with_total(case, &counts, total as f64).commands(move |rec, kernel: &Scan, _| {
+            let io = Io {
+                counts: &counts,
+                values: &values,
+                offsets: &offsets,
+                sums: &sums,
+            };
+            let what = What {
+                count_slot: COUNT_VISIBLE,
+                total_slot: COUNT_SCRATCH,
+                flags,
+            };
+            kernel.record(rec, io, what, Scan::groups(len));
+        }),
+    )
 }
 
 impl Kernel for Scan {

@@ -8,7 +8,7 @@ use crate::kernels::sort::{Io, Layout, Sort};
 use crate::kernels::{Kernel, sort_count, sort_scatter};
 use crate::lab::bench::check::{Output, words};
 use crate::lab::bench::input::random::Random;
-use crate::lab::bench::{Bench, Unit, Work};
+use crate::lab::bench::{Bench, Work};
 use crate::layout::*;
 use crate::reference;
 use crate::shader::KernelInfo;
@@ -99,15 +99,15 @@ impl Digit {
 pub fn count<'a>(gpu: &Gpu, keys: &[u32], digit: Digit) -> Result<KernelCase<'a, sort_count::SortCount>> {
     let expected = digit.table(keys);
     let counts = digit.counts(gpu, keys.len())?;
-    let work = Work::of(keys.len(), Unit::Keys).moving(4 * (keys.len() + expected.len()));
+    let work = Work::of(keys.len(), "keys").moving(4 * (keys.len() + expected.len()));
     let keys = gpu.buffer_from("keys", keys)?;
     let table = gpu.buffer::<u32>("table", expected.len() + 1)?;
-    let out = table.clone();
-    let case = KernelCase::new(work, move |rec, kernel: &sort_count::SortCount, choice| {
+    let case = KernelCase::new(work).exact("table", &table, words(&expected));
+    Ok(case.commands(move |rec, kernel: &sort_count::SortCount, choice| {
         let io = sort_count::Bindings {
             counts: &counts,
             keys: &keys,
-            table: &out,
+            table: &table,
         };
         let params = sort_count::Params {
             count_slot: COUNT_ISECT,
@@ -117,8 +117,7 @@ pub fn count<'a>(gpu: &Gpu, keys: &[u32], digit: Digit) -> Result<KernelCase<'a,
         };
         let groups = digit.groups(choice.variant == sort_count::Variant::Subgroup, kernel.workgroup);
         kernel.record(rec, io, params, groups);
-    });
-    Ok(case.exact("table", &table, words(&expected)))
+    }))
 }
 
 /// Pairs moved to the places of their digits; the values are the keys' indices.
@@ -129,22 +128,25 @@ pub fn scatter<'a>(gpu: &Gpu, keys: &[u32], digit: Digit) -> Result<KernelCase<'
     let mask = ((1u32 << digit.bits) - 1) << digit.shift;
     let (sorted, moved) = reference::sort::sort(keys, &values, mask);
     let counts = digit.counts(gpu, len)?;
-    let work = Work::of(len, Unit::Keys).moving(16 * len + 4 * places.len());
+    let work = Work::of(len, "keys").moving(16 * len + 4 * places.len());
     let keys = gpu.buffer_from("keys", keys)?;
     let values = gpu.buffer_from("values", &values)?;
     let [keys_out, values_out] = ["keys", "values"].map(|name| gpu.buffer::<u32>(name, len + 1));
     let (keys_out, values_out) = (keys_out?, values_out?);
     let before = gpu.buffer_from("places", &places)?;
     let table = gpu.buffer::<u32>("table", places.len())?;
-    let (keys_to, values_to, places) = (keys_out.clone(), values_out.clone(), table.clone());
-    let case = KernelCase::new(work, move |rec, kernel: &sort_scatter::SortScatter, choice| {
+    let case = KernelCase::new(work)
+        .copy(&before, &table)
+        .exact("keys", &keys_out, words(&sorted))
+        .exact("values", &values_out, words(&moved));
+    Ok(case.commands(move |rec, kernel: &sort_scatter::SortScatter, choice| {
         let io = sort_scatter::Bindings {
             counts: &counts,
             keys: &keys,
             values: &values,
-            table: &places,
-            keys_out: &keys_to,
-            values_out: &values_to,
+            table: &table,
+            keys_out: &keys_out,
+            values_out: &values_out,
         };
         let params = sort_scatter::Params {
             count_slot: COUNT_ISECT,
@@ -154,22 +156,17 @@ pub fn scatter<'a>(gpu: &Gpu, keys: &[u32], digit: Digit) -> Result<KernelCase<'
         };
         let groups = digit.groups(choice.variant == sort_scatter::Variant::Subgroup, kernel.workgroup);
         kernel.record(rec, io, params, groups);
-    });
-    Ok(case
-        .copy(&before, &table)
-        .exact("keys", &keys_out, words(&sorted))
-        .exact("values", &values_out, words(&moved)))
+    }))
 }
 
 /// A whole sort of keys with their indices.
 pub fn sort<'a>(gpu: &Gpu, keys: Vec<u32>, layout: Layout) -> Result<KernelCase<'a, Sort>> {
     let sorting = std::rc::Rc::new(Sorting::new(gpu, keys, layout)?);
     let [before, recorded, after] = [(); 3].map(|()| sorting.clone());
-    let case = KernelCase::new(sorting.work(), move |rec, sort: &Sort, _| {
-        recorded.record(rec, sort);
-    });
-    let case = case.before(move |rec, sort| before.prepare(rec, sort));
-    Ok(case.judge(move |gpu, _| after.outputs(gpu)))
+    let case = KernelCase::new(sorting.work())
+        .before(move |rec, sort| before.prepare(rec, sort))
+        .judge(move |gpu| after.outputs(gpu));
+    Ok(case.commands(move |rec, sort: &Sort, _| recorded.record(rec, sort)))
 }
 
 /// Pairs on the device, ready to be sorted again and again.
@@ -254,7 +251,7 @@ impl Sorting {
     /// Work of one sort: each pass reads keys to count them, and reads and writes pairs.
     pub fn work(&self) -> Work {
         let count = self.keys.len();
-        Work::of(count, Unit::Keys).moving(20 * self.layout.passes as usize * count)
+        Work::of(count, "keys").moving(20 * self.layout.passes as usize * count)
     }
 
     /// The sorted keys and values.

@@ -1,12 +1,12 @@
 //! Case of `sum_by_splat`: records of intersections added up by splat.
 
 use super::composite::Composite;
-use super::{KernelCase, counts, read};
+use super::{KernelCase, counts};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::sum_by_splat::{Bindings, Choice, Params, SumBySplat};
+use crate::lab::bench::Work;
 use crate::lab::bench::check::Output;
-use crate::lab::bench::{Unit, Work};
 
 /// Records of every splat, and totals to add them to.
 pub struct Records {
@@ -65,30 +65,15 @@ pub fn sum_by_splat<'a>(gpu: &Gpu, input: &Records, sums: bool) -> Result<Kernel
     let mut before = input.totals.clone();
     before.push([f32::NAN; 3]);
     let longest = input.counts.iter().max().copied().unwrap_or(0);
-    let work = Work::of(splats, Unit::Splats).moving(12 * input.records.len() + 32 * splats);
+    let work = Work::of(splats, "splats").moving(12 * input.records.len() + 32 * splats);
     let counts = counts(gpu, &[])?;
     let tile_counts = gpu.buffer_from("tile_count_from_splat", &input.counts)?;
     let begins = gpu.buffer_from("emitted_from_splat", &input.begins)?;
     let records = gpu.buffer_from("record_from_emitted", &input.records)?;
     let before = gpu.buffer_from("totals", &before)?;
     let totals = gpu.buffer::<[f32; 3]>("sum_from_splat", splats + 1)?;
-    let out = totals.clone();
-    let case = KernelCase::new(work, move |rec, kernel: &SumBySplat, _| {
-        let io = Bindings {
-            counts: &counts,
-            tile_count_from_splat: &tile_counts,
-            emitted_from_splat: &begins,
-            record_from_emitted: &records,
-            sum_from_splat: &out,
-        };
-        let params = Params {
-            splat_count: splats as u32,
-        };
-        kernel.record(rec, io, params, kernel.groups(splats));
-    });
-    let case = case.tune(move |choice: &mut Choice| choice.spec.sums = sums.into());
-    Ok(case.copy(&before, &totals).judge(move |gpu, _| {
-        let found = read(gpu, &totals)?;
+    let case = KernelCase::new(work).tune(move |choice: &mut Choice| choice.spec.sums = sums.into());
+    let case = case.compare(&totals, move |found| {
         let column = |k: usize| found.iter().map(|r| f64::from(r[k])).collect::<Vec<_>>();
         let wanted = |k: usize| expected.iter().map(|r| r[k]).collect::<Vec<_>>();
         // n additions of positive numbers err by n u of their sum at most.
@@ -98,6 +83,21 @@ pub fn sum_by_splat<'a>(gpu: &Gpu, input: &Records, sums: bool) -> Result<Kernel
             false => Output::exact(name, column(k), wanted(k)),
         };
         let names = ["first", "second", "third"];
-        Ok(names.into_iter().enumerate().map(output).collect())
-    }))
+        names.into_iter().enumerate().map(output).collect()
+    });
+    Ok(case
+        .copy(&before, &totals)
+        .commands(move |rec, kernel: &SumBySplat, _| {
+            let io = Bindings {
+                counts: &counts,
+                tile_count_from_splat: &tile_counts,
+                emitted_from_splat: &begins,
+                record_from_emitted: &records,
+                sum_from_splat: &totals,
+            };
+            let params = Params {
+                splat_count: splats as u32,
+            };
+            kernel.record(rec, io, params, kernel.groups(splats));
+        }))
 }
