@@ -36,7 +36,7 @@ impl Check {
     #[track_caller]
     pub fn outputs(&mut self, case: &str, outputs: Vec<Output>) {
         for output in outputs {
-            let (kernel, name) = (self.kernel, output.name());
+            let (kernel, name) = (self.kernel, output.name);
             let worst = output
                 .judge()
                 .unwrap_or_else(|fault| panic!("{kernel}, {case}: {name}: {fault}"));

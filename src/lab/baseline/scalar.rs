@@ -1,9 +1,10 @@
 //! Scalar renderer on the processor: rayon over rows, one pixel at a time, `f32`, the library's `exp` for every pair
 //! of a pixel and a splat on its tile's list (3DGS paper, section 6).
 
+use crate::lab::bench::input::lists::Lists;
 use crate::lab::bench::input::pack::Splat2d;
 use crate::lab::bench::kernels::Composite;
-use crate::layout::ALPHA_MAX;
+use crate::layout::{ALPHA_MAX, BASELINE_TILE};
 use crate::reference::Thresholds;
 use rayon::prelude::*;
 
@@ -44,18 +45,17 @@ impl Conic {
     }
 }
 
+/// Width and height of a tile, pixels.
+pub(super) const TILE: usize = BASELINE_TILE as usize;
+
 /// Input of the renderers on the processor: lists by square tiles.
 pub struct HostInput<'a> {
     /// Width and height, pixels.
     pub size: [usize; 2],
-    /// Width and height of a tile, pixels.
-    pub tile: usize,
-    /// Slices of `splat_from_isect`.
-    pub range_from_tile: &'a [[u32; 2]],
+    /// Projected splats, and ranges of `splat_from_isect`.
+    pub lists: &'a Lists,
     /// Nearest first in each tile.
     pub splat_from_isect: Vec<u32>,
-    /// Records of the splats.
-    pub records: &'a [Splat2d],
     /// The same splats for the scalar renderer.
     conics: Vec<Conic>,
     /// Background colour.
@@ -65,15 +65,18 @@ pub struct HostInput<'a> {
 impl<'a> HostInput<'a> {
     /// Input from a composite with square tiles.
     pub fn new(composite: &'a Composite) -> HostInput<'a> {
-        let grid = &composite.lists.grid;
-        assert_eq!(grid.tile_width, grid.tile_height, "tiles are square here");
+        let lists = &composite.lists;
+        let grid = &lists.grid;
+        assert_eq!(
+            [grid.tile_width, grid.tile_height].map(|side| side as usize),
+            [TILE; 2],
+            "square tiles"
+        );
         HostInput {
             size: [grid.width as usize, grid.height as usize],
-            tile: grid.tile_width as usize,
-            range_from_tile: &composite.lists.range_from_tile,
-            splat_from_isect: composite.lists.splat_from_isect(),
-            records: &composite.lists.records,
-            conics: composite.lists.records.iter().map(Conic::of).collect(),
+            lists,
+            splat_from_isect: lists.splat_from_isect(),
+            conics: lists.records.iter().map(Conic::of).collect(),
             background: composite.scene.options.background.map(|c| c as f32),
         }
     }
@@ -85,12 +88,12 @@ impl<'a> HostInput<'a> {
 
     /// List of a tile, and its first index.
     pub fn list(&self, tile: usize) -> (&[u32], u32) {
-        let [begin, end] = self.range_from_tile[tile];
+        let [begin, end] = self.lists.range_from_tile[tile];
         (&self.splat_from_isect[begin as usize..end as usize], begin)
     }
 
     fn tile_at(&self, x: usize, y: usize) -> usize {
-        y / self.tile * self.size[0].div_ceil(self.tile) + x / self.tile
+        y / TILE * self.size[0].div_ceil(TILE) + x / TILE
     }
 }
 
@@ -146,7 +149,7 @@ fn pixel(input: &HostInput<'_>, x: usize, y: usize) -> ([f32; 4], u32) {
 /// added up at the end.
 pub fn backward(input: &HostInput<'_>, image: &[[f32; 4]], ends: &[u32], d_image: &[f32]) -> Vec<f32> {
     let threads = rayon::current_num_threads();
-    let empty = || vec![0.0f32; 9 * input.records.len()];
+    let empty = || vec![0.0f32; 9 * input.lists.records.len()];
     (0..threads)
         .into_par_iter()
         .map(|thread| {
@@ -215,7 +218,7 @@ fn pixel_backward(
 
 /// Sums of [`backward`] as in the kernels, by whitened residuals (see `pack::whitened_sums`).
 pub fn whitened(input: &HostInput<'_>, sums: &[f32]) -> Vec<f32> {
-    let rows = input.records.iter().zip(sums.chunks_exact(9));
+    let rows = input.lists.records.iter().zip(sums.chunks_exact(9));
     let whiten = |(record, row): (&Splat2d, &[f32])| -> [f32; 9] {
         let [slope, p, q] = [record.shape[2], record.tone[0], record.tone[1]].map(f64::from);
         let sum = |i: usize| f64::from(row[i]);

@@ -1,13 +1,11 @@
 //! Vectorised renderer on the processor: splat after splat over the pixels of a tile, without rows outside the splat's
 //! extent, with a branchless exponential. For builds with `-C target-cpu=native`.
 
-use super::scalar::{HostInput, T_MIN};
+use super::scalar::{HostInput, T_MIN, TILE};
 use crate::lab::bench::input::pack::Splat2d;
 use crate::layout::{ALPHA_MAX, LOG2_255};
 use rayon::prelude::*;
 
-/// Pixels of a row of a tile; tiles are as high.
-const TILE: usize = 16;
 /// Splats between two checks for a finished tile.
 const BATCH: usize = 16;
 
@@ -17,9 +15,8 @@ type TileRow = [f32; TILE];
 /// A tile's pixels: red, green, blue, transmittance.
 struct Tile([[TileRow; 4]; TILE]);
 
-/// Red, green, blue, transmittance of every pixel, `[pixel]`. Tiles must be `TILE` pixels wide and high.
+/// Red, green, blue, transmittance of every pixel, `[pixel]`.
 pub fn forward(input: &HostInput<'_>) -> Vec<[f32; 4]> {
-    assert_eq!(input.tile, TILE, "tiles of 16 by 16 pixels");
     let [width, height] = input.size;
     let columns = width.div_ceil(TILE);
     let tiles: Vec<Tile> = (0..columns * height.div_ceil(TILE))
@@ -48,7 +45,7 @@ fn composite(input: &HostInput<'_>, tile: usize, columns: usize) -> Tile {
             break;
         }
         for &splat in batch {
-            add(&mut pixels, &input.records[splat as usize], corner);
+            add(&mut pixels, &input.lists.records[splat as usize], corner);
         }
     }
     pixels

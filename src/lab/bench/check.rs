@@ -7,7 +7,8 @@ use bytemuck::Pod;
 /// Elements agree if `|found − expected| ≤ tolerance · max(|expected|, scale)`.
 #[derive(Clone, Debug)]
 pub struct Output {
-    name: &'static str,
+    /// Name of the output.
+    pub name: &'static str,
     found: Vec<f64>,
     expected: Vec<f64>,
     /// Relative to the larger of the expected value and `scale`; 0: equal numbers.
@@ -50,11 +51,6 @@ impl Output {
             share,
             ..self
         }
-    }
-
-    /// Name of the output.
-    pub fn name(&self) -> &'static str {
-        self.name
     }
 
     /// The largest error in units of `max(|expected|, scale)`, or a message about the first fault.

@@ -137,11 +137,8 @@ pub fn run(bench: &mut Bench, plan: &FramePlan) -> Result<Scaling> {
 
 /// Case of a point, named by its sizes.
 pub(super) fn case(task: &str, splats: usize, [width, height]: [u32; 2]) -> Case {
-    Case {
-        input: format!("{task}/{splats}/{width}x{height}"),
-        work: Work::of(splats, "splats"),
-        ..Case::default()
-    }
+    let case = Case::of(task, format!("{splats}/{width}x{height}"), "", 0);
+    case.doing(Work::of(splats, "splats"))
 }
 
 /// ScalingPoint of a row with its `memory`, or of the error if the device cannot hold the scene.
@@ -235,11 +232,8 @@ impl FrameBench {
 /// Frames with and without the giant splat in turns, at the plan's first image size.
 fn giant(bench: &mut Bench, plan: &FramePlan, scaling: &Scaling) -> Result<Option<GiantSplat>> {
     let measured = scaling.points.iter().filter(|point| point.fault.is_none());
-    let Some(most) = measured.clone().map(|point| point.splats).max() else {
-        return Ok(None);
-    };
-    let splats = most.min(GIANT_SPLATS);
-    let Some(&size) = plan.sizes.first() else {
+    let most = measured.map(|point| point.splats.min(GIANT_SPLATS)).max();
+    let (Some(splats), Some(&size)) = (most, plan.sizes.first()) else {
         return Ok(None);
     };
     if !bench.wants(&case("giant", splats, size)) {

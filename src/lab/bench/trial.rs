@@ -39,7 +39,7 @@ impl Case {
         }
         for output in outputs {
             if let Err(fault) = output.judge() {
-                return wrong(format!("{}: {fault}", output.name()));
+                return wrong(format!("{}: {fault}", output.name));
             }
         }
         Ok(())

@@ -89,9 +89,7 @@ fn a_splat_may_have_more_records_than_a_driver_runs_loops() {
     let records = 80_001;
     sums.tiles = vec![records as u32];
     sums.begins = vec![0];
-    sums.shape = vec![[0.0; 4]; records];
-    sums.tone = vec![[0.0; 4]; records];
-    sums.rest = vec![1.0; records];
+    sums.records = vec![[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]; records];
     let [found, _] = run(&gpu, &sums, None, 0);
     // The constant harmonic's blue: the third number of the fourth plane. Sums of ones are exact.
     let expected = records as f64 * 0.28209479177387814;

@@ -98,25 +98,16 @@ impl Lists {
 
 /// Result of `reference::expand`, computed faster: only tiles in the box around a splat's ellipse are tested.
 fn isects(screen: &[Option<ScreenSplat<f64>>], grid: &Grid) -> Vec<Isect> {
-    let order = depth_order(screen);
-    let listed: Vec<Vec<Isect>> = order
-        .par_iter()
-        .map(|&index| {
-            let splat = screen[index].as_ref();
-            splat.map_or_else(Vec::new, |splat| isects_of(index, splat, grid))
-        })
-        .collect();
+    let listed = |&index: &usize| -> Vec<Isect> {
+        let near = screen[index].iter().flat_map(|splat| {
+            let held = |&tile: &u32| holds_pixel(splat, grid, tile, &Thresholds::ENGINE);
+            tiles_near(splat, grid).filter(held)
+        });
+        let splat = index as u32;
+        near.map(|tile| Isect { tile, splat }).collect()
+    };
+    let listed: Vec<Vec<Isect>> = depth_order(screen).par_iter().map(listed).collect();
     listed.concat()
-}
-
-fn isects_of(index: usize, splat: &ScreenSplat<f64>, grid: &Grid) -> Vec<Isect> {
-    tiles_near(splat, grid)
-        .filter(|&tile| holds_pixel(splat, grid, tile, &Thresholds::ENGINE))
-        .map(|tile| Isect {
-            tile,
-            splat: index as u32,
-        })
-        .collect()
 }
 
 /// Tiles that the box around a splat's ellipse meets, ascending, with a margin for rounding.

@@ -10,6 +10,7 @@ use crate::lab::bench::input::random::Random;
 use crate::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST};
 use crate::reference::adam::{self as reference, AdamState};
 use crate::render::plane_count;
+use std::rc::Rc;
 
 /// Vectors that are compared.
 const SAMPLES: usize = 5000;
@@ -147,19 +148,37 @@ pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
     let vectors = input.planes * input.stride;
     let upload = |i: usize| gpu.buffer_from("before", &input.vectors[i]);
     let [values, gradients, first, second] = [upload(0)?, upload(1)?, upload(2)?, upload(3)?];
-    let [value, moment1, moment2] = [(); 3].map(|()| gpu.buffer("after", vectors));
+    let [value, moment1, moment2] = [(); 3].map(|()| gpu.buffer::<[f32; 4]>("after", vectors));
     let (value, moment1, moment2) = (value?, moment1?, moment2?);
     let counts_before = counts(gpu, &[(COUNT_FAILED, input.failed.into())])?;
     let counts = counts(gpu, &[])?;
-    let found = [&value, &moment1, &moment2].map(Clone::clone);
     let (counted, params, planes) = (counts.clone(), input.params(), input.planes as u32);
     // Seven times each parameter: the gradient read, the others read and written.
     let work = Work::of(input.count, "splats").moving(7 * 16 * input.planes * input.count);
-    let case = KernelCase::new(work)
-        .copy(&values, &value)
-        .copy(&first, &moment1)
-        .copy(&second, &moment2)
-        .copy(&counts_before, &counts);
+    // A moment is two products and a sum of terms up to the gradients' magnitude: 4u of it, and the second adds one
+    // factor. The step is a quotient of those, about 12u, and far smaller than its parameter; the norm of a quaternion
+    // that happens to be short adds as much again.
+    let (u, magnitude, input) = (2f64.powi(-24), input.magnitude, Rc::new(input));
+    let mut case = KernelCase::new(work).copy(&counts_before, &counts);
+    for (k, (name, before, after, tolerance, scale)) in [
+        ("parameters", &values, &value, 16.0 * u, 1.0),
+        ("moment1", &first, &moment1, 4.0 * u, magnitude),
+        ("moment2", &second, &moment2, 5.0 * u, magnitude * magnitude),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let input = input.clone();
+        let judged = case.compare(after, move |after| {
+            let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
+            for i in sample(vectors, SAMPLES) {
+                found.extend(after[i].map(f64::from));
+                expected.extend(input.expected(i)[k]);
+            }
+            vec![Output::relative(name, found, expected, tolerance, scale)]
+        });
+        case = judged.copy(before, after);
+    }
     let case = case.commands(move |rec, kernel: &Adam, _| {
         let io = Bindings {
             counts: &counted,
@@ -173,35 +192,12 @@ pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
     });
     Ok(case.judge(move |gpu| {
         let counts = read(gpu, &counts)?;
-        let [value, moment1, moment2] = found.each_ref().map(|buffer| read(gpu, buffer));
-        let after = [value?, moment1?, moment2?];
-        let [mut found, mut expected] = [(); 2].map(|()| [(); 3].map(|()| Vec::new()));
-        for i in sample(vectors, SAMPLES) {
-            for (k, four) in input.expected(i).into_iter().enumerate() {
-                found[k].extend(after[k][i].map(f64::from));
-                expected[k].extend(four);
-            }
-        }
-        // A moment is two products and a sum of terms up to the gradients' magnitude: 4u of it, and the second adds
-        // one factor. The step is a quotient of those, about 12u, and far smaller than its parameter; the norm of a
-        // quaternion that happens to be short adds as much again.
-        let (u, magnitude) = (2f64.powi(-24), input.magnitude);
-        let bounds = [
-            ("parameters", 16.0 * u, 1.0),
-            ("moment1", 4.0 * u, magnitude),
-            ("moment2", 5.0 * u, magnitude * magnitude),
-        ];
-        let columns = found.into_iter().zip(expected).zip(bounds);
-        let mut outputs: Vec<Output> = columns
-            .map(|((f, e), (name, tolerance, scale))| Output::relative(name, f, e, tolerance, scale))
-            .collect();
         let poisoned: Vec<usize> = (0..vectors).filter(|&i| input.is_poisoned(i)).collect();
         let first = poisoned.iter().map(|i| FIRST_SPLAT + (i % input.stride) as u32).min();
         // The slot counts down from the top, 0 being none.
         let first = first.map_or(0, |splat| u32::MAX - splat);
         let slots = [COUNT_POISONED, COUNT_POISONED_FIRST].map(|slot| counts[slot as usize]);
         let wanted = vec![poisoned.len() as f64, f64::from(first)];
-        outputs.push(Output::exact("poisoned", slots.map(f64::from).into(), wanted));
-        Ok(outputs)
+        Ok(vec![Output::exact("poisoned", slots.map(f64::from).into(), wanted)])
     }))
 }

@@ -133,25 +133,24 @@ impl Composite {
         isects.map(|isect| near[isect.tile as usize]).collect()
     }
 
-    /// Sums terms of pixels by source: `of` maps a pixel, the ranks of its tile and its centre to terms, `rank` a term
-    /// to the rank of its splat, and `add` takes a source, a pixel and a term, pixel by pixel.
+    /// Sums terms of pixels by source: `of` maps a pixel, the ranks of its tile and its centre to terms with the rank
+    /// of their splat, and `add` takes a source, a pixel and a term, pixel by pixel.
     pub fn fold_sources<T: Send>(
         &self,
-        of: impl Fn(usize, &[usize], [f64; 2]) -> Vec<T> + Sync,
+        of: impl Fn(usize, &[usize], [f64; 2]) -> Vec<(usize, T)> + Sync,
         mut add: impl FnMut(usize, usize, &T),
-        rank: impl Fn(&T) -> usize,
     ) {
         let terms = |pixel| {
             let (tile, at) = self.place(pixel);
             of(pixel, &self.ranks_from_tile[tile], at)
         };
-        let terms: Vec<Vec<T>> = (0..self.pixels.len()).into_par_iter().map(terms).collect();
+        let terms: Vec<_> = (0..self.pixels.len()).into_par_iter().map(terms).collect();
         for (pixel, terms) in terms.iter().enumerate() {
             let (tile, _) = self.place(pixel);
             let begin = self.lists.range_from_tile[tile][0] as usize;
-            for term in terms {
+            for (rank, term) in terms {
                 let ranks = &self.ranks_from_tile[tile];
-                let isect = begin + ranks.partition_point(|&r| r < rank(term));
+                let isect = begin + ranks.partition_point(|r| r < rank);
                 add(self.lists.emitted_from_isect[isect] as usize, pixel, term);
             }
         }

@@ -35,11 +35,10 @@ pub fn contribution_into<'a>(
     let mut losses = vec![Loss::NOTHING; composite.lists.isects.len()];
     composite.fold_sources(
         |_, ranks, at| weights(&composite.splats, ranks, at, &Thresholds::ENGINE),
-        |source, pixel, (_, weight)| {
+        |source, pixel, weight| {
             let budget = (f64::from(spent[pixel]), f64::from(limit[pixel]));
             losses[source] = losses[source].and(*weight, budget.0, budget.1);
         },
-        |&(rank, _)| rank,
     );
     let input = CompositeBuffers::new(gpu, composite)?;
     let spent = gpu.buffer_from("spent_from_pixel", &spent)?;

@@ -15,6 +15,7 @@ use crate::reference::scan::scan;
 use crate::reference::tiles::{alpha_at_pixels, alpha_max};
 use crate::reference::{ScreenSplat, Thresholds};
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 /// Splats whose tiles are compared.
 const SAMPLES: usize = 500;
@@ -91,9 +92,7 @@ pub fn expand<'a>(
         .exact("sources", &sources, (0..total).map(|i| i as f64).collect())
         .exact("owners", &owners, owner)
         .exact("first sources", &firsts, first)
-        .compare(&tiles, move |tiles| {
-            TileColumns::new(&lists, &sampled, &tiles).outputs()
-        });
+        .compare(&tiles, move |tiles| tile_outputs(&lists, &sampled, &tiles));
     Ok(case.commands(move |rec, kernel: &Expand, _| {
         let io = Bindings {
             view: &view,
@@ -113,58 +112,38 @@ pub fn expand<'a>(
 }
 
 /// Every tile of the image for every compared splat: whether it is listed, has to be, and may be; and for every splat
-/// the distinct entries of its slots.
-#[derive(Default)]
-struct TileColumns {
-    member: Vec<f64>,
-    needed: Vec<f64>,
-    free: Vec<bool>,
-    slots: Vec<f64>,
-    slots_expected: Vec<f64>,
-}
-
-impl TileColumns {
-    /// The slots of some splats, and one slot beyond the last, which must not be written.
-    fn new(lists: &Lists, sampled: &[(usize, std::ops::Range<usize>)], found: &[u32]) -> TileColumns {
-        let mut tiles = TileColumns::default();
-        for (splat, slots) in sampled {
-            tiles.add(lists, *splat, &found[slots.clone()]);
-        }
-        tiles.slots.extend(words(&found[found.len() - 1..]));
-        tiles.slots_expected.push(f64::NAN);
-        tiles
-    }
-
-    /// Tiles touched only between their pixel centres may be listed.
-    fn outputs(self) -> Vec<Output> {
-        vec![
-            Output::exact("tiles", self.member, self.needed).near(self.free, 1.0, 0.2),
-            Output::exact("slots", self.slots, self.slots_expected),
-        ]
-    }
-
-    fn add(&mut self, lists: &Lists, splat: usize, slots: &[u32]) {
-        let Some(screen) = lists.screen[splat].as_ref() else {
-            return;
+/// the distinct entries of its slots, and one slot beyond the last, which must not be written.
+fn tile_outputs(lists: &Lists, sampled: &[(usize, Range<usize>)], found: &[u32]) -> Vec<Output> {
+    let (grid, cut) = (&lists.grid, Thresholds::ENGINE.alpha_min);
+    let [mut member, mut needed, mut distinct, mut expected] = [(); 4].map(|()| Vec::new());
+    let mut free = Vec::new();
+    for (splat, slots) in sampled {
+        let (Some(screen), slots) = (lists.screen[*splat].as_ref(), &found[slots.clone()]) else {
+            continue;
         };
-        let (grid, cut) = (&lists.grid, Thresholds::ENGINE.alpha_min);
         let listed: BTreeSet<u32> = slots.iter().copied().collect();
         // No tile twice, and nothing but padding, the tile beyond the last, besides.
         let padding = slots.iter().filter(|&&tile| tile == grid.len()).count();
-        self.slots.push(listed.range(..=grid.len()).count() as f64);
-        self.slots_expected
-            .push((slots.len() - padding + usize::from(padding > 0)) as f64);
+        distinct.push(listed.range(..=grid.len()).count() as f64);
+        expected.push((slots.len() - padding + usize::from(padding > 0)) as f64);
         let near: BTreeSet<u32> = tiles_near(screen, grid).collect();
         let needs = |&tile: &u32| alpha_at_pixels(screen, grid, tile) >= cut * (1.0 + MARGIN);
         if padding == 0 && near.iter().filter(|tile| needs(tile)).count() > slots.len() {
-            return; // As many as fit.
+            continue; // As many as fit.
         }
         for tile in 0..grid.len() {
-            let needed = near.contains(&tile) && needs(&tile);
+            let is_needed = near.contains(&tile) && needs(&tile);
             let touched = near.contains(&tile) && alpha_max(screen, grid, tile) >= cut * (1.0 - MARGIN);
-            self.member.push(f64::from(u8::from(listed.contains(&tile))));
-            self.needed.push(f64::from(u8::from(needed)));
-            self.free.push(!needed && touched);
+            member.push(f64::from(u8::from(listed.contains(&tile))));
+            needed.push(f64::from(u8::from(is_needed)));
+            free.push(!is_needed && touched);
         }
     }
+    distinct.extend(words(&found[found.len() - 1..]));
+    expected.push(f64::NAN);
+    vec![
+        // Tiles touched only between their pixel centres may be listed.
+        Output::exact("tiles", member, needed).near(free, 1.0, 0.2),
+        Output::exact("slots", distinct, expected),
+    ]
 }

@@ -85,11 +85,10 @@ fn sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[f64; 9]
             }
             false => Vec::new(),
         },
-        |source, _, (_, gradient)| {
+        |source, _, gradient| {
             let row = gradients[source].row.iter_mut().zip(gradient.row);
             row.for_each(|(sum, term)| *sum += term);
         },
-        |&(rank, _)| rank,
     );
     let whitened = |(isect, gradient): (&crate::reference::expand::Isect, &ScreenGradient)| {
         let screen = lists.screen[isect.splat as usize].as_ref();

@@ -1,6 +1,6 @@
 //! Case of `project`: from parameters to the ellipse, its colour and its number of tiles.
 
-use super::{KernelCase, read, sample};
+use super::{KernelCase, ScreenBuffers, read, sample};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::project::{Bindings, Choice, Params, Project};
@@ -21,9 +21,7 @@ const SAMPLES: usize = 1000;
 /// Buffers that the kernel writes.
 #[derive(Clone)]
 pub struct ProjectOutputs {
-    shape: Buffer<[f32; 4]>,
-    tone: Buffer<[f32; 4]>,
-    rest: Buffer<[f32; 2]>,
+    records: ScreenBuffers,
     tiles: Buffer<u32>,
 }
 
@@ -31,9 +29,7 @@ impl ProjectOutputs {
     /// Room for `count` splats, and for one tile count more.
     pub fn new(gpu: &Gpu, count: usize) -> Result<ProjectOutputs> {
         Ok(ProjectOutputs {
-            shape: gpu.buffer("ellipse_from_splat", count)?,
-            tone: gpu.buffer("whiten_rg_from_splat", count)?,
-            rest: gpu.buffer("blue_depth_from_splat", count)?,
+            records: ScreenBuffers::new(gpu, &vec![Splat2d::default(); count])?,
             tiles: gpu.buffer("tile_count_from_splat", count + 1)?,
         })
     }
@@ -43,8 +39,9 @@ impl ProjectOutputs {
     /// # Errors
     /// Those of transfers.
     pub fn read(&self, gpu: &Gpu) -> Result<(Vec<Splat2d>, Vec<u32>)> {
-        let (shape, tone) = (read(gpu, &self.shape)?, read(gpu, &self.tone)?);
-        let (rest, mut tiles) = (read(gpu, &self.rest)?, read(gpu, &self.tiles)?);
+        let (records, mut tiles) = (&self.records, read(gpu, &self.tiles)?);
+        let (shape, tone) = (read(gpu, &records.shape)?, read(gpu, &records.tone)?);
+        let rest = read(gpu, &records.rest)?;
         assert_eq!(tiles.pop(), Some(UNWRITTEN), "wrote past the end");
         let record = |i: usize| Splat2d {
             shape: shape[i],
@@ -89,9 +86,9 @@ pub fn commands<'a>(
         let io = Bindings {
             view: &view,
             params: &params,
-            ellipse_from_splat: &out.shape,
-            whiten_rg_from_splat: &out.tone,
-            blue_depth_from_splat: &out.rest,
+            ellipse_from_splat: &out.records.shape,
+            whiten_rg_from_splat: &out.records.tone,
+            blue_depth_from_splat: &out.records.rest,
             tile_count_from_splat: &out.tiles,
             splat_from_slot: &splat_from_slot,
         };
@@ -105,8 +102,9 @@ pub fn commands<'a>(
         choice.spec.sh_degree = degree;
         choice.spec.indexed = indexed.into();
     });
-    let case = case.erase(&outputs.shape).erase(&outputs.tone);
-    Ok(case.erase(&outputs.rest).erase(&outputs.tiles))
+    let records = &outputs.records;
+    let case = case.erase(&records.shape).erase(&records.tone);
+    Ok(case.erase(&records.rest).erase(&outputs.tiles))
 }
 
 /// Records and tile counts beside the reference's, splat by splat.

@@ -38,12 +38,8 @@ pub struct SplatSums {
     pub tiles: Vec<u32>,
     /// First record of each splat.
     pub begins: Vec<u32>,
-    /// Records of tiles, in three arrays.
-    pub shape: Vec<[f32; 4]>,
-    /// See above.
-    pub tone: Vec<[f32; 4]>,
-    /// See above.
-    pub rest: Vec<f32>,
+    /// Records of tiles: the nine sums of `rasterize_backward`.
+    pub records: Vec<[f32; 9]>,
 }
 
 impl SplatSums {
@@ -66,32 +62,31 @@ impl SplatSums {
             filters,
             tiles: Vec::new(),
             begins: Vec::new(),
-            shape: Vec::new(),
-            tone: Vec::new(),
-            rest: Vec::new(),
+            records: Vec::new(),
         };
         for i in 0..count {
             let tiles = sums.screen[i].map_or(0, |_| 1 + i as u32 % 4);
-            sums.begins.push(sums.rest.len() as u32);
+            sums.begins.push(sums.records.len() as u32);
             sums.tiles.push(tiles);
             for _ in 0..tiles {
-                sums.shape.push([0; 4].map(|_| random.normal() as f32));
-                sums.tone.push([0; 4].map(|_| random.normal() as f32));
-                sums.rest.push(random.normal() as f32);
+                sums.records.push([0; 9].map(|_| random.normal() as f32));
             }
         }
         sums
     }
 
+    /// Four sums of each record.
+    fn four(&self, first: usize) -> Vec<[f32; 4]> {
+        let part = |record: &[f32; 9]| [0, 1, 2, 3].map(|lane| record[first + lane]);
+        self.records.iter().map(part).collect()
+    }
+
     fn total(&self, splat: usize) -> [f64; 9] {
         let begin = self.begins[splat] as usize;
         let mut sums = [0.0; 9];
-        for source in begin..begin + self.tiles[splat] as usize {
-            let [a, b, c, d] = self.shape[source];
-            let [e, f, g, h] = self.tone[source];
-            let terms = [a, b, c, d, e, f, g, h, self.rest[source]];
-            let pairs = sums.iter_mut().zip(terms);
-            pairs.for_each(|(sum, x)| *sum += f64::from(x));
+        for record in &self.records[begin..][..self.tiles[splat] as usize] {
+            let pairs = sums.iter_mut().zip(record);
+            pairs.for_each(|(sum, &x)| *sum += f64::from(x));
         }
         sums
     }
@@ -193,15 +188,16 @@ pub fn commands<'a>(
     let tiles = gpu.buffer_from("tile_count_from_splat", &sums.tiles)?;
     let begins = gpu.buffer_from("emitted_from_splat", &sums.begins)?;
     let records = ScreenBuffers::new(gpu, &records)?;
-    let shape = gpu.buffer_from("d_shape_from_source", &sums.shape)?;
-    let tone = gpu.buffer_from("d_tone_from_source", &sums.tone)?;
-    let rest = gpu.buffer_from("d_rest_from_source", &sums.rest)?;
+    let last: Vec<f32> = sums.records.iter().map(|record| record[8]).collect();
+    let shape = gpu.buffer_from("d_shape_from_source", &sums.four(0))?;
+    let tone = gpu.buffer_from("d_tone_from_source", &sums.four(4))?;
+    let rest = gpu.buffer_from("d_rest_from_source", &last)?;
     let splat_from_slot = gpu.buffer_from("splat_from_slot", index.unwrap_or(&[u32::MAX]))?;
     let before = gpu.buffer_from("statistics", &vec![STATISTICS; count])?;
     let (out, indexed) = (outputs.clone(), index.is_some());
     // Parameters in, gradients out; record, statistics, and the records of the tiles.
     let bytes = 2 * 16 * plane_count(degree) + size_of::<Splat2d>() + 32 + 8;
-    let case = KernelCase::new(Work::of(count, "splats").moving(bytes * count + 36 * sums.rest.len()));
+    let case = KernelCase::new(Work::of(count, "splats").moving(bytes * count + 36 * sums.records.len()));
     let case = case.commands(move |rec, kernel: &ProjectBackward, _| {
         let io = Bindings {
             view: &view,

@@ -20,11 +20,13 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
     let background = composite.background();
     let mut expected = vec![RemovalError::default(); composite.lists.isects.len()];
     composite.fold_sources(
-        |_, ranks, at| touches(&composite.splats, ranks, at, background, &Thresholds::ENGINE),
+        |_, ranks, at| {
+            let touches = touches(&composite.splats, ranks, at, background, &Thresholds::ENGINE);
+            touches.into_iter().map(|touch| (touch.splat, touch)).collect()
+        },
         |source, pixel, touch: &Touch| {
             expected[source] = expected[source].and(touch, f64::from(errors[pixel]));
         },
-        |touch| touch.splat,
     );
     let planes: Vec<f32> = composite.planes().iter().map(|&c| c as f32).collect();
     let input = CompositeBuffers::new(gpu, composite)?;
