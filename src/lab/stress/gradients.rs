@@ -1,14 +1,14 @@
 //! Gradients of a training step against the exact ones.
 
 use super::outcome::{CheckGroup, Sweep, SweepPoint};
-use super::step::step;
-use super::subject::{reduced, reference_options};
-use super::sweeps::stretched;
-use super::{ScenePair, StressRun};
+use super::step::steps;
+use super::subject::{reduced, reference_options, thinned};
+use super::sweeps::stretch;
+use super::{StressRun, StressScene};
 use crate::Result;
 use crate::reference::loss::Target;
 use crate::reference::loss_gradient;
-use crate::scene::{Camera, Splats};
+use crate::scene::Camera;
 
 /// Kinds of parameters, in the order of `reference::Splat::parameters`.
 pub(super) const KINDS: [(&str, std::ops::Range<usize>); 5] = [
@@ -43,14 +43,14 @@ fn percentile(errors: &[f64], share: f64) -> f64 {
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     // A small view, because the reference takes every pixel through every splat, forward and backward.
     let camera = reduced(lab.subject.camera(), 48);
-    let pair = seen(lab, &camera);
-    let (loss, kinds) = judge(lab, &pair, &camera)?;
+    let scene = seen(lab.subject, &camera);
+    let (loss, kinds) = judge(lab, &scene, &camera)?;
     let unit = "relative";
     let what = "(1 − λ) L1 + λ (1 − SSIM) against the exact one";
     lab.at_most("loss", what, [loss, 1e-5], unit);
     for ((name, _), errors) in KINDS.iter().zip(&kinds) {
         for (share, bound, word) in [(0.5, BOUNDS[0], "median"), (0.99, BOUNDS[1], "99 %")] {
-            let [derivatives, splats] = [errors.len(), pair.drawn.len()];
+            let [derivatives, splats] = [errors.len(), scene.splats.len()];
             let what = format!("{derivatives} derivatives of {splats} splats");
             lab.at_most(
                 format!("{name}, {word}"),
@@ -64,7 +64,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     let mut points = Vec::new();
     for exponent in (0..=8).step_by(step) {
         let aspect = 10f64.powf(0.5 * f64::from(exponent));
-        let needles = pair.map(|splats| stretched(splats, aspect));
+        let needles = scene.changed(|splats| stretch(splats, aspect));
         let (_, kinds) = judge(lab, &needles, &camera)?;
         let worst = kinds.iter().map(|errors| percentile(errors, 0.99));
         points.push(SweepPoint {
@@ -89,33 +89,31 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Some of the splats in the image.
-fn seen(lab: &StressRun<'_>, camera: &Camera) -> ScenePair {
+/// The scene with some of the splats in the image.
+fn seen(scene: &StressScene, camera: &Camera) -> StressScene {
     let inside = |mean: &[f32; 3]| {
         let place = glam::DVec3::from(mean.map(f64::from));
         let depth = camera.view_from_world(place).z;
         let pixel = camera.pixel_from_world(place);
         let size = glam::DVec2::new(f64::from(camera.width), f64::from(camera.height));
-        depth > 2.0 * lab.subject.near && pixel.is_some_and(|p| p.cmpge(glam::DVec2::ZERO).all() && p.cmplt(size).all())
+        depth > 2.0 * scene.near && pixel.is_some_and(|p| p.cmpge(glam::DVec2::ZERO).all() && p.cmplt(size).all())
     };
-    let splats = &lab.subject.splats;
+    let splats = &scene.splats;
     let kept: Vec<usize> = (0..splats.len()).filter(|&i| inside(&splats.mean[i])).collect();
-    ScenePair::of(lab.subject)
-        .map(|splats: &Splats| splats.picked(&kept))
-        .thinned(SPLATS)
+    scene.changed(|splats| *splats = thinned(&splats.picked(&kept), SPLATS))
 }
 
 /// Errors of a step on the device against the reference: of the loss, and of the gradient by kind of parameter,
 /// ascending.
-fn judge(lab: &StressRun<'_>, pair: &ScenePair, camera: &Camera) -> Result<(f64, Vec<Vec<f64>>)> {
-    let found = step(lab.gpu, &pair.drawn, camera, lab.subject.near)?;
-    let options = reference_options(&pair.exact, found.near);
+fn judge(lab: &StressRun<'_>, scene: &StressScene, camera: &Camera) -> Result<(f64, Vec<Vec<f64>>)> {
+    let found = steps(lab.gpu, &scene.splats, camera, scene.near, 1)?;
+    let options = reference_options(&scene.exact, found.near);
     let photo = vec![[0.0; 3]; camera.width as usize * camera.height as usize];
     let target = Target {
         lambda: found.lambda,
         ..Target::new(camera.width as usize, &photo)
     };
-    let exact = loss_gradient(&pair.exact, camera, &options, &target);
+    let exact = loss_gradient(&scene.exact, camera, &options, &target);
     let rows = crate::lab::bench::input::pack::gradient_rows(&exact.d_splats);
     let of_kind = |range: &std::ops::Range<usize>| -> Vec<f64> {
         let mut pairs = Vec::new();

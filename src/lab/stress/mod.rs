@@ -93,44 +93,6 @@ pub fn run(
     Ok(Some(lab.found))
 }
 
-/// Scenes of the device and of the reference.
-#[derive(Clone)]
-struct ScenePair {
-    drawn: Splats,
-    exact: Splats,
-}
-
-impl ScenePair {
-    fn of(subject: &StressScene) -> ScenePair {
-        ScenePair {
-            drawn: subject.splats.clone(),
-            exact: subject.exact.clone(),
-        }
-    }
-
-    /// Applies `change` to both.
-    fn map(&self, change: impl Fn(&Splats) -> Splats) -> ScenePair {
-        ScenePair {
-            drawn: change(&self.drawn),
-            exact: change(&self.exact),
-        }
-    }
-
-    /// As `map`, in place.
-    fn with(&self, change: impl Fn(&mut Splats)) -> ScenePair {
-        self.map(|splats| {
-            let mut splats = splats.clone();
-            change(&mut splats);
-            splats
-        })
-    }
-
-    /// At most `most` of the splats, spread over all.
-    fn thinned(&self, most: usize) -> ScenePair {
-        self.map(|splats| subject::thinned(splats, most))
-    }
-}
-
 /// State of a run of the suite.
 struct StressRun<'a> {
     /// Group of the checks that are added.
@@ -149,11 +111,11 @@ impl StressRun<'_> {
     }
 
     /// Draws a picture and compares a sample of its pixels with the reference, as [`compare`] does.
-    fn look(&mut self, pair: &ScenePair, camera: &Camera, near: f64) -> Result<(RenderedImage, [f64; 2])> {
-        let image = self.draw(&pair.drawn, camera, near)?;
+    fn look(&mut self, scene: &StressScene, camera: &Camera) -> Result<(RenderedImage, [f64; 2])> {
+        let image = self.draw(&scene.splats, camera, scene.near)?;
         let pixels = spread(camera.width, camera.height, self.plan.pixels);
-        let options = reference_options(&pair.exact, f64::from(near as f32));
-        let sampled = sample(&pair.exact, camera, &options, &pixels);
+        let options = reference_options(&scene.exact, f64::from(scene.near as f32));
+        let sampled = sample(&scene.exact, camera, &options, &pixels);
         let compared = compare(&image, &sampled);
         Ok((image, compared))
     }
@@ -208,6 +170,12 @@ fn compare(image: &RenderedImage, sampled: &[PixelBound]) -> [f64; 2] {
         consider(error, pixel.transmittance_bound);
     }
     worst
+}
+
+/// Numbers that differ from the expected ones, or are missing or too many.
+fn unequal<T: PartialEq>(found: &[T], expected: &[T]) -> usize {
+    let missing = found.len().abs_diff(expected.len());
+    missing + found.iter().zip(expected).filter(|(a, b)| a != b).count()
 }
 
 /// A picture for the page.
@@ -268,5 +236,7 @@ mod tests {
     fn bits_differ_where_values_may_not() {
         assert_eq!(differing(&image(0.0), &image(-0.0)), 1);
         assert_eq!(differing(&image(f32::NAN), &image(f32::NAN)), 0);
+        assert_eq!(unequal(&[1, 2, 3], &[1, 5, 3]), 1);
+        assert_eq!(unequal(&[1, 2], &[1, 2, 3]), 1);
     }
 }

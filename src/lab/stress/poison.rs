@@ -1,8 +1,8 @@
 //! NaN, infinities and extreme values in every parameter of a splat.
 
 use super::gradients::KINDS;
-use super::step::{StepResult, step};
-use super::{ScenePair, StressRun, differing, thumbnail};
+use super::step::{StepResult, steps};
+use super::{StressRun, differing, subject, thumbnail};
 use crate::Result;
 use crate::render::RenderedImage;
 use crate::scene::{Camera, Splats};
@@ -101,22 +101,22 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
 
 /// A training step from a scene with all poisoned values.
 fn learning(lab: &mut StressRun<'_>, camera: &Camera) -> Result<()> {
-    let pair = ScenePair::of(lab.subject).thinned(200);
-    let splats = &pair.drawn;
+    let splats = &subject::thinned(&lab.subject.splats, 200);
     let all = 0..11 + splats.sh_stride();
-    let clean = step(lab.gpu, splats, camera, lab.subject.near)?;
-    let none = step(lab.gpu, &poisoned(splats, all.clone(), &NONE), camera, lab.subject.near)?;
+    let step = |splats: &Splats| steps(lab.gpu, splats, camera, lab.subject.near, 1);
+    let (clean, none) = (step(splats)?, step(&poisoned(splats, all.clone(), &NONE))?);
+    let extreme = step(&poisoned(splats, all, &EXTREME))?;
     let changed = (0..splats.len()).filter(|&i| bits(&clean, i) != bits(&none, i)).count();
-    let moved = (splats.len()..none.splat_count())
+    let moved = (splats.len()..none.after.len())
         .filter(|&i| none.row(i).iter().any(|d| *d != 0.0))
         .count();
     let what = "NaN and ±∞ in every slot, one splat each: the gradients of all others";
     lab.none("a training step: others", what, changed, "splats that changed");
     let what = "the gradients of the poisoned splats themselves are 0";
     lab.none("a training step: poisoned", what, moved, "splats with a gradient");
-    let extreme = step(lab.gpu, &poisoned(splats, all, &EXTREME), camera, lab.subject.near)?;
     let what = "finite numbers at the ends of the range in every slot: the optimiser's moments stay finite";
-    let broken = extreme.moments_not_finite();
+    let moments = extreme.after.m.iter().chain(&extreme.after.v).flatten().flatten();
+    let broken = moments.filter(|value| !value.is_finite()).count();
     lab.none("a training step: extremes", what, broken, "moments not finite");
     Ok(())
 }

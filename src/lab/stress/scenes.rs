@@ -1,7 +1,7 @@
 //! Degenerate scenes and cameras: zero divisors, equal depths, empty images.
 
 use super::outcome::Thumbnail;
-use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
+use super::{OF_RANGE, StressRun, StressScene, subject, thumbnail};
 use crate::Result;
 use crate::scene::{Camera, Splats};
 use glam::{DMat3, DVec2, DVec3};
@@ -122,29 +122,28 @@ const CAMERAS: [(&str, &str, CameraEdit); 9] = [
 ];
 
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
-    let pair = ScenePair::of(lab.subject);
-    let camera = *lab.subject.camera();
+    let (scene, camera) = (lab.subject, lab.subject.camera());
     let mut thumbnails = Vec::new();
-    for (index, camera) in lab.subject.cameras.iter().enumerate() {
+    for (index, camera) in scene.cameras.iter().enumerate() {
         let name = format!("view {}", index + 1);
-        thumbnails.push(check(lab, &name, "the scene as it is", &pair, camera)?);
+        thumbnails.push(check(lab, &name, "the scene as it is", scene, camera)?);
     }
-    if lab.subject.is_made {
+    if scene.is_made {
         for (name, what, change) in SCENES {
-            let changed = pair.with(|splats| change(splats, &camera));
-            thumbnails.push(check(lab, name, what, &changed, &camera)?);
+            let changed = scene.changed(|splats| change(splats, camera));
+            thumbnails.push(check(lab, name, what, &changed, camera)?);
         }
     }
     for (name, what, turn) in CAMERAS {
-        let turned = subject::exact(&turn(&camera, lab.subject.target));
-        thumbnails.push(check(lab, name, what, &pair, &turned)?);
+        let turned = subject::exact(&turn(camera, scene.target));
+        thumbnails.push(check(lab, name, what, scene, &turned)?);
     }
     lab.pictures("", thumbnails);
     Ok(())
 }
 
-fn check(lab: &mut StressRun<'_>, name: &str, what: &str, pair: &ScenePair, camera: &Camera) -> Result<Thumbnail> {
-    let (image, errors) = lab.look(pair, camera, lab.subject.near)?;
+fn check(lab: &mut StressRun<'_>, name: &str, what: &str, scene: &StressScene, camera: &Camera) -> Result<Thumbnail> {
+    let (image, errors) = lab.look(scene, camera)?;
     lab.at_most(name, what, errors, OF_RANGE);
     Ok(thumbnail(name, &image))
 }

@@ -1,7 +1,7 @@
 //! Pictures of all shapes: one pixel, one row, one column, up to longer than the largest displays.
 
 use super::outcome::{CheckGroup, Sweep, SweepPoint};
-use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
+use super::{OF_RANGE, StressRun, subject, thumbnail};
 use crate::scene::Camera;
 use crate::{Error, Result};
 use glam::DVec2;
@@ -29,17 +29,15 @@ const SIZES: [[u32; 2]; 16] = [
 const QUICK: u32 = 700;
 
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
-    let pair = ScenePair::of(lab.subject);
-    let quick = lab.plan.is_quick;
     let (mut points, mut thumbnails) = (Vec::new(), Vec::new());
     for [width, height] in SIZES {
         // Limited by area, because the longest pictures are the purpose and have few pixels.
-        if quick && width * height > QUICK * QUICK {
+        if lab.plan.is_quick && width * height > QUICK * QUICK {
             continue;
         }
         let camera = shaped(lab.subject.camera(), width, height);
         let name = format!("{width} × {height}");
-        let (image, [measured, bound]) = match lab.look(&pair, &camera, lab.subject.near) {
+        let (image, [measured, bound]) = match lab.look(lab.subject, &camera) {
             // Out of memory is a correct answer of a small device.
             Err(error @ Error::OutOfMemory { .. }) => {
                 lab.found.facts.push((name, format!("left out: {error}")));

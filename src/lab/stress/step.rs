@@ -1,4 +1,4 @@
-//! One training step with its gradients.
+//! Training steps with their gradients.
 
 use super::subject::BACKGROUND;
 use crate::Result;
@@ -10,14 +10,14 @@ use crate::train::{Background, HostState, TrainConfig, Trainer};
 /// Initial iteration: all SH degrees are trained by then, and density control is over.
 const BEGUN: u32 = 20_000;
 
-/// Inputs and results of a step.
+/// Inputs and results of steps.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StepResult {
-    /// Gradient by every parameter, `[plane][splat]`.
+    /// Gradient of the last step by every parameter, `[plane][splat]`.
     gradients: Planes,
-    /// State of the optimiser after the step.
+    /// State of the optimiser after them.
     pub(super) after: HostState,
-    /// The loss before the step.
+    /// The loss before the last step.
     pub(super) loss: f64,
     /// Near plane, world units.
     pub(super) near: f64,
@@ -26,10 +26,6 @@ pub(super) struct StepResult {
 }
 
 impl StepResult {
-    pub(super) fn splat_count(&self) -> usize {
-        self.after.len()
-    }
-
     /// A splat's gradient, ordered like `reference::Splat::parameters`.
     pub(super) fn row(&self, splat: usize) -> Vec<f32> {
         let plane = |index: usize| self.gradients[index][splat];
@@ -43,11 +39,6 @@ impl StepResult {
         row.extend((3..self.gradients.len()).flat_map(plane));
         row.truncate(count);
         row
-    }
-
-    pub(super) fn moments_not_finite(&self) -> usize {
-        let moments = self.after.m.iter().chain(&self.after.v).flatten().flatten();
-        moments.filter(|value| !value.is_finite()).count()
     }
 }
 
@@ -75,12 +66,7 @@ fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
     }
 }
 
-/// One step.
-pub(super) fn step(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64) -> Result<StepResult> {
-    steps(gpu, splats, camera, near, 1)
-}
-
-/// `count` steps; the gradient is the last one's.
+/// Takes `count` steps.
 pub(super) fn steps(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64, count: u32) -> Result<StepResult> {
     let config = TrainConfig {
         sh_degree: splats.sh_degree,

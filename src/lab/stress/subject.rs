@@ -83,6 +83,14 @@ impl StressScene {
     pub fn distance(&self) -> f64 {
         self.camera().position.distance(self.target)
     }
+
+    /// The scene with its splats changed, those of the reference alike.
+    pub(super) fn changed(&self, change: impl Fn(&mut Splats)) -> StressScene {
+        let mut scene = self.clone();
+        change(&mut scene.splats);
+        change(&mut scene.exact);
+        scene
+    }
 }
 
 /// The camera with all numbers rounded to single precision.
@@ -128,26 +136,18 @@ pub(super) fn reference_options(splats: &Splats, near: f64) -> reference::Option
     }
 }
 
-/// A splat as a disc on a surface, for authors of scenes.
-struct Disc {
-    place: DVec3,
-    normal: DVec3,
-    /// Standard deviation along the surface, world units.
-    size: f64,
-    color: [f64; 3],
-}
-
-fn push(splats: &mut Splats, disc: &Disc, random: &mut Random) {
-    let turn = glam::DQuat::from_rotation_arc(DVec3::Z, disc.normal);
+/// Adds a splat as a disc on a surface; `size` is its standard deviation along the surface, world units.
+fn push(splats: &mut Splats, random: &mut Random, [place, normal]: [DVec3; 2], size: f64, color: [f64; 3]) {
+    let turn = glam::DQuat::from_rotation_arc(DVec3::Z, normal);
     let length = random.log_between(0.5, 2.0);
     let quaternion = [turn.w, turn.x, turn.y, turn.z].map(|q| (q * length) as f32);
-    let spread = [0; 2].map(|_| (disc.size * random.log_between(0.8, 1.25)).ln() as f32);
-    splats.mean.push(disc.place.as_vec3().to_array());
+    let spread = [0; 2].map(|_| (size * random.log_between(0.8, 1.25)).ln() as f32);
+    splats.mean.push(place.as_vec3().to_array());
     splats.quaternion.push(quaternion);
-    let thin = (0.15 * disc.size).ln() as f32;
+    let thin = (0.15 * size).ln() as f32;
     splats.log_scale.push([spread[0], spread[1], thin]);
     splats.opacity_logit.push(random.between(1.0, 4.0) as f32);
-    splats.sh.extend(disc.color.map(|c| (c as f32 - 0.5) / SH_C0));
+    splats.sh.extend(color.map(|c| (c as f32 - 0.5) / SH_C0));
     for _ in 3..splats.sh_stride() {
         splats.sh.push(random.between(-0.08, 0.08) as f32);
     }
@@ -167,13 +167,9 @@ fn still_life() -> Splats {
         let flat = (1.0 - up * up).sqrt();
         let normal = DVec3::new(flat * cos, -up, flat * sin);
         let light = 0.45 + 0.5 * normal.dot(DVec3::new(0.5, -0.75, -0.43)).max(0.0);
-        let disc = Disc {
-            place: normal * 0.62 + DVec3::new(0.0, -0.05, 0.0),
-            normal,
-            size: 0.045,
-            color: [0.95 * light, 0.45 * light, 0.2 * light],
-        };
-        push(&mut splats, &disc, random);
+        let place = normal * 0.62 + DVec3::new(0.0, -0.05, 0.0);
+        let color = [0.95 * light, 0.45 * light, 0.2 * light];
+        push(&mut splats, random, [place, normal], 0.045, color);
     }
     for i in 0..180 {
         let around = std::f64::consts::TAU * f64::from(i) / 180.0;
@@ -181,13 +177,9 @@ fn still_life() -> Splats {
         let out = DVec3::new(around.cos(), 0.0, around.sin());
         let normal = out * tube.cos() + DVec3::Y * tube.sin();
         let light = 0.55 + 0.35 * -normal.y;
-        let disc = Disc {
-            place: out * 1.05 + normal * 0.1 + DVec3::new(0.0, 0.1, 0.0),
-            normal,
-            size: 0.05,
-            color: [0.15 * light, 0.6 * light, 0.95 * light],
-        };
-        push(&mut splats, &disc, random);
+        let place = out * 1.05 + normal * 0.1 + DVec3::new(0.0, 0.1, 0.0);
+        let color = [0.15 * light, 0.6 * light, 0.95 * light];
+        push(&mut splats, random, [place, normal], 0.05, color);
     }
     for i in 0..360 {
         let (column, row) = (f64::from(i % 20), f64::from(i / 20));
@@ -195,13 +187,9 @@ fn still_life() -> Splats {
         let (x, z) = (column * 0.18 - 1.71 + jitter[0], row * 0.2 - 1.7 + jitter[1]);
         let is_light = ((x * 2.0).floor() + (z * 2.0).floor()).rem_euclid(2.0) == 0.0;
         let shade = if is_light { 0.85 } else { 0.25 };
-        let disc = Disc {
-            place: DVec3::new(x, 0.66 + random.between(0.0, 0.01), z),
-            normal: DVec3::NEG_Y,
-            size: 0.09,
-            color: [shade, shade, shade * 0.9],
-        };
-        push(&mut splats, &disc, random);
+        let place = DVec3::new(x, 0.66 + random.between(0.0, 0.01), z);
+        let color = [shade, shade, shade * 0.9];
+        push(&mut splats, random, [place, DVec3::NEG_Y], 0.09, color);
     }
     splats
 }

@@ -1,19 +1,12 @@
 //! Sweeps of one parameter over its range: needles, zoom, approach, near plane, distance from the origin.
 
 use super::outcome::{CheckGroup, Sweep, SweepPoint};
-use super::{OF_RANGE, ScenePair, StressRun, subject, thumbnail};
+use super::{OF_RANGE, StressRun, StressScene, subject, thumbnail};
 use crate::Result;
 use crate::lab::bench::input::random::single;
 use crate::lab::page::short_number;
-use crate::scene::{Camera, Splats};
+use crate::scene::Splats;
 use glam::DVec3;
-
-/// Scene and camera at one value of a parameter.
-struct Setting {
-    pair: ScenePair,
-    camera: Camera,
-    near: f64,
-}
 
 /// Compares the picture at every value of a parameter with the reference, in a quick run at every third. `texts` are
 /// title, parameter, sign before its values, and caption.
@@ -21,18 +14,14 @@ fn sweep(
     lab: &mut StressRun<'_>,
     [title, parameter, sign, caption]: [&'static str; 4],
     values: impl IntoIterator<Item = f64>,
-    change: impl Fn(&mut Setting, f64),
+    change: impl Fn(&mut StressScene, f64),
 ) -> Result<()> {
     let (mut points, mut thumbnails) = (Vec::new(), Vec::new());
     for x in values.into_iter().step_by(if lab.plan.is_quick { 3 } else { 1 }) {
-        let mut setting = Setting {
-            pair: ScenePair::of(lab.subject),
-            camera: *lab.subject.camera(),
-            near: lab.subject.near,
-        };
-        change(&mut setting, x);
-        let camera = subject::exact(&setting.camera);
-        let (image, [measured, bound]) = lab.look(&setting.pair, &camera, setting.near)?;
+        let mut scene = lab.subject.clone();
+        change(&mut scene, x);
+        let camera = subject::exact(scene.camera());
+        let (image, [measured, bound]) = lab.look(&scene, &camera)?;
         points.push(SweepPoint { x, measured, bound });
         thumbnails.push(thumbnail(format!("{sign}{}", short_number(x)), &image));
     }
@@ -50,17 +39,15 @@ fn sweep(
     Ok(())
 }
 
-/// Splats stretched along their longest axis and thinned by the same factor.
-pub(super) fn stretched(splats: &Splats, aspect: f64) -> Splats {
+/// Stretches splats along their longest axis and thins them by the same factor.
+pub(super) fn stretch(splats: &mut Splats, aspect: f64) {
     let by = (0.5 * aspect.ln()) as f32;
-    let mut needles = splats.clone();
-    for scale in &mut needles.log_scale {
+    for scale in &mut splats.log_scale {
         let longest = (0..3).max_by(|&a, &b| scale[a].total_cmp(&scale[b]));
         for (axis, value) in scale.iter_mut().enumerate() {
             *value += if Some(axis) == longest { by } else { -by };
         }
     }
-    needles
 }
 
 pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
@@ -72,9 +59,11 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         "× ",
         "Up to 120 splats of the scene, one axis longer and two thinner. Determinants of such covariances cancel.",
     ];
-    sweep(lab, texts, powers(10.0, 0..7), |setting, aspect| {
-        let few = setting.pair.thinned(120);
-        setting.pair = few.map(|splats| stretched(splats, aspect));
+    sweep(lab, texts, powers(10.0, 0..7), |scene, aspect| {
+        *scene = scene.changed(|splats| {
+            *splats = subject::thinned(splats, 120);
+            stretch(splats, aspect);
+        });
     })?;
     let texts = [
         "Zoom",
@@ -82,8 +71,8 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         "× ",
         "From splats much smaller than a pixel to splats wider than the picture.",
     ];
-    sweep(lab, texts, powers(2.0, -5..8), |setting, factor| {
-        setting.camera.focal *= factor
+    sweep(lab, texts, powers(2.0, -5..8), |scene, factor| {
+        scene.cameras[0].focal *= factor
     })?;
     let texts = [
         "Into the scene",
@@ -92,9 +81,9 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         "Splats pass by the camera at any distance; the near plane is a thousandth of the way.",
     ];
     let shares = (0..13).map(|i| 0.6f64.powi(12 - i));
-    sweep(lab, texts, shares, |setting, share| {
-        setting.camera.position = target + (setting.camera.position - target) * share;
-        setting.near = single(1e-3 * distance);
+    sweep(lab, texts, shares, |scene, share| {
+        scene.cameras[0].position = target + (scene.cameras[0].position - target) * share;
+        scene.near = single(1e-3 * distance);
     })?;
     let texts = [
         "Near plane",
@@ -103,9 +92,7 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         "Splats whose centre is nearer are not drawn.",
     ];
     let shares = [1e-6, 1e-3, 0.03, 0.1, 0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 2.0];
-    sweep(lab, texts, shares, |setting, share| {
-        setting.near = single(share * distance)
-    })?;
+    sweep(lab, texts, shares, |scene, share| scene.near = single(share * distance))?;
     let texts = [
         "Far from the origin",
         "distance of scene and camera from the origin, of that between them",
@@ -113,12 +100,10 @@ pub(super) fn run(lab: &mut StressRun<'_>) -> Result<()> {
         "Positions are stored in single precision and snap to ever coarser steps, as the pictures show. What is stored \
          is drawn as exactly as ever: differences are taken first.",
     ];
-    sweep(lab, texts, powers(10.0, 0..8), |setting, factor| {
+    sweep(lab, texts, powers(10.0, 0..8), |scene, factor| {
         let by = DVec3::new(0.8, -0.5, 0.33) * (factor * distance);
         let place = |mean: &[f32; 3]| (DVec3::from(mean.map(f64::from)) + by).as_vec3().to_array();
-        setting.pair = setting
-            .pair
-            .with(|splats| splats.mean = splats.mean.iter().map(place).collect());
-        setting.camera.position += by;
+        *scene = scene.changed(|splats| splats.mean = splats.mean.iter().map(place).collect());
+        scene.cameras[0].position += by;
     })
 }
