@@ -41,8 +41,6 @@ pub struct SynthOptions {
     pub width: u32,
     /// Height of each in pixels.
     pub height: u32,
-    /// Angle of view across the width, degrees.
-    pub fov_degrees: f64,
     /// Offset of the principal point from the middle of the picture, pixels.
     pub center_offset: DVec2,
     /// Focal length in y over that in x.
@@ -71,7 +69,6 @@ impl Default for SynthOptions {
             views: 32,
             width: 192,
             height: 144,
-            fov_degrees: 50.0,
             center_offset: DVec2::ZERO,
             focal_ratio: 1.0,
             samples: 3,
@@ -84,6 +81,9 @@ impl Default for SynthOptions {
         }
     }
 }
+
+/// Angle of view across the width of a photograph, degrees.
+const FOV_DEGREES: f64 = 50.0;
 
 /// Most views in the average of a point's colour, like the track of a reconstruction.
 const TRACK_VIEWS: usize = 6;
@@ -112,7 +112,7 @@ impl Scene {
     /// Cameras of `dataset`, in the order of its views.
     pub fn cameras(&self, options: &SynthOptions) -> Vec<Camera> {
         let size = DVec2::new(options.width.into(), options.height.into());
-        let focal = 0.5 * size.x / (0.5 * options.fov_degrees.to_radians()).tan();
+        let focal = 0.5 * size.x / (0.5 * FOV_DEGREES.to_radians()).tan();
         let blank = Camera {
             width: options.width,
             height: options.height,

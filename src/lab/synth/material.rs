@@ -29,14 +29,6 @@ struct Wave {
 }
 
 impl Texture {
-    /// Uniform colour.
-    pub fn plain(color: [f64; 3]) -> Texture {
-        Texture {
-            base: color.into(),
-            waves: Vec::new(),
-        }
-    }
-
     /// `base` with ripples in random directions and colours, with wavelengths from `finest` to eight times that.
     /// `contrast` is their largest total deviation in a channel.
     pub fn ripples(base: [f64; 3], contrast: f64, finest: f64, seed: u64) -> Texture {
@@ -82,6 +74,12 @@ impl Texture {
     }
 }
 
+/// Share of ambient light; the lamp gives the rest.
+const AMBIENT: f64 = 0.45;
+
+/// Direction of the wide, distant lamp; not normalised.
+const LAMP: DVec3 = DVec3::new(-0.5, -0.8, 1.2);
+
 /// Reflectance of a surface.
 #[derive(Clone, Debug)]
 pub struct Material {
@@ -111,41 +109,21 @@ impl Material {
             shininess,
         }
     }
-}
 
-/// Share of ambient light; the lamp gives the rest.
-const AMBIENT: f64 = 0.45;
-
-/// A point to be shaded.
-pub(super) struct Surface<'a> {
-    pub(super) material: &'a Material,
-    /// Position in object coordinates, for the texture.
-    pub(super) local: DVec3,
-    /// Unit normal in the world, towards the viewer.
-    pub(super) normal: DVec3,
-    /// Unit direction from the viewer in the world.
-    pub(super) incident: DVec3,
-    /// Share of ambient light that arrives, 0 to 1.
-    pub(super) openness: f64,
-}
-
-/// Colour of a surface under a wide lamp in the direction `lamp` (unit) and a sky above (+z).
-pub(super) fn shade(surface: &Surface<'_>, lamp: DVec3) -> Color {
-    let Surface {
-        material,
-        normal,
-        incident,
-        ..
-    } = surface;
-    // A wide lamp lights a little beyond the terminator, without the edge of a small one.
-    let facing = (0.5 + 0.5 * normal.dot(lamp)).powi(2);
-    let sky = 0.7 + 0.3 * normal.z;
-    let light = surface.openness * AMBIENT * sky + (0.5 + 0.5 * surface.openness) * (1.0 - AMBIENT) * facing;
-    let mut color = light * material.texture.at(surface.local);
-    if material.gloss > 0.0 {
-        let mirrored = *incident - 2.0 * incident.dot(*normal) * *normal;
-        let highlight = mirrored.dot(lamp).max(0.0).powf(material.shininess);
-        color += material.gloss * highlight * DVec3::new(1.0, 0.97, 0.9);
+    /// Colour under the lamp and a sky above (+z), of which the share `openness` arrives, at the point `local` of the
+    /// object. The world's unit vectors `normal` and `incident` point towards the viewer and away from it.
+    pub(super) fn shade(&self, local: DVec3, normal: DVec3, incident: DVec3, openness: f64) -> Color {
+        let lamp = LAMP.normalize();
+        // A wide lamp lights a little beyond the terminator, without the edge of a small one.
+        let facing = (0.5 + 0.5 * normal.dot(lamp)).powi(2);
+        let sky = 0.7 + 0.3 * normal.z;
+        let light = openness * AMBIENT * sky + (0.5 + 0.5 * openness) * (1.0 - AMBIENT) * facing;
+        let mut color = light * self.texture.at(local);
+        if self.gloss > 0.0 {
+            let mirrored = incident - 2.0 * incident.dot(normal) * normal;
+            let highlight = mirrored.dot(lamp).max(0.0).powf(self.shininess);
+            color += self.gloss * highlight * DVec3::new(1.0, 0.97, 0.9);
+        }
+        color.min(DVec3::ONE)
     }
-    color.min(DVec3::ONE)
 }

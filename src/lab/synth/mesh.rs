@@ -3,20 +3,16 @@
 use super::ray::{Hit, Ray};
 use crate::scene::Mesh;
 use glam::DVec3;
-use std::sync::Arc;
 
 /// Most triangles of a leaf; a leaf costs about as much as two boxes.
 const LEAF_TRIANGLES: usize = 4;
 
-/// A triangle mesh in a binary tree of boxes; cheap to clone.
+/// A triangle mesh in a binary tree of boxes.
 #[derive(Clone, Debug)]
-pub struct MeshTree(Arc<MeshNodes>);
-
-#[derive(Debug)]
-struct MeshNodes {
+pub struct MeshTree {
     triangles: Vec<Triangle>,
     nodes: Vec<Node>,
-    bounding_radius: f64,
+    pub(super) bounding_radius: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -66,35 +62,30 @@ impl MeshTree {
         }
         let radius = |t: &Triangle| t.corners.map(|c| c.length()).into_iter().fold(0.0, f64::max);
         let bounding_radius = triangles.iter().map(radius).fold(0.0, f64::max);
-        MeshTree(Arc::new(MeshNodes {
+        MeshTree {
             triangles,
             nodes,
             bounding_radius,
-        }))
-    }
-
-    pub(super) fn bounding_radius(&self) -> f64 {
-        self.0.bounding_radius
+        }
     }
 
     /// The nearest triangle on the ray with a distance in `t_min..t_max`.
     pub(super) fn hit(&self, ray: &Ray, t_min: f64, t_max: f64) -> Option<Hit> {
-        let MeshNodes { triangles, nodes, .. } = &*self.0;
         let inverse = ray.direction.recip();
         let mut nearest: Option<Hit> = None;
         // The tree's depth is logarithmic, as `split` halves.
         let mut pending = Vec::with_capacity(64);
-        pending.extend((!nodes.is_empty()).then_some(0));
+        pending.extend((!self.nodes.is_empty()).then_some(0));
         while let Some(index) = pending.pop() {
             let limit = nearest.map_or(t_max, |hit| hit.t);
-            let node = &nodes[index];
+            let node = &self.nodes[index];
             if !node.meets(ray.origin, inverse, t_min, limit) {
                 continue;
             }
             match node.content {
                 Content::Inner(second) => pending.extend([second, index + 1]),
                 Content::Leaf(first, count) => {
-                    for triangle in &triangles[first..first + count] {
+                    for triangle in &self.triangles[first..first + count] {
                         let limit = nearest.map_or(t_max, |hit| hit.t);
                         nearest = triangle.hit(ray, t_min, limit).or(nearest);
                     }

@@ -1,7 +1,7 @@
 //! Synthetic scenes with exact photographs, depth, normals and points: ground truth for the demo and for tests.
 //!
 //! Rays are cast with rayon at analytic shapes and at triangle meshes; photographs are averages over a grid of samples
-//! in each pixel. World: z up. A ray without a hit gets the background colour.
+//! in each pixel. World: z up. A ray without a hit is black.
 //!
 //! **Invariant:** no device and no files; the same arguments give the same bytes.
 
@@ -28,7 +28,7 @@ pub use shape::Shape;
 
 use crate::scene::{Camera, Photo};
 use glam::{DMat3, DVec2, DVec3};
-use material::{Color, Surface, shade};
+use material::Color;
 use ray::{Hit, Ray};
 use rayon::prelude::*;
 
@@ -119,28 +119,13 @@ impl Object {
     }
 }
 
-/// Objects under a lamp and a sky.
-#[derive(Clone, Debug)]
+/// Objects under a lamp and a sky, before black.
+#[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// Objects.
     pub objects: Vec<Object>,
-    /// Direction of the distant lamp; not normalised.
-    pub lamp: DVec3,
-    /// Colour of a ray without a hit, 0 to 1.
-    pub background: [f64; 3],
     /// Rig of the cameras.
     pub rig: Rig,
-}
-
-impl Default for Scene {
-    fn default() -> Scene {
-        Scene {
-            objects: Vec::new(),
-            lamp: DVec3::new(-0.5, -0.8, 1.2),
-            background: [0.0; 3],
-            rig: Rig::default(),
-        }
-    }
 }
 
 impl Scene {
@@ -158,14 +143,10 @@ impl Scene {
     fn color(&self, ray: &Ray) -> Option<Color> {
         let (index, hit) = self.hit(ray, f64::INFINITY)?;
         let (object, point) = (&self.objects[index], ray.at(hit.t));
-        let surface = Surface {
-            material: &object.material,
-            local: object.scale * object.local_from_world(point),
-            normal: hit.shading_normal,
-            incident: ray.direction.normalize(),
-            openness: self.openness(index, point, hit.shading_normal),
-        };
-        Some(shade(&surface, self.lamp.normalize()))
+        let local = object.scale * object.local_from_world(point);
+        let (normal, incident) = (hit.shading_normal, ray.direction.normalize());
+        let openness = self.openness(index, point, normal);
+        Some(object.material.shade(local, normal, incident, openness))
     }
 
     /// Share of ambient light that the other objects let through: each covers (radius / distance)² of a cosine-weighted
@@ -197,7 +178,7 @@ impl Scene {
         }
     }
 
-    /// Colour before the background, and covered share of each pixel: means over a grid of `samples` × `samples` points
+    /// Colour before black, and covered share of each pixel: means over a grid of `samples` × `samples` points
     /// in each pixel.
     fn coverage(&self, camera: &Camera, samples: u32) -> Vec<(Color, f64)> {
         let step = 1.0 / f64::from(samples);
@@ -214,13 +195,10 @@ impl Scene {
         })
     }
 
-    /// Unrounded picture over the background, `[row][column]` from the top: each pixel the mean of `samples` ×
-    /// `samples` rays.
+    /// Unrounded picture, `[row][column]` from the top: each pixel the mean of `samples` × `samples` rays.
     pub fn image(&self, camera: &Camera, samples: u32) -> Vec<[f32; 3]> {
-        let background = DVec3::from(self.background);
-        let over = |(color, covered): (Color, f64)| color + (1.0 - covered) * background;
         let pixels = self.coverage(camera, samples).into_iter();
-        pixels.map(|pixel| over(pixel).as_vec3().to_array()).collect()
+        pixels.map(|(color, _)| color.as_vec3().to_array()).collect()
     }
 
     /// An opaque photograph, `samples` × `samples` rays a pixel.

@@ -1,7 +1,7 @@
 //! Data set files: PNG photographs, `transforms.json`, points as `.ply`.
 
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Dataset, Photo, PhotoSource, Point};
+use crate::scene::{Dataset, Photo, PhotoSource, Point, View};
 use glam::DMat3;
 use std::path::Path;
 
@@ -27,11 +27,7 @@ pub fn save(dataset: &Dataset, dir: &Path) -> Result<()> {
             }
         }
     }
-    let frames: Vec<_> = dataset
-        .views
-        .iter()
-        .map(|view| frame(&view.name, &view.camera))
-        .collect();
+    let frames: Vec<_> = dataset.views.iter().map(frame).collect();
     let transforms = serde_json::json!({
         "camera_model": "OPENCV",
         "ply_file_path": "points.ply",
@@ -56,7 +52,7 @@ fn save_photo(photo: &Photo, path: &Path) -> Result<()> {
     written.map_err(|error| Error::file(path, format!("cannot write the picture: {error}")))
 }
 
-fn frame(name: &str, camera: &Camera) -> serde_json::Value {
+fn frame(View { name, camera, .. }: &View) -> serde_json::Value {
     // Columns: the camera's x, its y (up), its z (backward), its position, in the world.
     let axes = camera.rotation.transpose() * DMat3::from_diagonal([1.0, -1.0, -1.0].into());
     let row = |i: usize| [axes.x_axis[i], axes.y_axis[i], axes.z_axis[i], camera.position[i]];

@@ -55,7 +55,7 @@ impl Shape {
             Shape::Disc(radius) | Shape::Sphere(radius) => *radius,
             Shape::Cuboid(half) => half.length(),
             Shape::Cylinder { radius, half_height } => radius.hypot(*half_height),
-            Shape::Mesh(tree) => tree.bounding_radius(),
+            Shape::Mesh(tree) => tree.bounding_radius,
         }
     }
 }

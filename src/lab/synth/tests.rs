@@ -15,8 +15,9 @@ fn camera(width: u32, height: u32) -> Camera {
     .look_at(DVec3::new(2.0, -3.5, 1.5), DVec3::ZERO, DVec3::Z)
 }
 
+/// Of uniform colour.
 fn matt() -> Material {
-    Material::matt(Texture::plain([0.5; 3]))
+    Material::matt(Texture::ripples([0.5; 3], 0.0, 1.0, 0))
 }
 
 fn only(object: Object) -> Scene {
@@ -109,12 +110,8 @@ fn a_fine_mesh_of_a_sphere_is_a_sphere() {
 fn boxes_and_cylinders_have_the_depth_of_their_faces() {
     // Looking down the x axis at flat faces and at a round side.
     let camera = Camera {
-        rotation: DMat3::IDENTITY,
-        ..camera(32, 32)
-    };
-    let camera = Camera {
         center: DVec2::splat(16.0),
-        ..camera
+        ..camera(32, 32)
     }
     .look_at(DVec3::new(5.0, 0.0, 0.0), DVec3::ZERO, DVec3::Z);
     let middle = 16 * 32 + 16;
@@ -242,7 +239,7 @@ fn highlights_move_with_the_view_and_matt_surfaces_do_not() {
         let [Some(a), Some(b)] = colors else { panic!("missed") };
         (a - b).abs().max_element()
     };
-    let plain = Texture::plain([0.4; 3]);
+    let plain = Texture::ripples([0.4; 3], 0.0, 1.0, 0);
     assert!(at(Material::matt(plain.clone())) < 1e-9);
     assert!(at(Material::glossy(plain, 0.4, 10.0)) > 0.05);
 }

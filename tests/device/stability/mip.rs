@@ -103,7 +103,7 @@ fn flicker(lab: &Lab, splats: &Splats, scene: &synth::Scene, camera: &Camera) ->
                 ..base
             };
             let options = ViewOptions {
-                background: scene.background.map(|c| c as f32),
+                background: [0.0; 3],
                 near: 0.01,
                 filter: splats.filter,
             };

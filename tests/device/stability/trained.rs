@@ -28,7 +28,7 @@ pub(crate) fn psnr_db(lab: &Lab, splats: &Splats, truth: &Scene, cameras: &[Came
     let model = Model::upload(lab.gpu(), splats).unwrap();
     let mut renderer = Renderer::new(lab.gpu(), RenderOptions::default()).unwrap();
     let options = ViewOptions {
-        background: truth.background.map(|c| c as f32),
+        background: [0.0; 3],
         near: 0.01,
         filter: splats.filter,
     };
