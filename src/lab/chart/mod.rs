@@ -66,34 +66,6 @@ pub struct FrameErrors {
     pub psnr_db: f64,
 }
 
-/// Frames drawn with one setting, against the `f64` reference without any cut.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FramePoint {
-    /// Setting.
-    pub knob: Knob,
-    /// Median time of a frame on the device, milliseconds, with the median's 95 % interval.
-    pub time_ms: Interval,
-    /// Median processor time of a frame, milliseconds; on a software device that is the work itself.
-    pub cpu_ms: f64,
-    /// Bytes that the scene takes on the device.
-    pub scene_bytes: usize,
-    /// Measured errors.
-    pub error: FrameErrors,
-    /// Proven bounds, without rounding: maximum, percentile and root mean square in decibels of the pixels' own bounds.
-    pub bound: FrameErrors,
-    /// Largest error that rounding to `f32` may add to a pixel.
-    pub rounding: f64,
-    /// Largest distance of a pixel beyond its bound and rounding; positive if a bound is broken.
-    pub excess: f64,
-}
-
-impl FramePoint {
-    /// True if all pixels keep their bounds; NaN breaks them.
-    pub fn holds(&self) -> bool {
-        self.excess <= 0.0
-    }
-}
-
 /// Relative errors of gradients: of the exact value, or of 1 % of its kind's root mean square if that is more.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GradientErrors {
@@ -103,25 +75,36 @@ pub struct GradientErrors {
     pub p99: f64,
 }
 
-/// Training steps with one setting, against the exact gradient of the `f64` reference without any cut.
+/// Frames or training steps with one setting, against the `f64` reference without any cut.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct GradientPoint {
+pub struct AccuracyPoint<E> {
     /// Setting.
     pub knob: Knob,
-    /// Median time of a step on the device, milliseconds, with the median's 95 % interval.
+    /// Median time of a frame or step on the device, milliseconds, with the median's 95 % interval.
     pub time_ms: Interval,
-    /// Median processor time of a step, milliseconds.
+    /// Median processor time of the same, milliseconds; on a software device that is the work itself.
     pub cpu_ms: f64,
+    /// Bytes that the scene takes on the device; 0 for training steps.
+    pub scene_bytes: usize,
     /// Measured errors.
-    pub error: GradientErrors,
-    /// Proven bounds, without rounding: the same percentiles of the parameters' own bounds.
-    pub bound: GradientErrors,
-    /// Largest relative distance of a gradient beyond its bound and rounding; positive if a bound is broken.
+    pub error: E,
+    /// Proven bounds, without rounding: the same figures of the pixels' or parameters' own bounds.
+    pub bound: E,
+    /// Largest error that rounding to `f32` may add to a pixel; 0 for training steps.
+    pub rounding: f64,
+    /// Largest distance of a pixel beyond its bound and rounding, or of a gradient, relative to it; positive if a bound
+    /// is broken.
     pub excess: f64,
 }
 
-impl GradientPoint {
-    /// True if all gradients keep their bounds; NaN breaks them.
+/// Frames.
+pub type FramePoint = AccuracyPoint<FrameErrors>;
+
+/// Training steps.
+pub type GradientPoint = AccuracyPoint<GradientErrors>;
+
+impl<E> AccuracyPoint<E> {
+    /// True if all bounds are kept; NaN breaks them.
     pub fn holds(&self) -> bool {
         self.excess <= 0.0
     }

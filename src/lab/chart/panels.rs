@@ -1,7 +1,7 @@
 //! Figures of the chart.
 
 use super::pareto::front;
-use super::{Chart, FrameErrors, GradientErrors, Knob, RunPoint};
+use super::{AccuracyPoint, Chart, FrameErrors, GradientErrors, Knob, RunPoint};
 use crate::lab::page::distinct;
 use crate::lab::page::scatter::{Marker, ScatterPlot};
 use crate::stats::Interval;
@@ -57,27 +57,24 @@ fn plot(size: [u32; 2], titles: [&'static str; 2], is_log: bool, markers: Vec<Ma
     }
 }
 
-/// Point with proven bounds: setting, time, errors, their bounds, and whether all are kept.
-type BoundedPoint<'a, E> = (&'a Knob, &'a Interval, &'a E, &'a E, bool);
-
-/// Size, vertical axis, true for a logarithmic one, plotted error, and caption of a plot of such points.
+/// Size, vertical axis, true for a logarithmic one, plotted error, and caption of a plot of points with bounds.
 type BoundedView<E> = ([u32; 2], &'static str, bool, fn(&E) -> f64, &'static str);
 
 /// Plot of errors over time, with bars to their proven bounds.
 fn bounded<E>(
     chart: &Chart,
     time: &'static str,
-    points: &[BoundedPoint<'_, E>],
+    points: &[AccuracyPoint<E>],
     &(size, title, is_log, value, caption): &BoundedView<E>,
 ) -> ScatterPlot {
     let names = series(chart);
-    let marker = |&(knob, time_ms, error, bound, holds): &BoundedPoint<'_, E>| {
-        let (value, bound) = (value(error), value(bound));
+    let marker = |point: &AccuracyPoint<E>| {
+        let (value, bound) = (value(&point.error), value(&point.bound));
         Marker {
-            x_bar: bar(time_ms),
+            x_bar: bar(&point.time_ms),
             y_bar: bound.is_finite().then_some([value.min(bound), value.max(bound)]),
-            is_broken: !holds,
-            ..mark(&names, knob, time_ms.value, value)
+            is_broken: !point.holds(),
+            ..mark(&names, &point.knob, point.time_ms.value, value)
         }
     };
     ScatterPlot {
@@ -114,13 +111,9 @@ pub(super) fn of_frames(chart: &Chart) -> Vec<ScatterPlot> {
              worst that was possible. Left and high is good.",
         ),
     ];
-    let points = chart.frames.iter();
-    let points: Vec<_> = points
-        .map(|p| (&p.knob, &p.time_ms, &p.error, &p.bound, p.holds()))
-        .collect();
     let plot = |view: &BoundedView<FrameErrors>| ScatterPlot {
         levels: chart.projection.iter().map(|e| (PROJECTION, view.3(e))).collect(),
-        ..bounded(chart, "time of a frame on the device, ms", &points, view)
+        ..bounded(chart, "time of a frame on the device, ms", &chart.frames, view)
     };
     views.iter().map(plot).collect()
 }
@@ -145,11 +138,8 @@ pub(super) fn of_gradients(chart: &Chart) -> Vec<ScatterPlot> {
             "Half of the gradients are nearer than this, and proven to be nearer than the bar's end.",
         ),
     ];
-    let points = chart.gradients.iter();
-    let points: Vec<_> = points
-        .map(|p| (&p.knob, &p.time_ms, &p.error, &p.bound, p.holds()))
-        .collect();
-    let plot = |view| bounded(chart, "time of a training step on the device, ms", &points, view);
+    let time = "time of a training step on the device, ms";
+    let plot = |view| bounded(chart, time, &chart.gradients, view);
     views.iter().map(plot).collect()
 }
 
