@@ -1,10 +1,10 @@
 //! Frames of every setting: time, errors and broken bounds.
 
-use super::scenes::{FrameInputs, ModelCache};
+use super::scenes::ModelCache;
 use super::settings::{self, FrameSetting};
-use super::{ChartPlan, training};
+use super::{SceneInputs, training};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::Buffer;
 use crate::lab::bench::CpuClock;
 use crate::lab::chart::{FrameErrors, FramePoint};
 use crate::reference::bound::{TracedPixel, trace};
@@ -36,17 +36,13 @@ struct SettingBench {
     errors: Vec<FrameComparison>,
 }
 
-impl FrameInputs<'_> {
-    /// Times and compares every setting, and the projection common to all.
-    pub(super) fn measure(
-        &self,
-        gpu: &Gpu,
-        plan: &ChartPlan,
-        progress: &mut dyn FnMut(&str),
-    ) -> Result<(Vec<FramePoint>, Option<FrameErrors>)> {
+impl SceneInputs<'_> {
+    /// Times and compares frames of every setting, and the projection common to all.
+    pub(super) fn frames(&self, progress: &mut dyn FnMut(&str)) -> Result<(Vec<FramePoint>, Option<FrameErrors>)> {
+        let (plan, cameras) = (self.plan, self.cameras()?);
         let settings = settings::of_frames(self.splats.sh_degree, plan);
         progress("frames: pruning");
-        let mut scenes = ModelCache::new(gpu, self)?;
+        let mut scenes = ModelCache::new(*self)?;
         let (mut approximations, mut benches) = (Vec::new(), Vec::new());
         for setting in settings {
             let removed = scenes.removed(&setting)?;
@@ -60,22 +56,22 @@ impl FrameInputs<'_> {
             benches.push(SettingBench {
                 model: scenes.model(&setting, &removed)?,
                 setting,
-                renderer: Renderer::new(gpu, options)?,
+                renderer: Renderer::new(self.gpu, options)?,
                 errors: Vec::new(),
             });
         }
         let view = ViewOptions {
             background: training::BACKGROUND,
-            near: self.near,
+            near: self.near(),
             filter: self.splats.filter,
         };
-        let options = exact_options(self.splats, self.near);
+        let options = exact_options(self.splats, view.near);
         let mut by_rays = Vec::new();
-        for (number, camera) in (1..).zip(self.cameras) {
-            let of = self.cameras.len();
+        for (number, camera) in (1..).zip(&cameras) {
+            let of = cameras.len();
             progress(&format!("frames: the exact view {number} of {of}"));
             let traced = trace(self.splats, camera, &options, &approximations);
-            by_rays.extend(self.by_rays(camera, &traced, plan.ray_pixels));
+            by_rays.extend(self.by_rays(camera, &options, &traced));
             for (index, bench) in benches.iter_mut().enumerate() {
                 let drawn = bench.renderer.render(&bench.model, camera, &view)?;
                 let rounding = rounding(camera);
@@ -83,9 +79,9 @@ impl FrameInputs<'_> {
             }
         }
         let begun = |run| progress(&format!("frames: run {run} of {}", plan.runs));
-        let times = times_ms(&mut benches, plan.runs, self.cameras.len(), begun, |bench| {
+        let times = times_ms(&mut benches, plan.runs, cameras.len(), begun, |bench| {
             let mut device_ns = 0.0;
-            for camera in self.cameras {
+            for camera in &cameras {
                 bench.renderer.render(&bench.model, camera, &view)?;
                 device_ns += bench.renderer.timings()?.iter().map(|(_, ns)| ns).sum::<f64>();
             }
@@ -100,11 +96,11 @@ impl FrameInputs<'_> {
     }
 
     /// Differences between linear projection and rays, by channel of some pixels.
-    fn by_rays(&self, camera: &Camera, traced: &[TracedPixel], most: usize) -> Vec<[f64; 3]> {
+    fn by_rays(&self, camera: &Camera, options: &reference::Options, traced: &[TracedPixel]) -> Vec<[f64; 3]> {
         // An odd stride over the image's pixels samples all columns.
-        let every = traced.len().div_ceil(most.max(1)) | 1;
+        let every = traced.len().div_ceil(self.plan.ray_pixels.max(1)) | 1;
         let pixels: Vec<usize> = (0..traced.len()).step_by(every).collect();
-        let seen = ray::colors(self.splats, camera, &exact_options(self.splats, self.near), &pixels);
+        let seen = ray::colors(self.splats, camera, options, &pixels);
         let off = |(pixel, seen): (&usize, &[f64; 3])| [0, 1, 2].map(|c| (seen[c] - traced[*pixel].color[c]).abs());
         pixels.iter().zip(&seen).map(off).collect()
     }

@@ -16,9 +16,6 @@ use crate::scene::{Camera, Dataset, Splats, Split};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 
-use gradients::GradientInputs;
-use scenes::FrameInputs;
-
 /// Sizes and repetitions of the measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChartPlan {
@@ -73,6 +70,15 @@ impl ChartPlan {
     };
 }
 
+/// Device, photographs and scene of the compared frames and steps.
+#[derive(Clone, Copy)]
+struct SceneInputs<'a> {
+    gpu: &'a Gpu,
+    dataset: &'a Dataset,
+    splats: &'a Splats,
+    plan: &'a ChartPlan,
+}
+
 /// Measures the plan's points and reports progress in words. Without a `scene`, frames and gradients are those of the
 /// first training run with default options.
 ///
@@ -102,22 +108,14 @@ pub fn measure(
             training::splats(gpu, dataset, TrainConfig::for_iterations(plan.iterations))?
         }
     };
-    let camera = |view: usize| reduced(&dataset.views[view].camera, plan.frame_pixels);
-    let cameras: Vec<Camera> = views(dataset, plan)?.into_iter().map(camera).collect();
-    let pruned_by: Vec<Camera> = dataset.split(Split::Train).into_iter().map(camera).collect();
-    let frames = FrameInputs {
-        splats: &made,
-        cameras: &cameras,
-        pruned_by: &pruned_by,
-        near: TrainConfig::default().near(dataset.extent()),
-    };
-    (chart.frames, chart.projection) = frames.measure(gpu, plan, progress)?;
-    let gradients = GradientInputs {
+    let inputs = SceneInputs {
         gpu,
         dataset,
         splats: &made,
+        plan,
     };
-    chart.gradients = gradients.measure(plan, progress)?;
+    (chart.frames, chart.projection) = inputs.frames(progress)?;
+    chart.gradients = inputs.gradients(progress)?;
     Ok(chart)
 }
 
@@ -129,15 +127,32 @@ fn reduced(camera: &Camera, pixels: usize) -> Camera {
     camera.resized(side(camera.width), side(camera.height))
 }
 
-/// Some of the held-out views, else of all, spread evenly.
-fn views(dataset: &Dataset, plan: &ChartPlan) -> Result<Vec<usize>> {
-    let mut views = dataset.split(Split::Test);
-    if views.is_empty() {
-        views = dataset.split(Split::All);
+impl SceneInputs<'_> {
+    /// Reduced cameras of some of the held-out views, else of all, spread evenly.
+    fn cameras(&self) -> Result<Vec<Camera>> {
+        let mut cameras = self.cameras_of(Split::Test);
+        if cameras.is_empty() {
+            cameras = self.cameras_of(Split::All);
+        }
+        if cameras.is_empty() {
+            return Err(Error::Config("the data set has no view".into()));
+        }
+        let count = self.plan.views.clamp(1, cameras.len());
+        Ok((0..count).map(|i| cameras[i * cameras.len() / count]).collect())
     }
-    if views.is_empty() {
-        return Err(Error::Config("the data set has no view".into()));
+
+    /// Reduced cameras of a split.
+    fn cameras_of(&self, split: Split) -> Vec<Camera> {
+        let cameras = self
+            .dataset
+            .split(split)
+            .into_iter()
+            .map(|view| &self.dataset.views[view].camera);
+        cameras.map(|camera| reduced(camera, self.plan.frame_pixels)).collect()
     }
-    let count = plan.views.clamp(1, views.len());
-    Ok((0..count).map(|i| views[i * views.len() / count]).collect())
+
+    /// Near plane, world units.
+    fn near(&self) -> f32 {
+        TrainConfig::default().near(self.dataset.extent())
+    }
 }

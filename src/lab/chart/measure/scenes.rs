@@ -1,30 +1,19 @@
 //! Models of the scene as settings draw it: in another precision, pruned, or with fewer harmonics.
 
 use super::settings::FrameSetting;
-use super::training;
+use super::{SceneInputs, training};
 use crate::Result;
-use crate::gpu::Gpu;
 use crate::render::{Compatibility, Model, Precision};
-use crate::scene::{Camera, Splats};
+use crate::scene::{Camera, Split};
 use crate::simplify::{ContributionPass, PassOptions, kept, prune, reduce_harmonics};
 use std::borrow::Cow;
 use std::rc::Rc;
 
-/// Scene and views of the compared frames.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct FrameInputs<'a> {
-    pub(super) splats: &'a Splats,
-    pub(super) cameras: &'a [Camera],
-    /// Views that bound the error of pruning.
-    pub(super) pruned_by: &'a [Camera],
-    /// Near plane, world units.
-    pub(super) near: f32,
-}
-
 /// Models of the settings, each made once.
 pub(super) struct ModelCache<'a> {
-    gpu: &'a Gpu,
-    frames: &'a FrameInputs<'a>,
+    inputs: SceneInputs<'a>,
+    /// Views that bound the error of pruning.
+    pruned_by: Vec<Camera>,
     pass: ContributionPass,
     models: Vec<(ModelKey, Rc<Model>)>,
 }
@@ -33,16 +22,16 @@ pub(super) struct ModelCache<'a> {
 type ModelKey = (Option<f64>, Option<f64>, Precision);
 
 impl<'a> ModelCache<'a> {
-    pub(super) fn new(gpu: &'a Gpu, frames: &'a FrameInputs<'a>) -> Result<ModelCache<'a>> {
+    pub(super) fn new(inputs: SceneInputs<'a>) -> Result<ModelCache<'a>> {
         let pass_options = PassOptions {
-            near: frames.near,
+            near: inputs.near(),
             background: training::BACKGROUND,
             compatibility: Compatibility::Engine,
         };
         Ok(ModelCache {
-            gpu,
-            frames,
-            pass: ContributionPass::new(gpu, frames.splats, pass_options)?,
+            pruned_by: inputs.cameras_of(Split::Train),
+            pass: ContributionPass::new(inputs.gpu, inputs.splats, pass_options)?,
+            inputs,
             models: Vec::new(),
         })
     }
@@ -52,7 +41,7 @@ impl<'a> ModelCache<'a> {
         let Some(error) = setting.pruned else {
             return Ok(Vec::new());
         };
-        let found = prune(&mut self.pass, self.frames.pruned_by, error, &mut || true)?;
+        let found = prune(&mut self.pass, &self.pruned_by, error, &mut || true)?;
         Ok(found.map_or_else(Vec::new, |found| found.removed))
     }
 
@@ -62,14 +51,14 @@ impl<'a> ModelCache<'a> {
         if let Some((_, model)) = self.models.iter().find(|(known, _)| *known == key) {
             return Ok(Rc::clone(model));
         }
-        let mut left = Cow::Borrowed(self.frames.splats);
+        let mut left = Cow::Borrowed(self.inputs.splats);
         if !removed.is_empty() {
             left = Cow::Owned(kept(&left, removed));
         }
         if let Some(error) = setting.reduced {
             left = Cow::Owned(reduce_harmonics(&left, error).splats);
         }
-        let model = Rc::new(Model::upload_as(self.gpu, &left, setting.precision)?);
+        let model = Rc::new(Model::upload_as(self.inputs.gpu, &left, setting.precision)?);
         self.models.push((key, Rc::clone(&model)));
         Ok(model)
     }

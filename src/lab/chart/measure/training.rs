@@ -30,14 +30,24 @@ pub(super) fn measure(
     progress: &mut dyn FnMut(&str),
 ) -> Result<(Vec<RunPoint>, Splats)> {
     let mut evaluator = held_out(gpu, dataset)?;
+    // All seeds of a setting, in order.
+    let mut seeds = |setting: &RunSetting| -> Result<Vec<TrainingRun>> {
+        let (name, of) = (setting.knob.name(), plan.seeds);
+        let seed = |seed| {
+            progress(&format!("training: {name}, run {} of {of}", seed + 1));
+            let mut config = setting.config.clone();
+            config.seed = seed;
+            run(gpu, dataset, &mut evaluator, config)
+        };
+        (0..plan.seeds.max(1)).map(seed).collect()
+    };
     let default = settings::default_run(plan);
-    let runs = seeds(gpu, dataset, &mut evaluator, &default, plan, progress)?;
+    let runs = seeds(&default)?;
     let usual: Vec<f64> = runs.iter().map(TrainingRun::psnr_db).collect();
     let mut points = vec![point(&default, &runs, &usual)];
     let splats = runs.into_iter().next().map(|run| run.splats).unwrap_or_default();
     for setting in settings::of_runs(plan, splats.len() as u32) {
-        let runs = seeds(gpu, dataset, &mut evaluator, &setting, plan, progress)?;
-        points.push(point(&setting, &runs, &usual));
+        points.push(point(&setting, &seeds(&setting)?, &usual));
     }
     Ok((points, splats))
 }
@@ -64,26 +74,6 @@ impl TrainingRun {
     fn psnr_db(&self) -> f64 {
         self.score.psnr_db.unwrap_or(f64::NAN)
     }
-}
-
-/// All seeds of a setting, in order.
-fn seeds(
-    gpu: &Gpu,
-    dataset: &Dataset,
-    evaluator: &mut Evaluator<'_>,
-    setting: &RunSetting,
-    plan: &ChartPlan,
-    progress: &mut dyn FnMut(&str),
-) -> Result<Vec<TrainingRun>> {
-    let mut runs = Vec::new();
-    for seed in 0..plan.seeds.max(1) {
-        let (name, of) = (setting.knob.name(), plan.seeds);
-        progress(&format!("training: {name}, run {} of {of}", seed + 1));
-        let config = setting.config.clone();
-        let config = TrainConfig { seed, ..config };
-        runs.push(run(gpu, dataset, evaluator, config)?);
-    }
-    Ok(runs)
 }
 
 /// Means over the runs of a setting; `usual` are the decibels of the default ones, by seed.

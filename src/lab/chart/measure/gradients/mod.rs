@@ -8,8 +8,7 @@ mod compare;
 
 use super::frames::{exact_options, rounding, times_ms};
 use super::settings::{self, FrameSetting};
-use super::{ChartPlan, reduced, training};
-use crate::gpu::Gpu;
+use super::{SceneInputs, reduced, training};
 use crate::io::photo;
 use crate::lab::chart::{GradientErrors, GradientPoint};
 use crate::reference::Options;
@@ -24,16 +23,10 @@ use compare::{compare, percentile};
 /// Iteration of the compared step: late in a long run, with all harmonics and without refinement.
 const BEGUN: u32 = 20_000;
 
-/// Device, photographs and scene of the compared steps.
-pub(super) struct GradientInputs<'a> {
-    pub(super) gpu: &'a Gpu,
-    pub(super) dataset: &'a Dataset,
-    pub(super) splats: &'a Splats,
-}
-
-impl GradientInputs<'_> {
+impl SceneInputs<'_> {
     /// Times a step of every setting and compares its gradient.
-    pub(super) fn measure(&self, plan: &ChartPlan, progress: &mut dyn FnMut(&str)) -> Result<Vec<GradientPoint>> {
+    pub(super) fn gradients(&self, progress: &mut dyn FnMut(&str)) -> Result<Vec<GradientPoint>> {
+        let plan = self.plan;
         let settings = settings::of_gradients(self.splats.sh_degree, plan);
         // A training view, small enough for the reference.
         let camera = reduced(&self.view()?.camera, plan.gradient_pixels);
