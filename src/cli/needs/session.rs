@@ -99,19 +99,22 @@ impl<'a> SurveySession<'a> {
 
     fn task<'b>(
         &self,
-        (scene, dataset): (&'b str, &'b Dataset),
+        (scene, dataset): (&str, &'b Dataset),
         recipe: Recipe,
         seed: u64,
         max_splats: Option<u32>,
     ) -> Task<'b> {
         Task {
-            scene,
             dataset,
-            recipe,
-            seed,
-            iterations: self.args.iterations,
-            gain_db: self.args.gain,
-            max_splats,
+            settings: SurveyRun {
+                scene: scene.into(),
+                recipe,
+                seed,
+                iterations: self.args.iterations,
+                gain_db: self.args.gain,
+                max_splats,
+                ..SurveyRun::default()
+            },
         }
     }
 
@@ -158,19 +161,17 @@ impl<'a> SurveySession<'a> {
 
     /// True if the run is done and not to be repeated.
     fn has(&self, task: &Task<'_>) -> bool {
-        let key = (task.scene, task.recipe, task.seed);
-        let found = self.runs.iter().find(|run| run.key() == key);
-        let is_again = self.args.again.contains(&task.recipe);
-        found.is_some_and(|run| run.max_splats == task.max_splats && !is_again)
+        let settings = &task.settings;
+        let found = self.runs.iter().find(|run| run.key() == settings.key());
+        let is_again = self.args.again.contains(&settings.recipe);
+        found.is_some_and(|run| run.max_splats == settings.max_splats && !is_again)
     }
 
     /// Does a run and writes the survey.
     fn add(&mut self, task: &Task<'_>, of: usize, interrupt: &Interrupt) -> Result<Outcome> {
-        let Task {
-            scene, recipe, seed, ..
-        } = task;
+        let (scene, recipe, seed) = task.settings.key();
         let title = format!("{scene} · {} · seed {seed} · run {} of {of}", recipe.title(), self.done);
-        let bar = self.output.bar(u64::from(task.iterations), "training");
+        let bar = self.output.bar(u64::from(task.settings.iterations), "training");
         bar.set_message(format!("· {title}"));
         let mut progress = |iteration: u32| {
             bar.set_position(u64::from(iteration));

@@ -51,23 +51,13 @@ pub fn checksum(dataset: &Dataset) -> String {
     format!("{:08x}", hash.finalize())
 }
 
-/// Settings of a run.
-#[derive(Clone, Copy, Debug)]
+/// A run to be done.
+#[derive(Clone, Debug)]
 pub struct Task<'a> {
-    /// Name of the scene.
-    pub scene: &'a str,
-    /// Its photographs, some of them held out.
+    /// Photographs of the scene, some of them held out.
     pub dataset: &'a Dataset,
-    /// Method of training.
-    pub recipe: Recipe,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Steps.
-    pub iterations: u32,
-    /// Preference: decibels gained by 10 % more splats.
-    pub gain_db: f64,
-    /// Limit of the splat count, for MCMC.
-    pub max_splats: Option<u32>,
+    /// Scene, recipe, seed, steps, preference and, for MCMC, limit of the splat count.
+    pub settings: SurveyRun,
 }
 
 /// Constants of a run with this number of training views, without the limit of MCMC.
@@ -103,11 +93,11 @@ pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
 impl Task<'_> {
     /// Constants of the run.
     fn config(&self) -> TrainConfig {
-        let views = self.dataset.split(Split::Train).len();
-        let mut config = config(self.recipe, self.iterations, views);
-        config.seed = self.seed;
-        config.max_splats = self.max_splats;
-        config.auto.preference_db = self.gain_db;
+        let (views, settings) = (self.dataset.split(Split::Train).len(), &self.settings);
+        let mut config = config(settings.recipe, settings.iterations, views);
+        config.seed = settings.seed;
+        config.max_splats = settings.max_splats;
+        config.auto.preference_db = settings.gain_db;
         config
     }
 
@@ -116,12 +106,6 @@ impl Task<'_> {
         let count = |split| self.dataset.split(split).len();
         let first = self.dataset.views.first().map(|view| view.camera);
         SurveyRun {
-            scene: self.scene.into(),
-            recipe: self.recipe,
-            seed: self.seed,
-            iterations: self.iterations,
-            gain_db: self.gain_db,
-            max_splats: self.max_splats,
             train_views: count(Split::Train),
             test_views: count(Split::Test),
             width: first.map_or(0, |camera| camera.width),
@@ -129,7 +113,7 @@ impl Task<'_> {
             data: checksum(self.dataset),
             device: record::slug(&gpu.caps().name),
             version: env!("CARGO_PKG_VERSION").into(),
-            ..SurveyRun::default()
+            ..self.settings.clone()
         }
     }
 
@@ -175,10 +159,10 @@ impl Task<'_> {
     fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<(Splats, SurveyRun)>> {
         let mut run = AutoRun::new(gpu, self.dataset, self.config())?;
         let (start, clock) = (Instant::now(), CpuClock::now());
-        if matches!(self.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
+        if matches!(self.settings.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
             run = run.controlled(|trainer, dataset| {
                 let mut controller = CountController::begin(trainer, dataset, false)?;
-                if self.recipe == Recipe::ParsimonyAllSh {
+                if self.settings.recipe == Recipe::ParsimonyAllSh {
                     controller.keep_sh();
                 }
                 Ok(controller)
@@ -200,7 +184,7 @@ impl Task<'_> {
             cpu_seconds: cpu_ns.map(|ns| 1e-9 * ns),
             settled_from: history.and_then(|history| history.settled_from),
             sh_lost_db: history.and_then(|history| history.sh_lost_db),
-            knee: law.map(|law| law.knee(self.gain_db)),
+            knee: law.map(|law| law.knee(self.settings.gain_db)),
             law: law.map_or(Vec::new(), |law| vec![law.limit_db, law.factor, law.exponent]),
             point_splats: points.iter().map(|point| point[0]).collect(),
             point_db: points.iter().map(|point| point[1]).collect(),
