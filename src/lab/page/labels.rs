@@ -6,15 +6,8 @@ pub(super) type PixelRect = [i32; 4];
 /// Height of a line of text, pixels.
 pub(super) const HEIGHT: i32 = 13;
 
-/// A label and its point.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct LabelRequest {
-    /// The point, pixels.
-    pub(super) at: [i32; 2],
-    pub(super) text: String,
-    /// Priority; the lowest is placed first.
-    pub(super) rank: u32,
-}
+/// Point of a label in pixels, its text, and its rank; the lowest is placed first.
+pub(super) type LabelRequest = ([i32; 2], String, u32);
 
 /// Upper bound of a text's width, pixels.
 pub(super) fn width(text: &str) -> i32 {
@@ -60,14 +53,14 @@ pub(super) fn place(
     crossed: &[PixelRect],
 ) -> Vec<Option<PixelRect>> {
     let mut order: Vec<usize> = (0..requests.len()).collect();
-    order.sort_by_key(|&i| requests[i].rank);
+    order.sort_by_key(|&i| requests[i].2);
     let mut taken = obstacles.to_vec();
     let mut placed = vec![None; requests.len()];
     for index in order {
-        let request = &requests[index];
+        let (point, text, _) = &requests[index];
         let free = |area: &PixelRect| within(area, frame) && !taken.iter().any(|t| overlap(t, area));
         let is_clear = |area: &PixelRect| !crossed.iter().any(|line| overlap(line, area));
-        let places = || candidates(request.at, &request.text).into_iter().filter(free);
+        let places = || candidates(*point, text).into_iter().filter(free);
         let found = places().find(is_clear).or_else(|| places().next());
         taken.extend(found);
         placed[index] = found;
@@ -83,22 +76,14 @@ mod tests {
     fn names_cover_nothing() {
         let frame = [0, 0, 400, 300];
         // A dense cluster in a corner, and one alone.
-        let mut requests: Vec<LabelRequest> = (0..40)
-            .map(|i| LabelRequest {
-                at: [380 - i % 7 * 9, 12 + i / 7 * 11],
-                text: format!("1/{}", 1 << (i % 12)),
-                rank: (i % 3) as u32,
-            })
-            .collect();
-        requests.push(LabelRequest {
-            at: [100, 200],
-            text: "alone".into(),
-            rank: 9,
-        });
-        let points: Vec<PixelRect> = requests
-            .iter()
-            .map(|w| [w.at[0] - 6, w.at[1] - 6, w.at[0] + 6, w.at[1] + 6])
-            .collect();
+        let named = |i: i32| {
+            let place = [380 - i % 7 * 9, 12 + i / 7 * 11];
+            (place, format!("1/{}", 1 << (i % 12)), (i % 3) as u32)
+        };
+        let mut requests: Vec<LabelRequest> = (0..40).map(named).collect();
+        requests.push(([100, 200], "alone".into(), 9));
+        let around = |&([x, y], ..): &LabelRequest| [x - 6, y - 6, x + 6, y + 6];
+        let points: Vec<PixelRect> = requests.iter().map(around).collect();
         let placed = place(&requests, &frame, &points, &[]);
         let areas: Vec<PixelRect> = placed.iter().flatten().copied().collect();
         assert!(placed[40].is_some() && areas.len() > 5 && areas.len() < 41);
@@ -112,11 +97,7 @@ mod tests {
     #[test]
     fn names_cross_lines_only_where_there_is_no_other_place() {
         let frame = [0, 0, 400, 300];
-        let request = [LabelRequest {
-            at: [100, 100],
-            text: "name".into(),
-            rank: 0,
-        }];
+        let request = [([100, 100], "name".into(), 0)];
         let bar = [20, 99, 300, 102];
         let clear = place(&request, &frame, &[], &[bar])[0];
         assert!(clear.is_some_and(|area| !overlap(&area, &bar)));

@@ -147,15 +147,14 @@ impl ScatterPlot {
     fn draw_names(&self, svg: &SvgArea<'_>, at: &dyn Fn(f64, f64) -> (i32, i32), frame: &PixelRect) -> Result<()> {
         let named = self.markers.iter().enumerate();
         let named: Vec<(usize, &Marker)> = named.filter(|(_, m)| !m.text.is_empty()).collect();
-        let request = |(index, mark): &(usize, &Marker)| LabelRequest {
-            at: at(mark.x, mark.y).into(),
-            text: mark.text.clone(),
-            rank: match () {
+        let request = |(index, mark): &(usize, &Marker)| {
+            let rank = match () {
                 () if mark.is_broken => 0,
                 () if mark.is_default => 1,
                 () if self.front.contains(index) => 2,
                 () => 3,
-            },
+            };
+            (at(mark.x, mark.y).into(), mark.text.clone(), rank)
         };
         let requests: Vec<LabelRequest> = named.iter().map(request).collect();
         let signs = self.signs(at);
