@@ -77,14 +77,11 @@ pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
 /// Recipes that differ in a run of this many steps: if `Parsimony` has the usual rates, those at its rates are left
 /// out.
 pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
-    let is_usual = |rates: Recipe, usual: Recipe| {
-        // Rates that differ with few views differ with more, too.
-        let [rates, usual] = [rates, usual].map(|recipe| config(recipe, iterations, usize::MAX).rates);
-        rates == usual
-    };
+    // Rates that differ with few views differ with more, too.
+    let rates = |recipe| config(recipe, iterations, usize::MAX).rates;
     let differs = |recipe: &Recipe| match recipe {
-        Recipe::FixedRates => !is_usual(*recipe, Recipe::Fixed),
-        Recipe::McmcRates => !is_usual(*recipe, Recipe::Mcmc),
+        Recipe::FixedRates => rates(*recipe) != rates(Recipe::Fixed),
+        Recipe::McmcRates => rates(*recipe) != rates(Recipe::Mcmc),
         _ => true,
     };
     Recipe::ALL.into_iter().filter(differs).collect()

@@ -1,7 +1,7 @@
 //! Cameras around a synthetic scene, and its data set.
 
+use super::Scene;
 use super::random::KeyedRandom;
-use super::{Scene, save::view_name};
 use crate::scene::{AlphaMode, Camera, Dataset, PhotoSource, Point, View};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
@@ -93,7 +93,7 @@ impl Scene {
     pub fn dataset(&self, options: &SynthOptions) -> Dataset {
         let cameras = self.cameras(options);
         let view = |(index, camera): (usize, &Camera)| View {
-            name: view_name(index),
+            name: format!("images/{index:04}.png"),
             camera: *camera,
             photo: PhotoSource::Memory(match options.cutout {
                 true => self.cutout(camera, options.samples),

@@ -5,11 +5,6 @@ use crate::scene::{Dataset, Photo, PhotoSource, Point, View};
 use glam::DMat3;
 use std::path::Path;
 
-/// Name of view `index`; names sort by index.
-pub(super) fn view_name(index: usize) -> String {
-    format!("images/{index:04}.png")
-}
-
 /// Writes `dataset`, with photographs in memory or absent, to the folder `dir`, which is created: one PNG per view
 /// under its name, `points.ply`, and a `transforms.json` in nerfstudio's form (camera to world, y up and z backward,
 /// intrinsics per frame). Existing files of these names are replaced.
