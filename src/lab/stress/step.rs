@@ -3,7 +3,8 @@
 use super::subject::BACKGROUND;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Dataset, Photo, PhotoSource, Point, Splats, View};
+use crate::lab::bench::input::scene::one_view;
+use crate::scene::{Camera, Dataset, Photo, Splats};
 use crate::train::state::Planes;
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 
@@ -45,25 +46,12 @@ impl StepResult {
 /// A view with a black photograph: every picture is brighter, so that no pixel's share in the gradient changes its
 /// sign. The extent of the data set determines the near plane.
 fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
-    let pixels = camera.width as usize * camera.height as usize;
-    let distance = near / (1.1 * f64::from(config.near_factor));
-    let ray = camera.rotation.row(2) * distance;
-    Dataset {
-        views: vec![View {
-            name: "view".into(),
-            camera: *camera,
-            photo: PhotoSource::Memory(Photo {
-                width: camera.width,
-                height: camera.height,
-                rgba: vec![[0, 0, 0, 255]; pixels],
-            }),
-        }],
-        points: vec![Point {
-            position: (camera.position + ray).to_array(),
-            color: [0.5; 3],
-        }],
-        ..Dataset::default()
-    }
+    let photo = Photo {
+        width: camera.width,
+        height: camera.height,
+        rgba: vec![[0, 0, 0, 255]; camera.width as usize * camera.height as usize],
+    };
+    one_view(*camera, photo, near / (1.1 * f64::from(config.near_factor)))
 }
 
 /// Takes `count` steps.

@@ -3,7 +3,7 @@
 use super::random::Random;
 use super::volume::camera;
 use crate::reference::Options;
-use crate::scene::{Camera, SH_C0, ScreenFilter, Splats};
+use crate::scene::{Camera, Dataset, Photo, PhotoSource, Point, SH_C0, ScreenFilter, Splats, View};
 use glam::DVec2;
 
 /// Splats with a camera and options.
@@ -81,5 +81,24 @@ pub fn scattered(count: usize, [width, height]: [u32; 2], sigma_max: f64, sh_deg
         splats,
         camera,
         options,
+    }
+}
+
+/// Data set of one view, with an extent of 1.1 times `distance`, at which its only point lies ahead.
+pub fn one_view(camera: Camera, photo: Photo, distance: f64) -> Dataset {
+    let ahead = camera.rotation.row(2) * distance;
+    let view = View {
+        name: "view".into(),
+        camera,
+        photo: PhotoSource::Memory(photo),
+    };
+    let point = Point {
+        position: (camera.position + ahead).to_array(),
+        color: [0.5; 3],
+    };
+    Dataset {
+        views: vec![view],
+        points: vec![point],
+        ..Dataset::default()
     }
 }

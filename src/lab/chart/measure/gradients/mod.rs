@@ -10,12 +10,13 @@ use super::frames::{exact_options, rounding, times_ms};
 use super::settings::{self, FrameSetting};
 use super::{SceneInputs, reduced, training};
 use crate::io::photo;
+use crate::lab::bench::input::scene::one_view;
 use crate::lab::chart::{GradientErrors, GradientPoint};
 use crate::reference::Options;
 use crate::reference::bound::{Approximations, GradientBounds, Rounding, TracedPixel, gradient_bounds, trace};
 use crate::reference::gradient::{SplatGradients, backward};
 use crate::reference::rasterize_backward::PixelGradient;
-use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, Splats, Split, View};
+use crate::scene::{AlphaMode, Camera, Dataset, Photo, Splats, Split, View};
 use crate::train::{Background, HostState, TrainConfig, Trainer};
 use crate::{Error, Result};
 use compare::{compare, percentile};
@@ -91,22 +92,9 @@ impl SceneInputs<'_> {
 
     /// One view, in a data set of the same extent.
     fn dataset_of(&self, camera: Camera, photo: Photo, alpha: AlphaMode) -> Dataset {
-        // The extent of a data set with one camera is 1.1 times the distance of its points.
-        let ahead = camera.rotation.row(2) * (self.dataset.extent() / 1.1);
-        let point = Point {
-            position: (camera.position + ahead).to_array(),
-            color: [0.5; 3],
-        };
-        Dataset {
-            views: vec![View {
-                name: "view".into(),
-                camera,
-                photo: PhotoSource::Memory(photo),
-            }],
-            points: vec![point],
-            alpha,
-            ..Dataset::default()
-        }
+        let mut dataset = one_view(camera, photo, self.dataset.extent() / 1.1);
+        dataset.alpha = alpha;
+        dataset
     }
 
     fn trainer<'d>(&self, dataset: &'d Dataset, config: TrainConfig) -> Result<Trainer<'d>> {
