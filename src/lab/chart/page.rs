@@ -19,30 +19,24 @@ const OF_RUNS: &str = include_str!("runs.html");
 pub fn html(chart: &Chart) -> Result<String> {
     let mut body = heading(chart);
     let details = |table| format!("<details open>\n<summary>The numbers</summary>\n{table}</details>\n");
-    let Chart {
-        frames,
-        gradients,
-        runs,
-        ..
-    } = chart;
-    if !frames.is_empty() {
-        let knobs = frames.iter().map(|p| &p.knob);
+    if !chart.frames.is_empty() {
+        let knobs = chart.frames.iter().map(|p| &p.knob);
         body += &format!("<h2>Rendering: time against error</h2>\n{OF_FRAMES}");
         body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_frames(chart))?;
         body += &details(tables::of_frames(chart));
     }
-    if !gradients.is_empty() {
-        let knobs = gradients.iter().map(|p| &p.knob);
+    if !chart.gradients.is_empty() {
+        let knobs = chart.gradients.iter().map(|p| &p.knob);
         body += &format!("<h2>Gradients: time against error</h2>\n{OF_GRADIENTS}");
         body += &legend(chart, knobs, true)?;
         body += &figures(&panels::of_gradients(chart))?;
         body += &details(tables::of_gradients(chart));
     }
-    if !runs.is_empty() {
-        let knobs = runs.iter().map(|p| &p.knob);
+    if !chart.runs.is_empty() {
+        let knobs = chart.runs.iter().map(|p| &p.knob);
         body += &format!("<h2>Training: quality against cost</h2>\n{OF_RUNS}");
-        body += &costs(runs);
+        body += &costs(&chart.runs);
         body += &legend(chart, knobs, false)?;
         body += &figures(&panels::of_runs(chart))?;
         body += &details(tables::of_runs(chart));

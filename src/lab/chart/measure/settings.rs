@@ -173,22 +173,14 @@ pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting
     of_frames(sh_degree, plan).into_iter().filter(is_cut).collect()
 }
 
-/// Configuration of a training run.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct RunSetting {
-    pub(super) knob: Knob,
-    pub(super) config: TrainConfig,
-}
+/// Knob and configuration of a training run.
+pub(super) type RunSetting = (Knob, TrainConfig);
 
 /// The default run.
 pub(super) fn default_run(plan: &ChartPlan) -> RunSetting {
-    RunSetting {
-        knob: Knob {
-            is_default: true,
-            ..Knob::new("default", format!("{} steps", plan.iterations))
-        },
-        config: TrainConfig::for_iterations(plan.iterations),
-    }
+    let mut knob = Knob::new("default", format!("{} steps", plan.iterations));
+    knob.is_default = true;
+    (knob, TrainConfig::for_iterations(plan.iterations))
 }
 
 /// The other runs; `splats` is the final count of the default one.
@@ -197,10 +189,7 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     let with = |series: &str, setting: String, change: &dyn Fn(&mut TrainConfig)| {
         let mut config = base.clone();
         change(&mut config);
-        RunSetting {
-            knob: Knob::new(series, setting),
-            config,
-        }
+        (Knob::new(series, setting), config)
     };
     if plan.is_quick {
         return vec![with(HARMONICS, "degree 0".into(), &|c| c.sh_degree = 0)];
@@ -258,7 +247,7 @@ mod tests {
                     assert!(setting.sh_degree <= sh_degree);
                 }
             }
-            assert!(of_runs(&plan, 1000).iter().all(|run| run.config.validate().is_ok()));
+            assert!(of_runs(&plan, 1000).iter().all(|(_, config)| config.validate().is_ok()));
         }
     }
 }

@@ -31,11 +31,11 @@ pub(super) fn measure(
 ) -> Result<(Vec<RunPoint>, Splats)> {
     let mut evaluator = held_out(gpu, dataset)?;
     // All seeds of a setting, in order.
-    let mut seeds = |setting: &RunSetting| -> Result<Vec<TrainingRun>> {
-        let (name, of) = (setting.knob.name(), plan.seeds);
+    let mut seeds = |(knob, config): &RunSetting| -> Result<Vec<TrainingRun>> {
+        let (name, of) = (knob.name(), plan.seeds);
         let seed = |seed| {
             progress(&format!("training: {name}, run {} of {of}", seed + 1));
-            let mut config = setting.config.clone();
+            let mut config = config.clone();
             config.seed = seed;
             run(gpu, dataset, &mut evaluator, config)
         };
@@ -77,13 +77,13 @@ impl TrainingRun {
 }
 
 /// Means over the runs of a setting; `usual` are the decibels of the default ones, by seed.
-fn point(setting: &RunSetting, runs: &[TrainingRun], usual: &[f64]) -> RunPoint {
+fn point((knob, _): &RunSetting, runs: &[TrainingRun], usual: &[f64]) -> RunPoint {
     let mean = |figure: &dyn Fn(&TrainingRun) -> f64| Interval::of_mean(&runs.iter().map(figure).collect::<Vec<f64>>());
     let pairs = runs.iter().zip(usual);
     let gains: Vec<f64> = pairs.map(|(run, usual)| run.psnr_db() - usual).collect();
     let bytes = |splats: &Splats| 4 * splats.len() * (GEOMETRY_FLOATS + splats.sh_stride());
     RunPoint {
-        knob: setting.knob.clone(),
+        knob: knob.clone(),
         psnr_db: mean(&TrainingRun::psnr_db),
         gain_db: Interval::of_mean(&gains),
         ssim: mean(&|r| r.score.ssim.unwrap_or(f64::NAN)),
