@@ -62,7 +62,6 @@ fn plane() -> Scene {
             azimuth_degrees: (-120.0, -60.0),
             elevation_degrees: (-12.0, 20.0),
         },
-        ..Scene::default()
     }
 }
 
@@ -75,7 +74,6 @@ fn sphere() -> Scene {
             distance: 3.2,
             ..Rig::default()
         },
-        ..Scene::default()
     }
 }
 
