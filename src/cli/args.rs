@@ -32,16 +32,6 @@ pub(super) struct DeviceArgs {
     pub without_subgroups: bool,
 }
 
-impl DeviceArgs {
-    /// Device name from the option, else from the environment.
-    pub(crate) fn name(&self) -> Option<String> {
-        let set = |name: &String| !name.is_empty();
-        self.device
-            .clone()
-            .or_else(|| std::env::var("ASHFALL_DEVICE").ok().filter(set))
-    }
-}
-
 /// Options for reading a data set.
 #[derive(Clone, Debug, PartialEq, Eq, Args, serde::Serialize, serde::Deserialize)]
 #[command(next_help_heading = "Data set")]

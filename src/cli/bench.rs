@@ -4,7 +4,7 @@ mod growth;
 
 use super::Outcome;
 use super::args::DeviceArgs;
-use super::engine::Engine;
+use super::engine;
 use crate::io::atomic::write_atomically;
 use crate::lab::baseline::{self, Ratio, TARGET_FEATURES};
 use crate::lab::bench::frame::Scaling;
@@ -106,9 +106,9 @@ struct Report<'a> {
 
 impl OutputArgs {
     /// Opens the device and a bench on it.
-    fn open(&self, name: &'static str, device: &DeviceArgs) -> Result<(Engine, Bench)> {
-        let engine = Engine::open(device)?;
-        eprintln!("{}", engine.name());
+    fn open(&self, name: &'static str, device: &DeviceArgs) -> Result<Bench> {
+        let gpu = engine::open(device)?;
+        eprintln!("{}", gpu.caps().name);
         let options = BenchOptions {
             filter: self.filter.clone(),
             runs: self.runs,
@@ -119,8 +119,7 @@ impl OutputArgs {
                 eprintln!("measured {} {}", row.input, row.variant);
             }
         };
-        let bench = Bench::new(name, engine.gpu(), options, progress)?;
-        Ok((engine, bench))
+        Bench::new(name, &gpu, options, progress)
     }
 
     /// Error of a filter that selects nothing.
@@ -132,7 +131,7 @@ impl OutputArgs {
     /// Prints the table and `more`, and writes the files of the options.
     fn finish(
         &self,
-        (engine, bench): &(Engine, Bench),
+        bench: &Bench,
         more: impl IntoIterator<Item = String>,
         report: Report<'_>,
     ) -> Result<Outcome> {
@@ -162,7 +161,7 @@ impl OutputArgs {
             let path = record::write(folder, &caps.name, &bench.rows)?;
             eprintln!("{}", path.display());
         }
-        engine.check()?;
+        engine::check(bench.gpu())?;
         Ok(Outcome::Done)
     }
 }
@@ -172,10 +171,9 @@ fn write_text(path: &Path, text: &str) -> Result<()> {
 }
 
 fn kernels(args: &KernelsArgs) -> Result<Outcome> {
-    let mut opened = args.output.open("kernels", &args.device)?;
-    let bench = &mut opened.1;
-    bench::kernels::run(bench)?;
-    let ratios = baseline::run(bench)?;
+    let mut bench = args.output.open("kernels", &args.device)?;
+    bench::kernels::run(&mut bench)?;
+    let ratios = baseline::run(&mut bench)?;
     // The copy is measured in any case.
     let filter = args.output.filter.as_deref().unwrap_or_default();
     let asked = |row: &BenchRow| format!("kernels/{}/{}", row.input, row.variant).contains(filter);
@@ -187,5 +185,5 @@ fn kernels(args: &KernelsArgs) -> Result<Outcome> {
         ratios: Some(&ratios),
         ..Report::default()
     };
-    args.output.finish(&opened, ratios.iter().map(Ratio::line), report)
+    args.output.finish(&bench, ratios.iter().map(Ratio::line), report)
 }

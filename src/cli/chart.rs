@@ -2,9 +2,10 @@
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
-use super::engine::Engine;
+use super::engine;
 use super::eval::read_scene;
 use super::output::Output;
+use crate::gpu::Gpu;
 use crate::io::atomic::write_atomically;
 use crate::io::splats::readable;
 use crate::lab::bench::record;
@@ -82,14 +83,14 @@ enum ChartPart {
 
 pub(super) fn run(args: &ChartArgs) -> Result<Outcome> {
     let output = Output { json: false };
-    let engine = Engine::open(&args.device)?;
+    let gpu = engine::open(&args.device)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let (scene, dataset, name) = subject(args)?;
     let plan = plan(args);
     let mut said = |what: &str| output.remark(what);
-    let mut chart = measure(engine.gpu(), &dataset, scene.as_ref(), &plan, &mut said)?;
-    engine.check()?;
-    chart.facts = facts(&engine, &dataset, scene.as_ref(), &name, &plan);
+    let mut chart = measure(&gpu, &dataset, scene.as_ref(), &plan, &mut said)?;
+    engine::check(&gpu)?;
+    chart.facts = facts(&gpu, &dataset, scene.as_ref(), &name, &plan);
     write(&chart, &args.out)?;
     match args.csv {
         true => output.result(csv::csv(&chart).trim_end(), || unreachable!()),
@@ -100,7 +101,7 @@ pub(super) fn run(args: &ChartArgs) -> Result<Outcome> {
     }
     let outcome = verdict(&chart)?;
     if let Some(folder) = &args.record {
-        let path = record::file(folder, &engine.gpu().caps().name, "-chart.csv")?;
+        let path = record::file(folder, &gpu.caps().name, "-chart.csv")?;
         let text = csv::csv(&chart);
         write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
         output.remark(format_args!("Filed as {}", path.display()));
@@ -179,7 +180,7 @@ fn made(is_quick: bool) -> Dataset {
 }
 
 /// Facts at the top of the page.
-fn facts(engine: &Engine, dataset: &Dataset, scene: Option<&Splats>, name: &str, plan: &ChartPlan) -> Vec<Fact> {
+fn facts(gpu: &Gpu, dataset: &Dataset, scene: Option<&Splats>, name: &str, plan: &ChartPlan) -> Vec<Fact> {
     let views = dataset.split(Split::Test).len();
     let drawn = match scene {
         Some(splats) => format!("{} splats of degree {}", splats.len(), splats.sh_degree),
@@ -194,7 +195,7 @@ fn facts(engine: &Engine, dataset: &Dataset, scene: Option<&Splats>, name: &str,
             "data set",
             format!("{} views, {views} held out, {size}", dataset.views.len()),
         ),
-        ("device", engine.name().to_owned()),
+        ("device", gpu.caps().name.to_owned()),
         ("date", record::today()),
         ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),
     ];

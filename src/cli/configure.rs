@@ -1,6 +1,7 @@
 //! From options to a [`TrainConfig`].
 
 use crate::cli::args::parse_background;
+use crate::gpu::DeviceKind;
 use crate::scene::ScreenFilter;
 use crate::train::{Background, StrategyKind, TrainConfig};
 use crate::{Error, Result};
@@ -74,17 +75,20 @@ pub(in crate::cli) enum AgainstArg {
 
 impl ConfigArgs {
     /// Configuration from the options, validated.
-    pub(crate) fn config(&self, is_software: bool) -> Result<TrainConfig> {
-        self.config_from(is_software, |config| config)
+    pub(crate) fn config(&self, device: DeviceKind) -> Result<TrainConfig> {
+        self.config_from(device, |config| config)
     }
 
     /// Configuration that starts from `other` of the defaults; the options override it.
     pub(crate) fn config_from(
         &self,
-        is_software: bool,
+        device: DeviceKind,
         other: impl FnOnce(TrainConfig) -> TrainConfig,
     ) -> Result<TrainConfig> {
-        let usual = if is_software { ITERATIONS_SOFTWARE } else { ITERATIONS };
+        let usual = match device {
+            DeviceKind::Cpu => ITERATIONS_SOFTWARE,
+            _ => ITERATIONS,
+        };
         let strategy = match self.strategy {
             None | Some(StrategyArg::Adc) => StrategyKind::Adc,
             Some(StrategyArg::Mcmc) => StrategyKind::Mcmc,
@@ -172,7 +176,7 @@ mod tests {
             settings: settings.iter().map(|s| s.to_string()).collect(),
             ..ConfigArgs::default()
         };
-        args.config(true).map_err(|e| e.to_string())
+        args.config(DeviceKind::Cpu).map_err(|e| e.to_string())
     }
 
     #[test]
@@ -195,7 +199,7 @@ mod tests {
             settings: vec!["max_aspect=20".into()],
             ..ConfigArgs::default()
         };
-        let config = args.config(true).map_err(|e| e.to_string())?;
+        let config = args.config(DeviceKind::Cpu).map_err(|e| e.to_string())?;
         let wanted = TrainConfig::for_iterations(ITERATIONS_SOFTWARE).against_floaters();
         assert_eq!(config.init, wanted.init);
         assert_eq!((config.max_aspect, config.filter), (20.0, ScreenFilter::Mip));
@@ -218,10 +222,10 @@ mod tests {
 
     #[test]
     fn the_usual_length_depends_on_the_device() {
-        let iterations = |is_software| {
-            let config = ConfigArgs::default().config(is_software);
+        let iterations = |device| {
+            let config = ConfigArgs::default().config(device);
             config.map(|c| c.iterations).unwrap_or_default()
         };
-        assert_eq!([iterations(false), iterations(true)], [30_000, 2_000]);
+        assert_eq!([DeviceKind::Other, DeviceKind::Cpu].map(iterations), [30_000, 2_000]);
     }
 }

@@ -1,12 +1,14 @@
 //! `ashfall demo`: end-to-end check on a synthetic scene: photograph, train, render.
 
 use super::args::{DataArgs, DeviceArgs};
-use super::engine::Engine;
+use super::engine;
 use super::output::Output;
 use super::render::orbit_of_cameras;
 use super::train::{Session, begin_made};
 use super::{Outcome, eval};
+use crate::gpu::Gpu;
 use crate::lab::synth::{self, Kind, SynthOptions};
+use crate::render::Compatibility;
 use crate::scene::{Camera, Dataset};
 use crate::simplify::AutoRun;
 use crate::train::TrainConfig;
@@ -45,7 +47,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let start = Instant::now();
     // Opened first: without a device the rest is useless.
-    let engine = Engine::open(&args.device)?;
+    let gpu = engine::open(&args.device)?;
     output.remark(format_args!(
         "making the scene and its photographs in {}",
         args.out.display()
@@ -61,11 +63,11 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let mut config = TrainConfig::for_iterations(args.iterations);
     config.seed = args.seed;
     config.validate()?;
-    let run = AutoRun::new(engine.gpu(), &dataset, config)?;
+    let run = AutoRun::new(&gpu, &dataset, config)?;
     let mut state = begin_made(&data, &options, args.iterations)?;
     state.timings.load_seconds = start.elapsed().as_secs_f64();
     let session = Session {
-        engine: &engine,
+        gpu: &gpu,
         dataset: &dataset,
         dir: &args.out,
         checkpoint_every: 0,
@@ -77,8 +79,8 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         return Ok(Outcome::Interrupted);
     }
     let orbit = args.out.join("orbit");
-    draw_orbit(&engine, &dataset, &args.out, args.orbit)?;
-    engine.check()?;
+    draw_orbit(&gpu, &dataset, &args.out, args.orbit)?;
+    engine::check(&gpu)?;
     let pictures = args.out.join("test");
     output.result(
         format_args!(
@@ -92,15 +94,15 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
 }
 
 /// Draws an orbit of the trained scene, read from its file.
-fn draw_orbit(engine: &Engine, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
+fn draw_orbit(gpu: &Gpu, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
     let splats = eval::read_scene(&dir.join("scene.ply"))?;
-    let mut scene_renderer = engine.scene_renderer(&splats, eval::near(dataset), false)?;
+    let mut draw = engine::scene_renderer(gpu, &splats, eval::near(dataset), false, Compatibility::Engine)?;
     let orbit = dir.join("orbit");
     std::fs::create_dir_all(&orbit).map_err(Error::io(&orbit))?;
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
     let path = orbit_of_cameras(&cameras, dataset.extent(), count);
     for (i, camera) in path.iter().enumerate() {
-        let picture = scene_renderer.draw(camera, [0.0; 3])?;
+        let picture = draw(camera, [0.0; 3])?;
         let path = orbit.join(format!("orbit_{i:04}.png"));
         io::png::write_rgb(&path, picture.width, picture.height, &picture.rgb)?;
     }

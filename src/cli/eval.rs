@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};
-use super::engine::Engine;
+use super::engine;
 use super::output::{Output, file_stem, score_text};
 use crate::gpu::Gpu;
 use crate::io::splats::readable;
@@ -65,8 +65,8 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     if let Some(dir) = &args.pictures {
         std::fs::create_dir_all(dir).map_err(Error::io(dir))?;
     }
-    let engine = Engine::open(&args.device)?;
-    let mut evaluator = evaluator(engine.gpu(), &dataset, &views, args.background);
+    let gpu = engine::open(&args.device)?;
+    let mut evaluator = evaluator(&gpu, &dataset, &views, args.background);
     let bar = output.bar(views.len() as u64, "views");
     let scores = evaluator.map(&splats, |evaluated| {
         bar.inc(1);
@@ -76,12 +76,12 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
         Ok(evaluated.score())
     })?;
     bar.finish_and_clear();
-    engine.check()?;
+    engine::check(&gpu)?;
     let mean = MeanScore::of(&scores);
     output.result(table(&scores, &mean), || {
         json!({
             "scene": args.scene,
-            "device": engine.name(),
+            "device": gpu.caps().name,
             "splat_count": splats.len(),
             "mean": mean,
             "views": scores,

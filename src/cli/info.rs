@@ -1,9 +1,11 @@
 //! `ashfall info`: description of the devices, a scene or a data set.
 
+mod describe;
+
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
 use super::configure::ConfigArgs;
-use super::engine::{self, Engine};
+use super::engine;
 use super::eval::read_scene;
 use super::output::{Output, bytes, grouped};
 use super::predict::PredictArgs;
@@ -61,9 +63,9 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
 }
 
 fn predict(args: &InfoArgs) -> Result<Outcome> {
-    let engine = Engine::open(&args.device)?;
-    let limit = engine.memory_limit();
-    let config = args.config.config(engine.is_software())?;
+    let gpu = engine::open(&args.device)?;
+    let limit = gpu.memory_limit();
+    let config = args.config.config(gpu.caps().kind)?;
     let prediction = match &args.path {
         None => args.predict.on_numbers(&config, limit),
         Some(path) if is_scene(path) => args.predict.on_scene(&read_scene(path)?)?,
@@ -82,8 +84,9 @@ fn is_scene(path: &Path) -> bool {
 }
 
 fn devices(args: &DeviceArgs) -> Result<(String, Value)> {
-    let (list, list_value) = engine::devices()?;
-    let (chosen, chosen_value) = Engine::open(args)?.describe();
+    let (list, list_value) = describe::devices()?;
+    let gpu = engine::open(args)?;
+    let (chosen, chosen_value) = describe::chosen(gpu.caps(), gpu.memory_limit());
     let value = json!({"devices": list_value, "chosen": chosen_value});
     Ok((format!("{list}\n{chosen}"), value))
 }

@@ -4,7 +4,7 @@ mod session;
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
-use super::engine::Engine;
+use super::engine;
 use super::interrupt::Interrupt;
 use super::output::Output;
 use super::train::parse_gain;
@@ -92,12 +92,12 @@ fn parse_recipe(text: &str) -> std::result::Result<Recipe, String> {
 
 pub(super) fn run(args: &NeedsArgs) -> Result<Outcome> {
     let output = Output { json: false };
-    let engine = Engine::open(&args.device)?;
-    let mut session = SurveySession::begin(args, &engine, output)?;
+    let gpu = engine::open(&args.device)?;
+    let mut session = SurveySession::begin(args, &gpu, output)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     io::atomic::remove_leftovers(&args.out);
     let outcome = session.run(&Interrupt::listen()?)?;
-    engine.check()?;
+    engine::check(&gpu)?;
     session.write()?;
     if outcome == Outcome::Interrupted {
         output.result("interrupted; the same command goes on", || unreachable!());

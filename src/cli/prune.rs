@@ -4,10 +4,11 @@ mod figures;
 
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs, parse_color};
-use super::engine::Engine;
+use super::engine;
 use super::eval::{evaluator, near, read_scene};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
+use crate::gpu::Gpu;
 use crate::io::splats::{readable, writable};
 use crate::metrics::MeanScore;
 use crate::scene::{Camera, Dataset, Splats, Split};
@@ -99,16 +100,16 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
     if train.is_empty() {
         return Err(Error::file(&args.data, "holds no training view"));
     }
-    let engine = Engine::open(&args.device)?;
+    let gpu = engine::open(&args.device)?;
     let work = PruneRun {
         args,
-        engine: &engine,
+        gpu: &gpu,
         dataset: &dataset,
         cameras: train.iter().map(|&i| dataset.views[i].camera).collect(),
         interrupt: Interrupt::listen()?,
     };
     let found = work.run(&splats)?;
-    engine.check()?;
+    engine::check(&gpu)?;
     let Some(figures) = found else {
         eprintln!("interrupted; nothing was written");
         return Ok(Outcome::Interrupted);
@@ -151,7 +152,7 @@ fn parse_share(text: &str) -> std::result::Result<f64, String> {
 /// Inputs of a run.
 struct PruneRun<'a> {
     args: &'a PruneArgs,
-    engine: &'a Engine,
+    gpu: &'a Gpu,
     dataset: &'a Dataset,
     cameras: Vec<Camera>,
     interrupt: Interrupt,
@@ -166,7 +167,7 @@ impl PruneRun<'_> {
         let views = self.cameras.len();
         output.remark(format_args!(
             "{} · {} splats · {views} training views",
-            self.engine.name(),
+            self.gpu.caps().name,
             grouped(splats.len())
         ));
         let merging = match self.args.merge {
@@ -251,14 +252,14 @@ impl PruneRun<'_> {
             background: self.args.background,
             compatibility: self.args.compat.into(),
         };
-        ContributionPass::new(self.engine.gpu(), splats, pass_options)
+        ContributionPass::new(self.gpu, splats, pass_options)
     }
 
     /// Mean score over the test views.
     fn score(&self, splats: &Splats) -> Result<MeanScore> {
         let views = self.dataset.split(Split::Test);
-        let mut evaluator = evaluator(self.engine.gpu(), self.dataset, &views, self.args.background)
-            .drawing_as(self.args.compat.into());
+        let mut evaluator =
+            evaluator(self.gpu, self.dataset, &views, self.args.background).drawing_as(self.args.compat.into());
         Ok(MeanScore::of(&evaluator.scores(splats)?))
     }
 
@@ -267,7 +268,7 @@ impl PruneRun<'_> {
             return Ok(Some(splats.clone()));
         }
         let config = refit_config(splats, iterations, self.args.background);
-        let mut run = AutoRun::from_splats(self.engine.gpu(), self.dataset, config, splats)?;
+        let mut run = AutoRun::from_splats(self.gpu, self.dataset, config, splats)?;
         while run.iteration() < iterations {
             if self.interrupt.is_requested() {
                 return Ok(None);

@@ -4,7 +4,7 @@ pub(super) mod orbit;
 
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs, SplitArg, parse_color};
-use super::engine::Engine;
+use super::engine;
 use super::eval::{near, read_scene};
 use super::output::{Output, file_stem};
 use crate::io::splats::readable;
@@ -92,9 +92,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         Some(dataset) => near(dataset),
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
-    let engine = Engine::open(&args.device)?;
+    let gpu = engine::open(&args.device)?;
     let with_depth = args.format == Format::Exr;
-    let mut scene_renderer = engine.scene_renderer_with(&splats, near, with_depth, args.compat.into())?;
+    let mut draw = engine::scene_renderer(&gpu, &splats, near, with_depth, args.compat.into())?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let bar = output.bar(shots.len() as u64, "pictures");
     // An EXR has no background.
@@ -103,13 +103,13 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         Format::Exr => [0.0; 3],
     };
     for shot in &shots {
-        let picture = scene_renderer.draw(&shot.camera, background)?;
+        let picture = draw(&shot.camera, background)?;
         let path = write(&args.out, &shot.stem, args.format, &picture)?;
         output.event(|| json!({"event": "picture", "path": path}));
         bar.inc(1);
     }
     bar.finish_and_clear();
-    engine.check()?;
+    engine::check(&gpu)?;
     output.result(
         format_args!("{} pictures in {}", shots.len(), args.out.display()),
         || json!({"event": "done", "pictures": shots.len(), "dir": args.out}),

@@ -2,11 +2,12 @@
 
 use super::Outcome;
 use super::args::DeviceArgs;
-use super::engine::Engine;
+use super::engine;
 use super::eval::read_scene;
 use super::interrupt::Interrupt;
 use super::output::Output;
 use super::render::orbit;
+use crate::gpu::Gpu;
 use crate::io::atomic::write_atomically;
 use crate::io::splats::readable;
 use crate::lab::bench::record;
@@ -67,7 +68,7 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     let started = Instant::now();
     let interrupt = Interrupt::listen()?;
     let (subject, name) = subject(args.scene.as_deref())?;
-    let engine = Engine::open(&args.device)?;
+    let gpu = engine::open(&args.device)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let plan = match args.quick {
         true => StressPlan::QUICK,
@@ -75,7 +76,7 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     };
     let bar = output.bar(CheckGroup::ALL.len() as u64, "stress");
     let mut begun = 0;
-    let found = stress::run(engine.gpu(), &subject, plan, &mut |group| {
+    let found = stress::run(&gpu, &subject, plan, &mut |group| {
         bar.set_position(begun);
         bar.set_message(group.title());
         begun += 1;
@@ -85,12 +86,12 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
         }
     })?;
     bar.finish_and_clear();
-    engine.check()?;
+    engine::check(&gpu)?;
     let Some(mut found) = found else {
         return Ok(Outcome::Interrupted);
     };
     // The suite's own facts come last.
-    found.facts.splice(0..0, facts(&engine, &subject, name, started));
+    found.facts.splice(0..0, facts(&gpu, &subject, name, started));
     let page = write(&found, &args.out, args.json.as_deref())?;
     let mut lines = found.failed().into_iter().map(line).collect::<Vec<String>>();
     lines.push(summary(&found));
@@ -118,8 +119,8 @@ fn subject(path: Option<&Path>) -> Result<(StressScene, String)> {
 }
 
 /// Facts at the top of the page.
-fn facts(engine: &Engine, subject: &StressScene, scene: String, started: Instant) -> Vec<Fact> {
-    let caps = engine.gpu().caps();
+fn facts(gpu: &Gpu, subject: &StressScene, scene: String, started: Instant) -> Vec<Fact> {
+    let caps = gpu.caps();
     let camera = subject.camera();
     let views = format!(
         "{} views of {} × {}, {} splats of degree {}",

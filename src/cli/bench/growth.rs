@@ -4,7 +4,6 @@ use super::{OutputArgs, Report};
 use crate::Result;
 use crate::cli::Outcome;
 use crate::cli::args::{DataArgs, DeviceArgs};
-use crate::cli::engine::Engine;
 use crate::cli::eval::read_scene;
 use crate::cli::output::{bytes, grouped};
 use crate::cli::predict::parse_image_size;
@@ -109,7 +108,7 @@ fn parse_count(text: &str) -> std::result::Result<usize, String> {
 }
 
 pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
-    let mut opened = args.output.open("frame", &args.device)?;
+    let mut bench = args.output.open("frame", &args.device)?;
     let scene = match &args.scene {
         None => None,
         Some(path) => {
@@ -129,8 +128,8 @@ pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
         sh_degree: args.sh_degree,
         scene,
     };
-    let scaling = frame::run(&mut opened.1, &plan)?;
-    finish(&args.output, &opened, (&scaling, &[]), Vec::new())
+    let scaling = frame::run(&mut bench, &plan)?;
+    finish(&args.output, &bench, (&scaling, &[]), Vec::new())
 }
 
 pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
@@ -139,7 +138,7 @@ pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
     if let Some(scene) = &scene {
         dataset.set_origin(scene.origin);
     }
-    let mut opened = args.output.open("train", &args.device)?;
+    let mut bench = args.output.open("train", &args.device)?;
     let plan = TrainPlan {
         splats: either(&args.splats, train::SPLATS.to_vec()),
         steps: args.steps,
@@ -147,10 +146,10 @@ pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
         sh_degree: args.sh_degree,
         scene,
     };
-    let (scaling, memory) = train::run(&mut opened.1, &dataset, &plan)?;
+    let (scaling, memory) = train::run(&mut bench, &dataset, &plan)?;
     let mut lines: Vec<String> = scaling.points.iter().filter_map(step_line).collect();
     lines.extend(memory.iter().map(memory_line));
-    finish(&args.output, &opened, (&scaling, &memory), lines)
+    finish(&args.output, &bench, (&scaling, &memory), lines)
 }
 
 fn either<T: Clone>(asked: &[T], usual: Vec<T>) -> Vec<T> {
@@ -162,7 +161,7 @@ fn either<T: Clone>(asked: &[T], usual: Vec<T>) -> Vec<T> {
 
 fn finish(
     output: &OutputArgs,
-    opened: &(Engine, Bench),
+    bench: &Bench,
     (scaling, memory): (&Scaling, &[TrainMemory]),
     mut lines: Vec<String>,
 ) -> Result<Outcome> {
@@ -186,7 +185,7 @@ fn finish(
         memory,
         ..Report::default()
     };
-    output.finish(opened, lines, report)
+    output.finish(bench, lines, report)
 }
 
 /// A point's memory by buffer, or its error.

@@ -2,9 +2,9 @@
 
 use super::NeedsArgs;
 use crate::cli::Outcome;
-use crate::cli::engine::Engine;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{Output, grouped};
+use crate::gpu::Gpu;
 use crate::io::atomic::write_atomically;
 use crate::lab::page::Fact;
 use crate::lab::survey::runner::{Task, built_in, distinct_recipes};
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// Scenes, recipes and runs of a survey.
 pub(super) struct SurveySession<'a> {
     args: &'a NeedsArgs,
-    engine: &'a Engine,
+    gpu: &'a Gpu,
     output: Output,
     /// Scenes by name.
     scenes: Vec<(String, Dataset)>,
@@ -33,7 +33,7 @@ impl<'a> SurveySession<'a> {
     ///
     /// # Errors
     /// Two scenes of one name, a data set that cannot be read, or runs of another survey in the folder.
-    pub(super) fn begin(args: &'a NeedsArgs, engine: &'a Engine, output: Output) -> Result<SurveySession<'a>> {
+    pub(super) fn begin(args: &'a NeedsArgs, gpu: &'a Gpu, output: Output) -> Result<SurveySession<'a>> {
         let mut scenes = Vec::new();
         for given in &args.data {
             let (name, path) = named(given);
@@ -62,7 +62,7 @@ impl<'a> SurveySession<'a> {
         };
         let mut session = SurveySession {
             args,
-            engine,
+            gpu,
             output,
             recipes: Recipe::ALL.into_iter().filter(wanted).collect(),
             scenes,
@@ -86,7 +86,7 @@ impl<'a> SurveySession<'a> {
         let runs = record::read(&path, &text)?;
         for (scene, dataset) in &self.scenes {
             let planned = self.task((scene, dataset), self.recipes[0], 0, None);
-            let planned = planned.planned(self.engine.gpu());
+            let planned = planned.planned(self.gpu);
             if let Some(conflict) = runs.iter().find_map(|run| run.conflict(&planned)) {
                 let what = format!(
                     "has runs of another survey ({conflict}): choose another --out, or begin anew with --overwrite"
@@ -135,7 +135,7 @@ impl<'a> SurveySession<'a> {
                         continue;
                     }
                     if !is_warm {
-                        task.warm_up(self.engine.gpu())?;
+                        task.warm_up(self.gpu)?;
                         is_warm = true;
                     }
                     let of = scenes.len() * self.recipes.len() * self.args.seeds as usize;
@@ -177,7 +177,7 @@ impl<'a> SurveySession<'a> {
             bar.set_position(u64::from(iteration));
             !interrupt.is_requested()
         };
-        let run = task.run(self.engine.gpu(), &self.args.out, &mut progress)?;
+        let run = task.run(self.gpu, &self.args.out, &mut progress)?;
         bar.finish_and_clear();
         let Some(run) = run else {
             return Ok(Outcome::Interrupted);
@@ -221,7 +221,7 @@ impl<'a> SurveySession<'a> {
             ("scenes", scenes(&self.runs)),
             ("trained", format!("{} steps a run", self.args.iterations)),
             ("preference", format!("{} dB for a tenth more splats", self.args.gain)),
-            ("device", self.engine.name().to_owned()),
+            ("device", self.gpu.caps().name.to_owned()),
             ("date", dates),
             ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),
         ];

@@ -6,11 +6,12 @@ mod state;
 mod steps;
 
 use super::args::{DataArgs, DeviceArgs};
-use super::engine::Engine;
+use super::engine;
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::predict::Prediction;
 use super::{Outcome, eval};
+use crate::gpu::Gpu;
 use crate::io::FolderLock;
 use crate::lab::report::{MemoryFigures, Report};
 use crate::metrics::MeanScore;
@@ -111,10 +112,10 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
         dataset.points = points(init)?;
         dataset.set_origin(origin);
     }
-    let engine = Engine::open(&args.device)?;
+    let gpu = engine::open(&args.device)?;
     let mut run = match &args.resume {
-        Some(_) => AutoRun::resume(engine.gpu(), &dataset, &dir.join("checkpoint"))?,
-        None => new_run(args, &engine, &dataset)?,
+        Some(_) => AutoRun::resume(&gpu, &dataset, &dir.join("checkpoint"))?,
+        None => new_run(args, &gpu, &dataset)?,
     };
     // All checks come before the first write.
     std::fs::create_dir_all(&dir).map_err(Error::io(&dir))?;
@@ -128,9 +129,9 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
         state.write(&dir)?;
     }
     state.timings.load_seconds += start.elapsed().as_secs_f64();
-    announce(output, &engine, &dataset, &run, &state);
+    announce(output, &gpu, &dataset, &run, &state);
     let session = Session {
-        engine: &engine,
+        gpu: &gpu,
         dataset: &dataset,
         dir: &dir,
         checkpoint_every: args.checkpoint_every,
@@ -141,18 +142,17 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
     session.run(run, &mut state)
 }
 
-fn new_run<'a>(args: &TrainArgs, engine: &Engine, dataset: &'a Dataset) -> Result<AutoRun<'a>> {
-    let is_software = engine.is_software();
+fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<AutoRun<'a>> {
+    let kind = gpu.caps().kind;
     let Some(gain_db) = args.parsimony else {
-        return AutoRun::new(engine.gpu(), dataset, args.config.config(is_software)?);
+        return AutoRun::new(gpu, dataset, args.config.config(kind)?);
     };
-    let config = args.config.config_from(is_software, |mut usual| {
+    let config = args.config.config_from(kind, |mut usual| {
         usual.auto.preference_db = gain_db;
         for_auto_count(usual, dataset.split(Split::Train).len())
     })?;
     let is_open = args.config.iterations.is_none();
-    AutoRun::new(engine.gpu(), dataset, config)?
-        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))
+    AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))
 }
 
 /// A number of decibels above 0.
@@ -232,7 +232,7 @@ fn points(path: &Path) -> Result<Vec<Point>> {
     }
 }
 
-fn announce(output: Output, engine: &Engine, dataset: &Dataset, run: &AutoRun<'_>, state: &RunState) {
+fn announce(output: Output, gpu: &Gpu, dataset: &Dataset, run: &AutoRun<'_>, state: &RunState) {
     let trainer = run.trainer();
     let prediction = Prediction::of(trainer.size(), trainer.splats_expected());
     let config = run.config();
@@ -244,14 +244,14 @@ fn announce(output: Output, engine: &Engine, dataset: &Dataset, run: &AutoRun<'_
     };
     output.remark(format_args!(
         "{} · {train} training views, {test} test views, {} points · {part}",
-        engine.name(),
+        gpu.caps().name,
         grouped(dataset.points.len()),
     ));
-    output.remark(prediction.line(engine.memory_limit()));
+    output.remark(prediction.line(gpu.memory_limit()));
     output.event(|| {
         json!({
             "event": "start",
-            "device": engine.name(),
+            "device": gpu.caps().name,
             "train_views": train,
             "test_views": test,
             "points": dataset.points.len(),
@@ -264,7 +264,7 @@ fn announce(output: Output, engine: &Engine, dataset: &Dataset, run: &AutoRun<'_
 
 /// A run with all inputs, from the first step to the report.
 pub(super) struct Session<'a> {
-    pub engine: &'a Engine,
+    pub gpu: &'a Gpu,
     pub dataset: &'a Dataset,
     /// The folder of the results; must exist.
     pub dir: &'a Path,
@@ -296,7 +296,7 @@ impl<'a> Session<'a> {
             let advice = format_args!("the last checkpoint stands: ashfall train --resume {dir}");
             self.output.remark(advice);
         })?;
-        self.engine.check()?;
+        engine::check(self.gpu)?;
         if outcome == Outcome::Interrupted {
             let (dir, iteration) = (self.dir.display(), state.iteration);
             self.output.result(
@@ -321,7 +321,7 @@ impl<'a> Session<'a> {
     fn evaluator(&self, config: &TrainConfig, split: Split) -> Evaluator<'a> {
         let views = self.dataset.split(split);
         let background = config.evaluation_background();
-        eval::evaluator(self.engine.gpu(), self.dataset, &views, background)
+        eval::evaluator(self.gpu, self.dataset, &views, background)
     }
 }
 

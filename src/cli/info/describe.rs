@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// All devices as text and as JSON.
-pub(in crate::cli) fn devices() -> Result<(String, Value)> {
+pub(super) fn devices() -> Result<(String, Value)> {
     let all = gpu::devices()?;
     let mut text = String::from("devices:\n");
     for (index, caps) in all.iter().enumerate() {
