@@ -1,10 +1,10 @@
-//! Options that several commands share, and how their values are read.
+//! Options that several commands share.
 
+use super::parse;
 use crate::Result;
 use crate::io::dataset::{self, OpenOptions};
 use crate::render::Compatibility;
 use crate::scene::{AlphaMode, Dataset, Split};
-use crate::train::Background;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -16,13 +16,13 @@ pub(super) struct DeviceArgs {
     #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
     /// Limit of device memory, e.g. 2G or 512M [default: all memory of the device]
-    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    #[arg(long, value_name = "SIZE", value_parser = parse::size)]
     pub memory_limit: Option<u64>,
     /// Have the validation layer check every Vulkan call; its messages are errors (slow)
     #[arg(long)]
     pub validate: bool,
     /// Test limit on the bytes that a binding reaches
-    #[arg(long, value_name = "SIZE", value_parser = parse_size, hide = true)]
+    #[arg(long, value_name = "SIZE", value_parser = parse::size, hide = true)]
     pub limit_binding: Option<u64>,
     /// Test limit on the invocations of a workgroup
     #[arg(long, value_name = "N", hide = true)]
@@ -135,79 +135,6 @@ impl From<Compat> for Compatibility {
         match compat {
             Compat::Engine => Compatibility::Engine,
             Compat::Original => Compatibility::Inria,
-        }
-    }
-}
-
-/// `black`, `white`, `random` or `R,G,B` with numbers from 0 to 1.
-pub(super) fn parse_background(text: &str) -> std::result::Result<Background, String> {
-    match text {
-        "random" => Ok(Background::Random),
-        _ => parse_color(text).map(Background::Fixed),
-    }
-}
-
-/// `black`, `white` or `R,G,B` with numbers from 0 to 1.
-pub(super) fn parse_color(text: &str) -> std::result::Result<[f32; 3], String> {
-    match text {
-        "black" => return Ok([0.0; 3]),
-        "white" => return Ok([1.0; 3]),
-        _ => {}
-    }
-    let channel = |part: &str| {
-        let value = part.trim().parse::<f32>().ok();
-        value.filter(|value| (0.0..=1.0).contains(value))
-    };
-    let channels: Option<Vec<f32>> = text.split(',').map(channel).collect();
-    match channels.as_deref() {
-        Some(&[r, g, b]) => Ok([r, g, b]),
-        _ => Err("a colour is black, white or R,G,B with numbers from 0 to 1".into()),
-    }
-}
-
-/// A number of bytes, with K, M, G or T for powers of 1024.
-pub(super) fn parse_size(text: &str) -> std::result::Result<u64, String> {
-    let wanted = || "a size is a number of bytes, or one followed by K, M, G or T".to_string();
-    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let shift = match text[digits.len()..].to_ascii_uppercase().as_str() {
-        "" | "B" => 0,
-        "K" | "KB" | "KIB" => 10,
-        "M" | "MB" | "MIB" => 20,
-        "G" | "GB" | "GIB" => 30,
-        "T" | "TB" | "TIB" => 40,
-        _ => return Err(wanted()),
-    };
-    let number: f64 = digits.trim().parse().map_err(|_| wanted())?;
-    let bytes = number * f64::from(1_u32 << (shift / 2)) * f64::from(1_u32 << (shift - shift / 2));
-    // Casts saturate; the rounding of sizes above 2^53 does not matter to a limit.
-    if bytes.is_finite() && bytes >= 1.0 {
-        Ok(bytes as u64)
-    } else {
-        Err(wanted())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_have_units() {
-        assert_eq!(parse_size("4096"), Ok(4096));
-        assert_eq!(parse_size("512M"), Ok(512 << 20));
-        assert_eq!(parse_size("1.5GiB"), Ok(3 << 29));
-        for bad in ["", "G", "-1G", "1X", "nan", "0", "1e999"] {
-            assert!(parse_size(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn colours_are_words_or_three_numbers() {
-        assert_eq!(parse_color("white"), Ok([1.0; 3]));
-        assert_eq!(parse_color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
-        assert_eq!(parse_background("random"), Ok(Background::Random));
-        for bad in ["", "red", "0,0", "0,0,2", "0,0,nan", "0,0,0,0"] {
-            assert!(parse_color(bad).is_err(), "{bad}");
         }
     }
 }

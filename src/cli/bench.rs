@@ -5,7 +5,7 @@ mod growth;
 use super::Outcome;
 use super::args::DeviceArgs;
 use super::engine;
-use crate::io::atomic::write_atomically;
+use super::output::write_text;
 use crate::lab::baseline::{self, Ratio, TARGET_FEATURES};
 use crate::lab::bench::frame::Scaling;
 use crate::lab::bench::train::TrainMemory;
@@ -14,7 +14,7 @@ use crate::{Error, Result};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Measure the device
 ///
@@ -164,10 +164,6 @@ impl OutputArgs {
         engine::check(bench.gpu())?;
         Ok(Outcome::Done)
     }
-}
-
-fn write_text(path: &Path, text: &str) -> Result<()> {
-    write_atomically(path, |file| file.write_all(text.as_bytes()))
 }
 
 fn kernels(args: &KernelsArgs) -> Result<Outcome> {

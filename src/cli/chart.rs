@@ -4,9 +4,8 @@ use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
 use super::engine;
 use super::eval::read_scene;
-use super::output::Output;
+use super::output::{Output, write_text};
 use crate::gpu::Gpu;
-use crate::io::atomic::write_atomically;
 use crate::io::splats::readable;
 use crate::lab::bench::record;
 use crate::lab::chart::measure::{ChartPlan, measure};
@@ -16,7 +15,6 @@ use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::scene::{Dataset, Splats, Split};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Chart speed against accuracy
@@ -102,8 +100,7 @@ pub(super) fn run(args: &ChartArgs) -> Result<Outcome> {
     let outcome = verdict(&chart)?;
     if let Some(folder) = &args.record {
         let path = record::file(folder, &gpu.caps().name, "-chart.csv")?;
-        let text = csv::csv(&chart);
-        write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
+        write_text(&path, &csv::csv(&chart))?;
         output.remark(format_args!("Filed as {}", path.display()));
     }
     Ok(outcome)
@@ -124,10 +121,8 @@ fn verdict(chart: &Chart) -> Result<Outcome> {
 
 /// Writes the page and its numbers.
 fn write(chart: &Chart, folder: &Path) -> Result<()> {
-    let html = page::html(chart)?;
-    write_atomically(&folder.join("chart.html"), |file| file.write_all(html.as_bytes()))?;
-    let text = csv::csv(chart);
-    write_atomically(&folder.join("chart.csv"), |file| file.write_all(text.as_bytes()))
+    write_text(&folder.join("chart.html"), &page::html(chart)?)?;
+    write_text(&folder.join("chart.csv"), &csv::csv(chart))
 }
 
 fn plan(args: &ChartArgs) -> ChartPlan {

@@ -1,6 +1,6 @@
 //! From options to a [`TrainConfig`].
 
-use crate::cli::args::parse_background;
+use super::parse;
 use crate::gpu::DeviceKind;
 use crate::scene::ScreenFilter;
 use crate::train::{Background, StrategyKind, TrainConfig};
@@ -38,7 +38,7 @@ pub(in crate::cli) struct ConfigArgs {
     #[arg(long, value_name = "D")]
     pub sh_degree: Option<u32>,
     /// Colour behind the splats: black, white, R,G,B (0 to 1), or random, another one at each step [default: black]
-    #[arg(long, value_name = "COLOR", value_parser = parse_background)]
+    #[arg(long, value_name = "COLOR", value_parser = parse::background)]
     pub background: Option<Background>,
     /// Set any constant by its name in report.json's "config", e.g. adc.grad_threshold=4e-4 (repeatable)
     #[arg(long = "set", value_name = "NAME=VALUE")]

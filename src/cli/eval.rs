@@ -1,9 +1,9 @@
 //! `ashfall eval`: PSNR and SSIM of renderings against the photographs.
 
 use super::Outcome;
-use super::args::{DataArgs, DeviceArgs, SplitArg, parse_color};
-use super::engine;
+use super::args::{DataArgs, DeviceArgs, SplitArg};
 use super::output::{Output, file_stem, score_text};
+use super::{engine, parse};
 use crate::gpu::Gpu;
 use crate::io::splats::readable;
 use crate::lab::report::comparison;
@@ -32,7 +32,7 @@ pub(super) struct EvalArgs {
     #[arg(long, value_name = "SPLIT", default_value = "test")]
     split: SplitArg,
     /// Colour behind the splats: black, white or R,G,B (0 to 1)
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
+    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse::color)]
     background: [f32; 3],
     /// Write photograph | rendering | difference × 4 of each view to DIR
     #[arg(long, value_name = "DIR")]

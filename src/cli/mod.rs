@@ -16,6 +16,7 @@ mod info;
 mod interrupt;
 mod needs;
 mod output;
+mod parse;
 mod predict;
 mod prune;
 mod render;

@@ -6,15 +6,13 @@ use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
 use super::engine;
 use super::interrupt::Interrupt;
-use super::output::Output;
-use super::train::parse_gain;
-use crate::io::atomic::write_atomically;
+use super::output::{Output, write_text};
+use super::parse;
 use crate::lab::survey::Recipe;
 use crate::lab::synth::Kind;
 use crate::train::TrainConfig;
 use crate::{Error, Result, io};
 use clap::Args;
-use std::io::Write;
 use std::path::PathBuf;
 
 use session::SurveySession;
@@ -55,7 +53,7 @@ pub(super) struct NeedsArgs {
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     again: Vec<Recipe>,
     /// The smallest gain worth paying for: decibels for a tenth more splats
-    #[arg(long, value_name = "GAIN", default_value_t = TrainConfig::default().auto.preference_db, value_parser = parse_gain)]
+    #[arg(long, value_name = "GAIN", default_value_t = TrainConfig::default().auto.preference_db, value_parser = parse::gain)]
     gain: f64,
     /// Begin anew even if DIR has runs with other settings
     #[arg(long)]
@@ -107,8 +105,7 @@ pub(super) fn run(args: &NeedsArgs) -> Result<Outcome> {
     let text = format!("Look at {}", page.display());
     output.result(text, || unreachable!());
     if let Some(path) = &args.record {
-        let text = session.csv()?;
-        write_atomically(path, |file| file.write_all(text.as_bytes()))?;
+        write_text(path, &session.csv()?)?;
         output.remark(format_args!("Filed as {}", path.display()));
     }
     Ok(outcome)

@@ -1,5 +1,7 @@
 //! Output of a running command: a progress bar on a terminal, occasional lines in a log file, JSON lines for machines.
 
+use crate::Result;
+use crate::io::atomic::write_atomically;
 use crate::metrics::MeanScore;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
@@ -121,6 +123,11 @@ pub(super) fn score_text(score: &MeanScore) -> String {
         figure(score.psnr_db_8bit, 2, " dB"),
         figure(score.ssim_8bit, 4, ""),
     )
+}
+
+/// Writes a text atomically.
+pub(super) fn write_text(path: &Path, text: &str) -> Result<()> {
+    write_atomically(path, |file| file.write_all(text.as_bytes()))
 }
 
 /// Bytes with a unit, in at most four digits.

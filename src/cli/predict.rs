@@ -2,6 +2,7 @@
 
 use super::configure::ConfigArgs;
 use super::output::{bytes, grouped};
+use super::parse;
 use crate::render::{
     Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, Scratch, Slots, isects_expected, of_degree, total,
 };
@@ -25,7 +26,7 @@ pub(super) struct PredictArgs {
     #[arg(long, value_name = "N", requires = "predict")]
     pub splats: Option<usize>,
     /// Size of the pictures [default: the data set's, or 1920x1080]
-    #[arg(long, value_name = "WxH", requires = "predict", value_parser = parse_image_size)]
+    #[arg(long, value_name = "WxH", requires = "predict", value_parser = parse::image_size)]
     pub size: Option<[u32; 2]>,
     /// Photographs trained on [default: the data set's, or none: only drawing]
     #[arg(long, value_name = "N", requires = "predict")]
@@ -39,21 +40,6 @@ pub(super) struct PredictArgs {
 const SPLATS: usize = 100_000;
 /// Default image size.
 const SIZE: [u32; 2] = [1920, 1080];
-
-/// Longest side of an image size.
-const SIDE_MAX: u32 = 1 << 15;
-
-/// `1920x1080`.
-pub(super) fn parse_image_size(text: &str) -> std::result::Result<[u32; 2], String> {
-    let side = |text: &str| text.trim().parse::<u32>().ok();
-    let sides = text.split_once(['x', 'X', '×']);
-    match sides.map(|(width, height)| (side(width), side(height))) {
-        Some((Some(width), Some(height))) if (1..=SIDE_MAX).contains(&width) && (1..=SIDE_MAX).contains(&height) => {
-            Ok([width, height])
-        }
-        _ => Err(format!("a size is WIDTHxHEIGHT in pixels, 1 to {SIDE_MAX} each")),
-    }
-}
 
 /// Device memory of training or drawing, by the closed formula.
 #[derive(Clone, Debug, PartialEq)]
@@ -221,15 +207,6 @@ impl PredictArgs {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn image_sizes_are_two_numbers() {
-        assert_eq!(parse_image_size("1920x1080"), Ok([1920, 1080]));
-        assert_eq!(parse_image_size("1 × 2"), Ok([1, 2]));
-        for bad in ["", "x", "12", "0x5", "5x", "1x2x3", "-1x5", "99999x1"] {
-            assert!(parse_image_size(bad).is_err(), "{bad}");
-        }
-    }
 
     #[test]
     fn a_prediction_follows_the_settings_of_the_run() {

@@ -3,11 +3,11 @@
 mod figures;
 
 use super::Outcome;
-use super::args::{Compat, DataArgs, DeviceArgs, parse_color};
-use super::engine;
+use super::args::{Compat, DataArgs, DeviceArgs};
 use super::eval::{evaluator, near, read_scene};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
+use super::{engine, parse};
 use crate::gpu::Gpu;
 use crate::io::splats::{readable, writable};
 use crate::metrics::MeanScore;
@@ -47,15 +47,15 @@ pub(super) struct PruneArgs {
     #[arg(value_name = "DATA")]
     data: PathBuf,
     /// Largest sum of weights that a pixel may lose: a fraction or a number above 0, at most 1
-    #[arg(long, value_name = "ERROR", default_value = "1/512", value_parser = parse_error)]
+    #[arg(long, value_name = "ERROR", default_value = "1/512", value_parser = parse::error)]
     error: f64,
     /// Merge neighbours first, cheapest pairs first, until SHARE of the splats is gone: a fraction or a number above 0,
     /// below 1 [without SHARE: 0.5, about one merge for each that is left; errors of more add up]
-    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.5", value_parser = parse_share)]
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.5", value_parser = parse::share)]
     merge: Option<f64>,
     /// Drop the highest SH degrees of a splat if no colour channel then changes by more than this in any direction
     /// [default: only zeros]
-    #[arg(long, value_name = "ERROR", value_parser = parse_error)]
+    #[arg(long, value_name = "ERROR", value_parser = parse::error)]
     sh_error: Option<f64>,
     #[arg(long, value_name = "FILE", help = format!(
         "Output file, {} only; without it nothing is written",
@@ -66,7 +66,7 @@ pub(super) struct PruneArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     refit: Option<u32>,
     /// Colour behind the splats: black, white or R,G,B (0 to 1)
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
+    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse::color)]
     background: [f32; 3],
     /// Rasterization rules: engine, this program's, or original, those of the 3DGS code
     #[arg(long, value_name = "RULES", default_value = "engine")]
@@ -129,24 +129,6 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     output.result(figures.text(args, &splats), || figures.json(args, &splats));
     Ok(Outcome::Done)
-}
-
-/// A number from 0 to 1, or a fraction of two numbers.
-fn parse_error(text: &str) -> std::result::Result<f64, String> {
-    let number = |text: &str| text.trim().parse::<f64>().ok();
-    let value = match text.split_once('/') {
-        Some((above, below)) => number(above).zip(number(below)).map(|(a, b)| a / b),
-        None => number(text),
-    };
-    value
-        .filter(|value| *value > 0.0 && *value <= 1.0)
-        .ok_or_else(|| "a number above 0 and at most 1 is expected, such as 1/512".into())
-}
-
-/// A share of the splats: as an error, but below 1.
-fn parse_share(text: &str) -> std::result::Result<f64, String> {
-    let share = parse_error(text).ok().filter(|share| *share < 1.0);
-    share.ok_or_else(|| "a number above 0 and below 1 is expected, such as 0.5".into())
 }
 
 /// Inputs of a run.
@@ -277,20 +259,5 @@ impl PruneRun<'_> {
         }
         run.finish()?;
         Ok(Some(run.splats()?))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn errors_are_fractions_or_numbers() {
-        assert_eq!(parse_error("1/512"), Ok(1.0 / 512.0));
-        assert_eq!(parse_error("0.25"), Ok(0.25));
-        assert_eq!(parse_error("1"), Ok(1.0));
-        for bad in ["", "0", "-1", "2", "1/0", "0/3", "nan", "1/2/3", "a/b"] {
-            assert!(parse_error(bad).is_err(), "{bad}");
-        }
     }
 }

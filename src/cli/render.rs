@@ -3,10 +3,10 @@
 pub(super) mod orbit;
 
 use super::Outcome;
-use super::args::{Compat, DataArgs, DeviceArgs, SplitArg, parse_color};
-use super::engine;
+use super::args::{Compat, DataArgs, DeviceArgs, SplitArg};
 use super::eval::{near, read_scene};
 use super::output::{Output, file_stem};
+use super::{engine, parse};
 use crate::io::splats::readable;
 use crate::render::RenderedImage;
 use crate::scene::{Camera, Dataset};
@@ -44,7 +44,7 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "FORMAT", default_value = "png")]
     format: Format,
     /// Colour behind the splats of a png: black, white or R,G,B (0 to 1)
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
+    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse::color)]
     background: [f32; 3],
     /// Rasterization rules. engine: this program's. original: those of the 3DGS code (three standard deviations, alphas
     /// up to 0.99, the last splat of a pixel left out), as authors of scenes trained with it saw them

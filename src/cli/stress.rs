@@ -5,10 +5,9 @@ use super::args::DeviceArgs;
 use super::engine;
 use super::eval::read_scene;
 use super::interrupt::Interrupt;
-use super::output::Output;
+use super::output::{Output, write_text};
 use super::render::orbit;
 use crate::gpu::Gpu;
-use crate::io::atomic::write_atomically;
 use crate::io::splats::readable;
 use crate::lab::bench::record;
 use crate::lab::page::{Fact, number};
@@ -18,7 +17,6 @@ use crate::lab::stress::{self, StressPlan, StressScene};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 use clap::Args;
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -147,13 +145,12 @@ fn facts(gpu: &Gpu, subject: &StressScene, scene: String, started: Instant) -> V
 /// Writes the page and the optional JSON; returns the page's path.
 fn write(found: &StressReport, folder: &Path, json: Option<&Path>) -> Result<PathBuf> {
     let path = folder.join("stress.html");
-    let html = page::html(found)?;
-    write_atomically(&path, |file| file.write_all(html.as_bytes()))?;
+    write_text(&path, &page::html(found)?)?;
     if let Some(json) = json {
         let text = found
             .json()
             .map_err(|error| Error::Config(format!("the report: {error}")))?;
-        write_atomically(json, |file| file.write_all((text + "\n").as_bytes()))?;
+        write_text(json, &(text + "\n"))?;
     }
     Ok(path)
 }

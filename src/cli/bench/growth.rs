@@ -6,7 +6,7 @@ use crate::cli::Outcome;
 use crate::cli::args::{DataArgs, DeviceArgs};
 use crate::cli::eval::read_scene;
 use crate::cli::output::{bytes, grouped};
-use crate::cli::predict::parse_image_size;
+use crate::cli::parse;
 use crate::cli::render::orbit::{orbit_of_splats, radius};
 use crate::io::splats::readable;
 use crate::lab::bench::Bench;
@@ -34,10 +34,10 @@ pub(super) struct BenchFrameArgs {
     ))]
     scene: Option<PathBuf>,
     /// Numbers of splats [default: 10,000 to 4,000,000; of a SCENE: its own]
-    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_count)]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse::count)]
     splats: Vec<usize>,
     /// Sizes of the picture [default: 480x270,960x540,1920x1080,3840x2160]
-    #[arg(long, value_name = "WxH,…", value_delimiter = ',', value_parser = parse_image_size)]
+    #[arg(long, value_name = "WxH,…", value_delimiter = ',', value_parser = parse::image_size)]
     sizes: Vec<[u32; 2]>,
     /// Degree of the harmonics of splats that are made, 0 to 3
     #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
@@ -71,7 +71,7 @@ pub(super) struct BenchTrainArgs {
     ))]
     init: Option<PathBuf>,
     /// Numbers of splats [default: 50000,200000]
-    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_count)]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse::count)]
     splats: Vec<usize>,
     /// Timed steps, in as many parts as --runs
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
@@ -95,17 +95,6 @@ Examples:
   ashfall bench train photos/ --runs 10
   ashfall bench train photos/ --downscale 2 --splats 10000,20000,50000,100000 --json steps.json
   ashfall bench train photos/ --init run/scene.ply --splats 50000";
-
-/// `200000`, `200_000` or `2e5`.
-fn parse_count(text: &str) -> std::result::Result<usize, String> {
-    let digits = text.trim().replace('_', "");
-    let whole = |number: f64| {
-        let fits = number.fract() == 0.0 && (1.0..=1e9).contains(&number);
-        fits.then_some(number as usize)
-    };
-    let count = digits.parse::<f64>().ok().and_then(whole);
-    count.ok_or_else(|| "a number of splats is whole, 1 to 1e9".into())
-}
 
 pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
     let mut bench = args.output.open("frame", &args.device)?;
@@ -223,18 +212,4 @@ fn memory_line(memory: &TrainMemory) -> String {
         share(memory.predicted_bytes),
         share(memory.essential_bytes)
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::parse_count;
-
-    #[test]
-    fn counts_may_be_powers_of_ten() {
-        let counts = ["200000", "200_000", "2e5", " 2E5 "].map(parse_count);
-        assert!(counts.iter().all(|count| *count == Ok(200_000)), "{counts:?}");
-        for bad in ["", "0", "-1", "1.5", "1e10", "nan", "many"] {
-            assert!(parse_count(bad).is_err(), "{bad}");
-        }
-    }
 }

@@ -3,16 +3,14 @@
 use super::NeedsArgs;
 use crate::cli::Outcome;
 use crate::cli::interrupt::Interrupt;
-use crate::cli::output::{Output, grouped};
+use crate::cli::output::{Output, grouped, write_text};
 use crate::gpu::Gpu;
-use crate::io::atomic::write_atomically;
 use crate::lab::page::Fact;
 use crate::lab::survey::runner::{Task, built_in, distinct_recipes};
 use crate::lab::survey::{self, Recipe, SurveyRun, page, record};
 use crate::lab::synth::Kind;
 use crate::scene::Dataset;
 use crate::{Error, Result};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Scenes, recipes and runs of a survey.
@@ -204,10 +202,8 @@ impl<'a> SurveySession<'a> {
     /// Writes the page and the CSV.
     pub(super) fn write(&self) -> Result<()> {
         let out = &self.args.out;
-        let text = self.csv()?;
-        write_atomically(&out.join("needs.csv"), |file| file.write_all(text.as_bytes()))?;
-        let html = page::html(&self.facts(), &self.runs)?;
-        write_atomically(&out.join("needs.html"), |file| file.write_all(html.as_bytes()))
+        write_text(&out.join("needs.csv"), &self.csv()?)?;
+        write_text(&out.join("needs.html"), &page::html(&self.facts(), &self.runs)?)
     }
 
     /// Facts at the top of the page.

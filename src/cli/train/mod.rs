@@ -10,11 +10,10 @@ use super::engine;
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::predict::Prediction;
-use super::{Outcome, eval};
+use super::{Outcome, eval, parse};
 use crate::gpu::Gpu;
 use crate::io::FolderLock;
 use crate::lab::report::{MemoryFigures, Report};
-use crate::metrics::MeanScore;
 use crate::render::Evaluator;
 use crate::scene::{Dataset, Point, Split};
 use crate::simplify::{AutoRun, CountController, for_auto_count};
@@ -30,7 +29,7 @@ use super::configure::ConfigArgs;
 pub(super) use state::RunState;
 
 use state::absolute;
-use steps::{Schedule, run_steps};
+use steps::run_steps;
 
 /// Fit splats to the photographs of a data set
 ///
@@ -61,7 +60,7 @@ pub(super) struct TrainArgs {
     overwrite: bool,
     /// Train to no more splats than the scene needs. GAIN is the smallest gain worth 10 % more splats: decibels on
     /// held-out training views [default: 0.08]
-    #[arg(long, value_name = "GAIN", num_args = 0..=1, default_missing_value = "0.08", value_parser = parse_gain,
+    #[arg(long, value_name = "GAIN", num_args = 0..=1, default_missing_value = "0.08", value_parser = parse::gain,
           conflicts_with = "resume")]
     parsimony: Option<f64>,
     /// With --parsimony: compare splats and decibels with the run of this report.json
@@ -153,13 +152,6 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
     })?;
     let is_open = args.config.iterations.is_none();
     AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))
-}
-
-/// A number of decibels above 0.
-pub(super) fn parse_gain(text: &str) -> std::result::Result<f64, String> {
-    let gain = text.parse::<f64>().ok();
-    gain.filter(|gain| *gain > 0.0 && gain.is_finite())
-        .ok_or_else(|| "a number of decibels above 0 is expected, such as 0.02".into())
 }
 
 /// Folder and state of the run, from the command line or from the resumed run; and the folder's lock, if a run has been
@@ -268,7 +260,9 @@ pub(super) struct Session<'a> {
     pub dataset: &'a Dataset,
     /// The folder of the results; must exist.
     pub dir: &'a Path,
+    /// Steps between checkpoints; 0: only at the end.
     pub checkpoint_every: u32,
+    /// Steps between evaluations on the held-out views; 0: only at the end.
     pub eval_every: u32,
     /// The report of a run to compare with.
     pub against: Option<&'a Report>,
@@ -279,19 +273,7 @@ impl<'a> Session<'a> {
     /// Trains to the end and writes the results, or to an interruption and prints how to resume.
     pub(crate) fn run(&self, mut run: AutoRun<'_>, state: &mut RunState) -> Result<Outcome> {
         let interrupt = Interrupt::listen()?;
-        let schedule = Schedule {
-            dir: self.dir,
-            checkpoint_every: self.checkpoint_every,
-            eval_every: self.eval_every,
-            output: self.output,
-            interrupt: &interrupt,
-        };
-        let config = run.config().clone();
-        let outcome = run_steps(&mut run, state, &schedule, &mut |splats| {
-            let scores = self.evaluator(&config, Split::Test).scores(splats)?;
-            Ok(MeanScore::of(&scores))
-        });
-        let outcome = outcome.inspect_err(|_| {
+        let outcome = run_steps(self, &mut run, state, &interrupt).inspect_err(|_| {
             let dir = self.dir.display();
             let advice = format_args!("the last checkpoint stands: ashfall train --resume {dir}");
             self.output.remark(advice);
@@ -309,10 +291,10 @@ impl<'a> Session<'a> {
             return Ok(outcome);
         }
         let (splats, memory) = (run.splats()?, MemoryFigures::of(run.trainer()));
-        let history = run.controller().map(|controller| controller.history().clone());
+        let config = run.config().clone();
+        let controller = run.controller();
+        let found = controller.map(|controller| needs::found(self.dataset, controller.history(), &splats));
         drop(run);
-        let found = history.map(|history| needs::found(self.dataset, &history, &splats));
-        let found = found.map(|needs| (needs, self.against));
         results::write(self, &config, state, (&splats, memory), found)?;
         Ok(Outcome::Done)
     }
@@ -322,21 +304,5 @@ impl<'a> Session<'a> {
         let views = self.dataset.split(split);
         let background = config.evaluation_background();
         eval::evaluator(self.gpu, self.dataset, &views, background)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::parse_gain;
-    use crate::train::TrainConfig;
-
-    #[test]
-    fn gains_are_decibels_above_0() {
-        // Default of the option without a value.
-        assert_eq!(parse_gain("0.08"), Ok(TrainConfig::default().auto.preference_db));
-        assert_eq!(parse_gain("1"), Ok(1.0));
-        for bad in ["", "0", "-0.1", "nan", "inf", "photos/"] {
-            assert!(parse_gain(bad).is_err(), "{bad}");
-        }
     }
 }

@@ -3,8 +3,7 @@
 use super::Session;
 use super::state::RunState;
 use crate::cli::eval::write_comparison;
-use crate::cli::output::{bytes, grouped, score_text};
-use crate::io::atomic::write_atomically;
+use crate::cli::output::{bytes, grouped, score_text, write_text};
 use crate::lab::report::needs::Needs;
 use crate::lab::report::page;
 use crate::lab::report::{MemoryFigures, Report};
@@ -13,7 +12,6 @@ use crate::scene::{Splats, Split};
 use crate::train::{StrategyKind, TrainConfig};
 use crate::{Error, Result, io};
 use serde_json::json;
-use std::io::Write;
 use std::time::Instant;
 
 /// Writes all results and prints their paths.
@@ -22,7 +20,7 @@ pub(super) fn write(
     config: &TrainConfig,
     state: &mut RunState,
     (splats, memory): (&Splats, MemoryFigures),
-    found: Option<(Needs, Option<&Report>)>,
+    found: Option<Needs>,
 ) -> Result<()> {
     // The scene first, so that a later failure does not lose the training.
     io::ply::write(&session.dir.join("scene.ply"), splats)?;
@@ -31,7 +29,7 @@ pub(super) fn write(
     let train = session.evaluator(config, Split::Train).scores(splats)?;
     state.timings.evaluate_seconds += start.elapsed().as_secs_f64();
     let score = MeanScore::of(&test);
-    let needs = found.map(|(needs, against)| needs.beside(against.and_then(|report| report.comparison(score.psnr_db))));
+    let needs = found.map(|needs| needs.beside(session.against.and_then(|report| report.comparison(score.psnr_db))));
     let report = Report {
         iterations: state.iteration,
         seed: config.seed,
@@ -56,8 +54,7 @@ pub(super) fn write(
         needs,
     };
     if let Some(needs) = &report.needs {
-        let page = page::html(needs)?;
-        write_atomically(&session.dir.join("needs.html"), |file| write!(file, "{page}"))?;
+        write_text(&session.dir.join("needs.html"), &page::html(needs)?)?;
     }
     report.write(&session.dir.join("report.json"))?;
     state.is_finished = true;

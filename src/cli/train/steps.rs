@@ -1,5 +1,6 @@
 //! Loop of a training run: step, display, save, stop on request.
 
+use super::Session;
 use super::state::RunState;
 use crate::Result;
 use crate::cli::Outcome;
@@ -7,7 +8,7 @@ use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{Output, Pace, grouped, score_text};
 use crate::lab::report::Timings;
 use crate::metrics::MeanScore;
-use crate::scene::Splats;
+use crate::scene::Split;
 use crate::simplify::AutoRun;
 use crate::train::StepReport;
 use indicatif::ProgressBar;
@@ -15,31 +16,17 @@ use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Options of the loop.
-pub(super) struct Schedule<'a> {
-    /// Folder of the run.
-    pub dir: &'a Path,
-    /// Steps between checkpoints; 0: only at the end.
-    pub checkpoint_every: u32,
-    /// Steps between evaluations on the held-out views; 0: only at the end.
-    pub eval_every: u32,
-    /// Text or JSON lines.
-    pub output: Output,
-    /// Request to stop.
-    pub interrupt: &'a Interrupt,
-}
-
 /// Steps until the end of the run or an interruption; a checkpoint is written in either case.
 pub(super) fn run_steps(
+    session: &Session<'_>,
     run: &mut AutoRun<'_>,
     state: &mut RunState,
-    schedule: &Schedule<'_>,
-    evaluate: &mut dyn FnMut(&Splats) -> Result<MeanScore>,
+    interrupt: &Interrupt,
 ) -> Result<Outcome> {
-    let mut display = Display::new(state, run.iteration(), schedule.output);
+    let mut display = Display::new(state, run.iteration(), session.output);
     let mut outcome = Outcome::Done;
     while run.iteration() < state.iterations {
-        if schedule.interrupt.is_requested() {
+        if interrupt.is_requested() {
             outcome = Outcome::Interrupted;
             break;
         }
@@ -49,19 +36,26 @@ pub(super) fn run_steps(
         state.iterations = run.end();
         let done = run.iteration();
         let is_due = |every: u32| every > 0 && done.is_multiple_of(every) && done < state.iterations;
-        let (evaluates, saves) = (is_due(schedule.eval_every), is_due(schedule.checkpoint_every));
+        let (evaluates, saves) = (is_due(session.eval_every), is_due(session.checkpoint_every));
         if evaluates {
             drain(run, state, &mut display)?;
             let splats = run.splats()?;
-            let score = timed(state, |t| &mut t.evaluate_seconds, || evaluate(&splats))?;
+            let score = timed(
+                state,
+                |t| &mut t.evaluate_seconds,
+                || {
+                    let scores = session.evaluator(run.config(), Split::Test).scores(&splats)?;
+                    Ok(MeanScore::of(&scores))
+                },
+            )?;
             state.add_test(done, splats.len(), score);
             display.show_test(done, &score);
         }
         if saves {
-            save(run, state, &mut display, schedule.dir)?;
+            save(run, state, &mut display, session.dir)?;
         }
     }
-    save(run, state, &mut display, schedule.dir)?;
+    save(run, state, &mut display, session.dir)?;
     display.bar.finish_and_clear();
     Ok(outcome)
 }

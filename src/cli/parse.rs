@@ -1,0 +1,160 @@
+//! Values of options.
+
+use crate::train::Background;
+
+/// Value of an option, or the form that is expected.
+type Reading<T> = Result<T, String>;
+
+/// `black`, `white`, `random` or `R,G,B` with numbers from 0 to 1.
+pub(super) fn background(text: &str) -> Reading<Background> {
+    match text {
+        "random" => Ok(Background::Random),
+        _ => color(text).map(Background::Fixed),
+    }
+}
+
+/// `black`, `white` or `R,G,B` with numbers from 0 to 1.
+pub(super) fn color(text: &str) -> Reading<[f32; 3]> {
+    match text {
+        "black" => return Ok([0.0; 3]),
+        "white" => return Ok([1.0; 3]),
+        _ => {}
+    }
+    let channel = |part: &str| {
+        let value = part.trim().parse::<f32>().ok();
+        value.filter(|value| (0.0..=1.0).contains(value))
+    };
+    let channels: Option<Vec<f32>> = text.split(',').map(channel).collect();
+    match channels.as_deref() {
+        Some(&[r, g, b]) => Ok([r, g, b]),
+        _ => Err("a colour is black, white or R,G,B with numbers from 0 to 1".into()),
+    }
+}
+
+/// A number of bytes, with K, M, G or T for powers of 1024.
+pub(super) fn size(text: &str) -> Reading<u64> {
+    let wanted = || "a size is a number of bytes, or one followed by K, M, G or T".to_string();
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let shift = match text[digits.len()..].to_ascii_uppercase().as_str() {
+        "" | "B" => 0,
+        "K" | "KB" | "KIB" => 10,
+        "M" | "MB" | "MIB" => 20,
+        "G" | "GB" | "GIB" => 30,
+        "T" | "TB" | "TIB" => 40,
+        _ => return Err(wanted()),
+    };
+    let number: f64 = digits.trim().parse().map_err(|_| wanted())?;
+    let bytes = number * f64::from(1_u32 << (shift / 2)) * f64::from(1_u32 << (shift - shift / 2));
+    // Casts saturate; the rounding of sizes above 2^53 does not matter to a limit.
+    if bytes.is_finite() && bytes >= 1.0 {
+        Ok(bytes as u64)
+    } else {
+        Err(wanted())
+    }
+}
+
+/// Longest side of an image size.
+const SIDE_MAX: u32 = 1 << 15;
+
+/// `1920x1080`.
+pub(super) fn image_size(text: &str) -> Reading<[u32; 2]> {
+    let side = |text: &str| {
+        let side = text.trim().parse().ok();
+        side.filter(|side| (1..=SIDE_MAX).contains(side))
+    };
+    let sides = text.split_once(['x', 'X', '×']);
+    let sides = sides.and_then(|(width, height)| Some([side(width)?, side(height)?]));
+    sides.ok_or_else(|| format!("a size is WIDTHxHEIGHT in pixels, 1 to {SIDE_MAX} each"))
+}
+
+/// `200000`, `200_000` or `2e5`.
+pub(super) fn count(text: &str) -> Reading<usize> {
+    let digits = text.trim().replace('_', "");
+    let whole = |number: f64| {
+        let fits = number.fract() == 0.0 && (1.0..=1e9).contains(&number);
+        fits.then_some(number as usize)
+    };
+    let count = digits.parse::<f64>().ok().and_then(whole);
+    count.ok_or_else(|| "a number of splats is whole, 1 to 1e9".into())
+}
+
+/// A number of decibels above 0.
+pub(super) fn gain(text: &str) -> Reading<f64> {
+    let gain = text.parse::<f64>().ok();
+    gain.filter(|gain| *gain > 0.0 && gain.is_finite())
+        .ok_or_else(|| "a number of decibels above 0 is expected, such as 0.02".into())
+}
+
+/// A number from 0 to 1, or a fraction of two numbers.
+pub(super) fn error(text: &str) -> Reading<f64> {
+    let number = |text: &str| text.trim().parse::<f64>().ok();
+    let value = match text.split_once('/') {
+        Some((above, below)) => number(above).zip(number(below)).map(|(a, b)| a / b),
+        None => number(text),
+    };
+    value
+        .filter(|value| *value > 0.0 && *value <= 1.0)
+        .ok_or_else(|| "a number above 0 and at most 1 is expected, such as 1/512".into())
+}
+
+/// A share of the splats: as an error, but below 1.
+pub(super) fn share(text: &str) -> Reading<f64> {
+    let share = error(text).ok().filter(|share| *share < 1.0);
+    share.ok_or_else(|| "a number above 0 and below 1 is expected, such as 0.5".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::TrainConfig;
+
+    fn refuses<T>(parse: fn(&str) -> Reading<T>, texts: &[&str]) {
+        for text in texts {
+            assert!(parse(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn sizes_have_units() {
+        assert_eq!(size("4096"), Ok(4096));
+        assert_eq!(size("512M"), Ok(512 << 20));
+        assert_eq!(size("1.5GiB"), Ok(3 << 29));
+        refuses(size, &["", "G", "-1G", "1X", "nan", "0", "1e999"]);
+    }
+
+    #[test]
+    fn colours_are_words_or_three_numbers() {
+        assert_eq!(color("white"), Ok([1.0; 3]));
+        assert_eq!(color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+        assert_eq!(background("random"), Ok(Background::Random));
+        refuses(color, &["", "red", "0,0", "0,0,2", "0,0,nan", "0,0,0,0"]);
+    }
+
+    #[test]
+    fn image_sizes_are_two_numbers() {
+        assert_eq!(image_size("1920x1080"), Ok([1920, 1080]));
+        assert_eq!(image_size("1 × 2"), Ok([1, 2]));
+        refuses(image_size, &["", "x", "12", "0x5", "5x", "1x2x3", "-1x5", "99999x1"]);
+    }
+
+    #[test]
+    fn counts_may_be_powers_of_ten() {
+        let counts = ["200000", "200_000", "2e5", " 2E5 "].map(count);
+        assert!(counts.iter().all(|count| *count == Ok(200_000)), "{counts:?}");
+        refuses(count, &["", "0", "-1", "1.5", "1e10", "nan", "many"]);
+    }
+
+    #[test]
+    fn gains_are_decibels_above_0() {
+        // Default of the option without a value.
+        assert_eq!(gain("0.08"), Ok(TrainConfig::default().auto.preference_db));
+        assert_eq!(gain("1"), Ok(1.0));
+        refuses(gain, &["", "0", "-0.1", "nan", "inf", "photos/"]);
+    }
+
+    #[test]
+    fn errors_are_fractions_or_numbers() {
+        assert_eq!(["1/512", "0.25", "1"].map(error), [Ok(1.0 / 512.0), Ok(0.25), Ok(1.0)]);
+        refuses(error, &["", "0", "-1", "2", "1/0", "0/3", "nan", "1/2/3", "a/b"]);
+    }
+}
