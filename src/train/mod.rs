@@ -35,6 +35,5 @@ pub use memory::{TrainSize, splats_expected};
 pub use photos::Residency;
 pub use run::{Controller, Run};
 pub use state::HostState;
-use strategy::reset_opacity as adc_reset;
-pub use strategy::{RefineContext, RefineReport, SplatStats, Strategy};
+pub use strategy::{RefineContext, RefineReport, SplatStats};
 pub use trainer::{Extremes, StepReport, Trainer};

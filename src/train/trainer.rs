@@ -15,8 +15,8 @@ use super::device::DeviceState;
 use super::memory::{IN_FLIGHT, with_margin};
 use super::photos::Photos;
 use super::state::HostState;
-use super::strategy::{RefineContext, RefineReport, Strategy, strategy};
-use super::{adc_reset, initial_splats, schedule, smoothing};
+use super::strategy::{self, RefineContext, RefineReport};
+use super::{initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
 use crate::render::{Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, view_of};
@@ -68,7 +68,6 @@ pub struct Trainer<'a> {
     limit: usize,
     /// Error shares by splat for the next refinement; empty if unknown.
     errors: Vec<f32>,
-    strategy: Box<dyn Strategy>,
     forward: Forward,
     backward: Backward,
     state: DeviceState,
@@ -132,7 +131,6 @@ impl<'a> Trainer<'a> {
             extent: dataset.extent(),
             limit: config.splat_limit(),
             errors: Vec::new(),
-            strategy: strategy(config.strategy),
             forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy)?,
             backward: Backward::new(gpu, &config)?,
             state: DeviceState::new(gpu, state, config.filter)?,
@@ -370,14 +368,14 @@ impl<'a> Trainer<'a> {
                 limit: self.limit,
                 errors: &std::mem::take(&mut self.errors),
             };
-            let report = self.strategy.refine(&mut state, &statistics, context);
+            let report = strategy::refine(&mut state, &statistics, context);
             if let Some(last) = self.done.back_mut() {
                 last.refined = Some(report);
             }
         }
         smooth(&mut state, self.dataset, &self.config);
         if reset {
-            adc_reset(&mut state, self.config.adc.opacity_reset_value);
+            strategy::reset_opacity(&mut state, self.config.adc.opacity_reset_value);
         }
         self.take_over(&state)
     }

@@ -1,15 +1,11 @@
 //! Adaptive density control as in 3DGS: at large screen gradients, small splats are cloned and large ones split in two;
 //! transparent and oversized ones are removed. With known errors, gradients are weighted by each splat's share in them.
 
-use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, Strategy, gather};
+use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, gather};
 use crate::train::config::AdcConfig;
 use crate::train::rng::{self, Stream};
 use crate::train::state::{HostState, logit};
 use glam::{Quat, Vec3};
-
-/// Adaptive density control.
-#[derive(Clone, Copy, Debug)]
-pub struct Adc;
 
 /// Decision on a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,39 +16,36 @@ enum AdcDecision {
     Split,
 }
 
-impl Strategy for Adc {
-    fn refine(&self, state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport {
-        assert_eq!(state.len(), stats.len(), "one statistic per splat");
-        let fates = decide(state, stats, context);
-        let mut rows = Vec::with_capacity(state.len() * 2);
-        for (&fate, row) in fates.iter().zip(0..) {
-            let kept = Row {
-                source: row,
-                mean: state.mean(row as usize),
-                change: RowChange::Kept,
-            };
-            match fate {
-                AdcDecision::Prune => {}
-                AdcDecision::Keep => rows.push(kept),
-                AdcDecision::Clone => {
-                    rows.push(kept);
-                    rows.push(Row {
-                        change: RowChange::Copied,
-                        ..kept
-                    });
-                }
-                AdcDecision::Split => rows.extend(children(state, row, context)),
+pub(super) fn refine(state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport {
+    let fates = decide(state, stats, context);
+    let mut rows = Vec::with_capacity(state.len() * 2);
+    for (&fate, row) in fates.iter().zip(0..) {
+        let kept = Row {
+            source: row,
+            mean: state.mean(row as usize),
+            change: RowChange::Kept,
+        };
+        match fate {
+            AdcDecision::Prune => {}
+            AdcDecision::Keep => rows.push(kept),
+            AdcDecision::Clone => {
+                rows.push(kept);
+                rows.push(Row {
+                    change: RowChange::Copied,
+                    ..kept
+                });
             }
+            AdcDecision::Split => rows.extend(children(state, row, context)),
         }
-        *state = gather(state, &rows);
-        let count = |fate| fates.iter().filter(|&&f| f == fate).count();
-        RefineReport {
-            cloned: count(AdcDecision::Clone),
-            split: count(AdcDecision::Split),
-            pruned: count(AdcDecision::Prune),
-            relocated: 0,
-            count: state.len(),
-        }
+    }
+    *state = gather(state, &rows);
+    let count = |fate| fates.iter().filter(|&&f| f == fate).count();
+    RefineReport {
+        cloned: count(AdcDecision::Clone),
+        split: count(AdcDecision::Split),
+        pruned: count(AdcDecision::Prune),
+        relocated: 0,
+        count: state.len(),
     }
 }
 
@@ -200,7 +193,7 @@ mod tests {
     const QUIET: SplatStats = [0.0, 1.0, 1.0, 0.0];
 
     fn refine(state: &mut HostState, stats: &[SplatStats], config: &TrainConfig) -> RefineReport {
-        Adc.refine(state, stats, context(config, 100))
+        super::refine(state, stats, context(config, 100))
     }
 
     #[test]
@@ -269,7 +262,7 @@ mod tests {
         let stats = [QUIET, QUIET, wide];
         let pruned = |config: &TrainConfig, iteration| {
             let mut state = state_of(&sizes);
-            Adc.refine(&mut state, &stats, context(config, iteration)).pruned
+            super::refine(&mut state, &stats, context(config, iteration)).pruned
         };
         assert_eq!(pruned(&config, 3_000), 0);
         assert_eq!(pruned(&config, 3_100), 1);
@@ -277,7 +270,7 @@ mod tests {
         assert_eq!(pruned(&config, 3_100), 2);
         // A big splat with a large gradient is split first, and its children are tested.
         let mut state = state_of(&[(0.5, 0.15), (0.5, 0.3)]);
-        let report = Adc.refine(&mut state, &[SEEN; 2], context(&config, 3_100));
+        let report = super::refine(&mut state, &[SEEN; 2], context(&config, 3_100));
         assert_eq!((report.split, report.pruned, report.count), (1, 1, 2));
     }
 
@@ -309,7 +302,7 @@ mod tests {
             errors: &[0.5, 4.0, f32::NAN, 9.0],
             ..context(&config, 100)
         };
-        assert_eq!(Adc.refine(&mut state, &stats, context).cloned, 1);
+        assert_eq!(super::refine(&mut state, &stats, context).cloned, 1);
         let twice = (0..state.len()).filter(|&row| (state.max_scale(row) - 0.002).abs() < 1e-6);
         assert_eq!(twice.count(), 2);
     }

@@ -3,48 +3,42 @@
 //! also weighted by each splat's share in them.
 
 use super::relocation::relocated;
-use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, Strategy, gather};
+use super::{RefineContext, RefineReport, Row, RowChange, gather};
 use crate::train::rng::{self, Stream};
 use crate::train::state::{HostState, logit};
 
 /// Relocation and growth; noise and regularisation act every step, on the device.
-#[derive(Clone, Copy, Debug)]
-pub struct Mcmc;
-
-impl Strategy for Mcmc {
-    fn refine(&self, state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport {
-        assert_eq!(state.len(), stats.len(), "one statistic per splat");
-        let least = f64::from(context.config.mcmc.min_opacity);
-        let drawn = |row: usize| state.opacity(row) * state.smoothing_factor(row);
-        let is_live = |row: usize| drawn(row) > least && state.is_finite(row);
-        let live: Vec<bool> = (0..state.len()).map(is_live).collect();
-        let weights = Weights::new((0..state.len()).map(|row| match live[row] {
-            true => state.opacity(row) * chance(context, row),
-            false => 0.0,
-        }));
-        let dead = live.iter().filter(|&&alive| !alive).count();
-        // Without a live splat the state stays the same.
-        let grown = match weights.total() {
-            0 => 0,
-            _ => growth(state.len(), context),
-        };
-        let relocated = if weights.total() == 0 { 0 } else { dead };
-        let draws = [(relocated, Stream::Relocate), (grown, Stream::Grow)];
-        let mut guests = vec![0; state.len()];
-        for (count, stream) in draws {
-            for ordinal in 0..count as u32 {
-                let words = rng::bits(context.config.seed, context.iteration, ordinal, stream);
-                guests[weights.find(rng::below(words, weights.total()))] += 1;
-            }
+pub(super) fn refine(state: &mut HostState, context: RefineContext<'_>) -> RefineReport {
+    let least = f64::from(context.config.mcmc.min_opacity);
+    let drawn = |row: usize| state.opacity(row) * state.smoothing_factor(row);
+    let is_live = |row: usize| drawn(row) > least && state.is_finite(row);
+    let live: Vec<bool> = (0..state.len()).map(is_live).collect();
+    let weights = Weights::new((0..state.len()).map(|row| match live[row] {
+        true => state.opacity(row) * chance(context, row),
+        false => 0.0,
+    }));
+    let dead = live.iter().filter(|&&alive| !alive).count();
+    // Without a live splat the state stays the same.
+    let grown = match weights.total() {
+        0 => 0,
+        _ => growth(state.len(), context),
+    };
+    let relocated = if weights.total() == 0 { 0 } else { dead };
+    let draws = [(relocated, Stream::Relocate), (grown, Stream::Grow)];
+    let mut guests = vec![0; state.len()];
+    for (count, stream) in draws {
+        for ordinal in 0..count as u32 {
+            let words = rng::bits(context.config.seed, context.iteration, ordinal, stream);
+            guests[weights.find(rng::below(words, weights.total()))] += 1;
         }
-        let rows = share(state, &guests, &live, relocated > 0, least);
-        *state = gather(state, &rows);
-        RefineReport {
-            cloned: grown,
-            relocated,
-            count: state.len(),
-            ..RefineReport::default()
-        }
+    }
+    let rows = share(state, &guests, &live, relocated > 0, least);
+    *state = gather(state, &rows);
+    RefineReport {
+        cloned: grown,
+        relocated,
+        count: state.len(),
+        ..RefineReport::default()
     }
 }
 
@@ -124,8 +118,7 @@ mod tests {
     use crate::train::{StrategyKind, TrainConfig};
 
     fn refine(state: &mut HostState, config: &TrainConfig) -> RefineReport {
-        let stats = vec![[0.0; 4]; state.len()];
-        Mcmc.refine(state, &stats, context(config, 100))
+        super::refine(state, context(config, 100))
     }
 
     fn config(max_splats: u32) -> TrainConfig {

@@ -15,8 +15,7 @@ use super::morton::morton_order;
 use super::state::HostState;
 use serde::{Deserialize, Serialize};
 
-pub use adc::{Adc, reset_opacity};
-pub use mcmc::Mcmc;
+pub use adc::reset_opacity;
 pub use relocation::relocated;
 
 /// Statistics of a splat since the last refinement: sum of the norms of the loss gradient on its screen position (per
@@ -62,21 +61,16 @@ pub struct RefineReport {
     pub count: usize,
 }
 
-/// Strategy of adding and removing splats.
-pub trait Strategy: Send + Sync {
-    /// Refines the state. `stats` has an entry per row.
-    ///
-    /// Afterwards rows are in Morton order, untouched rows keep their moments, and new or moved ones have none.
-    ///
-    /// Panics if `stats` and the state differ in length.
-    fn refine(&self, state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport;
-}
-
-/// The strategy of a kind.
-pub fn strategy(kind: StrategyKind) -> Box<dyn Strategy> {
-    match kind {
-        StrategyKind::Adc => Box::new(Adc),
-        StrategyKind::Mcmc => Box::new(Mcmc),
+/// Refines the state by the configured strategy. `stats` has an entry per row.
+///
+/// Afterwards rows are in Morton order, untouched rows keep their moments, and new or moved ones have none.
+///
+/// Panics if `stats` and the state differ in length.
+pub fn refine(state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport {
+    assert_eq!(state.len(), stats.len(), "one statistic per splat");
+    match context.config.strategy {
+        StrategyKind::Adc => adc::refine(state, stats, context),
+        StrategyKind::Mcmc => mcmc::refine(state, context),
     }
 }
 

@@ -83,7 +83,6 @@ fn thousand_refinements(kind: StrategyKind) -> HostState {
     let mut config = TrainConfig::for_iterations(30_000).with_strategy(kind);
     config.max_splats = Some(300);
     config.adc.prune_radius_px = 28.0;
-    let strategy = strategy(kind);
     let mut state = state_of(&[(0.5, 0.01); 40]);
     let mut touched = RefineReport::default();
     for step in 1..=1_000 {
@@ -93,7 +92,7 @@ fn thousand_refinements(kind: StrategyKind) -> HostState {
         let stats = disturb(&mut state, step);
         label(&mut state);
         let before = state.clone();
-        let report = strategy.refine(&mut state, &stats, context(&config, step * 10));
+        let report = refine(&mut state, &stats, context(&config, step * 10));
         check(&before, &state);
         let expected = before.len() + report.cloned + report.split - report.pruned;
         assert_eq!((report.count, state.len()), (expected, expected));

@@ -5,7 +5,7 @@ use crate::stability::lab::{BEGUN, Lesson, config, dataset, lab, within};
 use crate::stability::optimiser::{BETAS, RATE, Run};
 use crate::stability::props::{Prop, place, stage};
 use ashfall::reference::adam::{Adam, AdamState};
-use ashfall::train::strategy::{RefineContext, SplatStats, strategy};
+use ashfall::train::strategy::{self, RefineContext, SplatStats};
 use ashfall::train::{HostState, StrategyKind, TrainConfig, Trainer};
 
 /// A nearly opaque splat becomes less opaque when the loss requires it.
@@ -123,7 +123,6 @@ fn f075_moments_follow_their_splats() {
             max_splats: Some(200),
             ..TrainConfig::for_iterations(30_000).with_strategy(kind)
         };
-        let strategy = strategy(kind);
         let scene = scenes::gentle(775, 60, 32, 32, 0);
         let mut state = HostState::from_splats(&scene.splats, 0);
         let random = &mut Random::new(775);
@@ -146,7 +145,7 @@ fn f075_moments_follow_their_splats() {
                 limit: config.splat_limit(),
                 errors: &[],
             };
-            let report = strategy.refine(&mut state, &stats, context);
+            let report = strategy::refine(&mut state, &stats, context);
             touched += report.cloned + report.split + report.relocated;
             for row in 0..state.len() {
                 let name = state.params[3][row][0];

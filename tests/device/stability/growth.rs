@@ -4,8 +4,8 @@ use crate::common::scenes::{self, Random, Scene};
 use crate::stability::lab::{Lesson, lab, within};
 use crate::stability::props::{Prop, logit, place, stage};
 use ashfall::scene::{Dataset, Photo, PhotoSource, Point, View};
-use ashfall::train::strategy::{RefineContext, RefineReport, SplatStats, strategy};
-use ashfall::train::{HostState, StrategyKind, TrainConfig, initial_splats};
+use ashfall::train::strategy::{self, RefineContext, RefineReport, SplatStats};
+use ashfall::train::{HostState, TrainConfig, initial_splats};
 
 /// The densification threshold is independent of the image size.
 #[test]
@@ -76,12 +76,7 @@ pub(crate) fn state_of(splats: &[(f64, f64)]) -> HostState {
     state
 }
 
-pub(crate) fn refine(
-    kind: StrategyKind,
-    config: &TrainConfig,
-    state: &mut HostState,
-    stats: &[SplatStats],
-) -> RefineReport {
+pub(crate) fn refine(config: &TrainConfig, state: &mut HostState, stats: &[SplatStats]) -> RefineReport {
     let context = RefineContext {
         iteration: 5_000,
         config,
@@ -89,7 +84,7 @@ pub(crate) fn refine(
         limit: config.splat_limit(),
         errors: &[],
     };
-    strategy(kind).refine(state, stats, context)
+    strategy::refine(state, stats, context)
 }
 
 /// A splat that was seen too large is removed by one refinement: the radii are still available then.
@@ -99,7 +94,7 @@ fn f078_oversized_splats_go() {
     config.adc.prune_radius_px = 20.0;
     let mut state = state_of(&[(0.5, 0.001); 3]);
     let stats = [[0.0, 1.0, 21.0, 0.0], [0.0, 1.0, 19.0, 0.0], [0.0, 1.0, 1.0, 0.0]];
-    let report = refine(StrategyKind::Adc, &config, &mut state, &stats);
+    let report = refine(&config, &mut state, &stats);
     assert_eq!((report.pruned, report.count), (1, 2));
     assert!(state.params[3].iter().all(|sh| sh[0] != 0.0), "another one is gone");
 }
@@ -116,7 +111,7 @@ fn f085_split_of_needles() {
     }
     let config = TrainConfig::default();
     let stats = vec![[1.0, 1.0, 1.0, 0.0]; count];
-    let report = refine(StrategyKind::Adc, &config, &mut state, &stats);
+    let report = refine(&config, &mut state, &stats);
     assert_eq!((report.split, report.count), (count, 2 * count));
     for (axis, scale) in [0.05, 5e-4, 0.005].into_iter().enumerate() {
         let square: f64 = state.params[0].iter().map(|m| f64::from(m[axis]).powi(2)).sum();

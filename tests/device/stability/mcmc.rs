@@ -29,14 +29,14 @@ fn f079_weights_of_any_kind() {
         for (row, o) in opacities.iter().enumerate().filter(|(_, o)| o.is_nan()) {
             state.params[0][row][3] = *o as f32;
         }
-        let report = refine(StrategyKind::Mcmc, &mcmc(50), &mut state, &seen(opacities.len()));
+        let report = refine(&mcmc(50), &mut state, &seen(opacities.len()));
         assert_eq!((report.relocated, report.cloned, report.count), (0, 0, opacities.len()));
     }
     let mut state = state_of(&[(0.5, 0.1), (0.5, 0.1), (0.5, 0.1), (0.3, 0.1)]);
     state.params[0][0][3] = f32::NAN;
     state.params[0][1][3] = f32::INFINITY;
     state.params[2][2][0] = f32::NEG_INFINITY;
-    let report = refine(StrategyKind::Mcmc, &mcmc(4), &mut state, &seen(4));
+    let report = refine(&mcmc(4), &mut state, &seen(4));
     assert_eq!(report.relocated, 3, "what is not finite is dead");
     assert!((0..4).all(|row| state.is_finite(row) && state.params[3][row][0] == 3.0));
 }
@@ -49,7 +49,7 @@ fn f080_fair_choice() {
     splats.extend(vec![(1e-6, 0.1); dead]);
     let mut state = state_of(&splats);
     let stats = vec![[0.0, 1.0, 1.0, 0.0]; live + dead];
-    refine(StrategyKind::Mcmc, &mcmc((live + dead) as u32), &mut state, &stats);
+    refine(&mcmc((live + dead) as u32), &mut state, &stats);
     let mut deciles = [0.0f64; 10];
     for sh in &state.params[3] {
         deciles[sh[0] as usize * 10 / live] += 1.0;
@@ -93,12 +93,7 @@ fn f082_many_copies() {
         let mut splats = vec![(opacity, 0.1)];
         splats.extend(vec![(1e-6, 0.1); 200]);
         let mut state = state_of(&splats);
-        let report = refine(
-            StrategyKind::Mcmc,
-            &mcmc(201),
-            &mut state,
-            &vec![[0.0, 1.0, 1.0, 0.0]; 201],
-        );
+        let report = refine(&mcmc(201), &mut state, &vec![[0.0, 1.0, 1.0, 0.0]; 201]);
         assert_eq!(report.relocated, 200);
         let through: f64 = (0..201).map(|row| (1.0 - state.opacity(row)).ln()).sum();
         let error = (through / (1.0 - opacity).ln() - 1.0).abs();
