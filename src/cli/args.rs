@@ -65,21 +65,18 @@ impl Default for DataArgs {
 impl DataArgs {
     /// Opens the data set at `path` and prints the repairs and omissions.
     pub(crate) fn open(&self, path: &Path, photos_required: bool) -> Result<Dataset> {
-        let dataset = dataset::open(path, &self.options(photos_required))?;
-        for warning in &dataset.warnings {
-            eprintln!("warning: {warning}");
-        }
-        Ok(dataset)
-    }
-
-    fn options(&self, photos_required: bool) -> OpenOptions {
-        OpenOptions {
+        let options = OpenOptions {
             downscale: self.downscale,
             test_every: self.test_every,
             images: self.images.clone(),
             alpha: self.alpha.map(AlphaMode::from),
             photos_required,
+        };
+        let dataset = dataset::open(path, &options)?;
+        for warning in &dataset.warnings {
+            eprintln!("warning: {warning}");
         }
+        Ok(dataset)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg};
-use super::output::{Output, file_stem, score_text};
+use super::output::{Output, figure, file_stem, score_text};
 use super::{engine, parse};
 use crate::gpu::Gpu;
 use crate::io::splats::readable;
@@ -101,10 +101,6 @@ pub(super) fn read_scene(path: &Path) -> Result<Splats> {
 
 fn table(scores: &[ViewScore], mean: &MeanScore) -> String {
     let width = scores.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
-    let figure = |value: Option<f64>, digits: usize| match value {
-        Some(value) => format!("{value:.digits$}"),
-        None => "–".into(),
-    };
     let mut text = format!(
         "{:width$} {:>8} {:>7} {:>13} {:>10}\n",
         "view", "PSNR dB", "SSIM", "8-bit PSNR dB", "8-bit SSIM"

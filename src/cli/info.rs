@@ -9,10 +9,10 @@ use super::engine;
 use super::eval::read_scene;
 use super::output::{Output, bytes, grouped};
 use super::predict::PredictArgs;
-use crate::Result;
 use crate::io::splats::readable;
 use crate::render::{Blocks, Slots};
 use crate::scene::{Dataset, Splats, Split};
+use crate::{Error, Result};
 use clap::Args;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -49,9 +49,11 @@ Examples:
   ashfall info run/scene.ply --predict --size 3840x2160";
 
 pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
-    args.predict.check(&args.config)?;
     if args.predict.predict {
         return predict(args);
+    }
+    if args.config != ConfigArgs::default() {
+        return Err(Error::Config("options of training are for --predict here".into()));
     }
     let (text, value) = match &args.path {
         None => devices(&args.device)?,

@@ -111,18 +111,19 @@ impl Pace {
 
 /// A mean score as text.
 pub(super) fn score_text(score: &MeanScore) -> String {
-    let figure = |value: Option<f64>, digits: usize, unit: &str| match value {
-        Some(value) => format!("{value:.digits$}{unit}"),
-        None => format!("–{unit}"),
-    };
     format!(
-        "{}, SSIM {} over {} views (8-bit: {}, {})",
-        figure(score.psnr_db, 2, " dB"),
-        figure(score.ssim, 4, ""),
+        "{} dB, SSIM {} over {} views (8-bit: {} dB, {})",
+        figure(score.psnr_db, 2),
+        figure(score.ssim, 4),
         score.views,
-        figure(score.psnr_db_8bit, 2, " dB"),
-        figure(score.ssim_8bit, 4, ""),
+        figure(score.psnr_db_8bit, 2),
+        figure(score.ssim_8bit, 4),
     )
+}
+
+/// A number with so many decimals, or a dash.
+pub(super) fn figure(value: Option<f64>, digits: usize) -> String {
+    value.map_or("–".into(), |value| format!("{value:.digits$}"))
 }
 
 /// Writes a text atomically.

@@ -1,6 +1,5 @@
 //! Predicted device memory, for `ashfall info --predict` and at the start of training.
 
-use super::configure::ConfigArgs;
 use super::output::{bytes, grouped};
 use super::parse;
 use crate::render::{
@@ -193,14 +192,6 @@ impl PredictArgs {
         let usual = isects_expected(size.splats, size.image[0], size.image[1]);
         size.isects = self.isects.unwrap_or(usual);
         Prediction::of(size, None)
-    }
-
-    /// Refuses options of training without `--predict`.
-    pub(crate) fn check(&self, config: &ConfigArgs) -> Result<()> {
-        match self.predict || *config == ConfigArgs::default() {
-            true => Ok(()),
-            false => Err(Error::Config("options of training are for --predict here".into())),
-        }
     }
 }
 

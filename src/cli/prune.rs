@@ -100,10 +100,12 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
     if train.is_empty() {
         return Err(Error::file(&args.data, "holds no training view"));
     }
+    let output = Output { json: args.json };
     let gpu = engine::open(&args.device)?;
     let work = PruneRun {
         args,
         gpu: &gpu,
+        output,
         dataset: &dataset,
         cameras: train.iter().map(|&i| dataset.views[i].camera).collect(),
         interrupt: Interrupt::listen()?,
@@ -126,7 +128,6 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
     if let Some(out) = &args.out {
         io::splats::write(out, &figures.reduced.splats)?;
     }
-    let output = Output { json: args.json };
     output.result(figures.text(args, &splats), || figures.json(args, &splats));
     Ok(Outcome::Done)
 }
@@ -135,6 +136,7 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
 struct PruneRun<'a> {
     args: &'a PruneArgs,
     gpu: &'a Gpu,
+    output: Output,
     dataset: &'a Dataset,
     cameras: Vec<Camera>,
     interrupt: Interrupt,
@@ -143,7 +145,7 @@ struct PruneRun<'a> {
 impl PruneRun<'_> {
     /// Prunes, measures and scores; `None` if interrupted.
     fn run(&self, splats: &Splats) -> Result<Option<Figures>> {
-        let output = self.output();
+        let output = self.output;
         let mut go_on = || !self.interrupt.is_requested();
         let error = self.args.error;
         let views = self.cameras.len();
@@ -152,13 +154,11 @@ impl PruneRun<'_> {
             self.gpu.caps().name,
             grouped(splats.len())
         ));
-        let merging = match self.args.merge {
-            None => None,
-            Some(share) => match self.merge(splats, share)? {
-                None => return Ok(None),
-                merging => merging,
-            },
-        };
+        let merging = self.args.merge.map(|share| self.merge(splats, share)).transpose()?;
+        if let Some(None) = merging {
+            return Ok(None);
+        }
+        let merging = merging.flatten();
         // Scene that the proof below refers to.
         let scene = merging.as_ref().map_or(splats, |m| &m.merged.splats);
         let mut weigher = self.weigher(scene)?;
@@ -200,15 +200,11 @@ impl PruneRun<'_> {
         Ok(Some(figures))
     }
 
-    fn output(&self) -> Output {
-        Output { json: self.args.json }
-    }
-
     /// The merged scene and the change of its pictures; `None` if interrupted.
     fn merge(&self, splats: &Splats, share: f64) -> Result<Option<MergeFigures>> {
         let mut go_on = || !self.interrupt.is_requested();
         let wanted = share * splats.len() as f64;
-        let bar = self.output().bar(wanted as u64, "merging");
+        let bar = self.output.bar(wanted as u64, "merging");
         let rates = rates(splats, &self.cameras, near(self.dataset));
         let merged = merge(splats, &rates, share, &mut |gone| {
             bar.set_position(gone as u64);

@@ -71,12 +71,6 @@ enum Format {
     Exr,
 }
 
-/// A picture to draw: stem of its file name, and camera.
-struct Shot {
-    stem: String,
-    camera: Camera,
-}
-
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let splats = read_scene(&args.scene)?;
@@ -102,9 +96,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         Format::Png => args.background,
         Format::Exr => [0.0; 3],
     };
-    for shot in &shots {
-        let picture = draw(&shot.camera, background)?;
-        let path = write(&args.out, &shot.stem, args.format, &picture)?;
+    for (stem, camera) in &shots {
+        let picture = draw(camera, background)?;
+        let path = write(&args.out, stem, args.format, &picture)?;
         output.event(|| json!({"event": "picture", "path": path}));
         bar.inc(1);
     }
@@ -117,16 +111,14 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
+/// Stem of the file name and camera of each picture.
 fn shots(
     args: &RenderArgs,
     dataset: Option<&Dataset>,
     around_splats: impl FnOnce() -> Vec<Camera>,
-) -> Result<Vec<Shot>> {
+) -> Result<Vec<(String, Camera)>> {
     let numbered = |cameras: Vec<Camera>| {
-        let shot = |(i, camera)| Shot {
-            stem: format!("orbit_{i:04}"),
-            camera,
-        };
+        let shot = |(i, camera)| (format!("orbit_{i:04}"), camera);
         cameras.into_iter().enumerate().map(shot).collect()
     };
     let Some(dataset) = dataset else {
@@ -141,11 +133,8 @@ fn shots(
     if let Some(count) = args.orbit {
         return Ok(numbered(orbit_of_cameras(&cameras, dataset.extent(), count)));
     }
-    let shot = |(&i, camera): (&usize, Camera)| Shot {
-        stem: file_stem(&dataset.views[i].name),
-        camera,
-    };
-    Ok(views.iter().zip(cameras).map(shot).collect())
+    let stems = views.iter().map(|&i| file_stem(&dataset.views[i].name));
+    Ok(stems.zip(cameras).collect())
 }
 
 fn write(dir: &Path, stem: &str, format: Format, picture: &RenderedImage) -> Result<PathBuf> {

@@ -16,7 +16,7 @@ pub(crate) struct DeviceState {
     /// Highest SH degree of the run.
     sh_degree: u32,
     /// Mapping between slots and splats.
-    slots: Slots,
+    pub(super) slots: Slots,
     pub(crate) buffers: OptimizerBuffers,
 }
 
@@ -142,11 +142,6 @@ impl DeviceState {
             m: self.planes(gpu, &self.buffers.moment1)?,
             v: self.planes(gpu, &self.buffers.moment2)?,
         })
-    }
-
-    /// Splat of a slot.
-    pub(crate) fn splat(&self, slot: usize) -> usize {
-        self.slots.splat(slot)
     }
 
     /// Downloads the last step's gradients, which must have been kept.

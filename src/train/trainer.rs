@@ -340,7 +340,7 @@ impl<'a> Trainer<'a> {
             poisoned: counts[COUNT_POISONED as usize] as usize,
             poisoned_first: match counts[COUNT_POISONED_FIRST as usize] {
                 0 => None,
-                below_top => Some(self.state.splat((u32::MAX - below_top) as usize)),
+                below_top => Some(self.state.slots.splat((u32::MAX - below_top) as usize)),
             },
             refined: None,
         });
