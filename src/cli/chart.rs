@@ -90,13 +90,11 @@ pub(super) fn run(args: &ChartArgs) -> Result<Outcome> {
     engine::check(&gpu)?;
     chart.facts = facts(&gpu, &dataset, scene.as_ref(), &name, &plan);
     write(&chart, &args.out)?;
-    match args.csv {
-        true => output.result(csv::csv(&chart).trim_end(), || unreachable!()),
-        false => output.result(
-            format_args!("Look at {}", args.out.join("chart.html").display()),
-            || unreachable!(),
-        ),
-    }
+    let text = match args.csv {
+        true => csv::csv(&chart).trim_end().to_owned(),
+        false => format!("Look at {}", args.out.join("chart.html").display()),
+    };
+    output.result(text, || unreachable!());
     let outcome = verdict(&chart)?;
     if let Some(folder) = &args.record {
         let path = record::file(folder, &gpu.caps().name, "-chart.csv")?;

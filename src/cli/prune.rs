@@ -189,15 +189,14 @@ impl PruneRun<'_> {
         if !go_on() {
             return Ok(None);
         }
-        let figures = Figures {
+        Ok(Some(Figures {
             views,
             merging,
             pruned,
             reduced,
             change,
             test,
-        };
-        Ok(Some(figures))
+        }))
     }
 
     /// The merged scene and the change of its pictures; `None` if interrupted.

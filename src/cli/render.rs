@@ -74,10 +74,8 @@ enum Format {
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let splats = read_scene(&args.scene)?;
-    let mut dataset = match &args.cameras {
-        Some(path) => Some(args.options.open(path, false)?),
-        None => None,
-    };
+    let cameras = args.cameras.as_deref();
+    let mut dataset = cameras.map(|path| args.options.open(path, false)).transpose()?;
     if let Some(dataset) = &mut dataset {
         dataset.set_origin(splats.origin);
     }

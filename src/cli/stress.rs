@@ -91,8 +91,9 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     // The suite's own facts come last.
     found.facts.splice(0..0, facts(&gpu, &subject, name, started));
     let page = write(&found, &args.out, args.json.as_deref())?;
-    let mut lines = found.failed().into_iter().map(line).collect::<Vec<String>>();
-    lines.push(summary(&found));
+    let (failed, count) = (found.failed(), found.outcomes.len());
+    let mut lines: Vec<String> = failed.iter().copied().map(line).collect();
+    lines.push(format!("{} of {count} checks keep their bounds", count - failed.len()));
     lines.push(format!("Look at {}", page.display()));
     output.result(lines.join("\n"), || unreachable!());
     verdict(&found)
@@ -165,11 +166,6 @@ fn line(check: &StressCheck) -> String {
         check.unit,
         number(check.bound)
     )
-}
-
-fn summary(found: &StressReport) -> String {
-    let (failed, count) = (found.failed().len(), found.outcomes.len());
-    format!("{} of {count} checks keep their bounds", count - failed)
 }
 
 /// Error for a broken bound: the device, the driver or the engine is wrong.

@@ -144,10 +144,8 @@ impl Checkpoint {
             })
         };
         let present = |name: &str| meta.get(name).filter(|value| !value.is_null());
-        let kept = match present("kept_count") {
-            None => None,
-            Some(_) => Some(state("kept ", number("kept_count")? as usize)?),
-        };
+        let kept = present("kept_count").map(|_| state("kept ", number("kept_count")? as usize));
+        let kept = kept.transpose()?;
         let controller = controller(meta, kept).map_err(|what| fault(&what))?;
         let state = state("", count)?;
         let statistics = file.read::<f32>("statistics")?;
@@ -199,11 +197,8 @@ fn controller(
 
 /// A state's parameters and moments, flattened.
 fn numbers(state: &HostState) -> [Vec<f32>; 3] {
+    let flat = |planes: &Planes| planes.iter().flat_map(|plane| plane.as_flattened()).copied().collect();
     [&state.params, &state.m, &state.v].map(flat)
-}
-
-fn flat(planes: &Planes) -> Vec<f32> {
-    planes.iter().flat_map(|plane| plane.as_flattened()).copied().collect()
 }
 
 /// `None` if the numbers are not exactly `plane_count * count * 4`.
@@ -212,18 +207,15 @@ fn unflat(numbers: &[f32], plane_count: usize, count: usize) -> Option<Planes> {
         return None;
     }
     let rows: &[[f32; 4]] = bytemuck::cast_slice(numbers);
-    Some(
-        (0..plane_count)
-            .map(|plane| rows[plane * count..][..count].to_vec())
-            .collect(),
-    )
+    let planes = (0..plane_count).map(|plane| rows[plane * count..][..count].to_vec());
+    Some(planes.collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Camera, PhotoSource, View};
-    use glam::{DMat3, DVec2, DVec3};
+    use crate::scene::{PhotoSource, View};
+    use crate::train::test_camera;
 
     fn checkpoint(count: usize, sh_degree: u32) -> Checkpoint {
         let mut config = TrainConfig::for_iterations(100);
@@ -288,17 +280,9 @@ mod tests {
 
     #[test]
     fn another_camera_is_another_run() {
-        let camera = Camera {
-            width: 8,
-            height: 6,
-            focal: DVec2::splat(7.0),
-            center: DVec2::new(4.0, 3.0),
-            rotation: DMat3::IDENTITY,
-            position: DVec3::ZERO,
-        };
         let view = |name: &str| View {
             name: name.into(),
-            camera,
+            camera: test_camera(8, 6, 7.0),
             photo: PhotoSource::Absent,
         };
         let mut dataset = Dataset {

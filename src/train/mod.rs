@@ -29,6 +29,19 @@ pub mod state;
 pub mod strategy;
 mod trainer;
 
+/// Camera at the origin along z, the principal point in the middle of the picture.
+#[cfg(test)]
+fn test_camera(width: u32, height: u32, focal: f64) -> crate::scene::Camera {
+    crate::scene::Camera {
+        width,
+        height,
+        focal: glam::DVec2::splat(focal),
+        center: glam::DVec2::new(width.into(), height.into()) / 2.0,
+        rotation: glam::DMat3::IDENTITY,
+        position: glam::DVec3::ZERO,
+    }
+}
+
 pub use config::{Background, MipConfig, RefineTimes, StrategyKind, TrainConfig};
 pub use init::initial_splats;
 pub use memory::{TrainSize, splats_expected};

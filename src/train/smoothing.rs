@@ -53,17 +53,15 @@ mod tests {
     use super::*;
     use crate::train::filter::{LOGIT_MIN, baked, opacity_factor};
     use crate::train::state::{logit, sigmoid};
-    use glam::{DMat3, DVec2};
+    use crate::train::test_camera;
+    use glam::DVec2;
 
     /// Camera at the origin along z; 100 × 50 pixels, the principal point off the centre.
     fn camera(focal: f64) -> Camera {
         Camera {
-            width: 100,
-            height: 50,
             focal: DVec2::new(focal, 0.5 * focal),
             center: DVec2::new(70.0, 20.0),
-            rotation: DMat3::IDENTITY,
-            position: DVec3::ZERO,
+            ..test_camera(100, 50, focal)
         }
     }
 

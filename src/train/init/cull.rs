@@ -57,7 +57,7 @@ impl Fence {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DMat3, DVec2};
+    use crate::train::test_camera;
 
     fn points(positions: impl IntoIterator<Item = [f64; 3]>) -> Vec<Point> {
         let point = |position| Point {
@@ -78,12 +78,8 @@ mod tests {
     /// Camera at x along z, with a half field of view of 45°.
     fn camera(x: f64) -> Camera {
         Camera {
-            width: 100,
-            height: 100,
-            focal: DVec2::splat(50.0),
-            center: DVec2::splat(50.0),
-            rotation: DMat3::IDENTITY,
             position: DVec3::new(x, 0.0, 0.0),
+            ..test_camera(100, 100, 50.0)
         }
     }
 

@@ -53,18 +53,10 @@ pub(super) fn sees(camera: &Camera, point: DVec3) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DMat3;
+    use crate::train::test_camera;
 
     fn camera(position: DVec3, target: DVec3) -> Camera {
-        let camera = Camera {
-            width: 80,
-            height: 60,
-            focal: DVec2::splat(70.0),
-            center: DVec2::new(40.0, 30.0),
-            rotation: DMat3::IDENTITY,
-            position,
-        };
-        camera.look_at(position, target, DVec3::Y)
+        test_camera(80, 60, 70.0).look_at(position, target, DVec3::Y)
     }
 
     fn ring(target: DVec3) -> Vec<Camera> {
