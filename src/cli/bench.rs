@@ -129,12 +129,7 @@ impl OutputArgs {
     }
 
     /// Prints the table and `more`, and writes the files of the options.
-    fn finish(
-        &self,
-        bench: &Bench,
-        more: impl IntoIterator<Item = String>,
-        report: Report<'_>,
-    ) -> Result<Outcome> {
+    fn finish(&self, bench: &Bench, more: impl IntoIterator<Item = String>, report: Report<'_>) -> Result<Outcome> {
         let mut out = std::io::stdout().lock();
         // Rows of bytes have no times.
         let timed = bench.rows.iter().filter(|row| row.runs > 0);

@@ -270,10 +270,17 @@ mod tests {
     #[test]
     fn a_controller_has_a_name_and_a_version() {
         let read = |saved| controller(&json!({ "controller": saved }), None);
-        let saved = read(json!({ "name": "count", "version": 2, "state": 7 })).ok().flatten();
+        let saved = read(json!({ "name": "count", "version": 2, "state": 7 }))
+            .ok()
+            .flatten();
         assert!(saved.is_some_and(|saved| saved.name == "count" && saved.version == 2 && saved.state == 7));
         assert_eq!(read(json!(null)), Ok(None));
-        for damaged in [json!(["count", 2, 7]), json!({ "name": "count" }), json!({ "version": 2 }), json!(1)] {
+        for damaged in [
+            json!(["count", 2, 7]),
+            json!({ "name": "count" }),
+            json!({ "version": 2 }),
+            json!(1),
+        ] {
             assert!(read(damaged).is_err());
         }
     }
