@@ -43,7 +43,7 @@ pub(super) struct NeedsArgs {
     /// Width of the built-in scenes' photographs in pixels
     #[arg(long, value_name = "W", default_value_t = 192, value_parser = clap::value_parser!(u32).range(16..=4096))]
     width: u32,
-    /// Built-in scenes: plane, sphere, solids, demo, intricate, or none [default: all]
+    /// Built-in scenes: plane, sphere, solids, demo, intricate, foliage, facade, or none [default: all]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_scene)]
     scenes: Option<Vec<Option<Kind>>>,
     /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates, parsimony-all-sh [default: all that differ]
@@ -69,7 +69,7 @@ pub(super) struct NeedsArgs {
 
 const EXAMPLES: &str = "\
 Examples:
-  ashfall needs                                     five made scenes: hours on a software device
+  ashfall needs                                     seven made scenes: hours on a software device
   ashfall needs --scenes plane,demo --seeds 1 --iterations 500
   ashfall needs photos/ fox=data/colmap --downscale 2 --scenes none --gain 0.02";
 

@@ -1,4 +1,4 @@
-//! Held-out views of a data set: the evaluator of training runs, and frame times.
+//! Evaluators of training runs, and frame times of held-out views.
 
 use super::bench::CpuClock;
 use crate::gpu::Gpu;
@@ -27,13 +27,17 @@ fn view_options(dataset: &Dataset, filter: ScreenFilter) -> ViewOptions {
 /// # Errors
 /// A data set without held-out views, or a photograph that cannot be read.
 pub(super) fn held_out<'d>(gpu: &Gpu, dataset: &'d Dataset) -> Result<Evaluator<'d>> {
-    let views = dataset.split(Split::Test);
-    if views.is_empty() {
+    if dataset.split(Split::Test).is_empty() {
         let text = "training is evaluated on held-out views, and the data set has none";
         return Err(Error::Config(text.into()));
     }
+    evaluator(gpu, dataset, Split::Test).with_photos()
+}
+
+/// Evaluator of the views of a split.
+pub(super) fn evaluator<'d>(gpu: &Gpu, dataset: &'d Dataset, split: Split) -> Evaluator<'d> {
     let options = view_options(dataset, ScreenFilter::Classic);
-    Evaluator::new(gpu, dataset, &views, options).with_photos()
+    Evaluator::new(gpu, dataset, &dataset.split(split), options)
 }
 
 /// Median times of a frame of the held-out views in milliseconds, by a renderer of the model's own SH degree: on the

@@ -104,6 +104,12 @@ pub struct SurveyRun {
     pub psnr_db: Option<f64>,
     /// Mean SSIM of the test views.
     pub ssim: Option<f64>,
+    /// Mean PSNR of the training views, decibels; `None` also in records from before it was measured.
+    #[serde(default)]
+    pub train_psnr_db: Option<f64>,
+    /// Mean SSIM of the training views; `None` also in records from before it was measured.
+    #[serde(default)]
+    pub train_ssim: Option<f64>,
     /// Wall time of training, without loading and evaluation.
     pub train_seconds: f64,
     /// Processor time of the same, of all threads.
@@ -219,7 +225,8 @@ pub(crate) mod tests {
             device_bytes_by_degree: vec![56 * splats as u64, 0, 0, 0],
             sh_floats: 3 * splats,
             psnr_db: Some(psnr),
-            ssim: Some(0.9),
+            ssim: Some(0.01 * psnr),
+            train_psnr_db: Some(psnr + 2.0),
             train_seconds: 2.0,
             cpu_seconds: Some(splats as f64),
             ply_bytes: 248 * splats as u64,

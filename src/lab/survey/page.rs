@@ -9,17 +9,20 @@ const OF_TABLE: &str = "Every scene is trained on the same photographs for the s
 recipe, from several seeds: the fixed recipe (adaptive density control with its usual constants), \
 <em>parsimony</em> (as many splats as gain the preference on held-out training views), and MCMC limited to the \
 splats that parsimony ended with. <em>Same rates</em> stands for the learning rates of parsimony. Values are means \
-over seeds, ± half their 95 % interval (Student’s t). The difference to the fixed recipe is paired by seed. \
-Quality is that of test views, which no decision has used. SH floats count each splat at its own degree. Times of \
+over seeds, ± half their 95 % interval (Student’s t). The last two columns are the quality of parsimony’s test \
+views less that of the row’s, paired by seed. PSNR and SSIM are those of test views, which no decision has used, and \
+beside them of the views trained on. SH floats count each splat at its own degree. Times of \
 frames are the device’s.";
 
 /// Title, value and decimals of a column.
 type Column = (&'static str, fn(&SurveyRun) -> Option<f64>, usize);
 
-const COLUMNS: [Column; 9] = [
+const COLUMNS: [Column; 11] = [
     ("splats", |run| Some(run.splats as f64), 0),
     ("PSNR, dB", |run| run.psnr_db, 2),
     ("SSIM", |run| run.ssim, 4),
+    ("training PSNR, dB", |run| run.train_psnr_db, 2),
+    ("training SSIM", |run| run.train_ssim, 4),
     ("SH floats, %", |run| Some(100.0 * run.sh_share()), 0),
     ("file, MB", |run| Some(1e-6 * run.ply_bytes as f64), 2),
     ("device, MB", |run| Some(1e-6 * run.device_bytes() as f64), 2),
@@ -54,24 +57,27 @@ pub fn html(facts: &[Fact], runs: &[SurveyRun]) -> Result<String> {
 fn results(runs: &[SurveyRun]) -> String {
     let mut head = vec!["scene", "recipe", "runs"];
     head.extend(COLUMNS.map(|(title, ..)| title));
-    head.push("to fixed, dB");
+    head.extend(["parsimony to it, dB", "parsimony to it, SSIM"]);
     let mut rows = Vec::new();
     for scene in scenes(runs) {
         for recipe in Recipe::ALL {
-            let is_mine = |run: &&SurveyRun| run.scene == scene && run.recipe == recipe;
-            let mine: Vec<&SurveyRun> = runs.iter().filter(is_mine).collect();
+            let of = |recipe| -> Vec<&SurveyRun> {
+                let mine = runs.iter().filter(|run| run.scene == scene && run.recipe == recipe);
+                mine.collect()
+            };
+            let mine = of(recipe);
             if mine.is_empty() {
                 continue;
             }
             let text = |found: Option<_>, digits| found.map_or("–".into(), |found| interval(&found, digits));
             let mut cells = vec![scene.into(), recipe.title().into(), mine.len().to_string()];
             cells.extend(COLUMNS.map(|(_, value, digits)| text(mean(&mine, value), digits)));
-            let others = runs.iter().filter(|run| run.recipe == Recipe::Fixed);
-            let others: Vec<&SurveyRun> = others.filter(|run| run.scene == scene).collect();
-            cells.push(match recipe {
-                Recipe::Fixed => String::new(),
-                _ => text(paired_difference(&mine, &others, |run| run.psnr_db), 2),
-            });
+            let parsimony = of(Recipe::Parsimony);
+            let difference = |value, digits| match recipe {
+                Recipe::Parsimony => String::new(),
+                _ => text(paired_difference(&parsimony, &mine, value), digits),
+            };
+            cells.extend([difference(|run| run.psnr_db, 2), difference(|run| run.ssim, 4)]);
             rows.push((false, cells));
         }
     }
@@ -114,7 +120,8 @@ mod tests {
         assert_eq!(page.matches("<li><svg").count(), 3);
         assert_eq!(page.matches("<td>parsimony</td><td>2</td>").count(), 2);
         // Seeds drift together: the paired difference is more precise than either mean.
-        assert!(page.contains("<td>0.10"), "{page}");
+        assert!(page.contains("<td>0.10") && page.contains("<td>0.0010"), "{page}");
+        assert!(page.contains("<td>32.60 ± 6.35</td>"), "{page}");
         assert!(page.contains("<td>30.60 ± 6.35</td>"), "{page}");
         Ok(())
     }

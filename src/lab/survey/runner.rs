@@ -9,7 +9,7 @@ use super::{Recipe, SurveyRun};
 use crate::gpu::{Buffer, Gpu};
 use crate::io;
 use crate::lab::bench::{CpuClock, record};
-use crate::lab::evaluator::{frame_ms, held_out};
+use crate::lab::evaluator::{evaluator, frame_ms, held_out};
 use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::metrics::MeanScore;
 use crate::render::Model;
@@ -25,13 +25,10 @@ use std::time::Instant;
 /// Steps of [`Task::warm_up`].
 const WARM_UP: u32 = 3;
 
-/// Photographs of a built-in scene.
-const VIEWS: usize = 48;
-
 /// A built-in scene in photographs of this width and three quarters of it in height; every eighth is held out.
 pub fn built_in(kind: Kind, width: u32) -> Dataset {
     synth::scene(kind).dataset(&SynthOptions {
-        views: VIEWS,
+        views: kind.views(),
         width,
         height: (width * 3 / 4).max(1),
         ..SynthOptions::default()
@@ -129,11 +126,13 @@ impl Task<'_> {
     /// # Errors
     /// Those of the device, of photographs that cannot be read, and of a folder that cannot be written to.
     pub fn run(&self, gpu: &Gpu, folder: &Path, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<SurveyRun>> {
-        let mut evaluator = held_out(gpu, self.dataset)?;
+        let mut test = held_out(gpu, self.dataset)?;
         let Some((splats, trained)) = self.train(gpu, progress)? else {
             return Ok(None);
         };
-        let score = MeanScore::of(&evaluator.scores(&splats)?);
+        let score = MeanScore::of(&test.scores(&splats)?);
+        let mut training = evaluator(gpu, self.dataset, Split::Train);
+        let train = MeanScore::of(&training.scores(&splats)?);
         let model = Model::upload(gpu, &splats)?;
         let (frame_ms, frame_cpu_ms) = frame_ms(gpu, self.dataset, &splats, &model)?;
         let reduced = reduce_harmonics(&splats, 0.0);
@@ -143,6 +142,8 @@ impl Task<'_> {
             splats_by_degree: reduced.count_from_degree.to_vec(),
             psnr_db: score.psnr_db,
             ssim: score.ssim,
+            train_psnr_db: train.psnr_db,
+            train_ssim: train.ssim,
             ply_bytes: file_bytes(folder, &splats)?,
             device_bytes_by_degree: device_bytes(&model),
             sh_floats: reduced.floats,
@@ -225,7 +226,7 @@ mod tests {
         assert_eq!(plane, checksum(&built_in(Kind::Plane, 16)));
         assert!(plane != larger && plane != sphere && larger != sphere);
         assert_eq!(plane.len(), 8);
-        assert_eq!(found[0].split(Split::Test).len(), VIEWS / 8);
+        assert_eq!(found[0].split(Split::Test).len(), Kind::Plane.views() / 8);
     }
 
     #[test]

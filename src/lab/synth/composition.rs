@@ -2,7 +2,7 @@
 
 use super::material::{Material, Texture};
 use super::mesh::MeshTree;
-use super::model::{icosphere, knot};
+use super::model::{icosphere, knot, leaves};
 use super::random::KeyedRandom;
 use super::shape::Shape;
 use super::{Object, Rig, Scene};
@@ -21,11 +21,23 @@ pub enum Kind {
     Demo,
     /// Two hundred small shapes, striped, rippled and shining, among knots on finely patterned ground.
     Intricate,
+    /// Three crowns of small leaves in all directions, in few views far apart.
+    Foliage,
+    /// A wall of fine courses with windows and sills, in few views from wide apart.
+    Facade,
 }
 
 impl Kind {
     /// All of them, simplest first.
-    pub const ALL: [Kind; 5] = [Kind::Plane, Kind::Sphere, Kind::Solids, Kind::Demo, Kind::Intricate];
+    pub const ALL: [Kind; 7] = [
+        Kind::Plane,
+        Kind::Sphere,
+        Kind::Solids,
+        Kind::Demo,
+        Kind::Intricate,
+        Kind::Foliage,
+        Kind::Facade,
+    ];
 
     /// Name on command lines and in files.
     pub fn name(self) -> &'static str {
@@ -35,6 +47,16 @@ impl Kind {
             Kind::Solids => "solids",
             Kind::Demo => "demo",
             Kind::Intricate => "intricate",
+            Kind::Foliage => "foliage",
+            Kind::Facade => "facade",
+        }
+    }
+
+    /// Number of photographs that show it, in a survey.
+    pub fn views(self) -> usize {
+        match self {
+            Kind::Foliage | Kind::Facade => 18,
+            _ => 48,
         }
     }
 }
@@ -47,6 +69,8 @@ pub fn scene(kind: Kind) -> Scene {
         Kind::Solids => solids(),
         Kind::Demo => demo(),
         Kind::Intricate => intricate(),
+        Kind::Foliage => foliage(),
+        Kind::Facade => facade(),
     }
 }
 
@@ -197,6 +221,65 @@ fn knots() -> [Object; 2] {
             .at(0.0, 0.0, height)
             .shading(size)
     })
+}
+
+/// Leaves of a crown.
+const LEAVES: usize = 2500;
+
+/// Crowns on rough ground that fills the pictures.
+fn foliage() -> Scene {
+    let ground = Texture::ripples([0.42, 0.38, 0.3], 0.5, 0.12, 61);
+    let mut objects = vec![Object::new(Shape::Disc(9.0), Material::matt(ground))];
+    let crowns = [
+        ([0.3, 0.5, 0.2], [-0.8, -0.5, 1.0], 0.95),
+        ([0.45, 0.5, 0.15], [0.9, 0.1, 0.75], 0.7),
+        ([0.5, 0.35, 0.2], [-0.2, 1.1, 0.65], 0.6),
+    ];
+    for (seed, (color, [x, y, z], size)) in (0..).zip(crowns) {
+        // Fine next to a leaf, so that each has a shade of its own.
+        let texture = Texture::ripples(color, 0.7, 0.1, 62 + seed);
+        objects.push(
+            Object::new(
+                Shape::Mesh(MeshTree::new(&leaves(LEAVES, 0.16, seed))),
+                Material::matt(texture),
+            )
+            .scaled(size)
+            .at(x, y, z)
+            .shading(0.7 * size),
+        );
+    }
+    Scene {
+        objects,
+        ..Scene::default()
+    }
+}
+
+/// A wall that fills the pictures, facing -y, with windows and sills in rows.
+fn facade() -> Scene {
+    let courses = Texture::ripples([0.6, 0.5, 0.42], 0.25, 0.1, 71)
+        .striped([0.0, 1.0, 0.0], 0.12, [0.1, 0.09, 0.08])
+        .striped([1.0, 0.0, 0.0], 0.27, [0.06, 0.05, 0.04]);
+    let pane = Texture::ripples([0.2, 0.26, 0.33], 0.2, 0.15, 72).striped([1.0, 0.0, 0.0], 0.2, [0.15, 0.15, 0.14]);
+    let stone = Texture::ripples([0.72, 0.7, 0.66], 0.2, 0.1, 73);
+    let upright = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let wall = Shape::Rectangle(DVec2::splat(12.0));
+    let mut objects = vec![Object::new(wall, Material::matt(courses)).turned(upright)];
+    for i in 0..20 {
+        let (x, z) = (0.95 * f64::from(i % 5 - 2), 1.2 * f64::from(i / 5) - 1.3);
+        let window = Shape::Cuboid(DVec3::new(0.25, 0.03, 0.35));
+        let sill = Shape::Cuboid(DVec3::new(0.34, 0.12, 0.05));
+        objects.push(Object::new(window, Material::glossy(pane.clone(), 0.3, 20.0)).at(x, 0.0, z));
+        objects.push(Object::new(sill, Material::matt(stone.clone())).at(x, -0.1, z - 0.42));
+    }
+    Scene {
+        objects,
+        rig: Rig {
+            target: DVec3::new(0.0, 0.0, 0.5),
+            distance: 4.5,
+            azimuth_degrees: (-150.0, -30.0),
+            elevation_degrees: (-20.0, 40.0),
+        },
+    }
 }
 
 /// Angle between successive leaves of a spiral without rows, radians.

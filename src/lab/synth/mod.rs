@@ -22,7 +22,7 @@ pub use composition::{Kind, scene};
 pub use dataset::{Rig, SynthOptions};
 pub use material::{Material, Texture};
 pub use mesh::MeshTree;
-pub use model::{icosphere, knot};
+pub use model::{icosphere, knot, leaves};
 pub use save::save;
 pub use shape::Shape;
 

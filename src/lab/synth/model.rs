@@ -1,5 +1,6 @@
 //! Procedural meshes.
 
+use super::random::KeyedRandom;
 use crate::scene::Mesh;
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
@@ -85,6 +86,21 @@ pub fn knot(tube_radius: f64, steps: u32, sides: u32) -> Mesh {
     };
     let triangles = (0..steps).flat_map(|step| (0..sides).flat_map(move |side| quad(step, side)));
     mesh(&positions, triangles.collect())
+}
+
+/// `count` rhombic leaves of this length in all directions, in a ball of radius 1: two triangles each.
+pub fn leaves(count: usize, length: f64, seed: u64) -> Mesh {
+    let random = &mut KeyedRandom::new(seed, 1);
+    let mut positions = Vec::with_capacity(4 * count);
+    for _ in 0..count {
+        let middle = random.direction() * random.uniform().cbrt();
+        let along = random.direction();
+        let across = along.any_orthonormal_vector();
+        let [along, across] = [0.5 * length * along, 0.3 * length * across];
+        positions.extend([-along, across, along, -across].map(|corner| middle + corner));
+    }
+    let quad = |leaf: u32| [[0, 1, 2], [2, 3, 0]].map(|corners| corners.map(|corner| 4 * leaf + corner));
+    mesh(&positions, (0..count as u32).flat_map(quad).collect())
 }
 
 fn mesh(positions: &[DVec3], triangles: Vec<[u32; 3]>) -> Mesh {
