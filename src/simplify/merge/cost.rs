@@ -35,7 +35,7 @@ impl ColorProducts {
 /// Term of the error.
 struct Part {
     sign: f64,
-    shade: ProjectedGaussian,
+    projection: ProjectedGaussian,
     /// Colour as a mixture of the two splats'.
     mixture: [f64; 2],
 }
@@ -53,18 +53,22 @@ pub(super) fn cost(
     tones: &ColorProducts,
     filter: ScreenFilter,
 ) -> f64 {
-    let a_shades = a.shades(DVec3::ZERO, &joint.axes);
-    let b_shades = b.shades(joint.offset, &joint.axes);
-    let merged_shades = merged.shades(merged.mean - a.mean, &joint.axes);
+    let a_projections = a.projections(DVec3::ZERO, &joint.axes);
+    let b_projections = b.projections(joint.offset, &joint.axes);
+    let merged_projections = merged.projections(merged.mean - a.mean, &joint.axes);
     let shares = [1.0 - joint.share, joint.share];
     let error = |axis: usize| {
-        let [a, b] = [a_shades[axis], b_shades[axis]];
-        let part = |sign, shade, mixture| Part { sign, shade, mixture };
+        let [a, b] = [a_projections[axis], b_projections[axis]];
+        let part = |sign, projection, mixture| Part {
+            sign,
+            projection,
+            mixture,
+        };
         let parts = [
             part(1.0, a, [1.0, 0.0]),
             part(1.0, b, [0.0, 1.0]),
             part(-1.0, a.times(&b), [0.5, 0.5]),
-            part(-1.0, merged_shades[axis], shares),
+            part(-1.0, merged_projections[axis], shares),
         ];
         let mut error = 0.0;
         for (i, a) in parts.iter().enumerate() {
@@ -81,7 +85,7 @@ pub(super) fn cost(
 
 /// ∫ of the product of two terms.
 fn product(a: &Part, b: &Part, tones: &ColorProducts) -> f64 {
-    let light = a.shade.times(&b.shade).light();
+    let light = a.projection.times(&b.projection).light();
     a.sign * b.sign * tones.product(a.mixture, b.mixture) * light
 }
 
@@ -119,8 +123,10 @@ mod tests {
 
     /// Energy of one splat alone: the scale of all costs.
     fn energy(a: &MassGaussian, tones: &ColorProducts) -> f64 {
-        let shades = a.shades(DVec3::ZERO, &glam::DMat3::IDENTITY);
-        let light = shades.iter().map(|shade| shade.times(shade).light());
+        let projections = a.projections(DVec3::ZERO, &glam::DMat3::IDENTITY);
+        let light = projections
+            .iter()
+            .map(|projection| projection.times(projection).light());
         tones.first * light.sum::<f64>() / 3.0 / a.pixel(ScreenFilter::Classic)
     }
 
@@ -135,18 +141,18 @@ mod tests {
         let (merged, joint) = a.merged(b, ScreenFilter::Classic).unwrap();
         let colors = [0.8, 0.3];
         let mean_color = colors[0] + joint.share * (colors[1] - colors[0]);
-        let shades = [
-            a.shades(DVec3::ZERO, &joint.axes),
-            b.shades(joint.offset, &joint.axes),
-            merged.shades(merged.mean - a.mean, &joint.axes),
+        let projections = [
+            a.projections(DVec3::ZERO, &joint.axes),
+            b.projections(joint.offset, &joint.axes),
+            merged.projections(merged.mean - a.mean, &joint.axes),
         ];
         let (step, mut sum) = (0.05, 0.0);
         for axis in 0..3 {
-            let shades = shades.map(|shades| shades[axis]);
+            let projections = projections.map(|projections| projections[axis]);
             for i in -100..100 {
                 for k in -100..100 {
                     let at = [step * f64::from(i), step * f64::from(k)];
-                    let [g, h, m] = shades.map(|s| s.value(at));
+                    let [g, h, m] = projections.map(|s| s.value(at));
                     let color = colors[0] * g + colors[1] * h - 0.5 * (colors[0] + colors[1]) * g * h - mean_color * m;
                     let cover = g + h - g * h - m;
                     sum += (color * color + cover * cover) * step * step * joint.views[axis];

@@ -39,7 +39,7 @@ impl Joint {
         let variances = variances.max(DVec3::splat(a.filter_variance.min(b.filter_variance)));
         let inverse = variances.recip();
         let views = inverse / inverse.element_sum();
-        let [one, other] = [a.shades(DVec3::ZERO, &axes), b.shades(offset, &axes)];
+        let [one, other] = [a.projections(DVec3::ZERO, &axes), b.projections(offset, &axes)];
         let deviations = variances.map(f64::sqrt);
         let filled = |axis: usize| {
             let light = one[axis].times(&other[axis]).light() / TAU;

@@ -76,7 +76,7 @@ impl MassGaussian {
     }
 
     /// Projections of the Gaussian as drawn, at `mean`, along each of `axes`.
-    pub(super) fn shades(&self, mean: DVec3, axes: &DMat3) -> [ProjectedGaussian; 3] {
+    pub(super) fn projections(&self, mean: DVec3, axes: &DMat3) -> [ProjectedGaussian; 3] {
         let turn = axes.transpose();
         let (covariance, mean) = (turn * self.drawn.covariance * *axes, turn * mean);
         [0, 1, 2].map(|axis| ProjectedGaussian::new(self.drawn.amplitude, &covariance, mean, axis))
