@@ -9,10 +9,9 @@ const OF_TABLE: &str = "Every scene is trained on the same photographs for the s
 recipe, from several seeds: the fixed recipe (adaptive density control with its usual constants), \
 <em>parsimony</em> (as many splats as gain the preference on held-out training views), and MCMC limited to the \
 splats that parsimony ended with. <em>Same rates</em> stands for the learning rates of parsimony. Values are means \
-over seeds, ± half their 95 % interval (Student’s t). The last two columns are the quality of parsimony’s test \
-views less that of the row’s, paired by seed. PSNR and SSIM are those of test views, which no decision has used, and \
-beside them of the views trained on. SH floats count each splat at its own degree. Times of \
-frames are the device’s.";
+over seeds, ± half their 95 % interval (Student’s t). PSNR and SSIM are those of test views, which no decision has \
+used, and beside them of the views trained on. The last two columns are parsimony’s test views less the row’s, paired \
+by seed. SH floats count each splat at its own degree. Times of frames are the device’s.";
 
 /// Title, value and decimals of a column.
 type Column = (&'static str, fn(&SurveyRun) -> Option<f64>, usize);

@@ -13,7 +13,7 @@ pub fn write(runs: &[SurveyRun]) -> Result<String> {
     csv_text(runs)
 }
 
-/// Columns that earlier versions did not write.
+/// Columns that earlier versions did not write: those with a default in [`SurveyRun`].
 const OPTIONAL: [&str; 2] = ["train_psnr_db", "train_ssim"];
 
 /// Runs of a file's text. Columns are matched by name; columns that a run lacks are ignored.

@@ -226,7 +226,7 @@ fn knots() -> [Object; 2] {
 /// Leaves of a crown.
 const LEAVES: usize = 2500;
 
-/// Crowns on rough ground that fills the pictures.
+/// Crowns on rough ground.
 fn foliage() -> Scene {
     let ground = Texture::ripples([0.42, 0.38, 0.3], 0.5, 0.12, 61);
     let mut objects = vec![Object::new(Shape::Disc(9.0), Material::matt(ground))];
@@ -236,7 +236,7 @@ fn foliage() -> Scene {
         ([0.5, 0.35, 0.2], [-0.2, 1.1, 0.65], 0.6),
     ];
     for (seed, (color, [x, y, z], size)) in (0..).zip(crowns) {
-        // Fine next to a leaf, so that each has a shade of its own.
+        // Wavelengths from about a leaf's length, so that each leaf has a shade of its own.
         let texture = Texture::ripples(color, 0.7, 0.1, 62 + seed);
         objects.push(
             Object::new(
