@@ -52,9 +52,9 @@ pub(super) struct NeedsArgs {
     /// Run these recipes again even if DIR has their runs
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     again: Vec<Recipe>,
-    /// The smallest gain worth paying for: decibels for a tenth more splats
-    #[arg(long, value_name = "GAIN", default_value_t = TrainConfig::default().auto.preference_db, value_parser = parse::gain)]
-    gain: f64,
+    /// Decibels that held-out training views may lose by fewer splats, as for `ashfall train --parsimony`
+    #[arg(long, value_name = "LOSS", default_value_t = TrainConfig::default().auto.loss_db, value_parser = parse::loss)]
+    loss: f64,
     /// Begin anew even if DIR has runs with other settings
     #[arg(long)]
     overwrite: bool,
@@ -71,7 +71,7 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall needs                                     seven made scenes: hours on a software device
   ashfall needs --scenes plane,demo --seeds 1 --iterations 500
-  ashfall needs photos/ fox=data/colmap --downscale 2 --scenes none --gain 0.02";
+  ashfall needs photos/ fox=data/colmap --downscale 2 --scenes none --loss 0.05";
 
 fn parse_scene(text: &str) -> std::result::Result<Option<Kind>, String> {
     let found = Kind::ALL.into_iter().find(|kind| kind.name() == text);

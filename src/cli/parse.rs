@@ -79,9 +79,9 @@ pub(super) fn count(text: &str) -> Reading<usize> {
 }
 
 /// A number of decibels above 0.
-pub(super) fn gain(text: &str) -> Reading<f64> {
-    let gain = text.parse::<f64>().ok();
-    gain.filter(|gain| *gain > 0.0 && gain.is_finite())
+pub(super) fn loss(text: &str) -> Reading<f64> {
+    let loss = text.parse::<f64>().ok();
+    loss.filter(|loss| *loss > 0.0 && loss.is_finite())
         .ok_or_else(|| "a number of decibels above 0 is expected, such as 0.02".into())
 }
 
@@ -145,11 +145,11 @@ mod tests {
     }
 
     #[test]
-    fn gains_are_decibels_above_0() {
+    fn losses_are_decibels_above_0() {
         // Default of the option without a value.
-        assert_eq!(gain("0.08"), Ok(TrainConfig::default().auto.preference_db));
-        assert_eq!(gain("1"), Ok(1.0));
-        refuses(gain, &["", "0", "-0.1", "nan", "inf", "photos/"]);
+        assert_eq!(loss("0.1"), Ok(TrainConfig::default().auto.loss_db));
+        assert_eq!(loss("1"), Ok(1.0));
+        refuses(loss, &["", "0", "-0.1", "nan", "inf", "photos/"]);
     }
 
     #[test]

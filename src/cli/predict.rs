@@ -6,6 +6,7 @@ use crate::render::{
     Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, Scratch, Slots, isects_expected, of_degree, total,
 };
 use crate::scene::{Dataset, Splats};
+use crate::simplify::controller_needs;
 use crate::train::{Residency, TrainConfig, TrainSize, splats_expected};
 use crate::{Error, Result};
 use clap::Args;
@@ -27,6 +28,9 @@ pub(super) struct PredictArgs {
     /// Size of the pictures [default: the data set's, or 1920x1080]
     #[arg(long, value_name = "WxH", requires = "predict", value_parser = parse::image_size)]
     pub size: Option<[u32; 2]>,
+    /// Predict training with --parsimony
+    #[arg(long, requires = "predict")]
+    pub parsimony: bool,
     /// Photographs trained on [default: the data set's, or none: only drawing]
     #[arg(long, value_name = "N", requires = "predict")]
     pub photos: Option<usize>,
@@ -53,8 +57,8 @@ pub(super) struct Prediction {
 }
 
 impl Prediction {
-    /// Training with the splats of `size`, or with `expected` if that is more.
-    pub(crate) fn of(mut size: TrainSize, expected: Option<usize>) -> Prediction {
+    /// Training with the splats of `size`, or with `expected` if that is more, under a count controller or without.
+    pub(crate) fn of(mut size: TrainSize, expected: Option<usize>, is_controlled: bool) -> Prediction {
         let [width, height] = size.image;
         if let Some(splats) = expected.filter(|&splats| splats > size.splats) {
             size.splats = splats;
@@ -67,11 +71,15 @@ impl Prediction {
             size.sh_degree,
             grouped(photos)
         );
+        let mut needs = size.needs();
+        if is_controlled {
+            needs.extend(controller_needs(&size));
+        }
         Prediction {
             what,
             splats: size.splats,
             isects: size.isects,
-            needs: size.needs(),
+            needs,
             per_splat: Some(size.bytes_per_splat()),
         }
     }
@@ -191,7 +199,7 @@ impl PredictArgs {
         size.splats = self.splats.or(expected).unwrap_or(size.splats);
         let usual = isects_expected(size.splats, size.image[0], size.image[1]);
         size.isects = self.isects.unwrap_or(usual);
-        Prediction::of(size, None)
+        Prediction::of(size, None, self.parsimony)
     }
 }
 
@@ -210,6 +218,12 @@ mod tests {
         let open = args.on_numbers(&config, 1 << 30);
         assert!(open.per_splat.is_some_and(|more| more > 720.0));
         assert!(open.line(1 << 30).contains("each further 1,000"));
+        let parsimonious = PredictArgs {
+            parsimony: true,
+            ..args.clone()
+        };
+        let controlled = parsimonious.on_numbers(&config, 1 << 30);
+        assert!(total(&controlled.needs) > total(&open.needs));
         config.max_splats = Some(400_000);
         let capped = args.on_numbers(&config, 1 << 30);
         assert_eq!(capped.splats, 400_000);

@@ -8,7 +8,7 @@ use super::view::ViewOptions;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::io::photo;
-use crate::metrics::{Image, Target, ViewScore, mean_squared_error};
+use crate::metrics::{Image, Target, ViewScore, mean_squared_error, ssim};
 use crate::scene::{Dataset, Splats, View};
 
 /// Renders and scores views of a data set for one scene after the other.
@@ -40,6 +40,14 @@ impl ViewEvaluation<'_> {
     /// PSNR and SSIM of the rendering.
     pub fn score(&self) -> ViewScore {
         self.target.score(&self.view.name, &self.rendered.rgb)
+    }
+
+    /// SSIM of the rendering.
+    pub fn ssim(&self) -> f64 {
+        let Target { width, height, .. } = *self.target;
+        let rendered = Image::new(width, height, &self.rendered.rgb);
+        let photo = Image::new(width, height, &self.target.rgb);
+        ssim(rendered, photo, self.target.weights.as_deref())
     }
 
     /// Mean squared error of the rendering over pixels and channels.
@@ -115,11 +123,6 @@ impl<'d> Evaluator<'d> {
     /// Scores of all views.
     pub fn scores(&mut self, splats: &Splats) -> Result<Vec<ViewScore>> {
         self.map(splats, |evaluated| Ok(evaluated.score()))
-    }
-
-    /// Mean squared error of each view.
-    pub fn mean_squared_errors(&mut self, splats: &Splats) -> Result<Vec<f64>> {
-        self.map(splats, |evaluated| Ok(evaluated.mean_squared_error()))
     }
 
     fn target(&self, view: usize) -> Result<Target> {

@@ -6,8 +6,8 @@ use crate::gpu::{Buffer, Frames, Gpu};
 use crate::kernels::{contribution, prune_limit, removal_error, sum_by_splat};
 use crate::layout::*;
 use crate::render::{
-    Capacity, Compatibility, DepthBands, Forward, Model, Outputs, RenderOptions, Scratch, ViewOptions, isects_expected,
-    list_limit, view_of,
+    Blocks, ByDegree, Capacity, Compatibility, DepthBands, Forward, Model, Need, Outputs, RenderOptions, Scratch,
+    ViewOptions, buffers, isects_expected, list_limit, view_of,
 };
 use crate::scene::{Camera, Splats};
 use crate::{Error, Result};
@@ -119,16 +119,30 @@ struct Resources {
     forward: Forward,
     kernels: Arc<Kernels>,
     buffers: ViewBuffers,
-    totals: Buffer<[f32; 3]>,
-    ranks: Buffer<f32>,
+    sums: ContributionSums,
 }
 
 /// Buffers of one view.
 struct ViewBuffers {
     scratch: Scratch,
-    spent: Buffer<f32>,
-    limit: Buffer<f32>,
-    records: Buffer<[f32; 3]>,
+    own: PixelSums,
+}
+
+buffers! {
+    /// Buffers of a view beyond those of rendering.
+    struct PixelSums(capacity: Capacity) {
+        spent_from_pixel: Buffer<f32>, Pixels, capacity.pixels;
+        limit_from_pixel: Buffer<f32>, Pixels, capacity.pixels;
+        record_from_emitted: Buffer<[f32; 3]>, Intersections, capacity.isects;
+    }
+}
+
+buffers! {
+    /// Buffers of all views.
+    struct ContributionSums(splats: usize) {
+        sum_from_splat: Buffer<[f32; 3]>, Splats, splats;
+        rank_from_splat: Buffer<f32>, Splats, splats;
+    }
 }
 
 impl ViewBuffers {
@@ -136,9 +150,7 @@ impl ViewBuffers {
         let capacity = capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(ViewBuffers {
             scratch: Scratch::new(gpu, capacity, Outputs::default())?,
-            spent: gpu.buffer("spent_from_pixel", capacity.pixels)?,
-            limit: gpu.buffer("limit_from_pixel", capacity.pixels)?,
-            records: gpu.buffer("record_from_emitted", capacity.isects)?,
+            own: PixelSums::new(gpu, capacity)?,
         })
     }
 }
@@ -171,8 +183,7 @@ impl ContributionPass {
             forward,
             kernels,
             buffers: ViewBuffers::new(gpu, Capacity::LEAST)?,
-            totals: gpu.buffer("sum_from_splat", count)?,
-            ranks: gpu.buffer("rank_from_splat", count)?,
+            sums: ContributionSums::new(gpu, count)?,
         };
         Ok(ContributionPass {
             gpu: gpu.clone(),
@@ -180,6 +191,15 @@ impl ContributionPass {
             frames: Frames::new(gpu, 1, false)?,
             resources,
         })
+    }
+
+    /// Buffers of a pass over a scene of so many splats of each degree.
+    pub(super) fn needs(counts: ByDegree, capacity: Capacity) -> Vec<Need> {
+        let mut needs = Model::needs(Blocks::anywhere(counts));
+        needs.extend(Scratch::needs(capacity, Outputs::default()));
+        needs.extend(PixelSums::needs(capacity));
+        needs.extend(ContributionSums::needs(counts.iter().sum()));
+        needs
     }
 
     /// Options of the pass.
@@ -206,9 +226,10 @@ impl ContributionPass {
     ) -> Result<Option<Vec<SplatContribution>>> {
         let count = self.splat_count();
         assert_eq!(ranks.len(), count, "a rank for every splat");
-        self.gpu.upload(&self.resources.ranks, 0, ranks)?;
+        self.gpu.upload(&self.resources.sums.rank_from_splat, 0, ranks)?;
         let nothing = [0.0, 0.0, f32::MAX];
-        self.gpu.upload(&self.resources.totals, 0, &vec![nothing; count])?;
+        self.gpu
+            .upload(&self.resources.sums.sum_from_splat, 0, &vec![nothing; count])?;
         for camera in cameras {
             if !go_on() {
                 return Ok(None);
@@ -216,7 +237,7 @@ impl ContributionPass {
             self.draw(camera, Some(budget))?;
         }
         let loss = |[most, sum, limit]: [f32; 3]| SplatContribution { most, sum, limit };
-        let totals = self.gpu.download(&self.resources.totals, 0..count)?;
+        let totals = self.gpu.download(&self.resources.sums.sum_from_splat, 0..count)?;
         Ok(Some(totals.into_iter().map(loss).collect()))
     }
 
@@ -232,9 +253,9 @@ impl ContributionPass {
             Some(judge) => judge(&gpu.download(&buffers.scratch.image, 0..3 * pixels)?),
             None => vec![0.0; pixels],
         };
-        gpu.upload(&buffers.spent, 0, &errors)?;
+        gpu.upload(&buffers.own.spent_from_pixel, 0, &errors)?;
         let count = self.splat_count();
-        gpu.upload(&self.resources.totals, 0, &vec![[0.0; 3]; count])?;
+        gpu.upload(&self.resources.sums.sum_from_splat, 0, &vec![[0.0; 3]; count])?;
         let resources = &self.resources;
         let view = self.view(camera);
         let (ticket, ()) = self.frames.submit(|rec| {
@@ -243,7 +264,7 @@ impl ContributionPass {
         })?;
         self.frames.wait(ticket)?;
         let removal_error = |[weight, error, change]: [f32; 3]| RemovalError { weight, error, change };
-        let totals = self.gpu.download(&self.resources.totals, 0..count)?;
+        let totals = self.gpu.download(&self.resources.sums.sum_from_splat, 0..count)?;
         Ok(totals.into_iter().map(removal_error).collect())
     }
 

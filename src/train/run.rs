@@ -13,7 +13,7 @@ use std::path::Path;
 pub trait Controller<'a>: Sized {
     /// Name of the controller in checkpoints.
     const NAME: &'static str;
-    /// Version of [`Controller::State`]; checkpoints of later versions are refused.
+    /// Version of [`Controller::State`]; checkpoints of other versions are refused.
     const VERSION: u32;
     /// State that decisions depend on, beside the trainer's.
     type State: Serialize + DeserializeOwned;
@@ -183,10 +183,10 @@ fn typed<'a, C: Controller<'a>>(path: &Path, saved: &ControllerState) -> Result<
         let (found, known) = (&saved.name, C::NAME);
         return refuse(format!("belongs to a run under the controller {found}, not {known}"));
     }
-    if saved.version > C::VERSION {
+    if saved.version != C::VERSION {
         let (found, known) = (saved.version, C::VERSION);
         return refuse(format!(
-            "has a controller state of version {found}; the latest known is {known}"
+            "has a controller state of version {found}; this program goes on from version {known}"
         ));
     }
     serde_json::from_value(saved.state.clone())

@@ -66,8 +66,6 @@ pub struct Trainer<'a> {
     extent: f64,
     /// Splat limit.
     limit: usize,
-    /// Error shares by splat for the next refinement; empty if unknown.
-    errors: Vec<f32>,
     forward: Forward,
     backward: Backward,
     state: DeviceState,
@@ -79,8 +77,6 @@ pub struct Trainer<'a> {
     photos: Photos,
     /// The training views at half size, while steps use those.
     halved: Option<Dataset>,
-    /// Set by the controller: train on half-size photographs.
-    half_size: bool,
     frames: Frames,
     /// Last iteration recorded.
     iteration: u32,
@@ -130,7 +126,6 @@ impl<'a> Trainer<'a> {
             dataset,
             extent: dataset.extent(),
             limit: config.splat_limit(),
-            errors: Vec::new(),
             forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy)?,
             backward: Backward::new(gpu, &config)?,
             state: DeviceState::new(gpu, state, config.filter)?,
@@ -139,7 +134,6 @@ impl<'a> Trainer<'a> {
             bands: DepthBands::default(),
             photos,
             halved,
-            half_size: false,
             frames: Frames::new(gpu, IN_FLIGHT, true)?,
             views,
             config,
@@ -366,7 +360,6 @@ impl<'a> Trainer<'a> {
                 config: &self.config,
                 extent: self.extent,
                 limit: self.limit,
-                errors: &std::mem::take(&mut self.errors),
             };
             let report = strategy::refine(&mut state, &statistics, context);
             if let Some(last) = self.done.back_mut() {

@@ -109,7 +109,7 @@ impl<'a> SurveySession<'a> {
                 recipe,
                 seed,
                 iterations: self.args.iterations,
-                gain_db: self.args.gain,
+                loss_db: self.args.loss,
                 max_splats,
                 ..SurveyRun::default()
             },
@@ -216,7 +216,7 @@ impl<'a> SurveySession<'a> {
         let rows = [
             ("scenes", scenes(&self.runs)),
             ("trained", format!("{} steps a run", self.args.iterations)),
-            ("preference", format!("{} dB for a tenth more splats", self.args.gain)),
+            ("loss allowed", format!("{} dB of held-out views", self.args.loss)),
             ("device", self.gpu.caps().name.to_owned()),
             ("date", dates),
             ("version", format!("ashfall {}", env!("CARGO_PKG_VERSION"))),

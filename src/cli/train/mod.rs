@@ -58,9 +58,9 @@ pub(super) struct TrainArgs {
     /// Begin anew even if DIR holds an unfinished run
     #[arg(long)]
     overwrite: bool,
-    /// Train to no more splats than the scene needs. GAIN is the smallest gain worth 10 % more splats: decibels on
-    /// held-out training views [default: 0.08]
-    #[arg(long, value_name = "GAIN", num_args = 0..=1, default_missing_value = "0.08", value_parser = parse::gain,
+    /// Train to no more splats than the scene needs: fewer would cost held-out training views more than LOSS decibels
+    /// of PSNR, or a twentieth of it in SSIM [default: 0.1]
+    #[arg(long, value_name = "LOSS", num_args = 0..=1, default_missing_value = "0.1", value_parser = parse::loss,
           conflicts_with = "resume")]
     parsimony: Option<f64>,
     /// With --parsimony: compare splats and decibels with the run of this report.json
@@ -143,11 +143,11 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
 
 fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<AutoRun<'a>> {
     let kind = gpu.caps().kind;
-    let Some(gain_db) = args.parsimony else {
+    let Some(loss_db) = args.parsimony else {
         return AutoRun::new(gpu, dataset, args.config.config(kind)?);
     };
     let config = args.config.config_from(kind, |mut usual| {
-        usual.auto.preference_db = gain_db;
+        usual.auto.loss_db = loss_db;
         for_auto_count(usual, dataset.split(Split::Train).len())
     })?;
     let is_open = args.config.iterations.is_none();
@@ -226,7 +226,7 @@ fn points(path: &Path) -> Result<Vec<Point>> {
 
 fn announce(output: Output, gpu: &Gpu, dataset: &Dataset, run: &AutoRun<'_>, state: &RunState) {
     let trainer = run.trainer();
-    let prediction = Prediction::of(trainer.size(), trainer.splats_expected());
+    let prediction = Prediction::of(trainer.size(), trainer.splats_expected(), run.controller().is_some());
     let config = run.config();
     let train = dataset.split(Split::Train).len();
     let test = dataset.split(Split::Test).len();
@@ -290,7 +290,10 @@ impl<'a> Session<'a> {
             );
             return Ok(outcome);
         }
-        let (splats, memory) = (run.splats()?, MemoryFigures::of(run.trainer()));
+        let (splats, memory) = (
+            run.splats()?,
+            MemoryFigures::of(run.trainer(), run.controller().is_some()),
+        );
         let config = run.config().clone();
         let controller = run.controller();
         let found = controller.map(|controller| needs::found(self.dataset, controller.history(), &splats));

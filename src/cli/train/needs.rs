@@ -1,7 +1,7 @@
 //! Section of the report on the splats that a scene needs.
 
 use crate::lab::report::Report;
-use crate::lab::report::needs::{Needs, bytes_by_degree, sentence};
+use crate::lab::report::needs::{Needs, bytes_by_degree};
 use crate::scene::{Dataset, Splats};
 use crate::simplify::{History, reduce_harmonics, split_views};
 use crate::{Error, Result};
@@ -11,24 +11,23 @@ use std::path::Path;
 pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Needs {
     // Removed degrees have zero coefficients.
     let reduced = reduce_harmonics(splats, 0.0);
-    let law = history.law();
     let (_, held) = split_views(dataset, &history.config);
-    Needs {
-        sentence: sentence(reduced.count_from_degree, None),
-        preference_db: history.preference_db,
+    let mut needs = Needs {
+        sentence: String::new(),
+        loss_db: history.config.loss_db,
+        loss_ssim: history.config.loss_db * history.config.ssim_per_db,
         splat_count: splats.len(),
+        too_few: history.least_splats(splats.len()),
         splats_by_degree: reduced.count_from_degree,
         bytes_by_degree: bytes_by_degree(reduced.count_from_degree),
-        sh_lost_db: history.sh_lost_db,
         settled_from: history.settled_from,
-        half_size: history.half_size(),
         validation_views: held.iter().map(|&v| dataset.views[v].name.clone()).collect(),
-        knee: law.map(|law| law.knee(history.preference_db)),
-        law,
         points: history.points(),
         steps: history.steps(),
         against: None,
-    }
+    };
+    needs.sentence = needs.sentence();
+    needs
 }
 
 /// Reads the report of a run to compare with.

@@ -4,6 +4,8 @@ use super::needs::{Needs, RunComparison};
 use crate::Result;
 use crate::io::atomic::write_atomically;
 use crate::metrics::{MeanScore, ViewScore};
+use crate::render::total;
+use crate::simplify::controller_needs;
 use crate::train::Trainer;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -72,14 +74,19 @@ pub struct MemoryFigures {
 }
 
 impl MemoryFigures {
-    /// Memory of a trainer and its device so far.
-    pub fn of(trainer: &Trainer<'_>) -> MemoryFigures {
+    /// Memory of a trainer and its device so far, under a count controller or without.
+    pub fn of(trainer: &Trainer<'_>, is_controlled: bool) -> MemoryFigures {
         let (gpu, size) = (trainer.gpu(), trainer.size());
+        let controller = if is_controlled {
+            total(&controller_needs(&size))
+        } else {
+            0
+        };
         let buffers = gpu.memory_by_name().into_iter();
         MemoryFigures {
             peak_bytes: gpu.memory_peak(),
             reserved_peak_bytes: gpu.memory_reserved_peak(),
-            predicted_bytes: size.bytes(),
+            predicted_bytes: size.bytes() + controller,
             essential_bytes: size.essential_bytes(),
             splats_peak: size.splats,
             isects_peak: size.isects,

@@ -1,6 +1,5 @@
 //! Report of a training run: `report.json`, comparison pictures, and the page of a run that chose its splat count.
 
-pub(super) mod curve;
 mod figures;
 pub mod needs;
 pub mod page;

@@ -1,22 +1,23 @@
-//! Page of a run that chose its splat count: curve, steps, and bytes by SH degree.
+//! Page of a run that chose its splat count: losses by count, steps, and bytes by SH degree.
 
-use super::curve;
 use super::needs::Needs;
 use crate::Result;
-use crate::lab::page::{self, decimals, document, escaped, grouped, table};
-use crate::simplify::{HalfResolution, Law};
+use crate::lab::page::scatter::{Marker, ScatterPlot};
+use crate::lab::page::{self, decimals, document, escaped, grouped, legend, table};
+use crate::simplify::{Estimate, LossPoint, Measure, QualityLoss, ViewSet};
 
-const OF_CURVE: &str = "Blue: quality while splats were added, with training going on, so that these points also \
-rise with time. Orange: quality by splat count alone, from rounds that took the same steps from the same state \
-with and without the least important splats, added up from the last round; the line is the law PSNR = a − b \
-N<sup>−γ</sup> fitted to them. A red circle marks its knee, where a tenth more splats gains just the preference; a \
-knee outside the figure stands at its edge.";
+/// Largest loss in the figure, relative to the allowed one.
+const SHOWN: f64 = 4.0;
 
-const OF_STEPS: &str = "Scores are mean PSNR over the held-out views, 40 dB at most; those on the right are \
-without the removed or tested splats or harmonics, after the same steps, or at once where none were taken. 40 dB \
-on the left stand for a step that was decided without training with all splats. The gain is that of a tenth more \
-splats and its lower 95 % bound (Student's t over the views); while growing, it includes the gain of training \
-time, so that growth ends too late rather than too soon.";
+const OF_LOSSES: &str = "Loss of the held-out views against the best scene since the end of growth, relative to the \
+allowed loss, from rounds that took the same steps from the same state with and without the least important splats. \
+Marks are means over views, with their one-sided 95 % bounds to either side (Student's t); filled marks are counts \
+that were kept. A count is kept if the upper bounds are at most 1. Means above 4 are left out.";
+
+const OF_STEPS: &str = "Scores are means over the held-out views, a PSNR of 40 dB and an SSIM of 0.99 at most. Losses \
+are those of the scene with fewer splats or SH coefficients, with the upper bound of held-out views; losses of splats \
+are summed since the end of growth. The last column names the views and the measure that came nearest to the allowed \
+loss, which is four times as large for views trained on.";
 
 /// The page's text.
 ///
@@ -29,8 +30,9 @@ pub fn html(needs: &Needs) -> Result<String> {
     }
     let mut body = format!("<h1>{}.</h1>\n{}", escaped(&sentence), facts(needs));
     if !needs.steps.is_empty() {
-        body += "<h2>Quality over splats</h2>\n";
-        body += &page::figure("wide", &curve::svg(needs)?, OF_CURVE);
+        let series = [(0, "PSNR"), (1, "SSIM")];
+        let figure = page::figure("wide", &losses(needs).svg()?, OF_LOSSES);
+        body += &format!("<h2>Loss by splats</h2>\n{}{figure}", legend(series)?);
         body += &format!("<h2>Steps</h2>\n<p>{OF_STEPS}</p>\n{}", steps(needs));
     }
     body += &format!("<h2>Splats by degree</h2>\n{}", degrees(needs));
@@ -39,43 +41,39 @@ pub fn html(needs: &Needs) -> Result<String> {
 
 fn facts(needs: &Needs) -> String {
     let settled = |from: u32| format!("after iteration {from}, from which all training views were used");
-    let of_law = |law: &Law| {
-        let unit = grouped(law.factor.powf(1.0 / law.exponent).round() as usize);
-        format!("{:.2} − ({unit} / N)^{:.2} dB", law.limit_db, law.exponent)
-    };
+    let allowed = format!("{} dB, {:.4} SSIM", needs.loss_db, needs.loss_ssim);
     let rows = [
-        (
-            "smallest gain worth paying for",
-            Some(format!("{} dB for a tenth more splats", needs.preference_db)),
-        ),
+        ("loss allowed", Some(allowed)),
         ("views held out", Some(needs.validation_views.join(", "))),
         ("count decided", needs.settled_from.map(settled)),
-        ("photographs of half the size", needs.half_size.as_ref().map(of_half)),
-        ("law", needs.law.as_ref().map(of_law)),
-        (
-            "its knee",
-            needs
-                .knee
-                .map(|knee| format!("{} splats", grouped(knee.round() as usize))),
-        ),
     ];
     let rows = rows.into_iter().filter_map(|(name, value)| Some((name.into(), value?)));
     page::facts(&rows.collect::<Vec<_>>())
 }
 
-fn of_half(half: &HalfResolution) -> String {
-    let mut text = match half.until {
-        0 => "never enough".into(),
-        until => format!("enough until iteration {until}"),
+fn losses(needs: &Needs) -> ScatterPlot {
+    let marker = |point: &LossPoint, series: usize, loss: Estimate, allowed: f64| Marker {
+        series,
+        x: point.splats.max(1) as f64,
+        y: loss.mean / allowed,
+        y_bar: Some([loss.low / allowed, loss.high / allowed]),
+        is_default: point.is_removed,
+        ..Marker::default()
     };
-    if let Some(share) = half.hidden_share {
-        let percent = 100.0 * share;
-        text += &format!(", at most {percent:.0} % of whose error they caused");
+    let markers = needs.points.iter().flat_map(|point| {
+        [
+            marker(point, 0, point.loss.held_out.psnr_db, needs.loss_db),
+            marker(point, 1, point.loss.held_out.ssim, needs.loss_ssim),
+        ]
+    });
+    ScatterPlot {
+        size: [1080, 420],
+        titles: ["splats", "loss of held-out views, relative to the allowed one"],
+        are_log: [true, false],
+        markers: markers.filter(|marker| marker.y <= SHOWN).collect(),
+        levels: vec![("allowed", 1.0)],
+        ..ScatterPlot::default()
     }
-    if let Some(limit) = half.limit_db {
-        text += &format!("; they allow {limit:.1} dB at most");
-    }
-    text
 }
 
 fn steps(needs: &Needs) -> String {
@@ -84,25 +82,45 @@ fn steps(needs: &Needs) -> String {
         "step",
         "splats",
         "PSNR dB",
+        "SSIM",
         "left",
-        "PSNR dB",
-        "gain dB",
-        "at least dB",
+        "lost dB",
+        "at most dB",
+        "lost SSIM",
+        "at most SSIM",
+        "trained on: lost dB",
+        "lost SSIM",
+        "decided by",
     ];
     let rows = needs.steps.iter().map(|step| {
+        let lost = |value: fn(&QualityLoss) -> f64, digits| decimals(step.loss.as_ref().map(value), digits);
         let cells = vec![
             grouped(step.iteration as usize),
             step.act.clone(),
             grouped(step.splats),
             format!("{:.3}", step.psnr_db),
-            step.without.map_or("–".into(), |(splats, _)| grouped(splats)),
-            decimals(step.without.map(|(_, psnr)| psnr), 3),
-            decimals(step.gain_db.map(|gain| gain[0]), 4),
-            decimals(step.gain_db.map(|gain| gain[1]), 4),
+            format!("{:.4}", step.ssim),
+            step.left.map_or("–".into(), grouped),
+            lost(|loss| loss.held_out.psnr_db.mean, 3),
+            lost(|loss| loss.held_out.psnr_db.high, 3),
+            lost(|loss| loss.held_out.ssim.mean, 4),
+            lost(|loss| loss.held_out.ssim.high, 4),
+            lost(|loss| loss.trained.psnr_db.mean, 3),
+            lost(|loss| loss.trained.ssim.mean, 4),
+            step.decided_by.map_or("–", decider).into(),
         ];
         (false, cells)
     });
     table("", &head, rows)
+}
+
+fn decider(by: (ViewSet, Measure)) -> &'static str {
+    match by {
+        (ViewSet::HeldOut, Measure::Psnr) => "held-out views, PSNR",
+        (ViewSet::HeldOut, Measure::Ssim) => "held-out views, SSIM",
+        (ViewSet::Trained, Measure::Psnr) => "views trained on, PSNR",
+        (ViewSet::Trained, Measure::Ssim) => "views trained on, SSIM",
+    }
 }
 
 fn degrees(needs: &Needs) -> String {
@@ -118,53 +136,53 @@ fn degrees(needs: &Needs) -> String {
         ];
         (false, cells)
     });
-    let table = table("", &head, rows);
-    let lost = match needs.sh_lost_db {
-        Some(lost) => {
-            format!("The held-out views lost {lost:.3} dB by the harmonics that were removed, before the last fit.")
-        }
-        None => "All harmonics were kept.".into(),
-    };
-    format!("<p>{lost}</p>\n{table}")
+    table("", &head, rows)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simplify::Decision;
+    use crate::simplify::{Decision, Estimates};
 
     fn needs() -> Needs {
-        let step = |iteration: u32, splats: usize, psnr_db: f64| Decision {
+        let loss = |mean: f64| QualityLoss {
+            held_out: Estimates {
+                psnr_db: Estimate {
+                    mean,
+                    low: mean - 0.02,
+                    high: mean + 0.02,
+                },
+                ..Estimates::default()
+            },
+            ..QualityLoss::default()
+        };
+        let step = |iteration: u32, splats: usize, lost: Option<f64>| Decision {
             iteration,
             act: "a < b".into(),
             splats,
-            psnr_db,
-            without: (iteration > 100).then_some((splats / 2, psnr_db)),
-            gain_db: Some([0.1, 0.05]),
+            psnr_db: 28.636,
+            ssim: 0.875,
+            left: lost.map(|_| splats / 2),
+            loss: lost.map(loss),
+            decided_by: lost.map(|_| (ViewSet::HeldOut, Measure::Psnr)),
         };
-        let law = Law {
-            limit_db: 31.0,
-            factor: 900.0,
-            exponent: 0.6,
+        let point = |splats, mean| LossPoint {
+            splats,
+            is_removed: true,
+            loss: loss(mean),
         };
         Needs {
-            sentence: "this scene needs 5 splats".into(),
-            preference_db: 0.02,
+            sentence: "this scene needs at most 5 splats".into(),
+            loss_db: 0.1,
+            loss_ssim: 0.005,
             splat_count: 5,
+            too_few: None,
             splats_by_degree: [2, 1, 1, 1],
             bytes_by_degree: [112, 92, 152, 236],
-            sh_lost_db: Some(0.01),
             settled_from: Some(300),
-            half_size: Some(HalfResolution {
-                until: 149,
-                limit_db: Some(30.5),
-                hidden_share: Some(0.25),
-            }),
             validation_views: vec!["<view>".into()],
-            law: Some(law),
-            knee: Some(law.knee(0.02)),
-            steps: vec![step(100, 10_000, 20.0), step(200, 20_000, law.at(2e4))],
-            points: vec![[2e4, law.at(2e4)], [1e4, law.at(1e4)]],
+            steps: vec![step(100, 10_000, None), step(200, 20_000, Some(0.05))],
+            points: vec![point(20_000, 0.0), point(10_000, 0.05), point(5_000, 0.5)],
             against: None,
         }
     }
@@ -172,28 +190,29 @@ mod tests {
     #[test]
     fn the_page_is_whole_and_escaped() -> Result<()> {
         let page = html(&needs())?;
-        assert!(page.contains("<h1>This scene needs 5 splats.</h1>"));
-        assert_eq!(page.matches("<svg ").count(), 1);
+        assert!(page.contains("<h1>This scene needs at most 5 splats.</h1>"));
+        assert_eq!(page.matches("<figure ").count(), 1);
         assert!(page.contains("&lt;view&gt;") && page.contains("a &lt; b"));
         assert!(!page.contains("NaN"));
-        let half = "iteration 149, at most 25 % of whose error they caused; they allow 30.5 dB";
-        assert!(page.contains(half));
-        // 900^(1 / 0.6) = 83,895, the count one decibel below the limit.
-        assert!(page.contains("<dd>31.00 − (83,895 / N)^0.60 dB</dd>"), "{page}");
+        assert!(page.contains("<dd>0.1 dB, 0.0050 SSIM</dd>"), "{page}");
         // Every cell has its heading.
-        let head = "<th>splats</th><th>PSNR dB</th><th>left</th><th>PSNR dB</th>";
+        let head = "<th>splats</th><th>PSNR dB</th><th>SSIM</th><th>left</th><th>lost dB</th><th>at most dB</th>";
         assert!(page.contains(head));
-        let row = "<td>20,000</td><td>28.636</td><td>10,000</td><td>28.636</td>";
+        let row = "<td>20,000</td><td>28.636</td><td>0.8750</td><td>10,000</td><td>0.050</td><td>0.070</td>";
         assert!(page.contains(row), "{page}");
+        assert!(page.contains("<td>held-out views, PSNR</td>"));
         Ok(())
+    }
+
+    #[test]
+    fn losses_far_beyond_the_allowed_one_do_not_compress_the_figure() {
+        assert_eq!(losses(&needs()).markers.len(), 5);
     }
 
     #[test]
     fn a_run_without_steps_has_a_page_too() -> Result<()> {
         let empty = Needs {
             steps: Vec::new(),
-            law: None,
-            knee: None,
             ..needs()
         };
         let page = html(&empty)?;

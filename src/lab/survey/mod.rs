@@ -20,7 +20,7 @@ pub enum Recipe {
     Fixed,
     /// The same at the learning rates of `Parsimony`.
     FixedRates,
-    /// Splat count chosen by the gain of 10 % more splats.
+    /// Splat count chosen by the loss of held-out views.
     Parsimony,
     /// MCMC limited to the final splat count of `Parsimony`.
     Mcmc,
@@ -75,8 +75,9 @@ pub struct SurveyRun {
     pub seed: u64,
     /// Steps.
     pub iterations: u32,
-    /// Preference: decibels gained by 10 % more splats.
-    pub gain_db: f64,
+    /// PSNR that held-out views may lose by fewer splats, decibels.
+    #[serde(alias = "gain_db")]
+    pub loss_db: f64,
     /// Limit of the splat count.
     pub max_splats: Option<u32>,
     /// Number of training views.
@@ -127,20 +128,15 @@ pub struct SurveyRun {
     pub frame_cpu_ms: Option<f64>,
     /// Iteration from which the count was fixed.
     pub settled_from: Option<u32>,
-    /// Loss of the held-out views by harmonics that were removed or candidates for removal, before the last fit,
-    /// decibels.
-    pub sh_lost_db: Option<f64>,
-    /// Count at which 10 % more splats gain the preference, by the law.
-    pub knee: Option<f64>,
-    /// Law of quality over splats: limit in decibels, factor, exponent; or empty.
-    #[serde(with = "record::list")]
-    pub law: Vec<f64>,
-    /// Splats of the law's points.
+    /// Splats at the end of growth and in each round.
     #[serde(with = "record::list")]
     pub point_splats: Vec<f64>,
-    /// Their decibels on validation views.
-    #[serde(with = "record::list")]
-    pub point_db: Vec<f64>,
+    /// PSNR that the held-out views lost there, decibels.
+    #[serde(default, with = "record::list")]
+    pub point_lost_db: Vec<f64>,
+    /// SSIM that they lost there.
+    #[serde(default, with = "record::list")]
+    pub point_lost_ssim: Vec<f64>,
 }
 
 /// Floats of the harmonics of a splat of degree 3.
@@ -157,7 +153,7 @@ impl SurveyRun {
         let settings = |run: &SurveyRun| {
             [
                 ("iterations", run.iterations.to_string()),
-                ("the gain", run.gain_db.to_string()),
+                ("the loss allowed", run.loss_db.to_string()),
                 ("the device", run.device.clone()),
                 ("the size", format!("{} × {}", run.width, run.height)),
                 ("the data set's checksum", run.data.clone()),
@@ -173,6 +169,15 @@ impl SurveyRun {
     /// Bytes on the device.
     pub fn device_bytes(&self) -> u64 {
         self.device_bytes_by_degree.iter().sum()
+    }
+
+    /// Counts of the rounds, and losses of the held-out views in PSNR and SSIM.
+    fn points(&self) -> Vec<(f64, [f64; 2])> {
+        let losses = self.point_lost_db.iter().zip(&self.point_lost_ssim);
+        let points = self.point_splats.iter().zip(losses);
+        points
+            .map(|(&splats, (&psnr_db, &ssim))| (splats, [psnr_db, ssim]))
+            .collect()
     }
 
     /// Share of the floats of all harmonics at degree 3.

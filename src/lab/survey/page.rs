@@ -4,14 +4,17 @@ use super::{Recipe, SurveyRun, mean, paired_difference, scenes};
 use crate::Result;
 use crate::lab::page::scatter::{Marker, ScatterPlot};
 use crate::lab::page::{self, Fact, document, escaped, figure, interval, legend, table};
+use crate::simplify::loss_at;
+use crate::stats::Interval;
 
 const OF_TABLE: &str = "Every scene is trained on the same photographs for the same number of steps by each \
 recipe, from several seeds: the fixed recipe (adaptive density control with its usual constants), \
-<em>parsimony</em> (as many splats as gain the preference on held-out training views), and MCMC limited to the \
+<em>parsimony</em> (as few splats as held-out training views allow), and MCMC limited to the \
 splats that parsimony ended with. <em>Same rates</em> stands for the learning rates of parsimony. Values are means \
 over seeds, ± half their 95 % interval (Student’s t). PSNR and SSIM are those of test views, which no decision has \
 used, and beside them of the views trained on. The last two columns are parsimony’s test views less the row’s, paired \
-by seed. SH floats count each splat at its own degree. Times of frames are the device’s.";
+by seed. <em>A third</em> is the loss of held-out training views with a third of the row’s splats, where parsimony took \
+more and its rounds measured so few. SH floats count each splat at its own degree. Times of frames are the device’s.";
 
 /// Title, value and decimals of a column.
 type Column = (&'static str, fn(&SurveyRun) -> Option<f64>, usize);
@@ -56,7 +59,12 @@ pub fn html(facts: &[Fact], runs: &[SurveyRun]) -> Result<String> {
 fn results(runs: &[SurveyRun]) -> String {
     let mut head = vec!["scene", "recipe", "runs"];
     head.extend(COLUMNS.map(|(title, ..)| title));
-    head.extend(["parsimony to it, dB", "parsimony to it, SSIM"]);
+    head.extend([
+        "parsimony to it, dB",
+        "parsimony to it, SSIM",
+        "a third, dB",
+        "a third, SSIM",
+    ]);
     let mut rows = Vec::new();
     for scene in scenes(runs) {
         for recipe in Recipe::ALL {
@@ -77,10 +85,24 @@ fn results(runs: &[SurveyRun]) -> String {
                 _ => text(paired_difference(&parsimony, &mine, value), digits),
             };
             cells.extend([difference(|run| run.psnr_db, 2), difference(|run| run.ssim, 4)]);
+            let thirds = [0, 1].map(|measure| text(third(&parsimony, &mine, measure), 2 + 2 * measure));
+            cells.extend(thirds);
             rows.push((false, cells));
         }
     }
     table("", &head, rows)
+}
+
+/// Loss of held-out views in a measure, PSNR or SSIM, with a third of the splats of `others`, by the rounds of
+/// `parsimony` runs of the same seeds that took more.
+fn third(parsimony: &[&SurveyRun], others: &[&SurveyRun], measure: usize) -> Option<Interval> {
+    let lost = |run: &&SurveyRun| {
+        let third = others.iter().find(|other| other.seed == run.seed)?.splats as f64 / 3.0;
+        let found = loss_at(&run.points(), third).filter(|_| run.splats as f64 > third)?;
+        Some(found[measure])
+    };
+    let lost: Vec<f64> = parsimony.iter().filter_map(lost).collect();
+    (!lost.is_empty()).then(|| Interval::of_mean(&lost))
 }
 
 fn plot(runs: &[SurveyRun], scene: &str) -> ScatterPlot {
@@ -123,6 +145,21 @@ mod tests {
         assert!(page.contains("<td>32.60 ± 6.35</td>"), "{page}");
         assert!(page.contains("<td>30.60 ± 6.35</td>"), "{page}");
         Ok(())
+    }
+
+    #[test]
+    fn a_third_is_priced_by_the_rounds_where_parsimony_took_more() {
+        let parsimony = SurveyRun {
+            point_splats: vec![400.0, 100.0],
+            point_lost_db: vec![0.0, 0.5],
+            point_lost_ssim: vec![0.0, 0.02],
+            ..run("a", Recipe::Parsimony, 1, 250, 30.0)
+        };
+        let fixed = |splats| run("a", Recipe::Fixed, 1, splats, 30.0);
+        let lost = |splats, measure| third(&[&parsimony], &[&fixed(splats)], measure).map(|found| found.value);
+        assert!(lost(600, 0).is_some_and(|lost| (lost - 0.25).abs() < 1e-12));
+        assert!(lost(600, 1).is_some_and(|lost| (lost - 0.01).abs() < 1e-12));
+        assert_eq!([lost(900, 0), lost(240, 0)], [None; 2]);
     }
 
     #[test]

@@ -13,8 +13,14 @@ pub fn write(runs: &[SurveyRun]) -> Result<String> {
     csv_text(runs)
 }
 
-/// Columns that earlier versions did not write: those with a default in [`SurveyRun`].
-const OPTIONAL: [&str; 2] = ["train_psnr_db", "train_ssim"];
+/// Columns that earlier versions did not write, or by another name: those with a default or an alias in [`SurveyRun`].
+const OPTIONAL: [&str; 5] = [
+    "loss_db",
+    "train_psnr_db",
+    "train_ssim",
+    "point_lost_db",
+    "point_lost_ssim",
+];
 
 /// Runs of a file's text. Columns are matched by name; columns that a run lacks are ignored.
 ///
@@ -67,17 +73,15 @@ mod tests {
     fn full() -> SurveyRun {
         SurveyRun {
             recipe: Recipe::McmcRates,
-            gain_db: 0.04,
+            loss_db: 0.04,
             max_splats: Some(1_234),
             data: "00e1".into(),
             train_psnr_db: Some(33.5),
             train_ssim: Some(0.91),
             settled_from: Some(70),
-            sh_lost_db: Some(1.0 / 256.0),
-            knee: Some(1.0 / 3.0),
-            law: vec![31.5, 900.0, 0.65],
             point_splats: vec![2e4, 1e4],
-            point_db: vec![31.25, 30.0],
+            point_lost_db: vec![0.0, 1.0 / 3.0],
+            point_lost_ssim: vec![0.0, 1.0 / 256.0],
             ..run("1e5", Recipe::Fixed, 7, 10, 31.234_567_890_123)
         }
     }
@@ -87,7 +91,7 @@ mod tests {
         let mut runs = survey();
         runs.push(full());
         let text = write(&runs)?;
-        assert!(text.lines().all(|line| line.split(',').count() == 33));
+        assert!(text.lines().all(|line| line.split(',').count() == 31));
         assert_eq!(read(Path::new("needs.csv"), &text)?, runs);
         assert_eq!(read(Path::new("needs.csv"), &write(&[])?)?, []);
         Ok(())
@@ -105,7 +109,7 @@ mod tests {
         assert!(message(cut).contains("line: 3"), "{}", message(cut));
         let wrong = text.replacen("mcmc-rates", "mcmc-rats", 1);
         assert!(message(&wrong).contains("line: 2"), "{}", message(&wrong));
-        let wrong = text.replacen("900.0", "many", 1);
+        let wrong = text.replacen("0.00390625", "many", 1);
         assert!(message(&wrong).contains("line: 2"), "{}", message(&wrong));
         assert!(message(&text).is_empty());
         Ok(())

@@ -53,7 +53,7 @@ pub fn checksum(dataset: &Dataset) -> String {
 pub struct Task<'a> {
     /// Photographs of the scene, some of them held out.
     pub dataset: &'a Dataset,
-    /// Scene, recipe, seed, steps, preference and, for MCMC, limit of the splat count.
+    /// Scene, recipe, seed, steps, allowed loss and, for MCMC, limit of the splat count.
     pub settings: SurveyRun,
 }
 
@@ -91,7 +91,7 @@ impl Task<'_> {
         let mut config = config(settings.recipe, settings.iterations, views);
         config.seed = settings.seed;
         config.max_splats = settings.max_splats;
-        config.auto.preference_db = settings.gain_db;
+        config.auto.loss_db = settings.loss_db;
         config
     }
 
@@ -175,17 +175,14 @@ impl Task<'_> {
         run.finish()?;
         let (train_seconds, cpu_ns) = (start.elapsed().as_secs_f64(), clock.elapsed_ns());
         let history = run.controller().map(CountController::history);
-        let law = history.and_then(History::law);
         let points = history.map(History::points).unwrap_or_default();
         let trained = SurveyRun {
             train_seconds,
             cpu_seconds: cpu_ns.map(|ns| 1e-9 * ns),
             settled_from: history.and_then(|history| history.settled_from),
-            sh_lost_db: history.and_then(|history| history.sh_lost_db),
-            knee: law.map(|law| law.knee(self.settings.gain_db)),
-            law: law.map_or(Vec::new(), |law| vec![law.limit_db, law.factor, law.exponent]),
-            point_splats: points.iter().map(|point| point[0]).collect(),
-            point_db: points.iter().map(|point| point[1]).collect(),
+            point_splats: points.iter().map(|point| point.splats as f64).collect(),
+            point_lost_db: points.iter().map(|point| point.loss.held_out.psnr_db.mean).collect(),
+            point_lost_ssim: points.iter().map(|point| point.loss.held_out.ssim.mean).collect(),
             ..self.planned(gpu)
         };
         Ok(Some((run.splats()?, trained)))

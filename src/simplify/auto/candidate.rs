@@ -8,10 +8,8 @@ use super::CountController;
 use super::survey::Survey;
 use crate::Result;
 use crate::scene::{Camera, ScreenFilter, Splats};
-use crate::simplify::gain::{differences, steps_of_ten_percent};
-use crate::simplify::held_out;
+use crate::simplify::loss::{QualityLoss, lost};
 use crate::simplify::merge::{merge, rates};
-use crate::stats::mean;
 use crate::train::{HostState, Trainer};
 
 /// The full state and a state with fewer splats.
@@ -24,18 +22,14 @@ pub(super) struct Candidate {
 
 impl<'a> CountController<'a> {
     /// Candidate with `history.share` of the splats pruned or merged, before training.
-    pub(super) fn lesser(&mut self, trainer: &mut Trainer<'a>) -> Result<Candidate> {
+    pub(super) fn candidate(&mut self, trainer: &mut Trainer<'a>) -> Result<Candidate> {
         let (whole, splats) = (trainer.download()?, trainer.splats()?);
         let left = (whole.len() as f64 * (1.0 - self.history.share)).ceil() as usize;
         if let Some(merged) = self.merged(trainer, &splats, left) {
-            let [before, after] = [&splats, &merged]
-                .map(|scene| held_out::psnr_db(&mut self.held_out, scene, self.history.config.full_db));
-            let lost = mean(&differences(&after?, &before?));
-            if lost
-                <= self.history.config.merge_cost
-                    * self.history.preference_db
-                    * steps_of_ten_percent(left, splats.len())
-            {
+            let config = self.history.config;
+            let (before, after) = (self.scores(&splats)?, self.scores(&merged)?);
+            let loss = QualityLoss::of(&lost(&before, &after, &self.history.lost));
+            if loss.share(&config).0 <= 1.0 {
                 return Ok(Candidate {
                     less: carried(&whole, &splats, &merged),
                     whole,

@@ -1,38 +1,37 @@
 //! Control of the splat count during training, between the steps of a run, from growth to the last fit.
 //!
-//! Splats are added by the strategy, more of them where errors are. Growth ends when the lower bound of its gain on
-//! some training views, for a tenth more splats, is below the preference. The whole rise of their scores counts as
-//! gain, though training time has its share in it, so that growth never ends too early. From then on those views are
-//! held out; earlier, splats that only they see would be missing.
+//! Splats are added by the strategy for a share of the run, or until no held-out view has a visible error. From then on
+//! the held-out views are not trained on; earlier, splats that only they see would be missing.
 //!
 //! A share of the splats goes in every round: those with the smallest change of the pictures, or by merging. A round
 //! runs the same steps from the same state twice, without those splats and with them, since scores also rise with time.
-//! The splats stay removed if the held-out views lose no more than the preference allows; otherwise a smaller share is
-//! tried. The second run is skipped where the first alone proves that the loss is allowed. Three measured counts give
-//! the law of quality over splats; further rounds aim at its knee, where a tenth more splats is worth the preference. A
-//! round then decides by the same rule how many SH coefficients can go; if growth ended because every held-out view was
-//! perfect, a round without any SH comes first. Last, the held-out views return to training, and SH coefficients go
-//! when their fit is most reliable.
+//! The losses of accepted rounds are summed, by view, in PSNR and in SSIM. The splats stay removed if the upper bounds
+//! of the sums on held-out views, and their means on views trained on, are within what may be lost in total: few or
+//! scattered views widen the bounds and thereby keep splats. An accepted round is followed by one with a larger share,
+//! a rejected one by one with a smaller share. Last, SH coefficients go that cost the held-out views little, and these
+//! return to training.
 //!
-//! **Invariant:** decisions are a function of configuration, preference, views and device. Their state beside the
-//! trainer's is the [`History`] and the kept state, so that a resumed run decides alike.
+//! **Invariant:** decisions are a function of configuration, views and device. Their state beside the trainer's is the
+//! [`History`] and the kept state, so that a resumed run decides alike.
 
 mod candidate;
-mod growth;
-mod resolution;
+mod memory;
 mod rounds;
-mod sh_rounds;
+mod sh;
 mod survey;
 
+pub use memory::controller_needs;
+
 use super::contribution::Kernels;
-use super::gain::differences;
-use super::held_out::{self, split_views};
-use super::history::{History, HistoryEntry, Phase};
+use super::held_out::split_views;
+use super::history::{Act, History, HistoryEntry, Phase};
+use super::loss::ViewScores;
+use crate::Result;
 use crate::render::{Evaluator, ViewOptions};
-use crate::scene::{Dataset, Split};
+use crate::scene::{Dataset, Splats, Split};
 use crate::stats::mean;
+use crate::train::schedule::is_refine;
 use crate::train::{Controller, HostState, Run, TrainConfig, Trainer};
-use crate::{Error, Result};
 use std::sync::Arc;
 
 /// Controller of the splat count of a run.
@@ -41,21 +40,24 @@ pub struct CountController<'a> {
     history: History,
     /// Other state of a round: the full one during the first run, the reduced one during the second.
     kept: Option<HostState>,
-    /// Evaluator of the held-out views.
-    held_out: Evaluator<'a>,
-    /// Evaluator of about as many views that are always trained on.
-    trained: Evaluator<'a>,
+    /// Evaluator of the held-out views, then of about as many that are always trained on: one for both, since its
+    /// buffers stay on the device.
+    evaluator: Evaluator<'a>,
+    /// Number of held-out views.
+    held_out: usize,
     /// Views trained on while others are held out.
     fitted: Vec<usize>,
     /// Kernels of the surveys: compiling takes longer than most of them.
     kernels: Arc<Kernels>,
 }
 
+/// Share of the splats that the first round removes.
+const FIRST_SHARE: f64 = 0.5;
+
 /// Training run with an optional [`CountController`].
 pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 
-/// Training configuration of a run with a count controller. Growth ends after 9/20 of the run at the latest, which
-/// leaves 1/4 to rounds without splats, 1/20 to one without SH (or splats, if there is no SH) and 1/4 to the last fit.
+/// Training configuration of a run with a count controller: growth ends with its share of the run.
 ///
 /// Runs shorter than half the published length use twice the rates for means and SH: at the published rates they end
 /// before convergence. That helps without pruning, too, and not everywhere (`2026-11-22-needs-rates.csv`: fox +0.66 to
@@ -63,6 +65,7 @@ pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 /// keeps the published rate.
 pub fn for_auto_count(mut config: TrainConfig, views: usize) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.auto.growth_until(config.iterations));
+    config.half_size_until = config.auto.half_size_until(config.iterations);
     if config.iterations < config.auto.short_iterations {
         let (rates, factor) = (&mut config.rates, config.auto.short_rate_factor);
         rates.mean_start *= factor;
@@ -77,17 +80,13 @@ pub fn for_auto_count(mut config: TrainConfig, views: usize) -> TrainConfig {
 impl<'a> CountController<'a> {
     /// Starts the controller of a run at iteration 0. If `is_open`, the run may end on convergence.
     pub fn begin(trainer: &mut Trainer<'a>, dataset: &'a Dataset, is_open: bool) -> Result<CountController<'a>> {
-        let config = &trainer.config().auto;
         let history = History {
-            preference_db: config.preference_db,
-            share: config.share_first,
+            share: FIRST_SHARE,
             end: trainer.config().iterations,
             is_open,
             ..History::default()
         };
-        let mut controller = CountController::from_history(trainer, dataset, history, None)?;
-        controller.begin_size(trainer)?;
-        Ok(controller)
+        CountController::from_history(trainer, dataset, history, None)
     }
 
     /// Decisions and their state so far.
@@ -103,34 +102,26 @@ impl<'a> CountController<'a> {
         kept: Option<HostState>,
     ) -> Result<CountController<'a>> {
         history.config = trainer.config().auto;
-        if !(history.preference_db > 0.0 && history.preference_db.is_finite()) {
-            let text = "the smallest gain worth paying for must be a number of decibels above 0";
-            return Err(Error::Config(text.into()));
-        }
         let (fitted, held) = split_views(dataset, &history.config);
         let options = view_options(trainer);
-        let held_out = Evaluator::new(trainer.gpu(), dataset, &held, options).with_photos()?;
         let step = fitted.len().div_ceil(held.len()).max(1);
-        let own: Vec<usize> = fitted.iter().copied().step_by(step).collect();
-        let trained = Evaluator::new(trainer.gpu(), dataset, &own, options).with_photos()?;
+        let evaluated: Vec<usize> = held.iter().chain(fitted.iter().step_by(step)).copied().collect();
+        let evaluator = Evaluator::new(trainer.gpu(), dataset, &evaluated, options).with_photos()?;
         if !matches!(history.phase, Phase::Growing | Phase::Settled) {
             trainer.set_views(fitted.clone())?;
         }
         if history.phase != Phase::Growing {
             trainer.set_limit(0);
         }
-        trainer.set_half_size(history.is_half)?;
-        let controller = CountController {
+        Ok(CountController {
             dataset,
             history,
             kept,
-            held_out,
-            trained,
+            evaluator,
+            held_out: held.len(),
             fitted,
             kernels: Kernels::new(trainer.gpu(), survey::RULES)?,
-        };
-        controller.set_densify_errors(trainer)?;
-        Ok(controller)
+        })
     }
 
     /// Keeps all SH, for a comparison with a run that removes it.
@@ -138,12 +129,29 @@ impl<'a> CountController<'a> {
         self.history.keeps_sh = true;
     }
 
-    /// Ends the rounds: the count is fixed.
-    fn decide(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        self.kept = None;
-        self.history.phase = Phase::Converging;
-        let iteration = trainer.iteration();
-        self.after_convergence_step(trainer, iteration)
+    fn after_growth_step(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
+        let config = trainer.config();
+        let is_last = iteration >= config.refine.until;
+        // Evaluate just before a refinement: splats that it adds have not been fitted yet.
+        if !is_last && !is_refine(config, iteration + 1) {
+            return Ok(());
+        }
+        // A step that did not fit is run again; its first evaluation must not count twice.
+        let last = self.history.entries.last();
+        if last.is_some_and(|last| last.iteration == iteration) {
+            return Ok(());
+        }
+        let mut entry = self.evaluate(trainer)?;
+        if !is_last && !entry.scores.is_full(&self.history.config) {
+            self.history.entries.push(entry);
+            return Ok(());
+        }
+        entry.act = Act::GrowthEnded;
+        self.history.entries.push(entry);
+        self.history.phase = Phase::Pruning;
+        trainer.set_limit(0);
+        trainer.set_views(self.fitted.clone())?;
+        self.begin_round(trainer)
     }
 
     fn after_convergence_step(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
@@ -151,20 +159,17 @@ impl<'a> CountController<'a> {
         if !self.history.is_open || iteration >= config.auto.settle_by(config.iterations) {
             return self.settle(trainer);
         }
-        let window = config.auto.convergence_steps(config.iterations);
-        let last = self.history.entries.last().map_or(0, |e| e.iteration);
-        if iteration < last + window {
+        // Two rounds apart.
+        let window = 2 * config.auto.round(config.iterations);
+        let last = self.history.entries.last();
+        if last.is_some_and(|last| iteration < last.iteration + window) {
             return Ok(());
         }
-        let entry = self.look(trainer)?;
-        let risen = self
-            .history
-            .entries
-            .last()
-            .map(|last| differences(&last.psnr_db, &entry.psnr_db));
-        let per_thousand = mean(&risen.unwrap_or_default()) * 1000.0 / f64::from(window);
+        let before = last.map_or(f64::NEG_INFINITY, |last| mean(&last.scores.psnr_db));
+        let entry = self.evaluate(trainer)?;
+        let risen = mean(&entry.scores.psnr_db) - before;
         self.history.entries.push(entry);
-        match per_thousand < self.history.preference_db {
+        match risen < self.history.config.loss_db {
             true => self.settle(trainer),
             false => Ok(()),
         }
@@ -173,17 +178,12 @@ impl<'a> CountController<'a> {
     fn settle(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         self.history.phase = Phase::Settled;
         let config = trainer.config();
-        self.history.end = config
-            .iterations
-            .min(trainer.iteration() + config.auto.last_fit(config.iterations));
-        if !self.history.is_open {
-            self.history.end = config.iterations;
+        if self.history.is_open {
+            let last_fit = config.auto.last_fit(config.iterations);
+            self.history.end = config.iterations.min(trainer.iteration() + last_fit);
         }
         self.history.settled_from = Some(trainer.iteration());
-        if self.history.is_half {
-            let entry = self.look(trainer)?;
-            self.enlarge(trainer, &entry)?;
-        }
+        self.reduce_sh(trainer)?;
         trainer.set_views(self.all())
     }
 
@@ -193,20 +193,28 @@ impl<'a> CountController<'a> {
     }
 
     /// Evaluation of the current scene on the held-out views.
-    fn look(&mut self, trainer: &mut Trainer<'a>) -> Result<HistoryEntry> {
+    fn evaluate(&mut self, trainer: &mut Trainer<'a>) -> Result<HistoryEntry> {
         let splats = trainer.splats()?;
+        let [scores, _] = self.scores(&splats)?;
         Ok(HistoryEntry {
             iteration: trainer.iteration(),
             splats: splats.len(),
-            psnr_db: held_out::psnr_db(&mut self.held_out, &splats, self.history.config.full_db)?,
+            scores,
             ..HistoryEntry::default()
         })
+    }
+
+    /// Scores of the held-out views and of views trained on.
+    fn scores(&mut self, splats: &Splats) -> Result<[ViewScores; 2]> {
+        let mut held_out = ViewScores::of(&mut self.evaluator, splats, &self.history.config)?;
+        let trained = held_out.split_off(self.held_out);
+        Ok([held_out, trained])
     }
 }
 
 impl<'a> Controller<'a> for CountController<'a> {
     const NAME: &'static str = "count";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type State = History;
 
     fn resume(
@@ -222,9 +230,9 @@ impl<'a> Controller<'a> for CountController<'a> {
         let iteration = trainer.iteration();
         match self.history.phase {
             Phase::Growing => self.after_growth_step(trainer, iteration),
-            Phase::Pruning | Phase::Lowering => self.after_round_step(trainer, iteration),
+            Phase::Pruning => self.after_round_step(trainer, iteration),
             Phase::Converging => self.after_convergence_step(trainer, iteration),
-            Phase::Settled => self.after_last_fit_step(trainer, iteration),
+            Phase::Settled => Ok(()),
         }
     }
 

@@ -16,13 +16,13 @@ impl Resources {
         let s = &buffers.scratch;
         let emitted_from_isect = &s.emitted_from_isect[Forward::sorted_index(tiles)];
         let tile_stride = tile_stride(tiles);
-        rec.fill(&buffers.limit, 0);
+        rec.fill(&buffers.own.limit_from_pixel, 0);
         for step in STEPS {
             let io = walker_bindings! {
                 prune_limit, s, emitted_from_isect;
-                rank_from_splat: &self.ranks,
-                limit_from_pixel: &buffers.limit,
-                spent_from_pixel: &buffers.spent,
+                rank_from_splat: &self.sums.rank_from_splat,
+                limit_from_pixel: &buffers.own.limit_from_pixel,
+                spent_from_pixel: &buffers.own.spent_from_pixel,
             };
             let params = prune_limit::Params {
                 tile_stride,
@@ -32,12 +32,12 @@ impl Resources {
             self.kernels.prune_limit.record(rec, io, params, groups);
         }
         // A pair that was counted but not listed keeps this record, which lets no splat go.
-        rec.fill(&buffers.records, 0);
+        rec.fill(&buffers.own.record_from_emitted, 0);
         let io = walker_bindings! {
             contribution, s, emitted_from_isect;
-            spent_from_pixel: &buffers.spent,
-            limit_from_pixel: &buffers.limit,
-            record_from_emitted: &buffers.records,
+            spent_from_pixel: &buffers.own.spent_from_pixel,
+            limit_from_pixel: &buffers.own.limit_from_pixel,
+            record_from_emitted: &buffers.own.record_from_emitted,
         };
         let params = contribution::Params { tile_stride };
         self.kernels.contribution.record(rec, io, params, groups);
@@ -50,13 +50,13 @@ impl Resources {
         let groups = Groups::Count(tiles as u32);
         let buffers = &self.buffers;
         let s = &buffers.scratch;
-        rec.fill(&buffers.records, 0);
+        rec.fill(&buffers.own.record_from_emitted, 0);
         let io = walker_bindings! {
             removal_error, s, &s.emitted_from_isect[Forward::sorted_index(tiles)];
             blue_depth_from_splat: &s.blue_depth_from_splat,
             image: &s.image,
-            error_from_pixel: &buffers.spent,
-            influence_from_source: &buffers.records,
+            error_from_pixel: &buffers.own.spent_from_pixel,
+            influence_from_source: &buffers.own.record_from_emitted,
         };
         let params = removal_error::Params {
             tile_stride: tile_stride(tiles),
@@ -71,8 +71,8 @@ impl Resources {
             counts: &s.counts,
             tile_count_from_splat: &s.tile_count_from_splat,
             emitted_from_splat: &s.emitted_from_splat,
-            record_from_emitted: &buffers.records,
-            sum_from_splat: &self.totals,
+            record_from_emitted: &buffers.own.record_from_emitted,
+            sum_from_splat: &self.sums.sum_from_splat,
         };
         let params = sum_by_splat::Params {
             splat_count: self.model.splat_count as u32,

@@ -101,8 +101,6 @@ constants! {
         growth: f32 = 1.05, 1.0..=8.0;
         /// Opacity up to which a splat is dead and is relocated: 0.005.
         min_opacity: f32 = 0.005, 1e-6..=BELOW_ONE;
-        /// Error, relative to the mean splat's, above which a splat is no more likely to be cloned: 4.
-        error_max: f64 = 4.0, 1e-3..=1e6;
     }
 }
 

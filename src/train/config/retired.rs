@@ -1,11 +1,15 @@
 //! Constants of earlier versions: files that hold them at their defaults still load.
 
-use super::TrainConfig;
-use serde_json::{Value, json};
+use super::{AutoConfig, TrainConfig};
+use serde_json::{Map, Value, json};
 
 /// Path of each retired constant, and its neutral value.
-fn retired() -> [(&'static str, Value); 2] {
-    [("/ssim_skipped", json!(0)), ("/accuracy/sigma_max", Value::Null)]
+fn retired() -> [(&'static str, Value); 3] {
+    [
+        ("/ssim_skipped", json!(0)),
+        ("/accuracy/sigma_max", Value::Null),
+        ("/mcmc/error_max", json!(4.0)),
+    ]
 }
 
 impl TrainConfig {
@@ -26,8 +30,18 @@ impl TrainConfig {
                 return Err(format!("{name} is {value}, and this version has no such constant"));
             }
         }
+        if let Some(Value::Object(constants)) = saved.get_mut("auto") {
+            drop_unknown(constants);
+        }
         serde_json::from_value(saved).map_err(|e| e.to_string())
     }
+}
+
+/// Removes constants of earlier count controllers: they act on runs under a controller only, and the state of such a
+/// controller is refused.
+fn drop_unknown(constants: &mut Map<String, Value>) {
+    let known = json!(AutoConfig::default());
+    constants.retain(|name, _| known.get(name).is_some());
 }
 
 #[cfg(test)]
@@ -45,6 +59,16 @@ mod tests {
         assert_eq!(mode, Some(json!("mip")));
         saved["filter"] = json!("mip");
         assert_eq!(TrainConfig::from_saved(saved), Ok(config));
+    }
+
+    #[test]
+    fn constants_of_earlier_count_controllers_are_dropped() {
+        let config = TrainConfig::for_iterations(100);
+        let mut saved = serde_json::to_value(&config).unwrap_or_default();
+        saved["auto"]["preference_db"] = json!(0.08);
+        assert_eq!(TrainConfig::from_saved(saved.clone()), Ok(config));
+        saved["auto"]["loss_db"] = json!("much");
+        assert!(TrainConfig::from_saved(saved).is_err());
     }
 
     #[test]

@@ -36,7 +36,6 @@ impl TrainConfig {
         self.auto.check()?;
         ascending("init.scale_range", &self.init.scale_range)?;
         ascending("init.random_depths", &self.init.random_depths)?;
-        ascending("auto.round_steps", &self.auto.round_steps)?;
         self.check_mean_rates()
     }
 

@@ -1,5 +1,5 @@
 //! Adaptive density control as in 3DGS: at large screen gradients, small splats are cloned and large ones split in two;
-//! transparent and oversized ones are removed. With known errors, gradients are weighted by each splat's share in them.
+//! transparent and oversized ones are removed.
 
 use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, gather};
 use crate::train::config::AdcConfig;
@@ -78,7 +78,7 @@ fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -
     let mut wanted: Vec<(f32, usize, AdcDecision)> = (0..state.len())
         .filter_map(|row| {
             let fate = grow(state, row, stats[row], fates[row], context)?;
-            Some((weighed_gradient(stats[row], context.attraction(row)), row, fate))
+            Some((mean_gradient(stats[row]), row, fate))
         })
         .collect();
     wanted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -136,7 +136,7 @@ fn grow(
         return None;
     }
     // NaN is not above the threshold; a splat never seen has no gradient.
-    if weighed_gradient(stats, context.attraction(row)) < adc.grad_threshold || stats[1] < 1.0 {
+    if mean_gradient(stats) < adc.grad_threshold || stats[1] < 1.0 {
         return None;
     }
     let scale = state.max_scale(row);
@@ -148,9 +148,9 @@ fn grow(
     }
 }
 
-/// Mean gradient over the steps that saw the splat, times its attraction; 0 if there were none or it is not finite.
-fn weighed_gradient(stats: SplatStats, attraction: f32) -> f32 {
-    let mean = stats[0] / stats[1] * attraction;
+/// Mean gradient over the steps that saw the splat; 0 if there were none or it is not finite.
+fn mean_gradient(stats: SplatStats) -> f32 {
+    let mean = stats[0] / stats[1];
     if mean.is_finite() { mean } else { 0.0 }
 }
 
@@ -288,23 +288,6 @@ mod tests {
         config.max_splats = Some(3);
         let report = refine(&mut state, &[SEEN; 6], &config);
         assert_eq!((report.cloned, report.split, report.count), (0, 0, 6));
-    }
-
-    #[test]
-    fn growth_goes_where_errors_are() {
-        let config = TrainConfig::for_iterations(1_000);
-        let mut state = state_of(&[(0.5, 0.001), (0.5, 0.002), (0.5, 0.003), (0.5, 0.004)]);
-        // Just above the threshold, just below, far above, and never seen.
-        let above = 1.1 * config.adc.grad_threshold;
-        let stats = [above, above / 1.2, 1.0].map(|g| [g, 1.0, 1.0, 0.0]);
-        let stats = [stats[0], stats[1], stats[2], [0.0; 4]];
-        let context = RefineContext {
-            errors: &[0.5, 4.0, f32::NAN, 9.0],
-            ..context(&config, 100)
-        };
-        assert_eq!(super::refine(&mut state, &stats, context).cloned, 1);
-        let twice = (0..state.len()).filter(|&row| (state.max_scale(row) - 0.002).abs() < 1e-6);
-        assert_eq!(twice.count(), 2);
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! MCMC: dead splats move onto live ones, chosen in proportion to opacity, and the count grows to its cap by the same
-//! rule; each group shares its opacity and size so that the picture stays the same. With known errors, the choice is
-//! also weighted by each splat's share in them.
+//! rule; each group shares its opacity and size so that the picture stays the same.
 
 use super::relocation::relocated;
 use super::{RefineContext, RefineReport, Row, RowChange, gather};
@@ -14,7 +13,7 @@ pub(super) fn refine(state: &mut HostState, context: RefineContext<'_>) -> Refin
     let is_live = |row: usize| drawn(row) > least && state.is_finite(row);
     let live: Vec<bool> = (0..state.len()).map(is_live).collect();
     let weights = Weights::new((0..state.len()).map(|row| match live[row] {
-        true => state.opacity(row) * chance(context, row),
+        true => state.opacity(row),
         false => 0.0,
     }));
     let dead = live.iter().filter(|&&alive| !alive).count();
@@ -40,15 +39,6 @@ pub(super) fn refine(state: &mut HostState, context: RefineContext<'_>) -> Refin
         count: state.len(),
         ..RefineReport::default()
     }
-}
-
-/// Factor of a splat's errors on its probability, 0 to 1; 1 for all without errors.
-fn chance(context: RefineContext<'_>, row: usize) -> f64 {
-    if context.errors.is_empty() {
-        return 1.0;
-    }
-    let most = context.config.mcmc.error_max;
-    f64::from(context.attraction(row)).min(most) / most
 }
 
 /// Number of splats to add to `count`.

@@ -34,16 +34,6 @@ pub struct RefineContext<'a> {
     pub extent: f64,
     /// Splat limit.
     pub limit: usize,
-    /// By row, the splat's share in the pixels' errors, relative to the mean splat's; empty if unknown.
-    pub errors: &'a [f32],
-}
-
-impl RefineContext<'_> {
-    /// Weight of a row for growth: the root of its error share, since splats at wrong pixels deserve more splats, but
-    /// not all of them. 1 if errors are unknown.
-    fn attraction(&self, row: usize) -> f32 {
-        self.errors.get(row).map_or(1.0, |error| error.sqrt())
-    }
 }
 
 /// Counts of a refinement's actions.

@@ -20,14 +20,13 @@ pub(super) fn state_of(splats: &[(f64, f64)]) -> HostState {
     state
 }
 
-/// Refinement after `iteration` in a scene of extent 1 with unknown errors.
+/// Refinement after `iteration` in a scene of extent 1.
 pub(super) fn context(config: &TrainConfig, iteration: u32) -> RefineContext<'_> {
     RefineContext {
         iteration,
         config,
         extent: 1.0,
         limit: config.splat_limit(),
-        errors: &[],
     }
 }
 

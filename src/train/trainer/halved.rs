@@ -50,7 +50,7 @@ pub(super) fn begin(
 impl Trainer<'_> {
     /// Whether the next step uses half-size photographs.
     pub(super) fn is_half(&self) -> bool {
-        self.half_size || self.iteration < self.config.half_size_until
+        self.iteration < self.config.half_size_until
     }
 
     /// Changes to full-size photographs when due. A step that did not fit is repeated first.

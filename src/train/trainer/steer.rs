@@ -1,4 +1,4 @@
-//! Changes between two steps by a run's controller: views and their size, state, degrees of harmonics, splat limit. A
+//! Changes between two steps by a run's controller: views, state, degrees of harmonics, splat limit. A
 //! resumed run needs the same changes.
 
 use super::Trainer;
@@ -23,17 +23,6 @@ impl Trainer<'_> {
         self.reload(views)
     }
 
-    /// Trains on photographs of half their width and height from now on, or on full-size ones. Waits for the last step
-    /// begun.
-    pub fn set_half_size(&mut self, half_size: bool) -> Result<()> {
-        self.settle()?;
-        self.half_size = half_size;
-        if self.halved.is_some() != self.is_half() {
-            self.reload(self.views.clone())?;
-        }
-        Ok(())
-    }
-
     /// Sets the splat limit, at most that of the configuration.
     pub fn set_limit(&mut self, limit: usize) {
         self.limit = limit.min(self.config.splat_limit());
@@ -42,14 +31,6 @@ impl Trainer<'_> {
     /// Restores the statistics from [`Trainer::statistics`] when a run is resumed.
     pub fn set_statistics(&mut self, statistics: &[[f32; 4]]) -> Result<()> {
         self.gpu.upload(&self.state.buffers.statistics, 0, statistics)
-    }
-
-    /// Sets each splat's share in the pixels' errors, relative to the mean splat's, for the next refinement.
-    ///
-    /// Panics unless there is one for every splat.
-    pub fn set_errors(&mut self, errors: Vec<f32>) {
-        assert_eq!(errors.len(), self.splat_count(), "an error for every splat");
-        self.errors = errors;
     }
 
     /// Replaces the state, also by one with more or fewer splats, and clears the statistics of density control. Waits

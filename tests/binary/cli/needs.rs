@@ -65,7 +65,7 @@ fn bad_input_is_refused_before_anything_is_written() {
     for wrong in [
         ["--scenes", "plain"],
         ["--recipes", "adc"],
-        ["--gain", "-1"],
+        ["--loss", "-1"],
         ["--seeds", "0"],
         ["--iterations", "1"],
     ] {
@@ -91,9 +91,9 @@ fn runs_of_another_survey_are_not_mixed_in() {
     let fixed = ["--recipes", "fixed", "--seeds", "1"];
     stdout(&survey(&out, &fixed));
     let before = read(&out.join("needs.csv"));
-    let other = error(&survey(&out, &[&fixed[..], &["--gain", "0.5"]].concat()));
+    let other = error(&survey(&out, &[&fixed[..], &["--loss", "0.5"]].concat()));
     assert!(
-        other.contains("needs.csv") && other.contains("the gain was "),
+        other.contains("needs.csv") && other.contains("the loss allowed was "),
         "{other}"
     );
     let count = error(&survey(&out, &["--recipes", "mcmc", "--seeds", "1"]));
@@ -102,7 +102,7 @@ fn runs_of_another_survey_are_not_mixed_in() {
     fs::write(out.join("needs.csv"), "scene,recipe\n").unwrap_or_else(|e| panic!("{e}"));
     let spoilt = error(&survey(&out, &fixed));
     assert!(spoilt.contains("needs.csv: is no record"), "{spoilt}");
-    stdout(&survey(&out, &[&fixed[..], &["--gain", "0.5", "--overwrite"]].concat()));
+    stdout(&survey(&out, &[&fixed[..], &["--loss", "0.5", "--overwrite"]].concat()));
     assert!(read(&out.join("needs.csv")).contains(",0.5,"));
 }
 

@@ -130,9 +130,11 @@ fn pictures_of_half_the_size_show_the_scene_as_it_is() {
         .for_each(|scale| *scale = [-4.0, -4.0, -4.0, 0.0]);
     // The first step's image, drawn before the scene changes.
     let image = |dataset: &Dataset, half_size: bool| {
-        let config = config.clone();
+        let config = TrainConfig {
+            half_size_until: u32::from(half_size),
+            ..config.clone()
+        };
         let mut trainer = Trainer::from_state(&gpu, dataset, config, &state, 0).unwrap();
-        trainer.set_half_size(half_size).unwrap();
         trainer.step().unwrap();
         trainer.image().unwrap()
     };

@@ -12,7 +12,6 @@ use ashfall::simplify::{ContributionPass, MeasuredChange, PassOptions, Promise, 
 
 mod auto;
 mod merge;
-mod plateau;
 mod removal_error;
 mod sh_error;
 mod sh_fit;

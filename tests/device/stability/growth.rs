@@ -82,7 +82,6 @@ pub(crate) fn refine(config: &TrainConfig, state: &mut HostState, stats: &[Splat
         config,
         extent: 1.0,
         limit: config.splat_limit(),
-        errors: &[],
     };
     strategy::refine(state, stats, context)
 }
