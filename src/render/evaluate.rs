@@ -116,6 +116,7 @@ impl<'d> Evaluator<'d> {
             let rendered = &renderer.render(&model, &view.camera, &options)?;
             results.push(each(ViewEvaluation { view, target, rendered })?);
         }
+        renderer.release()?;
         self.renderer = Some((splats.sh_degree, renderer));
         Ok(results)
     }

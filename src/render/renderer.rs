@@ -163,6 +163,11 @@ impl Renderer {
         Ok(())
     }
 
+    /// Lets go of the last rendered model, whose buffers a frame keeps until the next.
+    pub(crate) fn release(&mut self) -> Result<()> {
+        self.frames.release()
+    }
+
     /// As [`Renderer::reserve`], but for fewer intersections if memory does not suffice.
     fn reserve_some(&mut self, model: &Model, camera: &Camera, mut isects: usize) -> Result<()> {
         loop {

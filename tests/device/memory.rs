@@ -6,6 +6,7 @@ use ashfall::render::{
     Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, isects_expected, total,
 };
 use ashfall::scene::{Dataset, ScreenFilter};
+use ashfall::simplify::{AutoRun, CountController, controller_needs, for_auto_count};
 use ashfall::train::{Residency, StrategyKind, TrainConfig, TrainSize, Trainer, initial_splats, splats_expected};
 use std::collections::BTreeMap;
 
@@ -177,6 +178,31 @@ fn memory_falls_with_the_degrees() {
             "{name}: {found}, not {bytes}"
         );
     }
+}
+
+/// Evaluations and surveys of a run that chooses its splat count have buffers beside those of training.
+#[test]
+fn a_count_controller_takes_what_the_formula_says() {
+    let gpu = crate::common::device::gpu();
+    let dataset = dataset(6_000);
+    let config = for_auto_count(TrainConfig::for_iterations(120), dataset.views.len());
+    gpu.reset_memory_peak();
+    let run = AutoRun::new(&gpu, &dataset, config).unwrap();
+    let mut run = run
+        .controlled(|trainer, dataset| CountController::begin(trainer, dataset, false))
+        .unwrap();
+    while !run.is_done() {
+        run.step().unwrap();
+    }
+    run.finish().unwrap();
+    let (measured, size) = (gpu.memory_peak(), run.trainer().size());
+    let predicted = total(&size.needs()) + total(&controller_needs(&size));
+    let ratio = predicted as f64 / measured as f64;
+    println!("{size:?}: {measured} measured, {ratio:.4} of it predicted");
+    for (name, bytes) in peaks(&gpu) {
+        println!("  {name:24} {bytes:10}");
+    }
+    assert!((0.9..1.1).contains(&ratio), "{ratio}");
 }
 
 /// Largest ratio of a run's device memory to the bytes of parameters, moments, photographs and lists.

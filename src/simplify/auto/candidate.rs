@@ -2,7 +2,7 @@
 //!
 //! In regions without visible detail, merging replaces many splats by larger ones, which the training steps of a round
 //! are too few to do. In detailed regions it blurs, and training recovers less of a blur than of missing splats, even
-//! at equal error before training. So merging is only used where it costs hardly anything before training.
+//! at equal error before training. So merging is only used where it loses no more than is allowed before training.
 
 use super::CountController;
 use super::survey::Survey;
