@@ -12,12 +12,14 @@ const SHOWN: f64 = 4.0;
 const OF_LOSSES: &str = "Loss of the held-out views against the best scene since the end of growth, relative to the \
 allowed loss, from rounds that took the same steps from the same state with and without the least important splats. \
 Marks are means over views, with their one-sided 95 % bounds to either side (Student's t); filled marks are counts \
-that were kept. A count is kept if the upper bounds are at most 1. Means above 4 are left out.";
+that were kept. A count is kept if the upper bounds are at most 1, or, where zero lies between the bounds, if those of \
+views trained on are. Means above 4 are left out.";
 
 const OF_STEPS: &str = "Scores are means over the held-out views, a PSNR of 40 dB and an SSIM of 0.99 at most. Losses \
 are those of the scene with fewer splats or SH coefficients, with the upper bound of held-out views; losses of splats \
 are summed since the end of growth. The last column names the views and the measure that came nearest to the allowed \
-loss, which is four times as large for views trained on.";
+loss. It is four times as large for the mean of views trained on, but where zero lies between the bounds of held-out \
+views: there, upper bounds of views trained on decide in their place.";
 
 /// The page's text.
 ///

@@ -5,11 +5,11 @@
 //!
 //! A share of the splats goes in every round: those with the smallest change of the pictures, or by merging. A round
 //! runs the same steps from the same state twice, without those splats and with them, since scores also rise with time.
-//! The losses of accepted rounds are summed, by view, in PSNR and in SSIM. The splats stay removed if the upper bounds
-//! of the sums on held-out views, and their means on views trained on, are within what may be lost in total: few or
-//! scattered views widen the bounds and thereby keep splats. An accepted round is followed by one with a larger share,
-//! a rejected one by one with a smaller share. Last, SH coefficients go that cost the held-out views little, and these
-//! return to training.
+//! The losses of accepted rounds are summed, by view, in PSNR and in SSIM. The splats stay removed if the sums are
+//! within what may be lost in total, by upper bounds over the held-out views: few or scattered views widen the bounds
+//! and thereby keep splats. Where these views cannot tell the scenes apart, upper bounds over views trained on decide.
+//! An accepted round is followed by one with a larger share, a rejected one by one with a smaller share. Last, SH
+//! coefficients go that cost the views little, and the held-out views return to training.
 //!
 //! **Invariant:** decisions are a function of configuration, views and device. Their state beside the trainer's is the
 //! [`History`] and the kept state, so that a resumed run decides alike.
