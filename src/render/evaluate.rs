@@ -44,18 +44,20 @@ impl ViewEvaluation<'_> {
 
     /// SSIM of the rendering.
     pub fn ssim(&self) -> f64 {
-        let Target { width, height, .. } = *self.target;
-        let rendered = Image::new(width, height, &self.rendered.rgb);
-        let photo = Image::new(width, height, &self.target.rgb);
+        let [rendered, photo] = self.images();
         ssim(rendered, photo, self.target.weights.as_deref())
     }
 
     /// Mean squared error of the rendering over pixels and channels.
     pub fn mean_squared_error(&self) -> f64 {
-        let Target { width, height, .. } = *self.target;
-        let rendered = Image::new(width, height, &self.rendered.rgb);
-        let photo = Image::new(width, height, &self.target.rgb);
+        let [rendered, photo] = self.images();
         mean_squared_error(rendered, photo, self.target.weights.as_deref())
+    }
+
+    /// Rendering and photograph.
+    fn images(&self) -> [Image<'_>; 2] {
+        let Target { width, height, .. } = *self.target;
+        [&self.rendered.rgb, &self.target.rgb].map(|rgb| Image::new(width, height, rgb))
     }
 }
 

@@ -12,7 +12,7 @@ pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Ne
     // Removed degrees have zero coefficients.
     let reduced = reduce_harmonics(splats, 0.0);
     let (_, held) = split_views(dataset, &history.config);
-    let mut needs = Needs {
+    let needs = Needs {
         sentence: String::new(),
         loss_db: history.config.loss_db,
         loss_ssim: history.config.loss_db * history.config.ssim_per_db,
@@ -26,8 +26,7 @@ pub(super) fn found(dataset: &Dataset, history: &History, splats: &Splats) -> Ne
         steps: history.steps(),
         against: None,
     };
-    needs.sentence = needs.sentence();
-    needs
+    needs.beside(None)
 }
 
 /// Reads the report of a run to compare with.

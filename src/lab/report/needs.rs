@@ -52,7 +52,7 @@ impl Needs {
     }
 
     /// Summary in one sentence.
-    pub fn sentence(&self) -> String {
+    fn sentence(&self) -> String {
         let count = grouped(self.splat_count);
         let range = match self.too_few {
             Some(too_few) => format!("{} to {count}", grouped(too_few)),

@@ -12,8 +12,8 @@ recipe, from several seeds: the fixed recipe (adaptive density control with its 
 <em>parsimony</em> (as few splats as held-out training views allow), and MCMC limited to the \
 splats that parsimony ended with. <em>Same rates</em> stands for the learning rates of parsimony. Values are means \
 over seeds, ± half their 95 % interval (Student’s t). PSNR and SSIM are those of test views, which no decision has \
-used, and beside them of the views trained on. The last two columns are parsimony’s test views less the row’s, paired \
-by seed. <em>A third</em> is the loss of held-out training views with a third of the row’s splats, where parsimony took \
+used, and beside them of the views trained on. <em>Parsimony to it</em> is parsimony’s test views less the row’s, \
+paired by seed. <em>A third</em> is the loss of held-out training views with a third of the row’s splats, where parsimony took \
 more and its rounds measured so few. SH floats count each splat at its own degree. Times of frames are the device’s.";
 
 /// Title, value and decimals of a column.

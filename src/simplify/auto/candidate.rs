@@ -64,8 +64,6 @@ impl<'a> CountController<'a> {
 /// Optimiser state of the merged scene. Unmerged splats, unchanged and in their old order, keep their moments.
 fn carried(state: &HostState, before: &Splats, merged: &Splats) -> HostState {
     let mut carried = HostState::from_splats(merged, state.sh_degree);
-    // SH degrees that were lowered stay lowered.
-    carried.lower_degrees(&vec![merged.sh_degree as u8; merged.len()]);
     let mut old = 0;
     for row in 0..merged.len() {
         let is_same = |&old: &usize| {

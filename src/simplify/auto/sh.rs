@@ -1,7 +1,7 @@
 //! SH reduction at the start of the last fit.
 //!
-//! Removed coefficients are fitted into the remaining ones by least squares: on the fox, half of the floats then cost a
-//! sixteenth of the loss without a fit, before any step (`2026-11-24-harmonics.csv`).
+//! Removed coefficients are fitted into the remaining ones by least squares: on the fox, 55 % of the floats then cost a
+//! twentieth of the loss without a fit, before any step (`2026-11-24-harmonics.csv`).
 
 use super::CountController;
 use super::survey::Survey;
