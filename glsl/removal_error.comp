@@ -1,7 +1,7 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Error in a tile's pixels from the removal of each splat of its list.
+// Change of a tile's pixels by the removal of each splat of its list.
 //
 // One workgroup per tile. Lanes exchange splats, vote and add up through shared memory, in lane order, for any subgroup
 // size.
@@ -10,7 +10,7 @@
 #include "shared/stage.shared.glsl"
 
 shared uint vote;
-shared vec3 lane_influence[WORKGROUP];
+shared vec2 lane_sums[WORKGROUP];
 
 bool any_lane(bool mine) {
     barrier();
@@ -21,11 +21,11 @@ bool any_lane(bool mine) {
     return vote != 0;
 }
 
-vec3 over_lanes(vec3 mine) {
+vec2 over_lanes(vec2 mine) {
     barrier();
-    lane_influence[gl_LocalInvocationID.x] = mine;
+    lane_sums[gl_LocalInvocationID.x] = mine;
     barrier();
-    vec3 total = lane_influence[0];
-    [[unroll]] for (uint i = 1; i < WORKGROUP; ++i) total += lane_influence[i];
+    vec2 total = lane_sums[0];
+    [[unroll]] for (uint i = 1; i < WORKGROUP; ++i) total += lane_sums[i];
     return total;
 }

@@ -1,11 +1,12 @@
-// Error in a tile's pixels from the removal of each splat of its list; included by `removal_error.comp` and its
+// Change of a tile's pixels by the removal of each splat of its list; included by `removal_error.comp` and its
 // variants, which define the lanes' votes and sums.
 //
 // Let C = P + R, with P the sum of the splats up to splat i and R the rest, seen through the transmittance T' behind
 // splat i. Removal of splat i changes the pixel by w (R / T' - c), with its weight w and its colour c. For a pixel that
 // has ended, R / T' is the background.
 //
-// One record per (tile, splat) pair, written once and without atomics, as in `contribution.glsl`.
+// One record per (tile, splat) pair, in the layout of `contribution.glsl`, written once and without atomics: sums of the
+// weights and of the squared changes.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
@@ -22,8 +23,7 @@ layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 ellipse_from_
 layout(set = 0, binding = 5, scalar) readonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 7, scalar) readonly buffer Image { float image[]; };
-layout(set = 0, binding = 8, scalar) readonly buffer Errors { float error_from_pixel[]; };
-layout(set = 0, binding = 9, scalar) writeonly buffer Records { vec3 influence_from_source[]; };
+layout(set = 0, binding = 8, scalar) writeonly buffer Records { vec3 record_from_emitted[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
@@ -35,10 +35,9 @@ layout(push_constant, scalar) uniform Push {
 #include "shared/weights.glsl"
 
 // Sum over the lanes (each has its own pixels). All lanes call this.
-vec3 over_lanes(vec3 mine);
+vec2 over_lanes(vec2 mine);
 
-// The lane's pixels: their errors, and the rest R of each channel.
-vec4 error[QUADS];
+// The rest R of each channel at the lane's pixels.
 vec4 red[QUADS];
 vec4 green[QUADS];
 vec4 blue[QUADS];
@@ -46,11 +45,10 @@ vec4 blue[QUADS];
 void load_pixels(Tile t) {
     uint pixels = view.size.x * view.size.y;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
-        error[q] = red[q] = green[q] = blue[q] = vec4(0.0);
+        red[q] = green[q] = blue[q] = vec4(0.0);
         [[unroll]] for (uint r = 0; r < 4; ++r) {
             if (!inside(t, q, view)[r]) continue;
             uint pixel = pixel_of(t, q * 4 + r, view);
-            error[q][r] = error_from_pixel[pixel];
             red[q][r] = image[pixel];
             green[q][r] = image[pixels + pixel];
             blue[q][r] = image[2 * pixels + pixel];
@@ -65,11 +63,10 @@ vec4 change(vec4 weight, vec4 rest, vec4 passing, float color, float background)
     return off * off;
 }
 
-// The lane's part: sums of the weights, of weights times errors, and of the squared changes.
-vec3 removal_error(Tile t, Staged splat) {
+// The lane's part: sums of the weights and of the squared changes.
+vec2 removal_error(Tile t, Staged splat) {
     Column column = column_of(t, splat.shape, splat.tone);
     vec4 weights = vec4(0.0);
-    vec4 blame = vec4(0.0);
     vec4 changes = vec4(0.0);
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         vec4 weight = weights_of(column, q);
@@ -78,13 +75,12 @@ vec3 removal_error(Tile t, Staged splat) {
         green[q] -= weight * splat.tone.w;
         blue[q] -= weight * splat.rest.x;
         weights += weight;
-        blame += weight * error[q];
         changes += change(weight, red[q], passing, splat.tone.z, view.background.r);
         changes += change(weight, green[q], passing, splat.tone.w, view.background.g);
         changes += change(weight, blue[q], passing, splat.rest.x, view.background.b);
     }
     const vec4 one = vec4(1.0);
-    return vec3(dot(weights, one), dot(blame, one), dot(changes, one));
+    return vec2(dot(weights, one), dot(changes, one));
 }
 
 // Records of a batch of splats from `begin` on.
@@ -97,17 +93,17 @@ void take_batch(Tile t, uint begin, uint end) {
     if (!mine) hide(staged);
     stage(staged);
     uint count = min(WORKGROUP, end - begin);
-    vec3 kept = vec3(0.0);
+    vec2 kept = vec2(0.0);
     uint i = 0;
     // Two per iteration, to halve the iterations that a software device counts; an odd one is paired with a hidden
     // splat.
     do {
-        vec3 even = over_lanes(removal_error(t, staged_by(i)));
-        vec3 odd = over_lanes(removal_error(t, staged_by(i + 1)));
+        vec2 even = over_lanes(removal_error(t, staged_by(i)));
+        vec2 odd = over_lanes(removal_error(t, staged_by(i + 1)));
         kept = lane == i ? even : lane == i + 1 ? odd : kept;
         i += 2;
     } while (i < count);
-    if (mine) influence_from_source[source] = kept;
+    if (mine) record_from_emitted[source] = vec3(kept, 0.0);
 }
 
 void take_tile(uint tile) {
@@ -126,7 +122,7 @@ void take_tile(uint tile) {
     }
     // Records of splats behind the last one that counted, which nothing else clears.
     for (uint isect = begin + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
-        influence_from_source[emitted_from_isect[isect]] = vec3(0.0);
+        record_from_emitted[emitted_from_isect[isect]] = vec3(0.0);
     }
 }
 

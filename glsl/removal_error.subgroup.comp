@@ -3,7 +3,7 @@
 #extension GL_KHR_shader_subgroup_shuffle : require
 #include "shared/prelude.glsl"
 
-// Error in a tile's pixels from the removal of each splat of its list.
+// Change of a tile's pixels by the removal of each splat of its list.
 //
 // One workgroup per tile, in one subgroup: lanes exchange splats, vote and add up by shuffles, in a fixed order.
 
@@ -14,13 +14,12 @@ bool any_lane(bool mine) {
     return subgroupAny(mine);
 }
 
-vec3 across(vec3 mine, uint mask) {
-    return mine + vec3(subgroupShuffleXor(mine.x, mask), subgroupShuffleXor(mine.y, mask),
-                       subgroupShuffleXor(mine.z, mask));
+vec2 across(vec2 mine, uint mask) {
+    return mine + vec2(subgroupShuffleXor(mine.x, mask), subgroupShuffleXor(mine.y, mask));
 }
 
 // Unrolled by hand: a loop over masks would add to the iterations that some devices count over all loops.
-vec3 over_lanes(vec3 mine) {
+vec2 over_lanes(vec2 mine) {
     mine = across(across(across(mine, 1), 2), 4);
     if (WORKGROUP > 8) mine = across(mine, 8);
     if (WORKGROUP > 16) mine = across(mine, 16);

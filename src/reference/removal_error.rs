@@ -1,4 +1,4 @@
-//! Effect of a splat on pixels: its share in their errors, and their change by its removal.
+//! Effect of a splat on pixels: its weight, and their change by its removal.
 
 use super::rasterize::{rasterize, weights};
 use super::{ScreenSplat, Thresholds};
@@ -8,8 +8,6 @@ use super::{ScreenSplat, Thresholds};
 pub struct RemovalError {
     /// Sum of its weights.
     pub weight: f64,
-    /// Sum of its weights times the pixels' errors.
-    pub error: f64,
     /// Sum, over pixels and channels, of the squared change by its removal.
     pub change: f64,
     /// Error of `change` per δ, if every colour and every weight has error δ, for small δ. The colour behind a splat is
@@ -31,14 +29,13 @@ pub struct Touch {
 }
 
 impl RemovalError {
-    /// Adds a pixel with this error.
-    pub fn and(self, touch: &Touch, error: f64) -> RemovalError {
+    /// Adds a pixel.
+    pub fn and(self, touch: &Touch) -> RemovalError {
         let square: f64 = touch.change.iter().map(|c| c * c).sum();
         let reach = 1.0 + touch.ratio;
         let slack: f64 = touch.change.iter().map(|c| 2.0 * c.abs() * reach).sum();
         RemovalError {
             weight: self.weight + touch.weight,
-            error: self.error + touch.weight * error,
             change: self.change + square,
             // The square of an error of 1e-5 counts where nothing changes.
             slack: self.slack + slack + 3.0 * 1e-5 * reach * reach,

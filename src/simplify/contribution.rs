@@ -41,14 +41,9 @@ pub struct SplatContribution {
 pub struct RemovalError {
     /// Sum of the splat's weights over the pixels.
     pub weight: f32,
-    /// Sum of weight × pixel error.
-    pub error: f32,
     /// Sum over pixels and channels of the squared change by removal of the splat.
     pub change: f32,
 }
-
-/// Function from a picture's planes, one channel after the other, to the error of each pixel.
-pub type PixelErrors<'a> = &'a dyn Fn(&[f32]) -> Vec<f32>;
 
 /// Rendered picture with the statistics of its tiles.
 #[derive(Clone, Debug)]
@@ -241,29 +236,22 @@ impl ContributionPass {
         Ok(Some(totals.into_iter().map(loss).collect()))
     }
 
-    /// Effect of each splat on a view. `judge` computes the error of each pixel; `None`: all 0.
+    /// Effect of each splat on a view.
     ///
     /// # Errors
     /// As [`ContributionPass::losses`].
-    pub fn removal_errors(&mut self, camera: &Camera, judge: Option<PixelErrors<'_>>) -> Result<Vec<RemovalError>> {
+    pub fn removal_errors(&mut self, camera: &Camera) -> Result<Vec<RemovalError>> {
         self.draw(camera, None)?;
-        let (gpu, buffers) = (&self.gpu, &self.resources.buffers);
-        let pixels = (camera.width * camera.height) as usize;
-        let errors = match judge {
-            Some(judge) => judge(&gpu.download(&buffers.scratch.image, 0..3 * pixels)?),
-            None => vec![0.0; pixels],
-        };
-        gpu.upload(&buffers.own.spent_from_pixel, 0, &errors)?;
         let count = self.splat_count();
-        gpu.upload(&self.resources.sums.sum_from_splat, 0, &vec![[0.0; 3]; count])?;
+        self.gpu.upload(&self.resources.sums.sum_from_splat, 0, &vec![[0.0; 3]; count])?;
         let resources = &self.resources;
         let view = self.view(camera);
         let (ticket, ()) = self.frames.submit(|rec| {
-            resources.record_influences(rec, &view);
+            resources.record_removal_errors(rec, &view);
             Ok(())
         })?;
         self.frames.wait(ticket)?;
-        let removal_error = |[weight, error, change]: [f32; 3]| RemovalError { weight, error, change };
+        let removal_error = |[weight, change, _]: [f32; 3]| RemovalError { weight, change };
         let totals = self.gpu.download(&self.resources.sums.sum_from_splat, 0..count)?;
         Ok(totals.into_iter().map(removal_error).collect())
     }

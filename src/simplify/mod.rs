@@ -39,7 +39,7 @@ mod sh_fit;
 
 pub use auto::{AutoRun, CountController, controller_needs, for_auto_count};
 pub use change::{MeasuredChange, Promise, measure};
-pub use contribution::{ContributionPass, PassOptions, PixelErrors, RemovalError, RenderedTiles, SplatContribution};
+pub use contribution::{ContributionPass, PassOptions, RemovalError, RenderedTiles, SplatContribution};
 pub use decision::{Decision, LossPoint, loss_at};
 pub use held_out::split_views;
 pub use history::{Act, History, HistoryEntry, Phase, ReducedScene, Round};

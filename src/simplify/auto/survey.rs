@@ -36,7 +36,7 @@ impl<'a> Survey<'a> {
         let mut changes = vec![0.0; self.weigher.splat_count()];
         for &view in views {
             let camera = self.dataset.views[view].camera;
-            let found = self.weigher.removal_errors(&camera, None)?;
+            let found = self.weigher.removal_errors(&camera)?;
             let sums = changes.iter_mut().zip(found);
             sums.for_each(|(sum, removal_error)| *sum += f64::from(removal_error.change));
         }
@@ -47,7 +47,7 @@ impl<'a> Survey<'a> {
     pub(super) fn seen(&mut self, views: &[usize]) -> Result<Vec<ViewWeights>> {
         let seen = |&view: &usize| {
             let camera = self.dataset.views[view].camera;
-            let found = self.weigher.removal_errors(&camera, None)?;
+            let found = self.weigher.removal_errors(&camera)?;
             let weights = found.iter().map(|removal_error| removal_error.weight).collect();
             Ok(ViewWeights { camera, weights })
         };

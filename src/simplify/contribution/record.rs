@@ -44,8 +44,8 @@ impl Resources {
         self.record_totals(rec, &self.kernels.sum_by_splat);
     }
 
-    /// Records the removal errors after a completed drawing. The `spent` buffer holds the pixels' errors here.
-    pub(super) fn record_influences(&self, rec: &mut Recorder<'_>, view: &View) {
+    /// Records the removal errors after a completed drawing.
+    pub(super) fn record_removal_errors(&self, rec: &mut Recorder<'_>, view: &View) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let groups = Groups::Count(tiles as u32);
         let buffers = &self.buffers;
@@ -55,8 +55,7 @@ impl Resources {
             removal_error, s, &s.emitted_from_isect[Forward::sorted_index(tiles)];
             blue_depth_from_splat: &s.blue_depth_from_splat,
             image: &s.image,
-            error_from_pixel: &buffers.own.spent_from_pixel,
-            influence_from_source: &buffers.own.record_from_emitted,
+            record_from_emitted: &buffers.own.record_from_emitted,
         };
         let params = removal_error::Params {
             tile_stride: tile_stride(tiles),

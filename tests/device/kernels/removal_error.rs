@@ -8,7 +8,7 @@ use ashfall::lab::bench::kernels::Composite;
 use ashfall::lab::bench::kernels::removal_error::removal_error;
 
 #[test]
-fn every_pair_has_its_influence() {
+fn every_pair_has_its_change() {
     let gpu = device::gpu();
     let mut check = Check::new("removal_error");
     let composites = composites(Composite::of);

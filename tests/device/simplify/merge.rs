@@ -68,7 +68,7 @@ fn merging_half_costs_far_less_than_leaving_out_half() {
 
         let pass_options = pass_options(&scene.options, Compatibility::Engine);
         let mut scales = weigher(&gpu, &scene.splats, pass_options);
-        let weights = scales.removal_errors(&scene.camera, None).unwrap();
+        let weights = scales.removal_errors(&scene.camera).unwrap();
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by(|&a, &b| weights[a].weight.total_cmp(&weights[b].weight));
         let without = |gone: &[usize]| {

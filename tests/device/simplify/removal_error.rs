@@ -2,7 +2,7 @@
 
 use super::{pass_options, weigher};
 use crate::common::device::gpu;
-use crate::common::scenes::{self, Random};
+use crate::common::scenes;
 use ashfall::render::Compatibility;
 use ashfall::simplify::kept;
 
@@ -17,7 +17,7 @@ fn what_would_change_without_a_splat_is_what_does() {
         let mut whole = weigher(&gpu, &scene.splats, pass_options);
         let pixels = (scene.camera.width * scene.camera.height) as usize;
         let before = whole.show(&scene.camera).unwrap().planes;
-        let found = whole.removal_errors(&scene.camera, None).unwrap();
+        let found = whole.removal_errors(&scene.camera).unwrap();
         let covered: f32 = before[3 * pixels..].iter().map(|passing| 1.0 - passing).sum();
         let weights: f32 = found.iter().map(|removal_error| removal_error.weight).sum();
         assert!((weights / covered - 1.0).abs() < 1e-4, "{weights} of {covered}");
@@ -39,25 +39,4 @@ fn what_would_change_without_a_splat_is_what_does() {
         }
         assert!(seen > scene.splats.len() / 4, "{seen} splats are seen");
     }
-}
-
-#[test]
-fn errors_go_to_those_whose_pixels_have_them() {
-    let gpu = gpu();
-    let scene = scenes::gentle(33, 40, 40, 30, 0);
-    let mut whole = weigher(&gpu, &scene.splats, pass_options(&scene.options, Compatibility::Engine));
-    let random = &mut Random::new(5);
-    let errors: Vec<f32> = (0..40 * 30).map(|_| random.between(0.0, 1.0) as f32).collect();
-    let shown = whole.show(&scene.camera).unwrap().planes;
-    let judge = |planes: &[f32]| {
-        assert_eq!(planes, &shown[..planes.len()]);
-        errors.clone()
-    };
-    let found = whole.removal_errors(&scene.camera, Some(&judge)).unwrap();
-    let sum: f32 = found.iter().map(|removal_error| removal_error.error).sum();
-    let covered = errors.iter().zip(&shown[3 * errors.len()..]);
-    let wanted: f32 = covered.map(|(error, passing)| error * (1.0 - passing)).sum();
-    assert!((sum / wanted - 1.0).abs() < 1e-4, "{sum}, not {wanted}");
-    let alike = whole.removal_errors(&scene.camera, None).unwrap();
-    assert!(alike.iter().all(|removal_error| removal_error.error == 0.0));
 }

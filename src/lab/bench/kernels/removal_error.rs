@@ -7,16 +7,12 @@ use crate::gpu::Gpu;
 use crate::kernels::removal_error::{self, Params, RemovalError as Kernel};
 use crate::kernels::walker_bindings;
 use crate::lab::bench::check::Output;
-use crate::lab::bench::input::random::Random;
 use crate::reference::Thresholds;
 use crate::reference::removal_error::{RemovalError, Touch, touches};
 use crate::render::tile_stride;
 
-/// The composited image, and random errors by pixel.
+/// The composited image.
 pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCase<'a, Kernel>> {
-    let pixels = composite.pixels.len();
-    let random = &mut Random::new(pixels as u64);
-    let errors: Vec<f32> = (0..pixels).map(|_| random.between(0.0, 1.0) as f32).collect();
     let background = composite.background();
     let mut expected = vec![RemovalError::default(); composite.lists.isects.len()];
     composite.fold_sources(
@@ -24,15 +20,12 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
             let touches = touches(&composite.splats, ranks, at, background, &Thresholds::ENGINE);
             touches.into_iter().map(|touch| (touch.splat, touch)).collect()
         },
-        |source, pixel, touch: &Touch| {
-            expected[source] = expected[source].and(touch, f64::from(errors[pixel]));
-        },
+        |source, _, touch: &Touch| expected[source] = expected[source].and(touch),
     );
     let planes: Vec<f32> = composite.planes().iter().map(|&c| c as f32).collect();
     let input = CompositeBuffers::new(gpu, composite)?;
     let image = gpu.buffer_from("image", &planes)?;
-    let errors = gpu.buffer_from("error_from_pixel", &errors)?;
-    let records = gpu.buffer::<[f32; 3]>("influence_from_source", expected.len())?;
+    let records = gpu.buffer::<[f32; 3]>("record_from_emitted", expected.len())?;
     let case = KernelCase::new(composite.work()).compare(&records, move |found| {
         let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
         let wanted = |of: fn(&RemovalError) -> f64| expected.iter().map(of).collect::<Vec<_>>();
@@ -44,12 +37,11 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
             changes.into_iter().zip(&expected).map(of).collect()
         };
         let near = || composite.near_sources();
-        let sums = |name, i, of| Output::relative(name, column(i), wanted(of), tolerance, 128.0);
-        let (changes, expected) = (units(column(2)), units(wanted(|i| i.change)));
+        let weight = Output::relative("weight", column(0), wanted(|i| i.weight), tolerance, 128.0);
+        let (changes, expected) = (units(column(1)), units(wanted(|i| i.change)));
         let change = Output::relative("change", changes, expected, tolerance, 1.0);
         vec![
-            sums("weight", 0, |i| i.weight).near(near(), jump, 0.02),
-            sums("error", 1, |i| i.error).near(near(), jump, 0.02),
+            weight.near(near(), jump, 0.02),
             change.near(near(), f64::INFINITY, 0.02),
         ]
     });
@@ -58,8 +50,7 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
             removal_error, input, &input.emitted_from_isect;
             blue_depth_from_splat: &input.blue_depth_from_splat,
             image: &image,
-            error_from_pixel: &errors,
-            influence_from_source: &records,
+            record_from_emitted: &records,
         };
         let params = Params {
             tile_stride: tile_stride(input.tiles),
