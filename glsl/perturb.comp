@@ -1,6 +1,7 @@
 #version 460
 #include "shared/prelude.glsl"
 #include "shared/math.glsl"
+#include "shared/random.glsl"
 
 // MCMC's exploration: moves every mean by noise with the splat's own covariance, less with higher opacity (3DGS as
 // Markov Chain Monte Carlo, equation 9).
@@ -23,13 +24,6 @@ layout(push_constant, scalar) uniform Push {
     float amplitude;  // noise scale times the learning rate of the means
     uint indexed;     // not 0: slots are not in splat order; the index gives each slot's splat
 } push;
-
-// PCG's output permutation on a 32-bit state: every bit of the input reaches every bit of the output.
-uint scramble(uint x) {
-    x = x * 747796405u + 2891336453u;
-    uint word = ((x >> ((x >> 28) + 4)) ^ x) * 277803737u;
-    return (word >> 22) ^ word;
-}
 
 // Uniform in (0, 1): never 0, as its logarithm is infinite.
 float uniform_of(uint splat, uint draw) {

@@ -2,12 +2,15 @@
 #include "shared/prelude.glsl"
 #include "shared/math.glsl"
 #include "shared/primitive.glsl"
+#include "shared/random.glsl"
 #include "shared/sh.glsl"
 
 // Projects splats: ellipse, colour and depth on the screen, and number of tiles touched.
 //
 // One invocation per splat, given by its slot among the parameters. An invisible splat (behind the near plane, off the
-// screen, too faint, or not finite in any parameter) gets the tile count 0, and the rest of its record is not read.
+// screen, too faint, dropped, or not finite in any parameter) gets the tile count 0, and the rest of its record is not
+// read. Dropped splats are a random share; the others are more opaque for it, so that the expected optical depth of
+// faint splats stays the same.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
@@ -97,6 +100,10 @@ uint project(uint slot, uint splat) {
     float log_opacity = -log2(1.0 + exp(-mean.w));
     if (shaping.w > 0.0) log_opacity += log_smoothing(s);
     if (view.compensate != 0) log_opacity += log_compensation(f);
+    if (view.dropout != 0) {
+        sound = sound && scramble(view.dropout_key ^ splat) >= view.dropout;
+        log_opacity -= log2(1.0 - view.dropout * (1.0 / 4294967296.0));
+    }
     sound = sound && log_opacity >= LOG2_ALPHA_MIN && is_finite(vec3(mean_pixel, 0.0));
 
     vec2 whiten = WHITEN * whitening(f);

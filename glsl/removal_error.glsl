@@ -5,8 +5,8 @@
 // splat i. Removal of splat i changes the pixel by w (R / T' - c), with its weight w and its colour c. For a pixel that
 // has ended, R / T' is the background.
 //
-// One record per (tile, splat) pair, in the layout of `contribution.glsl`, written once and without atomics: sums of the
-// weights and of the squared changes.
+// One record per (tile, splat) pair, written once and without atomics: sums of the weights and of the squared changes,
+// and a zero.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;

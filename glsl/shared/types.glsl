@@ -13,6 +13,8 @@ struct View {
     float dilation;    // added to the screen covariance, px^2
     uint compensate;   // not 0: opacities compensate the dilation (Mip-Splatting, section 5.2)
     vec3 background;
+    uint dropout;      // share of dropped splats, times 2^32; 0: none
+    uint dropout_key;  // of the step's random numbers
 };
 
 // A projected splat, the input of compositing, is stored in three arrays:

@@ -6,7 +6,6 @@ use crate::scene::ScreenFilter;
 use crate::train::{Background, StrategyKind, TrainConfig};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
-use serde_json::Value;
 
 /// Default iterations: as published, and about an hour of a CPU.
 const ITERATIONS: u32 = 30_000;
@@ -71,6 +70,9 @@ pub(in crate::cli) enum AgainstArg {
     Floaters,
     /// Splats much longer than thick: none of more than 10 to 1
     Needles,
+    /// Good pictures from the photographs' places alone, where few photographs show each part: random splats are left
+    /// out of each step, large and opaque ones cost
+    Overfitting,
 }
 
 impl ConfigArgs {
@@ -93,12 +95,14 @@ impl ConfigArgs {
             None | Some(StrategyArg::Adc) => StrategyKind::Adc,
             Some(StrategyArg::Mcmc) => StrategyKind::Mcmc,
         };
-        let config = TrainConfig::for_iterations(self.iterations.unwrap_or(usual));
-        let mut config = other(config.with_strategy(strategy));
+        let config = TrainConfig::for_iterations(self.iterations.unwrap_or(usual)).with_strategy(strategy);
+        // Before, for constants that others are derived from; and after, for the derived ones.
+        let mut config = other(self.with_settings(config)?);
         for against in &self.against {
             config = match against {
                 AgainstArg::Floaters => config.against_floaters(),
                 AgainstArg::Needles => config.against_needles(),
+                AgainstArg::Overfitting => config.against_overfitting(1.0),
             };
         }
         config.seed = self.seed.unwrap_or(config.seed);
@@ -109,61 +113,15 @@ impl ConfigArgs {
         config.max_splats = self.max_splats;
         config.sh_degree = self.sh_degree.unwrap_or(config.sh_degree);
         config.background = self.background.unwrap_or(config.background);
-        let config = apply(config, &self.settings)?;
+        let config = self.with_settings(config)?;
         config.validate()?;
         Ok(config)
     }
-}
 
-/// Applies `name=value` settings; a name is a path into the configuration's JSON.
-fn apply(config: TrainConfig, settings: &[String]) -> Result<TrainConfig> {
-    if settings.is_empty() {
-        return Ok(config);
+    fn with_settings(&self, config: TrainConfig) -> Result<TrainConfig> {
+        let refuse = |why| Error::Config(format!("--set {why}"));
+        config.with_settings(&self.settings).map_err(refuse)
     }
-    let refuse = |setting: &str, why: String| Error::Config(format!("--set {setting}: {why}"));
-    let json = serde_json::to_value(&config);
-    let mut tree = json.map_err(|e| Error::Config(e.to_string()))?;
-    for setting in settings {
-        let Some((name, text)) = setting.split_once('=') else {
-            return Err(refuse(setting, "NAME=VALUE is expected".into()));
-        };
-        let pointer = format!("/{}", name.trim().replace('.', "/"));
-        let Some(place) = tree.pointer_mut(&pointer) else {
-            return Err(refuse(setting, unknown(&tree, name)));
-        };
-        // Text that is not JSON is a string, so that words need no quotes.
-        let text = text.trim();
-        *place = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()));
-        // Parsed after each, so that the error names the setting at fault.
-        if let Err(e) = serde_json::from_value::<TrainConfig>(tree.clone()) {
-            return Err(refuse(setting, e.to_string()));
-        }
-    }
-    serde_json::from_value(tree).map_err(|e| Error::Config(e.to_string()))
-}
-
-/// Error text with the valid names at the deepest level that `name` reaches.
-fn unknown(tree: &Value, name: &str) -> String {
-    let mut level = tree;
-    let mut reached = Vec::new();
-    for part in name.trim().split('.') {
-        match level.get(part) {
-            Some(inner) if inner.is_object() => level = inner,
-            _ => break,
-        }
-        reached.push(part);
-    }
-    let names: Vec<&str> = level
-        .as_object()
-        .into_iter()
-        .flatten()
-        .map(|(n, _)| n.as_str())
-        .collect();
-    let place = match reached.is_empty() {
-        true => String::new(),
-        false => format!(" in {}", reached.join(".")),
-    };
-    format!("there is no such constant{place}; there are {}", names.join(", "))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Exploration noise of 3DGS-MCMC (Kheradmand et al. 2024, equation 9 and its code), with its random numbers.
 
 use super::Real;
+use super::dropout::pcg;
 use super::linear::{add, covariance, scale, transform};
 use std::f64::consts::TAU;
 
@@ -43,11 +44,4 @@ pub fn uniform(seed: u32, step: u32, splat: u32, draw: u32) -> f64 {
         .iter()
         .fold(pcg(seed), |hash, number| pcg(hash ^ number));
     (f64::from(word >> 9) + 0.5) / f64::from(1 << 23)
-}
-
-/// PCG-RXS-M-XS on 32 bits (O'Neill 2014, section 6.3), after one step of its generator.
-fn pcg(input: u32) -> u32 {
-    let state = input.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    (word >> 22) ^ word
 }

@@ -43,5 +43,7 @@ pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
         dilation: options.filter.dilation() as f32,
         compensate: options.filter.keeps_light().into(),
         background: options.background,
+        dropout: 0,
+        dropout_key: 0,
     }
 }

@@ -50,6 +50,13 @@ impl Camera {
         (v.z > 0.0).then(|| self.focal * v.truncate() / v.z + self.center)
     }
 
+    /// Whether a world point lies in the image. Occlusion is not considered.
+    pub fn sees(&self, point: DVec3) -> bool {
+        let is_inside = |x: f64, size: u32| (0.0..f64::from(size)).contains(&x);
+        self.pixel_from_world(point)
+            .is_some_and(|pixel| is_inside(pixel.x, self.width) && is_inside(pixel.y, self.height))
+    }
+
     /// World direction (not normalised, view z = 1) of the ray through a pixel position.
     pub fn ray_from_pixel(&self, pixel: DVec2) -> DVec3 {
         let p = (pixel - self.center) / self.focal;

@@ -203,6 +203,27 @@ impl Dataset {
         1.1 * *distances.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
+    /// Median number of training views whose image holds a point, over at most 10,000 points; the number of training
+    /// views if there are no points.
+    pub fn views_of_point(&self) -> f64 {
+        let cameras: Vec<&Camera> = self
+            .split(Split::Train)
+            .iter()
+            .map(|&view| &self.views[view].camera)
+            .collect();
+        let step = self.points.len().div_ceil(10_000).max(1);
+        let seen_by = |point: &Point| {
+            let position = DVec3::from(point.position);
+            cameras.iter().filter(|camera| camera.sees(position)).count()
+        };
+        let mut counts: Vec<usize> = self.points.iter().step_by(step).map(seen_by).collect();
+        if counts.is_empty() {
+            return cameras.len() as f64;
+        }
+        let middle = counts.len() / 2;
+        *counts.select_nth_unstable(middle).1 as f64
+    }
+
     /// Indices of the views of a split, ascending.
     pub fn split(&self, split: Split) -> Vec<usize> {
         (0..self.views.len())
@@ -212,5 +233,52 @@ impl Dataset {
                 Split::Train => !self.is_test(i),
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DMat3, DVec2};
+
+    /// A view from a place on the x axis, 1 wide and high at a distance of 1.
+    fn view(x: f64) -> View {
+        let camera = Camera {
+            width: 10,
+            height: 10,
+            focal: DVec2::splat(10.0),
+            center: DVec2::splat(5.0),
+            rotation: DMat3::IDENTITY,
+            position: DVec3::new(x, 0.0, 0.0),
+        };
+        View {
+            name: format!("{x}"),
+            camera,
+            photo: PhotoSource::Memory(Photo::from_rgb(1, 1, &[[0.0; 3]])),
+        }
+    }
+
+    #[test]
+    fn the_median_point_tells_how_many_training_views_see_a_place() {
+        let point = |x: f64| Point {
+            position: [x, 0.0, 1.0],
+            color: [0.0; 3],
+        };
+        let mut dataset = Dataset {
+            views: [0.0, 0.1, 0.2, 5.0].map(view).to_vec(),
+            test_every: 0,
+            ..Dataset::default()
+        };
+        // No points: all views.
+        assert_eq!(dataset.views_of_point(), 4.0);
+        // Seen by three, by three and by one; the fourth lies behind all cameras.
+        dataset.points = vec![point(0.0), point(0.1), point(5.0)];
+        assert_eq!(dataset.views_of_point(), 3.0);
+        dataset.points[0].position[2] = -1.0;
+        assert_eq!(dataset.views_of_point(), 1.0);
+        dataset.points.truncate(2);
+        // Views that are held out do not count.
+        dataset.test_every = 4;
+        assert_eq!(dataset.views_of_point(), 2.0);
     }
 }

@@ -243,7 +243,8 @@ impl ContributionPass {
     pub fn removal_errors(&mut self, camera: &Camera) -> Result<Vec<RemovalError>> {
         self.draw(camera, None)?;
         let count = self.splat_count();
-        self.gpu.upload(&self.resources.sums.sum_from_splat, 0, &vec![[0.0; 3]; count])?;
+        self.gpu
+            .upload(&self.resources.sums.sum_from_splat, 0, &vec![[0.0; 3]; count])?;
         let resources = &self.resources;
         let view = self.view(camera);
         let (ticket, ()) = self.frames.submit(|rec| {

@@ -56,7 +56,7 @@ impl ViewScores {
         };
         let ssim = |ssim: f64| {
             if ssim.is_finite() {
-                ssim.min(config.full_ssim)
+                ssim.min(config.full_ssim())
             } else {
                 0.0
             }

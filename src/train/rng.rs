@@ -24,6 +24,8 @@ pub enum Stream {
     Subsample = 7,
     /// Positional noise of MCMC, drawn on the device; the index is the splat.
     Noise = 8,
+    /// Splats dropped in a step, chosen on the device.
+    Dropout = 9,
 }
 
 /// Four independent 32-bit words for a key.

@@ -79,6 +79,14 @@ pub fn background(config: &TrainConfig, iteration: u32) -> [f32; 3] {
     }
 }
 
+/// Share of the splats dropped at an iteration, times 2³², and the key of its random numbers.
+pub fn dropout(config: &TrainConfig, iteration: u32) -> [u32; 2] {
+    let progress = f64::from(iteration) / f64::from(config.iterations);
+    let share = f64::from(config.drop_rate) * progress.min(1.0);
+    let [key, ..] = rng::bits(config.seed, iteration, 0, Stream::Dropout);
+    [(share * 2_f64.powi(32)) as u32, key]
+}
+
 /// Factor of Σ ξ w(opacity) that MCMC adds to a mean at an iteration, ξ standard normal, in 1 / world units; 0 with
 /// other strategies.
 ///
@@ -104,19 +112,17 @@ pub struct Penalties {
     pub size: f32,
 }
 
-/// Penalties of a run; those of MCMC are 0 with other strategies.
+/// Penalties of a run.
 pub fn penalties(config: &TrainConfig, extent: f64) -> Penalties {
     let size = (f64::from(config.size_penalty) / (extent * extent)) as f32;
-    if config.strategy != StrategyKind::Mcmc {
-        return Penalties {
-            size,
-            ..Penalties::default()
-        };
-    }
+    let weight = match config.strategy {
+        StrategyKind::Mcmc => 1.0,
+        StrategyKind::Adc => config.regularization,
+    };
     let unit = f64::from(config.mcmc.reference_extent) / extent;
-    let scale = f64::from(config.mcmc.scale_regularization) * unit;
+    let scale = f64::from(weight * config.mcmc.scale_regularization) * unit;
     Penalties {
-        opacity: config.mcmc.opacity_regularization,
+        opacity: weight * config.mcmc.opacity_regularization,
         scale: scale as f32,
         size,
     }
@@ -195,5 +201,36 @@ mod tests {
         // A mean moves by scale × Σ: Σ grows fourfold with a doubled unit, the move must double.
         let doubled = f64::from(noise_scale(&config, 10.0, 1));
         assert!((doubled * 4.0 / published - 2.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn dropout_grows_with_the_run_and_differs_by_step_and_seed() {
+        let config = TrainConfig {
+            drop_rate: 0.5,
+            ..TrainConfig::for_iterations(100)
+        };
+        assert_eq!(dropout(&config, 0)[0], 0);
+        assert_eq!(
+            [50, 100, 200].map(|i| dropout(&config, i)[0]),
+            [1 << 30, 1 << 31, 1 << 31]
+        );
+        let other = TrainConfig {
+            seed: 1,
+            ..config.clone()
+        };
+        let keys = [dropout(&config, 7)[1], dropout(&config, 8)[1], dropout(&other, 7)[1]];
+        assert!(keys[0] != keys[1] && keys[0] != keys[2]);
+        assert_eq!(dropout(&TrainConfig::for_iterations(100), 100)[0], 0);
+    }
+
+    #[test]
+    fn penalties_of_density_control_are_those_of_mcmc_by_weight() {
+        let usual = TrainConfig::for_iterations(100);
+        assert_eq!(penalties(&usual, 2.0), Penalties::default());
+        let mcmc = penalties(&usual.clone().with_strategy(StrategyKind::Mcmc), 2.0);
+        assert!(mcmc.opacity > 0.0 && mcmc.scale > 0.0);
+        assert_eq!(penalties(&usual.clone().against_overfitting(1.0), 2.0), mcmc);
+        let half = penalties(&usual.against_overfitting(0.5), 2.0);
+        assert_eq!([half.opacity, half.scale], [0.5 * mcmc.opacity, 0.5 * mcmc.scale]);
     }
 }

@@ -275,6 +275,7 @@ impl<'a> Trainer<'a> {
         if self.halved.is_some() {
             view.dilation *= self.config.half_size_dilation;
         }
+        [view.dropout, view.dropout_key] = schedule::dropout(&self.config, iteration);
         let step = Step {
             config: &self.config,
             forward: &self.forward,

@@ -148,7 +148,7 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
     };
     let config = args.config.config_from(kind, |mut usual| {
         usual.auto.loss_db = loss_db;
-        for_auto_count(usual, dataset.split(Split::Train).len())
+        for_auto_count(usual, dataset.views_of_point())
     })?;
     let is_open = args.config.iterations.is_none();
     AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))

@@ -57,11 +57,11 @@ pub struct Task<'a> {
     pub settings: SurveyRun,
 }
 
-/// Constants of a run with this number of training views, without the limit of MCMC.
-pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
+/// Constants of a run where so many training views see a point, without the limit of MCMC.
+pub fn config(recipe: Recipe, iterations: u32, views_of_point: f64) -> TrainConfig {
     let usual = TrainConfig::for_iterations(iterations);
     let at_rates_of = |rates: LearningRates, config: TrainConfig| TrainConfig { rates, ..config };
-    let for_auto_count = for_auto_count(usual.clone(), views);
+    let for_auto_count = for_auto_count(usual.clone(), views_of_point);
     match recipe {
         Recipe::Fixed => usual,
         Recipe::FixedRates => at_rates_of(for_auto_count.rates, usual),
@@ -75,7 +75,7 @@ pub fn config(recipe: Recipe, iterations: u32, views: usize) -> TrainConfig {
 /// out.
 pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
     // Rates that differ with few views differ with more, too.
-    let rates = |recipe| config(recipe, iterations, usize::MAX).rates;
+    let rates = |recipe| config(recipe, iterations, f64::INFINITY).rates;
     let differs = |recipe: &Recipe| match recipe {
         Recipe::FixedRates => rates(*recipe) != rates(Recipe::Fixed),
         Recipe::McmcRates => rates(*recipe) != rates(Recipe::Mcmc),
@@ -87,8 +87,8 @@ pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
 impl Task<'_> {
     /// Constants of the run.
     fn config(&self) -> TrainConfig {
-        let (views, settings) = (self.dataset.split(Split::Train).len(), &self.settings);
-        let mut config = config(settings.recipe, settings.iterations, views);
+        let settings = &self.settings;
+        let mut config = config(settings.recipe, settings.iterations, self.dataset.views_of_point());
         config.seed = settings.seed;
         config.max_splats = settings.max_splats;
         config.auto.loss_db = settings.loss_db;
@@ -228,7 +228,7 @@ mod tests {
 
     #[test]
     fn recipes_differ_in_their_own_constants_alone() {
-        let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] = Recipe::ALL.map(|r| config(r, 2_000, 40));
+        let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] = Recipe::ALL.map(|r| config(r, 2_000, 40.0));
         assert_eq!(all_sh, for_auto_count);
         assert_eq!(fixed, TrainConfig::for_iterations(2_000));
         assert_eq!([rates.rates, mcmc_rates.rates], [for_auto_count.rates; 2]);
@@ -247,7 +247,7 @@ mod tests {
             let mut recipes = distinct_recipes(iterations);
             // `ParsimonyAllSh` has the constants of `Parsimony`.
             recipes.retain(|recipe| *recipe != Recipe::ParsimonyAllSh);
-            let found: Vec<TrainConfig> = recipes.into_iter().map(|r| config(r, iterations, 40)).collect();
+            let found: Vec<TrainConfig> = recipes.into_iter().map(|r| config(r, iterations, 40.0)).collect();
             for (i, one) in found.iter().enumerate() {
                 assert!(found[..i].iter().all(|other| other != one), "{one:?}");
             }

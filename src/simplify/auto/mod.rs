@@ -8,8 +8,8 @@
 //! The losses of accepted rounds are summed, by view, in PSNR and in SSIM. The splats stay removed if the sums are
 //! within what may be lost in total, by upper bounds over the held-out views: few or scattered views widen the bounds
 //! and thereby keep splats. Where these views cannot tell the scenes apart, upper bounds over views trained on decide.
-//! An accepted round is followed by one with a larger share, a rejected one by one with a smaller share. Last, SH
-//! coefficients go that cost the views little, and the held-out views return to training.
+//! From the first rejected round on, shares are halved: a bisection of the count. Last, SH coefficients go that cost
+//! the views little, and the held-out views return to training.
 //!
 //! **Invariant:** decisions are a function of configuration, views and device. Their state beside the trainer's is the
 //! [`History`] and the kept state, so that a resumed run decides alike.
@@ -59,22 +59,19 @@ pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 
 /// Training configuration of a run with a count controller: growth ends with its share of the run.
 ///
-/// Runs shorter than half the published length use twice the rates for means and SH: at the published rates they end
-/// before convergence. That helps without pruning, too, and not everywhere (`2026-11-22-needs-rates.csv`: fox +0.66 to
-/// +0.97 dB, sphere −0.43 dB). With few training views (`views`), SH gains nothing (`2026-11-22-few-views.csv`) and
-/// keeps the published rate.
-pub fn for_auto_count(mut config: TrainConfig, views: usize) -> TrainConfig {
+/// Short runs use larger rates for means and SH: at the published rates they end before convergence. That helps without
+/// pruning, too, and not everywhere (twice the rates in 2,000 iterations, `2026-11-22-needs-rates.csv`: fox +0.66 to
+/// +0.97 dB, sphere −0.43 dB). Where few training views see a point (`views_of_point`, the median), SH gains nothing
+/// (`2026-11-22-few-views.csv`) and keeps the published rate, and measures against overfitting act.
+pub fn for_auto_count(mut config: TrainConfig, views_of_point: f64) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.auto.growth_until(config.iterations));
     config.half_size_until = config.auto.half_size_until(config.iterations);
-    if config.iterations < config.auto.short_iterations {
-        let (rates, factor) = (&mut config.rates, config.auto.short_rate_factor);
-        rates.mean_start *= factor;
-        rates.mean_end *= factor;
-        if views >= config.auto.sh_rate_views as usize {
-            rates.sh_rest *= factor;
-        }
-    }
-    config
+    let scarcity = config.auto.scarcity(views_of_point);
+    let factor = config.auto.rate_factor(config.iterations);
+    config.rates.mean_start *= factor as f32;
+    config.rates.mean_end *= factor as f32;
+    config.rates.sh_rest *= factor.powf(1.0 - scarcity) as f32;
+    config.against_overfitting(scarcity as f32)
 }
 
 impl<'a> CountController<'a> {
@@ -151,16 +148,16 @@ impl<'a> CountController<'a> {
         self.history.phase = Phase::Pruning;
         trainer.set_limit(0);
         trainer.set_views(self.fitted.clone())?;
-        self.begin_round(trainer)
+        self.next_round(trainer)
     }
 
     fn after_convergence_step(&mut self, trainer: &mut Trainer<'a>, iteration: u32) -> Result<()> {
+        // Two rounds apart.
         let config = trainer.config();
+        let window = 2 * config.auto.round(config.iterations);
         if !self.history.is_open || iteration >= config.auto.settle_by(config.iterations) {
             return self.settle(trainer);
         }
-        // Two rounds apart.
-        let window = 2 * config.auto.round(config.iterations);
         let last = self.history.entries.last();
         if last.is_some_and(|last| iteration < last.iteration + window) {
             return Ok(());

@@ -8,7 +8,7 @@ use crate::train::{HostState, Trainer};
 
 impl<'a> CountController<'a> {
     /// Starts a round: removes a share of the splats for its first run.
-    pub(super) fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+    fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
         let candidate = self.candidate(trainer)?;
         trainer.replace(&candidate.less)?;
         self.kept = Some(candidate.whole);
@@ -71,7 +71,8 @@ impl<'a> CountController<'a> {
             lost.iter_mut().for_each(ViewScores::forget_gains);
             self.history.lost = lost;
         }
-        self.history.share = next_share(self.history.share, is_allowed);
+        let is_full = without.1[0].is_full(&self.history.config);
+        self.history.share = next_share(self.history.share, is_allowed, is_full);
         let ([held_out, _], [without_held_out, _]) = (with.1, without.1);
         self.history.entries.push(HistoryEntry {
             iteration: trainer.iteration(),
@@ -85,16 +86,18 @@ impl<'a> CountController<'a> {
             }),
             is_merged,
         });
-        match self.has_time(trainer) && self.history.share >= self.history.config.share_min {
+        self.next_round(trainer)
+    }
+
+    /// Starts a round if there is time for it and its share is not too small; else the rounds end.
+    pub(super) fn next_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
+        let config = trainer.config();
+        let end = trainer.iteration() + config.auto.round(config.iterations);
+        let has_time = end <= config.auto.settle_by(config.iterations);
+        match has_time && self.history.share >= config.auto.share_min {
             true => self.begin_round(trainer),
             false => self.end_rounds(trainer),
         }
-    }
-
-    /// Whether there is time for one more round.
-    fn has_time(&self, trainer: &Trainer<'_>) -> bool {
-        let config = trainer.config();
-        trainer.iteration() + config.auto.round(config.iterations) <= config.auto.settle_by(config.iterations)
     }
 
     /// Ends the rounds: the count is fixed.
@@ -106,13 +109,13 @@ impl<'a> CountController<'a> {
     }
 }
 
-/// Share of the next round: after an accepted round as much again of what is left, at most that of the first round;
-/// after a rejected one half as much, in the same sense.
-fn next_share(share: f64, is_allowed: bool) -> f64 {
-    let left = 1.0 - share;
-    match is_allowed {
-        true => (1.0 - left * left).min(FIRST_SHARE),
-        false => 1.0 - left.sqrt(),
+/// Share of the next round. A scene without visible error in held-out views loses the first share again. Else, from the
+/// first rejection on, each share is half of the one before (removed twice, it leaves as many splats): a bisection of
+/// the count.
+fn next_share(share: f64, is_allowed: bool, is_full: bool) -> f64 {
+    match is_allowed && (is_full || share == FIRST_SHARE) {
+        true => FIRST_SHARE,
+        false => 1.0 - (1.0 - share).sqrt(),
     }
 }
 
@@ -121,12 +124,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_halve_when_rejected_and_double_when_allowed() {
-        let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}");
-        // Twice the same share leaves half.
-        let share = next_share(FIRST_SHARE, false);
-        near((1.0 - share).powi(2), 0.5);
-        near(next_share(share, true), FIRST_SHARE);
-        near(next_share(FIRST_SHARE, true), FIRST_SHARE);
+    fn shares_are_halved_from_the_first_rejection_on() {
+        let half = next_share(FIRST_SHARE, false, false);
+        assert!(((1.0 - half).powi(2) - (1.0 - FIRST_SHARE)).abs() < 1e-12);
+        let quarter = next_share(half, true, false);
+        assert!(quarter < half && next_share(half, false, true) == quarter);
+        assert_eq!(next_share(FIRST_SHARE, true, false), FIRST_SHARE);
+        assert_eq!(next_share(quarter, true, true), FIRST_SHARE);
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! A "round" is a comparison of the same steps with and without some splats.
 
+use super::PUBLISHED_ITERATIONS;
 use super::constants::constants;
 
 constants! {
@@ -15,17 +16,14 @@ constants! {
         trained_loss: f64 = 4.0, 1.0..=1e6;
         /// PSNR without visible error, decibels: no view counts as better.
         full_db: f64 = 40.0, 1.0..=200.0;
-        /// SSIM without visible error.
-        full_ssim: f64 = 0.99, 0.0..=1.0;
         /// Held-out views: one of so many training views, at least three.
         held_out_every: u32 = 8, 2..=1_000;
 
-        /// Iterations of a short run: below it, learning rates of means and SH are multiplied.
-        short_iterations: u32 = 15_000, 0..=u32::MAX;
-        /// Factor of these learning rates.
-        short_rate_factor: f32 = 2.0, 0.01..=100.0;
-        /// Training views from which the factor applies to SH.
-        sh_rate_views: u32 = 24, 0..=u32::MAX;
+        /// Exponent of the published length of a run over its own: learning rates of means and SH in shorter runs.
+        rate_exponent: f64 = 0.25, 0.0..=2.0;
+        /// Training views of a point up to which measures against overfitting act in full, and SH keeps its published
+        /// rate; beyond twice that number they do not act.
+        few_views: f64 = 16.0, 0.0..=1e6;
 
         /// Steps on photographs of half their width and height, at the start, as a share of the run.
         half_size_share: f64 = 0.1, 0.0..=1.0;
@@ -41,6 +39,25 @@ constants! {
 }
 
 impl AutoConfig {
+    /// SSIM without visible error: 1 less the share of the colour range that the error of `full_db` is.
+    pub fn full_ssim(&self) -> f64 {
+        1.0 - 10_f64.powf(-self.full_db / 20.0)
+    }
+
+    /// Weight of the measures against overfitting, for points that so many training views see.
+    pub fn scarcity(&self, views_of_point: f64) -> f64 {
+        match self.few_views > 0.0 {
+            true => (2.0 - views_of_point / self.few_views).clamp(0.0, 1.0),
+            false => 0.0,
+        }
+    }
+
+    /// Factor of the published learning rates of means, in a run of so many iterations.
+    pub fn rate_factor(&self, iterations: u32) -> f64 {
+        let ratio = PUBLISHED_ITERATIONS as f64 / f64::from(iterations.max(1));
+        ratio.max(1.0).powf(self.rate_exponent)
+    }
+
     /// Iteration up to which photographs have half their width and height.
     pub fn half_size_until(&self, iterations: u32) -> u32 {
         share(self.half_size_share, iterations)
@@ -69,4 +86,26 @@ impl AutoConfig {
 
 fn share(share: f64, iterations: u32) -> u32 {
     (share * f64::from(iterations)).round() as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derived_constants_follow_views_and_length() {
+        let auto = AutoConfig::default();
+        assert!((auto.full_ssim() - 0.99).abs() < 1e-12);
+        assert_eq!(
+            [1.0, 16.0, 24.0, 32.0, 300.0].map(|views| auto.scarcity(views)),
+            [1.0, 1.0, 0.5, 0.0, 0.0]
+        );
+        let never = AutoConfig { few_views: 0.0, ..auto };
+        assert_eq!(never.scarcity(0.0), 0.0);
+        assert!((auto.rate_factor(30_000 / 16) - 2.0).abs() < 1e-12);
+        assert_eq!(
+            [30_000, 100_000].map(|iterations| auto.rate_factor(iterations)),
+            [1.0; 2]
+        );
+    }
 }

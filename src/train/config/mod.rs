@@ -8,6 +8,7 @@ mod auto;
 mod constants;
 mod groups;
 mod retired;
+mod settings;
 mod validate;
 
 pub use auto::AutoConfig;
@@ -76,6 +77,13 @@ pub struct TrainConfig {
     /// floaters. The photographs' gradient is also proportional to the area a splat covers, so that one weight is
     /// equally strong for small and large splats, few and many.
     pub size_penalty: f32,
+    /// Weight of MCMC's penalties of opacity and scale in runs of other strategies, relative to MCMC: 0 (3DGS).
+    #[serde(default)]
+    pub regularization: f32,
+    /// Share of the splats that a step leaves out, at random, at the last iteration; it grows linearly from 0. The
+    /// others are more opaque for it. 0 (3DGS); 0.2 for few views (Park et al., "DropGaussian", 2025).
+    #[serde(default)]
+    pub drop_rate: f32,
     /// Upper bound of a splat's largest over smallest standard deviation: 0 for none (3DGS), else at least 1.01. After
     /// each step, splats beyond it are moved to the nearest shape within, at constant volume.
     pub max_aspect: f32,
@@ -152,6 +160,8 @@ impl TrainConfig {
             adc: AdcConfig::default(),
             mcmc: McmcConfig::default(),
             size_penalty: 0.0,
+            regularization: 0.0,
+            drop_rate: 0.0,
             max_aspect: 0.0,
             init: InitConfig::default(),
             background: Background::Fixed([0.0; 3]),
@@ -193,6 +203,14 @@ impl TrainConfig {
         self.adc.prune_opacity = 0.01;
         self.mcmc.min_opacity = 0.01;
         self.size_penalty = 1e-4;
+        self
+    }
+
+    /// The same run with measures against splats that fit the photographs only together or only in one view, where few
+    /// views show each place: dropout, and MCMC's penalties of opacity and scale. `weight` is 0 to 1.
+    pub fn against_overfitting(mut self, weight: f32) -> TrainConfig {
+        self.drop_rate = 0.2 * weight;
+        self.regularization = weight;
         self
     }
 

@@ -16,6 +16,8 @@ impl TrainConfig {
         ascending("sh_degree_from", &self.sh_degree_from)?;
         self.lambda_dssim.check("lambda_dssim", 0.0..=1.0)?;
         self.size_penalty.check("size_penalty", 0.0..=f32::MAX)?;
+        self.regularization.check("regularization", 0.0..=1e3)?;
+        self.drop_rate.check("drop_rate", 0.0..=0.9)?;
         if self.max_aspect != 0.0 {
             self.max_aspect.check("max_aspect", 1.01..=f32::MAX)?;
         }

@@ -1,7 +1,6 @@
 //! Culling of a data set's points: those seen by too few views, and outliers. Such points are mostly wrong matches, and
 //! become floaters.
 
-use super::frusta::sees;
 use crate::scene::{Camera, Point};
 use crate::train::config::InitConfig;
 use glam::DVec3;
@@ -14,7 +13,7 @@ pub(super) fn culled(points: &[Point], cameras: &[Camera], config: &InitConfig) 
     let fence = Fence::around(points, f64::from(config.cull_fence));
     let is_kept = |point: &&Point| {
         let position = DVec3::from(point.position);
-        let views = cameras.iter().filter(|camera| sees(camera, position));
+        let views = cameras.iter().filter(|camera| camera.sees(position));
         fence.holds(position) && views.take(wanted).count() == wanted
     };
     points.par_iter().filter(is_kept).copied().collect()

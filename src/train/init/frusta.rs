@@ -22,7 +22,7 @@ pub fn points_in_frusta(cameras: &[Camera], count: usize, extent: f64, seed: u64
         let (camera, depth) = (&cameras[i % cameras.len()], depths[i % cameras.len()]);
         let candidate = |draw: u32| {
             let position = draw_position(camera, depth, config.random_depths, [seed, i as u64, draw.into()]);
-            let votes = voters.iter().filter(|c| sees(c, position)).count();
+            let votes = voters.iter().filter(|c| c.sees(position)).count();
             (votes, position)
         };
         // The first of equals.
@@ -42,12 +42,6 @@ fn draw_position(camera: &Camera, depth: f64, [near, far]: [f64; 2], [seed, inde
     let [u, v, w, _] = rng::uniform(seed, draw as u32, index as u32, Stream::RandomInit).map(f64::from);
     let pixel = DVec2::new(u * f64::from(camera.width), v * f64::from(camera.height));
     camera.position + camera.ray_from_pixel(pixel) * (depth * (near + (far - near) * w))
-}
-
-pub(super) fn sees(camera: &Camera, point: DVec3) -> bool {
-    camera.pixel_from_world(point).is_some_and(|pixel| {
-        (0.0..f64::from(camera.width)).contains(&pixel.x) && (0.0..f64::from(camera.height)).contains(&pixel.y)
-    })
 }
 
 #[cfg(test)]
@@ -75,7 +69,7 @@ mod tests {
         assert_eq!(points, points_in_frusta(&cameras, 500, 4.4, 1, &InitConfig::default()));
         let votes = |p: &Point| {
             let position = DVec3::from(p.position);
-            cameras.iter().filter(|c| sees(c, position)).count()
+            cameras.iter().filter(|c| c.sees(position)).count()
         };
         assert!(points.iter().all(|p| votes(p) > 0));
         let total: usize = points.iter().map(votes).sum();

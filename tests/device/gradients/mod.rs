@@ -77,8 +77,13 @@ fn step_smoothed(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Stepped {
 
 /// A step from a state of the scene's splats.
 fn step_from(gpu: &Gpu, scene: &Scene, state: &HostState) -> Stepped {
+    step_by(gpu, scene, state, config(scene))
+}
+
+/// The same with another configuration.
+fn step_by(gpu: &Gpu, scene: &Scene, state: &HostState, config: TrainConfig) -> Stepped {
     let dataset = dataset(scene, &scene.camera);
-    let mut trainer = Trainer::from_state(gpu, &dataset, config(scene), state, BEGUN).unwrap();
+    let mut trainer = Trainer::from_state(gpu, &dataset, config, state, BEGUN).unwrap();
     trainer.keep_gradients().unwrap();
     trainer.step().unwrap();
     let gradients = trainer.gradients().unwrap();

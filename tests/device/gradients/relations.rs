@@ -3,9 +3,11 @@
 
 use crate::common::device;
 use crate::common::scenes;
-use crate::gradients::{Stepped, step};
+use crate::gradients::{BEGUN, Stepped, config, step, step_by};
+use ashfall::reference::dropout::Dropout;
 use ashfall::scene::Splats;
 use ashfall::train::state::Planes;
+use ashfall::train::{HostState, TrainConfig, schedule};
 
 /// Appends a copy of splat `index` with its parameters changed.
 pub(crate) fn append(splats: &mut Splats, index: usize, change: impl FnOnce(&mut [Option<&mut f32>])) {
@@ -224,6 +226,62 @@ fn poison_stays_where_it_is() {
             assert!(found.image == clean.image, "{poison:e}: the image changed");
             let neighbours = bits(&found.gradients, count) == bits(&clean.gradients, count);
             assert!(neighbours, "{poison:e}: a neighbour's gradient changed");
+        }
+    }
+}
+
+#[test]
+fn a_step_with_dropout_is_a_step_of_fewer_and_more_opaque_splats() {
+    let gpu = device::gpu();
+    let mut scene = scenes::gentle(61, 60, 48, 40, 1);
+    // Opacities stay below 1.
+    scene
+        .splats
+        .opacity_logit
+        .iter_mut()
+        .for_each(|logit| *logit = logit.min(-1.0));
+    let with_dropout = TrainConfig {
+        drop_rate: 0.5,
+        ..config(&scene)
+    };
+    let [share, key] = schedule::dropout(&with_dropout, BEGUN + 1);
+    let dropout = Dropout { share, key };
+    let state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
+    let found = step_by(&gpu, &scene, &state, with_dropout);
+    let mut others = scene.clone();
+    let opacity = |logit: f32| 1.0 / (1.0 + f64::from(-logit).exp());
+    for (splat, logit) in others.splats.opacity_logit.iter_mut().enumerate() {
+        let raised = opacity(*logit) * dropout.factor();
+        *logit = match dropout.drops(splat as u32) {
+            true => -20.0,
+            false => (raised / (1.0 - raised)).ln() as f32,
+        };
+    }
+    let dropped = others
+        .splats
+        .opacity_logit
+        .iter()
+        .filter(|&&logit| logit == -20.0)
+        .count();
+    assert!((10..30).contains(&dropped), "{dropped} of 60 splats are dropped");
+    let expected = step(&gpu, &others);
+    let near = |a: f64, b: f64, scale: f64| (a - b).abs() <= 1e-4 * scale;
+    for (a, b) in found.image.iter().zip(&expected.image) {
+        assert!(near(f64::from(*a), f64::from(*b), 1.0), "a pixel is {a}, not {b}");
+    }
+    for (plane, (found, expected)) in found.gradients.iter().zip(&expected.gradients).enumerate() {
+        let largest = expected.iter().flatten().fold(0.0_f32, |max, d| max.max(d.abs()));
+        for (splat, (a, b)) in found.iter().zip(expected).enumerate() {
+            // Derivative of the logarithm of an opacity by its logit: 1 - opacity.
+            let [own, other] = [&scene, &others].map(|scene| 1.0 - opacity(scene.splats.opacity_logit[splat]));
+            for lane in 0..4 {
+                let factor = if (plane, lane) == (0, 3) { own / other } else { 1.0 };
+                let (a, b) = (f64::from(a[lane]), f64::from(b[lane]) * factor);
+                assert!(
+                    near(a, b, 10.0 * f64::from(largest)),
+                    "splat {splat}, plane {plane}: {a}, not {b}"
+                );
+            }
         }
     }
 }

@@ -6,8 +6,10 @@ use crate::common::{device, scenes};
 use ashfall::gpu::Gpu;
 use ashfall::kernels::Kernel;
 use ashfall::kernels::project::{Choice, Project};
+use ashfall::lab::bench::input::lists::view;
 use ashfall::lab::bench::kernels::Workgroups;
 use ashfall::lab::bench::kernels::project::{ProjectOutputs, commands, project};
+use ashfall::reference::dropout::Dropout;
 use ashfall::render::planes_from_splats;
 use ashfall::scene::ScreenFilter;
 use scenes::Scene;
@@ -55,9 +57,14 @@ fn splats_are_projected() {
     let gpu = device::gpu();
     let mut check = Check::new("project");
     for degree in 0..=3 {
-        let case =
-            |(name, scene, filters): (&'static str, Scene, Vec<f32>)| (name, project(&gpu, &scene, &filters).unwrap());
-        let cases: Vec<_> = cases(degree).into_iter().map(case).collect();
+        let case = |(name, scene, filters): Case| {
+            let case = project(&gpu, &scene, &filters, Dropout::default());
+            (name, case.unwrap())
+        };
+        let mut cases: Vec<_> = cases(degree).into_iter().map(case).collect();
+        let (dropped, share) = (scenes::hard(12, 270, 97, 129, degree), 1 << 30);
+        let dropout = Dropout { share, key: 77 };
+        cases.push(("dropout", project(&gpu, &dropped, &[], dropout).unwrap()));
         check.cases(&gpu, Workgroups::any(&[8, 64]), &cases);
     }
     check.finish();
@@ -66,7 +73,7 @@ fn splats_are_projected() {
 /// Records and tile counts of a scene with these parameters.
 fn run(gpu: &Gpu, scene: &Scene, planes: &[[f32; 4]], index: Option<&[u32]>) -> (Vec<Splat2d>, Vec<u32>) {
     let outputs = ProjectOutputs::new(gpu, scene.splats.len()).unwrap();
-    let case = commands(gpu, scene, planes, index, &outputs).unwrap();
+    let case = commands(gpu, (scene, view(scene)), planes, index, &outputs).unwrap();
     let choice = case.tuned(Choice::default());
     case.run(gpu, &Project::compile(gpu, choice).unwrap(), &choice).unwrap();
     outputs.read(gpu).unwrap()

@@ -38,7 +38,7 @@ fn config(strategy: StrategyKind) -> TrainConfig {
         sh_degree: 1,
         ..TrainConfig::for_iterations(ITERATIONS)
     };
-    for_auto_count(config.with_strategy(strategy), VIEWS)
+    for_auto_count(config.with_strategy(strategy), VIEWS as f64)
 }
 
 /// Configuration of a longer run.
@@ -47,7 +47,7 @@ fn longer() -> TrainConfig {
         sh_degree: 1,
         ..TrainConfig::for_iterations(600)
     };
-    for_auto_count(config, VIEWS)
+    for_auto_count(config, VIEWS as f64)
 }
 
 /// Final state and history of a run.

@@ -35,6 +35,7 @@ use crate::Result;
 use crate::gpu::{Buffer, Caps, DeviceKind, Gpu};
 use crate::kernels::Kernel;
 use crate::layout::COUNT_SLOTS;
+use crate::reference::dropout::Dropout;
 use bytemuck::Pod;
 pub use composite::{Composite, CompositeBuffers};
 pub use gradient::Gradient;
@@ -72,7 +73,9 @@ pub fn run(bench: &mut Bench) -> Result<()> {
 /// Kernels of one invocation a splat.
 fn by_splat(bench: &mut Bench, count: usize) -> Result<()> {
     let scene = |degree| scattered(count, [960, 540], 3.0, degree);
-    time(bench, ELEMENTWISE, count, |gpu| project::project(gpu, &scene(3), &[]))?;
+    time(bench, ELEMENTWISE, count, |gpu| {
+        project::project(gpu, &scene(3), &[], Dropout::default())
+    })?;
     time(bench, ELEMENTWISE, count, |gpu| {
         project_backward::scattered(gpu, &scene(3))
     })?;

@@ -9,6 +9,8 @@ use crate::lab::bench::check::{Output, UNWRITTEN};
 use crate::lab::bench::input::lists::{tiles_near, view, viewpoint};
 use crate::lab::bench::input::pack::{self, Splat2d};
 use crate::lab::bench::input::scene::Scene;
+use crate::layout::View;
+use crate::reference::dropout::Dropout;
 use crate::reference::project::margins;
 use crate::reference::smoothing::smoothed;
 use crate::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
@@ -52,31 +54,36 @@ impl ProjectOutputs {
     }
 }
 
-/// The splats of a scene, with their smoothing filters; none: no filters.
-pub fn project<'a>(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Result<KernelCase<'a, Project>> {
+/// The splats of a scene, with their smoothing filters (none: no filters), after dropout.
+pub fn project<'a>(gpu: &Gpu, scene: &Scene, filters: &[f32], dropout: Dropout) -> Result<KernelCase<'a, Project>> {
     let mut planes = planes_from_splats(&scene.splats);
     let mut filters = filters.to_vec();
     filters.resize(scene.splats.len(), 0.0);
     pack::set_filters(&mut planes, &filters);
     let outputs = ProjectOutputs::new(gpu, scene.splats.len())?;
     let scene = scene.clone();
-    let case = commands(gpu, &scene, &planes, None, &outputs)?;
+    let view = View {
+        dropout: dropout.share,
+        dropout_key: dropout.key,
+        ..view(&scene)
+    };
+    let case = commands(gpu, (&scene, view), &planes, None, &outputs)?;
     Ok(case.judge(move |gpu| {
         let (records, tiles) = outputs.read(gpu)?;
-        Ok(compare(&scene, &filters, &records, &tiles))
+        Ok(compare((&scene, dropout), &filters, &records, &tiles))
     }))
 }
 
 /// Commands for parameter planes, in the order of an index where there is one.
 pub fn commands<'a>(
     gpu: &Gpu,
-    scene: &Scene,
+    (scene, view): (&Scene, View),
     planes: &[[f32; 4]],
     index: Option<&[u32]>,
     outputs: &ProjectOutputs,
 ) -> Result<KernelCase<'a, Project>> {
     let (count, degree) = (scene.splats.len(), scene.splats.sh_degree);
-    let view = gpu.buffer_from("view", &[view(scene)])?;
+    let view = gpu.buffer_from("view", &[view])?;
     let params = gpu.buffer_from("params", planes)?;
     let splat_from_slot = gpu.buffer_from("splat_from_slot", index.unwrap_or(&[UNWRITTEN]))?;
     let (out, indexed) = (outputs.clone(), index.is_some());
@@ -108,7 +115,7 @@ pub fn commands<'a>(
 }
 
 /// Records and tile counts beside the reference's, splat by splat.
-fn compare(scene: &Scene, filters: &[f32], records: &[Splat2d], tiles: &[u32]) -> Vec<Output> {
+fn compare((scene, dropout): (&Scene, Dropout), filters: &[f32], records: &[Splat2d], tiles: &[u32]) -> Vec<Output> {
     let at = viewpoint(scene);
     let grid = Grid::new(scene.camera.width, scene.camera.height);
     let cut = Thresholds::ENGINE.alpha_min;
@@ -118,7 +125,8 @@ fn compare(scene: &Scene, filters: &[f32], records: &[Splat2d], tiles: &[u32]) -
         let splat = smoothed(&Splat::<f64>::of(&scene.splats, i), filters[i].into());
         let count = f64::from(tiles[i]);
         counted.push(count);
-        let screen = reference(&splat, &at).filter(|s| s.opacity >= cut * (1.0 - 1e-5));
+        let screen = reference(&splat, &at).and_then(|screen| dropout.applied(i as u32, screen));
+        let screen = screen.filter(|s| s.opacity >= cut * (1.0 - 1e-5));
         let Some(screen) = screen else {
             allowed.push(0.0);
             continue;
