@@ -49,12 +49,19 @@ pub(super) struct NeedsArgs {
     /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates, parsimony-all-sh [default: all that differ]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     recipes: Option<Vec<Recipe>>,
+    /// Constants of parsimony, each also trained with at half and at twice its value, or at VALUE of NAME=VALUE:
+    /// auto.growth_share, drop_rate=0.1 and others
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    vary: Vec<String>,
     /// Run these recipes again even if DIR has their runs
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     again: Vec<Recipe>,
     /// Decibels that held-out training views may lose by fewer splats, as for `ashfall train --parsimony`
     #[arg(long, value_name = "LOSS", default_value_t = TrainConfig::default().auto.loss_db, value_parser = parse::loss)]
     loss: f64,
+    /// Write photograph, rendering and fourfold difference of test views, too, to a folder of each run in DIR/pictures
+    #[arg(long)]
+    pictures: bool,
     /// Begin anew even if DIR has runs with other settings
     #[arg(long)]
     overwrite: bool,
@@ -71,6 +78,7 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall needs                                     seven made scenes: hours on a software device
   ashfall needs --scenes plane,demo --seeds 1 --iterations 500
+  ashfall needs photos/ --scenes foliage --vary auto.growth_share,auto.round_share
   ashfall needs photos/ fox=data/colmap --downscale 2 --scenes none --loss 0.05";
 
 fn parse_scene(text: &str) -> std::result::Result<Option<Kind>, String> {

@@ -2,6 +2,7 @@
 
 use super::NeedsArgs;
 use crate::cli::Outcome;
+use crate::cli::eval::write_comparison;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{Output, grouped, write_text};
 use crate::gpu::Gpu;
@@ -9,7 +10,9 @@ use crate::lab::page::Fact;
 use crate::lab::survey::runner::{Task, built_in, distinct_recipes};
 use crate::lab::survey::{self, Recipe, SurveyRun, page, record};
 use crate::lab::synth::Kind;
+use crate::render::ViewEvaluation;
 use crate::scene::Dataset;
+use crate::train::TrainConfig;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -21,6 +24,8 @@ pub(super) struct SurveySession<'a> {
     /// Scenes by name.
     scenes: Vec<(String, Dataset)>,
     recipes: Vec<Recipe>,
+    /// Settings of constants of parsimony at other values.
+    variations: Vec<String>,
     runs: Vec<SurveyRun>,
     /// Runs done, in this session or before.
     done: usize,
@@ -58,8 +63,14 @@ impl<'a> SurveySession<'a> {
             Some(chosen) => chosen.contains(recipe),
             None => distinct.contains(recipe),
         };
+        let usual = TrainConfig::for_iterations(args.iterations);
+        let variations = args.vary.iter().map(|name| usual.variations(name));
+        let variations = variations.collect::<std::result::Result<Vec<_>, _>>();
         let mut session = SurveySession {
             args,
+            variations: variations
+                .map_err(|why| Error::Config(format!("--vary: {why}")))?
+                .concat(),
             gpu,
             output,
             recipes: Recipe::ALL.into_iter().filter(wanted).collect(),
@@ -83,7 +94,7 @@ impl<'a> SurveySession<'a> {
         };
         let runs = record::read(&path, &text)?;
         for (scene, dataset) in &self.scenes {
-            let planned = self.task((scene, dataset), self.recipes[0], 0, None);
+            let planned = self.task((scene, dataset), self.recipes[0], 0, "");
             let planned = planned.planned(self.gpu);
             if let Some(conflict) = runs.iter().find_map(|run| run.conflict(&planned)) {
                 let what = format!(
@@ -95,13 +106,7 @@ impl<'a> SurveySession<'a> {
         Ok(runs)
     }
 
-    fn task<'b>(
-        &self,
-        (scene, dataset): (&str, &'b Dataset),
-        recipe: Recipe,
-        seed: u64,
-        max_splats: Option<u32>,
-    ) -> Task<'b> {
+    fn task<'b>(&self, (scene, dataset): (&str, &'b Dataset), recipe: Recipe, seed: u64, setting: &str) -> Task<'b> {
         Task {
             dataset,
             settings: SurveyRun {
@@ -110,7 +115,7 @@ impl<'a> SurveySession<'a> {
                 seed,
                 iterations: self.args.iterations,
                 loss_db: self.args.loss,
-                max_splats,
+                setting: setting.into(),
                 ..SurveyRun::default()
             },
         }
@@ -119,15 +124,17 @@ impl<'a> SurveySession<'a> {
     /// Does the missing runs, seed by seed over all scenes.
     pub(super) fn run(&mut self, interrupt: &Interrupt) -> Result<Outcome> {
         let scenes = std::mem::take(&mut self.scenes);
+        let usual = self.recipes.iter().map(|recipe| (*recipe, String::new()));
+        let varied = self.variations.drain(..).map(|setting| (Recipe::Parsimony, setting));
+        let variants: Vec<(Recipe, String)> = usual.chain(varied).collect();
         let mut is_warm = false;
         for seed in 0..self.args.seeds {
             for (scene, dataset) in &scenes {
-                for recipe in self.recipes.clone() {
-                    let max_splats = match recipe {
-                        Recipe::Mcmc | Recipe::McmcRates => Some(self.count(scene, seed)?),
-                        _ => None,
-                    };
-                    let task = self.task((scene, dataset), recipe, seed, max_splats);
+                for (recipe, setting) in &variants {
+                    let mut task = self.task((scene, dataset), *recipe, seed, setting);
+                    if matches!(recipe, Recipe::Mcmc | Recipe::McmcRates) {
+                        task.settings.max_splats = Some(self.count(scene, seed)?);
+                    }
                     self.done += 1;
                     if self.has(&task) {
                         continue;
@@ -136,7 +143,7 @@ impl<'a> SurveySession<'a> {
                         task.warm_up(self.gpu)?;
                         is_warm = true;
                     }
-                    let of = scenes.len() * self.recipes.len() * self.args.seeds as usize;
+                    let of = scenes.len() * variants.len() * self.args.seeds as usize;
                     if self.add(&task, of, interrupt)? == Outcome::Interrupted {
                         return Ok(Outcome::Interrupted);
                     }
@@ -148,7 +155,7 @@ impl<'a> SurveySession<'a> {
 
     /// Limit of the splat count of MCMC.
     fn count(&self, scene: &str, seed: u64) -> Result<u32> {
-        let key = (scene, Recipe::Parsimony, seed);
+        let key = (scene, Recipe::Parsimony, seed, "");
         let run = self.runs.iter().find(|run| run.key() == key);
         let run = run.ok_or_else(|| {
             let what = "MCMC takes the count of a parsimony run, and there is none: add parsimony to --recipes";
@@ -167,15 +174,31 @@ impl<'a> SurveySession<'a> {
 
     /// Does a run and writes the survey.
     fn add(&mut self, task: &Task<'_>, of: usize, interrupt: &Interrupt) -> Result<Outcome> {
-        let (scene, recipe, seed) = task.settings.key();
-        let title = format!("{scene} · {} · seed {seed} · run {} of {of}", recipe.title(), self.done);
+        let (scene, recipe, seed, setting) = task.settings.key();
+        let title = [scene, recipe.title(), setting]
+            .into_iter()
+            .filter(|part| !part.is_empty());
+        let title = title.collect::<Vec<_>>().join(" · ");
+        let title = format!("{title} · seed {seed} · run {} of {of}", self.done);
         let bar = self.output.bar(u64::from(task.settings.iterations), "training");
         bar.set_message(format!("· {title}"));
         let mut progress = |iteration: u32| {
             bar.set_position(u64::from(iteration));
             !interrupt.is_requested()
         };
-        let run = task.run(self.gpu, &self.args.out, &mut progress)?;
+        let pictures = self.args.pictures.then(|| {
+            let name = [scene, recipe.name(), &seed.to_string(), setting].join("-");
+            let name = name.trim_end_matches('-').replace(['/', '\\'], "_");
+            self.args.out.join("pictures").join(name)
+        });
+        let show = |evaluated: ViewEvaluation<'_>| match &pictures {
+            Some(folder) => {
+                std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+                write_comparison(folder, evaluated)
+            }
+            None => Ok(()),
+        };
+        let run = task.run(self.gpu, &self.args.out, &mut progress, &show)?;
         bar.finish_and_clear();
         let Some(run) = run else {
             return Ok(Outcome::Interrupted);

@@ -6,6 +6,7 @@
 pub mod page;
 pub mod record;
 pub mod runner;
+mod sensitivity;
 
 use crate::lab::page::distinct;
 use crate::stats::Interval;
@@ -73,6 +74,9 @@ pub struct SurveyRun {
     pub recipe: Recipe,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// Constant of parsimony at another value, as NAME=VALUE; empty: all at their usual values.
+    #[serde(default)]
+    pub setting: String,
     /// Steps.
     pub iterations: u32,
     /// PSNR that held-out views may lose by fewer splats, decibels.
@@ -143,9 +147,9 @@ pub struct SurveyRun {
 const SH_FLOATS: f64 = 48.0;
 
 impl SurveyRun {
-    /// Scene, recipe and seed, which identify a run of a survey.
-    pub fn key(&self) -> (&str, Recipe, u64) {
-        (&self.scene, self.recipe, self.seed)
+    /// Scene, recipe, seed and setting, which identify a run of a survey.
+    pub fn key(&self) -> (&str, Recipe, u64, &str) {
+        (&self.scene, self.recipe, self.seed, &self.setting)
     }
 
     /// The first setting that differs, with both values, if the two runs do not belong to one survey.

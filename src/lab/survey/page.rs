@@ -1,6 +1,6 @@
 //! Page of a survey: a table of all scenes and recipes, and a figure of quality over splats for each scene.
 
-use super::{Recipe, SurveyRun, mean, paired_difference, scenes};
+use super::{Recipe, SurveyRun, mean, paired_difference, scenes, sensitivity};
 use crate::Result;
 use crate::lab::page::scatter::{Marker, ScatterPlot};
 use crate::lab::page::{self, Fact, document, escaped, figure, interval, legend, table};
@@ -39,6 +39,9 @@ const COLUMNS: [Column; 11] = [
 /// Those of drawing a figure.
 pub fn html(facts: &[Fact], runs: &[SurveyRun]) -> Result<String> {
     let mut body = format!("<h1>Splat counts by recipe</h1>\n{}", page::facts(facts));
+    let sensitivity = sensitivity::html(runs);
+    let runs: Vec<SurveyRun> = runs.iter().filter(|run| run.setting.is_empty()).cloned().collect();
+    let runs = runs.as_slice();
     if !runs.is_empty() {
         body += &format!("<p>{OF_TABLE}</p>\n{}", results(runs));
         let used = |recipe: &Recipe| runs.iter().any(|run| run.recipe == *recipe);
@@ -53,6 +56,7 @@ pub fn html(facts: &[Fact], runs: &[SurveyRun]) -> Result<String> {
         }
         body += "</div>\n";
     }
+    body += &sensitivity;
     Ok(document("splat counts by recipe", &body))
 }
 

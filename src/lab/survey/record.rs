@@ -14,7 +14,8 @@ pub fn write(runs: &[SurveyRun]) -> Result<String> {
 }
 
 /// Columns that earlier versions did not write, or by another name: those with a default or an alias in [`SurveyRun`].
-const OPTIONAL: [&str; 5] = [
+const OPTIONAL: [&str; 6] = [
+    "setting",
     "loss_db",
     "train_psnr_db",
     "train_ssim",
@@ -74,6 +75,7 @@ mod tests {
         SurveyRun {
             recipe: Recipe::McmcRates,
             loss_db: 0.04,
+            setting: "auto.growth_share=0.9".into(),
             max_splats: Some(1_234),
             data: "00e1".into(),
             train_psnr_db: Some(33.5),
@@ -91,7 +93,7 @@ mod tests {
         let mut runs = survey();
         runs.push(full());
         let text = write(&runs)?;
-        assert!(text.lines().all(|line| line.split(',').count() == 31));
+        assert!(text.lines().all(|line| line.split(',').count() == 32));
         assert_eq!(read(Path::new("needs.csv"), &text)?, runs);
         assert_eq!(read(Path::new("needs.csv"), &write(&[])?)?, []);
         Ok(())

@@ -12,7 +12,7 @@ use crate::lab::bench::{CpuClock, record};
 use crate::lab::evaluator::{evaluator, frame_ms, held_out};
 use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::metrics::MeanScore;
-use crate::render::Model;
+use crate::render::{Model, ViewEvaluation};
 use crate::scene::{Dataset, Splats, Split};
 use crate::simplify::{AutoRun, CountController, History, for_auto_count, reduce_harmonics};
 use crate::train::checkpoint::fingerprint;
@@ -58,8 +58,7 @@ pub struct Task<'a> {
 }
 
 /// Constants of a run where so many training views see a point, without the limit of MCMC.
-pub fn config(recipe: Recipe, iterations: u32, views_of_point: f64) -> TrainConfig {
-    let usual = TrainConfig::for_iterations(iterations);
+pub fn config(recipe: Recipe, usual: TrainConfig, views_of_point: f64) -> TrainConfig {
     let at_rates_of = |rates: LearningRates, config: TrainConfig| TrainConfig { rates, ..config };
     let for_auto_count = for_auto_count(usual.clone(), views_of_point);
     match recipe {
@@ -75,7 +74,7 @@ pub fn config(recipe: Recipe, iterations: u32, views_of_point: f64) -> TrainConf
 /// out.
 pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
     // Rates that differ with few views differ with more, too.
-    let rates = |recipe| config(recipe, iterations, f64::INFINITY).rates;
+    let rates = |recipe| config(recipe, TrainConfig::for_iterations(iterations), f64::INFINITY).rates;
     let differs = |recipe: &Recipe| match recipe {
         Recipe::FixedRates => rates(*recipe) != rates(Recipe::Fixed),
         Recipe::McmcRates => rates(*recipe) != rates(Recipe::Mcmc),
@@ -86,13 +85,24 @@ pub fn distinct_recipes(iterations: u32) -> Vec<Recipe> {
 
 impl Task<'_> {
     /// Constants of the run.
-    fn config(&self) -> TrainConfig {
+    ///
+    /// # Errors
+    /// A setting that is not valid.
+    fn config(&self) -> Result<TrainConfig> {
         let settings = &self.settings;
-        let mut config = config(settings.recipe, settings.iterations, self.dataset.views_of_point());
+        let setting = Some(settings.setting.clone()).filter(|setting| !setting.is_empty());
+        let with_setting = |config: TrainConfig| {
+            let config = config.with_settings(setting.as_slice());
+            config.map_err(Error::Config)
+        };
+        // Before, for constants that others are derived from; and after, for the derived ones.
+        let usual = with_setting(TrainConfig::for_iterations(settings.iterations))?;
+        let config = config(settings.recipe, usual, self.dataset.views_of_point());
+        let mut config = with_setting(config)?;
         config.seed = settings.seed;
         config.max_splats = settings.max_splats;
         config.auto.loss_db = settings.loss_db;
-        config
+        Ok(config)
     }
 
     /// The run without its results.
@@ -113,24 +123,34 @@ impl Task<'_> {
 
     /// Takes a few steps that are not timed: a device may compile kernels at their first use.
     pub fn warm_up(&self, gpu: &Gpu) -> Result<()> {
-        let mut trainer = Trainer::new(gpu, self.dataset, self.config())?;
+        let mut trainer = Trainer::new(gpu, self.dataset, self.config()?)?;
         while trainer.iteration() < WARM_UP && !trainer.is_done() {
             trainer.step()?;
         }
         trainer.finish().map(|_| ())
     }
 
-    /// Trains and evaluates. `progress` is called before every step; if it returns `false` the result is `None`. The
-    /// scene is written to `folder` to measure its size, and removed.
+    /// Trains and evaluates. `progress` is called before every step; if it returns `false` the result is `None`; `show`
+    /// is called with every test view. The scene is written to `folder` to measure its size, and removed.
     ///
     /// # Errors
     /// Those of the device, of photographs that cannot be read, and of a folder that cannot be written to.
-    pub fn run(&self, gpu: &Gpu, folder: &Path, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<SurveyRun>> {
+    pub fn run(
+        &self,
+        gpu: &Gpu,
+        folder: &Path,
+        progress: &mut dyn FnMut(u32) -> bool,
+        show: &dyn Fn(ViewEvaluation<'_>) -> Result<()>,
+    ) -> Result<Option<SurveyRun>> {
         let mut test = held_out(gpu, self.dataset)?;
         let Some((splats, trained)) = self.train(gpu, progress)? else {
             return Ok(None);
         };
-        let score = MeanScore::of(&test.scores(&splats)?);
+        let scores = test.map(&splats, |evaluated| {
+            show(evaluated)?;
+            Ok(evaluated.score())
+        })?;
+        let score = MeanScore::of(&scores);
         let mut training = evaluator(gpu, self.dataset, Split::Train);
         let train = MeanScore::of(&training.scores(&splats)?);
         let model = Model::upload(gpu, &splats)?;
@@ -155,7 +175,7 @@ impl Task<'_> {
 
     /// The scene, and the run with times and history of the training.
     fn train(&self, gpu: &Gpu, progress: &mut dyn FnMut(u32) -> bool) -> Result<Option<(Splats, SurveyRun)>> {
-        let mut run = AutoRun::new(gpu, self.dataset, self.config())?;
+        let mut run = AutoRun::new(gpu, self.dataset, self.config()?)?;
         let (start, clock) = (Instant::now(), CpuClock::now());
         if matches!(self.settings.recipe, Recipe::Parsimony | Recipe::ParsimonyAllSh) {
             run = run.controlled(|trainer, dataset| {
@@ -228,7 +248,8 @@ mod tests {
 
     #[test]
     fn recipes_differ_in_their_own_constants_alone() {
-        let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] = Recipe::ALL.map(|r| config(r, 2_000, 40.0));
+        let [fixed, rates, for_auto_count, mcmc, mcmc_rates, all_sh] =
+            Recipe::ALL.map(|r| config(r, TrainConfig::for_iterations(2_000), 40.0));
         assert_eq!(all_sh, for_auto_count);
         assert_eq!(fixed, TrainConfig::for_iterations(2_000));
         assert_eq!([rates.rates, mcmc_rates.rates], [for_auto_count.rates; 2]);
@@ -247,7 +268,8 @@ mod tests {
             let mut recipes = distinct_recipes(iterations);
             // `ParsimonyAllSh` has the constants of `Parsimony`.
             recipes.retain(|recipe| *recipe != Recipe::ParsimonyAllSh);
-            let found: Vec<TrainConfig> = recipes.into_iter().map(|r| config(r, iterations, 40.0)).collect();
+            let usual = TrainConfig::for_iterations(iterations);
+            let found: Vec<TrainConfig> = recipes.into_iter().map(|r| config(r, usual.clone(), 40.0)).collect();
             for (i, one) in found.iter().enumerate() {
                 assert!(found[..i].iter().all(|other| other != one), "{one:?}");
             }
