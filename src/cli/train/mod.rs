@@ -239,6 +239,12 @@ fn announce(output: Output, gpu: &Gpu, dataset: &Dataset, run: &AutoRun<'_>, sta
         gpu.caps().name,
         grouped(dataset.points.len()),
     ));
+    if run.controller().is_some() && config.drop_rate > 0.0 {
+        let views = dataset.views_of_point();
+        output.remark(format_args!(
+            "a point lies in {views} training images (median): trained against overfitting"
+        ));
+    }
     output.remark(prediction.line(gpu.memory_limit()));
     output.event(|| {
         json!({

@@ -59,6 +59,29 @@ fn every_run_is_written_down_drawn_and_not_run_again() {
 }
 
 #[test]
+fn constants_are_varied_and_test_views_are_drawn() {
+    let folder = folder();
+    let out = folder.path().join("needs");
+    let varied = ["--vary", "auto.growth_share,drop_rate=0.5", "--recipes", "parsimony"];
+    let arguments = survey(&out, &[&varied[..], &["--seeds", "1", "--pictures"]].concat());
+    stdout(&arguments);
+    let csv = read(&out.join("needs.csv"));
+    let settings = ["", "auto.growth_share=0.225", "auto.growth_share=0.9", "drop_rate=0.5"];
+    let found: Vec<_> = csv.lines().skip(1).filter_map(|line| line.split(',').nth(3)).collect();
+    assert_eq!(found, settings);
+    let page = read(&out.join("needs.html"));
+    assert!(page.contains("One scene left out") && page.contains("<td>drop_rate=0.5</td>"));
+    // Of 48 views, every eighth is a test view.
+    let names = ["sphere-parsimony-0", "sphere-parsimony-0-drop_rate=0.5"];
+    for name in names {
+        let pictures = fs::read_dir(out.join("pictures").join(name));
+        assert_eq!(pictures.map(|entries| entries.count()).ok(), Some(6), "{name}");
+    }
+    stdout(&arguments);
+    assert_eq!(read(&out.join("needs.csv")), csv, "runs were repeated");
+}
+
+#[test]
 fn bad_input_is_refused_before_anything_is_written() {
     let folder = folder();
     let out = folder.path().join("needs");
@@ -81,6 +104,11 @@ fn bad_input_is_refused_before_anything_is_written() {
     assert!(taken.contains("another scene is called plane"), "{taken}");
     let nothing = error(&["needs", "--scenes", "none", "--out", word(&out)]);
     assert!(nothing.contains("no scene"), "{nothing}");
+    let unknown = error(&survey(&out, &["--vary", "auto.growth"]));
+    assert!(
+        unknown.contains("--vary") && unknown.contains("growth_share"),
+        "{unknown}"
+    );
     assert!(!out.exists());
 }
 
