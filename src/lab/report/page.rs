@@ -68,11 +68,13 @@ fn losses(needs: &Needs) -> ScatterPlot {
             marker(point, 1, point.loss.held_out.ssim, needs.loss_ssim),
         ]
     });
+    let mut markers: Vec<Marker> = markers.filter(|marker| marker.y <= SHOWN).collect();
+    markers.sort_by(|a, b| a.x.total_cmp(&b.x));
     ScatterPlot {
         size: [1080, 420],
         titles: ["splats", "loss of held-out views, relative to the allowed one"],
         are_log: [true, false],
-        markers: markers.filter(|marker| marker.y <= SHOWN).collect(),
+        markers,
         levels: vec![("allowed", 1.0)],
         ..ScatterPlot::default()
     }
