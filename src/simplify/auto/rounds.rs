@@ -1,6 +1,6 @@
 //! Rounds: the same steps from the same state, without the least important splats and with them.
 
-use super::{CountController, FIRST_SHARE, Phase};
+use super::{CountController, Phase};
 use crate::Result;
 use crate::simplify::history::{Act, HistoryEntry, ReducedScene, Round};
 use crate::simplify::loss::{QualityLoss, ViewScores, lost};
@@ -71,8 +71,9 @@ impl<'a> CountController<'a> {
             lost.iter_mut().for_each(ViewScores::forget_gains);
             self.history.lost = lost;
         }
-        let is_full = without.1[0].is_full(&self.history.config);
-        self.history.share = next_share(self.history.share, is_allowed, is_full);
+        if !is_allowed {
+            self.history.share = half_share(self.history.share);
+        }
         let ([held_out, _], [without_held_out, _]) = (with.1, without.1);
         self.history.entries.push(HistoryEntry {
             iteration: trainer.iteration(),
@@ -109,14 +110,9 @@ impl<'a> CountController<'a> {
     }
 }
 
-/// Share of the next round. A scene without visible error in held-out views loses the first share again. Else, from the
-/// first rejection on, each share is half of the one before (removed twice, it leaves as many splats): a bisection of
-/// the count.
-fn next_share(share: f64, is_allowed: bool, is_full: bool) -> f64 {
-    match is_allowed && (is_full || share == FIRST_SHARE) {
-        true => FIRST_SHARE,
-        false => 1.0 - (1.0 - share).sqrt(),
-    }
+/// Share that leaves as many splats, removed twice, as this one removed once.
+fn half_share(share: f64) -> f64 {
+    1.0 - (1.0 - share).sqrt()
 }
 
 #[cfg(test)]
@@ -124,12 +120,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_halved_from_the_first_rejection_on() {
-        let half = next_share(FIRST_SHARE, false, false);
-        assert!(((1.0 - half).powi(2) - (1.0 - FIRST_SHARE)).abs() < 1e-12);
-        let quarter = next_share(half, true, false);
-        assert!(quarter < half && next_share(half, false, true) == quarter);
-        assert_eq!(next_share(FIRST_SHARE, true, false), FIRST_SHARE);
-        assert_eq!(next_share(quarter, true, true), FIRST_SHARE);
+    fn two_half_shares_are_a_share() {
+        let left = 1.0 - half_share(0.3);
+        assert!((left * left - 0.7).abs() < 1e-12);
     }
 }
