@@ -245,9 +245,10 @@ fn where_nothing_visible_is_lost_a_round_takes_its_steps_once() -> Result<()> {
         .iter()
         .filter(|entry| matches!(entry.act, Act::Removed | Act::Rejected))
         .collect();
+    // Scores of views trained on are not kept: without visible error in them, they lose nothing at all.
     let is_full = |entry: &&&HistoryEntry| {
         let reduced = entry.reduced.as_ref().unwrap();
-        reduced.scores.psnr_db.iter().all(|&psnr| psnr >= 40.0)
+        reduced.scores.psnr_db.iter().all(|&psnr| psnr >= 40.0) && reduced.loss.trained.psnr_db.mean == 0.0
     };
     let twice = rounds.len() - rounds.iter().filter(is_full).count();
     assert!(twice < rounds.len(), "{rounds:?}");
