@@ -6,7 +6,7 @@
 // has ended, R / T' is the background.
 //
 // One record per (tile, splat) pair, written once and without atomics: sums of the weights and of the squared changes,
-// and a zero.
+// and a zero, since `sum_by_splat` adds up three numbers.
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;

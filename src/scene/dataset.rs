@@ -205,7 +205,7 @@ impl Dataset {
 
     /// Median number of training views whose image holds a point, over at most 10,000 points; the number of training
     /// views if there are no points.
-    pub fn views_of_point(&self) -> f64 {
+    pub fn views_per_point(&self) -> f64 {
         let cameras: Vec<&Camera> = self
             .split(Split::Train)
             .iter()
@@ -270,15 +270,15 @@ mod tests {
             ..Dataset::default()
         };
         // No points: all views.
-        assert_eq!(dataset.views_of_point(), 4.0);
+        assert_eq!(dataset.views_per_point(), 4.0);
         // Seen by three, by three and by one; the fourth lies behind all cameras.
         dataset.points = vec![point(0.0), point(0.1), point(5.0)];
-        assert_eq!(dataset.views_of_point(), 3.0);
+        assert_eq!(dataset.views_per_point(), 3.0);
         dataset.points[0].position[2] = -1.0;
-        assert_eq!(dataset.views_of_point(), 1.0);
+        assert_eq!(dataset.views_per_point(), 1.0);
         dataset.points.truncate(2);
         // Views that are held out do not count.
         dataset.test_every = 4;
-        assert_eq!(dataset.views_of_point(), 2.0);
+        assert_eq!(dataset.views_per_point(), 2.0);
     }
 }

@@ -185,7 +185,7 @@ fn memory_falls_with_the_degrees() {
 fn a_count_controller_takes_what_the_formula_says() {
     let gpu = crate::common::device::gpu();
     let dataset = dataset(6_000);
-    let config = for_auto_count(TrainConfig::for_iterations(120), dataset.views_of_point());
+    let config = for_auto_count(TrainConfig::for_iterations(120), dataset.views_per_point());
     gpu.reset_memory_peak();
     let run = AutoRun::new(&gpu, &dataset, config).unwrap();
     let mut run = run

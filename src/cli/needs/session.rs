@@ -64,7 +64,7 @@ impl<'a> SurveySession<'a> {
             None => distinct.contains(recipe),
         };
         let usual = TrainConfig::for_iterations(args.iterations);
-        let variations = args.vary.iter().map(|name| usual.variations(name));
+        let variations = args.vary.iter().map(|name| survey::variations(&usual, name));
         let variations = variations.collect::<std::result::Result<Vec<_>, _>>();
         let mut session = SurveySession {
             args,

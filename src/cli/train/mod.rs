@@ -148,7 +148,7 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
     };
     let config = args.config.config_from(kind, |mut usual| {
         usual.auto.loss_db = loss_db;
-        for_auto_count(usual, dataset.views_of_point())
+        for_auto_count(usual, dataset.views_per_point())
     })?;
     let is_open = args.config.iterations.is_none();
     AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))
@@ -240,7 +240,7 @@ fn announce(output: Output, gpu: &Gpu, dataset: &Dataset, run: &AutoRun<'_>, sta
         grouped(dataset.points.len()),
     ));
     if run.controller().is_some() && config.drop_rate > 0.0 {
-        let views = dataset.views_of_point();
+        let views = dataset.views_per_point();
         output.remark(format_args!(
             "a point lies in {views} training images (median): trained against overfitting"
         ));

@@ -7,6 +7,9 @@ pub mod page;
 pub mod record;
 pub mod runner;
 mod sensitivity;
+mod variations;
+
+pub use variations::variations;
 
 use crate::lab::page::distinct;
 use crate::stats::Interval;

@@ -58,9 +58,9 @@ pub struct Task<'a> {
 }
 
 /// Constants of a run where so many training views see a point, without the limit of MCMC.
-pub fn config(recipe: Recipe, usual: TrainConfig, views_of_point: f64) -> TrainConfig {
+pub fn config(recipe: Recipe, usual: TrainConfig, views_per_point: f64) -> TrainConfig {
     let at_rates_of = |rates: LearningRates, config: TrainConfig| TrainConfig { rates, ..config };
-    let for_auto_count = for_auto_count(usual.clone(), views_of_point);
+    let for_auto_count = for_auto_count(usual.clone(), views_per_point);
     match recipe {
         Recipe::Fixed => usual,
         Recipe::FixedRates => at_rates_of(for_auto_count.rates, usual),
@@ -90,14 +90,14 @@ impl Task<'_> {
     /// A setting that is not valid.
     fn config(&self) -> Result<TrainConfig> {
         let settings = &self.settings;
-        let setting = Some(settings.setting.clone()).filter(|setting| !setting.is_empty());
-        let with_setting = |config: TrainConfig| {
-            let config = config.with_settings(setting.as_slice());
-            config.map_err(Error::Config)
+        let setting = match settings.setting.is_empty() {
+            true => &[],
+            false => std::slice::from_ref(&settings.setting),
         };
+        let with_setting = |config: TrainConfig| config.with_settings(setting).map_err(Error::Config);
         // Before, for constants that others are derived from; and after, for the derived ones.
         let usual = with_setting(TrainConfig::for_iterations(settings.iterations))?;
-        let config = config(settings.recipe, usual, self.dataset.views_of_point());
+        let config = config(settings.recipe, usual, self.dataset.views_per_point());
         let mut config = with_setting(config)?;
         config.seed = settings.seed;
         config.max_splats = settings.max_splats;

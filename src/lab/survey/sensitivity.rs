@@ -53,13 +53,13 @@ impl<'a> Effect<'a> {
 }
 
 /// Effects of all runs with a setting that have a run without it.
-fn effects(runs: &[SurveyRun]) -> Vec<Effect<'_>> {
-    let of = |run: &'_ SurveyRun| {
-        let usual = (run.scene.as_str(), Recipe::Parsimony, run.seed, "");
-        runs.iter().position(|other| other.key() == usual)
-    };
+fn effects<'a>(runs: &'a [SurveyRun]) -> Vec<Effect<'a>> {
     let varied = runs.iter().filter(|run| !run.setting.is_empty());
-    varied.filter_map(|run| Effect::of(run, &runs[of(run)?])).collect()
+    let effect = |run: &'a SurveyRun| {
+        let usual = (run.scene.as_str(), Recipe::Parsimony, run.seed, "");
+        Effect::of(run, runs.iter().find(|other| other.key() == usual)?)
+    };
+    varied.filter_map(effect).collect()
 }
 
 /// Mean of a value over the effects of a setting in scenes that `holds`; `None` without any.

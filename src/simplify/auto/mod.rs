@@ -54,8 +54,8 @@ pub struct CountController<'a> {
 /// Share of the splats that the first round removes.
 const FIRST_SHARE: f64 = 0.5;
 
-/// Views trained on that are scored beside the held-out ones, or as many as these if they are more. Three of brighton's
-/// twelve could not tell the counts of two seeds apart.
+/// Largest number of views trained on that are scored, unless more are held out: the bounds over three views are wide,
+/// and where held-out views are few, these decide.
 const TRAINED_VIEWS: usize = 16;
 
 /// Training run with an optional [`CountController`].
@@ -65,17 +65,17 @@ pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 ///
 /// Short runs use larger rates for means and SH: at the published rates they end before convergence. That helps without
 /// pruning, too, and not everywhere (twice the rates in 2,000 iterations, `2026-11-22-needs-rates.csv`: fox +0.66 to
-/// +0.97 dB, sphere −0.43 dB). Where few training views see a point (`views_of_point`, the median), SH gains nothing
+/// +0.97 dB, sphere −0.43 dB). Where few training views see a point (`views_per_point`, the median), SH gains nothing
 /// (`2026-11-22-few-views.csv`) and keeps the published rate, and measures against overfitting act.
-pub fn for_auto_count(mut config: TrainConfig, views_of_point: f64) -> TrainConfig {
+pub fn for_auto_count(mut config: TrainConfig, views_per_point: f64) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.auto.growth_until(config.iterations));
     config.half_size_until = config.auto.half_size_until(config.iterations);
-    let scarcity = config.auto.scarcity(views_of_point);
+    let overfitting_weight = config.auto.overfitting_weight(views_per_point);
     let factor = config.auto.rate_factor(config.iterations);
     config.rates.mean_start *= factor as f32;
     config.rates.mean_end *= factor as f32;
-    config.rates.sh_rest *= factor.powf(1.0 - scarcity) as f32;
-    config.against_overfitting(scarcity as f32)
+    config.rates.sh_rest *= factor.powf(1.0 - overfitting_weight) as f32;
+    config.against_overfitting(overfitting_weight as f32)
 }
 
 impl<'a> CountController<'a> {

@@ -45,9 +45,9 @@ impl AutoConfig {
     }
 
     /// Weight of the measures against overfitting, for points that so many training views see.
-    pub fn scarcity(&self, views_of_point: f64) -> f64 {
+    pub fn overfitting_weight(&self, views_per_point: f64) -> f64 {
         match self.few_views > 0.0 {
-            true => (2.0 - views_of_point / self.few_views).clamp(0.0, 1.0),
+            true => (2.0 - views_per_point / self.few_views).clamp(0.0, 1.0),
             false => 0.0,
         }
     }
@@ -97,11 +97,11 @@ mod tests {
         let auto = AutoConfig::default();
         assert!((auto.full_ssim() - 0.99).abs() < 1e-12);
         assert_eq!(
-            [1.0, 16.0, 24.0, 32.0, 300.0].map(|views| auto.scarcity(views)),
+            [1.0, 16.0, 24.0, 32.0, 300.0].map(|views| auto.overfitting_weight(views)),
             [1.0, 1.0, 0.5, 0.0, 0.0]
         );
         let never = AutoConfig { few_views: 0.0, ..auto };
-        assert_eq!(never.scarcity(0.0), 0.0);
+        assert_eq!(never.overfitting_weight(0.0), 0.0);
         assert!((auto.rate_factor(30_000 / 16) - 2.0).abs() < 1e-12);
         assert_eq!(
             [30_000, 100_000].map(|iterations| auto.rate_factor(iterations)),
