@@ -15,6 +15,7 @@ pub mod colmap;
 pub mod dataset;
 pub mod exr;
 mod listing;
+mod loaded;
 mod lock;
 pub mod obj;
 pub mod photo;
@@ -27,5 +28,6 @@ pub mod splats;
 pub mod transforms;
 
 pub use listing::{ListedView, Listing};
+pub use loaded::{AxesBy, LoadedSplats, StoredAs};
 pub use lock::FolderLock;
 pub use source::Source;

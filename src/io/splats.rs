@@ -1,58 +1,125 @@
 //! Scene files: format by the end of the name.
 
-use super::ply::{self, LoadedSplats};
+use super::loaded::{AxesBy, LoadedSplats};
 use super::source::Source;
-use super::splat32;
+use super::{ply, splat32};
 use crate::error::{Error, Result};
-use crate::scene::Splats;
+use crate::scene::{Axes, ScreenFilter, Splats};
 use std::path::Path;
 
 type Reader = fn(Source<'_>) -> Result<LoadedSplats>;
 type Writer = fn(&Path, &Splats) -> Result<()>;
 
-/// A file format of scenes: name, ends of file names by which it is recognised, reader and writer.
-struct Format(&'static str, &'static [&'static str], Option<Reader>, Option<Writer>);
+/// A file format of scenes.
+struct Format {
+    name: &'static str,
+    /// Ends of file names by which it is recognised, in lower case.
+    ends: &'static [&'static str],
+    read: Option<Reader>,
+    write: Option<Writer>,
+    /// Whether there is a place for the filter on the screen.
+    holds_filter: bool,
+    /// Whether there is a place for the origin.
+    holds_origin: bool,
+    /// Highest SH degree.
+    sh_degree: u32,
+}
 
-/// All formats; unsupported ones for the advice to convert.
+/// All formats; the first one of a fitting end counts.
 const FORMATS: [Format; 5] = [
-    Format("PLY", &[".ply"], Some(|s| ply::read(s)), Some(ply::write)),
-    Format("splat", &[".splat"], Some(|s| splat32::read(s)), None),
-    Format("SPZ", &[".spz"], None, None),
-    Format("SOG", &[".sog", "meta.json"], None, None),
-    Format("KSPLAT", &[".ksplat"], None, None),
+    Format {
+        name: "PLY",
+        ends: &[".ply"],
+        read: Some(|s| ply::read(s)),
+        write: Some(ply::write),
+        holds_filter: true,
+        holds_origin: true,
+        sh_degree: 3,
+    },
+    Format {
+        name: "splat",
+        ends: &[".splat"],
+        read: Some(|s| splat32::read(s)),
+        write: None,
+        holds_filter: false,
+        holds_origin: false,
+        sh_degree: 0,
+    },
+    Format {
+        name: "SPZ",
+        ends: &[".spz"],
+        read: None,
+        write: None,
+        holds_filter: true,
+        holds_origin: false,
+        sh_degree: 3,
+    },
+    Format {
+        name: "SOG",
+        ends: &[".sog", "meta.json"],
+        read: None,
+        write: None,
+        holds_filter: true,
+        holds_origin: false,
+        sh_degree: 3,
+    },
+    Format {
+        name: "KSPLAT",
+        ends: &[".ksplat"],
+        read: None,
+        write: None,
+        holds_filter: false,
+        holds_origin: false,
+        sh_degree: 2,
+    },
 ];
 
 fn format_of(path: &Path) -> Option<&'static Format> {
     let name = path.file_name()?.to_string_lossy().to_ascii_lowercase();
-    let ends = |Format(_, ends, ..): &&Format| ends.iter().any(|end| name.ends_with(end));
-    FORMATS.iter().find(ends)
+    let fits = |format: &&Format| format.ends.iter().any(|end| name.ends_with(end));
+    FORMATS.iter().find(fits)
 }
 
 fn endings(is_in: impl Fn(&Format) -> bool) -> String {
     let formats = FORMATS.iter().filter(|format| is_in(format));
-    let endings: Vec<&str> = formats.flat_map(|format| format.1).copied().collect();
+    let endings: Vec<&str> = formats.flat_map(|format| format.ends).copied().collect();
     endings.join(" or ")
 }
 
 /// Ends of the names of files that [`read()`] reads.
 pub fn readable() -> String {
-    endings(|format| format.2.is_some())
+    endings(|format| format.read.is_some())
 }
 
 /// Ends of the names of files that [`write()`] writes.
 pub fn writable() -> String {
-    endings(|format| format.3.is_some())
+    endings(|format| format.write.is_some())
 }
 
-/// Reads a scene, in the format that the end of its name says.
+/// Reads a scene, in the format that the end of its name says, and turns it to the axes of this engine.
 ///
 /// # Errors
 /// Those of the format's reader; for unsupported splat formats, the advice to convert.
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
+    read_in_axes(source, None)
+}
+
+/// As [`read()`], with `axes` in place of those that the format or the file states.
+///
+/// # Errors
+/// Those of [`read()`].
+pub fn read_in_axes<'a>(source: impl Into<Source<'a>>, axes: Option<Axes>) -> Result<LoadedSplats> {
     let source = source.into();
     let fault = match format_of(source.name()) {
-        Some(Format(_, _, Some(read), _)) => return read(source),
-        Some(Format(name, ..)) => {
+        Some(Format { read: Some(read), .. }) => {
+            let mut loaded = read(source)?;
+            if let Some(axes) = axes {
+                (loaded.stored.axes, loaded.stored.axes_by) = (axes, AxesBy::Choice);
+            }
+            loaded.splats.change_axes(loaded.stored.axes, Axes::RDF);
+            return Ok(loaded);
+        }
+        Some(Format { name, .. }) => {
             format!("{name} scenes are not supported; convert to a {}", writable())
         }
         None => format!("the name does not end in {}, as scenes that can be read do", readable()),
@@ -70,10 +137,36 @@ pub fn check_name(path: &Path) -> Result<()> {
     writer(path).map(|_| ())
 }
 
+/// Properties of a scene that a file of this name cannot hold, a sentence each.
+pub fn losses(path: &Path, splats: &Splats) -> Vec<String> {
+    let Some(format) = format_of(path) else {
+        return Vec::new();
+    };
+    let name = format.name;
+    let mut losses = Vec::new();
+    if !format.holds_filter && splats.filter != ScreenFilter::default() {
+        let filter = splats.filter.name();
+        losses.push(format!("{name} files have no place for the render mode \"{filter}\""));
+    }
+    if !format.holds_origin && splats.origin != Default::default() {
+        losses.push(format!(
+            "{name} files have no place for the origin {}; positions are relative to it",
+            splats.origin
+        ));
+    }
+    if format.sh_degree < splats.sh_degree {
+        losses.push(format!(
+            "{name} files have no harmonics above degree {}; those to degree {} are left out",
+            format.sh_degree, splats.sh_degree
+        ));
+    }
+    losses
+}
+
 fn writer(path: &Path) -> Result<Writer> {
-    let write = format_of(path).and_then(|format| format.3);
+    let write = format_of(path).and_then(|format| format.write);
     write.ok_or_else(|| {
-        let read_only = endings(|format| format.2.is_some() && format.3.is_none());
+        let read_only = endings(|format| format.read.is_some() && format.write.is_none());
         let fault = format!(
             "scenes are written to {} files only, {read_only} is for reading; choose such a name",
             writable()

@@ -4,14 +4,20 @@
 //!
 //! **Invariant:** no Vulkan, and no file access.
 
+mod axes;
 mod camera;
 mod dataset;
+mod eigen;
 mod focus;
+mod harmonics;
 mod mesh;
 mod splats;
 
+pub use axes::Axes;
 pub use camera::Camera;
 pub use dataset::{AlphaMode, Dataset, Distortion, Photo, PhotoSource, Point, Split, View};
+pub(crate) use eigen::eigen;
 pub use focus::focus;
+pub use harmonics::sh_basis;
 pub use mesh::Mesh;
 pub use splats::{NotFinite, Primitive, SH_C0, ScreenFilter, Splats, sh_coefficient_count};

@@ -13,11 +13,9 @@
 //! The rule hardly matters after some hundred steps: half of the SH of the fox costs 0.08 to 0.12 dB by each of ten
 //! such rules, by this one 0.08 and 0.10 (`2026-11-22-harmonics.csv`).
 
-mod basis;
-
 use crate::render::Slots;
-use crate::scene::{Camera, Splats, sh_coefficient_count};
-use basis::basis;
+use crate::scene::{Camera, Splats, sh_basis, sh_coefficient_count};
+
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -157,7 +155,7 @@ fn fit(splats: &Splats, index: usize, views: &[ViewWeights]) -> Fit {
         .filter(|view| view.weights[index] > 0.0)
         .map(|view| {
             let direction = (mean - view.camera.position).normalize_or(DVec3::Z);
-            let values = basis(direction.to_array());
+            let values = sh_basis(direction.to_array());
             (f64::from(view.weights[index]), values)
         })
         .collect();
@@ -278,7 +276,7 @@ mod tests {
 
     fn color(splats: &Splats, index: usize, from: [f64; 3]) -> [f64; 3] {
         let direction = (-DVec3::from(from)).normalize();
-        let values = basis(direction.to_array());
+        let values = sh_basis(direction.to_array());
         let row = &splats.sh[48 * index..][..48];
         [0, 1, 2].map(|c| (0..16).map(|k| f64::from(row[3 * k + c]) * values[k]).sum())
     }

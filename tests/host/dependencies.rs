@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 use std::process::Command;
 
 /// Direct dependencies of the engine in `Cargo.toml`.
-const DIRECT: [&str; 14] = [
+const DIRECT: [&str; 18] = [
     "ash",
     "bytemuck",
     "crc32fast",
     "exr",
+    "flate2",
     "glam",
     "gpu-allocator",
     "half",
@@ -18,6 +19,9 @@ const DIRECT: [&str; 14] = [
     "serde_json",
     "thiserror",
     "tobj",
+    "webp",
+    "zip",
+    "zstd",
     "ashfall",
 ];
 

@@ -12,16 +12,5 @@ mod write;
 pub use read::{read, read_points};
 pub use write::write;
 
-use crate::scene::Splats;
-
 /// Prefix of the comment with the origin of the means: three numbers follow.
 const ORIGIN: &str = "SplatOrigin:";
-
-/// Splats read, with warnings about repairs and omissions, one sentence each.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LoadedSplats {
-    /// Splats.
-    pub splats: Splats,
-    /// Warnings for the user; each names the file.
-    pub warnings: Vec<String>,
-}

@@ -1,12 +1,13 @@
 //! Reading splats and points.
 
+use super::super::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
+use super::ORIGIN;
 use super::header::{Encoding, PlyElement, PlyHeader};
 use super::rows;
-use super::{LoadedSplats, ORIGIN};
 use crate::error::{Error, Result};
-use crate::scene::{Point, ScreenFilter, Splats, sh_coefficient_count};
+use crate::scene::{Point, ScreenFilter, sh_coefficient_count};
 use glam::DVec3;
 use std::path::Path;
 
@@ -41,21 +42,37 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let origin = origin(path, &header.comments)?;
     rows::skip_to(&mut reader, &header, index)?;
     let count = rows::check_count(&reader, &header, vertex)?;
-    let mut builder = Builder::new(count, sh_degree, filter);
+    let mut collector = Collector::new(count, sh_degree, filter);
+    let mut sh = vec![0.0; sh_coefficient_count(sh_degree) * 3];
     rows::read(&mut reader, header.encoding, vertex, &columns, |row| {
-        builder.push(row);
+        collector.push(&splat(row, &mut sh));
     })?;
     if index + 1 == header.elements.len() {
         warn_of_trailing_bytes(path, &mut reader, header.encoding, &mut warnings)?;
     }
-    builder.warn(path, count, &mut warnings);
-    Ok(LoadedSplats {
-        splats: Splats {
-            origin,
-            ..builder.splats
-        },
-        warnings,
-    })
+    let mut loaded = collector.finish(path, StoredAs::ply("PLY"), warnings);
+    loaded.splats.origin = origin;
+    Ok(loaded)
+}
+
+/// Splat of a row in the order of [`splat_columns`]. Doubles beyond the range of `f32` become infinite.
+fn splat<'a>(row: &[f64], sh: &'a mut [f32]) -> StoredSplat<'a> {
+    let value = |i: usize| row[i] as f32;
+    // The file has all coefficients of red, then of green, then of blue.
+    let rest = sh.len() / 3 - 1;
+    for channel in 0..3 {
+        sh[channel] = value(11 + channel);
+        for coefficient in 0..rest {
+            sh[3 * (1 + coefficient) + channel] = value(14 + channel * rest + coefficient);
+        }
+    }
+    StoredSplat {
+        mean: [value(0), value(1), value(2)],
+        quaternion: [value(3), value(4), value(5), value(6)],
+        log_scale: [value(7), value(8), value(9)],
+        opacity_logit: value(10),
+        sh,
+    }
 }
 
 /// Reads a point cloud: `x y z` and, if present, `red green blue` (0 to 255 as integers, 0 to 1 as floats), else grey.
@@ -208,85 +225,4 @@ fn warn_of_trailing_bytes(
         ));
     }
     Ok(())
-}
-
-/// Collector of splats.
-struct Builder {
-    splats: Splats,
-    dropped: usize,
-    /// Index in the file of the first dropped splat.
-    dropped_first: usize,
-    unrotated: usize,
-}
-
-impl Builder {
-    fn new(count: usize, sh_degree: u32, filter: ScreenFilter) -> Builder {
-        let mut splats = Splats {
-            sh_degree,
-            filter,
-            ..Splats::default()
-        };
-        splats.mean.reserve_exact(count);
-        splats.quaternion.reserve_exact(count);
-        splats.log_scale.reserve_exact(count);
-        splats.opacity_logit.reserve_exact(count);
-        splats.sh.reserve_exact(count * splats.sh_stride());
-        Builder {
-            splats,
-            dropped: 0,
-            dropped_first: 0,
-            unrotated: 0,
-        }
-    }
-
-    /// Adds a row in the order of [`splat_columns`].
-    fn push(&mut self, row: &[f64]) {
-        let value = |i: usize| row[i] as f32;
-        // Doubles beyond the range of f32 become infinite and are dropped as well.
-        if !(0..row.len()).all(|i| value(i).is_finite()) {
-            if self.dropped == 0 {
-                self.dropped_first = self.splats.len();
-            }
-            self.dropped += 1;
-            return;
-        }
-        let mut quaternion = [value(3), value(4), value(5), value(6)];
-        if quaternion.iter().all(|q| q.abs() < f32::MIN_POSITIVE) {
-            self.unrotated += 1;
-            quaternion = [1.0, 0.0, 0.0, 0.0];
-        }
-        let splats = &mut self.splats;
-        splats.mean.push([value(0), value(1), value(2)]);
-        splats.quaternion.push(quaternion);
-        splats.log_scale.push([value(7), value(8), value(9)]);
-        splats.opacity_logit.push(value(10));
-        splats.sh.extend([value(11), value(12), value(13)]);
-        // The file has all coefficients of red, then of green, then of blue.
-        let rest = sh_coefficient_count(splats.sh_degree) - 1;
-        for coefficient in 0..rest {
-            for channel in 0..3 {
-                splats.sh.push(value(14 + channel * rest + coefficient));
-            }
-        }
-    }
-
-    fn warn(&self, path: &Path, count: usize, warnings: &mut Vec<String>) {
-        let path = path.display();
-        if self.dropped > 0 {
-            warnings.push(format!(
-                "{path}: {} of {count} splats hold values that are not finite and were dropped, number {} \
-                 (counted from 0) the first",
-                self.dropped, self.dropped_first
-            ));
-        }
-        if self.unrotated > 0 {
-            warnings.push(format!(
-                "{path}: {} of {count} splats have a quaternion of length zero, read as no rotation",
-                self.unrotated
-            ));
-        }
-        if self.splats.is_empty() {
-            warnings.push(format!("{path}: holds no splats"));
-        }
-    }
 }

@@ -1,9 +1,10 @@
 //! Merge of two splats, and their overlap averaged over viewing directions.
 
-use super::axes::{axes, mean_shadow, square};
 use super::mass::MassGaussian;
+use super::shadow::{mean_shadow, square};
 use crate::layout::ALPHA_MAX;
 use crate::scene::ScreenFilter;
+use crate::scene::eigen;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
@@ -35,7 +36,7 @@ impl Joint {
         let share = b.mass / (a.mass + b.mass);
         let mixture =
             first.covariance * (1.0 - share) + second.covariance * share + square(offset) * (share * (1.0 - share));
-        let (variances, axes) = axes(mixture);
+        let (variances, axes) = eigen(mixture);
         let variances = variances.max(DVec3::splat(a.filter_variance.min(b.filter_variance)));
         let inverse = variances.recip();
         let views = inverse / inverse.element_sum();

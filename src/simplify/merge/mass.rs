@@ -1,8 +1,9 @@
 //! Splat as a Gaussian with a mass.
 
-use super::axes::{axes, mean_shadow};
 use super::projection::ProjectedGaussian;
+use super::shadow::mean_shadow;
 use crate::layout::QUATERNION_MIN;
+use crate::scene::eigen;
 use crate::scene::{ScreenFilter, Splats};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -70,7 +71,7 @@ impl MassGaussian {
     /// Mean projected area that multiplies the opacity.
     pub(super) fn shadow(&self, filter: ScreenFilter) -> f64 {
         match filter.keeps_light() {
-            true => mean_shadow(axes(self.covariance).0.max(DVec3::splat(self.thinnest))),
+            true => mean_shadow(eigen(self.covariance).0.max(DVec3::splat(self.thinnest))),
             false => FilteredGaussian::of(self.covariance, self.filter_variance).shadow,
         }
     }
@@ -89,7 +90,7 @@ impl MassGaussian {
 
     /// Stores it as splat `index`, except for SH.
     pub(super) fn store(&self, splats: &mut Splats, index: usize) {
-        let (variances, rotation) = axes(self.covariance);
+        let (variances, rotation) = eigen(self.covariance);
         let q = DQuat::from_mat3(&rotation).normalize();
         splats.mean[index] = self.mean.to_array().map(|v| v as f32);
         splats.quaternion[index] = [q.w, q.x, q.y, q.z].map(|v| v as f32);
@@ -102,7 +103,7 @@ impl MassGaussian {
 impl FilteredGaussian {
     fn of(covariance: DMat3, filter_variance: f64) -> FilteredGaussian {
         let covariance = covariance + DMat3::from_diagonal(DVec3::splat(filter_variance));
-        let variances = axes(covariance).0.max(DVec3::splat(filter_variance));
+        let variances = eigen(covariance).0.max(DVec3::splat(filter_variance));
         FilteredGaussian {
             amplitude: 0.0,
             covariance,
@@ -113,7 +114,7 @@ impl FilteredGaussian {
 
 #[cfg(test)]
 mod tests {
-    use super::super::axes::square;
+    use super::super::shadow::square;
     use super::*;
     use crate::layout::ALPHA_MAX;
     use crate::train::rng::{self, Stream};

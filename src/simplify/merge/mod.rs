@@ -16,13 +16,13 @@
 //!
 //! **Invariant:** the same splats and rates give the same bits at any number of threads.
 
-mod axes;
 mod cost;
 mod difference;
 mod greedy;
 mod joint;
 mod mass;
 mod projection;
+mod shadow;
 
 pub use difference::{Difference, difference};
 

@@ -2,10 +2,10 @@
 //! bytes are tested in `tests/slow/fuzz`, a corpus of damaged files in `tests/binary/broken.rs`.
 
 use ashfall::io::colmap::{self, Files};
-use ashfall::io::{Source, ply};
+use ashfall::io::{LoadedSplats, Source, ply};
 use std::path::Path;
 
-fn splats(text: &[u8]) -> ashfall::Result<ply::LoadedSplats> {
+fn splats(text: &[u8]) -> ashfall::Result<LoadedSplats> {
     ply::read(Source::bytes(Path::new("scene.ply"), text))
 }
 

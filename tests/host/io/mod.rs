@@ -4,12 +4,14 @@
 mod atomic;
 mod checkpoint;
 mod colmap;
+mod fixtures;
 mod hostile;
 mod images;
 mod obj;
 mod photo;
 mod ply;
 mod resample;
+mod splat32;
 mod splats;
 mod transforms;
 mod transforms_faults;

@@ -4,7 +4,7 @@
 use super::repair;
 use ashfall::io::colmap::Files;
 use ashfall::io::{Listing, Source, colmap, obj, photo, ply, splats, transforms};
-use ashfall::io::ply::LoadedSplats;
+use ashfall::io::LoadedSplats;
 use ashfall::scene::{Mesh, Photo, PhotoSource, View};
 use ashfall::train::checkpoint::Checkpoint;
 use ashfall::{Error, Result};
@@ -145,7 +145,7 @@ fn check_error(name: &str, error: &Error) -> String {
     text
 }
 
-fn check_splats(LoadedSplats { splats, warnings }: LoadedSplats) -> Vec<String> {
+fn check_splats(LoadedSplats { splats, warnings, .. }: LoadedSplats) -> Vec<String> {
     let count = splats.len();
     assert!(splats.sh_degree <= 3);
     let lengths = [splats.mean.len(), splats.quaternion.len(), splats.log_scale.len(), splats.opacity_logit.len()];
