@@ -3,8 +3,8 @@
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
 use super::engine;
-use super::eval::read_scene;
 use super::output::{Output, write_text};
+use super::scene::{SceneArgs, fit_axes};
 use crate::gpu::Gpu;
 use crate::io::splats::readable;
 use crate::lab::bench::record;
@@ -59,6 +59,8 @@ pub(super) struct ChartArgs {
     #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "benches/record")]
     record: Option<PathBuf>,
     #[command(flatten)]
+    scene_options: SceneArgs,
+    #[command(flatten)]
     options: DataArgs,
     #[command(flatten)]
     device: DeviceArgs,
@@ -83,7 +85,7 @@ pub(super) fn run(args: &ChartArgs) -> Result<Outcome> {
     let output = Output { json: false };
     let gpu = engine::open(&args.device)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
-    let (scene, dataset, name) = subject(args)?;
+    let (scene, dataset, name) = subject(args, &gpu)?;
     let plan = plan(args);
     let mut said = |what: &str| output.remark(what);
     let mut chart = measure(&gpu, &dataset, scene.as_ref(), &plan, &mut said)?;
@@ -139,7 +141,7 @@ fn plan(args: &ChartArgs) -> ChartPlan {
 }
 
 /// Scene, data set and name.
-fn subject(args: &ChartArgs) -> Result<(Option<Splats>, Dataset, String)> {
+fn subject(args: &ChartArgs, gpu: &Gpu) -> Result<(Option<Splats>, Dataset, String)> {
     let (scene, data) = match args.paths.as_slice() {
         [] => return Ok((None, made(args.quick), "made in code".into())),
         [data] => (None, data),
@@ -147,11 +149,13 @@ fn subject(args: &ChartArgs) -> Result<(Option<Splats>, Dataset, String)> {
     };
     let mut dataset = args.options.open(data, true)?;
     let name = scene.unwrap_or(data).display().to_string();
-    let splats = scene.map(|path| read_scene(path)).transpose()?;
-    if let Some(splats) = &splats {
-        dataset.set_origin(splats.origin);
-    }
-    Ok((splats, dataset, name))
+    let Some(path) = scene else {
+        return Ok((None, dataset, name));
+    };
+    let scene = args.scene_options.read(path)?;
+    dataset.set_origin(scene.splats.origin);
+    let splats = fit_axes(path, scene, gpu, &dataset, [0.0; 3])?;
+    Ok((Some(splats), dataset, name))
 }
 
 /// The demo's scene.

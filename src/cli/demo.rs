@@ -95,7 +95,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
 
 /// Draws an orbit of the trained scene, read from its file.
 fn draw_orbit(gpu: &Gpu, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
-    let splats = eval::read_scene(&dir.join("scene.ply"))?;
+    let splats = io::splats::read(&dir.join("scene.ply"))?.splats;
     let mut draw = engine::scene_renderer(gpu, &splats, eval::near(dataset), false, Compatibility::Engine)?;
     let orbit = dir.join("orbit");
     std::fs::create_dir_all(&orbit).map_err(Error::io(&orbit))?;

@@ -3,15 +3,16 @@
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg};
 use super::output::{Output, figure, file_stem, score_text};
+use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};
 use crate::gpu::Gpu;
 use crate::io::splats::readable;
 use crate::lab::report::comparison;
 use crate::metrics::{MeanScore, ViewScore};
 use crate::render::{Evaluator, ViewEvaluation, ViewOptions};
-use crate::scene::{Dataset, ScreenFilter, Splats};
+use crate::scene::{Dataset, ScreenFilter};
 use crate::train::TrainConfig;
-use crate::{Error, Result, io};
+use crate::{Error, Result};
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -41,6 +42,8 @@ pub(super) struct EvalArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    scene_options: SceneArgs,
+    #[command(flatten)]
     options: DataArgs,
     #[command(flatten)]
     device: DeviceArgs,
@@ -54,10 +57,10 @@ Examples:
 
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
-    let splats = read_scene(&args.scene)?;
+    let scene = args.scene_options.read(&args.scene)?;
     // As in training: views without a photograph are left out before the split.
     let mut dataset = args.options.open(&args.data, true)?;
-    dataset.set_origin(splats.origin);
+    dataset.set_origin(scene.splats.origin);
     let views = dataset.split(args.split.into());
     if views.is_empty() {
         return Err(Error::file(&args.data, "no view belongs to that split"));
@@ -66,6 +69,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
         std::fs::create_dir_all(dir).map_err(Error::io(dir))?;
     }
     let gpu = engine::open(&args.device)?;
+    let splats = fit_axes(&args.scene, scene, &gpu, &dataset, args.background)?;
     let mut evaluator = evaluator(&gpu, &dataset, &views, args.background);
     let bar = output.bar(views.len() as u64, "views");
     let scores = evaluator.map(&splats, |evaluated| {
@@ -88,15 +92,6 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
         })
     });
     Ok(Outcome::Done)
-}
-
-/// Reads splats and prints the repairs and omissions.
-pub(super) fn read_scene(path: &Path) -> Result<Splats> {
-    let loaded = io::splats::read(path)?;
-    for warning in &loaded.warnings {
-        eprintln!("warning: {warning}");
-    }
-    Ok(loaded.splats)
 }
 
 fn table(scores: &[ViewScore], mean: &MeanScore) -> String {

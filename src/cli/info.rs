@@ -6,12 +6,13 @@ use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
 use super::configure::ConfigArgs;
 use super::engine;
-use super::eval::read_scene;
 use super::output::{Output, bytes, grouped};
 use super::predict::PredictArgs;
+use super::scene::SceneArgs;
+use crate::io::LoadedSplats;
 use crate::io::splats::readable;
 use crate::render::{Blocks, Slots};
-use crate::scene::{Dataset, Splats, Split};
+use crate::scene::{Dataset, Split};
 use crate::{Error, Result};
 use clap::Args;
 use serde_json::{Value, json};
@@ -32,6 +33,8 @@ pub(super) struct InfoArgs {
     predict: PredictArgs,
     #[command(flatten)]
     config: ConfigArgs,
+    #[command(flatten)]
+    scene_options: SceneArgs,
     #[command(flatten)]
     options: DataArgs,
     #[command(flatten)]
@@ -57,7 +60,7 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
     }
     let (text, value) = match &args.path {
         None => devices(&args.device)?,
-        Some(path) if is_scene(path) => scene(&read_scene(path)?),
+        Some(path) if is_scene(path) => scene(&args.scene_options.read(path)?),
         Some(path) => dataset(&args.options.open(path, false)?),
     };
     Output { json: args.json }.result(text, || value);
@@ -70,7 +73,7 @@ fn predict(args: &InfoArgs) -> Result<Outcome> {
     let config = args.config.config(gpu.caps().kind)?;
     let prediction = match &args.path {
         None => args.predict.on_numbers(&config, limit),
-        Some(path) if is_scene(path) => args.predict.on_scene(&read_scene(path)?)?,
+        Some(path) if is_scene(path) => args.predict.on_scene(&args.scene_options.read(path)?.splats)?,
         Some(path) => {
             let dataset = args.options.open(path, false)?;
             args.predict.on_dataset(&dataset, &config, limit)
@@ -93,7 +96,7 @@ fn devices(args: &DeviceArgs) -> Result<(String, Value)> {
     Ok((format!("{list}\n{chosen}"), value))
 }
 
-fn scene(splats: &Splats) -> (String, Value) {
+fn scene(LoadedSplats { splats, stored, .. }: &LoadedSplats) -> (String, Value) {
     let axes = [0, 1, 2].map(|axis| {
         let values = || splats.mean.iter().map(|m| m[axis]).filter(|v| v.is_finite());
         [
@@ -109,8 +112,10 @@ fn scene(splats: &Splats) -> (String, Value) {
     let blocks = Blocks::anywhere(Slots::of_scene(splats).counts);
     let size = (size_of::<[f32; 4]>() * blocks.vectors()) as u64;
     let text = format!(
-        "splats:      {}\nSH degree:   {}\nmode:        {:?}\nmeans:       x {:?}, y {:?}, z {:?}\n\
+        "format:      {}, axes {}\nsplats:      {}\nSH degree:   {}\nmode:        {:?}\nmeans:       x {:?}, y {:?}, z {:?}\n\
          faint:       {} (opacity below 1/255: never drawn)\non a device: {}",
+        stored.format,
+        stored.axes,
         grouped(splats.len()),
         splats.sh_degree,
         splats.filter,
@@ -121,6 +126,8 @@ fn scene(splats: &Splats) -> (String, Value) {
         bytes(size),
     );
     let value = json!({
+        "format": stored.format,
+        "axes": stored.axes.to_string(),
         "splat_count": splats.len(),
         "sh_degree": splats.sh_degree,
         "mode": splats.filter.name(),

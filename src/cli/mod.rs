@@ -20,6 +20,7 @@ mod parse;
 mod predict;
 mod prune;
 mod render;
+mod scene;
 mod stress;
 mod train;
 

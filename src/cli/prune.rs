@@ -4,9 +4,10 @@ mod figures;
 
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs};
-use super::eval::{evaluator, near, read_scene};
+use super::eval::{evaluator, near};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
+use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};
 use crate::gpu::Gpu;
 use crate::io::splats::{readable, writable};
@@ -75,6 +76,8 @@ pub(super) struct PruneArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    scene_options: SceneArgs,
+    #[command(flatten)]
     options: DataArgs,
     #[command(flatten)]
     device: DeviceArgs,
@@ -93,15 +96,16 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
         return Err(Error::Config(text.into()));
     }
     args.out.as_deref().map_or(Ok(()), io::splats::check_name)?;
-    let splats = read_scene(&args.scene)?;
+    let scene = args.scene_options.read(&args.scene)?;
     let mut dataset = args.options.open(&args.data, true)?;
-    dataset.set_origin(splats.origin);
+    dataset.set_origin(scene.splats.origin);
     let train = dataset.split(Split::Train);
     if train.is_empty() {
         return Err(Error::file(&args.data, "holds no training view"));
     }
     let output = Output { json: args.json };
     let gpu = engine::open(&args.device)?;
+    let splats = fit_axes(&args.scene, scene, &gpu, &dataset, args.background)?;
     let work = PruneRun {
         args,
         gpu: &gpu,

@@ -4,8 +4,9 @@ pub(super) mod orbit;
 
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs, SplitArg};
-use super::eval::{near, read_scene};
+use super::eval::near;
 use super::output::{Output, file_stem};
+use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};
 use crate::io::splats::readable;
 use crate::render::RenderedImage;
@@ -54,6 +55,8 @@ pub(super) struct RenderArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    scene_options: SceneArgs,
+    #[command(flatten)]
     options: DataArgs,
     #[command(flatten)]
     device: DeviceArgs,
@@ -73,18 +76,22 @@ enum Format {
 
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
-    let splats = read_scene(&args.scene)?;
+    let scene = args.scene_options.read(&args.scene)?;
     let cameras = args.cameras.as_deref();
     let mut dataset = cameras.map(|path| args.options.open(path, false)).transpose()?;
     if let Some(dataset) = &mut dataset {
-        dataset.set_origin(splats.origin);
+        dataset.set_origin(scene.splats.origin);
     }
+    let gpu = engine::open(&args.device)?;
+    let splats = match &dataset {
+        Some(dataset) => fit_axes(&args.scene, scene, &gpu, dataset, args.background)?,
+        None => scene.splats,
+    };
     let shots = shots(args, dataset.as_ref(), || orbit::orbit_of_splats(&splats, args.orbit))?;
     let near = match &dataset {
         Some(dataset) => near(dataset),
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
-    let gpu = engine::open(&args.device)?;
     let with_depth = args.format == Format::Exr;
     let mut draw = engine::scene_renderer(&gpu, &splats, near, with_depth, args.compat.into())?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;

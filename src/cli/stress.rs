@@ -3,10 +3,10 @@
 use super::Outcome;
 use super::args::DeviceArgs;
 use super::engine;
-use super::eval::read_scene;
 use super::interrupt::Interrupt;
 use super::output::{Output, write_text};
 use super::render::orbit;
+use super::scene::SceneArgs;
 use crate::gpu::Gpu;
 use crate::io::splats::readable;
 use crate::lab::bench::record;
@@ -49,6 +49,8 @@ pub(super) struct StressArgs {
     #[arg(long)]
     quick: bool,
     #[command(flatten)]
+    scene_options: SceneArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -65,7 +67,7 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
     let output = Output { json: false };
     let started = Instant::now();
     let interrupt = Interrupt::listen()?;
-    let (subject, name) = subject(args.scene.as_deref())?;
+    let (subject, name) = subject(args.scene.as_deref(), args.scene_options)?;
     let gpu = engine::open(&args.device)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let plan = match args.quick {
@@ -100,13 +102,13 @@ pub(super) fn run(args: &StressArgs) -> Result<Outcome> {
 }
 
 /// Tested scene and its name.
-fn subject(path: Option<&Path>) -> Result<(StressScene, String)> {
+fn subject(path: Option<&Path>, options: SceneArgs) -> Result<(StressScene, String)> {
     let Some(path) = path else {
         let subject = StressScene::made();
         let name = format!("built in, {} splats", subject.splats.len());
         return Ok((subject, name));
     };
-    let splats = read_scene(path)?;
+    let splats = options.read(path)?.splats;
     if splats.is_empty() {
         return Err(Error::file(path, "there are no splats to try"));
     }

@@ -4,10 +4,10 @@ use super::{OutputArgs, Report};
 use crate::Result;
 use crate::cli::Outcome;
 use crate::cli::args::{DataArgs, DeviceArgs};
-use crate::cli::eval::read_scene;
 use crate::cli::output::{bytes, grouped};
 use crate::cli::parse;
 use crate::cli::render::orbit::{orbit_of_splats, radius};
+use crate::cli::scene::SceneArgs;
 use crate::io::splats::readable;
 use crate::lab::bench::Bench;
 use crate::lab::bench::frame::{self, FramePlan, Scaling, ScalingPoint};
@@ -42,6 +42,8 @@ pub(super) struct BenchFrameArgs {
     /// Degree of the harmonics of splats that are made, 0 to 3
     #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
+    #[command(flatten)]
+    scene_options: SceneArgs,
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
@@ -83,6 +85,8 @@ pub(super) struct BenchTrainArgs {
     #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
     #[command(flatten)]
+    scene_options: SceneArgs,
+    #[command(flatten)]
     options: DataArgs,
     #[command(flatten)]
     output: OutputArgs,
@@ -101,7 +105,7 @@ pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
     let scene = match &args.scene {
         None => None,
         Some(path) => {
-            let splats = read_scene(path)?;
+            let splats = args.scene_options.read(path)?.splats;
             let camera = orbit_of_splats(&splats, None).into_iter().next();
             let near = radius(&splats) * f64::from(TrainConfig::default().near_factor);
             camera.map(|camera| (splats, camera, near as f32))
@@ -123,7 +127,10 @@ pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
 
 pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
     let mut dataset = args.options.open(&args.data, true)?;
-    let scene = args.init.as_deref().map(read_scene).transpose()?;
+    let scene = match &args.init {
+        Some(path) => Some(args.scene_options.read(path)?.splats),
+        None => None,
+    };
     if let Some(scene) = &scene {
         dataset.set_origin(scene.origin);
     }
