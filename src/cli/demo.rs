@@ -1,11 +1,11 @@
 //! `ashfall demo`: end-to-end check on a synthetic scene: photograph, train, render.
 
+use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
 use super::engine;
 use super::output::Output;
 use super::render::orbit_of_cameras;
 use super::train::{Session, begin_made};
-use super::{Outcome, eval};
 use crate::gpu::Gpu;
 use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::render::Compatibility;
@@ -96,7 +96,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
 /// Draws an orbit of the trained scene, read from its file.
 fn draw_orbit(gpu: &Gpu, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
     let splats = io::splats::read(&dir.join("scene.ply"))?.splats;
-    let mut draw = engine::scene_renderer(gpu, &splats, eval::near(dataset), false, Compatibility::Engine)?;
+    let mut draw = engine::scene_renderer(gpu, &splats, engine::near(dataset), false, Compatibility::Engine)?;
     let orbit = dir.join("orbit");
     std::fs::create_dir_all(&orbit).map_err(Error::io(&orbit))?;
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();

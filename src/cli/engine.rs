@@ -2,8 +2,9 @@
 
 use super::args::DeviceArgs;
 use crate::gpu::{Gpu, GpuOptions, Limits};
-use crate::render::{Compatibility, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
-use crate::scene::{Camera, Splats};
+use crate::render::{Compatibility, Evaluator, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
+use crate::scene::{Camera, Dataset, ScreenFilter, Splats};
+use crate::train::TrainConfig;
 use crate::{Error, Result};
 
 /// Opens the device that the options ask for, or else the environment.
@@ -61,4 +62,19 @@ pub(super) fn scene_renderer(
         };
         renderer.render(&model, camera, &view)
     })
+}
+
+/// Evaluator of some of a data set's views.
+pub(super) fn evaluator<'d>(gpu: &Gpu, dataset: &'d Dataset, views: &[usize], background: [f32; 3]) -> Evaluator<'d> {
+    let options = ViewOptions {
+        background,
+        near: near(dataset) as f32,
+        filter: ScreenFilter::Classic,
+    };
+    Evaluator::new(gpu, dataset, views, options)
+}
+
+/// The near plane of a data set's views in world units, as in training.
+pub(super) fn near(dataset: &Dataset) -> f64 {
+    dataset.extent() * f64::from(TrainConfig::default().near_factor)
 }

@@ -2,16 +2,14 @@
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg};
+use super::engine::evaluator;
 use super::output::{Output, figure, file_stem, score_text};
 use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};
-use crate::gpu::Gpu;
 use crate::io::splats::readable;
 use crate::lab::report::comparison;
 use crate::metrics::{MeanScore, ViewScore};
-use crate::render::{Evaluator, ViewEvaluation, ViewOptions};
-use crate::scene::{Dataset, ScreenFilter};
-use crate::train::TrainConfig;
+use crate::render::ViewEvaluation;
 use crate::{Error, Result};
 use clap::Args;
 use serde_json::json;
@@ -113,25 +111,10 @@ fn table(scores: &[ViewScore], mean: &MeanScore) -> String {
     text + "mean: " + &score_text(mean)
 }
 
-/// Evaluator of some of a data set's views.
-pub(super) fn evaluator<'d>(gpu: &Gpu, dataset: &'d Dataset, views: &[usize], background: [f32; 3]) -> Evaluator<'d> {
-    let options = ViewOptions {
-        background,
-        near: near(dataset) as f32,
-        filter: ScreenFilter::Classic,
-    };
-    Evaluator::new(gpu, dataset, views, options)
-}
-
 /// Writes photograph | rendering | difference of a view to a folder, under the view's name.
 pub(super) fn write_comparison(dir: &Path, evaluated: ViewEvaluation<'_>) -> Result<()> {
     let path = dir.join(file_stem(&evaluated.view.name) + ".png");
     let target = evaluated.target;
     let size = [target.width, target.height];
     comparison(&path, size, &target.rgb, &evaluated.rendered.rgb)
-}
-
-/// The near plane of a data set's views in world units, as in training.
-pub(super) fn near(dataset: &Dataset) -> f64 {
-    dataset.extent() * f64::from(TrainConfig::default().near_factor)
 }

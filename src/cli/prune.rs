@@ -4,7 +4,7 @@ mod figures;
 
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs};
-use super::eval::{evaluator, near};
+use super::engine::{evaluator, near};
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::scene::{SceneArgs, fit_axes};

@@ -4,7 +4,7 @@ pub(super) mod orbit;
 
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs, SplitArg};
-use super::eval::near;
+use super::engine::near;
 use super::output::{Output, file_stem};
 use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};

@@ -1,6 +1,6 @@
 //! Scenes of the command line: reading, and the axes of files that do not state them.
 
-use super::eval::evaluator;
+use super::engine::evaluator;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::io::{self, AxesBy, LoadedSplats};

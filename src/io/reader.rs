@@ -61,6 +61,11 @@ impl<'a> Reader<'a> {
         Ok(bytes.into())
     }
 
+    /// Path of the file, or name of the bytes in memory.
+    pub(crate) fn path(&self) -> &'a Path {
+        self.path
+    }
+
     /// Length of the file in bytes.
     pub(crate) fn size(&self) -> u64 {
         self.size

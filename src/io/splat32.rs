@@ -3,11 +3,15 @@
 //! A record is three `f32` of position, three of scale (not its logarithm), colour and opacity as
 //! RGBA bytes, and the quaternion w, x, y, z as bytes `128 + 128 q`.
 
+use super::atomic::write_atomically;
 use super::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat, logit_of_byte};
 use super::reader::Reader;
 use super::source::Source;
 use crate::error::Result;
-use crate::scene::{SH_C0, ScreenFilter};
+use crate::scene::{SH_C0, ScreenFilter, Splats};
+use glam::Vec4;
+use std::io::Write;
+use std::path::Path;
 
 const RECORD_BYTES: u64 = 32;
 
@@ -39,4 +43,37 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let odd = reader.remaining();
     let odd = (odd > 0).then(|| format!("{}: the {odd} bytes after the last record were ignored", path.display()));
     Ok(collector.finish(path, StoredAs::ply("splat"), odd.into_iter().collect()))
+}
+
+/// Writes a `.splat` file atomically, every byte rounded to its nearest value, in the order of the splats. Harmonics
+/// above degree 0 have no place.
+///
+/// # Errors
+/// Those of the operating system.
+pub fn write(path: &Path, splats: &Splats) -> Result<()> {
+    write_atomically(path, |file| {
+        (0..splats.len()).try_for_each(|i| file.write_all(&record(splats, i)))
+    })
+}
+
+/// Record of a splat.
+fn record(splats: &Splats, i: usize) -> [u8; RECORD_BYTES as usize] {
+    // Casts of floats saturate.
+    let byte = |value: f32| value.round() as u8;
+    let opacity = 1.0 / (1.0 + (-splats.opacity_logit[i]).exp());
+    let sh = &splats.sh[i * splats.sh_stride()..][..3];
+    let quaternion = Vec4::from(splats.quaternion[i]).normalize_or(Vec4::X).to_array();
+    let mut record = [0; RECORD_BYTES as usize];
+    let floats = splats.mean[i].into_iter().chain(splats.log_scale[i].map(f32::exp));
+    for (bytes, value) in record.chunks_exact_mut(4).zip(floats) {
+        bytes.copy_from_slice(&value.to_le_bytes());
+    }
+    for channel in 0..3 {
+        record[24 + channel] = byte(255.0 * (0.5 + SH_C0 * sh[channel]));
+    }
+    record[27] = byte(255.0 * opacity);
+    for (byte_of, q) in record[28..].iter_mut().zip(quaternion) {
+        *byte_of = byte(128.0 + 128.0 * q);
+    }
+    record
 }

@@ -26,7 +26,16 @@ struct Format {
 }
 
 /// All formats; the first one of a fitting end counts.
-const FORMATS: [Format; 5] = [
+const FORMATS: [Format; 6] = [
+    Format {
+        name: "compressed PLY",
+        ends: &[".compressed.ply"],
+        read: Some(|s| ply::read(s)),
+        write: Some(ply::compressed::write),
+        holds_filter: true,
+        holds_origin: true,
+        sh_degree: 3,
+    },
     Format {
         name: "PLY",
         ends: &[".ply"],
@@ -40,7 +49,7 @@ const FORMATS: [Format; 5] = [
         name: "splat",
         ends: &[".splat"],
         read: Some(|s| splat32::read(s)),
-        write: None,
+        write: Some(splat32::write),
         holds_filter: false,
         holds_origin: false,
         sh_degree: 0,
@@ -166,11 +175,9 @@ pub fn losses(path: &Path, splats: &Splats) -> Vec<String> {
 fn writer(path: &Path) -> Result<Writer> {
     let write = format_of(path).and_then(|format| format.write);
     write.ok_or_else(|| {
-        let read_only = endings(|format| format.read.is_some() && format.write.is_none());
-        let fault = format!(
-            "scenes are written to {} files only, {read_only} is for reading; choose such a name",
-            writable()
-        );
-        Error::file(path, fault)
+        Error::file(
+            path,
+            format!("scenes are written to {} files; choose such a name", writable()),
+        )
     })
 }

@@ -11,6 +11,7 @@ mod eigen;
 mod focus;
 mod harmonics;
 mod mesh;
+mod morton;
 mod splats;
 
 pub use axes::Axes;
@@ -20,4 +21,5 @@ pub(crate) use eigen::eigen;
 pub use focus::focus;
 pub use harmonics::sh_basis;
 pub use mesh::Mesh;
+pub use morton::morton_order;
 pub use splats::{NotFinite, Primitive, SH_C0, ScreenFilter, Splats, sh_coefficient_count};

@@ -16,7 +16,6 @@ pub mod filter;
 pub mod init;
 pub(crate) mod knn;
 mod memory;
-mod morton;
 mod photos;
 #[doc(hidden)]
 pub mod rng;

@@ -10,7 +10,7 @@ use super::engine;
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::predict::Prediction;
-use super::{Outcome, eval, parse};
+use super::{Outcome, parse};
 use crate::gpu::Gpu;
 use crate::io::FolderLock;
 use crate::lab::report::{MemoryFigures, Report};
@@ -312,6 +312,6 @@ impl<'a> Session<'a> {
     fn evaluator(&self, config: &TrainConfig, split: Split) -> Evaluator<'a> {
         let views = self.dataset.split(split);
         let background = config.evaluation_background();
-        eval::evaluator(self.gpu, self.dataset, &views, background)
+        engine::evaluator(self.gpu, self.dataset, &views, background)
     }
 }

@@ -46,6 +46,20 @@ impl Scalar {
         })
     }
 
+    /// Name in headers.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Scalar::I8 => "char",
+            Scalar::U8 => "uchar",
+            Scalar::I16 => "short",
+            Scalar::U16 => "ushort",
+            Scalar::I32 => "int",
+            Scalar::U32 => "uint",
+            Scalar::F32 => "float",
+            Scalar::F64 => "double",
+        }
+    }
+
     /// Bytes of one value.
     pub(super) const fn bytes(self) -> usize {
         match self {

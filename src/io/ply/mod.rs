@@ -4,6 +4,8 @@
 //! Missing required properties are an error that names them. Splats with a number that is not finite are dropped,
 //! quaternions of length zero are read as no rotation; both are counted in a warning.
 
+mod comments;
+pub mod compressed;
 mod header;
 mod read;
 mod rows;
@@ -11,6 +13,3 @@ mod write;
 
 pub use read::{read, read_points};
 pub use write::write;
-
-/// Prefix of the comment with the origin of the means: three numbers follow.
-const ORIGIN: &str = "SplatOrigin:";

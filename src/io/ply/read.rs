@@ -3,12 +3,12 @@
 use super::super::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
-use super::ORIGIN;
+use super::comments::{origin, screen_filter};
+use super::compressed;
 use super::header::{Encoding, PlyElement, PlyHeader};
 use super::rows;
 use crate::error::{Error, Result};
-use crate::scene::{Point, ScreenFilter, sh_coefficient_count};
-use glam::DVec3;
+use crate::scene::{Point, Splats, sh_coefficient_count};
 use std::path::Path;
 
 /// Required properties, in the order of the values of a row.
@@ -28,10 +28,13 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let mut reader = Reader::open(source)?;
     let header = PlyHeader::read(&mut reader)?;
     if header.element("chunk").is_some() {
-        return Err(Error::file(
-            path,
-            "compressed PLY scenes are not supported; convert to a .ply",
-        ));
+        let mut warnings = Vec::new();
+        let scene = Splats {
+            filter: screen_filter(path, &header.comments, &mut warnings)?,
+            origin: origin(path, &header.comments)?,
+            ..Splats::default()
+        };
+        return compressed::read(reader, &header, scene, warnings);
     }
     let Some((index, vertex)) = header.element("vertex") else {
         return Err(Error::file(path, "has no element \"vertex\""));
@@ -41,7 +44,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let filter = screen_filter(path, &header.comments, &mut warnings)?;
     let origin = origin(path, &header.comments)?;
     rows::skip_to(&mut reader, &header, index)?;
-    let count = rows::check_count(&reader, &header, vertex)?;
+    let count = rows::check_count(&reader, header.encoding, vertex)?;
     let mut collector = Collector::new(count, sh_degree, filter);
     let mut sh = vec![0.0; sh_coefficient_count(sh_degree) * 3];
     rows::read(&mut reader, header.encoding, vertex, &columns, |row| {
@@ -97,7 +100,7 @@ pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
         columns.extend(colors);
     }
     rows::skip_to(&mut reader, &header, index)?;
-    let count = rows::check_count(&reader, &header, vertex)?;
+    let count = rows::check_count(&reader, header.encoding, vertex)?;
     let mut points = Vec::with_capacity(count);
     rows::read(&mut reader, header.encoding, vertex, &columns, |row| {
         let color = |channel: usize| unit.map_or(0.5, |unit| (row[3 + channel] * unit) as f32);
@@ -160,49 +163,6 @@ fn splat_columns(path: &Path, vertex: &PlyElement) -> Result<(Vec<usize>, u32)> 
         Error::file(path, what)
     })?;
     Ok((columns, degree))
-}
-
-/// Screen filter of the comments; the last wins, as with the programs that write them.
-fn screen_filter(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> Result<ScreenFilter> {
-    let mut filter = ScreenFilter::Classic;
-    for comment in comments {
-        if let Some(name) = comment.strip_prefix("SplatRenderMode:") {
-            match name.trim() {
-                "default" => filter = ScreenFilter::Classic,
-                "mip" => filter = ScreenFilter::Mip,
-                "2dgs" => {
-                    let what = "SplatRenderMode is 2dgs: 2D Gaussian scenes are not supported";
-                    return Err(Error::file(path, what));
-                }
-                other => warnings.push(format!(
-                    "{}: unknown SplatRenderMode {} taken for default",
-                    path.display(),
-                    excerpt(other)
-                )),
-            }
-        } else if let Some(flag) = comment.strip_prefix("antialiased") {
-            filter = match flag.trim() {
-                "1" | "true" => ScreenFilter::Mip,
-                _ => ScreenFilter::Classic,
-            };
-        }
-    }
-    Ok(filter)
-}
-
-/// Origin of the means, if a comment gives it.
-fn origin(path: &Path, comments: &[String]) -> Result<DVec3> {
-    let Some(text) = comments.iter().find_map(|c| c.strip_prefix(ORIGIN)) else {
-        return Ok(DVec3::ZERO);
-    };
-    let numbers: Option<Vec<f64>> = text.split_whitespace().map(|n| n.parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => Ok(DVec3::new(x, y, z)),
-        _ => {
-            let what = format!("the origin is not three numbers: {}", excerpt(text));
-            Err(Error::file(path, what))
-        }
-    }
 }
 
 fn warn_of_trailing_bytes(

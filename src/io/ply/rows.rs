@@ -12,24 +12,28 @@ const LINE_BYTES_MAX: u64 = 1 << 24;
 
 /// Skips all rows of the elements before position `index`.
 pub(super) fn skip_to(reader: &mut Reader, header: &PlyHeader, index: usize) -> Result<()> {
-    for element in &header.elements[..index] {
-        let what = format!("element {}", excerpt(&element.name));
-        if header.encoding == Encoding::Ascii {
-            let mut line = String::new();
-            // A count beyond the file ends with an error at the end of the file.
-            for _ in 0..element.count {
-                next_row(reader, &mut line, &what)?;
-            }
-        } else {
-            reader.check_count(element.count, element.row_bytes_min(), &what)?;
-            if element.has_list() {
-                for _ in 0..element.count {
-                    skip_row(reader, header.encoding, element, &what)?;
-                }
-            } else {
-                reader.skip(element.count * element.row_bytes_min(), &what)?;
-            }
+    header.elements[..index]
+        .iter()
+        .try_for_each(|element| skip(reader, header.encoding, element))
+}
+
+/// Skips all rows of an element.
+pub(super) fn skip(reader: &mut Reader, encoding: Encoding, element: &PlyElement) -> Result<()> {
+    let what = format!("element {}", excerpt(&element.name));
+    if encoding == Encoding::Ascii {
+        let mut line = String::new();
+        // A count beyond the file ends with an error at the end of the file.
+        for _ in 0..element.count {
+            next_row(reader, &mut line, &what)?;
         }
+        return Ok(());
+    }
+    reader.check_count(element.count, element.row_bytes_min(), &what)?;
+    if !element.has_list() {
+        return reader.skip(element.count * element.row_bytes_min(), &what);
+    }
+    for _ in 0..element.count {
+        skip_row(reader, encoding, element, &what)?;
     }
     Ok(())
 }
@@ -54,8 +58,8 @@ fn skip_row(reader: &mut Reader, encoding: Encoding, element: &PlyElement, what:
 }
 
 /// Compares the count of `element`, whose rows come next, with the size of the file.
-pub(super) fn check_count(reader: &Reader, header: &PlyHeader, element: &PlyElement) -> Result<usize> {
-    let bytes_each = match header.encoding {
+pub(super) fn check_count(reader: &Reader, encoding: Encoding, element: &PlyElement) -> Result<usize> {
+    let bytes_each = match encoding {
         // A digit and a separator per value.
         Encoding::Ascii => 2 * element.properties.len() as u64 - 1,
         _ => element.row_bytes_min(),

@@ -1,10 +1,9 @@
 //! Writing splats in the common 3DGS layout.
 
 use super::super::atomic::write_atomically;
-use super::ORIGIN;
+use super::comments::comments;
 use crate::error::Result;
 use crate::scene::{Splats, sh_coefficient_count};
-use glam::DVec3;
 use std::io::Write;
 use std::path::Path;
 
@@ -42,7 +41,6 @@ pub fn write(path: &Path, splats: &Splats) -> Result<()> {
 }
 
 fn header(splats: &Splats) -> String {
-    let filter = splats.filter.name();
     let rest = (sh_coefficient_count(splats.sh_degree) - 1) * 3;
     let mut names: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"].map(String::from).into();
     names.extend((0..3).map(|i| format!("f_dc_{i}")));
@@ -51,13 +49,9 @@ fn header(splats: &Splats) -> String {
     names.extend((0..3).map(|i| format!("scale_{i}")));
     names.extend((0..4).map(|i| format!("rot_{i}")));
     let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
-    let origin = match splats.origin {
-        DVec3::ZERO => String::new(),
-        DVec3 { x, y, z } => format!("comment {ORIGIN} {x} {y} {z}\n"),
-    };
     format!(
-        "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: {filter}\n{origin}\
-         element vertex {}\n{properties}end_header\n",
+        "ply\nformat binary_little_endian 1.0\n{}element vertex {}\n{properties}end_header\n",
+        comments(splats),
         splats.len()
     )
 }

@@ -11,8 +11,8 @@ mod relocation;
 mod tracking;
 
 use super::config::{StrategyKind, TrainConfig};
-use super::morton::morton_order;
 use super::state::HostState;
+use crate::scene::morton_order;
 use serde::{Deserialize, Serialize};
 
 pub use adc::reset_opacity;

@@ -2,7 +2,7 @@
 
 use crate::io::shared;
 use ashfall::io::{Source, ply};
-use ashfall::scene::Splats;
+use ashfall::scene::{ScreenFilter, Splats, sh_coefficient_count};
 use flate2::read::GzDecoder;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -94,4 +94,61 @@ fn angle_degrees(a: [f64; 4], b: [f64; 4]) -> f64 {
     let turned = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]];
     let cosine = turned.map(|q| q.iter().zip(b).map(|(a, b)| a * b).sum::<f64>().abs());
     2.0 * cosine.into_iter().fold(0.0, f64::max).min(1.0).acos().to_degrees()
+}
+
+/// Splats at the edges of formats: each quaternion component largest with both signs, ties, logits of ±12, ±30 and 0,
+/// harmonics beyond every range, positions of ±2048; in mip mode.
+pub(super) fn edges(degree: u32) -> Splats {
+    let mut splats = Splats {
+        sh_degree: degree,
+        filter: ScreenFilter::Mip,
+        ..Splats::default()
+    };
+    let coefficients = sh_coefficient_count(degree);
+    for i in 0..40_usize {
+        let wave = |k: usize| ((i * 7 + k * 3) as f32 * 0.37).sin();
+        let quaternion = match i {
+            0..8 => {
+                let mut q = [0.1, -0.2, 0.15, 0.05];
+                q[i / 2] = if i % 2 == 0 { 0.9 } else { -0.9 };
+                q
+            }
+            8 => [0.5; 4],
+            9 => [-0.5, 0.5, -0.5, 0.5],
+            10 => [3.0, -4.0, 12.0, 84.0],
+            11 => [0.0, 0.707, 0.707, 0.0],
+            12 => [1e-4, 0.6, -0.8, 0.0],
+            _ => [wave(1), wave(2), wave(3), wave(4) + 1e-3],
+        };
+        let edge = |edges: &[f32], usual: f32| edges.get(i).copied().unwrap_or(usual);
+        splats.mean.push([
+            edge(&[0.0, 1000.0, -1000.0, 2047.9, -2048.0, 1.0 / 4096.0], wave(5)),
+            wave(6),
+            wave(7) * 3.0,
+        ]);
+        splats.quaternion.push(quaternion);
+        splats.log_scale.push([
+            edge(&[-12.0, -9.9, 0.0, 5.9], wave(8) - 3.0),
+            wave(9) - 4.0,
+            wave(10) - 2.0,
+        ]);
+        splats
+            .opacity_logit
+            .push(edge(&[12.0, -12.0, 0.0, 30.0, -30.0], 4.0 * wave(11)));
+        let row = i;
+        for coefficient in 0..coefficients {
+            for channel in 0..3 {
+                let value = match (coefficient, row) {
+                    (0, 0..4) => [6.0, -6.0, 3.3, -3.3][row],
+                    (0, _) => 1.5 * wave(12 + channel),
+                    (_, 0..5) => [0.0, 1.0, -1.0, 1.7, -5.0][row],
+                    (_, 20..35) if row - 20 == coefficient - 1 => [0.5, -0.25, 0.125][channel],
+                    (_, 20..35) => 0.0,
+                    _ => 0.3 * wave(coefficient * 3 + channel),
+                };
+                splats.sh.push(value);
+            }
+        }
+    }
+    splats
 }

@@ -4,6 +4,7 @@
 mod atomic;
 mod checkpoint;
 mod colmap;
+mod compressed_ply;
 mod fixtures;
 mod hostile;
 mod images;

@@ -12,7 +12,7 @@ fn other_formats_say_what_to_do() {
         std::fs::write(&path, b"whatever").unwrap();
         assert!(error_at(splats::read(&path), &path).contains(".ply"));
     }
-    let path = folder.path().join("scene.splat");
+    let path = folder.path().join("scene.ksplat");
     assert!(error_at(splats::write(&path, &Splats::default()), &path).contains(".ply"));
     let absent = folder.path().join("absent.ply");
     error_at(splats::read(&absent), &absent);

@@ -15,6 +15,9 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     for (degree, filter) in [(0, ScreenFilter::Classic), (1, ScreenFilter::Mip)] {
         add("ply", &format!("binary-{degree}"), binary_ply(degree, filter));
     }
+    for degree in [0, 1] {
+        add("ply", &format!("compressed-{degree}"), compressed_ply(degree));
+    }
     add("ply", "ascii", ascii_ply("ascii", "float").into_bytes());
     add("ply", "mesh-before", mesh_before().into_bytes());
     add("cloud", "ascii", CLOUD.as_bytes().to_vec());
@@ -87,6 +90,13 @@ fn binary_ply(degree: u32, filter: ScreenFilter) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ply");
     ply::write(&path, &splats(degree, filter)).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+fn compressed_ply(degree: u32) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.compressed.ply");
+    ply::compressed::write(&path, &splats(degree, ScreenFilter::Mip)).unwrap();
     std::fs::read(path).unwrap()
 }
 

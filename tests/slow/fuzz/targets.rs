@@ -105,7 +105,7 @@ pub(crate) const TARGETS: &[Target] = &[
 
 const PLY_WORDS: &[&str] = &[
     "ply\n", "format ascii 1.0\n", "format binary_little_endian 1.0\n", "format binary_big_endian 1.0\n",
-    "element vertex 2\n", "element face 1\n", "element chunk 1\n", "property float x\n", "property double y\n",
+    "element vertex 2\n", "element face 1\n", "element chunk 1\n", "element sh 2\n", "property uint packed_color\n", "property float x\n", "property double y\n",
     "property uchar z\n", "property list uchar int vertex_indices\n", "property list float double a\n", "property ",
     "end_header\n", "comment SplatRenderMode: mip\n", "comment antialiased 1\n", "obj_info a\n", "\r\n", "red", "f_rest_0",
 ];

@@ -8,7 +8,7 @@ const AXIS_BITS: u32 = 10;
 
 /// Rows in Morton order of their positions: `order[i]` is the `i`-th row. Equal codes keep the order of their rows;
 /// rows without a finite position come last.
-pub(crate) fn morton_order(positions: &[[f32; 3]]) -> Vec<u32> {
+pub fn morton_order(positions: &[[f32; 3]]) -> Vec<u32> {
     let finite = || positions.iter().map(|&p| Vec3::from(p)).filter(|p| p.is_finite());
     let low = finite().fold(Vec3::INFINITY, Vec3::min);
     let high = finite().fold(Vec3::NEG_INFINITY, Vec3::max);
