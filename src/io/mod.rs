@@ -14,6 +14,7 @@ pub mod checkpoint;
 pub mod colmap;
 pub mod dataset;
 pub mod exr;
+pub mod ksplat;
 mod listing;
 mod loaded;
 mod lock;
@@ -25,6 +26,7 @@ mod reader;
 mod source;
 pub mod splat32;
 pub mod splats;
+pub mod spz;
 pub mod transforms;
 
 pub use listing::{ListedView, Listing};

@@ -2,7 +2,7 @@
 
 use super::loaded::{AxesBy, LoadedSplats};
 use super::source::Source;
-use super::{ply, splat32};
+use super::{ksplat, ply, splat32, spz};
 use crate::error::{Error, Result};
 use crate::scene::{Axes, ScreenFilter, Splats};
 use std::path::Path;
@@ -57,8 +57,8 @@ const FORMATS: [Format; 6] = [
     Format {
         name: "SPZ",
         ends: &[".spz"],
-        read: None,
-        write: None,
+        read: Some(|s| spz::read(s)),
+        write: Some(spz::write),
         holds_filter: true,
         holds_origin: false,
         sh_degree: 3,
@@ -75,7 +75,7 @@ const FORMATS: [Format; 6] = [
     Format {
         name: "KSPLAT",
         ends: &[".ksplat"],
-        read: None,
+        read: Some(|s| ksplat::read(s)),
         write: None,
         holds_filter: false,
         holds_origin: false,

@@ -8,12 +8,15 @@ mod compressed_ply;
 mod fixtures;
 mod hostile;
 mod images;
+mod ksplat;
 mod obj;
 mod photo;
 mod ply;
 mod resample;
 mod splat32;
 mod splats;
+mod spz;
+mod spz_faults;
 mod transforms;
 mod transforms_faults;
 
