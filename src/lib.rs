@@ -6,6 +6,7 @@
 #[cfg(feature = "cli")]
 mod cli;
 pub mod error;
+pub mod export;
 pub mod gpu;
 pub mod io;
 #[doc(hidden)]

@@ -12,6 +12,7 @@ mod configure;
 mod demo;
 mod engine;
 mod eval;
+mod export;
 mod info;
 mod interrupt;
 mod needs;
@@ -43,6 +44,7 @@ Examples:
   ashfall eval run/scene.ply photos/              how good is it on held-out photographs?
   ashfall render run/scene.ply --cameras photos/ --orbit 60 --out frames/
   ashfall prune run/scene.ply photos/             what can go at a proven error?
+  ashfall export run/scene.ply photos/ --out scene.spz --loss 0.1
   ashfall chart                                   what does speed cost in accuracy?
   ashfall needs                                   how many splats do scenes need?
   ashfall stress                                  does this device do what it should?
@@ -58,6 +60,7 @@ enum Command {
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
     Prune(prune::PruneArgs),
+    Export(export::ExportArgs),
     Info(info::InfoArgs),
     Demo(demo::DemoArgs),
     Chart(chart::ChartArgs),
@@ -95,6 +98,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Render(args) => render::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Prune(args) => prune::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Chart(args) => chart::run(&args),

@@ -25,24 +25,42 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let count = (reader.size() / RECORD_BYTES) as usize;
     let mut collector = Collector::new(count, 0, ScreenFilter::Classic);
     for _ in 0..count {
-        let record: [u8; 32] = reader.array("a record")?;
-        let number = |i: usize| {
-            let at = 4 * i;
-            f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]])
-        };
-        let [r, g, b, opacity, rotation @ ..] = *record.last_chunk::<8>().unwrap_or(&[0; 8]);
-        collector.push(&StoredSplat {
-            mean: [number(0), number(1), number(2)],
-            quaternion: rotation.map(|q| (f32::from(q) - 128.0) / 128.0),
-            // The logarithm of a negative scale is NaN.
-            log_scale: [number(3), number(4), number(5)].map(f32::ln),
-            opacity_logit: logit_of_byte(opacity),
-            sh: &[r, g, b].map(|c| (f32::from(c) / 255.0 - 0.5) / SH_C0),
-        });
+        push(&mut collector, &reader.array("a record")?);
     }
     let odd = reader.remaining();
     let odd = (odd > 0).then(|| format!("{}: the {odd} bytes after the last record were ignored", path.display()));
     Ok(collector.finish(path, StoredAs::ply("splat"), odd.into_iter().collect()))
+}
+
+/// Collects the splat of a record.
+fn push(collector: &mut Collector, record: &[u8; RECORD_BYTES as usize]) {
+    let number = |i: usize| {
+        let at = 4 * i;
+        f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]])
+    };
+    let [r, g, b, opacity, rotation @ ..] = *record.last_chunk::<8>().unwrap_or(&[0; 8]);
+    collector.push(&StoredSplat {
+        mean: [number(0), number(1), number(2)],
+        quaternion: rotation.map(|q| (f32::from(q) - 128.0) / 128.0),
+        // The logarithm of a negative scale is NaN.
+        log_scale: [number(3), number(4), number(5)].map(f32::ln),
+        opacity_logit: logit_of_byte(opacity),
+        sh: &[r, g, b].map(|c| (f32::from(c) / 255.0 - 0.5) / SH_C0),
+    });
+}
+
+/// Splats that a reader gets of the file that [`write()`] writes.
+pub fn decoded(splats: &Splats) -> Splats {
+    let mut collector = Collector::new(splats.len(), 0, ScreenFilter::Classic);
+    (0..splats.len()).for_each(|i| push(&mut collector, &record(splats, i)));
+    collector
+        .finish(Path::new("splats"), StoredAs::default(), Vec::new())
+        .splats
+}
+
+/// Bytes of the file that [`write()`] writes.
+pub fn byte_count(splats: &Splats) -> u64 {
+    RECORD_BYTES * splats.len() as u64
 }
 
 /// Writes a `.splat` file atomically, every byte rounded to its nearest value, in the order of the splats. Harmonics

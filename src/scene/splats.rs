@@ -108,6 +108,17 @@ impl Splats {
         }
     }
 
+    /// Leaves out harmonics above a degree.
+    pub fn cut_harmonics(&mut self, sh_degree: u32) {
+        if sh_degree >= self.sh_degree {
+            return;
+        }
+        let kept = 3 * sh_coefficient_count(sh_degree);
+        let rows = self.sh.chunks_exact(self.sh_stride());
+        self.sh = rows.flat_map(|row| row[..kept].iter().copied()).collect();
+        self.sh_degree = sh_degree;
+    }
+
     /// Floats of `sh` per splat.
     pub fn sh_stride(&self) -> usize {
         sh_coefficient_count(self.sh_degree) * 3

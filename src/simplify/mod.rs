@@ -48,4 +48,5 @@ pub use merge::{Difference, MergeResult, difference, merge, rates};
 pub use prune::{PruneResult, kept, prune};
 pub use refit::refit_config;
 pub use sh_error::{ShReduction, reduce_harmonics};
+pub(crate) use sh_fit::factorize;
 pub use sh_fit::{Fits, ViewWeights};

@@ -15,7 +15,6 @@
 
 use crate::render::Slots;
 use crate::scene::{Camera, Splats, sh_basis, sh_coefficient_count};
-
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -220,7 +219,7 @@ fn fewer(row: &[f32], seen: &[(f64, [f64; 16])], count: usize, all_round: f64) -
 }
 
 /// Cholesky factor: replaces a symmetric positive definite matrix by its lower triangle L, with L Lᵀ the matrix.
-fn factorize(matrix: &mut [f64], size: usize) {
+pub(crate) fn factorize(matrix: &mut [f64], size: usize) {
     for i in 0..size {
         for j in 0..=i {
             let dot: f64 = (0..j).map(|k| matrix[i * size + k] * matrix[j * size + k]).sum();

@@ -34,14 +34,7 @@ pub(crate) fn orbit_of_cameras(cameras: &[Camera], extent: f64, count: u32) -> V
 /// `count` cameras around splats, y down as in most captures.
 pub(in crate::cli) fn orbit_of_splats(splats: &Splats, count: Option<u32>) -> Vec<Camera> {
     let (count, target) = (count.unwrap_or(1), center(splats));
-    let camera = Camera {
-        width: 960,
-        height: 720,
-        focal: DVec2::splat(960.0),
-        center: DVec2::new(480.0, 360.0),
-        rotation: DMat3::IDENTITY,
-        position: target,
-    };
+    let camera = around(target);
     let distance = 2.5 * radius(splats);
     let frame = CylinderFrame::new(target, DVec3::NEG_Y, target - DVec3::Z);
     let at = |i: u32| {
@@ -50,6 +43,33 @@ pub(in crate::cli) fn orbit_of_splats(splats: &Splats, count: Option<u32>) -> Ve
         camera.look_at(place, target, DVec3::NEG_Y)
     };
     (0..count).map(at).collect()
+}
+
+/// `count` cameras on a sphere around splats, evenly spread.
+pub(in crate::cli) fn sphere_of_splats(splats: &Splats, count: u32) -> Vec<Camera> {
+    let target = center(splats);
+    let distance = 2.5 * radius(splats);
+    // A spiral of golden angles.
+    let at = |i: u32| {
+        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+        let (sine, cosine) = (f64::from(i) * TAU / 1.618_033_988_749_895).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        let place = target + distance * DVec3::new(r * cosine, z, r * sine);
+        around(target).look_at(place, target, DVec3::NEG_Y)
+    };
+    (0..count).map(at).collect()
+}
+
+/// Camera of pictures around splats.
+fn around(position: DVec3) -> Camera {
+    Camera {
+        width: 960,
+        height: 720,
+        focal: DVec2::splat(960.0),
+        center: DVec2::new(480.0, 360.0),
+        rotation: DMat3::IDENTITY,
+        position,
+    }
 }
 
 /// Median position, robust against outliers.

@@ -61,7 +61,7 @@ const VERTEX_NAMES: [&str; 4] = ["packed_position", "packed_rotation", "packed_s
 /// Quantised scene in the layout of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CompressedPlyCodes {
-    /// Ranges of each chunk of 256 splats: minima and maxima of x, y, z, of three log-scales, and of red, green, blue as
+    /// Ranges of each chunk of 256 splats: minima and maxima of x, y, z, of three log-scales, and of three colours as
     /// 0.5 + C0 · `f_dc`.
     pub chunks: Vec<[f32; 18]>,
     /// Position (11, 10 and 11 bits), rotation (index of the largest component, then 10 bits for each other one),

@@ -12,4 +12,4 @@ mod rows;
 mod write;
 
 pub use read::{read, read_points};
-pub use write::write;
+pub use write::{byte_count, write};

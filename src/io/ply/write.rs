@@ -40,6 +40,12 @@ pub fn write(path: &Path, splats: &Splats) -> Result<()> {
     })
 }
 
+/// Bytes of the file that [`write()`] writes.
+pub fn byte_count(splats: &Splats) -> u64 {
+    let floats = 3 + 3 + splats.sh_stride() + 1 + 3 + 4;
+    (header(splats).len() + size_of::<f32>() * floats * splats.len()) as u64
+}
+
 fn header(splats: &Splats) -> String {
     let rest = (sh_coefficient_count(splats.sh_degree) - 1) * 3;
     let mut names: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"].map(String::from).into();

@@ -20,6 +20,7 @@ const RANKS: &[(&str, &str)] = &[
         "simplify",
         "train render kernels gpu scene io metrics stats layout error",
     ),
+    ("export", "simplify render gpu scene io metrics error"),
     ("reference", "scene layout"),
     ("lab::synth", "scene stats error"),
     ("lab::page", "stats error"),
@@ -39,7 +40,7 @@ const RANKS: &[(&str, &str)] = &[
 ];
 
 /// Modules that are built without the feature `lab`: `ENGINE` in the table above.
-const ENGINE: &str = "error layout shader stats scene gpu io metrics kernels render train simplify";
+const ENGINE: &str = "error layout shader stats scene gpu io metrics kernels render train simplify export";
 
 /// Imports point down.
 pub(crate) fn ranks_hold(files: &[File]) -> Vec<String> {

@@ -1,0 +1,286 @@
+//! Encoding of a scene within a loss or a number of bytes.
+
+use super::geometry::round_light;
+use super::harmonics::{Rounding, round_harmonics};
+use super::influence::Influence;
+use super::pictures::{PictureError, Pictures};
+use super::setting::{Setting, Target};
+use crate::io::ply;
+use crate::io::ply::compressed::CompressedPlyCodes;
+use crate::io::splat32;
+use crate::io::spz::{LEVEL, SpzCodes, SpzOptions, SpzVersion};
+use crate::scene::{Splats, morton_order};
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Bound of an export.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Budget {
+    /// Largest loss, [`PictureError::loss_db`], in decibels.
+    Loss(f64),
+    /// Largest file in bytes.
+    Bytes(u64),
+}
+
+/// Scene in the codes of a format.
+#[derive(Clone, Debug)]
+pub struct Encoded {
+    /// Choices of the encoder.
+    pub setting: Setting,
+    /// Length of the file.
+    pub bytes: u64,
+    codes: Codes,
+}
+
+#[derive(Clone, Debug)]
+enum Codes {
+    Ply(Splats),
+    Splat(Splats),
+    CompressedPly(CompressedPlyCodes),
+    Spz(SpzCodes, SpzVersion),
+}
+
+impl Encoded {
+    /// Splats that a reader of the file gets.
+    pub fn decode(&self) -> Splats {
+        match &self.codes {
+            Codes::Ply(splats) => splats.clone(),
+            Codes::Splat(splats) => splat32::decoded(splats),
+            Codes::CompressedPly(codes) => codes.decode(),
+            Codes::Spz(codes, _) => codes.decode(),
+        }
+    }
+
+    /// Writes the file atomically.
+    ///
+    /// # Errors
+    /// Those of the operating system.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        match &self.codes {
+            Codes::Ply(splats) => ply::write(path, splats),
+            Codes::Splat(splats) => splat32::write(path, splats),
+            Codes::CompressedPly(codes) => codes.write(path),
+            Codes::Spz(codes, version) => codes.write(path, *version, level(codes.len())),
+        }
+    }
+}
+
+/// Most splats for the slow level of zstd.
+const SLOW_SPLATS_MAX: usize = 200_000;
+
+/// Level of zstd: 3 to 6 % are worth tens of seconds, not minutes.
+fn level(splats: usize) -> i32 {
+    if splats <= SLOW_SPLATS_MAX { 19 } else { LEVEL }
+}
+
+/// Scene to be exported, in Morton order, and its weights in views if there are any.
+#[derive(Debug)]
+pub struct Source {
+    splats: Splats,
+    influence: Option<Influence>,
+    /// Constants of joint rounding; its price of a bit is the setting's.
+    pub rounding: Rounding,
+}
+
+impl Source {
+    /// Puts a scene in order. Without `influence` every number is rounded by itself.
+    pub fn new(splats: &Splats, influence: Option<&Influence>) -> Source {
+        let order: Vec<usize> = morton_order(&splats.mean).iter().map(|&i| i as usize).collect();
+        Source {
+            splats: splats.picked(&order),
+            influence: influence.map(|influence| influence.picked(&order)),
+            rounding: Rounding::default(),
+        }
+    }
+
+    /// The splats in order.
+    pub fn splats(&self) -> &Splats {
+        &self.splats
+    }
+
+    /// Encodes the scene by a setting.
+    ///
+    /// # Errors
+    /// A lack of memory.
+    pub fn encode(&self, target: Target, setting: Setting) -> Result<Encoded> {
+        let rounded = self.rounded(target, setting);
+        let codes = match target {
+            Target::Ply => Codes::Ply(rounded),
+            Target::Splat => Codes::Splat(rounded),
+            Target::CompressedPly => Codes::CompressedPly(CompressedPlyCodes::nearest(&rounded)),
+            Target::Spz(version) => {
+                let options = SpzOptions {
+                    fractional_bits: setting.fractional_bits.unwrap_or(SpzOptions::default().fractional_bits),
+                    sh_bits: setting.sh_bits,
+                    ..SpzOptions::default()
+                };
+                Codes::Spz(SpzCodes::nearest(&rounded, &options), version)
+            }
+        };
+        let bytes = match &codes {
+            Codes::Ply(splats) => ply::byte_count(splats),
+            Codes::Splat(splats) => splat32::byte_count(splats),
+            Codes::CompressedPly(codes) => codes.byte_count(),
+            Codes::Spz(codes, version) => {
+                let bytes = codes.bytes(*version, level(codes.len()));
+                bytes.map_err(|error| Error::Config(format!("zstd: {error}")))?.len() as u64
+            }
+        };
+        Ok(Encoded { setting, bytes, codes })
+    }
+
+    /// Splats with harmonics and scales on the format's grid.
+    fn rounded(&self, target: Target, setting: Setting) -> Splats {
+        let rounding = Rounding {
+            bit_price: setting.bit_price,
+            ..self.rounding
+        };
+        let mut rounded = match (&self.influence, setting.grid(target)) {
+            (Some(influence), Some(grid)) => round_harmonics(&self.splats, influence, grid, rounding),
+            _ => self.splats.clone(),
+        };
+        rounded.cut_harmonics(setting.sh_degree);
+        match (&self.influence, target) {
+            (Some(_), Target::Spz(_)) => round_light(&rounded, SPZ_SCALE_STEP),
+            _ => rounded,
+        }
+    }
+}
+
+/// Step of log-scales in SPZ.
+const SPZ_SCALE_STEP: f64 = 1.0 / 16.0;
+
+/// Encoding and its error in the views.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// Encoded scene.
+    pub encoded: Encoded,
+    /// Error of its pictures.
+    pub error: PictureError,
+}
+
+/// Share of the harmonics' error that positions may add.
+const POSITION_SHARE: f64 = 0.1;
+
+/// Settings of a format, measured when asked.
+pub struct Ladder<'a, 'd> {
+    source: &'a Source,
+    target: Target,
+    pictures: &'a mut Pictures<'d>,
+    settings: Vec<Setting>,
+    measured: Vec<Option<Measured>>,
+    /// Mean squared error by positions of [`COARSE_BITS`] fractional bits alone.
+    coarse: Option<f64>,
+}
+
+/// Fractional bits at which the error of positions is measured; a bit more is a quarter of it.
+const COARSE_BITS: u32 = 8;
+
+impl<'a, 'd> Ladder<'a, 'd> {
+    /// Settings of a format for a scene, from the fewest bytes to the most.
+    pub fn new(source: &'a Source, target: Target, pictures: &'a mut Pictures<'d>) -> Ladder<'a, 'd> {
+        let settings = target.settings(source.splats.sh_degree);
+        Ladder {
+            source,
+            target,
+            pictures,
+            measured: vec![None; settings.len()],
+            settings,
+            coarse: None,
+        }
+    }
+
+    /// Number of settings.
+    pub fn len(&self) -> usize {
+        self.settings.len()
+    }
+
+    /// Always false: every format has a setting.
+    pub fn is_empty(&self) -> bool {
+        self.settings.is_empty()
+    }
+
+    /// Encodes by a setting and measures it, once.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn measure(&mut self, rung: usize) -> Result<&Measured> {
+        let known = self.measured[rung].take();
+        let measured = match known {
+            Some(measured) => measured,
+            None => self.found(self.settings[rung])?,
+        };
+        Ok(self.measured[rung].insert(measured))
+    }
+
+    fn found(&mut self, setting: Setting) -> Result<Measured> {
+        let first = self.encoded(setting)?;
+        let Target::Spz(_) = self.target else {
+            return Ok(first);
+        };
+        let allowed = POSITION_SHARE * first.error.mean_squared;
+        let coarse = self.coarse_error()?;
+        // Four times the error for each bit less.
+        let more = (coarse / allowed).log(4.0).ceil().max(0.0);
+        let most = SpzOptions::default().fractional_bits;
+        let fractional_bits = (f64::from(COARSE_BITS) + more).min(f64::from(most)) as u32;
+        match fractional_bits < most {
+            true => self.encoded(Setting {
+                fractional_bits: Some(fractional_bits),
+                ..setting
+            }),
+            false => Ok(first),
+        }
+    }
+
+    fn encoded(&mut self, setting: Setting) -> Result<Measured> {
+        let encoded = self.source.encode(self.target, setting)?;
+        let error = self.pictures.error(&encoded.decode())?;
+        Ok(Measured { encoded, error })
+    }
+
+    /// Mean squared error by coarse positions alone.
+    fn coarse_error(&mut self) -> Result<f64> {
+        if let Some(known) = self.coarse {
+            return Ok(known);
+        }
+        let mut splats = self.source.splats.clone();
+        let scale = f32::from(1_u16 << COARSE_BITS);
+        for mean in splats.mean.iter_mut().flatten() {
+            *mean = (*mean * scale).round() / scale;
+        }
+        let found = self.pictures.error(&splats)?.mean_squared;
+        self.coarse = Some(found);
+        Ok(found)
+    }
+
+    /// The setting of fewest bytes within a loss, or of least error within a number of bytes: by halving, as bytes grow
+    /// and errors fall along the ladder. `None` if there is none.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn choose(&mut self, budget: Budget) -> Result<Option<Measured>> {
+        let (mut low, mut high) = (0, self.len());
+        // Rungs below `low` lose too much, or are small enough; those from `high` on are not.
+        while low < high {
+            let middle = (low + high) / 2;
+            let Measured { encoded, error } = self.measure(middle)?;
+            let goes_up = match budget {
+                Budget::Loss(most) => error.loss_db() > most,
+                Budget::Bytes(most) => encoded.bytes <= most,
+            };
+            match goes_up {
+                true => low = middle + 1,
+                false => high = middle,
+            }
+        }
+        let chosen = match budget {
+            Budget::Loss(_) => low,
+            Budget::Bytes(_) => low.wrapping_sub(1),
+        };
+        match chosen < self.len() {
+            true => self.measure(chosen).cloned().map(Some),
+            false => Ok(None),
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Scales and opacity of a splat, rounded together.
+//!
+//! Relative errors e of two standard deviations on the screen and o of the opacity change a splat's picture in
+//! proportion to o² + o (e₁ + e₂) + ¾ (e₁² + e₂²) + ½ e₁ e₂, the integral over a Gaussian. Of the three pairs of axes,
+//! each counts by its area. Scales are rounded from the smallest to the largest, each to the grid point nearest to the
+//! value that makes up for the errors so far, and the opacity follows.
+
+use crate::scene::Splats;
+use crate::simplify::factorize;
+use rayon::prelude::*;
+
+/// Largest opacity that is changed: light behind more opaque splats depends on what they let through.
+const OPACITY_MAX: f64 = 0.9;
+
+/// Splats with log-scales on a grid of this step (and values at multiples of it), and opacities that make up for the
+/// errors of their light.
+pub fn round_light(splats: &Splats, step: f64) -> Splats {
+    let mut rounded = splats.clone();
+    let rows = rounded.log_scale.par_iter_mut().zip(&mut rounded.opacity_logit);
+    rows.for_each(|(log_scale, logit)| round(log_scale, logit, step));
+    rounded
+}
+
+fn round(log_scale: &mut [f32; 3], logit: &mut f32, step: f64) {
+    // Opacity first, then the axes from the largest to the smallest.
+    let mut axes = [0, 1, 2];
+    axes.sort_by(|&a, &b| log_scale[b].total_cmp(&log_scale[a]));
+    let sorted = axes.map(|axis| f64::from(log_scale[axis]));
+    let lower = factor(sorted);
+    let mut errors = [0.0; 4];
+    for k in (0..4).rev() {
+        let later: f64 = (k + 1..4).map(|j| lower[j * 4 + k] * errors[j]).sum();
+        let pull = -later / lower[k * 4 + k];
+        if k == 0 {
+            let opacity = 1.0 / (1.0 + (-f64::from(*logit)).exp());
+            if opacity < OPACITY_MAX {
+                let changed = (opacity * pull.exp()).min(OPACITY_MAX);
+                *logit = (changed / (1.0 - changed)).ln() as f32;
+            }
+            return;
+        }
+        let value = sorted[k - 1];
+        let nearest = ((value + pull.clamp(-step, step)) / step).round() * step;
+        errors[k] = nearest - value;
+        log_scale[axes[k - 1]] = nearest as f32;
+    }
+}
+
+/// Lower triangle of the error's matrix over opacity and the axes of these log-scales.
+fn factor(log_scale: [f64; 3]) -> [f64; 16] {
+    let mut matrix = [0.0; 16];
+    let area = |a: usize, b: usize| (log_scale[a] + log_scale[b] - log_scale[0] - log_scale[1]).exp();
+    let total = area(0, 1) + area(0, 2) + area(1, 2);
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        let share = area(a, b) / total;
+        let mut add = |i: usize, j: usize, value: f64| {
+            matrix[i * 4 + j] += share * value;
+            if i != j {
+                matrix[j * 4 + i] += share * value;
+            }
+        };
+        add(0, 0, 1.0);
+        for axis in [a, b] {
+            add(axis + 1, 0, 0.5);
+            add(axis + 1, axis + 1, 0.75);
+        }
+        add(b + 1, a + 1, 0.25);
+    }
+    // An axis without area has no error; any metric serves.
+    (0..4).for_each(|i| matrix[i * 5] += 1e-9);
+    factorize(&mut matrix, 4);
+    matrix
+}

@@ -1,0 +1,175 @@
+//! Settings of formats, from the fewest bytes to the most.
+
+use super::harmonics::Grid;
+use crate::io::spz::SpzVersion;
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Format of an exported file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// `.ply` of the 3DGS reference code.
+    Ply,
+    /// Compressed `.ply`.
+    CompressedPly,
+    /// `.splat`.
+    Splat,
+    /// `.spz`.
+    Spz(SpzVersion),
+}
+
+/// Name on the command line, end of the file name and format.
+const TARGETS: [(&str, &str, Target); 5] = [
+    ("compressed-ply", ".compressed.ply", Target::CompressedPly),
+    ("ply", ".ply", Target::Ply),
+    ("splat", ".splat", Target::Splat),
+    ("spz", ".spz", Target::Spz(SpzVersion::V4)),
+    ("spz3", "", Target::Spz(SpzVersion::V3)),
+];
+
+impl Target {
+    /// Names of all formats.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        TARGETS.iter().map(|(name, ..)| *name)
+    }
+
+    /// Format of a name.
+    pub fn parse(name: &str) -> Option<Target> {
+        TARGETS.iter().find(|(known, ..)| *known == name).map(|found| found.2)
+    }
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        TARGETS
+            .iter()
+            .find(|(.., target)| *target == self)
+            .map_or("", |found| found.0)
+    }
+
+    /// Format by the end of a file's name.
+    ///
+    /// # Errors
+    /// For other ends, with those that there are.
+    pub fn of(path: &Path) -> Result<Target> {
+        let name = path.to_string_lossy().to_ascii_lowercase();
+        let ends = || TARGETS.iter().filter(|(_, end, _)| !end.is_empty());
+        let found = ends().find(|(_, end, _)| name.ends_with(end));
+        found.map(|found| found.2).ok_or_else(|| {
+            let ends: Vec<&str> = ends().map(|(_, end, _)| *end).collect();
+            Error::file(
+                path,
+                format!(
+                    "scenes are exported to {} files; --format forces one",
+                    ends.join(" or ")
+                ),
+            )
+        })
+    }
+
+    /// Settings from the fewest bytes to the most.
+    pub fn settings(self, sh_degree: u32) -> Vec<Setting> {
+        let base = Setting {
+            sh_degree,
+            ..Setting::default()
+        };
+        match self {
+            Target::Ply => vec![base],
+            Target::Splat => vec![Setting { sh_degree: 0, ..base }],
+            Target::CompressedPly => (0..=sh_degree).map(|sh_degree| Setting { sh_degree, ..base }).collect(),
+            Target::Spz(_) if sh_degree == 0 => vec![base],
+            Target::Spz(_) => {
+                let rungs = SPZ_RUNGS.iter();
+                rungs
+                    .map(|&(sh_bits, bit_price)| Setting {
+                        sh_bits,
+                        bit_price,
+                        ..base
+                    })
+                    .collect()
+            }
+        }
+    }
+}
+
+/// Choices of an encoder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    /// Highest degree of harmonics kept.
+    pub sh_degree: u32,
+    /// SPZ: bits of harmonics of degrees 1, 2 and 3.
+    pub sh_bits: [u32; 3],
+    /// SPZ: price of a bit of a harmonic, [`Rounding::bit_price`](super::Rounding::bit_price).
+    pub bit_price: f64,
+    /// SPZ: bits after the point of positions; `None`: chosen by the error of the harmonics.
+    pub fractional_bits: Option<u32>,
+}
+
+impl Default for Setting {
+    fn default() -> Setting {
+        Setting {
+            sh_degree: 3,
+            sh_bits: [5, 4, 4],
+            bit_price: 0.0,
+            fractional_bits: None,
+        }
+    }
+}
+
+impl Setting {
+    /// Grid of harmonics; `None` for formats that hold floats.
+    pub(super) fn grid(&self, target: Target) -> Option<Grid<'static>> {
+        let kept = |step: [f64; 3]| [1, 2, 3].map(|d| if d <= self.sh_degree { step[d as usize - 1] } else { 0.0 });
+        match target {
+            Target::Ply => None,
+            Target::Splat => Some(Grid::Steps {
+                step: [0.0; 3],
+                offset: 0.0,
+                limit: 0.0,
+            }),
+            Target::CompressedPly => Some(Grid::Steps {
+                step: kept([1.0 / 32.0; 3]),
+                offset: 1.0 / 64.0,
+                limit: 4.0 - 1.0 / 64.0,
+            }),
+            Target::Spz(_) => {
+                let step = self.sh_bits.map(|bits| 2.0_f64.powi(1 - bits as i32));
+                // Codes end one step below 1; in other axes signs change.
+                Some(Grid::Steps {
+                    step: kept(step),
+                    offset: 0.0,
+                    limit: 1.0 - step[0].max(step[1]).max(step[2]),
+                })
+            }
+        }
+    }
+
+    /// Text for tables.
+    pub fn describe(&self, target: Target) -> String {
+        match target {
+            Target::Spz(_) if self.sh_degree > 0 => {
+                let [a, b, c] = self.sh_bits;
+                let price = if self.bit_price > 0.0 {
+                    format!(", bit price {:.0e}", self.bit_price)
+                } else {
+                    String::new()
+                };
+                format!("harmonics {a}/{b}/{c} bits{price}")
+            }
+            Target::Splat | Target::Spz(_) => "harmonics of degree 0".to_owned(),
+            Target::Ply | Target::CompressedPly => format!("harmonics to degree {}", self.sh_degree),
+        }
+    }
+}
+
+/// Bits of harmonics and price of a bit, from the fewest bytes to the most.
+const SPZ_RUNGS: [([u32; 3], f64); 9] = [
+    ([4, 3, 3], 3e-4),
+    ([4, 3, 3], 1e-4),
+    ([5, 4, 4], 1e-4),
+    ([5, 4, 4], 3e-5),
+    ([5, 4, 4], 0.0),
+    ([6, 5, 5], 1e-5),
+    ([6, 5, 5], 0.0),
+    ([7, 6, 6], 0.0),
+    ([8, 8, 8], 0.0),
+];
