@@ -205,7 +205,7 @@ fn read_section(
         let center = match coding.level {
             0 => [0.0; 3],
             _ => buckets
-                .next()
+                .advance()
                 .ok_or_else(|| reader.fault("a splat outside of all buckets of its section"))?,
         };
         reader.fill(&mut record, "a splat")?;
@@ -251,7 +251,7 @@ impl BucketWalk {
         self.lengths.get(partial).copied().unwrap_or(0)
     }
 
-    fn next(&mut self) -> Option<[f32; 3]> {
+    fn advance(&mut self) -> Option<[f32; 3]> {
         // Ends with the centres, of which there are no more than the file holds.
         while self.left == 0 {
             self.bucket += 1;
@@ -292,8 +292,8 @@ fn splat<'a>(
         width => float(sh_at + width * i, width),
     };
     sh.fill(0.0);
-    for channel in 0..3 {
-        sh[channel] = (f32::from(record[color_at + channel]) / 255.0 - 0.5) / SH_C0;
+    for (coefficient, byte) in sh.iter_mut().zip(&record[color_at..color_at + 3]) {
+        *coefficient = (f32::from(*byte) / 255.0 - 0.5) / SH_C0;
     }
     // Of each band, the file has all coefficients of red, then of green, then of blue.
     for band in 1..=section.sh_degree {

@@ -68,14 +68,12 @@ fn axes_of(path: &Path, contents: &[u8], warnings: &mut Vec<String>) -> Option<A
     axes
 }
 
-/// Record of axes; empty for axes without a value.
-pub(super) fn record(axes: Axes) -> Vec<u8> {
+/// Record of axes; `None` for those without a value.
+pub(super) fn record(axes: Axes) -> Option<Vec<u8>> {
     let name = axes.to_string();
-    let Some(index) = AXES_BY_VALUE.iter().position(|known| *known == name) else {
-        return Vec::new();
-    };
+    let index = AXES_BY_VALUE.iter().position(|known| *known == name)?;
     let fields = [AXES, 4, 1 + index as u32];
-    fields.iter().flat_map(|field| field.to_le_bytes()).collect()
+    Some(fields.iter().flat_map(|field| field.to_le_bytes()).collect())
 }
 
 #[cfg(test)]
@@ -87,12 +85,13 @@ mod tests {
         let path = Path::new("a.spz");
         for name in AXES_BY_VALUE {
             let axes = Axes::parse(name).unwrap();
-            let record = record(axes);
+            let record = record(axes).unwrap();
             assert_eq!(record.len(), 12);
             let mut warnings = Vec::new();
             assert_eq!(parse(path, &record, "byte 32", &mut warnings).unwrap(), Some(axes));
             assert!(warnings.is_empty());
         }
-        assert_eq!(record(Axes::RUB)[8..], [4, 0, 0, 0]);
+        assert_eq!(record(Axes::RUB).unwrap()[8..], [4, 0, 0, 0]);
+        assert_eq!(record(Axes::parse("UFR").unwrap()), None);
     }
 }

@@ -83,7 +83,7 @@ struct Body {
 
 /// Reads contents of versions 1 to 3; `most` is the most that the file can hold, and `place` names the contents.
 fn read_stream(path: &Path, input: &mut impl Read, most: u64, place: &str) -> Result<Body> {
-    let head = inflate(path, input, HEADER_BYTES as u64, place)?;
+    let head = inflate(path, input, 0, HEADER_BYTES as u64, place)?;
     let Some(head) = head.first_chunk::<HEADER_BYTES>() else {
         let what = format!("byte {} of {place}: ends inside the header of 16 bytes", head.len());
         return Err(Error::file(path, what));
@@ -103,10 +103,11 @@ fn read_stream(path: &Path, input: &mut impl Read, most: u64, place: &str) -> Re
         );
         return Err(Error::file(path, what));
     }
-    let bytes = inflate(path, input, size, place)?;
+    let bytes = inflate(path, input, HEADER_BYTES as u64, size, place)?;
+    let end = HEADER_BYTES as u64 + size;
     if (bytes.len() as u64) < size {
-        let end = |i: usize| sizes[..=i].iter().sum::<u64>();
-        let cut = (0..6).find(|i| end(*i) > bytes.len() as u64).unwrap_or(0);
+        let end_of = |i: usize| sizes[..=i].iter().sum::<u64>();
+        let cut = (0..6).find(|i| end_of(*i) > bytes.len() as u64).unwrap_or(0);
         let what = format!(
             "byte {} of {place}: ends inside the {} of {} splats",
             HEADER_BYTES + bytes.len(),
@@ -117,15 +118,14 @@ fn read_stream(path: &Path, input: &mut impl Read, most: u64, place: &str) -> Re
     }
     let mut extensions = Vec::new();
     if header.flags & EXTENSIONS != 0 && header.flags & SPARK_TREE == 0 {
-        extensions = inflate(path, input, EXTENSION_BYTES_MAX, place)?;
+        extensions = inflate(path, input, end, EXTENSION_BYTES_MAX, place)?;
         if extensions.is_empty() {
-            let at = HEADER_BYTES as u64 + size;
-            let what = format!("byte {at} of {place}: ends before the extensions that the header announces");
+            let what = format!("byte {end} of {place}: ends before the extensions that the header announces");
             return Err(Error::file(path, what));
         }
     }
     // The checksum of a gzip stream is compared on reaching its end.
-    let more = !inflate(path, input, 1, place)?.is_empty();
+    let more = !inflate(path, input, end + extensions.len() as u64, 1, place)?.is_empty();
     Ok(Body {
         header,
         bytes,
@@ -134,16 +134,14 @@ fn read_stream(path: &Path, input: &mut impl Read, most: u64, place: &str) -> Re
     })
 }
 
-/// At most `most` bytes; fewer if the input ends.
-fn inflate(path: &Path, input: &mut impl Read, most: u64, place: &str) -> Result<Vec<u8>> {
+/// At most `most` bytes from byte `at` of `place`; fewer if the input ends.
+fn inflate(path: &Path, input: &mut impl Read, at: u64, most: u64, place: &str) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     match input.take(most).read_to_end(&mut bytes) {
         Ok(_) => Ok(bytes),
         Err(error) => {
-            let what = format!(
-                "{place} are damaged or cut off after {} more bytes: {error}",
-                bytes.len()
-            );
+            let at = at + bytes.len() as u64;
+            let what = format!("byte {at} of {place}: damaged or cut off: {error}");
             Err(Error::file(path, what))
         }
     }
@@ -341,7 +339,7 @@ fn collect(path: &Path, contents: Contents) -> LoadedSplats {
     // Sizes have been compared with the contents.
     let mut collector = Collector::new(alphas.len(), degree, filter);
     let mut sh = Vec::with_capacity(3 + kept);
-    for i in 0..alphas.len() {
+    for (i, &alpha) in alphas.iter().enumerate() {
         sh.clear();
         sh.extend(three(colors, i).map(steps::color));
         sh.extend(harmonics[i * sh_width..][..kept].iter().map(|code| steps::sh(*code)));
@@ -355,7 +353,7 @@ fn collect(path: &Path, contents: Contents) -> LoadedSplats {
                 _ => steps::rotation_of_bytes(three(rotations, i)),
             },
             log_scale: three(scales, i).map(steps::scale),
-            opacity_logit: logit_of_byte(alphas[i]),
+            opacity_logit: logit_of_byte(alpha),
             sh: &sh,
         });
     }

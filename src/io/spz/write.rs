@@ -30,7 +30,8 @@ impl SpzCodes {
     /// higher ones count as 9. Equal codes give equal files.
     ///
     /// # Errors
-    /// Those of writing the file.
+    /// Those of writing the file; in version 4, axes with an x that is neither left nor right, for which
+    /// there is no value.
     ///
     /// # Panics
     /// If arrays differ in length.
@@ -41,7 +42,7 @@ impl SpzCodes {
     /// Contents of the file that [`SpzCodes::write`] writes.
     ///
     /// # Errors
-    /// Those of zstd: a lack of memory.
+    /// Axes without a value, as for [`SpzCodes::write`], and a lack of memory.
     pub fn bytes(&self, version: SpzVersion, level: i32) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         self.write_to(&mut bytes, version, level)?;
@@ -132,7 +133,10 @@ impl SpzCodes {
     fn write_frames(&self, into: &mut impl Write, level: i32) -> io::Result<()> {
         let sizes: Vec<u64> = self.streams().iter().map(|(_, stream)| stream.len() as u64).collect();
         let frames = self.frames(level)?;
-        let record = extensions::record(self.axes);
+        let record = extensions::record(self.axes).ok_or_else(|| {
+            let what = format!("SPZ has no value for the axes {}", self.axes);
+            io::Error::new(io::ErrorKind::InvalidInput, what)
+        })?;
         let mut header = self.header(4, EXTENSIONS);
         header.push(frames.len() as u8);
         header.extend(((HEADER_BYTES_V4 + record.len()) as u32).to_le_bytes());

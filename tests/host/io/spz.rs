@@ -1,7 +1,7 @@
 //! SPZ files: those of independent writers, and our own.
 
 use crate::io::fixtures::{Bounds, assert_close, fixture, unpacked};
-use crate::io::shared;
+use crate::io::{error_at, shared};
 use ashfall::io::spz::{self, LEVEL, SpzCodes, SpzOptions, SpzVersion};
 use ashfall::io::{AxesBy, ply, splats};
 use ashfall::scene::{Axes, ScreenFilter, Splats, sh_coefficient_count};
@@ -299,6 +299,23 @@ fn our_files_read_back_as_their_codes_decode() {
             assert_eq!(loaded.splats, wanted, "{name} of degree {degree}");
         }
     }
+}
+
+#[test]
+fn axes_without_a_value_are_refused_in_version_4() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.spz");
+    let axes = Axes::parse("UFR").unwrap();
+    let options = SpzOptions {
+        axes,
+        ..SpzOptions::default()
+    };
+    let codes = SpzCodes::nearest(&edges(1, 10.0), &options);
+    assert!(error_at(codes.write(&path, SpzVersion::V4, 3), &path).contains("no value for the axes UFR"));
+    assert!(!path.exists());
+    codes.write(&path, SpzVersion::V3, 3).unwrap();
+    let loaded = splats::read_in_axes(&path, Some(axes)).unwrap();
+    assert_eq!(loaded.splats, codes.decode());
 }
 
 #[test]
