@@ -6,10 +6,13 @@ use super::engine::evaluator;
 use super::output::{Output, figure, file_stem, score_text};
 use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};
+use crate::export::Pictures;
+use crate::gpu::Gpu;
 use crate::io::splats::readable;
 use crate::lab::report::comparison;
 use crate::metrics::{MeanScore, ViewScore};
-use crate::render::ViewEvaluation;
+use crate::render::{ViewEvaluation, ViewOptions};
+use crate::scene::{Dataset, Splats};
 use crate::{Error, Result};
 use clap::Args;
 use serde_json::json;
@@ -27,6 +30,9 @@ pub(super) struct EvalArgs {
     /// The data set, as for `ashfall train`
     #[arg(value_name = "DATA")]
     data: PathBuf,
+    /// Score against pictures of this scene, the original of an exported one, instead of the photographs
+    #[arg(long, value_name = "FILE", conflicts_with = "pictures")]
+    reference: Option<PathBuf>,
     /// Views to score
     #[arg(long, value_name = "SPLIT", default_value = "test")]
     split: SplitArg,
@@ -51,13 +57,14 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall eval run/scene.ply photos/
   ashfall eval run/scene.ply photos/ --split all --json > scores.json
-  ashfall eval run/scene.ply photos/ --pictures comparison/";
+  ashfall eval run/scene.ply photos/ --pictures comparison/
+  ashfall eval scene.spz photos/ --reference run/scene.ply";
 
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let scene = args.scene_options.read(&args.scene)?;
     // As in training: views without a photograph are left out before the split.
-    let mut dataset = args.options.open(&args.data, true)?;
+    let mut dataset = args.options.open(&args.data, args.reference.is_none())?;
     dataset.set_origin(scene.splats.origin);
     let views = dataset.split(args.split.into());
     if views.is_empty() {
@@ -68,6 +75,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     }
     let gpu = engine::open(&args.device)?;
     let splats = fit_axes(&args.scene, scene, &gpu, &dataset, args.background)?;
+    if let Some(reference) = &args.reference {
+        return against(args, reference, &splats, &gpu, &dataset, &views);
+    }
     let mut evaluator = evaluator(&gpu, &dataset, &views, args.background);
     let bar = output.bar(views.len() as u64, "views");
     let scores = evaluator.map(&splats, |evaluated| {
@@ -87,6 +97,42 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
             "splat_count": splats.len(),
             "mean": mean,
             "views": scores,
+        })
+    });
+    Ok(Outcome::Done)
+}
+
+/// Scores a scene against the pictures of another.
+fn against(
+    args: &EvalArgs,
+    reference: &Path,
+    splats: &Splats,
+    gpu: &Gpu,
+    dataset: &Dataset,
+    views: &[usize],
+) -> Result<Outcome> {
+    let original = args.scene_options.read(reference)?.splats;
+    let cameras = views.iter().map(|&i| dataset.views[i].camera).collect();
+    let options = ViewOptions {
+        background: args.background,
+        near: engine::near(dataset) as f32,
+        filter: original.filter,
+    };
+    let error = Pictures::new(gpu, &original, cameras, options, None)?.error(splats)?;
+    engine::check(gpu)?;
+    let (psnr_db, ssim, largest) = (error.psnr_db(), error.ssim, error.largest);
+    let text = format!(
+        "{} views: {psnr_db:.2} dB, SSIM {ssim:.4}, largest difference {largest:.3}",
+        views.len()
+    );
+    Output { json: args.json }.result(text, || {
+        json!({
+            "scene": args.scene,
+            "reference": reference,
+            "views": views.len(),
+            "psnr_db": psnr_db,
+            "ssim": ssim,
+            "largest": largest,
         })
     });
     Ok(Outcome::Done)
