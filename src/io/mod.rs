@@ -14,6 +14,7 @@ pub mod checkpoint;
 pub mod colmap;
 pub mod dataset;
 pub mod exr;
+pub mod gltf;
 mod listing;
 mod loaded;
 mod lock;

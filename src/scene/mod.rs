@@ -14,10 +14,12 @@ mod mesh;
 mod splats;
 
 pub use axes::Axes;
+pub(crate) use axes::sh_signs;
 pub use camera::Camera;
 pub use dataset::{AlphaMode, Dataset, Distortion, Photo, PhotoSource, Point, Split, View};
 pub(crate) use eigen::eigen;
 pub use focus::focus;
+pub(crate) use harmonics::ShRotation;
 pub use harmonics::sh_basis;
 pub use mesh::Mesh;
 pub use splats::{NotFinite, Primitive, SH_C0, ScreenFilter, Splats, sh_coefficient_count};

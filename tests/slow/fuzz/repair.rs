@@ -53,6 +53,29 @@ pub(crate) fn checkpoint(bytes: &mut Vec<u8>) {
     bytes.splice(PREFIX..end, text);
 }
 
+/// Repairs the lengths of a GLB file: the JSON chunk ends with its value, and the binary one with the file.
+pub(crate) fn glb(bytes: &mut Vec<u8>) {
+    const START: usize = 20;
+    let Some(text) = bytes.get(START..).filter(|_| bytes.starts_with(b"glTF")) else {
+        return;
+    };
+    let mut values = serde_json::Deserializer::from_slice(text).into_iter::<Value>();
+    let Some(Ok(_)) = values.next() else {
+        return;
+    };
+    let mut end = values.byte_offset();
+    end += text[end..].iter().take_while(|byte| **byte == b' ').count();
+    let put =
+        |bytes: &mut Vec<u8>, at: usize, value: usize| bytes[at..at + 4].copy_from_slice(&(value as u32).to_le_bytes());
+    let length = bytes.len();
+    put(bytes, 8, length);
+    put(bytes, 12, end);
+    let binary = START + end;
+    if length >= binary + 8 {
+        put(bytes, binary, length - binary - 8);
+    }
+}
+
 /// Repairs the checksums of a PNG file's chunks.
 pub(crate) fn png(bytes: &mut [u8]) {
     let mut at = 8;
