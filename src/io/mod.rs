@@ -15,6 +15,7 @@ pub mod colmap;
 pub mod dataset;
 pub mod exr;
 pub mod gltf;
+pub mod ksplat;
 mod listing;
 mod loaded;
 mod lock;
@@ -26,6 +27,7 @@ mod reader;
 mod source;
 pub mod splat32;
 pub mod splats;
+pub mod spz;
 pub mod transforms;
 
 pub use listing::{ListedView, Listing};

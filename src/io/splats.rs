@@ -2,7 +2,7 @@
 
 use super::loaded::{AxesBy, LoadedSplats};
 use super::source::Source;
-use super::{gltf, ply, splat32};
+use super::{gltf, ksplat, ply, splat32, spz};
 use crate::error::{Error, Result};
 use crate::scene::{Axes, ScreenFilter, Splats};
 use std::path::Path;
@@ -48,8 +48,8 @@ const FORMATS: [Format; 7] = [
     Format {
         name: "SPZ",
         ends: &[".spz"],
-        read: None,
-        write: None,
+        read: Some(|s| spz::read(s)),
+        write: Some(spz::write),
         holds_filter: true,
         holds_origin: false,
         sh_degree: 3,
@@ -84,7 +84,7 @@ const FORMATS: [Format; 7] = [
     Format {
         name: "KSPLAT",
         ends: &[".ksplat"],
-        read: None,
+        read: Some(|s| ksplat::read(s)),
         write: None,
         holds_filter: false,
         holds_origin: false,

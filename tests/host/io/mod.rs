@@ -10,12 +10,15 @@ mod gltf_faults;
 mod gltf_nodes;
 mod hostile;
 mod images;
+mod ksplat;
 mod obj;
 mod photo;
 mod ply;
 mod resample;
 mod splat32;
 mod splats;
+mod spz;
+mod spz_faults;
 mod transforms;
 mod transforms_faults;
 

@@ -7,10 +7,15 @@ use ashfall::scene::Splats;
 #[test]
 fn other_formats_say_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["a.spz", "a.sog", "a.ksplat", "A.SPZ", "meta.json", "a.txt", "a"] {
+    for name in ["a.sog", "meta.json", "a.txt", "a"] {
         let path = folder.path().join(name);
         std::fs::write(&path, b"whatever").unwrap();
         assert!(error_at(splats::read(&path), &path).contains(".ply"));
+    }
+    for (name, word) in [("a.spz", "SPZ"), ("A.SPZ", "SPZ"), ("a.ksplat", "4096 bytes")] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, b"whatever").unwrap();
+        assert!(error_at(splats::read(&path), &path).contains(word));
     }
     let path = folder.path().join("scene.splat");
     assert!(error_at(splats::write(&path, &Splats::default()), &path).contains(".ply"));

@@ -1,6 +1,7 @@
 //! Splitting of inputs into files, and repair of checksums after a mutation.
 
 use serde_json::Value;
+use std::io::{Read, Write};
 
 /// Splits an input into three files, after the lengths of the first two as 16-bit numbers.
 pub(crate) fn parts_by_length(bytes: &[u8]) -> [&[u8]; 3] {
@@ -106,4 +107,98 @@ pub(crate) fn photo_bytes(bytes: &[u8]) -> usize {
         bytes.len()
     );
     24 * pixels + 64 * bytes.len()
+}
+
+/// Bytes of each attribute of all splats that the header of an SPZ file states, if they are few.
+fn spz_sizes(header: &[u8]) -> Option<[usize; 6]> {
+    let &[version, 0, 0, 0, low, high, 0, 0, degree, ..] = header.get(4..)? else {
+        return None;
+    };
+    let count = usize::from(u16::from_le_bytes([low, high]));
+    let position = if version == 1 { 6 } else { 9 };
+    let rotation = if version < 3 { 3 } else { 4 };
+    let sh = 3 * ((usize::from(degree) + 1).pow(2) - 1);
+    let sizes = [position, 1, 3, 3, rotation, sh].map(|width| width * count);
+    (degree < 5 && count < 64).then_some(sizes)
+}
+
+/// Makes streams of an SPZ file that have been damaged whole again: those of version 4 are inflated as far as they go,
+/// padded to their sizes and compressed with a new table; a gzip stream is compressed from as much as it inflates to.
+pub(crate) fn spz(bytes: &mut Vec<u8>) {
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        let mut contents = Vec::new();
+        let body = bytes.get(10..).unwrap_or_default();
+        // As far as it goes.
+        _ = flate2::read::DeflateDecoder::new(body)
+            .take(8192)
+            .read_to_end(&mut contents);
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(&contents).unwrap();
+        *bytes = encoder.finish().unwrap();
+    } else if bytes.starts_with(b"NGSP\x04\0\0\0") && bytes.len() >= 32 {
+        spz_frames(bytes);
+    }
+}
+
+fn spz_frames(bytes: &mut Vec<u8>) {
+    let Some(sizes) = spz_sizes(bytes) else { return };
+    let sizes: Vec<usize> = sizes.into_iter().filter(|size| *size > 0).collect();
+    let table_at = usize::from(u16::from_le_bytes([bytes[16], bytes[17]]));
+    if !(32..=bytes.len()).contains(&table_at) {
+        return;
+    }
+    let streams = usize::from(bytes[15]).min((bytes.len() - table_at) / 16);
+    let (mut left, entries) = (&bytes[table_at + 16 * streams..], &bytes[table_at..]);
+    let mut frames = Vec::new();
+    let mut table = Vec::new();
+    for (i, &size) in sizes.iter().enumerate() {
+        let entry = entries.get(16 * i..16 * i + 2).filter(|_| i < streams);
+        let length = entry.map_or(0, |e| usize::from(u16::from_le_bytes([e[0], e[1]])));
+        let (frame, rest) = left.split_at(length.min(left.len()));
+        left = rest;
+        let mut contents = Vec::new();
+        if let Ok(decoder) = zstd::stream::read::Decoder::new(frame) {
+            _ = decoder.take(size as u64).read_to_end(&mut contents);
+        }
+        contents.resize(size, 0x55);
+        let frame = zstd::bulk::compress(&contents, 1).unwrap();
+        table.extend((frame.len() as u64).to_le_bytes());
+        table.extend((size as u64).to_le_bytes());
+        frames.extend(frame);
+    }
+    bytes.truncate(table_at);
+    bytes[15] = sizes.len() as u8;
+    bytes.extend(table);
+    bytes.extend(frames);
+}
+
+/// Upper bound of memory for an SPZ file. Splats take less than five times the bytes of their codes (degree 0: 56 for
+/// 16), and growing arrays of codes up to three times. A byte of gzip inflates to 1,032 at most; in version 4 the
+/// reader takes 1,024 / 9 splats of at most 92 bytes for each byte of the file.
+pub(crate) fn spz_bytes(bytes: &[u8]) -> usize {
+    let ratio = match bytes {
+        [0x1f, 0x8b, ..] => 1032,
+        [b'N', b'G', b'S', b'P', 4, 0, 0, 0, ..] => 1024 * 92 / 9,
+        _ => 1,
+    };
+    (3 + 5) * ratio * bytes.len() + bytes.len()
+}
+
+/// A `.ksplat` file of its header and section headers without their long unused ends.
+pub(crate) fn ksplat(bytes: &[u8]) -> Vec<u8> {
+    const USED: usize = 44;
+    let Some((header, mut left)) = bytes.split_at_checked(USED) else {
+        return bytes.to_vec();
+    };
+    let mut whole = header.to_vec();
+    whole.resize(4096, 0);
+    for _ in 0..header[4].min(8) {
+        let (section, rest) = left.split_at(USED.min(left.len()));
+        let end = whole.len() + 1024;
+        whole.extend(section);
+        whole.resize(end, 0);
+        left = rest;
+    }
+    whole.extend(left);
+    whole
 }

@@ -1,12 +1,13 @@
 //! Seed inputs of the corpora: small valid files of every format, generated here.
 
+use ashfall::io::spz::{SpzCodes, SpzOptions, SpzVersion};
 use ashfall::io::{gltf, ply};
 use ashfall::scene::{ScreenFilter, Splats, sh_coefficient_count};
 use ashfall::train::checkpoint::Checkpoint;
 use ashfall::train::{HostState, TrainConfig};
 use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, ImageFormat, RgbaImage};
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 
 /// Target, name and contents.
 pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
@@ -20,6 +21,17 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     add("cloud", "ascii", CLOUD.as_bytes().to_vec());
     add("cloud", "big-endian", big_endian_cloud());
     add("splat", "two", splat_records());
+    for (version, degree, flags) in [(1, 1, 0), (2, 2, 2), (3, 0, 1), (3, 4, 0x80)] {
+        let contents = spz_contents(version, degree, flags);
+        add("spz", &format!("raw-{version}-{degree}"), contents.clone());
+        add("spz", &format!("gzip-{version}-{degree}"), gzipped(&contents));
+    }
+    for degree in [0, 2] {
+        add("spz", &format!("frames-{degree}"), spz_frames(degree));
+    }
+    for level in 0..3 {
+        add("ksplat", &format!("level-{level}"), ksplat(level));
+    }
     add("colmap_bin", "model", colmap_binary());
     add("colmap_txt", "model", COLMAP.as_bytes().to_vec());
     add("transforms", "nerfstudio", NERFSTUDIO.as_bytes().to_vec());
@@ -168,6 +180,68 @@ fn splat_records() -> Vec<u8> {
             .iter()
             .for_each(|v| bytes.extend((v + f32::from(i)).to_le_bytes()));
         bytes.extend([10, 20, 30, 200, 255, 128, 128, 128 - i]);
+    }
+    bytes
+}
+
+/// Contents of SPZ versions 1 to 3: two splats, and a record of axes if flag 2 announces it.
+fn spz_contents(version: u8, degree: u8, flags: u8) -> Vec<u8> {
+    let mut bytes = b"NGSP".to_vec();
+    bytes.extend([version, 0, 0, 0, 2, 0, 0, 0, degree, 12, flags, 0]);
+    let position = if version == 1 { 6 } else { 9 };
+    let rotation = if version < 3 { 3 } else { 4 };
+    let sh = 3 * ((usize::from(degree) + 1).pow(2) - 1);
+    let size = 2 * (position + 1 + 3 + 3 + rotation + sh);
+    bytes.extend((0..size).map(|i| (i * 37) as u8));
+    if flags & 2 != 0 {
+        bytes.extend([3, 0, 0xbe, 0xad, 4, 0, 0, 0, 7, 0, 0, 0]);
+    }
+    bytes
+}
+
+fn gzipped(bytes: &[u8]) -> Vec<u8> {
+    // Stored blocks, so that mutations reach the contents.
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::none());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn spz_frames(degree: u32) -> Vec<u8> {
+    let codes = SpzCodes::nearest(&splats(degree, ScreenFilter::Mip), &SpzOptions::default());
+    codes.bytes(SpzVersion::V4, 1).unwrap()
+}
+
+/// Two sections of two splats, with a full bucket each at levels 1 and 2 and a partial one in the second; without the
+/// unused ends of the headers.
+fn ksplat(level: u8) -> Vec<u8> {
+    let mut bytes = vec![0, 1, 0, 0];
+    [2u32, 2, 4, 4].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+    bytes.extend([level, 0]);
+    bytes.resize(44, 0);
+    let bucketed = u32::from(level > 0);
+    for (degree, partial) in [(2, 0), (1, bucketed)] {
+        let full = bucketed - partial;
+        [2u32, 2, 2, full + partial]
+            .iter()
+            .for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes.extend(5f32.to_le_bytes());
+        bytes.extend([12, 0, 0, 0]);
+        [0u32, 0, full, partial]
+            .iter()
+            .for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes.extend([degree, 0, 0, 0]);
+    }
+    for (degree, partial) in [(2usize, 0), (1, bucketed)] {
+        (0..partial).for_each(|_| bytes.extend(2u32.to_le_bytes()));
+        bytes.resize(bytes.len() + 12 * bucketed as usize, 0);
+        let harmonics = 3 * ((degree + 1).pow(2) - 1);
+        let record = match level {
+            0 => 44 + 4 * harmonics,
+            1 => 24 + 2 * harmonics,
+            _ => 24 + harmonics,
+        };
+        // Half floats and floats of these bytes are finite and positive.
+        bytes.extend((0..2 * record).map(|i| 0x30 + (i * 7 % 13) as u8));
     }
     bytes
 }

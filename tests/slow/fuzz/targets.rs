@@ -50,6 +50,23 @@ pub(crate) const TARGETS: &[Target] = &[
         memory: |bytes| 64 * bytes.len(),
     },
     Target {
+        name: "spz",
+        run: |bytes| check("scene.spz", splats::read(at("scene.spz", bytes)), check_splats),
+        repair: repair::spz,
+        words: &["NGSP", "\u{3}\0\u{be}\u{ad}\u{4}\0\0\0", "(\u{b5}/\u{fd}", "\u{1f}\u{8b}\u{8}"],
+        memory: repair::spz_bytes,
+    },
+    Target {
+        name: "ksplat",
+        run: |bytes| {
+            let bytes = repair::ksplat(bytes);
+            check("scene.ksplat", splats::read(at("scene.ksplat", &bytes)), check_splats)
+        },
+        repair: |_| {},
+        words: &["\0\u{1}\0\0"],
+        memory: |bytes| 64 * repair::ksplat(bytes).len(),
+    },
+    Target {
         name: "colmap_bin",
         run: |bytes| check_model(true, repair::parts_by_length(bytes)),
         repair: |_| {},
