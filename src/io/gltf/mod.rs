@@ -8,7 +8,8 @@
 //!
 //! **Rule against bombs:** an accessor may be all zeros without a byte of the file, and a node of 30 bytes instances a
 //! mesh of any size. So all instances together have at most one splat for each byte of the file and its external
-//! buffers; the first instance of an SPZ file is bounded by that format's own rule.
+//! buffers. SPZ files are bounded by the rule of that format, and together by the bytes of the file; of their splats
+//! only the second and further instances count.
 
 mod accessor;
 mod attributes;

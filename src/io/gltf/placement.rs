@@ -74,6 +74,8 @@ impl Placement {
     /// Mean in the world, relative to the origin.
     pub(super) fn mean(&self, mean: DVec3) -> DVec3 {
         match self.moves_only {
+            // A zero keeps its sign.
+            true if self.affine.translation == DVec3::ZERO => mean,
             true => mean + self.affine.translation,
             false => self.affine.linear * mean + self.affine.translation,
         }

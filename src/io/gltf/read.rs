@@ -4,6 +4,7 @@ use super::super::listing::Check;
 use super::super::loaded::{AxesBy, Collector, LoadedSplats, StoredAs, StoredSplat};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
+use super::super::spz;
 use super::attributes::{Attributes, PrimitiveSplats, is_beyond_degree_3, position};
 use super::buffers::Buffers;
 use super::json::{Document, PrimitiveJson, SplatsJson, entry};
@@ -35,6 +36,8 @@ struct SceneReading<'a> {
     file_bytes: u64,
     /// Splats of all instances so far, but for the first ones of SPZ files.
     total: u64,
+    /// Bytes of the SPZ files so far.
+    payload_bytes: u64,
     filters: Vec<ScreenFilter>,
     warnings: Vec<String>,
 }
@@ -68,6 +71,7 @@ fn read_file(path: &Path, file: &[u8], folder: Option<&Path>) -> Check<LoadedSpl
         buffers: &buffers,
         file_bytes: file.len() as u64,
         total: 0,
+        payload_bytes: 0,
         filters: Vec::new(),
         warnings: Vec::new(),
     };
@@ -170,14 +174,47 @@ impl<'a> SceneReading<'a> {
     }
 
     /// Splats of an SPZ file in a buffer view, in glTF's axes.
-    fn payload(&mut self, _view: u32) -> Check<PrimitiveSplats<'a>> {
-        Err("its SPZ file is not supported".into())
+    fn payload(&mut self, view: u32) -> Check<PrimitiveSplats<'a>> {
+        let bytes = self.buffers.view(view)?.bytes;
+        self.payload_bytes = self.payload_bytes.saturating_add(bytes.len() as u64);
+        let all = self.bytes();
+        if self.payload_bytes > all {
+            return Err(format!(
+                "its SPZ files so far have {} bytes, more than the {all} read",
+                self.payload_bytes
+            ));
+        }
+        let mut loaded = spz::read(Source::bytes(self.path, bytes)).map_err(|error| match error {
+            Error::File { what, .. } => format!("its SPZ file: {what}"),
+            other => format!("its SPZ file: {other}"),
+        })?;
+        for warning in loaded.warnings {
+            if !self.warnings.contains(&warning) {
+                self.warnings.push(warning);
+            }
+        }
+        let axes = loaded.stored.axes;
+        if loaded.stored.axes_by == AxesBy::Assumption {
+            self.warn(format!(
+                "its SPZ file does not state its axes; {axes} was assumed, as the draft of the extension does, though \
+                 some programs take {} there",
+                Axes::LUF
+            ));
+        }
+        loaded.splats.change_axes(axes, Axes::LUF);
+        self.filters.push(loaded.splats.filter);
+        Ok(PrimitiveSplats::Unpacked(Box::new(loaded.splats)))
+    }
+
+    /// Bytes read so far: the file and its external buffers.
+    fn bytes(&self) -> u64 {
+        self.file_bytes + self.buffers.external_bytes()
     }
 
     /// Adds splats to the total, and compares that with the bytes read.
     fn count(&mut self, splats: u64, instances: u64) -> Check<()> {
         self.total = self.total.saturating_add(splats.saturating_mul(instances));
-        let bytes = self.file_bytes + self.buffers.external_bytes();
+        let bytes = self.bytes();
         match self.total <= bytes {
             true => Ok(()),
             false => Err(format!(

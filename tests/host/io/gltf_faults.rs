@@ -1,8 +1,9 @@
 //! Damaged glTF files, and those that are bombs.
 
-use crate::io::gltf::{document, floats, glb, two};
+use crate::io::gltf::{around, document, floats, glb, read, two};
 use crate::io::{error_at, for_every_prefix};
-use ashfall::io::{Source, gltf};
+use ashfall::io::{Source, gltf, spz};
+use ashfall::scene::Splats;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -339,6 +340,40 @@ fn damaged_containers_are_refused() {
     let mut bytes = text.to_vec();
     bytes[8..12].copy_from_slice(&(text.len() as u32).to_le_bytes());
     assert!(fault(&bytes).contains("buffer 0: has neither a URI nor a binary chunk"));
+}
+
+#[test]
+fn damaged_spz_files_inside_are_refused() {
+    let name = "KHR_gaussian_splatting_compression_spz_2";
+    let text = fault(&around(b"nothing of the kind", name, true));
+    assert!(text.contains("mesh 0, primitive 0: its SPZ file: "), "{text}");
+    // One file in a thousand primitives.
+    let (mut file, _) = document(&two());
+    let primitive = json!({ "extensions": { "KHR_spz_compression": { "bufferView": 0 } } });
+    file["meshes"] = json!([{ "primitives": vec![primitive; 1000] }]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.spz");
+    let mut scene = Splats::default();
+    for _ in 0..2000 {
+        scene.mean.push([0.0; 3]);
+        scene.quaternion.push([1.0, 0.0, 0.0, 0.0]);
+        scene.log_scale.push([0.0; 3]);
+        scene.opacity_logit.push(0.0);
+        scene.sh.extend([0.0; 3]);
+    }
+    spz::write(&path, &scene).unwrap();
+    let mut buffer = std::fs::read(&path).unwrap();
+    let length = buffer.len();
+    buffer.resize(length.next_multiple_of(4), 0);
+    file["bufferViews"] = json!([{ "buffer": 0, "byteLength": length }]);
+    file["buffers"] = json!([{ "byteLength": buffer.len() }]);
+    assert!(fault(&glb(&file, &buffer)).contains("its SPZ files so far have"));
+    // Its splats are free once.
+    file["meshes"][0]["primitives"].as_array_mut().unwrap().truncate(1);
+    assert_eq!(read(&glb(&file, &buffer)).splats.len(), 2000);
+    file["nodes"] = json!(vec![json!({ "mesh": 0 }); 3]);
+    file["scenes"][0]["nodes"] = json!([0, 1, 2]);
+    assert!(fault(&glb(&file, &buffer)).contains("4000 splats in all instances so far"));
 }
 
 #[test]

@@ -42,6 +42,7 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     for degree in [0, 1] {
         add("gltf", &format!("binary-{degree}"), binary_gltf(degree));
     }
+    add("gltf", "payload", payload());
     add("gltf", "text", GLTF.as_bytes().to_vec());
     add("gltf", "quantised", QUANTISED.as_bytes().to_vec());
     let picture = picture();
@@ -112,6 +113,24 @@ fn binary_gltf(degree: u32) -> Vec<u8> {
     let path = folder.path().join("scene.glb");
     gltf::write(&path, &splats(degree, ScreenFilter::Classic)).unwrap();
     std::fs::read(path).unwrap()
+}
+
+/// An SPZ file without gzip inside, in two nodes.
+fn payload() -> Vec<u8> {
+    let contents = spz_contents(2, 1, 1);
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0}},{{"mesh":0,"scale":[2,2,2]}}],"meshes":[{{"primitives":[
+{{"extensions":{{"KHR_gaussian_splatting":{{"extensions":{{"KHR_gaussian_splatting_compression_spz_2":
+{{"bufferView":0}}}}}}}}}}]}}],"bufferViews":[{{"buffer":0,"byteLength":{0}}}],"buffers":[{{"byteLength":{0}}}]}}"#,
+        contents.len()
+    );
+    let mut bytes = b"glTF\x02\0\0\0\0\0\0\0\0\0\0\0JSON".to_vec();
+    bytes.extend(text.bytes());
+    bytes.extend([contents.len() as u8, 0, 0, 0]);
+    bytes.extend(b"BIN\0");
+    bytes.extend(contents);
+    super::repair::glb(&mut bytes);
+    bytes
 }
 
 /// One splat of degree 0 in two nodes, with a draft's names, a buffer in base 64 and a sparse accessor.

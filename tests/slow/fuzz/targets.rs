@@ -109,9 +109,7 @@ pub(crate) const TARGETS: &[Target] = &[
         run: |bytes| check("scene.glb", splats::read(at("scene.glb", bytes)), check_splats),
         repair: repair::glb,
         words: GLTF_WORDS,
-        // A splat of degree 3 is 236 bytes, with its size while an origin is sought, and there is at most one for each
-        // byte; an empty object in a list is three bytes, and 64 in memory, thrice while the list grows.
-        memory: |bytes| 512 * bytes.len(),
+        memory: repair::glb_bytes,
     },
     Target {
         name: "png",
