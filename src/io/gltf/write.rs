@@ -198,7 +198,8 @@ fn document(splats: &Splats, attributes: &[Attribute]) -> Value {
     let mut at = 0;
     for (index, attribute) in attributes.iter().enumerate() {
         let length = count * attribute.bytes;
-        views.push(json!({ "buffer": 0, "byteOffset": at, "byteLength": length }));
+        // 34962: data of vertices.
+        views.push(json!({ "buffer": 0, "byteOffset": at, "byteLength": length, "target": 34962 }));
         at += length;
         let component = if attribute.name == "COLOR_0" { 5121 } else { 5126 };
         let mut accessor =
