@@ -5,6 +5,7 @@ use super::harmonics::{Rounding, round_harmonics};
 use super::influence::Influence;
 use super::pictures::{PictureError, Pictures};
 use super::setting::{Setting, Target};
+use crate::io::gltf;
 use crate::io::ply;
 use crate::io::ply::compressed::CompressedPlyCodes;
 use crate::io::splat32;
@@ -35,6 +36,7 @@ pub struct Encoded {
 #[derive(Clone, Debug)]
 enum Codes {
     Ply(Splats),
+    Glb(Splats),
     Splat(Splats),
     CompressedPly(CompressedPlyCodes),
     Spz(SpzCodes, SpzVersion),
@@ -44,7 +46,7 @@ impl Encoded {
     /// Splats that a reader of the file gets.
     pub fn decode(&self) -> Splats {
         match &self.codes {
-            Codes::Ply(splats) => splats.clone(),
+            Codes::Ply(splats) | Codes::Glb(splats) => splats.clone(),
             Codes::Splat(splats) => splat32::decoded(splats),
             Codes::CompressedPly(codes) => codes.decode(),
             Codes::Spz(codes, _) => codes.decode(),
@@ -58,6 +60,7 @@ impl Encoded {
     pub fn write(&self, path: &Path) -> Result<()> {
         match &self.codes {
             Codes::Ply(splats) => ply::write(path, splats),
+            Codes::Glb(splats) => gltf::write(path, splats),
             Codes::Splat(splats) => splat32::write(path, splats),
             Codes::CompressedPly(codes) => codes.write(path),
             Codes::Spz(codes, version) => codes.write(path, *version, level(codes.len())),
@@ -106,6 +109,7 @@ impl Source {
         let rounded = self.rounded(target, setting);
         let codes = match target {
             Target::Ply => Codes::Ply(rounded),
+            Target::Glb => Codes::Glb(rounded),
             Target::Splat => Codes::Splat(rounded),
             Target::CompressedPly => Codes::CompressedPly(CompressedPlyCodes::nearest(&rounded)),
             Target::Spz(version) => {
@@ -119,6 +123,7 @@ impl Source {
         };
         let bytes = match &codes {
             Codes::Ply(splats) => ply::byte_count(splats),
+            Codes::Glb(splats) => gltf::byte_count(splats),
             Codes::Splat(splats) => splat32::byte_count(splats),
             Codes::CompressedPly(codes) => codes.byte_count(),
             Codes::Spz(codes, version) => {

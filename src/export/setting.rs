@@ -16,15 +16,18 @@ pub enum Target {
     Splat,
     /// `.spz`.
     Spz(SpzVersion),
+    /// `.glb` with KHR_gaussian_splatting.
+    Glb,
 }
 
 /// Name on the command line, end of the file name and format.
-const TARGETS: [(&str, &str, Target); 5] = [
+const TARGETS: [(&str, &str, Target); 6] = [
     ("compressed-ply", ".compressed.ply", Target::CompressedPly),
     ("ply", ".ply", Target::Ply),
     ("splat", ".splat", Target::Splat),
     ("spz", ".spz", Target::Spz(SpzVersion::V4)),
     ("spz3", "", Target::Spz(SpzVersion::V3)),
+    ("glb", ".glb", Target::Glb),
 ];
 
 impl Target {
@@ -73,7 +76,7 @@ impl Target {
             ..Setting::default()
         };
         match self {
-            Target::Ply => vec![base],
+            Target::Ply | Target::Glb => vec![base],
             Target::Splat => vec![Setting { sh_degree: 0, ..base }],
             Target::CompressedPly => (0..=sh_degree).map(|sh_degree| Setting { sh_degree, ..base }).collect(),
             Target::Spz(_) if sh_degree == 0 => vec![base],
@@ -120,7 +123,7 @@ impl Setting {
     pub(super) fn grid(&self, target: Target) -> Option<Grid<'static>> {
         let kept = |step: [f64; 3]| [1, 2, 3].map(|d| if d <= self.sh_degree { step[d as usize - 1] } else { 0.0 });
         match target {
-            Target::Ply => None,
+            Target::Ply | Target::Glb => None,
             Target::Splat => Some(Grid::Steps {
                 step: [0.0; 3],
                 offset: 0.0,
@@ -156,7 +159,7 @@ impl Setting {
                 format!("harmonics {a}/{b}/{c} bits{price}")
             }
             Target::Splat | Target::Spz(_) => "harmonics of degree 0".to_owned(),
-            Target::Ply | Target::CompressedPly => format!("harmonics to degree {}", self.sh_degree),
+            Target::Ply | Target::Glb | Target::CompressedPly => format!("harmonics to degree {}", self.sh_degree),
         }
     }
 }

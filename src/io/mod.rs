@@ -14,6 +14,7 @@ pub mod checkpoint;
 pub mod colmap;
 pub mod dataset;
 pub mod exr;
+pub mod gltf;
 pub mod ksplat;
 mod listing;
 mod loaded;

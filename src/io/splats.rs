@@ -2,7 +2,7 @@
 
 use super::loaded::{AxesBy, LoadedSplats};
 use super::source::Source;
-use super::{ksplat, ply, splat32, spz};
+use super::{gltf, ksplat, ply, splat32, spz};
 use crate::error::{Error, Result};
 use crate::scene::{Axes, ScreenFilter, Splats};
 use std::path::Path;
@@ -26,7 +26,7 @@ struct Format {
 }
 
 /// All formats; the first one of a fitting end counts.
-const FORMATS: [Format; 6] = [
+const FORMATS: [Format; 8] = [
     Format {
         name: "compressed PLY",
         ends: &[".compressed.ply"],
@@ -70,6 +70,24 @@ const FORMATS: [Format; 6] = [
         write: None,
         holds_filter: true,
         holds_origin: false,
+        sh_degree: 3,
+    },
+    Format {
+        name: "glTF",
+        ends: &[".glb"],
+        read: Some(|s| gltf::read(s)),
+        write: Some(gltf::write),
+        holds_filter: false,
+        holds_origin: true,
+        sh_degree: 3,
+    },
+    Format {
+        name: "glTF",
+        ends: &[".gltf"],
+        read: Some(|s| gltf::read(s)),
+        write: None,
+        holds_filter: false,
+        holds_origin: true,
         sh_degree: 3,
     },
     Format {

@@ -126,7 +126,7 @@ impl Splats {
 
 /// Sign of every harmonic under a change of the signs of x, y and z, in file order. Each is a polynomial that is even
 /// or odd in each of them.
-fn sh_signs([x, y, z]: [f32; 3]) -> [f32; sh_coefficient_count(3)] {
+pub(crate) fn sh_signs([x, y, z]: [f32; 3]) -> [f32; sh_coefficient_count(3)] {
     [1.0, y, z, x, x * y, y * z, 1.0, x * z, 1.0, y, x * y * z, y, z, x, z, x]
 }
 

@@ -15,10 +15,12 @@ mod morton;
 mod splats;
 
 pub use axes::Axes;
+pub(crate) use axes::sh_signs;
 pub use camera::Camera;
 pub use dataset::{AlphaMode, Dataset, Distortion, Photo, PhotoSource, Point, Split, View};
 pub(crate) use eigen::eigen;
 pub use focus::focus;
+pub(crate) use harmonics::ShRotation;
 pub use harmonics::sh_basis;
 pub use mesh::Mesh;
 pub use morton::morton_order;

@@ -54,6 +54,45 @@ pub(crate) fn checkpoint(bytes: &mut Vec<u8>) {
     bytes.splice(PREFIX..end, text);
 }
 
+/// Repairs the lengths of a GLB file: the JSON chunk ends with its value, and the binary one with the file.
+pub(crate) fn glb(bytes: &mut Vec<u8>) {
+    const START: usize = 20;
+    let Some(text) = bytes.get(START..).filter(|_| bytes.starts_with(b"glTF")) else {
+        return;
+    };
+    let mut values = serde_json::Deserializer::from_slice(text).into_iter::<Value>();
+    let Some(Ok(_)) = values.next() else {
+        return;
+    };
+    let mut end = values.byte_offset();
+    end += text[end..].iter().take_while(|byte| **byte == b' ').count();
+    let put =
+        |bytes: &mut Vec<u8>, at: usize, value: usize| bytes[at..at + 4].copy_from_slice(&(value as u32).to_le_bytes());
+    let length = bytes.len();
+    put(bytes, 8, length);
+    put(bytes, 12, end);
+    let binary = START + end;
+    if length >= binary + 8 {
+        put(bytes, binary, length - binary - 8);
+    }
+}
+
+/// Upper bound of memory for a glTF file. A splat of degree 3 is 236 bytes, and 4 while an origin is sought; there is
+/// at most one for each byte. An empty object in a list is three bytes, and 64 in memory, thrice while the list grows.
+/// An SPZ file in it takes its own bound and is copied once.
+pub(crate) fn glb_bytes(bytes: &[u8]) -> usize {
+    let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
+    // Beginnings of a gzip stream and of version 4, as they are and in base 64.
+    let payload = if holds(b"NGSP\x04\0\0\0") || holds(b"TkdTUAQAAA") {
+        spz_bytes(b"NGSP\x04\0\0\0") / 8
+    } else if holds(b"\x1f\x8b") || holds(b"H4s") {
+        spz_bytes(b"\x1f\x8b") / 2
+    } else {
+        spz_bytes(b"-")
+    };
+    (512 + 2 * payload) * bytes.len()
+}
+
 /// Repairs the checksums of a PNG file's chunks.
 pub(crate) fn png(bytes: &mut [u8]) {
     let mut at = 8;

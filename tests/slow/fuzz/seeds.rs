@@ -1,7 +1,7 @@
 //! Seed inputs of the corpora: small valid files of every format, generated here.
 
-use ashfall::io::ply;
 use ashfall::io::spz::{SpzCodes, SpzOptions, SpzVersion};
+use ashfall::io::{gltf, ply};
 use ashfall::scene::{ScreenFilter, Splats, sh_coefficient_count};
 use ashfall::train::checkpoint::Checkpoint;
 use ashfall::train::{HostState, TrainConfig};
@@ -42,6 +42,12 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     add("checkpoint", "two", checkpoint());
     add("obj", "tetrahedron", TETRAHEDRON.as_bytes().to_vec());
     add("obj", "colors", COLORS.as_bytes().to_vec());
+    for degree in [0, 1] {
+        add("gltf", &format!("binary-{degree}"), binary_gltf(degree));
+    }
+    add("gltf", "payload", payload());
+    add("gltf", "text", GLTF.as_bytes().to_vec());
+    add("gltf", "quantised", QUANTISED.as_bytes().to_vec());
     let picture = picture();
     for (name, image) in [
         ("rgba", picture.clone()),
@@ -111,6 +117,57 @@ fn compressed_ply(degree: u32) -> Vec<u8> {
     ply::compressed::write(&path, &splats(degree, ScreenFilter::Mip)).unwrap();
     std::fs::read(path).unwrap()
 }
+
+fn binary_gltf(degree: u32) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.glb");
+    gltf::write(&path, &splats(degree, ScreenFilter::Classic)).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+/// An SPZ file without gzip inside, in two nodes.
+fn payload() -> Vec<u8> {
+    let contents = spz_contents(2, 1, 1);
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0}},{{"mesh":0,"scale":[2,2,2]}}],"meshes":[{{"primitives":[
+{{"extensions":{{"KHR_gaussian_splatting":{{"extensions":{{"KHR_gaussian_splatting_compression_spz_2":
+{{"bufferView":0}}}}}}}}}}]}}],"bufferViews":[{{"buffer":0,"byteLength":{0}}}],"buffers":[{{"byteLength":{0}}}]}}"#,
+        contents.len()
+    );
+    let mut bytes = b"glTF\x02\0\0\0\0\0\0\0\0\0\0\0JSON".to_vec();
+    bytes.extend(text.bytes());
+    bytes.extend([contents.len() as u8, 0, 0, 0]);
+    bytes.extend(b"BIN\0");
+    bytes.extend(contents);
+    super::repair::glb(&mut bytes);
+    bytes
+}
+
+/// One splat of degree 0 in two nodes, with a draft's names, a buffer in base 64 and a sparse accessor.
+const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,2]}],"nodes":[
+{"children":[1],"translation":[1,2,3],"scale":[1,2,3]},{"mesh":0,"rotation":[0,0.6,0,0.8]},{"mesh":0,
+"matrix":[0,1,0,0,-1,0,0,0,0,0,1,0,1,2,3,1]}],"meshes":[{"primitives":[{"mode":0,"attributes":{"POSITION":0,
+"COLOR_0":1,"_ROTATION":2,"_SCALE":0},"extensions":{"KHR_gaussian_splatting":{"kernel":"ellipse"}}}]}],"accessors":[
+{"bufferView":0,"componentType":5126,"count":1,"type":"VEC3","sparse":{"count":1,"indices":{"bufferView":0,
+"byteOffset":12,"componentType":5121},"values":{"bufferView":0}}},
+{"bufferView":0,"byteOffset":3,"componentType":5121,"normalized":true,"count":1,"type":"VEC4"},
+{"bufferView":0,"componentType":5126,"count":1,"type":"VEC4"}],"bufferViews":[{"buffer":0,"byteLength":16}],
+"buffers":[{"byteLength":16,"uri":"data:;base64,AACAPwAAAD8AAABAAAAAAA=="}]}"#;
+
+/// Two splats of degree 1 in integers, most of them zeros without a buffer.
+const QUANTISED: &str = r#"{"asset":{"version":"2.0"},"extensionsUsed":["KHR_mesh_quantization"],"nodes":[{"mesh":0}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0,"KHR_gaussian_splatting:ROTATION":1,
+"KHR_gaussian_splatting:SCALE":2,"KHR_gaussian_splatting:OPACITY":3,"KHR_gaussian_splatting:SH_DEGREE_0_COEF_0":4,
+"KHR_gaussian_splatting:SH_DEGREE_1_COEF_0":4,"KHR_gaussian_splatting:SH_DEGREE_1_COEF_1":4,
+"KHR_gaussian_splatting:SH_DEGREE_1_COEF_2":4},"extensions":{"KHR_gaussian_splatting":{"kernel":"ellipse",
+"colorSpace":"lin_rec709_display"}}}]}],"accessors":[
+{"bufferView":0,"componentType":5122,"count":2,"type":"VEC3"},
+{"bufferView":0,"componentType":5120,"normalized":true,"count":2,"type":"VEC4"},
+{"bufferView":0,"componentType":5121,"count":2,"type":"VEC3"},
+{"bufferView":1,"componentType":5123,"normalized":true,"count":2,"type":"SCALAR"},
+{"componentType":5126,"count":2,"type":"VEC3"}],
+"bufferViews":[{"buffer":0,"byteLength":14,"byteStride":8},{"buffer":0,"byteOffset":4,"byteLength":8}],
+"buffers":[{"byteLength":14,"uri":"data:;base64,AAECAwQFBgcICQoLDA0="}]}"#;
 
 fn ascii_ply(format: &str, kind: &str) -> String {
     let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";

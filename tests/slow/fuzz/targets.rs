@@ -105,6 +105,13 @@ pub(crate) const TARGETS: &[Target] = &[
         memory: |bytes| 256 * bytes.len(),
     },
     Target {
+        name: "gltf",
+        run: |bytes| check("scene.glb", splats::read(at("scene.glb", bytes)), check_splats),
+        repair: repair::glb,
+        words: GLTF_WORDS,
+        memory: repair::glb_bytes,
+    },
+    Target {
         name: "png",
         run: check_photo,
         repair: |bytes| repair::png(bytes),
@@ -131,6 +138,15 @@ const JSON_WORDS: &[&str] = &[
     "null", "true", "[]", "{}", "[", "]", "{", "}", ",", "\"frames\":", "\"transform_matrix\":", "\"file_path\":",
     "\"ply_file_path\":\"cloud.ply\",", "\"camera_angle_x\":1,", "\"w\":8,", "\"h\":6,", "\"k1\":0.1,", "\"fl_x\":9,",
     "\"camera_model\":\"OPENCV\",", "\"is_fisheye\":true,", "\"a.png\"", "\"../a\"", "\\u0000", "\\ud800", "\\\\",
+];
+
+const GLTF_WORDS: &[&str] = &[
+    "null", "true", "[]", "{}", "[", "]", "{", "}", ",", "\"nodes\":[0],", "\"children\":[1],", "\"mesh\":0,", "\"matrix\":",
+    "\"scale\":[1,2,3],", "\"rotation\":[0,1,0,0],", "\"translation\":[1e6,0,0],", "\"extras\":{\"splatOrigin\":true},",
+    "\"bufferView\":1,", "\"byteOffset\":4,", "\"byteStride\":16,", "\"normalized\":true,", "\"componentType\":5121,", "5120",
+    "5122", "5123", "5126", "SCALAR", "VEC4", "\"sparse\":", "\"uri\":\"data:;base64,AAAAAA==\",", "\"uri\":\"../a\",", "POSITION",
+    "COLOR_0", "_SCALE", "_ROTATION", "KHR_gaussian_splatting:SH_DEGREE_1_COEF_0", "KHR_gaussian_splatting:OPACITY", "BIN\0",
+    "KHR_gaussian_splatting_compression_spz_2", "KHR_spz_compression", "lin_rec709_display", "KHR_mesh_quantization",
 ];
 
 fn at<'a>(name: &'static str, bytes: &'a [u8]) -> Source<'a> {
