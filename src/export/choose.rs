@@ -81,7 +81,7 @@ fn level(splats: usize) -> i32 {
 pub struct Source {
     splats: Splats,
     influence: Option<Influence>,
-    /// Constants of joint rounding; its price of a bit is the setting's.
+    /// Constants of joint rounding; those of a setting come before.
     pub rounding: Rounding,
 }
 
@@ -115,7 +115,11 @@ impl Source {
             Target::Spz(version) => {
                 let options = SpzOptions {
                     fractional_bits: setting.fractional_bits.unwrap_or(SpzOptions::default().fractional_bits),
-                    sh_bits: setting.sh_bits,
+                    sh_bits: if self.influence.is_some() {
+                        [8; 3]
+                    } else {
+                        setting.sh_bits
+                    },
                     ..SpzOptions::default()
                 };
                 Codes::Spz(SpzCodes::nearest(&rounded, &options), version)
@@ -137,6 +141,7 @@ impl Source {
     /// Splats with harmonics and scales on the format's grid.
     fn rounded(&self, target: Target, setting: Setting) -> Splats {
         let rounding = Rounding {
+            reference: setting.reference,
             bit_price: setting.bit_price,
             ..self.rounding
         };

@@ -1,13 +1,14 @@
 //! Harmonics of a splat, rounded together.
 //!
 //! With Y the basis in the direction of a view and w the splat's weight there, rounding errors Δ of a channel change the
-//! picture by Δᵀ G Δ, G = Σ w Y Yᵀ / Σ w + μ/4π: the second part is the mean over all directions, for views that are not
-//! among those. With G = Rᵀ R, R upper triangular, the coefficients are rounded from the last to the first, each to the
-//! grid point nearest to the value that makes up for the errors so far (Babai's nearest plane). The constant one has
-//! the finest grid and is last; it is shifted here and rounded by the format.
+//! picture by Δᵀ G Δ, G = Σ w Y Yᵀ / Σ w + μ/4π. The second part is the mean over all directions, for views from
+//! elsewhere. The constant coefficient follows the others, δ₀ = −Σ G₀ⱼ δⱼ / G₀₀, which
+//! leaves the Schur complement S of G for them. They are rounded from the last to the first, each to the grid point
+//! nearest to the value that makes up for the errors so far (Babai's nearest plane); then single coefficients and pairs
+//! move by a step as long as that lowers Δᵀ S Δ and the price of the bits.
 
 use super::influence::Influence;
-use crate::scene::{Splats, sh_coefficient_count};
+use crate::scene::{Splats, sh_basis, sh_coefficient_count};
 use crate::simplify::factorize;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -19,6 +20,8 @@ pub enum Grid<'a> {
     Steps {
         /// Step of degrees 1, 2 and 3; 0 for a degree that is left out.
         step: [f64; 3],
+        /// Finest step, for splats of great weight.
+        finest: f64,
         /// Value nearest to zero from above.
         offset: f64,
         /// Largest magnitude.
@@ -33,8 +36,8 @@ pub enum Grid<'a> {
 pub struct Rounding {
     /// Share of all directions alike in the error of a splat, μ.
     pub all_round: f64,
-    /// Largest shift of a coefficient for the sake of others, steps.
-    pub reach: f64,
+    /// Relative weight of splats with the grid's own steps; each fourfold one halves them. Infinite: all have the same.
+    pub reference: f64,
     /// Price of a bit, as squared error of the colour of a splat of mean weight: dead zone of the coefficients.
     pub bit_price: f64,
 }
@@ -42,15 +45,27 @@ pub struct Rounding {
 impl Default for Rounding {
     fn default() -> Rounding {
         Rounding {
-            all_round: 0.1,
-            reach: 1.0,
+            all_round: 1.0,
+            reference: f64::INFINITY,
             bit_price: 0.0,
         }
     }
 }
 
+/// Most bits that a splat of great weight has in addition.
+const FINER_MAX: f64 = 3.0;
+
 /// Least weight of a splat in the price of its bits, relative to the mean: it may be seen from elsewhere.
 const LEAST_WEIGHT: f64 = 0.05;
+
+/// Most passes over the moves of a channel; few need more than three.
+const PASSES: usize = 8;
+
+/// Largest error of a coefficient, steps.
+const ERROR_MAX: f64 = 1.5;
+
+/// Coefficients above degree 0, at most.
+const REST: usize = sh_coefficient_count(3) - 1;
 
 /// Splats with harmonics above degree 0 on a grid, and constant ones that make up for the errors in the views.
 ///
@@ -60,33 +75,57 @@ pub fn round_harmonics(splats: &Splats, influence: &Influence, grid: Grid<'_>, r
     let stride = splats.sh_stride();
     let mut rounded = splats.clone();
     rounded.sh.par_chunks_exact_mut(stride).enumerate().for_each(|(i, sh)| {
-        let weight = influence.of(i).max(LEAST_WEIGHT);
         let metric = metric(influence, i, splats.mean[i], splats.sh_degree, rounding.all_round);
-        let given = match grid {
-            Grid::Given(values) => Some(&values[i * stride..][..stride]),
-            Grid::Steps { .. } => None,
-        };
+        let finer = finer(influence.of(i), rounding.reference);
+        let price = rounding.bit_price / influence.of(i).max(LEAST_WEIGHT);
         for channel in 0..3 {
-            round_channel(sh, channel, &metric, |k, value, pull, curvature| match (grid, given) {
-                (_, Some(given)) => f64::from(given[3 * k + channel]),
-                (Grid::Steps { step, offset, limit }, _) => {
-                    let step = step[k.isqrt() - 1];
-                    let cost = rounding.bit_price / (weight * curvature);
-                    on_grid(value, pull, GridLine { step, offset, limit }, rounding.reach, cost)
+            let mut values = [0.0; REST];
+            let old = sh[3..].iter().skip(channel).step_by(3);
+            values.iter_mut().zip(old).for_each(|(v, &c)| *v = c.into());
+            let found = match grid {
+                Grid::Given(given) => {
+                    let given = &given[i * stride..][..stride];
+                    std::array::from_fn(|k| given.get(3 * (k + 1) + channel).map_or(0.0, |&v| v.into()))
                 }
-                (Grid::Given(_), None) => value,
-            });
+                Grid::Steps {
+                    step,
+                    finest,
+                    offset,
+                    limit,
+                } => {
+                    let lines = std::array::from_fn(|k| {
+                        let own = step[(k + 1).isqrt() - 1];
+                        let step = if own > 0.0 { (own * finer).max(finest) } else { 0.0 };
+                        GridLine { step, offset, limit }
+                    });
+                    metric.round(&values, &lines, price)
+                }
+            };
+            let mut shift = 0.0;
+            for k in 0..metric.size {
+                shift += metric.constant[k] * (found[k] - values[k]);
+                sh[3 * (k + 1) + channel] = found[k] as f32;
+            }
+            sh[channel] -= shift as f32;
         }
     });
     rounded
 }
 
-/// Lower triangle L of the metric, with L Lᵀ = G.
-fn metric(influence: &Influence, splat: usize, mean: [f32; 3], degree: u32, all_round: f64) -> Vec<f64> {
+/// Factor of the step of a splat of this relative weight: steps in proportion to 1/√weight share the bits so that the
+/// picture's error is least.
+fn finer(weight: f64, reference: f64) -> f64 {
+    let bits = 0.5 * (weight / reference).log2();
+    (-bits.round().clamp(0.0, FINER_MAX)).exp2()
+}
+
+/// Metric of the coefficients of a splat above degree 0.
+fn metric(influence: &Influence, splat: usize, mean: [f32; 3], degree: u32, all_round: f64) -> Metric {
     let size = sh_coefficient_count(degree);
-    let mut matrix = vec![0.0; size * size];
+    let mut matrix = [0.0; 256];
     let mut total = 0.0;
-    for (weight, basis) in influence.views(splat, mean) {
+    for (weight, direction) in influence.views(splat, mean) {
+        let basis = sh_basis(direction.to_array());
         total += weight;
         for i in 0..size {
             for j in 0..=i {
@@ -99,29 +138,139 @@ fn metric(influence: &Influence, splat: usize, mean: [f32; 3], degree: u32, all_
     }
     let around = if total > 0.0 { all_round } else { 1.0 } / (4.0 * PI);
     (0..size).for_each(|i| matrix[i * size + i] += around);
-    factorize(&mut matrix, size);
-    matrix
+    Metric::new(&matrix, size)
 }
 
-/// Rounds the coefficients of a channel from the last to the first by `round`, a function of the coefficient's index,
-/// its value, the shift that makes up for the errors so far and the curvature of the error, R².
-fn round_channel(sh: &mut [f32], channel: usize, metric: &[f64], round: impl Fn(usize, f64, f64, f64) -> f64) {
-    let size = sh.len() / 3;
-    let mut errors = [0.0; sh_coefficient_count(3)];
-    for k in (0..size).rev() {
-        let value = f64::from(sh[3 * k + channel]);
-        let diagonal = metric[k * size + k];
-        let later: f64 = (k + 1..size).map(|j| metric[j * size + k] * errors[j]).sum();
-        let pull = -later / diagonal;
-        let rounded = if k == 0 {
-            value + pull
-        } else {
-            round(k, value, pull, diagonal * diagonal)
+/// Squared error of the coefficients above degree 0, the constant one following.
+struct Metric {
+    /// Number of coefficients.
+    size: usize,
+    /// Shift of the constant coefficient by an error of each other one, negative.
+    constant: [f64; REST],
+    /// Schur complement, by rows.
+    matrix: [[f64; REST]; REST],
+    /// Its lower triangular factor.
+    lower: Vec<f64>,
+}
+
+impl Metric {
+    /// Metric of a symmetric matrix over all coefficients, of which the lower triangle is given.
+    fn new(all: &[f64], size: usize) -> Metric {
+        let rest = size - 1;
+        let at = |i: usize, j: usize| all[i.max(j) * size + i.min(j)];
+        let mut matrix = [[0.0; REST]; REST];
+        let mut lower = vec![0.0; rest * rest];
+        for i in 0..rest {
+            for j in 0..rest {
+                matrix[i][j] = at(i + 1, j + 1) - at(i + 1, 0) * at(j + 1, 0) / at(0, 0);
+                lower[i * rest + j] = matrix[i][j];
+            }
+        }
+        factorize(&mut lower, rest);
+        Metric {
+            size: rest,
+            constant: std::array::from_fn(|k| if k < rest { at(k + 1, 0) / at(0, 0) } else { 0.0 }),
+            matrix,
+            lower,
+        }
+    }
+
+    /// Values on the grid of least error and price.
+    fn round(&self, values: &[f64; REST], lines: &[GridLine; REST], price: f64) -> [f64; REST] {
+        let mut codes = [0.0; REST];
+        let mut errors = [0.0; REST];
+        for k in (0..self.size).rev() {
+            let later: f64 = (k + 1..self.size)
+                .map(|j| self.lower[j * self.size + k] * errors[j])
+                .sum();
+            let pull = -later / self.lower[k * self.size + k];
+            codes[k] = lines[k].code(values[k] + pull.clamp(-lines[k].step, lines[k].step));
+            errors[k] = lines[k].value(codes[k]) - values[k];
+        }
+        let mut search = Search {
+            metric: self,
+            lines,
+            price,
+            gradient: std::array::from_fn(|i| (0..self.size).map(|j| self.matrix[i][j] * errors[j]).sum()),
+            codes,
+            errors,
         };
-        errors[k] = rounded - value;
-        sh[3 * k + channel] = rounded as f32;
+        for _ in 0..PASSES {
+            if !search.improve() {
+                break;
+            }
+        }
+        std::array::from_fn(|k| lines[k].value(search.codes[k]))
     }
 }
+
+/// Search for codes of lower error.
+struct Search<'a> {
+    metric: &'a Metric,
+    lines: &'a [GridLine; REST],
+    price: f64,
+    codes: [f64; REST],
+    errors: [f64; REST],
+    /// Half the gradient of the error.
+    gradient: [f64; REST],
+}
+
+impl Search<'_> {
+    /// Moves coefficients and pairs by a step where that is better; whether any moved.
+    fn improve(&mut self) -> bool {
+        let mut moved = false;
+        let size = self.metric.size;
+        for i in 0..size {
+            for up in [-1.0, 1.0] {
+                let Some((first, cost)) = self.move_of(i, up) else {
+                    continue;
+                };
+                if cost < -COST_MIN {
+                    self.apply(i, up, first);
+                    moved = true;
+                    break;
+                }
+                let partner = (i + 1..size).find_map(|j| {
+                    // The partner goes where it makes up for the first.
+                    let other_up = -(first * self.metric.matrix[i][j]).signum();
+                    let (second, other) = self.move_of(j, other_up)?;
+                    let both = cost + other + 2.0 * first * second * self.metric.matrix[i][j];
+                    (both < -COST_MIN).then_some((j, other_up, second))
+                });
+                if let Some((j, other_up, second)) = partner {
+                    self.apply(i, up, first);
+                    self.apply(j, other_up, second);
+                    moved = true;
+                    break;
+                }
+            }
+        }
+        moved
+    }
+
+    /// Change of a coefficient by a step up or down, and of the cost; `None` beyond its range.
+    fn move_of(&self, k: usize, up: f64) -> Option<(f64, f64)> {
+        let line = self.lines[k];
+        let (old, new) = (self.codes[k], self.codes[k] + up);
+        let by = line.value(new) - line.value(old);
+        if line.step <= 0.0 || by == 0.0 || (self.errors[k] + by).abs() > ERROR_MAX * line.step {
+            return None;
+        }
+        let error = by * (2.0 * self.gradient[k] + by * self.metric.matrix[k][k]);
+        Some((by, error + self.price * (bits(new) - bits(old))))
+    }
+
+    fn apply(&mut self, k: usize, up: f64, by: f64) {
+        self.codes[k] += up;
+        self.errors[k] += by;
+        for i in 0..self.metric.size {
+            self.gradient[i] += by * self.metric.matrix[i][k];
+        }
+    }
+}
+
+/// Least change of a cost that is worth a move: rounding errors of the sums must not move codes to and fro.
+const COST_MIN: f64 = 1e-12;
 
 /// Grid of one coefficient.
 #[derive(Clone, Copy)]
@@ -132,32 +281,24 @@ struct GridLine {
 }
 
 impl GridLine {
-    fn at(self, index: f64) -> f64 {
-        (index * self.step + self.offset).clamp(-self.limit, self.limit)
+    /// Nearest code.
+    fn code(self, value: f64) -> f64 {
+        match self.step > 0.0 {
+            true => ((value.clamp(-self.limit, self.limit) - self.offset) / self.step).round(),
+            false => 0.0,
+        }
     }
-}
 
-/// Value of the grid nearest to `value + pull`, at most `reach` steps from `value`; a smaller one if the bits saved are
-/// worth the error: `bit_price` is the squared error that a bit is worth.
-fn on_grid(value: f64, pull: f64, grid: GridLine, reach: f64, bit_price: f64) -> f64 {
-    if grid.step <= 0.0 {
-        return 0.0;
+    /// Value of a code.
+    fn value(self, code: f64) -> f64 {
+        match self.step > 0.0 {
+            true => (code * self.step + self.offset).clamp(-self.limit, self.limit),
+            false => 0.0,
+        }
     }
-    let target = value + pull.clamp(-reach * grid.step, reach * grid.step);
-    let nearest = ((target - grid.offset) / grid.step).round();
-    if bit_price <= 0.0 {
-        return grid.at(nearest);
-    }
-    let cost = |index: f64| {
-        let error = index * grid.step + grid.offset - target;
-        error * error + bit_price * bits(index)
-    };
-    let candidates = [nearest, nearest - nearest.signum(), 0.0];
-    let best = candidates.into_iter().min_by(|&a, &b| cost(a).total_cmp(&cost(b)));
-    grid.at(best.unwrap_or(nearest))
 }
 
 /// Bits that a code takes, about: those of an exponential distribution.
-fn bits(index: f64) -> f64 {
-    if index == 0.0 { 0.0 } else { 2.0 + index.abs().log2() }
+fn bits(code: f64) -> f64 {
+    if code == 0.0 { 0.0 } else { 2.0 + code.abs().log2() }
 }

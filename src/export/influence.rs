@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Splats, sh_basis};
+use crate::scene::{Camera, Splats};
 use crate::simplify::{ContributionPass, PassOptions};
 use glam::DVec3;
 use half::f16;
@@ -61,14 +61,14 @@ impl Influence {
         if self.mean > 0.0 { sum / self.mean } else { 1.0 }
     }
 
-    /// Views with weight of a splat at `mean`: weight, and harmonics in the direction from the camera.
-    pub(super) fn views(&self, splat: usize, mean: [f32; 3]) -> impl Iterator<Item = (f64, [f64; 16])> {
+    /// Views with weight of a splat at `mean`: weight, and direction from the camera.
+    pub(super) fn views(&self, splat: usize, mean: [f32; 3]) -> impl Iterator<Item = (f64, DVec3)> {
         let mean = DVec3::from(mean.map(f64::from));
         let views = self.positions.iter().zip(&self.roots);
         views.filter_map(move |(position, roots)| {
             let weight = f64::from(roots[splat]).powi(2);
             let direction = (mean - position).normalize_or(DVec3::Z);
-            (weight > 0.0).then(|| (weight, sh_basis(direction.to_array())))
+            (weight > 0.0).then_some((weight, direction))
         })
     }
 

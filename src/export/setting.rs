@@ -83,8 +83,9 @@ impl Target {
             Target::Spz(_) => {
                 let rungs = SPZ_RUNGS.iter();
                 rungs
-                    .map(|&(sh_bits, bit_price)| Setting {
+                    .map(|&(sh_bits, reference, bit_price)| Setting {
                         sh_bits,
+                        reference,
                         bit_price,
                         ..base
                     })
@@ -101,6 +102,8 @@ pub struct Setting {
     pub sh_degree: u32,
     /// SPZ: bits of harmonics of degrees 1, 2 and 3.
     pub sh_bits: [u32; 3],
+    /// SPZ: weight above which splats have more bits, [`Rounding::reference`](super::Rounding::reference).
+    pub reference: f64,
     /// SPZ: price of a bit of a harmonic, [`Rounding::bit_price`](super::Rounding::bit_price).
     pub bit_price: f64,
     /// SPZ: bits after the point of positions; `None`: chosen by the error of the harmonics.
@@ -112,6 +115,7 @@ impl Default for Setting {
         Setting {
             sh_degree: 3,
             sh_bits: [5, 4, 4],
+            reference: 2.0,
             bit_price: 0.0,
             fractional_bits: None,
         }
@@ -126,11 +130,13 @@ impl Setting {
             Target::Ply | Target::Glb => None,
             Target::Splat => Some(Grid::Steps {
                 step: [0.0; 3],
+                finest: 0.0,
                 offset: 0.0,
                 limit: 0.0,
             }),
             Target::CompressedPly => Some(Grid::Steps {
                 step: kept([1.0 / 32.0; 3]),
+                finest: 1.0 / 32.0,
                 offset: 1.0 / 64.0,
                 limit: 4.0 - 1.0 / 64.0,
             }),
@@ -139,6 +145,7 @@ impl Setting {
                 // Codes end one step below 1; in other axes signs change.
                 Some(Grid::Steps {
                     step: kept(step),
+                    finest: 1.0 / 128.0,
                     offset: 0.0,
                     limit: 1.0 - step[0].max(step[1]).max(step[2]),
                 })
@@ -151,12 +158,11 @@ impl Setting {
         match target {
             Target::Spz(_) if self.sh_degree > 0 => {
                 let [a, b, c] = self.sh_bits;
-                let price = if self.bit_price > 0.0 {
-                    format!(", bit price {:.0e}", self.bit_price)
-                } else {
-                    String::new()
+                let more = match self.reference.is_finite() {
+                    true => format!(", more above weight {}", self.reference),
+                    false => String::new(),
                 };
-                format!("harmonics {a}/{b}/{c} bits{price}")
+                format!("harmonics of {a}/{b}/{c} bits{more}")
             }
             Target::Splat | Target::Spz(_) => "harmonics of degree 0".to_owned(),
             Target::Ply | Target::Glb | Target::CompressedPly => format!("harmonics to degree {}", self.sh_degree),
@@ -164,15 +170,18 @@ impl Setting {
     }
 }
 
-/// Bits of harmonics and price of a bit, from the fewest bytes to the most.
-const SPZ_RUNGS: [([u32; 3], f64); 9] = [
-    ([4, 3, 3], 3e-4),
-    ([4, 3, 3], 1e-4),
-    ([5, 4, 4], 1e-4),
-    ([5, 4, 4], 3e-5),
-    ([5, 4, 4], 0.0),
-    ([6, 5, 5], 1e-5),
-    ([6, 5, 5], 0.0),
-    ([7, 6, 6], 0.0),
-    ([8, 8, 8], 0.0),
+/// Bits of harmonics, weight above which splats have more, and price of a bit, from the fewest bytes to the most.
+const SPZ_RUNGS: [([u32; 3], f64, f64); 12] = [
+    ([4, 3, 3], 8.0, 3e-4),
+    ([4, 3, 3], 4.0, 1e-4),
+    ([4, 3, 3], 2.0, 0.0),
+    ([5, 4, 4], 8.0, 3e-5),
+    ([5, 4, 4], 4.0, 0.0),
+    ([5, 4, 4], 2.0, 0.0),
+    ([5, 4, 4], 1.0, 0.0),
+    ([5, 4, 4], 0.5, 0.0),
+    ([5, 4, 4], 0.25, 0.0),
+    ([6, 5, 5], 0.5, 0.0),
+    ([6, 5, 5], 0.125, 0.0),
+    ([8, 8, 8], f64::INFINITY, 0.0),
 ];
