@@ -268,8 +268,11 @@ pub(super) fn text(codes: &SogCodes) -> String {
     meta.to_string()
 }
 
-/// Numbers of the shortest decimal form that reads as the same single-precision values.
+/// Numbers of the shortest decimal form that reads as the same single-precision values; 256, as readers expect, by
+/// repetition of the last.
 fn shortest(values: &[f32]) -> Vec<f64> {
     let parsed = |value: &f32| value.to_string().parse().unwrap_or(f64::from(*value));
-    values.iter().map(parsed).collect()
+    let mut numbers: Vec<f64> = values.iter().map(parsed).collect();
+    numbers.resize(256, numbers.last().copied().unwrap_or_default());
+    numbers
 }
