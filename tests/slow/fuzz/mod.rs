@@ -155,7 +155,7 @@ macro_rules! targets {
 }
 
 targets!(
-    ply, cloud, splat, colmap_bin, colmap_txt, transforms, checkpoint, obj, png, jpeg
+    ply, cloud, splat, colmap_bin, colmap_txt, transforms, checkpoint, obj, png, jpeg, sog
 );
 
 #[test]
