@@ -56,7 +56,7 @@ pub(super) fn fit(vectors: &Vectors, count: usize) -> FittedPalette {
     let mut before = f64::INFINITY;
     for _ in 0..ITERATIONS {
         let error = palette.assign(vectors);
-        if !(error < before * (1.0 - DECREASE_MIN)) {
+        if error.is_nan() || error >= before * (1.0 - DECREASE_MIN) {
             break;
         }
         before = error;

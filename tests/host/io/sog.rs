@@ -256,8 +256,17 @@ fn unusual_scenes_survive() {
         quaternion: vec![[0.0; 4]],
         ..scene(1, 0)
     };
+    let mut extreme = scene(300, 2);
+    for (i, sign) in [(4, 1.0), (5, -1.0)] {
+        extreme.mean[i] = [f32::MAX * sign, f32::MIN_POSITIVE, 1e-45];
+        extreme.log_scale[i] = [f32::MAX * sign, 0.0, 1e-45];
+        extreme.quaternion[i] = [f32::MAX, -f32::MAX, 1e-45, 0.0];
+        extreme.opacity_logit[i] = f32::MAX * sign;
+        extreme.sh[27 * i..27 * (i + 1)].fill(f32::MAX * sign);
+    }
     for (what, source) in [
         ("one", scene(1, 3)),
+        ("extreme", extreme),
         ("equal", equal),
         ("faint", faint.clone()),
         ("far", far.clone()),
