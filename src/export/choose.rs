@@ -1,13 +1,14 @@
 //! Encoding of a scene within a loss or a number of bytes.
 
 use super::geometry::round_light;
-use super::harmonics::{Rounding, round_harmonics};
+use super::harmonics::{Grid, Rounding, round_harmonics};
 use super::influence::Influence;
 use super::pictures::{PictureError, Pictures};
 use super::setting::{Setting, Target};
 use crate::io::gltf;
 use crate::io::ply;
 use crate::io::ply::compressed::CompressedPlyCodes;
+use crate::io::sog::{SogCodes, SogOptions, usual_entries};
 use crate::io::splat32;
 use crate::io::spz::{LEVEL, SpzCodes, SpzOptions, SpzVersion};
 use crate::scene::{Splats, morton_order};
@@ -40,6 +41,7 @@ enum Codes {
     Splat(Splats),
     CompressedPly(CompressedPlyCodes),
     Spz(SpzCodes, SpzVersion),
+    Sog(SogCodes),
 }
 
 impl Encoded {
@@ -50,6 +52,7 @@ impl Encoded {
             Codes::Splat(splats) => splat32::decoded(splats),
             Codes::CompressedPly(codes) => codes.decode(),
             Codes::Spz(codes, _) => codes.decode(),
+            Codes::Sog(codes) => codes.decode(),
         }
     }
 
@@ -64,6 +67,7 @@ impl Encoded {
             Codes::Splat(splats) => splat32::write(path, splats),
             Codes::CompressedPly(codes) => codes.write(path),
             Codes::Spz(codes, version) => codes.write(path, *version, level(codes.len())),
+            Codes::Sog(codes) => codes.write(path),
         }
     }
 }
@@ -112,6 +116,7 @@ impl Source {
             Target::Glb => Codes::Glb(rounded),
             Target::Splat => Codes::Splat(rounded),
             Target::CompressedPly => Codes::CompressedPly(CompressedPlyCodes::nearest(&rounded)),
+            Target::Sog => Codes::Sog(self.sog(&rounded, setting)),
             Target::Spz(version) => {
                 let options = SpzOptions {
                     fractional_bits: setting.fractional_bits.unwrap_or(SpzOptions::default().fractional_bits),
@@ -130,12 +135,44 @@ impl Source {
             Codes::Glb(splats) => gltf::byte_count(splats),
             Codes::Splat(splats) => splat32::byte_count(splats),
             Codes::CompressedPly(codes) => codes.byte_count(),
+            Codes::Sog(codes) => codes.bytes()?.len() as u64,
             Codes::Spz(codes, version) => {
                 let bytes = codes.bytes(*version, level(codes.len()));
                 bytes.map_err(|error| Error::Config(format!("zstd: {error}")))?.len() as u64
             }
         };
         Ok(Encoded { setting, bytes, codes })
+    }
+
+    /// Codes with palette and codebooks by weight; constant colours make up for the errors of the palette in the views.
+    fn sog(&self, splats: &Splats, setting: Setting) -> SogCodes {
+        let entries = Some(usual_entries(splats.len()) / setting.palette);
+        let Some(influence) = &self.influence else {
+            return SogCodes::quantise(
+                splats,
+                &SogOptions {
+                    palette_entries: entries,
+                    weights: None,
+                },
+            );
+        };
+        let weight = |i: usize| influence.of(i).max(PALETTE_WEIGHT_MIN) as f32;
+        let weights: Vec<f32> = (0..splats.len()).map(weight).collect();
+        let options = SogOptions {
+            palette_entries: entries,
+            weights: Some(&weights),
+        };
+        let mut codes = SogCodes::quantise(splats, &options);
+        let (decoded, stride) = (codes.decode(), splats.sh_stride());
+        let mut given = splats.sh.clone();
+        // A splat that is not finite is left out by the format.
+        if decoded.sh_stride() == stride {
+            for (row, &i) in decoded.sh.chunks_exact(stride).zip(&codes.order) {
+                given[i * stride..][..stride].copy_from_slice(row);
+            }
+            codes.set_colors(&round_harmonics(splats, influence, Grid::Given(&given), self.rounding));
+        }
+        codes
     }
 
     /// Splats with harmonics and scales on the format's grid.
@@ -156,6 +193,9 @@ impl Source {
         }
     }
 }
+
+/// Least relative weight of a splat in the fit of a palette: it may be seen from elsewhere.
+const PALETTE_WEIGHT_MIN: f64 = 0.25;
 
 /// Step of log-scales in SPZ.
 const SPZ_SCALE_STEP: f64 = 1.0 / 16.0;

@@ -18,15 +18,18 @@ pub enum Target {
     Spz(SpzVersion),
     /// `.glb` with KHR_gaussian_splatting.
     Glb,
+    /// `.sog` of version 2.
+    Sog,
 }
 
 /// Name on the command line, end of the file name and format.
-const TARGETS: [(&str, &str, Target); 6] = [
+const TARGETS: [(&str, &str, Target); 7] = [
     ("compressed-ply", ".compressed.ply", Target::CompressedPly),
     ("ply", ".ply", Target::Ply),
     ("splat", ".splat", Target::Splat),
     ("spz", ".spz", Target::Spz(SpzVersion::V4)),
     ("spz3", "", Target::Spz(SpzVersion::V3)),
+    ("sog", ".sog", Target::Sog),
     ("glb", ".glb", Target::Glb),
 ];
 
@@ -79,7 +82,11 @@ impl Target {
             Target::Ply | Target::Glb => vec![base],
             Target::Splat => vec![Setting { sh_degree: 0, ..base }],
             Target::CompressedPly => (0..=sh_degree).map(|sh_degree| Setting { sh_degree, ..base }).collect(),
-            Target::Spz(_) if sh_degree == 0 => vec![base],
+            Target::Spz(_) | Target::Sog if sh_degree == 0 => vec![base],
+            Target::Sog => {
+                let palettes = SOG_PALETTES.iter();
+                palettes.map(|&palette| Setting { palette, ..base }).collect()
+            }
             Target::Spz(_) => {
                 let rungs = SPZ_RUNGS.iter();
                 rungs
@@ -106,6 +113,8 @@ pub struct Setting {
     pub reference: f64,
     /// SPZ: price of a bit of a harmonic, [`Rounding::bit_price`](super::Rounding::bit_price).
     pub bit_price: f64,
+    /// SOG: the usual size of the palette of harmonics, that of splat-transform, over this.
+    pub palette: usize,
     /// SPZ: bits after the point of positions; `None`: chosen by the error of the harmonics.
     pub fractional_bits: Option<u32>,
 }
@@ -117,6 +126,7 @@ impl Default for Setting {
             sh_bits: [5, 4, 4],
             reference: 2.0,
             bit_price: 0.0,
+            palette: 1,
             fractional_bits: None,
         }
     }
@@ -127,7 +137,7 @@ impl Setting {
     pub(super) fn grid(&self, target: Target) -> Option<Grid<'static>> {
         let kept = |step: [f64; 3]| [1, 2, 3].map(|d| if d <= self.sh_degree { step[d as usize - 1] } else { 0.0 });
         match target {
-            Target::Ply | Target::Glb => None,
+            Target::Ply | Target::Glb | Target::Sog => None,
             Target::Splat => Some(Grid::Steps {
                 step: [0.0; 3],
                 finest: 0.0,
@@ -164,11 +174,18 @@ impl Setting {
                 };
                 format!("harmonics of {a}/{b}/{c} bits{more}")
             }
-            Target::Splat | Target::Spz(_) => "harmonics of degree 0".to_owned(),
+            Target::Sog if self.sh_degree > 0 => match self.palette {
+                1 => "palette of the usual size".to_owned(),
+                part => format!("palette of 1/{part} of the usual size"),
+            },
+            Target::Splat | Target::Sog | Target::Spz(_) => "harmonics of degree 0".to_owned(),
             Target::Ply | Target::Glb | Target::CompressedPly => format!("harmonics to degree {}", self.sh_degree),
         }
     }
 }
+
+/// Parts of the usual palette, from the fewest bytes to the most.
+const SOG_PALETTES: [usize; 5] = [64, 16, 4, 2, 1];
 
 /// Bits of harmonics, weight above which splats have more, and price of a bit, from the fewest bytes to the most.
 const SPZ_RUNGS: [([u32; 3], f64, f64); 12] = [

@@ -24,6 +24,7 @@ pub mod photo;
 pub mod ply;
 pub mod png;
 mod reader;
+pub mod sog;
 mod source;
 pub mod splat32;
 pub mod splats;

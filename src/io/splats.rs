@@ -2,7 +2,7 @@
 
 use super::loaded::{AxesBy, LoadedSplats};
 use super::source::Source;
-use super::{gltf, ksplat, ply, splat32, spz};
+use super::{gltf, ksplat, ply, sog, splat32, spz};
 use crate::error::{Error, Result};
 use crate::scene::{Axes, ScreenFilter, Splats};
 use std::path::Path;
@@ -26,7 +26,7 @@ struct Format {
 }
 
 /// All formats; the first one of a fitting end counts.
-const FORMATS: [Format; 8] = [
+const FORMATS: [Format; 9] = [
     Format {
         name: "compressed PLY",
         ends: &[".compressed.ply"],
@@ -65,8 +65,17 @@ const FORMATS: [Format; 8] = [
     },
     Format {
         name: "SOG",
-        ends: &[".sog", "meta.json"],
-        read: None,
+        ends: &[".sog"],
+        read: Some(|s| sog::read(s)),
+        write: Some(sog::write),
+        holds_filter: true,
+        holds_origin: false,
+        sh_degree: 3,
+    },
+    Format {
+        name: "SOG",
+        ends: &["meta.json"],
+        read: Some(|s| sog::read(s)),
         write: None,
         holds_filter: true,
         holds_origin: false,

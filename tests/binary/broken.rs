@@ -20,13 +20,11 @@ enum Expect {
 }
 use Expect::{Clean, Fails, Warns};
 
-const MISSING_SPLATS: &[&str] = &["are not supported; convert to a .ply"];
-
 #[rustfmt::skip]
 const CASES: &[(&str, Expect)] = &[
     ("00_good_colmap", Clean(4)),
     ("00_good_ply", Clean(100)),
-    ("00_good_sog", Fails(MISSING_SPLATS)),
+    ("00_good_sog", Clean(1873)),
     ("00_good_transforms", Warns(4, &["no points"])),
     ("colmap_absolute_image_path", Fails(&["images.bin", "/etc/hostname", "refused"])),
     ("colmap_all_images_missing", Fails(&["4 of 4 photographs are missing", "0003.jpg"])),
@@ -109,12 +107,12 @@ const CASES: &[(&str, Expect)] = &[
     ("ply_unknown_type", Fails(&["scene.ply", "quadruple"])),
     ("ply_zero_quaternion", Warns(100, &["10 of 100 splats", "no rotation"])),
     ("ply_zero_vertex", Warns(0, &["holds no splats"])),
-    ("sog_count_too_large", Fails(MISSING_SPLATS)),
-    ("sog_missing_texture", Fails(MISSING_SPLATS)),
-    ("sog_path_traversal", Fails(MISSING_SPLATS)),
-    ("sog_short_codebook", Fails(MISSING_SPLATS)),
-    ("sog_truncated_zip", Fails(MISSING_SPLATS)),
-    ("sog_unknown_version", Fails(MISSING_SPLATS)),
+    ("sog_count_too_large", Fails(&["scene.sog", "meta.json", "10000000 splats"])),
+    ("sog_missing_texture", Fails(&["scene.sog", "no \"means_u.webp\""])),
+    ("sog_path_traversal", Fails(&["scene.sog", "../../../../etc/hostname", "stay inside"])),
+    ("sog_short_codebook", Fails(&["scene.sog", "scales.webp", "codebook of 5 values"])),
+    ("sog_truncated_zip", Fails(&["scene.sog", "no complete ZIP archive"])),
+    ("sog_unknown_version", Fails(&["scene.sog", "meta.json", "version is 99"])),
     ("splat_empty", Warns(0, &["holds no splats"])),
     ("splat_length_not_multiple_of_32", Warns(100, &["17 bytes"])),
     ("splat_nan_values", Warns(97, &["3 of 100 splats", "dropped"])),

@@ -88,7 +88,7 @@ pub(super) fn assert_close(found: &Splats, wanted: &Splats, bounds: Bounds, what
 }
 
 /// Smallest angle between two ellipsoids' rotations.
-fn angle_degrees(a: [f64; 4], b: [f64; 4]) -> f64 {
+pub(super) fn angle_degrees(a: [f64; 4], b: [f64; 4]) -> f64 {
     let norm = |q: [f64; 4]| q.map(|v| v / q.iter().map(|v| v * v).sum::<f64>().sqrt());
     let ([w, x, y, z], b) = (norm(a), norm(b));
     let turned = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]];

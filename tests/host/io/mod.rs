@@ -16,6 +16,8 @@ mod obj;
 mod photo;
 mod ply;
 mod resample;
+mod sog;
+mod sog_faults;
 mod splat32;
 mod splats;
 mod spz;

@@ -93,6 +93,85 @@ pub(crate) fn glb_bytes(bytes: &[u8]) -> usize {
     (512 + 2 * payload) * bytes.len()
 }
 
+/// Packs the files of a ZIP archive again, as they follow their local headers, with fitting lengths and checksums.
+pub(crate) fn zip(bytes: &mut Vec<u8>) {
+    const LOCAL: &[u8] = b"PK\x03\x04";
+    let starts = |signature: &[u8]| {
+        let windows = bytes.windows(4).enumerate();
+        let found = windows.filter(|(_, window)| *window == signature);
+        found.map(|(at, _)| at).collect::<Vec<usize>>()
+    };
+    let headers = starts(LOCAL);
+    let end = starts(b"PK\x01\x02").into_iter().find(|end| Some(end) > headers.last());
+    let ends = headers.iter().skip(1).copied().chain([end.unwrap_or(bytes.len())]);
+    let (mut files, mut directory) = (Vec::<u8>::new(), Vec::<u8>::new());
+    let mut count = 0u16;
+    for (start, end) in headers.iter().zip(ends) {
+        let entry = &bytes[*start..end];
+        let Some((head, rest)) = entry.split_first_chunk::<30>() else {
+            continue;
+        };
+        let length = |at: usize| usize::from(u16::from_le_bytes([head[at], head[at + 1]]));
+        let (name, rest) = rest.split_at(length(26).min(rest.len()));
+        let contents = &rest[length(28).min(rest.len())..];
+        let size = (contents.len() as u32).to_le_bytes();
+        // Version, no flags, stored, no time, checksum, both lengths, length of the name, no more.
+        let fields = [
+            &[20, 0, 0, 0, 0, 0, 0, 0, 0, 0][..],
+            &crc32fast::hash(contents).to_le_bytes(),
+            &size,
+            &size,
+            &(name.len() as u16).to_le_bytes(),
+            &[0, 0],
+        ]
+        .concat();
+        let offset = files.len() as u32;
+        [LOCAL, &fields, name, contents]
+            .iter()
+            .for_each(|part| files.extend(*part));
+        [b"PK\x01\x02\x14\0", &fields[..], &[0; 10], &offset.to_le_bytes(), name]
+            .iter()
+            .for_each(|part| directory.extend(*part));
+        count += 1;
+    }
+    let offset = files.len() as u32;
+    let size = directory.len() as u32;
+    files.extend(directory);
+    files.extend(b"PK\x05\x06\0\0\0\0");
+    [count; 2].iter().for_each(|count| files.extend(count.to_le_bytes()));
+    [size, offset]
+        .iter()
+        .for_each(|number| files.extend(number.to_le_bytes()));
+    files.extend([0; 2]);
+    *bytes = files;
+}
+
+/// Upper bound of memory for a SOG bundle by the sizes of its images, of which those above 2²⁰ pixels are refused
+/// unread. 32 bytes a pixel: four during decoding, four as the decoder returns them and four as codes, and twelve of a
+/// palette's harmonics; in PNG images 24 (see [`photo_bytes`]). 256 bytes a splat of degree 3, of which there are no
+/// more than pixels in an image, and than 65,536 and four for each byte. 600 for each byte: Huffman tables of four
+/// kilobytes take eleven bytes in a file.
+pub(crate) fn sog_bytes(bytes: &[u8]) -> usize {
+    let sizes = (0..bytes.len()).filter_map(|at| {
+        let rest = &bytes[at..];
+        let (width, height) = match rest {
+            [b'V', b'P', b'8', b'L', _, _, _, _, _, a, b, c, d, ..] => {
+                let size = u32::from_le_bytes([*a, *b, *c, *d]);
+                ((size & 0x3fff) + 1, (size >> 14 & 0x3fff) + 1)
+            }
+            [b'I', b'H', b'D', b'R', a, b, c, d, e, f, g, h, ..] => (
+                u32::from_be_bytes([*a, *b, *c, *d]),
+                u32::from_be_bytes([*e, *f, *g, *h]),
+            ),
+            _ => return None,
+        };
+        let pixels = u64::from(width) * u64::from(height);
+        (pixels <= 1 << 20).then_some(pixels as usize)
+    });
+    let (sum, largest) = sizes.fold((0, 0), |(sum, largest), size| (sum + size, size.max(largest)));
+    32 * sum + 256 * largest.min((1 << 16) + 4 * bytes.len()) + 600 * bytes.len()
+}
+
 /// Repairs the checksums of a PNG file's chunks.
 pub(crate) fn png(bytes: &mut [u8]) {
     let mut at = 8;

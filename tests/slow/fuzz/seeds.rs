@@ -1,5 +1,6 @@
 //! Seed inputs of the corpora: small valid files of every format, generated here.
 
+use ashfall::io::sog::{SogCodes, SogOptions};
 use ashfall::io::spz::{SpzCodes, SpzOptions, SpzVersion};
 use ashfall::io::{gltf, ply};
 use ashfall::scene::{ScreenFilter, Splats, sh_coefficient_count};
@@ -7,7 +8,10 @@ use ashfall::train::checkpoint::Checkpoint;
 use ashfall::train::{HostState, TrainConfig};
 use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, ImageFormat, RgbaImage};
+use serde_json::Value;
 use std::io::{Cursor, Write};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 /// Target, name and contents.
 pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
@@ -66,8 +70,39 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
             .unwrap();
         add("jpeg", name, bytes);
     }
+    for degree in [0, 1] {
+        add("sog", &format!("bundle-{degree}"), sog_bundle(degree, None));
+    }
+    add("sog", "version-1", sog_bundle(1, Some(SOG_1)));
     seeds
 }
+
+/// Bundle with short codebooks, or with a list of its own.
+fn sog_bundle(degree: u32, list: Option<&str>) -> Vec<u8> {
+    let codes = SogCodes::quantise(&splats(degree, ScreenFilter::Mip), &SogOptions::default());
+    let mut archive = ZipArchive::new(Cursor::new(codes.bytes().unwrap())).unwrap();
+    let mut meta: Value = serde_json::from_reader(archive.by_name("meta.json").unwrap()).unwrap();
+    for name in ["scales", "sh0", "shN"] {
+        if let Some(Value::Array(values)) = meta.get_mut(name).and_then(|part| part.get_mut("codebook")) {
+            values.dedup();
+        }
+    }
+    let meta = list.map_or(meta.to_string(), str::to_owned);
+    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    writer.start_file("meta.json", options).unwrap();
+    writer.write_all(meta.as_bytes()).unwrap();
+    for i in 1..archive.len() {
+        writer.raw_copy_file(archive.by_index_raw(i).unwrap()).unwrap();
+    }
+    writer.finish().unwrap().into_inner()
+}
+
+const SOG_1: &str = r#"{"means":{"shape":[2,3],"mins":[-1,0,1],"maxs":[1,1,2],"files":["means_l.webp","means_u.webp"]},
+"scales":{"shape":[2,3],"mins":[-5,-5,-5],"maxs":[1,1,1],"files":["scales.webp"]},
+"quats":{"shape":[2,4],"encoding":"quaternion_packed","files":["quats.webp"]},
+"sh0":{"shape":[2,1,4],"mins":[-2,-2,-2,-4],"maxs":[2,2,2,5],"files":["sh0.webp"]},
+"shN":{"shape":[2,3,3],"mins":-1.5,"maxs":2e0,"quantization":8,"files":["shN_centroids.webp","shN_labels.webp"]}}"#;
 
 /// Files to which a `transforms.json` may refer.
 pub(crate) fn beside() -> Vec<(&'static str, Vec<u8>)> {

@@ -125,6 +125,17 @@ pub(crate) const TARGETS: &[Target] = &[
         words: &["\u{ff}", "JFIF\0", "Exif\0\0", "Adobe\0"],
         memory: repair::photo_bytes,
     },
+    Target {
+        name: "sog",
+        run: |bytes| check("scene.sog", splats::read(at("scene.sog", bytes)), check_splats),
+        repair: repair::zip,
+        words: &[
+            "null", "[]", "{}", ",", "-1", "1e39", "\"version\":1,", "\"shape\":[6],", "\"count\":65536", "\"codebook\":[0]",
+            "\"model\":\"2dgs\",", "\"model\":\"antialiased\",", "\"bands\":3,", "\"mins\":0,", "\"../a\"", "VP8L", "VP8X",
+            "VP8 ", "ICCP", "ANIM", "meta.json", "lod-meta.json", "a/", "../",
+        ],
+        memory: repair::sog_bytes,
+    },
 ];
 
 const PLY_WORDS: &[&str] = &[

@@ -1,0 +1,279 @@
+//! Palettes of vectors by k-means in near-linear time.
+//!
+//! Cells of a tree, more than are wanted, are the first clusters; those that cost least are merged. Then a vector is
+//! compared with its own centroid and with the nearest centroids of that one, instead of with all, and moves on while
+//! it finds a nearer one. Neighbours come from a graph refined by neighbours of neighbours (NN-descent, Dong, Moses and
+//! Li 2011).
+
+use super::tree::{Vectors, cells, distance2};
+use rayon::prelude::*;
+
+/// Neighbours of each centroid.
+const NEIGHBOURS: usize = 24;
+
+/// Rounds in which a first graph is refined; one round follows each iteration.
+const GRAPH_ROUNDS: usize = 6;
+
+/// Most iterations of k-means.
+const ITERATIONS: usize = 12;
+
+/// Relative decrease of the error in an iteration below which it ends.
+const DECREASE_MIN: f64 = 1e-3;
+
+/// Fraction of the entries by which the first clusters are more: merging heals splits in the wrong place.
+const EXCESS_DIVISOR: usize = 2;
+
+/// Palette of vectors.
+pub(super) struct FittedPalette {
+    /// `[entry][stride]` with the padding of the vectors.
+    pub(super) centroids: Vec<f32>,
+    /// Entry of each vector.
+    pub(super) labels: Vec<u32>,
+    graph: Graph,
+}
+
+/// Nearest other centroids of each.
+type Graph = Vec<Vec<u32>>;
+
+/// Palette of at most `count` entries with the least weighted sum of squared distances found. The same vectors give the
+/// same palette on any number of threads.
+pub(super) fn fit(vectors: &Vectors, count: usize) -> FittedPalette {
+    let (cells, labels) = cells(vectors, count + count / EXCESS_DIVISOR);
+    let centroids = cells.into_iter().flat_map(|cell| cell.mean).collect();
+    let mut palette = FittedPalette {
+        centroids,
+        labels,
+        graph: Graph::new(),
+    };
+    palette.graph = first_graph(&palette.centroids, vectors.stride);
+    for _ in 0..GRAPH_ROUNDS {
+        palette.refine_graph(vectors.stride);
+    }
+    while palette.graph.len() > count {
+        palette.merge(vectors, count);
+        palette.refine_graph(vectors.stride);
+    }
+    let mut before = f64::INFINITY;
+    for _ in 0..ITERATIONS {
+        let error = palette.assign(vectors);
+        if error.is_nan() || error >= before * (1.0 - DECREASE_MIN) {
+            break;
+        }
+        before = error;
+        palette.update(vectors);
+        palette.refine_graph(vectors.stride);
+    }
+    palette
+}
+
+/// Neighbours in the order of the tree.
+fn first_graph(centroids: &[f32], stride: usize) -> Graph {
+    let count = centroids.len() / stride;
+    let half = NEIGHBOURS / 2;
+    let around = |i: usize| i.saturating_sub(half)..(i + half + 1).min(count);
+    let neighbours = |i: usize| around(i).filter(|&j| j != i).map(|j| j as u32).collect();
+    (0..count).map(neighbours).collect()
+}
+
+impl FittedPalette {
+    fn centroid(&self, entry: u32, stride: usize) -> &[f32] {
+        &self.centroids[entry as usize * stride..][..stride]
+    }
+
+    /// Replaces neighbours by nearer ones among the neighbours of neighbours, in either direction of the edges.
+    fn refine_graph(&mut self, stride: usize) {
+        let mut reverse: Graph = vec![Vec::new(); self.graph.len()];
+        for (i, neighbours) in (0u32..).zip(&self.graph) {
+            for &j in neighbours {
+                let list = &mut reverse[j as usize];
+                if list.len() < NEIGHBOURS {
+                    list.push(i);
+                }
+            }
+        }
+        let near = |i: u32| self.graph[i as usize].iter().chain(&reverse[i as usize]);
+        let refined = (0..self.graph.len() as u32).into_par_iter().map(|i| {
+            let mut found: Vec<u32> = near(i).copied().collect();
+            found.extend(near(i).flat_map(|&j| near(j)));
+            found.sort_unstable();
+            found.dedup();
+            let own = self.centroid(i, stride);
+            let mut ranked: Vec<(f32, u32)> = found
+                .into_iter()
+                .filter(|&j| j != i)
+                .map(|j| (distance2(own, self.centroid(j, stride)), j))
+                .collect();
+            ranked.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            ranked.truncate(NEIGHBOURS);
+            ranked.into_iter().map(|(_, j)| j).collect()
+        });
+        self.graph = refined.collect();
+    }
+
+    /// Merges pairs of neighbours where it raises the error least (Ward 1963), each entry at most once, until `count`
+    /// remain or no pair is left.
+    fn merge(&mut self, vectors: &Vectors, count: usize) {
+        let (stride, entries) = (vectors.stride, self.graph.len());
+        let weights = self.entry_weights(vectors);
+        let ranked = (0..entries as u32).into_par_iter().filter_map(|i| {
+            let costs = self.graph[i as usize].iter().map(|&j| {
+                let (a, b) = (f64::from(weights[i as usize]), f64::from(weights[j as usize]));
+                let distance = distance2(self.centroid(i, stride), self.centroid(j, stride));
+                (a * b / (a + b).max(f64::MIN_POSITIVE) * f64::from(distance), j)
+            });
+            let (cost, j) = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
+            Some((cost, i, j))
+        });
+        let mut ranked: Vec<(f64, u32, u32)> = ranked.collect();
+        ranked.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        // Half of a large excess at a time: a merged entry may be the cheapest to merge again.
+        let excess = match entries - count {
+            few if few <= count / 16 => few,
+            many => many.div_ceil(2),
+        };
+        let mut partner: Vec<Option<u32>> = vec![None; entries];
+        let mut merged = 0;
+        for (_, i, j) in ranked {
+            if merged < excess && partner[i as usize].is_none() && partner[j as usize].is_none() {
+                (partner[i as usize], partner[j as usize]) = (Some(j), Some(i));
+                merged += 1;
+            }
+        }
+        let is_kept = |i: usize| partner[i].is_none_or(|j| i < j as usize);
+        let kept: Vec<usize> = (0..entries).filter(|&i| is_kept(i)).collect();
+        let mut number_of = vec![0; entries];
+        for (number, &i) in (0u32..).zip(&kept) {
+            number_of[i] = number;
+            if let Some(j) = partner[i] {
+                number_of[j as usize] = number;
+                let share = weights[j as usize] / (weights[i] + weights[j as usize]).max(f32::MIN_POSITIVE);
+                for k in 0..stride {
+                    let (a, b) = (self.centroids[i * stride + k], self.centroids[j as usize * stride + k]);
+                    self.centroids[i * stride + k] = a + share * (b - a);
+                }
+            }
+        }
+        let lists = kept.iter().map(|&i| {
+            let own = partner[i].map_or(&[][..], |j| &self.graph[j as usize]);
+            let both = self.graph[i].iter().chain(own).map(|&j| number_of[j as usize]);
+            let mut list: Vec<u32> = both.filter(|&j| j != number_of[i]).collect();
+            list.sort_unstable();
+            list.dedup();
+            list
+        });
+        self.graph = lists.collect();
+        let rows = kept.iter().flat_map(|&i| &self.centroids[i * stride..][..stride]);
+        self.centroids = rows.copied().collect();
+        self.labels
+            .iter_mut()
+            .for_each(|label| *label = number_of[*label as usize]);
+    }
+
+    /// Moves every vector to the nearest centroid reached along the graph; returns the weighted sum of squared
+    /// distances.
+    pub(super) fn assign(&mut self, vectors: &Vectors) -> f64 {
+        let stride = vectors.stride;
+        let moved = self.labels.par_iter().enumerate().map(|(i, &label)| {
+            let row = vectors.row(i);
+            let mut best = (distance2(row, self.centroid(label, stride)), label);
+            loop {
+                let from = best.1;
+                for &entry in &self.graph[from as usize] {
+                    let distance = distance2(row, self.centroid(entry, stride));
+                    if distance < best.0 {
+                        best = (distance, entry);
+                    }
+                }
+                if best.1 == from {
+                    return best;
+                }
+            }
+        });
+        let moved: Vec<(f32, u32)> = moved.collect();
+        self.labels = moved.iter().map(|(_, label)| *label).collect();
+        let errors = moved.iter().zip(&vectors.weights);
+        errors
+            .map(|((distance, _), weight)| f64::from(*distance) * f64::from(*weight))
+            .sum()
+    }
+
+    /// Moves every centroid to the mean of its vectors, and those without any to the vectors of largest error.
+    fn update(&mut self, vectors: &Vectors) {
+        let stride = vectors.stride;
+        let members = Members::new(&self.labels, self.graph.len());
+        let means = (0..self.graph.len()).into_par_iter().map(|entry| {
+            let mut sum = vec![0.0f64; stride];
+            let mut weight = 0.0;
+            for &i in members.of(entry) {
+                let w = f64::from(vectors.weights[i as usize]);
+                weight += w;
+                sum.iter_mut()
+                    .zip(vectors.row(i as usize))
+                    .for_each(|(s, v)| *s += w * f64::from(*v));
+            }
+            (weight > 0.0).then(|| sum.into_iter().map(move |s| (s / weight) as f32).collect::<Vec<f32>>())
+        });
+        let means: Vec<Option<Vec<f32>>> = means.collect();
+        let free: Vec<usize> = (0..means.len()).filter(|&entry| means[entry].is_none()).collect();
+        for (centroid, mean) in self.centroids.chunks_exact_mut(stride).zip(means) {
+            if let Some(mean) = mean {
+                centroid.copy_from_slice(&mean);
+            }
+        }
+        if free.is_empty() {
+            return;
+        }
+        let mut errors: Vec<(f32, usize)> = (0..vectors.len())
+            .map(|i| {
+                let distance = distance2(vectors.row(i), self.centroid(self.labels[i], stride));
+                (distance * vectors.weights[i], i)
+            })
+            .filter(|(error, _)| *error > 0.0)
+            .collect();
+        errors.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for (entry, (_, i)) in free.into_iter().zip(errors) {
+            self.centroids[entry * stride..][..stride].copy_from_slice(vectors.row(i));
+            // The vector itself leads the search of its neighbours to the new place.
+            let neighbours = self.graph[self.labels[i] as usize].clone();
+            self.graph[entry] = neighbours;
+            self.labels[i] = entry as u32;
+        }
+    }
+
+    /// Weight of the vectors of each entry.
+    pub(super) fn entry_weights(&self, vectors: &Vectors) -> Vec<f32> {
+        let mut weights = vec![0.0; self.graph.len()];
+        for (label, weight) in self.labels.iter().zip(&vectors.weights) {
+            weights[*label as usize] += weight;
+        }
+        weights
+    }
+}
+
+/// Vectors of each entry.
+struct Members {
+    starts: Vec<usize>,
+    list: Vec<u32>,
+}
+
+impl Members {
+    fn new(labels: &[u32], count: usize) -> Members {
+        let mut starts = vec![0; count + 1];
+        labels.iter().for_each(|&label| starts[label as usize + 1] += 1);
+        for entry in 0..count {
+            starts[entry + 1] += starts[entry];
+        }
+        let mut next = starts.clone();
+        let mut list = vec![0; labels.len()];
+        for (i, &label) in (0u32..).zip(labels) {
+            let slot = &mut next[label as usize];
+            list[*slot] = i;
+            *slot += 1;
+        }
+        Members { starts, list }
+    }
+
+    fn of(&self, entry: usize) -> &[u32] {
+        &self.list[self.starts[entry]..self.starts[entry + 1]]
+    }
+}
