@@ -52,6 +52,18 @@ impl Target {
             .map_or("", |found| found.0)
     }
 
+    /// Name of a file of the format, for [`losses`](crate::io::splats::losses).
+    pub fn end(self) -> &'static Path {
+        let end = match self {
+            Target::Spz(_) => ".spz",
+            other => TARGETS
+                .iter()
+                .find(|(.., target)| *target == other)
+                .map_or("", |found| found.1),
+        };
+        Path::new(end)
+    }
+
     /// Format by the end of a file's name.
     ///
     /// # Errors

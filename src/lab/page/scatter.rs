@@ -21,6 +21,8 @@ pub(crate) struct Marker {
     pub(crate) y_bar: Option<[f64; 2]>,
     pub(crate) is_default: bool,
     pub(crate) is_broken: bool,
+    /// Drawn hollow.
+    pub(crate) is_hollow: bool,
 }
 
 /// Points between two axes.
@@ -131,7 +133,7 @@ impl ScatterPlot {
     fn draw_markers(&self, svg: &SvgArea<'_>, at: &dyn Fn(f64, f64) -> (i32, i32)) -> Result<()> {
         for (index, mark) in self.markers.iter().enumerate() {
             let place = at(mark.x, mark.y);
-            let is_filled = self.front.is_empty() || self.front.contains(&index);
+            let is_filled = !mark.is_hollow && (self.front.is_empty() || self.front.contains(&index));
             plot::draw_glyph(svg, place, mark.series, is_filled)?;
             if mark.is_default {
                 let ring = Circle::new(place, 9, INK.stroke_width(2));

@@ -1,5 +1,6 @@
 //! Report of a training run: `report.json`, comparison pictures, and the page of a run that chose its splat count.
 
+pub mod curve;
 mod figures;
 pub mod needs;
 pub mod page;
