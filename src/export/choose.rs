@@ -93,8 +93,11 @@ impl Source {
     /// Puts a scene in order. Without `influence` every number is rounded by itself.
     pub fn new(splats: &Splats, influence: Option<&Influence>) -> Source {
         let order: Vec<usize> = morton_order(&splats.mean).iter().map(|&i| i as usize).collect();
+        let mut splats = splats.picked(&order);
+        // An empty degree costs bytes, and rounding would fill it where no code stands for zero.
+        splats.cut_harmonics(splats.used_sh_degree());
         Source {
-            splats: splats.picked(&order),
+            splats,
             influence: influence.map(|influence| influence.picked(&order)),
             rounding: Rounding::default(),
         }

@@ -108,6 +108,16 @@ impl Splats {
         }
     }
 
+    /// Highest degree with a coefficient that is not zero.
+    pub fn used_sh_degree(&self) -> u32 {
+        let is_used = |degree: u32| {
+            let band = 3 * sh_coefficient_count(degree - 1)..3 * sh_coefficient_count(degree);
+            let mut rows = self.sh.chunks_exact(self.sh_stride());
+            rows.any(|row| row[band.clone()].iter().any(|&v| v != 0.0))
+        };
+        (1..=self.sh_degree).rev().find(|&d| is_used(d)).unwrap_or(0)
+    }
+
     /// Leaves out harmonics above a degree.
     pub fn cut_harmonics(&mut self, sh_degree: u32) {
         if sh_degree >= self.sh_degree {

@@ -89,7 +89,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     let budget = args.loss.map(Budget::Loss).or(args.bytes.map(Budget::Bytes));
     if let (Some((out, target)), None, None) = (wanted, &args.data, budget) {
         let source = Source::new(&loaded.splats, None);
-        let encoded = source.encode(target, plain(target, &loaded.splats))?;
+        let encoded = source.encode(target, plain(target, source.splats()))?;
         return finish(args, (out, target), &loaded.splats, &encoded, None);
     }
     let mut dataset = match &args.data {
@@ -117,7 +117,12 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     };
     let chosen = match budget {
         Some(budget) => Ladder::new(&source, target, &mut pictures).choose(budget)?,
-        None => Some(measured(&source, target, plain(target, &splats), &mut pictures)?),
+        None => Some(measured(
+            &source,
+            target,
+            plain(target, source.splats()),
+            &mut pictures,
+        )?),
     };
     let Some(chosen) = chosen else {
         let name = target.name();

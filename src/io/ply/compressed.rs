@@ -79,7 +79,7 @@ impl CompressedPlyCodes {
     pub fn nearest(splats: &Splats) -> CompressedPlyCodes {
         let order: Vec<usize> = morton_order(&splats.mean).iter().map(|&i| i as usize).collect();
         let chunked: Vec<_> = order.par_chunks(CHUNK).map(|chunk| pack_chunk(splats, chunk)).collect();
-        let degree = used_degree(splats);
+        let degree = splats.used_sh_degree();
         let rest = 3 * (sh_coefficient_count(degree) - 1);
         let coefficients = |&i: &usize| &splats.sh[i * splats.sh_stride() + 3..][..rest];
         CompressedPlyCodes {
@@ -172,17 +172,6 @@ impl CompressedPlyCodes {
 /// Those of the operating system.
 pub fn write(path: &Path, splats: &Splats) -> Result<()> {
     CompressedPlyCodes::nearest(splats).write(path)
-}
-
-/// Highest degree with a coefficient that is not zero.
-fn used_degree(splats: &Splats) -> u32 {
-    let stride = splats.sh_stride();
-    let is_used = |degree: u32| {
-        let band = 3 * sh_coefficient_count(degree - 1)..3 * sh_coefficient_count(degree);
-        let mut rows = splats.sh.chunks_exact(stride);
-        rows.any(|row| row[band.clone()].iter().any(|&v| v != 0.0))
-    };
-    (1..=splats.sh_degree).rev().find(|&d| is_used(d)).unwrap_or(0)
 }
 
 /// Values of a splat that have ranges: position, log-scale and colour.
