@@ -1,10 +1,10 @@
-//! Encoding of a scene within a loss or a number of bytes.
+//! EncodedScene of a scene within a loss or a number of bytes.
 
 use super::geometry::round_light;
-use super::harmonics::{Grid, Rounding, round_harmonics};
+use super::harmonics::{HarmonicGrid, RoundingOptions, round_harmonics};
 use super::influence::Influence;
 use super::pictures::{PictureError, Pictures};
-use super::setting::{Setting, Target};
+use super::setting::{ExportFormat, Setting};
 use crate::io::gltf;
 use crate::io::ply;
 use crate::io::ply::compressed::CompressedPlyCodes;
@@ -26,7 +26,7 @@ pub enum Budget {
 
 /// Scene in the codes of a format.
 #[derive(Clone, Debug)]
-pub struct Encoded {
+pub struct EncodedScene {
     /// Choices of the encoder.
     pub setting: Setting,
     /// Length of the file.
@@ -44,7 +44,7 @@ enum Codes {
     Sog(SogCodes),
 }
 
-impl Encoded {
+impl EncodedScene {
     /// Splats that a reader of the file gets.
     pub fn decode(&self) -> Splats {
         match &self.codes {
@@ -82,24 +82,24 @@ fn level(splats: usize) -> i32 {
 
 /// Scene to be exported, in Morton order, and its weights in views if there are any.
 #[derive(Debug)]
-pub struct Source {
+pub struct ExportSource {
     splats: Splats,
     influence: Option<Influence>,
     /// Constants of joint rounding; those of a setting come before.
-    pub rounding: Rounding,
+    pub rounding: RoundingOptions,
 }
 
-impl Source {
+impl ExportSource {
     /// Puts a scene in order. Without `influence` every number is rounded by itself.
-    pub fn new(splats: &Splats, influence: Option<&Influence>) -> Source {
+    pub fn new(splats: &Splats, influence: Option<&Influence>) -> ExportSource {
         let order: Vec<usize> = morton_order(&splats.mean).iter().map(|&i| i as usize).collect();
         let mut splats = splats.picked(&order);
         // An empty degree costs bytes, and rounding would fill it where no code stands for zero.
         splats.cut_harmonics(splats.used_sh_degree());
-        Source {
+        ExportSource {
             splats,
             influence: influence.map(|influence| influence.picked(&order)),
-            rounding: Rounding::default(),
+            rounding: RoundingOptions::default(),
         }
     }
 
@@ -112,15 +112,15 @@ impl Source {
     ///
     /// # Errors
     /// A lack of memory.
-    pub fn encode(&self, target: Target, setting: Setting) -> Result<Encoded> {
+    pub fn encode(&self, target: ExportFormat, setting: Setting) -> Result<EncodedScene> {
         let rounded = self.rounded(target, setting);
         let codes = match target {
-            Target::Ply => Codes::Ply(rounded),
-            Target::Glb => Codes::Glb(rounded),
-            Target::Splat => Codes::Splat(rounded),
-            Target::CompressedPly => Codes::CompressedPly(CompressedPlyCodes::nearest(&rounded)),
-            Target::Sog => Codes::Sog(self.sog(&rounded, setting)),
-            Target::Spz(version) => {
+            ExportFormat::Ply => Codes::Ply(rounded),
+            ExportFormat::Glb => Codes::Glb(rounded),
+            ExportFormat::Splat => Codes::Splat(rounded),
+            ExportFormat::CompressedPly => Codes::CompressedPly(CompressedPlyCodes::nearest(&rounded)),
+            ExportFormat::Sog => Codes::Sog(self.sog(&rounded, setting)),
+            ExportFormat::Spz(version) => {
                 let options = SpzOptions {
                     fractional_bits: setting.fractional_bits.unwrap_or(SpzOptions::default().fractional_bits),
                     sh_bits: if self.influence.is_some() {
@@ -144,7 +144,7 @@ impl Source {
                 bytes.map_err(|error| Error::Config(format!("zstd: {error}")))?.len() as u64
             }
         };
-        Ok(Encoded { setting, bytes, codes })
+        Ok(EncodedScene { setting, bytes, codes })
     }
 
     /// Codes with palette and codebooks by weight; constant colours make up for the errors of the palette in the views.
@@ -173,14 +173,19 @@ impl Source {
             for (row, &i) in decoded.sh.chunks_exact(stride).zip(&codes.order) {
                 given[i * stride..][..stride].copy_from_slice(row);
             }
-            codes.set_colors(&round_harmonics(splats, influence, Grid::Given(&given), self.rounding));
+            codes.set_colors(&round_harmonics(
+                splats,
+                influence,
+                HarmonicGrid::Given(&given),
+                self.rounding,
+            ));
         }
         codes
     }
 
     /// Splats with harmonics and scales on the format's grid.
-    fn rounded(&self, target: Target, setting: Setting) -> Splats {
-        let rounding = Rounding {
+    fn rounded(&self, target: ExportFormat, setting: Setting) -> Splats {
+        let rounding = RoundingOptions {
             reference: setting.reference,
             bit_price: setting.bit_price,
             ..self.rounding
@@ -191,7 +196,7 @@ impl Source {
         };
         rounded.cut_harmonics(setting.sh_degree);
         match (&self.influence, target) {
-            (Some(_), Target::Spz(_)) => round_light(&rounded, SPZ_SCALE_STEP),
+            (Some(_), ExportFormat::Spz(_)) => round_light(&rounded, SPZ_SCALE_STEP),
             _ => rounded,
         }
     }
@@ -203,11 +208,11 @@ const PALETTE_WEIGHT_MIN: f64 = 0.25;
 /// Step of log-scales in SPZ.
 const SPZ_SCALE_STEP: f64 = 1.0 / 16.0;
 
-/// Encoding and its error in the views.
+/// EncodedScene and its error in the views.
 #[derive(Clone, Debug)]
-pub struct Measured {
-    /// Encoded scene.
-    pub encoded: Encoded,
+pub struct Measurement {
+    /// EncodedScene scene.
+    pub encoded: EncodedScene,
     /// Error of its pictures.
     pub error: PictureError,
 }
@@ -217,11 +222,11 @@ const POSITION_SHARE: f64 = 0.1;
 
 /// Settings of a format, measured when asked.
 pub struct Ladder<'a, 'd> {
-    source: &'a Source,
-    target: Target,
+    source: &'a ExportSource,
+    target: ExportFormat,
     pictures: &'a mut Pictures<'d>,
     settings: Vec<Setting>,
-    measured: Vec<Option<Measured>>,
+    measured: Vec<Option<Measurement>>,
     /// Mean squared error by positions of [`COARSE_BITS`] fractional bits alone.
     coarse: Option<f64>,
 }
@@ -231,7 +236,7 @@ const COARSE_BITS: u32 = 8;
 
 impl<'a, 'd> Ladder<'a, 'd> {
     /// Settings of a format for a scene, from the fewest bytes to the most.
-    pub fn new(source: &'a Source, target: Target, pictures: &'a mut Pictures<'d>) -> Ladder<'a, 'd> {
+    pub fn new(source: &'a ExportSource, target: ExportFormat, pictures: &'a mut Pictures<'d>) -> Ladder<'a, 'd> {
         let settings = target.settings(source.splats.sh_degree);
         Ladder {
             source,
@@ -257,7 +262,7 @@ impl<'a, 'd> Ladder<'a, 'd> {
     ///
     /// # Errors
     /// Those of the device.
-    pub fn measure(&mut self, rung: usize) -> Result<&Measured> {
+    pub fn measure(&mut self, rung: usize) -> Result<&Measurement> {
         let known = self.measured[rung].take();
         let measured = match known {
             Some(measured) => measured,
@@ -266,9 +271,9 @@ impl<'a, 'd> Ladder<'a, 'd> {
         Ok(self.measured[rung].insert(measured))
     }
 
-    fn found(&mut self, setting: Setting) -> Result<Measured> {
+    fn found(&mut self, setting: Setting) -> Result<Measurement> {
         let first = self.encoded(setting)?;
-        let Target::Spz(_) = self.target else {
+        let ExportFormat::Spz(_) = self.target else {
             return Ok(first);
         };
         let allowed = POSITION_SHARE * first.error.mean_squared;
@@ -286,10 +291,10 @@ impl<'a, 'd> Ladder<'a, 'd> {
         }
     }
 
-    fn encoded(&mut self, setting: Setting) -> Result<Measured> {
+    fn encoded(&mut self, setting: Setting) -> Result<Measurement> {
         let encoded = self.source.encode(self.target, setting)?;
         let error = self.pictures.error(&encoded.decode())?;
-        Ok(Measured { encoded, error })
+        Ok(Measurement { encoded, error })
     }
 
     /// Mean squared error by coarse positions alone.
@@ -312,12 +317,12 @@ impl<'a, 'd> Ladder<'a, 'd> {
     ///
     /// # Errors
     /// Those of the device.
-    pub fn choose(&mut self, budget: Budget) -> Result<Option<Measured>> {
+    pub fn choose(&mut self, budget: Budget) -> Result<Option<Measurement>> {
         let (mut low, mut high) = (0, self.len());
         // Rungs below `low` lose too much, or are small enough; those from `high` on are not.
         while low < high {
             let middle = (low + high) / 2;
-            let Measured { encoded, error } = self.measure(middle)?;
+            let Measurement { encoded, error } = self.measure(middle)?;
             let goes_up = match budget {
                 Budget::Loss(most) => error.loss_db() > most,
                 Budget::Bytes(most) => encoded.bytes <= most,

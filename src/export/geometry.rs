@@ -71,3 +71,39 @@ fn factor(log_scale: [f64; 3]) -> [f64; 16] {
     factorize(&mut matrix, 4);
     matrix
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Light of a splat along its third axis.
+    fn light(splats: &Splats, i: usize) -> f64 {
+        let [a, b, _] = splats.log_scale[i].map(f64::from);
+        (a + b).exp() / (1.0 + (-f64::from(splats.opacity_logit[i])).exp())
+    }
+
+    #[test]
+    fn light_is_kept_better_than_by_numbers_alone() {
+        let wave = |i: usize| (i as f32 * 1.7).sin();
+        let splats = Splats {
+            log_scale: (0..200).map(|i| [wave(i), wave(i + 7), -6.0 + wave(i + 13)]).collect(),
+            opacity_logit: (0..200).map(|i| wave(i + 3)).collect(),
+            ..Splats::default()
+        };
+        let step = 1.0 / 16.0;
+        let together = round_light(&splats, step);
+        let mut alone = splats.clone();
+        for value in alone.log_scale.as_flattened_mut() {
+            *value = (*value * 16.0).round() / 16.0;
+        }
+        let on_grid = |v: &f32| (v * 16.0).fract() == 0.0;
+        assert!(together.log_scale.as_flattened().iter().all(on_grid));
+        let error = |of: &Splats| -> f64 { (0..200).map(|i| (light(of, i) / light(&splats, i)).ln().powi(2)).sum() };
+        assert!(
+            error(&together) < 0.4 * error(&alone),
+            "{}, {}",
+            error(&together),
+            error(&alone)
+        );
+    }
+}

@@ -15,9 +15,9 @@ mod influence;
 mod pictures;
 mod setting;
 
-pub use choose::{Budget, Encoded, Ladder, Measured, Source};
+pub use choose::{Budget, EncodedScene, ExportSource, Ladder, Measurement};
 pub use geometry::round_light;
-pub use harmonics::{Grid, Rounding, round_harmonics};
+pub use harmonics::{HarmonicGrid, RoundingOptions, round_harmonics};
 pub use influence::Influence;
 pub use pictures::{PictureError, Pictures};
-pub use setting::{Setting, Target};
+pub use setting::{ExportFormat, Setting};

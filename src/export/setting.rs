@@ -1,13 +1,13 @@
 //! Settings of formats, from the fewest bytes to the most.
 
-use super::harmonics::Grid;
+use super::harmonics::HarmonicGrid;
 use crate::io::spz::SpzVersion;
 use crate::{Error, Result};
 use std::path::Path;
 
 /// Format of an exported file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
+pub enum ExportFormat {
     /// `.ply` of the 3DGS reference code.
     Ply,
     /// Compressed `.ply`.
@@ -23,24 +23,24 @@ pub enum Target {
 }
 
 /// Name on the command line, end of the file name and format.
-const TARGETS: [(&str, &str, Target); 7] = [
-    ("compressed-ply", ".compressed.ply", Target::CompressedPly),
-    ("ply", ".ply", Target::Ply),
-    ("splat", ".splat", Target::Splat),
-    ("spz", ".spz", Target::Spz(SpzVersion::V4)),
-    ("spz3", "", Target::Spz(SpzVersion::V3)),
-    ("sog", ".sog", Target::Sog),
-    ("glb", ".glb", Target::Glb),
+const TARGETS: [(&str, &str, ExportFormat); 7] = [
+    ("compressed-ply", ".compressed.ply", ExportFormat::CompressedPly),
+    ("ply", ".ply", ExportFormat::Ply),
+    ("splat", ".splat", ExportFormat::Splat),
+    ("spz", ".spz", ExportFormat::Spz(SpzVersion::V4)),
+    ("spz3", "", ExportFormat::Spz(SpzVersion::V3)),
+    ("sog", ".sog", ExportFormat::Sog),
+    ("glb", ".glb", ExportFormat::Glb),
 ];
 
-impl Target {
+impl ExportFormat {
     /// Names of all formats.
     pub fn names() -> impl Iterator<Item = &'static str> {
         TARGETS.iter().map(|(name, ..)| *name)
     }
 
     /// Format of a name.
-    pub fn parse(name: &str) -> Option<Target> {
+    pub fn parse(name: &str) -> Option<ExportFormat> {
         TARGETS.iter().find(|(known, ..)| *known == name).map(|found| found.2)
     }
 
@@ -55,7 +55,7 @@ impl Target {
     /// Name of a file of the format, for [`losses`](crate::io::splats::losses).
     pub fn end(self) -> &'static Path {
         let end = match self {
-            Target::Spz(_) => ".spz",
+            ExportFormat::Spz(_) => ".spz",
             other => TARGETS
                 .iter()
                 .find(|(.., target)| *target == other)
@@ -68,7 +68,7 @@ impl Target {
     ///
     /// # Errors
     /// For other ends, with those that there are.
-    pub fn of(path: &Path) -> Result<Target> {
+    pub fn of(path: &Path) -> Result<ExportFormat> {
         let name = path.to_string_lossy().to_ascii_lowercase();
         let ends = || TARGETS.iter().filter(|(_, end, _)| !end.is_empty());
         let found = ends().find(|(_, end, _)| name.ends_with(end));
@@ -91,15 +91,15 @@ impl Target {
             ..Setting::default()
         };
         match self {
-            Target::Ply | Target::Glb => vec![base],
-            Target::Splat => vec![Setting { sh_degree: 0, ..base }],
-            Target::CompressedPly => (0..=sh_degree).map(|sh_degree| Setting { sh_degree, ..base }).collect(),
-            Target::Spz(_) | Target::Sog if sh_degree == 0 => vec![base],
-            Target::Sog => {
+            ExportFormat::Ply | ExportFormat::Glb => vec![base],
+            ExportFormat::Splat => vec![Setting { sh_degree: 0, ..base }],
+            ExportFormat::CompressedPly => (0..=sh_degree).map(|sh_degree| Setting { sh_degree, ..base }).collect(),
+            ExportFormat::Spz(_) | ExportFormat::Sog if sh_degree == 0 => vec![base],
+            ExportFormat::Sog => {
                 let palettes = SOG_PALETTES.iter();
                 palettes.map(|&palette| Setting { palette, ..base }).collect()
             }
-            Target::Spz(_) => {
+            ExportFormat::Spz(_) => {
                 let rungs = SPZ_RUNGS.iter();
                 rungs
                     .map(|&(sh_bits, reference, bit_price)| Setting {
@@ -121,9 +121,9 @@ pub struct Setting {
     pub sh_degree: u32,
     /// SPZ: bits of harmonics of degrees 1, 2 and 3.
     pub sh_bits: [u32; 3],
-    /// SPZ: weight above which splats have more bits, [`Rounding::reference`](super::Rounding::reference).
+    /// SPZ: weight above which splats have more bits, [`RoundingOptions::reference`](super::RoundingOptions::reference).
     pub reference: f64,
-    /// SPZ: price of a bit of a harmonic, [`Rounding::bit_price`](super::Rounding::bit_price).
+    /// SPZ: price of a bit of a harmonic, [`RoundingOptions::bit_price`](super::RoundingOptions::bit_price).
     pub bit_price: f64,
     /// SOG: the usual size of the palette of harmonics, that of splat-transform, over this.
     pub palette: usize,
@@ -145,27 +145,27 @@ impl Default for Setting {
 }
 
 impl Setting {
-    /// Grid of harmonics; `None` for formats that hold floats.
-    pub(super) fn grid(&self, target: Target) -> Option<Grid<'static>> {
+    /// HarmonicGrid of harmonics; `None` for formats that hold floats.
+    pub(super) fn grid(&self, target: ExportFormat) -> Option<HarmonicGrid<'static>> {
         let kept = |step: [f64; 3]| [1, 2, 3].map(|d| if d <= self.sh_degree { step[d as usize - 1] } else { 0.0 });
         match target {
-            Target::Ply | Target::Glb | Target::Sog => None,
-            Target::Splat => Some(Grid::Steps {
+            ExportFormat::Ply | ExportFormat::Glb | ExportFormat::Sog => None,
+            ExportFormat::Splat => Some(HarmonicGrid::Steps {
                 step: [0.0; 3],
                 finest: 0.0,
                 offset: 0.0,
                 limit: 0.0,
             }),
-            Target::CompressedPly => Some(Grid::Steps {
+            ExportFormat::CompressedPly => Some(HarmonicGrid::Steps {
                 step: kept([1.0 / 32.0; 3]),
                 finest: 1.0 / 32.0,
                 offset: 1.0 / 64.0,
                 limit: 4.0 - 1.0 / 64.0,
             }),
-            Target::Spz(_) => {
+            ExportFormat::Spz(_) => {
                 let step = self.sh_bits.map(|bits| 2.0_f64.powi(1 - bits as i32));
                 // Codes end one step below 1; in other axes signs change.
-                Some(Grid::Steps {
+                Some(HarmonicGrid::Steps {
                     step: kept(step),
                     finest: 1.0 / 128.0,
                     offset: 0.0,
@@ -176,9 +176,9 @@ impl Setting {
     }
 
     /// Text for tables.
-    pub fn describe(&self, target: Target) -> String {
+    pub fn describe(&self, target: ExportFormat) -> String {
         match target {
-            Target::Spz(_) if self.sh_degree > 0 => {
+            ExportFormat::Spz(_) if self.sh_degree > 0 => {
                 let [a, b, c] = self.sh_bits;
                 let more = match self.reference.is_finite() {
                     true => format!(", more above weight {}", self.reference),
@@ -186,12 +186,14 @@ impl Setting {
                 };
                 format!("harmonics of {a}/{b}/{c} bits{more}")
             }
-            Target::Sog if self.sh_degree > 0 => match self.palette {
+            ExportFormat::Sog if self.sh_degree > 0 => match self.palette {
                 1 => "palette of the usual size".to_owned(),
                 part => format!("palette of 1/{part} of the usual size"),
             },
-            Target::Splat | Target::Sog | Target::Spz(_) => "harmonics of degree 0".to_owned(),
-            Target::Ply | Target::Glb | Target::CompressedPly => format!("harmonics to degree {}", self.sh_degree),
+            ExportFormat::Splat | ExportFormat::Sog | ExportFormat::Spz(_) => "harmonics of degree 0".to_owned(),
+            ExportFormat::Ply | ExportFormat::Glb | ExportFormat::CompressedPly => {
+                format!("harmonics to degree {}", self.sh_degree)
+            }
         }
     }
 }

@@ -11,7 +11,7 @@ type Reader = fn(Source<'_>) -> Result<LoadedSplats>;
 type Writer = fn(&Path, &Splats) -> Result<()>;
 
 /// A file format of scenes.
-struct Format {
+struct SceneFormat {
     name: &'static str,
     /// Ends of file names by which it is recognised, in lower case.
     ends: &'static [&'static str],
@@ -26,8 +26,8 @@ struct Format {
 }
 
 /// All formats; the first one of a fitting end counts.
-const FORMATS: [Format; 9] = [
-    Format {
+const FORMATS: [SceneFormat; 9] = [
+    SceneFormat {
         name: "compressed PLY",
         ends: &[".compressed.ply"],
         read: Some(|s| ply::read(s)),
@@ -36,7 +36,7 @@ const FORMATS: [Format; 9] = [
         holds_origin: true,
         sh_degree: 3,
     },
-    Format {
+    SceneFormat {
         name: "PLY",
         ends: &[".ply"],
         read: Some(|s| ply::read(s)),
@@ -45,7 +45,7 @@ const FORMATS: [Format; 9] = [
         holds_origin: true,
         sh_degree: 3,
     },
-    Format {
+    SceneFormat {
         name: "splat",
         ends: &[".splat"],
         read: Some(|s| splat32::read(s)),
@@ -54,7 +54,7 @@ const FORMATS: [Format; 9] = [
         holds_origin: false,
         sh_degree: 0,
     },
-    Format {
+    SceneFormat {
         name: "SPZ",
         ends: &[".spz"],
         read: Some(|s| spz::read(s)),
@@ -63,7 +63,7 @@ const FORMATS: [Format; 9] = [
         holds_origin: false,
         sh_degree: 3,
     },
-    Format {
+    SceneFormat {
         name: "SOG",
         ends: &[".sog"],
         read: Some(|s| sog::read(s)),
@@ -72,7 +72,7 @@ const FORMATS: [Format; 9] = [
         holds_origin: false,
         sh_degree: 3,
     },
-    Format {
+    SceneFormat {
         name: "SOG",
         ends: &["meta.json"],
         read: Some(|s| sog::read(s)),
@@ -81,7 +81,7 @@ const FORMATS: [Format; 9] = [
         holds_origin: false,
         sh_degree: 3,
     },
-    Format {
+    SceneFormat {
         name: "glTF",
         ends: &[".glb"],
         read: Some(|s| gltf::read(s)),
@@ -90,7 +90,7 @@ const FORMATS: [Format; 9] = [
         holds_origin: true,
         sh_degree: 3,
     },
-    Format {
+    SceneFormat {
         name: "glTF",
         ends: &[".gltf"],
         read: Some(|s| gltf::read(s)),
@@ -99,7 +99,7 @@ const FORMATS: [Format; 9] = [
         holds_origin: true,
         sh_degree: 3,
     },
-    Format {
+    SceneFormat {
         name: "KSPLAT",
         ends: &[".ksplat"],
         read: Some(|s| ksplat::read(s)),
@@ -110,13 +110,13 @@ const FORMATS: [Format; 9] = [
     },
 ];
 
-fn format_of(path: &Path) -> Option<&'static Format> {
+fn format_of(path: &Path) -> Option<&'static SceneFormat> {
     let name = path.file_name()?.to_string_lossy().to_ascii_lowercase();
-    let fits = |format: &&Format| format.ends.iter().any(|end| name.ends_with(end));
+    let fits = |format: &&SceneFormat| format.ends.iter().any(|end| name.ends_with(end));
     FORMATS.iter().find(fits)
 }
 
-fn endings(is_in: impl Fn(&Format) -> bool) -> String {
+fn endings(is_in: impl Fn(&SceneFormat) -> bool) -> String {
     let formats = FORMATS.iter().filter(|format| is_in(format));
     let endings: Vec<&str> = formats.flat_map(|format| format.ends).copied().collect();
     endings.join(" or ")
@@ -147,7 +147,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
 pub fn read_in_axes<'a>(source: impl Into<Source<'a>>, axes: Option<Axes>) -> Result<LoadedSplats> {
     let source = source.into();
     let fault = match format_of(source.name()) {
-        Some(Format { read: Some(read), .. }) => {
+        Some(SceneFormat { read: Some(read), .. }) => {
             let mut loaded = read(source)?;
             if let Some(axes) = axes {
                 (loaded.stored.axes, loaded.stored.axes_by) = (axes, AxesBy::Choice);
@@ -155,7 +155,7 @@ pub fn read_in_axes<'a>(source: impl Into<Source<'a>>, axes: Option<Axes>) -> Re
             loaded.splats.change_axes(loaded.stored.axes, Axes::RDF);
             return Ok(loaded);
         }
-        Some(Format { name, .. }) => {
+        Some(SceneFormat { name, .. }) => {
             format!("{name} scenes are not supported; convert to a {}", writable())
         }
         None => format!("the name does not end in {}, as scenes that can be read do", readable()),

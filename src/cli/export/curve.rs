@@ -4,7 +4,7 @@ use super::ExportArgs;
 use crate::cli::Outcome;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::Output;
-use crate::export::{Ladder, Pictures, Source, Target};
+use crate::export::{ExportFormat, ExportSource, Ladder, Pictures};
 use crate::io::AxesBy;
 use crate::io::atomic::write_atomically;
 use crate::lab::report::curve::{CurvePoint, csv, html};
@@ -17,7 +17,7 @@ use std::path::Path;
 /// Measures all and writes the page and its numbers.
 pub(super) fn run(
     args: &ExportArgs,
-    source: &Source,
+    source: &ExportSource,
     pictures: &mut Pictures<'_>,
     interrupt: &Interrupt,
     output: Output,
@@ -27,7 +27,7 @@ pub(super) fn run(
     };
     std::fs::create_dir_all(dir).map_err(Error::io(dir))?;
     let mut points = Vec::new();
-    for target in Target::names().filter_map(Target::parse) {
+    for target in ExportFormat::names().filter_map(ExportFormat::parse) {
         let mut ladder = Ladder::new(source, target, pictures);
         let bar = output.bar(ladder.len() as u64, target.name());
         for rung in 0..ladder.len() {

@@ -8,7 +8,9 @@ use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::scene::{SceneArgs, fit_axes};
 use super::{Outcome, engine, parse};
-use crate::export::{Budget, Encoded, Ladder, Measured, PictureError, Pictures, Setting, Source, Target};
+use crate::export::{
+    Budget, EncodedScene, ExportFormat, ExportSource, Ladder, Measurement, PictureError, Pictures, Setting,
+};
 use crate::io::splats::{losses, readable};
 use crate::scene::Splats;
 use crate::{Error, Result};
@@ -19,9 +21,9 @@ use views::Views;
 
 /// Write a scene in another format
 ///
-/// With DATA, harmonics are rounded together, so that colours are right in the directions of the training cameras: files
-/// of the same format and length that lose less. --loss and --bytes choose the settings of the format by rendered
-/// views, up to eight of those trained on. Without DATA the views lie on a
+/// With DATA, harmonics are rounded together, so that colours are right in the directions of the training cameras:
+/// files of the same format and length that lose less. --loss and --bytes choose the settings of the format by
+/// rendered views, up to eight of those trained on. Without DATA the views lie on a
 /// sphere around the scene if a budget is given, and numbers are rounded one by one otherwise.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
@@ -42,9 +44,9 @@ pub(super) struct ExportArgs {
     with: Vec<PathBuf>,
     #[arg(long, value_name = "FORMAT", help = format!(
         "Format whatever the name: {}",
-        Target::names().collect::<Vec<_>>().join(", ")
+        ExportFormat::names().collect::<Vec<_>>().join(", ")
     ), value_parser = target)]
-    format: Option<Target>,
+    format: Option<ExportFormat>,
     /// Fewest bytes that lose no more than DB decibels against the photographs; without photographs, no more than a
     /// scene of 30 dB would lose
     #[arg(long, value_name = "DB", value_parser = parse::loss)]
@@ -74,21 +76,21 @@ Examples:
   ashfall export theirs.sog --out scene.ply
   ashfall export run/scene.ply photos/ --curve curve/ --with theirs.spz";
 
-fn target(name: &str) -> std::result::Result<Target, String> {
-    let names = || Target::names().collect::<Vec<_>>().join(", ");
-    Target::parse(name).ok_or_else(|| format!("formats are {}", names()))
+fn target(name: &str) -> std::result::Result<ExportFormat, String> {
+    let names = || ExportFormat::names().collect::<Vec<_>>().join(", ");
+    ExportFormat::parse(name).ok_or_else(|| format!("formats are {}", names()))
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let wanted = match &args.out {
-        Some(out) => Some((out.as_path(), args.format.map_or_else(|| Target::of(out), Ok)?)),
+        Some(out) => Some((out.as_path(), args.format.map_or_else(|| ExportFormat::of(out), Ok)?)),
         None => None,
     };
     let loaded = args.scene_options.read(&args.scene)?;
     let budget = args.loss.map(Budget::Loss).or(args.bytes.map(Budget::Bytes));
     if let (Some((out, target)), None, None) = (wanted, &args.data, budget) {
-        let source = Source::new(&loaded.splats, None);
+        let source = ExportSource::new(&loaded.splats, None);
         let encoded = source.encode(target, plain(target, source.splats()))?;
         return finish(args, (out, target), &loaded.splats, &encoded, None);
     }
@@ -110,7 +112,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
         eprintln!("interrupted; nothing was written");
         return Ok(Outcome::Interrupted);
     };
-    let source = Source::new(&splats, Some(&influence));
+    let source = ExportSource::new(&splats, Some(&influence));
     let mut pictures = views.pictures(&gpu, source.splats())?;
     let Some((out, target)) = wanted else {
         return curve::run(args, &source, &mut pictures, &interrupt, output);
@@ -134,9 +136,9 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
 }
 
 /// The usual setting of a format.
-fn plain(target: Target, splats: &Splats) -> Setting {
+fn plain(target: ExportFormat, splats: &Splats) -> Setting {
     let degree = match target {
-        Target::Splat => 0,
+        ExportFormat::Splat => 0,
         _ => splats.sh_degree,
     };
     Setting {
@@ -145,18 +147,23 @@ fn plain(target: Target, splats: &Splats) -> Setting {
     }
 }
 
-fn measured(source: &Source, target: Target, setting: Setting, pictures: &mut Pictures<'_>) -> Result<Measured> {
+fn measured(
+    source: &ExportSource,
+    target: ExportFormat,
+    setting: Setting,
+    pictures: &mut Pictures<'_>,
+) -> Result<Measurement> {
     let encoded = source.encode(target, setting)?;
     let error = pictures.error(&encoded.decode())?;
-    Ok(Measured { encoded, error })
+    Ok(Measurement { encoded, error })
 }
 
 /// Writes the file, and prints bytes, setting, errors and omissions.
 fn finish(
     args: &ExportArgs,
-    (out, target): (&Path, Target),
+    (out, target): (&Path, ExportFormat),
     splats: &Splats,
-    encoded: &Encoded,
+    encoded: &EncodedScene,
     error: Option<&PictureError>,
 ) -> Result<Outcome> {
     encoded.write(out)?;

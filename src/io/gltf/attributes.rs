@@ -14,7 +14,7 @@ const FLOAT: ComponentKind = (Component::F32, false);
 
 /// Splats of a primitive: decoded from attributes as they are asked for, or unpacked.
 pub(super) enum PrimitiveSplats<'a> {
-    Attributes(Attributes<'a>),
+    Attributes(Box<Attributes<'a>>),
     Unpacked(Box<Splats>),
 }
 

@@ -6,7 +6,7 @@ use super::super::listing::Check;
 pub(super) fn decode(text: &str) -> Check<Vec<u8>> {
     let digits = text.trim_end_matches('=').as_bytes();
     let padding = text.len() - digits.len();
-    if digits.len() % 4 == 1 || padding > 2 || padding > 0 && text.len() % 4 != 0 {
+    if digits.len() % 4 == 1 || padding > 2 || padding > 0 && !text.len().is_multiple_of(4) {
         return Err(format!("{} characters are no base 64", text.len()));
     }
     let mut bytes = Vec::with_capacity(digits.len() / 4 * 3 + 2);

@@ -13,7 +13,7 @@ pub(super) const JSON: [u8; 4] = *b"JSON";
 pub(super) const BIN: [u8; 4] = *b"BIN\0";
 
 /// JSON text of a file, and its binary chunk.
-pub(super) struct Container<'a> {
+pub(super) struct GlbContainer<'a> {
     pub(super) json: &'a [u8],
     pub(super) chunk: Option<&'a [u8]>,
     /// Bytes after the length that the header states.
@@ -21,7 +21,7 @@ pub(super) struct Container<'a> {
 }
 
 /// Splits a GLB file, or takes a `.gltf` file as JSON.
-pub(super) fn split(file: &[u8]) -> Check<Container<'_>> {
+pub(super) fn split(file: &[u8]) -> Check<GlbContainer<'_>> {
     if file.is_empty() {
         return Err("the file is empty".into());
     }
@@ -30,7 +30,7 @@ pub(super) fn split(file: &[u8]) -> Check<Container<'_>> {
         if text.trim_ascii_start().first() != Some(&b'{') {
             return Err("is neither a GLB file (whose first bytes are \"glTF\") nor a JSON object".into());
         }
-        return Ok(Container {
+        return Ok(GlbContainer {
             json: text,
             chunk: None,
             trailing: 0,
@@ -51,7 +51,7 @@ pub(super) fn split(file: &[u8]) -> Check<Container<'_>> {
         let all = file.len();
         return Err(format!("the header announces {length} bytes, but the file has {all}"));
     }
-    let mut container = Container {
+    let mut container = GlbContainer {
         json: &[],
         chunk: None,
         trailing: file.len() - length,

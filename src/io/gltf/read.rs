@@ -170,7 +170,7 @@ impl<'a> SceneReading<'a> {
         self.count(position.count(), instances)?;
         self.filters.push(ScreenFilter::Classic);
         let attributes = Attributes::open(self.document, self.buffers, primitive, position)?;
-        Ok(Some(PrimitiveSplats::Attributes(attributes)))
+        Ok(Some(PrimitiveSplats::Attributes(Box::new(attributes))))
     }
 
     /// Splats of an SPZ file in a buffer view, in glTF's axes.

@@ -9,12 +9,15 @@ use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+/// Puts the bytes of a splat at an index behind others.
+type Put<'a> = Box<dyn Fn(usize, &mut Vec<u8>) + 'a>;
+
 /// An attribute: its name, type, bytes a splat, and bytes of a splat at an index.
 struct Attribute<'a> {
     name: String,
     shape: &'static str,
     bytes: usize,
-    put: Box<dyn Fn(usize, &mut Vec<u8>) + 'a>,
+    put: Put<'a>,
 }
 
 /// Writes `splats` as a GLB file of one primitive with `KHR_gaussian_splatting` in floats, in glTF's axes, and with

@@ -22,7 +22,7 @@ pub(super) const META_BYTES_MAX: u64 = 1 << 20;
 const ENTRIES_MAX: usize = 1000;
 
 /// The scene's files.
-pub(super) struct Container<'a> {
+pub(super) struct SogContainer<'a> {
     /// Path of the bundle or of `meta.json`.
     path: &'a Path,
     place: Place<'a>,
@@ -38,9 +38,9 @@ enum Place<'a> {
     Folder(PathBuf),
 }
 
-impl<'a> Container<'a> {
+impl<'a> SogContainer<'a> {
     /// Opens a bundle, or the folder of a `meta.json`; returns its contents as well.
-    pub(super) fn open(source: Source<'a>) -> Result<(Container<'a>, Vec<u8>)> {
+    pub(super) fn open(source: Source<'a>) -> Result<(SogContainer<'a>, Vec<u8>)> {
         let path = source.name();
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         if name.ends_with(META_STREAMED) {
@@ -53,7 +53,7 @@ impl<'a> Container<'a> {
             }
             let folder = path.parent().unwrap_or(Path::new(".")).to_path_buf();
             let place = Place::Folder(folder);
-            return Ok((Container { path, place }, bytes.into()));
+            return Ok((SogContainer { path, place }, bytes.into()));
         }
         let length = bytes.len() as u64;
         let archive = ZipArchive::new(Cursor::new(bytes))
@@ -64,7 +64,7 @@ impl<'a> Container<'a> {
             folder,
             bytes: length,
         };
-        let mut container = Container { path, place };
+        let mut container = SogContainer { path, place };
         let meta = container.read(META, META_BYTES_MAX)?;
         Ok((container, meta))
     }

@@ -3,7 +3,7 @@
 use super::super::listing::Check;
 use super::super::loaded::{Collector, LoadedSplats, StoredAs};
 use super::super::source::Source;
-use super::archive::{Container, META, META_BYTES_MAX};
+use super::archive::{META, META_BYTES_MAX, SogContainer};
 use super::codes::{Decoder, Harmonics, SplatCodes, numbers_of};
 use super::meta::{Meta, PaletteMeta};
 use super::textures::{CodeImage, EncodedImage, SIDE_MAX};
@@ -40,7 +40,7 @@ const ENTRIES_HEIGHT_MAX: usize = 1024;
 /// and four for each byte of the file.
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let source = source.into();
-    let (mut container, bytes) = Container::open(source)?;
+    let (mut container, bytes) = SogContainer::open(source)?;
     let meta = Meta::parse(&bytes).map_err(|what| container.fault(META, what))?;
     let encoded = open_images(&mut container, &meta)?;
     let images = encoded.into_par_iter().zip(&meta.names).map(|(encoded, name)| {
@@ -81,7 +81,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
 }
 
 /// Reads the images and compares their sizes with the number of splats.
-fn open_images(container: &mut Container, meta: &Meta) -> Result<Vec<EncodedImage>> {
+fn open_images(container: &mut SogContainer, meta: &Meta) -> Result<Vec<EncodedImage>> {
     let count = meta.count;
     for name in &meta.names {
         container.check_name(name)?;
@@ -148,7 +148,7 @@ fn sh_degree_of(width: usize) -> Option<u32> {
 }
 
 /// Refuses indices beyond a codebook.
-fn check_indices(container: &Container, meta: &Meta, images: &[CodeImage], count: usize) -> Result<()> {
+fn check_indices(container: &SogContainer, meta: &Meta, images: &[CodeImage], count: usize) -> Result<()> {
     let tables = [(3, &meta.tables.scale), (4, &meta.tables.color)];
     for (image, tables) in tables {
         let rgba = images[image].rgba.iter().take(count);
@@ -168,7 +168,7 @@ fn check_indices(container: &Container, meta: &Meta, images: &[CodeImage], count
     Ok(())
 }
 
-fn check_index(container: &Container, name: &str, most: u8, table: &[f32], count: usize) -> Result<()> {
+fn check_index(container: &SogContainer, name: &str, most: u8, table: &[f32], count: usize) -> Result<()> {
     let length = table.len();
     if count == 0 || usize::from(most) < length {
         return Ok(());

@@ -85,8 +85,10 @@ pub fn html(points: &[CurvePoint], splats: usize, facts: &[Fact]) -> Result<Stri
     Ok(document("export", &body))
 }
 
-/// Title, true for a logarithmic axis, and value of each figure.
-const FIGURES: [(&str, bool, fn(&PictureError) -> f64); 4] = [
+/// Title, true for a logarithmic axis, and value of a figure.
+type Figure = (&'static str, bool, fn(&PictureError) -> f64);
+
+const FIGURES: [Figure; 4] = [
     ("PSNR against the original's pictures, dB", false, PictureError::psnr_db),
     ("SSIM against the original's pictures", false, |e| e.ssim),
     ("largest difference of a channel", true, |e| e.largest),
