@@ -121,7 +121,8 @@ pub struct Setting {
     pub sh_degree: u32,
     /// SPZ: bits of harmonics of degrees 1, 2 and 3.
     pub sh_bits: [u32; 3],
-    /// SPZ: weight above which splats have more bits, [`RoundingOptions::reference`](super::RoundingOptions::reference).
+    /// SPZ: weight above which splats have more bits,
+    /// [`RoundingOptions::reference`](super::RoundingOptions::reference).
     pub reference: f64,
     /// SPZ: price of a bit of a harmonic, [`RoundingOptions::bit_price`](super::RoundingOptions::bit_price).
     pub bit_price: f64,
@@ -147,7 +148,8 @@ impl Default for Setting {
 impl Setting {
     /// HarmonicGrid of harmonics; `None` for formats that hold floats.
     pub(super) fn grid(&self, target: ExportFormat) -> Option<HarmonicGrid<'static>> {
-        let kept = |step: [f64; 3]| [1, 2, 3].map(|d| if d <= self.sh_degree { step[d as usize - 1] } else { 0.0 });
+        let degree = self.sh_degree;
+        let kept = |step: [f64; 3]| [1, 2, 3].map(|d| if d <= degree { step[d as usize - 1] } else { 0.0 });
         match target {
             ExportFormat::Ply | ExportFormat::Glb | ExportFormat::Sog => None,
             ExportFormat::Splat => Some(HarmonicGrid::Steps {

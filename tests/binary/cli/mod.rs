@@ -1,6 +1,7 @@
 //! The binary from the command line: output, files and exit status of commands, on a small synthetic data set.
 
 mod chart;
+mod export;
 mod needs;
 mod prune;
 
