@@ -68,7 +68,7 @@ fn words_say_what_went_and_nothing_is_written_unasked() {
     assert_eq!(files(), before);
     let scene = word(&scene);
     for (more, says) in [
-        (["--out", "scene.splat"], ".ply files only"),
+        (["--out", "scene.ksplat"], "choose such a name"),
         (["--out", "/nowhere/at/all.ply"], "/nowhere/at/all.ply"),
         (["--refit", "5"], "--compat original"),
     ] {
