@@ -14,6 +14,7 @@ use crate::io::spz::{LEVEL, SpzCodes, SpzOptions, SpzVersion};
 use crate::scene::{Splats, morton_order};
 use crate::{Error, Result};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Bound of an export.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,9 +37,9 @@ pub struct EncodedScene {
 
 #[derive(Clone, Debug)]
 enum Codes {
-    Ply(Splats),
-    Glb(Splats),
-    Splat(Splats),
+    Ply(Arc<Splats>),
+    Glb(Arc<Splats>),
+    Splat(Arc<Splats>),
     CompressedPly(CompressedPlyCodes),
     Spz(SpzCodes, SpzVersion),
     Sog(SogCodes),
@@ -48,7 +49,7 @@ impl EncodedScene {
     /// Splats that a reader of the file gets.
     pub fn decode(&self) -> Splats {
         match &self.codes {
-            Codes::Ply(splats) | Codes::Glb(splats) => splats.clone(),
+            Codes::Ply(splats) | Codes::Glb(splats) => Splats::clone(splats),
             Codes::Splat(splats) => splat32::decoded(splats),
             Codes::CompressedPly(codes) => codes.decode(),
             Codes::Spz(codes, _) => codes.decode(),
@@ -83,7 +84,7 @@ fn level(splats: usize) -> i32 {
 /// Scene to be exported, in Morton order, and its weights in views if there are any.
 #[derive(Debug)]
 pub struct ExportSource {
-    splats: Splats,
+    splats: Arc<Splats>,
     influence: Option<Influence>,
     /// Constants of joint rounding; those of a setting come before.
     pub rounding: RoundingOptions,
@@ -91,13 +92,13 @@ pub struct ExportSource {
 
 impl ExportSource {
     /// Puts a scene in order. Without `influence` every number is rounded by itself.
-    pub fn new(splats: &Splats, influence: Option<&Influence>) -> ExportSource {
+    pub fn new(mut splats: Splats, influence: Option<&Influence>) -> ExportSource {
         let order: Vec<usize> = morton_order(&splats.mean).iter().map(|&i| i as usize).collect();
-        let mut splats = splats.picked(&order);
+        splats.reorder(&order);
         // An empty degree costs bytes, and rounding would fill it where no code stands for zero.
         splats.cut_harmonics(splats.used_sh_degree());
         ExportSource {
-            splats,
+            splats: Arc::new(splats),
             influence: influence.map(|influence| influence.picked(&order)),
             rounding: RoundingOptions::default(),
         }
@@ -184,7 +185,7 @@ impl ExportSource {
     }
 
     /// Splats with harmonics and scales on the format's grid.
-    fn rounded(&self, target: ExportFormat, setting: Setting) -> Splats {
+    fn rounded(&self, target: ExportFormat, setting: Setting) -> Arc<Splats> {
         let rounding = RoundingOptions {
             reference: setting.reference,
             bit_price: setting.bit_price,
@@ -192,13 +193,14 @@ impl ExportSource {
         };
         let mut rounded = match (&self.influence, setting.grid(target)) {
             (Some(influence), Some(grid)) => round_harmonics(&self.splats, influence, grid, rounding),
-            _ => self.splats.clone(),
+            _ if setting.sh_degree >= self.splats.sh_degree => return self.splats.clone(),
+            _ => Splats::clone(&self.splats),
         };
         rounded.cut_harmonics(setting.sh_degree);
-        match (&self.influence, target) {
+        Arc::new(match (&self.influence, target) {
             (Some(_), ExportFormat::Spz(_)) => round_light(&rounded, SPZ_SCALE_STEP),
             _ => rounded,
-        }
+        })
     }
 }
 
@@ -208,10 +210,10 @@ const PALETTE_WEIGHT_MIN: f64 = 0.25;
 /// Step of log-scales in SPZ.
 const SPZ_SCALE_STEP: f64 = 1.0 / 16.0;
 
-/// EncodedScene and its error in the views.
+/// Encoded scene and its error in the views.
 #[derive(Clone, Debug)]
 pub struct Measurement {
-    /// EncodedScene scene.
+    /// Encoded scene.
     pub encoded: EncodedScene,
     /// Error of its pictures.
     pub error: PictureError,
@@ -302,7 +304,7 @@ impl<'a, 'd> Ladder<'a, 'd> {
         if let Some(known) = self.coarse {
             return Ok(known);
         }
-        let mut splats = self.source.splats.clone();
+        let mut splats = Splats::clone(&self.source.splats);
         let scale = f32::from(1_u16 << COARSE_BITS);
         for mean in splats.mean.iter_mut().flatten() {
             *mean = (*mean * scale).round() / scale;

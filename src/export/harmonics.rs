@@ -209,7 +209,7 @@ impl Metric {
     }
 }
 
-/// LatticeSearch for codes of lower error.
+/// Search for codes of lower error.
 struct LatticeSearch<'a> {
     metric: &'a Metric,
     lines: &'a [GridLine; REST],

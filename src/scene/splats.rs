@@ -129,6 +129,36 @@ impl Splats {
         self.sh_degree = sh_degree;
     }
 
+    /// Puts the splats of these indices, each once, in this order, in place.
+    ///
+    /// # Panics
+    /// If an index is missing or beyond the splats.
+    pub fn reorder(&mut self, order: &[usize]) {
+        assert_eq!(order.len(), self.len(), "an index for each splat");
+        let stride = self.sh_stride();
+        let mut is_placed = vec![false; order.len()];
+        for start in 0..order.len() {
+            // Along a cycle, each splat changes places with its successor.
+            let mut to = start;
+            while !is_placed[to] {
+                is_placed[to] = true;
+                let from = order[to];
+                if from == start {
+                    break;
+                }
+                self.mean.swap(to, from);
+                self.quaternion.swap(to, from);
+                self.log_scale.swap(to, from);
+                self.opacity_logit.swap(to, from);
+                for k in 0..stride {
+                    self.sh.swap(to * stride + k, from * stride + k);
+                }
+                to = from;
+            }
+        }
+        assert!(is_placed.iter().all(|placed| *placed), "every index once");
+    }
+
     /// Floats of `sh` per splat.
     pub fn sh_stride(&self) -> usize {
         sh_coefficient_count(self.sh_degree) * 3
@@ -162,6 +192,26 @@ pub struct NotFinite {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn splats_are_reordered_as_they_are_picked() {
+        let count = 50;
+        let splats = Splats {
+            mean: (0..count).map(|i| [i as f32; 3]).collect(),
+            quaternion: (0..count).map(|i| [i as f32; 4]).collect(),
+            log_scale: (0..count).map(|i| [i as f32; 3]).collect(),
+            opacity_logit: (0..count).map(|i| i as f32).collect(),
+            sh: (0..12 * count).map(|i| i as f32).collect(),
+            sh_degree: 1,
+            ..Splats::default()
+        };
+        for factor in [1, 7, 13, 49] {
+            let order: Vec<usize> = (0..count).map(|i| (i * factor + 3) % count).collect();
+            let mut moved = splats.clone();
+            moved.reorder(&order);
+            assert_eq!(moved, splats.picked(&order), "{factor}");
+        }
+    }
 
     #[test]
     fn numbers_that_are_none_are_found_in_every_parameter() {

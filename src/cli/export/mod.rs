@@ -90,9 +90,10 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     let loaded = args.scene_options.read(&args.scene)?;
     let budget = args.loss.map(Budget::Loss).or(args.bytes.map(Budget::Bytes));
     if let (Some((out, target)), None, None) = (wanted, &args.data, budget) {
-        let source = ExportSource::new(&loaded.splats, None);
+        let omissions = losses(target.end(), &loaded.splats);
+        let source = ExportSource::new(loaded.splats, None);
         let encoded = source.encode(target, plain(target, source.splats()))?;
-        return finish(args, (out, target), &loaded.splats, &encoded, None);
+        return finish(args, (out, target), omissions, source.splats().len(), &encoded, None);
     }
     let mut dataset = match &args.data {
         Some(path) => Some(args.options.open(path, false)?),
@@ -112,9 +113,10 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
         eprintln!("interrupted; nothing was written");
         return Ok(Outcome::Interrupted);
     };
-    let source = ExportSource::new(&splats, Some(&influence));
+    let wanted = wanted.map(|(out, target)| (out, target, losses(target.end(), &splats)));
+    let source = ExportSource::new(splats, Some(&influence));
     let mut pictures = views.pictures(&gpu, source.splats())?;
-    let Some((out, target)) = wanted else {
+    let Some((out, target, omissions)) = wanted else {
         return curve::run(args, &source, &mut pictures, &interrupt, output);
     };
     let chosen = match budget {
@@ -132,7 +134,14 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
         return Err(Error::Config(text));
     };
     engine::check(&gpu)?;
-    finish(args, (out, target), &splats, &chosen.encoded, Some(&chosen.error))
+    finish(
+        args,
+        (out, target),
+        omissions,
+        source.splats().len(),
+        &chosen.encoded,
+        Some(&chosen.error),
+    )
 }
 
 /// The usual setting of a format.
@@ -162,15 +171,16 @@ fn measured(
 fn finish(
     args: &ExportArgs,
     (out, target): (&Path, ExportFormat),
-    splats: &Splats,
+    omissions: Vec<String>,
+    splats: usize,
     encoded: &EncodedScene,
     error: Option<&PictureError>,
 ) -> Result<Outcome> {
     encoded.write(out)?;
-    for loss in losses(target.end(), splats) {
+    for loss in omissions {
         eprintln!("warning: {}: {loss}", out.display());
     }
-    let each = encoded.bytes as f64 / splats.len().max(1) as f64;
+    let each = encoded.bytes as f64 / splats.max(1) as f64;
     let setting = encoded.setting.describe(target);
     let mut text = format!(
         "{}: {} bytes, {each:.2} a splat",
@@ -194,7 +204,7 @@ fn finish(
             "format": target.name(),
             "bytes": encoded.bytes,
             "bytes_per_splat": each,
-            "splat_count": splats.len(),
+            "splat_count": splats,
             "setting": setting,
             "psnr_db": error.map(PictureError::psnr_db),
             "ssim": error.map(|e| e.ssim),

@@ -7,6 +7,9 @@ use crate::scene::{Axes, ScreenFilter, Splats, sh_coefficient_count};
 use rayon::prelude::*;
 use std::path::Path;
 
+/// Splats that are turned at a time.
+const PART: usize = 1 << 15;
+
 /// Precision and axes of a scene in codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpzOptions {
@@ -75,11 +78,34 @@ impl SpzCodes {
         assert_eq!(splats.log_scale.len(), count, "scales of all splats");
         assert_eq!(splats.opacity_logit.len(), count, "opacities of all splats");
         assert_eq!(splats.sh.len(), count * stride, "harmonics");
-        let mut splats = splats.clone();
-        splats.change_axes(Axes::RDF, options.axes);
+        // Axes that change places keep magnitudes, so that the bits are those of any axes.
         let bits = fractional_bits(&splats.mean, options.fractional_bits);
-        let position = splats.mean.par_iter();
-        let rows = || splats.sh.par_chunks_exact(stride);
+        let mut codes = SpzCodes {
+            position: Vec::with_capacity(count),
+            alpha: Vec::with_capacity(count),
+            color: Vec::with_capacity(count),
+            scale: Vec::with_capacity(count),
+            rotation: Vec::with_capacity(count),
+            sh: Vec::with_capacity(count * (stride - 3)),
+            sh_degree: splats.sh_degree,
+            fractional_bits: bits,
+            antialiased: splats.filter == ScreenFilter::Mip,
+            axes: options.axes,
+        };
+        // Parts are turned one at a time: a copy of the whole scene would double its memory.
+        for start in (0..count).step_by(PART) {
+            let part: Vec<usize> = (start..count.min(start + PART)).collect();
+            let mut part = splats.picked(&part);
+            part.change_axes(Axes::RDF, options.axes);
+            codes.push(&part, options);
+        }
+        codes
+    }
+
+    /// Adds the nearest codes of splats in the axes of the codes.
+    fn push(&mut self, splats: &Splats, options: &SpzOptions) {
+        let bits = self.fractional_bits;
+        let rows = || splats.sh.par_chunks_exact(splats.sh_stride());
         let bits_of = |i: usize| match 1 + i / 3 {
             1..4 => options.sh_bits[0],
             4..9 => options.sh_bits[1],
@@ -89,18 +115,18 @@ impl SpzCodes {
             let rest = row[3..].iter().enumerate();
             rest.map(|(i, value)| steps::sh_code(*value, bits_of(i))).collect()
         };
-        SpzCodes {
-            position: position.map(|p| p.map(|v| steps::position_code(v, bits))).collect(),
-            alpha: splats.opacity_logit.par_iter().map(|v| steps::alpha_code(*v)).collect(),
-            color: rows().map(|sh| [sh[0], sh[1], sh[2]].map(steps::color_code)).collect(),
-            scale: splats.log_scale.par_iter().map(|s| s.map(steps::scale_code)).collect(),
-            rotation: splats.quaternion.par_iter().map(|q| steps::rotation_code(*q)).collect(),
-            sh: rows().flat_map_iter(row).collect(),
-            sh_degree: splats.sh_degree,
-            fractional_bits: bits,
-            antialiased: splats.filter == ScreenFilter::Mip,
-            axes: options.axes,
-        }
+        let position = splats.mean.par_iter();
+        self.position
+            .par_extend(position.map(|p| p.map(|v| steps::position_code(v, bits))));
+        let opacity = splats.opacity_logit.par_iter();
+        self.alpha.par_extend(opacity.map(|v| steps::alpha_code(*v)));
+        self.color
+            .par_extend(rows().map(|sh| [sh[0], sh[1], sh[2]].map(steps::color_code)));
+        let scale = splats.log_scale.par_iter();
+        self.scale.par_extend(scale.map(|s| s.map(steps::scale_code)));
+        let rotation = splats.quaternion.par_iter();
+        self.rotation.par_extend(rotation.map(|q| steps::rotation_code(*q)));
+        self.sh.par_extend(rows().flat_map_iter(row));
     }
 
     /// Number of splats.
