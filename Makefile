@@ -1,6 +1,6 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo check test lints examples needs bench bench-native soak fuzz limits setup
+.PHONY: demo check test lints examples needs bench bench-native soak fuzz clients limits setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
@@ -69,3 +69,9 @@ soak: setup
 # Ten million executions of every fuzz target under libFuzzer; `scripts/fuzz` takes other numbers.
 fuzz: setup
 	scripts/fuzz
+
+# Files of every format through an independent program, which npm installs under target/clients.
+clients: setup
+	npm install --no-save --prefix target/clients @playcanvas/splat-transform@3.7.0
+	SPLAT_TRANSFORM=$(CURDIR)/target/clients/node_modules/.bin/splat-transform \
+		cargo test --test slow -- clients --ignored

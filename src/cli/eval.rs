@@ -111,7 +111,8 @@ fn against(
     dataset: &Dataset,
     views: &[usize],
 ) -> Result<Outcome> {
-    let original = args.scene_options.read(reference)?.splats;
+    // `--axes` is for the scene; the original states its own.
+    let original = SceneArgs::default().read(reference)?.splats;
     let cameras = views.iter().map(|&i| dataset.views[i].camera).collect();
     let options = ViewOptions {
         background: args.background,

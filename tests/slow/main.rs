@@ -1,4 +1,4 @@
-//! Tests that run many executions: fuzz targets of every reader.
+//! Tests that run many executions, or other programs: fuzz targets of every reader, clients of formats.
 
 #![allow(
     clippy::expect_used,
@@ -6,4 +6,5 @@
     reason = "a test that cannot go on may say so by panicking"
 )]
 
+mod clients;
 mod fuzz;
