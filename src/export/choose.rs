@@ -1,4 +1,4 @@
-//! EncodedScene of a scene within a loss or a number of bytes.
+//! Encoding of a scene within a loss or a number of bytes.
 
 use super::geometry::round_light;
 use super::harmonics::{HarmonicGrid, RoundingOptions, round_harmonics};
