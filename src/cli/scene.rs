@@ -78,7 +78,10 @@ pub(super) fn fit_axes(
         current = axes;
     };
     let mut found: Vec<(f64, Axes)> = Vec::new();
-    for axes in [assumed, Axes::RDF, Axes::RUB, Axes::LUF] {
+    let others = [Axes::RDF, Axes::RUB, Axes::LUF]
+        .into_iter()
+        .filter(|axes| *axes != assumed);
+    for axes in std::iter::once(assumed).chain(others) {
         turn(&mut loaded.splats, axes);
         let psnr_db = evaluator.scores(&loaded.splats)?[0].psnr_db;
         found.push((psnr_db.unwrap_or(f64::INFINITY), axes));

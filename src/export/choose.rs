@@ -5,14 +5,16 @@ use super::harmonics::{HarmonicGrid, RoundingOptions, round_harmonics};
 use super::influence::Influence;
 use super::pictures::{PictureError, Pictures};
 use super::setting::{ExportFormat, Setting};
+use crate::io::atomic::write_atomically;
 use crate::io::gltf;
 use crate::io::ply;
 use crate::io::ply::compressed::CompressedPlyCodes;
 use crate::io::sog::{SogCodes, SogOptions, usual_entries};
 use crate::io::splat32;
-use crate::io::spz::{LEVEL, SpzCodes, SpzOptions, SpzVersion};
+use crate::io::spz::{LEVEL, SpzCodes, SpzOptions};
 use crate::scene::{Splats, morton_order};
 use crate::{Error, Result};
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -41,8 +43,10 @@ enum Codes {
     Glb(Arc<Splats>),
     Splat(Arc<Splats>),
     CompressedPly(CompressedPlyCodes),
-    Spz(SpzCodes, SpzVersion),
-    Sog(SogCodes),
+    /// Codes and the file.
+    Spz(SpzCodes, Vec<u8>),
+    /// Codes and the file.
+    Sog(SogCodes, Vec<u8>),
 }
 
 impl EncodedScene {
@@ -53,7 +57,7 @@ impl EncodedScene {
             Codes::Splat(splats) => splat32::decoded(splats),
             Codes::CompressedPly(codes) => codes.decode(),
             Codes::Spz(codes, _) => codes.decode(),
-            Codes::Sog(codes) => codes.decode(),
+            Codes::Sog(codes, _) => codes.decode(),
         }
     }
 
@@ -67,8 +71,7 @@ impl EncodedScene {
             Codes::Glb(splats) => gltf::write(path, splats),
             Codes::Splat(splats) => splat32::write(path, splats),
             Codes::CompressedPly(codes) => codes.write(path),
-            Codes::Spz(codes, version) => codes.write(path, *version, level(codes.len())),
-            Codes::Sog(codes) => codes.write(path),
+            Codes::Spz(_, file) | Codes::Sog(_, file) => write_atomically(path, |into| into.write_all(file)),
         }
     }
 }
@@ -76,7 +79,7 @@ impl EncodedScene {
 /// Most splats for the slow level of zstd.
 const SLOW_SPLATS_MAX: usize = 200_000;
 
-/// Level of zstd: 3 to 6 % are worth tens of seconds, not minutes.
+/// Level of zstd: small gains are worth seconds, not minutes.
 fn level(splats: usize) -> i32 {
     if splats <= SLOW_SPLATS_MAX { 19 } else { LEVEL }
 }
@@ -120,7 +123,11 @@ impl ExportSource {
             ExportFormat::Glb => Codes::Glb(rounded),
             ExportFormat::Splat => Codes::Splat(rounded),
             ExportFormat::CompressedPly => Codes::CompressedPly(CompressedPlyCodes::nearest(&rounded)),
-            ExportFormat::Sog => Codes::Sog(self.sog(&rounded, setting)),
+            ExportFormat::Sog => {
+                let codes = self.sog(&rounded, setting);
+                let file = codes.bytes()?;
+                Codes::Sog(codes, file)
+            }
             ExportFormat::Spz(version) => {
                 let options = SpzOptions {
                     fractional_bits: setting.fractional_bits.unwrap_or(SpzOptions::default().fractional_bits),
@@ -131,7 +138,10 @@ impl ExportSource {
                     },
                     ..SpzOptions::default()
                 };
-                Codes::Spz(SpzCodes::nearest(&rounded, &options), version)
+                let codes = SpzCodes::nearest(&rounded, &options);
+                let file = codes.bytes(version, level(codes.len()));
+                let file = file.map_err(|error| Error::Config(format!("zstd: {error}")))?;
+                Codes::Spz(codes, file)
             }
         };
         let bytes = match &codes {
@@ -139,26 +149,30 @@ impl ExportSource {
             Codes::Glb(splats) => gltf::byte_count(splats),
             Codes::Splat(splats) => splat32::byte_count(splats),
             Codes::CompressedPly(codes) => codes.byte_count(),
-            Codes::Sog(codes) => codes.bytes()?.len() as u64,
-            Codes::Spz(codes, version) => {
-                let bytes = codes.bytes(*version, level(codes.len()));
-                bytes.map_err(|error| Error::Config(format!("zstd: {error}")))?.len() as u64
-            }
+            Codes::Spz(_, file) | Codes::Sog(_, file) => file.len() as u64,
         };
         Ok(EncodedScene { setting, bytes, codes })
+    }
+
+    /// Encodes the scene by a setting and compares its pictures.
+    ///
+    /// # Errors
+    /// Those of [`encode`](ExportSource::encode) and of the device.
+    pub fn measure(&self, target: ExportFormat, setting: Setting, pictures: &mut Pictures<'_>) -> Result<Measurement> {
+        let encoded = self.encode(target, setting)?;
+        let error = pictures.error(&encoded.decode())?;
+        Ok(Measurement { encoded, error })
     }
 
     /// Codes with palette and codebooks by weight; constant colours make up for the errors of the palette in the views.
     fn sog(&self, splats: &Splats, setting: Setting) -> SogCodes {
         let entries = Some(usual_entries(splats.len()) / setting.palette);
         let Some(influence) = &self.influence else {
-            return SogCodes::quantise(
-                splats,
-                &SogOptions {
-                    palette_entries: entries,
-                    weights: None,
-                },
-            );
+            let options = SogOptions {
+                palette_entries: entries,
+                weights: None,
+            };
+            return SogCodes::quantise(splats, &options);
         };
         let weight = |i: usize| influence.of(i).max(PALETTE_WEIGHT_MIN) as f32;
         let weights: Vec<f32> = (0..splats.len()).map(weight).collect();
@@ -174,12 +188,8 @@ impl ExportSource {
             for (row, &i) in decoded.sh.chunks_exact(stride).zip(&codes.order) {
                 given[i * stride..][..stride].copy_from_slice(row);
             }
-            codes.set_colors(&round_harmonics(
-                splats,
-                influence,
-                HarmonicGrid::Given(&given),
-                self.rounding,
-            ));
+            let grid = HarmonicGrid::Given(&given);
+            codes.set_colors(&round_harmonics(splats, influence, grid, self.rounding));
         }
         codes
     }
@@ -251,13 +261,8 @@ impl<'a, 'd> Ladder<'a, 'd> {
     }
 
     /// Number of settings.
-    pub fn len(&self) -> usize {
+    pub fn rung_count(&self) -> usize {
         self.settings.len()
-    }
-
-    /// Always false: every format has a setting.
-    pub fn is_empty(&self) -> bool {
-        self.settings.is_empty()
     }
 
     /// Encodes by a setting and measures it, once.
@@ -274,7 +279,7 @@ impl<'a, 'd> Ladder<'a, 'd> {
     }
 
     fn found(&mut self, setting: Setting) -> Result<Measurement> {
-        let first = self.encoded(setting)?;
+        let first = self.source.measure(self.target, setting, self.pictures)?;
         let ExportFormat::Spz(_) = self.target else {
             return Ok(first);
         };
@@ -285,18 +290,16 @@ impl<'a, 'd> Ladder<'a, 'd> {
         let most = SpzOptions::default().fractional_bits;
         let fractional_bits = (f64::from(COARSE_BITS) + more).min(f64::from(most)) as u32;
         match fractional_bits < most {
-            true => self.encoded(Setting {
-                fractional_bits: Some(fractional_bits),
-                ..setting
-            }),
+            true => {
+                let fractional_bits = Some(fractional_bits);
+                let setting = Setting {
+                    fractional_bits,
+                    ..setting
+                };
+                self.source.measure(self.target, setting, self.pictures)
+            }
             false => Ok(first),
         }
-    }
-
-    fn encoded(&mut self, setting: Setting) -> Result<Measurement> {
-        let encoded = self.source.encode(self.target, setting)?;
-        let error = self.pictures.error(&encoded.decode())?;
-        Ok(Measurement { encoded, error })
     }
 
     /// Mean squared error by coarse positions alone.
@@ -320,7 +323,7 @@ impl<'a, 'd> Ladder<'a, 'd> {
     /// # Errors
     /// Those of the device.
     pub fn choose(&mut self, budget: Budget) -> Result<Option<Measurement>> {
-        let (mut low, mut high) = (0, self.len());
+        let (mut low, mut high) = (0, self.rung_count());
         // Rungs below `low` lose too much, or are small enough; those from `high` on are not.
         while low < high {
             let middle = (low + high) / 2;
@@ -338,7 +341,7 @@ impl<'a, 'd> Ladder<'a, 'd> {
             Budget::Loss(_) => low,
             Budget::Bytes(_) => low.wrapping_sub(1),
         };
-        match chosen < self.len() {
+        match chosen < self.rung_count() {
             true => self.measure(chosen).cloned().map(Some),
             false => Ok(None),
         }

@@ -5,24 +5,23 @@
 //! each counts by its area. Scales are rounded from the smallest to the largest, each to the grid point nearest to the
 //! value that makes up for the errors so far, and the opacity follows.
 
-use crate::scene::Splats;
+use crate::scene::{Splats, logit, sigmoid};
 use crate::simplify::factorize;
 use rayon::prelude::*;
 
 /// Largest opacity that is changed: light behind more opaque splats depends on what they let through.
 const OPACITY_MAX: f64 = 0.9;
 
-/// Splats with log-scales on a grid of this step (and values at multiples of it), and opacities that make up for the
-/// errors of their light.
+/// Splats with log-scales at multiples of a step, and opacities that make up for the errors of their light.
 pub fn round_light(splats: &Splats, step: f64) -> Splats {
     let mut rounded = splats.clone();
     let rows = rounded.log_scale.par_iter_mut().zip(&mut rounded.opacity_logit);
-    rows.for_each(|(log_scale, logit)| round(log_scale, logit, step));
+    rows.for_each(|(log_scale, opacity_logit)| round(log_scale, opacity_logit, step));
     rounded
 }
 
-fn round(log_scale: &mut [f32; 3], logit: &mut f32, step: f64) {
-    // Opacity first, then the axes from the largest to the smallest.
+fn round(log_scale: &mut [f32; 3], opacity_logit: &mut f32, step: f64) {
+    // Rounding runs backwards: in the metric opacity is first, and then the axes from the largest to the smallest.
     let mut axes = [0, 1, 2];
     axes.sort_by(|&a, &b| log_scale[b].total_cmp(&log_scale[a]));
     let sorted = axes.map(|axis| f64::from(log_scale[axis]));
@@ -32,10 +31,10 @@ fn round(log_scale: &mut [f32; 3], logit: &mut f32, step: f64) {
         let later: f64 = (k + 1..4).map(|j| lower[j * 4 + k] * errors[j]).sum();
         let pull = -later / lower[k * 4 + k];
         if k == 0 {
-            let opacity = 1.0 / (1.0 + (-f64::from(*logit)).exp());
+            let opacity = sigmoid(f64::from(*opacity_logit));
             if opacity < OPACITY_MAX {
                 let changed = (opacity * pull.exp()).min(OPACITY_MAX);
-                *logit = (changed / (1.0 - changed)).ln() as f32;
+                *opacity_logit = logit(changed) as f32;
             }
             return;
         }
@@ -79,7 +78,7 @@ mod tests {
     /// Light of a splat along its third axis.
     fn light(splats: &Splats, i: usize) -> f64 {
         let [a, b, _] = splats.log_scale[i].map(f64::from);
-        (a + b).exp() / (1.0 + (-f64::from(splats.opacity_logit[i])).exp())
+        (a + b).exp() * sigmoid(splats.opacity_logit[i].into())
     }
 
     #[test]

@@ -150,7 +150,7 @@ fn metric(influence: &Influence, splat: usize, mean: [f32; 3], degree: u32, all_
 struct Metric {
     /// Number of coefficients.
     size: usize,
-    /// Shift of the constant coefficient by an error of each other one, negative.
+    /// Share of an error of each coefficient that the constant one takes back.
     constant: [f64; REST],
     /// Schur complement, by rows.
     matrix: [[f64; REST]; REST],

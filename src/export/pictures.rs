@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::metrics::{Image, mean_squared_error, ssim};
+use crate::metrics::{Image, MeanScore, mean_squared_error, ssim};
 use crate::render::{Evaluator, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use crate::scene::{Camera, Splats};
 
@@ -12,7 +12,7 @@ pub struct Pictures<'d> {
     cameras: Vec<Camera>,
     options: ViewOptions,
     originals: Vec<RenderedImage>,
-    /// Photographs of the same or other views, and the original's mean PSNR and SSIM against them.
+    /// Photographs of the views, and the original's mean PSNR and SSIM against them.
     photos: Option<(Evaluator<'d>, [f64; 2])>,
 }
 
@@ -135,6 +135,6 @@ impl<'d> Pictures<'d> {
 
 /// Mean PSNR in decibels and SSIM.
 fn scores(evaluator: &mut Evaluator<'_>, splats: &Splats) -> Result<[f64; 2]> {
-    let scores = crate::metrics::MeanScore::of(&evaluator.scores(splats)?);
+    let scores = MeanScore::of(&evaluator.scores(splats)?);
     Ok([scores.psnr_db, scores.ssim].map(|score| score.unwrap_or(f64::NAN)))
 }

@@ -23,7 +23,7 @@ pub enum ExportFormat {
 }
 
 /// Name on the command line, end of the file name and format.
-const TARGETS: [(&str, &str, ExportFormat); 7] = [
+const FORMATS: [(&str, &str, ExportFormat); 7] = [
     ("compressed-ply", ".compressed.ply", ExportFormat::CompressedPly),
     ("ply", ".ply", ExportFormat::Ply),
     ("splat", ".splat", ExportFormat::Splat),
@@ -36,30 +36,28 @@ const TARGETS: [(&str, &str, ExportFormat); 7] = [
 impl ExportFormat {
     /// Names of all formats.
     pub fn names() -> impl Iterator<Item = &'static str> {
-        TARGETS.iter().map(|(name, ..)| *name)
+        FORMATS.iter().map(|(name, ..)| *name)
     }
 
     /// Format of a name.
     pub fn parse(name: &str) -> Option<ExportFormat> {
-        TARGETS.iter().find(|(known, ..)| *known == name).map(|found| found.2)
+        FORMATS.iter().find(|(known, ..)| *known == name).map(|found| found.2)
+    }
+
+    fn row(self) -> Option<&'static (&'static str, &'static str, ExportFormat)> {
+        FORMATS.iter().find(|(.., format)| *format == self)
     }
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
-        TARGETS
-            .iter()
-            .find(|(.., target)| *target == self)
-            .map_or("", |found| found.0)
+        self.row().map_or("", |(name, ..)| name)
     }
 
     /// Name of a file of the format, for [`losses`](crate::io::splats::losses).
     pub fn end(self) -> &'static Path {
         let end = match self {
             ExportFormat::Spz(_) => ".spz",
-            other => TARGETS
-                .iter()
-                .find(|(.., target)| *target == other)
-                .map_or("", |found| found.1),
+            other => other.row().map_or("", |(_, end, _)| end),
         };
         Path::new(end)
     }
@@ -70,7 +68,7 @@ impl ExportFormat {
     /// For other ends, with those that there are.
     pub fn of(path: &Path) -> Result<ExportFormat> {
         let name = path.to_string_lossy().to_ascii_lowercase();
-        let ends = || TARGETS.iter().filter(|(_, end, _)| !end.is_empty());
+        let ends = || FORMATS.iter().filter(|(_, end, _)| !end.is_empty());
         let found = ends().find(|(_, end, _)| name.ends_with(end));
         found.map(|found| found.2).ok_or_else(|| {
             let ends: Vec<&str> = ends().map(|(_, end, _)| *end).collect();
@@ -146,7 +144,7 @@ impl Default for Setting {
 }
 
 impl Setting {
-    /// HarmonicGrid of harmonics; `None` for formats that hold floats.
+    /// Grid of harmonics; `None` for formats that hold floats.
     pub(super) fn grid(&self, target: ExportFormat) -> Option<HarmonicGrid<'static>> {
         let degree = self.sh_degree;
         let kept = |step: [f64; 3]| [1, 2, 3].map(|d| if d <= degree { step[d as usize - 1] } else { 0.0 });

@@ -162,6 +162,11 @@ impl Collector {
     }
 }
 
+/// Opacity of a logit.
+pub(crate) fn opacity(logit: f32) -> f32 {
+    1.0 / (1.0 + (-logit).exp())
+}
+
 /// Logit of an opacity.
 pub(crate) fn logit(opacity: f32) -> f32 {
     (opacity / (1.0 - opacity)).ln()

@@ -4,7 +4,7 @@
 //! RGBA bytes, and the quaternion w, x, y, z as bytes `128 + 128 q`.
 
 use super::atomic::write_atomically;
-use super::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat, logit_of_byte};
+use super::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat, logit_of_byte, opacity};
 use super::reader::Reader;
 use super::source::Source;
 use crate::error::Result;
@@ -78,7 +78,7 @@ pub fn write(path: &Path, splats: &Splats) -> Result<()> {
 fn record(splats: &Splats, i: usize) -> [u8; RECORD_BYTES as usize] {
     // Casts of floats saturate.
     let byte = |value: f32| value.round() as u8;
-    let opacity = 1.0 / (1.0 + (-splats.opacity_logit[i]).exp());
+    let opacity = opacity(splats.opacity_logit[i]);
     let sh = &splats.sh[i * splats.sh_stride()..][..3];
     let quaternion = Vec4::from(splats.quaternion[i]).normalize_or(Vec4::X).to_array();
     let mut record = [0; RECORD_BYTES as usize];

@@ -15,7 +15,7 @@ struct SceneFormat {
     name: &'static str,
     /// Ends of file names by which it is recognised, in lower case.
     ends: &'static [&'static str],
-    read: Option<Reader>,
+    read: Reader,
     write: Option<Writer>,
     /// Whether there is a place for the filter on the screen.
     holds_filter: bool,
@@ -30,7 +30,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "compressed PLY",
         ends: &[".compressed.ply"],
-        read: Some(|s| ply::read(s)),
+        read: |s| ply::read(s),
         write: Some(ply::compressed::write),
         holds_filter: true,
         holds_origin: true,
@@ -39,7 +39,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "PLY",
         ends: &[".ply"],
-        read: Some(|s| ply::read(s)),
+        read: |s| ply::read(s),
         write: Some(ply::write),
         holds_filter: true,
         holds_origin: true,
@@ -48,7 +48,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "splat",
         ends: &[".splat"],
-        read: Some(|s| splat32::read(s)),
+        read: |s| splat32::read(s),
         write: Some(splat32::write),
         holds_filter: false,
         holds_origin: false,
@@ -57,7 +57,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "SPZ",
         ends: &[".spz"],
-        read: Some(|s| spz::read(s)),
+        read: |s| spz::read(s),
         write: Some(spz::write),
         holds_filter: true,
         holds_origin: false,
@@ -66,7 +66,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "SOG",
         ends: &[".sog"],
-        read: Some(|s| sog::read(s)),
+        read: |s| sog::read(s),
         write: Some(sog::write),
         holds_filter: true,
         holds_origin: false,
@@ -75,7 +75,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "SOG",
         ends: &["meta.json"],
-        read: Some(|s| sog::read(s)),
+        read: |s| sog::read(s),
         write: None,
         holds_filter: true,
         holds_origin: false,
@@ -84,7 +84,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "glTF",
         ends: &[".glb"],
-        read: Some(|s| gltf::read(s)),
+        read: |s| gltf::read(s),
         write: Some(gltf::write),
         holds_filter: false,
         holds_origin: true,
@@ -93,7 +93,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "glTF",
         ends: &[".gltf"],
-        read: Some(|s| gltf::read(s)),
+        read: |s| gltf::read(s),
         write: None,
         holds_filter: false,
         holds_origin: true,
@@ -102,7 +102,7 @@ const FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "KSPLAT",
         ends: &[".ksplat"],
-        read: Some(|s| ksplat::read(s)),
+        read: |s| ksplat::read(s),
         write: None,
         holds_filter: false,
         holds_origin: false,
@@ -124,7 +124,7 @@ fn endings(is_in: impl Fn(&SceneFormat) -> bool) -> String {
 
 /// Ends of the names of files that [`read()`] reads.
 pub fn readable() -> String {
-    endings(|format| format.read.is_some())
+    endings(|_| true)
 }
 
 /// Ends of the names of files that [`write()`] writes.
@@ -135,7 +135,7 @@ pub fn writable() -> String {
 /// Reads a scene, in the format that the end of its name says, and turns it to the axes of this engine.
 ///
 /// # Errors
-/// Those of the format's reader; for unsupported splat formats, the advice to convert.
+/// Those of the format's reader; a name of no known end.
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     read_in_axes(source, None)
 }
@@ -146,21 +146,16 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
 /// Those of [`read()`].
 pub fn read_in_axes<'a>(source: impl Into<Source<'a>>, axes: Option<Axes>) -> Result<LoadedSplats> {
     let source = source.into();
-    let fault = match format_of(source.name()) {
-        Some(SceneFormat { read: Some(read), .. }) => {
-            let mut loaded = read(source)?;
-            if let Some(axes) = axes {
-                (loaded.stored.axes, loaded.stored.axes_by) = (axes, AxesBy::Choice);
-            }
-            loaded.splats.change_axes(loaded.stored.axes, Axes::RDF);
-            return Ok(loaded);
-        }
-        Some(SceneFormat { name, .. }) => {
-            format!("{name} scenes are not supported; convert to a {}", writable())
-        }
-        None => format!("the name does not end in {}, as scenes that can be read do", readable()),
+    let Some(format) = format_of(source.name()) else {
+        let what = format!("the name does not end in {}, as scenes that can be read do", readable());
+        return Err(Error::file(source.name(), what));
     };
-    Err(Error::file(source.name(), fault))
+    let mut loaded = (format.read)(source)?;
+    if let Some(axes) = axes {
+        (loaded.stored.axes, loaded.stored.axes_by) = (axes, AxesBy::Choice);
+    }
+    loaded.splats.change_axes(loaded.stored.axes, Axes::RDF);
+    Ok(loaded)
 }
 
 /// Writes a scene, in the format that the end of its name says, atomically.

@@ -25,3 +25,4 @@ pub use harmonics::sh_basis;
 pub use mesh::Mesh;
 pub use morton::morton_order;
 pub use splats::{NotFinite, Primitive, SH_C0, ScreenFilter, Splats, sh_coefficient_count};
+pub(crate) use splats::{logit, sigmoid};

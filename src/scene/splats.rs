@@ -11,6 +11,16 @@ pub const fn sh_coefficient_count(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
 }
 
+/// Opacity of a logit.
+pub(crate) fn sigmoid(logit: f64) -> f64 {
+    1.0 / (1.0 + (-logit).exp())
+}
+
+/// Logit of an opacity strictly between 0 and 1.
+pub(crate) fn logit(opacity: f64) -> f64 {
+    (opacity / (1.0 - opacity)).ln()
+}
+
 /// Kind of splat, the same for all splats of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -164,16 +174,18 @@ impl Splats {
         sh_coefficient_count(self.sh_degree) * 3
     }
 
+    /// Whether all numbers of a splat are finite.
+    pub fn is_finite(&self, splat: usize) -> bool {
+        let stride = self.sh_stride();
+        let [mean, scale] = [&self.mean[splat], &self.log_scale[splat]];
+        let geometry = mean.iter().chain(scale).chain(&self.quaternion[splat]);
+        let sh = &self.sh[splat * stride..][..stride];
+        self.opacity_logit[splat].is_finite() && geometry.chain(sh).all(|v| v.is_finite())
+    }
+
     /// Splats with a number that is not finite, which rendering leaves out; `None` if there are none.
     pub fn not_finite(&self) -> Option<NotFinite> {
-        let stride = self.sh_stride();
-        let is_sound = |i: &usize| {
-            let [mean, scale] = [&self.mean[*i], &self.log_scale[*i]];
-            let geometry = mean.iter().chain(scale).chain(&self.quaternion[*i]);
-            let sh = &self.sh[i * stride..(i + 1) * stride];
-            self.opacity_logit[*i].is_finite() && geometry.chain(sh).all(|v| v.is_finite())
-        };
-        let mut found = (0..self.len()).filter(|i| !is_sound(i));
+        let mut found = (0..self.len()).filter(|&i| !self.is_finite(i));
         let first = found.next()?;
         let count = 1 + found.count();
         Some(NotFinite { count, first })

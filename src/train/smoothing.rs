@@ -51,8 +51,8 @@ pub fn refresh(state: &mut HostState, cameras: &[Camera], near: f64, config: &Mi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{logit, sigmoid};
     use crate::train::filter::{LOGIT_MIN, baked, opacity_factor};
-    use crate::train::state::{logit, sigmoid};
     use crate::train::test_camera;
     use glam::DVec2;
 

@@ -6,7 +6,7 @@
 use super::filter::{baked, opacity_factor};
 use crate::layout::GEOMETRY_PLANES;
 use crate::render::plane_count;
-use crate::scene::{ScreenFilter, Splats, sh_coefficient_count};
+use crate::scene::{ScreenFilter, Splats, sh_coefficient_count, sigmoid};
 
 /// `[plane][splat]`: plane 0 is mean x, y, z and opacity logit; 1 the quaternion w, x, y, z; 2 log-scale x, y, z and
 /// the standard deviation of the [smoothing filter](super::smoothing) in world units (0: none), which is no parameter
@@ -202,16 +202,6 @@ impl HostState {
         let mut shape = self.params[..SH_PLANE].iter().flat_map(|plane| plane[row]);
         shape.all(f32::is_finite)
     }
-}
-
-/// Opacity of a logit.
-pub(crate) fn sigmoid(logit: f64) -> f64 {
-    1.0 / (1.0 + (-logit).exp())
-}
-
-/// Logit of an opacity strictly between 0 and 1.
-pub(crate) fn logit(opacity: f64) -> f64 {
-    (opacity / (1.0 - opacity)).ln()
 }
 
 #[cfg(test)]

@@ -29,8 +29,8 @@ pub(super) fn run(
     let mut points = Vec::new();
     for target in ExportFormat::names().filter_map(ExportFormat::parse) {
         let mut ladder = Ladder::new(source, target, pictures);
-        let bar = output.bar(ladder.len() as u64, target.name());
-        for rung in 0..ladder.len() {
+        let bar = output.bar(ladder.rung_count() as u64, target.name());
+        for rung in 0..ladder.rung_count() {
             if interrupt.is_requested() {
                 return Ok(Outcome::Interrupted);
             }
@@ -59,8 +59,8 @@ pub(super) fn run(
         facts.push(("original".to_owned(), text));
     }
     let (page, numbers) = (dir.join("curve.html"), dir.join("curve.csv"));
-    write(&numbers, &csv(&points, splats))?;
-    write(&page, &html(&points, splats, &facts)?)?;
+    write(&numbers, &csv(&points, splats)?)?;
+    write(&page, html(&points, splats, &facts)?.as_bytes())?;
     output.result(
         format_args!("Look at {}", page.display()),
         || json!({"page": page, "csv": numbers, "points": points.len()}),
@@ -91,6 +91,6 @@ fn given(args: &ExportArgs, path: &Path, pictures: &mut Pictures<'_>) -> Result<
     })
 }
 
-fn write(path: &Path, text: &str) -> Result<()> {
-    write_atomically(path, |file| file.write_all(text.as_bytes()))
+fn write(path: &Path, contents: &[u8]) -> Result<()> {
+    write_atomically(path, |file| file.write_all(contents))
 }

@@ -8,9 +8,7 @@ use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
 use super::scene::{SceneArgs, fit_axes};
 use super::{Outcome, engine, parse};
-use crate::export::{
-    Budget, EncodedScene, ExportFormat, ExportSource, Ladder, Measurement, PictureError, Pictures, Setting,
-};
+use crate::export::{Budget, EncodedScene, ExportFormat, ExportSource, Ladder, PictureError, Setting};
 use crate::io::splats::{losses, readable};
 use crate::scene::Splats;
 use crate::{Error, Result};
@@ -43,7 +41,7 @@ pub(super) struct ExportArgs {
     #[arg(long, value_name = "FILE", requires = "curve")]
     with: Vec<PathBuf>,
     #[arg(long, value_name = "FORMAT", help = format!(
-        "Format whatever the name: {}",
+        "Format, if not that of the name: {}",
         ExportFormat::names().collect::<Vec<_>>().join(", ")
     ), value_parser = target)]
     format: Option<ExportFormat>,
@@ -121,12 +119,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     };
     let chosen = match budget {
         Some(budget) => Ladder::new(&source, target, &mut pictures).choose(budget)?,
-        None => Some(measured(
-            &source,
-            target,
-            plain(target, source.splats()),
-            &mut pictures,
-        )?),
+        None => Some(source.measure(target, plain(target, source.splats()), &mut pictures)?),
     };
     let Some(chosen) = chosen else {
         let name = target.name();
@@ -154,17 +147,6 @@ fn plain(target: ExportFormat, splats: &Splats) -> Setting {
         sh_degree: degree,
         ..Setting::default()
     }
-}
-
-fn measured(
-    source: &ExportSource,
-    target: ExportFormat,
-    setting: Setting,
-    pictures: &mut Pictures<'_>,
-) -> Result<Measurement> {
-    let encoded = source.encode(target, setting)?;
-    let error = pictures.error(&encoded.decode())?;
-    Ok(Measurement { encoded, error })
 }
 
 /// Writes the file, and prints bytes, setting, errors and omissions.

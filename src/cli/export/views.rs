@@ -19,6 +19,9 @@ const DIRECTIONS_MAX: usize = 48;
 /// Views that are rendered to compare settings, at most.
 const COMPARED_MAX: usize = 8;
 
+/// Most pixels of a picture by which settings are compared.
+const COMPARED_PIXELS_MAX: f64 = 1e6;
+
 /// Views on a sphere around a scene without cameras.
 const SPHERE_VIEWS: u32 = 24;
 
@@ -31,9 +34,6 @@ pub(super) struct Views<'a> {
     indices: Vec<usize>,
     options: ViewOptions,
 }
-
-/// Most pixels of a picture by which settings are compared.
-const COMPARED_PIXELS_MAX: f64 = 1e6;
 
 impl<'a> Views<'a> {
     pub(super) fn new(args: &ExportArgs, dataset: Option<&'a Dataset>, splats: &Splats) -> Result<Views<'a>> {

@@ -3,7 +3,7 @@
 use super::super::atomic::write_atomically;
 use super::{EXTENSION, glb};
 use crate::error::{Error, Result};
-use crate::scene::{Axes, SH_C0, Splats, sh_coefficient_count, sh_signs};
+use crate::scene::{Axes, SH_C0, Splats, sh_coefficient_count, sh_signs, sigmoid};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
@@ -35,9 +35,7 @@ pub fn write(path: &Path, splats: &Splats) -> Result<()> {
     assert_eq!(splats.opacity_logit.len(), count, "opacities of all splats");
     assert_eq!(splats.sh.len(), count * splats.sh_stride(), "harmonics");
     if splats.not_finite().is_some() {
-        let sound: Vec<usize> = (0..count)
-            .filter(|&i| splats.picked(&[i]).not_finite().is_none())
-            .collect();
+        let sound: Vec<usize> = (0..count).filter(|&i| splats.is_finite(i)).collect();
         return write(path, &splats.picked(&sound));
     }
     let attributes = attributes(splats);
@@ -149,7 +147,7 @@ fn attributes(splats: &Splats) -> Vec<Attribute<'_>> {
             &own("OPACITY"),
             "SCALAR",
             4,
-            Box::new(move |i, row| floats(&[sigmoid(splats.opacity_logit[i]) as f32], row)),
+            Box::new(move |i, row| floats(&[sigmoid(splats.opacity_logit[i].into()) as f32], row)),
         ),
     ];
     let parity = sh_signs(signs());
@@ -182,10 +180,6 @@ fn unit(quaternion: [f32; 4]) -> [f32; 4] {
     }
 }
 
-fn sigmoid(logit: f32) -> f64 {
-    1.0 / (1.0 + f64::from(-logit).exp())
-}
-
 /// Linear colour without harmonics above degree 0, and opacity, in 255ths.
 fn fallback(splats: &Splats, index: usize) -> [u8; 4] {
     let byte = |share: f64| (255.0 * share).round() as u8;
@@ -196,7 +190,12 @@ fn fallback(splats: &Splats, index: usize) -> [u8; 4] {
     };
     let constant = &splats.sh[index * splats.sh_stride()..][..3];
     let color = |c: usize| byte(linear((0.5 + f64::from(SH_C0 * constant[c])).clamp(0.0, 1.0)));
-    [color(0), color(1), color(2), byte(sigmoid(splats.opacity_logit[index]))]
+    [
+        color(0),
+        color(1),
+        color(2),
+        byte(sigmoid(splats.opacity_logit[index].into())),
+    ]
 }
 
 /// The JSON chunk. Without splats there is no mesh, as accessors and buffers are never empty.

@@ -9,7 +9,7 @@ use super::comments::comments;
 use super::header::{Encoding, PlyElement, PlyHeader, Scalar};
 use super::rows;
 use crate::error::{Error, Result};
-use crate::io::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat, logit_of_byte};
+use crate::io::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat, logit_of_byte, opacity};
 use crate::io::reader::{Reader, excerpt};
 use crate::scene::{SH_C0, Splats, morton_order, sh_coefficient_count};
 use glam::Vec4;
@@ -203,7 +203,7 @@ fn pack_chunk(splats: &Splats, chunk: &[usize]) -> ([f32; 18], Vec<[u32; 4]>) {
     };
     let pack = |&i: &usize| {
         let values = ranged(splats, i);
-        let opacity = 1.0 / (1.0 + (-splats.opacity_logit[i]).exp());
+        let opacity = opacity(splats.opacity_logit[i]);
         let color = (6..9).fold(0, |all, k| all << 8 | code(&values, k, 8));
         [
             xyz(&values, 0),

@@ -4,7 +4,7 @@ use super::codebook::{self, nearest};
 use super::codes::{QUATERNION_TAG, SogCodes, SogPalette, numbers_of};
 use super::palette;
 use super::tree::Vectors;
-use crate::scene::Splats;
+use crate::scene::{Splats, sigmoid};
 use rayon::prelude::*;
 
 /// Choices of [`SogCodes::quantise`].
@@ -30,12 +30,7 @@ impl SogCodes {
         if let Some(weights) = options.weights {
             assert_eq!(weights.len(), splats.len(), "a weight for each splat");
         }
-        let sound: Vec<usize> = match splats.not_finite() {
-            Some(_) => (0..splats.len())
-                .filter(|&i| splats.picked(&[i]).not_finite().is_none())
-                .collect(),
-            None => (0..splats.len()).collect(),
-        };
+        let sound: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
         let logs: Vec<[f64; 3]> = sound.iter().map(|&i| splats.mean[i].map(logarithmic)).collect();
         let (min, max) = bounds(&logs);
         let mut coded: Vec<(u64, usize, [u16; 3])> = logs
@@ -71,7 +66,7 @@ impl SogCodes {
                 .par_iter()
                 .map(|&i| {
                     let [r, g, b] = constant(splats, i).map(|c| nearest(&color_codebook, c));
-                    let opacity = 1.0 / (1.0 + (-f64::from(splats.opacity_logit[i])).exp());
+                    let opacity = sigmoid(splats.opacity_logit[i].into());
                     [r, g, b, (255.0 * opacity).round() as u8]
                 })
                 .collect(),

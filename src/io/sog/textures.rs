@@ -129,7 +129,7 @@ pub(super) fn encode(rgba: &[[u8; 4]], width: usize, height: usize) -> Check<Vec
     let mut config = webp::WebPConfig::new().map_err(|()| "the WebP encoder is of another version")?;
     config.lossless = 1;
     config.exact = 1;
-    // More effort (method 6, quality 100) takes a hundred times as long for a change of ±0.1 % on codes.
+    // More effort takes many times as long and hardly shortens images of codes.
     (config.method, config.quality) = (4, 75.0);
     let encoder = webp::Encoder::from_rgba(rgba.as_flattened(), width as u32, height as u32);
     let encoded = encoder.encode_advanced(&config);

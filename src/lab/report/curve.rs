@@ -1,9 +1,9 @@
 //! Page of the curve of an export: bytes against errors of pictures, for every format and setting.
 
-use crate::Result;
 use crate::export::PictureError;
 use crate::lab::page::scatter::{Marker, ScatterPlot};
 use crate::lab::page::{self, Fact, decimals, distinct, document, grouped, legend, table};
+use crate::{Error, Result};
 
 /// A file of the scene and the error of its pictures.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,33 +20,48 @@ pub struct CurvePoint {
     pub is_given: bool,
 }
 
+/// Columns of the CSV.
+const COLUMNS: [&str; 10] = [
+    "series",
+    "setting",
+    "given",
+    "bytes",
+    "bytes_per_splat",
+    "psnr_db",
+    "ssim",
+    "largest",
+    "photo_psnr_change_db",
+    "photo_ssim_change",
+];
+
 /// The curve as CSV.
-pub fn csv(points: &[CurvePoint], splats: usize) -> String {
-    let mut text = String::from(
-        "series,setting,given,bytes,bytes_per_splat,psnr_db,ssim,largest,photo_psnr_change_db,photo_ssim_change\n",
-    );
+///
+/// # Errors
+/// When a row cannot be written.
+pub fn csv(points: &[CurvePoint], splats: usize) -> Result<Vec<u8>> {
+    let mut writer = csv::WriterBuilder::new()
+        .quote_style(csv::QuoteStyle::NonNumeric)
+        .from_writer(Vec::new());
+    let failed = |error: &dyn std::fmt::Display| Error::Config(format!("CSV: {error}"));
+    writer.write_record(COLUMNS).map_err(|e| failed(&e))?;
     for point in points {
         let error = &point.error;
-        let against = |i: usize| {
-            error
-                .against_photos
-                .map_or(String::new(), |change| format!("{:.4}", change[i]))
-        };
-        text += &format!(
-            "\"{}\",\"{}\",{},{},{:.3},{:.3},{:.5},{:.4},{},{}\n",
-            point.series.replace('"', "'"),
-            point.setting.replace('"', "'"),
-            point.is_given,
-            point.bytes,
-            point.bytes as f64 / splats.max(1) as f64,
-            error.psnr_db(),
-            error.ssim,
-            error.largest,
+        let against = |i: usize| error.against_photos.map_or(String::new(), |c| format!("{:.4}", c[i]));
+        let row = [
+            point.series.clone(),
+            point.setting.clone(),
+            point.is_given.to_string(),
+            point.bytes.to_string(),
+            format!("{:.3}", point.bytes as f64 / splats.max(1) as f64),
+            format!("{:.3}", error.psnr_db()),
+            format!("{:.5}", error.ssim),
+            format!("{:.4}", error.largest),
             against(0),
             against(1),
-        );
+        ];
+        writer.write_record(row).map_err(|e| failed(&e))?;
     }
-    text
+    writer.into_inner().map_err(|e| failed(&e))
 }
 
 /// The page's text.

@@ -6,8 +6,7 @@ mod frusta;
 use super::config::TrainConfig;
 use super::knn::mean_neighbor_distance;
 use super::rng::{self, Stream};
-use super::state::logit;
-use crate::scene::{Dataset, Point, SH_C0, Splats, Split, sh_coefficient_count};
+use crate::scene::{Dataset, Point, SH_C0, Splats, Split, logit, sh_coefficient_count};
 use crate::{Error, Result};
 
 pub use frusta::points_in_frusta;

@@ -2,9 +2,10 @@
 //! transparent and oversized ones are removed.
 
 use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, gather};
+use crate::scene::logit;
 use crate::train::config::AdcConfig;
 use crate::train::rng::{self, Stream};
-use crate::train::state::{HostState, logit};
+use crate::train::state::HostState;
 use glam::{Quat, Vec3};
 
 /// Decision on a row.

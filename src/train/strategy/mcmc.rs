@@ -3,8 +3,9 @@
 
 use super::relocation::relocated;
 use super::{RefineContext, RefineReport, Row, RowChange, gather};
+use crate::scene::logit;
 use crate::train::rng::{self, Stream};
-use crate::train::state::{HostState, logit};
+use crate::train::state::HostState;
 
 /// Relocation and growth; noise and regularisation act every step, on the device.
 pub(super) fn refine(state: &mut HostState, context: RefineContext<'_>) -> RefineReport {

@@ -2,8 +2,8 @@
 //! the same bits.
 
 use super::*;
+use crate::scene::logit;
 use crate::train::rng::{self, Stream};
-use crate::train::state::logit;
 
 /// Splats of given opacity and size at random places; the first colour coefficient is the row.
 pub(super) fn state_of(splats: &[(f64, f64)]) -> HostState {
