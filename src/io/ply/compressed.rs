@@ -308,11 +308,7 @@ pub(super) fn read(
         scene,
         ..CompressedPlyCodes::default()
     };
-    for name in ["chunk", "vertex"] {
-        if header.element(name).is_none() {
-            return Err(Error::file(path, format!("has no element \"{name}\"")));
-        }
-    }
+    check_counts(header).map_err(|what| Error::file(path, what))?;
     for element in &header.elements {
         let encoding = header.encoding;
         match element.name.as_str() {
@@ -322,17 +318,21 @@ pub(super) fn read(
             _ => rows::skip(&mut reader, encoding, element)?,
         }
     }
-    let (count, chunks) = (codes.vertices.len(), codes.chunks.len());
-    if chunks != count.div_ceil(CHUNK) {
-        let what = format!("{chunks} chunks of {CHUNK} splats, but {count} splats");
-        return Err(Error::file(path, what));
-    }
-    let harmonics = header.element("sh").map_or(count as u64, |(_, sh)| sh.count);
-    if harmonics != count as u64 {
-        let what = format!("{harmonics} rows of harmonics, but {count} splats");
-        return Err(Error::file(path, what));
-    }
     Ok(codes.collect(path, warnings))
+}
+
+/// Compares the announced counts with each other, before any row is read.
+fn check_counts(header: &PlyHeader) -> std::result::Result<(), String> {
+    let announced = |name: &str| header.element(name).map(|(_, element)| element.count);
+    let required = |name: &str| announced(name).ok_or(format!("has no element \"{name}\""));
+    let (chunks, count) = (required("chunk")?, required("vertex")?);
+    if chunks != count.div_ceil(CHUNK as u64) {
+        return Err(format!("{chunks} chunks of {CHUNK} splats, but {count} splats"));
+    }
+    match announced("sh") {
+        Some(harmonics) if harmonics != count => Err(format!("{harmonics} rows of harmonics, but {count} splats")),
+        _ => Ok(()),
+    }
 }
 
 /// Columns of these names, all of one type.

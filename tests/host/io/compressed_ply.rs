@@ -119,12 +119,12 @@ fn damage_is_told() {
     let at = whole.windows(end.len()).position(|w| w == end).unwrap();
     let header = String::from_utf8(whole[..at].to_vec()).unwrap();
     for (from, to, words) in [
-        ("element chunk 1\n", "element chunk 2\n", "rows of element"),
+        ("element chunk 1\n", "element chunk 2\n", "2 chunks of 256 splats"),
         ("element chunk 1\n", "element chunk 0\n", "0 chunks of 256 splats"),
         (
             "element chunk 1\n",
             "element chunk 9999999999999\n",
-            "9999999999999 rows",
+            "9999999999999 chunks",
         ),
         ("element vertex", "element vertices", "no element \"vertex\""),
         (
