@@ -18,6 +18,12 @@ const uint GEOMETRY_PLANES = 3;
 // The same with all but means as halves: mean; quaternion, log-scale and opacity.
 const uint HALF_GEOMETRY_PLANES = 2;
 
+// Planes of vec4 of a splat's gradient: those of its geometry, dL/d colour, and the direction from the camera, of which
+// the gradient of the harmonics is the product.
+const uint D_COLOR_PLANE = 3;
+const uint DIRECTION_PLANE = 4;
+const uint GRADIENT_PLANES = 5;
+
 // Largest alpha, below 1 so that transmittance stays positive: 1 - 2^-16.
 const float ALPHA_MAX = 0.9999847412109375;
 

@@ -60,6 +60,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
     }
     chosen! {
         adam: adam::Choice::default(), ELEMENTWISE;
+        adam_color: adam_color::Choice::of_degree(3), ELEMENTWISE;
         compact: compact::Choice::default(), ELEMENTWISE;
         contribution: contribution::Choice::prefer(caps), contribution::Choice::why(caps);
         expand: expand::Choice::default(), ELEMENTWISE;

@@ -7,10 +7,10 @@ use super::schedule;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
 use crate::kernels::project_backward::ProjectBackward;
-use crate::kernels::{adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward};
-use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
+use crate::kernels::{adam, adam_color, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward};
+use crate::layout::{GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::render::{
-    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, plane_count, tile_stride,
+    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, tile_stride,
 };
 
 /// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
@@ -28,6 +28,8 @@ pub(crate) struct Backward {
     /// The same for slots in an order of their own; empty until a model has one.
     indexed: Vec<ProjectBackward>,
     adam: adam::Adam,
+    /// One kernel per SH degree.
+    adam_color: Vec<adam_color::AdamColor>,
     perturb: perturb::Perturb,
 }
 
@@ -111,6 +113,9 @@ impl Backward {
             project: ProjectBackward::of_degrees(gpu, config.sh_degree, false)?,
             indexed: Vec::new(),
             adam: adam::Adam::new(gpu, adam::Choice::default())?,
+            adam_color: (0..=config.sh_degree)
+                .map(|degree| adam_color::AdamColor::new(gpu, adam_color::Choice::of_degree(degree)))
+                .collect::<Result<_>>()?,
             perturb: perturb::Perturb::new(gpu, perturb::Choice::default())?,
         })
     }
@@ -303,7 +308,6 @@ impl Backward {
         let rates = &config.rates;
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);
         let (splat_count, stride) = (block.count as u32, block.stride as u32);
-        let planes = plane_count(step.sh_degree.min(block.degree)) as u32;
         let row = splat_count.div_ceil(self.adam.workgroup);
         self.adam.record(
             rec,
@@ -322,8 +326,6 @@ impl Backward {
                 rate_opacity: rates.opacity,
                 rate_quaternion: rates.quaternion,
                 rate_log_scale: rates.log_scale,
-                rate_sh_dc: rates.sh_dc,
-                rate_sh_rest: rates.sh_rest,
                 beta1: config.adam.beta1,
                 beta2: config.adam.beta2,
                 epsilon: config.adam.epsilon,
@@ -331,8 +333,9 @@ impl Backward {
                 correction2,
                 log_aspect_max: config.max_aspect.max(1.0).ln(),
             },
-            Groups::Grid([row, planes, 1]),
+            Groups::Grid([row, GEOMETRY_PLANES, 1]),
         );
+        self.record_harmonics(rec, state, s, step, block);
         let amplitude = schedule::noise_scale(config, extent, iteration);
         if amplitude > 0.0 {
             let at = state.model.places(&block);
@@ -356,5 +359,42 @@ impl Backward {
             );
         }
         rec.timestamp("adam");
+    }
+
+    /// Adam of the harmonics.
+    fn record_harmonics(
+        &self,
+        rec: &mut Recorder<'_>,
+        state: &DeviceState,
+        s: &Scratch,
+        step: &Step<'_>,
+        block: Block,
+    ) {
+        let (rates, adam) = (&step.config.rates, &step.config.adam);
+        let [correction1, correction2] = schedule::bias_corrections(step.config, step.iteration);
+        let kernel = &self.adam_color[step.sh_degree.min(block.degree) as usize];
+        kernel.record(
+            rec,
+            adam_color::Bindings {
+                counts: &s.counts,
+                d_params: state.gradients(block),
+                params: &state.model.params[block.index],
+                moment1: &state.buffers.moment1[block.index],
+                moment2: &state.buffers.moment2[block.index],
+            },
+            adam_color::Params {
+                first_splat: block.first as u32,
+                splat_count: block.count as u32,
+                stride: block.stride as u32,
+                rate_sh_dc: rates.sh_dc,
+                rate_sh_rest: rates.sh_rest,
+                beta1: adam.beta1,
+                beta2: adam.beta2,
+                epsilon: adam.epsilon,
+                correction1,
+                correction2,
+            },
+            kernel.groups(block.count),
+        );
     }
 }
