@@ -2,6 +2,8 @@
 //!
 //! All checks that need no decoded pixels are made here, before training begins: photographs exist and are images,
 //! their sizes fit their cameras, and there is at least one view to train on.
+//!
+#![doc = include_str!("../../../docs/captures.md")]
 
 mod views;
 
