@@ -90,7 +90,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
         if let Some(dir) = &args.pictures {
             write_comparison(dir, evaluated)?;
         }
-        Ok(Scored {
+        Ok(ViewFigures {
             raw: evaluated.score(),
             corrected: evaluated.corrected(),
         })
@@ -152,21 +152,21 @@ fn against(
 
 /// Scores of a view.
 #[derive(Serialize)]
-struct Scored {
+struct ViewFigures {
     #[serde(flatten)]
     raw: ViewScore,
     #[serde(flatten)]
     corrected: CorrectedScores,
 }
 
-fn table(scores: &[Scored], mean: &MeanScore, corrected: &CorrectedScores) -> String {
+fn table(scores: &[ViewFigures], mean: &MeanScore, corrected: &CorrectedScores) -> String {
     let names = scores.iter().map(|s| s.raw.name.chars().count());
     let width = names.max().unwrap_or(0);
     let mut text = format!(
         "{:width$} {:>8} {:>7} {:>13} {:>10} {:>8} {:>7} {:>15}\n",
         "view", "PSNR dB", "SSIM", "8-bit PSNR dB", "8-bit SSIM", "cc dB", "cc SSIM", "half dB"
     );
-    for Scored { raw, corrected } in scores {
+    for ViewFigures { raw, corrected } in scores {
         let cc = corrected.cc_affine12_direct;
         text += &format!(
             "{:width$} {:>8} {:>7} {:>13} {:>10} {:>8} {:>7} {:>15}\n",

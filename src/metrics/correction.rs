@@ -125,8 +125,8 @@ pub struct HalfScores {
     pub right: CorrectedScore,
 }
 
-/// Scores of a view under affine corrections of 12 numbers, fitted by least squares from the rendering to the photograph
-/// and clipped to 0 to 1.
+/// Scores of a view under affine corrections of 12 numbers, fitted by least squares from the rendering to the
+/// photograph and clipped to 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CorrectedScores {
     /// Fitted to all pixels that are scored.
@@ -150,7 +150,7 @@ impl CorrectedScores {
 }
 
 /// Columns of a rendering and its photograph.
-struct Part {
+struct ImageColumns {
     width: u32,
     height: u32,
     rendered: Vec<[f32; 3]>,
@@ -158,14 +158,14 @@ struct Part {
     weights: Option<Vec<f32>>,
 }
 
-impl Part {
-    fn of(target: &Target, rendering: &[[f32; 3]], columns: Range<usize>) -> Part {
+impl ImageColumns {
+    fn of(target: &Target, rendering: &[[f32; 3]], columns: Range<usize>) -> ImageColumns {
         fn cut<T: Copy>(values: &[T], width: usize, columns: &Range<usize>) -> Vec<T> {
             let rows = values.chunks_exact(width);
             rows.flat_map(|row| row[columns.clone()].iter().copied()).collect()
         }
         let width = target.width as usize;
-        Part {
+        ImageColumns {
             width: columns.len() as u32,
             height: target.height,
             rendered: cut(rendering, width, &columns),
@@ -199,7 +199,7 @@ impl Target {
     /// Scores of a rendering of the same size, `[row][column]`, under corrections of its colours.
     pub fn corrected(&self, rendering: &[[f32; 3]]) -> CorrectedScores {
         let (width, middle) = (self.width as usize, self.width as usize / 2);
-        let part = |columns| Part::of(self, rendering, columns);
+        let part = |columns| ImageColumns::of(self, rendering, columns);
         let (whole, left, right) = (part(0..width), part(0..middle), part(middle..width));
         CorrectedScores {
             cc_affine12_direct: whole.score(&whole.fit()),

@@ -2,6 +2,7 @@
 
 mod chart;
 mod export;
+mod exposure;
 mod needs;
 mod prune;
 
