@@ -13,6 +13,9 @@ const uint BASELINE_TILE = 16;
 const uint LOSS_TILE_WIDTH = 16;
 const uint LOSS_TILE_HEIGHT = 48;
 
+// Pixels that a workgroup adds up for the gains of a photograph.
+const uint EXPOSURE_PIXELS = 1024;
+
 // Planes of vec4 before the spherical harmonics: mean + opacity, quaternion, log-scale + smoothing filter.
 const uint GEOMETRY_PLANES = 3;
 // The same with all but means as halves: mean; quaternion, log-scale and opacity.

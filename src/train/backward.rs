@@ -1,14 +1,15 @@
 //! Kernels of a training step after the frame: loss, gradients, update.
 
-use super::config::TrainConfig;
+use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
 use super::photos::Bound;
 use super::schedule;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
 use crate::kernels::project_backward::ProjectBackward;
-use crate::kernels::{adam, adam_color, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward};
-use crate::layout::{GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
+use crate::kernels::{adam, adam_color, loss, loss_backward, loss_exposure, loss_sum};
+use crate::kernels::{perturb, project_backward, rasterize_backward};
+use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::render::{
     Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, tile_stride,
 };
@@ -21,6 +22,8 @@ const ALPHA_MASKS: u32 = 1;
 pub(crate) struct Backward {
     loss: loss::Loss,
     loss_backward: loss_backward::LossBackward,
+    /// If photographs have exposures.
+    loss_exposure: Option<loss_exposure::LossExposure>,
     loss_sum: loss_sum::LossSum,
     rasterize: rasterize_backward::RasterizeBackward,
     /// One kernel per SH degree.
@@ -39,7 +42,8 @@ buffers! {
         records: Records, Intersections, capacity;
         /// An image of these tiles has at most as many loss tiles as compositing tiles.
         loss_from_tile: Buffer<[f32; 4]>, Pixels, capacity.tiles;
-        loss: Buffer<[f32; 4]>, Pixels, 1;
+        /// Of the loss, and both sums of the photograph's gains.
+        loss: Buffer<[f32; 4]>, Pixels, 3;
         d_image: Buffer<f32>, Pixels, 3 * capacity.pixels;
     }
 }
@@ -93,7 +97,12 @@ pub(crate) struct Step<'a> {
     pub(crate) view: &'a View,
     pub(crate) sh_degree: u32,
     pub(crate) bands: DepthBands,
+    /// Gains of the photograph, and slopes on the curve's toe.
+    pub(crate) exposure: [[f32; 3]; 2],
 }
+
+/// Exposure of photographs without one.
+pub(crate) const UNEXPOSED: [[f32; 3]; 2] = [[1.0; 3]; 2];
 
 impl Backward {
     /// Compiles the kernels.
@@ -102,12 +111,17 @@ impl Backward {
         let mut loss_backward = loss_backward::Choice::default();
         let with_ssim = u32::from(config.lambda_dssim > 0.0);
         (loss.spec.with_ssim, loss_backward.spec.with_ssim) = (with_ssim, with_ssim);
+        let has_exposure = config.exposure != ExposureModel::Off;
+        loss.spec.with_exposure = has_exposure.into();
+        loss_backward.spec.with_exposure = has_exposure.into();
+        let exposure = || loss_exposure::LossExposure::new(gpu, loss_exposure::Choice::default());
         let mut rasterize = rasterize_backward::Choice::prefer(gpu.caps());
         rasterize.spec.log2_alpha_min = config.accuracy.log2_alpha_min();
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
             loss: loss::Loss::new(gpu, loss)?,
             loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
+            loss_exposure: has_exposure.then(exposure).transpose()?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
             project: ProjectBackward::of_degrees(gpu, config.sh_degree, false)?,
@@ -170,6 +184,7 @@ impl Backward {
         let tiles = width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT);
         let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
         let lambda = f64::from(step.config.lambda_dssim);
+        let [gain, toe] = step.exposure;
         self.loss.record(
             rec,
             loss::Bindings {
@@ -179,18 +194,10 @@ impl Backward {
                 ssim_slope: &g.records.ssim_slope,
                 loss_from_tile: &g.loss_from_tile,
             },
-            loss::Params { alpha_mode },
+            loss::Params { alpha_mode, gain, toe },
             Groups::Count(tiles),
         );
-        self.loss_sum.record(
-            rec,
-            loss_sum::Bindings {
-                loss_from_tile: &g.loss_from_tile,
-                loss: &g.loss,
-            },
-            loss_sum::Params { tile_count: tiles },
-            Groups::Count(1),
-        );
+        self.record_sum(rec, (&g.loss_from_tile, tiles), g, [0, 1, 0]);
         rec.timestamp("loss");
         // A fully masked photograph has zero gradient.
         let share = if photo.weight > 0.0 {
@@ -211,10 +218,66 @@ impl Backward {
                 alpha_mode,
                 l1_scale: ((1.0 - lambda) * share) as f32,
                 ssim_scale: (lambda * share) as f32,
+                gain,
+                toe,
             },
             Groups::Count(tiles),
         );
+        self.record_exposure(rec, s, g, photo, step);
         rec.timestamp("loss_backward");
+    }
+
+    /// Adds up every `stride`-th of the terms from the `first` on into a slot of the totals.
+    fn record_sum(
+        &self,
+        rec: &mut Recorder<'_>,
+        (terms, tile_count): (&Buffer<[f32; 4]>, u32),
+        g: &Gradients,
+        [first, stride, slot]: [u32; 3],
+    ) {
+        self.loss_sum.record(
+            rec,
+            loss_sum::Bindings {
+                loss_from_tile: terms,
+                total: &g.loss,
+            },
+            loss_sum::Params {
+                tile_count,
+                first,
+                stride,
+                slot,
+            },
+            Groups::Count(1),
+        );
+    }
+
+    /// Sums for the photograph's gains, in the place of SSIM's slopes, which have been read.
+    fn record_exposure(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {
+        let Some(kernel) = &self.loss_exposure else {
+            return;
+        };
+        let [width, height] = step.view.size;
+        let groups = (width * height).div_ceil(EXPOSURE_PIXELS);
+        let partials = g.records.ssim_slope.cast::<[f32; 4]>();
+        let [gain, toe] = step.exposure;
+        kernel.record(
+            rec,
+            loss_exposure::Bindings {
+                view: &s.view,
+                image: &s.image,
+                photo: &photo.pixels,
+                sums_from_group: &partials,
+            },
+            loss_exposure::Params {
+                alpha_mode: if photo.masks { ALPHA_MASKS } else { 0 },
+                gain,
+                toe,
+            },
+            Groups::Count(groups),
+        );
+        for slot in [1, 2] {
+            self.record_sum(rec, (&partials, groups), g, [slot - 1, 2, slot]);
+        }
     }
 
     fn record_rasterize(
