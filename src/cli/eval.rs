@@ -31,14 +31,14 @@ pub(super) struct EvalArgs {
     #[arg(value_name = "SCENE", help = format!("The scene, {}", readable()), required = false)]
     #[arg(
         required_unless_present = "mesh",
-        default_value_if("mesh", ArgPredicate::IsPresent, "")
+        default_value_if("mesh", ArgPredicate::IsPresent, "-")
     )]
     scene: PathBuf,
     /// The data set, as for `ashfall train`
     #[arg(value_name = "DATA", required = false)]
     #[arg(
         required_unless_present = "mesh",
-        default_value_if("mesh", ArgPredicate::IsPresent, "")
+        default_value_if("mesh", ArgPredicate::IsPresent, "-")
     )]
     data: PathBuf,
     /// Score against pictures of this scene, the original of an exported one, instead of the photographs

@@ -1,5 +1,7 @@
 //! `ashfall mesh`: a triangle mesh of a scene's surface.
 
+mod decimate;
+
 use super::args::{DataArgs, DeviceArgs, SplitArg};
 use super::engine::near;
 use super::interrupt::Interrupt;
@@ -40,6 +42,12 @@ pub(super) struct MeshArgs {
     /// Keep the N largest pieces [default: those of 100 triangles and a hundredth of the largest one's area]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     largest: Option<u32>,
+    /// Reduce the mesh to at most N triangles
+    #[arg(long, value_name = "N", value_parser = parse::count)]
+    triangles: Option<usize>,
+    /// Close the mesh: unseen parts are solid, and a surface seen from one side gets a back
+    #[arg(long)]
+    closed: bool,
     /// Depth of a pixel. median: on one surface, in steps; expected: smooth, between surfaces at borders; means: that
     /// of the splats' means, for comparison
     #[arg(long, value_name = "DEPTH", default_value = "median")]
@@ -64,7 +72,8 @@ pub(super) struct MeshArgs {
 const EXAMPLES: &str = "\
 Examples:
   ashfall mesh run/scene.ply photos/ --out mesh.ply
-  ashfall mesh run/scene.ply photos/ --out mesh.glb --voxel 0.01 --largest 1";
+  ashfall mesh run/scene.ply photos/ --out mesh.glb --voxel 0.01 --largest 1
+  ashfall mesh run/scene.ply photos/ --out print.obj --closed --triangles 100000";
 
 /// Depth of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -100,6 +109,7 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
     let options = FusionOptions {
         voxel: args.voxel,
         truncation: args.truncation,
+        closed: args.closed,
         memory: args.volume_memory,
         ..FusionOptions::default()
     };
@@ -113,7 +123,8 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
         },
         |phase, _| {
             if let FusionPhase::Add(_, slabs) = phase {
-                bar.set_length((2 + slabs as u64) * views.len() as u64);
+                let passes = if args.closed { 2 } else { 1 };
+                bar.set_length((2 + passes * slabs as u64) * views.len() as u64);
             }
             bar.inc(1);
             match interrupt.is_requested() {
@@ -132,6 +143,9 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
     };
     engine::check(&gpu)?;
     let removed = clean(&mut mesh, args.largest.map(|count| count as usize));
+    if let Some(triangles) = args.triangles {
+        decimate::decimate(&mut mesh, triangles)?;
+    }
     finish(args, output, &mesh, removed, &report, splats.origin)
 }
 

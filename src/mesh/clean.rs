@@ -49,31 +49,8 @@ fn keep(mesh: &mut Mesh, roots: &[u32], all: &[MeshComponent], stays: impl Fn(us
         removed += usize::from(!stays(i, component));
     }
     mesh.triangles.retain(|t| is_kept[roots[t[0] as usize] as usize]);
-    drop_unused(mesh);
+    mesh.drop_unused_vertices();
     removed
-}
-
-/// Removes vertices without a triangle.
-pub(super) fn drop_unused(mesh: &mut Mesh) {
-    let mut is_used = vec![false; mesh.positions.len()];
-    mesh.triangles
-        .iter()
-        .flatten()
-        .for_each(|&v| is_used[v as usize] = true);
-    let mut place = vec![0u32; mesh.positions.len()];
-    let mut count = 0;
-    for (place, &is_used) in place.iter_mut().zip(&is_used) {
-        *place = count;
-        count += u32::from(is_used);
-    }
-    for values in [&mut mesh.positions, &mut mesh.normals, &mut mesh.colors] {
-        let mut used = is_used.iter();
-        values.retain(|_| used.next().copied().unwrap_or(false));
-    }
-    mesh.triangles
-        .iter_mut()
-        .flatten()
-        .for_each(|v| *v = place[*v as usize]);
 }
 
 /// Root of each vertex: union by the lower index, with halving of paths.

@@ -1,6 +1,7 @@
 //! Triangles of a volume's surface, block by block.
 
 use super::cubes::{CORNERS, EDGES, table};
+use super::outside::Outside;
 use super::volume::{Key, SIDE, VOXELS, Volume, Voxel};
 use crate::scene::Mesh;
 use glam::Vec3;
@@ -40,12 +41,33 @@ pub(super) struct GrowingMesh {
 
 impl GrowingMesh {
     /// Adds the surface in the cubes of the blocks that `wanted` names. Cubes with a corner that fewer than `views_min`
-    /// views saw are left open.
-    pub(super) fn add(&mut self, volume: &Volume, views_min: u32, wanted: impl Fn(&Key) -> bool + Sync) {
-        let keys: Vec<Key> = volume.keys.iter().filter(|key| wanted(key)).copied().collect();
+    /// views saw are left open, or take its side from `outside`.
+    pub(super) fn add(
+        &mut self,
+        volume: &Volume,
+        (views_min, outside): (u32, Option<&Outside>),
+        wanted: impl Fn(&Key) -> bool + Sync,
+    ) {
+        let mut keys = volume.keys.clone();
+        if outside.is_some() {
+            // The first corners of a cube may be in a block that is not stored.
+            let before = |key: &Key| {
+                (1..8).map({
+                    let key = *key;
+                    move |i| [0, 1, 2].map(|axis| key[axis] - (i >> axis & 1))
+                })
+            };
+            keys.extend(volume.keys.iter().flat_map(before));
+            keys.sort_unstable();
+            keys.dedup();
+        }
+        keys.retain(&wanted);
         // In parts, so that pieces do not pile up.
         for part in keys.chunks(1024) {
-            let pieces: Vec<Piece> = part.par_iter().map(|&key| piece(volume, key, views_min)).collect();
+            let pieces: Vec<Piece> = part
+                .par_iter()
+                .map(|&key| piece(volume, key, views_min, outside))
+                .collect();
             pieces.iter().for_each(|piece| self.join(piece));
         }
     }
@@ -67,24 +89,32 @@ impl GrowingMesh {
 }
 
 /// The voxels of a block and around it; `None` where too few views saw them.
-struct Neighbourhood<'a> {
+struct Neighbourhood {
     /// Index of the first voxel, one before the block's.
     first: [i32; 3],
-    voxels: Vec<Option<&'a Voxel>>,
+    voxels: Vec<Option<Voxel>>,
 }
 
-impl<'a> Neighbourhood<'a> {
-    fn new(volume: &'a Volume, key: Key, views_min: u32) -> Neighbourhood<'a> {
+impl Neighbourhood {
+    fn new(volume: &Volume, key: Key, views_min: u32, outside: Option<&Outside>) -> Neighbourhood {
         let first = key.map(|k| k * SIDE as i32 - 1);
-        let around: Vec<Option<&[Voxel]>> = (0..27)
-            .map(|i| volume.block([0, 1, 2].map(|axis| key[axis] + i / [1, 3, 9][axis] % 3 - 1)))
-            .collect();
+        let keys = (0..27).map(|i| [0, 1, 2].map(|axis| key[axis] + i / [1, 3, 9][axis] % 3 - 1));
+        let around: Vec<(Key, Option<&[Voxel]>)> = keys.map(|key| (key, volume.block(key))).collect();
         let voxel = |i: usize| {
             let place = [i % HALO, i / HALO % HALO, i / (HALO * HALO)].map(|k| k + SIDE - 1);
-            let block = around[place[0] / SIDE + 3 * (place[1] / SIDE) + 9 * (place[2] / SIDE)]?;
+            let (key, block) = around[place[0] / SIDE + 3 * (place[1] / SIDE) + 9 * (place[2] / SIDE)];
             let inner = place.map(|k| k % SIDE);
-            let voxel = &block[inner[0] + SIDE * (inner[1] + SIDE * inner[2])];
-            (voxel.views >= views_min && voxel.weight > 0.0).then_some(voxel)
+            let inner = inner[0] + SIDE * (inner[1] + SIDE * inner[2]);
+            let known = block
+                .map(|block| block[inner])
+                .filter(|voxel| voxel.is_known(views_min));
+            known.or_else(|| {
+                let distance = outside?.side(key, inner);
+                Some(Voxel {
+                    distance,
+                    ..Voxel::default()
+                })
+            })
         };
         Neighbourhood {
             first,
@@ -92,7 +122,7 @@ impl<'a> Neighbourhood<'a> {
         }
     }
 
-    fn at(&self, place: [usize; 3]) -> Option<&'a Voxel> {
+    fn at(&self, place: [usize; 3]) -> Option<Voxel> {
         self.voxels[place[0] + HALO * (place[1] + HALO * place[2])]
     }
 
@@ -120,9 +150,9 @@ impl<'a> Neighbourhood<'a> {
     }
 }
 
-fn piece(volume: &Volume, key: Key, views_min: u32) -> Piece {
+fn piece(volume: &Volume, key: Key, views_min: u32, outside: Option<&Outside>) -> Piece {
     let mut piece = Piece::default();
-    let around = Neighbourhood::new(volume, key, views_min);
+    let around = Neighbourhood::new(volume, key, views_min, outside);
     let mut vertex_from_edge: HashMap<EdgeKey, u32> = HashMap::new();
     for cube in 0..VOXELS {
         let low = [cube % SIDE, cube / SIDE % SIDE, cube / (SIDE * SIDE)].map(|k| k + 1);
@@ -149,7 +179,7 @@ fn piece(volume: &Volume, key: Key, views_min: u32) -> Piece {
 }
 
 /// Set of the corners inside, or `None` if one is unknown.
-fn inside(around: &Neighbourhood<'_>, corner: impl Fn(usize) -> [usize; 3]) -> Option<usize> {
+fn inside(around: &Neighbourhood, corner: impl Fn(usize) -> [usize; 3]) -> Option<usize> {
     let mut inside = 0;
     for c in 0..CORNERS {
         inside |= usize::from(around.at(corner(c))?.distance < 0.0) << c;
@@ -158,8 +188,8 @@ fn inside(around: &Neighbourhood<'_>, corner: impl Fn(usize) -> [usize; 3]) -> O
 }
 
 /// The vertex between two known voxels on either side of the surface.
-fn vertex(around: &Neighbourhood<'_>, ends: [[usize; 3]; 2], axis: usize, voxel: f64) -> Vertex {
-    let [a, b] = ends.map(|end| around.at(end).copied().unwrap_or_default());
+fn vertex(around: &Neighbourhood, ends: [[usize; 3]; 2], axis: usize, voxel: f64) -> Vertex {
+    let [a, b] = ends.map(|end| around.at(end).unwrap_or_default());
     let share = (a.distance / (a.distance - b.distance)).clamp(SHARE[0], SHARE[1]);
     let mut position = [0, 1, 2].map(|i| f64::from(around.first[i]) + ends[0][i] as f64);
     position[axis] += f64::from(share);

@@ -2,6 +2,7 @@
 
 use super::depth_map::DepthMap;
 use super::extract::GrowingMesh;
+use super::outside::Outside;
 use super::volume::{BLOCK_BYTES, Key, Volume, keys_near};
 use crate::scene::Mesh;
 use crate::{Error, Result};
@@ -16,6 +17,9 @@ pub struct FusionOptions {
     pub voxel: Option<f64>,
     /// Distance from the surface at which distances end, world units; `None`: four voxels.
     pub truncation: Option<f64>,
+    /// True for a closed mesh: voxels that no view saw are solid, or outside where they are open to the border or to a
+    /// camera.
+    pub closed: bool,
     /// Most bytes of voxels at a time; a volume beyond is fused in slabs.
     pub memory: u64,
     /// Most bytes of depth maps that are kept; further views are drawn again for each pass.
@@ -27,6 +31,7 @@ impl Default for FusionOptions {
         FusionOptions {
             voxel: None,
             truncation: None,
+            closed: false,
             memory: 256 << 20,
             map_memory: 128 << 20,
         }
@@ -124,20 +129,53 @@ pub fn fuse(
     let slabs = slabs(&keys, options.memory, report.voxel)?;
     report.slabs = slabs.len();
     let views_min = if count > 2 { VIEWS_MIN } else { 1 };
+    let mut outside = None;
+    if options.closed {
+        let cells = Outside::boxed(&keys);
+        if cells > options.memory {
+            return Err(too_small(report.voxel, cells, options.memory));
+        }
+        let mut found = Outside::new(&keys);
+        let mut cameras = Vec::new();
+        for_slabs(&mut views, &keys, &slabs, &mut report, &mut progress, |volume, own| {
+            found.note(volume, views_min, own);
+        })?;
+        for view in 0..count {
+            let place = |map: &DepthMap| Ok((map.camera.position / report.voxel).round().as_ivec3().to_array());
+            cameras.push(views.with(view, place)?);
+        }
+        found.spread(&cameras);
+        outside = Some(found);
+    }
     let mut surface = GrowingMesh::default();
+    for_slabs(&mut views, &keys, &slabs, &mut report, &mut progress, |volume, own| {
+        surface.add(volume, (views_min, outside.as_ref()), own);
+    })?;
+    Ok((surface.mesh, report))
+}
+
+/// Fuses slab by slab; `with` gets each volume and tells the slab's own blocks from their neighbours.
+fn for_slabs(
+    views: &mut DrawnViews<'_>,
+    keys: &[Key],
+    slabs: &[Slab],
+    report: &mut FusionReport,
+    progress: &mut impl FnMut(FusionPhase, usize) -> Result<()>,
+    mut with: impl FnMut(&Volume, &(dyn Fn(&Key) -> bool + Sync)),
+) -> Result<()> {
     for (i, (own, slab)) in slabs.iter().enumerate() {
         let mut volume = Volume::new(report.voxel, report.truncation, keys[slab.clone()].to_vec());
         report.slab_bytes = report.slab_bytes.max(slab.len() as u64 * BLOCK_BYTES);
-        for view in 0..count {
+        for view in 0..views.kept.len() {
             progress(FusionPhase::Add(i, slabs.len()), view)?;
             views.with(view, |map| {
                 volume.add(map, report.depth_median as f32);
                 Ok(())
             })?;
         }
-        surface.add(&volume, views_min, |key| own.contains(&key[0]));
+        with(&volume, &|key| own.contains(&key[0]));
     }
-    Ok((surface.mesh, report))
+    Ok(())
 }
 
 /// Draws all views once: the median depth, and from it the voxel and the truncation.
@@ -249,7 +287,8 @@ fn slabs(keys: &[Key], memory: u64, voxel: f64) -> Result<Vec<Slab>> {
     };
     let bytes = |begin: i32, end: i32| (layer(end + 1) - layer(begin - 1)) as u64 * BLOCK_BYTES;
     let mut slabs = Vec::new();
-    let mut begin = first[0];
+    // A layer before the first: cubes of a closed mesh begin there.
+    let mut begin = first[0] - 1;
     while begin <= last[0] {
         let mut end = begin + 1;
         if bytes(begin, end) > memory {

@@ -11,6 +11,7 @@ mod cubes;
 mod depth_map;
 mod extract;
 mod fuse;
+mod outside;
 mod tree;
 mod volume;
 

@@ -30,6 +30,13 @@ pub(super) struct Voxel {
     pub views: u32,
 }
 
+impl Voxel {
+    /// True if at least `views_min` views saw it.
+    pub(super) fn is_known(&self, views_min: u32) -> bool {
+        self.views >= views_min && self.weight > 0.0
+    }
+}
+
 /// Blocks of voxels. Voxel (i, j, k) lies at (i, j, k) times the voxel's size in the world.
 #[derive(Debug)]
 pub(super) struct Volume {

@@ -201,6 +201,78 @@ fn a_side_that_no_view_sees_stays_open() {
 }
 
 #[test]
+fn a_closed_mesh_has_no_border() {
+    let closed = |voxel: f64| FusionOptions {
+        closed: true,
+        ..options(voxel)
+    };
+    let volume = |mesh: &Mesh| -> f64 {
+        let corners = (0..mesh.triangles.len()).map(|i| mesh.corners(i).map(|c| DVec3::from(c.map(f64::from))));
+        corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+    };
+    // Seen from all sides it is a full ball, without a shell inside.
+    let voxel = 0.05;
+    let (mesh, _) = fused(&ball(), &around(24, 4.0), &closed(voxel));
+    assert_eq!(check_manifold(&mesh), 0, "open edges");
+    assert_eq!(components(&mesh).len(), 1);
+    assert_eq!(
+        mesh.positions.len() + mesh.triangles.len() - edges(&mesh).len(),
+        2,
+        "Euler's number"
+    );
+    let full = 4.0 / 3.0 * std::f64::consts::PI;
+    assert!((volume(&mesh) / full - 1.0).abs() < 0.01, "{}", volume(&mesh));
+    // Seen from one side it has a back, and the front stays.
+    let one = vec![camera(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO)];
+    let (mesh, _) = fused(&ball(), &one, &closed(voxel));
+    assert_eq!(check_manifold(&mesh), 0, "open edges");
+    assert!(volume(&mesh) > 0.05 && volume(&mesh) < 0.5 * full, "{}", volume(&mesh));
+    let front = mesh
+        .positions
+        .iter()
+        .filter(|p| (Vec3::from(**p).length() - 1.0).abs() < 0.01)
+        .count();
+    assert!(front > 1_000, "{front} vertices on the sphere");
+    // In slabs it is the same.
+    let (whole, report) = fused(&ball(), &around(10, 4.0), &closed(0.03));
+    let parts = FusionOptions {
+        memory: report.slab_bytes / 2,
+        ..closed(0.03)
+    };
+    let (mesh, report) = fused(&ball(), &around(10, 4.0), &parts);
+    assert!(report.slabs > 1 && mesh == whole, "slabs make a difference");
+    assert_eq!(check_manifold(&mesh), 0, "open edges");
+}
+
+#[test]
+fn a_room_seen_from_within_stays_hollow() {
+    let mut room = ball();
+    room.objects[0].scale = 2.0;
+    // Cameras in the middle that look everywhere; walls face them.
+    let cameras: Vec<Camera> = around(30, 0.1)
+        .iter()
+        .map(|c| camera(c.position, 9.0 * c.position))
+        .collect();
+    let closed = FusionOptions {
+        closed: true,
+        ..options(0.1)
+    };
+    let (mesh, _) = fused(&room, &cameras, &closed);
+    assert_eq!(check_manifold(&mesh), 0, "open edges");
+    // The wall, and its back outside.
+    let inner = mesh
+        .positions
+        .iter()
+        .filter(|p| (Vec3::from(**p).length() - 2.0).abs() < 0.02)
+        .count();
+    let middle = mesh.positions.iter().filter(|p| Vec3::from(**p).length() < 1.9).count();
+    assert!(
+        inner > 2_000 && middle == 0,
+        "{inner} vertices on the wall, {middle} within"
+    );
+}
+
+#[test]
 fn slabs_and_redrawn_views_give_the_same_mesh() {
     let cameras = around(10, 4.0);
     let voxel = 0.03;

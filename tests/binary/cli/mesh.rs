@@ -57,6 +57,12 @@ fn a_ball_becomes_a_mesh_and_is_scored() {
         fuse(&path(name), &["--depth", "expected"]);
         assert!(path(name).is_file());
     }
+    let small = path("small.ply");
+    let made = fuse(&small, &["--closed", "--triangles", "300"]);
+    assert!(
+        made["triangles"].as_u64().is_some_and(|t| (200..=300).contains(&t)),
+        "{made}"
+    );
     let score = |mesh: &Path, more: &[&str]| -> Value {
         let call = [
             "eval",
@@ -116,7 +122,7 @@ fn faults_of_meshes_are_told_and_leave_no_file() {
     assert!(told(&scene, "a.stl", &[]).contains(".ply, .obj or .glb"));
     assert!(told(&scene, "none/a.ply", &[]).contains("none"));
     assert!(told(&empty, "a.ply", &[]).contains("no view has a surface"));
-    assert!(told(&scene, "a.ply", &["--voxel", "1e-4"]).contains("--voxel"));
+    assert!(told(&scene, "a.ply", &["--voxel", "1e-4", "--volume-memory", "1M"]).contains("--voxel"));
     // Cameras that look elsewhere.
     let far = path("far.json");
     let text = fs::read_to_string(Path::new(data).join("transforms.json")).unwrap();
