@@ -14,6 +14,7 @@ mod random;
 mod ray;
 mod save;
 mod shape;
+mod triangulate;
 
 #[cfg(test)]
 mod tests;

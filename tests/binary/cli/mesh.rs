@@ -81,8 +81,8 @@ fn a_ball_becomes_a_mesh_and_is_scored() {
     let pixel = number(&found, "/footprint");
     println!("{found:#}");
     assert!((0.08..0.2).contains(&pixel), "{found}");
-    // Positions go by the depth of the discs, whose edges stand out of the sphere by 0.0013 at one σ.
-    assert!(number(&found, "/chamfer") < 0.3 * pixel, "{found}");
+    // The ball is 17 pixels wide, and its outline, where discs are drawn wider than they are, a pixel.
+    assert!(number(&found, "/chamfer") < 0.5 * pixel, "{found}");
     assert!(
         number(&found, "/scores/1/f1") > 0.95 && number(&found, "/normal_deg/mean_outward") < 20.0,
         "{found}"
