@@ -1,5 +1,7 @@
 //! `ashfall eval`: PSNR and SSIM of renderings against the photographs.
 
+mod mesh;
+
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg};
 use super::engine::evaluator;
@@ -15,6 +17,7 @@ use crate::render::{ViewEvaluation, ViewOptions};
 use crate::scene::{Dataset, Splats};
 use crate::{Error, Result};
 use clap::Args;
+use clap::builder::ArgPredicate;
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -30,10 +33,18 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct EvalArgs {
-    #[arg(value_name = "SCENE", help = format!("The scene, {}", readable()))]
+    #[arg(value_name = "SCENE", help = format!("The scene, {}", readable()), required = false)]
+    #[arg(
+        required_unless_present = "mesh",
+        default_value_if("mesh", ArgPredicate::IsPresent, "-")
+    )]
     scene: PathBuf,
     /// The data set, as for `ashfall train`
-    #[arg(value_name = "DATA")]
+    #[arg(value_name = "DATA", required = false)]
+    #[arg(
+        required_unless_present = "mesh",
+        default_value_if("mesh", ArgPredicate::IsPresent, "-")
+    )]
     data: PathBuf,
     /// Score against pictures of this scene, the original of an exported one, instead of the photographs
     #[arg(long, value_name = "FILE", conflicts_with = "pictures")]
@@ -51,6 +62,8 @@ pub(super) struct EvalArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    mesh: mesh::MeshScoreArgs,
+    #[command(flatten)]
     scene_options: SceneArgs,
     #[command(flatten)]
     options: DataArgs,
@@ -63,10 +76,14 @@ Examples:
   ashfall eval run/scene.ply photos/
   ashfall eval run/scene.ply photos/ --split all --json > scores.json
   ashfall eval run/scene.ply photos/ --pictures comparison/
-  ashfall eval scene.spz photos/ --reference run/scene.ply";
+  ashfall eval scene.spz photos/ --reference run/scene.ply
+  ashfall eval --mesh mesh.ply --truth true.obj --cameras photos/";
 
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
+    if let Some(path) = &args.mesh.mesh {
+        return mesh::run(&args.mesh, path, &args.options, output);
+    }
     let scene = args.scene_options.read(&args.scene)?;
     // As in training: views without a photograph are left out before the split.
     let mut dataset = args.options.open(&args.data, args.reference.is_none())?;

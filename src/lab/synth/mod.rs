@@ -16,6 +16,7 @@ mod random;
 mod ray;
 mod save;
 mod shape;
+mod triangulate;
 
 #[cfg(test)]
 mod tests;

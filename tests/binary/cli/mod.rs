@@ -3,6 +3,7 @@
 mod chart;
 mod export;
 mod exposure;
+mod mesh;
 mod needs;
 mod prune;
 
@@ -111,7 +112,9 @@ fn train<'a>(data: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 #[test]
 fn help_teaches_and_mistakes_are_told_apart() {
     let help = stdout(&["--help"]);
-    for command in ["train", "render", "eval", "prune", "info", "demo", "chart", "needs"] {
+    for command in [
+        "train", "render", "eval", "mesh", "prune", "info", "demo", "chart", "needs",
+    ] {
         assert!(help.contains(&format!("\n  {command}")), "{help}");
         let own = stdout(&[command, "--help"]);
         assert!(own.lines().count() > 10, "{own}");
