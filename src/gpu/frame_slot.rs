@@ -3,6 +3,7 @@
 use super::buffer::RawBuffer;
 use super::descriptors::Arena;
 use super::device::Gpu;
+use super::hazards::Hazards;
 use super::timing::Timestamps;
 use crate::Result;
 use ash::vk;
@@ -34,9 +35,12 @@ impl Chunks {
         }
     }
 
-    /// Frees all ranges; drops chunks that a reader still holds.
-    fn reset(&mut self) {
-        self.chunks.retain(|chunk| Arc::strong_count(chunk) == 1);
+    /// Frees all ranges. Drops chunks that a reader still holds, that have more than `most` bytes, or that the last
+    /// frame had no use for.
+    fn reset(&mut self, most: u64) {
+        self.chunks.truncate(self.current + 1);
+        self.chunks
+            .retain(|chunk| Arc::strong_count(chunk) == 1 && chunk.bytes <= most);
         self.current = 0;
         self.used = 0;
     }
@@ -75,9 +79,27 @@ pub(super) struct FrameSlot {
     pub(super) timestamps: Option<Timestamps>,
     pub(super) kept: Vec<Arc<dyn Any + Send + Sync>>,
     pub(super) kept_ids: HashSet<usize>,
+    /// Accesses since the last barrier.
+    pub(super) hazards: Hazards,
 }
 
 impl FrameSlot {
+    /// A slot without commands of its own.
+    pub(super) fn new(gpu: &Gpu) -> FrameSlot {
+        FrameSlot {
+            pool: vk::CommandPool::null(),
+            commands: vk::CommandBuffer::null(),
+            value: 0,
+            arena: Arena::new(gpu),
+            staging: Chunks::new("staging", MemoryLocation::CpuToGpu),
+            reading: Chunks::new("readback", MemoryLocation::GpuToCpu),
+            timestamps: None,
+            kept: Vec::new(),
+            kept_ids: HashSet::new(),
+            hazards: Hazards::default(),
+        }
+    }
+
     /// Keeps a resource alive until the slot is reused.
     pub(super) fn keep<K: Any + Send + Sync>(&mut self, used: Arc<K>) {
         if self.kept_ids.insert(Arc::as_ptr(&used).addr()) {
@@ -88,8 +110,9 @@ impl FrameSlot {
     pub(super) fn reset(&mut self) -> Result<()> {
         self.kept.clear();
         self.kept_ids.clear();
-        self.staging.reset();
-        self.reading.reset();
+        // An upload happens once, a picture is read back again and again.
+        self.staging.reset(STAGING_BYTES as u64);
+        self.reading.reset(u64::MAX);
         self.arena.reset()
     }
 }

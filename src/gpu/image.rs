@@ -67,6 +67,7 @@ impl OwnImage {
         let device = &gpu.0.device;
         // SAFETY: a plain image within the device's limits, as `Gpu::image` has checked.
         let image = check("vkCreateImage", unsafe { device.create_image(&info, None) })?;
+        gpu.0.names.name(image, name);
         let mut own = OwnImage {
             gpu: gpu.clone(),
             image,

@@ -85,6 +85,11 @@ impl Forward {
         self.project.prepare(gpu, model)
     }
 
+    /// True if the kernels of a model are compiled.
+    pub(crate) fn is_prepared(&self, model: &Model) -> bool {
+        self.project.has(model)
+    }
+
     /// Records a frame with SH up to `sh_degree`, in `bands`. The failed flag in `scratch.counts` is honoured, never
     /// cleared.
     pub fn record(

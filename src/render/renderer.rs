@@ -59,10 +59,10 @@ impl RenderedImage {
 pub struct Renderer {
     gpu: Gpu,
     forward: Forward,
-    present: Option<present::Present>,
+    present: present::Present,
     scratch: Scratch,
-    /// Frames of [`Renderer::render`].
-    frames: Frames,
+    /// Frames of [`Renderer::render`], from the first on.
+    frames: Option<Frames>,
     /// Last submission to `frames`.
     rendered: Option<Ticket>,
     /// Frames of [`Renderer::record`], paced by the host.
@@ -130,32 +130,41 @@ impl std::fmt::Debug for Renderer {
 impl Renderer {
     /// Compiles the kernels, except those already in use on this device, and allocates for `options.capacity`.
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
-        let presents = gpu.caps().supports(present::Variant::Base.info()).is_ok();
-        let present = || present::Present::new(gpu, present::Choice::default());
         let capacity = options.capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(Renderer {
             gpu: gpu.clone(),
             forward: Forward::for_rendering(gpu, &options)?,
-            present: presents.then(present).transpose()?,
+            present: present::Present::new(gpu, present::Choice::default())?,
             scratch: Scratch::new(gpu, capacity, options.outputs())?,
-            frames: Frames::new(gpu, 1, true)?,
+            frames: None,
             rendered: None,
-            host_frames: Frames::new(gpu, options.frames_in_flight, false)?,
+            host_frames: Frames::in_host(gpu, options.frames_in_flight),
             options,
             bands: DepthBands::default(),
             pending: VecDeque::new(),
         })
     }
 
+    /// Compiles the kernels that a model needs besides those of other models. Compiling can take longer than a frame:
+    /// [`Renderer::record`] refuses models that are not prepared. [`Renderer::reserve`] prepares its model, too.
+    ///
+    /// # Errors
+    /// Those of Vulkan.
+    pub fn prepare(&mut self, model: &Model) -> Result<()> {
+        self.forward.prepare(&self.gpu, model)
+    }
+
     /// Grows the buffers for a frame of `model` through `camera` with up to `isects` (splat, tile) pairs, limited to
-    /// one binding of the device; frames with more are drawn in bands.
+    /// one binding of the device; frames with more are drawn in bands. Allocates and compiles: to be called outside of
+    /// a host's frames.
     pub fn reserve(&mut self, model: &Model, camera: &Camera, isects: usize) -> Result<()> {
+        self.prepare(model)?;
         let wanted = Capacity::for_image(model.splat_count, isects, camera.width, camera.height);
         let capacity = self.scratch.capacity.max(wanted);
         let capacity = capacity.within(self.gpu.caps(), ISECT_BYTES);
         if capacity != self.scratch.capacity {
             // Frees the old buffers first, unless a host's frame uses them: memory may not suffice for both.
-            self.frames.release()?;
+            self.release()?;
             for capacity in [Capacity::LEAST, capacity] {
                 self.scratch = Scratch::new(&self.gpu, capacity, self.options.outputs())?;
             }
@@ -165,7 +174,7 @@ impl Renderer {
 
     /// Lets go of the last rendered model, whose buffers a frame keeps until the next.
     pub(crate) fn release(&mut self) -> Result<()> {
-        self.frames.release()
+        self.frames.as_mut().map_or(Ok(()), Frames::release)
     }
 
     /// As [`Renderer::reserve`], but for fewer intersections if memory does not suffice.
@@ -186,8 +195,10 @@ impl Renderer {
     /// host calls [`Renderer::reserve`] with [`Stats::isects`].
     ///
     /// # Errors
-    /// [`Error::Config`] if the model or the image exceeds the reserved capacity or the model has another precision,
-    /// [`Error::Unsupported`] if the host has not enabled the feature required for presenting.
+    /// [`Error::Config`] if the model or the image exceeds the reserved capacity, the model is not prepared or has
+    /// another precision, or camera and image differ in size; [`Error::Unsupported`] for an image of a format that kernels cannot write;
+    /// errors of Vulkan and memory. After an error, too, the command buffer can be submitted, and the image is in its
+    /// state `after`, its contents undefined. The picture has no statistics; later ones are not affected.
     pub fn record(
         &mut self,
         commands: &mut HostCommands,
@@ -196,26 +207,18 @@ impl Renderer {
         view: &ViewOptions,
         target: &HostImage,
     ) -> Result<Option<Stats>> {
-        if self.present.is_none() {
-            return Err(Error::Unsupported {
-                what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled".into(),
-            });
-        }
-        self.check(model)?;
-        self.forward.prepare(&self.gpu, model)?;
-        let capacity = self.scratch.capacity;
-        let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
-        if capacity.max(wanted) != capacity {
-            return Err(Error::Config(format!(
-                "{wanted:?} exceeds the renderer's {capacity:?}: call reserve first"
-            )));
-        }
-        let size = [camera.width, camera.height];
-        assert_eq!(target.image().extent(), size, "camera and target differ");
         let frame = self.host_frames.frame_in(commands);
         let in_flight = self.host_frames.in_flight() as u64;
-        let finished = self.finished_before((frame + 1).saturating_sub(in_flight))?;
-        let mut rec = self.host_frames.begin_in(commands)?;
+        let admitted = self.admit(model, camera, target);
+        let finished = admitted.and_then(|()| self.finished_before((frame + 1).saturating_sub(in_flight)));
+        let begun = finished.and_then(|finished| Ok((finished, self.host_frames.begin_in(commands)?)));
+        let (finished, mut rec) = match begun {
+            Ok(begun) => begun,
+            Err(error) => {
+                commands.pass(&self.gpu, target);
+                return Err(error);
+            }
+        };
         let (scratch, degree) = (&self.scratch, self.options.sh_degree);
         rec.fill(&scratch.counts, 0);
         self.forward
@@ -226,20 +229,44 @@ impl Renderer {
             image: &scratch.image,
             target: target.image(),
         };
-        if let Some(present) = &self.present {
-            present.record(&mut rec, io, present::groups(size));
-        }
+        let groups = present::groups(target.image().extent());
+        self.present.record(&mut rec, io, groups);
         rec.release(target);
-        let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
+        let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
+        rec.finish()?;
         self.pending.push_back(PendingPicture {
             frame,
-            capacity,
+            capacity: scratch.capacity,
             bands: self.bands,
             not_finite: model.not_finite,
-            counts,
+            counts: counts?,
         });
-        rec.finish()?;
         Ok(finished)
+    }
+
+    /// Checks the inputs of a picture.
+    fn admit(&self, model: &Model, camera: &Camera, target: &HostImage) -> Result<()> {
+        target.check_writable(&self.gpu)?;
+        self.check(model)?;
+        let (size, [width, height]) = ([camera.width, camera.height], target.image().extent());
+        if size != [width, height] {
+            let [w, h] = size;
+            let what = format!("the camera has {w}x{h} pixels, the image to draw to {width}x{height}");
+            return Err(Error::Config(what));
+        }
+        if !self.forward.is_prepared(model) {
+            return Err(Error::Config(
+                "the model's kernels are not compiled: call prepare first".into(),
+            ));
+        }
+        let capacity = self.scratch.capacity;
+        let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
+        match capacity.max(wanted) == capacity {
+            true => Ok(()),
+            false => Err(Error::Config(format!(
+                "{wanted:?} exceeds the renderer's {capacity:?}: call reserve first"
+            ))),
+        }
     }
 
     /// Refuses models of another precision than the kernels'.
@@ -257,17 +284,20 @@ impl Renderer {
     /// queue, [`Model::upload`] does. Pictures of the model may follow in the same commands.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`] and errors of Vulkan; the command buffer can be submitted nevertheless.
     pub fn record_upload(&mut self, commands: &mut HostCommands, splats: &Splats) -> Result<Model> {
         let mut rec = self.host_frames.begin_in(commands)?;
-        let model = Model::record_upload(&mut rec, splats, self.options.precision)?;
+        let model = Model::record_upload(&mut rec, splats, self.options.precision);
         rec.finish()?;
-        Ok(model)
+        model
     }
 
     /// Stages of the last rendered image with their device time in nanoseconds; empty on devices without timestamps.
     pub fn timings(&self) -> Result<Vec<(&'static str, f64)>> {
-        self.rendered.map_or(Ok(Vec::new()), |last| self.frames.timings(last))
+        match (self.rendered, &self.frames) {
+            (Some(last), Some(frames)) => frames.timings(last),
+            _ => Ok(Vec::new()),
+        }
     }
 
     /// Bands that complete the picture that left `counts`.
@@ -290,7 +320,7 @@ impl Renderer {
             let Some(picture) = self.pending.pop_front() else {
                 break;
             };
-            let counts = picture.counts.get();
+            let counts = picture.counts.elements();
             let stats = Stats {
                 isects: counts[COUNT_ISECT_WANTED as usize] as usize,
                 isect_capacity: picture.capacity.isects,
@@ -300,7 +330,7 @@ impl Renderer {
             };
             worst = Some(worst.map_or(stats, |worst| worst.worse(stats)));
             if self.options.compatibility == Compatibility::Engine {
-                self.bands = self.bands_after(picture.bands, &counts)?;
+                self.bands = self.bands_after(picture.bands, counts)?;
             }
         }
         Ok(worst)
@@ -309,7 +339,6 @@ impl Renderer {
     /// Renders one image and reads it back. Grows the buffers as needed; draws in bands if they cannot grow.
     pub fn render(&mut self, model: &Model, camera: &Camera, view: &ViewOptions) -> Result<RenderedImage> {
         self.check(model)?;
-        self.forward.prepare(&self.gpu, model)?;
         let expected = isects_expected(model.splat_count, camera.width, camera.height);
         self.reserve_some(model, camera, expected)?;
         let view = view_of(camera, view);
@@ -318,7 +347,8 @@ impl Renderer {
             let pixels = camera.width as usize * camera.height as usize;
             let (forward, scratch) = (&self.forward, &self.scratch);
             let (degree, with_depth) = (self.options.sh_degree, self.options.with_depth);
-            let (ticket, (counts, image, depth)) = self.frames.submit(|rec| {
+            let frames = own_frames(&mut self.frames, &self.gpu)?;
+            let (ticket, (counts, image, depth)) = frames.submit(|rec| {
                 rec.fill(&scratch.counts, 0);
                 forward.record(rec, model, scratch, &view, degree, bands);
                 Ok((
@@ -327,7 +357,7 @@ impl Renderer {
                     rec.read_back(&scratch.depth, 0..if with_depth { pixels } else { 0 })?,
                 ))
             })?;
-            self.frames.wait(ticket)?;
+            frames.wait(ticket)?;
             self.rendered = Some(ticket);
             let counts = counts.get();
             if counts[COUNT_FAILED as usize] == 0 {
@@ -337,6 +367,14 @@ impl Renderer {
             self.reserve_some(model, camera, wanted.saturating_add(wanted / 8))?;
             bands = self.bands_after(bands, &counts)?;
         }
+    }
+}
+
+/// Ring of the renderer's own frames, made for the first.
+fn own_frames<'a>(frames: &'a mut Option<Frames>, gpu: &Gpu) -> Result<&'a mut Frames> {
+    match frames {
+        Some(frames) => Ok(frames),
+        none => Ok(none.insert(Frames::new(gpu, 1, true)?)),
     }
 }
 

@@ -70,8 +70,6 @@ pub enum Requirement {
     Storage16,
     /// `atomicAdd` on floats in storage buffers.
     AtomicFloatAdd,
-    /// Storing to images without a declared format.
-    StorageImageWriteWithoutFormat,
 }
 
 impl Requirement {
