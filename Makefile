@@ -70,8 +70,11 @@ soak: setup
 fuzz: setup
 	scripts/fuzz
 
-# Files of every format through an independent program, which npm installs under target/clients.
+# Files of every format through independent programs, which npm and pip install under target/clients.
 clients: setup
 	npm install --no-save --prefix target/clients @playcanvas/splat-transform@3.7.0
+	python3 -m venv target/clients/venv
+	target/clients/venv/bin/pip install --quiet "gsply[spz,sogs]==0.4.6"
 	SPLAT_TRANSFORM=$(CURDIR)/target/clients/node_modules/.bin/splat-transform \
+		GSPLY_PYTHON=$(CURDIR)/target/clients/venv/bin/python \
 		cargo test --test slow -- clients --ignored

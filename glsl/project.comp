@@ -2,6 +2,7 @@
 #include "shared/prelude.glsl"
 #include "shared/math.glsl"
 #include "shared/primitive.glsl"
+#include "shared/plane.glsl"
 #include "shared/random.glsl"
 #include "shared/sh.glsl"
 
@@ -22,6 +23,8 @@ layout(constant_id = 3) const uint INRIA = 0;
 layout(constant_id = 4) const uint PRECISION = 0;
 // Not 0: slots are not in splat order; the index gives each slot's splat.
 layout(constant_id = 5) const uint INDEXED = 0;
+// Not 0: the splats' planes as well.
+layout(constant_id = 6) const uint WITH_PLANES = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -32,6 +35,7 @@ layout(set = 0, binding = 3, scalar) writeonly buffer ColorProducts { vec4 white
 layout(set = 0, binding = 4, scalar) writeonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 5, scalar) writeonly buffer TileCounts { uint tile_count_from_splat[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer Index { uint splat_from_slot[]; };
+layout(set = 0, binding = 7, scalar) writeonly buffer Planes { vec3 plane_from_splat[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint splat_count;  // splats of this dispatch
@@ -117,6 +121,7 @@ uint project(uint slot, uint splat) {
     ellipse_from_splat[splat] = shape;
     whiten_rg_from_splat[splat] = vec4(whiten, color.rg);
     blue_depth_from_splat[splat] = vec2(color.b, mean_view.z);
+    if (WITH_PLANES != 0) plane_from_splat[splat] = plane_of(view, axes, s.scale, offset, mean_view.z, f);
 
     Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
     if (INRIA != 0) e.square = inria_square(shape, whiten);

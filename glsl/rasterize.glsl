@@ -15,6 +15,8 @@ layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 layout(constant_id = 3) const uint WITH_DEPTH = 0;
 // 0: the pixels' ends, which training needs, are not computed, for fewer registers and less memory.
 layout(constant_id = 4) const uint WITH_ENDS = 1;
+// Not 0: depths and normals of the splats' planes.
+layout(constant_id = 5) const uint WITH_SURFACE = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -28,6 +30,9 @@ layout(set = 0, binding = 7, scalar) readonly buffer Rests { vec2 blue_depth_fro
 layout(set = 0, binding = 8, scalar) buffer Image { float image[]; };
 layout(set = 0, binding = 9, scalar) buffer Depth { float depth[]; };
 layout(set = 0, binding = 10, scalar) writeonly buffer Ends { uint isect_end_from_pixel[]; };
+layout(set = 0, binding = 11, scalar) readonly buffer Planes { vec3 plane_from_splat[]; };
+// Planes of one float a pixel: SURFACE_DEPTH and so on.
+layout(set = 0, binding = 12, scalar) buffer Surface { float surface[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
@@ -35,8 +40,10 @@ layout(push_constant, scalar) uniform Push {
     uint band_count;   // recorded bands
 } push;
 
+#include "shared/math.glsl"
 #include "shared/tile.glsl"
 #include "shared/primitive.glsl"
+#include "shared/plane.glsl"
 #include "shared/stage.glsl"
 
 bool any_lane(bool mine);
@@ -49,6 +56,14 @@ vec4 green[QUADS];
 vec4 blue[QUADS];
 vec4 far[QUADS];
 uvec4 last[QUADS];
+// Of the splats' planes: sums of weighted depths and normals, and depth where the transmittance falls to 1/2.
+vec4 plane_depth[QUADS];
+vec4 median[QUADS];
+vec4 normal_x[QUADS];
+vec4 normal_y[QUADS];
+vec4 normal_z[QUADS];
+// Focal length and principal point.
+vec4 lens;
 
 // True if any pixel of the workgroup is still open.
 bool any_open() {
@@ -59,8 +74,28 @@ bool any_open() {
     return any_lane(open);
 }
 
-void blend(Tile t, uint isect, Staged splat) {
+// Adds a splat's plane to the pixels of quad `q`, where it has this alpha.
+void add_plane(uint q, vec4 alpha, PlaneColumn column, vec3 normal) {
+    vec4 weight = alpha * transmittance[q];
+    vec4 depths = depth_of(column, q);
+    plane_depth[q] += weight * depths;
+    normal_x[q] += weight * normal.x;
+    normal_y[q] += weight * normal.y;
+    normal_z[q] += weight * normal.z;
+    // The same product as the next transmittance.
+    bvec4 half_way = both(greaterThan(transmittance[q], vec4(0.5)),
+                          lessThanEqual(transmittance[q] * (vec4(1.0) - alpha), vec4(0.5)));
+    median[q] = mix(median[q], depths, half_way);
+}
+
+void blend(Tile t, uint isect, Staged splat, vec3 plane) {
     Column column = column_of(t, splat.shape, splat.tone);
+    PlaneColumn plane_column;
+    vec3 normal;
+    if (WITH_SURFACE != 0) {
+        plane_column = plane_column_of(t, plane, splat.shape.xy, splat.rest.y);
+        normal = normal_of(plane, splat.shape.xy, lens);
+    }
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         vec4 f;
         vec4 exponent = exponent_of(column, q, f);
@@ -72,6 +107,7 @@ void blend(Tile t, uint isect, Staged splat) {
         green[q] += weight * splat.tone.w;
         blue[q] += weight * splat.rest.x;
         if (WITH_DEPTH != 0) far[q] += weight * depth_of(splat.rest);
+        if (WITH_SURFACE != 0) add_plane(q, alpha, plane_column, normal);
         transmittance[q] *= vec4(1.0) - alpha;
         if (WITH_ENDS != 0) last[q] = mix(last[q], uvec4(isect + 1), on);
     }
@@ -84,7 +120,14 @@ uint stage_batch(uint begin, uint end) {
     Staged mine = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
     if (isect >= end) hide(mine);
     stage(mine);
+    if (WITH_SURFACE != 0) stage_plane(plane_from_splat[splat]);
     return min(WORKGROUP, end - begin);
+}
+
+// The plane staged by a lane; zero in frames without surfaces.
+vec3 plane_by(uint lane) {
+    if (WITH_SURFACE == 0) return vec3(0.0);
+    return staged_plane_by(lane);
 }
 
 // Two splats per iteration, to halve the iterations that a software device counts; an odd one is paired with a hidden
@@ -94,8 +137,8 @@ void blend_list(Tile t, uint begin, uint end) {
         uint count = stage_batch(begin, end);
         uint i = 0;
         do {
-            blend(t, begin + i, staged_by(i));
-            blend(t, begin + i + 1, staged_by(i + 1));
+            blend(t, begin + i, staged_by(i), plane_by(i));
+            blend(t, begin + i + 1, staged_by(i + 1), plane_by(i + 1));
             i += 2;
         } while (i < count);
         begin += WORKGROUP;
@@ -104,11 +147,29 @@ void blend_list(Tile t, uint begin, uint end) {
 }
 
 void begin_pixels(Tile t) {
+    if (WITH_SURFACE != 0) lens = vec4(view.focal, view.center);
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         transmittance[q] = mix(vec4(0.0), vec4(1.0), inside(t, q, view));
         red[q] = green[q] = blue[q] = far[q] = vec4(0.0);
         last[q] = uvec4(0);
+        plane_depth[q] = median[q] = normal_x[q] = normal_y[q] = normal_z[q] = vec4(0.0);
     }
+}
+
+void load_surface(uint q, uint r, uint pixel, uint pixels) {
+    plane_depth[q][r] = surface[SURFACE_DEPTH * pixels + pixel];
+    median[q][r] = surface[SURFACE_MEDIAN * pixels + pixel];
+    normal_x[q][r] = surface[SURFACE_NORMAL * pixels + pixel];
+    normal_y[q][r] = surface[(SURFACE_NORMAL + 1) * pixels + pixel];
+    normal_z[q][r] = surface[(SURFACE_NORMAL + 2) * pixels + pixel];
+}
+
+void store_surface(uint q, uint r, uint pixel, uint pixels) {
+    surface[SURFACE_DEPTH * pixels + pixel] = plane_depth[q][r];
+    surface[SURFACE_MEDIAN * pixels + pixel] = median[q][r];
+    surface[SURFACE_NORMAL * pixels + pixel] = normal_x[q][r];
+    surface[(SURFACE_NORMAL + 1) * pixels + pixel] = normal_y[q][r];
+    surface[(SURFACE_NORMAL + 2) * pixels + pixel] = normal_z[q][r];
 }
 
 // Loads the pixels as the previous band stored them.
@@ -123,6 +184,7 @@ void load_pixels(Tile t) {
             blue[q][r] = image[2 * pixels + pixel];
             transmittance[q][r] = image[3 * pixels + pixel];
             if (WITH_DEPTH != 0) far[q][r] = depth[pixel];
+            if (WITH_SURFACE != 0) load_surface(q, r, pixel, pixels);
         }
     }
 }
@@ -143,6 +205,7 @@ void store_pixels(Tile t) {
             image[3 * pixels + pixel] = through;
             if (WITH_ENDS != 0) isect_end_from_pixel[pixel] = last[q][r];
             if (WITH_DEPTH != 0) depth[pixel] = far[q][r];
+            if (WITH_SURFACE != 0) store_surface(q, r, pixel, pixels);
         }
     }
 }

@@ -37,6 +37,13 @@ const float QUATERNION_MIN = 1e-18;
 // finite for all coefficients.
 const float COLOR_MAX = 1e6;
 
+// Planes of a frame's surfaces, of one float a pixel: sum of weight * z; z of the splat that takes the transmittance
+// from above 1/2 to 1/2 or below, else 0; sums of weight * unit normal toward the camera, in view axes x, y, z.
+const uint SURFACE_DEPTH = 0;
+const uint SURFACE_MEDIAN = 1;
+const uint SURFACE_NORMAL = 2;
+const uint SURFACE_PLANES = 5;
+
 // Slots of the `counts` buffer.
 const uint COUNT_SPLAT = 0;
 const uint COUNT_VISIBLE = 1;

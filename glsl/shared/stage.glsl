@@ -14,6 +14,10 @@ void stage(Staged mine);
 // The splat staged by a lane; `lane` is the same in all lanes.
 Staged staged_by(uint lane);
 
+// The same for the splat's plane, in frames with surfaces.
+void stage_plane(vec3 mine);
+vec3 staged_plane_by(uint lane);
+
 // Makes a splat count nowhere, to pad the last batch.
 void hide(inout Staged splat) {
     splat.shape.w = -1e30;

@@ -3,6 +3,7 @@
 shared vec4 staged_shape[WORKGROUP];
 shared vec4 staged_tone[WORKGROUP];
 shared vec2 staged_rest[WORKGROUP];
+shared vec3 staged_plane[WORKGROUP];
 
 uint stage_lane() {
     return gl_LocalInvocationID.x;
@@ -19,4 +20,14 @@ void stage(Staged mine) {
 
 Staged staged_by(uint lane) {
     return Staged(staged_shape[lane], staged_tone[lane], staged_rest[lane]);
+}
+
+void stage_plane(vec3 mine) {
+    barrier();
+    staged_plane[gl_LocalInvocationID.x] = mine;
+    barrier();
+}
+
+vec3 staged_plane_by(uint lane) {
+    return staged_plane[lane];
 }

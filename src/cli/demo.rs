@@ -8,7 +8,7 @@ use super::render::orbit_of_cameras;
 use super::train::{Session, begin_made};
 use crate::gpu::Gpu;
 use crate::lab::synth::{self, Kind, SynthOptions};
-use crate::render::Compatibility;
+use crate::render::{Compatibility, Outputs};
 use crate::scene::{Camera, Dataset};
 use crate::simplify::AutoRun;
 use crate::train::TrainConfig;
@@ -96,7 +96,13 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
 /// Draws an orbit of the trained scene, read from its file.
 fn draw_orbit(gpu: &Gpu, dataset: &Dataset, dir: &Path, count: u32) -> Result<()> {
     let splats = io::splats::read(&dir.join("scene.ply"))?.splats;
-    let mut draw = engine::scene_renderer(gpu, &splats, engine::near(dataset), false, Compatibility::Engine)?;
+    let mut draw = engine::scene_renderer(
+        gpu,
+        &splats,
+        engine::near(dataset),
+        Outputs::default(),
+        Compatibility::Engine,
+    )?;
     let orbit = dir.join("orbit");
     std::fs::create_dir_all(&orbit).map_err(Error::io(&orbit))?;
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();

@@ -2,7 +2,7 @@
 
 use super::args::DeviceArgs;
 use crate::gpu::{Gpu, GpuOptions, Limits};
-use crate::render::{Compatibility, Evaluator, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
+use crate::render::{Compatibility, Evaluator, Model, Outputs, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use crate::scene::{Camera, Dataset, ScreenFilter, Splats};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
@@ -43,11 +43,12 @@ pub(super) fn scene_renderer(
     gpu: &Gpu,
     splats: &Splats,
     near: f64,
-    with_depth: bool,
+    outputs: Outputs,
     compatibility: Compatibility,
 ) -> Result<impl FnMut(&Camera, [f32; 3]) -> Result<RenderedImage>> {
     let options = RenderOptions {
-        with_depth,
+        with_depth: outputs.depth,
+        with_surface: outputs.surface,
         compatibility,
         sh_degree: splats.sh_degree,
         ..RenderOptions::default()

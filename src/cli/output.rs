@@ -48,11 +48,7 @@ impl Output {
         if self.json {
             return ProgressBar::hidden();
         }
-        // Ten frames a second: drawing more often costs steps on a slow machine.
-        let target = match std::io::stderr().is_terminal() {
-            true => ProgressDrawTarget::stderr_with_hz(10),
-            false => ProgressDrawTarget::hidden(),
-        };
+        let target = terminal();
         let is_hidden = target.is_hidden();
         let bar = ProgressBar::with_draw_target(Some(length), target);
         let template = "{prefix} {bar:16} {pos}/{len} · {eta} left {msg}";
@@ -63,6 +59,25 @@ impl Output {
             write_lines(&bar, name, LINE_EVERY, |line| eprintln!("{line}"));
         }
         bar.with_prefix(name)
+    }
+
+    /// A sign of life on a terminal during work of unknown length.
+    pub(crate) fn spinner(self, name: &'static str) -> ProgressBar {
+        if self.json {
+            return ProgressBar::hidden();
+        }
+        let spinner = ProgressBar::with_draw_target(None, terminal()).with_message(name);
+        spinner.enable_steady_tick(Duration::from_millis(100));
+        spinner
+    }
+}
+
+/// Standard error if it is a terminal.
+fn terminal() -> ProgressDrawTarget {
+    match std::io::stderr().is_terminal() {
+        // Ten frames a second: drawing more often costs steps on a slow machine.
+        true => ProgressDrawTarget::stderr_with_hz(10),
+        false => ProgressDrawTarget::hidden(),
     }
 }
 

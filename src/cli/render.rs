@@ -1,6 +1,7 @@
 //! `ashfall render`: pictures of a scene, from a data set's cameras or from an orbit.
 
 pub(super) mod orbit;
+mod picture;
 
 use super::Outcome;
 use super::args::{Compat, DataArgs, DeviceArgs, SplitArg};
@@ -9,10 +10,10 @@ use super::output::{Output, file_stem};
 use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};
 use crate::io::splats::readable;
-use crate::render::RenderedImage;
+use crate::render::{Compatibility, Outputs};
 use crate::scene::{Camera, Dataset};
 use crate::train::TrainConfig;
-use crate::{Error, Result, io};
+use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -40,10 +41,15 @@ pub(super) struct RenderArgs {
     /// N pictures around the scene instead
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     orbit: Option<u32>,
-    /// png: 8 bits, over the background. exr: linear light in 32-bit floats, premultiplied with alpha (A),
-    /// without background, and depth (Z, along the view axis)
+    /// png: 8 bits, over the background. exr: linear light in 32-bit floats, premultiplied with alpha (A), without
+    /// background, depth of surfaces (Z, along the view axis) and their normals (N.X, N.Y, N.Z, in the world); both are
+    /// NaN where alpha is below 1/2
     #[arg(long, value_name = "FORMAT", default_value = "png")]
     format: Format,
+    /// Contents of a png. depth: near is bright, far is dark, over each picture's own range. normal: x right is red, y
+    /// up is green, z toward the camera is blue. Both are transparent where alpha is below 1/2 [default: color]
+    #[arg(long, value_name = "WHAT")]
+    show: Option<Show>,
     /// Colour behind the splats of a png: black, white or R,G,B (0 to 1)
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse::color)]
     background: [f32; 3],
@@ -74,8 +80,43 @@ enum Format {
     Exr,
 }
 
+/// Contents of a picture for people.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Show {
+    #[default]
+    Color,
+    Alpha,
+    Depth,
+    Normal,
+}
+
+impl RenderArgs {
+    /// Outputs of each frame.
+    fn outputs(&self) -> Result<Outputs> {
+        let original = self.compat == Compat::Original;
+        let show = self.show.unwrap_or_default();
+        let surface = match self.format {
+            Format::Exr if self.show.is_some() => {
+                return Err(Error::Config("--show is for png: an exr holds all of it".into()));
+            }
+            Format::Exr => !original,
+            Format::Png => matches!(show, Show::Depth | Show::Normal),
+        };
+        if surface && original {
+            let what = "--show depth and normal are by the rules of this engine: leave out --compat original";
+            return Err(Error::Config(what.into()));
+        }
+        Ok(Outputs {
+            depth: self.format == Format::Exr && original,
+            surface,
+            ..Outputs::default()
+        })
+    }
+}
+
 pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
+    let outputs = args.outputs()?;
     let scene = args.scene_options.read(&args.scene)?;
     let cameras = args.cameras.as_deref();
     let mut dataset = cameras.map(|path| args.options.open(path, false)).transpose()?;
@@ -92,8 +133,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         Some(dataset) => near(dataset),
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
-    let with_depth = args.format == Format::Exr;
-    let mut draw = engine::scene_renderer(&gpu, &splats, near, with_depth, args.compat.into())?;
+    let compatibility: Compatibility = args.compat.into();
+    let mut draw = engine::scene_renderer(&gpu, &splats, near, outputs, compatibility)?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let bar = output.bar(shots.len() as u64, "pictures");
     // An EXR has no background.
@@ -103,7 +144,13 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     };
     for (stem, camera) in &shots {
         let picture = draw(camera, background)?;
-        let path = write(&args.out, stem, args.format, &picture)?;
+        let path = picture::write(
+            &args.out,
+            stem,
+            (args.format, args.show.unwrap_or_default()),
+            camera,
+            &picture,
+        )?;
         output.event(|| json!({"event": "picture", "path": path}));
         bar.inc(1);
     }
@@ -140,59 +187,4 @@ fn shots(
     }
     let stems = views.iter().map(|&i| file_stem(&dataset.views[i].name));
     Ok(stems.zip(cameras).collect())
-}
-
-fn write(dir: &Path, stem: &str, format: Format, picture: &RenderedImage) -> Result<PathBuf> {
-    let (width, height) = (picture.width, picture.height);
-    match format {
-        Format::Png => {
-            let path = dir.join(format!("{stem}.png"));
-            io::png::write_rgb(&path, width, height, &picture.rgb)?;
-            Ok(path)
-        }
-        Format::Exr => {
-            let path = dir.join(format!("{stem}.exr"));
-            let pixels = picture.rgb.iter().zip(picture.alpha());
-            let rgba: Vec<[f32; 4]> = pixels.map(|(rgb, alpha)| linear(*rgb, alpha)).collect();
-            io::exr::write(&path, width, height, &rgba, &picture.mean_depth())?;
-            Ok(path)
-        }
-    }
-}
-
-/// Converts display-referred colour over black to linear light, premultiplied. The curve applies to the colour without
-/// coverage.
-fn linear(rgb: [f32; 3], alpha: f32) -> [f32; 4] {
-    let channel = |value: f32| {
-        if alpha <= 0.0 {
-            return 0.0;
-        }
-        alpha * srgb_to_linear(value / alpha)
-    };
-    let [r, g, b] = rgb.map(channel);
-    [r, g, b, alpha]
-}
-
-/// The sRGB curve (IEC 61966-2-1), continued above 1.
-fn srgb_to_linear(value: f32) -> f32 {
-    if value <= 0.040_45 {
-        value / 12.92
-    } else {
-        ((value + 0.055) / 1.055).powf(2.4)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn exr_colours_are_linear_and_premultiplied() {
-        assert_eq!(linear([1.0, 0.0, 1.0], 1.0), [1.0, 0.0, 1.0, 1.0]);
-        let [half, ..] = linear([0.5, 0.0, 0.0], 0.5);
-        assert_eq!(half, 0.5);
-        let [grey, ..] = linear([0.5; 3], 1.0);
-        assert!((grey - 0.214_041).abs() < 1e-5);
-        assert_eq!(linear([0.0; 3], 0.0), [0.0; 4]);
-    }
 }

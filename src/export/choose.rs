@@ -117,7 +117,24 @@ impl ExportSource {
     /// # Errors
     /// A lack of memory.
     pub fn encode(&self, target: ExportFormat, setting: Setting) -> Result<EncodedScene> {
+        self.coded(self.rounded(target, setting), target, setting)
+    }
+
+    /// As [`encode`](ExportSource::encode), but the memory of the scene is free before its codes are compressed.
+    ///
+    /// # Errors
+    /// A lack of memory.
+    pub fn into_encoded(mut self, target: ExportFormat, setting: Setting) -> Result<EncodedScene> {
+        if self.influence.is_none() {
+            // In place; `rounded` would copy.
+            Arc::make_mut(&mut self.splats).cut_harmonics(setting.sh_degree);
+        }
         let rounded = self.rounded(target, setting);
+        self.splats = Arc::default();
+        self.coded(rounded, target, setting)
+    }
+
+    fn coded(&self, rounded: Arc<Splats>, target: ExportFormat, setting: Setting) -> Result<EncodedScene> {
         let codes = match target {
             ExportFormat::Ply => Codes::Ply(rounded),
             ExportFormat::Glb => Codes::Glb(rounded),
@@ -125,6 +142,7 @@ impl ExportSource {
             ExportFormat::CompressedPly => Codes::CompressedPly(CompressedPlyCodes::nearest(&rounded)),
             ExportFormat::Sog => {
                 let codes = self.sog(&rounded, setting);
+                drop(rounded);
                 let file = codes.bytes()?;
                 Codes::Sog(codes, file)
             }
@@ -139,6 +157,7 @@ impl ExportSource {
                     ..SpzOptions::default()
                 };
                 let codes = SpzCodes::nearest(&rounded, &options);
+                drop(rounded);
                 let file = codes.bytes(version, level(codes.len()));
                 let file = file.map_err(|error| Error::Config(format!("zstd: {error}")))?;
                 Codes::Spz(codes, file)

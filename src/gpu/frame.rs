@@ -2,7 +2,7 @@
 
 use super::check::check;
 use super::device::Gpu;
-use super::frame_slot::FrameSlot;
+use super::frame_slot::{FrameSlot, STAGING_BYTES};
 use super::host::HostCommands;
 use super::recorder::Recorder;
 use super::timing::Timestamps;
@@ -106,7 +106,8 @@ impl Frames {
         self.wait(Ticket(self.slots[index].value))?;
         let gpu = self.gpu.clone();
         let slot = &mut self.slots[index];
-        slot.reset()?;
+        // Photographs are staged again and again.
+        slot.reset(u64::MAX)?;
         let device = &gpu.0.device;
         let flags = vk::CommandPoolResetFlags::empty();
         // SAFETY: the slot's last submission is done.
@@ -141,7 +142,8 @@ impl Frames {
         if frame == self.begun {
             host.begin(self.ring(), frame);
             self.begun += 1;
-            self.slots[index].reset()?;
+            // An upload of a host's happens once.
+            self.slots[index].reset(STAGING_BYTES as u64)?;
         }
         let slot = &mut self.slots[index];
         let mut recorder = Recorder {
@@ -227,7 +229,7 @@ impl Frames {
     /// Waits for all submissions and releases their resources at once, not only when the slots are reused.
     pub fn release(&mut self) -> Result<()> {
         self.wait(Ticket(self.submitted))?;
-        self.slots.iter_mut().try_for_each(FrameSlot::reset)
+        self.slots.iter_mut().try_for_each(|slot| slot.reset(u64::MAX))
     }
 
     /// True if a submission is done.

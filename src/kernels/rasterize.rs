@@ -33,6 +33,8 @@ pub struct Outputs {
     pub depth: bool,
     /// End of each pixel's list, from which gradients are computed.
     pub ends: bool,
+    /// Depths and normals of the splats' planes; not by the rules of the 3DGS code.
+    pub surface: bool,
 }
 
 impl Outputs {
@@ -40,6 +42,7 @@ impl Outputs {
     pub const TRAINING: Outputs = Outputs {
         depth: false,
         ends: true,
+        surface: false,
     };
 }
 
@@ -72,17 +75,19 @@ choices! { contribution prune_limit rasterize rasterize_backward removal_error }
 
 /// Outputs of the kernels that composite.
 macro_rules! outputs {
-    ($($kernel:ident)*) => {$(
+    ($($kernel:ident: $($constant:ident $output:ident),*;)*) => {$(
         impl super::generated::$kernel::Choice {
             /// The same choice for a frame with these outputs.
             #[must_use]
             pub fn of_outputs(mut self, outputs: Outputs) -> Self {
-                self.spec.with_depth = outputs.depth.into();
-                self.spec.with_ends = outputs.ends.into();
+                $(self.spec.$constant = outputs.$output.into();)*
                 self
             }
         }
     )*};
 }
 
-outputs! { rasterize rasterize_inria }
+outputs! {
+    rasterize: with_depth depth, with_ends ends, with_surface surface;
+    rasterize_inria: with_depth depth, with_ends ends;
+}

@@ -23,6 +23,7 @@ pub mod gradient;
 pub mod linear;
 pub mod loss;
 pub mod perturb;
+pub mod plane;
 pub mod primitive;
 pub mod project;
 pub mod project_backward;

@@ -192,7 +192,7 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSpla
 
 /// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian is taken at x/z and y/z clamped to the limits; the clamped quotients are
 /// constants, the remaining 1/z is not.
-fn screen_covariance<R: Real>(splat: &Splat<R>, view: &Viewpoint, mean_view: Vec3<R>) -> Vec3<R> {
+pub fn screen_covariance<R: Real>(splat: &Splat<R>, view: &Viewpoint, mean_view: Vec3<R>) -> Vec3<R> {
     let [x, y, z] = mean_view;
     let focal = view.camera.focal.to_array().map(R::of);
     let slope_x = (x / z).at_least(view.limit[0]).at_most(view.limit[1]);

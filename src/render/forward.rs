@@ -28,6 +28,7 @@ pub struct Forward {
     expand: expand::Expand,
     ranges: ranges::Ranges,
     compositor: Compositor,
+    with_planes: bool,
     group_limit: u32,
     list_limit: u32,
 }
@@ -61,6 +62,7 @@ impl Forward {
         let listing = |degree| {
             let mut project = project::Choice::of_degree(degree);
             project.spec.precision = options.precision.code();
+            project.spec.with_planes = outputs.surface.into();
             let expand = expand::Choice::default();
             options.compatibility.listing(accuracy, project, expand)
         };
@@ -75,6 +77,7 @@ impl Forward {
             expand: expand::Expand::new(gpu, listing(0).1)?,
             ranges: ranges::Ranges::new(gpu, ranges::Choice::default())?,
             compositor: Compositor::new(gpu, options, outputs)?,
+            with_planes: outputs.surface,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
         })
@@ -163,6 +166,10 @@ impl Forward {
         for block in model.blocks.of(model.counts) {
             let at = model.places(&block);
             let kernel = self.project.of(model, sh_degree.min(block.degree));
+            let plane_from_splat = match self.with_planes {
+                true => s.plane_from_splat.part(at.splats.clone()),
+                false => s.plane_from_splat.clone(),
+            };
             kernel.record(
                 rec,
                 project::Bindings {
@@ -173,6 +180,7 @@ impl Forward {
                     blue_depth_from_splat: &s.blue_depth_from_splat.part(at.splats.clone()),
                     tile_count_from_splat: &s.tile_count_from_splat.part(at.splats),
                     splat_from_slot: &at.splat_from_slot,
+                    plane_from_splat: &plane_from_splat,
                 },
                 project::Params {
                     splat_count: block.count as u32,
@@ -196,6 +204,8 @@ impl Forward {
                     image: &s.image,
                     depth: &s.depth,
                     isect_end_from_pixel: &s.isect_end_from_pixel,
+                    plane_from_splat: &s.plane_from_splat,
+                    surface: &s.surface,
                 };
                 let params = rasterize::Params {
                     tile_stride,

@@ -23,6 +23,7 @@ mod projections;
 mod renderer;
 mod scratch;
 mod slots;
+mod surface;
 mod view;
 
 pub use crate::kernels::rasterize::Outputs;
@@ -42,4 +43,5 @@ pub use precision::Precision;
 pub use renderer::{RenderedImage, Renderer, Stats};
 pub use scratch::Scratch;
 pub use slots::{ByDegree, DEGREES, Slots, apart, degrees_used, merge_degrees, of_degree};
+pub use surface::Surface;
 pub use view::{ViewOptions, view_of};

@@ -15,8 +15,11 @@ pub struct RenderOptions {
     pub capacity: Capacity,
     /// Highest spherical-harmonic degree drawn; scenes of a higher one are drawn up to it.
     pub sh_degree: u32,
-    /// True for images with depth.
+    /// True for images with the depth of the splats' means.
     pub with_depth: bool,
+    /// True for images with depths and normals of surfaces ([`Surface`](super::Surface)); not by the rules of the 3DGS
+    /// code.
+    pub with_surface: bool,
     /// Thresholds that save work at a bounded error.
     pub accuracy: Accuracy,
     /// Storage precision of the models ([`Model::upload_as`](super::Model::upload_as)).
@@ -31,6 +34,7 @@ impl RenderOptions {
         Outputs {
             depth: self.with_depth,
             ends: false,
+            surface: self.with_surface,
         }
     }
 }
@@ -45,6 +49,7 @@ impl Default for RenderOptions {
             },
             sh_degree: 3,
             with_depth: false,
+            with_surface: false,
             accuracy: Accuracy::default(),
             precision: Precision::Full,
             compatibility: Compatibility::Engine,

@@ -8,10 +8,11 @@ use super::memory::isects_expected;
 use super::model::Model;
 use super::options::RenderOptions;
 use super::scratch::Scratch;
+use super::surface::Surface;
 use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Ticket};
 use crate::kernels::present;
-use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS};
+use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES};
 use crate::scene::{Camera, NotFinite, Splats};
 use crate::{Error, Result};
 use std::collections::VecDeque;
@@ -30,9 +31,11 @@ pub struct RenderedImage {
     pub rgb: Vec<[f32; 3]>,
     /// Transmittance of all splats in each pixel, 0 to 1.
     pub transmittance: Vec<f32>,
-    /// Σ weight · z of each pixel in world units; divide by 1 − transmittance for the mean. Empty unless requested
-    /// ([`RenderOptions::with_depth`]).
+    /// Σ weight · z of each pixel in world units, z of the splats' means; divide by 1 − transmittance for the mean.
+    /// Empty unless requested ([`RenderOptions::with_depth`]).
     pub depth: Vec<f32>,
+    /// Depths and normals, if requested ([`RenderOptions::with_surface`]).
+    pub surface: Option<Surface>,
 }
 
 /// Coverage below which a pixel has no depth: one 8-bit level.
@@ -129,7 +132,16 @@ impl std::fmt::Debug for Renderer {
 
 impl Renderer {
     /// Compiles the kernels, except those already in use on this device, and allocates for `options.capacity`.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for thresholds out of range, [`Error::Unsupported`] for surfaces by the rules of the 3DGS
+    /// code, [`Error::OutOfMemory`].
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
+        if options.with_surface && options.compatibility == Compatibility::Inria {
+            return Err(Error::Unsupported {
+                what: "depths and normals of surfaces by the rules of the 3DGS code".into(),
+            });
+        }
         let capacity = options.capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(Renderer {
             gpu: gpu.clone(),
@@ -346,22 +358,25 @@ impl Renderer {
         loop {
             let pixels = camera.width as usize * camera.height as usize;
             let (forward, scratch) = (&self.forward, &self.scratch);
-            let (degree, with_depth) = (self.options.sh_degree, self.options.with_depth);
+            let (degree, outputs) = (self.options.sh_degree, self.options.outputs());
+            let of = |wanted: bool, planes: u32| 0..if wanted { planes as usize * pixels } else { 0 };
             let frames = own_frames(&mut self.frames, &self.gpu)?;
-            let (ticket, (counts, image, depth)) = frames.submit(|rec| {
+            let (ticket, (counts, image, depth, surface)) = frames.submit(|rec| {
                 rec.fill(&scratch.counts, 0);
                 forward.record(rec, model, scratch, &view, degree, bands);
                 Ok((
                     rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?,
                     rec.read_back(&scratch.image, 0..4 * pixels)?,
-                    rec.read_back(&scratch.depth, 0..if with_depth { pixels } else { 0 })?,
+                    rec.read_back(&scratch.depth, of(outputs.depth, 1))?,
+                    rec.read_back(&scratch.surface, of(outputs.surface, SURFACE_PLANES))?,
                 ))
             })?;
             frames.wait(ticket)?;
             self.rendered = Some(ticket);
             let counts = counts.get();
             if counts[COUNT_FAILED as usize] == 0 {
-                return Ok(unpack(camera, &image.get(), depth.get()));
+                let surface = outputs.surface.then(|| surface.get());
+                return Ok(unpack(camera, &image.get(), depth.get(), surface.as_deref()));
             }
             let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
             self.reserve_some(model, camera, wanted.saturating_add(wanted / 8))?;
@@ -378,17 +393,19 @@ fn own_frames<'a>(frames: &'a mut Option<Frames>, gpu: &Gpu) -> Result<&'a mut F
     }
 }
 
-fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>) -> RenderedImage {
+fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>, surface: Option<&[f32]>) -> RenderedImage {
     let pixels = camera.width as usize * camera.height as usize;
     let rgb = (0..pixels)
         .map(|i| [image[i], image[pixels + i], image[2 * pixels + i]])
         .collect();
     let transmittance = image[3 * pixels..].to_vec();
+    let surface = surface.map(|planes| Surface::unpack(camera, planes, &transmittance));
     RenderedImage {
         width: camera.width,
         height: camera.height,
         rgb,
         transmittance,
         depth,
+        surface,
     }
 }

@@ -24,6 +24,7 @@ buffers! {
         ellipse_from_splat: Buffer<[f32; 4]>, Splats, capacity.splats;
         whiten_rg_from_splat: Buffer<[f32; 4]>, Splats, capacity.splats;
         blue_depth_from_splat: Buffer<[f32; 2]>, Splats, capacity.splats;
+        plane_from_splat: Buffer<[f32; 3]>, Splats, if outputs.surface { capacity.splats } else { 1 };
         tile_count_from_splat: Buffer<u32>, Splats, capacity.splats;
         visible_from_splat: Buffer<u32>, Splats, capacity.splats;
         depth_from_visible: Vec<Buffer<u32>>, Splats, vec![capacity.splats; 2];
@@ -40,6 +41,7 @@ buffers! {
         range_from_tile: Buffer<[u32; 2]>, Pixels, capacity.tiles;
         image: Buffer<f32>, Pixels, 4 * capacity.pixels;
         depth: Buffer<f32>, Pixels, if outputs.depth { capacity.pixels } else { 1 };
+        surface: Buffer<f32>, Pixels, if outputs.surface { SURFACE_PLANES as usize * capacity.pixels } else { 1 };
         isect_end_from_pixel: Buffer<u32>, Pixels, if outputs.ends { capacity.pixels } else { 1 };
     }
 }

@@ -3,7 +3,7 @@
 use crate::common::scenes::Scene;
 use ashfall::gpu::Gpu;
 use ashfall::reference;
-use ashfall::render::{Capacity, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
+use ashfall::render::{Capacity, Model, RenderOptions, RenderedImage, Renderer, Surface, ViewOptions};
 use ashfall::scene::{Dataset, Photo, PhotoSource, Point, View};
 use ashfall::train::{HostState, TrainConfig, Trainer};
 
@@ -19,6 +19,7 @@ fn render(gpu: &Gpu, scene: &Scene) -> RenderedImage {
             tiles: 1,
         },
         with_depth: true,
+        with_surface: true,
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(gpu, options).unwrap();
@@ -31,9 +32,16 @@ fn render(gpu: &Gpu, scene: &Scene) -> RenderedImage {
     renderer.render(&model, &scene.camera, &view).unwrap()
 }
 
+fn surface(image: &RenderedImage) -> &Surface {
+    image.surface.as_ref().unwrap()
+}
+
 fn bits(image: &RenderedImage) -> Vec<u32> {
     let values = image.rgb.iter().flatten().chain(&image.transmittance);
-    values.chain(&image.depth).map(|x| x.to_bits()).collect()
+    let surface = surface(image);
+    let depths = surface.expected_depth.iter().chain(&surface.median_depth);
+    let surface = depths.chain(surface.normal.as_flattened());
+    values.chain(&image.depth).chain(surface).map(|x| x.to_bits()).collect()
 }
 
 /// Largest error against the oracle over pixels far from any discontinuity.
@@ -73,6 +81,12 @@ fn a_scene_of_many_blocks_and_bands_is_drawn_as_one() {
         assert_eq!(model.params.len() > 1, scene.splats.len() > 128, "{name}");
         let image = render(&narrow, &scene);
         assert!(bits(&image) == bits(&render(&wide, &scene)), "{name}: other bits");
+        let surfaces = surface(&image).median_depth.iter().filter(|z| z.is_finite()).count();
+        assert_eq!(
+            surfaces > 100,
+            scene.splats.len() > 1,
+            "{name}: {surfaces} pixels with a surface"
+        );
         let error = error(&scene, &image);
         println!("{name}: {error:.1e}");
         // The tolerances of frame.rs for gentle and hard scenes.

@@ -19,3 +19,4 @@ mod large;
 mod memory;
 mod simplify;
 mod stability;
+mod surfaces;

@@ -35,6 +35,7 @@ fn peaks(gpu: &Gpu) -> BTreeMap<String, u64> {
 const ALL: Outputs = Outputs {
     depth: true,
     ends: true,
+    surface: true,
 };
 
 #[test]

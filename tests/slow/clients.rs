@@ -1,11 +1,13 @@
-//! Round trips through splat-transform, an independent reader and writer; `make clients` installs and runs it.
+//! Round trips through splat-transform and gsply, independent readers and writers; `make clients` installs and runs
+//! them.
 
 use ashfall::io::splats;
 use ashfall::scene::{Axes, Splats};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Formats that splat-transform both reads and writes.
+/// Formats that both clients read.
 const ENDS: [&str; 3] = ["spz", "sog", "compressed.ply"];
 
 /// Splats of degree 3 within the range of every format.
@@ -29,24 +31,78 @@ fn scene() -> Splats {
     }
 }
 
-/// Converts a file by splat-transform.
-fn convert(from: &Path, to: &Path) {
-    let program = std::env::var_os("SPLAT_TRANSFORM").expect("SPLAT_TRANSFORM is set by `make clients`");
-    let output = Command::new(program)
-        .args(["-w", "-g", "cpu"])
-        .args([from, to])
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+/// Program that converts scene files.
+struct Client {
+    /// Ends of the names of files that it writes.
+    written: &'static [&'static str],
+    command: fn() -> Command,
+}
+
+const SPLAT_TRANSFORM: Client = Client {
+    written: &ENDS,
+    command: || {
+        let mut command = Command::new(installed("SPLAT_TRANSFORM"));
+        command.args(["-w", "-g", "cpu"]);
+        command
+    },
+};
+
+/// gsply writes no SOG.
+const GSPLY: Client = Client {
+    written: &["spz", "compressed.ply"],
+    command: || {
+        let mut command = Command::new(installed("GSPLY_PYTHON"));
+        command.args(["-c", GSPLY_CONVERSION]);
+        command
+    },
+};
+
+/// Converts the file of the first argument to that of the second.
+const GSPLY_CONVERSION: &str = "
+import sys, gsply
+from gsply.sog_reader import sogread
+source, target = sys.argv[1:]
+read = {'spz': gsply.read_spz, 'sog': sogread}.get(source.rsplit('.')[-1], gsply.plyread)
+write = gsply.write_spz if target.endswith('.spz') else gsply.plywrite
+write(target, read(source))
+";
+
+/// Program of a client.
+fn installed(variable: &str) -> OsString {
+    std::env::var_os(variable).unwrap_or_else(|| panic!("{variable} is set by `make clients`"))
+}
+
+impl Client {
+    fn convert(&self, from: &Path, to: &Path) {
+        let output = (self.command)().args([from, to]).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+
+    /// Asserts that files of this engine and of the client decode to the same splats in both.
+    fn agrees(&self) {
+        let folder = tempfile::tempdir().unwrap();
+        let source = folder.path().join("source.ply");
+        splats::write(&source, &scene()).unwrap();
+        for end in ENDS {
+            let ours = folder.path().join(format!("ours.{end}"));
+            splats::write(&ours, &scene()).unwrap();
+            assert_agreement(self, &ours, end);
+        }
+        for end in self.written {
+            let theirs = folder.path().join(format!("theirs.{end}"));
+            self.convert(&source, &theirs);
+            assert_agreement(self, &theirs, end);
+        }
+    }
 }
 
 /// Asserts that both programs decode a file to the same splats, in its order, to the rounding of floats.
-fn assert_agreement(file: &Path, end: &str) {
+fn assert_agreement(client: &Client, file: &Path, end: &str) {
     let decoded = PathBuf::from(format!("{}.decoded.ply", file.display()));
-    convert(file, &decoded);
+    client.convert(file, &decoded);
     let ours = splats::read(file).unwrap();
     let mut theirs = splats::read(&decoded).unwrap().splats;
-    // splat-transform passes over the axes that SPZ 4 states.
+    // Both clients pass over the axes that SPZ 4 states.
     theirs.change_axes(ours.stored.axes, Axes::RDF);
     let ours = ours.splats;
     assert_eq!((ours.len(), ours.sh_degree), (theirs.len(), theirs.sh_degree), "{end}");
@@ -82,17 +138,11 @@ fn assert_agreement(file: &Path, end: &str) {
 #[test]
 #[ignore = "installs splat-transform from npm: `make clients`"]
 fn splat_transform_agrees() {
-    let folder = tempfile::tempdir().unwrap();
-    let source = folder.path().join("source.ply");
-    splats::write(&source, &scene()).unwrap();
-    for end in ENDS {
-        let [ours, theirs] = ["ours", "theirs"].map(|name| folder.path().join(format!("{name}.{end}")));
-        splats::write(&ours, &scene()).unwrap();
-        assert_agreement(&ours, end);
-        convert(&source, &theirs);
-        let loaded = splats::read_in_axes(&theirs, Some(Axes::RDF)).unwrap().splats;
-        assert_eq!((loaded.len(), loaded.sh_degree), (600, 3), "{end}");
-        let center = |splats: &Splats| splats.mean.iter().map(|m| f64::from(m[0])).sum::<f64>();
-        assert!((center(&loaded) - center(&scene())).abs() < 1.0, "{end}");
-    }
+    SPLAT_TRANSFORM.agrees();
+}
+
+#[test]
+#[ignore = "installs gsply from PyPI: `make clients`"]
+fn gsply_agrees() {
+    GSPLY.agrees();
 }

@@ -90,8 +90,11 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     if let (Some((out, target)), None, None) = (wanted, &args.data, budget) {
         let omissions = losses(target.end(), &loaded.splats);
         let source = ExportSource::new(loaded.splats, None);
-        let encoded = source.encode(target, plain(target, source.splats()))?;
-        return finish(args, (out, target), omissions, source.splats().len(), &encoded, None);
+        let (count, setting) = (source.splats().len(), plain(target, source.splats()));
+        let spinner = output.spinner("encoding");
+        let encoded = source.into_encoded(target, setting)?;
+        spinner.finish_and_clear();
+        return finish(args, (out, target), omissions, count, &encoded, None);
     }
     let mut dataset = match &args.data {
         Some(path) => Some(args.options.open(path, false)?),

@@ -32,7 +32,7 @@ pub(super) fn fit(mut numbers: Vec<(f32, f32)>) -> Vec<f32> {
         center
     });
     let mut centers: Vec<f64> = centers.collect();
-    polish(&mut centers, &PrefixSums::of_each(&numbers));
+    polish(&mut centers, &numbers);
     let mut values: Vec<f32> = centers
         .into_iter()
         .map(|center| shortened(center, range) as f32)
@@ -93,15 +93,6 @@ impl PrefixSums {
     fn moments(&self, (number, weight): (f32, f32)) -> [f64; 3] {
         let (x, w) = (f64::from(number) - self.origin, f64::from(weight));
         [w, w * x, w * x * x]
-    }
-
-    fn of_each(numbers: &[(f32, f32)]) -> PrefixSums {
-        let origin = numbers.first().map_or(0.0, |n| f64::from(n.0));
-        let mut sums = PrefixSums::new(numbers.len(), origin);
-        for &number in numbers {
-            sums.push(number.0, sums.moments(number));
-        }
-        sums
     }
 
     /// Items of neighbouring numbers; equal numbers share one.
@@ -195,23 +186,24 @@ fn optimal_ends(bins: &PrefixSums) -> Vec<usize> {
     ends
 }
 
-/// Lloyd's iteration on sorted numbers: a number belongs to the nearest centre, a centre is the mean of its numbers.
-fn polish(centers: &mut [f64], numbers: &PrefixSums) {
+/// Lloyd's iteration on sorted numbers with weights: a number belongs to the nearest centre, a centre is the mean of
+/// its numbers.
+fn polish(centers: &mut [f64], numbers: &[(f32, f32)]) {
     for _ in 0..ITERATIONS {
         let before = centers.to_vec();
-        let mut from = 0;
-        for i in 0..centers.len() {
-            let to = match before.get(i + 1) {
-                Some(next) => {
-                    let middle = (before[i] + next) / 2.0;
-                    numbers.last.partition_point(|number| f64::from(*number) <= middle)
-                }
-                None => numbers.len(),
-            };
-            if to > from {
-                centers[i] = numbers.mean(from, to);
+        let mut rest = numbers;
+        for (i, center) in centers.iter_mut().enumerate() {
+            let middle = before.get(i + 1).map_or(f64::INFINITY, |next| (before[i] + next) / 2.0);
+            let (own, after) = rest.split_at(rest.partition_point(|n| f64::from(n.0) <= middle));
+            rest = after;
+            let (mut weight, mut offset) = (0.0, 0.0);
+            for &(number, w) in own {
+                weight += f64::from(w);
+                offset += f64::from(w) * (f64::from(number) - before[i]);
             }
-            from = to.max(from);
+            if weight > 0.0 {
+                *center = before[i] + offset / weight;
+            }
         }
         if *centers == before {
             break;

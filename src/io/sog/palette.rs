@@ -25,7 +25,7 @@ const EXCESS_DIVISOR: usize = 2;
 
 /// Palette of vectors.
 pub(super) struct FittedPalette {
-    /// `[entry][stride]` with the padding of the vectors.
+    /// `[entry][number]`.
     pub(super) centroids: Vec<f32>,
     /// Entry of each vector.
     pub(super) labels: Vec<u32>,
@@ -33,7 +33,7 @@ pub(super) struct FittedPalette {
 }
 
 /// Nearest other centroids of each.
-type Graph = Vec<Vec<u32>>;
+type Graph = Vec<Box<[u32]>>;
 
 /// Palette of at most `count` entries with the least weighted sum of squared distances found. The same vectors give the
 /// same palette on any number of threads.
@@ -45,13 +45,13 @@ pub(super) fn fit(vectors: &Vectors, count: usize) -> FittedPalette {
         labels,
         graph: Graph::new(),
     };
-    palette.graph = first_graph(&palette.centroids, vectors.stride);
+    palette.graph = first_graph(&palette.centroids, vectors.length);
     for _ in 0..GRAPH_ROUNDS {
-        palette.refine_graph(vectors.stride);
+        palette.refine_graph(vectors.length);
     }
     while palette.graph.len() > count {
         palette.merge(vectors, count);
-        palette.refine_graph(vectors.stride);
+        palette.refine_graph(vectors.length);
     }
     let mut before = f64::INFINITY;
     for _ in 0..ITERATIONS {
@@ -61,14 +61,14 @@ pub(super) fn fit(vectors: &Vectors, count: usize) -> FittedPalette {
         }
         before = error;
         palette.update(vectors);
-        palette.refine_graph(vectors.stride);
+        palette.refine_graph(vectors.length);
     }
     palette
 }
 
 /// Neighbours in the order of the tree.
-fn first_graph(centroids: &[f32], stride: usize) -> Graph {
-    let count = centroids.len() / stride;
+fn first_graph(centroids: &[f32], length: usize) -> Graph {
+    let count = centroids.len() / length;
     let half = NEIGHBOURS / 2;
     let around = |i: usize| i.saturating_sub(half)..(i + half + 1).min(count);
     let neighbours = |i: usize| around(i).filter(|&j| j != i).map(|j| j as u32).collect();
@@ -76,13 +76,13 @@ fn first_graph(centroids: &[f32], stride: usize) -> Graph {
 }
 
 impl FittedPalette {
-    fn centroid(&self, entry: u32, stride: usize) -> &[f32] {
-        &self.centroids[entry as usize * stride..][..stride]
+    fn centroid(&self, entry: u32, length: usize) -> &[f32] {
+        &self.centroids[entry as usize * length..][..length]
     }
 
     /// Replaces neighbours by nearer ones among the neighbours of neighbours, in either direction of the edges.
-    fn refine_graph(&mut self, stride: usize) {
-        let mut reverse: Graph = vec![Vec::new(); self.graph.len()];
+    fn refine_graph(&mut self, length: usize) {
+        let mut reverse: Vec<Vec<u32>> = vec![Vec::new(); self.graph.len()];
         for (i, neighbours) in (0u32..).zip(&self.graph) {
             for &j in neighbours {
                 let list = &mut reverse[j as usize];
@@ -97,15 +97,16 @@ impl FittedPalette {
             found.extend(near(i).flat_map(|&j| near(j)));
             found.sort_unstable();
             found.dedup();
-            let own = self.centroid(i, stride);
+            let own = self.centroid(i, length);
             let mut ranked: Vec<(f32, u32)> = found
                 .into_iter()
                 .filter(|&j| j != i)
-                .map(|j| (distance2(own, self.centroid(j, stride)), j))
+                .map(|j| (distance2(own, self.centroid(j, length)), j))
                 .collect();
             ranked.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             ranked.truncate(NEIGHBOURS);
-            ranked.into_iter().map(|(_, j)| j).collect()
+            // By reference: a vector collected in place would keep the room of all candidates.
+            ranked.iter().map(|(_, j)| *j).collect()
         });
         self.graph = refined.collect();
     }
@@ -113,12 +114,12 @@ impl FittedPalette {
     /// Merges pairs of neighbours where it raises the error least (Ward 1963), each entry at most once, until `count`
     /// remain or no pair is left.
     fn merge(&mut self, vectors: &Vectors, count: usize) {
-        let (stride, entries) = (vectors.stride, self.graph.len());
+        let (length, entries) = (vectors.length, self.graph.len());
         let weights = self.entry_weights(vectors);
         let ranked = (0..entries as u32).into_par_iter().filter_map(|i| {
             let costs = self.graph[i as usize].iter().map(|&j| {
                 let (a, b) = (f64::from(weights[i as usize]), f64::from(weights[j as usize]));
-                let distance = distance2(self.centroid(i, stride), self.centroid(j, stride));
+                let distance = distance2(self.centroid(i, length), self.centroid(j, length));
                 (a * b / (a + b).max(f64::MIN_POSITIVE) * f64::from(distance), j)
             });
             let (cost, j) = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
@@ -147,9 +148,9 @@ impl FittedPalette {
             if let Some(j) = partner[i] {
                 number_of[j as usize] = number;
                 let share = weights[j as usize] / (weights[i] + weights[j as usize]).max(f32::MIN_POSITIVE);
-                for k in 0..stride {
-                    let (a, b) = (self.centroids[i * stride + k], self.centroids[j as usize * stride + k]);
-                    self.centroids[i * stride + k] = a + share * (b - a);
+                for k in 0..length {
+                    let (a, b) = (self.centroids[i * length + k], self.centroids[j as usize * length + k]);
+                    self.centroids[i * length + k] = a + share * (b - a);
                 }
             }
         }
@@ -159,10 +160,10 @@ impl FittedPalette {
             let mut list: Vec<u32> = both.filter(|&j| j != number_of[i]).collect();
             list.sort_unstable();
             list.dedup();
-            list
+            list.into_boxed_slice()
         });
         self.graph = lists.collect();
-        let rows = kept.iter().flat_map(|&i| &self.centroids[i * stride..][..stride]);
+        let rows = kept.iter().flat_map(|&i| &self.centroids[i * length..][..length]);
         self.centroids = rows.copied().collect();
         self.labels
             .iter_mut()
@@ -172,14 +173,14 @@ impl FittedPalette {
     /// Moves every vector to the nearest centroid reached along the graph; returns the weighted sum of squared
     /// distances.
     pub(super) fn assign(&mut self, vectors: &Vectors) -> f64 {
-        let stride = vectors.stride;
+        let length = vectors.length;
         let moved = self.labels.par_iter().enumerate().map(|(i, &label)| {
             let row = vectors.row(i);
-            let mut best = (distance2(row, self.centroid(label, stride)), label);
+            let mut best = (distance2(row, self.centroid(label, length)), label);
             loop {
                 let from = best.1;
                 for &entry in &self.graph[from as usize] {
-                    let distance = distance2(row, self.centroid(entry, stride));
+                    let distance = distance2(row, self.centroid(entry, length));
                     if distance < best.0 {
                         best = (distance, entry);
                     }
@@ -191,7 +192,7 @@ impl FittedPalette {
         });
         let moved: Vec<(f32, u32)> = moved.collect();
         self.labels = moved.iter().map(|(_, label)| *label).collect();
-        let errors = moved.iter().zip(&vectors.weights);
+        let errors = moved.iter().zip(vectors.weights);
         errors
             .map(|((distance, _), weight)| f64::from(*distance) * f64::from(*weight))
             .sum()
@@ -199,10 +200,10 @@ impl FittedPalette {
 
     /// Moves every centroid to the mean of its vectors, and those without any to the vectors of largest error.
     fn update(&mut self, vectors: &Vectors) {
-        let stride = vectors.stride;
+        let length = vectors.length;
         let members = Members::new(&self.labels, self.graph.len());
         let means = (0..self.graph.len()).into_par_iter().map(|entry| {
-            let mut sum = vec![0.0f64; stride];
+            let mut sum = vec![0.0f64; length];
             let mut weight = 0.0;
             for &i in members.of(entry) {
                 let w = f64::from(vectors.weights[i as usize]);
@@ -215,7 +216,7 @@ impl FittedPalette {
         });
         let means: Vec<Option<Vec<f32>>> = means.collect();
         let free: Vec<usize> = (0..means.len()).filter(|&entry| means[entry].is_none()).collect();
-        for (centroid, mean) in self.centroids.chunks_exact_mut(stride).zip(means) {
+        for (centroid, mean) in self.centroids.chunks_exact_mut(length).zip(means) {
             if let Some(mean) = mean {
                 centroid.copy_from_slice(&mean);
             }
@@ -225,14 +226,14 @@ impl FittedPalette {
         }
         let mut errors: Vec<(f32, usize)> = (0..vectors.len())
             .map(|i| {
-                let distance = distance2(vectors.row(i), self.centroid(self.labels[i], stride));
+                let distance = distance2(vectors.row(i), self.centroid(self.labels[i], length));
                 (distance * vectors.weights[i], i)
             })
             .filter(|(error, _)| *error > 0.0)
             .collect();
         errors.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         for (entry, (_, i)) in free.into_iter().zip(errors) {
-            self.centroids[entry * stride..][..stride].copy_from_slice(vectors.row(i));
+            self.centroids[entry * length..][..length].copy_from_slice(vectors.row(i));
             // The vector itself leads the search of its neighbours to the new place.
             let neighbours = self.graph[self.labels[i] as usize].clone();
             self.graph[entry] = neighbours;
@@ -243,7 +244,7 @@ impl FittedPalette {
     /// Weight of the vectors of each entry.
     pub(super) fn entry_weights(&self, vectors: &Vectors) -> Vec<f32> {
         let mut weights = vec![0.0; self.graph.len()];
-        for (label, weight) in self.labels.iter().zip(&vectors.weights) {
+        for (label, weight) in self.labels.iter().zip(vectors.weights) {
             weights[*label as usize] += weight;
         }
         weights

@@ -30,46 +30,28 @@ impl SogCodes {
         if let Some(weights) = options.weights {
             assert_eq!(weights.len(), splats.len(), "a weight for each splat");
         }
-        let sound: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
-        let logs: Vec<[f64; 3]> = sound.iter().map(|&i| splats.mean[i].map(logarithmic)).collect();
-        let (min, max) = bounds(&logs);
-        let mut coded: Vec<(u64, usize, [u16; 3])> = logs
-            .par_iter()
-            .zip(&sound)
-            .map(|(t, &i)| {
-                let codes = [0, 1, 2].map(|axis| nearest_mean(t[axis], min[axis], max[axis]));
-                (morton(codes), i, codes)
-            })
-            .collect();
-        coded.par_sort_unstable();
-        let order: Vec<usize> = coded.iter().map(|(_, i, _)| *i).collect();
+        let means = MeanCodes::new(splats);
+        let order = means.order;
         let weights = weights(options.weights, &order);
-        let scales = repeated(order.iter().map(|&i| splats.log_scale[i]), &weights);
-        let colors = repeated(order.iter().map(|&i| constant(splats, i)), &weights);
-        let ((scale_codebook, color_codebook), palette) = rayon::join(
-            || rayon::join(|| codebook::fit(scales), || codebook::fit(colors)),
-            || palette_of(splats, &order, &weights, options.palette_entries),
+        let (scale_codebook, color_codebook) = rayon::join(
+            || codebook::fit(repeated(order.iter().map(|&i| splats.log_scale[i]), &weights)),
+            || codebook::fit(repeated(order.iter().map(|&i| constant(splats, i)), &weights)),
         );
+        let palette = palette_of(splats, &order, &weights, options.palette_entries);
+        let color = |&i: &usize| {
+            let [r, g, b] = constant(splats, i).map(|c| nearest(&color_codebook, c));
+            let opacity = sigmoid(splats.opacity_logit[i].into());
+            [r, g, b, (255.0 * opacity).round() as u8]
+        };
+        let scale = |&i: &usize| splats.log_scale[i].map(|s| nearest(&scale_codebook, s));
+        let quaternion = order.par_iter().map(|&i| nearest_rotation(splats.quaternion[i]));
         SogCodes {
-            mean: coded.iter().map(|(_, _, codes)| *codes).collect(),
-            mean_min: min,
-            mean_max: max,
-            quaternion: order
-                .par_iter()
-                .map(|&i| nearest_rotation(splats.quaternion[i]))
-                .collect(),
-            scale: order
-                .par_iter()
-                .map(|&i| splats.log_scale[i].map(|s| nearest(&scale_codebook, s)))
-                .collect(),
-            color: order
-                .par_iter()
-                .map(|&i| {
-                    let [r, g, b] = constant(splats, i).map(|c| nearest(&color_codebook, c));
-                    let opacity = sigmoid(splats.opacity_logit[i].into());
-                    [r, g, b, (255.0 * opacity).round() as u8]
-                })
-                .collect(),
+            mean: means.codes,
+            mean_min: means.min,
+            mean_max: means.max,
+            quaternion: quaternion.collect(),
+            scale: order.par_iter().map(scale).collect(),
+            color: order.par_iter().map(color).collect(),
             scale_codebook,
             color_codebook,
             palette,
@@ -93,6 +75,38 @@ impl SogCodes {
     }
 }
 
+/// Codes of the means in Morton order.
+struct MeanCodes {
+    codes: Vec<[u16; 3]>,
+    /// Index of each splat in the scene.
+    order: Vec<usize>,
+    /// Logarithm of code 0 along each axis.
+    min: [f64; 3],
+    /// Logarithm of code 65535 along each axis.
+    max: [f64; 3],
+}
+
+impl MeanCodes {
+    fn new(splats: &Splats) -> MeanCodes {
+        let sound: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
+        let logarithms = |i: usize| splats.mean[i].map(logarithmic);
+        let (min, max) = bounds(sound.iter().map(|&i| logarithms(i)));
+        let code = |&i: &usize| {
+            let t = logarithms(i);
+            let codes = [0, 1, 2].map(|axis| nearest_mean(t[axis], min[axis], max[axis]));
+            (morton(codes), i, codes)
+        };
+        let mut coded: Vec<(u64, usize, [u16; 3])> = sound.par_iter().map(code).collect();
+        coded.par_sort_unstable();
+        MeanCodes {
+            codes: coded.iter().map(|(.., codes)| *codes).collect(),
+            order: coded.iter().map(|(_, i, _)| *i).collect(),
+            min,
+            max,
+        }
+    }
+}
+
 /// Harmonics of degree 0 of a splat.
 fn constant(splats: &Splats, i: usize) -> [f32; 3] {
     let start = i * splats.sh_stride();
@@ -105,13 +119,11 @@ fn logarithmic(value: f32) -> f64 {
     value.abs().ln_1p().copysign(value)
 }
 
-fn bounds(values: &[[f64; 3]]) -> ([f64; 3], [f64; 3]) {
-    let Some(first) = values.first() else {
-        return ([0.0; 3], [0.0; 3]);
-    };
+/// Least and largest values along each axis; zeros without values.
+fn bounds(values: impl Iterator<Item = [f64; 3]> + Clone) -> ([f64; 3], [f64; 3]) {
     let fold = |pick: fn(f64, f64) -> f64| {
-        let combined = |a: [f64; 3], b: &[f64; 3]| [0, 1, 2].map(|axis| pick(a[axis], b[axis]));
-        values.iter().fold(*first, combined)
+        let combined = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|axis| pick(a[axis], b[axis]));
+        values.clone().reduce(combined).unwrap_or_default()
     };
     (fold(f64::min), fold(f64::max))
 }
@@ -167,10 +179,11 @@ fn weights(given: Option<&[f32]>, order: &[usize]) -> Vec<f32> {
 
 /// Three numbers of each splat with its weight.
 fn repeated(numbers: impl Iterator<Item = [f32; 3]>, weights: &[f32]) -> Vec<(f32, f32)> {
-    numbers
-        .zip(weights)
-        .flat_map(|(three, weight)| three.map(|number| (number, *weight)))
-        .collect()
+    let mut all = Vec::with_capacity(3 * weights.len());
+    for (three, weight) in numbers.zip(weights) {
+        all.extend(three.map(|number| (number, *weight)));
+    }
+    all
 }
 
 /// Entries of splat-transform's palette for a number of splats.
@@ -187,26 +200,26 @@ fn palette_of(splats: &Splats, order: &[usize], weights: &[f32], entries: Option
         return None;
     }
     let entries = entries.unwrap_or(usual_entries(order.len())).clamp(1, 1 << 16);
-    let stride = numbers.next_multiple_of(8);
-    let mut vectors = Vectors {
-        stride,
-        numbers: vec![0.0; stride * order.len()],
-        weights: weights.to_vec(),
+    let vectors = Vectors {
+        stride: splats.sh_stride(),
+        length: numbers,
+        numbers: &splats.sh,
+        order,
+        weights,
     };
-    for (row, &i) in vectors.numbers.chunks_exact_mut(stride).zip(order) {
-        row[..numbers].copy_from_slice(&splats.sh[i * splats.sh_stride() + 3..][..numbers]);
-    }
     let mut palette = palette::fit(&vectors, entries);
     let entry_weights = palette.entry_weights(&vectors);
-    let rows = || palette.centroids.chunks_exact(stride).map(|row| &row[..numbers]);
+    let rows = || palette.centroids.chunks_exact(numbers);
     let weighted = rows().zip(&entry_weights).filter(|(_, weight)| **weight > 0.0);
     let weighted = weighted.flat_map(|(row, weight)| row.iter().map(|v| (*v, *weight)));
-    let codebook = codebook::fit(weighted.collect());
+    let mut coefficients = Vec::with_capacity(palette.centroids.len());
+    coefficients.extend(weighted);
+    let codebook = codebook::fit(coefficients);
     // Vectors choose among the entries as they will be read.
     let codes: Vec<Vec<u8>> = rows()
         .map(|row| row.iter().map(|v| nearest(&codebook, *v)).collect())
         .collect();
-    for (row, codes) in palette.centroids.chunks_exact_mut(stride).zip(&codes) {
+    for (row, codes) in palette.centroids.chunks_exact_mut(numbers).zip(&codes) {
         row.iter_mut()
             .zip(codes)
             .for_each(|(v, code)| *v = codebook[usize::from(*code)]);

@@ -2,44 +2,51 @@
 
 use rayon::prelude::*;
 
-/// Vectors of one length with weights, padded with zeros to a multiple of eight numbers.
-pub(super) struct Vectors {
-    /// Numbers per vector with the padding.
+/// Weighted vectors of one length: ends of rows of an array, which a copy would double.
+pub(super) struct Vectors<'a> {
+    /// Numbers of a row.
     pub(super) stride: usize,
-    pub(super) numbers: Vec<f32>,
+    /// Numbers of a vector: the last ones of its row.
+    pub(super) length: usize,
+    pub(super) numbers: &'a [f32],
+    /// Row of each vector.
+    pub(super) order: &'a [usize],
     /// Positive.
-    pub(super) weights: Vec<f32>,
+    pub(super) weights: &'a [f32],
 }
 
-impl Vectors {
+impl Vectors<'_> {
     pub(super) fn len(&self) -> usize {
-        self.weights.len()
+        self.order.len()
     }
 
     pub(super) fn row(&self, i: usize) -> &[f32] {
-        &self.numbers[i * self.stride..][..self.stride]
+        let end = (self.order[i] + 1) * self.stride;
+        &self.numbers[end - self.length..end]
     }
 }
 
-/// Squared distance of vectors whose length is a multiple of eight.
+/// Squared distance of vectors of equal length.
 pub(super) fn distance2(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0f32; 8];
-    for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
-        for i in 0..8 {
-            let d = a[i] - b[i];
-            sums[i] += d * d;
-        }
-    }
-    sums.iter().sum()
+    sum_of(a, b, |a, b| (a - b) * (a - b))
 }
 
-/// Inner product of such vectors.
+/// Inner product of vectors of equal length.
 fn dot(a: &[f32], b: &[f32]) -> f32 {
+    sum_of(a, b, |a, b| a * b)
+}
+
+/// Sum of a term of each pair, in eight lanes.
+fn sum_of(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f32 {
     let mut sums = [0.0f32; 8];
-    for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    for (a, b) in a.iter().zip(b) {
         for i in 0..8 {
-            sums[i] += a[i] * b[i];
+            sums[i] += term(a[i], b[i]);
         }
+    }
+    for (sum, (a, b)) in sums.iter_mut().zip(a_rest.iter().zip(b_rest)) {
+        *sum += term(*a, *b);
     }
     sums.iter().sum()
 }
@@ -61,7 +68,7 @@ const POWER_ITERATIONS: usize = 6;
 
 impl Cell {
     fn new(vectors: &Vectors, members: &[u32]) -> Cell {
-        let mut sum = vec![0.0f64; vectors.stride];
+        let mut sum = vec![0.0f64; vectors.length];
         let mut weight = 0.0;
         for &i in members {
             let w = f64::from(vectors.weights[i as usize]);

@@ -205,6 +205,7 @@ mod tests {
             rgb: vec![[red, 0.0, 0.0], [0.5; 3]],
             transmittance: vec![0.5; 2],
             depth: Vec::new(),
+            surface: None,
         }
     }
 

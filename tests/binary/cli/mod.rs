@@ -203,6 +203,10 @@ fn a_scene_is_trained_judged_and_drawn() {
     stdout(&[&draw[..], &split].concat());
     stdout(&[&draw[..], &["--orbit", "2"]].concat());
     stdout(&["render", scene, "--orbit", "1", "--out", word(&path("around"))]);
+    for show in ["depth", "normal", "alpha"] {
+        let around = path("around");
+        stdout(&["render", scene, "--orbit", "1", "--out", word(&around), "--show", show]);
+    }
     // Rendering by the rules of the 3DGS code gives another picture.
     let theirs = path("theirs");
     let draw = ["render", scene, "--orbit", "1", "--out", word(&theirs)];
@@ -212,6 +216,9 @@ fn a_scene_is_trained_judged_and_drawn() {
         "frames/orbit_0001.png",
         "around/orbit_0000.png",
         "theirs/orbit_0000.png",
+        "around/orbit_0000_depth.png",
+        "around/orbit_0000_normal.png",
+        "around/orbit_0000_alpha.png",
     ] {
         assert!(path(name).is_file(), "{name}");
     }

@@ -74,7 +74,14 @@ const WRITERS: &[(&str, Writer)] = &[
     }),
     ("picture.exr", |path, value| {
         let noise = |i: u32| [f32::from(value), (i * i) as f32, 0.5, 1.0];
-        exr::write(path, 24, 16, &(0..384).map(noise).collect::<Vec<_>>(), &[1.0; 384])
+        exr::write(
+            path,
+            24,
+            16,
+            &(0..384).map(noise).collect::<Vec<_>>(),
+            &[1.0; 384],
+            None,
+        )
     }),
 ];
 

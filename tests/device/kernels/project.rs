@@ -8,7 +8,7 @@ use ashfall::kernels::Kernel;
 use ashfall::kernels::project::{Choice, Project};
 use ashfall::lab::bench::input::lists::view;
 use ashfall::lab::bench::kernels::Workgroups;
-use ashfall::lab::bench::kernels::project::{ProjectOutputs, commands, project};
+use ashfall::lab::bench::kernels::project::{ProjectOutputs, commands, planes, project};
 use ashfall::reference::dropout::Dropout;
 use ashfall::render::planes_from_splats;
 use ashfall::scene::ScreenFilter;
@@ -67,6 +67,16 @@ fn splats_are_projected() {
         cases.push(("dropout", project(&gpu, &dropped, &[], dropout).unwrap()));
         check.cases(&gpu, Workgroups::any(&[8, 64]), &cases);
     }
+    check.finish();
+}
+
+#[test]
+fn planes_of_splats_are_found() {
+    let gpu = device::gpu();
+    let mut check = Check::new("project");
+    let case = |(name, scene, filters): Case| (name, planes(&gpu, &scene, &filters).unwrap());
+    let cases: Vec<_> = cases(0).into_iter().map(case).collect();
+    check.cases(&gpu, Workgroups::any(&[8, 64]), &cases);
     check.finish();
 }
 

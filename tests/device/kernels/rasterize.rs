@@ -10,7 +10,7 @@ use ashfall::kernels::Kernel;
 use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize};
 use ashfall::lab::bench::kernels::composite::rasterize;
 use ashfall::lab::bench::kernels::{Composite, CompositeBuffers};
-use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE};
+use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE, SURFACE_PLANES};
 use ashfall::render::list_limit;
 
 /// Many faint splats over one tile: the list is long and ends by itself.
@@ -80,18 +80,26 @@ pub(crate) fn longest() -> Scene {
 }
 
 /// Outputs of compositing: the least, the usual and the most.
-const OUTPUTS: [Outputs; 3] = [
+const OUTPUTS: [Outputs; 4] = [
     Outputs {
         depth: false,
         ends: true,
+        surface: false,
     },
     Outputs {
         depth: true,
         ends: true,
+        surface: true,
     },
     Outputs {
         depth: false,
         ends: false,
+        surface: false,
+    },
+    Outputs {
+        depth: false,
+        ends: false,
+        surface: true,
     },
 ];
 
@@ -103,7 +111,7 @@ fn choices(gpu: &Gpu) -> Vec<Choice> {
         .collect()
 }
 
-/// Bits of the image and of depth, and the ends of each band, of lists that come in bands.
+/// Bits of the image, of depth and of surfaces, and the ends of each band, of lists that come in bands.
 fn run(
     gpu: &Gpu,
     kernel: &Rasterize,
@@ -112,6 +120,7 @@ fn run(
     bands: &[&[[u32; 2]]],
 ) -> (Vec<u32>, Vec<u32>, Vec<Vec<u32>>) {
     let (image, depth) = (unwritten::<f32>(gpu, 4 * pixels), unwritten::<f32>(gpu, pixels));
+    let surface = unwritten::<f32>(gpu, SURFACE_PLANES as usize * pixels);
     let mut ends = Vec::new();
     for (band, slices) in bands.iter().enumerate() {
         let end = unwritten(gpu, pixels);
@@ -121,6 +130,7 @@ fn run(
             range_from_tile: &buffer(gpu, slices),
             image: &image,
             depth: &depth,
+            surface: &surface,
             isect_end_from_pixel: &end,
             ..input.rasterize()
         };
@@ -133,8 +143,8 @@ fn run(
         gpu.run(|rec| kernel.record(rec, io, params, input.groups())).unwrap();
         ends.push(read(gpu, &end));
     }
-    let bits = |buffer| read(gpu, buffer).iter().map(|x: &f32| x.to_bits()).collect();
-    (bits(&image), bits(&depth), ends)
+    let bits = |buffer| -> Vec<u32> { read(gpu, buffer).iter().map(|x: &f32| x.to_bits()).collect() };
+    (bits(&image), [bits(&depth), bits(&surface)].concat(), ends)
 }
 
 #[test]
@@ -154,7 +164,7 @@ fn bands_change_no_bit() {
             let rest: Vec<_> = slices.iter().map(|s| [cut(s), s[1]]).collect();
             let found = run(&gpu, &kernel, &input, pixels, &[&first, &nothing, &rest]);
             assert!(found.0 == image, "{name}, {choice:?}: image");
-            assert!(found.1 == depth, "{name}, {choice:?}: depth");
+            assert!(found.1 == depth, "{name}, {choice:?}: depth or surface");
             if choice.spec.with_ends == 0 {
                 continue;
             }

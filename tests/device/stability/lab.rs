@@ -239,6 +239,7 @@ impl Lab {
             blue_depth_from_splat: &rests,
             tile_count_from_splat: &tiles,
             splat_from_slot: &gpu.buffer("splat_from_slot", 1).unwrap(),
+            plane_from_splat: &gpu.buffer("plane_from_splat", 1).unwrap(),
         };
         let params = Params {
             splat_count: count as u32,

@@ -175,6 +175,8 @@ fn m22_workgroups_and_variants() {
                     image: &image,
                     depth: &gpu.buffer("depth", pixels).unwrap(),
                     isect_end_from_pixel: &gpu.buffer("ends", pixels).unwrap(),
+                    plane_from_splat: &gpu.buffer("planes", 1).unwrap(),
+                    surface: &gpu.buffer("surface", 1).unwrap(),
                 };
                 let params = Params {
                     tile_stride,

@@ -54,7 +54,8 @@ fn exr_files_keep_every_bit() {
     let odd = [f32::MAX, -0.0, 1e-40, f32::INFINITY, 0.1, 2.5];
     let rgba: Vec<[f32; 4]> = (0..6).map(|i| [odd[i], i as f32, -1.5, 0.25]).collect();
     let depth: Vec<f32> = (0..6).map(|i| 10.0 + odd[5 - i]).collect();
-    exr::write(&path, 3, 2, &rgba, &depth).unwrap();
+    let normal: Vec<[f32; 3]> = (0..6).map(|i| [odd[i], f32::NAN, -(i as f32)]).collect();
+    exr::write(&path, 3, 2, &rgba, &depth, Some(&normal)).unwrap();
     let image = read_first_flat_layer_from_file(&path).unwrap();
     assert_eq!(image.layer_data.size, Vec2(3, 2));
     let channel = |name: &str| -> Vec<u32> {
@@ -71,5 +72,9 @@ fn exr_files_keep_every_bit() {
     }
     let expected: Vec<u32> = depth.iter().map(|v| v.to_bits()).collect();
     assert_eq!(channel("Z"), expected);
+    for (i, name) in ["N.X", "N.Y", "N.Z"].into_iter().enumerate() {
+        let expected: Vec<u32> = normal.iter().map(|n| n[i].to_bits()).collect();
+        assert_eq!(channel(name), expected, "{name}");
+    }
     assert_eq!(files_in(folder.path()), ["a.exr"]);
 }

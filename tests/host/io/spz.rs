@@ -8,7 +8,7 @@ use ashfall::scene::{Axes, ScreenFilter, Splats, sh_coefficient_count};
 
 /// Rounding of floats. Bytes 0 and 255 of opacity, which others decode as 0 and 1, are a quarter of a step inside; w
 /// follows from a difference of rounded squares in versions 1 and 2, and is √2⁻²³ off if it is zero.
-fn decoding(version: u32) -> Bounds {
+pub(super) fn decoding(version: u32) -> Bounds {
     Bounds {
         opacity: 0.25 / 255.0 + 1e-6,
         rotation_degrees: if version < 3 {

@@ -9,6 +9,7 @@ mod losses;
 mod metamorphic;
 mod operations;
 mod packing;
+mod planes;
 mod rays;
 mod sample;
 mod thresholds;

@@ -19,6 +19,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "src/reference/smoothing.rs",
         "part of project: what the 3D filter makes of a splat before",
     ),
+    (
+        "src/reference/plane.rs",
+        "part of project and of rasterize: a splat's plane, and the surface of a pixel",
+    ),
     ("src/reference/dropout.rs", "part of project: random splats left out"),
     ("src/reference/ssim.rs", "part of loss: the similarity of one channel"),
     (

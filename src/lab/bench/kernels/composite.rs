@@ -7,13 +7,14 @@ use crate::kernels::rasterize::Outputs;
 use crate::kernels::{baseline_16x16, rasterize, walker_bindings};
 use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, floats, words};
-use crate::lab::bench::input::lists::{Lists, view};
+use crate::lab::bench::input::lists::{Lists, view, viewpoint};
 use crate::lab::bench::input::scene::Scene;
-use crate::layout::{BASELINE_TILE, View};
+use crate::layout::{BASELINE_TILE, SURFACE_PLANES, View};
 use crate::reference::frame::center;
+use crate::reference::plane::{SurfacePixel, TangentPlane, surface};
 use crate::reference::rasterize::{self as reference, blended, discontinuity_margin};
 use crate::reference::tiles::Grid;
-use crate::reference::{ScreenSplat, Thresholds};
+use crate::reference::{ScreenSplat, Splat, Thresholds};
 use crate::render::tile_stride;
 use rayon::prelude::*;
 use std::rc::Rc;
@@ -26,6 +27,8 @@ pub struct Composite {
     pub lists: Lists,
     /// The splats in the order of depth, as the device sees them.
     pub splats: Vec<ScreenSplat<f64>>,
+    /// Their planes.
+    pub planes: Vec<TangentPlane>,
     /// By tile, nearest first: places in `splats`.
     pub ranks_from_tile: Vec<Vec<usize>>,
     /// By pixel.
@@ -37,8 +40,10 @@ pub struct Composite {
 pub struct ExpectedPixel {
     /// Red, green, blue, transmittance.
     pub planes: [f64; 4],
-    /// Expected depth.
+    /// Σ weight · z of the means.
     pub depth: f64,
+    /// Surface.
+    pub surface: SurfacePixel,
     /// One past the last intersection that counts, 0 if none does.
     pub end: u32,
     /// Splats that are blended.
@@ -79,10 +84,14 @@ impl Composite {
             slice.iter().map(|&splat| rank_from_splat[splat as usize]).collect()
         };
         let ranks_from_tile: Vec<Vec<usize>> = lists.range_from_tile.iter().map(ranks).collect();
+        let at = viewpoint(&scene);
+        let plane = |&splat: &usize| TangentPlane::of(&Splat::of(&scene.splats, splat), &at);
+        let planes = splat_from_rank.iter().map(plane).collect();
         let mut composite = Composite {
             scene,
             lists,
             splats,
+            planes,
             ranks_from_tile,
             pixels: Vec::new(),
         };
@@ -116,6 +125,14 @@ impl Composite {
         ExpectedPixel {
             planes: [red, green, blue, shown.transmittance],
             depth: shown.depth,
+            surface: surface(
+                &self.splats,
+                &self.planes,
+                ranks,
+                at,
+                &thresholds,
+                &viewpoint(&self.scene),
+            ),
             end: place.map_or(0, |place| begin + place as u32 + 1),
             blended: taken.len() as u32,
             near: margin.nearest() <= 1e-4,
@@ -201,6 +218,8 @@ pub struct CompositeBuffers {
     pub(super) image: Buffer<f32>,
     pub(super) depth: Buffer<f32>,
     pub(super) isect_end_from_pixel: Buffer<u32>,
+    plane_from_splat: Buffer<[f32; 3]>,
+    surface: Buffer<f32>,
     counts: Buffer<u32>,
     pub(super) tiles: usize,
 }
@@ -223,6 +242,8 @@ impl CompositeBuffers {
             image: gpu.buffer("image", 4 * pixels)?,
             depth: gpu.buffer("depth", pixels)?,
             isect_end_from_pixel: gpu.buffer("isect_end_from_pixel", pixels)?,
+            plane_from_splat: gpu.buffer_from("plane_from_splat", &composite.packed_planes())?,
+            surface: gpu.buffer("surface", SURFACE_PLANES as usize * pixels)?,
             tiles: lists.grid.len() as usize,
             counts: counts(gpu, &[])?,
         })
@@ -237,6 +258,8 @@ impl CompositeBuffers {
             image: &self.image,
             depth: &self.depth,
             isect_end_from_pixel: &self.isect_end_from_pixel,
+            plane_from_splat: &self.plane_from_splat,
+            surface: &self.surface,
         }
     }
 
@@ -284,6 +307,9 @@ pub fn rasterize<'a>(
         let depth = Output::relative("depth", floats(&found), expected, 2e-5, range);
         let near = composite.pixels.iter().map(|pixel| pixel.near).collect();
         vec![depth.near(near, range / 255.0, 0.01)]
+    });
+    let case = case.compare(&input.surface, move |found| {
+        composite.surface_outputs(&found, outputs.surface)
     });
     Ok(case.commands(move |rec, kernel: &rasterize::Rasterize, _| {
         kernel.record(rec, input.rasterize(), input.params(), input.groups());

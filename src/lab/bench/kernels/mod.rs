@@ -22,6 +22,7 @@ pub mod removal_error;
 pub mod scan;
 pub mod sort;
 pub mod sum_by_splat;
+pub mod surface;
 
 mod case;
 
@@ -34,6 +35,7 @@ use super::session::{Bench, Case};
 use crate::Result;
 use crate::gpu::{Buffer, Caps, DeviceKind, Gpu};
 use crate::kernels::Kernel;
+use crate::kernels::rasterize::Outputs;
 use crate::layout::COUNT_SLOTS;
 use crate::reference::dropout::Dropout;
 use bytemuck::Pod;
@@ -75,6 +77,9 @@ fn by_splat(bench: &mut Bench, count: usize) -> Result<()> {
     let scene = |degree| scattered(count, [960, 540], 3.0, degree);
     time(bench, ELEMENTWISE, count, |gpu| {
         project::project(gpu, &scene(3), &[], Dropout::default())
+    })?;
+    time(bench, ELEMENTWISE, format_args!("{count} with planes"), |gpu| {
+        project::planes(gpu, &scene(3), &[])
     })?;
     time(bench, ELEMENTWISE, count, |gpu| {
         project_backward::scattered(gpu, &scene(3))
@@ -121,6 +126,13 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
     let (lanes, fixed) = (LANES, Workgroups::FIXED);
     time(bench, lanes, name, |gpu| {
         composite::rasterize(gpu, &engine, Default::default())
+    })?;
+    let surface = Outputs {
+        surface: true,
+        ..Outputs::default()
+    };
+    time(bench, lanes, format_args!("{name} with surface"), |gpu| {
+        composite::rasterize(gpu, &engine, surface)
     })?;
     time(bench, fixed, name, |gpu| composite::baseline_16x16(gpu, &squares))?;
     time(bench, fixed, name, |gpu| rasterize_inria::rasterize_inria(gpu, &engine))?;

@@ -1,11 +1,11 @@
 //! Case of `project`: from parameters to the ellipse, its colour and its number of tiles.
 
-use super::{KernelCase, ScreenBuffers, read, sample};
+use super::{KernelCase, ScreenBuffers, read, sample, surface};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::project::{Bindings, Choice, Params, Project};
 use crate::lab::bench::Work;
-use crate::lab::bench::check::{Output, UNWRITTEN};
+use crate::lab::bench::check::{Output, UNWRITTEN, words};
 use crate::lab::bench::input::lists::{tiles_near, view, viewpoint};
 use crate::lab::bench::input::pack::{self, Splat2d};
 use crate::lab::bench::input::scene::Scene;
@@ -24,6 +24,7 @@ const SAMPLES: usize = 1000;
 #[derive(Clone)]
 pub struct ProjectOutputs {
     records: ScreenBuffers,
+    planes: Buffer<[f32; 3]>,
     tiles: Buffer<u32>,
 }
 
@@ -32,6 +33,7 @@ impl ProjectOutputs {
     pub fn new(gpu: &Gpu, count: usize) -> Result<ProjectOutputs> {
         Ok(ProjectOutputs {
             records: ScreenBuffers::new(gpu, &vec![Splat2d::default(); count])?,
+            planes: gpu.buffer("plane_from_splat", count.max(1))?,
             tiles: gpu.buffer("tile_count_from_splat", count + 1)?,
         })
     }
@@ -70,7 +72,34 @@ pub fn project<'a>(gpu: &Gpu, scene: &Scene, filters: &[f32], dropout: Dropout) 
     let case = commands(gpu, (&scene, view), &planes, None, &outputs)?;
     Ok(case.judge(move |gpu| {
         let (records, tiles) = outputs.read(gpu)?;
+        let planes = words(&read(gpu, &outputs.planes)?);
+        assert!(planes.iter().all(|x| x.is_nan()), "planes that are not wanted");
         Ok(compare((&scene, dropout), &filters, &records, &tiles))
+    }))
+}
+
+/// The planes of a scene's splats, with their smoothing filters (none: no filters).
+pub fn planes<'a>(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Result<KernelCase<'a, Project>> {
+    let mut planes = planes_from_splats(&scene.splats);
+    let mut filters = filters.to_vec();
+    filters.resize(scene.splats.len(), 0.0);
+    pack::set_filters(&mut planes, &filters);
+    let outputs = ProjectOutputs::new(gpu, scene.splats.len())?;
+    let scene = scene.clone();
+    let degree = scene.splats.sh_degree;
+    let case = commands(gpu, (&scene, view(&scene)), &planes, None, &outputs)?;
+    let case = case.tune(move |choice: &mut Choice| {
+        choice.spec.sh_degree = degree;
+        choice.spec.with_planes = 1;
+    });
+    Ok(case.judge(move |gpu| {
+        let (_, tiles) = outputs.read(gpu)?;
+        let drawn = sample(tiles.len(), SAMPLES).filter(|&i| tiles[i] > 0);
+        let splat = |i: usize| smoothed(&Splat::<f64>::of(&scene.splats, i), filters[i].into());
+        let splats: Vec<_> = drawn.clone().map(splat).collect();
+        let found = read(gpu, &outputs.planes)?;
+        let found: Vec<_> = drawn.map(|i| found[i].map(f64::from)).collect();
+        Ok(surface::plane_outputs(&viewpoint(&scene), &splats, &found))
     }))
 }
 
@@ -98,6 +127,7 @@ pub fn commands<'a>(
             blue_depth_from_splat: &out.records.rest,
             tile_count_from_splat: &out.tiles,
             splat_from_slot: &splat_from_slot,
+            plane_from_splat: &out.planes,
         };
         let params = Params {
             splat_count: count as u32,
@@ -111,7 +141,7 @@ pub fn commands<'a>(
     });
     let records = &outputs.records;
     let case = case.erase(&records.shape).erase(&records.tone);
-    Ok(case.erase(&records.rest).erase(&outputs.tiles))
+    Ok(case.erase(&records.rest).erase(&outputs.tiles).erase(&outputs.planes))
 }
 
 /// Records and tile counts beside the reference's, splat by splat.
