@@ -183,16 +183,17 @@ fn image(index: &Index<'_>, ty: u32, id: u32, number: u32) -> Result<Binding, St
         return Err("only storage buffers and storage images are bound".to_owned());
     };
     let flat = *dim == Dim::Dim2D && bits(arrayed) == 0 && bits(samples) == 0;
-    if !flat || bits(sampled) != 2 || *format != Operand::ImageFormat(ImageFormat::Unknown) {
-        return Err("images are `writeonly uniform image2D` without a format".to_owned());
+    let is_sampled = bits(sampled) == 1;
+    if !flat || bits(sampled) == 0 || *format != Operand::ImageFormat(ImageFormat::Unknown) {
+        return Err("images are `writeonly uniform image2D` without a format, or `uniform texture2D`".to_owned());
     }
     let no = |what| index.is(id, None, what);
     Ok(Binding {
         binding: number,
         name: rust_name(index.name(id))?,
         block: index.name(id).to_owned(),
-        access: access(no(Decoration::NonWritable), no(Decoration::NonReadable))?,
-        bound: Bound::Image,
+        access: access(is_sampled || no(Decoration::NonWritable), no(Decoration::NonReadable))?,
+        bound: if is_sampled { Bound::SampledImage } else { Bound::Image },
     })
 }
 

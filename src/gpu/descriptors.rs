@@ -71,6 +71,9 @@ impl Arena {
             vk::DescriptorPoolSize::default()
                 .ty(vk::DescriptorType::STORAGE_IMAGE)
                 .descriptor_count(IMAGES_PER_POOL),
+            vk::DescriptorPoolSize::default()
+                .ty(vk::DescriptorType::SAMPLED_IMAGE)
+                .descriptor_count(IMAGES_PER_POOL),
         ];
         let info = vk::DescriptorPoolCreateInfo::default()
             .max_sets(SETS_PER_POOL)
@@ -138,7 +141,7 @@ impl Arena {
                 SlotKind::Image(image) => {
                     images[i] = vk::DescriptorImageInfo::default()
                         .image_view(image.view)
-                        .image_layout(vk::ImageLayout::GENERAL);
+                        .image_layout(image.layout);
                 }
             }
         }

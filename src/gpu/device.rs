@@ -227,6 +227,17 @@ impl GpuState {
     /// True if kernels can write images of this format without its declaration.
     pub(super) fn writes_format(&self, format: vk::Format) -> bool {
         use vk::FormatFeatureFlags2 as Feature;
+        let needed = Feature::STORAGE_IMAGE | Feature::STORAGE_WRITE_WITHOUT_FORMAT;
+        self.format_features(format).contains(needed)
+    }
+
+    /// True if kernels can read texels of images of this format.
+    pub(super) fn reads_format(&self, format: vk::Format) -> bool {
+        let features = self.format_features(format);
+        features.contains(vk::FormatFeatureFlags2::SAMPLED_IMAGE)
+    }
+
+    fn format_features(&self, format: vk::Format) -> vk::FormatFeatureFlags2 {
         let mut features = vk::FormatProperties3::default();
         let mut properties = vk::FormatProperties2::default().push_next(&mut features);
         // SAFETY: the device belongs to the instance, both of at least Vulkan 1.3.
@@ -234,8 +245,7 @@ impl GpuState {
             self.instance
                 .get_physical_device_format_properties2(self.physical, format, &mut properties);
         }
-        let needed = Feature::STORAGE_IMAGE | Feature::STORAGE_WRITE_WITHOUT_FORMAT;
-        features.optimal_tiling_features.contains(needed)
+        features.optimal_tiling_features
     }
 
     /// Bytes that the driver's budget of the largest device-local heap leaves; unlimited without the extension.

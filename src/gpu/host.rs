@@ -152,7 +152,7 @@ impl HostCommands {
     }
 }
 
-/// A host's storage image to write, with its state before and after.
+/// A host's image to write or to read, with its state before and after.
 #[derive(Clone, Debug)]
 pub struct HostImage {
     image: Image,
@@ -161,15 +161,15 @@ pub struct HostImage {
     after: ImageState,
 }
 
-/// A host's colour image with one mip level and layer.
+/// A host's image with one mip level and layer.
 #[derive(Clone, Copy, Debug)]
 pub struct HostImageDesc {
-    /// The image, with the storage usage.
+    /// The image, with the storage usage to be written, with the sampled usage to be read.
     pub image: vk::Image,
-    /// View of all of it.
+    /// View of all of it; of an image with depth and stencil, of its depth.
     pub view: vk::ImageView,
-    /// Format of the view. Kernels write it without declaring it, which the device must support for this format
-    /// (`VK_FORMAT_FEATURE_2_STORAGE_WRITE_WITHOUT_FORMAT_BIT`).
+    /// Format of the view; of a view of depth, of the image. Kernels write it without declaring it, which the device
+    /// must support for this format (`VK_FORMAT_FEATURE_2_STORAGE_WRITE_WITHOUT_FORMAT_BIT`).
     pub format: vk::Format,
     /// Width and height in pixels.
     pub extent: [u32; 2],
@@ -191,6 +191,8 @@ impl HostImage {
                 image: desc.image,
                 view: desc.view,
                 extent: desc.extent,
+                aspects: aspects(desc.format),
+                layout: vk::ImageLayout::GENERAL,
                 own: None,
             },
             format: desc.format,
@@ -216,9 +218,42 @@ impl HostImage {
         }
     }
 
-    /// The image, for binding to a kernel.
+    /// Checks that kernels can read the format.
+    ///
+    /// # Errors
+    /// [`Unsupported`](crate::Error::Unsupported).
+    pub fn check_readable(&self, gpu: &Gpu) -> Result<()> {
+        match gpu.0.reads_format(self.format) {
+            true => Ok(()),
+            false => Err(Error::Unsupported {
+                what: format!("reading {:?}: {} does not sample it", self.format, gpu.caps().name),
+            }),
+        }
+    }
+
+    /// The image, for binding to a kernel that writes it.
     pub fn image(&self) -> &Image {
         &self.image
+    }
+
+    /// The image, for binding to a kernel that reads it.
+    pub fn readable(&self) -> Image {
+        Image {
+            layout: KERNEL_READ.layout,
+            ..self.image.clone()
+        }
+    }
+}
+
+/// All aspects of a format.
+fn aspects(format: vk::Format) -> vk::ImageAspectFlags {
+    use vk::{Format, ImageAspectFlags as Aspect};
+    match format {
+        Format::D16_UNORM | Format::X8_D24_UNORM_PACK32 | Format::D32_SFLOAT => Aspect::DEPTH,
+        Format::D16_UNORM_S8_UINT | Format::D24_UNORM_S8_UINT | Format::D32_SFLOAT_S8_UINT => {
+            Aspect::DEPTH | Aspect::STENCIL
+        }
+        _ => Aspect::COLOR,
     }
 }
 
@@ -231,6 +266,16 @@ impl Recorder<'_> {
     /// Transitions a host's image to its state `after`.
     pub fn release(&mut self, target: &HostImage) {
         self.transition(&target.image, KERNEL_WRITE, target.after);
+    }
+
+    /// Transitions a host's image from its state `before` to that for kernel reads.
+    pub fn acquire_to_read(&mut self, source: &HostImage) {
+        self.transition(&source.image, source.before, KERNEL_READ);
+    }
+
+    /// Transitions a host's image that kernels have read to its state `after`.
+    pub fn release_read(&mut self, source: &HostImage) {
+        self.transition(&source.image, KERNEL_READ, source.after);
     }
 
     /// Ends recording into a host's command buffer, which stays valid after an error.
@@ -247,4 +292,10 @@ const KERNEL_WRITE: ImageState = ImageState {
     layout: vk::ImageLayout::GENERAL,
     stage: vk::PipelineStageFlags2::COMPUTE_SHADER,
     access: vk::AccessFlags2::SHADER_STORAGE_WRITE,
+};
+
+const KERNEL_READ: ImageState = ImageState {
+    layout: vk::ImageLayout::READ_ONLY_OPTIMAL,
+    stage: vk::PipelineStageFlags2::COMPUTE_SHADER,
+    access: vk::AccessFlags2::SHADER_SAMPLED_READ,
 };

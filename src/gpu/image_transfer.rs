@@ -50,6 +50,8 @@ impl Gpu {
             image: own.image,
             view: own.view,
             extent,
+            aspects: vk::ImageAspectFlags::COLOR,
+            layout: READY.layout,
             own: Some(own),
         };
         self.run(|rec| {

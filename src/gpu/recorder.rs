@@ -7,7 +7,7 @@ use super::buffer::{Buffer, RawBuffer};
 use super::descriptors::BINDINGS_MAX;
 use super::device::Gpu;
 use super::frame_slot::FrameSlot;
-use super::image::{Image, ImageState, WHOLE};
+use super::image::{Image, ImageState, whole};
 use super::pipeline::{Pipeline, RawPipeline};
 use super::slot::{Groups, Slot, SlotKind};
 use crate::Result;
@@ -68,6 +68,7 @@ const WRITES: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
 /// Reads of this crate's commands.
 const READS: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
     vk::AccessFlags2::SHADER_STORAGE_READ.as_raw()
+        | vk::AccessFlags2::SHADER_SAMPLED_READ.as_raw()
         | vk::AccessFlags2::TRANSFER_READ.as_raw()
         | vk::AccessFlags2::INDIRECT_COMMAND_READ.as_raw(),
 );
@@ -313,7 +314,7 @@ pub(super) fn transition(gpu: &Gpu, commands: vk::CommandBuffer, image: &Image, 
         .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         .image(image.image)
-        .subresource_range(WHOLE)];
+        .subresource_range(whole(image.aspects))];
     let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
     // SAFETY: a host's image is in the state that its wrapper's contract says, an owned one in the state that the last
     // transition left.

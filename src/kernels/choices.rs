@@ -64,6 +64,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         contribution: contribution::Choice::prefer(caps), contribution::Choice::why(caps);
         expand: expand::Choice::default(), ELEMENTWISE;
         gather: gather::Choice::default(), ELEMENTWISE;
+        linearize: linearize::Choice::default(), ELEMENTWISE;
         loss: loss::Choice::default(), TILED;
         loss_backward: loss_backward::Choice::default(), TILED;
         loss_sum: loss_sum::Choice::default(), ALONE;

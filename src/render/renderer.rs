@@ -6,11 +6,12 @@ use super::depth_bands::{DepthBands, list_limit};
 use super::forward::Forward;
 use super::memory::isects_expected;
 use super::model::Model;
+use super::occlusion::{HostTarget, Occlusion};
 use super::options::RenderOptions;
 use super::scratch::Scratch;
 use super::surface::Surface;
 use super::view::{ViewOptions, view_of};
-use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Ticket};
+use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
 use crate::kernels::present;
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES};
 use crate::scene::{Camera, NotFinite, Splats};
@@ -63,6 +64,8 @@ pub struct Renderer {
     gpu: Gpu,
     forward: Forward,
     present: present::Present,
+    /// Kernels of pictures behind a host's surfaces, where the options ask for them.
+    occlusion: Option<Occlusion>,
     scratch: Scratch,
     /// Frames of [`Renderer::render`], from the first on.
     frames: Option<Frames>,
@@ -142,11 +145,18 @@ impl Renderer {
                 what: "depths and normals of surfaces by the rules of the 3DGS code".into(),
             });
         }
+        if options.with_host_depth && options.compatibility == Compatibility::Inria {
+            return Err(Error::Unsupported {
+                what: "pictures behind a host's surfaces by the rules of the 3DGS code".into(),
+            });
+        }
+        let occlusion = options.with_host_depth.then(|| Occlusion::new(gpu, &options));
         let capacity = options.capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(Renderer {
             gpu: gpu.clone(),
             forward: Forward::for_rendering(gpu, &options)?,
             present: present::Present::new(gpu, present::Choice::default())?,
+            occlusion: occlusion.transpose()?,
             scratch: Scratch::new(gpu, capacity, options.outputs())?,
             frames: None,
             rendered: None,
@@ -163,6 +173,9 @@ impl Renderer {
     /// # Errors
     /// Those of Vulkan.
     pub fn prepare(&mut self, model: &Model) -> Result<()> {
+        if let Some(occlusion) = &mut self.occlusion {
+            occlusion.prepare(&self.gpu, model)?;
+        }
         self.forward.prepare(&self.gpu, model)
     }
 
@@ -201,7 +214,8 @@ impl Renderer {
         }
     }
 
-    /// Records a picture into a host's command buffer and writes it to the host's image. Nothing is submitted or waited
+    /// Records a picture into a host's command buffer and writes it to the host's image, or behind the surfaces of the
+    /// host's depth image ([`HostTarget`]). Nothing is submitted or waited
     /// for. Returns the statistics of a frame's pictures once `frames_in_flight` further frames have been begun. A
     /// picture that does not fit is incomplete; those recorded after its statistics are drawn in more bands, until the
     /// host calls [`Renderer::reserve`] with [`Stats::isects`].
@@ -211,39 +225,59 @@ impl Renderer {
     /// another precision, or camera and image differ in size; [`Error::Unsupported`] for an image of a format that kernels cannot write;
     /// errors of Vulkan and memory. After an error, too, the command buffer can be submitted, and the image is in its
     /// state `after`, its contents undefined. The picture has no statistics; later ones are not affected.
-    pub fn record(
+    pub fn record<'a>(
         &mut self,
         commands: &mut HostCommands,
         model: &Model,
         camera: &Camera,
         view: &ViewOptions,
-        target: &HostImage,
+        target: impl Into<HostTarget<'a>>,
     ) -> Result<Option<Stats>> {
+        self.record_to(commands, model, camera, view, target.into())
+    }
+
+    fn record_to(
+        &mut self,
+        commands: &mut HostCommands,
+        model: &Model,
+        camera: &Camera,
+        view: &ViewOptions,
+        target: HostTarget<'_>,
+    ) -> Result<Option<Stats>> {
+        let HostTarget { color, depth } = target;
         let frame = self.host_frames.frame_in(commands);
         let in_flight = self.host_frames.in_flight() as u64;
-        let admitted = self.admit(model, camera, target);
+        let admitted = self.admit(model, camera, &target);
         let finished = admitted.and_then(|()| self.finished_before((frame + 1).saturating_sub(in_flight)));
         let begun = finished.and_then(|finished| Ok((finished, self.host_frames.begin_in(commands)?)));
         let (finished, mut rec) = match begun {
             Ok(begun) => begun,
             Err(error) => {
-                commands.pass(&self.gpu, target);
+                let images = [Some(color), depth.map(|depth| depth.image)];
+                images
+                    .iter()
+                    .flatten()
+                    .for_each(|image| commands.pass(&self.gpu, image));
                 return Err(error);
             }
         };
         let (scratch, degree) = (&self.scratch, self.options.sh_degree);
         rec.fill(&scratch.counts, 0);
-        self.forward
-            .record(&mut rec, model, scratch, &view_of(camera, view), degree, self.bands);
-        rec.acquire(target);
+        let mut forward = &self.forward;
+        if let (Some(occlusion), Some(depth)) = (&self.occlusion, &depth) {
+            occlusion.read(&mut rec, depth, scratch);
+            forward = &occlusion.forward;
+        }
+        forward.record(&mut rec, model, scratch, &view_of(camera, view), degree, self.bands);
+        rec.acquire(color);
         let io = present::Bindings {
             view: &scratch.view,
             image: &scratch.image,
-            target: target.image(),
+            target: color.image(),
         };
-        let groups = present::groups(target.image().extent());
+        let groups = present::groups(color.image().extent());
         self.present.record(&mut rec, io, groups);
-        rec.release(target);
+        rec.release(color);
         let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
         rec.finish()?;
         self.pending.push_back(PendingPicture {
@@ -257,14 +291,22 @@ impl Renderer {
     }
 
     /// Checks the inputs of a picture.
-    fn admit(&self, model: &Model, camera: &Camera, target: &HostImage) -> Result<()> {
-        target.check_writable(&self.gpu)?;
+    fn admit(&self, model: &Model, camera: &Camera, target: &HostTarget<'_>) -> Result<()> {
+        target.color.check_writable(&self.gpu)?;
         self.check(model)?;
-        let (size, [width, height]) = ([camera.width, camera.height], target.image().extent());
+        let (size, [width, height]) = ([camera.width, camera.height], target.color.image().extent());
         if size != [width, height] {
             let [w, h] = size;
             let what = format!("the camera has {w}x{h} pixels, the image to draw to {width}x{height}");
             return Err(Error::Config(what));
+        }
+        if let Some(depth) = &target.depth {
+            if self.occlusion.is_none() {
+                return Err(Error::Config(
+                    "a host's depth: the renderer was made without RenderOptions::with_host_depth".into(),
+                ));
+            }
+            Occlusion::check(&self.gpu, depth, size)?;
         }
         if !self.forward.is_prepared(model) {
             return Err(Error::Config(

@@ -1,10 +1,12 @@
 //! The engine on a host's device: it only records.
 
 mod contract;
+mod depth;
 mod economy;
 mod frame;
 mod heap;
 mod host;
+mod occlusion;
 mod requirements;
 mod watch;
 
