@@ -1,4 +1,6 @@
-//! GLSL to SPIR-V 1.6 for Vulkan 1.3, with includes taken from one folder.
+//! GLSL to SPIR-V 1.5 for Vulkan 1.3, with includes taken from one folder.
+//!
+//! Not 1.6, whose workgroup sizes from constants (`LocalSizeId`) need the device feature `maintenance4`.
 
 use super::source::{File, Sources};
 use shaderc::{
@@ -31,7 +33,7 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
         included.borrow_mut().clear();
         let mut options = CompileOptions::new().map_err(|error| error.to_string())?;
         options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
-        options.set_target_spirv(SpirvVersion::V1_6);
+        options.set_target_spirv(SpirvVersion::V1_5);
         options.set_optimization_level(level);
         options.set_warnings_as_errors();
         options.set_include_callback(|name, _, from, _| {

@@ -74,7 +74,7 @@ fn bindings(text: &mut String, kernel: &Kernel) {
     for binding in &base.module.bindings {
         let ty = match &binding.bound {
             Bound::Buffer(element) => format!("Buffer<{}>", element.rust("layout::")),
-            Bound::Image => "Image".to_owned(),
+            Bound::Image | Bound::SampledImage => "Image".to_owned(),
         };
         let at = At::Binding(binding.binding);
         let comment = base.sources.member_comment(&binding.block, &binding.name);
@@ -194,6 +194,7 @@ fn info(text: &mut String, kernel: &Kernel, variant: &Variant) {
         let kind = match binding.bound {
             Bound::Buffer(_) => "Buffer",
             Bound::Image => "StorageImage",
+            Bound::SampledImage => "SampledImage",
         };
         let _ = writeln!(
             bindings,

@@ -171,7 +171,7 @@ impl Variant {
     pub(crate) fn buffer_types(&self) -> impl Iterator<Item = &Type> {
         self.module.bindings.iter().filter_map(|binding| match &binding.bound {
             Bound::Buffer(element) => Some(element),
-            Bound::Image => None,
+            Bound::Image | Bound::SampledImage => None,
         })
     }
 }

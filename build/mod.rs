@@ -10,7 +10,7 @@ mod emit_kernels;
 mod emit_layout;
 pub(crate) mod kernel;
 pub(crate) mod model;
-mod reflect;
+pub(crate) mod reflect;
 #[path = "../src/shader/mod.rs"]
 #[allow(
     dead_code,
@@ -18,7 +18,7 @@ mod reflect;
     reason = "the crate's own module; here only its small enums are used"
 )]
 pub(crate) mod shader;
-mod source;
+pub(crate) mod source;
 mod spirv;
 mod types;
 

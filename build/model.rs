@@ -119,6 +119,7 @@ pub(crate) enum Bound {
     Buffer(Type),
     /// A storage image.
     Image,
+    SampledImage,
 }
 
 /// One binding of descriptor set 0.

@@ -28,6 +28,7 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
                 Ok(needed) => found.requirements.extend(needed),
                 Err(what) => faults.push(sources.fault(At::Kernel, what)),
             },
+            Op::ExecutionModeId => faults.push(sources.fault(At::Kernel, LOCAL_SIZE_ID)),
             Op::Variable => match variable(&index, line, id) {
                 Ok(Some(Global::Binding(binding))) => found.bindings.push(binding),
                 Ok(Some(Global::Params(params))) => found.params = Some(params),
@@ -60,6 +61,9 @@ pub(crate) fn reflect(words: &[u32], sources: &Sources) -> Result<Module, Vec<St
     if faults.is_empty() { Ok(found) } else { Err(faults) }
 }
 
+/// Refusal of a workgroup size by id, which some compilers write for constants even in SPIR-V 1.5.
+const LOCAL_SIZE_ID: &str = "OpExecutionModeId, for which a device needs the feature maintenance4";
+
 /// True if a binding is a view of another one as vectors of four, for access to four numbers at a time. The host binds
 /// the numbers. The access of both must be read-only or write-only, so that a read through one view never needs a write
 /// through the other.
@@ -79,6 +83,8 @@ fn requirement(line: &Instruction) -> Result<Option<Requirement>, String> {
     };
     Ok(Some(match capability {
         Capability::Shader | Capability::Matrix | Capability::ImageQuery => return Ok(None),
+        // Vulkan 1.3 permits it to every shader; the format of the bound image decides.
+        Capability::StorageImageWriteWithoutFormat => return Ok(None),
         Capability::GroupNonUniform => Requirement::SubgroupBasic,
         Capability::GroupNonUniformVote => Requirement::SubgroupVote,
         Capability::GroupNonUniformArithmetic => Requirement::SubgroupArithmetic,
@@ -89,7 +95,6 @@ fn requirement(line: &Instruction) -> Result<Option<Requirement>, String> {
         Capability::Float16 => Requirement::Float16,
         Capability::StorageBuffer16BitAccess => Requirement::Storage16,
         Capability::AtomicFloat32AddEXT => Requirement::AtomicFloatAdd,
-        Capability::StorageImageWriteWithoutFormat => Requirement::StorageImageWriteWithoutFormat,
         other => {
             return Err(format!(
                 "needs the SPIR-V capability {other:?}, which no `shader::Requirement` stands for yet"
@@ -178,16 +183,17 @@ fn image(index: &Index<'_>, ty: u32, id: u32, number: u32) -> Result<Binding, St
         return Err("only storage buffers and storage images are bound".to_owned());
     };
     let flat = *dim == Dim::Dim2D && bits(arrayed) == 0 && bits(samples) == 0;
-    if !flat || bits(sampled) != 2 || *format != Operand::ImageFormat(ImageFormat::Unknown) {
-        return Err("images are `writeonly uniform image2D` without a format".to_owned());
+    let is_sampled = bits(sampled) == 1;
+    if !flat || bits(sampled) == 0 || *format != Operand::ImageFormat(ImageFormat::Unknown) {
+        return Err("images are `writeonly uniform image2D` without a format, or `uniform texture2D`".to_owned());
     }
     let no = |what| index.is(id, None, what);
     Ok(Binding {
         binding: number,
         name: rust_name(index.name(id))?,
         block: index.name(id).to_owned(),
-        access: access(no(Decoration::NonWritable), no(Decoration::NonReadable))?,
-        bound: Bound::Image,
+        access: access(is_sampled || no(Decoration::NonWritable), no(Decoration::NonReadable))?,
+        bound: if is_sampled { Bound::SampledImage } else { Bound::Image },
     })
 }
 

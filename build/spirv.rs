@@ -6,7 +6,7 @@ use rspirv::spirv::{Decoration, Op};
 use std::collections::HashMap;
 
 /// The declarations of a module before its first function. (`rspirv`'s own module loader does not support
-/// `OpExecutionModeId`, by which SPIR-V 1.6 declares the workgroup size.)
+/// `OpExecutionModeId`, by which SPIR-V 1.6 declares the workgroup size; reflection refuses it by name.)
 #[derive(Default)]
 pub(crate) struct Globals {
     lines: Vec<Instruction>,

@@ -5,7 +5,7 @@
 //! Left out: a window, several frames in flight, and destruction of the host's objects.
 
 use ash::vk;
-use ashfall::gpu::{HostFeatures, HostQueue, ImageState};
+use ashfall::gpu::{HostFeatures, HostImageDesc, HostQueue, ImageState};
 use ashfall::{
     Camera, Gpu, HostCommands, HostDevice, HostImage, Model, REQUIRED, RenderOptions, Renderer, ScreenFilter, Splats,
     ViewOptions,
@@ -14,6 +14,7 @@ use glam::{DMat3, DVec2, DVec3};
 use std::error::Error;
 
 const SIZE: [u32; 2] = [320, 240];
+const FORMAT: vk::Format = vk::Format::R8G8B8A8_UNORM;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let host = Host::new()?;
@@ -38,13 +39,16 @@ fn main() -> Result<(), Box<dyn Error>> {
             stage: vk::PipelineStageFlags2::COPY,
             access: vk::AccessFlags2::TRANSFER_READ,
         };
-        // SAFETY: the command buffer is recording, and the image has storage usage.
-        let (mut commands, target) = unsafe {
-            (
-                HostCommands::wrap(commands),
-                HostImage::wrap(image, view, SIZE, before, after),
-            )
+        let desc = HostImageDesc {
+            image,
+            view,
+            format: FORMAT,
+            extent: SIZE,
+            before,
+            after,
         };
+        // SAFETY: the command buffer is recording, and the image has storage usage.
+        let (mut commands, target) = unsafe { (HostCommands::wrap(commands), HostImage::wrap(desc)) };
         let options = ViewOptions {
             background: [0.1; 3],
             near: 0.01,
@@ -70,6 +74,7 @@ struct Host {
     instance: ash::Instance,
     physical_device: vk::PhysicalDevice,
     device: ash::Device,
+    enabled: HostFeatures,
     queue: vk::Queue,
 }
 
@@ -84,7 +89,7 @@ impl Host {
         let instance = unsafe { entry.create_instance(&info, None) }?;
         // SAFETY: the instance is alive.
         let physical_device = unsafe { instance.enumerate_physical_devices() }?[0];
-        let device = create_device(&instance, physical_device)?;
+        let (device, enabled) = create_device(&instance, physical_device)?;
         // SAFETY: the device has one queue of family 0.
         let queue = unsafe { device.get_device_queue(0, 0) };
         Ok(Host {
@@ -92,6 +97,7 @@ impl Host {
             instance,
             physical_device,
             device,
+            enabled,
             queue,
         })
     }
@@ -104,11 +110,11 @@ impl Host {
             device: self.device.clone(),
             queue_family: 0,
             queue: Some(HostQueue { queue: self.queue }),
-            enabled: HostFeatures {
-                storage_image_write_without_format: true,
-                subgroup_size_control: false,
-            },
+            api_version: vk::make_api_version(0, REQUIRED.api.0, REQUIRED.api.1, 0),
+            enabled: self.enabled,
             allocator: None,
+            memory_limit: None,
+            pipeline_cache: vk::PipelineCache::null(),
         };
         // SAFETY: the handles belong together and outlive the guest; REQUIRED is enabled.
         unsafe { Gpu::adopt(host) }
@@ -126,10 +132,9 @@ impl Host {
     }
 
     fn create_image(&self) -> Result<(vk::Image, vk::ImageView), Box<dyn Error>> {
-        let format = vk::Format::R8G8B8A8_UNORM;
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
-            .format(format)
+            .format(FORMAT)
             .extent(vk::Extent3D {
                 width: SIZE[0],
                 height: SIZE[1],
@@ -159,37 +164,35 @@ impl Host {
             let view = vk::ImageViewCreateInfo::default()
                 .image(image)
                 .view_type(vk::ImageViewType::TYPE_2D)
-                .format(format)
+                .format(FORMAT)
                 .subresource_range(range);
             Ok((image, device.create_image_view(&view, None)?))
         }
     }
 }
 
-/// Device with everything in REQUIRED, and writes to storage images of any format.
-fn create_device(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<ash::Device, Box<dyn Error>> {
+/// Device with everything in REQUIRED.
+fn create_device(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+) -> Result<(ash::Device, HostFeatures), Box<dyn Error>> {
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
-    for &feature in REQUIRED.features {
-        match feature {
-            "scalarBlockLayout" => v12.scalar_block_layout = vk::TRUE,
-            "timelineSemaphore" => v12.timeline_semaphore = vk::TRUE,
-            "synchronization2" => v13.synchronization2 = vk::TRUE,
-            "maintenance4" => v13.maintenance4 = vk::TRUE,
-            other => return Err(format!("{other} is required").into()),
-        }
-    }
-    let base = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(true);
+    let mut chain = vk::PhysicalDeviceFeatures2::default()
+        .push_next(&mut v12)
+        .push_next(&mut v13);
+    // SAFETY: the structures of the chain are alive.
+    let (missing, enabled) = unsafe { (REQUIRED.enable(&mut chain), HostFeatures::of_chain(&chain)) };
+    assert!(missing.is_empty(), "the chain has both structures");
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(0)
         .queue_priorities(&[1.0])];
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
-        .enabled_features(&base)
-        .push_next(&mut v12)
-        .push_next(&mut v13);
+        .push_next(&mut chain);
     // SAFETY: `info` outlives the call.
-    Ok(unsafe { instance.create_device(physical, &info, None) }?)
+    let device = unsafe { instance.create_device(physical, &info, None) }?;
+    Ok((device, enabled))
 }
 
 /// One orange splat at the origin.

@@ -12,6 +12,8 @@ layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Not 0: tiles by the rule of the 3DGS code.
 layout(constant_id = 2) const uint INRIA = 0;
+// Not 0: only tiles whose limit of depth is beyond the splat are listed, as counted by project.
+layout(constant_id = 3) const uint WITH_LIMIT = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -25,11 +27,18 @@ layout(set = 0, binding = 7, scalar) writeonly buffer Tiles { uint tile_from_ise
 layout(set = 0, binding = 8, scalar) writeonly buffer Sources { uint emitted_from_isect[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer Owners { uint splat_from_emitted[]; };
 layout(set = 0, binding = 10, scalar) writeonly buffer Begins { uint emitted_from_splat[]; };
+layout(set = 0, binding = 11, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
+layout(set = 0, binding = 12, scalar) readonly buffer TileLimits { float limit_from_tile[]; };
 
 void list(uint isect, uint tile, uint splat) {
     tile_from_isect[isect] = tile;
     emitted_from_isect[isect] = isect;
     splat_from_emitted[isect] = splat;
+}
+
+// True if a splat of this depth may show in the tile.
+bool shows(float depth, uint tile) {
+    return WITH_LIMIT == 0 || depth < limit_from_tile[tile];
 }
 
 void main() {
@@ -42,6 +51,7 @@ void main() {
 
     vec4 shape = ellipse_from_splat[splat];
     vec2 whiten = whiten_rg_from_splat[splat].xy;
+    float depth = WITH_LIMIT != 0 ? blue_depth_from_splat[splat].y : 0.0;
     Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
     if (INRIA != 0) e.square = inria_square(shape, whiten);
     ivec2 rows = tile_rows(e, view.size);
@@ -51,8 +61,9 @@ void main() {
         // Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest image that it binds has
         // 65,536 tiles.
         for (int column = columns.x; column <= columns.y && next < end; column += 2) {
-            list(next++, begin_of_row + uint(column), splat);
-            if (column < columns.y && next < end) list(next++, begin_of_row + uint(column) + 1, splat);
+            uint tile = begin_of_row + uint(column);
+            if (shows(depth, tile)) list(next++, tile, splat);
+            if (column < columns.y && next < end && shows(depth, tile + 1)) list(next++, tile + 1, splat);
         }
     }
     for (; next < end; ++next) list(next, view.tiles.x * view.tiles.y, splat);

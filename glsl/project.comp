@@ -25,6 +25,8 @@ layout(constant_id = 4) const uint PRECISION = 0;
 layout(constant_id = 5) const uint INDEXED = 0;
 // Not 0: the splats' planes as well.
 layout(constant_id = 6) const uint WITH_PLANES = 0;
+// Not 0: only tiles whose limit of depth is beyond the splat count.
+layout(constant_id = 7) const uint WITH_LIMIT = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -36,6 +38,7 @@ layout(set = 0, binding = 4, scalar) writeonly buffer Rests { vec2 blue_depth_fr
 layout(set = 0, binding = 5, scalar) writeonly buffer TileCounts { uint tile_count_from_splat[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer Index { uint splat_from_slot[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer Planes { vec3 plane_from_splat[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer TileLimits { float limit_from_tile[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint splat_count;  // splats of this dispatch
@@ -78,6 +81,17 @@ vec3 color_toward(uint slot, vec3 direction, inout bool sound) {
     vec3 color = vec3(sum[0], sum[1], sum[2]);
     sound = sound && is_finite(color);
     return clamp(color, vec3(0.0), vec3(COLOR_MAX));
+}
+
+// Number of a row's tiles whose limits are beyond a depth.
+uint tiles_before(float depth, uint begin_of_row, ivec2 columns) {
+    uint count = 0;
+    // Two per iteration, as in expand.
+    for (int column = columns.x; column <= columns.y; column += 2) {
+        if (depth < limit_from_tile[begin_of_row + uint(column)]) ++count;
+        if (column < columns.y && depth < limit_from_tile[begin_of_row + uint(column) + 1]) ++count;
+    }
+    return count;
 }
 
 // Writes the splat's record and returns its number of tiles.
@@ -129,7 +143,11 @@ uint project(uint slot, uint splat) {
     ivec2 rows = tile_rows(e, view.size);
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = tile_columns(e, row, view.size);
-        count += uint(columns.y - columns.x + 1);
+        if (WITH_LIMIT == 0) {
+            count += uint(columns.y - columns.x + 1);
+        } else {
+            count += tiles_before(mean_view.z, uint(row) * view.tiles.x, columns);
+        }
     }
     return count;
 }

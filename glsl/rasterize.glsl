@@ -17,6 +17,8 @@ layout(constant_id = 3) const uint WITH_DEPTH = 0;
 layout(constant_id = 4) const uint WITH_ENDS = 1;
 // Not 0: depths and normals of the splats' planes.
 layout(constant_id = 5) const uint WITH_SURFACE = 0;
+// Not 0: splats at a pixel's limit of depth or beyond do not count.
+layout(constant_id = 6) const uint WITH_LIMIT = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -33,6 +35,7 @@ layout(set = 0, binding = 10, scalar) writeonly buffer Ends { uint isect_end_fro
 layout(set = 0, binding = 11, scalar) readonly buffer Planes { vec3 plane_from_splat[]; };
 // Planes of one float a pixel: SURFACE_DEPTH and so on.
 layout(set = 0, binding = 12, scalar) buffer Surface { float surface[]; };
+layout(set = 0, binding = 13, scalar) readonly buffer Limits { float limit_from_pixel[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g composites tile g * tile_stride mod tile count
@@ -64,6 +67,8 @@ vec4 normal_y[QUADS];
 vec4 normal_z[QUADS];
 // Focal length and principal point.
 vec4 lens;
+// Limits of depth.
+vec4 limit[QUADS];
 
 // True if any pixel of the workgroup is still open.
 bool any_open() {
@@ -101,6 +106,7 @@ void blend(Tile t, uint isect, Staged splat, vec3 plane) {
         vec4 exponent = exponent_of(column, q, f);
         bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
                         greaterThanEqual(transmittance[q], vec4(T_MIN)));
+        if (WITH_LIMIT != 0) on = both(on, lessThan(vec4(depth_of(splat.rest)), limit[q]));
         vec4 alpha = mix(vec4(0.0), min(exp2(exponent), vec4(ALPHA_MAX)), on);
         vec4 weight = alpha * transmittance[q];
         red[q] += weight * splat.tone.z;
@@ -210,9 +216,19 @@ void store_pixels(Tile t) {
     }
 }
 
+void load_limits(Tile t) {
+    [[unroll]] for (uint q = 0; q < QUADS; ++q) {
+        limit[q] = vec4(0.0);
+        [[unroll]] for (uint r = 0; r < 4; ++r) {
+            if (inside(t, q, view)[r]) limit[q][r] = limit_from_pixel[pixel_of(t, q * 4 + r, view)];
+        }
+    }
+}
+
 void composite(uint tile) {
     Tile t = tile_of(tile, view);
     begin_pixels(t);
+    if (WITH_LIMIT != 0) load_limits(t);
     if (push.band != 0) load_pixels(t);
     uvec2 range = range_from_tile[tile];
     if (range.x < range.y) blend_list(t, range.x, range.y);

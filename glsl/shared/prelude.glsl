@@ -1,7 +1,8 @@
-// Common extensions of all kernels: scalar block layout (so that a vec3 in a buffer is three floats) and loop-unrolling
-// hints.
+// Common extensions of all kernels: scalar block layout (so that a vec3 in a buffer is three floats), loop-unrolling
+// hints, and texels without samplers.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
+#extension GL_EXT_samplerless_texture_functions : require
 #include "shared/constants.glsl"
 #include "shared/types.glsl"
 

@@ -15,6 +15,7 @@ pub(super) fn open(args: &DeviceArgs) -> Result<Gpu> {
         device: args.device.clone().or_else(by_environment),
         validation: args.validate,
         memory_limit: args.memory_limit,
+        pipeline_cache: Vec::new(),
         faults: None,
         limits: Limits {
             binding: args.limit_binding,

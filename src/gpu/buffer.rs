@@ -44,6 +44,7 @@ impl RawBuffer {
         let device = &gpu.0.device;
         // SAFETY: a plain buffer within the device's limits.
         let handle = check("vkCreateBuffer", unsafe { device.create_buffer(&info, None) })?;
+        gpu.0.names.name(handle, name);
         let mut raw = RawBuffer {
             gpu: gpu.clone(),
             handle,

@@ -1,7 +1,5 @@
 //! Capabilities and limits of a device, as plain data: choices based on them can be tested without a device.
 
-use super::requirements::Requirements;
-use crate::Error;
 use crate::shader::{KernelInfo, Requirement};
 use ash::vk;
 use std::collections::BTreeSet;
@@ -58,6 +56,8 @@ pub struct Caps {
     pub max_groups: [u32; 3],
     /// Most invocations of a workgroup.
     pub max_workgroup: u32,
+    /// Push constants, bytes.
+    pub max_push_constants: u32,
     /// Shared memory of a workgroup, bytes.
     pub max_shared: u32,
     /// Nanoseconds of one timestamp tick; 0 where timestamps are not supported.
@@ -131,6 +131,7 @@ impl Caps {
             max_workgroup: limits
                 .max_compute_work_group_invocations
                 .min(limits.max_compute_work_group_size[0]),
+            max_push_constants: limits.max_push_constants_size,
             max_shared: limits.max_compute_shared_memory_size,
             timestamp_period_ns: match limits.timestamp_compute_and_graphics {
                 vk::TRUE => f64::from(limits.timestamp_period),
@@ -166,25 +167,6 @@ impl Caps {
             self.offers.retain(|&need| !need.is_of_subgroups());
         }
     }
-
-    /// Checks the published limits; the error names the first that is missed.
-    pub(super) fn check(&self, required: &Requirements) -> Result<(), Error> {
-        let missing = |what: String| Err(Error::Unsupported { what });
-        let (major, minor) = required.api;
-        if self.api < (major, minor, 0) {
-            return missing(format!(
-                "{} offers Vulkan {}.{} only; {major}.{minor} is needed",
-                self.name, self.api.0, self.api.1
-            ));
-        }
-        if self.max_storage_buffers < required.storage_buffers {
-            return missing(format!(
-                "{} binds {} storage buffers to a kernel; {} are needed",
-                self.name, self.max_storage_buffers, required.storage_buffers
-            ));
-        }
-        Ok(())
-    }
 }
 
 fn offers(
@@ -192,10 +174,7 @@ fn offers(
     physical: vk::PhysicalDevice,
     subgroup: &vk::PhysicalDeviceSubgroupProperties<'_>,
 ) -> BTreeSet<Requirement> {
-    // SAFETY: `physical` belongs to `instance`.
-    let features = unsafe { instance.get_physical_device_features(physical) };
     let atomic_float_add = atomic_float_add(instance, physical);
-    let image_write = features.shader_storage_image_write_without_format == vk::TRUE;
     let is_compute = subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE);
     let in_compute = |flag| is_compute && subgroup.supported_operations.contains(flag);
     use vk::SubgroupFeatureFlags as Flags;
@@ -210,7 +189,6 @@ fn offers(
             Requirement::SubgroupShuffleRelative,
             in_compute(Flags::SHUFFLE_RELATIVE),
         ),
-        (Requirement::StorageImageWriteWithoutFormat, image_write),
     ]
     .into_iter()
     .filter_map(|(need, offered)| offered.then_some(need))

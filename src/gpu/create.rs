@@ -4,6 +4,7 @@ use super::caps::{Caps, DeviceKind};
 use super::check::check;
 use super::debug::Messages;
 use super::device::{Gpu, Own, Parts};
+use super::features::{HostFeatures, missing_texts, refuse_unmet};
 use super::options::GpuOptions;
 use super::requirements::REQUIRED;
 use crate::shader::Requirement;
@@ -124,40 +125,30 @@ fn create_device(
     caps: &mut Caps,
     family: u32,
 ) -> Result<ash::Device> {
-    caps.check(&REQUIRED)?;
     let mut has12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut has13 = vk::PhysicalDeviceVulkan13Features::default();
-    let mut has = vk::PhysicalDeviceFeatures2::default()
-        .push_next(&mut has12)
-        .push_next(&mut has13);
-    // SAFETY: `physical` belongs to `instance` and offers Vulkan 1.3.
-    unsafe { instance.get_physical_device_features2(physical, &mut has) };
-    let base = has.features;
-    for (name, offered) in [
-        ("scalarBlockLayout", has12.scalar_block_layout),
-        ("timelineSemaphore", has12.timeline_semaphore),
-        ("synchronization2", has13.synchronization2),
-        ("maintenance4", has13.maintenance4),
-    ] {
-        if offered != vk::TRUE {
-            return Err(Error::Unsupported {
-                what: format!("{} lacks the feature {name}", caps.name),
-            });
-        }
+    let mut has = vk::PhysicalDeviceFeatures2::default();
+    if caps.api >= (REQUIRED.api.0, REQUIRED.api.1, 0) {
+        has = has.push_next(&mut has12).push_next(&mut has13);
     }
-    let size_control = has13.subgroup_size_control == vk::TRUE;
+    // SAFETY: `physical` belongs to `instance`, and the chain holds structures of its version.
+    unsafe { instance.get_physical_device_features2(physical, &mut has) };
+    // SAFETY: the structures of the chain are alive.
+    let offered = unsafe { HostFeatures::of_chain(&has) };
+    let mut unmet = REQUIRED.unmet(caps);
+    unmet.extend(missing_texts(&offered));
+    refuse_unmet(&caps.name, &unmet)?;
+    let size_control = offered.subgroup_size_control;
     if !size_control {
         caps.without_size_control();
     }
-    let mut want12 = vk::PhysicalDeviceVulkan12Features::default()
-        .scalar_block_layout(true)
-        .timeline_semaphore(true);
-    let mut want13 = vk::PhysicalDeviceVulkan13Features::default()
-        .synchronization2(true)
-        .maintenance4(true)
-        .subgroup_size_control(size_control);
-    let want = vk::PhysicalDeviceFeatures::default()
-        .shader_storage_image_write_without_format(base.shader_storage_image_write_without_format == vk::TRUE);
+    let mut want12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut want13 = vk::PhysicalDeviceVulkan13Features::default().subgroup_size_control(size_control);
+    let mut want = vk::PhysicalDeviceFeatures2::default()
+        .push_next(&mut want12)
+        .push_next(&mut want13);
+    // SAFETY: the structures of the chain are alive, and have every required feature.
+    unsafe { REQUIRED.enable(&mut want) };
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(family)
@@ -167,9 +158,7 @@ fn create_device(
     let extensions = [ash::ext::shader_atomic_float::NAME.as_ptr()];
     let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
-        .enabled_features(&want)
-        .push_next(&mut want12)
-        .push_next(&mut want13);
+        .push_next(&mut want);
     if caps.offers.contains(&Requirement::AtomicFloatAdd) {
         info = info.enabled_extension_names(&extensions).push_next(&mut want_floats);
     }
@@ -225,6 +214,9 @@ impl Gpu {
             family,
             queue: Some(queue),
             allocator: None,
+            pipeline_cache: vk::PipelineCache::null(),
+            has_memory_budget: false,
+            has_debug_utils: options.validation,
             own: Some(own),
         };
         parts.into_gpu(options)

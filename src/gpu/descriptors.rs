@@ -1,4 +1,4 @@
-//! Arena of descriptor sets, freed all at once.
+//! Arena of descriptor sets, free for use again all at once.
 
 use super::check::check;
 use super::device::Gpu;
@@ -6,17 +6,33 @@ use super::pipeline::{RawPipeline, descriptor_type};
 use super::slot::{Slot, SlotKind};
 use crate::Result;
 use ash::vk;
+use std::collections::HashMap;
+use std::sync::{Arc, Weak};
 
 const SETS_PER_POOL: u32 = 128;
 const BUFFERS_PER_POOL: u32 = 1024;
 const IMAGES_PER_POOL: u32 = 16;
 
-/// Descriptor pools of a frame slot: added on demand, reset when the slot is reused.
+/// Bindings of a kernel at the most: storage buffers that devices must offer, and images.
+pub(super) const BINDINGS_MAX: usize = 24;
+
+/// Descriptor sets of a frame slot. Sets are made on demand and written anew in every frame, so that warm frames allocate
+/// none.
 pub(super) struct Arena {
     gpu: Gpu,
     pools: Vec<vk::DescriptorPool>,
     /// Index of the pool in use.
     current: usize,
+    /// Sets of each pipeline, by its address, which is not used again while there is a `Weak`.
+    sets: HashMap<usize, Sets>,
+}
+
+/// Sets with one pipeline's layout.
+struct Sets {
+    pipeline: Weak<RawPipeline>,
+    sets: Vec<vk::DescriptorSet>,
+    /// Sets in use by the frame.
+    used: usize,
 }
 
 impl Arena {
@@ -25,11 +41,18 @@ impl Arena {
             gpu: gpu.clone(),
             pools: Vec::new(),
             current: 0,
+            sets: HashMap::new(),
         }
     }
 
-    /// Frees all sets; none may be in use.
+    /// Frees all sets for the next frame; none may be in use. Sets of destroyed pipelines are given back, with all
+    /// others.
     pub(super) fn reset(&mut self) -> Result<()> {
+        if self.sets.values().all(|sets| sets.pipeline.strong_count() > 0) {
+            self.sets.values_mut().for_each(|sets| sets.used = 0);
+            return Ok(());
+        }
+        self.sets.clear();
         for &pool in &self.pools {
             let flags = vk::DescriptorPoolResetFlags::empty();
             // SAFETY: the frame that used the sets has finished.
@@ -47,6 +70,9 @@ impl Arena {
                 .descriptor_count(BUFFERS_PER_POOL),
             vk::DescriptorPoolSize::default()
                 .ty(vk::DescriptorType::STORAGE_IMAGE)
+                .descriptor_count(IMAGES_PER_POOL),
+            vk::DescriptorPoolSize::default()
+                .ty(vk::DescriptorType::SAMPLED_IMAGE)
                 .descriptor_count(IMAGES_PER_POOL),
         ];
         let info = vk::DescriptorPoolCreateInfo::default()
@@ -80,11 +106,30 @@ impl Arena {
         }
     }
 
-    /// New set of one dispatch, bound to `slots`.
-    pub(super) fn set(&mut self, pipeline: &RawPipeline, slots: &[Slot<'_>]) -> Result<vk::DescriptorSet> {
-        let set = self.allocate(pipeline.set_layout)?;
-        let mut buffers = vec![vk::DescriptorBufferInfo::default(); slots.len()];
-        let mut images = vec![vk::DescriptorImageInfo::default(); slots.len()];
+    /// Set of one dispatch, bound to `slots`.
+    pub(super) fn set(&mut self, pipeline: &Arc<RawPipeline>, slots: &[Slot<'_>]) -> Result<vk::DescriptorSet> {
+        let id = Arc::as_ptr(pipeline).addr();
+        let known = self.sets.get(&id).and_then(|sets| sets.sets.get(sets.used)).copied();
+        let set = match known {
+            Some(set) => set,
+            None => self.allocate(pipeline.set_layout)?,
+        };
+        let sets = self.sets.entry(id).or_insert_with(|| Sets {
+            pipeline: Arc::downgrade(pipeline),
+            sets: Vec::new(),
+            used: 0,
+        });
+        if known.is_none() {
+            sets.sets.push(set);
+        }
+        sets.used += 1;
+        self.write(set, pipeline, slots);
+        Ok(set)
+    }
+
+    fn write(&self, set: vk::DescriptorSet, pipeline: &RawPipeline, slots: &[Slot<'_>]) {
+        let mut buffers = [vk::DescriptorBufferInfo::default(); BINDINGS_MAX];
+        let mut images = [vk::DescriptorImageInfo::default(); BINDINGS_MAX];
         for (i, slot) in slots.iter().enumerate() {
             match slot.kind {
                 SlotKind::Buffer { raw, offset, bytes } => {
@@ -96,29 +141,24 @@ impl Arena {
                 SlotKind::Image(image) => {
                     images[i] = vk::DescriptorImageInfo::default()
                         .image_view(image.view)
-                        .image_layout(vk::ImageLayout::GENERAL);
+                        .image_layout(image.layout);
                 }
             }
         }
-        let writes: Vec<_> = pipeline
-            .info
-            .bindings
-            .iter()
-            .enumerate()
-            .map(|(i, binding)| {
-                let write = vk::WriteDescriptorSet::default()
-                    .dst_set(set)
-                    .dst_binding(binding.binding)
-                    .descriptor_type(descriptor_type(binding.kind));
-                match slots[i].kind {
-                    SlotKind::Buffer { .. } => write.buffer_info(std::slice::from_ref(&buffers[i])),
-                    SlotKind::Image(_) => write.image_info(std::slice::from_ref(&images[i])),
-                }
-            })
-            .collect();
-        // SAFETY: the set is new, and the infos outlive the call.
-        unsafe { self.gpu.0.device.update_descriptor_sets(&writes, &[]) };
-        Ok(set)
+        let mut writes = [vk::WriteDescriptorSet::default(); BINDINGS_MAX];
+        for (i, binding) in pipeline.info.bindings.iter().enumerate() {
+            let write = vk::WriteDescriptorSet::default()
+                .dst_set(set)
+                .dst_binding(binding.binding)
+                .descriptor_type(descriptor_type(binding.kind));
+            writes[i] = match slots[i].kind {
+                SlotKind::Buffer { .. } => write.buffer_info(std::slice::from_ref(&buffers[i])),
+                SlotKind::Image(_) => write.image_info(std::slice::from_ref(&images[i])),
+            };
+        }
+        let writes = &writes[..pipeline.info.bindings.len()];
+        // SAFETY: no command that runs uses the set, and the infos outlive the call.
+        unsafe { self.gpu.0.device.update_descriptor_sets(writes, &[]) };
     }
 }
 

@@ -5,6 +5,7 @@ use super::check::check;
 use super::debug::Messages;
 use super::faults::Faults;
 use super::memory::{MemoryTracker, MemoryUse};
+use super::names::Names;
 use super::options::GpuOptions;
 use crate::{Error, Result};
 use ash::vk;
@@ -50,6 +51,12 @@ pub(super) struct GpuState {
     pub(super) device: ash::Device,
     pub(super) caps: Caps,
     pub(super) family: u32,
+    instance: ash::Instance,
+    physical: vk::PhysicalDevice,
+    pub(super) names: Names,
+    /// The host's, or owned and destroyed with the device; null on a host's device without one.
+    pub(super) pipeline_cache: vk::PipelineCache,
+    has_memory_budget: bool,
     /// `None` on a host's device adopted without a queue.
     queue: Option<Mutex<vk::Queue>>,
     allocator: ManuallyDrop<SharedAllocator>,
@@ -116,6 +123,18 @@ impl Gpu {
         own.map(|own| own.messages.all()).unwrap_or_default()
     }
 
+    /// Compiled pipelines, for [`GpuOptions::pipeline_cache`] of a later run on this device and driver. Empty for a host
+    /// without a cache.
+    pub fn pipeline_cache(&self) -> Result<Vec<u8>> {
+        let cache = self.0.pipeline_cache;
+        if cache == vk::PipelineCache::null() {
+            return Ok(Vec::new());
+        }
+        // SAFETY: the cache is alive.
+        let data = unsafe { self.0.device.get_pipeline_cache_data(cache) };
+        check("vkGetPipelineCacheData", data)
+    }
+
     /// Waits until the device is idle.
     pub fn wait_idle(&self) -> Result<()> {
         let _queue = self.0.queue()?;
@@ -135,6 +154,12 @@ pub(super) struct Parts {
     pub(super) queue: Option<vk::Queue>,
     /// `None`: one is created.
     pub(super) allocator: Option<SharedAllocator>,
+    /// The host's, or null. An owned device has one of its own.
+    pub(super) pipeline_cache: vk::PipelineCache,
+    /// True if VK_EXT_memory_budget is enabled.
+    pub(super) has_memory_budget: bool,
+    /// True if VK_EXT_debug_utils is enabled.
+    pub(super) has_debug_utils: bool,
     pub(super) own: Option<Own>,
 }
 
@@ -161,7 +186,13 @@ impl Parts {
                 what: format!("device memory: {error}"),
             }
         })?;
-        Ok(Gpu(Arc::new(GpuState {
+        let is_own = self.own.is_some();
+        let state = GpuState {
+            names: Names::new(&self.instance, &self.device, self.has_debug_utils),
+            instance: self.instance,
+            physical: self.physical,
+            pipeline_cache: self.pipeline_cache,
+            has_memory_budget: self.has_memory_budget,
             device: self.device,
             memory_limit: options.memory_limit.unwrap_or(self.caps.heap),
             caps: self.caps,
@@ -173,11 +204,71 @@ impl Parts {
             faults: options.faults.clone(),
             tracker: Mutex::default(),
             pipelines: Mutex::default(),
-        })))
+        };
+        match is_own {
+            true => state.with_pipeline_cache(&options.pipeline_cache),
+            false => Ok(state),
+        }
+        .map(|state| Gpu(Arc::new(state)))
     }
 }
 
 impl GpuState {
+    /// Creates the pipeline cache of an owned device.
+    fn with_pipeline_cache(mut self, data: &[u8]) -> Result<GpuState> {
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(data);
+        self.creating("vkCreatePipelineCache")?;
+        // SAFETY: the data is from an earlier cache, as the options' documentation demands, or empty.
+        let cache = unsafe { self.device.create_pipeline_cache(&info, None) };
+        self.pipeline_cache = check("vkCreatePipelineCache", cache)?;
+        Ok(self)
+    }
+
+    /// True if kernels can write images of this format without its declaration.
+    pub(super) fn writes_format(&self, format: vk::Format) -> bool {
+        use vk::FormatFeatureFlags2 as Feature;
+        let needed = Feature::STORAGE_IMAGE | Feature::STORAGE_WRITE_WITHOUT_FORMAT;
+        self.format_features(format).contains(needed)
+    }
+
+    /// True if kernels can read texels of images of this format.
+    pub(super) fn reads_format(&self, format: vk::Format) -> bool {
+        let features = self.format_features(format);
+        features.contains(vk::FormatFeatureFlags2::SAMPLED_IMAGE)
+    }
+
+    fn format_features(&self, format: vk::Format) -> vk::FormatFeatureFlags2 {
+        let mut features = vk::FormatProperties3::default();
+        let mut properties = vk::FormatProperties2::default().push_next(&mut features);
+        // SAFETY: the device belongs to the instance, both of at least Vulkan 1.3.
+        unsafe {
+            self.instance
+                .get_physical_device_format_properties2(self.physical, format, &mut properties);
+        }
+        features.optimal_tiling_features
+    }
+
+    /// Bytes that the driver's budget of the largest device-local heap leaves; unlimited without the extension.
+    fn budget_left(&self) -> u64 {
+        if !self.has_memory_budget {
+            return u64::MAX;
+        }
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
+        // SAFETY: the device belongs to the instance and has the extension.
+        unsafe {
+            self.instance
+                .get_physical_device_memory_properties2(self.physical, &mut memory);
+        }
+        let heaps = memory.memory_properties;
+        let heaps = heaps.memory_heaps_as_slice().iter().enumerate();
+        let local = heaps.filter(|(_, heap)| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        let largest = local.max_by_key(|(_, heap)| heap.size);
+        largest.map_or(u64::MAX, |(i, _)| {
+            budget.heap_budget[i].saturating_sub(budget.heap_usage[i])
+        })
+    }
+
     /// The queue, locked.
     pub(super) fn queue(&self) -> Result<MutexGuard<'_, vk::Queue>> {
         match &self.queue {
@@ -232,7 +323,10 @@ impl GpuState {
         let wanted = requirements.size;
         // Locked until the end: two threads must not both take the last memory.
         let mut tracker = self.tracker();
-        let available = self.memory_limit.saturating_sub(tracker.bytes);
+        let mut available = self.memory_limit.saturating_sub(tracker.bytes);
+        if location == MemoryLocation::GpuOnly {
+            available = available.min(self.budget_left());
+        }
         let refuse = || Error::OutOfMemory {
             name: name.to_owned(),
             wanted,
@@ -267,6 +361,8 @@ impl Drop for GpuState {
         // SAFETY: dropped once, here, before the device that its memory belongs to.
         unsafe { ManuallyDrop::drop(&mut self.allocator) };
         if self.own.is_some() {
+            // SAFETY: the cache is owned; a null one is ignored.
+            unsafe { self.device.destroy_pipeline_cache(self.pipeline_cache, None) };
             // SAFETY: every resource holds the `Gpu`, so none is left, and no commands run.
             unsafe { self.device.destroy_device(None) };
         }

@@ -1,32 +1,30 @@
 //! Ring of frames in flight on one timeline.
 
 use super::check::check;
-use super::descriptors::Arena;
 use super::device::Gpu;
-use super::frame_slot::{Chunks, FrameSlot};
-use super::hazards::Hazards;
+use super::frame_slot::{FrameSlot, STAGING_BYTES};
 use super::host::HostCommands;
 use super::recorder::Recorder;
 use super::timing::Timestamps;
 use crate::Result;
 use ash::vk;
-use gpu_allocator::MemoryLocation;
-use std::collections::HashSet;
+use std::sync::Arc;
 
 /// Identifier of a submission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Ticket(u64);
 
-/// A ring of frames in flight on one timeline.
+/// A ring of frames in flight: on a timeline of its own, or in a host's commands.
 pub struct Frames {
     gpu: Gpu,
+    /// Null for frames in a host's commands.
     timeline: vk::Semaphore,
     slots: Vec<FrameSlot>,
     /// Number of frames begun; the next one takes slot `begun % slots.len()`.
     begun: u64,
     submitted: u64,
-    /// True if frames are recorded into a host's commands.
-    guest: bool,
+    /// Identity of the ring in a host's commands; `None` if frames are submitted here.
+    guest: Option<Arc<()>>,
 }
 
 impl Frames {
@@ -46,13 +44,26 @@ impl Frames {
             slots: Vec::new(),
             begun: 0,
             submitted: 0,
-            guest: false,
+            guest: None,
         };
         let timestamps = timestamps && gpu.caps().timestamp_period_ns > 0.0;
         for _ in 0..in_flight {
             frames.add_slot(timestamps)?;
         }
         Ok(frames)
+    }
+
+    /// Ring of `in_flight` frames in a host's commands, without Vulkan objects until something is recorded.
+    pub fn in_host(gpu: &Gpu, in_flight: usize) -> Frames {
+        assert!(in_flight > 0, "at least one frame in flight");
+        Frames {
+            gpu: gpu.clone(),
+            timeline: vk::Semaphore::null(),
+            slots: (0..in_flight).map(|_| FrameSlot::new(gpu)).collect(),
+            begun: 0,
+            submitted: 0,
+            guest: Some(Arc::new(())),
+        }
     }
 
     fn add_slot(&mut self, timestamps: bool) -> Result<()> {
@@ -65,14 +76,7 @@ impl Frames {
         })?;
         self.slots.push(FrameSlot {
             pool,
-            commands: vk::CommandBuffer::null(),
-            value: 0,
-            arena: Arena::new(&self.gpu),
-            staging: Chunks::new("staging", MemoryLocation::CpuToGpu),
-            reading: Chunks::new("readback", MemoryLocation::GpuToCpu),
-            timestamps: None,
-            kept: Vec::new(),
-            kept_ids: HashSet::new(),
+            ..FrameSlot::new(&self.gpu)
         });
         let slot = self.slots.last_mut();
         let info = vk::CommandBufferAllocateInfo::default()
@@ -96,13 +100,14 @@ impl Frames {
 
     /// Starts a frame, after waiting for its slot's previous one.
     pub fn begin(&mut self) -> Result<Recorder<'_>> {
-        assert!(!self.guest, "these frames are recorded into a host's commands");
+        assert!(self.guest.is_none(), "these frames are recorded into a host's commands");
         let index = self.index(self.begun);
         self.begun += 1;
         self.wait(Ticket(self.slots[index].value))?;
         let gpu = self.gpu.clone();
         let slot = &mut self.slots[index];
-        slot.reset()?;
+        // Photographs are staged again and again.
+        slot.reset(u64::MAX)?;
         let device = &gpu.0.device;
         let flags = vk::CommandPoolResetFlags::empty();
         // SAFETY: the slot's last submission is done.
@@ -122,43 +127,45 @@ impl Frames {
             gpu,
             commands,
             slot,
-            hazards: Hazards::default(),
             failed: None,
         };
         // Validation and `Hazards` track one command buffer at a time: order it after all earlier ones.
-        recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, false);
+        recorder.barrier();
         Ok(recorder)
     }
 
     /// Records into a host's command buffer: begins a frame, or continues the one begun there. The slot's previous
-    /// frame must be done, as the contract of [`HostCommands::wrap`] says. A ring serves either a host or its own
-    /// submissions; only the latter are timed.
+    /// frame must be done, as the contract of [`HostCommands::wrap`] says. For rings of [`Frames::in_host`].
     pub fn begin_in(&mut self, host: &mut HostCommands) -> Result<Recorder<'_>> {
-        assert_eq!(self.submitted, 0, "these frames are submitted by us");
-        self.guest = true;
         let frame = self.frame_in(host);
         let index = self.index(frame);
-        let slot = &mut self.slots[index];
-        assert!(slot.timestamps.is_none(), "a host's frames are not timed");
         if frame == self.begun {
-            host.begin(self.timeline, frame);
+            host.begin(self.ring(), frame);
             self.begun += 1;
-            slot.reset()?;
+            // An upload of a host's happens once.
+            self.slots[index].reset(STAGING_BYTES as u64)?;
         }
+        let slot = &mut self.slots[index];
         let mut recorder = Recorder {
             gpu: self.gpu.clone(),
             commands: host.commands(),
             slot,
-            hazards: Hazards::default(),
             failed: None,
         };
-        recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, false);
+        recorder.barrier();
         Ok(recorder)
+    }
+
+    fn ring(&self) -> &Arc<()> {
+        match &self.guest {
+            Some(ring) => ring,
+            None => panic!("these frames are submitted here, not by a host"),
+        }
     }
 
     /// Number of the frame that [`Frames::begin_in`] would record.
     pub fn frame_in(&self, host: &HostCommands) -> u64 {
-        host.begun_by(self.timeline).unwrap_or(self.begun)
+        host.begun_by(self.ring()).unwrap_or(self.begun)
     }
 
     /// Frames that may be in flight.
@@ -173,7 +180,7 @@ impl Frames {
     pub fn submit<R>(&mut self, record: impl FnOnce(&mut Recorder<'_>) -> Result<R>) -> Result<(Ticket, R)> {
         let mut recorder = self.begin()?;
         let result = record(&mut recorder);
-        recorder.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, true);
+        recorder.host_barrier();
         let (commands, failed) = (recorder.commands, recorder.failed.take());
         let device = &self.gpu.0.device;
         // SAFETY: recording began in `begin`.
@@ -222,7 +229,7 @@ impl Frames {
     /// Waits for all submissions and releases their resources at once, not only when the slots are reused.
     pub fn release(&mut self) -> Result<()> {
         self.wait(Ticket(self.submitted))?;
-        self.slots.iter_mut().try_for_each(FrameSlot::reset)
+        self.slots.iter_mut().try_for_each(|slot| slot.reset(u64::MAX))
     }
 
     /// True if a submission is done.
@@ -243,14 +250,16 @@ impl Frames {
 
 impl Drop for Frames {
     fn drop(&mut self) {
-        // On a lost device waiting fails, but nothing runs, so that destroying is sound.
-        let _ = self.wait_for(Ticket(self.submitted));
+        if self.guest.is_none() {
+            // On a lost device waiting fails, but nothing runs, so that destroying is sound.
+            let _ = self.wait_for(Ticket(self.submitted));
+        }
         for slot in &mut self.slots {
             slot.kept.clear();
-            // SAFETY: its commands are done.
+            // SAFETY: its commands are done; a null pool is ignored.
             unsafe { self.gpu.0.device.destroy_command_pool(slot.pool, None) };
         }
-        // SAFETY: nothing waits for or signals it any more.
+        // SAFETY: nothing waits for or signals it any more; a null one is ignored.
         unsafe { self.gpu.0.device.destroy_semaphore(self.timeline, None) };
     }
 }

@@ -8,29 +8,21 @@
 
 use super::caps::Caps;
 use super::device::{Gpu, Parts, SharedAllocator};
+use super::features::{HostFeatures, missing_texts, refuse_unmet, version};
 use super::image::{Image, ImageState};
 use super::options::GpuOptions;
-use super::recorder::Recorder;
+use super::recorder::{Recorder, transition};
 use super::requirements::REQUIRED;
-use crate::Result;
 use crate::shader::Requirement;
+use crate::{Error, Result};
 use ash::vk;
+use std::sync::Arc;
 
 /// A host's queue for the engine's submissions (uploads, training), never from two threads at once.
 #[derive(Clone, Copy, Debug)]
 pub struct HostQueue {
     /// The queue that the host submits recorded commands to as well, never during a call that may submit.
     pub queue: vk::Queue,
-}
-
-/// Optional features that the host has enabled.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct HostFeatures {
-    /// `shaderStorageImageWriteWithoutFormat`, required for presenting.
-    pub storage_image_write_without_format: bool,
-    /// `subgroupSizeControl`; without it, devices with varying subgroup sizes run the kernel variants without subgroup
-    /// operations.
-    pub subgroup_size_control: bool,
 }
 
 /// A host's device.
@@ -41,32 +33,46 @@ pub struct HostDevice {
     pub physical_device: vk::PhysicalDevice,
     /// The device, with at least [`REQUIRED`] enabled.
     pub device: ash::Device,
+    /// The lesser of the versions that the instance was created for and the device offers. Vulkan functions of later
+    /// versions are not loaded, and calling them would abort.
+    pub api_version: u32,
+    /// Enabled features and extensions; [`HostFeatures::of_chain`] reads the features from `vkCreateDevice`'s chain.
+    pub enabled: HostFeatures,
     /// Queue family of the command buffers to record into.
     pub queue_family: u32,
     /// Queue for blocking transfers and training; without it, only recording works.
     pub queue: Option<HostQueue>,
-    /// Enabled [`Requirements::optional_features`](super::Requirements::optional_features).
-    pub enabled: HostFeatures,
     /// The host's allocator; `None`: one is created.
     pub allocator: Option<SharedAllocator>,
+    /// Limit of the guest's buffers and images in bytes; `None`: the device's largest heap.
+    pub memory_limit: Option<u64>,
+    /// The host's cache for pipelines, which outlives the guest and is synchronised by Vulkan; null for none.
+    pub pipeline_cache: vk::PipelineCache,
 }
 
 impl Gpu {
     /// Adopts a host's device.
     ///
     /// # Safety
-    /// The handles belong together and outlive every clone of the `Gpu` and everything made from it; the
-    /// features that [`REQUIRED`] lists are enabled.
+    /// The handles belong together and outlive every clone of the `Gpu` and everything made from it; version, features
+    /// and extensions are as stated.
     ///
     /// # Errors
-    /// [`Unsupported`](crate::Error::Unsupported) for a device below Vulkan 1.3 or the limits that
-    /// [`REQUIRED`] lists.
+    /// [`Unsupported`](crate::Error::Unsupported), with everything of [`REQUIRED`] that is missing.
     pub unsafe fn adopt(host: HostDevice) -> Result<Gpu> {
-        let mut caps = Caps::query(&host.instance, host.physical_device);
-        caps.check(&REQUIRED)?;
-        if !host.enabled.storage_image_write_without_format {
-            caps.offers.remove(&Requirement::StorageImageWriteWithoutFormat);
+        let mut unmet: Vec<String> = missing_texts(&host.enabled).collect();
+        let offered = (
+            vk::api_version_major(host.api_version),
+            vk::api_version_minor(host.api_version),
+        );
+        if offered < REQUIRED.api {
+            // Not even limits can be asked for: the query may not exist.
+            unmet.insert(0, version(&REQUIRED, offered));
+            refuse_unmet("the host's device", &unmet)?;
         }
+        let mut caps = Caps::query(&host.instance, host.physical_device);
+        unmet.splice(0..0, REQUIRED.unmet(&caps));
+        refuse_unmet(&caps.name, &unmet)?;
         // Only a baseline adds floats atomically, so that hosts need not enable it.
         caps.offers.remove(&Requirement::AtomicFloatAdd);
         if !host.enabled.subgroup_size_control {
@@ -80,9 +86,15 @@ impl Gpu {
             family: host.queue_family,
             queue: host.queue.map(|q| q.queue),
             allocator: host.allocator,
+            pipeline_cache: host.pipeline_cache,
+            has_memory_budget: host.enabled.memory_budget,
+            has_debug_utils: host.enabled.debug_utils,
             own: None,
         };
-        parts.into_gpu(&GpuOptions::default())
+        parts.into_gpu(&GpuOptions {
+            memory_limit: host.memory_limit,
+            ..GpuOptions::default()
+        })
     }
 }
 
@@ -90,9 +102,14 @@ impl Gpu {
 #[derive(Debug)]
 pub struct HostCommands {
     commands: vk::CommandBuffer,
-    /// Timeline of each ring of frames that records here, and the number of the frame that it began.
-    begun: Vec<(vk::Semaphore, u64)>,
+    /// First ring of frames that records here, and the number of the frame that it began.
+    first: Option<BegunFrame>,
+    /// Further rings.
+    others: Vec<BegunFrame>,
 }
+
+/// Identity of a ring, and the number of the frame that it began.
+type BegunFrame = (Arc<()>, u64);
 
 impl HostCommands {
     /// Wraps a command buffer; to be called once per recording.
@@ -105,8 +122,14 @@ impl HostCommands {
     pub unsafe fn wrap(commands: vk::CommandBuffer) -> HostCommands {
         HostCommands {
             commands,
-            begun: Vec::new(),
+            first: None,
+            others: Vec::new(),
         }
+    }
+
+    /// Records the transition of an image from its state `before` to `after`, for a picture that is not drawn.
+    pub fn pass(&self, gpu: &Gpu, target: &HostImage) {
+        transition(gpu, self.commands, &target.image, target.before, target.after);
     }
 
     pub(super) fn commands(&self) -> vk::CommandBuffer {
@@ -114,53 +137,123 @@ impl HostCommands {
     }
 
     /// Number of the frame that a ring has begun here.
-    pub(super) fn begun_by(&self, ring: vk::Semaphore) -> Option<u64> {
-        let mut begun = self.begun.iter();
-        begun.find_map(|&(known, frame)| (known == ring).then_some(frame))
+    pub(super) fn begun_by(&self, ring: &Arc<()>) -> Option<u64> {
+        let mut begun = self.first.iter().chain(&self.others);
+        begun.find_map(|(known, frame)| Arc::ptr_eq(known, ring).then_some(*frame))
     }
 
-    /// Stores the number of the frame that a ring begins here.
-    pub(super) fn begin(&mut self, ring: vk::Semaphore, frame: u64) {
-        self.begun.push((ring, frame));
+    /// Stores the number of the frame that a ring begins here. The first ring's takes no memory.
+    pub(super) fn begin(&mut self, ring: &Arc<()>, frame: u64) {
+        let begun = (ring.clone(), frame);
+        match self.first {
+            None => self.first = Some(begun),
+            Some(_) => self.others.push(begun),
+        }
     }
 }
 
-/// A host's storage image to write, with its state before and after.
+/// A host's image to write or to read, with its state before and after.
 #[derive(Clone, Debug)]
 pub struct HostImage {
     image: Image,
+    format: vk::Format,
     before: ImageState,
     after: ImageState,
 }
 
+/// A host's image with one mip level and layer.
+#[derive(Clone, Copy, Debug)]
+pub struct HostImageDesc {
+    /// The image, with the storage usage to be written, with the sampled usage to be read.
+    pub image: vk::Image,
+    /// View of all of it; of an image with depth and stencil, of its depth.
+    pub view: vk::ImageView,
+    /// Format of the view; of a view of depth, of the image. Kernels write it without declaring it, which the device
+    /// must support for this format (`VK_FORMAT_FEATURE_2_STORAGE_WRITE_WITHOUT_FORMAT_BIT`).
+    pub format: vk::Format,
+    /// Width and height in pixels.
+    pub extent: [u32; 2],
+    /// State when the commands run. The image belongs to their queue family, or is shared by all that use it.
+    pub before: ImageState,
+    /// State afterwards, whether a picture was drawn or refused; its layout is not `UNDEFINED`.
+    pub after: ImageState,
+}
+
 impl HostImage {
-    /// Wraps a colour image with one mip level and layer.
+    /// Wraps an image.
     ///
     /// # Safety
-    /// Image and view are alive until the commands have run, have the storage usage, and are in the state
-    /// `before` when the commands run.
-    pub unsafe fn wrap(
-        image: vk::Image,
-        view: vk::ImageView,
-        extent: [u32; 2],
-        before: ImageState,
-        after: ImageState,
-    ) -> HostImage {
+    /// Image and view are as described and alive until the commands have run, and the image is in the state `before`
+    /// when the commands run.
+    pub unsafe fn wrap(desc: HostImageDesc) -> HostImage {
         HostImage {
             image: Image {
-                image,
-                view,
-                extent,
+                image: desc.image,
+                view: desc.view,
+                extent: desc.extent,
+                aspects: aspects(desc.format),
+                layout: vk::ImageLayout::GENERAL,
                 own: None,
             },
-            before,
-            after,
+            format: desc.format,
+            before: desc.before,
+            after: desc.after,
         }
     }
 
-    /// The image, for binding to a kernel.
+    /// Checks that kernels can write the format.
+    ///
+    /// # Errors
+    /// [`Unsupported`](crate::Error::Unsupported).
+    pub fn check_writable(&self, gpu: &Gpu) -> Result<()> {
+        match gpu.0.writes_format(self.format) {
+            true => Ok(()),
+            false => Err(Error::Unsupported {
+                what: format!(
+                    "drawing to {:?}: {} does not write it without its declaration (STORAGE_WRITE_WITHOUT_FORMAT)",
+                    self.format,
+                    gpu.caps().name
+                ),
+            }),
+        }
+    }
+
+    /// Checks that kernels can read the format.
+    ///
+    /// # Errors
+    /// [`Unsupported`](crate::Error::Unsupported).
+    pub fn check_readable(&self, gpu: &Gpu) -> Result<()> {
+        match gpu.0.reads_format(self.format) {
+            true => Ok(()),
+            false => Err(Error::Unsupported {
+                what: format!("reading {:?}: {} does not sample it", self.format, gpu.caps().name),
+            }),
+        }
+    }
+
+    /// The image, for binding to a kernel that writes it.
     pub fn image(&self) -> &Image {
         &self.image
+    }
+
+    /// The image, for binding to a kernel that reads it.
+    pub fn readable(&self) -> Image {
+        Image {
+            layout: KERNEL_READ.layout,
+            ..self.image.clone()
+        }
+    }
+}
+
+/// All aspects of a format.
+fn aspects(format: vk::Format) -> vk::ImageAspectFlags {
+    use vk::{Format, ImageAspectFlags as Aspect};
+    match format {
+        Format::D16_UNORM | Format::X8_D24_UNORM_PACK32 | Format::D32_SFLOAT => Aspect::DEPTH,
+        Format::D16_UNORM_S8_UINT | Format::D24_UNORM_S8_UINT | Format::D32_SFLOAT_S8_UINT => {
+            Aspect::DEPTH | Aspect::STENCIL
+        }
+        _ => Aspect::COLOR,
     }
 }
 
@@ -175,12 +268,22 @@ impl Recorder<'_> {
         self.transition(&target.image, KERNEL_WRITE, target.after);
     }
 
-    /// Ends recording into a host's command buffer.
+    /// Transitions a host's image from its state `before` to that for kernel reads.
+    pub fn acquire_to_read(&mut self, source: &HostImage) {
+        self.transition(&source.image, source.before, KERNEL_READ);
+    }
+
+    /// Transitions a host's image that kernels have read to its state `after`.
+    pub fn release_read(&mut self, source: &HostImage) {
+        self.transition(&source.image, KERNEL_READ, source.after);
+    }
+
+    /// Ends recording into a host's command buffer, which stays valid after an error.
     ///
     /// # Errors
     /// The first error of any command recorded.
     pub fn finish(mut self) -> Result<()> {
-        self.full_barrier(vk::PipelineStageFlags2::ALL_COMMANDS, true);
+        self.host_barrier();
         self.failed.take().map_or(Ok(()), Err)
     }
 }
@@ -189,4 +292,10 @@ const KERNEL_WRITE: ImageState = ImageState {
     layout: vk::ImageLayout::GENERAL,
     stage: vk::PipelineStageFlags2::COMPUTE_SHADER,
     access: vk::AccessFlags2::SHADER_STORAGE_WRITE,
+};
+
+const KERNEL_READ: ImageState = ImageState {
+    layout: vk::ImageLayout::READ_ONLY_OPTIMAL,
+    stage: vk::PipelineStageFlags2::COMPUTE_SHADER,
+    access: vk::AccessFlags2::SHADER_SAMPLED_READ,
 };

@@ -14,6 +14,10 @@ pub struct Image {
     pub(super) image: vk::Image,
     pub(super) view: vk::ImageView,
     pub(super) extent: [u32; 2],
+    /// All aspects of its format.
+    pub(super) aspects: vk::ImageAspectFlags,
+    /// Layout while a kernel uses it.
+    pub(super) layout: vk::ImageLayout,
     /// Owner of image, view and memory; `None`: the host.
     pub(super) own: Option<Arc<OwnImage>>,
 }
@@ -44,13 +48,18 @@ pub struct ImageState {
 }
 
 /// The single mip level and array layer of images.
-pub(super) const WHOLE: vk::ImageSubresourceRange = vk::ImageSubresourceRange {
-    aspect_mask: vk::ImageAspectFlags::COLOR,
-    base_mip_level: 0,
-    level_count: 1,
-    base_array_layer: 0,
-    layer_count: 1,
-};
+pub(super) const fn whole(aspects: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+    vk::ImageSubresourceRange {
+        aspect_mask: aspects,
+        base_mip_level: 0,
+        level_count: 1,
+        base_array_layer: 0,
+        layer_count: 1,
+    }
+}
+
+/// The range of colour images.
+pub(super) const WHOLE: vk::ImageSubresourceRange = whole(vk::ImageAspectFlags::COLOR);
 
 impl OwnImage {
     pub(super) fn new(gpu: &Gpu, name: &str, extent: [u32; 2]) -> Result<OwnImage> {
@@ -62,11 +71,12 @@ impl OwnImage {
             .mip_levels(1)
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(Usage::STORAGE | Usage::TRANSFER_SRC | Usage::TRANSFER_DST);
+            .usage(Usage::STORAGE | Usage::SAMPLED | Usage::TRANSFER_SRC | Usage::TRANSFER_DST);
         gpu.0.creating("vkCreateImage")?;
         let device = &gpu.0.device;
         // SAFETY: a plain image within the device's limits, as `Gpu::image` has checked.
         let image = check("vkCreateImage", unsafe { device.create_image(&info, None) })?;
+        gpu.0.names.name(image, name);
         let mut own = OwnImage {
             gpu: gpu.clone(),
             image,

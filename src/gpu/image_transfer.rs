@@ -3,7 +3,7 @@
 use super::buffer::Buffer;
 use super::device::Gpu;
 use super::image::{Image, ImageState, OwnImage, WHOLE, extent3};
-use super::recorder::{ACCESS, Recorder};
+use super::recorder::Recorder;
 use crate::shader::Access;
 use crate::{Error, Result};
 use ash::vk;
@@ -20,7 +20,9 @@ const FRESH: ImageState = ImageState {
 const READY: ImageState = ImageState {
     layout: vk::ImageLayout::GENERAL,
     stage: vk::PipelineStageFlags2::ALL_COMMANDS,
-    access: ACCESS,
+    access: vk::AccessFlags2::from_raw(
+        vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw(),
+    ),
 };
 /// State during a copy to a buffer.
 const READ: ImageState = ImageState {
@@ -48,6 +50,8 @@ impl Gpu {
             image: own.image,
             view: own.view,
             extent,
+            aspects: vk::ImageAspectFlags::COLOR,
+            layout: READY.layout,
             own: Some(own),
         };
         self.run(|rec| {

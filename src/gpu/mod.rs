@@ -21,6 +21,7 @@ mod debug;
 mod descriptors;
 mod device;
 mod faults;
+mod features;
 mod frame;
 mod frame_slot;
 mod hazards;
@@ -28,6 +29,7 @@ mod host;
 mod image;
 mod image_transfer;
 mod memory;
+mod names;
 mod options;
 mod pipeline;
 mod recorder;
@@ -36,15 +38,19 @@ mod slot;
 mod timing;
 mod transfer;
 
+/// The versions that the types of hosts are of.
+pub use {ash, gpu_allocator};
+
 pub use buffer::{Buffer, PART_ALIGNMENT};
 pub use caps::{Caps, DeviceKind, Limits};
 pub use create::devices;
 pub use device::Gpu;
 pub use faults::Faults;
+pub use features::{HostFeatures, MissingStruct};
 pub use frame::{Frames, Ticket};
 pub use frame_slot::STAGING_BYTES;
 pub use hazards::Hazards;
-pub use host::{HostCommands, HostDevice, HostFeatures, HostImage, HostQueue};
+pub use host::{HostCommands, HostDevice, HostImage, HostImageDesc, HostQueue};
 pub use image::{Image, ImageState};
 pub use memory::MemoryUse;
 pub use options::GpuOptions;

@@ -5,6 +5,7 @@ use super::device::Gpu;
 use crate::shader::{BindingKind, KernelInfo};
 use crate::{Error, Result};
 use ash::vk;
+use std::ffi::CString;
 use std::sync::{Arc, Weak};
 
 pub(super) struct RawPipeline {
@@ -13,6 +14,8 @@ pub(super) struct RawPipeline {
     pub(super) set_layout: vk::DescriptorSetLayout,
     pub(super) layout: vk::PipelineLayout,
     pub(super) handle: vk::Pipeline,
+    /// Name of kernel and variant.
+    pub(super) label: CString,
 }
 
 /// Compute pipeline of a kernel. Clones share it, and [`Pipeline::new`] returns an equal one that is still alive, since
@@ -60,6 +63,7 @@ impl Pipeline {
             set_layout: vk::DescriptorSetLayout::null(),
             layout: vk::PipelineLayout::null(),
             handle: vk::Pipeline::null(),
+            label: label(info),
         };
         raw.create_layouts()?;
         raw.create_pipeline(spec)?;
@@ -148,7 +152,7 @@ impl RawPipeline {
             .layout(self.layout);
         let call = "vkCreateComputePipelines";
         let made = self.gpu.0.creating(call).and_then(|()| {
-            let cache = vk::PipelineCache::null();
+            let cache = self.gpu.0.pipeline_cache;
             // SAFETY: every object that `info` refers to is alive.
             let made = unsafe { device.create_compute_pipelines(cache, &[info], None) };
             check(call, made.map_err(|(_, code)| code))
@@ -156,8 +160,20 @@ impl RawPipeline {
         // SAFETY: a pipeline does not need its module once made.
         unsafe { device.destroy_shader_module(module, None) };
         self.handle = made?[0];
+        let name = self.label.to_string_lossy();
+        self.gpu.0.names.name(self.handle, &name);
         Ok(())
     }
+}
+
+/// `kernel` or `kernel.variant`.
+fn label(info: &KernelInfo) -> CString {
+    let name = match info.variant {
+        "" => info.kernel.to_owned(),
+        variant => format!("{}.{variant}", info.kernel),
+    };
+    // File names have no zero in them.
+    CString::new(name).unwrap_or_default()
 }
 
 impl Drop for RawPipeline {
@@ -176,5 +192,6 @@ pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
     match kind {
         BindingKind::Buffer => vk::DescriptorType::STORAGE_BUFFER,
         BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
+        BindingKind::SampledImage => vk::DescriptorType::SAMPLED_IMAGE,
     }
 }

@@ -4,10 +4,10 @@
 //! since the last barrier. Used resources are kept alive until the frame's slot is reused.
 
 use super::buffer::{Buffer, RawBuffer};
+use super::descriptors::BINDINGS_MAX;
 use super::device::Gpu;
 use super::frame_slot::FrameSlot;
-use super::hazards::Hazards;
-use super::image::{Image, ImageState, WHOLE};
+use super::image::{Image, ImageState, whole};
 use super::pipeline::{Pipeline, RawPipeline};
 use super::slot::{Groups, Slot, SlotKind};
 use crate::Result;
@@ -34,6 +34,12 @@ impl<T: Pod> Readback<T> {
         let bytes = &self.raw.mapped()[self.offset..self.offset + self.len * size_of::<T>()];
         bytemuck::pod_collect_to_vec(bytes)
     }
+
+    /// As [`Readback::get`], without a copy.
+    pub fn elements(&self) -> &[T] {
+        let bytes = &self.raw.mapped()[self.offset..self.offset + self.len * size_of::<T>()];
+        bytemuck::cast_slice(bytes)
+    }
 }
 
 /// Records the commands of one frame.
@@ -41,14 +47,31 @@ pub struct Recorder<'a> {
     pub(super) gpu: Gpu,
     pub(super) commands: vk::CommandBuffer,
     pub(super) slot: &'a mut FrameSlot,
-    pub(super) hazards: Hazards,
-    /// The first error; recording continues, and submission reports it.
+    /// The first error. Later commands are left out, as they would read its missing results; barriers and transitions
+    /// are recorded, and submission or `finish` reports it.
     pub(super) failed: Option<crate::Error>,
 }
 
-/// Reads and writes of any kind.
-pub(super) const ACCESS: vk::AccessFlags2 =
-    vk::AccessFlags2::from_raw(vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw());
+/// Stages and accesses of one side of a barrier.
+type Scope = (vk::PipelineStageFlags2, vk::AccessFlags2);
+
+/// Stages of this crate's commands.
+const STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
+    vk::PipelineStageFlags2::COMPUTE_SHADER.as_raw()
+        | vk::PipelineStageFlags2::ALL_TRANSFER.as_raw()
+        | vk::PipelineStageFlags2::DRAW_INDIRECT.as_raw(),
+);
+/// Writes of this crate's commands.
+const WRITES: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
+    vk::AccessFlags2::SHADER_STORAGE_WRITE.as_raw() | vk::AccessFlags2::TRANSFER_WRITE.as_raw(),
+);
+/// Reads of this crate's commands.
+const READS: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
+    vk::AccessFlags2::SHADER_STORAGE_READ.as_raw()
+        | vk::AccessFlags2::SHADER_SAMPLED_READ.as_raw()
+        | vk::AccessFlags2::TRANSFER_READ.as_raw()
+        | vk::AccessFlags2::INDIRECT_COMMAND_READ.as_raw(),
+);
 
 impl<'a> Recorder<'a> {
     /// Device of the commands.
@@ -60,34 +83,37 @@ impl<'a> Recorder<'a> {
         &self.gpu.0.device
     }
 
-    /// Memory barrier that makes all earlier writes visible to all later commands, and to the host if `host`.
-    pub(super) fn full_barrier(&mut self, stages: vk::PipelineStageFlags2, host: bool) {
-        self.barrier(stages, host);
-        self.hazards.barrier();
+    /// Memory barrier between earlier and later commands of this crate: of other commands before it and after it in the
+    /// queue, only those of the same stages are ordered.
+    pub(super) fn barrier(&mut self) {
+        self.order();
+        self.slot.hazards.barrier();
     }
 
-    fn barrier(&self, stages: vk::PipelineStageFlags2, host: bool) {
-        let mut barrier = vk::MemoryBarrier2::default()
-            .src_stage_mask(stages)
-            .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
-            .dst_stage_mask(stages)
-            .dst_access_mask(ACCESS);
-        if host {
-            barrier.dst_stage_mask |= vk::PipelineStageFlags2::HOST;
-            barrier.dst_access_mask |= vk::AccessFlags2::HOST_READ;
-        }
-        let barriers = [barrier];
+    fn order(&self) {
+        self.memory_barrier((STAGES, WRITES), (STAGES, WRITES | READS));
+    }
+
+    /// Memory barrier that makes copies visible to the host.
+    pub(super) fn host_barrier(&mut self) {
+        use vk::{AccessFlags2 as Access, PipelineStageFlags2 as Stage};
+        self.memory_barrier((Stage::COPY, Access::TRANSFER_WRITE), (Stage::HOST, Access::HOST_READ));
+    }
+
+    fn memory_barrier(&self, from: Scope, to: Scope) {
+        let barriers = [vk::MemoryBarrier2::default()
+            .src_stage_mask(from.0)
+            .src_access_mask(from.1)
+            .dst_stage_mask(to.0)
+            .dst_access_mask(to.1)];
         let info = vk::DependencyInfo::default().memory_barriers(&barriers);
         // SAFETY: the command buffer is being recorded.
         unsafe { self.device().cmd_pipeline_barrier2(self.commands, &info) };
     }
 
     pub(super) fn access(&mut self, accesses: &[(u64, Access)]) {
-        if self.hazards.command(accesses) {
-            let stages = vk::PipelineStageFlags2::COMPUTE_SHADER
-                | vk::PipelineStageFlags2::ALL_TRANSFER
-                | vk::PipelineStageFlags2::DRAW_INDIRECT;
-            self.barrier(stages, false);
+        if self.slot.hazards.command(accesses) {
+            self.order();
         }
     }
 
@@ -100,16 +126,20 @@ impl<'a> Recorder<'a> {
             "{}: one slot per binding",
             raw.info.kernel
         );
-        let mut accesses: Vec<_> = slots
-            .iter()
-            .zip(raw.info.bindings)
-            .map(|(slot, binding)| (slot.id(), binding.access))
-            .collect();
-        if let Groups::Indirect(args, _) = groups {
-            accesses.push((args.id(), Access::Read));
+        if self.failed.is_some() {
+            return;
         }
-        self.access(&accesses);
-        let set = match self.slot.arena.set(raw, slots) {
+        let mut accesses = [(0, Access::Read); BINDINGS_MAX + 1];
+        for (i, (slot, binding)) in slots.iter().zip(raw.info.bindings).enumerate() {
+            accesses[i] = (slot.id(), binding.access);
+        }
+        let mut count = slots.len();
+        if let Groups::Indirect(args, _) = groups {
+            accesses[count] = (args.id(), Access::Read);
+            count += 1;
+        }
+        self.access(&accesses[..count]);
+        let set = match self.slot.arena.set(&pipeline.0, slots) {
             Ok(set) => set,
             Err(error) => return self.fail(error),
         };
@@ -132,7 +162,9 @@ impl<'a> Recorder<'a> {
             // SAFETY: the layout has a range of this size (generated from the same reflection).
             unsafe { device.cmd_push_constants(self.commands, raw.layout, stage, 0, push) };
         }
+        self.gpu.0.names.begin(self.commands, &raw.label);
         self.dispatch_groups(groups);
+        self.gpu.0.names.end(self.commands);
     }
 
     fn dispatch_groups(&mut self, groups: Groups<'_>) {
@@ -168,7 +200,7 @@ impl<'a> Recorder<'a> {
 
     /// Sets every word of a buffer.
     pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) {
-        if buffer.is_empty() {
+        if buffer.is_empty() || self.failed.is_some() {
             return;
         }
         let bytes = buffer.reach();
@@ -198,7 +230,7 @@ impl<'a> Recorder<'a> {
     }
 
     fn copy_raw(&mut self, from: &Arc<RawBuffer>, start: usize, to: &Arc<RawBuffer>, at: usize, bytes: usize) {
-        if bytes == 0 {
+        if bytes == 0 || self.failed.is_some() {
             return;
         }
         self.access(&[
@@ -262,24 +294,29 @@ impl<'a> Recorder<'a> {
 
     /// Image barrier that orders the accesses of `from` before those of `to` and changes the layout.
     pub(super) fn transition(&mut self, image: &Image, from: ImageState, to: ImageState) {
-        let barriers = [vk::ImageMemoryBarrier2::default()
-            .src_stage_mask(from.stage)
-            .src_access_mask(from.access)
-            .dst_stage_mask(to.stage)
-            .dst_access_mask(to.access)
-            .old_layout(from.layout)
-            .new_layout(to.layout)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .image(image.image)
-            .subresource_range(WHOLE)];
-        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: a host's image is in the state that its wrapper's contract says, an owned one in the state that the
-        // last transition left.
-        unsafe { self.device().cmd_pipeline_barrier2(self.commands, &info) };
+        transition(&self.gpu, self.commands, image, from, to);
     }
 
     pub(super) fn fail(&mut self, error: crate::Error) {
         self.failed.get_or_insert(error);
     }
+}
+
+/// As [`Recorder::transition`].
+pub(super) fn transition(gpu: &Gpu, commands: vk::CommandBuffer, image: &Image, from: ImageState, to: ImageState) {
+    let barriers = [vk::ImageMemoryBarrier2::default()
+        .src_stage_mask(from.stage)
+        .src_access_mask(from.access)
+        .dst_stage_mask(to.stage)
+        .dst_access_mask(to.access)
+        .old_layout(from.layout)
+        .new_layout(to.layout)
+        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .image(image.image)
+        .subresource_range(whole(image.aspects))];
+    let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+    // SAFETY: a host's image is in the state that its wrapper's contract says, an owned one in the state that the last
+    // transition left.
+    unsafe { gpu.0.device.cmd_pipeline_barrier2(commands, &info) };
 }

@@ -7,7 +7,7 @@ pub struct Requirements {
     pub api: (u32, u32),
     /// Features that must be enabled, by their names in the Vulkan specification.
     pub features: &'static [&'static str],
-    /// Features that are used if enabled; the first is required for presenting to a host's image.
+    /// Features that are used if enabled.
     pub optional_features: &'static [&'static str],
     /// Required device extensions.
     pub extensions: &'static [&'static str],
@@ -22,13 +22,8 @@ pub struct Requirements {
 /// Requirements of this crate.
 pub const REQUIRED: Requirements = Requirements {
     api: (1, 3),
-    features: &[
-        "scalarBlockLayout",
-        "timelineSemaphore",
-        "synchronization2",
-        "maintenance4",
-    ],
-    optional_features: &["shaderStorageImageWriteWithoutFormat", "subgroupSizeControl"],
+    features: &["scalarBlockLayout", "timelineSemaphore", "synchronization2"],
+    optional_features: &["subgroupSizeControl"],
     extensions: &[],
     push_constant_bytes: 128,
     storage_buffers: 14,

@@ -69,6 +69,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         contribution: contribution::Choice::prefer(caps), contribution::Choice::why(caps);
         expand: expand::Choice::default(), ELEMENTWISE;
         gather: gather::Choice::default(), ELEMENTWISE;
+        linearize: linearize::Choice::default(), ELEMENTWISE;
         loss: loss::Choice::default(), TILED;
         loss_backward: loss_backward::Choice::default(), TILED;
         loss_exposure: loss_exposure::Choice::default(), STRETCHED;
@@ -120,6 +121,7 @@ mod tests {
             max_image_side: 16_384,
             max_groups: [65_535; 3],
             max_workgroup: 256,
+            max_push_constants: 128,
             max_shared: 1 << 15,
             timestamp_period_ns: 1.0,
             heap: 1 << 30,

@@ -35,6 +35,8 @@ pub struct Outputs {
     pub ends: bool,
     /// Depths and normals of the splats' planes; not by the rules of the 3DGS code.
     pub surface: bool,
+    /// Limits of depth, which are an input, but take memory and kernels of their own as outputs do.
+    pub limit: bool,
 }
 
 impl Outputs {
@@ -43,6 +45,7 @@ impl Outputs {
         depth: false,
         ends: true,
         surface: false,
+        limit: false,
     };
 }
 
@@ -88,6 +91,6 @@ macro_rules! outputs {
 }
 
 outputs! {
-    rasterize: with_depth depth, with_ends ends, with_surface surface;
+    rasterize: with_depth depth, with_ends ends, with_surface surface, with_limit limit;
     rasterize_inria: with_depth depth, with_ends ends;
 }

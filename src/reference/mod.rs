@@ -21,6 +21,7 @@ pub mod expand;
 pub mod frame;
 pub mod gradient;
 pub mod linear;
+pub mod linearize;
 pub mod loss;
 pub mod perturb;
 pub mod plane;

@@ -164,6 +164,20 @@ pub fn rasterize<R: Real>(
     composite(layers, background, thresholds.transmittance_min).0
 }
 
+/// As [`rasterize`], over the splats before a limit of depth: those up to the first at the limit or beyond.
+pub fn rasterize_before<R: Real>(
+    splats: &[ScreenSplat<R>],
+    order: &[usize],
+    position: [f64; 2],
+    background: [f64; 3],
+    thresholds: &Thresholds,
+    limit: f64,
+) -> Pixel<R> {
+    let hidden = order.iter().position(|&i| depth(&splats[i]).value() >= limit);
+    let before = &order[..hidden.unwrap_or(order.len())];
+    rasterize(splats, before, position, background, thresholds)
+}
+
 /// [`DiscontinuityMargin`] of a pixel.
 pub fn discontinuity_margin(
     splats: &[ScreenSplat<f64>],

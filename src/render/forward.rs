@@ -50,8 +50,17 @@ impl Forward {
         Forward::new(gpu, &options, Outputs::TRAINING)
     }
 
-    /// Compiles the kernels for a renderer with these options.
+    /// Compiles the kernels for a renderer with these options, for pictures without limits of depth.
     pub(crate) fn for_rendering(gpu: &Gpu, options: &RenderOptions) -> Result<Forward> {
+        let outputs = Outputs {
+            limit: false,
+            ..options.outputs()
+        };
+        Forward::new(gpu, options, outputs)
+    }
+
+    /// Compiles the kernels for a renderer with these options, for pictures with limits of depth.
+    pub(crate) fn for_limits(gpu: &Gpu, options: &RenderOptions) -> Result<Forward> {
         Forward::new(gpu, options, options.outputs())
     }
 
@@ -63,7 +72,9 @@ impl Forward {
             let mut project = project::Choice::of_degree(degree);
             project.spec.precision = options.precision.code();
             project.spec.with_planes = outputs.surface.into();
-            let expand = expand::Choice::default();
+            project.spec.with_limit = outputs.limit.into();
+            let mut expand = expand::Choice::default();
+            expand.spec.with_limit = outputs.limit.into();
             options.compatibility.listing(accuracy, project, expand)
         };
         let choices = (0..=options.sh_degree).map(|degree| listing(degree).0);
@@ -86,6 +97,11 @@ impl Forward {
     /// Compiles the additional kernels of an indexed model; to be called before the first frame of each model.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
         self.project.prepare(gpu, model)
+    }
+
+    /// True if the kernels of a model are compiled.
+    pub(crate) fn is_prepared(&self, model: &Model) -> bool {
+        self.project.has(model)
     }
 
     /// Records a frame with SH up to `sh_degree`, in `bands`. The failed flag in `scratch.counts` is honoured, never
@@ -176,6 +192,7 @@ impl Forward {
                     tile_count_from_splat: &s.tile_count_from_splat.part(at.splats),
                     splat_from_slot: &at.splat_from_slot,
                     plane_from_splat: &plane_from_splat,
+                    limit_from_tile: &s.limit_from_tile,
                 },
                 project::Params {
                     splat_count: block.count as u32,
@@ -201,6 +218,7 @@ impl Forward {
                     isect_end_from_pixel: &s.isect_end_from_pixel,
                     plane_from_splat: &s.plane_from_splat,
                     surface: &s.surface,
+                    limit_from_pixel: &s.limit_from_pixel,
                 };
                 let params = rasterize::Params {
                     tile_stride,
@@ -333,6 +351,8 @@ impl Forward {
                 emitted_from_isect: &s.emitted_from_isect[0],
                 splat_from_emitted: &s.splat_from_emitted,
                 emitted_from_splat: &s.emitted_from_splat,
+                blue_depth_from_splat: &s.blue_depth_from_splat,
+                limit_from_tile: &s.limit_from_tile,
             },
             Groups::indirect(&s.args, ARGS_EXPAND as usize),
         );

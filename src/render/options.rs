@@ -20,6 +20,8 @@ pub struct RenderOptions {
     /// True for images with depths and normals of surfaces ([`Surface`](super::Surface)); not by the rules of the 3DGS
     /// code.
     pub with_surface: bool,
+    /// True for pictures behind a host's surfaces ([`HostDepth`](super::HostDepth)); not by the rules of the 3DGS code.
+    pub with_host_depth: bool,
     /// Thresholds that save work at a bounded error.
     pub accuracy: Accuracy,
     /// Storage precision of the models ([`Model::upload_as`](super::Model::upload_as)).
@@ -35,6 +37,7 @@ impl RenderOptions {
             depth: self.with_depth,
             ends: false,
             surface: self.with_surface,
+            limit: self.with_host_depth,
         }
     }
 }
@@ -50,6 +53,7 @@ impl Default for RenderOptions {
             sh_degree: 3,
             with_depth: false,
             with_surface: false,
+            with_host_depth: false,
             accuracy: Accuracy::default(),
             precision: Precision::Full,
             compatibility: Compatibility::Engine,

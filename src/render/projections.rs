@@ -34,6 +34,11 @@ impl Projections {
         Ok(())
     }
 
+    /// True if the model's kernels are compiled.
+    pub(super) fn has(&self, model: &Model) -> bool {
+        !model.is_indexed() || !self.indexed.is_empty()
+    }
+
     /// Kernel for a model's splats with SH up to `degree`.
     pub(super) fn of(&self, model: &Model, degree: u32) -> &Project {
         let kernels = match model.is_indexed() {

@@ -6,11 +6,12 @@ use super::depth_bands::{DepthBands, list_limit};
 use super::forward::Forward;
 use super::memory::isects_expected;
 use super::model::Model;
+use super::occlusion::{HostTarget, Occlusion};
 use super::options::RenderOptions;
 use super::scratch::Scratch;
 use super::surface::Surface;
 use super::view::{ViewOptions, view_of};
-use crate::gpu::{Frames, Gpu, HostCommands, HostImage, Readback, Ticket};
+use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
 use crate::kernels::present;
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES};
 use crate::scene::{Camera, NotFinite, Splats};
@@ -62,10 +63,12 @@ impl RenderedImage {
 pub struct Renderer {
     gpu: Gpu,
     forward: Forward,
-    present: Option<present::Present>,
+    present: present::Present,
+    /// Kernels of pictures behind a host's surfaces, where the options ask for them.
+    occlusion: Option<Occlusion>,
     scratch: Scratch,
-    /// Frames of [`Renderer::render`].
-    frames: Frames,
+    /// Frames of [`Renderer::render`], from the first on.
+    frames: Option<Frames>,
     /// Last submission to `frames`.
     rendered: Option<Ticket>,
     /// Frames of [`Renderer::record`], paced by the host.
@@ -142,32 +145,51 @@ impl Renderer {
                 what: "depths and normals of surfaces by the rules of the 3DGS code".into(),
             });
         }
-        let presents = gpu.caps().supports(present::Variant::Base.info()).is_ok();
-        let present = || present::Present::new(gpu, present::Choice::default());
+        if options.with_host_depth && options.compatibility == Compatibility::Inria {
+            return Err(Error::Unsupported {
+                what: "pictures behind a host's surfaces by the rules of the 3DGS code".into(),
+            });
+        }
+        let occlusion = options.with_host_depth.then(|| Occlusion::new(gpu, &options));
         let capacity = options.capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(Renderer {
             gpu: gpu.clone(),
             forward: Forward::for_rendering(gpu, &options)?,
-            present: presents.then(present).transpose()?,
+            present: present::Present::new(gpu, present::Choice::default())?,
+            occlusion: occlusion.transpose()?,
             scratch: Scratch::new(gpu, capacity, options.outputs())?,
-            frames: Frames::new(gpu, 1, true)?,
+            frames: None,
             rendered: None,
-            host_frames: Frames::new(gpu, options.frames_in_flight, false)?,
+            host_frames: Frames::in_host(gpu, options.frames_in_flight),
             options,
             bands: DepthBands::default(),
             pending: VecDeque::new(),
         })
     }
 
+    /// Compiles the kernels that a model needs besides those of other models. Compiling can take longer than a frame:
+    /// [`Renderer::record`] refuses models that are not prepared. [`Renderer::reserve`] prepares its model, too.
+    ///
+    /// # Errors
+    /// Those of Vulkan.
+    pub fn prepare(&mut self, model: &Model) -> Result<()> {
+        if let Some(occlusion) = &mut self.occlusion {
+            occlusion.prepare(&self.gpu, model)?;
+        }
+        self.forward.prepare(&self.gpu, model)
+    }
+
     /// Grows the buffers for a frame of `model` through `camera` with up to `isects` (splat, tile) pairs, limited to
-    /// one binding of the device; frames with more are drawn in bands.
+    /// one binding of the device; frames with more are drawn in bands. Allocates and compiles: to be called outside of
+    /// a host's frames.
     pub fn reserve(&mut self, model: &Model, camera: &Camera, isects: usize) -> Result<()> {
+        self.prepare(model)?;
         let wanted = Capacity::for_image(model.splat_count, isects, camera.width, camera.height);
         let capacity = self.scratch.capacity.max(wanted);
         let capacity = capacity.within(self.gpu.caps(), ISECT_BYTES);
         if capacity != self.scratch.capacity {
             // Frees the old buffers first, unless a host's frame uses them: memory may not suffice for both.
-            self.frames.release()?;
+            self.release()?;
             for capacity in [Capacity::LEAST, capacity] {
                 self.scratch = Scratch::new(&self.gpu, capacity, self.options.outputs())?;
             }
@@ -177,7 +199,7 @@ impl Renderer {
 
     /// Lets go of the last rendered model, whose buffers a frame keeps until the next.
     pub(crate) fn release(&mut self) -> Result<()> {
-        self.frames.release()
+        self.frames.as_mut().map_or(Ok(()), Frames::release)
     }
 
     /// As [`Renderer::reserve`], but for fewer intersections if memory does not suffice.
@@ -192,66 +214,113 @@ impl Renderer {
         }
     }
 
-    /// Records a picture into a host's command buffer and writes it to the host's image. Nothing is submitted or waited
+    /// Records a picture into a host's command buffer and writes it to the host's image, or behind the surfaces of the
+    /// host's depth image ([`HostTarget`]). Nothing is submitted or waited
     /// for. Returns the statistics of a frame's pictures once `frames_in_flight` further frames have been begun. A
     /// picture that does not fit is incomplete; those recorded after its statistics are drawn in more bands, until the
     /// host calls [`Renderer::reserve`] with [`Stats::isects`].
     ///
     /// # Errors
-    /// [`Error::Config`] if the model or the image exceeds the reserved capacity or the model has another precision,
-    /// [`Error::Unsupported`] if the host has not enabled the feature required for presenting.
-    pub fn record(
+    /// [`Error::Config`] if the model or the image exceeds the reserved capacity, the model is not prepared or has
+    /// another precision, or camera and image differ in size; [`Error::Unsupported`] for an image of a format that kernels cannot write;
+    /// errors of Vulkan and memory. After an error, too, the command buffer can be submitted, and the image is in its
+    /// state `after`, its contents undefined. The picture has no statistics; later ones are not affected.
+    pub fn record<'a>(
         &mut self,
         commands: &mut HostCommands,
         model: &Model,
         camera: &Camera,
         view: &ViewOptions,
-        target: &HostImage,
+        target: impl Into<HostTarget<'a>>,
     ) -> Result<Option<Stats>> {
-        if self.present.is_none() {
-            return Err(Error::Unsupported {
-                what: "presenting: the feature shaderStorageImageWriteWithoutFormat is not enabled".into(),
-            });
-        }
-        self.check(model)?;
-        self.forward.prepare(&self.gpu, model)?;
-        let capacity = self.scratch.capacity;
-        let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
-        if capacity.max(wanted) != capacity {
-            return Err(Error::Config(format!(
-                "{wanted:?} exceeds the renderer's {capacity:?}: call reserve first"
-            )));
-        }
-        let size = [camera.width, camera.height];
-        assert_eq!(target.image().extent(), size, "camera and target differ");
+        self.record_to(commands, model, camera, view, target.into())
+    }
+
+    fn record_to(
+        &mut self,
+        commands: &mut HostCommands,
+        model: &Model,
+        camera: &Camera,
+        view: &ViewOptions,
+        target: HostTarget<'_>,
+    ) -> Result<Option<Stats>> {
+        let HostTarget { color, depth } = target;
         let frame = self.host_frames.frame_in(commands);
         let in_flight = self.host_frames.in_flight() as u64;
-        let finished = self.finished_before((frame + 1).saturating_sub(in_flight))?;
-        let mut rec = self.host_frames.begin_in(commands)?;
+        let admitted = self.admit(model, camera, &target);
+        let finished = admitted.and_then(|()| self.finished_before((frame + 1).saturating_sub(in_flight)));
+        let begun = finished.and_then(|finished| Ok((finished, self.host_frames.begin_in(commands)?)));
+        let (finished, mut rec) = match begun {
+            Ok(begun) => begun,
+            Err(error) => {
+                let images = [Some(color), depth.map(|depth| depth.image)];
+                images
+                    .iter()
+                    .flatten()
+                    .for_each(|image| commands.pass(&self.gpu, image));
+                return Err(error);
+            }
+        };
         let (scratch, degree) = (&self.scratch, self.options.sh_degree);
         rec.fill(&scratch.counts, 0);
-        self.forward
-            .record(&mut rec, model, scratch, &view_of(camera, view), degree, self.bands);
-        rec.acquire(target);
+        let mut forward = &self.forward;
+        if let (Some(occlusion), Some(depth)) = (&self.occlusion, &depth) {
+            occlusion.read(&mut rec, depth, scratch);
+            forward = &occlusion.forward;
+        }
+        forward.record(&mut rec, model, scratch, &view_of(camera, view), degree, self.bands);
+        rec.acquire(color);
         let io = present::Bindings {
             view: &scratch.view,
             image: &scratch.image,
-            target: target.image(),
+            target: color.image(),
         };
-        if let Some(present) = &self.present {
-            present.record(&mut rec, io, present::groups(size));
-        }
-        rec.release(target);
-        let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
+        let groups = present::groups(color.image().extent());
+        self.present.record(&mut rec, io, groups);
+        rec.release(color);
+        let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
+        rec.finish()?;
         self.pending.push_back(PendingPicture {
             frame,
-            capacity,
+            capacity: scratch.capacity,
             bands: self.bands,
             not_finite: model.not_finite,
-            counts,
+            counts: counts?,
         });
-        rec.finish()?;
         Ok(finished)
+    }
+
+    /// Checks the inputs of a picture.
+    fn admit(&self, model: &Model, camera: &Camera, target: &HostTarget<'_>) -> Result<()> {
+        target.color.check_writable(&self.gpu)?;
+        self.check(model)?;
+        let (size, [width, height]) = ([camera.width, camera.height], target.color.image().extent());
+        if size != [width, height] {
+            let [w, h] = size;
+            let what = format!("the camera has {w}x{h} pixels, the image to draw to {width}x{height}");
+            return Err(Error::Config(what));
+        }
+        if let Some(depth) = &target.depth {
+            if self.occlusion.is_none() {
+                return Err(Error::Config(
+                    "a host's depth: the renderer was made without RenderOptions::with_host_depth".into(),
+                ));
+            }
+            Occlusion::check(&self.gpu, depth, size)?;
+        }
+        if !self.forward.is_prepared(model) {
+            return Err(Error::Config(
+                "the model's kernels are not compiled: call prepare first".into(),
+            ));
+        }
+        let capacity = self.scratch.capacity;
+        let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
+        match capacity.max(wanted) == capacity {
+            true => Ok(()),
+            false => Err(Error::Config(format!(
+                "{wanted:?} exceeds the renderer's {capacity:?}: call reserve first"
+            ))),
+        }
     }
 
     /// Refuses models of another precision than the kernels'.
@@ -269,17 +338,20 @@ impl Renderer {
     /// queue, [`Model::upload`] does. Pictures of the model may follow in the same commands.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`] and errors of Vulkan; the command buffer can be submitted nevertheless.
     pub fn record_upload(&mut self, commands: &mut HostCommands, splats: &Splats) -> Result<Model> {
         let mut rec = self.host_frames.begin_in(commands)?;
-        let model = Model::record_upload(&mut rec, splats, self.options.precision)?;
+        let model = Model::record_upload(&mut rec, splats, self.options.precision);
         rec.finish()?;
-        Ok(model)
+        model
     }
 
     /// Stages of the last rendered image with their device time in nanoseconds; empty on devices without timestamps.
     pub fn timings(&self) -> Result<Vec<(&'static str, f64)>> {
-        self.rendered.map_or(Ok(Vec::new()), |last| self.frames.timings(last))
+        match (self.rendered, &self.frames) {
+            (Some(last), Some(frames)) => frames.timings(last),
+            _ => Ok(Vec::new()),
+        }
     }
 
     /// Bands that complete the picture that left `counts`.
@@ -302,7 +374,7 @@ impl Renderer {
             let Some(picture) = self.pending.pop_front() else {
                 break;
             };
-            let counts = picture.counts.get();
+            let counts = picture.counts.elements();
             let stats = Stats {
                 isects: counts[COUNT_ISECT_WANTED as usize] as usize,
                 isect_capacity: picture.capacity.isects,
@@ -312,7 +384,7 @@ impl Renderer {
             };
             worst = Some(worst.map_or(stats, |worst| worst.worse(stats)));
             if self.options.compatibility == Compatibility::Engine {
-                self.bands = self.bands_after(picture.bands, &counts)?;
+                self.bands = self.bands_after(picture.bands, counts)?;
             }
         }
         Ok(worst)
@@ -321,7 +393,6 @@ impl Renderer {
     /// Renders one image and reads it back. Grows the buffers as needed; draws in bands if they cannot grow.
     pub fn render(&mut self, model: &Model, camera: &Camera, view: &ViewOptions) -> Result<RenderedImage> {
         self.check(model)?;
-        self.forward.prepare(&self.gpu, model)?;
         let expected = isects_expected(model.splat_count, camera.width, camera.height);
         self.reserve_some(model, camera, expected)?;
         let view = view_of(camera, view);
@@ -331,7 +402,8 @@ impl Renderer {
             let (forward, scratch) = (&self.forward, &self.scratch);
             let (degree, outputs) = (self.options.sh_degree, self.options.outputs());
             let of = |wanted: bool, planes: u32| 0..if wanted { planes as usize * pixels } else { 0 };
-            let (ticket, (counts, image, depth, surface)) = self.frames.submit(|rec| {
+            let frames = own_frames(&mut self.frames, &self.gpu)?;
+            let (ticket, (counts, image, depth, surface)) = frames.submit(|rec| {
                 rec.fill(&scratch.counts, 0);
                 forward.record(rec, model, scratch, &view, degree, bands);
                 Ok((
@@ -341,7 +413,7 @@ impl Renderer {
                     rec.read_back(&scratch.surface, of(outputs.surface, SURFACE_PLANES))?,
                 ))
             })?;
-            self.frames.wait(ticket)?;
+            frames.wait(ticket)?;
             self.rendered = Some(ticket);
             let counts = counts.get();
             if counts[COUNT_FAILED as usize] == 0 {
@@ -352,6 +424,14 @@ impl Renderer {
             self.reserve_some(model, camera, wanted.saturating_add(wanted / 8))?;
             bands = self.bands_after(bands, &counts)?;
         }
+    }
+}
+
+/// Ring of the renderer's own frames, made for the first.
+fn own_frames<'a>(frames: &'a mut Option<Frames>, gpu: &Gpu) -> Result<&'a mut Frames> {
+    match frames {
+        Some(frames) => Ok(frames),
+        none => Ok(none.insert(Frames::new(gpu, 1, true)?)),
     }
 }
 

@@ -21,6 +21,8 @@ pub enum BindingKind {
     Buffer,
     /// A storage image without a declared format.
     StorageImage,
+    /// An image that is read texel by texel, without a sampler.
+    SampledImage,
 }
 
 /// One binding of descriptor set 0.
@@ -70,8 +72,6 @@ pub enum Requirement {
     Storage16,
     /// `atomicAdd` on floats in storage buffers.
     AtomicFloatAdd,
-    /// Storing to images without a declared format.
-    StorageImageWriteWithoutFormat,
 }
 
 impl Requirement {

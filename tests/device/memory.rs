@@ -36,6 +36,7 @@ const ALL: Outputs = Outputs {
     depth: true,
     ends: true,
     surface: true,
+    limit: true,
 };
 
 #[test]

@@ -104,6 +104,7 @@ mod tests {
             max_image_side: 16_384,
             max_groups: [65_535; 3],
             max_workgroup: 256,
+            max_push_constants: 128,
             max_shared: 1 << 15,
             timestamp_period_ns: 1.0,
             heap: 1 << 30,

@@ -2,7 +2,7 @@
 
 use crate::embed::host::Host;
 use ash::vk;
-use ashfall::gpu::{HostImage, ImageState};
+use ashfall::gpu::{HostImage, HostImageDesc, ImageState};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
@@ -26,6 +26,7 @@ pub(crate) struct Frame<'a> {
     fence: vk::Fence,
     image: vk::Image,
     view: vk::ImageView,
+    format: vk::Format,
     extent: [u32; 2],
     buffer: vk::Buffer,
     memory: Vec<Allocation>,
@@ -64,16 +65,18 @@ impl<'a> Frame<'a> {
             fence,
             image: vk::Image::null(),
             view: vk::ImageView::null(),
+            format,
             extent,
             buffer: vk::Buffer::null(),
             memory: Vec::new(),
         };
-        frame.make_image(format);
+        frame.make_image();
         frame.make_buffer();
         frame
     }
 
-    fn make_image(&mut self, format: vk::Format) {
+    fn make_image(&mut self) {
+        let format = self.format;
         let device = &self.host.device;
         use vk::ImageUsageFlags as Usage;
         let info = vk::ImageCreateInfo::default()
@@ -176,8 +179,27 @@ impl<'a> Frame<'a> {
 
     /// The image as the engine's [`HostImage`].
     pub(crate) fn target(&self, before: ImageState, after: ImageState) -> HostImage {
+        self.target_as(self.format, self.extent, before, after)
+    }
+
+    /// The image with another format and extent than its own, for refusals.
+    pub(crate) fn target_as(
+        &self,
+        format: vk::Format,
+        extent: [u32; 2],
+        before: ImageState,
+        after: ImageState,
+    ) -> HostImage {
+        let desc = HostImageDesc {
+            image: self.image,
+            view: self.view,
+            format,
+            extent,
+            before,
+            after,
+        };
         // SAFETY: image and view live as long as the frame, which waits for its commands.
-        unsafe { HostImage::wrap(self.image, self.view, self.extent, before, after) }
+        unsafe { HostImage::wrap(desc) }
     }
 
     /// Copies the image, which must be `COPYABLE`, without a barrier of the host; ends and submits.

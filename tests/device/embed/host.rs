@@ -1,11 +1,12 @@
 //! Host application: it owns the device and lends it to the engine.
 //!
-//! It enables exactly `ashfall::gpu::REQUIRED`, and destroys its own objects at the end, when the validation layer
+//! It enables exactly `ashfall::gpu::REQUIRED`, unless told otherwise, and destroys its own objects at the end, when the validation layer
 //! reports every object that the engine leaked.
 
 use crate::common::device::{Turn, turn};
 use crate::embed::watch;
 use ash::vk;
+use ashfall::gpu::MissingStruct;
 use ashfall::gpu::{HostDevice, HostFeatures, HostQueue, REQUIRED};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
@@ -26,25 +27,52 @@ pub(crate) struct Host {
     pub(crate) device: ash::Device,
     pub(crate) queue: vk::Queue,
     pub(crate) allocator: Option<Arc<Mutex<Allocator>>>,
-    storage_image_write_without_format: bool,
-    _entry: ash::Entry,
+    pub(crate) entry: ash::Entry,
+    pub(crate) enabled: HostFeatures,
+    pub(crate) api_version: u32,
     _turn: Rc<Turn>,
 }
 
+/// The device's creation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Creation {
+    /// Exactly the required features, in the structures of Vulkan 1.2 and 1.3.
+    Required,
+    /// The features that wgpu 30 enables by default, in its structures (`maintenance4` off), and the missing ones in
+    /// structures of their own; VK_EXT_debug_utils.
+    Wgpu,
+    /// The features of Vulkan 1.2, on an instance of that version.
+    Version12,
+}
+
 impl Host {
-    /// A device with the required features, and optionally the one for presenting.
-    pub(crate) fn new(storage_image_write_without_format: bool) -> Host {
+    /// A device with exactly the required features.
+    pub(crate) fn new() -> Host {
+        Host::of(Creation::Required)
+    }
+
+    pub(crate) fn of(creation: Creation) -> Host {
         let turn = turn();
         let messages = Box::<Messages>::default();
+        let (major, minor) = if creation == Creation::Version12 {
+            (1, 2)
+        } else {
+            REQUIRED.api
+        };
+        let api_version = vk::make_api_version(0, major, minor, 0);
         // SAFETY: the system's Vulkan loader.
         let entry = unsafe { ash::Entry::load() }.unwrap();
-        let instance = instance(&entry, &messages);
+        let instance = instance(&entry, &messages, api_version);
         let debug = ash::ext::debug_utils::Instance::new(&entry, &instance);
         // SAFETY: the messages live in the host, which destroys the messenger.
         let messenger = unsafe { debug.create_debug_utils_messenger(&messenger(&messages), None) }.unwrap();
         // SAFETY: the instance is alive.
         let physical = unsafe { instance.enumerate_physical_devices() }.unwrap()[0];
-        let device = device(&instance, physical, storage_image_write_without_format);
+        let (device, enabled) = match creation {
+            Creation::Required => required(&instance, physical),
+            Creation::Wgpu => like_wgpu(&instance, physical),
+            Creation::Version12 => version_12(&instance, physical),
+        };
         let device = watch::watched(&instance, &device);
         // SAFETY: the queue was requested at device creation.
         let queue = unsafe { device.get_device_queue(0, 0) };
@@ -65,8 +93,9 @@ impl Host {
             allocator: Some(Arc::new(Mutex::new(Allocator::new(&desc).unwrap()))),
             instance,
             device,
-            storage_image_write_without_format,
-            _entry: entry,
+            entry,
+            enabled,
+            api_version,
             _turn: turn,
         }
     }
@@ -79,11 +108,11 @@ impl Host {
             device: self.device.clone(),
             queue_family: 0,
             queue: with_queue.then_some(HostQueue { queue: self.queue }),
-            enabled: HostFeatures {
-                storage_image_write_without_format: self.storage_image_write_without_format,
-                subgroup_size_control: false,
-            },
+            api_version: self.api_version,
+            enabled: self.enabled,
             allocator: self.allocator.clone().filter(|_| with_allocator),
+            memory_limit: None,
+            pipeline_cache: vk::PipelineCache::null(),
         }
     }
 
@@ -162,11 +191,10 @@ unsafe extern "system" fn on_message(
     vk::FALSE
 }
 
-fn instance(entry: &ash::Entry, messages: &Messages) -> ash::Instance {
-    let (major, minor) = REQUIRED.api;
+fn instance(entry: &ash::Entry, messages: &Messages, api_version: u32) -> ash::Instance {
     let application = vk::ApplicationInfo::default()
         .application_name(c"host")
-        .api_version(vk::make_api_version(0, major, minor, 0));
+        .api_version(api_version);
     let layers = [VALIDATION.as_ptr()];
     let extensions = [
         ash::ext::debug_utils::NAME.as_ptr(),
@@ -185,28 +213,84 @@ fn instance(entry: &ash::Entry, messages: &Messages) -> ash::Instance {
     unsafe { entry.create_instance(&info, None) }.unwrap()
 }
 
-fn device(instance: &ash::Instance, physical: vk::PhysicalDevice, writes: bool) -> ash::Device {
-    let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
-    let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
-    for &feature in REQUIRED.features {
-        match feature {
-            "scalarBlockLayout" => v12.scalar_block_layout = vk::TRUE,
-            "timelineSemaphore" => v12.timeline_semaphore = vk::TRUE,
-            "synchronization2" => v13.synchronization2 = vk::TRUE,
-            "maintenance4" => v13.maintenance4 = vk::TRUE,
-            other => panic!("REQUIRED lists {other}, which this host does not know"),
-        }
-    }
+/// A device with these features.
+fn create(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    chain: &mut vk::PhysicalDeviceFeatures2<'_>,
+) -> ash::Device {
     assert!(REQUIRED.extensions.is_empty(), "this host enables no extension");
-    let base = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(writes);
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(0)
         .queue_priorities(&[1.0])];
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
-        .enabled_features(&base)
-        .push_next(&mut v12)
-        .push_next(&mut v13);
+        .push_next(chain);
     // SAFETY: the pointees of `info` outlive the call.
     unsafe { instance.create_device(physical, &info, None) }.unwrap()
+}
+
+fn required(instance: &ash::Instance, physical: vk::PhysicalDevice) -> (ash::Device, HostFeatures) {
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
+    let mut chain = vk::PhysicalDeviceFeatures2::default()
+        .push_next(&mut v12)
+        .push_next(&mut v13);
+    // SAFETY: the structures are alive.
+    let missing = unsafe { REQUIRED.enable(&mut chain) };
+    assert_eq!(missing, []);
+    // SAFETY: as above.
+    let enabled = unsafe { HostFeatures::of_chain(&chain) };
+    (create(instance, physical, &mut chain), enabled)
+}
+
+fn like_wgpu(instance: &ash::Instance, physical: vk::PhysicalDevice) -> (ash::Device, HostFeatures) {
+    let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
+    let mut sizes = vk::PhysicalDeviceSubgroupSizeControlFeatures::default().subgroup_size_control(true);
+    let mut robust = vk::PhysicalDeviceImageRobustnessFeatures::default().robust_image_access(true);
+    let mut maintenance = vk::PhysicalDeviceMaintenance4Features::default();
+    let (mut scalar, mut synchronization) = Default::default();
+    let core = vk::PhysicalDeviceFeatures::default()
+        .robust_buffer_access(true)
+        .independent_blend(true)
+        .sample_rate_shading(true)
+        .image_cube_array(true)
+        .fragment_stores_and_atomics(true);
+    let mut chain = vk::PhysicalDeviceFeatures2::default()
+        .features(core)
+        .push_next(&mut timeline)
+        .push_next(&mut sizes)
+        .push_next(&mut robust)
+        .push_next(&mut maintenance);
+    // SAFETY: the structures are alive.
+    let missing = unsafe { REQUIRED.enable(&mut chain) };
+    let types: Vec<_> = missing
+        .iter()
+        .map(|&MissingStruct { structure, .. }| structure)
+        .collect();
+    let scalar_type = vk::StructureType::PHYSICAL_DEVICE_SCALAR_BLOCK_LAYOUT_FEATURES;
+    let synchronization_type = vk::StructureType::PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES;
+    assert_eq!(types, [scalar_type, synchronization_type]);
+    chain = chain
+        .push_next::<vk::PhysicalDeviceScalarBlockLayoutFeatures<'_>>(&mut scalar)
+        .push_next::<vk::PhysicalDeviceSynchronization2Features<'_>>(&mut synchronization);
+    // SAFETY: as above.
+    let (missing, enabled) = unsafe { (REQUIRED.enable(&mut chain), HostFeatures::of_chain(&chain)) };
+    assert_eq!(missing, []);
+    assert!(enabled.subgroup_size_control);
+    let enabled = HostFeatures {
+        debug_utils: true,
+        ..enabled
+    };
+    (create(instance, physical, &mut chain), enabled)
+}
+
+fn version_12(instance: &ash::Instance, physical: vk::PhysicalDevice) -> (ash::Device, HostFeatures) {
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut chain = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
+    // SAFETY: the structures are alive.
+    let (missing, enabled) = unsafe { (REQUIRED.enable(&mut chain), HostFeatures::of_chain(&chain)) };
+    let names: Vec<&str> = missing.iter().map(|missing| missing.feature).collect();
+    assert_eq!(names, ["synchronization2"]);
+    (create(instance, physical, &mut chain), enabled)
 }

@@ -1,7 +1,13 @@
 //! The engine on a host's device: it only records.
 
+mod contract;
+mod depth;
+mod economy;
 mod frame;
+mod heap;
 mod host;
+mod occlusion;
+mod requirements;
 mod watch;
 
 use crate::common::scenes::Scene;
@@ -83,7 +89,7 @@ fn assert_near(pixels: &[[u8; 4]], expected: &RenderedImage) {
 fn draw_once(with_queue: bool, with_allocator: bool, format: vk::Format) {
     let scene = scene();
     let expected = expected(&scene, 1).remove(0);
-    let host = Host::new(true);
+    let host = Host::new();
     let frame = Frame::new(&host, format, SIZE);
     let gpu = adopt(&host, with_queue, with_allocator);
     let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
@@ -147,7 +153,7 @@ fn a_guest_without_a_queue_draws_the_same_picture() {
 fn frames_in_flight_report_what_did_not_fit_and_allocate_nothing_once_warm() {
     let scene = scene();
     let expected = expected(&scene, 8);
-    let host = Host::new(true);
+    let host = Host::new();
     let frames = [0, 1].map(|_| Frame::new(&host, vk::Format::R32G32B32A32_SFLOAT, SIZE));
     let gpu = adopt(&host, true, true);
     let model = Model::upload(&gpu, &scene.splats).unwrap();
@@ -158,16 +164,18 @@ fn frames_in_flight_report_what_did_not_fit_and_allocate_nothing_once_warm() {
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(&gpu, options).unwrap();
+    renderer.prepare(&model).unwrap();
     for (i, expected) in expected.iter().enumerate() {
         let frame = &frames[i % 2];
         frame.begin();
-        watch::calls();
         let camera = moved(&scene.camera, i);
-        let target = frame.target(CLEARED, COPYABLE);
-        let stats = renderer
-            .record(&mut wrap(frame), &model, &camera, &view(&scene), &target)
-            .unwrap();
+        let (target, view) = (frame.target(CLEARED, COPYABLE), view(&scene));
+        watch::calls();
+        let allocations = heap::allocations();
+        let stats = renderer.record(&mut wrap(frame), &model, &camera, &view, &target);
+        let allocations = heap::allocations() - allocations;
         let calls = watch::calls();
+        let stats = stats.unwrap();
         match i {
             0 | 1 => assert_eq!(stats, None),
             // Frame 2 has the count of frame 0, which did not fit: it draws in bands.
@@ -181,6 +189,7 @@ fn frames_in_flight_report_what_did_not_fit_and_allocate_nothing_once_warm() {
                     "{stats:?}"
                 );
                 assert_eq!(calls, Vec::<&str>::new(), "frame {i} is not the first");
+                assert_eq!(allocations, 0, "frame {i} is not the first");
             }
         }
         frame.submit();
@@ -203,7 +212,7 @@ fn frames_in_flight_report_what_did_not_fit_and_allocate_nothing_once_warm() {
 fn two_pictures_share_a_frame_and_our_own_rendering_does_not_disturb_them() {
     let scene = scene();
     let expected = expected(&scene, 3);
-    let host = Host::new(true);
+    let host = Host::new();
     let frames = [0, 1].map(|_| Frame::new(&host, vk::Format::R32G32B32A32_SFLOAT, SIZE));
     let gpu = adopt(&host, true, true);
     let model = Model::upload(&gpu, &scene.splats).unwrap();
@@ -242,43 +251,6 @@ fn two_pictures_share_a_frame_and_our_own_rendering_does_not_disturb_them() {
     }
 }
 
-#[test]
-fn what_was_not_reserved_or_enabled_is_refused() {
-    let scene = scene();
-    let host = Host::new(false);
-    let frame = Frame::new(&host, vk::Format::R8G8B8A8_UNORM, SIZE);
-    let gpu = adopt(&host, true, true);
-    let model = Model::upload(&gpu, &scene.splats).unwrap();
-    let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
-    frame.begin();
-    let target = frame.target(CLEARED, COPYABLE);
-    let record = |renderer: &mut Renderer| {
-        let view = view(&scene);
-        let result = renderer.record(&mut wrap(&frame), &model, &scene.camera, &view, &target);
-        result.unwrap_err().to_string()
-    };
-    let refused = record(&mut renderer);
-    assert!(refused.contains("shaderStorageImageWriteWithoutFormat"), "{refused}");
-    let image = renderer.render(&model, &scene.camera, &view(&scene)).unwrap();
-    assert_eq!(image.rgb, expected(&scene, 1)[0].rgb);
-    frame.hand_over();
-    frame.submit();
-    drop((renderer, model, gpu, frame));
-
-    let host = Host::new(true);
-    let frame = Frame::new(&host, vk::Format::R8G8B8A8_UNORM, SIZE);
-    let gpu = adopt(&host, true, true);
-    let model = Model::upload(&gpu, &scene.splats).unwrap();
-    let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
-    frame.begin();
-    let target = frame.target(CLEARED, COPYABLE);
-    let result = renderer.record(&mut wrap(&frame), &model, &scene.camera, &view(&scene), &target);
-    let refused = result.unwrap_err().to_string();
-    assert!(refused.contains("call reserve first"), "{refused}");
-    frame.hand_over();
-    frame.submit();
-}
-
 /// Training submits by itself, to the queue lent by the host.
 #[test]
 fn a_guest_with_a_queue_trains_to_the_same_bits() {
@@ -298,7 +270,7 @@ fn a_guest_with_a_queue_trains_to_the_same_bits() {
         }
         trainer.splats().unwrap()
     };
-    let host = Host::new(false);
+    let host = Host::new();
     let gpu = adopt(&host, true, true);
     assert_eq!(train(&gpu), train(&crate::common::device::whole()));
 }
@@ -307,7 +279,7 @@ fn a_guest_with_a_queue_trains_to_the_same_bits() {
 #[test]
 fn a_lie_about_the_images_state_is_noticed() {
     let scene = scene();
-    let host = Host::new(true);
+    let host = Host::new();
     let frame = Frame::new(&host, vk::Format::R8G8B8A8_UNORM, SIZE);
     let gpu = adopt(&host, true, true);
     let model = Model::upload(&gpu, &scene.splats).unwrap();
@@ -335,14 +307,8 @@ fn what_is_published_covers_every_kernel() {
         let buffers = of_kind(BindingKind::Buffer);
         assert!(buffers <= REQUIRED.storage_buffers, "{}: {buffers}", kernel.kernel);
         assert!(kernel.params_size <= REQUIRED.push_constant_bytes);
-        for need in kernel
-            .requirements
-            .iter()
-            .filter(|_| kernel.variant.is_empty() && !BASELINES.contains(&kernel.kernel))
-        {
-            // The only optional feature of a base variant.
-            let optional = *need == Requirement::StorageImageWriteWithoutFormat;
-            assert!(optional && kernel.kernel == "present", "{}: {need:?}", kernel.kernel);
-        }
+        let is_base = kernel.variant.is_empty() && !BASELINES.contains(&kernel.kernel);
+        let is_free = |need: &Requirement| *need == Requirement::SubgroupBasic;
+        assert!(!is_base || kernel.requirements.iter().all(is_free), "{}", kernel.kernel);
     }
 }

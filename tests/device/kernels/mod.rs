@@ -13,6 +13,7 @@ mod compact;
 mod contribution;
 mod expand;
 mod gather;
+mod linearize;
 mod longest;
 mod loss;
 mod perturb;

@@ -85,21 +85,25 @@ const OUTPUTS: [Outputs; 4] = [
         depth: false,
         ends: true,
         surface: false,
+        limit: false,
     },
     Outputs {
         depth: true,
         ends: true,
         surface: true,
+        limit: false,
     },
     Outputs {
         depth: false,
         ends: false,
         surface: false,
+        limit: false,
     },
     Outputs {
         depth: false,
         ends: false,
         surface: true,
+        limit: false,
     },
 ];
 

@@ -240,6 +240,7 @@ impl Lab {
             tile_count_from_splat: &tiles,
             splat_from_slot: &gpu.buffer("splat_from_slot", 1).unwrap(),
             plane_from_splat: &gpu.buffer("plane_from_splat", 1).unwrap(),
+            limit_from_tile: &gpu.buffer("limit_from_tile", 1).unwrap(),
         };
         let params = Params {
             splat_count: count as u32,

@@ -141,12 +141,28 @@ fn m19_twice_in_one_place() {
 /// the same up to the rounding of rows, which each lane counts from its own first. (For the sort, see entry 49.)
 #[test]
 fn m22_workgroups_and_variants() {
+    workgroups_and_variants(false);
+}
+
+/// The same behind a host's surfaces, which hide half of the splats in every other column.
+#[test]
+fn m22_workgroups_and_variants_behind_limits() {
+    workgroups_and_variants(true);
+}
+
+fn workgroups_and_variants(with_limit: bool) {
     let lab = lab();
     let gpu = lab.gpu();
     let scene = scenes::hard(222, 90, 65, 47, 0);
     let lists = Lists::new(&scene);
     let (shapes, tones, rests) = arrays(&lists.records);
     let pixels = 65 * 47;
+    let mut depths: Vec<f32> = rests.iter().map(|rest| rest[1]).filter(|z| z.is_finite()).collect();
+    depths.sort_by(f32::total_cmp);
+    let middle = depths[depths.len() / 2];
+    let limits: Vec<f32> = (0..pixels)
+        .map(|i| if i % 2 == 0 { f32::INFINITY } else { middle })
+        .collect();
     let mut pictures: Vec<(u32, Vec<f32>)> = Vec::new();
     for &variant in Variant::ALL {
         if gpu.caps().supports(variant.info()).is_err() {
@@ -159,6 +175,7 @@ fn m22_workgroups_and_variants() {
             for tile_stride in [1, 7] {
                 let spec = Spec {
                     workgroup,
+                    with_limit: with_limit.into(),
                     ..Spec::default()
                 };
                 let kernel = Rasterize::new(gpu, Choice { variant, spec }).unwrap();
@@ -177,6 +194,7 @@ fn m22_workgroups_and_variants() {
                     isect_end_from_pixel: &gpu.buffer("ends", pixels).unwrap(),
                     plane_from_splat: &gpu.buffer("planes", 1).unwrap(),
                     surface: &gpu.buffer("surface", 1).unwrap(),
+                    limit_from_pixel: &gpu.buffer_from("limits", &limits).unwrap(),
                 };
                 let params = Params {
                     tile_stride,

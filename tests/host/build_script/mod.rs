@@ -1,9 +1,10 @@
 //! Tests of the build script: reflection of shaders, and errors with file and line.
 
-use fixtures::{MAIN, OPEN, assert_contains, build, folder, generate, module};
+use fixtures::{MAIN, OPEN, PRELUDE, assert_contains, build, folder, generate, module};
 use generator::kernel::group;
 use generator::model::{Bound, Scalar, Type};
 use generator::shader::{Access, Requirement};
+use generator::source::{File, Sources};
 
 #[path = "../../../build/mod.rs"]
 #[allow(
@@ -211,8 +212,27 @@ void main() { atomicAdd(sum, 1.0); }"
             "layout(set = 0, binding = 1) writeonly uniform image2D target;
 void main() { imageStore(target, ivec2(0), vec4(1)); }"
         ),
-        [Requirement::StorageImageWriteWithoutFormat]
+        []
     );
+}
+
+/// Some compilers declare the workgroup size by id in any version of SPIR-V; here it is that of 1.6.
+#[test]
+fn workgroup_sizes_by_id_are_refused() {
+    let text = OPEN.replace("#include \"shared/prelude.glsl\"\n", PRELUDE) + MAIN;
+    let reflected = |version| {
+        let mut options = shaderc::CompileOptions::new().unwrap();
+        options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
+        options.set_target_spirv(version);
+        let compiler = shaderc::Compiler::new().unwrap();
+        let kind = shaderc::ShaderKind::Compute;
+        let module = compiler.compile_into_spirv(&text, kind, "a.comp", "main", Some(&options));
+        let sources = Sources::new(vec![File::new("a.comp", &text)]);
+        generator::reflect::reflect(module.unwrap().as_binary(), &sources).map(|_| ())
+    };
+    assert_eq!(reflected(shaderc::SpirvVersion::V1_5), Ok(()));
+    let faults = reflected(shaderc::SpirvVersion::V1_6).unwrap_err();
+    assert_contains(&faults.concat(), &["a.comp:1:", "maintenance4"]);
 }
 
 #[test]

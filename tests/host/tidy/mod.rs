@@ -185,10 +185,8 @@ fn base_variants_need_no_optional_feature() {
         );
     }
     assert!(is_optional("rasterize", Requirement::SubgroupArithmetic));
-    assert!(is_optional("project", Requirement::StorageImageWriteWithoutFormat));
     assert!(is_optional("adam", Requirement::AtomicFloatAdd));
     assert!(!is_optional("baseline_16x16_backward", Requirement::AtomicFloatAdd));
-    assert!(!is_optional("present", Requirement::StorageImageWriteWithoutFormat));
 }
 
 #[test]

@@ -176,13 +176,11 @@ pub(crate) fn sources_open_with_a_comment(files: &[File]) -> Vec<String> {
 }
 
 /// Whether a requirement is optional, and so forbidden in a base variant, which runs on every Vulkan 1.3 device. Only
-/// basic subgroup operations are guaranteed there; `present` stores to the host's image, of a format unknown to the
-/// shader. Baselines run only in measurements.
+/// basic subgroup operations are guaranteed there. Baselines run only in measurements.
 pub(crate) fn is_optional(kernel: &str, requirement: Requirement) -> bool {
     match requirement {
         Requirement::SubgroupBasic => false,
         _ if BASELINES.contains(&kernel) => false,
-        Requirement::StorageImageWriteWithoutFormat => kernel != "present",
         _ => true,
     }
 }

@@ -220,6 +220,7 @@ pub struct CompositeBuffers {
     pub(super) isect_end_from_pixel: Buffer<u32>,
     plane_from_splat: Buffer<[f32; 3]>,
     surface: Buffer<f32>,
+    limit_from_pixel: Buffer<f32>,
     counts: Buffer<u32>,
     pub(super) tiles: usize,
 }
@@ -244,6 +245,7 @@ impl CompositeBuffers {
             isect_end_from_pixel: gpu.buffer("isect_end_from_pixel", pixels)?,
             plane_from_splat: gpu.buffer_from("plane_from_splat", &composite.packed_planes())?,
             surface: gpu.buffer("surface", SURFACE_PLANES as usize * pixels)?,
+            limit_from_pixel: gpu.buffer("limit_from_pixel", 1)?,
             tiles: lists.grid.len() as usize,
             counts: counts(gpu, &[])?,
         })
@@ -260,6 +262,7 @@ impl CompositeBuffers {
             isect_end_from_pixel: &self.isect_end_from_pixel,
             plane_from_splat: &self.plane_from_splat,
             surface: &self.surface,
+            limit_from_pixel: &self.limit_from_pixel,
         }
     }
 

@@ -78,6 +78,7 @@ pub fn expand<'a>(
     let [tiles, sources, owners] = ["tile", "emitted", "splat"].map(|name| gpu.buffer::<u32>(name, total + 1));
     let (tiles, sources, owners) = (tiles?, sources?, owners?);
     let firsts = gpu.buffer::<u32>("emitted_from_splat", lists.screen.len())?;
+    let limits = gpu.buffer::<f32>("limit_from_tile", 1)?;
     let drawn = order.len() - first_rank;
     let slots = |rank: usize| (begins[rank] - base) as usize..(begins[rank + 1] - base) as usize;
     let (mut owner, mut first) = (Vec::new(), vec![f64::NAN; lists.screen.len()]);
@@ -106,6 +107,8 @@ pub fn expand<'a>(
             emitted_from_isect: &sources,
             splat_from_emitted: &owners,
             emitted_from_splat: &firsts,
+            blue_depth_from_splat: &records.rest,
+            limit_from_tile: &limits,
         };
         kernel.record(rec, io, kernel.groups(drawn));
     }))

@@ -10,6 +10,7 @@ pub mod contribution;
 pub mod expand;
 pub mod gather;
 pub mod gradient;
+pub mod linearize;
 pub mod loss;
 pub mod perturb;
 pub mod plan;

@@ -115,6 +115,7 @@ pub fn commands<'a>(
     let view = gpu.buffer_from("view", &[view])?;
     let params = gpu.buffer_from("params", planes)?;
     let splat_from_slot = gpu.buffer_from("splat_from_slot", index.unwrap_or(&[UNWRITTEN]))?;
+    let limits = gpu.buffer::<f32>("limit_from_tile", 1)?;
     let (out, indexed) = (outputs.clone(), index.is_some());
     let bytes = 16 * plane_count(degree) + size_of::<Splat2d>() + 4;
     let case = KernelCase::new(Work::of(count, "splats").moving(count * bytes));
@@ -128,6 +129,7 @@ pub fn commands<'a>(
             tile_count_from_splat: &out.tiles,
             splat_from_slot: &splat_from_slot,
             plane_from_splat: &out.planes,
+            limit_from_tile: &limits,
         };
         let params = Params {
             splat_count: count as u32,

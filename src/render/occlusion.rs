@@ -1,0 +1,183 @@
+//! Pictures behind a host's surfaces: splats farther than the host's depth at a pixel do not count there.
+
+use super::forward::Forward;
+use super::model::Model;
+use super::options::RenderOptions;
+use super::scratch::Scratch;
+use crate::gpu::{Gpu, HostImage, Recorder};
+use crate::kernels::linearize::{Bindings, Choice, Linearize, Params};
+use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
+use crate::{Error, Result};
+use glam::DMat4;
+
+/// Code of a stored depth: `a + b / z`, or `a + b · z` if linear; `z` is the distance along the camera's z axis in world
+/// units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DepthCode {
+    /// Constant term.
+    pub a: f32,
+    /// Factor of 1 / z, or of z.
+    pub b: f32,
+    /// True for values linear in z.
+    pub is_linear: bool,
+    /// Value of pixels without a surface, to which the image was cleared: nothing is hidden there.
+    pub empty: f32,
+}
+
+impl DepthCode {
+    /// Distances along z themselves, infinite where there is no surface.
+    pub const DISTANCE: DepthCode = DepthCode {
+        a: 0.0,
+        b: 1.0,
+        is_linear: true,
+        empty: f32::INFINITY,
+    };
+
+    /// Code of a perspective projection (clip space from view space, columns as of GLSL, depth 0 to 1, view space along
+    /// z or −z): reversed or not, with a finite or an infinite far plane. Cleared pixels have the value of the far
+    /// plane's side, 0 if reversed and 1 if not.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a matrix that is no such projection.
+    pub fn of_projection(clip_from_view: &DMat4) -> Result<DepthCode> {
+        let (z, w) = (clip_from_view.z_axis, clip_from_view.w_axis);
+        let (a, b) = (z.z / z.w, w.z);
+        if z.w.abs() != 1.0 || w.w != 0.0 || !a.is_finite() || !b.is_finite() || b == 0.0 {
+            let what = format!("depths of the projection {clip_from_view}: not of the form a + b / z");
+            return Err(Error::Config(what));
+        }
+        Ok(DepthCode {
+            a: a as f32,
+            b: b as f32,
+            is_linear: false,
+            empty: if b > 0.0 { 0.0 } else { 1.0 },
+        })
+    }
+}
+
+/// A host's resolved depth image of a picture's size, in any format that can be sampled, with its state before and
+/// after.
+#[derive(Clone, Copy, Debug)]
+pub struct HostDepth<'a> {
+    /// The image, with the sampled usage.
+    pub image: &'a HostImage,
+    /// Code of its values.
+    pub code: DepthCode,
+}
+
+/// Images of a picture in a host's frame.
+#[derive(Clone, Copy, Debug)]
+pub struct HostTarget<'a> {
+    /// Image to write.
+    pub color: &'a HostImage,
+    /// Depths of the host's surfaces, which hide the splats behind them; for renderers with
+    /// [`RenderOptions::with_host_depth`].
+    pub depth: Option<HostDepth<'a>>,
+}
+
+impl<'a> From<&'a HostImage> for HostTarget<'a> {
+    fn from(color: &'a HostImage) -> HostTarget<'a> {
+        HostTarget { color, depth: None }
+    }
+}
+
+/// Kernels of pictures behind a host's surfaces.
+#[derive(Debug)]
+pub(super) struct Occlusion {
+    linearize: Linearize,
+    pub(super) forward: Forward,
+}
+
+impl Occlusion {
+    pub(super) fn new(gpu: &Gpu, options: &RenderOptions) -> Result<Occlusion> {
+        Ok(Occlusion {
+            linearize: Linearize::new(gpu, Choice::default())?,
+            forward: Forward::for_limits(gpu, options)?,
+        })
+    }
+
+    pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
+        self.forward.prepare(gpu, model)
+    }
+
+    /// Checks a host's depth for a picture of `size` pixels.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for another size or a code that is no number, [`Error::Unsupported`] for a format that is not
+    /// sampled.
+    pub(super) fn check(gpu: &Gpu, depth: &HostDepth<'_>, size: [u32; 2]) -> Result<()> {
+        depth.image.check_readable(gpu)?;
+        let ([width, height], [w, h], code) = (depth.image.image().extent(), size, depth.code);
+        if [width, height] != size {
+            let what = format!("the host's depth has {width}x{height} pixels, the image to draw to {w}x{h}");
+            return Err(Error::Config(what));
+        }
+        match code.a.is_finite() && code.b.is_finite() && code.b != 0.0 {
+            true => Ok(()),
+            false => Err(Error::Config(format!("{code:?}: a and b are numbers, and b is not 0"))),
+        }
+    }
+
+    /// Records the reading of a host's depth into the limits of `scratch`.
+    pub(super) fn read(&self, rec: &mut Recorder<'_>, depth: &HostDepth<'_>, scratch: &Scratch) {
+        let (code, size) = (depth.code, depth.image.image().extent());
+        rec.acquire_to_read(depth.image);
+        let io = Bindings {
+            stored: &depth.image.readable(),
+            limit_from_pixel: &scratch.limit_from_pixel,
+            limit_from_tile: &scratch.limit_from_tile,
+        };
+        let params = Params {
+            a: code.a,
+            b: code.b,
+            linear: code.is_linear.into(),
+            empty: code.empty,
+            size,
+        };
+        let tiles = size[0].div_ceil(TILE_WIDTH) * size[1].div_ceil(TILE_HEIGHT);
+        self.linearize
+            .record(rec, io, params, self.linearize.groups(tiles as usize));
+        rec.release_read(depth.image);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec4;
+
+    /// Projection with the view along z or −z (`forward` 1 or −1) that takes `near` to `at_near` and `far` to `at_far`.
+    fn projection(forward: f64, (near, at_near): (f64, f64), (far, at_far): (f64, f64)) -> DMat4 {
+        // The stored depth a + b / z through both points.
+        let b = (at_near - at_far) / (near.recip() - far.recip());
+        let a = at_near - b / near;
+        DMat4::from_cols(
+            DVec4::X,
+            DVec4::Y,
+            DVec4::new(0.0, 0.0, a * forward, forward),
+            DVec4::new(0.0, 0.0, b, 0.0),
+        )
+    }
+
+    /// The usual projections, right-handed and left-handed; depths of points by the matrix itself.
+    #[test]
+    fn codes_of_projections_are_their_depths() {
+        let (near, far) = (0.5, 40.0);
+        for forward in [1.0, -1.0] {
+            for (far, at_near, at_far) in [(far, 0.0, 1.0), (far, 1.0, 0.0), (f64::INFINITY, 1.0, 0.0)] {
+                let matrix = projection(forward, (near, at_near), (far, at_far));
+                let code = DepthCode::of_projection(&matrix).unwrap();
+                for z in [0.5, 1.0, 7.0, 39.0] {
+                    let clip = matrix * DVec4::new(0.0, 0.0, z * forward, 1.0);
+                    let stored = f64::from(code.a) + f64::from(code.b) / z;
+                    assert!((clip.z / clip.w - stored).abs() < 1e-6, "{matrix} at {z}: {stored}");
+                }
+                assert_eq!(f64::from(code.empty), at_far, "{matrix}");
+            }
+        }
+        let mut orthographic = projection(1.0, (near, 0.0), (far, 1.0));
+        (orthographic.z_axis.w, orthographic.w_axis.w) = (0.0, 1.0);
+        assert!(DepthCode::of_projection(&orthographic).is_err());
+        assert!(DepthCode::of_projection(&DMat4::ZERO).is_err());
+    }
+}

@@ -1,0 +1,209 @@
+//! What a guest costs its host: memory, barriers, compilation.
+
+use crate::embed::frame::{CLEARED, COPYABLE, Frame};
+use crate::embed::host::Host;
+use crate::embed::watch::Barrier;
+use crate::embed::{SIZE, adopt, assert_same, expected, scene, view, watch, wrap};
+use ash::vk::{self, AccessFlags2 as Access, PipelineStageFlags2 as Stage};
+use ashfall::render::{Model, RenderOptions, Renderer};
+use ashfall::scene::Splats;
+
+const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+
+/// `count` splats of degree 3, without regard to their looks: 240 bytes each on the device.
+fn many(count: usize) -> Splats {
+    Splats {
+        mean: vec![[0.0, 0.0, 1e6]; count],
+        quaternion: vec![[1.0, 0.0, 0.0, 0.0]; count],
+        log_scale: vec![[-3.0; 3]; count],
+        opacity_logit: vec![0.0; count],
+        sh: vec![0.5; 48 * count],
+        sh_degree: 3,
+        ..Splats::default()
+    }
+}
+
+/// A host that streams scenes gets the memory of their uploads back as soon as the commands have run.
+#[test]
+fn an_uploads_staging_memory_goes_back() {
+    let scene = scene();
+    let host = Host::new();
+    let frames = [0, 1].map(|_| Frame::new(&host, FORMAT, SIZE));
+    let gpu = adopt(&host, false, true);
+    let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
+    frames[0].begin();
+    let mut commands = wrap(&frames[0]);
+    let before = gpu.memory_in_use();
+    let model = renderer.record_upload(&mut commands, &many(280_000)).unwrap();
+    let uploaded = gpu.memory_in_use() - before;
+    renderer.reserve(&model, &scene.camera, 1 << 12).unwrap();
+    frames[0].hand_over();
+    frames[0].submit();
+    let bytes: u64 = model.params.iter().map(|plane| plane.bytes()).sum();
+    assert!(bytes >= 64 << 20, "{bytes} bytes");
+    assert!(
+        uploaded >= 2 * bytes,
+        "{uploaded} bytes for {bytes} and their staging memory"
+    );
+    for i in 1..=2 {
+        let frame = &frames[i % 2];
+        frame.begin();
+        let target = frame.target(CLEARED, COPYABLE);
+        renderer
+            .record(&mut wrap(frame), &model, &scene.camera, &view(&scene), &target)
+            .unwrap();
+        frame.submit();
+        frame.pixels::<f32>();
+    }
+    let by_name = gpu.memory_by_name();
+    let in_use = |name: &str| {
+        by_name
+            .iter()
+            .find(|(known, _)| known == name)
+            .map_or(0, |(_, memory)| memory.bytes)
+    };
+    let transfer = in_use("staging") + in_use("readback");
+    assert!(transfer < 1 << 19, "{transfer} bytes of {}", gpu.memory_in_use());
+}
+
+/// True for a barrier between commands of the guest, or from and to states of the host's images.
+fn is_narrow(barrier: &Barrier) -> bool {
+    let own = Stage::COMPUTE_SHADER | Stage::ALL_TRANSFER | Stage::DRAW_INDIRECT;
+    let memory = Access::MEMORY_READ | Access::MEMORY_WRITE;
+    let is_own = |(stage, access): (Stage, Access)| own.contains(stage) && !access.intersects(memory);
+    let states = [CLEARED, COPYABLE].map(|state| (state.stage, state.access));
+    let is_of_host = |scope| barrier.is_of_image && states.contains(&scope);
+    is_for_host(barrier)
+        || [barrier.from, barrier.to]
+            .iter()
+            .all(|&scope| is_own(scope) || is_of_host(scope))
+}
+
+/// True for the barrier before the host's reading of a copy.
+fn is_for_host(barrier: &Barrier) -> bool {
+    let (from, to) = ((Stage::COPY, Access::TRANSFER_WRITE), (Stage::HOST, Access::HOST_READ));
+    (barrier.from, barrier.to) == (from, to)
+}
+
+/// Two pictures in one command buffer: barriers, and messages with the barrier of that index left out. The device is a
+/// new one, because validation reports no more than ten messages of a kind.
+fn record_twice(left_out: Option<usize>) -> (Vec<Barrier>, Vec<String>) {
+    let scene = scene();
+    let host = Host::new();
+    let frames = [0, 1].map(|_| Frame::new(&host, FORMAT, SIZE));
+    let gpu = adopt(&host, true, true);
+    let model = Model::upload(&gpu, &scene.splats).unwrap();
+    let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
+    renderer.reserve(&model, &scene.camera, 1 << 16).unwrap();
+    let [left, right] = &frames;
+    left.begin();
+    right.begin();
+    right.hand_over();
+    right.submit();
+    right.pixels::<f32>();
+    let mut commands = wrap(left);
+    watch::keep_barriers(left_out);
+    for (before, frame) in [(CLEARED, left), (COPYABLE, right)] {
+        let (target, view) = (frame.target(before, COPYABLE), view(&scene));
+        renderer
+            .record(&mut commands, &model, &scene.camera, &view, &target)
+            .unwrap();
+    }
+    let barriers = watch::barriers();
+    left.submit();
+    left.pixels::<f32>();
+    right.resubmit();
+    right.pixels::<f32>();
+    (barriers, host.messages())
+}
+
+/// Passes of the sorts by depth and by tile. Validation (1.3.239) does not see writes through two views of one binding,
+/// which `scan_apply` makes, so that the barrier before `sort_scatter` of each pass seems spare to it.
+const SORT_PASSES: usize = 4 + 1;
+
+/// No barrier waits for, or holds up, the host's graphics or everything; and each one of a picture is needed: left out,
+/// it is reported. Not so the one before the host's reading of a copy, which validation does not follow.
+#[test]
+fn barriers_are_narrow_and_none_is_spare() {
+    let (barriers, messages) = record_twice(None);
+    assert_eq!(messages, Vec::<String>::new());
+    let wide: Vec<_> = barriers.iter().filter(|barrier| !is_narrow(barrier)).collect();
+    assert!(wide.is_empty(), "{wide:?}");
+    // A picture has one at its beginning, those between its commands, two of the image and one for the host.
+    let each = barriers.len() / 2;
+    assert!(each > 20 && barriers.iter().filter(|barrier| barrier.is_of_image).count() == 4);
+    let spare: Vec<_> = (each..barriers.len())
+        .filter(|&index| record_twice(Some(index)).1.is_empty())
+        .collect();
+    let (last, unseen) = spare.split_last().unwrap();
+    assert_eq!(
+        (*last, unseen.len()),
+        (barriers.len() - 1, SORT_PASSES),
+        "{spare:?}: {barriers:?}"
+    );
+    assert!(is_for_host(&barriers[barriers.len() - 1]));
+}
+
+/// A model of several degrees needs kernels of its own. A frame refuses it until they are compiled, and compiles
+/// nothing.
+#[test]
+fn kernels_are_compiled_outside_of_frames() {
+    let scene = scene();
+    let mut splats = many(200_000);
+    for sh in splats.sh.chunks_mut(48).take(100_000) {
+        sh[3..].fill(0.0);
+    }
+    let host = Host::new();
+    let frame = Frame::new(&host, FORMAT, SIZE);
+    let gpu = adopt(&host, true, true);
+    let (plain, mixed) = (Model::upload(&gpu, &scene.splats), Model::upload(&gpu, &splats));
+    let (plain, mixed) = (plain.unwrap(), mixed.unwrap());
+    assert!(mixed.is_indexed());
+    let mut options = RenderOptions::default();
+    options.capacity.splats = mixed.splat_count;
+    let mut renderer = Renderer::new(&gpu, options).unwrap();
+    renderer.reserve(&plain, &scene.camera, 1 << 16).unwrap();
+    frame.begin();
+    let target = frame.target(CLEARED, COPYABLE);
+    let refused = renderer.record(&mut wrap(&frame), &mixed, &scene.camera, &view(&scene), &target);
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("call prepare first"), "{refused}");
+    frame.submit();
+    frame.pixels::<f32>();
+    renderer.prepare(&mixed).unwrap();
+    for model in [&mixed, &plain] {
+        frame.begin();
+        watch::calls();
+        renderer
+            .record(&mut wrap(&frame), model, &scene.camera, &view(&scene), &target)
+            .unwrap();
+        let calls = watch::calls();
+        let compiled = |call: &&str| call.contains("Pipeline") || call.contains("ShaderModule");
+        assert!(!calls.iter().any(compiled), "{calls:?}");
+        frame.submit();
+        frame.pixels::<f32>();
+    }
+    assert_same(&frame.pixels(), &expected(&scene, 1)[0]);
+}
+
+/// A guest that only records has no command pool, semaphore or query pool of its own.
+#[test]
+fn a_guest_that_only_records_makes_nothing_for_submissions() {
+    let host = Host::new();
+    let gpu = adopt(&host, false, true);
+    watch::calls();
+    let _renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
+    let calls = watch::calls();
+    let of_submissions = |call: &&str| ["Semaphore", "Command", "Query"].iter().any(|kind| call.contains(kind));
+    assert!(calls.len() > 10 && !calls.iter().any(of_submissions), "{calls:?}");
+}
+
+/// Types of a renderer may move to and, as far as they are shared, be used by a host's threads.
+#[test]
+fn types_move_between_threads() {
+    fn moves<T: Send>() {}
+    fn is_shared<T: Send + Sync>() {}
+    is_shared::<ashfall::Gpu>();
+    is_shared::<Model>();
+    moves::<Renderer>();
+}
