@@ -2,7 +2,7 @@
 
 use super::parse;
 use crate::Result;
-use crate::io::dataset::{self, OpenOptions};
+use crate::io::dataset::{self, MaskUse, OpenOptions};
 use crate::render::Compatibility;
 use crate::scene::{AlphaMode, Dataset, Split};
 use clap::{Args, ValueEnum};
@@ -49,6 +49,10 @@ pub(super) struct DataArgs {
     /// photographs, because undistortion leaves empty borders]
     #[arg(long, value_name = "MODE")]
     pub alpha: Option<AlphaArg>,
+    /// Mask files: masks/NAME.jpg.png or masks/NAME.png beside COLMAP's photographs, mask_path of nerfstudio
+    #[arg(long, value_name = "USE", default_value = "ignore")]
+    #[serde(default)]
+    pub masks: MasksArg,
 }
 
 impl Default for DataArgs {
@@ -58,6 +62,7 @@ impl Default for DataArgs {
             test_every: 8,
             images: None,
             alpha: None,
+            masks: MasksArg::Ignore,
         }
     }
 }
@@ -71,6 +76,11 @@ impl DataArgs {
             images: self.images.clone(),
             alpha: self.alpha.map(AlphaMode::from),
             photos_required,
+            masks: match self.masks {
+                MasksArg::Ignore => MaskUse::Ignore,
+                MasksArg::Inverted => MaskUse::Inverted,
+                MasksArg::Off => MaskUse::Off,
+            },
         };
         let dataset = dataset::open(path, &options)?;
         for warning in &dataset.warnings {
@@ -78,6 +88,27 @@ impl DataArgs {
         }
         Ok(dataset)
     }
+}
+
+/// Prints a warning for each usual mistake of captures that the photographs show, and returns the warnings.
+pub(super) fn check_capture(path: &Path, dataset: &Dataset) -> Result<Vec<String>> {
+    let found = dataset::check_capture(dataset)?;
+    let found: Vec<String> = found.iter().map(|what| format!("{}: {what}", path.display())).collect();
+    found.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    Ok(found)
+}
+
+/// Use of mask files.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum MasksArg {
+    /// Pixels that are black in the mask are ignored
+    #[default]
+    Ignore,
+    /// Pixels that are white in the mask are ignored
+    Inverted,
+    /// Masks are not looked at
+    Off,
 }
 
 /// Meaning of alpha.

@@ -4,7 +4,7 @@ mod describe;
 mod exposures;
 
 use super::Outcome;
-use super::args::{DataArgs, DeviceArgs};
+use super::args::{DataArgs, DeviceArgs, check_capture};
 use super::configure::ConfigArgs;
 use super::engine;
 use super::output::{Output, bytes, grouped};
@@ -63,7 +63,12 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
     let (text, value) = match &args.path {
         None => devices(&args.device)?,
         Some(path) if is_scene(path) => scene(&args.scene_options.read(path)?),
-        Some(path) => dataset(&args.options.open(path, false)?)?,
+        Some(path) => {
+            let mut opened = args.options.open(path, false)?;
+            let found = check_capture(path, &opened)?;
+            opened.warnings.extend(found);
+            dataset(&opened)?
+        }
     };
     Output { json: args.json }.result(text, || value);
     Ok(Outcome::Done)

@@ -1,6 +1,6 @@
 //! Views and points listed by a reconstruction, before its photographs are checked.
 
-use crate::scene::{Camera, Distortion, Point};
+use crate::scene::{Camera, Lens, Point};
 use glam::DVec3;
 use std::path::{Component, Path, PathBuf};
 
@@ -13,8 +13,10 @@ pub struct ListedView {
     pub photo: PathBuf,
     /// Camera at the size that the reconstruction declares.
     pub camera: Camera,
-    /// Lens distortion, if any.
-    pub distortion: Option<Distortion>,
+    /// Lens; `None`: a pinhole. The camera has its focal lengths and principal point.
+    pub lens: Option<Lens>,
+    /// Mask of the photograph, if any.
+    pub mask: Option<PathBuf>,
     /// Held out for testing by the reconstruction itself.
     pub held_out: bool,
     /// Indices of the points seen, ascending; empty if the reconstruction does not tell.

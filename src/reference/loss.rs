@@ -155,7 +155,8 @@ const CURVE_OFFSET: f64 = 0.055;
 
 impl Exposure {
     /// Value of a channel under the exposure: on the curve, and on its toe, where those meet. Values that the
-    /// photograph has clipped (levels 0, 1, 254 and 255) are kept from going beyond.
+    /// photograph has clipped (levels 0, 1, 254 and 255) are bounds; towards a white one, a tenth of the distance
+    /// counts beside.
     pub fn of<R: Real>(&self, channel: usize, value: R, photo: f64) -> R {
         let gain = self.gain[channel];
         let curve = R::of(gain) * (value + R::of(CURVE_OFFSET)) - R::of(CURVE_OFFSET);
@@ -163,7 +164,14 @@ impl Exposure {
         let is_lower = toe.value() < curve.value();
         let exposed = if is_lower == (gain >= 1.0) { toe } else { curve };
         match (photo * 255.0).round() {
-            254.0.. => exposed.at_most(photo),
+            254.0.. => {
+                let brighter = if exposed.value() < value.value() {
+                    value
+                } else {
+                    exposed
+                };
+                brighter.at_most(photo) + R::of(0.1) * (value.at_most(photo) - R::of(photo))
+            }
             ..=1.0 => exposed.at_least(photo),
             _ => exposed,
         }

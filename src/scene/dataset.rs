@@ -1,6 +1,6 @@
 //! A data set: views with cameras and photographs, and a sparse point set.
 
-use super::Camera;
+use super::{Camera, Optics};
 use glam::DVec3;
 use std::path::PathBuf;
 
@@ -41,19 +41,6 @@ pub enum AlphaMode {
     Mask,
 }
 
-/// Lens distortion of a photograph, OpenCV's radial–tangential model.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Distortion {
-    /// Radial, second order.
-    pub k1: f64,
-    /// Radial, fourth order.
-    pub k2: f64,
-    /// Tangential.
-    pub p1: f64,
-    /// Tangential.
-    pub p2: f64,
-}
-
 /// A decoded photograph: 8-bit RGBA rows from the top, as stored (display-referred, not linearised).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photo {
@@ -87,15 +74,28 @@ impl Photo {
     }
 }
 
+/// Mask of a photograph: white keeps a pixel, black leaves it out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MaskFile {
+    /// The image file.
+    pub path: PathBuf,
+    /// Black keeps.
+    pub inverted: bool,
+}
+
 /// Source of a photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhotoSource {
-    /// A file, to be decoded, undistorted and resized to the view's camera when it is needed.
+    /// A file, to be decoded, masked, turned, seen as a pinhole and resized to the view's camera when it is needed.
     File {
         /// The image file.
         path: PathBuf,
-        /// Lens distortion at the file's own size, if any.
-        distortion: Option<Distortion>,
+        /// Lens of the photograph, and the pinhole picture wanted of it; `None`: a pinhole took it.
+        optics: Option<Box<Optics>>,
+        /// Orientation in EXIF data that the camera asks for, 5 to 8; others: the pixels as they are stored.
+        orientation: u8,
+        /// Mask of the stored pixels, if any.
+        mask: Option<MaskFile>,
     },
     /// Already decoded, at the size of the view's camera.
     Memory(Photo),

@@ -93,9 +93,10 @@ impl Photos {
         let mut residency = Residency::default();
         for &view in views {
             let View { camera, photo, .. } = &dataset.views[view];
-            let undistorted = matches!(photo, PhotoSource::File { distortion, .. } if distortion.is_some());
+            let has_borders =
+                matches!(photo, PhotoSource::File { optics, mask, .. } if optics.is_some() || mask.is_some());
             // Undistortion leaves pixels outside the photograph, which only a weight can exclude.
-            let masks = undistorted || dataset.alpha == AlphaMode::Mask;
+            let masks = has_borders || dataset.alpha == AlphaMode::Mask;
             let mut resident = None;
             if residency.admit([camera.width, camera.height], budget) {
                 let photo = photos.cache.get(dataset, view)?;

@@ -11,6 +11,7 @@ mod common;
 
 mod bench;
 mod broken;
+mod captures;
 mod cli;
 mod growth;
 mod predict;

@@ -80,10 +80,11 @@ fn exposures_come_back_from_the_tracks() {
         let (mut squares, mut shifts) = (0.0, 0.0);
         for (of, plain) in found.iter().zip(&unperturbed) {
             assert!(!read.is_test(of.view));
-            for channel in 0..3 {
-                let error = stops(of.log_gain[channel]) - truth[of.view][channel];
+            let channels = of.log_gain.iter().zip(plain.log_gain).zip(truth[of.view]);
+            for ((found, plain), truth) in channels {
+                let error = stops(*found) - truth;
                 squares += error.powi(2);
-                shifts += (error - stops(plain.log_gain[channel])).powi(2);
+                shifts += (error - stops(plain)).powi(2);
             }
         }
         let [rms, shift] = [squares, shifts].map(|sum| (sum / 63.0).sqrt());

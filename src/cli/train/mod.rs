@@ -6,7 +6,7 @@ mod results;
 mod state;
 mod steps;
 
-use super::args::{DataArgs, DeviceArgs};
+use super::args::{DataArgs, DeviceArgs, check_capture};
 use super::engine;
 use super::interrupt::Interrupt;
 use super::output::{Output, grouped};
@@ -18,7 +18,7 @@ use crate::lab::report::{MemoryFigures, Report};
 use crate::render::Evaluator;
 use crate::scene::{Dataset, Point, Split};
 use crate::simplify::{AutoRun, CountController, for_auto_count};
-use crate::train::TrainConfig;
+use crate::train::{ExposureModel, TrainConfig};
 use crate::{Error, Result, io};
 use clap::Args;
 use glam::DVec3;
@@ -113,6 +113,10 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
         dataset.set_origin(origin);
     }
     let gpu = engine::open(&args.device)?;
+    if args.resume.is_none() {
+        let found = check_capture(&state.data, &dataset)?;
+        dataset.warnings.extend(found);
+    }
     let mut run = match &args.resume {
         Some(_) => AutoRun::resume(&gpu, &dataset, &dir.join("checkpoint"))?,
         None => new_run(args, &gpu, &dataset)?,
@@ -150,6 +154,10 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
     let Some(loss_db) = args.parsimony else {
         return AutoRun::new(gpu, dataset, args.config.config(kind)?);
     };
+    if args.config.config(kind)?.exposure != ExposureModel::Off {
+        let what = "--exposure and --parsimony exclude each other: held-out views have no gains to be judged by";
+        return Err(Error::Config(what.into()));
+    }
     let config = args.config.config_from(kind, |mut usual| {
         usual.auto.loss_db = loss_db;
         for_auto_count(usual, dataset.views_per_point())

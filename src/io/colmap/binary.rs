@@ -2,7 +2,7 @@
 
 use super::super::reader::Reader;
 use super::super::source::Source;
-use super::camera::{Lens, model_from_id};
+use super::camera::{Intrinsics, model_from_id};
 use super::{ImageRecord, PointWithId};
 use crate::error::Result;
 use crate::scene::Point;
@@ -11,8 +11,8 @@ use std::collections::BTreeMap;
 /// Longest image name accepted, in bytes.
 const NAME_BYTES_MAX: u64 = 4096;
 
-/// id, model, width, height and three parameters.
-const CAMERA_BYTES_MIN: u64 = 4 + 4 + 8 + 8 + 3 * 8;
+/// id, model, width, height and two parameters.
+const CAMERA_BYTES_MIN: u64 = 4 + 4 + 8 + 8 + 2 * 8;
 /// id, pose, camera, an empty name and the count of 2D points.
 const IMAGE_BYTES_MIN: u64 = 4 + 7 * 8 + 4 + 1 + 8;
 const POINT2D_BYTES: u64 = 8 + 8 + 8;
@@ -22,7 +22,7 @@ const NO_POINT: u64 = u64::MAX;
 const POINT3D_BYTES_MIN: u64 = 8 + 3 * 8 + 3 + 8 + 8;
 const TRACK_ELEMENT_BYTES: u64 = 4 + 4;
 
-pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Lens>> {
+pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Intrinsics>> {
     let mut reader = Reader::open(source)?;
     let count = reader.u64("the number of cameras")?;
     let count = reader.check_count(count, CAMERA_BYTES_MIN, "cameras")?;
@@ -38,7 +38,7 @@ pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Lens>> {
         for _ in 0..parameter_count {
             parameters.extend(reader.f64s::<1>("the parameters of a camera")?);
         }
-        let lens = Lens::new(model, width, height, &parameters).map_err(|what| reader.fault(named(what)))?;
+        let lens = Intrinsics::new(model, width, height, &parameters).map_err(|what| reader.fault(named(what)))?;
         if lenses.insert(id, lens).is_some() {
             return Err(reader.fault(format!("camera {id} occurs twice")));
         }

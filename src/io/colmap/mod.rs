@@ -13,7 +13,7 @@ use super::reader::excerpt;
 use super::source::Source;
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Point};
-use camera::Lens;
+use camera::Intrinsics;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -126,6 +126,25 @@ pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     })
 }
 
+/// Mask of a photograph in `masks` beside the photographs' folder: COLMAP's NAME.jpg.png, NAME.png or NAME.mask.png.
+fn mask_of(photos: &Path, name: &str) -> Option<PathBuf> {
+    let folder = masks_beside(photos);
+    let with = |stem: PathBuf, suffix: &str| {
+        let mut name = stem.into_os_string();
+        name.push(suffix);
+        PathBuf::from(name)
+    };
+    let whole = folder.join(name);
+    let stem = whole.with_extension("");
+    let candidates = [with(whole, ".png"), with(stem.clone(), ".png"), with(stem, ".mask.png")];
+    candidates.into_iter().find(|path| path.is_file())
+}
+
+/// Folder of the masks beside that of the photographs.
+pub(super) fn masks_beside(photos: &Path) -> PathBuf {
+    photos.parent().unwrap_or(Path::new(".")).join("masks")
+}
+
 /// Indices of the points with these ids among the sorted ids of all, ascending, each once.
 fn indices(seen: &[u64], ids: &[u64]) -> Vec<u32> {
     let place = |id: &u64| ids.binary_search(id).ok().and_then(|index| u32::try_from(index).ok());
@@ -138,7 +157,7 @@ fn indices(seen: &[u64], ids: &[u64]) -> Vec<u32> {
 fn listed(
     image: ImageRecord,
     ids: &[u64],
-    lenses: &BTreeMap<u32, Lens>,
+    lenses: &BTreeMap<u32, Intrinsics>,
     files: &Files<'_>,
     photos: &Path,
 ) -> Check<ListedView> {
@@ -165,8 +184,9 @@ fn listed(
     let rotation = glam::DMat3::from_quat(quaternion / length);
     let position = -(rotation.transpose() * translation);
     check_position(position)?;
+    let name = image.name;
     Ok(ListedView {
-        name: image.name,
+        name: name.clone(),
         photo,
         camera: Camera {
             width: lens.width,
@@ -176,7 +196,8 @@ fn listed(
             rotation,
             position,
         },
-        distortion: lens.distortion,
+        lens: lens.lens,
+        mask: mask_of(photos, &name),
         held_out: false,
         seen: indices(&image.seen, ids),
     })

@@ -2,7 +2,7 @@
 
 use super::super::reader::{Reader, excerpt, parse_number};
 use super::super::source::Source;
-use super::camera::{Lens, parameters_of};
+use super::camera::{Intrinsics, parameters_of};
 use super::{ImageRecord, PointWithId};
 use crate::error::Result;
 use crate::scene::Point;
@@ -96,7 +96,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Lens>> {
+pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Intrinsics>> {
     let mut lines = Lines::open(source)?;
     let mut lenses = BTreeMap::new();
     while lines.advance_to_record()? {
@@ -114,7 +114,7 @@ pub(super) fn cameras(source: Source<'_>) -> Result<BTreeMap<u32, Lens>> {
             let what = format!("{model} has {count} parameters, the line has more");
             return Err(lines.fault(what));
         }
-        let lens = Lens::new(&model, width, height, &parameters)
+        let lens = Intrinsics::new(&model, width, height, &parameters)
             .map_err(|what| lines.fault(format!("camera {id}: {what}")))?;
         if lenses.insert(id, lens).is_some() {
             return Err(lines.fault(format!("camera {id} occurs twice")));

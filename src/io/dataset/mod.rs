@@ -5,12 +5,16 @@
 //!
 #![doc = include_str!("../../../docs/captures.md")]
 
+mod check;
+mod faces;
+mod masks;
 mod views;
 
 use super::listing::{ListedView, Listing};
 use super::{colmap, transforms};
 use crate::error::{Error, Result};
-use crate::scene::{AlphaMode, Dataset, Point, Split, View};
+use crate::scene::{AlphaMode, Dataset, PhotoSource, Point, Split, View};
+pub use check::check_capture;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -30,6 +34,20 @@ pub struct OpenOptions {
     pub alpha: Option<AlphaMode>,
     /// Require photographs, and a view to train on; rendering needs cameras only.
     pub photos_required: bool,
+    /// Use of mask files.
+    pub masks: MaskUse,
+}
+
+/// Use of mask files, white where a pixel is kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MaskUse {
+    /// Pixels that a mask leaves out are ignored.
+    #[default]
+    Ignore,
+    /// Masks are not looked at.
+    Off,
+    /// Black keeps.
+    Inverted,
 }
 
 impl Default for OpenOptions {
@@ -40,6 +58,7 @@ impl Default for OpenOptions {
             images: None,
             alpha: None,
             photos_required: true,
+            masks: MaskUse::default(),
         }
     }
 }
@@ -67,15 +86,18 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
             return Err(Error::file(path, what));
         }
     }
-    let distorted = listing.views.iter().any(|v| v.distortion.is_some());
+    let distorted = listing.views.iter().any(|v| v.lens.is_some());
     let views::CheckedViews {
         views,
         held_out,
         mut seen,
     } = views::look_at_photos(path, listing.views, options, &mut warnings)?;
+    let masked = masks::look_at_masks(path, &views, options, &mut warnings)?;
+    masks::look_at_profile(path, &views, &mut warnings);
     let mut points = listing.points;
     keep_finite_seen(&points, &mut seen);
     keep_finite(path, &mut points, &mut warnings);
+    keep_seen_by_sides(&views, &points, &mut seen);
     if options.photos_required && points.is_empty() {
         warnings.push(format!(
             "{}: there are no points; training begins from random ones",
@@ -83,25 +105,14 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
         ));
     }
     warn_if_unseen(path, &views, &points, &mut warnings);
-    if distorted && options.alpha == Some(AlphaMode::Composite) {
-        warnings.push(format!(
-            "{}: removing the lens distortion leaves empty borders, which are taken for background as \
-             alpha is to be composited",
-            path.display()
-        ));
-    }
-    let undistorted = if distorted {
-        AlphaMode::Mask
-    } else {
-        AlphaMode::Composite
-    };
+    let alpha = alpha(path, options, [distorted, masked], &mut warnings);
     let mut dataset = Dataset {
         views,
         points,
         tracks: seen,
         test_every: options.test_every,
         held_out,
-        alpha: options.alpha.unwrap_or(undistorted),
+        alpha,
         warnings,
         origin: DVec3::ZERO,
     };
@@ -121,6 +132,23 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
         return Err(Error::file(path, what));
     }
     Ok(dataset)
+}
+
+/// Meaning of alpha for photographs with distortion, and with masks.
+fn alpha(path: &Path, options: &OpenOptions, has: [bool; 2], warnings: &mut Vec<String>) -> AlphaMode {
+    let [distorted, masked] = has;
+    if distorted && options.alpha == Some(AlphaMode::Composite) {
+        warnings.push(format!(
+            "{}: removing the lens distortion leaves empty borders, which are taken for background as \
+             alpha is to be composited",
+            path.display()
+        ));
+    }
+    let usual = match distorted || masked {
+        true => AlphaMode::Mask,
+        false => AlphaMode::Composite,
+    };
+    options.alpha.unwrap_or(usual)
 }
 
 /// Detects the format and reads it.
@@ -207,6 +235,19 @@ fn keep_finite_seen(points: &[Point], seen: &mut Vec<Vec<u32>>) {
     }
     if seen.iter().all(Vec::is_empty) {
         seen.clear();
+    }
+}
+
+/// Drops points outside a side from the list of the points that its photograph sees.
+fn keep_seen_by_sides(views: &[View], points: &[Point], seen: &mut [Vec<u32>]) {
+    let is_side = |view: &View| {
+        let PhotoSource::File { optics, .. } = &view.photo else {
+            return false;
+        };
+        optics.as_ref().is_some_and(|optics| faces::is_side(optics))
+    };
+    for (view, list) in views.iter().zip(seen).filter(|(view, _)| is_side(view)) {
+        list.retain(|&point| view.camera.sees(points[point as usize].position.into()));
     }
 }
 

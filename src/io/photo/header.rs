@@ -1,15 +1,17 @@
-//! Photograph sizes from file headers, and detection of truncated files.
+//! Photograph sizes from file headers, detection of truncated files, and formats that others must convert.
 
 use super::super::listing::check_size;
 use super::super::reader::Reader;
 use super::super::source::Source;
 use super::SIDE_MIN;
 use crate::error::{Error, Result};
+use image::{ImageFormat, ImageReader};
+use std::io::Cursor;
 use std::path::Path;
 
 const PNG_MAGIC: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 
-/// Width and height of a PNG or JPEG file in pixels, without decoding it.
+/// Width and height of a PNG, JPEG, WebP or TIFF file in pixels, without decoding it.
 ///
 /// # Errors
 /// Names the file: empty, of another format, or of an invalid size.
@@ -25,7 +27,7 @@ pub fn dimensions<'a>(source: impl Into<Source<'a>>) -> Result<(u32, u32)> {
     let (width, height) = match magic {
         [0xff, 0xd8] if known => jpeg(&mut reader)?,
         [0x89, b'P'] if known => png(&mut reader)?,
-        _ => return Err(Error::file(path, "is neither a PNG nor a JPEG image")),
+        _ => other(source)?,
     };
     let size = check_size(width, height).map_err(|what| Error::file(path, what))?;
     if size.0 < SIDE_MIN || size.1 < SIDE_MIN {
@@ -46,18 +48,57 @@ pub fn dimensions<'a>(source: impl Into<Source<'a>>) -> Result<(u32, u32)> {
     Ok(size)
 }
 
+/// Extensions of raw files, which begin like TIFF ones.
+const RAW: [&str; 10] = ["dng", "nef", "nrw", "cr2", "cr3", "arw", "orf", "raf", "rw2", "pef"];
+
+/// Name of a format that others must convert, and the command.
+fn foreign(path: &Path, head: &[u8]) -> Option<(&'static str, &'static str)> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    let raw = ("a raw image", "dcraw -w -T FILE (package dcraw)");
+    let is_raw = RAW.iter().any(|known| known.eq_ignore_ascii_case(extension));
+    let brand = head.get(4..12).unwrap_or_default();
+    match brand {
+        b"ftypavif" | b"ftypavis" => Some(("an AVIF image", "heif-convert FILE FILE.png (package libheif-examples)")),
+        b"ftypcrx " => Some(raw),
+        [b'f', b't', b'y', b'p', ..] => {
+            Some(("an HEIC image", "heif-convert FILE FILE.png (package libheif-examples)"))
+        }
+        _ if is_raw || head.starts_with(b"FUJIFILMCCD-RAW") => Some(raw),
+        _ => None,
+    }
+}
+
+/// Size of a WebP or TIFF file.
+fn other(source: Source<'_>) -> Result<(u64, u64)> {
+    let path = source.name();
+    let bytes = Reader::all(source)?;
+    if let Some((format, command)) = foreign(path, &bytes) {
+        let what = format!("is {format}, which is not read: convert the photographs first, {command}");
+        return Err(Error::file(path, what));
+    }
+    let format = match bytes.as_ref() {
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => ImageFormat::WebP,
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => ImageFormat::Tiff,
+        _ => return Err(Error::file(path, "is neither a PNG nor a JPEG, WebP or TIFF image")),
+    };
+    let reader = ImageReader::with_format(Cursor::new(bytes.as_ref()), format);
+    let size = reader.into_dimensions();
+    let (width, height) = size.map_err(|e| Error::file(path, format!("cannot be decoded: {e}")))?;
+    Ok((width.into(), height.into()))
+}
+
 /// Upper bound of pixels per byte of a JPEG file: each block of 8 x 8 takes one bit at least.
 const JPEG_PIXELS_MAX: u64 = 8 * 64;
 
-/// Upper bound of pixels per byte of a PNG file: deflate makes at most 1,032 bytes of one, each with at most eight
-/// pixels.
+/// Upper bound of pixels per byte of other files: deflate makes at most 1,032 bytes of one, each with at most eight
+/// pixels; photographs in WebP and TIFF stay far below it, too.
 const PNG_PIXELS_MAX: u64 = 1032 * 8;
 
 /// PNG after the first two bytes: the rest of the magic, then the chunk IHDR.
 fn png(reader: &mut Reader) -> Result<(u64, u64)> {
     let rest: [u8; 14] = reader.array("the PNG header")?;
     if rest[..6] != PNG_MAGIC[2..] || &rest[10..] != b"IHDR" {
-        return Err(reader.fault("is neither a PNG nor a JPEG image"));
+        return Err(reader.fault("is no complete PNG image"));
     }
     let mut side = || -> Result<u64> {
         let bytes = reader.array("the PNG header")?;
@@ -105,7 +146,7 @@ const SCANS_MAX: usize = 256;
 /// Refuses a JPEG file that ends inside its pixels, which the decoder would fill with grey (the PNG decoder detects
 /// truncation itself), and one with more than [`SCANS_MAX`] scans.
 pub(super) fn check_complete(path: &Path, bytes: &[u8]) -> Result<()> {
-    if bytes.starts_with(&PNG_MAGIC) {
+    if !bytes.starts_with(&[0xff, 0xd8]) {
         return Ok(());
     }
     // Previews inside segments have end markers of their own: walk the segments to the first scan.

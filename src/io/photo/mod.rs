@@ -1,17 +1,22 @@
-//! Photographs: decoding, undistortion, and reduction to the size of the view's camera.
+//! Photographs: decoding, masks, lenses, and reduction to the size of the view's camera.
 //!
-//! PNG and JPEG are recognised by content, not by name. Grey, palette, 16-bit and CMYK images become 8-bit RGB; alpha
-//! stays straight. An orientation in EXIF data is **not** applied: COLMAP and nerfstudio calibrate the pixels as they
-//! are stored.
+//! PNG, JPEG, WebP and TIFF are recognised by content, not by name. Grey, palette, 16-bit and CMYK images become 8-bit
+//! RGB, rounded; alpha stays straight. Poses belong to the stored pixels, as COLMAP and nerfstudio calibrate them: an
+//! orientation in EXIF data is applied only if the camera has the exchanged width and height.
 
 mod cache;
 mod header;
+mod mask;
 mod resample;
+mod tags;
 
 pub use resample::{half, reduce};
 
 pub use cache::PhotoCache;
 pub use header::dimensions;
+pub use tags::{PhotoTags, tags};
+
+pub(in crate::io) use mask::share_left_out;
 
 use super::listing::SIDE_MAX;
 use super::reader::Reader;
@@ -34,8 +39,13 @@ const DECODER_BYTES: u64 = 1 << 19;
 /// The view has no photograph, or the file is missing, damaged, too large, or of another aspect ratio
 /// than the camera. Each names the file.
 pub fn load(view: &View) -> Result<Photo> {
-    let (path, distortion) = match &view.photo {
-        PhotoSource::File { path, distortion } => (path, distortion),
+    let (path, optics, orientation, mask) = match &view.photo {
+        PhotoSource::File {
+            path,
+            optics,
+            orientation,
+            mask,
+        } => (path, optics, *orientation, mask),
         PhotoSource::Memory(photo) => {
             let camera = (view.camera.width, view.camera.height);
             assert_eq!((photo.width, photo.height), camera, "a photo in memory fits");
@@ -47,18 +57,28 @@ pub fn load(view: &View) -> Result<Photo> {
         }
     };
     let mut photo = decode(path)?;
-    let (width, height) = (view.camera.width, view.camera.height);
-    if !same_aspect((photo.width, photo.height), (width, height)) {
-        return Err(wrong_aspect(path, (photo.width, photo.height), (width, height)));
+    if let Some(mask) = mask {
+        mask::apply(&mut photo, mask)?;
     }
-    if let Some(distortion) = distortion {
-        let camera = view.camera.resized(photo.width, photo.height);
-        photo = resample::undistort(&photo, &camera, distortion);
+    photo = tags::turned(photo, orientation);
+    let (size, camera) = ((photo.width, photo.height), (view.camera.width, view.camera.height));
+    let expected = optics
+        .as_ref()
+        .map_or(camera, |optics| (optics.size[0], optics.size[1]));
+    if !same_aspect(size, expected) {
+        return Err(wrong_aspect(path, size, expected));
     }
-    Ok(resample::reduce(photo, width, height))
+    if let Some(optics) = optics {
+        let optics = match size == expected {
+            true => **optics,
+            false => optics.resized(size.0, size.1),
+        };
+        photo = resample::undistort(&photo, &optics);
+    }
+    Ok(resample::reduce(photo, camera.0, camera.1))
 }
 
-/// Decodes a PNG or JPEG file at its own size.
+/// Decodes a file at its own size, as its pixels are stored.
 pub fn decode<'a>(source: impl Into<Source<'a>>) -> Result<Photo> {
     let source = source.into();
     let path = source.name();

@@ -4,61 +4,33 @@
 //! visible ones.
 
 use super::SIDE_MIN;
-use crate::scene::{Camera, Distortion, Photo};
+use crate::scene::{Camera, Optics, Photo};
 use glam::{DVec2, Vec4};
 
-/// Photograph of an ideal pinhole with the intrinsics of `camera`.
+/// Picture of an ideal pinhole, from a photograph of the size that `optics` has.
 ///
-/// Every pixel centre is mapped through the distortion and sampled bilinearly. **Border rule:** a pixel with its source
-/// outside of the photograph, or beyond the radius at which the distortion polynomial folds back on itself, becomes
+/// Every pixel centre is a direction, which the lens maps into the photograph, sampled bilinearly. **Border rule:** a
+/// pixel with its source outside of the photograph, or beyond the angle at which the lens folds back on itself, becomes
 /// transparent black, which the loss ignores.
-pub(super) fn undistort(photo: &Photo, camera: &Camera, distortion: &Distortion) -> Photo {
-    let size = DVec2::new(f64::from(photo.width), f64::from(photo.height));
-    let fold = fold_radius_squared(distortion);
-    let mut rgba = Vec::with_capacity(photo.rgba.len());
-    for y in 0..photo.height {
-        for x in 0..photo.width {
+pub(super) fn undistort(photo: &Photo, optics: &Optics) -> Photo {
+    let Camera {
+        width,
+        height,
+        focal,
+        center,
+        ..
+    } = optics.pinhole;
+    let reach = optics.lens.reach();
+    let mut rgba = Vec::with_capacity(width as usize * height as usize);
+    for y in 0..height {
+        for x in 0..width {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let ideal = (pixel - camera.center) / camera.focal;
-            let source = distort(ideal, distortion) * camera.focal + camera.center;
-            let inside = source.cmpge(DVec2::ZERO).all() && source.cmplt(size).all();
-            rgba.push(if inside && ideal.length_squared() < fold {
-                bilinear(photo, source)
-            } else {
-                [0; 4]
-            });
+            let direction = ((pixel - center) / focal).extend(1.0);
+            let source = optics.pixel(direction, reach);
+            rgba.push(source.map_or([0; 4], |source| bilinear(photo, source)));
         }
     }
-    Photo { rgba, ..*photo }
-}
-
-/// OpenCV's radial–tangential model, on the plane at depth 1.
-fn distort(p: DVec2, distortion: &Distortion) -> DVec2 {
-    let Distortion { k1, k2, p1, p2 } = *distortion;
-    let r2 = p.length_squared();
-    let radial = 1.0 + r2 * (k1 + r2 * k2);
-    let xy = 2.0 * p.x * p.y;
-    p * radial
-        + DVec2::new(
-            p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
-            p2 * xy + p1 * (r2 + 2.0 * p.y * p.y),
-        )
-}
-
-/// The squared radius up to which r (1 + k1 r² + k2 r⁴) grows: the first positive root of its
-/// derivative 1 + 3 k1 s + 5 k2 s² in s = r².
-fn fold_radius_squared(distortion: &Distortion) -> f64 {
-    let (a, b) = (5.0 * distortion.k2, 3.0 * distortion.k1);
-    let discriminant = b * b - 4.0 * a;
-    if discriminant < 0.0 {
-        return f64::INFINITY;
-    }
-    // Roots of a s² + b s + 1 as 2 / (-b ∓ √…), exact for a = 0, too.
-    let root = discriminant.sqrt();
-    [2.0 / (-b - root), 2.0 / (-b + root)]
-        .into_iter()
-        .filter(|s| *s > 0.0)
-        .fold(f64::INFINITY, f64::min)
+    Photo { width, height, rgba }
 }
 
 fn bilinear(photo: &Photo, at: DVec2) -> [u8; 4] {

@@ -4,25 +4,23 @@
 //! with y up and z backward. `applied_transform` is not applied: nerfstudio has already applied it to the matrices
 //! *and* to the points of `ply_file_path`, so both are in one world.
 
+mod lens;
 mod pose;
 mod scope;
 
-use super::listing::{Check, ListedView, Listing, check_intrinsics, check_position, check_size, inside};
+use super::listing::{Check, ListedView, Listing, check_position, check_size, inside};
 use super::reader::Reader;
 use super::source::Source;
 use super::{photo, ply};
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Distortion};
+use crate::scene::Camera;
 use glam::DVec2;
 use scope::{Scope, object};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// Extensions tried if a `file_path` names no file, as Blender leaves them out.
-const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
-
-/// Camera models that are a pinhole with at most radial–tangential distortion.
-const MODELS: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
+const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG", "webp", "tif", "tiff"];
 
 /// The file in a data set's folder, if it exists: `transforms.json`, else `transforms_train.json`.
 pub fn find(folder: &Path) -> Option<PathBuf> {
@@ -36,7 +34,7 @@ pub fn find(folder: &Path) -> Option<PathBuf> {
 ///
 /// # Errors
 /// Names the file and the frame (counted from 0): not JSON, missing keys or keys of the wrong type, a matrix that is
-/// not a pose, a camera model other than a pinhole, an image size given by neither file nor photograph, names that lead
+/// not a pose, an unknown camera model, an image size given by neither file nor photograph, names that lead
 /// out of the folder.
 pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<Listing> {
     let source = source.into();
@@ -81,7 +79,6 @@ pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<
 
 /// A view, and true if its matrix was scaled.
 fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(ListedView, bool)> {
-    check_model(scope)?;
     let name = scope.text("file_path")?.ok_or("has no \"file_path\"")?;
     // Windows programs write backslashes.
     let name = name.replace('\\', "/");
@@ -100,26 +97,9 @@ fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(ListedView, bool)> {
             ));
         }
     };
-    let focal = focal(scope, width, height)?;
-    let center = [
-        scope.number("cx")?.unwrap_or(f64::from(width) / 2.0),
-        scope.number("cy")?.unwrap_or(f64::from(height) / 2.0),
-    ];
-    check_intrinsics(focal, center)?;
-    let coefficient = |key| scope.number(key).map(|k| k.unwrap_or(0.0));
-    let distortion = Distortion {
-        k1: coefficient("k1")?,
-        k2: coefficient("k2")?,
-        p1: coefficient("p1")?,
-        p2: coefficient("p2")?,
-    };
-    for key in ["k3", "k4", "k5", "k6"] {
-        if coefficient(key)? != 0.0 {
-            return Err(format!(
-                "the distortion coefficient {key} is not supported: undistort the photographs first"
-            ));
-        }
-    }
+    let (focal, center, lens) = lens::read(scope, width, height)?;
+    let mask = scope.text_of_frame("mask_path")?;
+    let mask = mask.map(|name| inside(folder, name.replace('\\', "/").trim_start_matches("./")));
     let view = ListedView {
         name: name.to_owned(),
         photo,
@@ -131,50 +111,12 @@ fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(ListedView, bool)> {
             rotation: pose.rotation,
             position: pose.position,
         },
-        distortion: (distortion != Distortion::default()).then_some(distortion),
+        lens: Some(lens.simplified()).filter(|lens| !lens.is_none()),
+        mask: mask.transpose()?,
         held_out: false,
         seen: Vec::new(),
     };
     Ok((view, pose.was_scaled))
-}
-
-fn check_model(scope: &Scope<'_>) -> Check<()> {
-    if let Some(model) = scope.text("camera_model")?
-        && !MODELS.contains(&model)
-    {
-        return Err(format!(
-            "the camera model {} is not supported: undistort the photographs first",
-            super::reader::excerpt(model)
-        ));
-    }
-    if scope.value("is_fisheye") == Some(&Value::Bool(true)) {
-        return Err("fisheye cameras are not supported: undistort the photographs first".into());
-    }
-    Ok(())
-}
-
-/// Focal lengths in pixels, given or from the angle of view; a frame's before the root's.
-fn focal(scope: &Scope<'_>, width: u32, height: u32) -> Check<[f64; 2]> {
-    let along = |length: &str, angle: &str, side: u32| -> Check<Option<f64>> {
-        for level in [scope.frame, scope.root] {
-            if let Some(focal) = scope::number(level, length)? {
-                return Ok(Some(focal));
-            }
-            if let Some(angle) = scope::number(level, angle)? {
-                return Ok(Some(0.5 * f64::from(side) / (0.5 * angle).tan()));
-            }
-        }
-        Ok(None)
-    };
-    let x = along("fl_x", "camera_angle_x", width)?;
-    let y = along("fl_y", "camera_angle_y", height)?;
-    match (x, y) {
-        (Some(x), Some(y)) => Ok([x, y]),
-        // Square pixels, if only one is given.
-        (Some(x), None) => Ok([x, x]),
-        (None, Some(y)) => Ok([y, y]),
-        (None, None) => Err("no \"fl_x\" and no \"camera_angle_x\"".to_owned()),
-    }
 }
 
 /// Size in pixels, which some programs write as `50.0`.

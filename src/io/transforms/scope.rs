@@ -22,6 +22,11 @@ impl<'a> Scope<'a> {
         }
     }
 
+    /// A text of the frame alone.
+    pub(super) fn text_of_frame(&self, key: &str) -> Check<Option<&'a str>> {
+        text(self.frame, key)
+    }
+
     /// A text, from the frame or else from the root.
     pub(super) fn text(&self, key: &str) -> Check<Option<&'a str>> {
         match text(self.frame, key)? {

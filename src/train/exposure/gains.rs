@@ -8,7 +8,7 @@
 //! has errors of 0.08 stops rms by renderings and of 0.03 by tracks). So a photograph with tracks goes only a tenth of
 //! the way from its first gain.
 
-use super::{CURVE_POWER, center, from_tracks};
+use super::{CURVE_POWER, center, from_tracks, stops};
 use crate::Result;
 use crate::scene::Dataset;
 use serde::{Deserialize, Serialize};
@@ -18,6 +18,10 @@ const BLEND: f64 = 0.5;
 
 /// Share of the way from the gain of the tracks to the least-squares gain.
 const TRACKED_SHARE: f64 = 0.1;
+
+/// Root mean square in stops below which the exposures of tracks count as none: highlights and edges alone give a made
+/// scene of one exposure 0.03.
+const TRACKED_MIN_STOPS: f64 = 0.05;
 
 /// Least weight, in values of a channel, of a photograph that is updated.
 const WEIGHT_MIN: f64 = 30.0;
@@ -51,8 +55,13 @@ impl ExposureGains {
         Ok(ExposureGains::of(tracked))
     }
 
-    /// The gains of the tracks, and 1 where they do not tell; the mean is taken out.
-    pub fn of(tracked: Vec<Option<[f64; 3]>>) -> ExposureGains {
+    /// The gains of the tracks, and 1 where they do not tell; the mean is taken out. All are 1 if they hardly differ.
+    pub fn of(mut tracked: Vec<Option<[f64; 3]>>) -> ExposureGains {
+        let known: Vec<f64> = tracked.iter().flatten().flatten().map(|&gain| stops(gain)).collect();
+        let square = known.iter().map(|stop| stop * stop).sum::<f64>();
+        if square < TRACKED_MIN_STOPS.powi(2) * known.len() as f64 {
+            tracked.iter_mut().flatten().for_each(|gain| *gain = [0.0; 3]);
+        }
         let mut log_gain: Vec<[f64; 3]> = tracked.iter().map(|gain| gain.unwrap_or_default()).collect();
         center(&mut log_gain);
         ExposureGains {
@@ -132,6 +141,13 @@ mod tests {
             gains.update();
         }
         assert!((gains.log_gain[0][1] - 0.9 * tracked).abs() < 1e-3, "{gains:?}");
+    }
+
+    #[test]
+    fn exposures_that_hardly_differ_are_none() {
+        let of = |gain: f64| ExposureGains::of(vec![Some([gain; 3]), Some([-gain; 3]), None]).log_gain[0];
+        assert_eq!(of(0.01), [0.0; 3]);
+        assert_eq!(of(0.02), [0.02; 3]);
     }
 
     #[test]

@@ -292,9 +292,9 @@ mod tests {
         let (mut all, points) = (Vec::new(), 40 * photos);
         for point in 0..points {
             let color = -2.0 * unit();
-            for photo in (point / 40)..(point / 40 + 3).min(photos) {
+            for (photo, gain) in gains.iter().enumerate().skip(point / 40).take(3) {
                 let outlier = if unit() < outliers { 2.0 } else { 0.0 };
-                let value = color + gains[photo] + noise * (unit() - 0.5) + outlier;
+                let value = color + gain + noise * (unit() - 0.5) + outlier;
                 all.push(Sighting { photo, point, value });
             }
         }

@@ -2,7 +2,7 @@
 
 use crate::io::{error_at, for_every_prefix, shared};
 use ashfall::io::photo::{self, PhotoCache};
-use ashfall::scene::{Camera, Dataset, Distortion, Photo, PhotoSource, View};
+use ashfall::scene::{Camera, Dataset, Distortion, Lens, Optics, Photo, PhotoSource, View};
 use glam::{DMat3, DVec2, DVec3};
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,9 @@ pub(crate) fn view(path: &Path, camera: Camera, distortion: Option<Distortion>) 
         camera,
         photo: PhotoSource::File {
             path: path.into(),
-            distortion,
+            optics: distortion.map(|distortion| Box::new(Optics::of(Lens::Brown(distortion), &camera))),
+            orientation: 1,
+            mask: None,
         },
     }
 }

@@ -66,15 +66,7 @@ fn the_shared_scene_has_the_same_cameras_in_both_forms() {
     assert_same_cameras(&colmap, &nerfstudio, 1e-6);
     assert_eq!(nerfstudio.alpha, AlphaMode::Mask);
     assert_eq!(nerfstudio.views[0].camera.focal.to_array(), [343.88, 343.6225]);
-    let file = |data: &Dataset| {
-        matches!(
-            data.views[0].photo,
-            PhotoSource::File {
-                distortion: Some(_),
-                ..
-            }
-        )
-    };
+    let file = |data: &Dataset| matches!(data.views[0].photo, PhotoSource::File { optics: Some(_), .. });
     assert!(file(&nerfstudio) && !file(&colmap));
 }
 
@@ -113,13 +105,7 @@ fn a_frame_comes_before_the_root() {
     let data = open(folder_with(&value).path()).unwrap();
     let camera = |name: &str| {
         let view = data.views.iter().find(|v| v.name == name).unwrap();
-        let distorted = matches!(
-            view.photo,
-            PhotoSource::File {
-                distortion: Some(_),
-                ..
-            }
-        );
+        let distorted = matches!(view.photo, PhotoSource::File { optics: Some(_), .. });
         (
             view.camera.focal.x,
             view.camera.focal.y,

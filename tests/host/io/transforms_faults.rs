@@ -63,10 +63,11 @@ fn names_stay_inside_the_folder() {
 #[test]
 fn lenses_beyond_the_model_are_refused() {
     for (key, value, word) in [
-        ("camera_model", json!("OPENCV_FISHEYE"), "OPENCV_FISHEYE"),
+        ("camera_model", json!("ORTHOPHOTO"), "ORTHOPHOTO"),
         ("camera_model", json!(7), "not a text"),
-        ("is_fisheye", json!(true), "fisheye"),
-        ("k3", json!(0.1), "k3"),
+        ("k4", json!(0.1), "k4"),
+        ("k6", json!(0.1), "k6"),
+        ("k3", json!([]), "\"k3\""),
         ("w", json!(12.5), "12.5"),
         ("w", json!(1e9), "1000000000"),
         ("h", json!(-3), "-3"),
@@ -79,7 +80,12 @@ fn lenses_beyond_the_model_are_refused() {
         assert!(text.contains(word), "{text}");
     }
     let mut scene = files::transforms();
-    scene["k3"] = json!(0.0);
+    scene["k3"] = json!(0.1);
     scene["k4"] = Value::Null;
     open(folder_with(&scene).path()).unwrap();
+    scene["k4"] = json!(0.01);
+    for model in ["FULL_OPENCV", "OPENCV_FISHEYE"] {
+        scene["camera_model"] = json!(model);
+        open(folder_with(&scene).path()).unwrap();
+    }
 }

@@ -148,10 +148,19 @@ fn an_exposure_is_that_of_linear_light() {
                 "{stops}: {found} {exact}"
             );
         }
-        // Clipped values ask for no more, and for nothing beyond.
-        assert_eq!(exposure.of(0, 2.0, 1.0), 1.0);
-        assert_eq!(exposure.of(0, Dual::<1>::variable(2.0, Some(0)), 1.0).d, [0.0]);
-        assert!(exposure.of(0, 0.1, 1.0) < 0.3, "what is below a clipped value counts");
+        // White asks for no more, neither of the photograph nor of the scene, and black for no less.
+        let at = |value: f64, photo: f64| exposure.of(0, Dual::<1>::variable(value, Some(0)), photo);
+        assert_eq!((at(1.1, 1.0).v, at(1.1, 1.0).d), (1.0, [0.0]));
+        assert_eq!((at(1.0, 1.0).v, at(-0.1, 0.0).v), (1.0, 0.0));
+        // Where the bound holds, a tenth of the distance to white is left.
+        if stops == 1.0 {
+            assert_close(at(0.9, 1.0).v, 1.0 - 0.01, 1e-12, 1.0);
+            assert_close(at(0.9, 1.0).d[0], 0.1, 1e-12, 1.0);
+        }
+        assert!(
+            at(0.1, 1.0).v < 0.3 && at(0.1, 1.0).d[0] > 0.5,
+            "a value below a clipped one counts"
+        );
     }
 }
 

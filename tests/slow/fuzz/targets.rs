@@ -5,7 +5,7 @@ use super::repair;
 use ashfall::io::colmap::Files;
 use ashfall::io::{Listing, Source, colmap, obj, photo, ply, splats, transforms};
 use ashfall::io::LoadedSplats;
-use ashfall::scene::{Mesh, Photo, PhotoSource, View};
+use ashfall::scene::{Mesh, Photo, Optics, PhotoSource, View};
 use ashfall::train::checkpoint::Checkpoint;
 use ashfall::{Error, Result};
 use std::path::Path;
@@ -251,7 +251,9 @@ fn check_transforms(bytes: &[u8]) -> String {
             // As on opening a data set: the camera takes the size of the file, and the file is undistorted.
             let Ok((width, height)) = photo::dimensions(&view.photo) else { return };
             let camera = view.camera.resized(width, height);
-            let source = PhotoSource::File { path: view.photo.clone(), distortion: view.distortion };
+            let optics = view.lens.map(|lens| Box::new(Optics::of(lens, &camera)));
+            let (path, mask) = (view.photo.clone(), None);
+            let source = PhotoSource::File { path, optics, orientation: 1, mask };
             let view = View { name: view.name.clone(), camera, photo: source };
             let loaded = photo::load(&view);
             assert!(loaded.is_ok_and(|photo| photo.rgba.len() == (width * height) as usize));
