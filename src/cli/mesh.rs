@@ -56,7 +56,7 @@ pub(super) struct MeshArgs {
     #[arg(long, value_name = "SPLIT", default_value = "all")]
     split: SplitArg,
     /// Memory for voxels, e.g. 512M; a volume beyond is fused in slabs
-    #[arg(long, value_name = "SIZE", default_value = "256M", value_parser = parse::size)]
+    #[arg(long, value_name = "SIZE", default_value = "160M", value_parser = parse::size)]
     volume_memory: u64,
     /// Print one JSON object instead of text
     #[arg(long)]

