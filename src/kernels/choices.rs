@@ -68,6 +68,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         loss: loss::Choice::default(), TILED;
         loss_backward: loss_backward::Choice::default(), TILED;
         loss_sum: loss_sum::Choice::default(), ALONE;
+        overlay: overlay::Choice::default(), FIXED;
         perturb: perturb::Choice::default(), ELEMENTWISE;
         plan: plan::Choice::default(), FIXED;
         present: present::Choice::default(), FIXED;

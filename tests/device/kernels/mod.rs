@@ -15,6 +15,7 @@ mod gather;
 mod linearize;
 mod longest;
 mod loss;
+mod overlay;
 mod perturb;
 mod plan;
 mod present;
