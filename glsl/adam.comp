@@ -2,11 +2,10 @@
 #include "shared/prelude.glsl"
 #include "shared/math.glsl"
 
-// One step of Adam on every parameter.
+// One step of Adam on mean, opacity, quaternion and scales.
 //
-// One invocation per vec4 of a plane; a row of workgroups covers a plane. A gradient that is not finite, or with a
-// square that is not, leaves its four parameters and moments unchanged and is counted. Quaternions are normalised
-// again, so that their length cannot drift and slow them down; scales are clamped to the bound on a splat's aspect.
+// One invocation per vec4 of a plane; a row of workgroups covers a plane. Quaternions are normalised again, so that
+// their length cannot drift and slow them down; scales are clamped to the bound on a splat's aspect.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(local_size_x_id = 0) in;
@@ -25,8 +24,6 @@ layout(push_constant, scalar) uniform Push {
     float rate_opacity;
     float rate_quaternion;
     float rate_log_scale;
-    float rate_sh_dc;
-    float rate_sh_rest;
     float beta1;
     float beta2;
     float epsilon;
@@ -35,12 +32,12 @@ layout(push_constant, scalar) uniform Push {
     float log_aspect_max;    // largest difference of a splat's log-scales; 0: no bound
 } push;
 
+#include "shared/adam.glsl"
+
 vec4 rate_of(uint plane) {
     if (plane == 0) return vec4(vec3(push.rate_mean), push.rate_opacity);
     if (plane == 1) return vec4(push.rate_quaternion);
-    if (plane == 2) return vec4(vec3(push.rate_log_scale), 0.0);
-    if (plane == 3) return vec4(vec3(push.rate_sh_dc), push.rate_sh_rest);
-    return vec4(push.rate_sh_rest);
+    return vec4(vec3(push.rate_log_scale), 0.0);
 }
 
 // The nearest log-scales with pairwise differences up to `most`; their sum (the log of the splat's volume) stays.
@@ -60,19 +57,8 @@ void main() {
     uint splat = gl_WorkGroupID.x * WORKGROUP + gl_LocalInvocationID.x;
     if (splat >= push.splat_count || counts[COUNT_FAILED] != 0) return;
     uint place = plane * push.stride + splat;
-    vec4 g = d_params[place];
-    // An infinite square would stay in the second moment.
-    if (!is_finite(g * g)) {
-        atomicAdd(counts[COUNT_POISONED], 1);
-        atomicMax(counts[COUNT_POISONED_FIRST], 0xffffffffu - (push.first_splat + splat));
-        return;
-    }
-    vec4 m = push.beta1 * moment1[place] + (1.0 - push.beta1) * g;
-    vec4 v = push.beta2 * moment2[place] + (1.0 - push.beta2) * g * g;
-    moment1[place] = m;
-    moment2[place] = v;
-    vec4 step = rate_of(plane) * (m * push.correction1) / (sqrt(v * push.correction2) + push.epsilon);
-    vec4 next = params[place] - step;
+    vec4 next;
+    if (!take_step(place, splat, d_params[place], rate_of(plane), next)) return;
     if (plane == 1) next /= quaternion_length(next);
     if (plane == 2 && push.log_aspect_max > 0.0) next.xyz = bounded(next.xyz, push.log_aspect_max);
     // Else the previous state stays, which is finite.

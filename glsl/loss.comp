@@ -2,6 +2,7 @@
 #include "shared/prelude.glsl"
 #include "shared/window.glsl"
 #include "shared/photo.glsl"
+#include "shared/exposure.glsl"
 
 // Loss terms of a render and its photograph: L1, SSIM and squared error per tile, and SSIM's derivatives.
 //
@@ -13,6 +14,8 @@
 layout(constant_id = 0) const uint WORKGROUP = 32;
 // 0: without SSIM and its windows, most of the work; slopes are not written.
 layout(constant_id = 1) const uint WITH_SSIM = 1;
+// 1: the render is compared under the photograph's exposure.
+layout(constant_id = 2) const uint WITH_EXPOSURE = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -24,6 +27,8 @@ layout(set = 0, binding = 4, scalar) writeonly buffer Partials { vec4 loss_from_
 
 layout(push_constant, scalar) uniform Push {
     uint alpha_mode;  // ALPHA_MASKS, or 0 to composite over the background
+    vec3 gain;        // exposure of the photograph: gains,
+    vec3 toe;         // and slopes on the curve's toe
 } push;
 
 // Moments along rows.
@@ -40,6 +45,8 @@ struct Channel {
     uint index;
     float background;
     float shift;
+    float gain;
+    float toe;
 };
 
 // The weighted pair (render, photograph) and the weight at a pixel; zeros outside. Coordinates left of the image or
@@ -49,7 +56,10 @@ vec3 pair_at(uint x, uint y, Channel c) {
     uint pixel = (y < size.y ? y : 0) * size.x + min(x, size.x - 1);
     uint rgba = photo[pixel];
     float weight = inside ? weight_of(rgba, alpha_mode) : 0.0;
-    return weight * vec3(image[c.index * pixels + pixel], target_of(rgba, c.index, alpha_mode, c.background), 1.0);
+    float value = image[c.index * pixels + pixel];
+    float goal = target_of(rgba, c.index, alpha_mode, c.background);
+    if (WITH_EXPOSURE != 0) value = exposed(value, goal, c.gain, c.toe).x;
+    return weight * vec3(value, goal, 1.0);
 }
 
 void slide_along_row(uvec2 corner, uint row, uint begin, Channel c) {
@@ -120,7 +130,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     vec4 loss = vec4(0.0);
     for (uint index = 0; index < 3; ++index) {
-        Channel c = Channel(index, view.background[index], 0.0);
+        Channel c = Channel(index, view.background[index], 0.0, push.gain[index], push.toe[index]);
         c.shift = pair_at(middle.x, middle.y, c).y;
         // Tested at the end: some software devices run a body once more, without active lanes, to find that a loop is
         // over.

@@ -2,6 +2,7 @@
 #include "shared/prelude.glsl"
 #include "shared/window.glsl"
 #include "shared/photo.glsl"
+#include "shared/exposure.glsl"
 
 // Gradient of the loss (1 - lambda) L1 + lambda (1 - SSIM) by every pixel of the render.
 //
@@ -11,6 +12,8 @@
 layout(constant_id = 0) const uint WORKGROUP = 32;
 // 0: L1 only; slopes are not read.
 layout(constant_id = 1) const uint WITH_SSIM = 1;
+// 1: the render is compared under the photograph's exposure.
+layout(constant_id = 2) const uint WITH_EXPOSURE = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -23,6 +26,8 @@ layout(push_constant, scalar) uniform Push {
     uint alpha_mode;    // ALPHA_MASKS, or 0 to composite over the background
     float l1_scale;     // (1 - lambda) / (3 * sum of weights)
     float ssim_scale;   // lambda / (3 * sum of weights)
+    vec3 gain;          // exposure of the photograph: gains,
+    vec3 toe;           // and slopes on the curve's toe
 } push;
 
 shared vec3 along[WINDOW_SPAN][LOSS_TILE_WIDTH];
@@ -51,9 +56,16 @@ void store(uvec2 at, uint channel, vec3 sums) {
     float weight = weight_of(rgba, push.alpha_mode);
     float x = image[place];
     float y = target_of(rgba, channel, push.alpha_mode, view.background[channel]);
+    float slope = 1.0;
+    if (WITH_EXPOSURE != 0) {
+        vec2 value = exposed(x, y, push.gain[channel], push.toe[channel]);
+        x = value.x;
+        slope = value.y;
+    }
     // The moments are of weight * x and weight * y.
     float d_ssim = weight * (sums.x + weight * (2.0 * x * sums.y + y * sums.z));
-    d_image[place] = push.l1_scale * weight * sign(x - y) - push.ssim_scale * d_ssim;
+    float d_exposed = push.l1_scale * weight * sign(x - y) - push.ssim_scale * d_ssim;
+    d_image[place] = WITH_EXPOSURE != 0 ? slope * d_exposed : d_exposed;
 }
 
 void slide_down_column(uvec2 corner, uint column, uint begin, uint channel) {

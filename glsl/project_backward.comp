@@ -4,7 +4,8 @@
 #include "shared/primitive.glsl"
 #include "shared/sh.glsl"
 
-// Gradient of every parameter of every splat, from the records of compositing.
+// Gradient of every splat, from the records of compositing: of its geometry, and of its colour in the view's direction,
+// from which that of the harmonics follows.
 //
 // One invocation per splat, given by its slot among the parameters. A splat's records are contiguous and are summed in
 // order, so that the result is the same in every run. The projection is recomputed, not stored. Also updates the
@@ -56,30 +57,21 @@ struct Seen {
     vec3 d_color;
 };
 
-// Stores dL/d SH and returns dL/d direction (before the projection on the sphere's tangent). Invisible splats take the
-// same path, because software devices walk both sides of a branch, and stores are expensive.
-vec3 harmonics_backward(uint slot, Seen seen) {
-    vec3 direction = seen.direction;
-    vec3 d_color = seen.d_color;
-    float basis[16];
-    sh_basis(SH_DEGREE, direction, basis);
+// dL/d direction, before the projection on the sphere's tangent. Invisible splats take the same path, because software
+// devices walk both sides of a branch.
+vec3 direction_backward(uint slot, Seen seen) {
     vec3 slope[16];
-    sh_basis_gradient(SH_DEGREE, direction, slope);
+    sh_basis_gradient(SH_DEGREE, seen.direction, slope);
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
     vec3 d_direction = vec3(0.0);
     [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
         uint place = (GEOMETRY_PLANES + plane) * push.stride + slot;
         vec4 coefficients = vec4(0.0);
         if (seen.any) coefficients = params[place];
-        vec4 d = vec4(0.0);
         [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
             uint k = plane * 4 + lane;
-            if (k < terms * 3) {
-                d[lane] = basis[k / 3] * d_color[k % 3];
-                d_direction += slope[k / 3] * (coefficients[lane] * d_color[k % 3]);
-            }
+            if (k < terms * 3) d_direction += slope[k / 3] * (coefficients[lane] * seen.d_color[k % 3]);
         }
-        d_params[place] = d;
     }
     return d_direction;
 }
@@ -210,10 +202,12 @@ void main() {
         known.z = max(known.z, max(e.extent.x, e.extent.y));
         statistics[splat] = known;
     }
-    vec3 d_direction = harmonics_backward(slot, seen);
+    vec3 d_direction = direction_backward(slot, seen);
     vec3 along = seen.direction * dot(seen.direction, d_direction);
     if (seen.any) gradient.mean += (d_direction - along) / seen.distance;
     d_params[slot] = vec4(gradient.mean, gradient.opacity_logit);
     d_params[push.stride + slot] = gradient.quaternion;
     d_params[2 * push.stride + slot] = vec4(gradient.log_scale, 0.0);
+    d_params[D_COLOR_PLANE * push.stride + slot] = vec4(seen.d_color, 0.0);
+    d_params[DIRECTION_PLANE * push.stride + slot] = vec4(seen.direction, 0.0);
 }

@@ -15,6 +15,7 @@ pub mod kernels;
 pub mod lab;
 #[doc(hidden)]
 pub mod layout;
+pub mod mesh;
 pub mod metrics;
 #[cfg(feature = "lab")]
 pub mod reference;

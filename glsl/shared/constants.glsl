@@ -13,10 +13,19 @@ const uint BASELINE_TILE = 16;
 const uint LOSS_TILE_WIDTH = 16;
 const uint LOSS_TILE_HEIGHT = 48;
 
+// Pixels that a workgroup adds up for the gains of a photograph.
+const uint EXPOSURE_PIXELS = 1024;
+
 // Planes of vec4 before the spherical harmonics: mean + opacity, quaternion, log-scale + smoothing filter.
 const uint GEOMETRY_PLANES = 3;
 // The same with all but means as halves: mean; quaternion, log-scale and opacity.
 const uint HALF_GEOMETRY_PLANES = 2;
+
+// Planes of vec4 of a splat's gradient: those of its geometry, dL/d colour, and the direction from the camera, of which
+// the gradient of the harmonics is the product.
+const uint D_COLOR_PLANE = 3;
+const uint DIRECTION_PLANE = 4;
+const uint GRADIENT_PLANES = 5;
 
 // Largest alpha, below 1 so that transmittance stays positive: 1 - 2^-16.
 const float ALPHA_MAX = 0.9999847412109375;

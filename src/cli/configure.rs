@@ -3,7 +3,7 @@
 use super::parse;
 use crate::gpu::DeviceKind;
 use crate::scene::ScreenFilter;
-use crate::train::{Background, StrategyKind, TrainConfig};
+use crate::train::{Background, ExposureModel, StrategyKind, TrainConfig};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 
@@ -39,6 +39,10 @@ pub(in crate::cli) struct ConfigArgs {
     /// Colour behind the splats: black, white, R,G,B (0 to 1), or random, another one at each step [default: black]
     #[arg(long, value_name = "COLOR", value_parser = parse::background)]
     pub background: Option<Background>,
+    /// Give each photograph and channel a gain, so that the scene keeps one exposure: from the tracks of the points,
+    /// then from the renderings. scene.ply has the mean exposure; exposures.json has the gains
+    #[arg(long)]
+    pub exposure: bool,
     /// Set any constant by its name in report.json's "config", e.g. adc.grad_threshold=4e-4 (repeatable)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub settings: Vec<String>,
@@ -113,6 +117,9 @@ impl ConfigArgs {
         config.max_splats = self.max_splats;
         config.sh_degree = self.sh_degree.unwrap_or(config.sh_degree);
         config.background = self.background.unwrap_or(config.background);
+        if self.exposure {
+            config.exposure = ExposureModel::Gain;
+        }
         let config = self.with_settings(config)?;
         config.validate()?;
         Ok(config)

@@ -2,18 +2,18 @@
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
-use super::engine;
 use super::output::Output;
 use super::render::orbit_of_cameras;
 use super::train::{Session, begin_made};
+use super::{engine, parse};
 use crate::gpu::Gpu;
 use crate::lab::synth::{self, Kind, SynthOptions};
 use crate::render::{Compatibility, Outputs};
 use crate::scene::{Camera, Dataset};
 use crate::simplify::AutoRun;
-use crate::train::TrainConfig;
+use crate::train::{ExposureModel, TrainConfig};
 use crate::{Error, Result, io};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -21,7 +21,8 @@ use std::time::Instant;
 /// Make a small scene, photograph it, train on the photographs and draw the result
 ///
 /// Needs no data. The photographs are rays cast on the CPU at a composition of textured shapes; the
-/// data set stays in DIR/data, in nerfstudio's form, for `ashfall train` to try other options on.
+/// data set stays in DIR/data, in nerfstudio's form, for `ashfall train` to try other options on. With
+/// --perturb it has a fault of real captures, known exactly (truth.json), and COLMAP's form.
 #[derive(Clone, Debug, Args)]
 pub(super) struct DemoArgs {
     /// Folder for everything, made if it is not there
@@ -33,6 +34,18 @@ pub(super) struct DemoArgs {
     /// Seed of all random numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
+    /// Photographs
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    photos: u32,
+    /// Width and height of the photographs
+    #[arg(long, value_name = "WxH", default_value = "192x144", value_parser = parse::image_size)]
+    size: [u32; 2],
+    /// Fault of the training photographs; the test photographs have none
+    #[arg(long, value_name = "FAULT")]
+    perturb: Option<PerturbArg>,
+    /// Write the data set to DIR/data and stop
+    #[arg(long)]
+    data_only: bool,
     /// Pictures of the orbit
     #[arg(long, value_name = "N", default_value_t = 24)]
     orbit: u32,
@@ -43,25 +56,38 @@ pub(super) struct DemoArgs {
     device: DeviceArgs,
 }
 
+/// Fault of real captures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum PerturbArg {
+    /// Exposures within one stop and white balances within a quarter, at random
+    Exposure,
+    /// None: the control, in the same form
+    None,
+}
+
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
     let start = Instant::now();
     // Opened first: without a device the rest is useless.
-    let gpu = engine::open(&args.device)?;
-    output.remark(format_args!(
-        "making the scene and its photographs in {}",
-        args.out.display()
-    ));
+    let gpu = (!args.data_only).then(|| engine::open(&args.device)).transpose()?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     let _lock = io::FolderLock::take(&args.out)?;
-    let data = args.out.join("data");
-    std::fs::create_dir_all(&data).map_err(Error::io(&data))?;
-    synth::save(&synth::scene(Kind::Demo).dataset(&SynthOptions::default()), &data)?;
+    let data = make_data(args, output)?;
+    let Some(gpu) = gpu else {
+        output.result(
+            format_args!("data set: {}", data.display()),
+            || json!({"event": "data", "data": data}),
+        );
+        return Ok(Outcome::Done);
+    };
     // Trained from the files, like any data set.
     let options = DataArgs::default();
     let dataset = options.open(&data, true)?;
     let mut config = TrainConfig::for_iterations(args.iterations);
     config.seed = args.seed;
+    if args.perturb == Some(PerturbArg::Exposure) {
+        config.exposure = ExposureModel::Gain;
+    }
     config.validate()?;
     let run = AutoRun::new(&gpu, &dataset, config)?;
     let mut state = begin_made(&data, &options, args.iterations)?;
@@ -91,6 +117,29 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         || json!({"event": "pictures", "comparison": pictures, "orbit": orbit}),
     );
     Ok(Outcome::Done)
+}
+
+/// Makes the photographs and returns their folder.
+fn make_data(args: &DemoArgs, output: Output) -> Result<PathBuf> {
+    let made = args.out.display();
+    output.remark(format_args!("making the scene and its photographs in {made}"));
+    let data = args.out.join("data");
+    std::fs::create_dir_all(&data).map_err(Error::io(&data))?;
+    let [width, height] = args.size;
+    let options = SynthOptions {
+        views: args.photos as usize,
+        width,
+        height,
+        tracks: args.perturb.is_some(),
+        exposure_seed: (args.perturb == Some(PerturbArg::Exposure)).then_some(args.seed),
+        ..SynthOptions::default()
+    };
+    let dataset = synth::scene(Kind::Demo).dataset(&options);
+    match args.perturb {
+        Some(_) => synth::save_colmap(&dataset, &options, &data)?,
+        None => synth::save(&dataset, &data)?,
+    }
+    Ok(data)
 }
 
 /// Draws an orbit of the trained scene, read from its file.

@@ -1,5 +1,7 @@
 //! `ashfall eval`: PSNR and SSIM of renderings against the photographs.
 
+mod mesh;
+
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg};
 use super::engine::evaluator;
@@ -10,11 +12,13 @@ use crate::export::Pictures;
 use crate::gpu::Gpu;
 use crate::io::splats::readable;
 use crate::lab::report::comparison;
-use crate::metrics::{MeanScore, ViewScore};
+use crate::metrics::{CorrectedScore, CorrectedScores, MeanScore, ViewScore};
 use crate::render::{ViewEvaluation, ViewOptions};
 use crate::scene::{Dataset, Splats};
 use crate::{Error, Result};
 use clap::Args;
+use clap::builder::ArgPredicate;
+use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -22,13 +26,25 @@ use std::path::{Path, PathBuf};
 ///
 /// PSNR and SSIM (11 × 11 Gaussian window, σ 1.5, all three channels, borders padded with zeros) of float
 /// renderings, and of both pictures rounded to 8 bits.
+///
+/// Beside these raw figures, those after a correction of colours tell exposure from shape. cc: each rendering under the
+/// affine map, 12 numbers, that brings it nearest to its photograph over the pixels that are scored, then clipped.
+/// half: each half of the picture under the map fitted to the other half, so that no pixel is used both ways.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct EvalArgs {
-    #[arg(value_name = "SCENE", help = format!("The scene, {}", readable()))]
+    #[arg(value_name = "SCENE", help = format!("The scene, {}", readable()), required = false)]
+    #[arg(
+        required_unless_present = "mesh",
+        default_value_if("mesh", ArgPredicate::IsPresent, "-")
+    )]
     scene: PathBuf,
     /// The data set, as for `ashfall train`
-    #[arg(value_name = "DATA")]
+    #[arg(value_name = "DATA", required = false)]
+    #[arg(
+        required_unless_present = "mesh",
+        default_value_if("mesh", ArgPredicate::IsPresent, "-")
+    )]
     data: PathBuf,
     /// Score against pictures of this scene, the original of an exported one, instead of the photographs
     #[arg(long, value_name = "FILE", conflicts_with = "pictures")]
@@ -46,6 +62,8 @@ pub(super) struct EvalArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    mesh: mesh::MeshScoreArgs,
+    #[command(flatten)]
     scene_options: SceneArgs,
     #[command(flatten)]
     options: DataArgs,
@@ -58,10 +76,14 @@ Examples:
   ashfall eval run/scene.ply photos/
   ashfall eval run/scene.ply photos/ --split all --json > scores.json
   ashfall eval run/scene.ply photos/ --pictures comparison/
-  ashfall eval scene.spz photos/ --reference run/scene.ply";
+  ashfall eval scene.spz photos/ --reference run/scene.ply
+  ashfall eval --mesh mesh.ply --truth true.obj --cameras photos/";
 
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let output = Output { json: args.json };
+    if let Some(path) = &args.mesh.mesh {
+        return mesh::run(&args.mesh, path, &args.options, output);
+    }
     let scene = args.scene_options.read(&args.scene)?;
     // As in training: views without a photograph are left out before the split.
     let mut dataset = args.options.open(&args.data, args.reference.is_none())?;
@@ -85,17 +107,23 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
         if let Some(dir) = &args.pictures {
             write_comparison(dir, evaluated)?;
         }
-        Ok(evaluated.score())
+        Ok(ViewFigures {
+            raw: evaluated.score(),
+            corrected: evaluated.corrected(),
+        })
     })?;
     bar.finish_and_clear();
     engine::check(&gpu)?;
-    let mean = MeanScore::of(&scores);
-    output.result(table(&scores, &mean), || {
+    let raw: Vec<ViewScore> = scores.iter().map(|view| view.raw.clone()).collect();
+    let corrected: Vec<CorrectedScores> = scores.iter().map(|view| view.corrected).collect();
+    let (mean, mean_corrected) = (MeanScore::of(&raw), CorrectedScores::mean(&corrected));
+    output.result(table(&scores, &mean, &mean_corrected), || {
         json!({
             "scene": args.scene,
             "device": gpu.caps().name,
             "splat_count": splats.len(),
             "mean": mean,
+            "mean_corrected": mean_corrected,
             "views": scores,
         })
     });
@@ -139,23 +167,50 @@ fn against(
     Ok(Outcome::Done)
 }
 
-fn table(scores: &[ViewScore], mean: &MeanScore) -> String {
-    let width = scores.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
+/// Scores of a view.
+#[derive(Serialize)]
+struct ViewFigures {
+    #[serde(flatten)]
+    raw: ViewScore,
+    #[serde(flatten)]
+    corrected: CorrectedScores,
+}
+
+fn table(scores: &[ViewFigures], mean: &MeanScore, corrected: &CorrectedScores) -> String {
+    let names = scores.iter().map(|s| s.raw.name.chars().count());
+    let width = names.max().unwrap_or(0);
     let mut text = format!(
-        "{:width$} {:>8} {:>7} {:>13} {:>10}\n",
-        "view", "PSNR dB", "SSIM", "8-bit PSNR dB", "8-bit SSIM"
+        "{:width$} {:>8} {:>7} {:>13} {:>10} {:>8} {:>7} {:>15}\n",
+        "view", "PSNR dB", "SSIM", "8-bit PSNR dB", "8-bit SSIM", "cc dB", "cc SSIM", "half dB"
     );
-    for score in scores {
+    for ViewFigures { raw, corrected } in scores {
+        let cc = corrected.cc_affine12_direct;
         text += &format!(
-            "{:width$} {:>8} {:>7} {:>13} {:>10}\n",
-            score.name,
-            figure(score.psnr_db, 3),
-            figure(score.ssim, 4),
-            figure(score.psnr_db_8bit, 3),
-            figure(score.ssim_8bit, 4),
+            "{:width$} {:>8} {:>7} {:>13} {:>10} {:>8} {:>7} {:>15}\n",
+            raw.name,
+            figure(raw.psnr_db, 3),
+            figure(raw.ssim, 4),
+            figure(raw.psnr_db_8bit, 3),
+            figure(raw.ssim_8bit, 4),
+            figure(cc.psnr_db, 3),
+            figure(cc.ssim, 4),
+            halves(corrected),
         );
     }
-    text + "mean: " + &score_text(mean)
+    let CorrectedScore { psnr_db, ssim } = corrected.cc_affine12_direct;
+    text += &format!("mean: {}\n", score_text(mean));
+    text + &format!(
+        "corrected by 12 numbers a view (cc): {} dB, SSIM {}; left | right half by the other's: {} dB",
+        figure(psnr_db, 2),
+        figure(ssim, 4),
+        halves(corrected),
+    )
+}
+
+/// Decibels of the left and the right half.
+fn halves(scores: &CorrectedScores) -> String {
+    let of = &scores.half_affine12_direct;
+    format!("{} | {}", figure(of.left.psnr_db, 2), figure(of.right.psnr_db, 2))
 }
 
 /// Writes photograph | rendering | difference of a view to a folder, under the view's name.

@@ -1,6 +1,7 @@
 //! `ashfall info`: description of the devices, a scene or a data set.
 
 mod describe;
+mod exposures;
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
@@ -20,7 +21,8 @@ use std::path::{Path, PathBuf};
 
 /// Describe the devices, a scene or a data set, or predict a run's memory
 ///
-/// Without a path: the Vulkan devices, the capabilities of the chosen one, and the kernel variants used on it.
+/// Without a path: the Vulkan devices, the capabilities of the chosen one, and the kernel variants used on it. Of a
+/// COLMAP data set also the exposures of its training photographs, from the tracks of its points.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct InfoArgs {
@@ -61,7 +63,7 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
     let (text, value) = match &args.path {
         None => devices(&args.device)?,
         Some(path) if is_scene(path) => scene(&args.scene_options.read(path)?),
-        Some(path) => dataset(&args.options.open(path, false)?),
+        Some(path) => dataset(&args.options.open(path, false)?)?,
     };
     Output { json: args.json }.result(text, || value);
     Ok(Outcome::Done)
@@ -141,7 +143,7 @@ fn scene(LoadedSplats { splats, stored, .. }: &LoadedSplats) -> (String, Value) 
 /// Logit of 1/255, below which a splat is not drawn: −ln 254.
 const FAINT_LOGIT: f32 = -5.537_334_3;
 
-fn dataset(dataset: &Dataset) -> (String, Value) {
+fn dataset(dataset: &Dataset) -> Result<(String, Value)> {
     let (train, test) = (dataset.split(Split::Train).len(), dataset.split(Split::Test).len());
     let mut sizes: Vec<[u32; 2]> = dataset
         .views
@@ -156,7 +158,7 @@ fn dataset(dataset: &Dataset) -> (String, Value) {
         .iter()
         .map(|v| u64::from(v.camera.width) * u64::from(v.camera.height));
     let photo_bytes = 4 * pixels.sum::<u64>();
-    let text = format!(
+    let mut text = format!(
         "views:    {} ({train} to train on, {test} held out)\nsizes:    {}{}\npoints:   {}\n\
          extent:   {:.4} world units\nalpha:    {:?}\ndecoded:  {}",
         dataset.views.len(),
@@ -167,6 +169,10 @@ fn dataset(dataset: &Dataset) -> (String, Value) {
         dataset.alpha,
         bytes(photo_bytes),
     );
+    let exposure = exposures::describe(dataset)?.map(|(table, value)| {
+        text += &format!("\n{table}");
+        value
+    });
     let value = json!({
         "views": dataset.views.len(),
         "train_views": train,
@@ -176,7 +182,8 @@ fn dataset(dataset: &Dataset) -> (String, Value) {
         "extent": dataset.extent(),
         "alpha": format!("{:?}", dataset.alpha).to_lowercase(),
         "photo_bytes": photo_bytes,
+        "exposure": exposure,
         "warnings": dataset.warnings,
     });
-    (text, value)
+    Ok((text, value))
 }

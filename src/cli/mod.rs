@@ -15,6 +15,7 @@ mod eval;
 mod export;
 mod info;
 mod interrupt;
+mod mesh;
 mod needs;
 mod output;
 mod parse;
@@ -43,6 +44,7 @@ Examples:
   ashfall train photos/ --out run/                train; run/scene.ply is the result
   ashfall eval run/scene.ply photos/              how good is it on held-out photographs?
   ashfall render run/scene.ply --cameras photos/ --orbit 60 --out frames/
+  ashfall mesh run/scene.ply photos/ --out mesh.glb
   ashfall prune run/scene.ply photos/             what can go at a proven error?
   ashfall export run/scene.ply photos/ --out scene.spz --loss 0.1
   ashfall chart                                   what does speed cost in accuracy?
@@ -59,6 +61,7 @@ enum Command {
     Train(train::TrainArgs),
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
+    Mesh(mesh::MeshArgs),
     Prune(prune::PruneArgs),
     Export(export::ExportArgs),
     Info(info::InfoArgs),
@@ -97,6 +100,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Train(args) => train::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Mesh(args) => mesh::run(&args),
         Command::Prune(args) => prune::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Info(args) => info::run(&args),

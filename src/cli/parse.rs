@@ -78,6 +78,15 @@ pub(super) fn count(text: &str) -> Reading<usize> {
     count.ok_or_else(|| "a number of splats is whole, 1 to 1e9".into())
 }
 
+/// A finite number above 0, such as a length.
+pub(super) fn positive(text: &str) -> Reading<f64> {
+    let value = text
+        .parse()
+        .ok()
+        .filter(|value: &f64| *value > 0.0 && value.is_finite());
+    value.ok_or_else(|| "a number above 0 is expected".to_owned())
+}
+
 /// A number of decibels above 0.
 pub(super) fn loss(text: &str) -> Reading<f64> {
     let loss = text.parse::<f64>().ok();

@@ -17,6 +17,8 @@ pub struct ListedView {
     pub distortion: Option<Distortion>,
     /// Held out for testing by the reconstruction itself.
     pub held_out: bool,
+    /// Indices of the points seen, ascending; empty if the reconstruction does not tell.
+    pub seen: Vec<u32>,
 }
 
 /// A reconstruction: views in file order, points, and warnings about repairs.

@@ -19,6 +19,7 @@ pub mod ksplat;
 mod listing;
 mod loaded;
 mod lock;
+pub mod mesh;
 pub mod obj;
 pub mod photo;
 pub mod ply;

@@ -32,6 +32,10 @@ const ELEMENTWISE: &str = "the only variant; 64 invocations as in all kernels of
 const TILED: &str = "the only variant; few invocations slide long strips each, which loads least, and loads are \
                      what a processor pays for";
 
+/// Reason for kernels with one workgroup per stretch of pixels.
+const STRETCHED: &str =
+    "the only variant; a workgroup adds up a stretch of pixels, little beside the windows of the loss";
+
 /// Reason for kernels with a single workgroup.
 const ALONE: &str = "the only variant; a single workgroup does it all, and few elements are left to it";
 
@@ -60,6 +64,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
     }
     chosen! {
         adam: adam::Choice::default(), ELEMENTWISE;
+        adam_color: adam_color::Choice::of_degree(3), ELEMENTWISE;
         compact: compact::Choice::default(), ELEMENTWISE;
         contribution: contribution::Choice::prefer(caps), contribution::Choice::why(caps);
         expand: expand::Choice::default(), ELEMENTWISE;
@@ -67,6 +72,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         linearize: linearize::Choice::default(), ELEMENTWISE;
         loss: loss::Choice::default(), TILED;
         loss_backward: loss_backward::Choice::default(), TILED;
+        loss_exposure: loss_exposure::Choice::default(), STRETCHED;
         loss_sum: loss_sum::Choice::default(), ALONE;
         overlay: overlay::Choice::default(), FIXED;
         perturb: perturb::Choice::default(), ELEMENTWISE;

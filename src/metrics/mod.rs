@@ -8,6 +8,7 @@
 //!
 //! **Invariant:** works on plain images, without files or devices.
 
+mod correction;
 mod psnr;
 mod score;
 mod ssim;
@@ -15,6 +16,7 @@ mod ssim;
 #[cfg(test)]
 mod tests;
 
+pub use correction::{AffineCorrection, CorrectedScore, CorrectedScores, HalfScores};
 pub use psnr::{mean_squared_error, psnr_db};
 pub use score::{MeanScore, Target, ViewScore};
 pub use ssim::ssim;

@@ -142,3 +142,57 @@ pub fn gradient(image: &[[f64; 3]], target: &Target<'_>) -> Vec<[f64; 3]> {
     }
     d_image
 }
+
+/// Exposure of a photograph: gains of its channels in stored values, after the sRGB curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure {
+    /// 2^(e / 2.4) of each channel's exposure e in stops.
+    pub gain: [f64; 3],
+}
+
+/// Offset of the sRGB curve (IEC 61966-2-1).
+const CURVE_OFFSET: f64 = 0.055;
+
+impl Exposure {
+    /// Value of a channel under the exposure: on the curve, and on its toe, where those meet. Values that the
+    /// photograph has clipped (levels 0, 1, 254 and 255) are kept from going beyond.
+    pub fn of<R: Real>(&self, channel: usize, value: R, photo: f64) -> R {
+        let gain = self.gain[channel];
+        let curve = R::of(gain) * (value + R::of(CURVE_OFFSET)) - R::of(CURVE_OFFSET);
+        let toe = R::of(gain.powf(2.4)) * value;
+        let is_lower = toe.value() < curve.value();
+        let exposed = if is_lower == (gain >= 1.0) { toe } else { curve };
+        match (photo * 255.0).round() {
+            254.0.. => exposed.at_most(photo),
+            ..=1.0 => exposed.at_least(photo),
+            _ => exposed,
+        }
+    }
+
+    /// The image under the exposure.
+    pub fn image<R: Real>(&self, image: &[[R; 3]], photo: &[[f64; 3]]) -> Vec<[R; 3]> {
+        let pixels = image.iter().zip(photo);
+        pixels
+            .map(|(x, y)| [0, 1, 2].map(|channel| self.of(channel, x[channel], y[channel])))
+            .collect()
+    }
+
+    /// Sums for the gains that bring an image without exposure nearest to a photograph: products and squares of each
+    /// channel, counted from the curve's offset, and their weight. `weight` is that of each pixel.
+    pub fn sums(&self, image: &[[f64; 3]], photo: &[[f64; 3]], weight: impl Fn(usize) -> f64) -> [[f64; 4]; 2] {
+        let mut sums = [[0.0; 4]; 2];
+        let places = (0..image.len()).flat_map(|pixel| (0..3).map(move |channel| (pixel, channel)));
+        for (pixel, channel) in places {
+            let (x, y) = (image[pixel][channel], photo[pixel][channel]);
+            if !(14.0..=252.0).contains(&(y * 255.0).round()) {
+                continue;
+            }
+            let residual = (self.of(channel, x, y) - y).abs();
+            let weight = weight(pixel) * if residual > 0.1 { 0.1 / residual } else { 1.0 };
+            sums[0][channel] += weight * (x + CURVE_OFFSET) * (y + CURVE_OFFSET);
+            sums[1][channel] += weight * (x + CURVE_OFFSET).powi(2);
+            sums[0][3] += weight;
+        }
+        sums
+    }
+}

@@ -104,9 +104,9 @@ impl Blocks {
         self.sizes().iter().sum()
     }
 
-    /// Vec4 of the largest block.
-    pub fn vectors_of_largest(&self) -> usize {
-        self.sizes().into_iter().max().unwrap_or(0)
+    /// Slots of each block.
+    pub fn strides(self) -> Vec<usize> {
+        self.of(self.room).map(|block| block.stride).collect()
     }
 
     /// Vec4 of each block.

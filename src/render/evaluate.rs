@@ -8,7 +8,7 @@ use super::view::ViewOptions;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::io::photo;
-use crate::metrics::{Image, Target, ViewScore, mean_squared_error, ssim};
+use crate::metrics::{CorrectedScores, Image, Target, ViewScore, mean_squared_error, ssim};
 use crate::scene::{Dataset, Splats, View};
 
 /// Renders and scores views of a data set for one scene after the other.
@@ -40,6 +40,11 @@ impl ViewEvaluation<'_> {
     /// PSNR and SSIM of the rendering.
     pub fn score(&self) -> ViewScore {
         self.target.score(&self.view.name, &self.rendered.rgb)
+    }
+
+    /// PSNR and SSIM after corrections of the rendering's colours to the photograph.
+    pub fn corrected(&self) -> CorrectedScores {
+        self.target.corrected(&self.rendered.rgb)
     }
 
     /// SSIM of the rendering.

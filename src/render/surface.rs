@@ -1,6 +1,4 @@
 //! Depths and normals of a rendered image.
-//!
-#![doc = include_str!("../../docs/surfaces.md")]
 
 use crate::layout::{SURFACE_DEPTH, SURFACE_MEDIAN, SURFACE_NORMAL};
 use crate::scene::Camera;

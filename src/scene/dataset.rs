@@ -121,6 +121,9 @@ pub struct Dataset {
     pub views: Vec<View>,
     /// The sparse reconstruction, possibly empty.
     pub points: Vec<Point>,
+    /// Indices of the points that each view sees, ascending; empty if the reconstruction does not tell, as in
+    /// `transforms.json`.
+    pub tracks: Vec<Vec<u32>>,
     /// Every `test_every`-th view, from the first, is a test view; 0: none is.
     pub test_every: usize,
     /// Indices of the test views named by the data set itself (Blender's `transforms_test.json`), ascending;
@@ -161,6 +164,12 @@ impl Dataset {
             point.position = (DVec3::from(point.position) + by).to_array();
         }
         self.origin = origin;
+    }
+
+    /// Replaces the points; which views see them is then not known.
+    pub fn set_points(&mut self, points: Vec<Point>) {
+        self.points = points;
+        self.tracks.clear();
     }
 
     /// True if view `index` is held out.

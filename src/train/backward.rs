@@ -1,16 +1,17 @@
 //! Kernels of a training step after the frame: loss, gradients, update.
 
-use super::config::TrainConfig;
+use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
 use super::photos::Bound;
 use super::schedule;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
 use crate::kernels::project_backward::ProjectBackward;
-use crate::kernels::{adam, loss, loss_backward, loss_sum, perturb, project_backward, rasterize_backward};
-use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
+use crate::kernels::{adam, adam_color, loss, loss_backward, loss_exposure, loss_sum};
+use crate::kernels::{perturb, project_backward, rasterize_backward};
+use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::render::{
-    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, plane_count, tile_stride,
+    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, tile_stride,
 };
 
 /// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
@@ -21,6 +22,8 @@ const ALPHA_MASKS: u32 = 1;
 pub(crate) struct Backward {
     loss: loss::Loss,
     loss_backward: loss_backward::LossBackward,
+    /// If photographs have exposures.
+    loss_exposure: Option<loss_exposure::LossExposure>,
     loss_sum: loss_sum::LossSum,
     rasterize: rasterize_backward::RasterizeBackward,
     /// One kernel per SH degree.
@@ -28,6 +31,8 @@ pub(crate) struct Backward {
     /// The same for slots in an order of their own; empty until a model has one.
     indexed: Vec<ProjectBackward>,
     adam: adam::Adam,
+    /// One kernel per SH degree.
+    adam_color: Vec<adam_color::AdamColor>,
     perturb: perturb::Perturb,
 }
 
@@ -37,7 +42,8 @@ buffers! {
         records: Records, Intersections, capacity;
         /// An image of these tiles has at most as many loss tiles as compositing tiles.
         loss_from_tile: Buffer<[f32; 4]>, Pixels, capacity.tiles;
-        loss: Buffer<[f32; 4]>, Pixels, 1;
+        /// Of the loss, and both sums of the photograph's gains.
+        loss: Buffer<[f32; 4]>, Pixels, 3;
         d_image: Buffer<f32>, Pixels, 3 * capacity.pixels;
     }
 }
@@ -91,7 +97,12 @@ pub(crate) struct Step<'a> {
     pub(crate) view: &'a View,
     pub(crate) sh_degree: u32,
     pub(crate) bands: DepthBands,
+    /// Gains of the photograph, and slopes on the curve's toe.
+    pub(crate) exposure: [[f32; 3]; 2],
 }
+
+/// Exposure of photographs without one.
+pub(crate) const UNEXPOSED: [[f32; 3]; 2] = [[1.0; 3]; 2];
 
 impl Backward {
     /// Compiles the kernels.
@@ -100,17 +111,25 @@ impl Backward {
         let mut loss_backward = loss_backward::Choice::default();
         let with_ssim = u32::from(config.lambda_dssim > 0.0);
         (loss.spec.with_ssim, loss_backward.spec.with_ssim) = (with_ssim, with_ssim);
+        let has_exposure = config.exposure != ExposureModel::Off;
+        loss.spec.with_exposure = has_exposure.into();
+        loss_backward.spec.with_exposure = has_exposure.into();
+        let exposure = || loss_exposure::LossExposure::new(gpu, loss_exposure::Choice::default());
         let mut rasterize = rasterize_backward::Choice::prefer(gpu.caps());
         rasterize.spec.log2_alpha_min = config.accuracy.log2_alpha_min();
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
             loss: loss::Loss::new(gpu, loss)?,
             loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
+            loss_exposure: has_exposure.then(exposure).transpose()?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
             project: ProjectBackward::of_degrees(gpu, config.sh_degree, false)?,
             indexed: Vec::new(),
             adam: adam::Adam::new(gpu, adam::Choice::default())?,
+            adam_color: (0..=config.sh_degree)
+                .map(|degree| adam_color::AdamColor::new(gpu, adam_color::Choice::of_degree(degree)))
+                .collect::<Result<_>>()?,
             perturb: perturb::Perturb::new(gpu, perturb::Choice::default())?,
         })
     }
@@ -165,6 +184,7 @@ impl Backward {
         let tiles = width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT);
         let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
         let lambda = f64::from(step.config.lambda_dssim);
+        let [gain, toe] = step.exposure;
         self.loss.record(
             rec,
             loss::Bindings {
@@ -174,18 +194,10 @@ impl Backward {
                 ssim_slope: &g.records.ssim_slope,
                 loss_from_tile: &g.loss_from_tile,
             },
-            loss::Params { alpha_mode },
+            loss::Params { alpha_mode, gain, toe },
             Groups::Count(tiles),
         );
-        self.loss_sum.record(
-            rec,
-            loss_sum::Bindings {
-                loss_from_tile: &g.loss_from_tile,
-                loss: &g.loss,
-            },
-            loss_sum::Params { tile_count: tiles },
-            Groups::Count(1),
-        );
+        self.record_sum(rec, (&g.loss_from_tile, tiles), g, [0, 1, 0]);
         rec.timestamp("loss");
         // A fully masked photograph has zero gradient.
         let share = if photo.weight > 0.0 {
@@ -206,10 +218,66 @@ impl Backward {
                 alpha_mode,
                 l1_scale: ((1.0 - lambda) * share) as f32,
                 ssim_scale: (lambda * share) as f32,
+                gain,
+                toe,
             },
             Groups::Count(tiles),
         );
+        self.record_exposure(rec, s, g, photo, step);
         rec.timestamp("loss_backward");
+    }
+
+    /// Adds up every `stride`-th of the terms from the `first` on into a slot of the totals.
+    fn record_sum(
+        &self,
+        rec: &mut Recorder<'_>,
+        (terms, tile_count): (&Buffer<[f32; 4]>, u32),
+        g: &Gradients,
+        [first, stride, slot]: [u32; 3],
+    ) {
+        self.loss_sum.record(
+            rec,
+            loss_sum::Bindings {
+                loss_from_tile: terms,
+                total: &g.loss,
+            },
+            loss_sum::Params {
+                tile_count,
+                first,
+                stride,
+                slot,
+            },
+            Groups::Count(1),
+        );
+    }
+
+    /// Sums for the photograph's gains, in the place of SSIM's slopes, which have been read.
+    fn record_exposure(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {
+        let Some(kernel) = &self.loss_exposure else {
+            return;
+        };
+        let [width, height] = step.view.size;
+        let groups = (width * height).div_ceil(EXPOSURE_PIXELS);
+        let partials = g.records.ssim_slope.cast::<[f32; 4]>();
+        let [gain, toe] = step.exposure;
+        kernel.record(
+            rec,
+            loss_exposure::Bindings {
+                view: &s.view,
+                image: &s.image,
+                photo: &photo.pixels,
+                sums_from_group: &partials,
+            },
+            loss_exposure::Params {
+                alpha_mode: if photo.masks { ALPHA_MASKS } else { 0 },
+                gain,
+                toe,
+            },
+            Groups::Count(groups),
+        );
+        for slot in [1, 2] {
+            self.record_sum(rec, (&partials, groups), g, [slot - 1, 2, slot]);
+        }
     }
 
     fn record_rasterize(
@@ -303,7 +371,6 @@ impl Backward {
         let rates = &config.rates;
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);
         let (splat_count, stride) = (block.count as u32, block.stride as u32);
-        let planes = plane_count(step.sh_degree.min(block.degree)) as u32;
         let row = splat_count.div_ceil(self.adam.workgroup);
         self.adam.record(
             rec,
@@ -322,8 +389,6 @@ impl Backward {
                 rate_opacity: rates.opacity,
                 rate_quaternion: rates.quaternion,
                 rate_log_scale: rates.log_scale,
-                rate_sh_dc: rates.sh_dc,
-                rate_sh_rest: rates.sh_rest,
                 beta1: config.adam.beta1,
                 beta2: config.adam.beta2,
                 epsilon: config.adam.epsilon,
@@ -331,8 +396,9 @@ impl Backward {
                 correction2,
                 log_aspect_max: config.max_aspect.max(1.0).ln(),
             },
-            Groups::Grid([row, planes, 1]),
+            Groups::Grid([row, GEOMETRY_PLANES, 1]),
         );
+        self.record_harmonics(rec, state, s, step, block);
         let amplitude = schedule::noise_scale(config, extent, iteration);
         if amplitude > 0.0 {
             let at = state.model.places(&block);
@@ -356,5 +422,42 @@ impl Backward {
             );
         }
         rec.timestamp("adam");
+    }
+
+    /// Adam of the harmonics.
+    fn record_harmonics(
+        &self,
+        rec: &mut Recorder<'_>,
+        state: &DeviceState,
+        s: &Scratch,
+        step: &Step<'_>,
+        block: Block,
+    ) {
+        let (rates, adam) = (&step.config.rates, &step.config.adam);
+        let [correction1, correction2] = schedule::bias_corrections(step.config, step.iteration);
+        let kernel = &self.adam_color[step.sh_degree.min(block.degree) as usize];
+        kernel.record(
+            rec,
+            adam_color::Bindings {
+                counts: &s.counts,
+                d_params: state.gradients(block),
+                params: &state.model.params[block.index],
+                moment1: &state.buffers.moment1[block.index],
+                moment2: &state.buffers.moment2[block.index],
+            },
+            adam_color::Params {
+                first_splat: block.first as u32,
+                splat_count: block.count as u32,
+                stride: block.stride as u32,
+                rate_sh_dc: rates.sh_dc,
+                rate_sh_rest: rates.sh_rest,
+                beta1: adam.beta1,
+                beta2: adam.beta2,
+                epsilon: adam.epsilon,
+                correction1,
+                correction2,
+            },
+            kernel.groups(block.count),
+        );
     }
 }

@@ -3,7 +3,8 @@
 //! Random numbers have no state: they are a function of (seed, iteration). Photographs are not stored, but a
 //! fingerprint of the views is, because other data would make another run.
 
-use super::config::TrainConfig;
+use super::config::{ExposureModel, TrainConfig};
+use super::exposure::ExposureGains;
 use super::state::{HostState, Planes};
 use super::strategy::SplatStats;
 use crate::io::Source;
@@ -30,6 +31,8 @@ pub struct Checkpoint {
     pub fingerprint: u32,
     /// State of the run's controller, if any.
     pub controller: Option<ControllerState>,
+    /// Exposures of the photographs, if the run has them.
+    pub exposure: Option<ExposureGains>,
 }
 
 /// State of a [`Controller`](super::Controller) between two steps.
@@ -70,7 +73,7 @@ impl Checkpoint {
     /// Writes the file atomically.
     pub fn write(&self, path: &Path) -> Result<()> {
         assert_eq!(self.statistics.len(), self.state.len(), "one statistic per splat");
-        let meta = json!({
+        let mut meta = json!({
             "kind": "training",
             "config": self.config,
             "iteration": self.iteration,
@@ -79,6 +82,9 @@ impl Checkpoint {
             "controller": self.controller,
             "kept_count": self.kept().map(HostState::len),
         });
+        if let Some(exposure) = &self.exposure {
+            meta["exposure"] = json!(exposure);
+        }
         let [params, m, v] = numbers(&self.state);
         let mut sections = vec![
             Section::new("degrees", &self.state.degrees),
@@ -147,6 +153,7 @@ impl Checkpoint {
         let kept = present("kept_count").map(|_| state("kept ", number("kept_count")? as usize));
         let kept = kept.transpose()?;
         let controller = controller(meta, kept).map_err(|what| fault(&what))?;
+        let exposure = exposure(meta, config.exposure).map_err(fault)?;
         let state = state("", count)?;
         let statistics = file.read::<f32>("statistics")?;
         if statistics.len() != count * 4 {
@@ -159,17 +166,39 @@ impl Checkpoint {
             statistics: bytemuck::cast_slice(&statistics).to_vec(),
             fingerprint: number("fingerprint")?,
             controller,
+            exposure,
         })
     }
 
     /// Refuses a data set with other views than the run's.
     pub fn check_dataset(&self, path: &Path, dataset: &Dataset) -> Result<()> {
-        if self.fingerprint == fingerprint(dataset) {
+        let views = dataset.split(Split::Train).len();
+        let fits = self.exposure.as_ref().is_none_or(|gains| gains.log_gain.len() == views);
+        if fits && self.fingerprint == fingerprint(dataset) {
             return Ok(());
         }
         let what = "the data set's training views are not those that this run was begun with";
         Err(Error::file(path, what))
     }
+}
+
+/// Exposures in a header, of a run with this model.
+fn exposure(
+    meta: &serde_json::Value,
+    model: ExposureModel,
+) -> std::result::Result<Option<ExposureGains>, &'static str> {
+    let gains = meta.get("exposure").map(ExposureGains::deserialize).transpose();
+    let gains = gains.map_err(|_| "its exposures cannot be read")?;
+    let is_whole = |gains: &ExposureGains| {
+        let numbers = gains.log_gain.iter().flatten();
+        let mut numbers = numbers.chain(gains.sums.iter().flatten().flatten());
+        let count = gains.log_gain.len();
+        count == gains.sums.len() && count == gains.tracked.len() && numbers.all(|number| number.is_finite())
+    };
+    if (model == ExposureModel::Off) != gains.is_none() || !gains.iter().all(is_whole) {
+        return Err("its exposures do not fit its configuration");
+    }
+    Ok(gains)
 }
 
 /// Controller state in a header, of this version or an earlier one.
@@ -234,6 +263,7 @@ mod tests {
             statistics: (0..count).map(|i| [i as f32, 1.0, 2.0, 0.0]).collect(),
             fingerprint: 5,
             controller: None,
+            exposure: None,
         }
     }
 
@@ -242,7 +272,13 @@ mod tests {
         let dir = tempfile::tempdir().map_err(Error::io("."))?;
         let path = dir.path().join("checkpoint");
         for (count, degree) in [(0, 0), (1, 1), (9, 3)] {
-            let saved = checkpoint(count, degree);
+            let mut saved = checkpoint(count, degree);
+            if degree == 3 {
+                saved.config.exposure = ExposureModel::Gain;
+                let mut gains = ExposureGains::of(vec![Some([0.1, -0.2, 1.0 / 3.0]), None]);
+                gains.sums[1][0][2] = 2.0_f64.sqrt();
+                saved.exposure = Some(gains);
+            }
             saved.write(&path)?;
             assert_eq!(Checkpoint::read(&path)?, saved);
         }

@@ -3,10 +3,11 @@
 use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
+use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES};
 use crate::render::{
     Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Slots, buffers, of_degree, plane_count,
 };
-use crate::scene::ScreenFilter;
+use crate::scene::{ScreenFilter, sh_basis, sh_coefficient_count};
 
 /// Parameters, gradients and moments in planes of vec4, and the statistics of density control.
 #[derive(Debug)]
@@ -26,9 +27,15 @@ buffers! {
         moment1: Vec<Buffer<[f32; 4]>>, Moments, blocks.sizes();
         moment2: Vec<Buffer<[f32; 4]>>, Moments, blocks.sizes();
         /// Of every block if kept for inspection or depth bands, else of the current block.
-        gradients: Vec<Buffer<[f32; 4]>>, Gradients, vec![blocks.vectors_of_largest()];
+        gradients: Vec<Buffer<[f32; 4]>>, Gradients, vec![gradient_sizes(blocks).max().unwrap_or(0)];
         statistics: Buffer<[f32; 4]>, Gradients, blocks.splats();
     }
+}
+
+/// Vec4 of the gradients of each block.
+fn gradient_sizes(blocks: Blocks) -> impl Iterator<Item = usize> {
+    let strides = blocks.strides().into_iter();
+    strides.map(|stride| stride * GRADIENT_PLANES as usize)
 }
 
 impl DeviceState {
@@ -74,7 +81,7 @@ impl DeviceState {
 
     /// Gives every block its own gradient buffer, so that all gradients of a step exist at once.
     pub(crate) fn keep_gradients(&mut self, gpu: &Gpu) -> Result<()> {
-        let sizes = self.model.blocks.sizes();
+        let sizes = gradient_sizes(self.model.blocks).collect();
         self.buffers.gradients = Allocate::allocate(gpu, "gradients", sizes)?;
         Ok(())
     }
@@ -113,11 +120,21 @@ impl DeviceState {
 
     /// Planes up to the run's SH degree; zeros above a splat's own degree.
     fn planes(&self, gpu: &Gpu, buffers: &[Buffer<[f32; 4]>]) -> Result<Planes> {
-        let count = self.model.splat_count;
-        let mut planes = vec![vec![[0.0; 4]; count]; plane_count(self.sh_degree)];
+        self.gathered(gpu, buffers, plane_count(self.sh_degree), plane_count)
+    }
+
+    /// So many planes, of which a block holds those for its degree.
+    fn gathered(
+        &self,
+        gpu: &Gpu,
+        buffers: &[Buffer<[f32; 4]>],
+        count: usize,
+        held: impl Fn(u32) -> usize,
+    ) -> Result<Planes> {
+        let mut planes = vec![vec![[0.0; 4]; self.model.splat_count]; count];
         for block in self.model.blocks.of(self.slots.counts) {
             let splats = self.slots.of_slots(block.slots());
-            let stored = planes.iter_mut().take(plane_count(block.degree));
+            let stored = planes.iter_mut().take(held(block.degree));
             for (i, plane) in stored.enumerate() {
                 let rows = gpu.download(&buffers[block.index], block.plane(i))?;
                 let rows = splats.iter().zip(rows);
@@ -144,14 +161,30 @@ impl DeviceState {
         })
     }
 
-    /// Downloads the last step's gradients, which must have been kept.
+    /// Downloads the last step's gradients, which must have been kept, in the layout of the parameters.
     pub(crate) fn download_gradients(&self, gpu: &Gpu) -> Result<Planes> {
         assert_eq!(
             self.buffers.gradients.len(),
             self.model.params.len(),
             "gradients were not kept"
         );
-        self.planes(gpu, &self.buffers.gradients)
+        let mut planes = self.gathered(gpu, &self.buffers.gradients, GRADIENT_PLANES as usize, |_| {
+            GRADIENT_PLANES as usize
+        })?;
+        let factors = planes.split_off(GEOMETRY_PLANES as usize);
+        planes.resize(plane_count(self.sh_degree), vec![[0.0; 4]; self.model.splat_count]);
+        for block in self.model.blocks.of(self.slots.counts) {
+            for splat in self.slots.of_slots(block.slots()) {
+                let [d_color, direction] = [0, 1].map(|plane: usize| factors[plane][splat as usize]);
+                let [x, y, z, _] = direction.map(f64::from);
+                let basis = sh_basis([x, y, z]);
+                for k in 0..3 * sh_coefficient_count(block.degree) {
+                    let plane = &mut planes[GEOMETRY_PLANES as usize + k / 4];
+                    plane[splat as usize][k % 4] = (basis[k / 3] * f64::from(d_color[k % 3])) as f32;
+                }
+            }
+        }
+        Ok(planes)
     }
 
     /// Copies the statistics to the host.

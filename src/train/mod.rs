@@ -10,6 +10,7 @@ mod backward;
 pub mod checkpoint;
 pub mod config;
 mod device;
+pub mod exposure;
 #[doc(hidden)]
 pub mod filter;
 #[doc(hidden)]
@@ -41,7 +42,7 @@ fn test_camera(width: u32, height: u32, focal: f64) -> crate::scene::Camera {
     }
 }
 
-pub use config::{Background, MipConfig, RefineTimes, StrategyKind, TrainConfig};
+pub use config::{Background, ExposureModel, MipConfig, RefineTimes, StrategyKind, TrainConfig};
 pub use init::initial_splats;
 pub use memory::{TrainSize, splats_expected};
 pub use photos::Residency;

@@ -1,6 +1,7 @@
 //! Training run: a trainer with an optional controller, from the first step to the checkpoint on disk.
 
 use super::checkpoint::{Checkpoint, ControllerState, fingerprint};
+use super::exposure::ExposureGains;
 use super::{HostState, StepReport, TrainConfig, Trainer};
 use crate::gpu::Gpu;
 use crate::scene::{Dataset, Splats};
@@ -83,7 +84,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
         let saved = Checkpoint::read(path)?;
         saved.check_dataset(path, dataset)?;
         let (state, iteration) = (&saved.state, saved.iteration);
-        let mut trainer = Trainer::from_state(gpu, dataset, saved.config, state, iteration)?;
+        let mut trainer = Trainer::exposed(gpu, dataset, saved.config, state, iteration, saved.exposure)?;
         let controller = match saved.controller {
             None => None,
             Some(saved) => {
@@ -117,6 +118,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
             statistics: self.trainer.statistics()?,
             fingerprint: fingerprint(self.dataset),
             controller: controller.transpose()?,
+            exposure: self.trainer.exposure()?,
         };
         checkpoint.write(path)
     }
@@ -142,6 +144,12 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
     /// Splats after the last step begun; waits for it.
     pub fn splats(&mut self) -> Result<Splats> {
         self.trainer.splats()
+    }
+
+    /// Exposures of the photographs after the last step begun, in the order of the training views; `None` if the run
+    /// has none. Waits for it.
+    pub fn exposure(&mut self) -> Result<Option<ExposureGains>> {
+        self.trainer.exposure()
     }
 
     /// Steps begun.

@@ -3,7 +3,7 @@
 //!
 //! Iterations count from 1 to `config.iterations`, as in the 3DGS code.
 
-use super::config::{Background, StrategyKind, TrainConfig};
+use super::config::{Background, ExposureModel, StrategyKind, TrainConfig};
 use super::rng::{self, Stream};
 
 /// Learning rate of the means at an iteration, world units; `extent` is the scene extent in world units.
@@ -66,6 +66,13 @@ pub fn view_order(seed: u64, view_count: usize, epoch: u32) -> Vec<usize> {
         order.swap(i, rng::below(words, i as u64 + 1) as usize);
     }
     order
+}
+
+/// Whether gains of the photographs are updated after an iteration: at the end of each epoch but those of the last
+/// tenth.
+pub fn is_exposure(config: &TrainConfig, view_count: usize, iteration: u32) -> bool {
+    let is_early = u64::from(iteration) * 10 <= u64::from(config.iterations) * 9;
+    config.exposure != ExposureModel::Off && is_early && (iteration as usize).is_multiple_of(view_count)
 }
 
 /// Background colour of an iteration.

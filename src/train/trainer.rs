@@ -9,9 +9,10 @@ mod halved;
 mod inspect;
 mod steer;
 
-use super::backward::{Backward, Gradients, Step};
-use super::config::TrainConfig;
+use super::backward::{Backward, Gradients, Step, UNEXPOSED};
+use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
+use super::exposure::ExposureGains;
 use super::memory::{IN_FLIGHT, with_margin};
 use super::photos::Photos;
 use super::state::HostState;
@@ -55,6 +56,8 @@ struct StepInFlight {
     counts: Readback<u32>,
     loss: Readback<[f32; 4]>,
     splat_count: usize,
+    /// Place of the photograph among the views trained on.
+    photo: usize,
 }
 
 /// Fits splats to the training views of a data set.
@@ -77,6 +80,8 @@ pub struct Trainer<'a> {
     photos: Photos,
     /// The training views at half size, while steps use those.
     halved: Option<Dataset>,
+    /// Exposures of the photographs, in the order of `views`.
+    exposure: Option<ExposureGains>,
     frames: Frames,
     /// Last iteration recorded.
     iteration: u32,
@@ -95,13 +100,26 @@ impl<'a> Trainer<'a> {
         Trainer::from_state(gpu, dataset, config, &state, 0)
     }
 
-    /// Continues from the state after `iteration`. Statistics of density control start at 0.
+    /// Continues from the state after `iteration`. Statistics of density control start at 0, and exposures, if the run
+    /// has them, as those of a new run.
     pub fn from_state(
+        gpu: &Gpu,
+        dataset: &'a Dataset,
+        config: TrainConfig,
+        state: &HostState,
+        iteration: u32,
+    ) -> Result<Trainer<'a>> {
+        Trainer::exposed(gpu, dataset, config, state, iteration, None)
+    }
+
+    /// [`Trainer::from_state`] with the exposures of an earlier part of the run.
+    pub fn exposed(
         gpu: &Gpu,
         dataset: &'a Dataset,
         mut config: TrainConfig,
         state: &HostState,
         iteration: u32,
+        exposure: Option<ExposureGains>,
     ) -> Result<Trainer<'a>> {
         config.validate()?;
         limit_splats(gpu, &mut config);
@@ -109,6 +127,11 @@ impl<'a> Trainer<'a> {
         if views.is_empty() {
             return Err(Error::Config("the data set has no training view".into()));
         }
+        let exposure = match (config.exposure, exposure) {
+            (ExposureModel::Off, _) => None,
+            (ExposureModel::Gain, Some(given)) => Some(given),
+            (ExposureModel::Gain, None) => Some(ExposureGains::begin(dataset, &views)?),
+        };
         let sizes = views.iter().map(|&view| &dataset.views[view].camera);
         let capacity = sizes
             .map(|&Camera { width, height, .. }| {
@@ -134,6 +157,7 @@ impl<'a> Trainer<'a> {
             bands: DepthBands::default(),
             photos,
             halved,
+            exposure,
             frames: Frames::new(gpu, IN_FLIGHT, true)?,
             views,
             config,
@@ -176,6 +200,12 @@ impl<'a> Trainer<'a> {
         self.state.model.splat_count
     }
 
+    /// Exposures after the last step begun; `None` if the run has none. Waits for it.
+    pub fn exposure(&mut self) -> Result<Option<ExposureGains>> {
+        self.settle()?;
+        Ok(self.exposure.clone())
+    }
+
     /// Near plane of the cameras, world units.
     pub fn near(&self) -> f32 {
         self.config.near(self.extent)
@@ -203,9 +233,15 @@ impl<'a> Trainer<'a> {
             schedule::is_refine(&self.config, iteration),
             schedule::is_reset(&self.config, iteration),
         );
+        let expose = schedule::is_exposure(&self.config, self.views.len(), iteration);
         // A step that did not fit is repeated first: only its result is refined.
-        if (refine || reset) && self.drain()? {
-            self.refine(iteration, refine, reset)?;
+        if (refine || reset || expose) && self.drain()? {
+            if let Some(exposure) = self.exposure.as_mut().filter(|_| expose) {
+                exposure.update();
+            }
+            if refine || reset {
+                self.refine(iteration, refine, reset)?;
+            }
         }
         Ok(self.done.pop_front())
     }
@@ -284,6 +320,7 @@ impl<'a> Trainer<'a> {
             view: &view,
             sh_degree,
             bands: self.bands,
+            exposure: self.exposure.as_ref().map_or(UNEXPOSED, |gains| gains.push(index)),
         };
         let (forward, backward, state) = (&self.forward, &self.backward, &self.state);
         let (scratch, gradients, photos) = (&self.scratch, &self.gradients, &mut self.photos);
@@ -294,7 +331,7 @@ impl<'a> Trainer<'a> {
             forward.record(rec, model, scratch, &view, sh_degree, step.bands);
             backward.record(rec, state, scratch, gradients, &photo, &step);
             let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
-            Ok((counts, rec.read_back(&gradients.loss, 0..1)?))
+            Ok((counts, rec.read_back(&gradients.loss, 0..3)?))
         })?;
         Ok(StepInFlight {
             iteration,
@@ -302,6 +339,7 @@ impl<'a> Trainer<'a> {
             counts,
             loss,
             splat_count: model.splat_count,
+            photo: index,
         })
     }
 
@@ -323,7 +361,11 @@ impl<'a> Trainer<'a> {
             self.iteration = oldest.iteration - 1;
             return Ok(false);
         }
-        let [l1, dssim, square, weight] = oldest.loss.get()[0].map(f64::from);
+        let sums = oldest.loss.get();
+        let [l1, dssim, square, weight] = sums[0].map(f64::from);
+        if let Some(exposure) = &mut self.exposure {
+            exposure.add(oldest.photo, &sums[1..]);
+        }
         let lambda = f64::from(self.config.lambda_dssim);
         let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
         self.done.push_back(StepReport {

@@ -17,6 +17,7 @@ mod gradients;
 mod kernels;
 mod large;
 mod memory;
+mod meshes;
 mod simplify;
 mod stability;
 mod surfaces;

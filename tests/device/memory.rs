@@ -166,13 +166,10 @@ fn memory_falls_with_the_degrees() {
         ("moment1", 64 * lower + 240 * (count - lower)),
         ("moment2", 64 * lower + 240 * (count - lower)),
         ("splat_from_slot", 4 * count),
-        ("gradients", 16_384.min(lower) * 64),
+        ("gradients", 80 * 16_384.min(lower.max(count - lower))),
     ] {
         let need = needs.iter().find(|need| need.name == name).unwrap();
-        let bytes = (bytes as u64).max(match name {
-            "gradients" => 240 * (count - lower) as u64,
-            _ => 0,
-        });
+        let bytes = bytes as u64;
         assert_eq!(need.bytes, bytes, "{name}");
         let found = taken[name].bytes;
         assert!(

@@ -26,11 +26,12 @@ const DIRECT: [&str; 18] = [
 ];
 
 /// Crates of the command line and the laboratory, which are not even indirect dependencies of the engine.
-const TOOLS: [&str; 7] = [
+const TOOLS: [&str; 8] = [
     "clap",
     "csv",
     "ctrlc",
     "indicatif",
+    "meshopt",
     "plotters",
     "radsort",
     "signal-hook",

@@ -12,6 +12,7 @@ mod common;
 mod build_script;
 mod dependencies;
 mod io;
+mod mesh;
 mod reference;
 mod synth;
 mod tidy;

@@ -1,8 +1,9 @@
 //! Synthetic data sets on disk, loaded by the readers of real ones.
 
 use ashfall::io::{dataset, photo};
-use ashfall::lab::synth::{Kind, SynthOptions, save, scene};
+use ashfall::lab::synth::{Kind, SynthOptions, save, save_colmap, scene};
 use ashfall::scene::{PhotoSource, Split};
+use ashfall::train::exposure::{from_tracks, stops};
 use glam::DVec2;
 
 #[test]
@@ -47,4 +48,71 @@ fn a_saved_data_set_is_read_back_the_same() {
         let near = |i: usize| (read.color[i] - made.color[i]).abs() <= 0.5 / 255.0 + 1e-6;
         assert!((0..3).all(near));
     }
+}
+
+/// Made photographs of which the training views have other exposures than the test views.
+fn exposed(seed: Option<u64>) -> SynthOptions {
+    SynthOptions {
+        views: 24,
+        width: 96,
+        height: 72,
+        samples: 2,
+        points: 3_000,
+        tracks: true,
+        exposure_seed: seed,
+        ..SynthOptions::default()
+    }
+}
+
+#[test]
+fn exposures_come_back_from_the_tracks() {
+    let dir = tempfile::tempdir().unwrap();
+    let unperturbed = from_tracks(&scene(Kind::Demo).dataset(&exposed(None))).unwrap();
+    for seed in [Some(1), Some(2), None] {
+        let options = exposed(seed);
+        let made = scene(Kind::Demo).dataset(&options);
+        save_colmap(&made, &options, dir.path()).unwrap();
+        let read = dataset::open(dir.path(), &dataset::OpenOptions::default()).unwrap();
+        assert_eq!(read.tracks, made.tracks);
+        let found = from_tracks(&read).unwrap();
+        let truth = options.exposures();
+        assert_eq!(found.len(), 21, "training views alone");
+        let (mut squares, mut shifts) = (0.0, 0.0);
+        for (of, plain) in found.iter().zip(&unperturbed) {
+            assert!(!read.is_test(of.view));
+            for channel in 0..3 {
+                let error = stops(of.log_gain[channel]) - truth[of.view][channel];
+                squares += error.powi(2);
+                shifts += (error - stops(plain.log_gain[channel])).powi(2);
+            }
+        }
+        let [rms, shift] = [squares, shifts].map(|sum| (sum / 63.0).sqrt());
+        println!("seed {seed:?}: {rms:.4} stops rms, {shift:.4} without highlights and edges");
+        // Most of it are highlights and edges, which are not of one colour: the same without any exposure.
+        assert!(rms <= 0.03 && shift <= 0.015, "seed {seed:?}: {rms} stops rms, {shift}");
+        let spread = truth.iter().flatten().map(|stop| stop.abs()).fold(0.0, f64::max);
+        assert_eq!(spread > 0.5, seed.is_some(), "the test tells nothing");
+        for channel in 0..3 {
+            let mean = found.iter().map(|of| of.log_gain[channel]).sum::<f64>() / 21.0;
+            assert!(mean.abs() < 1e-12, "{mean}");
+        }
+    }
+}
+
+#[test]
+fn test_views_take_no_part_in_exposures() {
+    let mut made = scene(Kind::Demo).dataset(&exposed(Some(1)));
+    let before = from_tracks(&made).unwrap();
+    for view in made.split(Split::Test) {
+        let PhotoSource::Memory(photo) = &mut made.views[view].photo else {
+            unreachable!()
+        };
+        photo.rgba.iter_mut().for_each(|pixel| pixel[0] /= 2);
+    }
+    assert_eq!(from_tracks(&made).unwrap(), before);
+    made.tracks.clear();
+    assert!(
+        from_tracks(&made).unwrap().is_empty(),
+        "without tracks nothing is known"
+    );
 }

@@ -1,5 +1,6 @@
 //! `ashfall train`: photographs in; a scene, a report and pictures out.
 
+mod exposures;
 mod needs;
 mod results;
 mod state;
@@ -35,7 +36,7 @@ use steps::run_steps;
 ///
 /// Writes to DIR: scene.ply (the scene, readable by the usual viewers), report.json (every figure and
 /// constant), checkpoint and run.json (to go on from), and test/*.png: photograph | rendering | fourfold
-/// difference of each held-out view.
+/// difference of each held-out view; with --exposure also exposures.json.
 ///
 /// DATA is a folder with a COLMAP model (sparse/0 or sparse, binary or text) and images/, or with
 /// a transforms.json (nerfstudio, Blender), or such a file.
@@ -108,7 +109,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
     if let Some(init) = &state.init {
         let origin = dataset.origin;
         dataset.set_origin(DVec3::ZERO);
-        dataset.points = points(init)?;
+        dataset.set_points(points(init)?);
         dataset.set_origin(origin);
     }
     let gpu = engine::open(&args.device)?;
@@ -129,6 +130,9 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
     }
     state.timings.load_seconds += start.elapsed().as_secs_f64();
     announce(output, &gpu, &dataset, &run, &state);
+    if let Some(gains) = run.exposure()? {
+        output.remark(exposures::line(&gains));
+    }
     let session = Session {
         gpu: &gpu,
         dataset: &dataset,
@@ -300,6 +304,9 @@ impl<'a> Session<'a> {
             run.splats()?,
             MemoryFigures::of(run.trainer(), run.controller().is_some()),
         );
+        if let Some(gains) = run.exposure()? {
+            exposures::write(self.dir, self.dataset, &gains)?;
+        }
         let config = run.config().clone();
         let controller = run.controller();
         let found = controller.map(|controller| needs::found(self.dataset, controller.history(), &splats));

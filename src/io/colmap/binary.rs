@@ -16,6 +16,8 @@ const CAMERA_BYTES_MIN: u64 = 4 + 4 + 8 + 8 + 3 * 8;
 /// id, pose, camera, an empty name and the count of 2D points.
 const IMAGE_BYTES_MIN: u64 = 4 + 7 * 8 + 4 + 1 + 8;
 const POINT2D_BYTES: u64 = 8 + 8 + 8;
+/// Point id of a 2D point without one: −1.
+const NO_POINT: u64 = u64::MAX;
 /// id, position, colour, error and the length of the track.
 const POINT3D_BYTES_MIN: u64 = 8 + 3 * 8 + 3 + 8 + 8;
 const TRACK_ELEMENT_BYTES: u64 = 4 + 4;
@@ -58,12 +60,17 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
         let name = String::from_utf8(name).map_err(|_| reader.fault(format!("the name of image {id} is not UTF-8")))?;
         let points = reader.u64("the number of 2D points")?;
         let points = reader.check_count(points, POINT2D_BYTES, "2D points")?;
-        reader.skip(points as u64 * POINT2D_BYTES, "2D points")?;
+        let mut seen = Vec::new();
+        for _ in 0..points {
+            let _place: [f64; 2] = reader.f64s("a 2D point")?;
+            seen.extend(Some(reader.u64("a 2D point")?).filter(|id| *id != NO_POINT));
+        }
         images.push(ImageRecord {
             name,
             quaternion,
             translation,
             camera,
+            seen,
         });
     }
     Ok(images)

@@ -1,8 +1,8 @@
 //! COLMAP reconstructions, binary and text: cameras, images, points.
 //!
-//! Tracks and 2D points are skipped, so broken references in them do no harm; so are the files `rigs` and `frames` of
-//! COLMAP 3.12 and later, as `images` still has every pose. Points are sorted by id, because the binary form has them
-//! in hash-table order.
+//! Of the 2D points, only the ids of their points are kept; references to missing points are dropped. Tracks are
+//! skipped, as are the files `rigs` and `frames` of COLMAP 3.12 and later: `images` still has every pose. Points are
+//! sorted by id, because the binary form has them in hash-table order.
 
 mod binary;
 mod camera;
@@ -33,6 +33,8 @@ struct ImageRecord {
     quaternion: [f64; 4],
     translation: [f64; 3],
     camera: u32,
+    /// Ids of the points seen.
+    seen: Vec<u64>,
 }
 
 /// A point and its id.
@@ -106,11 +108,12 @@ pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
         None => Vec::new(),
     };
     points.sort_by_key(|(id, _)| *id);
+    let ids: Vec<u64> = points.iter().map(|(id, _)| *id).collect();
     let views = images
         .into_iter()
         .map(|image| {
             let name = image.name.clone();
-            listed(image, &lenses, files, photos).map_err(|what| {
+            listed(image, &ids, &lenses, files, photos).map_err(|what| {
                 let what = format!("image {}: {what}", excerpt(&name));
                 Error::file(files.images.name(), what)
             })
@@ -123,7 +126,22 @@ pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     })
 }
 
-fn listed(image: ImageRecord, lenses: &BTreeMap<u32, Lens>, files: &Files<'_>, photos: &Path) -> Check<ListedView> {
+/// Indices of the points with these ids among the sorted ids of all, ascending, each once.
+fn indices(seen: &[u64], ids: &[u64]) -> Vec<u32> {
+    let place = |id: &u64| ids.binary_search(id).ok().and_then(|index| u32::try_from(index).ok());
+    let mut found: Vec<u32> = seen.iter().filter_map(place).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+fn listed(
+    image: ImageRecord,
+    ids: &[u64],
+    lenses: &BTreeMap<u32, Lens>,
+    files: &Files<'_>,
+    photos: &Path,
+) -> Check<ListedView> {
     let photo = inside(photos, &image.name)?;
     let lens = lenses.get(&image.camera).ok_or_else(|| {
         let cameras = files.cameras.name().file_name().unwrap_or_default();
@@ -160,5 +178,6 @@ fn listed(image: ImageRecord, lenses: &BTreeMap<u32, Lens>, files: &Files<'_>, p
         },
         distortion: lens.distortion,
         held_out: false,
+        seen: indices(&image.seen, ids),
     })
 }

@@ -135,14 +135,17 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
         if name.is_empty() {
             return Err(lines.fault("the line ends before the image's name"));
         }
+        // The line of 2D points exists even if empty, and must be consumed: x, y and a point's id or -1. Words that are
+        // no ids are passed over, as references to points that are missing.
+        let has_line = lines.advance()?;
+        let ids = lines.line.split_whitespace().skip(2).step_by(3).filter(|_| has_line);
         images.push(ImageRecord {
             name,
             quaternion,
             translation,
             camera,
+            seen: ids.filter_map(|id| id.parse().ok()).collect(),
         });
-        // The line of 2D points exists even if empty, and must be consumed.
-        lines.advance()?;
     }
     Ok(images)
 }

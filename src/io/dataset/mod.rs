@@ -2,6 +2,8 @@
 //!
 //! All checks that need no decoded pixels are made here, before training begins: photographs exist and are images,
 //! their sizes fit their cameras, and there is at least one view to train on.
+//!
+#![doc = include_str!("../../../docs/captures.md")]
 
 mod views;
 
@@ -66,8 +68,13 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
         }
     }
     let distorted = listing.views.iter().any(|v| v.distortion.is_some());
-    let (views, held_out) = views::look_at_photos(path, listing.views, options, &mut warnings)?;
+    let views::CheckedViews {
+        views,
+        held_out,
+        mut seen,
+    } = views::look_at_photos(path, listing.views, options, &mut warnings)?;
     let mut points = listing.points;
+    keep_finite_seen(&points, &mut seen);
     keep_finite(path, &mut points, &mut warnings);
     if options.photos_required && points.is_empty() {
         warnings.push(format!(
@@ -91,6 +98,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
     let mut dataset = Dataset {
         views,
         points,
+        tracks: seen,
         test_every: options.test_every,
         held_out,
         alpha: options.alpha.unwrap_or(undistorted),
@@ -185,6 +193,20 @@ pub fn keep_finite(path: &Path, points: &mut Vec<Point>, warnings: &mut Vec<Stri
             path.display(),
             count - points.len()
         ));
+    }
+}
+
+/// Drops points that are not finite from the lists of points seen, and counts the others anew. Lists that are all empty
+/// become none.
+fn keep_finite_seen(points: &[Point], seen: &mut Vec<Vec<u32>>) {
+    let mut next = 0..;
+    let place = |point: &Point| if point.is_finite() { next.next() } else { None };
+    let places: Vec<Option<u32>> = points.iter().map(place).collect();
+    for list in seen.iter_mut() {
+        *list = list.iter().filter_map(|&old| places[old as usize]).collect();
+    }
+    if seen.iter().all(Vec::is_empty) {
+        seen.clear();
     }
 }
 

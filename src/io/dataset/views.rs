@@ -16,20 +16,32 @@ struct CheckedView {
     warning: Option<String>,
 }
 
-/// Checks the photographs in parallel. Returns the remaining views and the indices of the held-out ones.
+/// Views that have passed the checks.
+#[derive(Default)]
+pub(super) struct CheckedViews {
+    pub(super) views: Vec<View>,
+    /// Indices of the views held out by the reconstruction itself.
+    pub(super) held_out: Vec<usize>,
+    /// Indices of the points that each view sees.
+    pub(super) seen: Vec<Vec<u32>>,
+}
+
+/// Checks the photographs in parallel.
 pub(super) fn look_at_photos(
     path: &Path,
-    listed: Vec<ListedView>,
+    mut listed: Vec<ListedView>,
     options: &OpenOptions,
     warnings: &mut Vec<String>,
-) -> Result<(Vec<View>, Vec<usize>)> {
+) -> Result<CheckedViews> {
     let found: Vec<Option<CheckedView>> = listed
         .par_iter()
         .map(|view| look_at_photo(view, options))
         .collect::<Result<_>>()?;
-    let (mut views, mut held_out) = (Vec::new(), Vec::new());
+    let mut checked = CheckedViews::default();
+    let CheckedViews { views, held_out, seen } = &mut checked;
+    let seen_from_listed: Vec<Vec<u32>> = listed.iter_mut().map(|view| std::mem::take(&mut view.seen)).collect();
     let (mut missing, mut resized) = (Vec::new(), Vec::new());
-    for (listed, found) in listed.iter().zip(found) {
+    for ((listed, found), points) in listed.iter().zip(found).zip(seen_from_listed) {
         let Some(found) = found else {
             missing.push(&listed.photo);
             continue;
@@ -40,6 +52,7 @@ pub(super) fn look_at_photos(
         resized.extend(found.file_size.map(|size| (listed, size)));
         warnings.extend(found.warning);
         views.push(found.view);
+        seen.push(points);
     }
     if let Some(first) = missing.first() {
         let what = format!(
@@ -67,7 +80,7 @@ pub(super) fn look_at_photos(
             first.camera.height
         ));
     }
-    Ok((views, held_out))
+    Ok(checked)
 }
 
 /// `None` if the photograph is required but missing.

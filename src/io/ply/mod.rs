@@ -7,9 +7,11 @@
 mod comments;
 pub mod compressed;
 mod header;
+mod mesh;
 mod read;
 mod rows;
 mod write;
 
+pub use mesh::read_mesh;
 pub use read::{read, read_points};
 pub use write::{byte_count, write};

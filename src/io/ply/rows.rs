@@ -116,6 +116,54 @@ pub(super) fn read(
     Ok(())
 }
 
+/// Reads the rows of an element and passes the values of its list `list`, at most `most` of them, to `each`. The count
+/// has been checked.
+pub(super) fn read_lists<'a>(
+    reader: &mut Reader<'a>,
+    encoding: Encoding,
+    element: &PlyElement,
+    list: usize,
+    most: usize,
+    mut each: impl FnMut(&Reader<'a>, &[f64]) -> Result<()>,
+) -> Result<()> {
+    let what = format!("element {}", excerpt(&element.name));
+    let (mut line, mut values) = (String::new(), Vec::new());
+    for _ in 0..element.count {
+        if encoding == Encoding::Ascii {
+            next_row(reader, &mut line, &what)?;
+        }
+        let mut tokens = line.split_whitespace();
+        let mut number = |reader: &mut Reader<'a>, scalar: Scalar| -> Result<f64> {
+            if encoding == Encoding::Ascii {
+                let token = tokens.next().and_then(parse_number);
+                return token.ok_or_else(|| reader.fault_in_line(format!("{what} lacks a number")));
+            }
+            let mut bytes = [0; 8];
+            let bytes = &mut bytes[..scalar.bytes()];
+            reader.fill(bytes, &what)?;
+            Ok(decode(bytes, scalar, encoding))
+        };
+        for (i, property) in element.properties.iter().enumerate() {
+            let length = match property.list {
+                Some(length) => number(reader, length)?,
+                None => 1.0,
+            };
+            // Negative and NaN lengths fail the comparison, too.
+            if !(length >= 0.0 && length <= most as f64) {
+                return Err(reader.fault(format!("a list in {what} has the length {length}")));
+            }
+            values.clear();
+            for _ in 0..length as usize {
+                values.push(number(reader, property.scalar)?);
+            }
+            if i == list {
+                each(reader, &values)?;
+            }
+        }
+    }
+    Ok(())
+}
+
 /// The next line that is not blank.
 fn next_row(reader: &mut Reader, line: &mut String, what: &str) -> Result<()> {
     loop {

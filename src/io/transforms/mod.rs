@@ -133,6 +133,7 @@ fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(ListedView, bool)> {
         },
         distortion: (distortion != Distortion::default()).then_some(distortion),
         held_out: false,
+        seen: Vec::new(),
     };
     Ok((view, pose.was_scaled))
 }

@@ -1,8 +1,9 @@
 //! Cameras around a synthetic scene, and its data set.
 
 use super::Scene;
+use super::perturb::{exposed, exposures};
 use super::random::KeyedRandom;
-use crate::scene::{AlphaMode, Camera, Dataset, PhotoSource, Point, View};
+use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, View};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -60,6 +61,10 @@ pub struct SynthOptions {
     pub seed: u64,
     /// As `Dataset::test_every`.
     pub test_every: usize,
+    /// Find the views that see each point (`Dataset::tracks`).
+    pub tracks: bool,
+    /// Seed of exposures of the training photographs ([`SynthOptions::exposures`]); `None`: one exposure for all.
+    pub exposure_seed: Option<u64>,
 }
 
 impl Default for SynthOptions {
@@ -78,6 +83,21 @@ impl Default for SynthOptions {
             strays: 0,
             seed: 1,
             test_every: 8,
+            tracks: false,
+            exposure_seed: None,
+        }
+    }
+}
+
+impl SynthOptions {
+    /// Exposure of each photograph's red, green and blue in stops of linear light: 0 in test views and without a seed,
+    /// else within one stop, and a quarter more or less in red and blue. The mean over the training views is 0 in each
+    /// channel, so that test views show the scene at its own brightness.
+    pub fn exposures(&self) -> Vec<[f64; 3]> {
+        let is_test = |view: usize| self.test_every > 0 && view.is_multiple_of(self.test_every);
+        match self.exposure_seed {
+            Some(seed) => exposures(self.views, is_test, seed),
+            None => vec![[0.0; 3]; self.views],
         }
     }
 }
@@ -92,17 +112,23 @@ impl Scene {
     /// Photographs from the scene's rig, with points visible to at least one of the cameras.
     pub fn dataset(&self, options: &SynthOptions) -> Dataset {
         let cameras = self.cameras(options);
+        let stops = options.exposures();
         let view = |(index, camera): (usize, &Camera)| View {
             name: format!("images/{index:04}.png"),
             camera: *camera,
             photo: PhotoSource::Memory(match options.cutout {
                 true => self.cutout(camera, options.samples),
-                false => self.photo(camera, options.samples),
+                false => self.exposed_photo(camera, options.samples, stops[index]),
             }),
         };
+        let points = self.points(&cameras, options);
         Dataset {
             views: cameras.iter().enumerate().map(view).collect(),
-            points: self.points(&cameras, options),
+            tracks: match options.tracks {
+                true => cameras.par_iter().map(|camera| self.track(camera, &points)).collect(),
+                false => Vec::new(),
+            },
+            points,
             test_every: options.test_every,
             alpha: AlphaMode::Composite,
             ..Dataset::default()
@@ -157,6 +183,23 @@ impl Scene {
         points.truncate(options.points);
         points.extend((0..options.strays).map(|key| self.stray(options.seed, key as u64)));
         points
+    }
+
+    /// A photograph under an exposure in stops of each channel.
+    fn exposed_photo(&self, camera: &Camera, samples: u32, stops: [f64; 3]) -> Photo {
+        if stops == [0.0; 3] {
+            return self.photo(camera, samples);
+        }
+        let image = self.image(camera, samples).into_iter();
+        let image: Vec<[f32; 3]> = image.map(|color| exposed(color, stops)).collect();
+        Photo::from_rgb(camera.width, camera.height, &image)
+    }
+
+    /// Indices of the points that a camera sees.
+    fn track(&self, camera: &Camera, points: &[Point]) -> Vec<u32> {
+        let is_seen = |point: &Point| self.seen(camera, point.position.into()).is_some();
+        let indices = (0..).zip(points).filter(|(_, point)| is_seen(point));
+        indices.map(|(index, _)| index).collect()
     }
 
     /// An outlier point, on no surface.

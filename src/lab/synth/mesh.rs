@@ -69,6 +69,13 @@ impl MeshTree {
         }
     }
 
+    /// Corners of all triangles, and their indices.
+    pub(super) fn soup(&self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let corners = self.triangles.iter().flat_map(|t| t.corners).collect();
+        let triangle = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
+        (corners, (0..self.triangles.len() as u32).map(triangle).collect())
+    }
+
     /// The nearest triangle on the ray with a distance in `t_min..t_max`.
     pub(super) fn hit(&self, ray: &Ray, t_min: f64, t_max: f64) -> Option<Hit> {
         let inverse = ray.direction.recip();

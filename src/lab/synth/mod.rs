@@ -5,19 +5,23 @@
 //!
 //! **Invariant:** no device and no files; the same arguments give the same bytes.
 
+mod colmap;
 mod composition;
 mod dataset;
 mod material;
 mod mesh;
 mod model;
+mod perturb;
 mod random;
 mod ray;
 mod save;
 mod shape;
+mod triangulate;
 
 #[cfg(test)]
 mod tests;
 
+pub use colmap::save_colmap;
 pub use composition::{Kind, scene};
 pub use dataset::{Rig, SynthOptions};
 pub use material::{Material, Texture};

@@ -107,6 +107,7 @@ fn mesh(positions: &[DVec3], triangles: Vec<[u32; 3]>) -> Mesh {
     Mesh {
         positions: positions.iter().map(|p| p.as_vec3().to_array()).collect(),
         colors: Vec::new(),
+        normals: Vec::new(),
         triangles,
     }
 }

@@ -34,7 +34,7 @@ pub fn save(dataset: &Dataset, dir: &Path) -> Result<()> {
     std::fs::write(&path, points_ply(&dataset.points)).map_err(Error::io(&path))
 }
 
-fn save_photo(photo: &Photo, path: &Path) -> Result<()> {
+pub(super) fn save_photo(photo: &Photo, path: &Path) -> Result<()> {
     let bytes = photo.rgba.as_flattened();
     let (width, height) = (photo.width, photo.height);
     let opaque = photo.rgba.iter().all(|pixel| pixel[3] == 255);

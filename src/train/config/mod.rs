@@ -39,6 +39,17 @@ pub enum Background {
     Random,
 }
 
+/// Model of the photographs' exposures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ExposureModel {
+    /// One exposure for all photographs (3DGS).
+    #[default]
+    Off,
+    /// A gain of each photograph and channel, see [`exposure`](super::exposure).
+    Gain,
+}
+
 /// Configuration of a training run: everything that determines it except data set and device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -91,6 +102,9 @@ pub struct TrainConfig {
     pub init: InitConfig,
     /// Background behind the splats.
     pub background: Background,
+    /// Exposures of the photographs: off (3DGS), or gains.
+    #[serde(default)]
+    pub exposure: ExposureModel,
     /// Near plane as a share of the scene extent: 0.01 (3DGS: 0.2 world units, a hidden assumption on the world's
     /// unit).
     pub near_factor: f32,
@@ -165,6 +179,7 @@ impl TrainConfig {
             max_aspect: 0.0,
             init: InitConfig::default(),
             background: Background::Fixed([0.0; 3]),
+            exposure: ExposureModel::Off,
             near_factor: 0.01,
             photo_share: 0.25,
             half_size_until: 0,

@@ -19,6 +19,10 @@ impl Trainer<'_> {
         if views == self.views {
             return Ok(());
         }
+        if self.exposure.is_some() {
+            let what = "the views of a run with exposures cannot change: train without --exposure";
+            return Err(Error::Config(what.into()));
+        }
         self.settle()?;
         self.reload(views)
     }

@@ -2,6 +2,8 @@
 
 mod chart;
 mod export;
+mod exposure;
+mod mesh;
 mod needs;
 mod prune;
 
@@ -110,7 +112,9 @@ fn train<'a>(data: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 #[test]
 fn help_teaches_and_mistakes_are_told_apart() {
     let help = stdout(&["--help"]);
-    for command in ["train", "render", "eval", "prune", "info", "demo", "chart", "needs"] {
+    for command in [
+        "train", "render", "eval", "mesh", "prune", "info", "demo", "chart", "needs",
+    ] {
         assert!(help.contains(&format!("\n  {command}")), "{help}");
         let own = stdout(&[command, "--help"]);
         assert!(own.lines().count() > 10, "{own}");
@@ -190,8 +194,12 @@ fn a_scene_is_trained_judged_and_drawn() {
     let scene = word(&scene);
     let scores = json(&stdout(&["eval", scene, data, "--test-every", "4", "--json"]));
     assert_eq!(scores["mean"], report["test"], "the file is what was judged");
-    assert_eq!(scores["views"].as_array().map(Vec::len), Some(3));
-    assert!(stdout(&["eval", scene, data]).contains("mean:"));
+    check_corrected(&scores);
+    let table = stdout(&["eval", scene, data]);
+    assert!(
+        table.contains("mean:") && table.contains("corrected by 12 numbers a view (cc): "),
+        "{table}"
+    );
     assert_eq!(
         json(&stdout(&["info", scene, "--json"]))["splat_count"],
         report["splat_count"]
@@ -224,6 +232,26 @@ fn a_scene_is_trained_judged_and_drawn() {
     }
     let bytes = |name: &str| std::fs::read(path(name)).unwrap();
     assert!(bytes("around/orbit_0000.png") != bytes("theirs/orbit_0000.png"));
+}
+
+/// Raw figures and those after corrections of colours, which never cost decibels.
+#[track_caller]
+fn check_corrected(scores: &Value) {
+    let views = scores["views"].as_array().cloned().unwrap_or_default();
+    assert_eq!(views.len(), 3);
+    let number = |of: &Value, pointer: &str| of.pointer(pointer).and_then(Value::as_f64).unwrap_or(f64::NAN);
+    let cc = |of: &Value| number(of, "/cc_affine12_direct/psnr_db");
+    for view in &views {
+        assert!(cc(view) >= number(view, "/psnr_db") - 1e-6, "{view}");
+        for half in ["left", "right"] {
+            assert!(
+                number(view, &format!("/half_affine12_direct/{half}/psnr_db")) > 5.0,
+                "{view}"
+            );
+        }
+    }
+    let mean = views.iter().map(cc).sum::<f64>() / 3.0;
+    assert!((cc(&scores["mean_corrected"]) - mean).abs() < 1e-9, "{scores}");
 }
 
 #[track_caller]

@@ -66,6 +66,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
             statistics: trainer.statistics()?,
             fingerprint: fingerprint(dataset),
             controller: None,
+            exposure: None,
         };
         before(trainer.iteration());
         checkpoint.write(&path)?;

@@ -131,6 +131,7 @@ fn a_run_of_several_degrees_repeats_and_resumes_to_the_bit() {
         statistics: first.statistics().unwrap(),
         fingerprint: fingerprint(&dataset),
         controller: None,
+        exposure: None,
     }
     .write(&path)
     .unwrap();

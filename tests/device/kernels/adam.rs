@@ -5,9 +5,9 @@ use crate::common::device;
 use crate::kernels::ELEMENTWISE;
 use ashfall::lab::bench::kernels::adam::{AdamInput, adam};
 
-/// Five planes with vectors beyond the last splat.
+/// The three planes of geometry with vectors beyond the last splat.
 fn planes(count: usize, magnitude: f64) -> AdamInput {
-    AdamInput::new(count, count + 3, 5, magnitude)
+    AdamInput::new(count, count + 3, 0..3, magnitude)
 }
 
 /// Planes with a number among the gradients of every third vector.

@@ -5,7 +5,7 @@ use crate::common::device;
 use crate::common::scenes::{self, Random};
 use crate::kernels::{ELEMENTWISE, by_length};
 use ashfall::lab::bench::kernels::Workgroups;
-use ashfall::lab::bench::kernels::loss::{ImagePair, LAMBDA, TILE, compare, differentiate, sum};
+use ashfall::lab::bench::kernels::loss::{ImagePair, LAMBDA, TILE, WHOLE, compare, differentiate, expose, sum};
 use ashfall::scene::AlphaMode::{self, Composite, Mask};
 
 /// A photograph, and a render that differs by noise.
@@ -19,7 +19,21 @@ fn noisy(width: usize, height: usize, mode: AlphaMode) -> ImagePair {
         rgba: photo.iter().map(|&[r, g, b]| [r, g, b, 255]).collect(),
         mode,
         background: [0.25, 0.5, 1.0],
+        gain: None,
     }
+}
+
+/// The same under an exposure, with clipped and dark values in both.
+fn exposed(mut of: ImagePair, gain: [f32; 3]) -> ImagePair {
+    for (i, (image, photo)) in of.image.iter_mut().zip(&mut of.rgba).enumerate() {
+        match i % 7 {
+            0 => *photo = [255, 254, 253, photo[3]],
+            1 => *photo = [0, 1, 2, photo[3]],
+            2 => *image = image.map(|x| f64::from((0.05 * x) as f32)),
+            _ => {}
+        }
+    }
+    ImagePair { gain: Some(gain), ..of }
 }
 
 /// The same with an alpha by position.
@@ -48,6 +62,7 @@ fn comparisons() -> Vec<(&'static str, ImagePair)> {
     };
     let edge = |x: usize| if x < 20 { 0 } else { 255 };
     let above_a_tile = noisy(TILE[0] + 1, TILE[1] + 1, Composite);
+    let gains = [1.335, 0.7492, 1.02];
     vec![
         ("one pixel", noisy(1, 1, Composite)),
         ("smaller than the window", noisy(5, 3, Composite)),
@@ -60,6 +75,9 @@ fn comparisons() -> Vec<(&'static str, ImagePair)> {
         ("a bright flat field", paint(40, |_| 250, |_| 0.97)),
         ("a hard edge", paint(40, edge, |x| if x < 19 { 0.02 } else { 0.96 })),
         ("a perfect match", paint(20, |_| 255, |_| 1.0)),
+        ("exposed", exposed(noisy(37, 60, Composite), gains)),
+        ("exposed and masked", exposed(alpha(noisy(40, 33, Mask), corner), gains)),
+        ("the same exposure", exposed(noisy(20, 20, Composite), [1.0; 3])),
     ]
 }
 
@@ -95,6 +113,19 @@ fn pixels_get_their_gradient() {
 fn tiles_are_added_up() {
     let gpu = device::gpu();
     let mut check = Check::new("loss_sum");
-    check.cases(&gpu, ELEMENTWISE, &by_length(|len| sum(&gpu, len)));
+    for places in [WHOLE, [1, 2, 2]] {
+        check.cases(&gpu, ELEMENTWISE, &by_length(|len| sum(&gpu, len, places)));
+    }
+    check.finish();
+}
+
+#[test]
+fn gains_have_their_sums() {
+    let gpu = device::gpu();
+    let mut check = Check::new("loss_exposure");
+    let comparisons = comparisons();
+    let case = |of| expose(&gpu, of).unwrap();
+    let cases: Vec<_> = comparisons.iter().map(|(name, of)| (*name, case(of))).collect();
+    check.cases(&gpu, WORKGROUPS, &cases);
     check.finish();
 }

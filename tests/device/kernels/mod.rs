@@ -6,6 +6,7 @@ use ashfall::kernels::Kernel;
 use ashfall::lab::bench::kernels::{KernelCase, Workgroups};
 
 mod adam;
+mod adam_color;
 mod baseline_16x16;
 mod baseline_16x16_backward;
 mod compact;

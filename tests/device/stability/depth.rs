@@ -1,11 +1,11 @@
-//! Section 9 of the catalogue: the accumulated depth.
+//! Section 9 of the catalogue: the accumulated depth. Depth of surfaces: `tests/device/surfaces.rs`.
 //!
 //! * 87: splats are ellipsoids here; there are no discs that could stand edge-on.
 //! * 88: as 87: there is no disc that could cross the camera's plane.
-//! * 93: no surface is fused from depths: there is no volume that could stay empty.
-//! * 94: as 93: there are no integer weights that could saturate.
-//! * 95: as 93: there are no marching cubes.
-//! * 96: nothing is triangulated.
+//! * 93: fusion needs no device: `tests/host/mesh.rs` has the volume that stays empty.
+//! * 94: as 93; weights and colours of voxels are floats, which do not saturate.
+//! * 95: as 93; `src/mesh/cubes.rs` tests all 256 cubes, `tests/host/mesh.rs` Euler's number.
+//! * 96: nothing is triangulated from points.
 
 use crate::common::scenes;
 use crate::stability::lab::{Lesson, U, lab, within};

@@ -4,7 +4,7 @@ use crate::stability::lab::Lab;
 use ashfall::gpu::Buffer;
 use ashfall::gpu::Groups;
 use ashfall::kernels::adam::{self, Adam, Bindings, Params};
-use ashfall::layout::{COUNT_POISONED, COUNT_SLOTS};
+use ashfall::layout::{COUNT_POISONED, COUNT_SLOTS, GEOMETRY_PLANES};
 
 /// Decay of the moments.
 pub(crate) const BETAS: [f32; 2] = [0.9, 0.999];
@@ -24,8 +24,8 @@ pub(crate) struct Run<'a> {
     moments: [Buffer<[f32; 4]>; 2],
 }
 
-/// Planes of a splat of degree 0.
-const PLANES: usize = 4;
+/// Planes of a splat's geometry.
+const PLANES: usize = GEOMETRY_PLANES as usize;
 
 impl<'a> Run<'a> {
     /// Starts with the four parameters of plane `plane`; the other parameters are 0.
@@ -63,8 +63,6 @@ impl<'a> Run<'a> {
             rate_opacity: RATE,
             rate_quaternion: RATE,
             rate_log_scale: RATE,
-            rate_sh_dc: RATE,
-            rate_sh_rest: RATE,
             beta1: BETAS[0],
             beta2: BETAS[1],
             epsilon: 1e-15,

@@ -12,6 +12,7 @@ mod gltf_nodes;
 mod hostile;
 mod images;
 mod ksplat;
+mod meshes;
 mod obj;
 mod photo;
 mod ply;

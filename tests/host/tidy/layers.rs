@@ -13,6 +13,7 @@ const RANKS: &[(&str, &str)] = &[
     ("gpu", "shader error"),
     ("io", "scene stats error"),
     ("metrics", "scene error"),
+    ("mesh", "scene stats error"),
     ("kernels", "gpu layout shader error"),
     ("render", "kernels gpu scene io metrics layout error"),
     ("train", "render kernels gpu scene io metrics layout error"),
@@ -40,7 +41,7 @@ const RANKS: &[(&str, &str)] = &[
 ];
 
 /// Modules that are built without the feature `lab`: `ENGINE` in the table above.
-const ENGINE: &str = "error layout shader stats scene gpu io metrics kernels render train simplify export";
+const ENGINE: &str = "error layout shader stats scene gpu io metrics mesh kernels render train simplify export";
 
 /// Imports point down.
 pub(crate) fn ranks_hold(files: &[File]) -> Vec<String> {

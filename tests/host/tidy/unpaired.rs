@@ -23,6 +23,10 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "src/reference/plane.rs",
         "part of project and of rasterize: a splat's plane, and the surface of a pixel",
     ),
+    (
+        "src/reference/adam_color.rs",
+        "part of adam: the gradient is a basis function times a colour's",
+    ),
     ("src/reference/dropout.rs", "part of project: random splats left out"),
     ("src/reference/ssim.rs", "part of loss: the similarity of one channel"),
     (

@@ -363,6 +363,7 @@ fn checkpoint() -> Vec<u8> {
         statistics: vec![[1.0, 2.0, 3.0, 0.0]; 2],
         fingerprint: 5,
         controller: None,
+        exposure: None,
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");

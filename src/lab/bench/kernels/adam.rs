@@ -1,15 +1,16 @@
-//! Case of `adam`: parameters and moments, one number at a time.
+//! Case of `adam`: parameters and moments, one number at a time; `adam_color` shares its expectations.
 
 use super::{KernelCase, counts, read, sample};
 use crate::Result;
-use crate::gpu::{Gpu, Groups};
+use crate::gpu::{Buffer, Gpu, Groups};
+use crate::kernels::Kernel;
 use crate::kernels::adam::{Adam, Bindings, Params};
 use crate::lab::bench::Work;
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
-use crate::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST};
+use crate::layout::{COUNT_FAILED, COUNT_POISONED, COUNT_POISONED_FIRST, GEOMETRY_PLANES};
 use crate::reference::adam::{self as reference, AdamState};
-use crate::render::plane_count;
+use std::ops::Range;
 use std::rc::Rc;
 
 /// Vectors that are compared.
@@ -17,7 +18,10 @@ const SAMPLES: usize = 5000;
 /// The step, on which Adam's corrections depend.
 const STEP: i32 = 7;
 /// Number of the first splat.
-const FIRST_SPLAT: u32 = 1000;
+pub(super) const FIRST_SPLAT: u32 = 1000;
+
+/// Learning rates of harmonics of degree 0 and of the others.
+pub(super) const SH_RATES: [f32; 2] = [2.5e-3, 1.25e-4];
 
 /// Parameters, gradients and both moments of some splats, `[plane][splat]`.
 pub struct AdamInput {
@@ -25,8 +29,8 @@ pub struct AdamInput {
     pub count: usize,
     /// Vectors of a plane, of which the last ones belong to no splat.
     pub stride: usize,
-    /// Planes.
-    pub planes: usize,
+    /// Planes that the kernel steps; those before are left alone.
+    pub planes: Range<usize>,
     /// Size of the gradients.
     pub magnitude: f64,
     /// Largest log-ratio of scales; 0: no bound.
@@ -39,12 +43,12 @@ pub struct AdamInput {
 
 impl AdamInput {
     /// Random numbers; now and then there is no gradient at all.
-    pub fn new(count: usize, stride: usize, planes: usize, magnitude: f64) -> AdamInput {
+    pub fn new(count: usize, stride: usize, planes: Range<usize>, magnitude: f64) -> AdamInput {
         let random = &mut Random::new(count as u64);
         let mut four = |low: f64, high: f64| [0; 4].map(|_| random.between(low, high) as f32);
         let square = magnitude * magnitude;
         let mut vectors = [(); 4].map(|()| Vec::new());
-        for i in 0..stride * planes {
+        for i in 0..stride * planes.end {
             vectors[0].push(four(-2.0, 2.0));
             let gradient = four(-magnitude, magnitude);
             vectors[1].push(if i % 11 == 5 { [0.0; 4] } else { gradient });
@@ -62,7 +66,7 @@ impl AdamInput {
         }
     }
 
-    fn params(&self) -> Params {
+    pub(super) fn params(&self) -> Params {
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powi(STEP))) as f32;
         Params {
             first_splat: FIRST_SPLAT,
@@ -72,8 +76,6 @@ impl AdamInput {
             rate_opacity: 0.05,
             rate_quaternion: 1e-3,
             rate_log_scale: 5e-3,
-            rate_sh_dc: 2.5e-3,
-            rate_sh_rest: 1.25e-4,
             beta1: 0.9,
             beta2: 0.999,
             epsilon: 1e-15,
@@ -83,17 +85,20 @@ impl AdamInput {
         }
     }
 
+    fn is_stepped(&self, i: usize) -> bool {
+        i % self.stride < self.count && self.planes.contains(&(i / self.stride)) && !self.failed
+    }
+
     /// Whether a vector's gradient is left out, its squares being no numbers.
     fn is_poisoned(&self, i: usize) -> bool {
-        let is_drawn = i % self.stride < self.count && !self.failed;
-        is_drawn && self.vectors[1][i].iter().any(|g| !(g * g).is_finite())
+        self.is_stepped(i) && self.vectors[1][i].iter().any(|g| !(g * g).is_finite())
     }
 
     /// Parameters and moments of a vector after the step.
     fn expected(&self, i: usize) -> [[f64; 4]; 3] {
         let [values, gradients, first, second] = &self.vectors;
-        let (plane, splat) = (i / self.stride, i % self.stride);
-        if splat >= self.count || self.failed || self.is_poisoned(i) {
+        let plane = i / self.stride;
+        if !self.is_stepped(i) || self.is_poisoned(i) {
             return [values, first, second].map(|list| list[i].map(f64::from));
         }
         let p = self.params();
@@ -133,37 +138,77 @@ fn rate(p: &Params, plane: usize, lane: usize) -> f32 {
         (1, _) => p.rate_quaternion,
         (2, 0..3) => p.rate_log_scale,
         (2, _) => 0.0,
-        (3, 0..3) => p.rate_sh_dc,
-        _ => p.rate_sh_rest,
+        (3, 0..3) => SH_RATES[0],
+        _ => SH_RATES[1],
     }
 }
 
 /// Splats of degree 3.
 pub fn usual<'a>(gpu: &Gpu, count: usize) -> Result<KernelCase<'a, Adam>> {
-    adam(gpu, AdamInput::new(count, count, plane_count(3), 1.0))
+    adam(gpu, AdamInput::new(count, count, 0..GEOMETRY_PLANES as usize, 1.0))
+}
+
+/// Buffers of a step.
+pub(super) struct AdamBuffers {
+    pub(super) counts: Buffer<u32>,
+    pub(super) params: Buffer<[f32; 4]>,
+    pub(super) moment1: Buffer<[f32; 4]>,
+    pub(super) moment2: Buffer<[f32; 4]>,
 }
 
 /// One step.
 pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
-    let vectors = input.planes * input.stride;
+    let d_params = gpu.buffer_from("before", &input.vectors[1])?;
+    let (params, planes) = (input.params(), input.planes.len() as u32);
+    // A moment is two products and a sum of terms up to the gradients' magnitude: 4u of it.
+    let (case, buffers) = stepped(gpu, input, 4.0)?;
+    Ok(case.commands(move |rec, kernel: &Adam, _| {
+        let io = Bindings {
+            counts: &buffers.counts,
+            d_params: &d_params,
+            params: &buffers.params,
+            moment1: &buffers.moment1,
+            moment2: &buffers.moment2,
+        };
+        let row = params.splat_count.div_ceil(kernel.workgroup);
+        kernel.record(rec, io, params, Groups::Grid([row, planes, 1]));
+    }))
+}
+
+/// Case without commands: buffers before the step and expectations after it, with the error of the first moment in
+/// units of 2⁻²⁴.
+pub(super) fn stepped<'a, K: Kernel>(
+    gpu: &Gpu,
+    input: AdamInput,
+    moment_error: f64,
+) -> Result<(KernelCase<'a, K>, AdamBuffers)> {
+    let vectors = input.planes.end * input.stride;
     let upload = |i: usize| gpu.buffer_from("before", &input.vectors[i]);
-    let [values, gradients, first, second] = [upload(0)?, upload(1)?, upload(2)?, upload(3)?];
-    let [value, moment1, moment2] = [(); 3].map(|()| gpu.buffer::<[f32; 4]>("after", vectors));
-    let (value, moment1, moment2) = (value?, moment1?, moment2?);
+    let [values, first, second] = [upload(0)?, upload(2)?, upload(3)?];
+    let [params, moment1, moment2] = [(); 3].map(|()| gpu.buffer::<[f32; 4]>("after", vectors));
+    let buffers = AdamBuffers {
+        counts: counts(gpu, &[])?,
+        params: params?,
+        moment1: moment1?,
+        moment2: moment2?,
+    };
     let counts_before = counts(gpu, &[(COUNT_FAILED, input.failed.into())])?;
-    let counts = counts(gpu, &[])?;
-    let (counted, params, planes) = (counts.clone(), input.params(), input.planes as u32);
     // Seven times each parameter: the gradient read, the others read and written.
-    let work = Work::of(input.count, "splats").moving(7 * 16 * input.planes * input.count);
-    // A moment is two products and a sum of terms up to the gradients' magnitude: 4u of it, and the second adds one
-    // factor. The step is a quotient of those, about 12u, and far smaller than its parameter; the norm of a quaternion
-    // that happens to be short adds as much again.
+    let work = Work::of(input.count, "splats").moving(7 * 16 * input.planes.len() * input.count);
+    // The second moment adds one factor. The step is a quotient of those, about 12u, and far smaller than its
+    // parameter; the norm of a quaternion that happens to be short adds as much again.
     let (u, magnitude, input) = (2f64.powi(-24), input.magnitude, Rc::new(input));
-    let mut case = KernelCase::new(work).copy(&counts_before, &counts);
+    let mut case = KernelCase::new(work).copy(&counts_before, &buffers.counts);
     for (k, (name, before, after, tolerance, scale)) in [
-        ("parameters", &values, &value, 16.0 * u, 1.0),
-        ("moment1", &first, &moment1, 4.0 * u, magnitude),
-        ("moment2", &second, &moment2, 5.0 * u, magnitude * magnitude),
+        ("parameters", &values, &buffers.params, 16.0 * u, 1.0),
+        ("moment1", &first, &buffers.moment1, moment_error * u, magnitude),
+        (
+            "moment2",
+            &second,
+            &buffers.moment2,
+            (moment_error + 1.0) * u,
+            magnitude * magnitude,
+        ),
     ]
     .into_iter()
     .enumerate()
@@ -179,18 +224,8 @@ pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
         });
         case = judged.copy(before, after);
     }
-    let case = case.commands(move |rec, kernel: &Adam, _| {
-        let io = Bindings {
-            counts: &counted,
-            d_params: &gradients,
-            params: &value,
-            moment1: &moment1,
-            moment2: &moment2,
-        };
-        let row = params.splat_count.div_ceil(kernel.workgroup);
-        kernel.record(rec, io, params, Groups::Grid([row, planes, 1]));
-    });
-    Ok(case.judge(move |gpu| {
+    let counts = buffers.counts.clone();
+    let case = case.judge(move |gpu| {
         let counts = read(gpu, &counts)?;
         let poisoned: Vec<usize> = (0..vectors).filter(|&i| input.is_poisoned(i)).collect();
         let first = poisoned.iter().map(|i| FIRST_SPLAT + (i % input.stride) as u32).min();
@@ -199,5 +234,6 @@ pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
         let slots = [COUNT_POISONED, COUNT_POISONED_FIRST].map(|slot| counts[slot as usize]);
         let wanted = vec![poisoned.len() as f64, f64::from(first)];
         Ok(vec![Output::exact("poisoned", slots.map(f64::from).into(), wanted)])
-    }))
+    });
+    Ok((case, buffers))
 }

@@ -3,12 +3,12 @@
 use super::{KernelCase, Workgroups, sample, time};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups};
-use crate::kernels::{loss, loss_backward, loss_sum};
+use crate::kernels::{loss, loss_backward, loss_exposure, loss_sum};
 use crate::lab::bench::check::{Output, floats, rms};
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::{Bench, Work};
-use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
-use crate::reference::loss::values;
+use crate::layout::{EXPOSURE_PIXELS, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
+use crate::reference::loss::{Exposure, values};
 use crate::reference::ssim::{C1, C2};
 use crate::reference::{Dual, Real};
 use crate::scene::AlphaMode;
@@ -28,7 +28,8 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         let shaded = std::cell::LazyCell::new(|| ImagePair::shaded(width, height));
         time(bench, workgroups, &name, |gpu| compare(gpu, &shaded, true))?;
         let tiles = width.div_ceil(TILE[0]) * height.div_ceil(TILE[1]);
-        time(bench, workgroups, &name, |gpu| sum(gpu, tiles))?;
+        time(bench, workgroups, &name, |gpu| sum(gpu, tiles, WHOLE))?;
+        time(bench, workgroups, &name, |gpu| expose(gpu, &shaded))?;
         time(bench, workgroups, &name, |gpu| differentiate(gpu, &shaded, LAMBDA))?;
     }
     Ok(())
@@ -46,6 +47,8 @@ pub struct ImagePair {
     pub mode: AlphaMode,
     /// Colour behind transparent pixels.
     pub background: [f32; 3],
+    /// Exposure of the photograph; `None`: the kernels work without.
+    pub gain: Option<[f32; 3]>,
 }
 
 impl ImagePair {
@@ -67,7 +70,19 @@ impl ImagePair {
             rgba,
             mode: AlphaMode::Composite,
             background: [0.25, 0.5, 1.0],
+            gain: None,
         }
+    }
+
+    fn exposure(&self) -> Option<Exposure> {
+        let gain = self.gain?.map(f64::from);
+        Some(Exposure { gain })
+    }
+
+    /// Gains, and slopes on the curve's toe.
+    fn push(&self) -> [[f32; 3]; 2] {
+        let gain = self.gain.unwrap_or([1.0; 3]);
+        [gain, gain.map(|g| f64::from(g).powf(2.4) as f32)]
     }
 
     fn height(&self) -> usize {
@@ -126,10 +141,31 @@ impl WindowTarget<'_> {
         self.mask.as_ref().map_or(1.0, |mask| mask[pixel])
     }
 
-    /// Render and photograph at `[channel][pixel]`.
+    /// Render under the exposure, and photograph, at `[channel][pixel]`.
     fn pair(&self, place: usize) -> [f64; 2] {
+        let (x, y) = self.exposed(place);
+        [x.v, y]
+    }
+
+    /// Render under the exposure, with its derivative by the plain one, and photograph.
+    fn exposed(&self, place: usize) -> (Dual<1>, f64) {
         let (channel, pixel) = (place / self.pixels(), place % self.pixels());
-        [self.of.image[pixel][channel], self.photo[pixel][channel]]
+        let x = Dual::variable(self.of.image[pixel][channel], Some(0));
+        let y = self.photo[pixel][channel];
+        let exposure = self.of.exposure();
+        (exposure.map_or(x, |exposure| exposure.of(channel, x, y)), y)
+    }
+
+    /// True where rounding may choose another line of the exposure, or another side of the photograph.
+    fn is_at_a_kink(&self, place: usize) -> bool {
+        let (channel, pixel) = (place / self.pixels(), place % self.pixels());
+        let at = |dx: f64| {
+            let (x, y) = (self.of.image[pixel][channel] + dx, self.photo[pixel][channel]);
+            let x = Dual::<1>::variable(x, Some(0));
+            let exposed = self.of.exposure().map_or(x, |exposure| exposure.of(channel, x, y));
+            (exposed.d, (exposed.v - y).signum(), exposed.v == y)
+        };
+        at(-1e-6) != at(1e-6)
     }
 
     /// The sum of `value` over the window about a pixel, weighted; outside the image there is nothing.
@@ -206,7 +242,10 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
     let by_place = target.clone();
     // Three channels and the photograph in, three slopes of each channel out.
     let case = KernelCase::new(Work::of(pixels, "pixels").moving(52 * pixels))
-        .tune(move |choice: &mut loss::Choice| choice.spec.with_ssim = with_ssim.into())
+        .tune(move |choice: &mut loss::Choice| {
+            choice.spec.with_ssim = with_ssim.into();
+            choice.spec.with_exposure = of.gain.is_some().into();
+        })
         .compare(&sums, move |all| {
             let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
             for tile in sample(tiles, 40) {
@@ -237,32 +276,82 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
             ssim_slope: &slopes,
             loss_from_tile: &sums,
         };
-        kernel.record(rec, io, loss::Params { alpha_mode }, Groups::Count(tiles as u32));
+        let [gain, toe] = of.push();
+        let params = loss::Params { alpha_mode, gain, toe };
+        kernel.record(rec, io, params, Groups::Count(tiles as u32));
     }))
 }
 
-/// Random sums of tiles, added up.
-pub fn sum<'a>(gpu: &Gpu, tiles: usize) -> Result<KernelCase<'a, loss_sum::LossSum>> {
+/// Place of the first tile's terms, distance to the next, place of the total: those of the loss.
+pub const WHOLE: [u32; 3] = [0, 1, 0];
+
+/// Random sums of tiles, added up: those of every `stride`-th place.
+pub fn sum<'a>(gpu: &Gpu, tiles: usize, places: [u32; 3]) -> Result<KernelCase<'a, loss_sum::LossSum>> {
+    let [first, stride, slot] = places;
     let random = &mut Random::new(tiles as u64);
     let mut four = || [0; 4].map(|_| random.between(0.0, 700.0) as f32);
-    let terms: Vec<[f32; 4]> = (0..tiles).map(|_| four()).collect();
-    let sum = |lane: usize| terms.iter().map(|t| f64::from(t[lane])).sum::<f64>();
+    let terms: Vec<[f32; 4]> = (0..tiles * stride as usize).map(|_| four()).collect();
+    let every = || terms.iter().skip(first as usize).step_by(stride as usize);
+    let sum = |lane: usize| every().map(|t| f64::from(t[lane])).sum::<f64>();
     let expected = [0, 1, 2, 3].map(sum).to_vec();
     let loss_from_tile = gpu.buffer_from("loss_from_tile", &terms)?;
-    let loss = gpu.buffer::<[f32; 4]>("loss", 1)?;
+    let total = gpu.buffer::<[f32; 4]>("loss", slot as usize + 1)?;
     // Random rounding of as many positive terms: sqrt(tiles) u, at 5000 terms one after the other.
-    let case = KernelCase::new(Work::default().moving(16 * tiles)).compare(&loss, move |found| {
-        vec![Output::relative("total", floats(&found), expected.clone(), 1e-5, 1.0)]
+    let case = KernelCase::new(Work::default().moving(16 * tiles)).compare(&total, move |found| {
+        let last = &found[slot as usize..];
+        vec![Output::relative("total", floats(last), expected.clone(), 1e-5, 1.0)]
     });
     Ok(case.commands(move |rec, kernel: &loss_sum::LossSum, _| {
         let io = loss_sum::Bindings {
             loss_from_tile: &loss_from_tile,
-            loss: &loss,
+            total: &total,
         };
         let params = loss_sum::Params {
             tile_count: tiles as u32,
+            first,
+            stride,
+            slot,
         };
         kernel.record(rec, io, params, Groups::Count(1));
+    }))
+}
+
+/// Sums for the gains of a photograph, by workgroup.
+pub fn expose<'a>(gpu: &Gpu, of: &'a ImagePair) -> Result<KernelCase<'a, loss_exposure::LossExposure>> {
+    let (pixels, size) = (of.image.len(), EXPOSURE_PIXELS as usize);
+    let groups = pixels.div_ceil(size);
+    let (view, image, photo) = of.upload(gpu)?;
+    let partials = gpu.buffer::<[f32; 4]>("sums_from_group", 2 * groups)?;
+    let [gain, toe] = of.push();
+    let alpha_mode = of.alpha_mode();
+    // Nine words of each pixel.
+    let case = KernelCase::new(Work::of(pixels, "pixels").moving(16 * pixels)).compare(&partials, move |all| {
+        let exposure = Exposure {
+            gain: gain.map(f64::from),
+        };
+        let (stored, _) = values(&of.rgba, AlphaMode::Mask, [0.0; 3]);
+        let weight = |pixel: usize| match of.mode {
+            AlphaMode::Mask => f64::from(of.rgba[pixel][3]) / 255.0,
+            AlphaMode::Composite => f64::from(u8::from(of.rgba[pixel][3] == 255)),
+        };
+        let mut expected = Vec::new();
+        for first in (0..pixels).step_by(size) {
+            let stretch = first..(first + size).min(pixels);
+            let sums = exposure.sums(&of.image[stretch.clone()], &stored[stretch], |i| weight(first + i));
+            expected.extend(sums.as_flattened());
+        }
+        // Positive terms of a few ulp each, a lane's one after the other: 384 at 8 lanes.
+        vec![Output::relative("sums", floats(&all), expected, 1e-4, 1.0)]
+    });
+    Ok(case.commands(move |rec, kernel: &loss_exposure::LossExposure, _| {
+        let io = loss_exposure::Bindings {
+            view: &view,
+            image: &image,
+            photo: &photo,
+            sums_from_group: &partials,
+        };
+        let params = loss_exposure::Params { alpha_mode, gain, toe };
+        kernel.record(rec, io, params, Groups::Count(groups as u32));
     }))
 }
 
@@ -287,18 +376,27 @@ pub fn differentiate<'a>(
     let ssim_slope = gpu.buffer_from("ssim_slope", &slopes)?;
     let d_image = gpu.buffer::<f32>("d_image", 3 * pixels)?;
     let tiles = of.tiles() as u32;
+    let [gain, toe] = of.push();
+    let steepest = toe.into_iter().fold(1.0, f32::max).into();
     let params = loss_backward::Params {
         alpha_mode: of.alpha_mode(),
         l1_scale: ((1.0 - lambda) * share) as f32,
         ssim_scale: (lambda * share) as f32,
+        gain,
+        toe,
     };
-    let case = KernelCase::new(Work::of(pixels, "pixels").moving(64 * pixels))
-        .tune(move |choice: &mut loss_backward::Choice| choice.spec.with_ssim = u32::from(lambda > 0.0));
+    let case = KernelCase::new(Work::of(pixels, "pixels").moving(64 * pixels)).tune(
+        move |choice: &mut loss_backward::Choice| {
+            choice.spec.with_ssim = u32::from(lambda > 0.0);
+            choice.spec.with_exposure = of.gain.is_some().into();
+        },
+    );
     let case = case.compare(&d_image, move |all| {
         let (mut found, mut expected, mut near) = (Vec::new(), Vec::new(), Vec::new());
         for place in sample(3 * pixels, SAMPLES) {
             let weight_here = target.weight(place % pixels);
-            let [x, y] = target.pair(place);
+            let (exposed, y) = target.exposed(place);
+            let x = exposed.v;
             let [a, b, c] = target.window(place, |at| slopes[at].map(f64::from));
             // The slopes are those by weighted values.
             let d_ssim = a + 2.0 * weight_here * x * b + weight_here * y * c;
@@ -308,11 +406,11 @@ pub fn differentiate<'a>(
             let unit = if weight > 0.0 { weight } else { 1.0 };
             found.push(f64::from(all[place]) * unit);
             let terms = (1.0 - lambda) * sign - lambda * d_ssim;
-            expected.push(terms * weight_here * share * unit);
-            near.push(x != y && (x - y).abs() < 1e-6);
+            expected.push(exposed.d[0] * terms * weight_here * share * unit);
+            near.push(x != y && (x - y).abs() < 1e-6 || target.is_at_a_kink(place));
         }
-        let d_image = Output::relative("d_image", found, expected, 3e-4, 1.0);
-        vec![d_image.near(near, 2.0, 0.01)]
+        let d_image = Output::relative("d_image", found, expected, 3e-4, steepest);
+        vec![d_image.near(near, 2.0 * steepest, 0.01)]
     });
     Ok(case.commands(move |rec, kernel: &loss_backward::LossBackward, _| {
         let io = loss_backward::Bindings {

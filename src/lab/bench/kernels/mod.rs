@@ -3,6 +3,7 @@
 //! Outputs of large inputs are compared by samples, evenly spaced.
 
 pub mod adam;
+pub mod adam_color;
 pub mod compact;
 pub mod composite;
 pub mod contribution;
@@ -87,6 +88,7 @@ fn by_splat(bench: &mut Bench, count: usize) -> Result<()> {
         project_backward::scattered(gpu, &scene(3))
     })?;
     time(bench, ELEMENTWISE, count, |gpu| adam::usual(gpu, count))?;
+    time(bench, ELEMENTWISE, count, |gpu| adam_color::usual(gpu, count))?;
     time(bench, ELEMENTWISE, count, |gpu| {
         perturb::perturb(gpu, &perturb::faint(scene(0)))
     })

@@ -10,11 +10,12 @@ use crate::lab::bench::input::lists::{view, viewpoint};
 use crate::lab::bench::input::pack::{self, Splat2d};
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::input::scene::Scene;
+use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES};
 use crate::reference::primitive::extent;
 use crate::reference::project::margins;
 use crate::reference::project_backward::{PenaltyWeights, penalty_backward};
 use crate::reference::smoothing::{smoothed, smoothed_backward};
-use crate::reference::{ScreenSplat, Splat, Thresholds, project};
+use crate::reference::{ScreenSplat, Splat, Thresholds, project, sh};
 use crate::render::{plane_count, planes_from_splats};
 use rayon::prelude::*;
 
@@ -120,6 +121,7 @@ impl SplatSums {
 /// Buffers that the kernel writes.
 #[derive(Clone)]
 pub struct GradientOutputs {
+    sh_degree: u32,
     d_params: Buffer<[f32; 4]>,
     statistics: Buffer<[f32; 4]>,
 }
@@ -128,14 +130,14 @@ impl GradientOutputs {
     /// Room for the splats of a scene, and for one vector more.
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<GradientOutputs> {
         let count = scene.splats.len();
-        let planes = plane_count(scene.splats.sh_degree);
         Ok(GradientOutputs {
-            d_params: gpu.buffer("d_params", planes * count + 1)?,
+            sh_degree: scene.splats.sh_degree,
+            d_params: gpu.buffer("d_params", GRADIENT_PLANES as usize * count + 1)?,
             statistics: gpu.buffer("statistics", count)?,
         })
     }
 
-    /// Gradients of all parameters in planes, and statistics by splat.
+    /// Gradients of all parameters in planes, those of harmonics multiplied out, and statistics by splat.
     ///
     /// # Errors
     /// Those of transfers.
@@ -144,7 +146,24 @@ impl GradientOutputs {
         let beyond = gradients.pop().unwrap_or_default();
         let is_untouched = beyond.iter().all(|x| x.to_bits() == UNWRITTEN);
         assert!(is_untouched, "wrote past the end");
-        Ok([gradients, read(gpu, &self.statistics)?])
+        Ok([self.multiplied(gradients), read(gpu, &self.statistics)?])
+    }
+
+    fn multiplied(&self, mut planes: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
+        let count = planes.len() / GRADIENT_PLANES as usize;
+        let factors = planes.split_off(GEOMETRY_PLANES as usize * count);
+        planes.resize(plane_count(self.sh_degree) * count, [0.0; 4]);
+        for (splat, (d_color, direction)) in factors[..count].iter().zip(&factors[count..]).enumerate() {
+            let [x, y, z, _] = direction.map(f64::from);
+            for (k, basis) in sh::basis(self.sh_degree, [x, y, z]).into_iter().enumerate() {
+                for channel in 0..3 {
+                    let number = 3 * k + channel;
+                    let place = (GEOMETRY_PLANES as usize + number / 4) * count + splat;
+                    planes[place][number % 4] = (basis * f64::from(d_color[channel])) as f32;
+                }
+            }
+        }
+        planes
     }
 }
 
@@ -196,7 +215,8 @@ pub fn commands<'a>(
     let before = gpu.buffer_from("statistics", &vec![STATISTICS; count])?;
     let (out, indexed) = (outputs.clone(), index.is_some());
     // Parameters in, gradients out; record, statistics, and the records of the tiles.
-    let bytes = 2 * 16 * plane_count(degree) + size_of::<Splat2d>() + 32 + 8;
+    let planes = plane_count(degree) + GRADIENT_PLANES as usize;
+    let bytes = 16 * planes + size_of::<Splat2d>() + 32 + 8;
     let case = KernelCase::new(Work::of(count, "splats").moving(bytes * count + 36 * sums.records.len()));
     let case = case.commands(move |rec, kernel: &ProjectBackward, _| {
         let io = Bindings {

@@ -1,0 +1,52 @@
+//! Faults of real captures in made photographs, with the truth known.
+
+use super::random::KeyedRandom;
+
+/// Largest exposure of a photograph in stops, either way.
+const EXPOSURE_STOPS: f64 = 1.0;
+
+/// Largest white balance in stops, of red and of blue, either way.
+const BALANCE_STOPS: f64 = 0.25;
+
+/// Exposure of each view's red, green and blue in stops of linear light: 0 in test views, else uniform within one stop
+/// for all channels, and within a quarter for red and blue alone. The mean over the training views is 0 in each
+/// channel.
+pub(super) fn exposures(views: usize, is_test: impl Fn(usize) -> bool, seed: u64) -> Vec<[f64; 3]> {
+    let draw = |view: usize| {
+        let mut random = KeyedRandom::new(seed, view as u64);
+        let mut uniform = |reach: f64| random.between(-reach, reach);
+        let (all, red, blue) = (uniform(EXPOSURE_STOPS), uniform(BALANCE_STOPS), uniform(BALANCE_STOPS));
+        [all + red, all, all + blue]
+    };
+    let mut stops: Vec<[f64; 3]> = (0..views).map(draw).collect();
+    let training: Vec<usize> = (0..views).filter(|&view| !is_test(view)).collect();
+    let mean = [0, 1, 2].map(|c| training.iter().map(|&v| stops[v][c]).sum::<f64>() / training.len().max(1) as f64);
+    for (view, stops) in stops.iter_mut().enumerate() {
+        for (stop, mean) in stops.iter_mut().zip(mean) {
+            *stop = if is_test(view) { 0.0 } else { *stop - mean };
+        }
+    }
+    stops
+}
+
+/// The colour under another exposure: sRGB values, through linear light. Values above 1 are left for the photograph to
+/// clip.
+pub(super) fn exposed(color: [f32; 3], stops: [f64; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|c| stored(linear(color[c].into()) * stops[c].exp2()) as f32)
+}
+
+/// Linear light of an sRGB value (IEC 61966-2-1).
+fn linear(value: f64) -> f64 {
+    match value <= 0.04045 {
+        true => value / 12.92,
+        false => ((value + 0.055) / 1.055).powf(2.4),
+    }
+}
+
+/// The inverse of [`linear`].
+fn stored(light: f64) -> f64 {
+    match light <= 0.003_130_8 {
+        true => 12.92 * light,
+        false => 1.055 * light.powf(1.0 / 2.4) - 0.055,
+    }
+}

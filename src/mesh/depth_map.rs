@@ -1,0 +1,106 @@
+//! Depth of a surface through one camera, as fusion reads it.
+
+use crate::scene::Camera;
+use glam::{DVec2, DVec3};
+
+/// A camera's depths, slopes and colours, row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DepthMap {
+    /// The camera.
+    pub camera: Camera,
+    /// Depth along the view's z axis, world units; NaN without a surface.
+    pub depth: Vec<f32>,
+    /// |n · r| with the unit normal n and the ray r of length 1 along z: distance from the surface per depth.
+    pub slope: Vec<f32>,
+    /// Display-referred red, green, blue, not multiplied by coverage, and coverage.
+    pub color: Vec<[u8; 4]>,
+}
+
+/// Depths farther than this many medians of all depths are left out: their pixels are as much larger than a voxel.
+const FAR: f32 = 4.0;
+
+/// Least cosine between ray and normal: the depths of surfaces seen at a lower angle are uncertain. cos 80°.
+const COSINE_MIN: f32 = 0.173_648;
+
+impl DepthMap {
+    /// Map of a frame's surface: `depth` in world units along z and `normal` in the world, both NaN without a surface;
+    /// `rgb` over black, `alpha` the coverage.
+    pub fn new(camera: &Camera, depth: &[f32], normal: &[[f32; 3]], rgb: &[[f32; 3]], alpha: &[f32]) -> DepthMap {
+        let pixels = camera.width as usize * camera.height as usize;
+        assert!(
+            [depth.len(), normal.len(), rgb.len(), alpha.len()] == [pixels; 4],
+            "one of each per pixel"
+        );
+        let slope = |i: usize| {
+            let x = (i % camera.width as usize) as f64 + 0.5;
+            let y = (i / camera.width as usize) as f64 + 0.5;
+            let normal = DVec3::from(normal[i].map(f64::from));
+            normal.dot(camera.ray_from_pixel(DVec2::new(x, y))).abs() as f32
+        };
+        let level = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let color = |i: usize| {
+            let [r, g, b] = rgb[i].map(|c| level(c / alpha[i].max(1e-6)));
+            [r, g, b, level(alpha[i])]
+        };
+        DepthMap {
+            camera: *camera,
+            depth: depth.to_vec(),
+            slope: (0..pixels).map(slope).collect(),
+            color: (0..pixels).map(color).collect(),
+        }
+    }
+
+    /// Bytes of a map of so many pixels.
+    pub fn bytes(pixels: usize) -> u64 {
+        12 * pixels as u64
+    }
+
+    /// Removes depths that are no number or not in front, are farther than `FAR` times the median of all maps, or are
+    /// seen at too low an angle.
+    pub(super) fn limit(&mut self, median: f32) {
+        let (width, camera) = (self.camera.width as usize, self.camera);
+        for (i, (depth, slope)) in self.depth.iter_mut().zip(&self.slope).enumerate() {
+            let x = ((i % width) as f64 + 0.5 - camera.center.x) / camera.focal.x;
+            let y = ((i / width) as f64 + 0.5 - camera.center.y) / camera.focal.y;
+            let cosine = slope / (1.0 + x * x + y * y).sqrt() as f32;
+            // Written so that NaN fails.
+            if !(*depth > 0.0 && *depth <= FAR * median && cosine >= COSINE_MIN) {
+                *depth = f32::NAN;
+            }
+        }
+    }
+
+    /// Depth, slope and nearest pixel at a position in pixels, one pixel or more inside the border. Inverse depths are
+    /// interpolated, which is exact on a plane, where the four around it lie within `apart` of each other along the
+    /// normal; otherwise the nearest pixel counts.
+    pub(super) fn sample(&self, x: f32, y: f32, apart: f32) -> Option<(f32, f32, usize)> {
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        // Written so that NaN fails.
+        if !(x >= 1.0 && y >= 1.0 && x < width as f32 - 1.0 && y < height as f32 - 1.0) {
+            return None;
+        }
+        let nearest = y as usize * width + x as usize;
+        let (left, top) = ((x - 0.5) as usize, (y - 0.5) as usize);
+        let corner = top * width + left;
+        let four = [corner, corner + 1, corner + width, corner + width + 1];
+        let depths = four.map(|i| self.depth[i]);
+        let slopes = four.map(|i| self.slope[i]);
+        let (mut least, mut most, mut steepest) = (depths[0], depths[0], slopes[0]);
+        for i in 1..4 {
+            // NaN stays out of both, and is found by the sum.
+            least = least.min(depths[i]);
+            most = most.max(depths[i]);
+            steepest = steepest.min(slopes[i]);
+        }
+        let whole = !depths.iter().sum::<f32>().is_nan() && (most - least) * steepest <= apart;
+        if !whole {
+            let depth = self.depth[nearest];
+            return (!depth.is_nan()).then_some((depth, self.slope[nearest], nearest));
+        }
+        let (u, v) = (x - 0.5 - left as f32, y - 0.5 - top as f32);
+        let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+        let inverse: f32 = (0..4).map(|i| weights[i] / depths[i]).sum();
+        let slope = (0..4).map(|i| weights[i] * slopes[i]).sum();
+        Some((1.0 / inverse, slope, nearest))
+    }
+}

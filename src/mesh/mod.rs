@@ -1,0 +1,21 @@
+//! Meshes of scenes: fusion of depth maps in a volume of signed distances, extraction, cleaning, and distances from a
+//! true mesh.
+//!
+//! **Invariant:** no device and no files; the same maps give the same bytes.
+//!
+#![doc = include_str!("../../docs/surfaces.md")]
+
+mod clean;
+mod compare;
+mod cubes;
+mod depth_map;
+mod extract;
+mod fuse;
+mod outside;
+mod tree;
+mod volume;
+
+pub use clean::{MeshComponent, clean, components};
+pub use compare::{ComparisonOptions, DistanceSummary, MeshComparison, NormalSummary, ThresholdScore, compare};
+pub use depth_map::DepthMap;
+pub use fuse::{FusionOptions, FusionPhase, FusionReport, fuse};
