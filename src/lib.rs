@@ -34,7 +34,9 @@ pub use scene::{Camera, Dataset, Primitive, ScreenFilter, Splats, Split, View};
 
 // Rendering, on a device of its own or on a host's.
 pub use gpu::{Gpu, GpuOptions, HostCommands, HostDevice, HostImage, REQUIRED};
-pub use render::{Evaluator, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
+pub use render::{
+    Blend, DepthCode, Evaluator, HostDepth, HostTarget, Model, RenderOptions, RenderedImage, Renderer, ViewOptions,
+};
 
 // Training and simplification.
 pub use simplify::{AutoRun as Run, CountController, prune};

@@ -16,8 +16,8 @@ const IMAGES_PER_POOL: u32 = 16;
 /// Bindings of a kernel at the most: storage buffers that devices must offer, and images.
 pub(super) const BINDINGS_MAX: usize = 24;
 
-/// Descriptor sets of a frame slot. Sets are made on demand and written anew in every frame, so that warm frames allocate
-/// none.
+/// Descriptor sets of a frame slot. Sets are made on demand and written anew in every frame, so that warm frames
+/// allocate none.
 pub(super) struct Arena {
     gpu: Gpu,
     pools: Vec<vk::DescriptorPool>,

@@ -123,8 +123,8 @@ impl Gpu {
         own.map(|own| own.messages.all()).unwrap_or_default()
     }
 
-    /// Compiled pipelines, for [`GpuOptions::pipeline_cache`] of a later run on this device and driver. Empty for a host
-    /// without a cache.
+    /// Compiled pipelines, for [`GpuOptions::pipeline_cache`] of a later run on this device and driver. Empty for a
+    /// host without a cache.
     pub fn pipeline_cache(&self) -> Result<Vec<u8>> {
         let cache = self.0.pipeline_cache;
         if cache == vk::PipelineCache::null() {

@@ -218,11 +218,16 @@ impl HostImage {
         }
     }
 
-    /// Checks that kernels can read the format.
+    /// Checks that kernels can read the format, and that there is something to read.
     ///
     /// # Errors
-    /// [`Unsupported`](crate::Error::Unsupported).
+    /// [`Unsupported`](crate::Error::Unsupported), and [`Config`](crate::Error::Config) for an image whose layout
+    /// before is `UNDEFINED`.
     pub fn check_readable(&self, gpu: &Gpu) -> Result<()> {
+        if self.before.layout == vk::ImageLayout::UNDEFINED {
+            let what = "an image to read: its layout before is UNDEFINED, which discards its pixels";
+            return Err(Error::Config(what.into()));
+        }
         match gpu.0.reads_format(self.format) {
             true => Ok(()),
             false => Err(Error::Unsupported {
@@ -261,6 +266,15 @@ impl Recorder<'_> {
     /// Transitions a host's image from its state `before` to that for kernel writes.
     pub fn acquire(&mut self, target: &HostImage) {
         self.transition(&target.image, target.before, KERNEL_WRITE);
+    }
+
+    /// Transitions a host's image from its state `before` to that for kernels that read and write it.
+    pub fn acquire_to_blend(&mut self, target: &HostImage) {
+        let state = ImageState {
+            access: KERNEL_WRITE.access | KERNEL_READ.access,
+            ..KERNEL_WRITE
+        };
+        self.transition(&target.image, target.before, state);
     }
 
     /// Transitions a host's image to its state `after`.

@@ -13,8 +13,9 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Limit of buffer and image memory in bytes; `None`: the device's largest heap.
     pub memory_limit: Option<u64>,
-    /// Compiled pipelines of an earlier run, from [`Gpu::pipeline_cache`](super::Gpu::pipeline_cache). The driver ignores
-    /// those of another driver or device; it trusts the bytes otherwise, so that the file must be the program's own.
+    /// Compiled pipelines of an earlier run, from [`Gpu::pipeline_cache`](super::Gpu::pipeline_cache). The driver
+    /// ignores those of another driver or device; it trusts the bytes otherwise, so that the file must be the program's
+    /// own.
     pub pipeline_cache: Vec<u8>,
     /// Fault injection for tests.
     pub faults: Option<Faults>,

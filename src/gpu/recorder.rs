@@ -53,7 +53,7 @@ pub struct Recorder<'a> {
 }
 
 /// Stages and accesses of one side of a barrier.
-type Scope = (vk::PipelineStageFlags2, vk::AccessFlags2);
+type BarrierScope = (vk::PipelineStageFlags2, vk::AccessFlags2);
 
 /// Stages of this crate's commands.
 const STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
@@ -100,7 +100,7 @@ impl<'a> Recorder<'a> {
         self.memory_barrier((Stage::COPY, Access::TRANSFER_WRITE), (Stage::HOST, Access::HOST_READ));
     }
 
-    fn memory_barrier(&self, from: Scope, to: Scope) {
+    fn memory_barrier(&self, from: BarrierScope, to: BarrierScope) {
         let barriers = [vk::MemoryBarrier2::default()
             .src_stage_mask(from.0)
             .src_access_mask(from.1)

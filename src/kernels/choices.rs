@@ -74,6 +74,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         loss_backward: loss_backward::Choice::default(), TILED;
         loss_exposure: loss_exposure::Choice::default(), STRETCHED;
         loss_sum: loss_sum::Choice::default(), ALONE;
+        overlay: overlay::Choice::default(), FIXED;
         perturb: perturb::Choice::default(), ELEMENTWISE;
         plan: plan::Choice::default(), FIXED;
         present: present::Choice::default(), FIXED;

@@ -13,13 +13,14 @@ pub struct Code {
     pub empty: f64,
 }
 
-/// Distance along z that a value stands for: infinite without a surface and for surfaces that are not before the camera.
+/// Distance along z that a value stands for: infinite without a surface and for surfaces that are not before the
+/// camera.
 pub fn limit(value: f64, code: &Code) -> f64 {
     // Solved for z, or for 1 / z.
     let solution = (value - code.a) / code.b;
     let z = if code.is_linear { solution } else { solution.recip() };
-    match value == code.empty || !(z >= 0.0) {
-        true => f64::INFINITY,
-        false => z,
+    match value != code.empty && z >= 0.0 {
+        true => z,
+        false => f64::INFINITY,
     }
 }

@@ -23,6 +23,7 @@ pub mod gradient;
 pub mod linear;
 pub mod linearize;
 pub mod loss;
+pub mod overlay;
 pub mod perturb;
 pub mod plane;
 pub mod primitive;

@@ -10,8 +10,8 @@ use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
 use crate::{Error, Result};
 use glam::DMat4;
 
-/// Code of a stored depth: `a + b / z`, or `a + b · z` if linear; `z` is the distance along the camera's z axis in world
-/// units.
+/// Code of a stored depth: `a + b / z`, or `a + b · z` if linear; `z` is the distance along the camera's z axis in
+/// world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthCode {
     /// Constant term.
@@ -63,22 +63,6 @@ pub struct HostDepth<'a> {
     pub image: &'a HostImage,
     /// Code of its values.
     pub code: DepthCode,
-}
-
-/// Images of a picture in a host's frame.
-#[derive(Clone, Copy, Debug)]
-pub struct HostTarget<'a> {
-    /// Image to write.
-    pub color: &'a HostImage,
-    /// Depths of the host's surfaces, which hide the splats behind them; for renderers with
-    /// [`RenderOptions::with_host_depth`].
-    pub depth: Option<HostDepth<'a>>,
-}
-
-impl<'a> From<&'a HostImage> for HostTarget<'a> {
-    fn from(color: &'a HostImage) -> HostTarget<'a> {
-        HostTarget { color, depth: None }
-    }
 }
 
 /// Kernels of pictures behind a host's surfaces.

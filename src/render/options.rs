@@ -22,6 +22,8 @@ pub struct RenderOptions {
     pub with_surface: bool,
     /// True for pictures behind a host's surfaces ([`HostDepth`](super::HostDepth)); not by the rules of the 3DGS code.
     pub with_host_depth: bool,
+    /// True for pictures over a host's pixels ([`Blend`](super::Blend)).
+    pub with_host_color: bool,
     /// Thresholds that save work at a bounded error.
     pub accuracy: Accuracy,
     /// Storage precision of the models ([`Model::upload_as`](super::Model::upload_as)).
@@ -54,6 +56,7 @@ impl Default for RenderOptions {
             with_depth: false,
             with_surface: false,
             with_host_depth: false,
+            with_host_color: false,
             accuracy: Accuracy::default(),
             precision: Precision::Full,
             compatibility: Compatibility::Engine,

@@ -6,13 +6,14 @@ use super::depth_bands::{DepthBands, list_limit};
 use super::forward::Forward;
 use super::memory::isects_expected;
 use super::model::Model;
-use super::occlusion::{HostTarget, Occlusion};
+use super::occlusion::Occlusion;
 use super::options::RenderOptions;
 use super::scratch::Scratch;
 use super::surface::Surface;
+use super::target::HostTarget;
 use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
-use crate::kernels::present;
+use crate::kernels::{overlay, present};
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES};
 use crate::scene::{Camera, NotFinite, Splats};
 use crate::{Error, Result};
@@ -64,6 +65,8 @@ pub struct Renderer {
     gpu: Gpu,
     forward: Forward,
     present: present::Present,
+    /// Kernel of pictures over a host's pixels, where the options ask for it.
+    overlay: Option<overlay::Overlay>,
     /// Kernels of pictures behind a host's surfaces, where the options ask for them.
     occlusion: Option<Occlusion>,
     scratch: Scratch,
@@ -134,7 +137,8 @@ impl std::fmt::Debug for Renderer {
 }
 
 impl Renderer {
-    /// Compiles the kernels, except those already in use on this device, and allocates for `options.capacity`.
+    /// Compiles the kernels, except those already in use on this device, and allocates for `options.capacity`. All
+    /// frames share the buffers, so that those of a host go to one queue; a second queue takes a second renderer.
     ///
     /// # Errors
     /// [`Error::Config`] for thresholds out of range, [`Error::Unsupported`] for surfaces by the rules of the 3DGS
@@ -151,11 +155,14 @@ impl Renderer {
             });
         }
         let occlusion = options.with_host_depth.then(|| Occlusion::new(gpu, &options));
+        let overlay = || overlay::Overlay::new(gpu, overlay::Choice::default());
+        let overlay = options.with_host_color.then(overlay);
         let capacity = options.capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(Renderer {
             gpu: gpu.clone(),
             forward: Forward::for_rendering(gpu, &options)?,
             present: present::Present::new(gpu, present::Choice::default())?,
+            overlay: overlay.transpose()?,
             occlusion: occlusion.transpose()?,
             scratch: Scratch::new(gpu, capacity, options.outputs())?,
             frames: None,
@@ -222,9 +229,10 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::Config`] if the model or the image exceeds the reserved capacity, the model is not prepared or has
-    /// another precision, or camera and image differ in size; [`Error::Unsupported`] for an image of a format that kernels cannot write;
-    /// errors of Vulkan and memory. After an error, too, the command buffer can be submitted, and the image is in its
-    /// state `after`, its contents undefined. The picture has no statistics; later ones are not affected.
+    /// another precision, camera and images differ in size, or the options lack a part of the target;
+    /// [`Error::Unsupported`] for an image of a format that kernels cannot write or read; errors of Vulkan and memory.
+    /// After an error, too, the command buffer can be submitted, and the images are in their states `after`, the
+    /// contents of the picture undefined. The picture has no statistics; later ones are not affected.
     pub fn record<'a>(
         &mut self,
         commands: &mut HostCommands,
@@ -244,7 +252,6 @@ impl Renderer {
         view: &ViewOptions,
         target: HostTarget<'_>,
     ) -> Result<Option<Stats>> {
-        let HostTarget { color, depth } = target;
         let frame = self.host_frames.frame_in(commands);
         let in_flight = self.host_frames.in_flight() as u64;
         let admitted = self.admit(model, camera, &target);
@@ -253,7 +260,7 @@ impl Renderer {
         let (finished, mut rec) = match begun {
             Ok(begun) => begun,
             Err(error) => {
-                let images = [Some(color), depth.map(|depth| depth.image)];
+                let images = [Some(target.color), target.depth.map(|depth| depth.image)];
                 images
                     .iter()
                     .flatten()
@@ -264,20 +271,16 @@ impl Renderer {
         let (scratch, degree) = (&self.scratch, self.options.sh_degree);
         rec.fill(&scratch.counts, 0);
         let mut forward = &self.forward;
-        if let (Some(occlusion), Some(depth)) = (&self.occlusion, &depth) {
+        if let (Some(occlusion), Some(depth)) = (&self.occlusion, &target.depth) {
             occlusion.read(&mut rec, depth, scratch);
             forward = &occlusion.forward;
         }
-        forward.record(&mut rec, model, scratch, &view_of(camera, view), degree, self.bands);
-        rec.acquire(color);
-        let io = present::Bindings {
-            view: &scratch.view,
-            image: &scratch.image,
-            target: color.image(),
+        let view = ViewOptions {
+            background: target.blend.background(view.background),
+            ..*view
         };
-        let groups = present::groups(color.image().extent());
-        self.present.record(&mut rec, io, groups);
-        rec.release(color);
+        forward.record(&mut rec, model, scratch, &view_of(camera, &view), degree, self.bands);
+        target.show(&mut rec, scratch, (&self.present, self.overlay.as_ref()));
         let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
         rec.finish()?;
         self.pending.push_back(PendingPicture {
@@ -299,6 +302,15 @@ impl Renderer {
             let [w, h] = size;
             let what = format!("the camera has {w}x{h} pixels, the image to draw to {width}x{height}");
             return Err(Error::Config(what));
+        }
+        if target.blend.reads() {
+            if self.overlay.is_none() {
+                return Err(Error::Config(
+                    "a host's pixels: the renderer was made without RenderOptions::with_host_color".into(),
+                ));
+            }
+            target.color.check_readable(&self.gpu)?;
+            target.blend.check()?;
         }
         if let Some(depth) = &target.depth {
             if self.occlusion.is_none() {

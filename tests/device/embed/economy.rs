@@ -1,4 +1,4 @@
-//! What a guest costs its host: memory, barriers, compilation.
+//! Costs of a guest to its host: memory, barriers, compilation.
 
 use crate::embed::frame::{CLEARED, COPYABLE, Frame};
 use crate::embed::host::Host;

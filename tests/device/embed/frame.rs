@@ -86,7 +86,7 @@ impl<'a> Frame<'a> {
             .mip_levels(1)
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(Usage::STORAGE | Usage::TRANSFER_SRC | Usage::TRANSFER_DST);
+            .usage(Usage::STORAGE | Usage::SAMPLED | Usage::TRANSFER_SRC | Usage::TRANSFER_DST);
         // SAFETY: a plain image.
         self.image = unsafe { device.create_image(&info, None) }.unwrap();
         // SAFETY: just made.

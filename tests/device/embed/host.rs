@@ -1,7 +1,7 @@
 //! Host application: it owns the device and lends it to the engine.
 //!
-//! It enables exactly `ashfall::gpu::REQUIRED`, unless told otherwise, and destroys its own objects at the end, when the validation layer
-//! reports every object that the engine leaked.
+//! It enables exactly `ashfall::gpu::REQUIRED`, unless told otherwise, and destroys its own objects at the end, when
+//! the validation layer reports every object that the engine leaked.
 
 use crate::common::device::{Turn, turn};
 use crate::embed::watch;

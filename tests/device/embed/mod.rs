@@ -1,5 +1,6 @@
 //! The engine on a host's device: it only records.
 
+mod blending;
 mod contract;
 mod depth;
 mod economy;

@@ -13,8 +13,8 @@ fn refused(host: HostDevice) -> String {
     unsafe { Gpu::adopt(host) }.unwrap_err().to_string()
 }
 
-/// Neither `maintenance4` nor `shaderStorageImageWriteWithoutFormat` is enabled there. Objects have names and dispatches
-/// have labels, of which validation checks the calls.
+/// Neither `maintenance4` nor `shaderStorageImageWriteWithoutFormat` is enabled there. Objects have names and
+/// dispatches have labels, of which validation checks the calls.
 #[test]
 fn a_device_with_the_features_of_wgpu_draws_the_same_picture() {
     let scene = scene();
@@ -56,8 +56,8 @@ fn everything_that_a_device_lacks_is_named_at_once() {
     };
     assert_eq!(
         refused(bare),
-        "unsupported: the host's device lacks Vulkan 1.3 (1.2 offered); the feature scalarBlockLayout; the feature timelineSemaphore; \
-         the feature synchronization2"
+        "unsupported: the host's device lacks Vulkan 1.3 (1.2 offered); the feature scalarBlockLayout; \
+         the feature timelineSemaphore; the feature synchronization2"
     );
     let bare = HostDevice {
         enabled: HostFeatures {

@@ -9,7 +9,7 @@ thread_local! {
     static CALLS: RefCell<Vec<&'static str>> = const { RefCell::new(Vec::new()) };
     /// Creations until one fails; 0: none will.
     static UNTIL_FAILURE: Cell<u64> = const { Cell::new(0) };
-    static BARRIERS: RefCell<Barriers> = const { RefCell::new(Barriers { kept: Vec::new(), is_keeping: false, left_out: None }) };
+    static BARRIERS: RefCell<Barriers> = const { RefCell::new(Barriers::NONE) };
     static CACHES: RefCell<Vec<vk::PipelineCache>> = const { RefCell::new(Vec::new()) };
     static BUDGET: Cell<u64> = const { Cell::new(0) };
 }
@@ -27,6 +27,14 @@ struct Barriers {
     is_keeping: bool,
     /// Index of the barrier that is not recorded.
     left_out: Option<usize>,
+}
+
+impl Barriers {
+    const NONE: Barriers = Barriers {
+        kept: Vec::new(),
+        is_keeping: false,
+        left_out: None,
+    };
 }
 
 /// Watched calls of this thread since the previous call of this function.
@@ -90,7 +98,8 @@ macro_rules! watch {
             use super::*;
             thread_local! {
                 $(pub static $name: Cell<Option<$pfn>> = const { Cell::new(None) };)*
-                pub static vkCmdPipelineBarrier2: Cell<Option<vk::PFN_vkCmdPipelineBarrier2>> = const { Cell::new(None) };
+                pub static vkCmdPipelineBarrier2: Cell<Option<vk::PFN_vkCmdPipelineBarrier2>> =
+                    const { Cell::new(None) };
                 pub static vkCreateComputePipelines: Cell<Option<vk::PFN_vkCreateComputePipelines>> =
                     const { Cell::new(None) };
             }
@@ -101,7 +110,7 @@ macro_rules! watch {
             unsafe extern "system" fn $name($($arg: $kind),*) -> Returned!($failed) {
                 CALLS.with_borrow_mut(|calls| calls.push(stringify!($name)));
                 if is_due(stringify!($name)) {
-                    return $failed;
+                    fail!($failed);
                 }
                 let forward = original::$name.get().expect("the device was made in this thread");
                 // SAFETY: the caller upholds the contract of the forwarded function.
@@ -122,13 +131,17 @@ macro_rules! watch {
                 })*
                 Ok("vkCmdPipelineBarrier2") => {
                     // SAFETY: as above.
-                    let forward = unsafe { std::mem::transmute::<*const c_void, _>(function) };
+                    let forward = unsafe {
+                        std::mem::transmute::<*const c_void, Option<vk::PFN_vkCmdPipelineBarrier2>>(function)
+                    };
                     original::vkCmdPipelineBarrier2.set(forward);
                     barrier as *const c_void
                 }
                 Ok("vkCreateComputePipelines") => {
                     // SAFETY: as above.
-                    let forward = unsafe { std::mem::transmute::<*const c_void, _>(function) };
+                    let forward = unsafe {
+                        std::mem::transmute::<*const c_void, Option<vk::PFN_vkCreateComputePipelines>>(function)
+                    };
                     original::vkCreateComputePipelines.set(forward);
                     create_pipelines as *const c_void
                 }
@@ -145,6 +158,16 @@ macro_rules! Returned {
     };
     (OUT) => {
         vk::Result
+    };
+}
+
+/// End of a function that fails.
+macro_rules! fail {
+    (()) => {
+        return
+    };
+    (OUT) => {
+        return OUT
     };
 }
 
@@ -344,7 +367,10 @@ pub(crate) fn with_budget(entry: &ash::Entry, instance: &ash::Instance, left: u6
         let function = unsafe { std::mem::transmute::<vk::PFN_vkVoidFunction, *const c_void>(function) };
         if name == c"vkGetPhysicalDeviceMemoryProperties2" {
             // SAFETY: the loader's function of this name.
-            MEMORY_PROPERTIES.set(unsafe { std::mem::transmute::<*const c_void, _>(function) });
+            let forward = unsafe {
+                std::mem::transmute::<*const c_void, Option<vk::PFN_vkGetPhysicalDeviceMemoryProperties2>>(function)
+            };
+            MEMORY_PROPERTIES.set(forward);
             return memory_properties as *const c_void;
         }
         function

@@ -16,6 +16,7 @@ mod gather;
 mod linearize;
 mod longest;
 mod loss;
+mod overlay;
 mod perturb;
 mod plan;
 mod present;

@@ -12,6 +12,7 @@ pub mod gather;
 pub mod gradient;
 pub mod linearize;
 pub mod loss;
+pub mod overlay;
 pub mod perturb;
 pub mod plan;
 pub mod present;

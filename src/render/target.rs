@@ -1,0 +1,126 @@
+//! A host's images of a picture, and the blending of splats with their pixels.
+
+use super::occlusion::HostDepth;
+use super::scratch::Scratch;
+use crate::gpu::{HostImage, Recorder};
+use crate::kernels::overlay::{self, Overlay};
+use crate::kernels::present::{self, Present};
+use crate::{Error, Result};
+
+/// Images of a picture in a host's frame.
+#[derive(Clone, Copy, Debug)]
+pub struct HostTarget<'a> {
+    /// Image to write.
+    pub color: &'a HostImage,
+    /// Blending with the image's pixels.
+    pub blend: Blend,
+    /// Depths of the host's surfaces, which hide the splats behind them; for renderers with
+    /// [`RenderOptions::with_host_depth`](super::RenderOptions::with_host_depth).
+    pub depth: Option<HostDepth<'a>>,
+}
+
+impl<'a> From<&'a HostImage> for HostTarget<'a> {
+    fn from(color: &'a HostImage) -> HostTarget<'a> {
+        HostTarget {
+            color,
+            blend: Blend::Replace,
+            depth: None,
+        }
+    }
+}
+
+impl HostTarget<'_> {
+    /// Records the writing of a composited picture.
+    pub(super) fn show(
+        &self,
+        rec: &mut Recorder<'_>,
+        scratch: &Scratch,
+        (present, overlay): (&Present, Option<&Overlay>),
+    ) {
+        let (view, image, pixels) = (&scratch.view, &scratch.image, self.color.image());
+        let groups = present::groups(pixels.extent());
+        match overlay.filter(|_| self.blend.reads()) {
+            Some(overlay) => {
+                rec.acquire_to_blend(self.color);
+                let io = overlay::Bindings {
+                    view,
+                    image,
+                    below: pixels,
+                    target: pixels,
+                };
+                let gain = self.blend.gain();
+                let params = overlay::Params {
+                    linear: gain.is_some().into(),
+                    gain: gain.unwrap_or(1.0),
+                };
+                overlay.record(rec, io, params, groups);
+            }
+            None => {
+                rec.acquire(self.color);
+                let io = present::Bindings {
+                    view,
+                    image,
+                    target: pixels,
+                };
+                present.record(rec, io, groups);
+            }
+        }
+        rec.release(self.color);
+    }
+}
+
+/// Blending of splats with a host's pixels. `C` is the splats' colour, premultiplied and in display values, as scenes
+/// are trained; `T` their transmittance, `H` the host's pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Blend {
+    /// `C` over the background of [`ViewOptions`](super::ViewOptions), with alpha 1 − T: replaces the pixels.
+    #[default]
+    Replace,
+    /// `C` with alpha 1 − T, for a blending of the host's: replaces the pixels; the background does not count.
+    Premultiplied,
+    /// C + T · H, of alphas too: over pixels of display values. Pixels without splats are not written. For renderers
+    /// with [`RenderOptions::with_host_color`](super::RenderOptions::with_host_color), as the next.
+    OverDisplay,
+    /// (1 − T) · gain · decode(C / (1 − T)) + T · H: over pixels of linear light, by the sRGB curve. Exact where splats
+    /// are opaque or absent; between, display values and light do not blend alike.
+    OverLinear {
+        /// Light of a display value of 1.
+        gain: f32,
+    },
+}
+
+impl Blend {
+    /// True if the pixels are read.
+    pub(super) fn reads(self) -> bool {
+        matches!(self, Blend::OverDisplay | Blend::OverLinear { .. })
+    }
+
+    /// Background of the splats' picture.
+    pub(super) fn background(self, wanted: [f32; 3]) -> [f32; 3] {
+        match self {
+            Blend::Replace => wanted,
+            _ => [0.0; 3],
+        }
+    }
+
+    /// Gain of linear light; `None` for display values.
+    pub(super) fn gain(self) -> Option<f32> {
+        match self {
+            Blend::OverLinear { gain } => Some(gain),
+            _ => None,
+        }
+    }
+
+    /// Checks the gain.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a gain that is negative or no number.
+    pub(super) fn check(self) -> Result<()> {
+        match self.gain() {
+            Some(gain) if !gain.is_finite() || gain < 0.0 => {
+                Err(Error::Config(format!("a gain of {gain}: it is a number from 0 on")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
