@@ -12,6 +12,17 @@ use crate::layout::View;
 use crate::reference::linearize::{Code, limit};
 use crate::reference::tiles::Grid;
 
+/// Depths reversed and infinite.
+pub fn usual<'a>(gpu: &Gpu, size: [u32; 2]) -> Result<KernelCase<'a, Linearize>> {
+    let code = Code {
+        a: 0.0,
+        b: 0.125,
+        is_linear: false,
+        empty: 0.0,
+    };
+    linearize(gpu, size, code)
+}
+
 /// Random depths, pixels without a surface, and depths behind the camera, of an image of `size` pixels.
 pub fn linearize<'a>(gpu: &Gpu, size: [u32; 2], code: Code) -> Result<KernelCase<'a, Linearize>> {
     let [width, height] = size;

@@ -68,7 +68,9 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     }
     for size in [[480, 272], [1920, 1080]] {
         let name = format!("{}x{}", size[0], size[1]);
-        time(bench, Workgroups::FIXED, name, |gpu| present::present(gpu, size))?;
+        time(bench, Workgroups::FIXED, &name, |gpu| present::present(gpu, size))?;
+        time(bench, Workgroups::FIXED, &name, |gpu| overlay::overlay(gpu, size, None))?;
+        time(bench, ELEMENTWISE, &name, |gpu| linearize::usual(gpu, size))?;
     }
     // About 40 splats are blended at a pixel.
     by_tile(bench, "small", 50_000, [480, 272], 3.0)?;
