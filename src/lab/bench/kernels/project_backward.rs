@@ -156,10 +156,9 @@ impl GradientOutputs {
         for (splat, (d_color, direction)) in factors[..count].iter().zip(&factors[count..]).enumerate() {
             let [x, y, z, _] = direction.map(f64::from);
             for (k, basis) in sh::basis(self.sh_degree, [x, y, z]).into_iter().enumerate() {
-                for channel in 0..3 {
-                    let number = 3 * k + channel;
+                for (number, d) in (3 * k..).zip(&d_color[..3]) {
                     let place = (GEOMETRY_PLANES as usize + number / 4) * count + splat;
-                    planes[place][number % 4] = (basis * f64::from(d_color[channel])) as f32;
+                    planes[place][number % 4] = (basis * f64::from(*d)) as f32;
                 }
             }
         }
