@@ -1,7 +1,7 @@
 //! Triangles of a volume's surface, block by block.
 
 use super::cubes::{CORNERS, EDGES, table};
-use super::outside::Outside;
+use super::flood_fill::FloodFill;
 use super::volume::{Key, SIDE, VOXELS, Volume, Voxel};
 use crate::scene::Mesh;
 use glam::Vec3;
@@ -39,18 +39,18 @@ struct Piece {
 
 /// A mesh that grows by the pieces of blocks; vertices on their borders are shared.
 #[derive(Debug, Default)]
-pub(super) struct GrowingMesh {
+pub(super) struct MeshBuilder {
     pub mesh: Mesh,
     vertex_from_edge: HashMap<EdgeKey, u32>,
 }
 
-impl GrowingMesh {
+impl MeshBuilder {
     /// Adds the surface in the cubes of the blocks that `wanted` names. Cubes with a corner that fewer than `views_min`
     /// views saw are left open, or take its side from `outside`.
     pub(super) fn add(
         &mut self,
         volume: &Volume,
-        (views_min, outside): (u32, Option<&Outside>),
+        (views_min, outside): (u32, Option<&FloodFill>),
         wanted: impl Fn(&Key) -> bool + Sync,
     ) {
         let mut keys = volume.keys.clone();
@@ -103,7 +103,7 @@ struct Neighbourhood {
 }
 
 impl Neighbourhood {
-    fn new(volume: &Volume, key: Key, views_min: u32, outside: Option<&Outside>) -> Neighbourhood {
+    fn new(volume: &Volume, key: Key, views_min: u32, outside: Option<&FloodFill>) -> Neighbourhood {
         let first = key.map(|k| k * SIDE as i32 - 1);
         let keys = (0..27).map(|i| [0, 1, 2].map(|axis| key[axis] + i / [1, 3, 9][axis] % 3 - 1));
         let around: Vec<(Key, Option<&[Voxel]>)> = keys.map(|key| (key, volume.block(key))).collect();
@@ -157,7 +157,7 @@ impl Neighbourhood {
     }
 }
 
-fn piece(volume: &Volume, key: Key, views_min: u32, outside: Option<&Outside>) -> Piece {
+fn piece(volume: &Volume, key: Key, views_min: u32, outside: Option<&FloodFill>) -> Piece {
     let mut piece = Piece::default();
     let around = Neighbourhood::new(volume, key, views_min, outside);
     let mut vertex_from_edge: HashMap<EdgeKey, u32> = HashMap::new();

@@ -1,8 +1,8 @@
 //! Fusion of depth maps into a mesh.
 
 use super::depth_map::DepthMap;
-use super::extract::GrowingMesh;
-use super::outside::Outside;
+use super::extract::MeshBuilder;
+use super::flood_fill::FloodFill;
 use super::volume::{BLOCK_BYTES, Key, Volume, keys_near};
 use crate::scene::Mesh;
 use crate::{Error, Result};
@@ -76,7 +76,7 @@ pub struct FusionReport {
 }
 
 /// Views, drawn on request, and kept as far as memory allows.
-struct DrawnViews<'a> {
+struct DepthMapCache<'a> {
     draw: &'a mut dyn FnMut(usize) -> Result<DepthMap>,
     kept: Vec<Option<DepthMap>>,
     room: u64,
@@ -84,7 +84,7 @@ struct DrawnViews<'a> {
     depth_median: f32,
 }
 
-impl DrawnViews<'_> {
+impl DepthMapCache<'_> {
     /// Calls `with` with the map of a view.
     fn with<T>(&mut self, view: usize, with: impl FnOnce(&DepthMap) -> Result<T>) -> Result<T> {
         if let Some(map) = &self.kept[view] {
@@ -117,7 +117,7 @@ pub fn fuse(
     mut draw: impl FnMut(usize) -> Result<DepthMap>,
     mut progress: impl FnMut(FusionPhase, usize) -> Result<()>,
 ) -> Result<(Mesh, FusionReport)> {
-    let mut views = DrawnViews {
+    let mut views = DepthMapCache {
         draw: &mut draw,
         kept: vec![None; count],
         room: options.map_memory,
@@ -131,11 +131,11 @@ pub fn fuse(
     let views_min = if count > 2 { VIEWS_MIN } else { 1 };
     let mut outside = None;
     if options.closed {
-        let cells = Outside::boxed(&keys);
+        let cells = FloodFill::boxed(&keys);
         if cells > options.memory {
             return Err(too_small(report.voxel, cells, options.memory));
         }
-        let mut found = Outside::new(&keys);
+        let mut found = FloodFill::new(&keys);
         let mut cameras = Vec::new();
         for_slabs(&mut views, &keys, &slabs, &mut report, &mut progress, |volume, own| {
             found.note(volume, views_min, own);
@@ -147,7 +147,7 @@ pub fn fuse(
         found.spread(&cameras);
         outside = Some(found);
     }
-    let mut surface = GrowingMesh::default();
+    let mut surface = MeshBuilder::default();
     for_slabs(&mut views, &keys, &slabs, &mut report, &mut progress, |volume, own| {
         surface.add(volume, (views_min, outside.as_ref()), own);
     })?;
@@ -156,7 +156,7 @@ pub fn fuse(
 
 /// Fuses slab by slab; `with` gets each volume and tells the slab's own blocks from their neighbours.
 fn for_slabs(
-    views: &mut DrawnViews<'_>,
+    views: &mut DepthMapCache<'_>,
     keys: &[Key],
     slabs: &[Slab],
     report: &mut FusionReport,
@@ -180,7 +180,7 @@ fn for_slabs(
 
 /// Draws all views once: the median depth, and from it the voxel and the truncation.
 fn survey(
-    views: &mut DrawnViews<'_>,
+    views: &mut DepthMapCache<'_>,
     options: &FusionOptions,
     progress: &mut impl FnMut(FusionPhase, usize) -> Result<()>,
 ) -> Result<FusionReport> {
@@ -239,7 +239,7 @@ fn median(values: &mut [f64]) -> Option<f64> {
 
 /// Blocks near the surface, in ascending order.
 fn list(
-    views: &mut DrawnViews<'_>,
+    views: &mut DepthMapCache<'_>,
     options: &FusionOptions,
     report: &FusionReport,
     progress: &mut impl FnMut(FusionPhase, usize) -> Result<()>,

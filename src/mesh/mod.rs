@@ -10,8 +10,8 @@ mod compare;
 mod cubes;
 mod depth_map;
 mod extract;
+mod flood_fill;
 mod fuse;
-mod outside;
 mod tree;
 mod volume;
 

@@ -222,10 +222,10 @@ impl Renderer {
     }
 
     /// Records a picture into a host's command buffer and writes it to the host's image, or behind the surfaces of the
-    /// host's depth image ([`HostTarget`]). Nothing is submitted or waited
-    /// for. Returns the statistics of a frame's pictures once `frames_in_flight` further frames have been begun. A
-    /// picture that does not fit is incomplete; those recorded after its statistics are drawn in more bands, until the
-    /// host calls [`Renderer::reserve`] with [`Stats::isects`].
+    /// host's depth image ([`HostTarget`]). Nothing is submitted or waited for. Returns the statistics of a frame's
+    /// pictures once `frames_in_flight` further frames have been begun. A picture that does not fit is incomplete;
+    /// those recorded after its statistics are drawn in more bands, until the host calls [`Renderer::reserve`] with
+    /// [`Stats::isects`].
     ///
     /// # Errors
     /// [`Error::Config`] if the model or the image exceeds the reserved capacity, the model is not prepared or has

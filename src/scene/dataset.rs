@@ -1,7 +1,7 @@
 //! A data set: views with cameras and photographs, and a sparse point set.
 
 use super::{Camera, Optics};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::path::PathBuf;
 
 /// A coloured point of the sparse reconstruction.
@@ -53,6 +53,26 @@ pub struct Photo {
 }
 
 impl Photo {
+    /// Mean colour of the 3 × 3 pixels about a place in pixels, 0 to 1; `None` beyond the border, or if alpha makes one
+    /// background or ignored.
+    pub fn patch(&self, pixel: DVec2) -> Option<[f64; 3]> {
+        let (column, row) = (pixel.x.floor() as i64, pixel.y.floor() as i64);
+        let (width, height) = (i64::from(self.width), i64::from(self.height));
+        if !(1..width - 1).contains(&column) || !(1..height - 1).contains(&row) {
+            return None;
+        }
+        let mut sum = [0.0; 3];
+        for (dy, dx) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dy, dx))) {
+            let [r, g, b, alpha] = self.rgba[((row + dy) * width + column + dx) as usize];
+            if alpha < 255 {
+                return None;
+            }
+            let sums = sum.iter_mut().zip([r, g, b]);
+            sums.for_each(|(sum, value)| *sum += f64::from(value));
+        }
+        Some(sum.map(|sum| sum / (9.0 * 255.0)))
+    }
+
     /// The 8-bit level of a colour value of 0 to 1: rounded half up, not truncated, so that levels are unbiased. Values
     /// below 0 and NaN become 0, values above 1 become 255.
     pub fn level(value: f32) -> u8 {

@@ -87,10 +87,8 @@ struct PhotoCheck {
 /// # Errors
 /// Those of a photograph that cannot be read.
 pub fn check_capture(dataset: &Dataset) -> Result<Vec<String>> {
-    let has_file = |view: &&View| matches!(view.photo, PhotoSource::File { .. });
-    let views: Vec<usize> = (0..dataset.views.len())
-        .filter(|&view| has_file(&&dataset.views[view]))
-        .collect();
+    let has_file = |&view: &usize| matches!(dataset.views[view].photo, PhotoSource::File { .. });
+    let views: Vec<usize> = (0..dataset.views.len()).filter(has_file).collect();
     let chosen: Vec<usize> = views
         .iter()
         .copied()
@@ -98,10 +96,10 @@ pub fn check_capture(dataset: &Dataset) -> Result<Vec<String>> {
         .collect();
     let checks = chosen.par_iter().map(|&view| look(dataset, view));
     let checks: Vec<PhotoCheck> = checks.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
-    Ok(judge(&checks, dataset.tracks.is_empty()))
+    Ok(findings(&checks, dataset.tracks.is_empty()))
 }
 
-fn judge(checks: &[PhotoCheck], without_tracks: bool) -> Vec<String> {
+fn findings(checks: &[PhotoCheck], without_tracks: bool) -> Vec<String> {
     let Some(here) = median(checks.iter().map(|check| check.here)) else {
         return Vec::new();
     };
@@ -223,22 +221,9 @@ fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.299 * r + 0.587 * g + 0.114 * b
 }
 
-/// Mean luminance of 3 × 3 pixels; `None` outside or where alpha hides one.
+/// Luminance of the photograph about a place; `None` outside or where alpha hides a pixel.
 fn value(photo: &Photo, pixel: DVec2) -> Option<f64> {
-    let (column, row) = (pixel.x.floor() as i64, pixel.y.floor() as i64);
-    let (width, height) = (i64::from(photo.width), i64::from(photo.height));
-    if !(1..width - 1).contains(&column) || !(1..height - 1).contains(&row) {
-        return None;
-    }
-    let mut sum = 0.0;
-    for (dy, dx) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dy, dx))) {
-        let [r, g, b, alpha] = photo.rgba[((row + dy) * width + column + dx) as usize];
-        if alpha < 255 {
-            return None;
-        }
-        sum += luminance([r, g, b].map(f64::from));
-    }
-    Some(sum / 9.0)
+    photo.patch(pixel).map(luminance)
 }
 
 /// Pearson's correlation over the points that have a value; 0 of too few, or of equal ones.

@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::scene::Photo;
-use image::{ImageDecoder, ImageReader};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageReader, RgbaImage};
 use std::path::Path;
 
 /// Tags of a photograph.
@@ -25,7 +26,7 @@ pub fn tags(path: &Path) -> Result<PhotoTags> {
     let mut decoder = reader
         .into_decoder()
         .map_err(|e| Error::file(path, format!("cannot be decoded: {e}")))?;
-    let orientation = decoder.orientation().map_or(1, image::metadata::Orientation::to_exif);
+    let orientation = decoder.orientation().map_or(1, Orientation::to_exif);
     let profile = decoder.icc_profile().ok().flatten();
     Ok(PhotoTags {
         orientation,
@@ -53,25 +54,18 @@ fn profile_name(bytes: &[u8]) -> Option<String> {
 
 /// The photograph as its orientation asks for, of those that exchange width and height (5 to 8); others are left.
 pub(super) fn turned(photo: Photo, orientation: u8) -> Photo {
-    let (width, height) = (photo.width as usize, photo.height as usize);
-    let source = |x: usize, y: usize| match orientation {
-        5 => (y, x),
-        6 => (y, height - 1 - x),
-        7 => (width - 1 - y, height - 1 - x),
-        _ => (width - 1 - y, x),
-    };
-    if !(5..=8).contains(&orientation) {
+    let exchanges = (5..=8).contains(&orientation);
+    let Some(orientation) = Orientation::from_exif(orientation).filter(|_| exchanges) else {
         return photo;
-    }
-    let rows = (0..width).flat_map(|y| (0..height).map(move |x| (x, y)));
-    let pixel = |(x, y): (usize, usize)| {
-        let (column, row) = source(x, y);
-        photo.rgba[row * width + column]
     };
+    let (width, height) = (photo.height, photo.width);
+    let stored = RgbaImage::from_raw(photo.width, photo.height, photo.rgba.into_flattened());
+    let mut image = DynamicImage::ImageRgba8(stored.unwrap_or_default());
+    image.apply_orientation(orientation);
     Photo {
-        width: photo.height,
-        height: photo.width,
-        rgba: rows.map(pixel).collect(),
+        width,
+        height,
+        rgba: image.into_rgba8().pixels().map(|pixel| pixel.0).collect(),
     }
 }
 
@@ -86,17 +80,18 @@ mod tests {
             height: 2,
             rgba: (0..6).map(|i| [i; 4]).collect(),
         };
-        for orientation in 1..=8 {
-            let levels: Vec<u8> = photo.rgba.iter().flatten().copied().collect();
-            let buffer = image::RgbaImage::from_raw(3, 2, levels).unwrap_or_default();
-            let mut expected = image::DynamicImage::ImageRgba8(buffer);
-            if let Some(tag) = image::metadata::Orientation::from_exif(orientation).filter(|_| orientation > 4) {
-                expected.apply_orientation(tag);
-            }
+        let levels = |orientation: u8| -> (u32, Vec<u8>) {
             let found = turned(photo.clone(), orientation);
-            assert_eq!((found.width, found.height), (expected.width(), expected.height()));
-            assert_eq!(found.rgba.as_flattened(), expected.as_bytes(), "{orientation}");
+            assert_eq!(found.width * found.height, 6);
+            (found.width, found.rgba.iter().map(|pixel| pixel[0]).collect())
+        };
+        for orientation in 0..=4 {
+            assert_eq!(levels(orientation), (3, vec![0, 1, 2, 3, 4, 5]), "{orientation}");
         }
+        assert_eq!(levels(5), (2, vec![0, 3, 1, 4, 2, 5]));
+        assert_eq!(levels(6), (2, vec![3, 0, 4, 1, 5, 2]));
+        assert_eq!(levels(7), (2, vec![5, 2, 4, 1, 3, 0]));
+        assert_eq!(levels(8), (2, vec![2, 5, 1, 4, 0, 3]));
     }
 
     #[test]

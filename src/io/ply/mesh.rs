@@ -4,6 +4,7 @@ use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
 use super::comments::origin;
 use super::header::{PlyElement, PlyHeader};
+use super::read::colored_vertex_columns;
 use super::rows;
 use crate::error::{Error, Result};
 use crate::scene::Mesh;
@@ -74,16 +75,7 @@ fn read_vertices(reader: &mut Reader, header: &PlyHeader, vertex: &PlyElement, m
     if vertex.has_list() {
         return Err(Error::file(path, "lists in the vertices of a mesh are not supported"));
     }
-    let find = |names: [&str; 3]| -> Option<Vec<usize>> { names.into_iter().map(|name| vertex.find(name)).collect() };
-    let Some(mut columns) = find(["x", "y", "z"]) else {
-        return Err(Error::file(path, "the vertices have no x, y, z"));
-    };
-    let mut unit = None;
-    if let Some(colors) = find(["red", "green", "blue"]) {
-        let whole = vertex.properties[colors[0]].scalar.bytes() < 4;
-        unit = Some(if whole { 1.0 / 255.0 } else { 1.0 });
-        columns.extend(colors);
-    }
+    let (columns, unit) = colored_vertex_columns(path, vertex)?;
     let count = rows::check_count(reader, header.encoding, vertex)?;
     if count as u64 >= u64::from(u32::MAX) {
         return Err(Error::file(path, "more vertices than 32-bit indices can name"));

@@ -78,6 +78,22 @@ fn splat<'a>(row: &[f64], sh: &'a mut [f32]) -> StoredSplat<'a> {
     }
 }
 
+/// Columns of x, y, z and, if present, red, green, blue; and the factor of the colours, of which 255 is the largest as
+/// an integer and 1 as a float.
+pub(super) fn colored_vertex_columns(path: &Path, vertex: &PlyElement) -> Result<(Vec<usize>, Option<f64>)> {
+    let find = |names: [&str; 3]| -> Option<Vec<usize>> { names.into_iter().map(|name| vertex.find(name)).collect() };
+    let Some(mut columns) = find(["x", "y", "z"]) else {
+        return Err(Error::file(path, "the vertices have no x, y, z"));
+    };
+    let mut unit = None;
+    if let Some(colors) = find(["red", "green", "blue"]) {
+        let whole = vertex.properties[colors[0]].scalar.bytes() < 4;
+        unit = Some(if whole { 1.0 / 255.0 } else { 1.0 });
+        columns.extend(colors);
+    }
+    Ok((columns, unit))
+}
+
 /// Reads a point cloud: `x y z` and, if present, `red green blue` (0 to 255 as integers, 0 to 1 as floats), else grey.
 /// Points that are not finite are kept for the caller to count.
 pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
@@ -89,16 +105,7 @@ pub fn read_points<'a>(source: impl Into<Source<'a>>) -> Result<Vec<Point>> {
         return Err(Error::file(path, "has no element \"vertex\""));
     };
     refuse_lists(path, vertex)?;
-    let find = |names: [&str; 3]| -> Option<Vec<usize>> { names.into_iter().map(|name| vertex.find(name)).collect() };
-    let Some(mut columns) = find(["x", "y", "z"]) else {
-        return Err(Error::file(path, "the vertices have no x, y, z"));
-    };
-    let mut unit = None;
-    if let Some(colors) = find(["red", "green", "blue"]) {
-        let whole = vertex.properties[colors[0]].scalar.bytes() < 4;
-        unit = Some(if whole { 1.0 / 255.0 } else { 1.0 });
-        columns.extend(colors);
-    }
+    let (columns, unit) = colored_vertex_columns(path, vertex)?;
     rows::skip_to(&mut reader, &header, index)?;
     let count = rows::check_count(&reader, header.encoding, vertex)?;
     let mut points = Vec::with_capacity(count);

@@ -9,8 +9,8 @@
 use super::{CURVE_OFFSET, center};
 use crate::Result;
 use crate::io::photo;
-use crate::scene::{Dataset, Photo, PhotoSource, Split};
-use glam::{DVec2, DVec3};
+use crate::scene::{Dataset, PhotoSource, Split};
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// Values of an observation: outside of these, the sensor or the curve's toe says little.
@@ -44,7 +44,7 @@ impl TrackExposure {
 
 /// One channel of an observation.
 #[derive(Clone, Copy, Debug)]
-struct Sighting {
+struct Observation {
     photo: usize,
     point: usize,
     value: f64,
@@ -61,7 +61,7 @@ pub fn from_tracks(dataset: &Dataset) -> Result<Vec<TrackExposure>> {
     if dataset.tracks.is_empty() || views.len() < 2 {
         return Ok(Vec::new());
     }
-    let seen = views.par_iter().map(|&view| sightings(dataset, view));
+    let seen = views.par_iter().map(|&view| observations(dataset, view));
     let seen: Vec<Vec<(usize, [f64; 3])>> = seen.collect::<Result<_>>()?;
     let mut exposures: Vec<TrackExposure> = views
         .iter()
@@ -73,12 +73,12 @@ pub fn from_tracks(dataset: &Dataset) -> Result<Vec<TrackExposure>> {
         })
         .collect();
     for channel in 0..3 {
-        let all: Vec<Sighting> = seen
+        let all: Vec<Observation> = seen
             .iter()
             .enumerate()
             .flat_map(|(photo, list)| list.iter().map(move |(point, values)| (photo, *point, values[channel])))
             .filter(|(_, _, value)| VALUES.contains(value))
-            .map(|(photo, point, value)| Sighting {
+            .map(|(photo, point, value)| Observation {
                 photo,
                 point,
                 value: (value + CURVE_OFFSET).ln(),
@@ -103,38 +103,19 @@ pub fn from_tracks(dataset: &Dataset) -> Result<Vec<TrackExposure>> {
 }
 
 /// Means over 3 × 3 pixels about each point that a view sees.
-fn sightings(dataset: &Dataset, view: usize) -> Result<Vec<(usize, [f64; 3])>> {
+fn observations(dataset: &Dataset, view: usize) -> Result<Vec<(usize, [f64; 3])>> {
     let listed = &dataset.views[view];
     let photo = photo::load(listed)?;
     let at = |&point: &u32| {
         let position = DVec3::from(dataset.points[point as usize].position);
         let pixel = listed.camera.pixel_from_world(position)?;
-        Some((point as usize, patch(&photo, pixel)?))
+        Some((point as usize, photo.patch(pixel)?))
     };
     Ok(dataset.tracks[view].iter().filter_map(at).collect())
 }
 
-/// Mean colour of 3 × 3 pixels, 0 to 1; `None` beyond the border, or if alpha makes one background or ignored.
-fn patch(photo: &Photo, pixel: DVec2) -> Option<[f64; 3]> {
-    let (column, row) = (pixel.x.floor() as i64, pixel.y.floor() as i64);
-    let (width, height) = (i64::from(photo.width), i64::from(photo.height));
-    if !(1..width - 1).contains(&column) || !(1..height - 1).contains(&row) {
-        return None;
-    }
-    let mut sum = [0.0; 3];
-    for (dy, dx) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dy, dx))) {
-        let [r, g, b, alpha] = photo.rgba[((row + dy) * width + column + dx) as usize];
-        if alpha < 255 {
-            return None;
-        }
-        let sums = sum.iter_mut().zip([r, g, b]);
-        sums.for_each(|(sum, value)| *sum += f64::from(value));
-    }
-    Some(sum.map(|sum| sum / (9.0 * 255.0)))
-}
-
-/// Those of points with at least two sightings: one alone says nothing of exposures.
-fn shared(mut all: Vec<Sighting>, points: usize) -> Vec<Sighting> {
+/// Those of points with at least two observations: one alone says nothing of exposures.
+fn shared(mut all: Vec<Observation>, points: usize) -> Vec<Observation> {
     let mut count = vec![0_u32; points];
     all.iter().for_each(|s| count[s.point] += 1);
     all.retain(|s| count[s.point] > 1);
@@ -145,14 +126,14 @@ fn shared(mut all: Vec<Sighting>, points: usize) -> Vec<Sighting> {
 struct TrackFit {
     /// e of each photograph.
     photos: Vec<f64>,
-    /// Sightings of each photograph.
+    /// Observations of each photograph.
     counts: Vec<usize>,
     /// Robust standard deviation of the residuals.
     deviation: f64,
 }
 
 impl TrackFit {
-    fn of(all: &[Sighting], photos: usize, points: usize) -> TrackFit {
+    fn of(all: &[Observation], photos: usize, points: usize) -> TrackFit {
         let mut counts = vec![0; photos];
         all.iter().for_each(|s| counts[s.photo] += 1);
         let mut fit = TrackFit {
@@ -165,7 +146,7 @@ impl TrackFit {
             let system = System::new(all, &weights, photos, points);
             system.solve(&mut fit.photos);
             let values = system.points(&fit.photos);
-            let residual = |s: &Sighting| s.value - fit.photos[s.photo] - values[s.point];
+            let residual = |s: &Observation| s.value - fit.photos[s.photo] - values[s.point];
             let residuals: Vec<f64> = all.iter().map(residual).collect();
             fit.deviation = deviation(&residuals);
             // Huber's limit for 95 % efficiency under normal noise.
@@ -189,14 +170,14 @@ fn deviation(residuals: &[f64]) -> f64 {
 
 /// Weighted least squares of one round.
 struct System<'a> {
-    all: &'a [Sighting],
+    all: &'a [Observation],
     weights: &'a [f64],
     photo_weight: Vec<f64>,
     point_weight: Vec<f64>,
 }
 
 impl<'a> System<'a> {
-    fn new(all: &'a [Sighting], weights: &'a [f64], photos: usize, points: usize) -> System<'a> {
+    fn new(all: &'a [Observation], weights: &'a [f64], photos: usize, points: usize) -> System<'a> {
         let (mut photo_weight, mut point_weight) = (vec![0.0; photos], vec![0.0; points]);
         for (s, weight) in all.iter().zip(weights) {
             photo_weight[s.photo] += weight;
@@ -210,8 +191,8 @@ impl<'a> System<'a> {
         }
     }
 
-    /// Weighted mean by point of `value` over its sightings.
-    fn by_point(&self, value: impl Fn(&Sighting) -> f64) -> Vec<f64> {
+    /// Weighted mean by point of `value` over its observations.
+    fn by_point(&self, value: impl Fn(&Observation) -> f64) -> Vec<f64> {
         let mut sums = vec![0.0; self.point_weight.len()];
         for (s, weight) in self.all.iter().zip(self.weights) {
             sums[s.point] += weight * value(s);
@@ -226,7 +207,7 @@ impl<'a> System<'a> {
     }
 
     /// Sums by photograph of the weighted `value`.
-    fn by_photo(&self, value: impl Fn(&Sighting) -> f64) -> Vec<f64> {
+    fn by_photo(&self, value: impl Fn(&Observation) -> f64) -> Vec<f64> {
         let mut sums = vec![0.0; self.photo_weight.len()];
         for (s, weight) in self.all.iter().zip(self.weights) {
             sums[s.photo] += weight * value(s);
@@ -279,8 +260,9 @@ impl<'a> System<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    /// Sightings of a chain: each point in three neighbouring photographs, with noise and a share of outliers.
-    fn chain(photos: usize, noise: f64, outliers: f64) -> (Vec<Sighting>, Vec<f64>, usize) {
+
+    /// Observations of a chain: each point in three neighbouring photographs, with noise and a share of outliers.
+    fn chain(photos: usize, noise: f64, outliers: f64) -> (Vec<Observation>, Vec<f64>, usize) {
         let mut state = 3_u32;
         let mut unit = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -295,7 +277,7 @@ mod tests {
             for (photo, gain) in gains.iter().enumerate().skip(point / 40).take(3) {
                 let outlier = if unit() < outliers { 2.0 } else { 0.0 };
                 let value = color + gain + noise * (unit() - 0.5) + outlier;
-                all.push(Sighting { photo, point, value });
+                all.push(Observation { photo, point, value });
             }
         }
         (shared(all, points), gains, points)
@@ -320,7 +302,7 @@ mod tests {
         let (all, gains, points) = chain(12, 0.2, 0.05);
         let fit = TrackFit::of(&all, 12, points);
         let robust = worst(&fit.photos, &gains);
-        // Noise of 0.058 over about 114 sightings a photograph, along a chain of 12.
+        // Noise of 0.058 over about 114 observations a photograph, along a chain of 12.
         assert!(robust < 0.04, "{robust}");
         assert!((0.02..0.12).contains(&fit.deviation), "{}", fit.deviation);
         let mut plain = vec![0.0; 12];
@@ -330,7 +312,7 @@ mod tests {
 
     #[test]
     fn nothing_seen_twice_tells_nothing() {
-        let lone = |photo| Sighting {
+        let lone = |photo| Observation {
             photo,
             point: photo,
             value: -1.0,

@@ -15,7 +15,7 @@ type VoxelPlace = (Key, u16);
 
 /// The blocks' voxels by side.
 #[derive(Debug)]
-pub(super) struct Outside {
+pub(super) struct FloodFill {
     /// First and last block, with a layer around all that are stored.
     low: Key,
     high: Key,
@@ -27,9 +27,9 @@ pub(super) struct Outside {
 
 const WHOLE: u16 = u16::MAX;
 
-impl Outside {
+impl FloodFill {
     /// Nothing reached yet, over blocks under these keys.
-    pub(super) fn new(keys: &[Key]) -> Outside {
+    pub(super) fn new(keys: &[Key]) -> FloodFill {
         let fold = |start: i32, of: fn(i32, i32) -> i32| {
             [0, 1, 2].map(|axis| keys.iter().map(|key| key[axis]).fold(start, of))
         };
@@ -41,7 +41,7 @@ impl Outside {
             ),
         };
         let count = (0..3).map(|axis| (high[axis] - low[axis] + 1) as usize).product();
-        Outside {
+        FloodFill {
             low,
             high,
             blocks: HashMap::new(),
