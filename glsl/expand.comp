@@ -1,6 +1,9 @@
 #version 460
 #include "shared/prelude.glsl"
+#include "shared/math.glsl"
 #include "shared/primitive.glsl"
+#include "shared/plane.glsl"
+#include "shared/surfel.glsl"
 
 // Lists one intersection for every tile that a visible splat of the current band touches, in depth order.
 //
@@ -14,6 +17,8 @@ layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
 layout(constant_id = 2) const uint INRIA = 0;
 // Not 0: only tiles whose limit of depth is beyond the splat are listed, as counted by project.
 layout(constant_id = 3) const uint WITH_LIMIT = 0;
+// Not 0: surfels.
+layout(constant_id = 4) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -29,6 +34,7 @@ layout(set = 0, binding = 9, scalar) writeonly buffer Owners { uint splat_from_e
 layout(set = 0, binding = 10, scalar) writeonly buffer Begins { uint emitted_from_splat[]; };
 layout(set = 0, binding = 11, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 12, scalar) readonly buffer TileLimits { float limit_from_tile[]; };
+layout(set = 0, binding = 13, scalar) readonly buffer Planes { vec3 plane_from_splat[]; };
 
 void list(uint isect, uint tile, uint splat) {
     tile_from_isect[isect] = tile;
@@ -51,12 +57,22 @@ void main() {
 
     vec4 shape = ellipse_from_splat[splat];
     vec2 whiten = whiten_rg_from_splat[splat].xy;
-    float depth = WITH_LIMIT != 0 ? blue_depth_from_splat[splat].y : 0.0;
-    Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
-    if (INRIA != 0) e.square = inria_square(shape, whiten);
-    ivec2 rows = tile_rows(e, view.size);
+    float depth = WITH_LIMIT != 0 || SURFEL != 0 ? blue_depth_from_splat[splat].y : 0.0;
+    Ellipse e;
+    Outline o;
+    ivec2 rows;
+    if (SURFEL != 0) {
+        o = outline(view, shape, whiten, plane_from_splat[splat], depth, LOG2_ALPHA_MIN);
+        rows = outline_rows(o, view.size);
+    } else {
+        e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
+        if (INRIA != 0) e.square = inria_square(shape, whiten);
+        rows = tile_rows(e, view.size);
+    }
     for (int row = rows.x; row <= rows.y; ++row) {
-        ivec2 columns = tile_columns(e, row, view.size);
+        ivec2 columns;
+        if (SURFEL != 0) columns = outline_columns(o, row, view.size);
+        else columns = tile_columns(e, row, view.size);
         uint begin_of_row = uint(row) * view.tiles.x;
         // Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest image that it binds has
         // 65,536 tiles.

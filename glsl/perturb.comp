@@ -9,6 +9,8 @@
 // One invocation per splat. Random numbers are a function of (seed, step, splat) alone.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
+// Not 0: surfels, which also move a little out of their planes.
+layout(constant_id = 1) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Counts { uint counts[]; };
@@ -24,6 +26,10 @@ layout(push_constant, scalar) uniform Push {
     float amplitude;  // noise scale times the learning rate of the means
     uint indexed;     // not 0: slots are not in splat order; the index gives each slot's splat
 } push;
+
+// Standard deviation of a surfel's noise along its normal, as a share of its smaller scale: with none it could never
+// leave its plane.
+const float SURFEL_NOISE = 0.1;
 
 // Uniform in (0, 1): never 0, as its logarithm is infinite.
 float uniform_of(uint splat, uint draw) {
@@ -47,6 +53,7 @@ void main() {
     vec4 mean = params[slot];
     vec4 rotation = params[push.stride + slot];
     vec3 scale = exp(params[2 * push.stride + slot].xyz);
+    if (SURFEL != 0) scale.z = SURFEL_NOISE * min(scale.x, scale.y);
     mat3 axes = rotation_matrix(rotation / quaternion_length(rotation));
     float weight = sigmoid(100.0 * (0.005 - sigmoid(mean.w))) * push.amplitude;
     vec3 local = (normals_of(splat) * axes) * scale * scale;

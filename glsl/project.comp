@@ -3,6 +3,7 @@
 #include "shared/math.glsl"
 #include "shared/primitive.glsl"
 #include "shared/plane.glsl"
+#include "shared/surfel.glsl"
 #include "shared/random.glsl"
 #include "shared/sh.glsl"
 
@@ -11,7 +12,7 @@
 // One invocation per splat, given by its slot among the parameters. An invisible splat (behind the near plane, off the
 // screen, too faint, dropped, or not finite in any parameter) gets the tile count 0, and the rest of its record is not
 // read. Dropped splats are a random share; the others are more opaque for it, so that the expected optical depth of
-// faint splats stays the same.
+// faint splats stays the same. Surfels are not drawn edge-on either, unless as spots.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
@@ -27,6 +28,8 @@ layout(constant_id = 5) const uint INDEXED = 0;
 layout(constant_id = 6) const uint WITH_PLANES = 0;
 // Not 0: only tiles whose limit of depth is beyond the splat count.
 layout(constant_id = 7) const uint WITH_LIMIT = 0;
+// Not 0: surfels; their planes are written, too.
+layout(constant_id = 8) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -94,11 +97,39 @@ uint tiles_before(float depth, uint begin_of_row, ivec2 columns) {
     return count;
 }
 
+// Number of tiles that a splat touches.
+uint tiles_of(vec4 shape, vec2 whiten, vec3 plane, float depth) {
+    Ellipse e;
+    Outline o;
+    ivec2 rows;
+    if (SURFEL != 0) {
+        o = outline(view, shape, whiten, plane, depth, LOG2_ALPHA_MIN);
+        rows = outline_rows(o, view.size);
+    } else {
+        e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
+        if (INRIA != 0) e.square = inria_square(shape, whiten);
+        rows = tile_rows(e, view.size);
+    }
+    uint count = 0;
+    for (int row = rows.x; row <= rows.y; ++row) {
+        ivec2 columns;
+        if (SURFEL != 0) columns = outline_columns(o, row, view.size);
+        else columns = tile_columns(e, row, view.size);
+        if (WITH_LIMIT == 0) {
+            count += uint(columns.y - columns.x + 1);
+        } else {
+            count += tiles_before(depth, uint(row) * view.tiles.x, columns);
+        }
+    }
+    return count;
+}
+
 // Writes the splat's record and returns its number of tiles.
 uint project(uint slot, uint splat) {
     Stored own = stored(slot);
     vec4 mean = own.mean, rotation = own.rotation, shaping = own.shaping;
     vec3 log_scale = shaping.xyz;
+    if (SURFEL != 0) log_scale.z = 0.0;
     vec3 scale = exp(log_scale);
 
     vec3 offset = mean.xyz - view.position;
@@ -110,8 +141,30 @@ uint project(uint slot, uint splat) {
     Jacobian j = jacobian(view, mean_view);
     mat3 axes = rotation_matrix(rotation / q_length);
     Smoothed s = smoothed(scale, shaping.w);
-    Footprint f = footprint((j.row_x * axes) * s.scale, (j.row_y * axes) * s.scale, view.dilation);
-    sound = sound && is_finite(f.a) && is_finite(f.det) && f.det > 0.0;
+    if (SURFEL != 0) flatten(s);
+    vec3 v_x = (j.row_x * axes) * s.scale;
+    vec3 v_y = (j.row_y * axes) * s.scale;
+    Footprint f = footprint(v_x, v_y, view.dilation);
+    vec3 plane = vec3(0.0);
+    float along = 0.0;
+    if (SURFEL != 0) {
+        along = dot(axes[2], offset);
+        f = surfel_footprint(view, v_x, v_y, s.scale, mean_view.z, along);
+        plane = surfel_plane(view, view.view_from_world * axes[2], mean_view.z, along, f);
+    }
+    bool shaped = is_finite(f.a) && is_finite(f.det) && f.det > 0.0;
+    vec2 whiten = WHITEN * whitening(f);
+    float distance = vector_length(offset);
+    if (SURFEL != 0) {
+        bool spot = !shaped || !is_finite(plane) || is_spot(whiten, along, distance);
+        shaped = !spot || view.compensate == 0 && is_finite(f.a);
+        if (spot) {
+            whiten = vec2(SPOT_WHITEN);
+            f.slope = 0.0;
+            plane = vec3(0.0);
+        }
+    }
+    sound = sound && shaped;
 
     vec2 mean_pixel = view.focal * mean_view.xy / mean_view.z + view.center;
     // log2 of the sigmoid; exp(-u) may overflow to infinity, then the splat is invisible as it should.
@@ -124,10 +177,8 @@ uint project(uint slot, uint splat) {
     }
     sound = sound && log_opacity >= LOG2_ALPHA_MIN && is_finite(vec3(mean_pixel, 0.0));
 
-    vec2 whiten = WHITEN * whitening(f);
     sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
 
-    float distance = vector_length(offset);
     vec3 color = color_toward(slot, offset / distance, sound);
     if (!sound) return 0;
 
@@ -135,21 +186,13 @@ uint project(uint slot, uint splat) {
     ellipse_from_splat[splat] = shape;
     whiten_rg_from_splat[splat] = vec4(whiten, color.rg);
     blue_depth_from_splat[splat] = vec2(color.b, mean_view.z);
-    if (WITH_PLANES != 0) plane_from_splat[splat] = plane_of(view, axes, s.scale, offset, mean_view.z, f);
-
-    Ellipse e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
-    if (INRIA != 0) e.square = inria_square(shape, whiten);
-    uint count = 0;
-    ivec2 rows = tile_rows(e, view.size);
-    for (int row = rows.x; row <= rows.y; ++row) {
-        ivec2 columns = tile_columns(e, row, view.size);
-        if (WITH_LIMIT == 0) {
-            count += uint(columns.y - columns.x + 1);
-        } else {
-            count += tiles_before(mean_view.z, uint(row) * view.tiles.x, columns);
-        }
+    if (SURFEL != 0) {
+        plane_from_splat[splat] = plane;
+    } else if (WITH_PLANES != 0) {
+        plane_from_splat[splat] = plane_of(view, axes, s.scale, offset, mean_view.z, f);
     }
-    return count;
+
+    return tiles_of(shape, whiten, plane, mean_view.z);
 }
 
 void main() {

@@ -2,6 +2,8 @@
 #include "shared/prelude.glsl"
 #include "shared/math.glsl"
 #include "shared/primitive.glsl"
+#include "shared/plane.glsl"
+#include "shared/surfel.glsl"
 #include "shared/sh.glsl"
 
 // Gradient of every splat, from the records of compositing: of its geometry, and of its colour in the view's direction,
@@ -16,6 +18,8 @@ layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
 // Not 0: slots are not in splat order; the index gives each slot's splat.
 layout(constant_id = 2) const uint INDEXED = 0;
+// Not 0: surfels, with longer records.
+layout(constant_id = 3) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -90,21 +94,29 @@ vec4 quaternion_backward(vec4 unit, float q_length, mat3 d) {
     return (g - unit * dot(unit, g)) / q_length;
 }
 
-void add_record(uint source, inout Sums sum) {
+void add_record(uint source, inout Sums sum, inout SurfelSums more) {
     sum.shape += d_shape_from_source[source];
     sum.tone += d_tone_from_source[source];
-    sum.rest += d_rest_from_source[source];
+    if (SURFEL == 0) {
+        sum.rest += d_rest_from_source[source];
+        return;
+    }
+    uint rest = source * SURFEL_REST;
+    sum.rest += d_rest_from_source[rest];
+    more.tilt += vec3(d_rest_from_source[rest + 1], d_rest_from_source[rest + 2], d_rest_from_source[rest + 3]);
+    more.spot += vec2(d_rest_from_source[rest + 4], d_rest_from_source[rest + 5]);
 }
 
 // A splat's records, summed in order. Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest
 // image that it binds has 65,536 tiles.
-Sums sum_of_records(uint splat, uint tile_count) {
+Sums sum_of_records(uint splat, uint tile_count, out SurfelSums more) {
     Sums sum = Sums(vec4(0.0), vec4(0.0), 0.0);
+    more = SurfelSums(vec3(0.0), vec2(0.0));
     uint begin = emitted_from_splat[splat];
     uint end = begin + tile_count;
     for (uint source = begin; source < end; source += 2) {
-        add_record(source, sum);
-        if (source + 1 < end) add_record(source + 1, sum);
+        add_record(source, sum, more);
+        if (source + 1 < end) add_record(source + 1, sum, more);
     }
     return sum;
 }
@@ -133,9 +145,25 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
     d_v_y += apart * cross(f.minors, f.v_x) - outward * f.v_y;
 }
 
+// Completes the gradient of a surfel's footprint, and finds that by its tilt. A surfel that is only a spot has none but
+// that of its place.
+FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world, float along, SurfelSums more,
+                                  FootprintGradient d, out TiltGradient tilt) {
+    tilt = TiltGradient(vec3(0.0), vec3(0.0));
+    if (whiten_rg_from_splat[splat].x == SPOT_WHITEN) {
+        return FootprintGradient(2.0 * more.spot, vec3(0.0), vec3(0.0));
+    }
+    vec3 normal = view.view_from_world * normal_world;
+    vec2 slant = mean_view.z / along * normal.xy / view.focal;
+    tilt = tilt_backward(view, normal, mean_view, along, more.tilt.yz);
+    d.mean_pixel += 2.0 * more.spot - slant * more.tilt.x;
+    return d;
+}
+
 // Adds the gradient of a visible splat's geometry; `scale` is before smoothing. Returns dL/d mean_pixel.
 vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout Gradient gradient, out Seen seen) {
-    Sums records = sum_of_records(splat, tile_count);
+    SurfelSums more;
+    Sums records = sum_of_records(splat, tile_count, more);
     vec4 mean = params[slot];
     vec4 rotation = params[push.stride + slot];
     vec3 offset = mean.xyz - view.position;
@@ -147,10 +175,15 @@ vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout 
     vec3 local_x = j.row_x * axes;
     vec3 local_y = j.row_y * axes;
     Smoothed s = smoothed(scale, params[2 * push.stride + slot].w);
+    if (SURFEL != 0) flatten(s);
     Footprint f = footprint(local_x * s.scale, local_y * s.scale, view.dilation);
+    float along = dot(axes[2], offset);
+    if (SURFEL != 0) f = surfel_footprint(view, f.v_x, f.v_y, s.scale, mean_view.z, along);
 
     gradient.opacity_logit += records.shape.x * sigmoid(-mean.w);
     FootprintGradient d = footprint_backward(f, records);
+    TiltGradient tilt = TiltGradient(vec3(0.0), vec3(0.0));
+    if (SURFEL != 0) d = surfel_backward(splat, mean_view, axes[2], along, more, d, tilt);
     if (view.compensate != 0) compensation_backward(f, records.shape.x, d.v_x, d.v_y);
     // Smoothed variances are s^2 + sigma^2, and ln(opacity) contains half of ln(s^2 / (s^2 + sigma^2)) per axis.
     gradient.log_scale += (d.v_x * local_x + d.v_y * local_y) * s.scale * s.own + records.shape.x * s.added;
@@ -158,10 +191,13 @@ vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout 
     vec3 d_local_y = d.v_y * s.scale;
     // local = row * axes, component k = dot(row, axes[k]).
     mat3 d_axes = outerProduct(j.row_x, d_local_x) + outerProduct(j.row_y, d_local_y);
+    if (SURFEL != 0) d_axes[2] += tilt.normal * view.view_from_world;
     gradient.quaternion += quaternion_backward(unit, q_length, d_axes);
     vec3 g_x = view.view_from_world * (axes * d_local_x);
     vec3 g_y = view.view_from_world * (axes * d_local_y);
-    gradient.mean += mean_view_backward(mean_view, j, g_x, g_y, d.mean_pixel) * view.view_from_world;
+    vec3 d_mean_view = mean_view_backward(mean_view, j, g_x, g_y, d.mean_pixel);
+    if (SURFEL != 0) d_mean_view += tilt.mean;
+    gradient.mean += d_mean_view * view.view_from_world;
 
     vec3 color = vec3(whiten_rg_from_splat[splat].zw, blue_depth_from_splat[splat].x);
     seen.any = true;
@@ -179,6 +215,7 @@ void main() {
     uint tile_count = tile_count_from_splat[splat];
     if (push.banded != 0 && tile_count != 0 && emitted_from_splat[splat] == NOT_LISTED) return;
     vec3 scale = exp(params[2 * push.stride + slot].xyz);
+    if (SURFEL != 0) scale.z = 0.0;
     float opacity = sigmoid(params[slot].w);
     // A splat that is not finite is not drawn, and gets no gradient from penalties.
     bool sound = is_finite(params[slot].w) && is_finite(scale);

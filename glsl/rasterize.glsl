@@ -19,6 +19,8 @@ layout(constant_id = 4) const uint WITH_ENDS = 1;
 layout(constant_id = 5) const uint WITH_SURFACE = 0;
 // Not 0: splats at a pixel's limit of depth or beyond do not count.
 layout(constant_id = 6) const uint WITH_LIMIT = 0;
+// Not 0: surfels.
+layout(constant_id = 7) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -47,6 +49,8 @@ layout(push_constant, scalar) uniform Push {
 #include "shared/tile.glsl"
 #include "shared/primitive.glsl"
 #include "shared/plane.glsl"
+#include "shared/surfel.glsl"
+#include "shared/surfel_column.glsl"
 #include "shared/stage.glsl"
 
 bool any_lane(bool mine);
@@ -80,9 +84,8 @@ bool any_open() {
 }
 
 // Adds a splat's plane to the pixels of quad `q`, where it has this alpha.
-void add_plane(uint q, vec4 alpha, PlaneColumn column, vec3 normal) {
+void add_plane(uint q, vec4 alpha, vec4 depths, vec3 normal) {
     vec4 weight = alpha * transmittance[q];
-    vec4 depths = depth_of(column, q);
     plane_depth[q] += weight * depths;
     normal_x[q] += weight * normal.x;
     normal_y[q] += weight * normal.y;
@@ -101,9 +104,13 @@ void blend(Tile t, uint isect, Staged splat, vec3 plane) {
         plane_column = plane_column_of(t, plane, splat.shape.xy, splat.rest.y);
         normal = normal_of(plane, splat.shape.xy, lens);
     }
+    SurfelColumn surfel;
+    Hits hits;
+    if (SURFEL != 0) surfel = surfel_column_of(t, splat.shape, plane, depth_of(splat.rest), view);
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         vec4 f;
         vec4 exponent = exponent_of(column, q, f);
+        if (SURFEL != 0) exponent = surfel_exponent(column, surfel, q, f, hits);
         bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
                         greaterThanEqual(transmittance[q], vec4(T_MIN)));
         if (WITH_LIMIT != 0) on = both(on, lessThan(vec4(depth_of(splat.rest)), limit[q]));
@@ -113,7 +120,12 @@ void blend(Tile t, uint isect, Staged splat, vec3 plane) {
         green[q] += weight * splat.tone.w;
         blue[q] += weight * splat.rest.x;
         if (WITH_DEPTH != 0) far[q] += weight * depth_of(splat.rest);
-        if (WITH_SURFACE != 0) add_plane(q, alpha, plane_column, normal);
+        if (WITH_SURFACE != 0) {
+            vec4 depths;
+            if (SURFEL != 0) depths = depth_of_hits(plane_column, hits, view.near_plane);
+            else depths = depth_of(plane_column, q);
+            add_plane(q, alpha, depths, normal);
+        }
         transmittance[q] *= vec4(1.0) - alpha;
         if (WITH_ENDS != 0) last[q] = mix(last[q], uvec4(isect + 1), on);
     }
@@ -126,13 +138,13 @@ uint stage_batch(uint begin, uint end) {
     Staged mine = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
     if (isect >= end) hide(mine);
     stage(mine);
-    if (WITH_SURFACE != 0) stage_plane(plane_from_splat[splat]);
+    if (WITH_SURFACE != 0 || SURFEL != 0) stage_plane(plane_from_splat[splat]);
     return min(WORKGROUP, end - begin);
 }
 
-// The plane staged by a lane; zero in frames without surfaces.
+// The plane staged by a lane; zero where none is needed.
 vec3 plane_by(uint lane) {
-    if (WITH_SURFACE == 0) return vec3(0.0);
+    if (WITH_SURFACE == 0 && SURFEL == 0) return vec3(0.0);
     return staged_plane_by(lane);
 }
 

@@ -11,6 +11,9 @@
 
 shared uint lane_last[WORKGROUP];
 shared Sums lane_sums[2][WORKGROUP];
+// Of surfels; else hardly any.
+const uint SURFEL_LANES = SURFEL != 0 ? WORKGROUP : 1;
+shared SurfelSums lane_surfel_sums[2][SURFEL_LANES];
 
 uint max_of_lanes(uint mine) {
     lane_last[gl_LocalInvocationID.x] = mine;
@@ -32,6 +35,21 @@ Sums sum_of_lanes(Sums even, Sums odd) {
         total.shape += lane_sums[which][i].shape;
         total.tone += lane_sums[which][i].tone;
         total.rest += lane_sums[which][i].rest;
+    }
+    return total;
+}
+
+SurfelSums surfel_sum_of_lanes(SurfelSums even, SurfelSums odd) {
+    uint lane = gl_LocalInvocationID.x;
+    barrier();
+    lane_surfel_sums[0][lane] = even;
+    lane_surfel_sums[1][lane] = odd;
+    barrier();
+    uint which = lane & 1;
+    SurfelSums total = lane_surfel_sums[which][0];
+    [[unroll]] for (uint i = 1; i < WORKGROUP; ++i) {
+        total.tilt += lane_surfel_sums[which][i].tilt;
+        total.spot += lane_surfel_sums[which][i].spot;
     }
     return total;
 }

@@ -14,6 +14,8 @@
 
 layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
+// Not 0: surfels, with longer records.
+layout(constant_id = 2) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -29,6 +31,7 @@ layout(set = 0, binding = 9, scalar) readonly buffer Ends { uint isect_end_from_
 layout(set = 0, binding = 10, scalar) writeonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
 layout(set = 0, binding = 11, scalar) writeonly buffer ToneGradients { vec4 d_tone_from_source[]; };
 layout(set = 0, binding = 12, scalar) writeonly buffer RestGradients { float d_rest_from_source[]; };
+layout(set = 0, binding = 13, scalar) readonly buffer Planes { vec3 plane_from_splat[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
@@ -36,12 +39,17 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 #include "shared/tile.glsl"
+#include "shared/math.glsl"
 #include "shared/primitive.glsl"
+#include "shared/plane.glsl"
+#include "shared/surfel.glsl"
+#include "shared/surfel_column.glsl"
 #include "shared/stage.glsl"
 
 uint max_of_lanes(uint mine);
 // The workgroup's sum of `even` in the lanes with even `stage_lane`, that of `odd` in the others.
 Sums sum_of_lanes(Sums even, Sums odd);
+SurfelSums surfel_sum_of_lanes(SurfelSums even, SurfelSums odd);
 
 // Of the lane's pixels: transmittance in front of the current splat, upstream gradient, and colour behind the splat
 // projected on that gradient.
@@ -91,15 +99,19 @@ void store_pixels(Tile t) {
     }
 }
 
-// Removes one splat from the lane's pixels, from the back, and returns its contribution to the gradient.
-Sums take_off(uint isect, Column column, vec3 color) {
+// Removes one splat from the lane's pixels, from the back, and returns its contribution to the gradient; `more` is that
+// of a surfel.
+Sums take_off(uint isect, Column column, vec3 color, SurfelColumn surfel, out SurfelSums more) {
     Moments moments = Moments(vec4(0.0), vec4(0.0), vec4(0.0));
     vec4 red = vec4(0.0);
     vec4 green = vec4(0.0);
     vec4 blue = vec4(0.0);
+    SurfelMoments tilted = SurfelMoments(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    Hits hits;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         vec4 f;
         vec4 exponent = exponent_of(column, q, f);
+        if (SURFEL != 0) exponent = surfel_exponent(column, surfel, q, f, hits);
         bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)), lessThan(uvec4(isect), end[q]));
         vec4 raw = exp2(exponent);
         vec4 alpha = mix(vec4(0.0), min(raw, vec4(ALPHA_MAX)), on);
@@ -112,18 +124,28 @@ Sums take_off(uint isect, Column column, vec3 color) {
         red += weight * d_red[q];
         green += weight * d_green[q];
         blue += weight * d_blue[q];
-        add_moments(moments, here, f);
+        if (SURFEL != 0) add_surfel_moments(moments, tilted, surfel, q, here, f, hits);
+        else add_moments(moments, here, f);
     }
     const vec4 one = vec4(1.0);
     Sums sums = sums_of(moments, column);
+    if (SURFEL != 0) {
+        sums.shape.x = dot(tilted.s, one);
+        more = surfel_sums_of(tilted, surfel);
+    }
     sums.tone = vec4(sums.tone.xy, dot(red, one), dot(green, one));
     sums.rest = dot(blue, one);
     return sums;
 }
 
-Sums take_off_staged(Tile t, uint isect, uint lane) {
+Sums take_off_staged(Tile t, uint isect, uint lane, out SurfelSums more) {
     Staged splat = staged_by(lane);
-    return take_off(isect, column_of(t, splat.shape, splat.tone), vec3(splat.tone.zw, splat.rest.x));
+    SurfelColumn surfel;
+    if (SURFEL != 0) {
+        surfel = surfel_column_of(t, splat.shape, staged_plane_by(lane), depth_of(splat.rest), view);
+    }
+    Column column = column_of(t, splat.shape, splat.tone);
+    return take_off(isect, column, vec3(splat.tone.zw, splat.rest.x), surfel, more);
 }
 
 Sums either(Sums a, Sums b, bool second) {
@@ -131,10 +153,19 @@ Sums either(Sums a, Sums b, bool second) {
     return Sums(mix(a.shape, b.shape, four), mix(a.tone, b.tone, four), second ? b.rest : a.rest);
 }
 
-void store(uint source, Sums sums) {
+SurfelSums surfel_either(SurfelSums a, SurfelSums b, bool second) {
+    return SurfelSums(mix(a.tilt, b.tilt, bvec3(second)), mix(a.spot, b.spot, bvec2(second)));
+}
+
+void store(uint source, Sums sums, SurfelSums more) {
     d_shape_from_source[source] = sums.shape;
     d_tone_from_source[source] = sums.tone;
-    d_rest_from_source[source] = sums.rest;
+    if (SURFEL == 0) {
+        d_rest_from_source[source] = sums.rest;
+        return;
+    }
+    float rest[SURFEL_REST] = float[](sums.rest, more.tilt.x, more.tilt.y, more.tilt.z, more.spot.x, more.spot.y);
+    [[unroll]] for (uint i = 0; i < SURFEL_REST; ++i) d_rest_from_source[source * SURFEL_REST + i] = rest[i];
 }
 
 // Removes a batch, the last before `end` first; returns its number of splats.
@@ -146,17 +177,23 @@ uint take_off_batch(Tile t, uint begin, uint end) {
     Staged staged = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
     if (!mine) hide(staged);
     stage(staged);
+    if (SURFEL != 0) stage_plane(plane_from_splat[splat]);
     uint count = min(WORKGROUP, end - begin);
     Sums kept = Sums(vec4(0.0), vec4(0.0), 0.0);
+    SurfelSums more_kept = SurfelSums(vec3(0.0), vec2(0.0));
     uint i = 0;
     // Two at a time: their sums over the lanes share the first step. An odd one is paired with a hidden splat.
     do {
-        Sums even = take_off_staged(t, end - 1 - i, i);
-        Sums odd = take_off_staged(t, end - 2 - i, i + 1);
+        SurfelSums more_even, more_odd;
+        Sums even = take_off_staged(t, end - 1 - i, i, more_even);
+        Sums odd = take_off_staged(t, end - 2 - i, i + 1, more_odd);
         kept = either(kept, sum_of_lanes(even, odd), lane / 2 == i / 2);
+        if (SURFEL != 0) {
+            more_kept = surfel_either(more_kept, surfel_sum_of_lanes(more_even, more_odd), lane / 2 == i / 2);
+        }
         i += 2;
     } while (i < count);
-    if (mine) store(source, kept);
+    if (mine) store(source, kept, more_kept);
     return count;
 }
 
@@ -174,7 +211,7 @@ void differentiate(uint tile) {
     }
     // Records of splats behind the last one that counted, which nothing else clears.
     for (uint isect = last + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
-        store(emitted_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0));
+        store(emitted_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0), SurfelSums(vec3(0.0), vec2(0.0)));
     }
     if (push.band != 0) store_pixels(t);
 }

@@ -41,3 +41,22 @@ Sums sum_of_lanes(Sums even, Sums odd) {
     if (WORKGROUP > 32) add_from_across(mine, mine, 32);
     return mine;
 }
+
+void add_surfel_from_across(inout SurfelSums mine, SurfelSums other, uint mask) {
+    vec4 tilt_spot = from_across(vec4(other.tilt, other.spot.x), mask);
+    mine.tilt += tilt_spot.xyz;
+    mine.spot += vec2(tilt_spot.w, subgroupShuffleXor(other.spot.y, mask));
+}
+
+SurfelSums surfel_sum_of_lanes(SurfelSums even, SurfelSums odd) {
+    bool is_odd = (stage_lane() & 1) != 0;
+    SurfelSums mine = surfel_either(even, odd, is_odd);
+    SurfelSums other = surfel_either(odd, even, is_odd);
+    add_surfel_from_across(mine, other, 1);
+    if (WORKGROUP > 2) add_surfel_from_across(mine, mine, 2);
+    if (WORKGROUP > 4) add_surfel_from_across(mine, mine, 4);
+    if (WORKGROUP > 8) add_surfel_from_across(mine, mine, 8);
+    if (WORKGROUP > 16) add_surfel_from_across(mine, mine, 16);
+    if (WORKGROUP > 32) add_surfel_from_across(mine, mine, 32);
+    return mine;
+}

@@ -53,6 +53,9 @@ const uint SURFACE_MEDIAN = 1;
 const uint SURFACE_NORMAL = 2;
 const uint SURFACE_PLANES = 5;
 
+// Floats of a surfel's gradient record beside shape and tone: blue, and sums of the tilt and the spot.
+const uint SURFEL_REST = 6;
+
 // Slots of the `counts` buffer.
 const uint COUNT_SPLAT = 0;
 const uint COUNT_VISIBLE = 1;

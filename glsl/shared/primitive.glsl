@@ -1,5 +1,6 @@
-// Everything that depends on the kind of splat, here a 3D Gaussian with its ellipse on the screen: footprint, extent,
-// exponent and depth at a pixel, and the exponent's gradient. The screen filter is apart: its dilation is an argument.
+// Everything that depends on the kind of splat: footprint, extent, exponent and depth at a pixel, and the exponent's
+// gradient; here of a 3D Gaussian with its ellipse on the screen, of surfels in `surfel.glsl`. The screen filter is
+// apart: its dilation is an argument.
 
 // The rows of J W: pixels per world unit, at the direction x/z, y/z clamped to the view's limits.
 struct Jacobian {

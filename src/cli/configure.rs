@@ -2,7 +2,7 @@
 
 use super::parse;
 use crate::gpu::DeviceKind;
-use crate::scene::ScreenFilter;
+use crate::scene::{Primitive, ScreenFilter};
 use crate::train::{Background, ExposureModel, StrategyKind, TrainConfig};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
@@ -24,6 +24,9 @@ pub(in crate::cli) struct ConfigArgs {
     /// Densification strategy [default: adc]
     #[arg(long, value_name = "NAME")]
     pub strategy: Option<StrategyArg>,
+    /// Kind of the splats [default: 3d]
+    #[arg(long, value_name = "KIND")]
+    pub kind: Option<KindArg>,
     /// Rendering mode; stored in scene.ply, from which `render` and `eval` read it [default: default]
     #[arg(long, value_name = "MODE")]
     pub mode: Option<ModeArg>,
@@ -55,6 +58,16 @@ pub(in crate::cli) enum StrategyArg {
     Adc,
     /// Move dead splats and grow to --max-splats (MCMC)
     Mcmc,
+}
+
+/// Kind of splats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum KindArg {
+    /// 3D Gaussians (3DGS)
+    #[value(name = "3d")]
+    Gaussian3d,
+    /// Flat Gaussians, for surfaces and meshes (2DGS)
+    Surfel,
 }
 
 /// Rendering mode.
@@ -109,6 +122,11 @@ impl ConfigArgs {
                 AgainstArg::Overfitting => config.against_overfitting(1.0),
             };
         }
+        config.kind = match self.kind {
+            None => config.kind,
+            Some(KindArg::Gaussian3d) => Primitive::Gaussian3d,
+            Some(KindArg::Surfel) => Primitive::Surfel,
+        };
         config.seed = self.seed.unwrap_or(config.seed);
         config.filter = match self.mode {
             None | Some(ModeArg::Default) => ScreenFilter::Classic,

@@ -51,6 +51,7 @@ pub(super) fn scene_renderer(
         with_surface: outputs.surface,
         compatibility,
         sh_degree: splats.sh_degree,
+        primitive: splats.primitive,
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(gpu, options)?;

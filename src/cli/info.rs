@@ -119,11 +119,13 @@ fn scene(LoadedSplats { splats, stored, .. }: &LoadedSplats) -> (String, Value) 
     let blocks = Blocks::anywhere(Slots::of_scene(splats).counts);
     let size = (size_of::<[f32; 4]>() * blocks.vectors()) as u64;
     let text = format!(
-        "format:      {}, axes {}\nsplats:      {}\nSH degree:   {}\nmode:        {:?}\nmeans:       x {:?}, y {:?}, z {:?}\n\
+        "format:      {}, axes {}\nsplats:      {}, kind {}\nSH degree:   {}\nmode:        {:?}\n\
+         means:       x {:?}, y {:?}, z {:?}\n\
          faint:       {} (opacity below 1/255: never drawn)\non a device: {}",
         stored.format,
         stored.axes,
         grouped(splats.len()),
+        splats.primitive.name(),
         splats.sh_degree,
         splats.filter,
         axes[0],
@@ -137,6 +139,7 @@ fn scene(LoadedSplats { splats, stored, .. }: &LoadedSplats) -> (String, Value) 
         "axes": stored.axes.to_string(),
         "splat_count": splats.len(),
         "sh_degree": splats.sh_degree,
+        "kind": splats.primitive.name(),
         "mode": splats.filter.name(),
         "bounds": axes,
         "faint_count": faint,

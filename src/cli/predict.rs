@@ -5,7 +5,7 @@ use super::parse;
 use crate::render::{
     Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, Scratch, Slots, isects_expected, of_degree, total,
 };
-use crate::scene::{Dataset, Splats};
+use crate::scene::{Dataset, Primitive, Splats};
 use crate::simplify::controller_needs;
 use crate::train::{Residency, TrainConfig, TrainSize, splats_expected};
 use crate::{Error, Result};
@@ -145,9 +145,10 @@ impl PredictArgs {
     pub(crate) fn on_numbers(&self, config: &TrainConfig, limit: u64) -> Prediction {
         let splats = SPLATS.min(config.splat_limit());
         if self.photos.unwrap_or(0) == 0 {
-            return self.drawing(of_degree(self.splats.unwrap_or(splats), config.sh_degree));
+            return self.drawing(of_degree(self.splats.unwrap_or(splats), config.sh_degree), config.kind);
         }
         let size = TrainSize {
+            primitive: config.kind,
             splats,
             sh_degree: config.sh_degree,
             lower: [0; 3],
@@ -164,20 +165,25 @@ impl PredictArgs {
             let fault = "--photos: a scene is drawn, not trained; leave PATH or --photos out";
             return Err(Error::Config(fault.into()));
         }
-        Ok(self.drawing(match self.splats {
+        let counts = match self.splats {
             Some(count) => of_degree(count, splats.sh_degree),
             None => Slots::of_scene(splats).counts,
-        }))
+        };
+        Ok(self.drawing(counts, splats.primitive))
     }
 
-    fn drawing(&self, counts: ByDegree) -> Prediction {
+    fn drawing(&self, counts: ByDegree, primitive: Primitive) -> Prediction {
         let [width, height] = self.size.unwrap_or(SIZE);
         let splats: usize = counts.iter().sum();
         let isects = self.isects.unwrap_or(isects_expected(splats, width, height));
         let blocks = Blocks::anywhere(counts);
         let capacity = Capacity::for_image(splats.max(1), isects, width, height);
         let mut needs = Model::needs(blocks);
-        needs.extend(Scratch::needs(capacity, Outputs::default()));
+        let outputs = Outputs {
+            surfels: primitive == Primitive::Surfel,
+            ..Outputs::default()
+        };
+        needs.extend(Scratch::needs(capacity, outputs));
         needs.retain(|need| need.bytes > 0);
         Prediction {
             what: format!("drawing {} splats at {width}×{height}", grouped(splats)),

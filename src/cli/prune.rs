@@ -12,7 +12,7 @@ use super::{engine, parse};
 use crate::gpu::Gpu;
 use crate::io::splats::{readable, writable};
 use crate::metrics::MeanScore;
-use crate::scene::{Camera, Dataset, Splats, Split};
+use crate::scene::{Camera, Dataset, Primitive, Splats, Split};
 use crate::simplify::{
     AutoRun, ContributionPass, PassOptions, Promise, difference, kept, measure, merge, prune, rates, reduce_harmonics,
     refit_config,
@@ -97,6 +97,9 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
     }
     args.out.as_deref().map_or(Ok(()), io::splats::check_name)?;
     let scene = args.scene_options.read(&args.scene)?;
+    if scene.splats.primitive != Primitive::Gaussian3d {
+        return Err(Error::file(&args.scene, "holds surfels, which are not pruned"));
+    }
     let mut dataset = args.options.open(&args.data, true)?;
     dataset.set_origin(scene.splats.origin);
     let train = dataset.split(Split::Train);

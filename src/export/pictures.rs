@@ -120,6 +120,7 @@ impl<'d> Pictures<'d> {
             &self.gpu,
             RenderOptions {
                 sh_degree: splats.sh_degree,
+                primitive: splats.primitive,
                 ..RenderOptions::default()
             },
         )?;

@@ -4,7 +4,7 @@ use super::loaded::{AxesBy, LoadedSplats};
 use super::source::Source;
 use super::{gltf, ksplat, ply, sog, splat32, spz};
 use crate::error::{Error, Result};
-use crate::scene::{Axes, ScreenFilter, Splats};
+use crate::scene::{Axes, Primitive, ScreenFilter, Splats};
 use std::path::Path;
 
 type Reader = fn(Source<'_>) -> Result<LoadedSplats>;
@@ -17,6 +17,8 @@ struct SceneFormat {
     ends: &'static [&'static str],
     read: Reader,
     write: Option<Writer>,
+    /// Whether there is a place for surfels.
+    holds_surfels: bool,
     /// Whether there is a place for the filter on the screen.
     holds_filter: bool,
     /// Whether there is a place for the origin.
@@ -32,6 +34,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &[".compressed.ply"],
         read: |s| ply::read(s),
         write: Some(ply::compressed::write),
+        holds_surfels: false,
         holds_filter: true,
         holds_origin: true,
         sh_degree: 3,
@@ -41,6 +44,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &[".ply"],
         read: |s| ply::read(s),
         write: Some(ply::write),
+        holds_surfels: true,
         holds_filter: true,
         holds_origin: true,
         sh_degree: 3,
@@ -50,6 +54,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &[".splat"],
         read: |s| splat32::read(s),
         write: Some(splat32::write),
+        holds_surfels: false,
         holds_filter: false,
         holds_origin: false,
         sh_degree: 0,
@@ -59,6 +64,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &[".spz"],
         read: |s| spz::read(s),
         write: Some(spz::write),
+        holds_surfels: false,
         holds_filter: true,
         holds_origin: false,
         sh_degree: 3,
@@ -68,6 +74,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &[".sog"],
         read: |s| sog::read(s),
         write: Some(sog::write),
+        holds_surfels: false,
         holds_filter: true,
         holds_origin: false,
         sh_degree: 3,
@@ -77,6 +84,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &["meta.json"],
         read: |s| sog::read(s),
         write: None,
+        holds_surfels: false,
         holds_filter: true,
         holds_origin: false,
         sh_degree: 3,
@@ -86,6 +94,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &[".glb"],
         read: |s| gltf::read(s),
         write: Some(gltf::write),
+        holds_surfels: false,
         holds_filter: false,
         holds_origin: true,
         sh_degree: 3,
@@ -95,6 +104,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &[".gltf"],
         read: |s| gltf::read(s),
         write: None,
+        holds_surfels: false,
         holds_filter: false,
         holds_origin: true,
         sh_degree: 3,
@@ -104,6 +114,7 @@ const FORMATS: [SceneFormat; 9] = [
         ends: &[".ksplat"],
         read: |s| ksplat::read(s),
         write: None,
+        holds_surfels: false,
         holds_filter: false,
         holds_origin: false,
         sh_degree: 2,
@@ -158,9 +169,19 @@ pub fn read_in_axes<'a>(source: impl Into<Source<'a>>, axes: Option<Axes>) -> Re
     Ok(loaded)
 }
 
-/// Writes a scene, in the format that the end of its name says, atomically.
+/// Writes a scene, in the format that the end of its name says, atomically. Surfels in a format without a place for
+/// them become 3D Gaussians of their thickness.
 pub fn write(path: &Path, splats: &Splats) -> Result<()> {
-    writer(path)?(path, splats)
+    let write = writer(path)?;
+    match holds_surfels(path) || splats.primitive != Primitive::Surfel {
+        true => write(path, splats),
+        false => write(path, &splats.clone().into_3d()),
+    }
+}
+
+/// Whether files of this name have a place for surfels.
+pub fn holds_surfels(path: &Path) -> bool {
+    format_of(path).is_some_and(|format| format.holds_surfels)
 }
 
 /// Refuses names that [`write()`] refuses, before there is anything to write.
@@ -175,6 +196,11 @@ pub fn losses(path: &Path, splats: &Splats) -> Vec<String> {
     };
     let name = format.name;
     let mut losses = Vec::new();
+    if !format.holds_surfels && splats.primitive == Primitive::Surfel {
+        losses.push(format!(
+            "{name} files have no place for surfels: they become 3D Gaussians of a hundredth of their smaller scale"
+        ));
+    }
     if !format.holds_filter && splats.filter != ScreenFilter::default() {
         let filter = splats.filter.name();
         losses.push(format!("{name} files have no place for the render mode \"{filter}\""));

@@ -21,11 +21,12 @@ macro_rules! of_degree {
 of_degree! { project project_backward adam_color }
 
 impl ProjectBackward {
-    /// One for splats of each degree up to `highest`; `indexed`: slots are not in splat order.
-    pub fn of_degrees(gpu: &Gpu, highest: u32, indexed: bool) -> Result<Vec<ProjectBackward>> {
+    /// One for splats of each degree up to `highest`; `indexed`: slots are not in splat order; `surfel`: of surfels.
+    pub fn of_degrees(gpu: &Gpu, highest: u32, indexed: bool, surfel: bool) -> Result<Vec<ProjectBackward>> {
         let kernel = |degree| {
             let mut choice = Choice::of_degree(degree);
             choice.spec.indexed = indexed.into();
+            choice.spec.surfel = surfel.into();
             ProjectBackward::new(gpu, choice)
         };
         (0..=highest).map(kernel).collect()

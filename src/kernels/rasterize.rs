@@ -37,6 +37,8 @@ pub struct Outputs {
     pub surface: bool,
     /// Limits of depth, which are an input, but take memory and kernels of their own as outputs do.
     pub limit: bool,
+    /// Surfels in place of 3D Gaussians, which take memory and kernels of their own, too.
+    pub surfels: bool,
 }
 
 impl Outputs {
@@ -46,6 +48,7 @@ impl Outputs {
         ends: true,
         surface: false,
         limit: false,
+        surfels: false,
     };
 }
 
@@ -91,6 +94,7 @@ macro_rules! outputs {
 }
 
 outputs! {
-    rasterize: with_depth depth, with_ends ends, with_surface surface, with_limit limit;
+    rasterize: with_depth depth, with_ends ends, with_surface surface, with_limit limit,
+        surfel surfels;
     rasterize_inria: with_depth depth, with_ends ends;
 }

@@ -45,6 +45,7 @@ pub(super) fn evaluator<'d>(gpu: &Gpu, dataset: &'d Dataset, split: Split) -> Ev
 pub(super) fn frame_ms(gpu: &Gpu, dataset: &Dataset, splats: &Splats, model: &Model) -> Result<(f64, Option<f64>)> {
     let options = RenderOptions {
         sh_degree: model.sh_degree,
+        primitive: model.primitive,
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(gpu, options)?;

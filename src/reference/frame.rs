@@ -74,13 +74,13 @@ pub fn render_splats<R: Real>(splats: &[Splat<R>], view: &Viewpoint, options: &O
 
 /// Renders a scene.
 pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64> {
-    let view = Viewpoint::new(camera, options, splats.filter);
+    let view = Viewpoint::on(splats, camera, options);
     render_splats(&Splat::all(splats), &view, options)
 }
 
 /// Distance of every pixel of [`render`] from the nearest discontinuity.
 pub fn discontinuity_margins(splats: &Splats, camera: &Camera, options: &Options) -> Vec<DiscontinuityMargin> {
-    let view = Viewpoint::new(camera, options, splats.filter);
+    let view = Viewpoint::on(splats, camera, options);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
     let order: Vec<usize> = (0..list.len()).collect();
     let (width, height) = (camera.width as usize, camera.height as usize);

@@ -8,8 +8,9 @@ use super::frame::{project_all, render, render_splats};
 use super::loss::{self, Target};
 use super::project_backward::project_backward;
 use super::rasterize_backward::{PixelGradient, ScreenGradient, rasterize_backward};
+use super::surfel_backward::surfel_backward;
 use super::{Dual, Options, Splat, Viewpoint};
-use crate::scene::{Camera, Splats};
+use crate::scene::{Camera, Primitive, Splats};
 use rayon::prelude::*;
 
 /// Dual variables per pass over the frame.
@@ -69,14 +70,21 @@ pub fn loss_gradient(splats: &Splats, camera: &Camera, options: &Options, target
     }
 }
 
-/// Gradients of the splats, on the screen and in the world, from a gradient of the frame.
+/// Gradients of the splats, on the screen (of 3D Gaussians) and in the world, from a gradient of the frame.
 pub fn backward(
     splats: &Splats,
     camera: &Camera,
     options: &Options,
     upstream: &[PixelGradient],
 ) -> (Vec<ScreenGradient>, SplatGradients) {
-    let view = Viewpoint::new(camera, options, splats.filter);
+    let view = Viewpoint::on(splats, camera, options);
+    if splats.primitive == Primitive::Surfel {
+        let rows = surfel_backward(&Splat::all(splats), &view, options, upstream);
+        return (
+            vec![ScreenGradient::default(); rows.len()],
+            SplatGradients::from_rows(&rows),
+        );
+    }
     let splats = Splat::<f64>::all(splats);
     let screen = project_all(&splats, &view);
     let by_screen = rasterize_backward(&screen, camera.width, options, upstream);
@@ -97,7 +105,7 @@ pub fn loss_derivatives(
     target: &Target<'_>,
     parameters: &[(usize, usize)],
 ) -> Vec<f64> {
-    let view = Viewpoint::new(camera, options, splats.filter);
+    let view = Viewpoint::on(splats, camera, options);
     let rows: Vec<Vec<f64>> = Splat::<f64>::all(splats).iter().map(Splat::parameters).collect();
     let mut derivatives = Vec::with_capacity(parameters.len());
     for chunk in parameters.chunks(LANES) {

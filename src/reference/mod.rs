@@ -44,6 +44,8 @@ pub mod sh;
 pub mod smoothing;
 pub mod sort;
 pub mod ssim;
+pub mod surfel;
+pub mod surfel_backward;
 pub mod tiles;
 
 mod dual;

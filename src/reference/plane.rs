@@ -2,13 +2,15 @@
 //!
 //! Where a splat is made round, by the inverse of its scales and rotation, its contours are spheres, and the plane
 //! through its centre across the line of sight is tangent to them in the middle. Two directions of that plane, carried
-//! back, span the splat's plane: no inverse covariance, and no derivative.
+//! back, span the splat's plane: no inverse covariance, and no derivative. A surfel lies in its plane.
 
 use super::linear::{Vec3, add, dot, normalize, rotation, scale, sub, transform, transpose, vector};
 use super::rasterize::weights;
+use super::surfel::{SurfelDisc, normal_toward};
 use super::{ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::reference::linear::matrix;
-use crate::reference::project::screen_covariance;
+use crate::reference::project::{screen_covariance, surfel_of};
+use crate::scene::Primitive;
 
 /// A splat's plane in the view.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +21,8 @@ pub struct TangentPlane {
     pub normal: Vec3<f64>,
     /// Largest |z₀ / z − 1|.
     pub range: f64,
+    /// The surfel, if it is one.
+    pub disc: Option<SurfelDisc<f64>>,
 }
 
 /// Largest [`TangentPlane::range`].
@@ -30,6 +34,17 @@ impl TangentPlane {
         let from_camera = sub(splat.mean, vector(view.camera.position));
         let view_from_world = matrix(view.camera.rotation);
         let axes = rotation(splat.quaternion);
+        if view.primitive == Primitive::Surfel {
+            let disc = surfel_of(splat, transform(view_from_world, from_camera), view);
+            // Edge-on it is a spot parallel to the picture.
+            let normal = if disc.is_edge_on { [0.0, 0.0, 1.0] } else { disc.normal };
+            return TangentPlane {
+                mean: disc.mean,
+                normal: normal_toward(normal, disc.mean),
+                range: RANGE_MAX,
+                disc: Some(disc),
+            };
+        }
         let scales = splat.log_scale.map(f64::exp);
         let local = transform(transpose(axes), from_camera);
         let sight = normalize([local[0] / scales[0], local[1] / scales[1], local[2] / scales[2]]);
@@ -43,6 +58,7 @@ impl TangentPlane {
             mean,
             normal: scale(-dot(normal, mean).signum(), normal),
             range: RANGE_MAX,
+            disc: None,
         };
         let tilt = plane.tilt(view);
         let [xx, xy, yy] = screen_covariance(splat, view, mean);
@@ -75,6 +91,9 @@ impl TangentPlane {
 
     /// Depth of the plane at a position (pixels), within the splat's range; world units along z.
     pub fn depth(&self, position: [f64; 2], view: &Viewpoint) -> f64 {
+        if let Some(disc) = &self.disc {
+            return disc.depth(position);
+        }
         let z = self.mean[2];
         let tilt = self.inverse_depth(position, view) * z - 1.0;
         z / (1.0 + tilt.clamp(-self.range, self.range))

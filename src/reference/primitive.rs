@@ -1,11 +1,16 @@
-//! Everything that depends on the kind of splat, here a 3D Gaussian with its ellipse on the screen: exponent, extent,
-//! depth. Derivatives follow from duals.
+//! Everything that depends on the kind of splat: exponent, extent, depth. A 3D Gaussian has its ellipse on the screen,
+//! a surfel the hits of the pixels' rays. Derivatives follow from duals.
 
 use super::project::determinant;
+use super::surfel;
 use super::{Real, ScreenSplat, Thresholds};
 
-/// Half the squared Mahalanobis distance of a position (pixels) from the splat's mean: `½ dᵀ Σ⁻¹ d`.
+/// Half the squared Mahalanobis distance of a position (pixels) from the splat's mean: `½ dᵀ Σ⁻¹ d`, or that of the hit
+/// of a surfel.
 pub fn power<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
+    if let Some(disc) = &splat.disc {
+        return surfel::power(disc, splat.mean, splat.covariance, position);
+    }
     let dx = R::of(position[0]) - splat.mean[0];
     let dy = R::of(position[1]) - splat.mean[1];
     let [xx, xy, yy] = splat.covariance;
@@ -13,7 +18,8 @@ pub fn power<R: Real>(splat: &ScreenSplat<R>, position: [f64; 2]) -> R {
     (yy * dx * dx - two * xy * dx * dy + xx * dy * dy) / (two * determinant(splat.covariance))
 }
 
-/// Minimum of [`power`] over a rectangle of positions, from the first to the second of `x` and of `y`.
+/// Minimum of [`power`] over a rectangle of positions, from the first to the second of `x` and of `y`, of a 3D
+/// Gaussian.
 pub fn power_min(splat: &ScreenSplat<f64>, x: [f64; 2], y: [f64; 2]) -> f64 {
     let [mean_x, mean_y] = splat.mean;
     if (x[0]..=x[1]).contains(&mean_x) && (y[0]..=y[1]).contains(&mean_y) {

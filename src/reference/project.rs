@@ -1,10 +1,11 @@
 //! Projection of a Gaussian to an ellipse on the screen: EWA splatting as in the 3DGS paper (section 4), with the whole
-//! covariance matrices written out.
+//! covariance matrices written out. Surfels keep their axes in the view.
 
 use super::linear::{Mat3, Vec3, covariance, matrix, normalize, product, sub, transform, transpose, vector};
+use super::surfel::SurfelDisc;
 use super::{Options, Real, sh};
 use crate::layout::{COLOR_MAX, QUATERNION_MIN};
-use crate::scene::{Camera, ScreenFilter, Splats};
+use crate::scene::{Camera, Primitive, ScreenFilter, Splats};
 
 /// Floats of [`Splat::parameters`] before the SH coefficients.
 pub const GEOMETRY_PARAMETERS: usize = 11;
@@ -87,6 +88,8 @@ pub struct Viewpoint {
     pub compensated: bool,
     /// Highest SH degree used.
     pub sh_degree: u32,
+    /// Kind of the splats.
+    pub primitive: Primitive,
 }
 
 impl Viewpoint {
@@ -110,7 +113,25 @@ impl Viewpoint {
             },
             compensated: filter == ScreenFilter::Mip,
             sh_degree: options.sh_degree,
+            primitive: Primitive::Gaussian3d,
         }
+    }
+
+    /// The same view of splats of a kind. Surfels are projected at their means, wherever these are, and without a
+    /// dilation but that of the mip filter.
+    #[must_use]
+    pub fn drawing(mut self, primitive: Primitive) -> Viewpoint {
+        self.primitive = primitive;
+        if primitive == Primitive::Surfel {
+            self.limit = [f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY];
+            self.dilation = if self.compensated { 0.1 } else { 0.0 };
+        }
+        self
+    }
+
+    /// View of a camera on a scene.
+    pub fn on(splats: &Splats, camera: &Camera, options: &Options) -> Viewpoint {
+        Viewpoint::new(camera, options, splats.filter).drawing(splats.primitive)
     }
 }
 
@@ -127,10 +148,12 @@ pub struct ScreenSplat<R> {
     pub color: Vec3<R>,
     /// z in the view, world units.
     pub depth: R,
+    /// The surfel in the view, if it is one; its covariance on the screen is that of its first-order projection.
+    pub disc: Option<SurfelDisc<R>>,
 }
 
 impl<R: Real> ScreenSplat<R> {
-    /// All numbers in one row: mean, covariance, opacity, colour, depth.
+    /// All numbers in one row: mean, covariance, opacity, colour, depth. A surfel's disc is not among them.
     pub fn row(&self) -> [R; 10] {
         let (m, c, rgb) = (self.mean, self.covariance, self.color);
         [
@@ -147,7 +170,7 @@ impl<R: Real> ScreenSplat<R> {
         ]
     }
 
-    /// Inverse of [`ScreenSplat::row`].
+    /// Inverse of [`ScreenSplat::row`] for 3D Gaussians.
     pub fn from_row(row: [R; 10]) -> ScreenSplat<R> {
         ScreenSplat {
             mean: [row[0], row[1]],
@@ -155,6 +178,7 @@ impl<R: Real> ScreenSplat<R> {
             opacity: row[5],
             color: [row[6], row[7], row[8]],
             depth: row[9],
+            disc: None,
         }
     }
 }
@@ -178,6 +202,10 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSpla
     if view.compensated {
         opacity = opacity * compensation(spread, dilated);
     }
+    let disc = (view.primitive == Primitive::Surfel).then(|| surfel_of(splat, mean_view, view));
+    if disc.is_some_and(|disc| disc.is_edge_on && !disc.has_spot) {
+        return None;
+    }
     let direction = normalize(from_camera);
     let screen = ScreenSplat {
         mean: [focal[0] * x / z + center[0], focal[1] * y / z + center[1]],
@@ -186,8 +214,15 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSpla
         color: sh::unclamped_color(view.sh_degree, &splat.sh, direction)
             .map(|c| c.at_least(0.0).at_most(f64::from(COLOR_MAX))),
         depth: z,
+        disc,
     };
     screen.row().iter().all(|x| x.value().is_finite()).then_some(screen)
+}
+
+/// The surfel of a splat with its mean in the view.
+pub fn surfel_of<R: Real>(splat: &Splat<R>, mean_view: Vec3<R>, view: &Viewpoint) -> SurfelDisc<R> {
+    let shape = (splat.quaternion, splat.log_scale);
+    SurfelDisc::of(mean_view, shape, &view.camera, view.near, !view.compensated)
 }
 
 /// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian is taken at x/z and y/z clamped to the limits; the clamped quotients are
@@ -204,7 +239,11 @@ pub fn screen_covariance<R: Real>(splat: &Splat<R>, view: &Viewpoint, mean_view:
         [zero, zero, zero],
     ];
     let screen_from_world = product(jacobian, matrix(view.camera.rotation));
-    let world = covariance(splat.quaternion, splat.log_scale);
+    let mut log_scale = splat.log_scale;
+    if view.primitive == Primitive::Surfel {
+        log_scale[2] = R::of(f64::NEG_INFINITY);
+    }
+    let world = covariance(splat.quaternion, log_scale);
     let screen = product(product(screen_from_world, world), transpose(screen_from_world));
     [screen[0][0], screen[0][1], screen[1][1]]
 }

@@ -4,7 +4,7 @@ use super::project::GEOMETRY_PARAMETERS;
 use super::{Dual, Real, Splat, Terms, Viewpoint, project};
 
 /// Variables per pass: the geometry fits in one.
-const LANES: usize = GEOMETRY_PARAMETERS;
+pub(super) const LANES: usize = GEOMETRY_PARAMETERS;
 
 /// Derivatives of the objective by [`Splat::parameters`], given those by
 /// [`ScreenSplat::row`](super::ScreenSplat::row). Zero throughout for a splat that is not drawn.
@@ -77,7 +77,10 @@ pub(super) fn differentiate(splat: &Splat<f64>, function: impl Fn(&Splat<Dual<LA
 
 /// Copies of a splat, each with a few parameters as variables, and their number; `variable` makes a variable or a
 /// constant.
-fn lifted<R: Real>(splat: &Splat<f64>, variable: impl Fn(f64, Option<usize>) -> R) -> Vec<(Splat<R>, usize)> {
+pub(super) fn lifted<R: Real>(
+    splat: &Splat<f64>,
+    variable: impl Fn(f64, Option<usize>) -> R,
+) -> Vec<(Splat<R>, usize)> {
     let values = splat.parameters();
     let pass = |first: usize| {
         let lifted: Vec<R> = values

@@ -67,6 +67,41 @@ pub fn pixel_backward(
     thresholds: &Thresholds,
     upstream: &PixelGradient,
 ) -> Vec<(usize, ScreenGradient)> {
+    let by_layers = layer_slopes(splats, order, position, background, thresholds, upstream);
+    let gradient = |LayerSlopes { index, slopes, weight }: LayerSlopes| {
+        let row = screen_slopes(&splats[index], position, thresholds, slopes);
+        let gradient = ScreenGradient {
+            row,
+            mean_abs: [row[0].abs(), row[1].abs()],
+            weight_sum: weight,
+            weight_max: weight,
+            pixels: 1,
+        };
+        (index, gradient)
+    };
+    by_layers.into_iter().map(gradient).collect()
+}
+
+/// Derivatives of the objective by a layer of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerSlopes {
+    /// Index of its splat.
+    pub index: usize,
+    /// By alpha, rgb and depth.
+    pub slopes: [f64; 5],
+    /// `α T`.
+    pub weight: f64,
+}
+
+/// Derivatives by each layer that a pixel blends, nearest first.
+pub fn layer_slopes(
+    splats: &[ScreenSplat<f64>],
+    order: &[usize],
+    position: [f64; 2],
+    background: [f64; 3],
+    thresholds: &Thresholds,
+    upstream: &PixelGradient,
+) -> Vec<LayerSlopes> {
     let list = blended(splats, order, position, thresholds);
     let layers: Vec<Layer<f64>> = list
         .iter()
@@ -78,23 +113,15 @@ pub fn pixel_backward(
     }
     // By the pixel after the last layer: through the background, and directly.
     let mut by_pixel = background_slopes(&before[layers.len()], background, upstream);
-    let mut gradients = Vec::with_capacity(list.len());
+    let mut found = Vec::with_capacity(list.len());
     for (rank, &index) in list.iter().enumerate().rev() {
-        let (by_before, by_layer) = blend_slopes(&before[rank], &layers[rank], by_pixel);
+        let (by_before, slopes) = blend_slopes(&before[rank], &layers[rank], by_pixel);
         by_pixel = by_before;
         let weight = layers[rank].alpha * before[rank].transmittance;
-        let row = screen_slopes(&splats[index], position, thresholds, by_layer);
-        let gradient = ScreenGradient {
-            row,
-            mean_abs: [row[0].abs(), row[1].abs()],
-            weight_sum: weight,
-            weight_max: weight,
-            pixels: 1,
-        };
-        gradients.push((index, gradient));
+        found.push(LayerSlopes { index, slopes, weight });
     }
-    gradients.reverse();
-    gradients
+    found.reverse();
+    found
 }
 
 /// Numbers as variables `first..` of a dual.
@@ -160,6 +187,7 @@ fn screen_slopes(
     thresholds: &Thresholds,
     by_layer: [f64; 5],
 ) -> [f64; 10] {
+    assert!(splat.disc.is_none(), "a surfel's gradient is not one by its row");
     let lifted: ScreenSplat<Dual<10>> = ScreenSplat::from_row(variables(splat.row(), 0));
     let Some(layer) = layer(&lifted, position, thresholds) else {
         return [0.0; 10];

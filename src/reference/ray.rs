@@ -24,7 +24,7 @@ struct Solid {
 
 /// Colours of some pixels, given by their indices `y * width + x`; `options.thresholds` are ignored.
 pub fn colors(splats: &Splats, camera: &Camera, options: &Options, pixels: &[usize]) -> Vec<[f64; 3]> {
-    let view = Viewpoint::new(camera, options, splats.filter);
+    let view = Viewpoint::on(splats, camera, options);
     let all = Splat::<f64>::all(splats);
     let (list, splat_from_rank) = sorted(&project_all(&all, &view));
     let solids: Vec<Solid> = list

@@ -91,6 +91,7 @@ mod tests {
             opacity,
             color: [shade, 1.0 - shade, 0.5],
             depth: 1.0,
+            disc: None,
         };
         let splats = [splat(0.5, 0.9), splat(0.3, 0.1), splat(0.7, 0.6)];
         let background = [0.2, 0.4, 0.8];

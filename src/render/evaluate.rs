@@ -9,7 +9,7 @@ use crate::Result;
 use crate::gpu::Gpu;
 use crate::io::photo;
 use crate::metrics::{CorrectedScores, Image, Target, ViewScore, mean_squared_error, ssim};
-use crate::scene::{Dataset, Splats, View};
+use crate::scene::{Dataset, Primitive, Splats, View};
 
 /// Renders and scores views of a data set for one scene after the other.
 pub struct Evaluator<'d> {
@@ -21,8 +21,8 @@ pub struct Evaluator<'d> {
     compatibility: Compatibility,
     /// Photographs of all views; `None`: each is decoded when its turn comes.
     targets: Option<Vec<Target>>,
-    /// Renderer of the last scene's SH degree.
-    renderer: Option<(u32, Renderer)>,
+    /// Renderer of the last scene's kind and SH degree.
+    renderer: Option<((Primitive, u32), Renderer)>,
 }
 
 /// A rendered view with its photograph.
@@ -104,7 +104,8 @@ impl<'d> Evaluator<'d> {
         if self.views.is_empty() {
             return Ok(results);
         }
-        let mut renderer = self.renderer(splats.sh_degree)?;
+        let kind = (splats.primitive, splats.sh_degree);
+        let mut renderer = self.renderer(kind)?;
         let model = Model::upload(&self.gpu, splats)?;
         let options = ViewOptions {
             filter: splats.filter,
@@ -124,7 +125,7 @@ impl<'d> Evaluator<'d> {
             results.push(each(ViewEvaluation { view, target, rendered })?);
         }
         renderer.release()?;
-        self.renderer = Some((splats.sh_degree, renderer));
+        self.renderer = Some((kind, renderer));
         Ok(results)
     }
 
@@ -138,11 +139,13 @@ impl<'d> Evaluator<'d> {
         Ok(Target::new(&photo, self.dataset.alpha, self.options.background))
     }
 
-    fn renderer(&mut self, sh_degree: u32) -> Result<Renderer> {
+    fn renderer(&mut self, kind: (Primitive, u32)) -> Result<Renderer> {
         match self.renderer.take() {
-            Some((degree, renderer)) if degree == sh_degree => Ok(renderer),
+            Some((known, renderer)) if known == kind => Ok(renderer),
             _ => {
+                let (primitive, sh_degree) = kind;
                 let options = RenderOptions {
+                    primitive,
                     sh_degree,
                     compatibility: self.compatibility,
                     ..RenderOptions::default()

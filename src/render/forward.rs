@@ -5,9 +5,10 @@ use super::band_replay::BandReplay;
 use super::compositor::Compositor;
 use super::depth_bands::{DepthBands, list_limit};
 use super::model::Model;
-use super::options::RenderOptions;
+use super::options::{RenderOptions, training_outputs};
 use super::projections::Projections;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
+use super::view::view_on;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups, Recorder};
 use crate::kernels::rasterize::Outputs;
@@ -15,6 +16,7 @@ use crate::kernels::scan::{Io as ScanBuffers, Scan, What};
 use crate::kernels::sort::{self, Layout, Sort};
 use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize, rasterize_inria, walker_bindings};
 use crate::layout::*;
+use crate::scene::Primitive;
 
 /// The kernels of a frame, compiled for one device.
 #[derive(Debug)]
@@ -29,6 +31,7 @@ pub struct Forward {
     ranges: ranges::Ranges,
     compositor: Compositor,
     with_planes: bool,
+    primitive: Primitive,
     group_limit: u32,
     list_limit: u32,
 }
@@ -41,13 +44,19 @@ impl Forward {
     ///
     /// # Errors
     /// [`Error::Config`] for an accuracy out of range.
-    pub(crate) fn for_training(gpu: &Gpu, sh_degree: u32, accuracy: &Accuracy) -> Result<Forward> {
+    pub(crate) fn for_training(
+        gpu: &Gpu,
+        sh_degree: u32,
+        accuracy: &Accuracy,
+        primitive: Primitive,
+    ) -> Result<Forward> {
         let options = RenderOptions {
             sh_degree,
             accuracy: *accuracy,
+            primitive,
             ..RenderOptions::default()
         };
-        Forward::new(gpu, &options, Outputs::TRAINING)
+        Forward::new(gpu, &options, training_outputs(primitive))
     }
 
     /// Compiles the kernels for a renderer with these options, for pictures without limits of depth.
@@ -73,8 +82,10 @@ impl Forward {
             project.spec.precision = options.precision.code();
             project.spec.with_planes = outputs.surface.into();
             project.spec.with_limit = outputs.limit.into();
+            project.spec.surfel = outputs.surfels.into();
             let mut expand = expand::Choice::default();
             expand.spec.with_limit = outputs.limit.into();
+            expand.spec.surfel = outputs.surfels.into();
             options.compatibility.listing(accuracy, project, expand)
         };
         let choices = (0..=options.sh_degree).map(|degree| listing(degree).0);
@@ -88,7 +99,8 @@ impl Forward {
             expand: expand::Expand::new(gpu, listing(0).1)?,
             ranges: ranges::Ranges::new(gpu, ranges::Choice::default())?,
             compositor: Compositor::new(gpu, options, outputs)?,
-            with_planes: outputs.surface,
+            with_planes: outputs.surface || outputs.surfels,
+            primitive: options.primitive,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),
         })
@@ -118,7 +130,7 @@ impl Forward {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let count = model.splat_count;
         let s = scratch;
-        rec.update(&s.view, 0, &[*view]);
+        rec.update(&s.view, 0, &[view_on(view, self.primitive)]);
         rec.update(&s.counts, COUNT_SPLAT as usize, &[count as u32]);
         self.project(rec, model, s, sh_degree);
         rec.timestamp("project");
@@ -353,6 +365,7 @@ impl Forward {
                 emitted_from_splat: &s.emitted_from_splat,
                 blue_depth_from_splat: &s.blue_depth_from_splat,
                 limit_from_tile: &s.limit_from_tile,
+                plane_from_splat: &s.plane_from_splat,
             },
             Groups::indirect(&s.args, ARGS_EXPAND as usize),
         );

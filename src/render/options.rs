@@ -5,6 +5,7 @@ use super::capacity::Capacity;
 use super::compatibility::Compatibility;
 use super::precision::Precision;
 use crate::kernels::rasterize::Outputs;
+use crate::scene::Primitive;
 
 /// Options of a [`Renderer`](super::Renderer).
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +27,8 @@ pub struct RenderOptions {
     pub with_host_color: bool,
     /// Thresholds that save work at a bounded error.
     pub accuracy: Accuracy,
+    /// Kind of the models' splats; surfels not by the rules of the 3DGS code.
+    pub primitive: Primitive,
     /// Storage precision of the models ([`Model::upload_as`](super::Model::upload_as)).
     pub precision: Precision,
     /// Drawing rules.
@@ -40,7 +43,16 @@ impl RenderOptions {
             ends: false,
             surface: self.with_surface,
             limit: self.with_host_depth,
+            surfels: self.primitive == Primitive::Surfel,
         }
+    }
+}
+
+/// Outputs of a training step on splats of a kind.
+pub(crate) fn training_outputs(primitive: Primitive) -> Outputs {
+    Outputs {
+        surfels: primitive == Primitive::Surfel,
+        ..Outputs::TRAINING
     }
 }
 
@@ -58,6 +70,7 @@ impl Default for RenderOptions {
             with_host_depth: false,
             with_host_color: false,
             accuracy: Accuracy::default(),
+            primitive: Primitive::Gaussian3d,
             precision: Precision::Full,
             compatibility: Compatibility::Engine,
         }

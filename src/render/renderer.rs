@@ -15,7 +15,7 @@ use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
 use crate::kernels::{overlay, present};
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES};
-use crate::scene::{Camera, NotFinite, Splats};
+use crate::scene::{Camera, NotFinite, Primitive, Splats};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
@@ -141,12 +141,17 @@ impl Renderer {
     /// frames share the buffers, so that those of a host go to one queue; a second queue takes a second renderer.
     ///
     /// # Errors
-    /// [`Error::Config`] for thresholds out of range, [`Error::Unsupported`] for surfaces by the rules of the 3DGS
-    /// code, [`Error::OutOfMemory`].
+    /// [`Error::Config`] for thresholds out of range, [`Error::Unsupported`] for surfaces and for surfels by the rules
+    /// of the 3DGS code, [`Error::OutOfMemory`].
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
         if options.with_surface && options.compatibility == Compatibility::Inria {
             return Err(Error::Unsupported {
                 what: "depths and normals of surfaces by the rules of the 3DGS code".into(),
+            });
+        }
+        if options.primitive == Primitive::Surfel && options.compatibility == Compatibility::Inria {
+            return Err(Error::Unsupported {
+                what: "surfels by the rules of the 3DGS code".into(),
             });
         }
         if options.with_host_depth && options.compatibility == Compatibility::Inria {
@@ -229,7 +234,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::Config`] if the model or the image exceeds the reserved capacity, the model is not prepared or has
-    /// another precision, camera and images differ in size, or the options lack a part of the target;
+    /// another kind or precision, camera and images differ in size, or the options lack a part of the target;
     /// [`Error::Unsupported`] for an image of a format that kernels cannot write or read; errors of Vulkan and memory.
     /// After an error, too, the command buffer can be submitted, and the images are in their states `after`, the
     /// contents of the picture undefined. The picture has no statistics; later ones are not affected.
@@ -335,8 +340,13 @@ impl Renderer {
         }
     }
 
-    /// Refuses models of another precision than the kernels'.
+    /// Refuses models of another kind or precision than the kernels'.
     fn check(&self, model: &Model) -> Result<()> {
+        let (wanted, found) = (self.options.primitive.name(), model.primitive.name());
+        if wanted != found {
+            let text = format!("the model's splats are of the kind {found}, but the renderer draws {wanted}");
+            return Err(Error::Config(text));
+        }
         let (wanted, found) = (self.options.precision, model.precision);
         match wanted == found {
             true => Ok(()),

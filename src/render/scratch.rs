@@ -24,7 +24,7 @@ buffers! {
         ellipse_from_splat: Buffer<[f32; 4]>, Splats, capacity.splats;
         whiten_rg_from_splat: Buffer<[f32; 4]>, Splats, capacity.splats;
         blue_depth_from_splat: Buffer<[f32; 2]>, Splats, capacity.splats;
-        plane_from_splat: Buffer<[f32; 3]>, Splats, if outputs.surface { capacity.splats } else { 1 };
+        plane_from_splat: Buffer<[f32; 3]>, Splats, plane_count(capacity, outputs);
         tile_count_from_splat: Buffer<u32>, Splats, capacity.splats;
         visible_from_splat: Buffer<u32>, Splats, capacity.splats;
         depth_from_visible: Vec<Buffer<u32>>, Splats, vec![capacity.splats; 2];
@@ -45,6 +45,14 @@ buffers! {
         isect_end_from_pixel: Buffer<u32>, Pixels, if outputs.ends { capacity.pixels } else { 1 };
         limit_from_pixel: Buffer<f32>, Pixels, if outputs.limit { capacity.pixels } else { 1 };
         limit_from_tile: Buffer<f32>, Pixels, if outputs.limit { capacity.tiles } else { 1 };
+    }
+}
+
+/// Number of planes: those of splats for surfaces, and those of surfels.
+fn plane_count(capacity: Capacity, outputs: Outputs) -> usize {
+    match outputs.surface || outputs.surfels {
+        true => capacity.splats,
+        false => 1,
     }
 }
 

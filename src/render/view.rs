@@ -1,7 +1,7 @@
 //! View parameters of the kernels, from a camera and options.
 
 use crate::layout::{TILE_HEIGHT, TILE_WIDTH, View};
-use crate::scene::{Camera, ScreenFilter};
+use crate::scene::{Camera, Primitive, ScreenFilter};
 
 /// Margin around the image beyond which the Jacobian's direction is clamped, as a share of the image size: 0.15, which
 /// is 1.3 times the tangent of half the field of view when centred (3DGS code).
@@ -18,7 +18,20 @@ pub struct ViewOptions {
     pub filter: ScreenFilter,
 }
 
-/// View parameters of the kernels.
+/// The same view of splats of a kind. Surfels are projected exactly, so that directions have no limit, and are dilated
+/// by the mip filter alone.
+pub(super) fn view_on(view: &View, primitive: Primitive) -> View {
+    match primitive {
+        Primitive::Gaussian3d => *view,
+        Primitive::Surfel => View {
+            limit: [-f32::MAX, f32::MAX, -f32::MAX, f32::MAX],
+            dilation: if view.compensate == 0 { 0.0 } else { view.dilation },
+            ..*view
+        },
+    }
+}
+
+/// View parameters of the kernels, on 3D Gaussians; see [`view_on`].
 pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
     let size = [camera.width, camera.height];
     let limits = |axis: usize| {

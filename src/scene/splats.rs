@@ -22,15 +22,44 @@ pub(crate) fn logit(opacity: f64) -> f64 {
 }
 
 /// Kind of splat, the same for all splats of a scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Primitive {
     /// 3D Gaussian, an ellipse on the screen (3DGS paper, section 4).
     #[default]
+    #[serde(rename = "3d")]
     Gaussian3d,
+    /// Surfel: flat Gaussian in the plane of its first two axes, met by each pixel's ray (2DGS: Huang et al., "2D
+    /// Gaussian Splatting for Geometrically Accurate Radiance Fields", 2024). The third scale is not drawn.
+    #[serde(rename = "surfel")]
+    Surfel,
 }
 
-/// Filter of splats on the screen, in training and later; stored in the `.ply`'s comment.
+impl Primitive {
+    /// Word of `--kind`, of reports and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Primitive::Gaussian3d => "3d",
+            Primitive::Surfel => "surfel",
+        }
+    }
+
+    /// Number of scales that are drawn.
+    pub const fn scale_count(self) -> usize {
+        match self {
+            Primitive::Gaussian3d => 3,
+            Primitive::Surfel => 2,
+        }
+    }
+}
+
+/// Thickness of a surfel as a 3D Gaussian, as a share of its smaller scale: thin for every viewer, and representable in
+/// every format.
+const SURFEL_THICKNESS: f32 = 0.01;
+
+/// Filter of splats on the screen, in training and later; stored in the `.ply`'s comment. Surfels have filters of their
+/// own in both cases: none but a least size ([`ScreenFilter::Classic`]), or the dilation of Mip-Splatting behind the
+/// hit of the ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ScreenFilter {
@@ -72,7 +101,8 @@ pub struct Splats {
     pub mean: Vec<[f32; 3]>,
     /// Rotation `world_from_local` as w, x, y, z; normalised on use.
     pub quaternion: Vec<[f32; 4]>,
-    /// Natural logarithm of the standard deviation along each local axis, world units.
+    /// Natural logarithm of the standard deviation along each local axis, world units. The third of a surfel is finite
+    /// and not drawn ([`Splats::set_thickness`]).
     pub log_scale: Vec<[f32; 3]>,
     /// Logit of the opacity.
     pub opacity_logit: Vec<f32>,
@@ -167,6 +197,22 @@ impl Splats {
             }
         }
         assert!(is_placed.iter().all(|placed| *placed), "every index once");
+    }
+
+    /// Gives surfels their thickness as 3D Gaussians, 1 % of the smaller scale, in the third scale; 3D Gaussians stay.
+    pub fn set_thickness(&mut self) {
+        if self.primitive == Primitive::Surfel {
+            for [u, v, thickness] in &mut self.log_scale {
+                *thickness = u.min(*v) + SURFEL_THICKNESS.ln();
+            }
+        }
+    }
+
+    /// The same scene of 3D Gaussians: surfels have their thickness ([`Splats::set_thickness`]).
+    pub fn into_3d(mut self) -> Splats {
+        self.set_thickness();
+        self.primitive = Primitive::Gaussian3d;
+        self
     }
 
     /// Floats of `sh` per splat.

@@ -9,7 +9,7 @@ use crate::render::{
     Blocks, ByDegree, Capacity, Compatibility, DepthBands, Forward, Model, Need, Outputs, RenderOptions, Scratch,
     ViewOptions, buffers, isects_expected, list_limit, view_of,
 };
-use crate::scene::{Camera, Splats};
+use crate::scene::{Camera, Primitive, Splats};
 use crate::{Error, Result};
 use std::sync::Arc;
 
@@ -153,6 +153,11 @@ impl ViewBuffers {
 impl ContributionPass {
     /// Uploads a scene to the device.
     pub fn new(gpu: &Gpu, splats: &Splats, pass_options: PassOptions) -> Result<ContributionPass> {
+        if splats.primitive != Primitive::Gaussian3d {
+            return Err(Error::Unsupported {
+                what: "contributions of surfels to pixels, by which splats are pruned and rounded".into(),
+            });
+        }
         let kernels = Kernels::new(gpu, pass_options.compatibility)?;
         ContributionPass::with(kernels, gpu, splats, pass_options)
     }
@@ -167,6 +172,7 @@ impl ContributionPass {
         let count = splats.len().max(1);
         let options = RenderOptions {
             sh_degree: splats.sh_degree,
+            primitive: splats.primitive,
             compatibility: pass_options.compatibility,
             ..RenderOptions::default()
         };

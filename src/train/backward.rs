@@ -9,10 +9,11 @@ use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
 use crate::kernels::project_backward::ProjectBackward;
 use crate::kernels::{adam, adam_color, loss, loss_backward, loss_exposure, loss_sum};
 use crate::kernels::{perturb, project_backward, rasterize_backward};
-use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
+use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, SURFEL_REST, View};
 use crate::render::{
     Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, tile_stride,
 };
+use crate::scene::Primitive;
 
 /// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
 const ALPHA_MASKS: u32 = 1;
@@ -38,8 +39,8 @@ pub(crate) struct Backward {
 
 buffers! {
     /// Buffers of a step beyond those of rendering.
-    pub(crate) struct Gradients(capacity: Capacity) {
-        records: Records, Intersections, capacity;
+    pub(crate) struct Gradients(capacity: Capacity, primitive: Primitive) {
+        records: Records, Intersections, (capacity, primitive);
         /// An image of these tiles has at most as many loss tiles as compositing tiles.
         loss_from_tile: Buffer<[f32; 4]>, Pixels, capacity.tiles;
         /// Of the loss, and both sums of the photograph's gains.
@@ -48,8 +49,16 @@ buffers! {
     }
 }
 
-/// Gradients of every (splat, tile) pair, nine words in three arrays, in one buffer with the slopes of SSIM: these are
-/// last read before the first record is written.
+/// Words of the gradients of a (splat, tile) pair in each of three arrays.
+pub(crate) fn record_widths(primitive: Primitive) -> [usize; 3] {
+    match primitive {
+        Primitive::Gaussian3d => [4, 4, 1],
+        Primitive::Surfel => [4, 4, SURFEL_REST as usize],
+    }
+}
+
+/// Gradients of every (splat, tile) pair in three arrays, in one buffer with the slopes of SSIM: these are last read
+/// before the first record is written.
 #[derive(Clone, Debug)]
 pub(crate) struct Records {
     ssim_slope: Buffer<[f32; 3]>,
@@ -59,26 +68,29 @@ pub(crate) struct Records {
 }
 
 impl Allocate for Records {
-    type Size = Capacity;
+    type Size = (Capacity, Primitive);
 
-    fn allocate(gpu: &Gpu, name: &str, capacity: Capacity) -> Result<Records> {
+    fn allocate(gpu: &Gpu, name: &str, (capacity, primitive): Self::Size) -> Result<Records> {
         let (slopes, isects) = (9 * capacity.pixels, capacity.isects);
-        gpu.check_reach("d_shape_from_source", 16 * isects as u64)?;
+        let widths = record_widths(primitive);
+        let widest = widths.into_iter().max().unwrap_or(0);
+        gpu.check_reach("d_shape_from_source", (4 * widest * isects) as u64)?;
         gpu.check_reach("ssim_slope", 4 * slopes as u64)?;
         let padded = isects.next_multiple_of(PART_ALIGNMENT);
-        let records = gpu.room::<f32>(name, slopes.max(9 * padded))?;
+        let records = gpu.room::<f32>(name, slopes.max(widths.iter().sum::<usize>() * padded))?;
         let array = |begin: usize, width: usize| records.part(begin..begin + width * isects);
         Ok(Records {
             ssim_slope: records.part(0..slopes).cast(),
-            d_shape_from_source: array(0, 4).cast(),
-            d_tone_from_source: array(4 * padded, 4).cast(),
-            d_rest_from_source: array(8 * padded, 1),
+            d_shape_from_source: array(0, widths[0]).cast(),
+            d_tone_from_source: array(widths[0] * padded, widths[1]).cast(),
+            d_rest_from_source: array((widths[0] + widths[1]) * padded, widths[2]),
         })
     }
 
     /// Of the slopes, only what they need beyond the records counts as theirs.
-    fn needs(name: &'static str, purpose: Purpose, capacity: Capacity) -> Vec<Need> {
-        let records = 9 * capacity.isects.next_multiple_of(PART_ALIGNMENT);
+    fn needs(name: &'static str, purpose: Purpose, (capacity, primitive): Self::Size) -> Vec<Need> {
+        let width: usize = record_widths(primitive).iter().sum();
+        let records = width * capacity.isects.next_multiple_of(PART_ALIGNMENT);
         let slopes = (9 * capacity.pixels).saturating_sub(records);
         vec![
             Need::new(name, purpose, 4, records),
@@ -117,6 +129,10 @@ impl Backward {
         let exposure = || loss_exposure::LossExposure::new(gpu, loss_exposure::Choice::default());
         let mut rasterize = rasterize_backward::Choice::prefer(gpu.caps());
         rasterize.spec.log2_alpha_min = config.accuracy.log2_alpha_min();
+        let is_surfel = config.kind == Primitive::Surfel;
+        rasterize.spec.surfel = is_surfel.into();
+        let mut perturb = perturb::Choice::default();
+        perturb.spec.surfel = is_surfel.into();
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
             loss: loss::Loss::new(gpu, loss)?,
@@ -124,13 +140,13 @@ impl Backward {
             loss_exposure: has_exposure.then(exposure).transpose()?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
-            project: ProjectBackward::of_degrees(gpu, config.sh_degree, false)?,
+            project: ProjectBackward::of_degrees(gpu, config.sh_degree, false, is_surfel)?,
             indexed: Vec::new(),
             adam: adam::Adam::new(gpu, adam::Choice::default())?,
             adam_color: (0..=config.sh_degree)
                 .map(|degree| adam_color::AdamColor::new(gpu, adam_color::Choice::of_degree(degree)))
                 .collect::<Result<_>>()?,
-            perturb: perturb::Perturb::new(gpu, perturb::Choice::default())?,
+            perturb: perturb::Perturb::new(gpu, perturb)?,
         })
     }
 
@@ -138,7 +154,7 @@ impl Backward {
     pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
         if model.is_indexed() && self.indexed.is_empty() {
             let highest = self.project.len() as u32 - 1;
-            self.indexed = ProjectBackward::of_degrees(gpu, highest, true)?;
+            self.indexed = ProjectBackward::of_degrees(gpu, highest, true, model.primitive == Primitive::Surfel)?;
         }
         Ok(())
     }
@@ -305,6 +321,7 @@ impl Backward {
                 d_shape_from_source: &g.records.d_shape_from_source,
                 d_tone_from_source: &g.records.d_tone_from_source,
                 d_rest_from_source: &g.records.d_rest_from_source,
+                plane_from_splat: &s.plane_from_splat,
             },
             rasterize_backward::Params {
                 tile_stride: tile_stride(tiles),
@@ -356,7 +373,7 @@ impl Backward {
                 stride: block.stride as u32,
                 // Means over all splats, and over axes.
                 opacity_penalty: penalties.opacity / count as f32,
-                scale_penalty: penalties.scale / (3 * count) as f32,
+                scale_penalty: penalties.scale / (state.model.primitive.scale_count() * count) as f32,
                 // Slope of a sum of squares: twice the weight.
                 size_penalty: 2.0 * penalties.size,
                 banded: s.replay.is_some().into(),

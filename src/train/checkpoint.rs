@@ -142,6 +142,7 @@ impl Checkpoint {
             }
             let planes = |name: &str| planes(&format!("{prefix}{name}"), count);
             Ok(HostState {
+                primitive: config.kind,
                 sh_degree: config.sh_degree,
                 degrees,
                 params: planes("params")?,

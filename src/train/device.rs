@@ -65,7 +65,10 @@ impl DeviceState {
         };
         let blocks = Blocks::new(gpu.caps(), room, Precision::Full);
         let mut device = DeviceState {
-            model: Model::empty(gpu, blocks, state.sh_degree, filter)?,
+            model: Model {
+                primitive: state.primitive,
+                ..Model::empty(gpu, blocks, state.sh_degree, filter)?
+            },
             sh_degree: state.sh_degree,
             slots,
             buffers: OptimizerBuffers::new(gpu, blocks)?,
@@ -153,6 +156,7 @@ impl DeviceState {
             }
         }
         Ok(HostState {
+            primitive: self.model.primitive,
             sh_degree: self.sh_degree,
             degrees,
             params: self.planes(gpu, &self.model.params)?,

@@ -1,5 +1,7 @@
 //! 3D smoothing filter of one splat: its effect on scales and opacity.
 
+use crate::scene::Primitive;
+
 /// Least logit that [`baked`] returns: an opacity of 1e-35, as invisible as 0, for which the logit would not be finite.
 pub(super) const LOGIT_MIN: f64 = -80.0;
 
@@ -9,25 +11,25 @@ fn softplus(x: f64) -> f64 {
 }
 
 /// Increase of each log-scale: ½ ln(1 + (σ / s)²). Products of squared scales would leave the range of floats in scenes
-/// of small units; logarithms of ratios do not.
-fn growth(log_scale: [f32; 3], sigma: f32) -> [f64; 3] {
+/// of small units; logarithms of ratios do not. Surfels are filtered in their planes: the third scale stays.
+fn growth(log_scale: [f32; 3], sigma: f32, primitive: Primitive) -> [f64; 3] {
     let filtered = sigma > 0.0 && sigma.is_finite();
     let log_sigma = f64::from(sigma).ln();
-    log_scale.map(|s| match filtered {
-        true => 0.5 * softplus(2.0 * (log_sigma - f64::from(s))),
+    [0, 1, 2].map(|axis| match filtered && axis < primitive.scale_count() {
+        true => 0.5 * softplus(2.0 * (log_sigma - f64::from(log_scale[axis]))),
         false => 0.0,
     })
 }
 
 /// Factor of the filter on the opacity: √(Π s² / Π (s² + σ²)).
-pub fn opacity_factor(log_scale: [f32; 3], sigma: f32) -> f64 {
-    (-growth(log_scale, sigma).iter().sum::<f64>()).exp()
+pub fn opacity_factor(log_scale: [f32; 3], sigma: f32, primitive: Primitive) -> f64 {
+    (-growth(log_scale, sigma, primitive).iter().sum::<f64>()).exp()
 }
 
 /// Log-scales and opacity logit of a splat with the filter of standard deviation `sigma` baked in; unchanged if there
 /// is none.
-pub fn baked(log_scale: [f32; 3], opacity_logit: f32, sigma: f32) -> ([f32; 3], f32) {
-    let growth = growth(log_scale, sigma);
+pub fn baked(log_scale: [f32; 3], opacity_logit: f32, sigma: f32, primitive: Primitive) -> ([f32; 3], f32) {
+    let growth = growth(log_scale, sigma, primitive);
     let log_factor = -growth.iter().sum::<f64>();
     if log_factor == 0.0 {
         return (log_scale, opacity_logit);

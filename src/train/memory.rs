@@ -7,8 +7,8 @@ use super::device::DeviceState;
 use super::photos::Residency;
 use super::schedule;
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
-use crate::render::{ByDegree, Capacity, Need, Outputs, Purpose, Scratch, isects_expected, of_degree, total};
-use crate::scene::{Dataset, Split};
+use crate::render::{ByDegree, Capacity, Need, Purpose, Scratch, isects_expected, of_degree, total, training_outputs};
+use crate::scene::{Dataset, Primitive, Split};
 
 /// Steps in flight.
 pub(crate) const IN_FLIGHT: usize = 2;
@@ -22,6 +22,8 @@ pub(crate) fn with_margin(isects: usize) -> usize {
 /// Input of the memory formula.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainSize {
+    /// Kind of the splats.
+    pub primitive: Primitive,
     /// Maximum number of splats at one time.
     pub splats: usize,
     /// Highest SH degree.
@@ -48,6 +50,7 @@ impl TrainSize {
         let area = |size: &[u32; 2]| u64::from(size[0]) * u64::from(size[1]);
         let image = sizes.clone().max_by_key(area).unwrap_or([1, 1]);
         TrainSize {
+            primitive: config.kind,
             splats,
             sh_degree: config.sh_degree,
             lower: [0; 3],
@@ -104,15 +107,15 @@ impl TrainSize {
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let mut needs = photo_needs(self.photos, self.splats);
         needs.extend(DeviceState::needs(self.counts()));
-        needs.extend(step_needs(capacity));
+        needs.extend(step_needs(capacity, self.primitive));
         needs
     }
 }
 
 /// Buffers of a step.
-pub(crate) fn step_needs(capacity: Capacity) -> Vec<Need> {
-    let frame = Scratch::needs(capacity, Outputs::TRAINING);
-    [frame, Gradients::needs(capacity)].concat()
+pub(crate) fn step_needs(capacity: Capacity, primitive: Primitive) -> Vec<Need> {
+    let frame = Scratch::needs(capacity, training_outputs(primitive));
+    [frame, Gradients::needs(capacity, primitive)].concat()
 }
 
 /// Buffers of the photographs, and for transfers to the device and back.

@@ -51,10 +51,13 @@ pub fn refresh(state: &mut HostState, cameras: &[Camera], near: f64, config: &Mi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Primitive;
     use crate::scene::{logit, sigmoid};
     use crate::train::filter::{LOGIT_MIN, baked, opacity_factor};
     use crate::train::test_camera;
     use glam::DVec2;
+
+    const SOLID: Primitive = Primitive::Gaussian3d;
 
     /// Camera at the origin along z; 100 × 50 pixels, the principal point off the centre.
     fn camera(focal: f64) -> Camera {
@@ -123,7 +126,7 @@ mod tests {
         let (scale, sigma) = ([0.5_f64, 0.02, 3e-5], 0.01_f64);
         let log_scale = scale.map(|s| s.ln() as f32);
         for u in [-20.0, -3.0, 0.0, 5.0, 12.0] {
-            let (wide, opacity) = baked(log_scale, u, sigma as f32);
+            let (wide, opacity) = baked(log_scale, u, sigma as f32, SOLID);
             let mut factor = 1.0;
             for (wide, s) in wide.iter().zip(scale) {
                 let wanted = s.hypot(sigma);
@@ -132,18 +135,24 @@ mod tests {
             }
             let wanted = logit(sigmoid(f64::from(u)) * factor);
             assert!((f64::from(opacity) - wanted).abs() < 1e-5, "{opacity}, not {wanted}");
-            assert!((opacity_factor(log_scale, sigma as f32) / factor - 1.0).abs() < 1e-5);
+            assert!((opacity_factor(log_scale, sigma as f32, SOLID) / factor - 1.0).abs() < 1e-5);
+            // Surfels are smoothed in their planes.
+            let (flat, _) = baked(log_scale, u, sigma as f32, Primitive::Surfel);
+            assert_eq!(flat, [wide[0], wide[1], log_scale[2]]);
+            let factor = opacity_factor(log_scale, sigma as f32, Primitive::Surfel);
+            let wanted = scale[0] / scale[0].hypot(sigma) * scale[1] / scale[1].hypot(sigma);
+            assert!((factor / wanted - 1.0).abs() < 1e-5);
         }
     }
 
     #[test]
     fn no_unit_is_too_small_or_too_large() {
         let log_scale = [-2.0_f32, 0.5, -9.0];
-        let (_, opacity) = baked(log_scale, 1.0, 0.1);
+        let (_, opacity) = baked(log_scale, 1.0, 0.1, SOLID);
         for exponent in [-60, -20, 20, 60] {
             let unit = 2_f32.powi(exponent);
             let moved = log_scale.map(|s| s + unit.ln());
-            let (_, scaled) = baked(moved, 1.0, 0.1 * unit);
+            let (_, scaled) = baked(moved, 1.0, 0.1 * unit, SOLID);
             // The logarithms round at magnitudes up to 50: 2e-6 of each factor.
             assert!((scaled - opacity).abs() < 1e-5, "2^{exponent}");
         }
@@ -151,11 +160,11 @@ mod tests {
 
     #[test]
     fn extremes_stay_finite_and_poison_stays_visible() {
-        let (wide, opacity) = baked([-500.0, 0.0, 80.0], 3.0, 1e-3);
+        let (wide, opacity) = baked([-500.0, 0.0, 80.0], 3.0, 1e-3, SOLID);
         assert!(wide.iter().all(|s| s.is_finite()));
         assert_eq!(opacity, LOGIT_MIN as f32);
-        assert_eq!(baked([1.0, 2.0, 3.0], 0.5, 0.0), ([1.0, 2.0, 3.0], 0.5));
-        assert_eq!(baked([1.0, 2.0, 3.0], 0.5, f32::NAN), ([1.0, 2.0, 3.0], 0.5));
-        assert!(baked([0.0; 3], f32::NAN, 0.1).1.is_nan());
+        assert_eq!(baked([1.0, 2.0, 3.0], 0.5, 0.0, SOLID), ([1.0, 2.0, 3.0], 0.5));
+        assert_eq!(baked([1.0, 2.0, 3.0], 0.5, f32::NAN, SOLID), ([1.0, 2.0, 3.0], 0.5));
+        assert!(baked([0.0; 3], f32::NAN, 0.1, SOLID).1.is_nan());
     }
 }

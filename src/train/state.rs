@@ -6,7 +6,7 @@
 use super::filter::{baked, opacity_factor};
 use crate::layout::GEOMETRY_PLANES;
 use crate::render::plane_count;
-use crate::scene::{ScreenFilter, Splats, sh_coefficient_count, sigmoid};
+use crate::scene::{Primitive, ScreenFilter, Splats, sh_coefficient_count, sigmoid};
 
 /// `[plane][splat]`: plane 0 is mean x, y, z and opacity logit; 1 the quaternion w, x, y, z; 2 log-scale x, y, z and
 /// the standard deviation of the [smoothing filter](super::smoothing) in world units (0: none), which is no parameter
@@ -19,6 +19,8 @@ pub const SH_PLANE: usize = GEOMETRY_PLANES as usize;
 /// Parameters and Adam moments of all splats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HostState {
+    /// Kind of the splats.
+    pub primitive: Primitive,
     /// Highest SH degree with planes, 0 to 3.
     pub sh_degree: u32,
     /// SH degree of every splat, at most `sh_degree`; coefficients above it are zero and stay zero.
@@ -36,6 +38,7 @@ impl HostState {
     pub fn zeros(count: usize, sh_degree: u32) -> HostState {
         let planes = || vec![vec![[0.0; 4]; count]; plane_count(sh_degree)];
         HostState {
+            primitive: Primitive::default(),
             sh_degree,
             degrees: vec![sh_degree as u8; count],
             params: planes(),
@@ -47,6 +50,7 @@ impl HostState {
     /// A state with zero moments, its SH degree raised with zeros or cut to `sh_degree`.
     pub fn from_splats(splats: &Splats, sh_degree: u32) -> HostState {
         let mut state = HostState::zeros(splats.len(), sh_degree);
+        state.primitive = splats.primitive;
         let stride = splats.sh_stride();
         let kept = stride.min(sh_coefficient_count(sh_degree) * 3);
         for i in 0..splats.len() {
@@ -77,18 +81,21 @@ impl HostState {
         let xyz = |four: &[f32; 4]| [four[0], four[1], four[2]];
         let shapes = self.params[2].iter().zip(&self.params[0]);
         let (log_scale, opacity_logit) = shapes
-            .map(|(shape, place)| baked(xyz(shape), place[3], shape[3]))
+            .map(|(shape, place)| baked(xyz(shape), place[3], shape[3], self.primitive))
             .unzip();
-        Splats {
+        let mut splats = Splats {
             mean: self.params[0].iter().map(xyz).collect(),
             quaternion: self.params[1].clone(),
             log_scale,
             opacity_logit,
             sh,
             sh_degree,
+            primitive: self.primitive,
             filter,
             ..Splats::default()
-        }
+        };
+        splats.set_thickness();
+        splats
     }
 
     /// Number of splats.
@@ -110,6 +117,7 @@ impl HostState {
             planes.iter().map(rows).collect()
         };
         HostState {
+            primitive: self.primitive,
             sh_degree: self.sh_degree,
             degrees: sources.iter().map(|&s| self.degrees[s as usize]).collect(),
             params: gather(&self.params),
@@ -183,7 +191,7 @@ impl HostState {
     /// Factor of the smoothing filter on the opacity of a row, 0 to 1.
     pub fn smoothing_factor(&self, row: usize) -> f64 {
         let [x, y, z, sigma] = self.params[2][row];
-        opacity_factor([x, y, z], sigma)
+        opacity_factor([x, y, z], sigma, self.primitive)
     }
 
     /// Opacity of a row before smoothing, 0 to 1 (NaN if the logit is).
@@ -191,10 +199,10 @@ impl HostState {
         sigmoid(f64::from(self.params[0][row][3]))
     }
 
-    /// Largest standard deviation of a row, world units.
+    /// Largest standard deviation of a row that is drawn, world units.
     pub fn max_scale(&self, row: usize) -> f64 {
-        let [x, y, z, _] = self.params[2][row];
-        f64::from(x.max(y).max(z)).exp()
+        let scales = self.params[2][row].into_iter().take(self.primitive.scale_count());
+        f64::from(scales.fold(f32::NAN, f32::max)).exp()
     }
 
     /// Whether a row's mean, opacity, quaternion and scales are finite; colours may be repaired, shapes may not.

@@ -122,6 +122,11 @@ impl<'a> Trainer<'a> {
         exposure: Option<ExposureGains>,
     ) -> Result<Trainer<'a>> {
         config.validate()?;
+        if state.primitive != config.kind {
+            let (found, wanted) = (state.primitive.name(), config.kind.name());
+            let text = format!("the first splats are of the kind {found}, but the run trains {wanted}: set the kind");
+            return Err(Error::Config(text));
+        }
         limit_splats(gpu, &mut config);
         let views = dataset.split(Split::Train);
         if views.is_empty() {
@@ -139,7 +144,7 @@ impl<'a> Trainer<'a> {
                 Capacity::for_image(state.len(), isects, width, height)
             })
             .fold(Capacity::LEAST, Capacity::max);
-        let scratch = new_scratch(gpu, capacity, DepthBands::default())?;
+        let scratch = new_scratch(gpu, capacity, DepthBands::default(), config.kind)?;
         let mut extremes = Extremes::default();
         extremes.note(&state.degrees);
         let is_half = iteration < config.half_size_until;
@@ -149,10 +154,10 @@ impl<'a> Trainer<'a> {
             dataset,
             extent: dataset.extent(),
             limit: config.splat_limit(),
-            forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy)?,
+            forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy, config.kind)?,
             backward: Backward::new(gpu, &config)?,
             state: DeviceState::new(gpu, state, config.filter)?,
-            gradients: Gradients::new(gpu, scratch.capacity)?,
+            gradients: Gradients::new(gpu, scratch.capacity, config.kind)?,
             scratch,
             bands: DepthBands::default(),
             photos,

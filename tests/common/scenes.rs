@@ -12,7 +12,7 @@ pub use ashfall::lab::bench::input::pack::in_order;
 pub use ashfall::lab::bench::input::random::{Random, single};
 pub use ashfall::lab::bench::input::scene::{Scene, Sketch, push};
 use ashfall::reference::Options;
-use ashfall::scene::{Camera, ScreenFilter, Splats, sh_coefficient_count};
+use ashfall::scene::{Camera, Primitive, ScreenFilter, Splats, sh_coefficient_count};
 use glam::{DMat3, DVec2, DVec3};
 
 /// A camera about four units from the origin, directed at it, with unequal focal lengths and a principal point off the
@@ -164,6 +164,14 @@ pub fn hard(seed: u64, count: usize, width: u32, height: u32, sh_degree: u32) ->
         Trouble::of(index).apply(&mut sketch, &scene.camera, random);
         push(&mut scene.splats, &scene.camera, &sketch, random);
     }
+    scene
+}
+
+/// The scene with its splats as surfels.
+pub fn flattened(mut scene: Scene, filter: ScreenFilter) -> Scene {
+    scene.splats.primitive = Primitive::Surfel;
+    scene.splats.filter = filter;
+    scene.splats.set_thickness();
     scene
 }
 

@@ -21,3 +21,4 @@ mod meshes;
 mod simplify;
 mod stability;
 mod surfaces;
+mod surfels;

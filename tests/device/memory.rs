@@ -5,7 +5,7 @@ use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::render::{
     Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, isects_expected, total,
 };
-use ashfall::scene::{Dataset, ScreenFilter};
+use ashfall::scene::{Dataset, Primitive, ScreenFilter};
 use ashfall::simplify::{AutoRun, CountController, controller_needs, for_auto_count};
 use ashfall::train::{Residency, StrategyKind, TrainConfig, TrainSize, Trainer, initial_splats, splats_expected};
 use std::collections::BTreeMap;
@@ -37,6 +37,7 @@ const ALL: Outputs = Outputs {
     ends: true,
     surface: true,
     limit: true,
+    surfels: true,
 };
 
 #[test]
@@ -134,9 +135,13 @@ fn config(strategy: StrategyKind) -> TrainConfig {
 fn training_takes_what_the_formula_says() {
     let gpu = crate::common::device::gpu();
     let dataset = dataset(6_000);
-    for (strategy, share) in [(StrategyKind::Adc, 0.25), (StrategyKind::Mcmc, 0.0)] {
+    for (strategy, share, kind) in [
+        (StrategyKind::Adc, 0.25, Primitive::Gaussian3d),
+        (StrategyKind::Mcmc, 0.0, Primitive::Gaussian3d),
+        (StrategyKind::Mcmc, 0.25, Primitive::Surfel),
+    ] {
         let mut config = config(strategy);
-        config.photo_share = share;
+        (config.photo_share, config.kind) = (share, kind);
         compare(&gpu, &dataset, &config, share == 0.0);
     }
 }
@@ -235,6 +240,7 @@ fn training_takes_little_beside_what_it_cannot_do_without() {
     ] {
         let sizes = std::iter::repeat_n(image, photos);
         let size = TrainSize {
+            primitive: Primitive::Gaussian3d,
             splats,
             sh_degree: 3,
             lower: [0; 3],

@@ -4,8 +4,8 @@ use crate::common::device;
 use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::mesh::{ComparisonOptions, DepthMap, FusionOptions, MeshComparison, clean, compare, fuse};
-use ashfall::render::{Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
-use ashfall::scene::{Camera, Dataset, Mesh, Splats, Split};
+use ashfall::render::{Evaluator, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
+use ashfall::scene::{Camera, Dataset, Mesh, Primitive, ScreenFilter, Splats, Split};
 use ashfall::{Run, TrainConfig};
 use glam::DVec3;
 
@@ -17,8 +17,18 @@ struct Size {
     iterations: u32,
 }
 
-fn trained(gpu: &Gpu, dataset: &Dataset, iterations: u32) -> (Splats, ViewOptions) {
-    let mut run = Run::new(gpu, dataset, TrainConfig::for_iterations(iterations)).unwrap();
+/// Kind of the splats and filter on the screen.
+type SplatKind = (Primitive, ScreenFilter);
+
+const SPLATS: SplatKind = (Primitive::Gaussian3d, ScreenFilter::Classic);
+
+fn trained(gpu: &Gpu, dataset: &Dataset, iterations: u32, (kind, filter): SplatKind) -> (Splats, ViewOptions) {
+    let config = TrainConfig {
+        kind,
+        filter,
+        ..TrainConfig::for_iterations(iterations)
+    };
+    let mut run = Run::new(gpu, dataset, config).unwrap();
     while !run.is_done() {
         run.step().unwrap();
     }
@@ -49,8 +59,17 @@ fn means(picture: &RenderedImage) -> Vec<f32> {
     pairs.map(|(mean, at)| if at.is_nan() { at } else { mean }).collect()
 }
 
-/// Scores of the meshes of a made scene: from exact depths, then from those of a trained scene.
-fn measured(gpu: &Gpu, kind: Kind, size: &Size) -> [MeshComparison; 4] {
+/// Scores of a trained scene.
+struct Measured {
+    /// Meshes from exact depths, then from those of the scene.
+    meshes: [MeshComparison; 4],
+    /// Mean PSNR of the held-out views, decibels.
+    psnr_db: f64,
+    splats: usize,
+}
+
+/// Scores of a made scene, trained with splats of a kind.
+fn measured(gpu: &Gpu, kind: Kind, size: &Size, of_kind: SplatKind) -> Measured {
     let made = scene(kind);
     let options = SynthOptions {
         views: size.views,
@@ -88,11 +107,12 @@ fn measured(gpu: &Gpu, kind: Kind, size: &Size) -> [MeshComparison; 4] {
         voxel: Some(report.voxel),
         ..fusion
     };
-    let (splats, view) = trained(gpu, &dataset, size.iterations);
+    let (splats, view) = trained(gpu, &dataset, size.iterations, of_kind);
     let options = RenderOptions {
         with_depth: true,
         with_surface: true,
         sh_degree: splats.sh_degree,
+        primitive: splats.primitive,
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(gpu, options).unwrap();
@@ -117,7 +137,14 @@ fn measured(gpu: &Gpu, kind: Kind, size: &Size) -> [MeshComparison; 4] {
         clean(&mut mesh, None);
         scored(&mesh)
     };
-    [scored(&floor), of(medians), of(expected), of(means)]
+    let held_out = dataset.split(Split::Test);
+    let mut evaluator = Evaluator::new(gpu, &dataset, &held_out, view);
+    let scores = evaluator.scores(&splats).unwrap();
+    Measured {
+        meshes: [scored(&floor), of(medians), of(expected), of(means)],
+        psnr_db: scores.iter().filter_map(|s| s.psnr_db).sum::<f64>() / scores.len() as f64,
+        splats: splats.len(),
+    }
 }
 
 fn table(kind: Kind, found: &[MeshComparison; 4]) {
@@ -144,7 +171,7 @@ fn the_mesh_of_a_trained_sphere_is_near_the_sphere() {
         height: 60,
         iterations: 300,
     };
-    let found = measured(&gpu, Kind::Sphere, &size);
+    let found = measured(&gpu, Kind::Sphere, &size, SPLATS).meshes;
     table(Kind::Sphere, &found);
     let [floor, median, ..] = &found;
     let pixel = floor.footprint.unwrap();
@@ -172,6 +199,46 @@ fn tables_of_meshes() {
         iterations: 1_000,
     };
     for kind in [Kind::Plane, Kind::Sphere, Kind::Solids] {
-        table(kind, &measured(&gpu, kind, &size));
+        table(kind, &measured(&gpu, kind, &size, SPLATS).meshes);
+    }
+}
+
+#[test]
+fn the_mesh_of_surfels_on_a_plane_is_near_the_plane() {
+    let gpu = device::gpu();
+    let size = Size {
+        views: 16,
+        width: 80,
+        height: 60,
+        iterations: 300,
+    };
+    let found = measured(&gpu, Kind::Plane, &size, (Primitive::Surfel, ScreenFilter::Classic));
+    table(Kind::Plane, &found.meshes);
+    let [floor, median, ..] = &found.meshes;
+    let pixel = floor.footprint.unwrap();
+    assert!(median.accuracy.mean < 1.5 * pixel, "{median:?}");
+    assert!(found.psnr_db > 20.0, "{} dB", found.psnr_db);
+}
+
+/// The table of surfels in docs/surfaces.md.
+#[test]
+#[ignore = "minutes of training; `cargo test --release --test device -- --ignored tables_of_surfels --nocapture`"]
+fn tables_of_surfels() {
+    let gpu = device::gpu();
+    let size = Size {
+        views: 32,
+        width: 160,
+        height: 120,
+        iterations: 1_000,
+    };
+    for kind in [Kind::Plane, Kind::Sphere] {
+        for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
+            for primitive in [Primitive::Gaussian3d, Primitive::Surfel] {
+                let found = measured(&gpu, kind, &size, (primitive, filter));
+                let (name, mode) = (primitive.name(), filter.name());
+                println!("{name}, {mode}: {:.2} dB, {} splats", found.psnr_db, found.splats);
+                table(kind, &found.meshes);
+            }
+        }
     }
 }

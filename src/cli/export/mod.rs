@@ -9,7 +9,7 @@ use super::output::{Output, grouped};
 use super::scene::{SceneArgs, fit_axes};
 use super::{Outcome, engine, parse};
 use crate::export::{Budget, EncodedScene, ExportFormat, ExportSource, Ladder, PictureError, Setting};
-use crate::io::splats::{losses, readable};
+use crate::io::splats::{holds_surfels, losses, readable};
 use crate::scene::Splats;
 use crate::{Error, Result};
 use clap::Args;
@@ -52,6 +52,9 @@ pub(super) struct ExportArgs {
     /// Least error within N bytes, e.g. 2M
     #[arg(long, value_name = "N", value_parser = parse::size, conflicts_with = "loss")]
     bytes: Option<u64>,
+    /// Write surfels as 3D Gaussians, their third scale a hundredth of the smaller one
+    #[arg(long, conflicts_with = "curve")]
+    as_3d: bool,
     /// Colour behind the splats of the views: black, white or R,G,B (0 to 1)
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse::color)]
     background: [f32; 3],
@@ -72,6 +75,7 @@ Examples:
   ashfall export run/scene.ply photos/ --out scene.spz --loss 0.1
   ashfall export run/scene.ply photos/ --out scene.compressed.ply
   ashfall export theirs.sog --out scene.ply
+  ashfall export surfels.ply --as-3d --out splats.ply
   ashfall export run/scene.ply photos/ --curve curve/ --with theirs.spz";
 
 fn target(name: &str) -> std::result::Result<ExportFormat, String> {
@@ -85,10 +89,19 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
         Some(out) => Some((out.as_path(), args.format.map_or_else(|| ExportFormat::of(out), Ok)?)),
         None => None,
     };
-    let loaded = args.scene_options.read(&args.scene)?;
+    let mut loaded = args.scene_options.read(&args.scene)?;
+    let mut omissions = Vec::new();
+    if let Some((_, target)) = wanted {
+        if args.as_3d {
+            loaded.splats = loaded.splats.into_3d();
+        }
+        omissions = losses(target.end(), &loaded.splats);
+        if !holds_surfels(target.end()) {
+            loaded.splats = loaded.splats.into_3d();
+        }
+    }
     let budget = args.loss.map(Budget::Loss).or(args.bytes.map(Budget::Bytes));
     if let (Some((out, target)), None, None) = (wanted, &args.data, budget) {
-        let omissions = losses(target.end(), &loaded.splats);
         let source = ExportSource::new(loaded.splats, None);
         let (count, setting) = (source.splats().len(), plain(target, source.splats()));
         let spinner = output.spinner("encoding");
@@ -114,10 +127,9 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
         eprintln!("interrupted; nothing was written");
         return Ok(Outcome::Interrupted);
     };
-    let wanted = wanted.map(|(out, target)| (out, target, losses(target.end(), &splats)));
     let source = ExportSource::new(splats, Some(&influence));
     let mut pictures = views.pictures(&gpu, source.splats())?;
-    let Some((out, target, omissions)) = wanted else {
+    let Some((out, target)) = wanted else {
         return curve::run(args, &source, &mut pictures, &interrupt, output);
     };
     let chosen = match budget {

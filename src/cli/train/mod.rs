@@ -16,7 +16,7 @@ use crate::gpu::Gpu;
 use crate::io::FolderLock;
 use crate::lab::report::{MemoryFigures, Report};
 use crate::render::Evaluator;
-use crate::scene::{Dataset, Point, Split};
+use crate::scene::{Dataset, Point, Primitive, Split};
 use crate::simplify::{AutoRun, CountController, for_auto_count};
 use crate::train::{ExposureModel, TrainConfig};
 use crate::{Error, Result, io};
@@ -154,6 +154,10 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
     let Some(loss_db) = args.parsimony else {
         return AutoRun::new(gpu, dataset, args.config.config(kind)?);
     };
+    if args.config.config(kind)?.kind == Primitive::Surfel {
+        let what = "--parsimony is for 3D splats: leave it out, or --kind surfel";
+        return Err(Error::Config(what.into()));
+    }
     if args.config.config(kind)?.exposure != ExposureModel::Off {
         let what = "--exposure and --parsimony exclude each other: held-out views have no gains to be judged by";
         return Err(Error::Config(what.into()));

@@ -1,36 +1,46 @@
-//! Comments that hold facts beyond the layout: the filter on the screen and the origin of the means.
+//! Comments that hold facts beyond the layout: kind of the splats, filter on the screen, and origin of the means.
 
 use super::super::reader::excerpt;
 use crate::error::{Error, Result};
-use crate::scene::{ScreenFilter, Splats};
+use crate::scene::{Primitive, ScreenFilter, Splats};
 use glam::DVec3;
 use std::path::Path;
 
 /// Prefix of the comment with the origin of the means: three numbers follow.
 const ORIGIN: &str = "SplatOrigin:";
 
-/// Header lines of the filter and, unless it is zero, the origin.
+/// Render mode of surfels.
+const SURFELS: &str = "2dgs";
+
+/// Header lines of the kind or the filter and, unless it is zero, the origin. The mip filter of surfels has a line of
+/// its own.
 pub(super) fn comments(splats: &Splats) -> String {
-    let filter = splats.filter.name();
+    let mode = match (splats.primitive, splats.filter) {
+        (Primitive::Gaussian3d, filter) => filter.name().to_owned(),
+        (Primitive::Surfel, ScreenFilter::Classic) => SURFELS.to_owned(),
+        (Primitive::Surfel, ScreenFilter::Mip) => format!("{SURFELS}\ncomment antialiased 1"),
+    };
     let origin = match splats.origin {
         DVec3::ZERO => String::new(),
         DVec3 { x, y, z } => format!("comment {ORIGIN} {x} {y} {z}\n"),
     };
-    format!("comment SplatRenderMode: {filter}\n{origin}")
+    format!("comment SplatRenderMode: {mode}\n{origin}")
 }
 
-/// Screen filter of the comments; the last wins, as with the programs that write them.
-pub(super) fn screen_filter(path: &Path, comments: &[String], warnings: &mut Vec<String>) -> Result<ScreenFilter> {
+/// Kind, if stated, and screen filter of the comments; the last wins, as with the programs that write them.
+pub(super) fn render_mode(
+    path: &Path,
+    comments: &[String],
+    warnings: &mut Vec<String>,
+) -> (Option<Primitive>, ScreenFilter) {
+    let mut primitive = None;
     let mut filter = ScreenFilter::Classic;
     for comment in comments {
         if let Some(name) = comment.strip_prefix("SplatRenderMode:") {
             match name.trim() {
-                "default" => filter = ScreenFilter::Classic,
-                "mip" => filter = ScreenFilter::Mip,
-                "2dgs" => {
-                    let what = "SplatRenderMode is 2dgs: 2D Gaussian scenes are not supported";
-                    return Err(Error::file(path, what));
-                }
+                "default" => (primitive, filter) = (Some(Primitive::Gaussian3d), ScreenFilter::Classic),
+                "mip" => (primitive, filter) = (Some(Primitive::Gaussian3d), ScreenFilter::Mip),
+                SURFELS => (primitive, filter) = (Some(Primitive::Surfel), ScreenFilter::Classic),
                 other => warnings.push(format!(
                     "{}: unknown SplatRenderMode {} taken for default",
                     path.display(),
@@ -44,7 +54,7 @@ pub(super) fn screen_filter(path: &Path, comments: &[String], warnings: &mut Vec
             };
         }
     }
-    Ok(filter)
+    (primitive, filter)
 }
 
 /// Origin of the means, if a comment gives it.

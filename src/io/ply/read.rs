@@ -3,13 +3,16 @@
 use super::super::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
-use super::comments::{origin, screen_filter};
+use super::comments::{origin, render_mode};
 use super::compressed;
 use super::header::{Encoding, PlyElement, PlyHeader};
 use super::rows;
 use crate::error::{Error, Result};
-use crate::scene::{Point, Splats, sh_coefficient_count};
+use crate::scene::{Point, Primitive, Splats, sh_coefficient_count};
 use std::path::Path;
+
+/// Property that surfels lack.
+const THIRD_SCALE: &str = "scale_2";
 
 /// Required properties, in the order of the values of a row.
 const REQUIRED: [&str; 14] = [
@@ -17,11 +20,12 @@ const REQUIRED: [&str; 14] = [
     "f_dc_2",
 ];
 
-/// Reads a scene of splats.
+/// Reads a scene of splats: surfels if the file has no `scale_2`, as those of the 2DGS reference code, if a comment
+/// says so, or if none does and all third scales are that of nothing.
 ///
 /// # Errors
 /// Names the file and the place: not a PLY file, not splats (the missing properties are listed), counts beyond the
-/// file, a row that cannot be parsed, or an unsupported variant.
+/// file, or a row that cannot be parsed.
 pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let source = source.into();
     let path = source.name();
@@ -29,8 +33,10 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let header = PlyHeader::read(&mut reader)?;
     if header.element("chunk").is_some() {
         let mut warnings = Vec::new();
+        let (primitive, filter) = render_mode(path, &header.comments, &mut warnings);
         let scene = Splats {
-            filter: screen_filter(path, &header.comments, &mut warnings)?,
+            primitive: primitive.unwrap_or_default(),
+            filter,
             origin: origin(path, &header.comments)?,
             ..Splats::default()
         };
@@ -41,7 +47,11 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     };
     let (columns, sh_degree) = splat_columns(path, vertex)?;
     let mut warnings = Vec::new();
-    let filter = screen_filter(path, &header.comments, &mut warnings)?;
+    let (mut stated, filter) = render_mode(path, &header.comments, &mut warnings);
+    if vertex.find(THIRD_SCALE).is_none() {
+        // Structure outranks comments.
+        stated = Some(Primitive::Surfel);
+    }
     let origin = origin(path, &header.comments)?;
     rows::skip_to(&mut reader, &header, index)?;
     let count = rows::check_count(&reader, header.encoding, vertex)?;
@@ -55,7 +65,27 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     }
     let mut loaded = collector.finish(path, StoredAs::ply("PLY"), warnings);
     loaded.splats.origin = origin;
+    loaded.splats.primitive = stated.unwrap_or_default();
+    if stated.is_none() && is_flat(&loaded.splats) {
+        loaded.splats.primitive = Primitive::Surfel;
+        loaded.warnings.push(format!(
+            "{}: the third scales of all splats are below 1e-5 of the others: read as 2D Gaussians (surfels)",
+            path.display()
+        ));
+    }
+    loaded.splats.set_thickness();
     Ok(loaded)
+}
+
+/// Difference of log-scales, e⁻¹² = 6e-6, by which a third scale is that of a flat splat: programs for 3D Gaussians
+/// write such scales for surfels.
+const FLAT: f32 = 12.0;
+
+/// Whether all splats are flat along their third axes.
+fn is_flat(splats: &Splats) -> bool {
+    // Scales beyond floats are no sizes to compare with.
+    let is_flat = |&[u, v, third]: &[f32; 3]| u.max(v).exp().is_finite() && third <= u.max(v) - FLAT;
+    !splats.is_empty() && splats.log_scale.iter().all(is_flat)
 }
 
 /// Splat of a row in the order of [`splat_columns`]. Doubles beyond the range of `f32` become infinite.
@@ -131,13 +161,13 @@ fn refuse_lists(path: &Path, vertex: &PlyElement) -> Result<()> {
 
 /// Column of each value of a splat, in the order of [`REQUIRED`] and then of `f_rest`; and the SH degree.
 fn splat_columns(path: &Path, vertex: &PlyElement) -> Result<(Vec<usize>, u32)> {
-    let missing: Vec<&str> = REQUIRED
+    let mut missing: Vec<&str> = REQUIRED
         .into_iter()
         .filter(|name| vertex.find(name).is_none())
         .collect();
-    if missing == ["scale_2"] {
-        let what = "has two scales per splat: 2D Gaussian scenes are not supported";
-        return Err(Error::file(path, what));
+    let is_surfel = missing == [THIRD_SCALE];
+    if is_surfel {
+        missing.clear();
     }
     if missing.len() > REQUIRED.len() / 2 {
         let what = "holds no splats (a point cloud or a mesh?): f_dc_0, opacity, scale_0, rot_0 \
@@ -164,7 +194,15 @@ fn splat_columns(path: &Path, vertex: &PlyElement) -> Result<(Vec<usize>, u32)> 
         })?;
     let names = REQUIRED.into_iter().map(str::to_owned);
     let names = names.chain((0..rest).map(|i| format!("f_rest_{i}")));
-    let columns: Option<Vec<usize>> = names.map(|name| vertex.find(&name)).collect();
+    // A placeholder in place of the third scale that surfels do not have.
+    let column = |name: String| {
+        vertex.find(if is_surfel && name == THIRD_SCALE {
+            "scale_1"
+        } else {
+            &name
+        })
+    };
+    let columns: Option<Vec<usize>> = names.map(column).collect();
     let columns = columns.ok_or_else(|| {
         let what = format!("the f_rest properties are not numbered 0 to {}", rest - 1);
         Error::file(path, what)

@@ -202,6 +202,7 @@ impl FrameBench {
     fn new(gpu: &Gpu, splats: &Splats, near: f32) -> Result<FrameBench> {
         let options = RenderOptions {
             sh_degree: splats.sh_degree,
+            primitive: splats.primitive,
             ..RenderOptions::default()
         };
         Ok(FrameBench {

@@ -15,7 +15,7 @@ pub use auto::AutoConfig;
 pub use groups::{AdamConfig, AdcConfig, InitConfig, LearningRates, McmcConfig, MipConfig, RefineTimes};
 
 use crate::render::Accuracy;
-use crate::scene::ScreenFilter;
+use crate::scene::{Primitive, ScreenFilter};
 use serde::{Deserialize, Serialize};
 
 /// Strategy of density control.
@@ -58,6 +58,9 @@ pub struct TrainConfig {
     pub iterations: u32,
     /// Key of all random numbers.
     pub seed: u64,
+    /// Kind of the splats.
+    #[serde(default)]
+    pub kind: Primitive,
     /// Filter on the screen, in training and later; stored in the scene's file. `mode` in files and for `--set`.
     #[serde(rename = "mode", alias = "filter")]
     pub filter: ScreenFilter,
@@ -157,6 +160,7 @@ impl TrainConfig {
         TrainConfig {
             iterations,
             seed: 0,
+            kind: Primitive::Gaussian3d,
             filter: ScreenFilter::Classic,
             mip: MipConfig::default(),
             strategy: StrategyKind::Adc,

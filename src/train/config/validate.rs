@@ -3,6 +3,7 @@
 use super::constants::{RangedField, refused};
 use super::{Background, TrainConfig};
 use crate::Result;
+use crate::scene::Primitive;
 use std::fmt::Debug;
 
 impl TrainConfig {
@@ -20,6 +21,9 @@ impl TrainConfig {
         self.drop_rate.check("drop_rate", 0.0..=0.9)?;
         if self.max_aspect != 0.0 {
             self.max_aspect.check("max_aspect", 1.01..=f32::MAX)?;
+            if self.kind == Primitive::Surfel {
+                return Err(refused("max_aspect", self.max_aspect, "0 for surfels, which are flat"));
+            }
         }
         if let Background::Fixed(color) = self.background {
             color.check("background", 0.0..=1.0)?;

@@ -2,14 +2,16 @@
 
 mod cull;
 mod frusta;
+mod tangent;
 
 use super::config::TrainConfig;
 use super::knn::mean_neighbor_distance;
 use super::rng::{self, Stream};
-use crate::scene::{Dataset, Point, SH_C0, Splats, Split, logit, sh_coefficient_count};
+use crate::scene::{Dataset, Point, Primitive, SH_C0, Splats, Split, logit, sh_coefficient_count};
 use crate::{Error, Result};
 
 pub use frusta::points_in_frusta;
+use tangent::tangent_rotations;
 
 /// First splats of a data set: from its points or, if none is finite and not culled, from random ones inside its
 /// cameras' frusta; `extent` is the scene extent in world units.
@@ -55,15 +57,22 @@ pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -
             *constant = (color - 0.5) / SH_C0;
         }
     }
-    Splats {
+    let quaternion = match config.kind {
+        Primitive::Gaussian3d => vec![[1.0, 0.0, 0.0, 0.0]; points.len()],
+        Primitive::Surfel => tangent_rotations(&positions),
+    };
+    let mut splats = Splats {
         log_scale: mean_neighbor_distance(&positions).iter().map(log_scale).collect(),
-        quaternion: vec![[1.0, 0.0, 0.0, 0.0]; points.len()],
+        quaternion,
         opacity_logit: vec![logit(f64::from(config.init.opacity)) as f32; points.len()],
         mean: positions,
         sh,
         sh_degree: config.sh_degree,
+        primitive: config.kind,
         ..Splats::default()
-    }
+    };
+    splats.set_thickness();
+    splats
 }
 
 /// `count` of the points in their order, each subset equally likely (up to equal hashes).

@@ -2,7 +2,7 @@
 //! transparent and oversized ones are removed.
 
 use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, gather};
-use crate::scene::logit;
+use crate::scene::{Primitive, logit};
 use crate::train::config::AdcConfig;
 use crate::train::rng::{self, Stream};
 use crate::train::state::HostState;
@@ -167,7 +167,11 @@ fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2]
         Quat::IDENTITY
     };
     let [a, b, c, _] = state.params[2][index];
-    let scale = Vec3::new(a, b, c).exp();
+    let mut scale = Vec3::new(a, b, c).exp();
+    if state.primitive == Primitive::Surfel {
+        // The children lie in the plane.
+        scale.z = 0.0;
+    }
     let less = context.config.adc.split_factor.ln();
     [0, 1].map(|child| {
         let key = row.wrapping_mul(2).wrapping_add(child);
@@ -253,6 +257,30 @@ mod tests {
         for (found, wanted) in sums.iter().zip([0.0, 0.085, 0.075, 0.04]) {
             assert!((found - wanted).abs() < 0.003, "{sums:?}");
         }
+    }
+
+    #[test]
+    fn children_of_surfels_lie_in_their_planes() {
+        let config = TrainConfig::for_iterations(1_000);
+        let mut state = state_of(&[(0.5, 0.1); 50]);
+        state.primitive = Primitive::Surfel;
+        let turn = Quat::from_xyzw(0.3, -0.5, 0.2, 0.7).normalize();
+        for row in 0..50 {
+            state.params[0][row][..3].copy_from_slice(&[1.0, 2.0, 3.0]);
+            state.params[1][row] = [turn.w, turn.x, turn.y, turn.z];
+            // The third scale is the largest, and not looked at.
+            state.params[2][row] = [0.4_f32.ln(), 0.1_f32.ln(), 5.0, 0.0];
+        }
+        assert!((state.max_scale(0) - 0.4).abs() < 1e-6);
+        let report = refine(&mut state, &[SEEN; 50], &config);
+        assert_eq!((report.split, state.primitive), (50, Primitive::Surfel));
+        let mut moved = 0.0_f32;
+        for row in 0..state.len() {
+            let offset = Vec3::from(state.mean(row)) - Vec3::new(1.0, 2.0, 3.0);
+            assert!((turn * Vec3::Z).dot(offset).abs() < 1e-5, "{offset}");
+            moved = moved.max(offset.length());
+        }
+        assert!(moved > 0.2, "{moved}");
     }
 
     #[test]

@@ -6,6 +6,7 @@ mod exposure;
 mod mesh;
 mod needs;
 mod prune;
+mod surfels;
 
 use ashfall::lab::synth::{self, Kind, SynthOptions};
 use ashfall::scene::PhotoSource;

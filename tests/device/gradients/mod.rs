@@ -18,6 +18,7 @@ const BEGUN: u32 = 20_000;
 
 fn config(scene: &Scene) -> TrainConfig {
     TrainConfig {
+        kind: scene.splats.primitive,
         filter: scene.splats.filter,
         sh_degree: scene.splats.sh_degree,
         background: Background::Fixed(scene.options.background.map(|c| c as f32)),

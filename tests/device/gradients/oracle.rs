@@ -4,7 +4,7 @@ use crate::common::scenes::{self, Scene, Trouble};
 use crate::common::{device, pack};
 use crate::gradients::{config, step_from};
 use ashfall::reference::loss::Target;
-use ashfall::reference::smoothing::unsmoothed;
+use ashfall::reference::smoothing::unsmoothed_along;
 use ashfall::reference::{Options, Splat, loss_gradient};
 use ashfall::render::degrees_used;
 use ashfall::scene::{ScreenFilter, sh_coefficient_count};
@@ -95,7 +95,8 @@ pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
         let count = scene.splats.len();
         let mut rows = pack::gradient_rows(&expected.d_splats);
         for (i, (row, &sigma)) in rows.iter_mut().zip(filters).enumerate() {
-            *row = unsmoothed(&Splat::of(&scene.splats, i), sigma.into(), row);
+            let splat = Splat::of(&scene.splats, i);
+            *row = unsmoothed_along(&splat, sigma.into(), row, scene.splats.primitive);
         }
         for (row, &degree) in rows.iter_mut().zip(&state.degrees) {
             // A band absent from a splat has no gradient.
@@ -149,6 +150,30 @@ fn mip_gradients_are_the_oracles_with_the_3d_filter_and_without() {
         &[
             mip(scenes::gentle(66, 60, 64, 48, 2), true),
             mip(scenes::hard(67, 90, 49, 65, 1), true),
+        ],
+    );
+}
+
+#[test]
+fn surfel_gradients_are_the_oracles_in_both_filters() {
+    for (name, filter) in [("spot", ScreenFilter::Classic), ("mip disc", ScreenFilter::Mip)] {
+        let scenes = [
+            scenes::gentle(74, 60, 64, 48, 2),
+            scenes::gentle(75, 100, 49, 65, 0),
+            scenes::hard(76, 90, 64, 48, 1),
+        ];
+        compare(name, &scenes.map(|scene| scenes::flattened(scene, filter)));
+    }
+    let smoothed = |scene: Scene| {
+        let scene = scenes::flattened(scene, ScreenFilter::Mip);
+        let filters = scenes::filters(&scene.splats, 3);
+        (scene, filters)
+    };
+    compare_smoothed(
+        "smooth disc",
+        &[
+            smoothed(scenes::gentle(77, 60, 64, 48, 1)),
+            smoothed(scenes::hard(78, 90, 49, 65, 0)),
         ],
     );
 }

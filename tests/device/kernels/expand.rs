@@ -65,6 +65,7 @@ fn a_splat_may_cover_more_tiles_than_a_driver_runs_loops() {
         emitted_from_splat: &unwritten(&gpu, 1),
         blue_depth_from_splat: &buffer(&gpu, &[[0.0; 2]]),
         limit_from_tile: &unwritten(&gpu, 1),
+        plane_from_splat: &unwritten(&gpu, 1),
     };
     let args = args(&gpu, 1, 64);
     gpu.run(|rec| kernel.record(rec, io, Groups::indirect(&args, 0)))

@@ -73,6 +73,7 @@ fn gradients_reach_the_front() {
             d_shape_from_source: &shape,
             d_tone_from_source: &tone,
             d_rest_from_source: &rest,
+            plane_from_splat: &gpu.buffer("planes", 1).unwrap(),
         };
         let params = rasterize_backward::Params {
             tile_stride: 1,

@@ -9,6 +9,7 @@ use ashfall::kernels::perturb::{Bindings, Choice, Params, Perturb};
 use ashfall::lab::bench::kernels::perturb::{PARAMS, faint, perturb};
 use ashfall::layout::COUNT_FAILED;
 use ashfall::render::{plane_count, planes_from_splats};
+use ashfall::scene::ScreenFilter;
 
 fn splats(count: usize) -> Scene {
     faint(scenes::gentle(count as u64, count, 64, 64, 0))
@@ -26,6 +27,9 @@ fn means_move_by_noise_of_their_splats_shape() {
     ]
     .map(|(name, count)| (name, perturb(&gpu, &splats(count)).unwrap()));
     check.cases(&gpu, ELEMENTWISE, &cases);
+    let surfels = scenes::flattened(splats(300), ScreenFilter::Classic);
+    let case = ("surfels", perturb(&gpu, &surfels).unwrap());
+    check.cases(&gpu, ELEMENTWISE, &[case]);
     check.finish();
 }
 

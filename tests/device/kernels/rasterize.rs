@@ -86,24 +86,28 @@ const OUTPUTS: [Outputs; 4] = [
         ends: true,
         surface: false,
         limit: false,
+        surfels: false,
     },
     Outputs {
         depth: true,
         ends: true,
         surface: true,
         limit: false,
+        surfels: false,
     },
     Outputs {
         depth: false,
         ends: false,
         surface: false,
         limit: false,
+        surfels: false,
     },
     Outputs {
         depth: false,
         ends: false,
         surface: true,
         limit: false,
+        surfels: false,
     },
 ];
 

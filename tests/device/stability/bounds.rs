@@ -205,6 +205,7 @@ fn f036_count_and_list() {
             emitted_from_splat: &gpu.buffer("begin", tiles.len()).unwrap(),
             blue_depth_from_splat: &gpu.buffer("rests", 1).unwrap(),
             limit_from_tile: &gpu.buffer("limits", 1).unwrap(),
+            plane_from_splat: &gpu.buffer("planes", 1).unwrap(),
         };
         let args = DispatchArgs {
             x: (visible.len() as u32).div_ceil(64),

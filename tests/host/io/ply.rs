@@ -2,7 +2,7 @@
 
 use crate::io::{error_at, files_in, for_every_prefix};
 use ashfall::io::ply;
-use ashfall::scene::{ScreenFilter, Splats};
+use ashfall::scene::{Primitive, ScreenFilter, Splats};
 use std::fmt::Write as _;
 use std::io::Write as _;
 
@@ -256,5 +256,114 @@ fn the_last_comment_on_the_mode_wins() {
     assert_eq!(mode_of("").unwrap().splats.filter, ScreenFilter::Classic);
     let unknown = mode_of("comment SplatRenderMode: future\n").unwrap();
     assert!(unknown.warnings[0].contains("\"future\""), "{:?}", unknown.warnings);
-    assert!(error_at(mode_of("comment SplatRenderMode: 2dgs\n"), &other).contains("2D Gaussian"));
+    let surfels = mode_of("comment SplatRenderMode: 2dgs\n").unwrap().splats;
+    assert_eq!(
+        (surfels.primitive, surfels.filter),
+        (Primitive::Surfel, ScreenFilter::Classic)
+    );
+}
+
+/// Surfels with ordinary numbers.
+fn surfels(count: usize, filter: ScreenFilter) -> Splats {
+    let mut splats = example(count, 1, filter);
+    splats.primitive = Primitive::Surfel;
+    for (i, log_scale) in splats.log_scale.iter_mut().enumerate() {
+        *log_scale = [-1.0 - i as f32, -2.0 + 0.5 * i as f32, 0.0];
+    }
+    splats.set_thickness();
+    splats
+}
+
+#[test]
+fn surfels_have_two_scales_and_their_normals() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
+        let splats = surfels(7, filter);
+        ply::write(&path, &splats).unwrap();
+        assert_eq!(std::fs::metadata(&path).unwrap().len(), ply::byte_count(&splats));
+        let loaded = ply::read(&path).unwrap();
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        assert_eq!(loaded.splats, splats);
+        assert_eq!(bits(&loaded.splats), bits(&splats));
+        let bytes = std::fs::read(&path).unwrap();
+        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let header = std::str::from_utf8(&bytes[..end]).unwrap();
+        assert!(header.contains("comment SplatRenderMode: 2dgs\n"));
+        assert!(header.contains("scale_1") && !header.contains("scale_2"));
+        let row: &[u8] = &bytes[end..];
+        let number = |i: usize| f32::from_le_bytes(row[4 * i..4 * i + 4].try_into().unwrap());
+        let normal = glam::Vec3::new(number(3), number(4), number(5));
+        let [w, x, y, z] = splats.quaternion[0];
+        let axes = glam::Mat3::from_quat(glam::Quat::from_xyzw(x, y, z, w).normalize());
+        assert!((normal - axes.z_axis).length() < 1e-6, "{normal}");
+    }
+}
+
+#[test]
+fn flat_files_of_other_programs_are_surfels_and_say_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    let mut splats = surfels(5, ScreenFilter::Classic);
+    splats.primitive = Primitive::Gaussian3d;
+    let read = |splats: &Splats, stated: bool| {
+        ply::write(&path, splats).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let comment = b"comment SplatRenderMode: default\n";
+        let at = bytes.windows(comment.len()).position(|w| w == comment).unwrap();
+        let kept = if stated { at + comment.len() } else { at };
+        std::fs::write(&path, [&bytes[..kept], &bytes[at + comment.len()..]].concat()).unwrap();
+        ply::read(&path).unwrap()
+    };
+    // A hundredth, as exported, is thick; a millionth of the larger scale, and nothing at all, are flat.
+    assert_eq!(read(&splats, false).splats.primitive, Primitive::Gaussian3d);
+    for third in [-21.0, f32::NEG_INFINITY] {
+        splats.log_scale.iter_mut().for_each(|s| s[2] = third);
+        let loaded = read(&splats, false);
+        assert_eq!(loaded.splats.primitive, Primitive::Surfel, "{third}");
+        assert!(loaded.warnings[0].contains("2D Gaussians"), "{:?}", loaded.warnings);
+        assert!(
+            loaded
+                .splats
+                .log_scale
+                .iter()
+                .all(|s| s[2].is_finite() && s[2] < s[0].min(s[1]))
+        );
+        assert_eq!(
+            read(&splats, true).splats.primitive,
+            Primitive::Gaussian3d,
+            "it states otherwise"
+        );
+    }
+    splats.log_scale[3][2] = -3.0;
+    assert_eq!(
+        read(&splats, false).splats.primitive,
+        Primitive::Gaussian3d,
+        "one is not flat"
+    );
+}
+
+#[test]
+fn surfels_become_thin_splats_elsewhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let splats = surfels(5, ScreenFilter::Classic);
+    for name in [
+        "scene.spz",
+        "scene.splat",
+        "scene.compressed.ply",
+        "scene.glb",
+        "scene.sog",
+    ] {
+        let path = folder.path().join(name);
+        let lost = ashfall::io::splats::losses(&path, &splats);
+        assert!(lost.iter().any(|l| l.contains("surfels")), "{name}: {lost:?}");
+        ashfall::io::splats::write(&path, &splats).unwrap();
+        let loaded = ashfall::io::splats::read(path.as_path()).unwrap().splats;
+        assert_eq!(loaded.primitive, Primitive::Gaussian3d);
+        let thinness = |s: &[f32; 3]| s[2] - s[0].min(s[1]);
+        let off = loaded.log_scale.iter().map(|s| (thinness(s) - 0.01_f32.ln()).abs());
+        assert!(off.fold(0.0, f32::max) < 0.1, "{name}: {:?}", loaded.log_scale);
+    }
+    let path = folder.path().join("scene.ply");
+    assert!(ashfall::io::splats::losses(&path, &splats).is_empty());
 }

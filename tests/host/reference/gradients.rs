@@ -141,6 +141,7 @@ fn a_capped_alpha_has_no_gradient() {
         opacity: 1.0 - 1e-6,
         color: [1.0, 0.5, 0.2],
         depth: 2.0,
+        disc: None,
     };
     let mut slot = 0;
     let lifted = ScreenSplat::from_row(splat.row().map(|value| {

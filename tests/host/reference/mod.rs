@@ -12,6 +12,7 @@ mod packing;
 mod planes;
 mod rays;
 mod sample;
+mod surfels;
 mod thresholds;
 
 /// Asserts that two numbers agree within `tolerance` times the larger magnitude, or absolutely within `tolerance *

@@ -27,6 +27,14 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
         "src/reference/adam_color.rs",
         "part of adam: the gradient is a basis function times a colour's",
     ),
+    (
+        "src/reference/surfel.rs",
+        "part of project and of rasterize: a surfel, and the hit of a ray",
+    ),
+    (
+        "src/reference/surfel_backward.rs",
+        "the operations composed: the gradient of a picture by surfels",
+    ),
     ("src/reference/dropout.rs", "part of project: random splats left out"),
     ("src/reference/ssim.rs", "part of loss: the similarity of one channel"),
     (

@@ -24,7 +24,7 @@ pub fn view(scene: &Scene) -> View {
 
 /// The camera in the oracle's form.
 pub fn viewpoint(scene: &Scene) -> Viewpoint {
-    Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter)
+    Viewpoint::on(&scene.splats, &scene.camera, &scene.options)
 }
 
 /// Projected splats and their intersections.

@@ -73,6 +73,7 @@ pub fn screen_splat(record: &Splat2d) -> ScreenSplat<f64> {
         opacity: shape[3].exp2(),
         color: [tone[2], tone[3], rest[0]],
         depth: rest[1],
+        disc: None,
     }
 }
 

@@ -218,7 +218,7 @@ pub struct CompositeBuffers {
     pub(super) image: Buffer<f32>,
     pub(super) depth: Buffer<f32>,
     pub(super) isect_end_from_pixel: Buffer<u32>,
-    plane_from_splat: Buffer<[f32; 3]>,
+    pub(super) plane_from_splat: Buffer<[f32; 3]>,
     surface: Buffer<f32>,
     limit_from_pixel: Buffer<f32>,
     counts: Buffer<u32>,

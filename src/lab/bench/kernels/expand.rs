@@ -79,6 +79,7 @@ pub fn expand<'a>(
     let (tiles, sources, owners) = (tiles?, sources?, owners?);
     let firsts = gpu.buffer::<u32>("emitted_from_splat", lists.screen.len())?;
     let limits = gpu.buffer::<f32>("limit_from_tile", 1)?;
+    let planes = gpu.buffer::<[f32; 3]>("plane_from_splat", 1)?;
     let drawn = order.len() - first_rank;
     let slots = |rank: usize| (begins[rank] - base) as usize..(begins[rank + 1] - base) as usize;
     let (mut owner, mut first) = (Vec::new(), vec![f64::NAN; lists.screen.len()]);
@@ -109,6 +110,7 @@ pub fn expand<'a>(
             emitted_from_splat: &firsts,
             blue_depth_from_splat: &records.rest,
             limit_from_tile: &limits,
+            plane_from_splat: &planes,
         };
         kernel.record(rec, io, kernel.groups(drawn));
     }))

@@ -183,6 +183,7 @@ pub fn rasterize_backward<'a>(
                 d_shape_from_source: &shape,
                 d_tone_from_source: &tone,
                 d_rest_from_source: &rest,
+                plane_from_splat: &input.plane_from_splat,
             };
             let params = rasterize_backward::Params {
                 tile_stride: tile_stride(input.tiles),

@@ -3,7 +3,7 @@
 use super::{KernelCase, counts, sample};
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::kernels::perturb::{Bindings, Params, Perturb};
+use crate::kernels::perturb::{Bindings, Choice, Params, Perturb};
 use crate::lab::bench::Work;
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
@@ -11,6 +11,7 @@ use crate::lab::bench::input::scene::Scene;
 use crate::reference::Splat;
 use crate::reference::perturb::{normals, perturb as reference};
 use crate::render::planes_from_splats;
+use crate::scene::Primitive;
 
 /// Splats that are compared.
 const SAMPLES: usize = 3000;
@@ -41,6 +42,7 @@ pub fn faint(mut scene: Scene) -> Scene {
 /// Noise on the means of a scene; no other number may change.
 pub fn perturb<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, Perturb>> {
     let (splats, count) = (scene.splats.clone(), scene.splats.len());
+    let is_surfel = splats.primitive == Primitive::Surfel;
     let planes = planes_from_splats(&splats);
     let counts = counts(gpu, &[])?;
     let before = gpu.buffer_from("before", &planes)?;
@@ -48,13 +50,18 @@ pub fn perturb<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, Perturb>> 
     let index = gpu.buffer_from("splat_from_slot", &[u32::MAX])?;
     // Three planes in, one out.
     let work = Work::of(count, "splats").moving(64 * count);
-    let case = KernelCase::new(work).compare(&values, move |after| {
+    let case = KernelCase::new(work).tune(move |choice: &mut Choice| choice.spec.surfel = is_surfel.into());
+    let case = case.compare(&values, move |after| {
         let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
         for i in sample(planes.len(), SAMPLES * planes.len() / count.max(1)) {
             found.extend(after[i].map(f64::from));
             let mut four = planes[i].map(f64::from);
             if i < count {
-                let s = Splat::<f64>::of(&splats, i);
+                let mut s = Splat::<f64>::of(&splats, i);
+                if is_surfel {
+                    // Out of the plane by a tenth of the smaller scale.
+                    s.log_scale[2] = s.log_scale[0].min(s.log_scale[1]) + 0.1_f64.ln();
+                }
                 let xi = normals(PARAMS.seed, PARAMS.step, PARAMS.first_splat + i as u32);
                 let amplitude = f64::from(PARAMS.amplitude);
                 let shape = (s.quaternion, s.log_scale);

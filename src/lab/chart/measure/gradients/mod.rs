@@ -109,6 +109,7 @@ impl SceneInputs<'_> {
         trainer.step()?;
         let planes = trainer.gradients()?;
         let found = HostState {
+            primitive: self.splats.primitive,
             sh_degree: self.splats.sh_degree,
             degrees: vec![self.splats.sh_degree as u8; self.splats.len()],
             m: planes.clone(),
