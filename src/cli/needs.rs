@@ -46,7 +46,8 @@ pub(super) struct NeedsArgs {
     /// Built-in scenes: plane, sphere, solids, demo, intricate, foliage, facade, or none [default: all]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_scene)]
     scenes: Option<Vec<Option<Kind>>>,
-    /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates, parsimony-all-sh [default: all that differ]
+    /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates, parsimony-all-sh [default: all but fixed-rates
+    /// and mcmc-rates]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_recipe)]
     recipes: Option<Vec<Recipe>>,
     /// Constants of parsimony, each also trained with at half and at twice its value, or at VALUE of NAME=VALUE:

@@ -1,6 +1,7 @@
 //! Refit: a short training with a fixed set of splats.
 
 use crate::scene::Splats;
+use crate::train::config::LearningRates;
 use crate::train::{Background, RefineTimes, TrainConfig};
 
 /// Learning rates relative to those of a training run: the splats are in place, and Adam's first steps, as long as the
@@ -18,6 +19,7 @@ pub fn refit_config(splats: &Splats, iterations: u32, background: [f32; 3]) -> T
         until: 0,
         ..config.refine
     };
+    config.rates = LearningRates::default();
     let rates = &mut config.rates;
     for rate in [
         &mut rates.quaternion,

@@ -138,10 +138,14 @@ pub fn penalties(config: &TrainConfig, extent: f64) -> Penalties {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::train::config::LearningRates;
 
     #[test]
     fn the_mean_rate_decays_exponentially_from_start_to_end() {
-        let config = TrainConfig::for_iterations(1_001);
+        let config = TrainConfig {
+            rates: LearningRates::default(),
+            ..TrainConfig::for_iterations(1_001)
+        };
         let at = |i| f64::from(mean_rate(&config, 2.0, i));
         assert!((at(1) / 3.2e-4 - 1.0).abs() < 1e-6);
         assert!((at(1_001) / 3.2e-6 - 1.0).abs() < 1e-6);
@@ -204,7 +208,8 @@ mod tests {
     fn noise_follows_the_world_unit() {
         let config = TrainConfig::for_iterations(100).with_strategy(StrategyKind::Mcmc);
         let published = f64::from(noise_scale(&config, 5.0, 1));
-        assert!((published / (5e5 * 1.6e-4 * 5.0) - 1.0).abs() < 1e-5);
+        let rate = f64::from(config.rates.mean_start);
+        assert!((published / (5e5 * rate * 5.0) - 1.0).abs() < 1e-5);
         // A mean moves by scale × Σ: Σ grows fourfold with a doubled unit, the move must double.
         let doubled = f64::from(noise_scale(&config, 10.0, 1));
         assert!((doubled * 4.0 / published - 2.0).abs() < 1e-5);

@@ -7,7 +7,7 @@ use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{Output, grouped, write_text};
 use crate::gpu::Gpu;
 use crate::lab::page::Fact;
-use crate::lab::survey::runner::{Task, built_in, distinct_recipes};
+use crate::lab::survey::runner::{Task, built_in};
 use crate::lab::survey::{self, Recipe, SurveyRun, page, record};
 use crate::lab::synth::Kind;
 use crate::render::ViewEvaluation;
@@ -58,10 +58,9 @@ impl<'a> SurveySession<'a> {
         if scenes.is_empty() {
             return Err(Error::Config("there is no scene to train".into()));
         }
-        let distinct = distinct_recipes(args.iterations);
         let wanted = |recipe: &Recipe| match &args.recipes {
             Some(chosen) => chosen.contains(recipe),
-            None => distinct.contains(recipe),
+            None => Recipe::USUAL.contains(recipe),
         };
         let usual = TrainConfig::for_iterations(args.iterations);
         let variations = args.vary.iter().map(|name| survey::variations(&usual, name));

@@ -45,6 +45,10 @@ impl Recipe {
         Recipe::ParsimonyAllSh,
     ];
 
+    /// Recipes of a survey, unless chosen: those at the rates of `Parsimony` differ from the others only where few
+    /// views see a point.
+    pub const USUAL: [Recipe; 4] = [Recipe::Fixed, Recipe::Parsimony, Recipe::Mcmc, Recipe::ParsimonyAllSh];
+
     /// Name in files and on command lines, and that on the page.
     const fn names(self) -> [&'static str; 2] {
         match self {

@@ -30,6 +30,7 @@ use crate::Result;
 use crate::render::{Evaluator, ViewOptions};
 use crate::scene::{Dataset, Splats, Split};
 use crate::stats::mean;
+use crate::train::config::LearningRates;
 use crate::train::schedule::is_refine;
 use crate::train::{Controller, HostState, Run, TrainConfig, Trainer};
 use std::sync::Arc;
@@ -63,18 +64,14 @@ pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 
 /// Training configuration of a run with a count controller: growth ends with its share of the run.
 ///
-/// Short runs use larger rates for means and SH: at the published rates they end before convergence. That helps without
-/// pruning, too, and not everywhere (twice the rates in 2,000 iterations, `2026-11-22-needs-rates.csv`: fox +0.66 to
-/// +0.97 dB, sphere −0.43 dB). Where few training views see a point (`views_per_point`, the median), SH gains nothing
-/// (`2026-11-22-few-views.csv`) and keeps the published rate, and measures against overfitting act.
+/// Where few training views see a point (`views_per_point`, the median), SH gains nothing by larger rates than the
+/// published one (`2026-11-22-few-views.csv`), and measures against overfitting act.
 pub fn for_auto_count(mut config: TrainConfig, views_per_point: f64) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.auto.growth_until(config.iterations));
     config.half_size_until = config.auto.half_size_until(config.iterations);
     let overfitting_weight = config.auto.overfitting_weight(views_per_point);
-    let factor = config.auto.rate_factor(config.iterations);
-    config.rates.mean_start *= factor as f32;
-    config.rates.mean_end *= factor as f32;
-    config.rates.sh_rest *= factor.powf(1.0 - overfitting_weight) as f32;
+    let factor = LearningRates::factor(config.iterations);
+    config.rates.sh_rest *= factor.powf(-overfitting_weight) as f32;
     config.against_overfitting(overfitting_weight as f32)
 }
 

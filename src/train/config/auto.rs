@@ -2,7 +2,6 @@
 //!
 //! A "round" is a comparison of the same steps with and without some splats.
 
-use super::PUBLISHED_ITERATIONS;
 use super::constants::constants;
 
 constants! {
@@ -19,8 +18,6 @@ constants! {
         /// Held-out views: one of so many training views, at least three.
         held_out_every: u32 = 8, 2..=1_000;
 
-        /// Exponent of the published length of a run over its own: learning rates of means and SH in shorter runs.
-        rate_exponent: f64 = 0.25, 0.0..=2.0;
         /// Training views of a point up to which measures against overfitting act in full, and SH keeps its published
         /// rate; beyond twice that number they do not act.
         few_views: f64 = 16.0, 0.0..=1e6;
@@ -50,12 +47,6 @@ impl AutoConfig {
             true => (2.0 - views_per_point / self.few_views).clamp(0.0, 1.0),
             false => 0.0,
         }
-    }
-
-    /// Factor of the published learning rates of means, in a run of so many iterations.
-    pub fn rate_factor(&self, iterations: u32) -> f64 {
-        let ratio = PUBLISHED_ITERATIONS as f64 / f64::from(iterations.max(1));
-        ratio.max(1.0).powf(self.rate_exponent)
     }
 
     /// Iteration up to which photographs have half their width and height.
@@ -102,10 +93,5 @@ mod tests {
         );
         let never = AutoConfig { few_views: 0.0, ..auto };
         assert_eq!(never.overfitting_weight(0.0), 0.0);
-        assert!((auto.rate_factor(30_000 / 16) - 2.0).abs() < 1e-12);
-        assert_eq!(
-            [30_000, 100_000].map(|iterations| auto.rate_factor(iterations)),
-            [1.0; 2]
-        );
     }
 }

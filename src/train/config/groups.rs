@@ -1,5 +1,6 @@
 //! Constants of the optimiser, of density control and of the first splats.
 
+use super::PUBLISHED_ITERATIONS;
 use super::constants::{BELOW_ONE, constants};
 
 constants! {
@@ -13,7 +14,7 @@ constants! {
 }
 
 constants! {
-    /// Step sizes of Adam, one per parameter group (3DGS, its code's defaults).
+    /// Step sizes of Adam, one per parameter group (3DGS, its code's defaults, for 30,000 iterations).
     LearningRates as "rates" {
         /// Means at the first iteration, in scene extents: 1.6e-4.
         mean_start: f32 = 1.6e-4, 0.0..=f32::MAX;
@@ -29,6 +30,38 @@ constants! {
         sh_dc: f32 = 2.5e-3, 0.0..=f32::MAX;
         /// Other SH coefficients: `sh_dc` / 20.
         sh_rest: f32 = 2.5e-3 / 20.0, 0.0..=f32::MAX;
+    }
+}
+
+/// Exponent of the published length of a run over its own in the learning rates' factor.
+const RATE_EXPONENT: f64 = 0.25;
+/// Largest factor of the published learning rates, that of runs of 117 iterations.
+const RATE_FACTOR_MAX: f64 = 4.0;
+
+impl LearningRates {
+    /// Factor of the published rates in a run of so many iterations: 1 from 30,000 on; the fourth root of the ratio of
+    /// the lengths in shorter runs, which end before convergence at the published rates.
+    pub fn factor(iterations: u32) -> f64 {
+        let ratio = PUBLISHED_ITERATIONS as f64 / f64::from(iterations.max(1));
+        ratio.powf(RATE_EXPONENT).clamp(1.0, RATE_FACTOR_MAX)
+    }
+
+    /// Rates of a run of so many iterations: the published ones times [`LearningRates::factor`], but that of opacities,
+    /// which does not gain by it.
+    pub fn for_iterations(iterations: u32) -> LearningRates {
+        let mut rates = LearningRates::default();
+        let factor = LearningRates::factor(iterations) as f32;
+        for rate in [
+            &mut rates.mean_start,
+            &mut rates.mean_end,
+            &mut rates.quaternion,
+            &mut rates.log_scale,
+            &mut rates.sh_dc,
+            &mut rates.sh_rest,
+        ] {
+            *rate *= factor;
+        }
+        rates
     }
 }
 
@@ -130,5 +163,32 @@ constants! {
         /// Distance outside the interval between the quartiles of all points, in its lengths and axis by axis, from
         /// which a point is left out: 0 for none, and 3 against floaters (Tukey's outer fence).
         cull_fence: f32 = 0.0, 0.0..=f32::MAX;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_runs_have_larger_rates_but_that_of_opacities() {
+        assert_eq!(
+            [1, 117, 30_000, 100_000].map(LearningRates::factor),
+            [4.0, 4.0, 1.0, 1.0]
+        );
+        assert!((LearningRates::factor(30_000 / 16) - 2.0).abs() < 1e-12);
+        let usual = LearningRates::default();
+        let twice = LearningRates::for_iterations(30_000 / 16);
+        let expected = LearningRates {
+            mean_start: 2.0 * usual.mean_start,
+            mean_end: 2.0 * usual.mean_end,
+            quaternion: 2.0 * usual.quaternion,
+            log_scale: 2.0 * usual.log_scale,
+            sh_dc: 2.0 * usual.sh_dc,
+            sh_rest: 2.0 * usual.sh_rest,
+            ..usual
+        };
+        assert_eq!(twice, expected);
+        assert_eq!(LearningRates::for_iterations(30_000), usual);
     }
 }

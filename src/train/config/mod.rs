@@ -146,12 +146,12 @@ impl Default for TrainConfig {
 impl TrainConfig {
     /// Adaptive density control with schedules for a run of `iterations`.
     ///
-    /// SH degrees and the decay of the means' rate scale with the length. Refinement starts after a tenth of the run,
-    /// at most 500 iterations, and ends at half of it; short runs refine up to three quarters (at most 7,500). The
-    /// interval is 100, and 50 in runs of up to 1,000, because statistics must cover most views. (The fox in 2,000
-    /// iterations: 99,517 splats and 30.7 dB at 100; 126,141 and 30.4 dB at 50, stopped at half; benches/record.)
-    /// Opacity resets stay 3,000 iterations apart, so that short runs have none: recovery from a reset takes as long as
-    /// in a long one.
+    /// SH degrees and the decay of the means' rate scale with the length; short runs have larger rates. Refinement
+    /// starts after a tenth of the run, at most 500 iterations, and ends at half of it; short runs refine up to three
+    /// quarters (at most 7,500). The interval is 100, and 50 in runs of up to 1,000, because statistics must cover
+    /// most views. (The fox in 2,000 iterations: 99,517 splats and 30.7 dB at 100; 126,141 and 30.4 dB at 50, stopped
+    /// at half; benches/record.) Opacity resets stay 3,000 iterations apart, so that short runs have none: recovery
+    /// from a reset takes as long as in a long one.
     pub fn for_iterations(iterations: u32) -> TrainConfig {
         let share = |published: u64| {
             let scaled = published * u64::from(iterations) / PUBLISHED_ITERATIONS;
@@ -168,7 +168,7 @@ impl TrainConfig {
             sh_degree: 3,
             sh_degree_from: [share(1_000), share(5_000), share(10_000)],
             lambda_dssim: 0.2,
-            rates: LearningRates::default(),
+            rates: LearningRates::for_iterations(iterations),
             adam: AdamConfig::default(),
             refine: RefineTimes {
                 from: (iterations / 10).min(500),
