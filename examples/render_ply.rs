@@ -41,7 +41,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let gpu = Gpu::create(&GpuOptions::default())?;
     let model = Model::upload(&gpu, &splats)?;
-    let picture = Renderer::new(&gpu, RenderOptions::default())?.render(&model, &camera, &view)?;
+    let options = RenderOptions {
+        primitive: splats.primitive,
+        ..RenderOptions::default()
+    };
+    let picture = Renderer::new(&gpu, options)?.render(&model, &camera, &view)?;
     io::png::write_rgb(&out, picture.width, picture.height, &picture.rgb)?;
     println!("{} splats: {}", splats.len(), out.display());
     Ok(())
