@@ -3,6 +3,8 @@
 #![doc = include_str!("../docs/architecture.md")]
 #![deny(missing_docs, unsafe_code)]
 
+#[cfg(feature = "capi")]
+pub mod capi;
 #[cfg(feature = "cli")]
 mod cli;
 pub mod error;

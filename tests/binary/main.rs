@@ -11,6 +11,7 @@ mod common;
 
 mod bench;
 mod broken;
+mod capi;
 mod captures;
 mod cli;
 mod growth;
