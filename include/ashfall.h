@@ -340,6 +340,24 @@ typedef struct AshfallRendererInfo {
 } AshfallRendererInfo;
 
 /**
+ * A box in the world that clips splats by their means.
+ */
+typedef struct AshfallClip {
+  /**
+   * sizeof(AshfallClip).
+   */
+  uint32_t size;
+  /**
+   * 0: splats outside are left out; 1: those inside.
+   */
+  uint32_t cuts_inside;
+  /**
+   * World from the cube between -1 and 1 as an affine matrix of three rows of four numbers: the box.
+   */
+  double world_from_cube[12];
+} AshfallClip;
+
+/**
  * A model in a picture.
  */
 typedef struct AshfallInstance {
@@ -355,6 +373,27 @@ typedef struct AshfallInstance {
    * The model.
    */
   struct AshfallModel *model;
+  /**
+   * World from model as an affine matrix of three rows of four numbers: rotation, uniform scale and translation;
+   * null for the identity.
+   */
+  const double *world_from_model;
+  /**
+   * Factors of red, green and blue, from 0 on; null for 1.
+   */
+  const float *tint;
+  /**
+   * Box that clips the splats; null for none.
+   */
+  const struct AshfallClip *clip;
+  /**
+   * Share of the opacities that is taken away, 0 to 1: 0 leaves them, at 1 nothing is drawn.
+   */
+  float fade;
+  /**
+   * 0.
+   */
+  uint32_t reserved_end;
 } AshfallInstance;
 
 /**
@@ -409,7 +448,7 @@ typedef struct AshfallDraw {
    */
   uint32_t size;
   /**
-   * Number of instances.
+   * Number of instances; their splats are sorted together.
    */
   uint32_t instance_count;
   /**

@@ -32,12 +32,13 @@ pub mod train;
 // Scenes and data sets.
 pub use io::dataset::open as open_dataset;
 pub use io::splats::{read as read_splats, write as write_splats};
-pub use scene::{Camera, Dataset, Primitive, ScreenFilter, Splats, Split, View};
+pub use scene::{Camera, Dataset, Primitive, ScreenFilter, Similarity, Splats, Split, View};
 
 // Rendering, on a device of its own or on a host's.
 pub use gpu::{Gpu, GpuOptions, HostCommands, HostDevice, HostImage, REQUIRED};
 pub use render::{
-    Blend, DepthCode, Evaluator, HostDepth, HostTarget, Model, RenderOptions, RenderedImage, Renderer, ViewOptions,
+    Blend, ClipBox, DepthCode, Evaluator, HostDepth, HostTarget, Instance, Model, RenderOptions, RenderedImage,
+    Renderer, ViewOptions,
 };
 
 // Training and simplification.

@@ -1,147 +1,18 @@
-//! Pictures as C describes them: images, camera, instances, and their conversion.
+//! Pictures of C converted: images, camera, instances.
 
 use super::failure::{AshfallResult, Failure, guard};
-use super::memory::{array, check, optional, read, sized, write};
-use super::registry::{AshfallModel, find};
-use crate::gpu::ash::vk::{
-    AccessFlags2 as VkAccessFlags2, Format as VkFormat, Image as VkImage, ImageLayout as VkImageLayout,
-    ImageView as VkImageView, PipelineStageFlags2 as VkPipelineStageFlags2,
+use super::memory::{array, check, optional, read, write};
+use super::picture::{
+    ASHFALL_BLEND_OVER_DISPLAY, ASHFALL_BLEND_OVER_LINEAR, ASHFALL_BLEND_PREMULTIPLIED, ASHFALL_BLEND_REPLACE,
+    AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance, AshfallState,
 };
+use super::registry::find;
+use crate::gpu::ash::vk::{Image as VkImage, ImageLayout as VkImageLayout, ImageView as VkImageView};
 use crate::gpu::{HostImage, HostImageDesc, ImageState};
-use crate::render::{Blend, DepthCode, HostDepth, HostTarget, Model, ViewOptions};
-use crate::scene::Camera;
-use glam::{DMat3, DMat4, DVec2, DVec3};
+use crate::render::{Blend, ClipBox, DepthCode, HostDepth, HostTarget, Instance, Model, ViewOptions};
+use crate::scene::{Camera, Similarity};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 use std::sync::Arc;
-
-/// Blending of splats with the pixels of the image.
-pub type AshfallBlend = u32;
-/// Splats over `background`, with their opacity as alpha: replaces the pixels.
-pub const ASHFALL_BLEND_REPLACE: AshfallBlend = 0;
-/// Premultiplied colour with alpha, for a blending of the host's: replaces the pixels.
-pub const ASHFALL_BLEND_PREMULTIPLIED: AshfallBlend = 1;
-/// Splats over pixels of display values; the renderer has ASHFALL_HOST_COLOR.
-pub const ASHFALL_BLEND_OVER_DISPLAY: AshfallBlend = 2;
-/// Splats over pixels of linear light, with `gain` as the light of a display value of 1; as above.
-pub const ASHFALL_BLEND_OVER_LINEAR: AshfallBlend = 3;
-
-/// State of an image.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct AshfallState {
-    /// Layout.
-    pub layout: VkImageLayout,
-    /// 0.
-    pub reserved: u32,
-    /// Stages of the access.
-    pub stage: VkPipelineStageFlags2,
-    /// Access in those stages.
-    pub access: VkAccessFlags2,
-}
-
-/// A host's image with one mip level and layer; barriers between its states are the renderer's.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct AshfallImage {
-    /// sizeof(AshfallImage).
-    pub size: u32,
-    /// Format of the view; of a view of depth, of the image.
-    pub format: VkFormat,
-    /// The image, with the storage usage to be written, with the sampled usage to be read.
-    pub image: VkImage,
-    /// View of all of it; of an image with depth and stencil, of its depth.
-    pub view: VkImageView,
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// State when the commands run.
-    pub before: AshfallState,
-    /// State afterwards; its layout is not VK_IMAGE_LAYOUT_UNDEFINED.
-    pub after: AshfallState,
-}
-
-/// Depths of the host's surfaces, which hide the splats behind them; the renderer has ASHFALL_HOST_DEPTH. A stored
-/// value is a + b / z, or a + b z if linear, of the distance z along the camera's axis.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct AshfallDepth {
-    /// sizeof(AshfallDepth).
-    pub size: u32,
-    /// 1 for values linear in z, else 0.
-    pub linear: u32,
-    /// The image, resolved, of the picture's size.
-    pub image: *const AshfallImage,
-    /// Constant term.
-    pub a: f32,
-    /// Factor of 1 / z, or of z.
-    pub b: f32,
-    /// Value of pixels without a surface, to which the image was cleared.
-    pub empty: f32,
-    /// 0.
-    pub reserved: u32,
-}
-
-/// A camera: x right, y down, z forward; pixel centres at + 0.5.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct AshfallCamera {
-    /// sizeof(AshfallCamera).
-    pub size: u32,
-    /// Width of the image in pixels.
-    pub width: u32,
-    /// Height of the image in pixels.
-    pub height: u32,
-    /// 0.
-    pub reserved: u32,
-    /// Focal lengths in pixels.
-    pub focal: [f64; 2],
-    /// Principal point in pixels.
-    pub center: [f64; 2],
-    /// View from world, row by row: its rows are the camera's axes in the world.
-    pub rotation: [f64; 9],
-    /// Centre in world units.
-    pub position: [f64; 3],
-}
-
-/// A model in a picture.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct AshfallInstance {
-    /// sizeof(AshfallInstance).
-    pub size: u32,
-    /// 0.
-    pub reserved: u32,
-    /// The model.
-    pub model: *mut AshfallModel,
-}
-
-/// A picture.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct AshfallDraw {
-    /// sizeof(AshfallDraw).
-    pub size: u32,
-    /// Number of instances.
-    pub instance_count: u32,
-    /// The instances.
-    pub instances: *const AshfallInstance,
-    /// The camera, of the image's size.
-    pub camera: *const AshfallCamera,
-    /// Image to draw to; not read by ashfall_renderer_reserve.
-    pub color: *const AshfallImage,
-    /// Depths of the host's surfaces; null for none.
-    pub depth: *const AshfallDepth,
-    /// Blending with the image's pixels.
-    pub blend: AshfallBlend,
-    /// Gain of ASHFALL_BLEND_OVER_LINEAR.
-    pub gain: f32,
-    /// Background of ASHFALL_BLEND_REPLACE, 0 to 1.
-    pub background: [f32; 3],
-    /// Near plane in world units: splats with nearer means are not drawn.
-    pub near_plane: f32,
-}
-
-sized!(AshfallImage, AshfallDepth, AshfallCamera, AshfallInstance, AshfallDraw);
 
 /// Fills `linear`, `a`, `b` and `empty` from a perspective projection: clip space from view space, 16 numbers column by
 /// column, depth 0 to 1, reversed or not, with a finite or an infinite far plane.
@@ -170,10 +41,19 @@ pub unsafe extern "C" fn ashfall_depth_from_projection(
     })
 }
 
-/// Models and camera of a picture.
+/// Place and looks of an instance, without its model.
+#[derive(Clone, Copy, Debug)]
+struct Looks {
+    world_from_model: Similarity,
+    opacity: f32,
+    tint: [f32; 3],
+    clip: Option<ClipBox>,
+}
+
+/// Instances and camera of a picture.
 #[derive(Debug)]
 pub(super) struct Shot {
-    pub(super) models: Vec<Arc<Model>>,
+    models: Vec<(Arc<Model>, Looks)>,
     pub(super) camera: Camera,
 }
 
@@ -197,7 +77,9 @@ impl Shot {
         let mut models = Vec::with_capacity(instances.len());
         for (index, instance) in instances.iter().enumerate() {
             let named = |failure: Failure| Failure::argument(format!("instance {index}: {}", failure.message));
-            models.push(find(instance.model).map_err(named)?);
+            // SAFETY: as the caller says.
+            let looks = unsafe { looks(instance) };
+            models.push((find(instance.model).map_err(named)?, looks.map_err(named)?));
         }
         let camera = Camera {
             width: camera.width,
@@ -216,13 +98,55 @@ impl Shot {
         Ok(Shot { models, camera })
     }
 
-    /// The picture's model.
-    pub(super) fn model(&self) -> Result<&Model, Failure> {
-        match &self.models[..] {
-            [model] => Ok(model),
-            all => Err(Failure::argument(format!("{} instances: one is drawn", all.len()))),
+    /// The picture's instances.
+    pub(super) fn instances(&self) -> Vec<Instance<'_>> {
+        let mut all = Vec::with_capacity(self.models.len());
+        for (model, looks) in &self.models {
+            all.push(Instance {
+                world_from_model: looks.world_from_model,
+                opacity: looks.opacity,
+                tint: looks.tint,
+                clip: looks.clip,
+                ..Instance::new(model)
+            });
         }
+        all
     }
+}
+
+/// Place and looks of an instance.
+///
+/// # Safety
+/// The pointers are null or valid for their counts and sizes.
+unsafe fn looks(instance: &AshfallInstance) -> Result<Looks, Failure> {
+    let mut looks = Looks {
+        world_from_model: Similarity::IDENTITY,
+        opacity: 1.0 - instance.fade,
+        tint: [1.0; 3],
+        clip: None,
+    };
+    if !instance.world_from_model.is_null() {
+        // SAFETY: twelve numbers, as the caller says.
+        let rows = unsafe { instance.world_from_model.cast::<[f64; 12]>().read_unaligned() };
+        let found = Similarity::of_matrix(&affine(&rows));
+        looks.world_from_model = found.map_err(|error| Failure::argument(error.to_string()))?;
+    }
+    if !instance.tint.is_null() {
+        // SAFETY: three numbers, as the caller says.
+        looks.tint = unsafe { instance.tint.cast::<[f32; 3]>().read_unaligned() };
+    }
+    // SAFETY: as the caller says.
+    looks.clip = unsafe { optional(instance.clip) }?.map(|clip| ClipBox {
+        world_from_cube: affine(&clip.world_from_cube),
+        cuts_inside: clip.cuts_inside != 0,
+    });
+    Ok(looks)
+}
+
+/// Matrix of three rows of four numbers.
+fn affine(rows: &[f64; 12]) -> DMat4 {
+    let row = |at: usize| DVec4::new(rows[at], rows[at + 1], rows[at + 2], rows[at + 3]);
+    DMat4::from_cols(row(0), row(4), row(8), DVec4::W).transpose()
 }
 
 impl Canvas {
@@ -328,8 +252,8 @@ mod tests {
         let state = AshfallState {
             layout: VkImageLayout::GENERAL,
             reserved: 0,
-            stage: VkPipelineStageFlags2::COMPUTE_SHADER,
-            access: VkAccessFlags2::SHADER_WRITE,
+            stage: PipelineStageFlags2::COMPUTE_SHADER,
+            access: AccessFlags2::SHADER_WRITE,
         };
         AshfallImage {
             size: size_of::<AshfallImage>() as u32,
@@ -428,5 +352,36 @@ mod tests {
         // SAFETY: as above.
         let refused = unsafe { Shot::of(&draw) }.unwrap_err();
         assert!(refused.message.contains("no focal length"), "{refused:?}");
+    }
+
+    #[test]
+    fn places_and_looks_are_converted_as_they_are_described() {
+        // A quarter turn about z, scale 2.
+        let rows = [0.0, -2.0, 0.0, 1.0, 2.0, 0.0, 0.0, 3.0, 0.0, 0.0, 2.0, 5.0];
+        let tint = [0.5_f32, 1.0, 0.25];
+        let clip = AshfallClip {
+            size: size_of::<AshfallClip>() as u32,
+            cuts_inside: 1,
+            world_from_cube: rows,
+        };
+        let mut instance = AshfallInstance {
+            world_from_model: rows.as_ptr(),
+            tint: tint.as_ptr(),
+            clip: &raw const clip,
+            fade: 0.25,
+            ..zeroed()
+        };
+        // SAFETY: pointers to arrays and structures of their sizes.
+        let found = unsafe { looks(&instance) }.unwrap();
+        let point = found.world_from_model.point(DVec3::new(1.0, 2.0, 3.0));
+        assert!((point - DVec3::new(-3.0, 5.0, 11.0)).length() < 1e-14, "{point}");
+        assert_eq!((found.opacity, found.tint), (0.75, tint));
+        let cut = found.clip.unwrap();
+        assert!(cut.cuts_inside && cut.world_from_cube.transform_point3(DVec3::X) == DVec3::new(1.0, 5.0, 5.0));
+        instance = zeroed();
+        // SAFETY: null pointers.
+        let found = unsafe { looks(&instance) }.unwrap();
+        assert_eq!((found.world_from_model, found.opacity), (Similarity::IDENTITY, 1.0));
+        assert!(found.tint == [1.0; 3] && found.clip.is_none());
     }
 }

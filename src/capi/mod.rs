@@ -15,6 +15,7 @@ mod device;
 mod draw;
 mod failure;
 mod memory;
+mod picture;
 mod registry;
 mod renderer;
 mod scene;
@@ -24,14 +25,14 @@ pub use device::{
     ASHFALL_DEBUG_UTILS, ASHFALL_HEADER_VERSION, ASHFALL_MEMORY_BUDGET, AshfallDeviceInfo, AshfallMissing,
     PFN_vkGetInstanceProcAddr, ashfall_adopt, ashfall_device_destroy, ashfall_enable_features, ashfall_version,
 };
-pub use draw::{
-    ASHFALL_BLEND_OVER_DISPLAY, ASHFALL_BLEND_OVER_LINEAR, ASHFALL_BLEND_PREMULTIPLIED, ASHFALL_BLEND_REPLACE,
-    AshfallBlend, AshfallCamera, AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance, AshfallState,
-    ashfall_depth_from_projection,
-};
+pub use draw::ashfall_depth_from_projection;
 pub use failure::{
     ASHFALL_ERROR_ARGUMENT, ASHFALL_ERROR_CONFIG, ASHFALL_ERROR_FILE, ASHFALL_ERROR_INTERNAL, ASHFALL_ERROR_MEMORY,
     ASHFALL_ERROR_UNSUPPORTED, ASHFALL_ERROR_VULKAN, ASHFALL_OK, AshfallResult, ashfall_last_error,
+};
+pub use picture::{
+    ASHFALL_BLEND_OVER_DISPLAY, ASHFALL_BLEND_OVER_LINEAR, ASHFALL_BLEND_PREMULTIPLIED, ASHFALL_BLEND_REPLACE,
+    AshfallBlend, AshfallCamera, AshfallClip, AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance, AshfallState,
 };
 pub use registry::{AshfallDevice, AshfallModel, AshfallRenderer, AshfallScene};
 pub use renderer::{

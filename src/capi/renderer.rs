@@ -1,13 +1,14 @@
 //! Renderers of C: creation, memory, and recording into the host's commands.
 
-use super::draw::{AshfallDraw, Canvas, Shot};
+use super::draw::{Canvas, Shot};
 use super::failure::{AshfallResult, Failure, guard};
 use super::memory::{check, optional, read, sized, store, write};
+use super::picture::AshfallDraw;
 use super::registry::{AshfallDevice, AshfallModel, AshfallRenderer, AshfallScene, LiveObject, find, insert, remove};
 use super::scene::{AshfallPrecision, precision};
 use super::session::{RendererSession, lock};
 use crate::gpu::ash::vk::CommandBuffer as VkCommandBuffer;
-use crate::render::{RenderOptions, Renderer, Stats, ViewOptions, isects_expected};
+use crate::render::{RenderOptions, Renderer, Stats, isects_expected};
 use std::sync::{Arc, Mutex};
 
 /// Flag of AshfallRendererInfo: for pictures behind the host's surfaces.
@@ -119,13 +120,17 @@ pub unsafe extern "C" fn ashfall_renderer_reserve(
         let session = find(renderer)?;
         // SAFETY: as the caller says.
         let shot = unsafe { Shot::of(&read(draw)?) }?;
-        let model = shot.model()?;
-        let (width, height) = (shot.camera.width, shot.camera.height);
+        let (instances, camera) = (shot.instances(), &shot.camera);
         let pairs = match pairs {
-            0 => isects_expected(model.splat_count, width, height),
+            0 => {
+                let splats = instances.iter().map(|instance| instance.model.splat_count).sum();
+                isects_expected(splats, camera.width, camera.height)
+            }
             some => usize::try_from(some).unwrap_or(usize::MAX),
         };
-        Ok(lock(&session)?.renderer().reserve(model, &shot.camera, pairs)?)
+        Ok(lock(&session)?
+            .renderer()
+            .reserve_instances(&instances, camera, pairs)?)
     })
 }
 
@@ -186,15 +191,11 @@ pub unsafe extern "C" fn ashfall_cmd_draw(
             unsafe { read(report.cast_const()) }?;
         }
         let mut session = lock(&session)?;
-        let model = shot.model()?;
         // SAFETY: as the caller says.
         unsafe { session.begin(commands, frame) }?;
         let (renderer, commands) = session.parts()?;
-        let options = ViewOptions {
-            filter: model.filter,
-            ..canvas.options
-        };
-        let stats = renderer.record(commands, model, &shot.camera, &options, canvas.target())?;
+        let (instances, options) = (shot.instances(), &canvas.options);
+        let stats = renderer.record_instances(commands, &instances, &shot.camera, options, canvas.target())?;
         match report.is_null() {
             true => Ok(()),
             // SAFETY: read above.

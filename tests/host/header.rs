@@ -4,11 +4,12 @@ use cbindgen::{Builder, Config, DocumentationStyle, Language, Style};
 use std::path::Path;
 
 /// Files of `src/capi` with items of the header, in its order.
-const FILES: [&str; 6] = [
+const FILES: [&str; 7] = [
     "failure.rs",
     "registry.rs",
     "device.rs",
     "scene.rs",
+    "picture.rs",
     "draw.rs",
     "renderer.rs",
 ];

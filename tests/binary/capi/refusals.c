@@ -126,6 +126,7 @@ static void pictures(const Host *host, AshfallDevice *device, AshfallScene *scen
     VkCommandBufferBeginInfo begin;
     VkSubmitInfo submit;
     VkCommandBuffer commands = host->commands;
+    const double mirror[12] = {-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     Picture p;
     ZERO(options), ZERO(report), ZERO(begin), ZERO(submit);
     options.size = sizeof(options);
@@ -153,6 +154,9 @@ static void pictures(const Host *host, AshfallDevice *device, AshfallScene *scen
     REFUSED(ashfall_cmd_draw(renderer, commands, 7, &p.draw, NULL), ASHFALL_ERROR_ARGUMENT, "camera: not finite");
     prepare(&p, host, (AshfallModel *)scene);
     REFUSED(ashfall_cmd_draw(renderer, commands, 7, &p.draw, NULL), ASHFALL_ERROR_ARGUMENT, "the handle of a scene");
+    prepare(&p, host, model);
+    p.instance.world_from_model = mirror;
+    REFUSED(ashfall_cmd_draw(renderer, commands, 7, &p.draw, NULL), ASHFALL_ERROR_ARGUMENT, "instance 0: a transform");
     prepare(&p, host, model);
     p.draw.blend = 17;
     REFUSED(ashfall_cmd_draw(renderer, commands, 7, &p.draw, NULL), ASHFALL_ERROR_ARGUMENT, "blend: 17");
