@@ -240,8 +240,9 @@ unsafe fn image(name: &str, from: *const AshfallImage) -> Result<HostImage, Fail
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::capi::picture::{AshfallCamera, AshfallClip};
     use crate::capi::registry::{AshfallScene, LiveObject, insert, remove};
-    use crate::gpu::ash::vk::Handle;
+    use crate::gpu::ash::vk::{AccessFlags2, Format as VkFormat, Handle, PipelineStageFlags2};
 
     fn zeroed<T: crate::capi::memory::Sized32>() -> T {
         // SAFETY: zero is a value of these structures.
