@@ -4,7 +4,7 @@
 TESTED = --features capi
 PREFIX ?= /usr/local
 
-.PHONY: demo check test lints capi examples needs bench bench-native soak fuzz clients limits setup
+.PHONY: demo check test lints capi package examples needs bench bench-native soak fuzz clients limits setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
@@ -32,16 +32,20 @@ examples: setup
 	cargo run $(TESTED) --example train_builtin out/examples/trained.png 100
 	cargo run $(TESTED) --example render_ply out/examples/trained.ply out/examples/rendered.png
 
-# The engine without its tools is a build of its own: hosts that embed it have that one.
+# The renderer, and the engine without its tools, are builds of their own: hosts that embed it have those.
 lints:
 	cargo fmt --check
 	cargo clippy $(TESTED) --all-targets -- -D warnings
-	cargo clippy --lib --no-default-features -- -D warnings
-	cargo clippy --lib --no-default-features --features capi -- -D warnings
+	cargo clippy --lib --no-default-features --features compile,capi -- -D warnings
+	cargo clippy --lib --no-default-features --features compile,train -- -D warnings
 
 # The C libraries with header, pkg-config and CMake packages: make capi PREFIX=/usr/local; DESTDIR for packages.
 capi: setup
 	scripts/capi "$(PREFIX)"
+
+# The package for crates.io, with compiled shaders: target/package/ashfall-VERSION.crate.
+package: setup
+	scripts/package
 
 # What scenes need, against the fixed recipe and MCMC: out/needs/needs.html. Hours on a software device; goes on where it
 # was broken off. NEEDS="photos/ --seeds 1" says more.

@@ -8,6 +8,7 @@ pub mod capi;
 #[cfg(feature = "cli")]
 mod cli;
 pub mod error;
+#[cfg(feature = "train")]
 pub mod export;
 pub mod gpu;
 pub mod io;
@@ -17,7 +18,9 @@ pub mod kernels;
 pub mod lab;
 #[doc(hidden)]
 pub mod layout;
+#[cfg(feature = "train")]
 pub mod mesh;
+#[cfg(feature = "train")]
 pub mod metrics;
 #[cfg(feature = "lab")]
 pub mod reference;
@@ -25,11 +28,14 @@ pub mod render;
 pub mod scene;
 #[doc(hidden)]
 pub mod shader;
+#[cfg(feature = "train")]
 pub mod simplify;
 pub mod stats;
+#[cfg(feature = "train")]
 pub mod train;
 
 // Scenes and data sets.
+#[cfg(feature = "train")]
 pub use io::dataset::open as open_dataset;
 pub use io::splats::{read as read_splats, write as write_splats};
 pub use scene::{Camera, Dataset, Primitive, ScreenFilter, Similarity, Splats, Split, View};
@@ -37,12 +43,16 @@ pub use scene::{Camera, Dataset, Primitive, ScreenFilter, Similarity, Splats, Sp
 // Rendering, on a device of its own or on a host's.
 pub use gpu::{Gpu, GpuOptions, HostCommands, HostDevice, HostImage, REQUIRED};
 pub use render::{
-    Blend, ClipBox, DepthCode, Evaluator, HostDepth, HostTarget, Instance, Model, RenderOptions, RenderedImage,
-    Renderer, ViewOptions,
+    Blend, ClipBox, DepthCode, HostDepth, HostTarget, Instance, Model, RenderOptions, RenderedImage, Renderer,
+    ViewOptions,
 };
 
 // Training and simplification.
+#[cfg(feature = "train")]
+pub use render::Evaluator;
+#[cfg(feature = "train")]
 pub use simplify::{AutoRun as Run, CountController, prune};
+#[cfg(feature = "train")]
 pub use train::{StepReport, TrainConfig};
 
 pub use error::{Error, Result};

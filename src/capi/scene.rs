@@ -88,7 +88,8 @@ pub(super) fn precision(number: AshfallPrecision) -> Result<Precision, Failure> 
     }
 }
 
-/// Reads a scene from a file: .ply, .compressed.ply, .splat, .spz, .sog, .ksplat, .glb or .gltf. `path` is UTF-8.
+/// Reads a scene from a file: .ply, .compressed.ply, .splat, .spz, .ksplat, .glb, .gltf, and .sog in builds with the
+/// feature `train`. `path` is UTF-8.
 ///
 /// # Safety
 /// `path` is null or ends with a zero byte, `scene` is null or valid for a write.

@@ -42,6 +42,7 @@ impl Forward {
     ///
     /// # Errors
     /// [`Error::Config`] for an accuracy out of range.
+    #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "for gradients"))]
     pub(crate) fn for_training(gpu: &Gpu, sh_degree: u32, accuracy: &Accuracy) -> Result<Forward> {
         let options = RenderOptions {
             sh_degree,
@@ -169,6 +170,7 @@ impl Forward {
 
     /// Lists the pairs of a band of the last frame again. In `emitted_from_splat`, splats of other bands are then
     /// `NOT_LISTED`.
+    #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "for gradients"))]
     pub(crate) fn relist(
         &self,
         rec: &mut Recorder<'_>,

@@ -318,9 +318,15 @@ impl Renderer {
         }
     }
 
-    /// Refuses models of another precision than the kernels', and faulty instances.
+    /// Refuses models of another device or another precision than the kernels', and faulty instances.
     fn check(&self, content: FrameContent<'_>) -> Result<()> {
         content.check()?;
+        let mut buffers = content.models().flat_map(|model| model.params.first());
+        if !buffers.all(|params| params.is_on(&self.gpu)) {
+            return Err(Error::Config(
+                "the model lies on another device than the renderer's".into(),
+            ));
+        }
         let wanted = self.options.precision;
         let mut others = content
             .models()

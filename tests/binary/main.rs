@@ -15,5 +15,7 @@ mod capi;
 mod captures;
 mod cli;
 mod growth;
+mod package;
 mod predict;
 mod stress;
+mod tools;

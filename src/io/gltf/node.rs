@@ -1,6 +1,6 @@
 //! Nodes of a scene: instances of meshes, with their matrices down from the root.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::json::{Document, ExtrasJson, NodeJson, entry};
 use glam::{DMat3, DQuat, DVec3};
 

@@ -1,6 +1,6 @@
 //! Reading the splats of a document's default scene.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::super::loaded::{AxesBy, Collector, LoadedSplats, StoredAs, StoredSplat};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;

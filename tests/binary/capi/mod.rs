@@ -1,23 +1,16 @@
 //! The C libraries as a package: hosts in C and C++ draw the bits of the Rust interface, and faults are refused.
 
 use crate::common::device::gpu;
+use crate::tools::run;
 use ashfall::io::splats::{read, write};
 use ashfall::render::{Model, RenderOptions, Renderer, ViewOptions};
 use ashfall::scene::{Camera, ScreenFilter};
 use glam::{DMat3, DVec2, DVec3};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const WARNINGS: [&str; 4] = ["-Wall", "-Wextra", "-pedantic", "-Werror"];
-
-fn run(command: &mut Command) -> String {
-    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let (out, errors) = (text(&output.stdout), text(&output.stderr));
-    assert!(output.status.success(), "{command:?}: {}\n{out}{errors}", output.status);
-    out
-}
 
 /// Installs the package below a folder, built as this test was.
 fn install(prefix: &Path) {
