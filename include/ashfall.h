@@ -641,7 +641,8 @@ AshfallResult ashfall_adopt(const struct AshfallDeviceInfo *info, struct Ashfall
 AshfallResult ashfall_device_destroy(struct AshfallDevice *device);
 
 /**
- * Reads a scene from a file: .ply, .compressed.ply, .splat, .spz, .sog, .ksplat, .glb or .gltf. `path` is UTF-8.
+ * Reads a scene from a file: .ply, .compressed.ply, .splat, .spz, .ksplat, .glb, .gltf, and .sog in builds with the
+ * feature `train`. `path` is UTF-8.
  */
 AshfallResult ashfall_scene_read(const char *path, struct AshfallScene **scene);
 
