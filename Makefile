@@ -1,6 +1,10 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
-.PHONY: demo check test lints examples needs bench bench-native soak fuzz clients limits setup
+# Features of all tests: one build serves them.
+TESTED = --features capi
+PREFIX ?= /usr/local
+
+.PHONY: demo check test lints capi package examples needs bench bench-native soak fuzz clients limits setup
 
 # Trains the built-in scene, renders its test views and says which pictures to look at.
 demo: setup
@@ -8,31 +12,40 @@ demo: setup
 
 # For every change, in minutes: format, lints, the engine by itself, tests without a device, kernels and frames.
 check: setup lints
-	cargo test --lib --test host
-	cargo test --test device -- kernels:: frame::
+	cargo test $(TESTED) --lib --test host
+	cargo test $(TESTED) --test device -- kernels:: frame::
 
 # For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in one
 # process, so that the others run beside them.
 test: setup lints examples
-	cargo test --no-run
-	cargo test --test device >target/device.log 2>&1 & device=$$!; \
-	cargo test --lib --bins --test host --test binary --test slow; others=$$?; \
+	cargo test $(TESTED) --no-run
+	cargo test $(TESTED) --test device >target/device.log 2>&1 & device=$$!; \
+	cargo test $(TESTED) --lib --bins --test host --test binary --test slow; others=$$?; \
 	wait $$device; device=$$?; cat target/device.log; exit $$((others + device))
-	cargo test --doc
-	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test device -- frame:: large::
+	cargo test $(TESTED) --doc
+	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large::
 
 # The programs of `examples`, run; pictures go to out/examples.
 examples: setup
 	mkdir -p out/examples
-	cargo run --example embed
-	cargo run --example train_builtin out/examples/trained.png 100
-	cargo run --example render_ply out/examples/trained.ply out/examples/rendered.png
+	cargo run $(TESTED) --example embed
+	cargo run $(TESTED) --example train_builtin out/examples/trained.png 100
+	cargo run $(TESTED) --example render_ply out/examples/trained.ply out/examples/rendered.png
 
-# The engine without its tools is a build of its own: hosts that embed it have that one.
+# The renderer, and the engine without its tools, are builds of their own: hosts that embed it have those.
 lints:
 	cargo fmt --check
-	cargo clippy --all-targets -- -D warnings
-	cargo clippy --lib --no-default-features -- -D warnings
+	cargo clippy $(TESTED) --all-targets -- -D warnings
+	cargo clippy --lib --no-default-features --features compile,capi -- -D warnings
+	cargo clippy --lib --no-default-features --features compile,train -- -D warnings
+
+# The C libraries with header, pkg-config and CMake packages: make capi PREFIX=/usr/local; DESTDIR for packages.
+capi: setup
+	scripts/capi "$(PREFIX)"
+
+# The package for crates.io, with compiled shaders: target/package/ashfall-VERSION.crate.
+package: setup
+	scripts/package
 
 # What scenes need, against the fixed recipe and MCMC: out/needs/needs.html. Hours on a software device; goes on where it
 # was broken off. NEEDS="photos/ --seeds 1" says more.

@@ -30,6 +30,8 @@ layout(constant_id = 6) const uint WITH_PLANES = 0;
 layout(constant_id = 7) const uint WITH_LIMIT = 0;
 // Not 0: surfels; their planes are written, too.
 layout(constant_id = 8) const uint SURFEL = 0;
+// Not 0: the model is an instance; its place and looks are in the push constants, and take the place of the view's.
+layout(constant_id = 9) const uint INSTANCED = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -46,6 +48,14 @@ layout(set = 0, binding = 8, scalar) readonly buffer TileLimits { float limit_fr
 layout(push_constant, scalar) uniform Push {
     uint splat_count;  // splats of this dispatch
     uint stride;       // elements between two planes of parameters
+    mat3 view_from_model;  // of instances, as all below
+    vec3 position;         // camera centre in the model
+    mat3 cube_from_model;  // clip box as the cube from -1 to 1: its linear part
+    vec3 cube_origin;      // and its origin
+    vec3 tint;             // factors of the colour
+    float log_opacity;     // log2 of the opacities' factor
+    float dilation;        // as of the view
+    uint flags;            // INSTANCE_*
 } push;
 
 // A stored splat without its SH coefficients.
@@ -124,8 +134,28 @@ uint tiles_of(vec4 shape, vec2 whiten, vec3 plane, float depth) {
     return count;
 }
 
+// The view, from within an instance's model.
+View view_of_model() {
+    View own = view;
+    if (INSTANCED != 0) {
+        own.view_from_world = push.view_from_model;
+        own.position = push.position;
+        own.dilation = push.dilation;
+        own.compensate = push.flags & INSTANCE_COMPENSATE;
+    }
+    return own;
+}
+
+// True for means that the instance's clip box leaves.
+bool within_clip(vec3 mean) {
+    vec3 cube = abs(push.cube_from_model * mean + push.cube_origin);
+    bool inside = max(max(cube.x, cube.y), cube.z) <= 1.0;
+    return (push.flags & (inside ? INSTANCE_CUT : INSTANCE_KEEP)) == 0;
+}
+
 // Writes the splat's record and returns its number of tiles.
 uint project(uint slot, uint splat) {
+    View view = view_of_model();
     Stored own = stored(slot);
     vec4 mean = own.mean, rotation = own.rotation, shaping = own.shaping;
     vec3 log_scale = shaping.xyz;
@@ -171,6 +201,10 @@ uint project(uint slot, uint splat) {
     float log_opacity = -log2(1.0 + exp(-mean.w));
     if (shaping.w > 0.0) log_opacity += log_smoothing(s);
     if (view.compensate != 0) log_opacity += log_compensation(f);
+    if (INSTANCED != 0) {
+        sound = sound && within_clip(mean.xyz);
+        log_opacity += push.log_opacity;
+    }
     if (view.dropout != 0) {
         sound = sound && scramble(view.dropout_key ^ splat) >= view.dropout;
         log_opacity -= log2(1.0 - view.dropout * (1.0 / 4294967296.0));
@@ -180,6 +214,7 @@ uint project(uint slot, uint splat) {
     sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
 
     vec3 color = color_toward(slot, offset / distance, sound);
+    if (INSTANCED != 0) color = min(color * push.tint, COLOR_MAX);
     if (!sound) return 0;
 
     vec4 shape = vec4(mean_pixel, f.slope, log_opacity);

@@ -90,6 +90,7 @@ impl Error {
     }
 
     /// Says at which training step an error came up, unless it says so already.
+    #[cfg(feature = "train")]
     pub(crate) fn at_step(self, iteration: u32) -> Error {
         match self {
             Error::Step { .. } => self,

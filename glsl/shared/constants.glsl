@@ -100,6 +100,11 @@ const uint SORT_DIGITS_MAX = 2048;
 // Most values of a digit for a table of one invocation's own.
 const uint SORT_DIGITS_NEAR = 256;
 
+// Flags of an instance: opacities compensate the dilation; splats outside, or inside, its clip box are left out.
+const uint INSTANCE_COMPENSATE = 1;
+const uint INSTANCE_KEEP = 2;
+const uint INSTANCE_CUT = 4;
+
 // Begin of a splat's records if it has none in the current band.
 const uint NOT_LISTED = 0xffffffffu;
 

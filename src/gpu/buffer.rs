@@ -145,6 +145,11 @@ impl<T: Pod> Buffer<T> {
         self.len == 0
     }
 
+    /// True for memory of this device.
+    pub fn is_on(&self, gpu: &Gpu) -> bool {
+        Arc::ptr_eq(&self.raw.gpu.0, &gpu.0)
+    }
+
     /// Name in messages.
     pub fn name(&self) -> &str {
         &self.raw.name

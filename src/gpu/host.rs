@@ -132,6 +132,12 @@ impl HostCommands {
         transition(gpu, self.commands, &target.image, target.before, target.after);
     }
 
+    /// True if these are the commands of a buffer.
+    #[cfg(feature = "capi")]
+    pub(crate) fn is_of(&self, commands: vk::CommandBuffer) -> bool {
+        self.commands == commands
+    }
+
     pub(super) fn commands(&self) -> vk::CommandBuffer {
         self.commands
     }

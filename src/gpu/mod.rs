@@ -4,8 +4,8 @@
 //! recorder inserts barriers between commands with conflicting declared accesses, allocates descriptor sets from its
 //! frame's arena, and keeps the resources of its commands alive until these have run.
 //!
-//! **Invariant:** the only `ash` and the only `unsafe` of the crate. No Gaussians, no environment variables, no global
-//! state.
+//! **Invariant:** the only `ash` and the only `unsafe` of the crate but for those of the C interface. No Gaussians, no
+//! environment variables, no global state.
 //!
 #![doc = include_str!("../../docs/embedding.md")]
 #![allow(

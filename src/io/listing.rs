@@ -1,8 +1,9 @@
 //! Views and points listed by a reconstruction, before its photographs are checked.
 
+use super::check::Check;
 use crate::scene::{Camera, Lens, Point};
 use glam::DVec3;
-use std::path::{Component, Path, PathBuf};
+use std::path::PathBuf;
 
 /// A view listed by a reconstruction.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,9 +34,6 @@ pub struct Listing {
     /// Warnings for the user.
     pub warnings: Vec<String>,
 }
-
-/// Result of a check without the file's name, which the caller adds.
-pub(super) type Check<T> = Result<T, String>;
 
 /// Longest side of a photograph in pixels (that of the JPEG format).
 pub(super) const SIDE_MAX: u32 = 65_535;
@@ -97,19 +95,4 @@ pub(super) fn check_position(position: DVec3) -> Check<()> {
     Err(format!(
         "a camera at {x}, {y}, {z} ({POSITION_MAX} world units are the limit)"
     ))
-}
-
-/// `folder`/`name`; refuses a `name` that is absolute or leaves the folder.
-pub(super) fn inside(folder: &Path, name: &str) -> Check<PathBuf> {
-    let mut parts = Path::new(name).components();
-    let tame = parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    // Names are printed, and name the results: control characters are refused.
-    if name.is_empty() || name.contains(char::is_control) || !tame {
-        return Err(format!(
-            "the file name {} is refused: it must be relative and stay inside {}",
-            super::reader::excerpt(name),
-            folder.display()
-        ));
-    }
-    Ok(folder.join(name))
 }

@@ -10,29 +10,44 @@
 #![doc = include_str!("../../docs/formats.md")]
 
 pub mod atomic;
+mod check;
+#[cfg(feature = "train")]
 pub mod checkpoint;
+#[cfg(feature = "train")]
 pub mod colmap;
+#[cfg(feature = "train")]
 pub mod dataset;
+#[cfg(feature = "train")]
 pub mod exr;
 pub mod gltf;
 pub mod ksplat;
+#[cfg(feature = "train")]
 mod listing;
 mod loaded;
+#[cfg(feature = "train")]
 mod lock;
+#[cfg(feature = "train")]
 pub mod mesh;
+#[cfg(feature = "train")]
 pub mod obj;
+#[cfg(feature = "train")]
 pub mod photo;
 pub mod ply;
+#[cfg(feature = "train")]
 pub mod png;
 mod reader;
+#[cfg(feature = "train")]
 pub mod sog;
 mod source;
 pub mod splat32;
 pub mod splats;
 pub mod spz;
+#[cfg(feature = "train")]
 pub mod transforms;
 
+#[cfg(feature = "train")]
 pub use listing::{ListedView, Listing};
 pub use loaded::{AxesBy, LoadedSplats, StoredAs};
+#[cfg(feature = "train")]
 pub use lock::FolderLock;
 pub use source::Source;

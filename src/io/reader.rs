@@ -82,6 +82,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Number of the line read last, from 1.
+    #[cfg(feature = "train")]
     pub(crate) fn line_number(&self) -> u64 {
         self.line
     }
@@ -127,11 +128,13 @@ impl<'a> Reader<'a> {
     }
 
     /// A little-endian `u64`.
+    #[cfg(feature = "train")]
     pub(crate) fn u64(&mut self, what: &str) -> Result<u64> {
         Ok(u64::from_le_bytes(self.array(what)?))
     }
 
     /// Consecutive little-endian doubles.
+    #[cfg(feature = "train")]
     pub(crate) fn f64s<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
         let mut values = [0.0; N];
         for value in &mut values {
@@ -174,6 +177,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Bytes up to a zero byte, which is consumed; at most `limit`.
+    #[cfg(feature = "train")]
     pub(crate) fn zero_terminated(&mut self, limit: u64, what: &str) -> Result<Vec<u8>> {
         let bytes = self.until(0, limit)?;
         match bytes.split_last() {

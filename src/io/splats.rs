@@ -1,8 +1,10 @@
 //! Scene files: format by the end of the name.
 
 use super::loaded::{AxesBy, LoadedSplats};
+#[cfg(feature = "train")]
+use super::sog;
 use super::source::Source;
-use super::{gltf, ksplat, ply, sog, splat32, spz};
+use super::{gltf, ksplat, ply, splat32, spz};
 use crate::error::{Error, Result};
 use crate::scene::{Axes, Primitive, ScreenFilter, Splats};
 use std::path::Path;
@@ -28,7 +30,7 @@ struct SceneFormat {
 }
 
 /// All formats; the first one of a fitting end counts.
-const FORMATS: [SceneFormat; 9] = [
+const FORMATS: &[SceneFormat] = &[
     SceneFormat {
         name: "compressed PLY",
         ends: &[".compressed.ply"],
@@ -69,6 +71,7 @@ const FORMATS: [SceneFormat; 9] = [
         holds_origin: false,
         sh_degree: 3,
     },
+    #[cfg(feature = "train")]
     SceneFormat {
         name: "SOG",
         ends: &[".sog"],
@@ -79,6 +82,7 @@ const FORMATS: [SceneFormat; 9] = [
         holds_origin: false,
         sh_degree: 3,
     },
+    #[cfg(feature = "train")]
     SceneFormat {
         name: "SOG",
         ends: &["meta.json"],

@@ -81,9 +81,14 @@ pub fn render(splats: &Splats, camera: &Camera, options: &Options) -> Frame<f64>
 /// Distance of every pixel of [`render`] from the nearest discontinuity.
 pub fn discontinuity_margins(splats: &Splats, camera: &Camera, options: &Options) -> Vec<DiscontinuityMargin> {
     let view = Viewpoint::on(splats, camera, options);
-    let (list, _) = sorted(&project_all(&Splat::<f64>::all(splats), &view));
+    margins(&Splat::all(splats), &view, options)
+}
+
+/// As [`discontinuity_margins`], of [`render_splats`].
+pub fn margins(splats: &[Splat<f64>], view: &Viewpoint, options: &Options) -> Vec<DiscontinuityMargin> {
+    let (list, _) = sorted(&project_all(splats, view));
     let order: Vec<usize> = (0..list.len()).collect();
-    let (width, height) = (camera.width as usize, camera.height as usize);
+    let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     (0..width * height)
         .into_par_iter()
         .map(|i| discontinuity_margin(&list, &order, center(i, width), &options.thresholds))

@@ -3,7 +3,8 @@
 use super::compatibility::Compatibility;
 use super::model::Model;
 use super::options::RenderOptions;
-use super::renderer::{RenderedImage, Renderer};
+use super::rendered::RenderedImage;
+use super::renderer::Renderer;
 use super::view::ViewOptions;
 use crate::Result;
 use crate::gpu::Gpu;

@@ -4,6 +4,7 @@ use super::accuracy::Accuracy;
 use super::band_replay::BandReplay;
 use super::compositor::Compositor;
 use super::depth_bands::{DepthBands, list_limit};
+use super::instances::{FrameContent, Portion};
 use super::model::Model;
 use super::options::{RenderOptions, training_outputs};
 use super::projections::Projections;
@@ -44,6 +45,7 @@ impl Forward {
     ///
     /// # Errors
     /// [`Error::Config`] for an accuracy out of range.
+    #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "for gradients"))]
     pub(crate) fn for_training(
         gpu: &Gpu,
         sh_degree: u32,
@@ -108,31 +110,40 @@ impl Forward {
 
     /// Compiles the additional kernels of an indexed model; to be called before the first frame of each model.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        self.project.prepare(gpu, model)
+        self.project.prepare(gpu, model, false)
     }
 
-    /// True if the kernels of a model are compiled.
-    pub(crate) fn is_prepared(&self, model: &Model) -> bool {
-        self.project.has(model)
+    /// As [`Forward::prepare`], for a model of an instance.
+    pub(super) fn prepare_instance(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
+        self.project.prepare(gpu, model, true)
+    }
+
+    /// True if the kernels are compiled.
+    pub(super) fn is_prepared(&self, content: FrameContent<'_>) -> bool {
+        let mut models = content.models();
+        models.all(|model| self.project.has(model, content.has_instances()))
     }
 
     /// Records a frame with SH up to `sh_degree`, in `bands`. The failed flag in `scratch.counts` is honoured, never
     /// cleared.
-    pub fn record(
+    pub(crate) fn record<'a>(
         &self,
         rec: &mut Recorder<'_>,
-        model: &Model,
+        content: impl Into<FrameContent<'a>>,
         scratch: &Scratch,
         view: &View,
         sh_degree: u32,
         bands: DepthBands,
     ) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
-        let count = model.splat_count;
+        let content = content.into();
+        let count = content.splat_count();
         let s = scratch;
         rec.update(&s.view, 0, &[view_on(view, self.primitive)]);
         rec.update(&s.counts, COUNT_SPLAT as usize, &[count as u32]);
-        self.project(rec, model, s, sh_degree);
+        for portion in content.portions() {
+            self.project(rec, &portion, s, sh_degree);
+        }
         rec.timestamp("project");
         self.order_by_depth(rec, s, count);
         rec.timestamp("sort_depth");
@@ -171,6 +182,7 @@ impl Forward {
 
     /// Lists the pairs of a band of the last frame again. In `emitted_from_splat`, splats of other bands are then
     /// `NOT_LISTED`.
+    #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "for gradients"))]
     pub(crate) fn relist(
         &self,
         rec: &mut Recorder<'_>,
@@ -184,13 +196,17 @@ impl Forward {
         self.list_band(rec, s, tiles, 2, (band, bands));
     }
 
-    /// Projects every splat to the screen, block by block.
-    fn project(&self, rec: &mut Recorder<'_>, model: &Model, s: &Scratch, sh_degree: u32) {
+    /// Projects every splat of a model to the screen, block by block. Elements behind its last are of no splat.
+    fn project(&self, rec: &mut Recorder<'_>, portion: &Portion<'_>, s: &Scratch, sh_degree: u32) {
+        let Portion { model, first, .. } = *portion;
+        let gap = first + model.splat_count..portion.end;
+        rec.fill(&s.tile_count_from_splat.part(gap), 0);
         for block in model.blocks.of(model.counts) {
             let at = model.places(&block);
-            let kernel = self.project.of(model, sh_degree.min(block.degree));
+            let splats = first + at.splats.start..first + at.splats.end;
+            let kernel = self.project.of(model, portion.is_instance, sh_degree.min(block.degree));
             let plane_from_splat = match self.with_planes {
-                true => s.plane_from_splat.part(at.splats.clone()),
+                true => s.plane_from_splat.part(splats.clone()),
                 false => s.plane_from_splat.clone(),
             };
             kernel.record(
@@ -198,10 +214,10 @@ impl Forward {
                 project::Bindings {
                     view: &s.view,
                     params: &model.params[block.index],
-                    ellipse_from_splat: &s.ellipse_from_splat.part(at.splats.clone()),
-                    whiten_rg_from_splat: &s.whiten_rg_from_splat.part(at.splats.clone()),
-                    blue_depth_from_splat: &s.blue_depth_from_splat.part(at.splats.clone()),
-                    tile_count_from_splat: &s.tile_count_from_splat.part(at.splats),
+                    ellipse_from_splat: &s.ellipse_from_splat.part(splats.clone()),
+                    whiten_rg_from_splat: &s.whiten_rg_from_splat.part(splats.clone()),
+                    blue_depth_from_splat: &s.blue_depth_from_splat.part(splats.clone()),
+                    tile_count_from_splat: &s.tile_count_from_splat.part(splats),
                     splat_from_slot: &at.splat_from_slot,
                     plane_from_splat: &plane_from_splat,
                     limit_from_tile: &s.limit_from_tile,
@@ -209,6 +225,7 @@ impl Forward {
                 project::Params {
                     splat_count: block.count as u32,
                     stride: block.stride as u32,
+                    ..portion.params
                 },
                 kernel.groups(block.count),
             );

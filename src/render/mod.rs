@@ -7,46 +7,58 @@
 #![doc = include_str!("../../docs/rendering.md")]
 
 mod accuracy;
+#[cfg_attr(not(feature = "train"), allow(dead_code, reason = "for gradients"))]
 mod band_replay;
 mod blocks;
 mod capacity;
 mod compatibility;
 mod compositor;
 mod depth_bands;
+#[cfg(feature = "train")]
 mod evaluate;
 mod forward;
+mod instances;
 mod memory;
 mod model;
 mod occlusion;
 mod options;
 mod precision;
 mod projections;
+mod rendered;
 mod renderer;
 mod scratch;
 mod slots;
+mod statistics;
 mod surface;
 mod target;
 mod view;
 
 pub use crate::kernels::rasterize::Outputs;
 pub use accuracy::Accuracy;
+#[cfg(feature = "train")]
 pub(crate) use band_replay::BandReplay;
 pub use blocks::{Block, Blocks};
 pub use capacity::Capacity;
 pub use compatibility::Compatibility;
 pub use depth_bands::{DepthBands, list_limit, loop_turns};
+#[cfg(feature = "train")]
 pub use evaluate::{Evaluator, ViewEvaluation};
 pub use forward::{Forward, tile_stride};
-pub(crate) use memory::{Allocate, buffers};
+pub use instances::{ClipBox, Instance};
+pub(crate) use memory::Allocate;
+#[cfg(feature = "train")]
+pub(crate) use memory::buffers;
 pub use memory::{Need, Purpose, isects_expected, total};
 pub use model::{Model, plane_count, planes_from_splats};
 pub use occlusion::{DepthCode, HostDepth};
 pub use options::RenderOptions;
 pub(crate) use options::training_outputs;
 pub use precision::Precision;
-pub use renderer::{RenderedImage, Renderer, Stats};
+pub use rendered::RenderedImage;
+pub use renderer::Renderer;
 pub use scratch::Scratch;
 pub use slots::{ByDegree, DEGREES, Slots, apart, degrees_used, merge_degrees, of_degree};
+pub use statistics::Stats;
 pub use surface::Surface;
 pub use target::{Blend, HostTarget};
 pub use view::{ViewOptions, view_of};

@@ -1,7 +1,6 @@
 //! Pictures behind a host's surfaces: splats farther than the host's depth at a pixel do not count there.
 
 use super::forward::Forward;
-use super::model::Model;
 use super::options::RenderOptions;
 use super::scratch::Scratch;
 use crate::gpu::{Gpu, HostImage, Recorder};
@@ -78,10 +77,6 @@ impl Occlusion {
             linearize: Linearize::new(gpu, Choice::default())?,
             forward: Forward::for_limits(gpu, options)?,
         })
-    }
-
-    pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        self.forward.prepare(gpu, model)
     }
 
     /// Checks a host's depth for a picture of `size` pixels.

@@ -1,4 +1,4 @@
-//! Projection kernels for every SH degree and both orders of slots.
+//! Projection kernels for every SH degree, both orders of slots, and instances.
 
 use super::model::Model;
 use crate::Result;
@@ -8,44 +8,46 @@ use crate::kernels::project::{Choice, Project};
 /// Projection kernels by SH degree.
 #[derive(Debug)]
 pub(super) struct Projections {
-    ordered: Vec<Project>,
-    /// Kernels for indexed models; empty until the first of these.
-    indexed: Vec<Project>,
+    /// Kernels by [`kind`]; empty until the first such model.
+    kernels: [Vec<Project>; 4],
     choices: Vec<Choice>,
+}
+
+/// Kind of kernels: for indexed models, for instances, for both, or for neither.
+fn kind(model: &Model, is_instance: bool) -> usize {
+    usize::from(model.is_indexed()) + 2 * usize::from(is_instance)
 }
 
 impl Projections {
     /// Compiles a kernel for each choice; choices by SH degree from 0.
     pub(super) fn new(gpu: &Gpu, choices: Vec<Choice>) -> Result<Projections> {
-        Ok(Projections {
-            ordered: compiled(gpu, &choices)?,
-            indexed: Vec::new(),
-            choices,
-        })
+        let mut kernels = [const { Vec::new() }; 4];
+        kernels[0] = compiled(gpu, &choices)?;
+        Ok(Projections { kernels, choices })
     }
 
-    /// Compiles the kernels of indexed models, if the model is the first of these.
-    pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        if model.is_indexed() && self.indexed.is_empty() {
+    /// Compiles the kernels of a model, if it is the first of its kind.
+    pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model, is_instance: bool) -> Result<()> {
+        let kernels = &mut self.kernels[kind(model, is_instance)];
+        if kernels.is_empty() {
             let mut choices = self.choices.clone();
-            choices.iter_mut().for_each(|c| c.spec.indexed = 1);
-            self.indexed = compiled(gpu, &choices)?;
+            for choice in &mut choices {
+                choice.spec.indexed = model.is_indexed().into();
+                choice.spec.instanced = is_instance.into();
+            }
+            *kernels = compiled(gpu, &choices)?;
         }
         Ok(())
     }
 
     /// True if the model's kernels are compiled.
-    pub(super) fn has(&self, model: &Model) -> bool {
-        !model.is_indexed() || !self.indexed.is_empty()
+    pub(super) fn has(&self, model: &Model, is_instance: bool) -> bool {
+        !self.kernels[kind(model, is_instance)].is_empty()
     }
 
     /// Kernel for a model's splats with SH up to `degree`.
-    pub(super) fn of(&self, model: &Model, degree: u32) -> &Project {
-        let kernels = match model.is_indexed() {
-            true => &self.indexed,
-            false => &self.ordered,
-        };
-        &kernels[degree as usize]
+    pub(super) fn of(&self, model: &Model, is_instance: bool, degree: u32) -> &Project {
+        &self.kernels[kind(model, is_instance)][degree as usize]
     }
 }
 

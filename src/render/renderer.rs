@@ -4,12 +4,14 @@ use super::capacity::Capacity;
 use super::compatibility::Compatibility;
 use super::depth_bands::{DepthBands, list_limit};
 use super::forward::Forward;
+use super::instances::{FrameContent, Instance};
 use super::memory::isects_expected;
 use super::model::Model;
 use super::occlusion::Occlusion;
 use super::options::RenderOptions;
+use super::rendered::{RenderedImage, unpack};
 use super::scratch::Scratch;
-use super::surface::Surface;
+use super::statistics::Stats;
 use super::target::HostTarget;
 use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
@@ -21,44 +23,6 @@ use std::collections::VecDeque;
 
 /// Bytes of a (splat, tile) pair in any one array.
 const ISECT_BYTES: u64 = 4;
-
-/// An image read back from the device.
-#[derive(Clone, Debug)]
-pub struct RenderedImage {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// RGB of each pixel, row by row from the top; display-referred, background blended in, not clamped at 1.
-    pub rgb: Vec<[f32; 3]>,
-    /// Transmittance of all splats in each pixel, 0 to 1.
-    pub transmittance: Vec<f32>,
-    /// Σ weight · z of each pixel in world units, z of the splats' means; divide by 1 − transmittance for the mean.
-    /// Empty unless requested ([`RenderOptions::with_depth`]).
-    pub depth: Vec<f32>,
-    /// Depths and normals, if requested ([`RenderOptions::with_surface`]).
-    pub surface: Option<Surface>,
-}
-
-/// Coverage below which a pixel has no depth: one 8-bit level.
-const COVERAGE_MIN: f32 = 1.0 / 255.0;
-
-impl RenderedImage {
-    /// Coverage of each pixel, 0 to 1.
-    pub fn alpha(&self) -> Vec<f32> {
-        self.transmittance.iter().map(|t| 1.0 - t).collect()
-    }
-
-    /// Mean depth of each pixel along the view's z axis in world units; infinite where coverage is below 1/255. Empty
-    /// unless depth was requested.
-    pub fn mean_depth(&self) -> Vec<f32> {
-        let mean = |(sum, transmittance): (&f32, &f32)| match 1.0 - transmittance {
-            alpha if alpha >= COVERAGE_MIN => sum / alpha,
-            _ => f32::INFINITY,
-        };
-        self.depth.iter().zip(&self.transmittance).map(mean).collect()
-    }
-}
 
 /// Renders scenes on one device.
 pub struct Renderer {
@@ -94,40 +58,6 @@ struct PendingPicture {
     not_finite: Option<NotFinite>,
     /// Readback of the frame's counts.
     counts: Readback<u32>,
-}
-
-/// Statistics of recorded pictures: pairs, bands, completeness.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stats {
-    /// (Splat, tile) pairs of the complete frame.
-    pub isects: usize,
-    /// Capacity of the buffers in pairs. A frame with more is drawn in bands, one after the other, which takes longer:
-    /// [`Renderer::reserve`] raises the capacity.
-    pub isect_capacity: usize,
-    /// Recorded bands. If they did not suffice, pictures recorded after this one is finished have more.
-    pub bands: u32,
-    /// True for a complete picture. Else the splats behind some depth are missing, or all.
-    pub complete: bool,
-    /// Splats not drawn because of a non-finite parameter.
-    pub not_finite: Option<NotFinite>,
-}
-
-impl Stats {
-    /// True if all pairs fitted the buffers at once.
-    pub fn fits(&self) -> bool {
-        self.isects <= self.isect_capacity
-    }
-
-    /// The worse of both in each field.
-    fn worse(self, other: Stats) -> Stats {
-        Stats {
-            isects: self.isects.max(other.isects),
-            isect_capacity: self.isect_capacity.min(other.isect_capacity),
-            bands: self.bands.max(other.bands),
-            complete: self.complete && other.complete,
-            not_finite: self.not_finite.or(other.not_finite),
-        }
-    }
 }
 
 impl std::fmt::Debug for Renderer {
@@ -186,17 +116,48 @@ impl Renderer {
     /// Those of Vulkan.
     pub fn prepare(&mut self, model: &Model) -> Result<()> {
         if let Some(occlusion) = &mut self.occlusion {
-            occlusion.prepare(&self.gpu, model)?;
+            occlusion.forward.prepare(&self.gpu, model)?;
         }
         self.forward.prepare(&self.gpu, model)
+    }
+
+    /// As [`Renderer::prepare`], for instances.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for a renderer of surfaces, and those of Vulkan.
+    pub fn prepare_instances(&mut self, instances: &[Instance<'_>]) -> Result<()> {
+        if self.options.with_surface {
+            return Err(Error::Unsupported {
+                what: "depths and normals of surfaces of instances".into(),
+            });
+        }
+        for instance in instances {
+            if let Some(occlusion) = &mut self.occlusion {
+                occlusion.forward.prepare_instance(&self.gpu, instance.model)?;
+            }
+            self.forward.prepare_instance(&self.gpu, instance.model)?;
+        }
+        Ok(())
     }
 
     /// Grows the buffers for a frame of `model` through `camera` with up to `isects` (splat, tile) pairs, limited to
     /// one binding of the device; frames with more are drawn in bands. Allocates and compiles: to be called outside of
     /// a host's frames.
     pub fn reserve(&mut self, model: &Model, camera: &Camera, isects: usize) -> Result<()> {
-        self.prepare(model)?;
-        let wanted = Capacity::for_image(model.splat_count, isects, camera.width, camera.height);
+        self.reserve_content(model.into(), camera, isects)
+    }
+
+    /// As [`Renderer::reserve`], for a picture of instances. Numbers of pairs are those of the whole picture.
+    pub fn reserve_instances(&mut self, instances: &[Instance<'_>], camera: &Camera, isects: usize) -> Result<()> {
+        self.reserve_content(FrameContent::Instances(instances, camera), camera, isects)
+    }
+
+    fn reserve_content(&mut self, content: FrameContent<'_>, camera: &Camera, isects: usize) -> Result<()> {
+        match content {
+            FrameContent::Model(model) => self.prepare(model)?,
+            FrameContent::Instances(instances, _) => self.prepare_instances(instances)?,
+        }
+        let wanted = Capacity::for_image(content.splat_count(), isects, camera.width, camera.height);
         let capacity = self.scratch.capacity.max(wanted);
         let capacity = capacity.within(self.gpu.caps(), ISECT_BYTES);
         if capacity != self.scratch.capacity {
@@ -215,9 +176,9 @@ impl Renderer {
     }
 
     /// As [`Renderer::reserve`], but for fewer intersections if memory does not suffice.
-    fn reserve_some(&mut self, model: &Model, camera: &Camera, mut isects: usize) -> Result<()> {
+    fn reserve_some(&mut self, content: FrameContent<'_>, camera: &Camera, mut isects: usize) -> Result<()> {
         loop {
-            match self.reserve(model, camera, isects) {
+            match self.reserve_content(content, camera, isects) {
                 Err(Error::OutOfMemory { .. }) if isects > self.scratch.capacity.tiles => {
                     isects /= 2;
                 }
@@ -246,20 +207,38 @@ impl Renderer {
         view: &ViewOptions,
         target: impl Into<HostTarget<'a>>,
     ) -> Result<Option<Stats>> {
-        self.record_to(commands, model, camera, view, target.into())
+        self.record_to(commands, model.into(), camera, view, target.into())
+    }
+
+    /// As [`Renderer::record`], for models in their places: their splats are sorted together. The filter of `view` does
+    /// not count; each instance has its own. Splats at one depth are in the order of the instances.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::record`], and [`Error::Config`] with the number of an instance with a transform that is no
+    /// similarity, an opacity, tint or box out of range.
+    pub fn record_instances<'a>(
+        &mut self,
+        commands: &mut HostCommands,
+        instances: &[Instance<'_>],
+        camera: &Camera,
+        view: &ViewOptions,
+        target: impl Into<HostTarget<'a>>,
+    ) -> Result<Option<Stats>> {
+        let content = FrameContent::Instances(instances, camera);
+        self.record_to(commands, content, camera, view, target.into())
     }
 
     fn record_to(
         &mut self,
         commands: &mut HostCommands,
-        model: &Model,
+        content: FrameContent<'_>,
         camera: &Camera,
         view: &ViewOptions,
         target: HostTarget<'_>,
     ) -> Result<Option<Stats>> {
         let frame = self.host_frames.frame_in(commands);
         let in_flight = self.host_frames.in_flight() as u64;
-        let admitted = self.admit(model, camera, &target);
+        let admitted = self.admit(content, camera, &target);
         let finished = admitted.and_then(|()| self.finished_before((frame + 1).saturating_sub(in_flight)));
         let begun = finished.and_then(|finished| Ok((finished, self.host_frames.begin_in(commands)?)));
         let (finished, mut rec) = match begun {
@@ -284,7 +263,7 @@ impl Renderer {
             background: target.blend.background(view.background),
             ..*view
         };
-        forward.record(&mut rec, model, scratch, &view_of(camera, &view), degree, self.bands);
+        forward.record(&mut rec, content, scratch, &view_of(camera, &view), degree, self.bands);
         target.show(&mut rec, scratch, (&self.present, self.overlay.as_ref()));
         let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
         rec.finish()?;
@@ -292,16 +271,16 @@ impl Renderer {
             frame,
             capacity: scratch.capacity,
             bands: self.bands,
-            not_finite: model.not_finite,
+            not_finite: content.not_finite(),
             counts: counts?,
         });
         Ok(finished)
     }
 
     /// Checks the inputs of a picture.
-    fn admit(&self, model: &Model, camera: &Camera, target: &HostTarget<'_>) -> Result<()> {
+    fn admit(&self, content: FrameContent<'_>, camera: &Camera, target: &HostTarget<'_>) -> Result<()> {
         target.color.check_writable(&self.gpu)?;
-        self.check(model)?;
+        self.check(content)?;
         let (size, [width, height]) = ([camera.width, camera.height], target.color.image().extent());
         if size != [width, height] {
             let [w, h] = size;
@@ -325,13 +304,17 @@ impl Renderer {
             }
             Occlusion::check(&self.gpu, depth, size)?;
         }
-        if !self.forward.is_prepared(model) {
-            return Err(Error::Config(
-                "the model's kernels are not compiled: call prepare first".into(),
-            ));
+        if !self.forward.is_prepared(content) {
+            let function = match content {
+                FrameContent::Model(_) => "prepare",
+                FrameContent::Instances(..) => "prepare_instances",
+            };
+            return Err(Error::Config(format!(
+                "the model's kernels are not compiled: call {function} first"
+            )));
         }
         let capacity = self.scratch.capacity;
-        let wanted = Capacity::for_image(model.splat_count, 0, camera.width, camera.height);
+        let wanted = Capacity::for_image(content.splat_count(), 0, camera.width, camera.height);
         match capacity.max(wanted) == capacity {
             true => Ok(()),
             false => Err(Error::Config(format!(
@@ -340,17 +323,29 @@ impl Renderer {
         }
     }
 
-    /// Refuses models of another kind or precision than the kernels'.
-    fn check(&self, model: &Model) -> Result<()> {
-        let (wanted, found) = (self.options.primitive.name(), model.primitive.name());
-        if wanted != found {
+    /// Refuses models of another device, kind or precision than the kernels', and faulty instances.
+    fn check(&self, content: FrameContent<'_>) -> Result<()> {
+        content.check()?;
+        let mut buffers = content.models().flat_map(|model| model.params.first());
+        if !buffers.all(|params| params.is_on(&self.gpu)) {
+            return Err(Error::Config(
+                "the model lies on another device than the renderer's".into(),
+            ));
+        }
+        let wanted = self.options.primitive;
+        if let Some(other) = content.models().find(|model| model.primitive != wanted) {
+            let (found, wanted) = (other.primitive.name(), wanted.name());
             let text = format!("the model's splats are of the kind {found}, but the renderer draws {wanted}");
             return Err(Error::Config(text));
         }
-        let (wanted, found) = (self.options.precision, model.precision);
-        match wanted == found {
-            true => Ok(()),
-            false => Err(Error::Config(format!(
+        let wanted = self.options.precision;
+        let mut others = content
+            .models()
+            .map(|model| model.precision)
+            .filter(|&found| found != wanted);
+        match others.next() {
+            None => Ok(()),
+            Some(found) => Err(Error::Config(format!(
                 "the model lies on the device as {found:?}, but the renderer draws {wanted:?}"
             ))),
         }
@@ -414,9 +409,28 @@ impl Renderer {
 
     /// Renders one image and reads it back. Grows the buffers as needed; draws in bands if they cannot grow.
     pub fn render(&mut self, model: &Model, camera: &Camera, view: &ViewOptions) -> Result<RenderedImage> {
-        self.check(model)?;
-        let expected = isects_expected(model.splat_count, camera.width, camera.height);
-        self.reserve_some(model, camera, expected)?;
+        self.render_content(model.into(), camera, view)
+    }
+
+    /// As [`Renderer::render`], for instances, as [`Renderer::record_instances`] draws them.
+    pub fn render_instances(
+        &mut self,
+        instances: &[Instance<'_>],
+        camera: &Camera,
+        view: &ViewOptions,
+    ) -> Result<RenderedImage> {
+        self.render_content(FrameContent::Instances(instances, camera), camera, view)
+    }
+
+    fn render_content(
+        &mut self,
+        content: FrameContent<'_>,
+        camera: &Camera,
+        view: &ViewOptions,
+    ) -> Result<RenderedImage> {
+        self.check(content)?;
+        let expected = isects_expected(content.splat_count(), camera.width, camera.height);
+        self.reserve_some(content, camera, expected)?;
         let view = view_of(camera, view);
         let mut bands = DepthBands::default();
         loop {
@@ -427,7 +441,7 @@ impl Renderer {
             let frames = own_frames(&mut self.frames, &self.gpu)?;
             let (ticket, (counts, image, depth, surface)) = frames.submit(|rec| {
                 rec.fill(&scratch.counts, 0);
-                forward.record(rec, model, scratch, &view, degree, bands);
+                forward.record(rec, content, scratch, &view, degree, bands);
                 Ok((
                     rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?,
                     rec.read_back(&scratch.image, 0..4 * pixels)?,
@@ -443,7 +457,7 @@ impl Renderer {
                 return Ok(unpack(camera, &image.get(), depth.get(), surface.as_deref()));
             }
             let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
-            self.reserve_some(model, camera, wanted.saturating_add(wanted / 8))?;
+            self.reserve_some(content, camera, wanted.saturating_add(wanted / 8))?;
             bands = self.bands_after(bands, &counts)?;
         }
     }
@@ -454,22 +468,5 @@ fn own_frames<'a>(frames: &'a mut Option<Frames>, gpu: &Gpu) -> Result<&'a mut F
     match frames {
         Some(frames) => Ok(frames),
         none => Ok(none.insert(Frames::new(gpu, 1, true)?)),
-    }
-}
-
-fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>, surface: Option<&[f32]>) -> RenderedImage {
-    let pixels = camera.width as usize * camera.height as usize;
-    let rgb = (0..pixels)
-        .map(|i| [image[i], image[pixels + i], image[2 * pixels + i]])
-        .collect();
-    let transmittance = image[3 * pixels..].to_vec();
-    let surface = surface.map(|planes| Surface::unpack(camera, planes, &transmittance));
-    RenderedImage {
-        width: camera.width,
-        height: camera.height,
-        rgb,
-        transmittance,
-        depth,
-        surface,
     }
 }

@@ -17,6 +17,7 @@ pub(crate) fn sigmoid(logit: f64) -> f64 {
 }
 
 /// Logit of an opacity strictly between 0 and 1.
+#[cfg(feature = "train")]
 pub(crate) fn logit(opacity: f64) -> f64 {
     (opacity / (1.0 - opacity)).ln()
 }

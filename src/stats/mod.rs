@@ -2,12 +2,14 @@
 
 mod interval;
 mod line;
+#[cfg(feature = "train")]
 mod random;
 mod student;
 mod summary;
 
 pub use interval::{Interval, mean};
 pub use line::Line;
+#[cfg(feature = "train")]
 pub(crate) use random::SplitMix64;
 pub use student::{student_t_95, student_t_975};
 pub use summary::{Summary, median_ranks};

@@ -11,8 +11,11 @@ mod common;
 
 mod bench;
 mod broken;
+mod capi;
 mod captures;
 mod cli;
 mod growth;
+mod package;
 mod predict;
 mod stress;
+mod tools;

@@ -14,6 +14,7 @@ mod faults;
 mod frame;
 mod gpu;
 mod gradients;
+mod instances;
 mod kernels;
 mod large;
 mod memory;

@@ -3,27 +3,24 @@
 use std::collections::BTreeSet;
 use std::process::Command;
 
-/// Direct dependencies of the engine in `Cargo.toml`.
-const DIRECT: [&str; 18] = [
+/// Direct dependencies of the renderer, the engine without default features.
+const DIRECT: [&str; 12] = [
     "ash",
     "bytemuck",
-    "crc32fast",
-    "exr",
     "flate2",
     "glam",
     "gpu-allocator",
     "half",
-    "image",
     "rayon",
     "serde",
     "serde_json",
     "thiserror",
-    "tobj",
-    "webp",
-    "zip",
     "zstd",
     "ashfall",
 ];
+
+/// Further direct dependencies of the engine with data sets and training.
+const OF_TRAINING: [&str; 6] = ["crc32fast", "exr", "image", "tobj", "webp", "zip"];
 
 /// Crates of the command line and the laboratory, which are not even indirect dependencies of the engine.
 const TOOLS: [&str; 8] = [
@@ -55,9 +52,26 @@ fn tree(more: &[&str]) -> BTreeSet<String> {
 fn the_engine_depends_on_these_crates() {
     let found = tree(&["--depth", "1"]);
     assert_eq!(found, DIRECT.map(str::to_owned).into_iter().collect());
-    let all = tree(&[]);
+    let mut trained = found;
+    trained.extend(OF_TRAINING.map(str::to_owned));
+    assert_eq!(tree(&["--depth", "1", "--features", "train"]), trained);
+    let (all, trained) = (tree(&[]), tree(&["--features", "train"]));
     for tool in TOOLS {
-        assert!(!all.contains(tool), "{tool} is a dependency of the engine");
+        assert!(!trained.contains(tool), "{tool} is a dependency of the engine");
+    }
+    for image in ["exr", "image", "tobj", "webp", "zip"] {
+        assert!(!all.contains(image), "{image} is a dependency of the renderer");
     }
     assert!(tree(&["--features", "cli"]).contains("clap"), "the list tells nothing");
+}
+
+/// Without the feature `compile` no compiler of shaders is built.
+#[test]
+fn the_shaders_of_packages_need_no_compiler() {
+    let all = |features: &str| tree(&["-e", "normal,build", "--features", features]);
+    let (packaged, compiled) = (all("train,capi"), all("compile"));
+    for name in ["shaderc", "shaderc-sys", "cmake", "rspirv"] {
+        assert!(!packaged.contains(name), "{name} is built");
+    }
+    assert!(compiled.contains("shaderc") && compiled.contains("rspirv"));
 }

@@ -11,6 +11,7 @@ mod common;
 
 mod build_script;
 mod dependencies;
+mod header;
 mod io;
 mod mesh;
 mod reference;

@@ -1,6 +1,7 @@
 //! COLMAP camera models.
 
-use super::super::listing::{Check, check_intrinsics, check_size};
+use super::super::check::Check;
+use super::super::listing::{check_intrinsics, check_size};
 use crate::scene::{Distortion, Lens};
 use glam::DVec2;
 

@@ -8,7 +8,8 @@ mod binary;
 mod camera;
 mod text;
 
-use super::listing::{Check, ListedView, Listing, check_position, inside};
+use super::check::{Check, inside};
+use super::listing::{ListedView, Listing, check_position};
 use super::reader::excerpt;
 use super::source::Source;
 use crate::error::{Error, Result};

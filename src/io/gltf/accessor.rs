@@ -1,6 +1,6 @@
 //! Accessors: columns of numbers in buffers, decoded row by row.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::buffers::{Buffers, ViewBytes, part};
 use super::json::{AccessorJson, Document, ShapeJson, SparseJson, entry};
 

@@ -1,6 +1,6 @@
 //! Attributes of a primitive: its splats, row by row.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::super::loaded::logit;
 use super::EXTENSION;
 use super::accessor::{AccessorRows, Component, ComponentKind};

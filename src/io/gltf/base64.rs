@@ -1,6 +1,6 @@
 //! Base 64 of RFC 4648, as in `data:` URIs.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 
 /// Bytes of a text, with or without its padding.
 pub(super) fn decode(text: &str) -> Check<Vec<u8>> {

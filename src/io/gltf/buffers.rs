@@ -1,6 +1,6 @@
 //! Buffers of a document: the binary chunk, `data:` URIs and files beside it, each loaded when first used.
 
-use super::super::listing::{Check, inside};
+use super::super::check::{Check, inside};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
 use super::base64;

@@ -1,6 +1,6 @@
 //! GLB container: a header and chunks, of which the first is JSON and the second may be a buffer.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 
 /// First bytes of a GLB file.
 pub(super) const MAGIC: &[u8; 4] = b"glTF";

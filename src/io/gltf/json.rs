@@ -2,7 +2,7 @@
 //!
 //! Members are boxed where a document may have many objects without them: an empty object is three bytes of text.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;

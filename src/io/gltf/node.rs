@@ -1,6 +1,6 @@
 //! Nodes of a scene: instances of meshes, with their matrices down from the root.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::json::{Document, ExtrasJson, NodeJson, entry};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -9,7 +9,7 @@ const DEPTH_MAX: u32 = 256;
 
 /// A mesh placed in the world.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Instance {
+pub(super) struct NodeInstance {
     pub(super) mesh: u32,
     /// For messages.
     pub(super) node: u32,
@@ -42,7 +42,7 @@ impl Affine {
 
 /// Instances of the default scene, in the order of its nodes, a parent before its children. Without scenes, all nodes
 /// without a parent are roots.
-pub(super) fn instances(document: &Document) -> Check<Vec<Instance>> {
+pub(super) fn instances(document: &Document) -> Check<Vec<NodeInstance>> {
     let scene = match (document.scene, document.scenes.is_empty()) {
         (None, true) => None,
         (index, _) => Some(entry(&document.scenes, index.unwrap_or(0), "scene")?),
@@ -62,7 +62,7 @@ pub(super) fn instances(document: &Document) -> Check<Vec<Instance>> {
         let own = affine(node).map_err(|what| format!("node {index}: {what}"))?;
         let affine = parent.after(own);
         if let Some(mesh) = node.mesh {
-            instances.push(Instance {
+            instances.push(NodeInstance {
                 mesh,
                 node: index,
                 affine,

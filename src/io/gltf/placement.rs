@@ -1,6 +1,6 @@
 //! Splats moved, rotated and scaled by a node.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::node::Affine;
 use crate::scene::{ShRotation, eigen};
 use glam::{DMat3, DQuat, DVec3};

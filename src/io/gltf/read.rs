@@ -1,6 +1,6 @@
 //! Reading the splats of a document's default scene.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::super::loaded::{AxesBy, Collector, LoadedSplats, StoredAs, StoredSplat};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
@@ -8,7 +8,7 @@ use super::super::spz;
 use super::attributes::{Attributes, PrimitiveSplats, is_beyond_degree_3, position};
 use super::buffers::Buffers;
 use super::json::{Document, PrimitiveJson, SplatsJson, entry};
-use super::node::{Instance, instances};
+use super::node::{NodeInstance, instances};
 use super::placement::Placement;
 use super::{EXTENSION, glb, json};
 use crate::error::{Error, Result};
@@ -24,7 +24,7 @@ const ORIGIN_SIZES: f64 = 1000.0;
 /// A mesh's primitives with splats, and its instances.
 struct SplatMesh<'a> {
     contents: Vec<PrimitiveSplats<'a>>,
-    instances: Vec<Instance>,
+    instances: Vec<NodeInstance>,
 }
 
 /// State of reading a document.
@@ -113,7 +113,7 @@ impl<'a> SceneReading<'a> {
     /// Meshes with splats that the scene shows, in the order of their first instances.
     fn meshes(&mut self) -> Check<Vec<SplatMesh<'a>>> {
         let mut order = Vec::new();
-        let mut by_mesh: BTreeMap<u32, Vec<Instance>> = BTreeMap::new();
+        let mut by_mesh: BTreeMap<u32, Vec<NodeInstance>> = BTreeMap::new();
         for instance in instances(self.document)? {
             let of_mesh = by_mesh.entry(instance.mesh).or_default();
             if of_mesh.is_empty() {
@@ -324,7 +324,7 @@ impl<'a> SceneReading<'a> {
     }
 }
 
-fn placement(instance: &Instance, origin: DVec3, sh_degree: u32) -> Check<Placement> {
+fn placement(instance: &NodeInstance, origin: DVec3, sh_degree: u32) -> Check<Placement> {
     Placement::new(instance.affine, origin, sh_degree).map_err(|what| format!("node {}: {what}", instance.node))
 }
 

@@ -1,6 +1,6 @@
 //! Files of a scene by name: entries of a ZIP archive, or files beside `meta.json`.
 
-use super::super::listing::{Check, inside};
+use super::super::check::{Check, inside};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
 use crate::error::{Error, Result};

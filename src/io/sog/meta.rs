@@ -1,6 +1,6 @@
 //! `meta.json` of versions 1 and 2.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::super::reader::excerpt;
 use super::codes::{SogCodes, Tables, opacity_logits};
 use crate::scene::ScreenFilter;

@@ -1,6 +1,6 @@
 //! Reading scenes of either version.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::super::loaded::{Collector, LoadedSplats, StoredAs};
 use super::super::source::Source;
 use super::archive::{META, META_BYTES_MAX, SogContainer};

@@ -1,6 +1,6 @@
 //! Images that hold codes: checked sizes, decoding and encoding.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::super::photo;
 use super::super::source::Source;
 use crate::error::Error;

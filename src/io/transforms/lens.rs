@@ -1,6 +1,7 @@
 //! Lens of a frame: nerfstudio's camera models.
 
-use super::super::listing::{Check, check_intrinsics};
+use super::super::check::Check;
+use super::super::listing::check_intrinsics;
 use super::scope::{self, Scope};
 use crate::scene::{Distortion, Lens};
 use serde_json::Value;

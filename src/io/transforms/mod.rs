@@ -8,7 +8,8 @@ mod lens;
 mod pose;
 mod scope;
 
-use super::listing::{Check, ListedView, Listing, check_position, check_size, inside};
+use super::check::{Check, inside};
+use super::listing::{ListedView, Listing, check_position, check_size};
 use super::reader::Reader;
 use super::source::Source;
 use super::{photo, ply};

@@ -1,6 +1,6 @@
 //! Camera pose from a `transform_matrix`.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use super::scope::kind;
 use glam::{DMat3, DVec3};
 use serde_json::Value;

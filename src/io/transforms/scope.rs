@@ -1,6 +1,6 @@
 //! Lookup of a frame's keys, with the root's as fallback.
 
-use super::super::listing::Check;
+use super::super::check::Check;
 use serde_json::{Map, Value};
 
 /// The two levels of a key.

@@ -99,6 +99,7 @@ fn refused_pictures_hand_the_image_over() {
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(&gpu, options).unwrap();
+    let elsewhere = Model::upload(&crate::common::device::gpu(), &scene.splats).unwrap();
     let mut refused = |model: &Model, camera: &Camera, format, extent| {
         frame.begin();
         let target = frame.target_as(format, extent, CLEARED, COPYABLE);
@@ -122,6 +123,8 @@ fn refused_pictures_hand_the_image_over() {
     assert!(refusal.contains("call reserve first"), "{refusal}");
     let refusal = refused(&half, &camera, FORMAT, SIZE);
     assert!(refusal.contains("Half"), "{refusal}");
+    let refusal = refused(&elsewhere, &camera, FORMAT, SIZE);
+    assert!(refusal.contains("another device"), "{refusal}");
     let refusal = refused(&model, &camera, vk::Format::R8G8B8A8_SRGB, SIZE);
     assert!(refusal.contains("R8G8B8A8_SRGB"), "{refusal}");
 }

@@ -7,6 +7,7 @@ mod economy;
 mod frame;
 mod heap;
 mod host;
+mod instances;
 mod occlusion;
 mod requirements;
 mod watch;

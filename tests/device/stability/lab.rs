@@ -245,6 +245,7 @@ impl Lab {
         let params = Params {
             splat_count: count as u32,
             stride: count as u32,
+            ..Params::default()
         };
         gpu.run(|rec| kernel.record(rec, io, params, kernel.groups(count)))
             .unwrap();

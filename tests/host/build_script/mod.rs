@@ -12,6 +12,8 @@ use generator::source::{File, Sources};
     reason = "the generator is tested piece by piece; some pieces only build.rs calls"
 )]
 mod generator;
+#[path = "../../../build/packaged.rs"]
+mod packaged;
 
 mod fixtures;
 mod refusals;
@@ -286,4 +288,30 @@ const int LOW = -3;  // Lowest.\nconst float NEAR = 1e-2;\n#endif\n",
         let faults = generate(dir.path()).expect_err(wrong);
         assert_contains(&faults.concat(), &["glsl/shared/constants.glsl:2: expected"]);
     }
+}
+
+/// Signed files are taken as they are; those of other sources and absent ones are refused.
+#[test]
+fn compiled_shaders_of_a_package_are_those_of_its_sources() {
+    let folder = tempfile::tempdir().unwrap();
+    let [glsl, spirv, out] = ["glsl", "spirv", "out"].map(|name| folder.path().join(name));
+    for folder in [&glsl.join("shared"), &spirv, &out] {
+        std::fs::create_dir_all(folder).unwrap();
+    }
+    std::fs::write(glsl.join("one.comp"), "void main() {}\n").unwrap();
+    std::fs::write(glsl.join("shared/two.glsl"), "int two;\n").unwrap();
+    let take = || packaged::take(&glsl, &spirv, &out).map_err(|faults| faults.join("\n"));
+    assert_contains(&take().unwrap_err(), &["no compiled shaders"]);
+    std::fs::write(spirv.join("kernels.rs"), "pub mod one {}").unwrap();
+    packaged::sign(&glsl, &spirv).unwrap();
+    take().unwrap();
+    assert_eq!(
+        std::fs::read_to_string(out.join("kernels.rs")).unwrap(),
+        "pub mod one {}"
+    );
+    // Line ends of another system are the same source; a changed include is not.
+    std::fs::write(glsl.join("one.comp"), "void main() {}\r\n").unwrap();
+    take().unwrap();
+    std::fs::write(glsl.join("shared/two.glsl"), "int three;\n").unwrap();
+    assert_contains(&take().unwrap_err(), &["of other shaders"]);
 }

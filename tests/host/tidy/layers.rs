@@ -22,6 +22,7 @@ const RANKS: &[(&str, &str)] = &[
         "train render kernels gpu scene io metrics stats layout error",
     ),
     ("export", "simplify render gpu scene io metrics error"),
+    ("capi", "render gpu scene io error"),
     ("reference", "scene layout"),
     ("lab::synth", "scene stats error"),
     ("lab::page", "stats error"),

@@ -26,17 +26,17 @@ const OPERATIONS: [(&str, &str); 4] = [
 const PLACES: &[(&str, &[&str], &str)] = &[
     (
         "unsafe",
-        &["src/gpu/", "tests/device/embed", "examples/embed.rs"],
-        "what can go wrong unseen is kept in one folder",
+        &["src/gpu/", "src/capi/", "tests/device/embed", "examples/embed.rs"],
+        "memory by pointers is kept to Vulkan and C",
     ),
     (
         "ash",
-        &["src/gpu/", "tests/device/embed", "examples/embed.rs"],
+        &["src/gpu/", "src/capi/", "tests/device/embed", "examples/embed.rs"],
         "only gpu speaks Vulkan",
     ),
     (
         "vk",
-        &["src/gpu/", "tests/device/embed", "examples/embed.rs"],
+        &["src/gpu/", "src/capi/", "tests/device/embed", "examples/embed.rs"],
         "only gpu speaks Vulkan",
     ),
     (

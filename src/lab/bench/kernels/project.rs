@@ -134,6 +134,7 @@ pub fn commands<'a>(
         let params = Params {
             splat_count: count as u32,
             stride: count as u32,
+            ..Params::default()
         };
         kernel.record(rec, io, params, kernel.groups(count));
     });
