@@ -97,6 +97,9 @@ const uint SORT_DIGITS_MAX = 2048;
 // Most values of a digit for a table of one invocation's own.
 const uint SORT_DIGITS_NEAR = 256;
 
+// Splats of a workgroup of `pose_gradient`.
+const uint POSE_SPLATS = 1024;
+
 // Begin of a splat's records if it has none in the current band.
 const uint NOT_LISTED = 0xffffffffu;
 

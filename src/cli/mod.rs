@@ -7,6 +7,7 @@
 
 mod args;
 mod bench;
+mod cameras;
 mod chart;
 mod configure;
 mod demo;

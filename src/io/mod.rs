@@ -25,6 +25,7 @@ pub mod photo;
 pub mod ply;
 pub mod png;
 mod reader;
+pub mod refined;
 pub mod sog;
 mod source;
 pub mod splat32;

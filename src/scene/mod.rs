@@ -13,6 +13,7 @@ mod harmonics;
 mod lens;
 mod mesh;
 mod morton;
+mod similarity;
 mod splats;
 
 pub use axes::Axes;
@@ -26,5 +27,6 @@ pub use harmonics::sh_basis;
 pub use lens::{Distortion, Lens, Optics};
 pub use mesh::Mesh;
 pub use morton::morton_order;
+pub use similarity::{PoseDifference, Similarity};
 pub use splats::{NotFinite, Primitive, SH_C0, ScreenFilter, Splats, sh_coefficient_count};
 pub(crate) use splats::{logit, sigmoid};

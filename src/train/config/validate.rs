@@ -36,6 +36,7 @@ impl TrainConfig {
         self.mcmc.check()?;
         self.init.check()?;
         self.auto.check()?;
+        self.poses.check()?;
         ascending("init.scale_range", &self.init.scale_range)?;
         ascending("init.random_depths", &self.init.random_depths)?;
         self.check_mean_rates()

@@ -5,6 +5,7 @@ mod export;
 mod exposure;
 mod mesh;
 mod needs;
+mod poses;
 mod prune;
 
 use ashfall::lab::synth::{self, Kind, SynthOptions};
