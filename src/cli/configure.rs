@@ -44,7 +44,7 @@ pub(in crate::cli) struct ConfigArgs {
     #[arg(long)]
     pub exposure: bool,
     /// Move the poses of the photographs along with the splats, where the reconstruction is imprecise; refined/ has the
-    /// reconstruction with the refined poses, poses.json how far each has moved. Poses of COLMAP need it hardly ever
+    /// reconstruction with the refined poses, poses.json how far each has moved. Exact poses lose by it
     #[arg(long)]
     pub refine_poses: bool,
     /// Set any constant by its name in report.json's "config", e.g. adc.grad_threshold=4e-4 (repeatable)

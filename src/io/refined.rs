@@ -180,3 +180,63 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 fn save(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically(path, |file| file.write_all(bytes))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A turn of 90° about z and a shift, for a photograph with a space in its name.
+    fn motions() -> PoseMotions {
+        let turn = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
+        [("b c.jpg".to_owned(), (turn, DVec3::new(1.0, 0.0, 0.0)))].into()
+    }
+
+    #[test]
+    fn poses_of_text_move_and_all_else_stays() {
+        let text = "# images\n7 1 0 0 0 0 0 0 1 a.jpg\n\n8 1 0 0 0 2 0 0 1 b c.jpg\n# comment\n1 1 0 0 0 0 0 0 1\n\n";
+        let moved = move_text(text.as_bytes(), &motions()).unwrap_or_default();
+        let moved = String::from_utf8_lossy(&moved).into_owned();
+        let (old, new): (Vec<&str>, Vec<&str>) = (text.lines().collect(), moved.lines().collect());
+        for line in [0, 1, 2, 4, 5, 6] {
+            assert_eq!(new[line], old[line], "{line}");
+        }
+        assert!(new[3].starts_with("8 ") && new[3].ends_with(" 1 b c.jpg"), "{}", new[3]);
+        let numbers: Vec<f64> = new[3]
+            .split(' ')
+            .skip(1)
+            .take(7)
+            .filter_map(|word| word.parse().ok())
+            .collect();
+        // The centre was (-2, 0, 0) and is (-1, 0, 0); the turn takes its opposite, (1, 0, 0), to (0, 1, 0).
+        let half = 0.5_f64.sqrt();
+        let wanted = [half, 0.0, 0.0, half, 0.0, 1.0, 0.0];
+        assert!(
+            numbers.iter().zip(wanted).all(|(n, w)| (n - w).abs() < 1e-12),
+            "{numbers:?}"
+        );
+    }
+
+    #[test]
+    fn binary_poses_move_in_place_and_a_short_file_is_none() {
+        let mut bytes = 1_u64.to_le_bytes().to_vec();
+        bytes.extend(8_u32.to_le_bytes());
+        let pose = [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0_f64];
+        bytes.extend(pose.map(f64::to_le_bytes).as_flattened());
+        bytes.extend(1_u32.to_le_bytes());
+        bytes.extend(b"b c.jpg\0");
+        bytes.extend(1_u64.to_le_bytes());
+        bytes.extend([9; 24]);
+        let (mut moved, mut other) = (bytes.clone(), bytes.clone());
+        assert!(move_binary(&mut moved, &motions()).is_some());
+        assert!(move_binary(&mut other, &PoseMotions::new()).is_some());
+        assert_eq!(other, bytes);
+        assert_eq!((&moved[..12], &moved[68..]), (&bytes[..12], &bytes[68..]));
+        assert_ne!(moved[12..68], bytes[12..68]);
+        for length in [4, 30, 70, 80] {
+            assert!(
+                move_binary(&mut bytes[..length].to_vec(), &motions()).is_none(),
+                "{length}"
+            );
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! The binary from the command line: output, files and exit status of commands, on a small synthetic data set.
 
+mod capture;
 mod chart;
 mod export;
 mod exposure;
