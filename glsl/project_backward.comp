@@ -61,24 +61,7 @@ struct Seen {
     vec3 d_color;
 };
 
-// dL/d direction, before the projection on the sphere's tangent. Invisible splats take the same path, because software
-// devices walk both sides of a branch.
-vec3 direction_backward(uint slot, Seen seen) {
-    vec3 slope[16];
-    sh_basis_gradient(SH_DEGREE, seen.direction, slope);
-    uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
-    vec3 d_direction = vec3(0.0);
-    [[unroll]] for (uint plane = 0; plane < (terms * 3 + 3) / 4; ++plane) {
-        uint place = (GEOMETRY_PLANES + plane) * push.stride + slot;
-        vec4 coefficients = vec4(0.0);
-        if (seen.any) coefficients = params[place];
-        [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
-            uint k = plane * 4 + lane;
-            if (k < terms * 3) d_direction += slope[k / 3] * (coefficients[lane] * seen.d_color[k % 3]);
-        }
-    }
-    return d_direction;
-}
+#include "shared/direction.glsl"
 
 // dL/d quaternion before normalisation, from dL/d rotation matrix (columns) at the unit quaternion.
 vec4 quaternion_backward(vec4 unit, float q_length, mat3 d) {
@@ -239,7 +222,7 @@ void main() {
         known.z = max(known.z, max(e.extent.x, e.extent.y));
         statistics[splat] = known;
     }
-    vec3 d_direction = direction_backward(slot, seen);
+    vec3 d_direction = direction_backward(slot, seen.any, seen.direction, seen.d_color);
     vec3 along = seen.direction * dot(seen.direction, d_direction);
     if (seen.any) gradient.mean += (d_direction - along) / seen.distance;
     d_params[slot] = vec4(gradient.mean, gradient.opacity_logit);

@@ -105,6 +105,9 @@ const uint INSTANCE_COMPENSATE = 1;
 const uint INSTANCE_KEEP = 2;
 const uint INSTANCE_CUT = 4;
 
+// Splats of a workgroup of `pose_gradient`.
+const uint POSE_SPLATS = 1024;
+
 // Begin of a splat's records if it has none in the current band.
 const uint NOT_LISTED = 0xffffffffu;
 

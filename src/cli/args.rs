@@ -1,10 +1,12 @@
 //! Options that several commands share.
 
+use super::capture;
 use super::parse;
-use crate::Result;
+use crate::io;
 use crate::io::dataset::{self, MaskUse, OpenOptions};
 use crate::render::Compatibility;
 use crate::scene::{AlphaMode, Dataset, Split};
+use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -82,11 +84,23 @@ impl DataArgs {
                 MasksArg::Off => MaskUse::Off,
             },
         };
-        let dataset = dataset::open(path, &options)?;
+        let dataset = dataset::open(path, &options).map_err(|error| match capture_hint(path) {
+            Some(hint) => Error::file(path, hint),
+            None => error,
+        })?;
         for warning in &dataset.warnings {
             eprintln!("warning: {warning}");
         }
         Ok(dataset)
+    }
+}
+
+/// Advice for a folder of photographs without any reconstruction.
+fn capture_hint(path: &Path) -> Option<String> {
+    let has_poses = io::colmap::find_model(path).is_some() || io::transforms::find(path).is_some();
+    match path.is_dir() && !has_poses {
+        true => capture::hint(path),
+        false => None,
     }
 }
 

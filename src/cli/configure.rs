@@ -46,6 +46,10 @@ pub(in crate::cli) struct ConfigArgs {
     /// then from the renderings. scene.ply has the mean exposure; exposures.json has the gains
     #[arg(long)]
     pub exposure: bool,
+    /// Move the poses of the photographs along with the splats, where the reconstruction is imprecise; refined/ has the
+    /// reconstruction with the refined poses, poses.json how far each has moved. Exact poses lose by it
+    #[arg(long)]
+    pub refine_poses: bool,
     /// Set any constant by its name in report.json's "config", e.g. adc.grad_threshold=4e-4 (repeatable)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub settings: Vec<String>,
@@ -138,6 +142,7 @@ impl ConfigArgs {
         if self.exposure {
             config.exposure = ExposureModel::Gain;
         }
+        config.refine_poses |= self.refine_poses;
         let config = self.with_settings(config)?;
         config.validate()?;
         Ok(config)

@@ -22,7 +22,7 @@ use std::time::Instant;
 ///
 /// Needs no data. The photographs are rays cast on the CPU at a composition of textured shapes; the
 /// data set stays in DIR/data, in nerfstudio's form, for `ashfall train` to try other options on. With
-/// --perturb it has a fault of real captures, known exactly (truth.json), and COLMAP's form.
+/// --perturb it has a fault of real captures, known exactly (truth.json, and truth/ for cameras), and COLMAP's form.
 #[derive(Clone, Debug, Args)]
 pub(super) struct DemoArgs {
     /// Folder for everything, made if it is not there
@@ -61,6 +61,10 @@ pub(super) struct DemoArgs {
 pub(super) enum PerturbArg {
     /// Exposures within one stop and white balances within a quarter, at random
     Exposure,
+    /// Errors of the training cameras, half a degree and half a percent of the extent (rms)
+    Poses,
+    /// A fisheye lens of 160°
+    Fisheye,
     /// None: the control, in the same form
     None,
 }
@@ -85,8 +89,10 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let dataset = options.open(&data, true)?;
     let mut config = TrainConfig::for_iterations(args.iterations);
     config.seed = args.seed;
-    if args.perturb == Some(PerturbArg::Exposure) {
-        config.exposure = ExposureModel::Gain;
+    match args.perturb {
+        Some(PerturbArg::Exposure) => config.exposure = ExposureModel::Gain,
+        Some(PerturbArg::Poses) => config.refine_poses = true,
+        Some(PerturbArg::Fisheye | PerturbArg::None) | None => {}
     }
     config.validate()?;
     let run = AutoRun::new(&gpu, &dataset, config)?;
@@ -132,12 +138,20 @@ fn make_data(args: &DemoArgs, output: Output) -> Result<PathBuf> {
         height,
         tracks: args.perturb.is_some(),
         exposure_seed: (args.perturb == Some(PerturbArg::Exposure)).then_some(args.seed),
+        pose_seed: (args.perturb == Some(PerturbArg::Poses)).then_some(args.seed),
+        fisheye: args.perturb == Some(PerturbArg::Fisheye),
         ..SynthOptions::default()
     };
-    let dataset = synth::scene(Kind::Demo).dataset(&options);
+    let scene = synth::scene(Kind::Demo);
+    let mut dataset = scene.dataset(&options);
     match args.perturb {
         Some(_) => synth::save_colmap(&dataset, &options, &data)?,
         None => synth::save(&dataset, &data)?,
+    }
+    if options.pose_seed.is_some() {
+        let exact = dataset.views.iter_mut().zip(scene.cameras(&options));
+        exact.for_each(|(view, camera)| view.camera = camera);
+        synth::save_model(&dataset, &options, &data.join("truth"))?;
     }
     Ok(data)
 }

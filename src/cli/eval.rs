@@ -4,6 +4,7 @@ mod mesh;
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg};
+use super::cameras::{CameraPairs, similarity_value};
 use super::engine::evaluator;
 use super::output::{Output, figure, file_stem, score_text};
 use super::scene::{SceneArgs, fit_axes};
@@ -14,7 +15,7 @@ use crate::io::splats::readable;
 use crate::lab::report::comparison;
 use crate::metrics::{CorrectedScore, CorrectedScores, MeanScore, ViewScore};
 use crate::render::{ViewEvaluation, ViewOptions};
-use crate::scene::{Dataset, Splats};
+use crate::scene::{Camera, Dataset, Similarity, Splats};
 use crate::{Error, Result};
 use clap::Args;
 use clap::builder::ArgPredicate;
@@ -49,6 +50,10 @@ pub(super) struct EvalArgs {
     /// Score against pictures of this scene, the original of an exported one, instead of the photographs
     #[arg(long, value_name = "FILE", conflicts_with = "pictures")]
     reference: Option<PathBuf>,
+    /// Reconstruction of the same photographs in the scene's coordinates, as refined/ of a run: training views have its
+    /// poses, and the others are moved by the similarity between both (sim3)
+    #[arg(long, value_name = "DATA", conflicts_with = "reference")]
+    poses: Option<PathBuf>,
     /// Views to score
     #[arg(long, value_name = "SPLIT", default_value = "test")]
     split: SplitArg,
@@ -75,6 +80,7 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall eval run/scene.ply photos/
   ashfall eval run/scene.ply photos/ --split all --json > scores.json
+  ashfall eval run/scene.ply photos/ --poses run/refined
   ashfall eval run/scene.ply photos/ --pictures comparison/
   ashfall eval scene.spz photos/ --reference run/scene.ply
   ashfall eval --mesh mesh.ply --truth true.obj --cameras photos/";
@@ -87,6 +93,11 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let scene = args.scene_options.read(&args.scene)?;
     // As in training: views without a photograph are left out before the split.
     let mut dataset = args.options.open(&args.data, args.reference.is_none())?;
+    let similarity = args
+        .poses
+        .as_ref()
+        .map(|path| move_cameras(&mut dataset, &args.options, path))
+        .transpose()?;
     dataset.set_origin(scene.splats.origin);
     let views = dataset.split(args.split.into());
     if views.is_empty() {
@@ -117,17 +128,45 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let raw: Vec<ViewScore> = scores.iter().map(|view| view.raw.clone()).collect();
     let corrected: Vec<CorrectedScores> = scores.iter().map(|view| view.corrected).collect();
     let (mean, mean_corrected) = (MeanScore::of(&raw), CorrectedScores::mean(&corrected));
-    output.result(table(&scores, &mean, &mean_corrected), || {
+    let mut text = table(&scores, &mean, &mean_corrected);
+    if let Some(similarity) = &similarity {
+        text += &format!(
+            "\nposes: sim3, test cameras moved by the similarity of scale {:.6} and {:.4}°",
+            similarity.scale,
+            similarity.degrees()
+        );
+    }
+    output.result(text, || {
         json!({
             "scene": args.scene,
             "device": gpu.caps().name,
             "splat_count": splats.len(),
+            "poses": if similarity.is_some() { "sim3" } else { "raw" },
+            "similarity": similarity.as_ref().map(similarity_value),
             "mean": mean,
             "mean_corrected": mean_corrected,
             "views": scores,
         })
     });
     Ok(Outcome::Done)
+}
+
+/// Gives training views the poses of another reconstruction, and moves the others by the similarity to it, which is
+/// returned. No test view takes part in it.
+fn move_cameras(dataset: &mut Dataset, options: &DataArgs, path: &Path) -> Result<Similarity> {
+    let pairs = CameraPairs::read(dataset, options, path)?;
+    let (similarity, others) = (pairs.similarity(), pairs.others());
+    for view in &mut dataset.views {
+        view.camera = match others.get(view.name.as_str()) {
+            Some(other) => Camera {
+                rotation: other.rotation,
+                position: other.position,
+                ..view.camera
+            },
+            None => similarity.moved(&view.camera),
+        };
+    }
+    Ok(similarity)
 }
 
 /// Scores a scene against the pictures of another.

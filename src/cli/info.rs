@@ -5,6 +5,7 @@ mod exposures;
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, check_capture};
+use super::cameras::CameraPairs;
 use super::configure::ConfigArgs;
 use super::engine;
 use super::output::{Output, bytes, grouped};
@@ -28,6 +29,9 @@ use std::path::{Path, PathBuf};
 pub(super) struct InfoArgs {
     #[arg(value_name = "PATH", help = format!("A scene ({}) or a data set", readable()))]
     path: Option<PathBuf>,
+    /// Compare the training cameras of a data set with those of the same names in this one, after the best similarity
+    #[arg(long, value_name = "DATA")]
+    cameras: Option<PathBuf>,
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
@@ -49,6 +53,7 @@ Examples:
   ashfall info --device llvmpipe --json
   ashfall info run/scene.ply
   ashfall info photos/
+  ashfall info photos/ --cameras run/refined
   ashfall info photos/ --predict --strategy mcmc --max-splats 500000
   ashfall info --predict --splats 2000000 --photos 300 --size 1600x1200
   ashfall info run/scene.ply --predict --size 3840x2160";
@@ -67,7 +72,13 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
             let mut opened = args.options.open(path, false)?;
             let found = check_capture(path, &opened)?;
             opened.warnings.extend(found);
-            dataset(&opened)?
+            let (mut text, mut value) = dataset(&opened)?;
+            if let Some(other) = &args.cameras {
+                let (line, compared) = CameraPairs::read(&opened, &args.options, other)?.describe();
+                text += &format!("\n{line}");
+                value["cameras"] = compared;
+            }
+            (text, value)
         }
     };
     Output { json: args.json }.result(text, || value);

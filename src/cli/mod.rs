@@ -7,6 +7,8 @@
 
 mod args;
 mod bench;
+mod cameras;
+mod capture;
 mod chart;
 mod configure;
 mod demo;
@@ -41,6 +43,7 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   ashfall demo                                    a small scene from scratch, in minutes
+  ashfall capture photographs/ --out photos/      poses of photographs, by COLMAP
   ashfall train photos/ --out run/                train; run/scene.ply is the result
   ashfall eval run/scene.ply photos/              how good is it on held-out photographs?
   ashfall render run/scene.ply --cameras photos/ --orbit 60 --out frames/
@@ -58,6 +61,7 @@ environment variable ASHFALL_DEVICE.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Capture(capture::CaptureArgs),
     Train(train::TrainArgs),
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
@@ -97,6 +101,7 @@ pub fn main() -> ExitCode {
 
 fn run(command: Command) -> Result<Outcome> {
     match command {
+        Command::Capture(args) => capture::run(&args),
         Command::Train(args) => train::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Eval(args) => eval::run(&args),

@@ -37,6 +37,8 @@ pub mod ply;
 pub mod png;
 mod reader;
 #[cfg(feature = "train")]
+pub mod refined;
+#[cfg(feature = "train")]
 pub mod sog;
 mod source;
 pub mod splat32;

@@ -36,6 +36,9 @@ const TILED: &str = "the only variant; few invocations slide long strips each, w
 const STRETCHED: &str =
     "the only variant; a workgroup adds up a stretch of pixels, little beside the windows of the loss";
 
+/// Reason for kernels with one workgroup per stretch of splats.
+const GATHERED: &str = "the only variant; a workgroup adds up a stretch of splats, little beside their gradients";
+
 /// Reason for kernels with a single workgroup.
 const ALONE: &str = "the only variant; a single workgroup does it all, and few elements are left to it";
 
@@ -77,6 +80,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         overlay: overlay::Choice::default(), FIXED;
         perturb: perturb::Choice::default(), ELEMENTWISE;
         plan: plan::Choice::default(), FIXED;
+        pose_gradient: pose_gradient::Choice::of_degree(3), GATHERED;
         present: present::Choice::default(), FIXED;
         project: project::Choice::of_degree(3), ELEMENTWISE;
         project_backward: project_backward::Choice::of_degree(3), ELEMENTWISE;

@@ -18,7 +18,7 @@ macro_rules! of_degree {
     )*};
 }
 
-of_degree! { project project_backward adam_color }
+of_degree! { project project_backward adam_color pose_gradient }
 
 impl ProjectBackward {
     /// One for splats of each degree up to `highest`; `indexed`: slots are not in splat order; `surfel`: of surfels.

@@ -26,6 +26,7 @@ pub mod loss;
 pub mod overlay;
 pub mod perturb;
 pub mod plane;
+pub mod pose_gradient;
 pub mod primitive;
 pub mod project;
 pub mod project_backward;

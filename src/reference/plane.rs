@@ -61,7 +61,7 @@ impl TangentPlane {
             disc: None,
         };
         let tilt = plane.tilt(view);
-        let [xx, xy, yy] = screen_covariance(splat, view, mean);
+        let [xx, xy, yy] = screen_covariance(splat, view, view_from_world, mean);
         let variance = tilt[0] * tilt[0] * xx + 2.0 * tilt[0] * tilt[1] * xy + tilt[1] * tilt[1] * yy;
         plane.range = (3.0 * variance.sqrt()).min(RANGE_MAX);
         plane

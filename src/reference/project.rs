@@ -185,9 +185,19 @@ impl<R: Real> ScreenSplat<R> {
 
 /// Projects a splat; `None` if it is in front of the near plane, without an orientation, or not finite.
 pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSplat<R>> {
+    let pose = (matrix(view.camera.rotation), vector(view.camera.position));
+    project_from(splat, view, pose)
+}
+
+/// [`project`] from another pose than the view's: its rotation and position.
+pub fn project_from<R: Real>(
+    splat: &Splat<R>,
+    view: &Viewpoint,
+    (rotation, position): (Mat3<R>, Vec3<R>),
+) -> Option<ScreenSplat<R>> {
     let length = splat.quaternion.iter().map(|q| q.value().powi(2)).sum::<f64>().sqrt();
-    let from_camera = sub(splat.mean, vector(view.camera.position));
-    let mean_view = transform(matrix(view.camera.rotation), from_camera);
+    let from_camera = sub(splat.mean, position);
+    let mean_view = transform(rotation, from_camera);
     let finite = splat.parameters().iter().all(|p| p.value().is_finite());
     if !(finite && mean_view[2].value() >= view.near && length > f64::from(QUATERNION_MIN)) {
         return None;
@@ -195,7 +205,7 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSpla
     let [x, y, z] = mean_view;
     let focal = view.camera.focal.to_array().map(R::of);
     let center = view.camera.center.to_array().map(R::of);
-    let spread = screen_covariance(splat, view, mean_view);
+    let spread = screen_covariance(splat, view, rotation, mean_view);
     let dilation = R::of(view.dilation);
     let dilated = [spread[0] + dilation, spread[1], spread[2] + dilation];
     let mut opacity = splat.opacity_logit.sigmoid();
@@ -227,7 +237,12 @@ pub fn surfel_of<R: Real>(splat: &Splat<R>, mean_view: Vec3<R>, view: &Viewpoint
 
 /// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian is taken at x/z and y/z clamped to the limits; the clamped quotients are
 /// constants, the remaining 1/z is not.
-pub fn screen_covariance<R: Real>(splat: &Splat<R>, view: &Viewpoint, mean_view: Vec3<R>) -> Vec3<R> {
+pub fn screen_covariance<R: Real>(
+    splat: &Splat<R>,
+    view: &Viewpoint,
+    rotation: Mat3<R>,
+    mean_view: Vec3<R>,
+) -> Vec3<R> {
     let [x, y, z] = mean_view;
     let focal = view.camera.focal.to_array().map(R::of);
     let slope_x = (x / z).at_least(view.limit[0]).at_most(view.limit[1]);
@@ -238,7 +253,7 @@ pub fn screen_covariance<R: Real>(splat: &Splat<R>, view: &Viewpoint, mean_view:
         [zero, focal[1] / z, -focal[1] * slope_y / z],
         [zero, zero, zero],
     ];
-    let screen_from_world = product(jacobian, matrix(view.camera.rotation));
+    let screen_from_world = product(jacobian, rotation);
     let mut log_scale = splat.log_scale;
     if view.primitive == Primitive::Surfel {
         log_scale[2] = R::of(f64::NEG_INFINITY);

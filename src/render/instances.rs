@@ -55,7 +55,9 @@ impl<'a> Instance<'a> {
     fn check(&self) -> Result<()> {
         if self.model.primitive != Primitive::Gaussian3d {
             let kind = self.model.primitive.name();
-            return Err(Error::Config(format!("a model of the kind {kind}: instances are 3D Gaussians")));
+            return Err(Error::Config(format!(
+                "a model of the kind {kind}: instances are 3D Gaussians"
+            )));
         }
         self.world_from_model.check()?;
         let opacity = self.opacity;

@@ -4,6 +4,8 @@
 //!
 //! **Invariant:** no Vulkan, and no file access.
 
+#[cfg(feature = "train")]
+mod alignment;
 mod axes;
 mod camera;
 mod dataset;
@@ -16,6 +18,8 @@ mod morton;
 mod similarity;
 mod splats;
 
+#[cfg(feature = "train")]
+pub use alignment::PoseDifference;
 pub use axes::Axes;
 pub(crate) use axes::sh_signs;
 pub use camera::Camera;

@@ -3,6 +3,7 @@
 use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
 use super::photos::Bound;
+use super::pose_pass::PosePass;
 use super::schedule;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
@@ -31,6 +32,7 @@ pub(crate) struct Backward {
     project: Vec<ProjectBackward>,
     /// The same for slots in an order of their own; empty until a model has one.
     indexed: Vec<ProjectBackward>,
+    pose: PosePass,
     adam: adam::Adam,
     /// One kernel per SH degree.
     adam_color: Vec<adam_color::AdamColor>,
@@ -142,6 +144,7 @@ impl Backward {
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
             project: ProjectBackward::of_degrees(gpu, config.sh_degree, false, is_surfel)?,
             indexed: Vec::new(),
+            pose: PosePass::new(gpu, config)?,
             adam: adam::Adam::new(gpu, adam::Choice::default())?,
             adam_color: (0..=config.sh_degree)
                 .map(|degree| adam_color::AdamColor::new(gpu, adam_color::Choice::of_degree(degree)))
@@ -178,6 +181,7 @@ impl Backward {
             // Block by block: only one block's gradients exist at a time.
             for block in blocks() {
                 self.record_project(rec, state, scratch, gradients, step, block);
+                self.pose.record(rec, state, scratch, step.sh_degree, block);
                 self.record_update(rec, state, scratch, step, block);
             }
             return;
@@ -192,7 +196,10 @@ impl Backward {
             self.record_rasterize(rec, scratch, gradients, step, (turn, ends));
             blocks().for_each(|b| self.record_project(rec, state, scratch, gradients, step, b));
         }
-        blocks().for_each(|block| self.record_update(rec, state, scratch, step, block));
+        for block in blocks() {
+            self.pose.record(rec, state, scratch, step.sh_degree, block);
+            self.record_update(rec, state, scratch, step, block);
+        }
     }
 
     fn record_loss(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {

@@ -5,6 +5,7 @@
 
 use super::config::{ExposureModel, TrainConfig};
 use super::exposure::ExposureGains;
+use super::poses::PoseState;
 use super::state::{HostState, Planes};
 use super::strategy::SplatStats;
 use crate::io::Source;
@@ -33,6 +34,8 @@ pub struct Checkpoint {
     pub controller: Option<ControllerState>,
     /// Exposures of the photographs, if the run has them.
     pub exposure: Option<ExposureGains>,
+    /// Poses of the photographs, if the run refines them.
+    pub poses: Option<PoseState>,
 }
 
 /// State of a [`Controller`](super::Controller) between two steps.
@@ -84,6 +87,9 @@ impl Checkpoint {
         });
         if let Some(exposure) = &self.exposure {
             meta["exposure"] = json!(exposure);
+        }
+        if let Some(poses) = &self.poses {
+            meta["poses"] = json!(poses);
         }
         let [params, m, v] = numbers(&self.state);
         let mut sections = vec![
@@ -155,6 +161,7 @@ impl Checkpoint {
         let kept = kept.transpose()?;
         let controller = controller(meta, kept).map_err(|what| fault(&what))?;
         let exposure = exposure(meta, config.exposure).map_err(fault)?;
+        let poses = poses(meta, config.refine_poses).map_err(fault)?;
         let state = state("", count)?;
         let statistics = file.read::<f32>("statistics")?;
         if statistics.len() != count * 4 {
@@ -168,6 +175,7 @@ impl Checkpoint {
             fingerprint: number("fingerprint")?,
             controller,
             exposure,
+            poses,
         })
     }
 
@@ -200,6 +208,16 @@ fn exposure(
         return Err("its exposures do not fit its configuration");
     }
     Ok(gains)
+}
+
+/// Poses in a header, of a run that refines them or not.
+fn poses(meta: &serde_json::Value, refines: bool) -> std::result::Result<Option<PoseState>, &'static str> {
+    let poses = meta.get("poses").map(PoseState::deserialize).transpose();
+    let poses = poses.map_err(|_| "its poses cannot be read")?;
+    if refines != poses.is_some() || !poses.iter().all(PoseState::is_whole) {
+        return Err("its poses do not fit its configuration");
+    }
+    Ok(poses)
 }
 
 /// Controller state in a header, of this version or an earlier one.
@@ -265,6 +283,7 @@ mod tests {
             fingerprint: 5,
             controller: None,
             exposure: None,
+            poses: None,
         }
     }
 

@@ -3,7 +3,7 @@
 use super::state::{HostState, Planes};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES};
+use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES, POSE_SPLATS};
 use crate::render::{
     Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Slots, buffers, of_degree, plane_count,
 };
@@ -29,7 +29,17 @@ buffers! {
         /// Of every block if kept for inspection or depth bands, else of the current block.
         gradients: Vec<Buffer<[f32; 4]>>, Gradients, vec![gradient_sizes(blocks).max().unwrap_or(0)];
         statistics: Buffer<[f32; 4]>, Gradients, blocks.splats();
+        /// Sums for the gradient by the pose: two of each stretch of a block's splats.
+        pose_sums: Buffer<[f32; 4]>, Gradients, 2 * pose_groups(blocks.strides());
     }
+}
+
+/// Workgroups of `pose_gradient` for blocks of so many splats.
+pub(crate) fn pose_groups(counts: impl IntoIterator<Item = usize>) -> usize {
+    counts
+        .into_iter()
+        .map(|count| count.div_ceil(POSE_SPLATS as usize))
+        .sum()
 }
 
 /// Vec4 of the gradients of each block.

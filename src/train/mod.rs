@@ -18,6 +18,8 @@ pub mod init;
 pub(crate) mod knn;
 mod memory;
 mod photos;
+mod pose_pass;
+pub mod poses;
 #[doc(hidden)]
 pub mod rng;
 mod run;
@@ -49,4 +51,4 @@ pub use photos::Residency;
 pub use run::{Controller, Run};
 pub use state::HostState;
 pub use strategy::{RefineContext, RefineReport, SplatStats};
-pub use trainer::{Extremes, StepReport, Trainer};
+pub use trainer::{Extremes, PhotoStates, StepReport, Trainer};

@@ -2,7 +2,8 @@
 
 use super::checkpoint::{Checkpoint, ControllerState, fingerprint};
 use super::exposure::ExposureGains;
-use super::{HostState, StepReport, TrainConfig, Trainer};
+use super::poses::RefinedPoses;
+use super::{HostState, PhotoStates, StepReport, TrainConfig, Trainer};
 use crate::gpu::Gpu;
 use crate::scene::{Dataset, Splats};
 use crate::{Error, Result};
@@ -84,7 +85,11 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
         let saved = Checkpoint::read(path)?;
         saved.check_dataset(path, dataset)?;
         let (state, iteration) = (&saved.state, saved.iteration);
-        let mut trainer = Trainer::exposed(gpu, dataset, saved.config, state, iteration, saved.exposure)?;
+        let photos = PhotoStates {
+            exposure: saved.exposure,
+            poses: saved.poses,
+        };
+        let mut trainer = Trainer::continued(gpu, dataset, saved.config, state, iteration, photos)?;
         let controller = match saved.controller {
             None => None,
             Some(saved) => {
@@ -119,6 +124,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
             fingerprint: fingerprint(self.dataset),
             controller: controller.transpose()?,
             exposure: self.trainer.exposure()?,
+            poses: self.trainer.poses()?.map(|poses| poses.state().clone()),
         };
         checkpoint.write(path)
     }
@@ -150,6 +156,16 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
     /// has none. Waits for it.
     pub fn exposure(&mut self) -> Result<Option<ExposureGains>> {
         self.trainer.exposure()
+    }
+
+    /// Refined poses after the last step begun; `None` if the run keeps the given ones. Waits for it.
+    pub fn poses(&mut self) -> Result<Option<&RefinedPoses>> {
+        self.trainer.poses()
+    }
+
+    /// See [`Trainer::refined_dataset`].
+    pub fn refined_dataset(&mut self) -> Result<Option<Dataset>> {
+        self.trainer.refined_dataset()
     }
 
     /// Steps begun.

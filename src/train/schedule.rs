@@ -3,8 +3,11 @@
 //!
 //! Iterations count from 1 to `config.iterations`, as in the 3DGS code.
 
-use super::config::{Background, ExposureModel, StrategyKind, TrainConfig};
+use super::config::{Background, ExposureModel, POSE_RATE_END, StrategyKind, TrainConfig};
 use super::rng::{self, Stream};
+
+/// Iterations without an update of poses after an opacity reset.
+const POSE_REST: u32 = 300;
 
 /// Learning rate of the means at an iteration, world units; `extent` is the scene extent in world units.
 pub fn mean_rate(config: &TrainConfig, extent: f64, iteration: u32) -> f32 {
@@ -73,6 +76,32 @@ pub fn view_order(seed: u64, view_count: usize, epoch: u32) -> Vec<usize> {
 pub fn is_exposure(config: &TrainConfig, view_count: usize, iteration: u32) -> bool {
     let is_early = u64::from(iteration) * 10 <= u64::from(config.iterations) * 9;
     config.exposure != ExposureModel::Off && is_early && (iteration as usize).is_multiple_of(view_count)
+}
+
+/// Iterations within which poses are refined: after the first, up to the last.
+fn pose_window(config: &TrainConfig) -> [f64; 2] {
+    let share = |share: f32| f64::from(share) * f64::from(config.iterations);
+    [share(config.poses.from), share(config.poses.until)]
+}
+
+/// Updates of the poses in a run, one at the end of each epoch within their window.
+pub fn pose_updates(config: &TrainConfig, view_count: usize) -> u32 {
+    let [from, until] = pose_window(config);
+    let epochs = |end: f64| (end / view_count as f64).floor();
+    (epochs(until) - epochs(from)).max(0.0) as u32
+}
+
+/// Rate of the poses' update after an iteration, as a share of the first, at the end of an epoch; `None` in other
+/// iterations. Opacity resets leave pictures that tell nothing of poses: 300 iterations after each have no update.
+pub fn pose_rate(config: &TrainConfig, view_count: usize, iteration: u32) -> Option<f64> {
+    let [from, until] = pose_window(config);
+    let at = f64::from(iteration);
+    let is_end = config.refine_poses && (iteration as usize).is_multiple_of(view_count);
+    let was_reset = (iteration.saturating_sub(POSE_REST)..iteration).any(|i| is_reset(config, i));
+    if !is_end || at <= from || at > until || was_reset {
+        return None;
+    }
+    Some(POSE_RATE_END.powf((at - from) / (until - from)))
 }
 
 /// Background colour of an iteration.

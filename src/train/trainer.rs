@@ -7,6 +7,7 @@
 mod capacity;
 mod halved;
 mod inspect;
+mod poses;
 mod steer;
 
 use super::backward::{Backward, Gradients, Step, UNEXPOSED};
@@ -15,6 +16,7 @@ use super::device::DeviceState;
 use super::exposure::ExposureGains;
 use super::memory::{IN_FLIGHT, with_margin};
 use super::photos::Photos;
+use super::poses::{PoseState, RefinedPoses};
 use super::state::HostState;
 use super::strategy::{self, RefineContext, RefineReport};
 use super::{initial_splats, schedule, smoothing};
@@ -49,12 +51,23 @@ pub struct StepReport {
     pub refined: Option<RefineReport>,
 }
 
+/// States of the photographs in a run, beside the splats.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhotoStates {
+    /// Exposures, if the run has them.
+    pub exposure: Option<ExposureGains>,
+    /// Poses, if the run refines them.
+    pub poses: Option<PoseState>,
+}
+
 /// A step in flight.
 struct StepInFlight {
     iteration: u32,
     ticket: Ticket,
     counts: Readback<u32>,
     loss: Readback<[f32; 4]>,
+    /// Sums for the gradient by the pose, if poses are refined.
+    pose_sums: Option<Readback<[f32; 4]>>,
     splat_count: usize,
     /// Place of the photograph among the views trained on.
     photo: usize,
@@ -82,6 +95,8 @@ pub struct Trainer<'a> {
     halved: Option<Dataset>,
     /// Exposures of the photographs, in the order of `views`.
     exposure: Option<ExposureGains>,
+    /// Refined poses of the photographs, in the order of `views`.
+    poses: Option<RefinedPoses>,
     frames: Frames,
     /// Last iteration recorded.
     iteration: u32,
@@ -109,17 +124,17 @@ impl<'a> Trainer<'a> {
         state: &HostState,
         iteration: u32,
     ) -> Result<Trainer<'a>> {
-        Trainer::exposed(gpu, dataset, config, state, iteration, None)
+        Trainer::continued(gpu, dataset, config, state, iteration, PhotoStates::default())
     }
 
-    /// [`Trainer::from_state`] with the exposures of an earlier part of the run.
-    pub fn exposed(
+    /// [`Trainer::from_state`] with exposures and poses of an earlier part of the run.
+    pub fn continued(
         gpu: &Gpu,
         dataset: &'a Dataset,
         mut config: TrainConfig,
         state: &HostState,
         iteration: u32,
-        exposure: Option<ExposureGains>,
+        photos: PhotoStates,
     ) -> Result<Trainer<'a>> {
         config.validate()?;
         if state.primitive != config.kind {
@@ -132,11 +147,13 @@ impl<'a> Trainer<'a> {
         if views.is_empty() {
             return Err(Error::Config("the data set has no training view".into()));
         }
-        let exposure = match (config.exposure, exposure) {
+        let exposure = match (config.exposure, photos.exposure) {
             (ExposureModel::Off, _) => None,
             (ExposureModel::Gain, Some(given)) => Some(given),
             (ExposureModel::Gain, None) => Some(ExposureGains::begin(dataset, &views)?),
         };
+        let extent = dataset.extent();
+        let poses = poses::begin(dataset, &views, extent, &config, photos.poses)?;
         let sizes = views.iter().map(|&view| &dataset.views[view].camera);
         let capacity = sizes
             .map(|&Camera { width, height, .. }| {
@@ -152,7 +169,7 @@ impl<'a> Trainer<'a> {
         let mut trainer = Trainer {
             gpu: gpu.clone(),
             dataset,
-            extent: dataset.extent(),
+            extent,
             limit: config.splat_limit(),
             forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy, config.kind)?,
             backward: Backward::new(gpu, &config)?,
@@ -163,6 +180,7 @@ impl<'a> Trainer<'a> {
             photos,
             halved,
             exposure,
+            poses,
             frames: Frames::new(gpu, IN_FLIGHT, true)?,
             views,
             config,
@@ -239,10 +257,14 @@ impl<'a> Trainer<'a> {
             schedule::is_reset(&self.config, iteration),
         );
         let expose = schedule::is_exposure(&self.config, self.views.len(), iteration);
+        let is_epoch = self.poses.is_some() && (iteration as usize).is_multiple_of(self.views.len());
         // A step that did not fit is repeated first: only its result is refined.
-        if (refine || reset || expose) && self.drain()? {
+        if (refine || reset || expose || is_epoch) && self.drain()? {
             if let Some(exposure) = self.exposure.as_mut().filter(|_| expose) {
                 exposure.update();
+            }
+            if is_epoch {
+                self.update_poses(iteration);
             }
             if refine || reset {
                 self.refine(iteration, refine, reset)?;
@@ -312,7 +334,7 @@ impl<'a> Trainer<'a> {
             filter: self.config.filter,
         };
         let model = &self.state.model;
-        let mut view = view_of(camera, &options);
+        let mut view = view_of(&self.refined(index, camera), &options);
         if self.halved.is_some() {
             view.dilation *= self.config.half_size_dilation;
         }
@@ -329,20 +351,22 @@ impl<'a> Trainer<'a> {
         };
         let (forward, backward, state) = (&self.forward, &self.backward, &self.state);
         let (scratch, gradients, photos) = (&self.scratch, &self.gradients, &mut self.photos);
-        let (ticket, (counts, loss)) = self.frames.submit(|rec| {
+        let (ticket, (counts, loss, pose_sums)) = self.frames.submit(|rec| {
             let photo = photos.bind(rec, dataset, index)?;
             rec.update(&scratch.counts, COUNT_POISONED as usize, &[0, 0]);
             rec.timestamp("upload");
             forward.record(rec, model, scratch, &view, sh_degree, step.bands);
             backward.record(rec, state, scratch, gradients, &photo, &step);
             let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
-            Ok((counts, rec.read_back(&gradients.loss, 0..3)?))
+            let loss = rec.read_back(&gradients.loss, 0..3)?;
+            Ok((counts, loss, poses::read_back(rec, state, &self.config)?))
         })?;
         Ok(StepInFlight {
             iteration,
             ticket,
             counts,
             loss,
+            pose_sums,
             splat_count: model.splat_count,
             photo: index,
         })
@@ -370,6 +394,9 @@ impl<'a> Trainer<'a> {
         let [l1, dssim, square, weight] = sums[0].map(f64::from);
         if let Some(exposure) = &mut self.exposure {
             exposure.add(oldest.photo, &sums[1..]);
+        }
+        if let (Some(poses), Some(sums)) = (&mut self.poses, &oldest.pose_sums) {
+            poses.add(oldest.photo, &sums.get());
         }
         let lambda = f64::from(self.config.lambda_dssim);
         let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };

@@ -117,3 +117,54 @@ fn test_views_take_no_part_in_exposures() {
         "without tracks nothing is known"
     );
 }
+
+#[test]
+fn fisheye_photographs_are_seen_as_the_pinhole_pictures_of_their_sides() {
+    let options = SynthOptions {
+        views: 5,
+        width: 128,
+        height: 96,
+        samples: 3,
+        points: 500,
+        test_every: 4,
+        tracks: true,
+        fisheye: true,
+        ..SynthOptions::default()
+    };
+    let made = scene(Kind::Demo);
+    let dir = tempfile::tempdir().unwrap();
+    save_colmap(&made.dataset(&options), &options, dir.path()).unwrap();
+    let open = dataset::OpenOptions {
+        test_every: 4,
+        ..Default::default()
+    };
+    let read = dataset::open(dir.path(), &open).unwrap();
+    let names: Vec<&str> = read.views.iter().map(|view| view.name.as_str()).collect();
+    assert!(
+        names.contains(&"0000.png") && names.contains(&"0001.png#front"),
+        "{names:?}"
+    );
+    assert!(
+        names.contains(&"0001.png#left") && !names.contains(&"0001.png#back"),
+        "{names:?}"
+    );
+    assert_eq!(read.split(Split::Test).len(), 2);
+    for view in read.views.iter().filter(|view| view.name.starts_with("0002")) {
+        let (seen, exact) = (photo::load(view).unwrap(), made.photo(&view.camera, 3));
+        let kept = seen.rgba.iter().zip(&exact.rgba).filter(|(seen, _)| seen[3] == 255);
+        let (mut error, mut count) = (0.0, 0.0);
+        for (seen, exact) in kept {
+            error += (0..3).map(|c| f64::from(seen[c].abs_diff(exact[c]))).sum::<f64>();
+            count += 3.0;
+        }
+        // Resampling blurs edges; another place of the picture is off by tens.
+        let share = count / (3 * seen.rgba.len()) as f64;
+        println!("{}: {:.2} levels over {share:.2}", view.name, error / count);
+        assert!(
+            error / count < 6.0 && share > 0.2,
+            "{}: {} levels",
+            view.name,
+            error / count
+        );
+    }
+}

@@ -2,6 +2,7 @@
 
 mod exposures;
 mod needs;
+mod poses;
 mod results;
 mod state;
 mod steps;
@@ -36,7 +37,8 @@ use steps::run_steps;
 ///
 /// Writes to DIR: scene.ply (the scene, readable by the usual viewers), report.json (every figure and
 /// constant), checkpoint and run.json (to go on from), and test/*.png: photograph | rendering | fourfold
-/// difference of each held-out view; with --exposure also exposures.json.
+/// difference of each held-out view; with --exposure also exposures.json, with
+/// --refine-poses refined/ and poses.json.
 ///
 /// DATA is a folder with a COLMAP model (sparse/0 or sparse, binary or text) and images/, or with
 /// a transforms.json (nerfstudio, Blender), or such a file.
@@ -154,11 +156,17 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
     let Some(loss_db) = args.parsimony else {
         return AutoRun::new(gpu, dataset, args.config.config(kind)?);
     };
-    if args.config.config(kind)?.kind == Primitive::Surfel {
+    let asked = args.config.config(kind)?;
+    if asked.kind == Primitive::Surfel {
         let what = "--parsimony is for 3D splats: leave it out, or --kind surfel";
         return Err(Error::Config(what.into()));
     }
-    if args.config.config(kind)?.exposure != ExposureModel::Off {
+    if asked.refine_poses {
+        let what =
+            "--refine-poses and --parsimony exclude each other: held-out views keep poses that do not fit the rest";
+        return Err(Error::Config(what.into()));
+    }
+    if asked.exposure != ExposureModel::Off {
         let what = "--exposure and --parsimony exclude each other: held-out views have no gains to be judged by";
         return Err(Error::Config(what.into()));
     }
@@ -319,11 +327,21 @@ impl<'a> Session<'a> {
         if let Some(gains) = run.exposure()? {
             exposures::write(self.dir, self.dataset, &gains)?;
         }
+        if let Some(poses) = run.poses()? {
+            let (line, summary) = poses::write(self.dir, &state.data, self.dataset, poses)?;
+            self.output.remark(line);
+            self.output.event(|| json!({"event": "poses", "poses": summary}));
+        }
+        let refined = run.refined_dataset()?;
+        let session = Session {
+            dataset: refined.as_ref().unwrap_or(self.dataset),
+            ..*self
+        };
         let config = run.config().clone();
         let controller = run.controller();
         let found = controller.map(|controller| needs::found(self.dataset, controller.history(), &splats));
         drop(run);
-        results::write(self, &config, state, (&splats, memory), found)?;
+        results::write(&session, &config, state, (&splats, memory), found)?;
         Ok(Outcome::Done)
     }
 

@@ -1,6 +1,7 @@
 //! COLMAP's binary model of a made data set, with the tracks of its points, and the truth of its perturbations.
 
 use super::SynthOptions;
+use super::fisheye::FisheyeLens;
 use super::save::save_photo;
 use crate::error::{Error, Result};
 use crate::scene::{Dataset, Photo, PhotoSource, View};
@@ -10,7 +11,7 @@ use std::path::Path;
 
 /// Writes `dataset`, with photographs in memory, to the folder `dir`: `images/NAME.png`, the model in `sparse/0`. Every
 /// camera has an entry of its own; 2D points are exact projections. With perturbations, `truth.json` has the stops of
-/// each photograph's red, green and blue. Existing files of these names are replaced.
+/// each photograph's red, green and blue, and the folder of the exact model. Existing files are replaced.
 pub fn save_colmap(dataset: &Dataset, options: &SynthOptions, dir: &Path) -> Result<()> {
     for view in &dataset.views {
         let path = dir.join(&view.name);
@@ -22,32 +23,39 @@ pub fn save_colmap(dataset: &Dataset, options: &SynthOptions, dir: &Path) -> Res
             _ => return Err(Error::file(&path, "not in memory: only made data sets are saved")),
         }
     }
-    let model = dir.join("sparse/0");
-    std::fs::create_dir_all(&model).map_err(Error::io(&model))?;
+    save_model(dataset, options, &dir.join("sparse/0"))?;
+    save_truth(dataset, options, dir)
+}
+
+/// Writes the model alone to a folder, which is created.
+pub fn save_model(dataset: &Dataset, options: &SynthOptions, model: &Path) -> Result<()> {
+    std::fs::create_dir_all(model).map_err(Error::io(model))?;
     let write = |name: &str, bytes: Vec<u8>| {
         let path = model.join(name);
         std::fs::write(&path, bytes).map_err(Error::io(&path))
     };
-    write("cameras.bin", cameras(dataset))?;
+    write("cameras.bin", cameras(dataset, options))?;
     write("images.bin", images(dataset))?;
-    write("points3D.bin", points(dataset))?;
-    if options.exposure_seed.is_some() {
-        save_truth(dataset, options, dir)?;
-    }
-    Ok(())
+    write("points3D.bin", points(dataset))
 }
 
 fn save_truth(dataset: &Dataset, options: &SynthOptions, dir: &Path) -> Result<()> {
-    let stops = dataset.views.iter().zip(options.exposures());
-    let truth = json!({
-        "perturbation": "exposure",
-        "seed": options.exposure_seed,
-        "stops": stops
-            .map(|(view, stops)| (file_name(view).to_owned(), json!(stops)))
-            .collect::<serde_json::Map<_, _>>(),
-    });
+    let mut truth = serde_json::Map::new();
+    if let Some(seed) = options.exposure_seed {
+        let stops = dataset.views.iter().zip(options.exposures());
+        let stops = stops.map(|(view, stops)| (file_name(view).to_owned(), json!(stops)));
+        truth.insert("seed".into(), json!(seed));
+        truth.insert("stops".into(), stops.collect::<serde_json::Map<_, _>>().into());
+    }
+    if let Some(seed) = options.pose_seed {
+        truth.insert("seed".into(), json!(seed));
+        truth.insert("poses".into(), json!("truth"));
+    }
+    if truth.is_empty() {
+        return Ok(());
+    }
     let path = dir.join("truth.json");
-    std::fs::write(&path, format!("{truth:#}\n")).map_err(Error::io(&path))
+    std::fs::write(&path, format!("{:#}\n", json!(truth))).map_err(Error::io(&path))
 }
 
 /// Name below `images`.
@@ -55,20 +63,25 @@ fn file_name(view: &View) -> &str {
     view.name.trim_start_matches("images/")
 }
 
-/// PINHOLE, one for each view.
-fn cameras(dataset: &Dataset) -> Vec<u8> {
+/// PINHOLE or OPENCV_FISHEYE, one for each view.
+fn cameras(dataset: &Dataset, options: &SynthOptions) -> Vec<u8> {
+    let lens = FisheyeLens::of(options.width * options.height);
     let mut bytes = (dataset.views.len() as u64).to_le_bytes().to_vec();
     for (id, View { camera, .. }) in dataset.views.iter().enumerate() {
         bytes.extend((id as u32 + 1).to_le_bytes());
-        bytes.extend(1_u32.to_le_bytes());
-        bytes.extend(
-            [camera.width, camera.height]
-                .map(u64::from)
-                .map(u64::to_le_bytes)
-                .as_flattened(),
-        );
-        let parameters = [camera.focal.x, camera.focal.y, camera.center.x, camera.center.y];
-        bytes.extend(parameters.map(f64::to_le_bytes).as_flattened());
+        let mut put = |model: u32, size: [u32; 2], parameters: &[f64]| {
+            bytes.extend(model.to_le_bytes());
+            bytes.extend(size.map(u64::from).map(u64::to_le_bytes).as_flattened());
+            bytes.extend(parameters.iter().flat_map(|parameter| parameter.to_le_bytes()));
+        };
+        if options.is_fisheye(id) {
+            let (focal, middle) = (lens.focal, 0.5 * f64::from(lens.side));
+            let parameters = [&[focal, focal, middle, middle][..], &lens.radial].concat();
+            put(5, [lens.side; 2], &parameters);
+        } else {
+            let parameters = [camera.focal.x, camera.focal.y, camera.center.x, camera.center.y];
+            put(1, [camera.width, camera.height], &parameters);
+        }
     }
     bytes
 }

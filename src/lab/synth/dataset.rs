@@ -1,6 +1,8 @@
 //! Cameras around a synthetic scene, and its data set.
 
 use super::Scene;
+use super::fisheye::FisheyeLens;
+use super::noise::disturb;
 use super::perturb::{exposed, exposures};
 use super::random::KeyedRandom;
 use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, View};
@@ -65,6 +67,13 @@ pub struct SynthOptions {
     pub tracks: bool,
     /// Seed of exposures of the training photographs ([`SynthOptions::exposures`]); `None`: one exposure for all.
     pub exposure_seed: Option<u64>,
+    /// Seed of errors of the training cameras ([`SynthOptions::pose_amount`]); `None`: none. Needs tracks.
+    pub pose_seed: Option<u64>,
+    /// Size of these errors: 1 for half a degree and half a percent of the extent (rms).
+    pub pose_amount: f64,
+    /// Take the training photographs through a [`FisheyeLens`], for `save_colmap` alone: they do not fit the pinholes
+    /// of the views, which have the same poses.
+    pub fisheye: bool,
 }
 
 impl Default for SynthOptions {
@@ -85,16 +94,28 @@ impl Default for SynthOptions {
             test_every: 8,
             tracks: false,
             exposure_seed: None,
+            pose_seed: None,
+            pose_amount: 1.0,
+            fisheye: false,
         }
     }
 }
 
 impl SynthOptions {
+    fn is_test(&self, view: usize) -> bool {
+        self.test_every > 0 && view.is_multiple_of(self.test_every)
+    }
+
+    /// Whether a fisheye lens takes a photograph.
+    pub fn is_fisheye(&self, view: usize) -> bool {
+        self.fisheye && !self.is_test(view)
+    }
+
     /// Exposure of each photograph's red, green and blue in stops of linear light: 0 in test views and without a seed,
     /// else within one stop, and a quarter more or less in red and blue. The mean over the training views is 0 in each
     /// channel, so that test views show the scene at its own brightness.
     pub fn exposures(&self) -> Vec<[f64; 3]> {
-        let is_test = |view: usize| self.test_every > 0 && view.is_multiple_of(self.test_every);
+        let is_test = |view| self.is_test(view);
         match self.exposure_seed {
             Some(seed) => exposures(self.views, is_test, seed),
             None => vec![[0.0; 3]; self.views],
@@ -113,16 +134,18 @@ impl Scene {
     pub fn dataset(&self, options: &SynthOptions) -> Dataset {
         let cameras = self.cameras(options);
         let stops = options.exposures();
+        let lens = FisheyeLens::of(options.width * options.height);
         let view = |(index, camera): (usize, &Camera)| View {
             name: format!("images/{index:04}.png"),
             camera: *camera,
             photo: PhotoSource::Memory(match options.cutout {
                 true => self.cutout(camera, options.samples),
+                false if options.is_fisheye(index) => self.fisheye_photo(camera, &lens, options.samples),
                 false => self.exposed_photo(camera, options.samples, stops[index]),
             }),
         };
         let points = self.points(&cameras, options);
-        Dataset {
+        let mut dataset = Dataset {
             views: cameras.iter().enumerate().map(view).collect(),
             tracks: match options.tracks {
                 true => cameras.par_iter().map(|camera| self.track(camera, &points)).collect(),
@@ -132,7 +155,11 @@ impl Scene {
             test_every: options.test_every,
             alpha: AlphaMode::Composite,
             ..Dataset::default()
+        };
+        if let Some(seed) = options.pose_seed {
+            disturb(&mut dataset, seed, options.pose_amount);
         }
+        dataset
     }
 
     /// Cameras of `dataset`, in the order of its views.

@@ -8,9 +8,11 @@
 mod colmap;
 mod composition;
 mod dataset;
+mod fisheye;
 mod material;
 mod mesh;
 mod model;
+mod noise;
 mod perturb;
 mod random;
 mod ray;
@@ -21,9 +23,10 @@ mod triangulate;
 #[cfg(test)]
 mod tests;
 
-pub use colmap::save_colmap;
+pub use colmap::{save_colmap, save_model};
 pub use composition::{Kind, scene};
 pub use dataset::{Rig, SynthOptions};
+pub use fisheye::FisheyeLens;
 pub use material::{Material, Texture};
 pub use mesh::MeshTree;
 pub use model::{icosphere, knot, leaves};

@@ -12,7 +12,8 @@ mod settings;
 mod validate;
 
 pub use auto::AutoConfig;
-pub use groups::{AdamConfig, AdcConfig, InitConfig, LearningRates, McmcConfig, MipConfig, RefineTimes};
+pub(crate) use groups::POSE_RATE_END;
+pub use groups::{AdamConfig, AdcConfig, InitConfig, LearningRates, McmcConfig, MipConfig, PoseConfig, RefineTimes};
 
 use crate::render::Accuracy;
 use crate::scene::{Primitive, ScreenFilter};
@@ -108,6 +109,12 @@ pub struct TrainConfig {
     /// Exposures of the photographs: off (3DGS), or gains.
     #[serde(default)]
     pub exposure: ExposureModel,
+    /// Whether the poses of the photographs are refined: off (3DGS).
+    #[serde(default)]
+    pub refine_poses: bool,
+    /// Constants of that.
+    #[serde(default)]
+    pub poses: PoseConfig,
     /// Near plane as a share of the scene extent: 0.01 (3DGS: 0.2 world units, a hidden assumption on the world's
     /// unit).
     pub near_factor: f32,
@@ -184,6 +191,8 @@ impl TrainConfig {
             init: InitConfig::default(),
             background: Background::Fixed([0.0; 3]),
             exposure: ExposureModel::Off,
+            refine_poses: false,
+            poses: PoseConfig::default(),
             near_factor: 0.01,
             photo_share: 0.25,
             half_size_until: 0,

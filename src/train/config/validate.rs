@@ -25,6 +25,9 @@ impl TrainConfig {
                 return Err(refused("max_aspect", self.max_aspect, "0 for surfels, which are flat"));
             }
         }
+        if self.refine_poses && self.kind == Primitive::Surfel {
+            return Err(refused("refine_poses", true, "false for surfels"));
+        }
         if let Background::Fixed(color) = self.background {
             color.check("background", 0.0..=1.0)?;
         }
@@ -40,6 +43,7 @@ impl TrainConfig {
         self.mcmc.check()?;
         self.init.check()?;
         self.auto.check()?;
+        self.poses.check()?;
         ascending("init.scale_range", &self.init.scale_range)?;
         ascending("init.random_depths", &self.init.random_depths)?;
         self.check_mean_rates()

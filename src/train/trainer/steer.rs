@@ -19,8 +19,9 @@ impl Trainer<'_> {
         if views == self.views {
             return Ok(());
         }
-        if self.exposure.is_some() {
-            let what = "the views of a run with exposures cannot change: train without --exposure";
+        if self.exposure.is_some() || self.poses.is_some() {
+            let what = "the views of a run with exposures or refined poses cannot change: train without --exposure and \
+                        --refine-poses";
             return Err(Error::Config(what.into()));
         }
         self.settle()?;

@@ -1,10 +1,12 @@
 //! The binary from the command line: output, files and exit status of commands, on a small synthetic data set.
 
+mod capture;
 mod chart;
 mod export;
 mod exposure;
 mod mesh;
 mod needs;
+mod poses;
 mod prune;
 mod surfels;
 

@@ -67,6 +67,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
             fingerprint: fingerprint(dataset),
             controller: None,
             exposure: None,
+            poses: None,
         };
         before(trainer.iteration());
         checkpoint.write(&path)?;

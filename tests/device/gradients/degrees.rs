@@ -132,6 +132,7 @@ fn a_run_of_several_degrees_repeats_and_resumes_to_the_bit() {
         fingerprint: fingerprint(&dataset),
         controller: None,
         exposure: None,
+        poses: None,
     }
     .write(&path)
     .unwrap();

@@ -3,6 +3,7 @@
 
 mod degrees;
 mod oracle;
+mod poses;
 mod relations;
 mod rounding;
 mod training;

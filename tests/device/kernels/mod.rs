@@ -19,6 +19,7 @@ mod loss;
 mod overlay;
 mod perturb;
 mod plan;
+mod pose_gradient;
 mod present;
 mod project;
 mod project_backward;

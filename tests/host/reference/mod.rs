@@ -10,6 +10,7 @@ mod metamorphic;
 mod operations;
 mod packing;
 mod planes;
+mod poses;
 mod rays;
 mod sample;
 mod surfels;

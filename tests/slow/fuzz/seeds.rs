@@ -364,6 +364,7 @@ fn checkpoint() -> Vec<u8> {
         fingerprint: 5,
         controller: None,
         exposure: None,
+        poses: None,
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");

@@ -15,6 +15,7 @@ pub mod loss;
 pub mod overlay;
 pub mod perturb;
 pub mod plan;
+pub mod pose_gradient;
 pub mod present;
 pub mod project;
 pub mod project_backward;
@@ -89,6 +90,7 @@ fn by_splat(bench: &mut Bench, count: usize) -> Result<()> {
     time(bench, ELEMENTWISE, count, |gpu| {
         project_backward::scattered(gpu, &scene(3))
     })?;
+    time(bench, STRETCHED, count, |gpu| pose_gradient::scattered(gpu, &scene(3)))?;
     time(bench, ELEMENTWISE, count, |gpu| adam::usual(gpu, count))?;
     time(bench, ELEMENTWISE, count, |gpu| adam_color::usual(gpu, count))?;
     time(bench, ELEMENTWISE, count, |gpu| {
@@ -192,6 +194,9 @@ pub fn time<'a, K: Kernel>(
 
 /// Workgroups of kernels of one invocation an element.
 const ELEMENTWISE: Workgroups = Workgroups::any(&[32, 64, 128, 256]);
+
+/// Workgroups of kernels with a workgroup a stretch of splats.
+const STRETCHED: Workgroups = Workgroups::any(&[32, 64, 128]);
 
 /// Workgroups of kernels with a workgroup a tile.
 const LANES: Workgroups = Workgroups::lanes(&[8, 16, 32]);

@@ -82,6 +82,17 @@ impl SplatSums {
         self.records.iter().map(part).collect()
     }
 
+    /// Gradient by each splat's row on the screen; 0 where it is not drawn.
+    pub fn by_screen(&self) -> Vec<[f64; 10]> {
+        let rows = self.screen.iter().enumerate();
+        let row = |(i, screen): (usize, &Option<ScreenSplat<f64>>)| {
+            screen
+                .as_ref()
+                .map_or([0.0; 10], |screen| pack::screen_row(screen, self.total(i)))
+        };
+        rows.map(row).collect()
+    }
+
     fn total(&self, splat: usize) -> [f64; 9] {
         let begin = self.begins[splat] as usize;
         let mut sums = [0.0; 9];
@@ -93,7 +104,7 @@ impl SplatSums {
     }
 
     /// Gradient of a splat's parameters, and its statistics after the step.
-    fn expected(&self, i: usize) -> (Vec<f64>, [f64; 4]) {
+    pub(super) fn expected(&self, i: usize) -> (Vec<f64>, [f64; 4]) {
         let splat = Splat::<f64>::of(&self.scene.splats, i);
         let [opacity, scale, size] = PENALTIES.map(f64::from);
         let mut row = penalty_backward(&splat, PenaltyWeights { opacity, scale, size });

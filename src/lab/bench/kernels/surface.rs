@@ -4,7 +4,7 @@ use super::composite::Composite;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::lists::viewpoint;
 use crate::layout::SURFACE_PLANES;
-use crate::reference::linear::{dot, normalize, rotation, sub, transform, transpose, vector};
+use crate::reference::linear::{dot, matrix, normalize, rotation, sub, transform, transpose, vector};
 use crate::reference::plane::TangentPlane;
 use crate::reference::{Splat, Viewpoint, project};
 
@@ -35,7 +35,7 @@ pub(super) fn plane_outputs(view: &Viewpoint, splats: &[Splat<f64>], found: &[[f
         normals[0].extend(normal.map(|n| -n * left));
         normals[1].extend(plane.normal.map(|n| n * left));
         let tilt = plane.tilt(view);
-        let [xx, _, yy] = project::screen_covariance(splat, view, plane.mean);
+        let [xx, _, yy] = project::screen_covariance(splat, view, matrix(view.camera.rotation), plane.mean);
         let cos = -dot(plane.normal, normalize(plane.mean));
         let unit = 3.0 * tilt[0].hypot(tilt[1]) * (xx + yy).sqrt() / cos + 1e-9;
         ranges[0].push(range / unit);
