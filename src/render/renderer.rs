@@ -310,7 +310,7 @@ impl Renderer {
                 FrameContent::Instances(..) => "prepare_instances",
             };
             return Err(Error::Config(format!(
-                "the model's kernels are not compiled: call {function} first"
+                "the model's kernels are not compiled: call {function} first, or reserve"
             )));
         }
         let capacity = self.scratch.capacity;
