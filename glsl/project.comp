@@ -153,6 +153,17 @@ bool within_clip(vec3 mean) {
     return (push.flags & (inside ? INSTANCE_CUT : INSTANCE_KEEP)) == 0;
 }
 
+// log2 of a splat's opacity, under smoothing, the screen filter, the instance and dropout.
+float log_opacity_of(View view, float logit, float smoothing, Smoothed s, Footprint f) {
+    // log2 of the sigmoid; exp(-u) may overflow to infinity, then the splat is invisible as it should.
+    float log_opacity = -log2(1.0 + exp(-logit));
+    if (smoothing > 0.0) log_opacity += log_smoothing(s);
+    if (view.compensate != 0) log_opacity += log_compensation(f);
+    if (INSTANCED != 0) log_opacity += push.log_opacity;
+    if (view.dropout != 0) log_opacity -= log2(1.0 - view.dropout * (1.0 / 4294967296.0));
+    return log_opacity;
+}
+
 // Writes the splat's record and returns its number of tiles.
 uint project(uint slot, uint splat) {
     View view = view_of_model();
@@ -197,20 +208,10 @@ uint project(uint slot, uint splat) {
     sound = sound && shaped;
 
     vec2 mean_pixel = view.focal * mean_view.xy / mean_view.z + view.center;
-    // log2 of the sigmoid; exp(-u) may overflow to infinity, then the splat is invisible as it should.
-    float log_opacity = -log2(1.0 + exp(-mean.w));
-    if (shaping.w > 0.0) log_opacity += log_smoothing(s);
-    if (view.compensate != 0) log_opacity += log_compensation(f);
-    if (INSTANCED != 0) {
-        sound = sound && within_clip(mean.xyz);
-        log_opacity += push.log_opacity;
-    }
-    if (view.dropout != 0) {
-        sound = sound && scramble(view.dropout_key ^ splat) >= view.dropout;
-        log_opacity -= log2(1.0 - view.dropout * (1.0 / 4294967296.0));
-    }
+    float log_opacity = log_opacity_of(view, mean.w, shaping.w, s, f);
+    if (INSTANCED != 0) sound = sound && within_clip(mean.xyz);
+    if (view.dropout != 0) sound = sound && scramble(view.dropout_key ^ splat) >= view.dropout;
     sound = sound && log_opacity >= LOG2_ALPHA_MIN && is_finite(vec3(mean_pixel, 0.0));
-
     sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
 
     vec3 color = color_toward(slot, offset / distance, sound);
