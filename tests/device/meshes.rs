@@ -187,19 +187,21 @@ fn the_mesh_of_a_trained_sphere_is_near_the_sphere() {
     );
 }
 
+/// Size of the tables of docs/surfaces.md.
+const TABLE_SIZE: Size = Size {
+    views: 32,
+    width: 160,
+    height: 120,
+    iterations: 1_000,
+};
+
 /// The table of docs/surfaces.md.
 #[test]
 #[ignore = "minutes of training; `cargo test --release --test device -- --ignored tables_of_meshes --nocapture`"]
 fn tables_of_meshes() {
     let gpu = device::gpu();
-    let size = Size {
-        views: 32,
-        width: 160,
-        height: 120,
-        iterations: 1_000,
-    };
     for kind in [Kind::Plane, Kind::Sphere, Kind::Solids] {
-        table(kind, &measured(&gpu, kind, &size, SPLATS).meshes);
+        table(kind, &measured(&gpu, kind, &TABLE_SIZE, SPLATS).meshes);
     }
 }
 
@@ -225,16 +227,10 @@ fn the_mesh_of_surfels_on_a_plane_is_near_the_plane() {
 #[ignore = "minutes of training; `cargo test --release --test device -- --ignored tables_of_surfels --nocapture`"]
 fn tables_of_surfels() {
     let gpu = device::gpu();
-    let size = Size {
-        views: 32,
-        width: 160,
-        height: 120,
-        iterations: 1_000,
-    };
     for kind in [Kind::Plane, Kind::Sphere] {
         for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
             for primitive in [Primitive::Gaussian3d, Primitive::Surfel] {
-                let found = measured(&gpu, kind, &size, (primitive, filter));
+                let found = measured(&gpu, kind, &TABLE_SIZE, (primitive, filter));
                 let (name, mode) = (primitive.name(), filter.name());
                 println!("{name}, {mode}: {:.2} dB, {} splats", found.psnr_db, found.splats);
                 table(kind, &found.meshes);

@@ -11,7 +11,7 @@ use ashfall::render::{Capacity, Compatibility, Model, RenderOptions, RenderedIma
 use ashfall::scene::{Camera, ScreenFilter, Splats};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-fn draw_with(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> RenderedImage {
+pub(crate) fn draw_with(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> RenderedImage {
     let model = Model::upload(gpu, &scene.splats).unwrap();
     let view = ViewOptions {
         background: scene.options.background.map(|c| c as f32),

@@ -2,6 +2,7 @@
 
 use crate::common::device;
 use crate::common::scenes::{self, Scene, flattened};
+use crate::surfaces::draw_with;
 use ashfall::gpu::Gpu;
 use ashfall::reference::frame::{center, discontinuity_margins, project_all, sorted};
 use ashfall::reference::linear::{dot, normalize};
@@ -21,17 +22,6 @@ const OPTIONS: fn() -> RenderOptions = || RenderOptions {
     ..RenderOptions::default()
 };
 
-fn draw(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> RenderedImage {
-    let model = Model::upload(gpu, &scene.splats).unwrap();
-    let view = ViewOptions {
-        background: scene.options.background.map(|c| c as f32),
-        near: scene.options.near as f32,
-        filter: scene.splats.filter,
-    };
-    let mut renderer = Renderer::new(gpu, options).unwrap();
-    renderer.render(&model, &scene.camera, &view).unwrap()
-}
-
 /// Errors of a picture, in units of what rounding explains: colour, expected depth, median depth and normal.
 #[derive(Debug, Default)]
 struct Errors {
@@ -44,7 +34,7 @@ struct Errors {
 /// A picture beside the reference's. The rounding of a surfel's mean on the screen, and of its plane's distance, counts
 /// over the cosine of its plane and the line of sight.
 fn compare(gpu: &Gpu, scene: &Scene) -> Errors {
-    let image = draw(gpu, scene, OPTIONS());
+    let image = draw_with(gpu, scene, OPTIONS());
     let found = image.surface.as_ref().unwrap();
     let view = Viewpoint::on(&scene.splats, &scene.camera, &scene.options);
     let all = Splat::<f64>::all(&scene.splats);
@@ -191,7 +181,7 @@ fn huge_and_tiny_coordinates_and_scales_leave_pictures_finite() {
         for (i, log_scale) in scene.splats.log_scale.iter_mut().enumerate() {
             *log_scale = [[-80.0, 80.0, 0.0], [40.0; 3], [-87.0, -40.0, 0.0], [-2.0, 88.0, 0.0]][i % 4];
         }
-        let image = draw(&gpu, &scene, OPTIONS());
+        let image = draw_with(&gpu, &scene, OPTIONS());
         assert!(image.rgb.as_flattened().iter().all(|c| c.is_finite()));
         assert!(image.transmittance.iter().all(|t| (0.0..=1.0).contains(t)));
     }
@@ -208,7 +198,7 @@ fn bands_and_the_third_scale_change_no_bit() {
     let gpu = device::gpu();
     for filter in FILTERS {
         let scene = flattened(scenes::hard(88, 180, 97, 65, 1), filter);
-        let whole = bits(&draw(&gpu, &scene, OPTIONS()));
+        let whole = bits(&draw_with(&gpu, &scene, OPTIONS()));
         let capacity = Capacity {
             isects: 256,
             ..Capacity::LEAST
@@ -225,7 +215,10 @@ fn bands_and_the_third_scale_change_no_bit() {
         assert!(bits(&again) == whole);
         let mut thick = scene.clone();
         thick.splats.log_scale.iter_mut().for_each(|s| s[2] = 3.0);
-        assert!(bits(&draw(&gpu, &thick, OPTIONS())) == whole, "the third scale is read");
+        assert!(
+            bits(&draw_with(&gpu, &thick, OPTIONS())) == whole,
+            "the third scale is read"
+        );
     }
 }
 
