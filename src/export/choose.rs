@@ -205,7 +205,7 @@ impl ExportSource {
         // A splat that is not finite is left out by the format.
         if decoded.sh_stride() == stride {
             for (row, &i) in decoded.sh.chunks_exact(stride).zip(&codes.order) {
-                given[i * stride..][..stride].copy_from_slice(row);
+                given[i as usize * stride..][..stride].copy_from_slice(row);
             }
             let grid = HarmonicGrid::Given(&given);
             codes.set_colors(&round_harmonics(splats, influence, grid, self.rounding));

@@ -8,7 +8,7 @@ use std::path::Path;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SogCodes {
     /// Index of each splat in the scene that was quantised; not part of the file.
-    pub order: Vec<usize>,
+    pub order: Vec<u32>,
     /// Codes of the means: t = min + (max − min) · code / 65535 along each axis, and the mean is sign(t) (e^|t| − 1)
     /// world units.
     pub mean: Vec<[u16; 3]>,

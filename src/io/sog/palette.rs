@@ -39,7 +39,9 @@ type Graph = Vec<Box<[u32]>>;
 /// same palette on any number of threads.
 pub(super) fn fit(vectors: &Vectors, count: usize) -> FittedPalette {
     let (cells, labels) = cells(vectors, count + count / EXCESS_DIVISOR);
-    let centroids = cells.into_iter().flat_map(|cell| cell.mean).collect();
+    // Of known length: a vector that grows may take twice the room.
+    let mut centroids = Vec::with_capacity(cells.len() * vectors.length);
+    cells.into_iter().for_each(|cell| centroids.extend(cell.mean));
     let mut palette = FittedPalette {
         centroids,
         labels,
@@ -82,16 +84,20 @@ impl FittedPalette {
 
     /// Replaces neighbours by nearer ones among the neighbours of neighbours, in either direction of the edges.
     fn refine_graph(&mut self, length: usize) {
-        let mut reverse: Vec<Vec<u32>> = vec![Vec::new(); self.graph.len()];
+        let mut reverse = vec![([0; NEIGHBOURS], 0); self.graph.len()];
         for (i, neighbours) in (0u32..).zip(&self.graph) {
             for &j in neighbours {
-                let list = &mut reverse[j as usize];
-                if list.len() < NEIGHBOURS {
-                    list.push(i);
+                let (list, count) = &mut reverse[j as usize];
+                if *count < NEIGHBOURS {
+                    list[*count] = i;
+                    *count += 1;
                 }
             }
         }
-        let near = |i: u32| self.graph[i as usize].iter().chain(&reverse[i as usize]);
+        let near = |i: u32| {
+            let (list, count) = &reverse[i as usize];
+            self.graph[i as usize].iter().chain(&list[..*count])
+        };
         let refined = (0..self.graph.len() as u32).into_par_iter().map(|i| {
             let mut found: Vec<u32> = near(i).copied().collect();
             found.extend(near(i).flat_map(|&j| near(j)));
@@ -163,38 +169,48 @@ impl FittedPalette {
             list.into_boxed_slice()
         });
         self.graph = lists.collect();
-        let rows = kept.iter().flat_map(|&i| &self.centroids[i * length..][..length]);
-        self.centroids = rows.copied().collect();
+        for (number, &i) in kept.iter().enumerate() {
+            self.centroids
+                .copy_within(i * length..(i + 1) * length, number * length);
+        }
+        self.centroids.truncate(kept.len() * length);
+        self.centroids.shrink_to_fit();
         self.labels
             .iter_mut()
             .for_each(|label| *label = number_of[*label as usize]);
     }
 
+    /// Squared distance and entry of the nearest centroid reached from an entry along the graph.
+    fn nearest(&self, row: &[f32], start: u32) -> (f32, u32) {
+        let mut best = (distance2(row, self.centroid(start, row.len())), start);
+        loop {
+            let from = best.1;
+            for &entry in &self.graph[from as usize] {
+                let distance = distance2(row, self.centroid(entry, row.len()));
+                if distance < best.0 {
+                    best = (distance, entry);
+                }
+            }
+            if best.1 == from {
+                return best;
+            }
+        }
+    }
+
     /// Moves every vector to the nearest centroid reached along the graph; returns the weighted sum of squared
     /// distances.
     pub(super) fn assign(&mut self, vectors: &Vectors) -> f64 {
-        let length = vectors.length;
-        let moved = self.labels.par_iter().enumerate().map(|(i, &label)| {
-            let row = vectors.row(i);
-            let mut best = (distance2(row, self.centroid(label, length)), label);
-            loop {
-                let from = best.1;
-                for &entry in &self.graph[from as usize] {
-                    let distance = distance2(row, self.centroid(entry, length));
-                    if distance < best.0 {
-                        best = (distance, entry);
-                    }
-                }
-                if best.1 == from {
-                    return best;
-                }
-            }
+        let mut labels = std::mem::take(&mut self.labels);
+        let distances = labels.par_iter_mut().enumerate().map(|(i, label)| {
+            let (distance, nearest) = self.nearest(vectors.row(i), *label);
+            *label = nearest;
+            distance
         });
-        let moved: Vec<(f32, u32)> = moved.collect();
-        self.labels = moved.iter().map(|(_, label)| *label).collect();
-        let errors = moved.iter().zip(vectors.weights);
+        let distances: Vec<f32> = distances.collect();
+        self.labels = labels;
+        let errors = distances.iter().zip(vectors.weights);
         errors
-            .map(|((distance, _), weight)| f64::from(*distance) * f64::from(*weight))
+            .map(|(distance, weight)| f64::from(*distance) * f64::from(*weight))
             .sum()
     }
 
@@ -202,7 +218,8 @@ impl FittedPalette {
     fn update(&mut self, vectors: &Vectors) {
         let length = vectors.length;
         let members = Members::new(&self.labels, self.graph.len());
-        let means = (0..self.graph.len()).into_par_iter().map(|entry| {
+        let rows = self.centroids.par_chunks_exact_mut(length).enumerate();
+        let free = rows.filter_map(|(entry, centroid)| {
             let mut sum = vec![0.0f64; length];
             let mut weight = 0.0;
             for &i in members.of(entry) {
@@ -212,27 +229,25 @@ impl FittedPalette {
                     .zip(vectors.row(i as usize))
                     .for_each(|(s, v)| *s += w * f64::from(*v));
             }
-            (weight > 0.0).then(|| sum.into_iter().map(move |s| (s / weight) as f32).collect::<Vec<f32>>())
-        });
-        let means: Vec<Option<Vec<f32>>> = means.collect();
-        let free: Vec<usize> = (0..means.len()).filter(|&entry| means[entry].is_none()).collect();
-        for (centroid, mean) in self.centroids.chunks_exact_mut(length).zip(means) {
-            if let Some(mean) = mean {
-                centroid.copy_from_slice(&mean);
+            if weight > 0.0 {
+                centroid.iter_mut().zip(sum).for_each(|(c, s)| *c = (s / weight) as f32);
             }
-        }
+            (weight <= 0.0).then_some(entry)
+        });
+        let free: Vec<usize> = free.collect();
         if free.is_empty() {
             return;
         }
-        let mut errors: Vec<(f32, usize)> = (0..vectors.len())
+        let mut errors: Vec<(f32, u32)> = (0..vectors.len())
             .map(|i| {
                 let distance = distance2(vectors.row(i), self.centroid(self.labels[i], length));
-                (distance * vectors.weights[i], i)
+                (distance * vectors.weights[i], i as u32)
             })
             .filter(|(error, _)| *error > 0.0)
             .collect();
         errors.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         for (entry, (_, i)) in free.into_iter().zip(errors) {
+            let i = i as usize;
             self.centroids[entry * length..][..length].copy_from_slice(vectors.row(i));
             // The vector itself leads the search of its neighbours to the new place.
             let neighbours = self.graph[self.labels[i] as usize].clone();

@@ -34,17 +34,19 @@ impl SogCodes {
         let order = means.order;
         let weights = weights(options.weights, &order);
         let (scale_codebook, color_codebook) = rayon::join(
-            || codebook::fit(repeated(order.iter().map(|&i| splats.log_scale[i]), &weights)),
+            || codebook::fit(repeated(order.iter().map(|&i| splats.log_scale[i as usize]), &weights)),
             || codebook::fit(repeated(order.iter().map(|&i| constant(splats, i)), &weights)),
         );
         let palette = palette_of(splats, &order, &weights, options.palette_entries);
-        let color = |&i: &usize| {
+        let color = |&i: &u32| {
             let [r, g, b] = constant(splats, i).map(|c| nearest(&color_codebook, c));
-            let opacity = sigmoid(splats.opacity_logit[i].into());
+            let opacity = sigmoid(splats.opacity_logit[i as usize].into());
             [r, g, b, (255.0 * opacity).round() as u8]
         };
-        let scale = |&i: &usize| splats.log_scale[i].map(|s| nearest(&scale_codebook, s));
-        let quaternion = order.par_iter().map(|&i| nearest_rotation(splats.quaternion[i]));
+        let scale = |&i: &u32| splats.log_scale[i as usize].map(|s| nearest(&scale_codebook, s));
+        let quaternion = order
+            .par_iter()
+            .map(|&i| nearest_rotation(splats.quaternion[i as usize]));
         SogCodes {
             mean: means.codes,
             mean_min: means.min,
@@ -79,7 +81,7 @@ impl SogCodes {
 struct MeanCodes {
     codes: Vec<[u16; 3]>,
     /// Index of each splat in the scene.
-    order: Vec<usize>,
+    order: Vec<u32>,
     /// Logarithm of code 0 along each axis.
     min: [f64; 3],
     /// Logarithm of code 65535 along each axis.
@@ -88,15 +90,16 @@ struct MeanCodes {
 
 impl MeanCodes {
     fn new(splats: &Splats) -> MeanCodes {
-        let sound: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
-        let logarithms = |i: usize| splats.mean[i].map(logarithmic);
+        let sound = (0..splats.len() as u32).filter(|&i| splats.is_finite(i as usize));
+        let sound: Vec<u32> = sound.collect();
+        let logarithms = |i: u32| splats.mean[i as usize].map(logarithmic);
         let (min, max) = bounds(sound.iter().map(|&i| logarithms(i)));
-        let code = |&i: &usize| {
+        let code = |&i: &u32| {
             let t = logarithms(i);
             let codes = [0, 1, 2].map(|axis| nearest_mean(t[axis], min[axis], max[axis]));
             (morton(codes), i, codes)
         };
-        let mut coded: Vec<(u64, usize, [u16; 3])> = sound.par_iter().map(code).collect();
+        let mut coded: Vec<(u64, u32, [u16; 3])> = sound.par_iter().map(code).collect();
         coded.par_sort_unstable();
         MeanCodes {
             codes: coded.iter().map(|(.., codes)| *codes).collect(),
@@ -108,8 +111,8 @@ impl MeanCodes {
 }
 
 /// Harmonics of degree 0 of a splat.
-fn constant(splats: &Splats, i: usize) -> [f32; 3] {
-    let start = i * splats.sh_stride();
+fn constant(splats: &Splats, i: u32) -> [f32; 3] {
+    let start = i as usize * splats.sh_stride();
     [splats.sh[start], splats.sh[start + 1], splats.sh[start + 2]]
 }
 
@@ -165,11 +168,11 @@ fn nearest_rotation(quaternion: [f32; 4]) -> [u8; 4] {
 }
 
 /// Weights in a given order, with a mean of one.
-fn weights(given: Option<&[f32]>, order: &[usize]) -> Vec<f32> {
+fn weights(given: Option<&[f32]>, order: &[u32]) -> Vec<f32> {
     let Some(given) = given else {
         return vec![1.0; order.len()];
     };
-    let sound = |i: &usize| f64::from(given[*i]).clamp(0.0, 1e30);
+    let sound = |i: &u32| f64::from(given[*i as usize]).clamp(0.0, 1e30);
     let mean = order.iter().map(sound).sum::<f64>() / order.len().max(1) as f64;
     if mean <= 0.0 || mean.is_nan() {
         return vec![1.0; order.len()];
@@ -194,7 +197,7 @@ pub fn usual_entries(count: usize) -> usize {
     }
 }
 
-fn palette_of(splats: &Splats, order: &[usize], weights: &[f32], entries: Option<usize>) -> Option<SogPalette> {
+fn palette_of(splats: &Splats, order: &[u32], weights: &[f32], entries: Option<usize>) -> Option<SogPalette> {
     let numbers = numbers_of(splats.sh_degree);
     if numbers == 0 || order.is_empty() {
         return None;

@@ -10,7 +10,7 @@ pub(super) struct Vectors<'a> {
     pub(super) length: usize,
     pub(super) numbers: &'a [f32],
     /// Row of each vector.
-    pub(super) order: &'a [usize],
+    pub(super) order: &'a [u32],
     /// Positive.
     pub(super) weights: &'a [f32],
 }
@@ -21,7 +21,7 @@ impl Vectors<'_> {
     }
 
     pub(super) fn row(&self, i: usize) -> &[f32] {
-        let end = (self.order[i] + 1) * self.stride;
+        let end = (self.order[i] as usize + 1) * self.stride;
         &self.numbers[end - self.length..end]
     }
 }
