@@ -21,7 +21,7 @@ layout(local_size_x_id = 0) in;
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
 layout(set = 0, binding = 1, scalar) readonly buffer Image { float image[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Photo { uint photo[]; };
-// Derivatives of the sum of SSIM by each window's mean of x, of x^2 and of x y, planes of [channel][pixel].
+// Derivatives of the sum of SSIM by each window's mean of x, of x^2 and of x y.
 layout(set = 0, binding = 3, scalar) writeonly buffer Slopes { vec3 ssim_slope[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Partials { vec4 loss_from_tile[]; };
 
@@ -29,7 +29,15 @@ layout(push_constant, scalar) uniform Push {
     uint alpha_mode;  // ALPHA_MASKS, or 0 to composite over the background
     vec3 gain;        // exposure of the photograph: gains,
     vec3 toe;         // and slopes on the curve's toe
+    uvec2 offset;     // first window of the lattice, less than STRIDE
 } push;
+
+// Pixels that the windows of a strip read.
+const uint STRIP_SPAN = STRIDE * (STRIP - 1) + 2 * WINDOW_REACH + 1;
+// Strips of a tile: along its rows, those of its halo too, and down its columns.
+const uint ROW_STRIPS = WINDOW_SPAN * (LOSS_TILE_WIDTH / (STRIDE * STRIP));
+const uint COLUMNS = LOSS_TILE_WIDTH / STRIDE;
+const uint COLUMN_STRIPS = COLUMNS * (LOSS_TILE_HEIGHT / (STRIDE * STRIP));
 
 // Moments along rows.
 shared vec4 along[WINDOW_SPAN][LOSS_TILE_WIDTH];
@@ -62,22 +70,28 @@ vec3 pair_at(uint x, uint y, Channel c) {
     return weight * vec3(value, goal, 1.0);
 }
 
-void slide_along_row(uvec2 corner, uint row, uint begin, Channel c) {
-    uint left = corner.x + begin - WINDOW_REACH;
-    uint top = corner.y + row - WINDOW_REACH;
-    vec4 values[STRIP_SPAN];
-    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) {
-        vec2 v = pair_at(left + from, top, c).xy - c.shift;
-        values[from] = vec4(v, dot(v, v), v.x * v.y);
-    }
-    [[unroll]] for (uint to = 0; to < STRIP; ++to) along[row][begin + to] = window_sum(values, to);
-}
-
 // Loss terms of a pixel without SSIM.
 vec4 differ(vec3 here) {
     float weight = here.z;
     float difference = weight > 0.0 ? (here.x - here.y) / weight : 0.0;
     return weight * vec4(abs(difference), 0.0, difference * difference, 1.0);
+}
+
+// Returns the loss terms of the tile's pixels in the row without SSIM if not every pixel has a window.
+vec4 slide_along_row(uvec2 corner, uint row, uint begin, Channel c) {
+    uint left = corner.x + STRIDE * begin + push.offset.x - WINDOW_REACH;
+    uint top = corner.y + row - WINDOW_REACH;
+    vec4 values[STRIP_SPAN];
+    vec4 loss = vec4(0.0);
+    bool is_own = STRIDE > 1 && top - corner.y < LOSS_TILE_HEIGHT;
+    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) {
+        vec3 here = pair_at(left + from, top, c);
+        vec2 v = here.xy - c.shift;
+        values[from] = vec4(v, dot(v, v), v.x * v.y);
+        if (STRIDE > 1) loss += is_own && left + from - corner.x < LOSS_TILE_WIDTH ? differ(here) : vec4(0.0);
+    }
+    [[unroll]] for (uint to = 0; to < STRIP; ++to) along[row][begin + to] = window_sum(values, STRIDE * to);
+    return loss;
 }
 
 // SSIM of one window from its shifted moments; stores the derivatives and returns the loss terms.
@@ -96,19 +110,23 @@ vec4 compare(uvec2 at, Channel c, vec4 moments) {
     float by_square = -ssim / f;
     float by_product = 2.0 * a * scale;
     float by_mean = 2.0 * b * scale * (mean.y - mean.x * a / e) - 2.0 * mean.x * by_square - mean.y * by_product;
-    ssim_slope[c.index * pixels + at.y * size.x + at.x] = weight * vec3(by_mean, by_square, by_product);
-    return differ(here) + vec4(0.0, weight * (1.0 - ssim), 0.0, 0.0);
+    float share = float(STRIDE * STRIDE) * weight;
+    ssim_slope[place_of_window(at, c.index, size)] = share * vec3(by_mean, by_square, by_product);
+    vec4 rest = STRIDE > 1 ? vec4(0.0) : differ(here);
+    return rest + vec4(0.0, share * (1.0 - ssim), 0.0, 0.0);
 }
 
 vec4 slide_down_column(uvec2 corner, uint column, uint begin, Channel c) {
     vec4 values[STRIP_SPAN];
-    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) values[from] = along[begin + from][column];
+    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) {
+        values[from] = along[STRIDE * begin + push.offset.y + from][column];
+    }
     vec4 loss = vec4(0.0);
     [[unroll]] for (uint to = 0; to < STRIP; ++to) {
-        uvec2 at = corner + uvec2(column, begin + to);
+        uvec2 at = corner + STRIDE * uvec2(column, begin + to) + push.offset;
         bool inside = all(lessThan(at, size));
         if (WITH_SSIM != 0) {
-            vec4 moments = window_sum(values, to);
+            vec4 moments = window_sum(values, STRIDE * to);
             if (inside) loss += compare(at, c, moments);
         } else if (inside) {
             loss += differ(pair_at(at.x, at.y, c));
@@ -136,14 +154,14 @@ void main() {
         // over.
         uint i = lane;
         if (WITH_SSIM != 0) do {
-            if (i < ROW_STRIPS) slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, c);
+            if (i < ROW_STRIPS) loss += slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, c);
             i += WORKGROUP;
         } while (i < ROW_STRIPS);
         barrier();
         i = lane;
         do {
             if (i < COLUMN_STRIPS) {
-                loss += slide_down_column(corner, i % LOSS_TILE_WIDTH, i / LOSS_TILE_WIDTH * STRIP, c);
+                loss += slide_down_column(corner, i % COLUMNS, i / COLUMNS * STRIP, c);
             }
             i += WORKGROUP;
         } while (i < COLUMN_STRIPS);

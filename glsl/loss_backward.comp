@@ -28,25 +28,54 @@ layout(push_constant, scalar) uniform Push {
     float ssim_scale;   // lambda / (3 * sum of weights)
     vec3 gain;          // exposure of the photograph: gains,
     vec3 toe;           // and slopes on the curve's toe
+    uvec2 offset;       // first window of the lattice, less than STRIDE
 } push;
+
+// Rows of windows that reach a tile, and windows that reach a strip.
+const uint ROWS = (LOSS_TILE_HEIGHT + 2 * WINDOW_REACH) / STRIDE;
+const uint STRIP_SPAN = (STRIP + 2 * WINDOW_REACH) / STRIDE;
+// Strips of a tile: along its rows, those of its halo too, and down its columns.
+const uint ROW_STRIPS = ROWS * (LOSS_TILE_WIDTH / STRIP);
+const uint COLUMN_STRIPS = LOSS_TILE_WIDTH * (LOSS_TILE_HEIGHT / STRIP);
 
 shared vec3 along[WINDOW_SPAN][LOSS_TILE_WIDTH];
 
 // Image size, cached: a buffer load costs as much as several arithmetic operations.
 uvec2 size;
 
-void slide_along_row(uvec2 corner, uint row, uint begin, uint channel) {
-    // Coordinates left of the image or above it wrap to large unsigned numbers, outside too.
-    uint y = corner.y + row - WINDOW_REACH;
-    uint x = corner.x + begin - WINDOW_REACH;
-    bool in_rows = y < size.y;
-    uint base = (channel * size.y + (in_rows ? y : 0)) * size.x;
-    vec3 values[STRIP_SPAN];
-    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) {
-        vec3 value = ssim_slope[base + min(x + from, size.x - 1)];
-        values[from] = in_rows && x + from < size.x ? value : vec3(0.0);
+// Sums for the pixels of a strip from the windows that reach it. A macro, because a function would copy the arrays.
+// On a lattice the windows' distances from a pixel are all even or all odd.
+#define spread(values, offset, sums)                                                                     \
+    if (STRIDE == 1) {                                                                                   \
+        [[unroll]] for (uint to = 0; to < STRIP; ++to) sums[to] = window_sum(values, to);                \
+    } else {                                                                                             \
+        [[unroll]] for (uint i = 0; i < STRIP / 2; ++i) {                                                \
+            vec3 odd = odd_sum(values, i);                                                               \
+            sums[2 * i] = (offset) == 0 ? even_sum(values, i) : odd;                                     \
+            sums[2 * i + 1] = (offset) == 0 ? odd : even_sum(values, i + 1);                             \
+        }                                                                                                \
     }
-    [[unroll]] for (uint to = 0; to < STRIP; ++to) along[row][begin + to] = window_sum(values, to);
+
+// First window from the halo's border on. Coordinates left of the image or above it wrap to large unsigned numbers,
+// outside too.
+uint first_window(uint pixel, uint offset) {
+    return pixel - WINDOW_REACH + (STRIDE == 1 ? 0 : 1 - offset);
+}
+
+void slide_along_row(uvec2 corner, uint row, uint begin, uint channel) {
+    uint y = first_window(corner.y, push.offset.y) + STRIDE * row;
+    uint x = first_window(corner.x + begin, push.offset.x);
+    vec3 values[STRIP_SPAN];
+    vec3 sums[STRIP];
+    bool in_rows = y < size.y;
+    uint last = (size.x - 1) / STRIDE * STRIDE;
+    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) {
+        uint at = x + STRIDE * from;
+        vec3 value = ssim_slope[place_of_window(uvec2(min(at, last), in_rows ? y : 0), channel, size)];
+        values[from] = in_rows && at < size.x ? value : vec3(0.0);
+    }
+    spread(values, push.offset.x, sums);
+    [[unroll]] for (uint to = 0; to < STRIP; ++to) along[row][begin + to] = sums[to];
 }
 
 void store(uvec2 at, uint channel, vec3 sums) {
@@ -70,11 +99,12 @@ void store(uvec2 at, uint channel, vec3 sums) {
 
 void slide_down_column(uvec2 corner, uint column, uint begin, uint channel) {
     vec3 values[STRIP_SPAN];
-    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) values[from] = along[begin + from][column];
+    vec3 sums[STRIP];
+    [[unroll]] for (uint from = 0; from < STRIP_SPAN; ++from) values[from] = along[begin / STRIDE + from][column];
+    spread(values, push.offset.y, sums);
     [[unroll]] for (uint to = 0; to < STRIP; ++to) {
         uvec2 at = corner + uvec2(column, begin + to);
-        vec3 sums = WITH_SSIM != 0 ? window_sum(values, to) : vec3(0.0);
-        if (all(lessThan(at, size))) store(at, channel, sums);
+        if (all(lessThan(at, size))) store(at, channel, WITH_SSIM != 0 ? sums[to] : vec3(0.0));
     }
 }
 
@@ -91,7 +121,7 @@ void main() {
         // over.
         uint i = lane;
         if (WITH_SSIM != 0) do {
-            if (i < ROW_STRIPS) slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, channel);
+            if (i < ROW_STRIPS) slide_along_row(corner, i % ROWS, i / ROWS * STRIP, channel);
             i += WORKGROUP;
         } while (i < ROW_STRIPS);
         barrier();

@@ -113,6 +113,8 @@ pub(crate) struct Step<'a> {
     pub(crate) bands: DepthBands,
     /// Gains of the photograph, and slopes on the curve's toe.
     pub(crate) exposure: [[f32; 3]; 2],
+    /// Offset of the lattice of SSIM's windows, pixels.
+    pub(crate) window_offset: [u32; 2],
 }
 
 /// Exposure of photographs without one.
@@ -125,6 +127,8 @@ impl Backward {
         let mut loss_backward = loss_backward::Choice::default();
         let with_ssim = u32::from(config.lambda_dssim > 0.0);
         (loss.spec.with_ssim, loss_backward.spec.with_ssim) = (with_ssim, with_ssim);
+        let stride = schedule::window_stride(config);
+        (loss.spec.stride, loss_backward.spec.stride) = (stride, stride);
         let has_exposure = config.exposure != ExposureModel::Off;
         loss.spec.with_exposure = has_exposure.into();
         loss_backward.spec.with_exposure = has_exposure.into();
@@ -217,7 +221,12 @@ impl Backward {
                 ssim_slope: &g.records.ssim_slope,
                 loss_from_tile: &g.loss_from_tile,
             },
-            loss::Params { alpha_mode, gain, toe },
+            loss::Params {
+                alpha_mode,
+                gain,
+                toe,
+                offset: step.window_offset,
+            },
             Groups::Count(tiles),
         );
         self.record_sum(rec, (&g.loss_from_tile, tiles), g, [0, 1, 0]);
@@ -243,6 +252,7 @@ impl Backward {
                 ssim_scale: (lambda * share) as f32,
                 gain,
                 toe,
+                offset: step.window_offset,
             },
             Groups::Count(tiles),
         );

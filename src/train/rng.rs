@@ -26,6 +26,8 @@ pub enum Stream {
     Noise = 8,
     /// Splats dropped in a step, chosen on the device.
     Dropout = 9,
+    /// First offset of the lattice of SSIM's windows; the index is the view.
+    Window = 10,
 }
 
 /// Four independent 32-bit words for a key.

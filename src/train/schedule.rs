@@ -61,6 +61,27 @@ pub fn view(config: &TrainConfig, view_count: usize, iteration: u32) -> usize {
     view_order(config.seed, view_count, (ordinal / view_count) as u32)[ordinal % view_count]
 }
 
+/// Distance of SSIM's windows, pixels; without SSIM pixels are compared one by one.
+pub fn window_stride(config: &TrainConfig) -> u32 {
+    if config.lambda_dssim > 0.0 {
+        config.ssim_stride
+    } else {
+        1
+    }
+}
+
+/// Offset of the lattice of SSIM's windows at an iteration, pixels: in as many epochs as there are offsets, a view has
+/// each once.
+pub fn window_offset(config: &TrainConfig, view_count: usize, iteration: u32) -> [u32; 2] {
+    let stride = window_stride(config);
+    let epoch = (iteration.saturating_sub(1) as usize / view_count) as u32;
+    let index = view(config, view_count, iteration) as u32;
+    let first = rng::bits(config.seed, 0, index, Stream::Window)[0];
+    // Diagonal neighbours first: together they cover the image evenly.
+    let turn = first.wrapping_add(epoch) % (stride * stride);
+    [(turn + turn / stride) % stride, turn % stride]
+}
+
 /// Permutation of the training views in an epoch (Fisher–Yates).
 pub fn view_order(seed: u64, view_count: usize, epoch: u32) -> Vec<usize> {
     let mut order: Vec<usize> = (0..view_count).collect();
@@ -189,6 +210,21 @@ mod tests {
         assert!((first - 10.0).abs() < 1e-4 && (second - 1000.0).abs() < 0.1);
         let late = bias_corrections(&TrainConfig::default(), 1_000_000);
         assert_eq!(late, [1.0, 1.0]);
+    }
+
+    #[test]
+    fn a_view_has_each_offset_of_the_lattice_once_in_four_epochs() {
+        let mut config = TrainConfig::for_iterations(100);
+        let mut offsets = vec![Vec::new(); 5];
+        for iteration in 1..=20 {
+            offsets[view(&config, 5, iteration)].push(window_offset(&config, 5, iteration));
+        }
+        for offsets in &mut offsets {
+            offsets.sort_unstable();
+            assert_eq!(offsets[..], [[0, 0], [0, 1], [1, 0], [1, 1]]);
+        }
+        config.lambda_dssim = 0.0;
+        assert_eq!(window_offset(&config, 5, 7), [0, 0]);
     }
 
     #[test]

@@ -347,6 +347,7 @@ impl<'a> Trainer<'a> {
             view: &view,
             sh_degree,
             bands: self.bands,
+            window_offset: schedule::window_offset(&self.config, self.views.len(), iteration),
             exposure: self.exposure.as_ref().map_or(UNEXPOSED, |gains| gains.push(index)),
         };
         let (forward, backward, state) = (&self.forward, &self.backward, &self.state);

@@ -58,6 +58,7 @@ fn dataset(camera: &Camera, near: f64, config: &TrainConfig) -> Dataset {
 pub(super) fn steps(gpu: &Gpu, splats: &Splats, camera: &Camera, near: f64, count: u32) -> Result<StepResult> {
     let config = TrainConfig {
         sh_degree: splats.sh_degree,
+        ssim_stride: 1,
         filter: splats.filter,
         background: Background::Fixed(BACKGROUND),
         ..TrainConfig::for_iterations(30_000)

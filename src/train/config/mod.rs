@@ -78,6 +78,10 @@ pub struct TrainConfig {
     pub sh_degree_from: [u32; 3],
     /// Weight λ of 1 − SSIM in the loss (1 − λ) L1 + λ (1 − SSIM); 0.2, 3DGS section 5.
     pub lambda_dssim: f32,
+    /// Distance of SSIM's windows in a step, pixels: 1 for a window about each pixel (3DGS), 2 for a lattice of a
+    /// quarter of them, whose offset changes from epoch to epoch, so that its mean gradient is that of all windows.
+    #[serde(default = "every_pixel")]
+    pub ssim_stride: u32,
     /// Learning rates.
     pub rates: LearningRates,
     /// Constants of Adam.
@@ -137,6 +141,11 @@ pub struct TrainConfig {
     pub auto: AutoConfig,
 }
 
+/// Windows of earlier runs.
+fn every_pixel() -> u32 {
+    1
+}
+
 fn half_size_dilation() -> f32 {
     0.25
 }
@@ -175,6 +184,7 @@ impl TrainConfig {
             sh_degree: 3,
             sh_degree_from: [share(1_000), share(5_000), share(10_000)],
             lambda_dssim: 0.2,
+            ssim_stride: 2,
             rates: LearningRates::for_iterations(iterations),
             adam: AdamConfig::default(),
             refine: RefineTimes {

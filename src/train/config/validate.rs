@@ -16,6 +16,7 @@ impl TrainConfig {
         self.sh_degree.check("sh_degree", 0..=3)?;
         ascending("sh_degree_from", &self.sh_degree_from)?;
         self.lambda_dssim.check("lambda_dssim", 0.0..=1.0)?;
+        self.ssim_stride.check("ssim_stride", 1..=2)?;
         self.size_penalty.check("size_penalty", 0.0..=f32::MAX)?;
         self.regularization.check("regularization", 0.0..=1e3)?;
         self.drop_rate.check("drop_rate", 0.0..=0.9)?;

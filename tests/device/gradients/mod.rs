@@ -22,6 +22,7 @@ fn config(scene: &Scene) -> TrainConfig {
         kind: scene.splats.primitive,
         filter: scene.splats.filter,
         sh_degree: scene.splats.sh_degree,
+        ssim_stride: 1,
         background: Background::Fixed(scene.options.background.map(|c| c as f32)),
         ..TrainConfig::for_iterations(30_000)
     }

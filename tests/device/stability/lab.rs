@@ -137,6 +137,7 @@ pub(crate) fn config(scene: &Scene, lambda: f32) -> TrainConfig {
         sh_degree: scene.splats.sh_degree,
         filter: scene.splats.filter,
         lambda_dssim: lambda,
+        ssim_stride: 1,
         background: Background::Fixed(scene.options.background.map(|c| c as f32)),
         ..TrainConfig::for_iterations(30_000)
     }

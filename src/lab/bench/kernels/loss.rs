@@ -31,6 +31,13 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         time(bench, workgroups, &name, |gpu| sum(gpu, tiles, WHOLE))?;
         time(bench, workgroups, &name, |gpu| expose(gpu, &shaded))?;
         time(bench, workgroups, &name, |gpu| differentiate(gpu, &shaded, LAMBDA))?;
+        let name = format!("{name}/lattice");
+        let lattice = std::cell::LazyCell::new(|| ImagePair {
+            stride: 2,
+            ..ImagePair::shaded(width, height)
+        });
+        time(bench, workgroups, &name, |gpu| compare(gpu, &lattice, true))?;
+        time(bench, workgroups, &name, |gpu| differentiate(gpu, &lattice, LAMBDA))?;
     }
     Ok(())
 }
@@ -49,6 +56,10 @@ pub struct ImagePair {
     pub background: [f32; 3],
     /// Exposure of the photograph; `None`: the kernels work without.
     pub gain: Option<[f32; 3]>,
+    /// Distance of SSIM's windows, pixels.
+    pub stride: usize,
+    /// First window in x and y.
+    pub offset: [usize; 2],
 }
 
 impl ImagePair {
@@ -71,6 +82,8 @@ impl ImagePair {
             mode: AlphaMode::Composite,
             background: [0.25, 0.5, 1.0],
             gain: None,
+            stride: 1,
+            offset: [0; 2],
         }
     }
 
@@ -118,6 +131,40 @@ impl ImagePair {
             gpu.buffer_from("image", &planes)?,
             gpu.buffer_from("photo", &rgba)?,
         ))
+    }
+
+    /// Columns and rows of windows.
+    fn grid(&self) -> [usize; 2] {
+        [self.width, self.height()].map(|side| side.div_ceil(self.stride))
+    }
+
+    /// Pixel of a channel, `[channel][pixel]`, that a window at `[channel][row][column]` is about; `None` beyond the
+    /// image.
+    fn center(&self, window: usize) -> Option<usize> {
+        let [columns, rows] = self.grid();
+        let (channel, row, column) = (window / columns / rows, window / columns % rows, window % columns);
+        let [x, y] = [
+            column * self.stride + self.offset[0],
+            row * self.stride + self.offset[1],
+        ];
+        (x < self.width && y < self.height()).then(|| channel * self.image.len() + y * self.width + x)
+    }
+
+    /// Weight of the window about a pixel: 0 if there is none.
+    fn share(&self, pixel: usize) -> f64 {
+        let is_center = [pixel % self.width, pixel / self.width]
+            .iter()
+            .zip(self.offset)
+            .all(|(at, offset)| at % self.stride == offset);
+        if is_center {
+            (self.stride * self.stride) as f64
+        } else {
+            0.0
+        }
+    }
+
+    fn push_offset(&self) -> [u32; 2] {
+        self.offset.map(|offset| offset as u32)
     }
 
     fn alpha_mode(&self) -> u32 {
@@ -207,7 +254,8 @@ impl WindowTarget<'_> {
 
     /// Derivatives of SSIM times the weight, an output of the forward pass and input of the backward one.
     fn slopes(&self, place: usize) -> [f64; 3] {
-        let weight = self.weight(place % self.pixels());
+        let pixel = place % self.pixels();
+        let weight = self.weight(pixel) * self.of.share(pixel);
         self.ssim(place).d.map(|d| weight * d)
     }
 
@@ -222,7 +270,11 @@ impl WindowTarget<'_> {
                     let pixel = y * self.of.width + x;
                     let place = channel * self.pixels() + pixel;
                     let [a, b] = self.pair(place);
-                    let terms = [(a - b).abs(), 1.0 - self.ssim(place).v, (a - b).powi(2), 1.0];
+                    let dissimilarity = match self.of.share(pixel) {
+                        0.0 => 0.0,
+                        share => share * (1.0 - self.ssim(place).v),
+                    };
+                    let terms = [(a - b).abs(), dissimilarity, (a - b).powi(2), 1.0];
                     let pairs = sums.iter_mut().zip(terms);
                     pairs.for_each(|(sum, term)| *sum += self.weight(pixel) * term);
                 }
@@ -236,7 +288,8 @@ impl WindowTarget<'_> {
 pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<KernelCase<'a, loss::Loss>> {
     let (pixels, tiles) = (of.image.len(), of.tiles());
     let (view, image, photo) = of.upload(gpu)?;
-    let slopes = gpu.buffer::<[f32; 3]>("ssim_slope", 3 * pixels)?;
+    let windows = 3 * of.grid().iter().product::<usize>();
+    let slopes = gpu.buffer::<[f32; 3]>("ssim_slope", windows)?;
     let sums = gpu.buffer::<[f32; 4]>("loss_from_tile", tiles)?;
     let (target, alpha_mode) = (Rc::new(of.target()), of.alpha_mode());
     let by_place = target.clone();
@@ -244,6 +297,7 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
     let case = KernelCase::new(Work::of(pixels, "pixels").moving(52 * pixels))
         .tune(move |choice: &mut loss::Choice| {
             choice.spec.with_ssim = with_ssim.into();
+            choice.spec.stride = of.stride as u32;
             choice.spec.with_exposure = of.gain.is_some().into();
         })
         .compare(&sums, move |all| {
@@ -261,9 +315,11 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
         })
         .compare(&slopes, move |all| {
             let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
-            for place in sample(3 * pixels, SAMPLES).filter(|_| with_ssim) {
-                found.extend(all[place].map(f64::from));
-                expected.extend(by_place.slopes(place));
+            for window in sample(windows, SAMPLES).filter(|_| with_ssim) {
+                if let Some(place) = of.center(window) {
+                    found.extend(all[window].map(f64::from));
+                    expected.extend(by_place.slopes(place));
+                }
             }
             let scale = rms(&expected).max(1.0);
             vec![Output::relative("slopes", found, expected, 1e-3, scale)]
@@ -277,7 +333,13 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
             loss_from_tile: &sums,
         };
         let [gain, toe] = of.push();
-        let params = loss::Params { alpha_mode, gain, toe };
+        let offset = of.push_offset();
+        let params = loss::Params {
+            alpha_mode,
+            gain,
+            toe,
+            offset,
+        };
         kernel.record(rec, io, params, Groups::Count(tiles as u32));
     }))
 }
@@ -366,12 +428,19 @@ pub fn differentiate<'a>(
     let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
     // Exact slopes of a small image; of a large one noise, which costs the reference nothing.
     let random = &mut Random::new(8);
-    let slopes: Vec<[f32; 3]> = (0..3 * pixels)
-        .map(|place| match pixels < 10_000 {
-            true => target.slopes(place).map(|d| d as f32),
-            false => [0; 3].map(|_| random.normal() as f32),
+    let slopes: Vec<[f32; 3]> = (0..3 * of.grid().iter().product::<usize>())
+        .map(|window| match of.center(window) {
+            Some(place) if pixels < 10_000 => target.slopes(place).map(|d| d as f32),
+            Some(_) => [0; 3].map(|_| random.normal() as f32),
+            None => [f32::NAN; 3],
         })
         .collect();
+    let mut slope_of = vec![[0.0; 3]; 3 * pixels];
+    for (window, slope) in slopes.iter().enumerate() {
+        if let Some(place) = of.center(window) {
+            slope_of[place] = slope.map(f64::from);
+        }
+    }
     let (view, image, photo) = of.upload(gpu)?;
     let ssim_slope = gpu.buffer_from("ssim_slope", &slopes)?;
     let d_image = gpu.buffer::<f32>("d_image", 3 * pixels)?;
@@ -384,10 +453,12 @@ pub fn differentiate<'a>(
         ssim_scale: (lambda * share) as f32,
         gain,
         toe,
+        offset: of.push_offset(),
     };
     let case = KernelCase::new(Work::of(pixels, "pixels").moving(64 * pixels)).tune(
         move |choice: &mut loss_backward::Choice| {
             choice.spec.with_ssim = u32::from(lambda > 0.0);
+            choice.spec.stride = of.stride as u32;
             choice.spec.with_exposure = of.gain.is_some().into();
         },
     );
@@ -397,7 +468,7 @@ pub fn differentiate<'a>(
             let weight_here = target.weight(place % pixels);
             let (exposed, y) = target.exposed(place);
             let x = exposed.v;
-            let [a, b, c] = target.window(place, |at| slopes[at].map(f64::from));
+            let [a, b, c] = target.window(place, |at| slope_of[at]);
             // The slopes are those by weighted values.
             let d_ssim = a + 2.0 * weight_here * x * b + weight_here * y * c;
             let sign = if x == y { 0.0 } else { (x - y).signum() };

@@ -217,6 +217,7 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
         let setting = format!("first {percent} % at half");
         runs.push(with("photographs", setting, &|c| c.half_size_until = until));
     }
+    runs.push(with("loss", "SSIM of every pixel".into(), &|c| c.ssim_stride = 1));
     runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
     runs.push(with("render mode", "mip".into(), &|c| c.filter = ScreenFilter::Mip));
     for most in [splats, (splats / 2).max(1)] {
