@@ -3,6 +3,8 @@
 # Features of all tests: one build serves them.
 TESTED = --features capi
 PREFIX ?= /usr/local
+# Modules with half of the time of the device's tests.
+HALF = simplify:: stability:: faults:: meshes:: memory::
 
 .PHONY: demo check test lints capi package examples needs bench bench-native soak fuzz clients limits setup
 
@@ -15,13 +17,15 @@ check: setup lints
 	cargo test $(TESTED) --lib --test host
 	cargo test $(TESTED) --test device -- kernels:: frame::
 
-# For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in one
-# process, so that the others run beside them.
+# For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in
+# their process; two processes with half of them each keep two cores busy.
 test: setup lints examples
 	cargo test $(TESTED) --no-run
-	cargo test $(TESTED) --test device >target/device.log 2>&1 & device=$$!; \
-	cargo test $(TESTED) --lib --bins --test host --test binary --test slow; others=$$?; \
-	wait $$device; device=$$?; cat target/device.log; exit $$((others + device))
+	cargo test $(TESTED) --test device -- $(HALF) >target/device-1.log 2>&1 & first=$$!; \
+	cargo test $(TESTED) --test device -- $(HALF:%=--skip %) >target/device-2.log 2>&1 & second=$$!; \
+	cargo test $(TESTED) --lib --bins --test host --test binary --test slow; failed=$$?; \
+	wait $$first || failed=1; wait $$second || failed=1; \
+	cat target/device-1.log target/device-2.log; exit $$failed
 	cargo test $(TESTED) --doc
 	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large::
 

@@ -51,7 +51,7 @@ fn a_host_is_built_from_the_package_without_a_compiler_of_shaders() {
     std::fs::create_dir_all(host.join("src")).unwrap();
     let manifest = format!(
         "[package]\nname = \"host\"\nversion = \"0.1.0\"\nedition = \"2024\"\n\n[dependencies]\nash = \"0.38\"\n\
-         glam = \"0.34\"\nashfall = {{ path = \"{}\", default-features = false }}\n",
+         glam = \"0.34\"\nashfall = {{ path = \"{}\", default-features = false }}\n\n[profile.dev]\ndebug = false\nincremental = false\n",
         unpacked.display()
     );
     std::fs::write(host.join("Cargo.toml"), manifest).unwrap();
