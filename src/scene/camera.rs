@@ -39,6 +39,19 @@ impl Camera {
         }
     }
 
+    /// A view of the same vertical field at another image size: wider or narrower sizes show more or less at the sides.
+    pub fn with_size(&self, width: u32, height: u32) -> Camera {
+        let ratio = f64::from(height) / f64::from(self.height);
+        let half = |width: u32, height: u32| 0.5 * DVec2::new(width.into(), height.into());
+        Camera {
+            width,
+            height,
+            focal: self.focal * ratio,
+            center: half(width, height) + (self.center - half(self.width, self.height)) * ratio,
+            ..*self
+        }
+    }
+
     /// View coordinates of a world point.
     pub fn view_from_world(&self, point: DVec3) -> DVec3 {
         self.rotation * (point - self.position)
