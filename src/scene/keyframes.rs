@@ -1,8 +1,9 @@
 //! Cameras between key cameras: a smooth path through all of them.
 //!
 //! Positions lie on a centripetal Catmull–Rom curve (Yuksel, Schaefer and Keyser 2011), which has neither cusps nor
-//! loops between keys; its knots are apart by the square roots of the distances. Rotations are squads (Shoemake 1987),
-//! of continuous angular velocity. Logarithms of focal lengths, and principal points as shares of the size, are cubic.
+//! loops between keys; its knots are apart by the square roots of the distances. Rotations are the same of quaternions,
+//! as cumulative Bézier curves (Kim, Kim and Shin 1995), with knots by angles. Logarithms of focal lengths, and
+//! principal points as shares of the size, are cubic.
 
 use super::Camera;
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -10,8 +11,8 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 /// The key cameras with `between` cameras after each of them but the last, or after every one if the path is closed.
 /// Key cameras are kept to the bit; all of them must have one size.
 ///
-/// Between two keys, frames are even in the curve's parameter: the direction of travel is continuous at keys, its speed
-/// follows the distances of the keys.
+/// Between two keys, frames are even in the curve's parameter: the directions of travel and turn are continuous at
+/// keys, their speeds follow the distances and angles of the keys.
 ///
 /// # Panics
 /// If sizes differ.
@@ -66,9 +67,9 @@ struct KeySegment {
     focal: Cubic<DVec2>,
     /// Share of the size.
     center: Cubic<DVec2>,
-    rotation: [DQuat; 2],
-    /// Inner control points of the squad.
-    inner: [DQuat; 2],
+    rotation: DQuat,
+    /// Turns from `rotation` on.
+    turns: [DVec3; 3],
 }
 
 impl KeySegment {
@@ -109,11 +110,8 @@ impl KeySegment {
             },
             focal: even(&logarithm),
             center: even(&share),
-            rotation,
-            inner: [
-                control(before.as_ref().map(turn), rotation[0], Some(rotation[1])),
-                control(Some(rotation[0]), rotation[1], after.as_ref().map(turn)),
-            ],
+            rotation: rotation[0],
+            turns: turns(before.as_ref().map(turn), rotation, after.as_ref().map(turn)),
         }
     }
 
@@ -129,11 +127,15 @@ impl KeySegment {
         }
     }
 
-    /// Squad.
+    /// Cubic Bézier curve of rotations in cumulative form.
     fn turn(&self, t: f64) -> DQuat {
-        let outer = arc(self.rotation[0], self.rotation[1], t);
-        let inner = arc(self.inner[0], self.inner[1], t);
-        arc(outer, inner, 2.0 * t * (1.0 - t)).normalize()
+        let rest = 1.0 - t;
+        let shares = [1.0 - rest * rest * rest, t * t * (3.0 - 2.0 * t), t * t * t];
+        let steps = self.turns.iter().zip(shares);
+        let turned = steps.fold(self.rotation, |q, (turn, share)| {
+            q * DQuat::from_scaled_axis(share * *turn)
+        });
+        turned.normalize()
     }
 }
 
@@ -154,25 +156,25 @@ fn velocity(into: DVec3, out: DVec3) -> DVec3 {
     }
 }
 
-/// Inner control point of a squad at a rotation, by its neighbours; itself at an end.
-fn control(before: Option<DQuat>, at: DQuat, after: Option<DQuat>) -> DQuat {
-    let (Some(before), Some(after)) = (before, after) else {
-        return at;
-    };
-    let logarithm = |other: DQuat| {
-        let relative = at.conjugate() * other;
-        // The shorter way.
-        let relative = if relative.w < 0.0 { -relative } else { relative };
-        relative.to_scaled_axis()
-    };
-    at * DQuat::from_scaled_axis(-0.25 * (logarithm(before) + logarithm(after)))
+/// Turns between the control points of two rotations' Bézier curve, by the rotations before and after them: as of
+/// positions, with knots apart by the square roots of the angles, so that a small turn between two large ones does not
+/// swing to and fro.
+fn turns(before: Option<DQuat>, [from, to]: [DQuat; 2], after: Option<DQuat>) -> [DVec3; 3] {
+    let turn = shorter(from, to);
+    let into = before.map_or(turn, |before| shorter(before, from));
+    let out = after.map_or(turn, |after| shorter(to, after));
+    let length = knots(turn);
+    // The curve leaves with three times the first turn, and arrives with three times the last one.
+    let [first, last] = [velocity(into, turn), velocity(turn, out)].map(|velocity| velocity * length / 3.0);
+    let [left, right] = [first, last].map(DQuat::from_scaled_axis);
+    [first, shorter(from * left, to * right.conjugate()), last]
 }
 
-/// Spherical interpolation, the shorter way.
-fn arc(from: DQuat, to: DQuat, t: f64) -> DQuat {
+/// Turn from one rotation to another in the axes of the first, the shorter way: axis times angle.
+fn shorter(from: DQuat, to: DQuat) -> DVec3 {
     let relative = from.conjugate() * to;
     let relative = if relative.w < 0.0 { -relative } else { relative };
-    from * DQuat::from_scaled_axis(t * relative.to_scaled_axis())
+    relative.to_scaled_axis()
 }
 
 #[cfg(test)]
@@ -246,6 +248,18 @@ mod tests {
         }
     }
 
+    /// Velocities by the knots agree before and behind a key, between which ways lie. One of `between` steps has a
+    /// thousandth of the acceleration, about 6 ways for a segment.
+    #[track_caller]
+    fn assert_continuous(steps: [DVec3; 2], ways: [DVec3; 2], between: u32) {
+        let knots = ways.map(knots);
+        let [before, after] = [0, 1].map(|i| steps[i] * f64::from(between + 1) / knots[i]);
+        assert!(
+            before.distance(after) < 2e-2 * (knots[0] + knots[1]),
+            "{before}, {after}"
+        );
+    }
+
     #[test]
     fn direction_and_turn_are_continuous_at_keys() {
         let keys = uneven();
@@ -255,18 +269,20 @@ mod tests {
             let stride = between as usize + 1;
             for at in (stride..path.len() - 1).step_by(stride) {
                 let [a, b, c] = [at - 1, at, at + 1].map(|i| path[i]);
-                let directions = [b.position - a.position, c.position - b.position].map(DVec3::normalize);
-                assert!(directions[0].distance(directions[1]) < 2e-2, "{at}: {directions:?}");
-                let turns = [turn_between(&a, &b), turn_between(&b, &c)];
-                let length = turns[0].length().max(turns[1].length());
-                assert!(turns[0].distance(turns[1]) < 2e-2 * length, "{at}: {turns:?}");
+                let [before, after] = [at - stride, (at + stride) % path.len()].map(|i| path[i]);
+                let steps = [b.position - a.position, c.position - b.position];
+                let ways = [b.position - before.position, after.position - b.position];
+                assert_continuous(steps, ways, between);
+                let ways = [turn_between(&before, &b), turn_between(&b, &after)];
+                assert_continuous([turn_between(&a, &b), turn_between(&b, &c)], ways, between);
                 let zoom = [a, b, c].map(|camera| camera.focal.x.ln());
                 assert!((zoom[2] - 2.0 * zoom[1] + zoom[0]).abs() < 1e-5, "{at}: {zoom:?}");
             }
         }
         // Straight lines between the same keys have corners.
-        let corner = (keys[1].position - keys[0].position).normalize();
-        assert!(corner.distance((keys[2].position - keys[1].position).normalize()) > 0.5);
+        let ways = [keys[1].position - keys[0].position, keys[2].position - keys[1].position];
+        let [before, after] = ways.map(|way| way / knots(way));
+        assert!(before.distance(after) > 0.5);
     }
 
     #[test]
@@ -291,7 +307,9 @@ mod tests {
         let path = cameras_between(&keys, 49, true);
         for pair in path.windows(2) {
             assert!(pair[0].position.distance(DVec3::ONE) < 1e-12);
-            assert!(turn_between(&pair[0], &pair[1]).length() < 7_f64.to_radians());
+            // Forward only, and at most at twice the mean speed of the largest turn.
+            let turn = turn_between(&pair[0], &pair[1]).x;
+            assert!((0.0..6.8_f64.to_radians()).contains(&turn), "{turn}");
         }
         let moved = [turn(0.0), turn(0.0), key(DVec3::ZERO, DQuat::IDENTITY, 50.0)];
         let path = cameras_between(&moved, 9, false);
