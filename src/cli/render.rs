@@ -2,6 +2,7 @@
 
 mod finished;
 pub(super) mod orbit;
+mod panorama;
 mod picture;
 mod sequence;
 
@@ -14,12 +15,13 @@ use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};
 use crate::io::splats::readable;
 use crate::io::video::{VideoLayout, VideoWriter};
-use crate::render::{Outputs, RenderedImage};
+use crate::render::{Outputs, RenderedImage, SplatOrder};
 use crate::scene::{Axes, Camera};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use finished::{FrameLog, JobDigest, Reuse};
+use panorama::Panorama;
 use picture::PictureForm;
 use sequence::Sequence;
 use serde_json::json;
@@ -63,6 +65,10 @@ pub(super) struct RenderArgs {
     /// Size of the pictures, with the same vertical field of view [default: that of the cameras]
     #[arg(long, value_name = "WxH", value_parser = parse::image_size)]
     size: Option<[u32; 2]>,
+    /// Pictures of the whole sphere around each camera, in equirectangular projection with the camera's axis in the
+    /// middle, of --size [default: 2048x1024]
+    #[arg(long)]
+    panorama: bool,
     /// Frames a second, of a y4m stream and of an animated glTF camera [default: the path's, or 30]
     #[arg(long, value_name = "RATE", value_parser = parse::rate)]
     fps: Option<f64>,
@@ -196,6 +202,10 @@ impl RenderArgs {
             let what = "--show depth and normal are by the rules of this engine: leave out --compat original";
             return Err(Error::Config(what.into()));
         }
+        if self.panorama && (surface || original || self.format == Format::Exr) {
+            let what = "--panorama is of colours or alpha, by the rules of this engine, and no exr";
+            return Err(Error::Config(what.into()));
+        }
         Ok(Outputs {
             depth: self.format == Format::Exr && original,
             surface,
@@ -218,6 +228,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         None => scene.splats,
     };
     let mut sequence = Sequence::of(args, dataset.as_ref(), &splats)?;
+    let panorama = args.panorama.then(|| Panorama::new(args.size.unwrap_or(PANORAMA_SIZE)));
     if let (Some(_), Some((_, first))) = (video, sequence.pictures.first()) {
         // Frames of a stream have one size.
         let (width, height) = (first.width, first.height);
@@ -227,11 +238,25 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         Some(dataset) => near(dataset),
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
-    let draw = engine::scene_renderer(&gpu, &splats, near, outputs, args.compat.into())?;
+    let order = match args.panorama {
+        true => SplatOrder::Distance,
+        false => SplatOrder::Depth,
+    };
+    let mut pinhole = engine::renderer_in_order(&gpu, &splats, near, (outputs, args.compat.into()), order)?;
+    let draw = |camera: &Camera, background| match &panorama {
+        Some(panorama) => panorama.draw(camera, |part| pinhole(part, background)),
+        None => pinhole(camera, background),
+    };
     let outcome = match video {
-        Some(layout) => stream(args, layout, &sequence, draw)?,
+        Some(layout) => stream(args, (layout, panorama.as_ref().map(Panorama::size)), &sequence, draw)?,
         None => {
-            let options = format!("{near} {:?} {:?} {:?}", args.form(), args.compat, args.background);
+            let size = panorama.as_ref().map(Panorama::size);
+            let options = format!(
+                "{near} {:?} {:?} {:?} {size:?}",
+                args.form(),
+                args.compat,
+                args.background
+            );
             let digest = JobDigest::new(&splats, &format!("{options} {}", gpu.caps().name));
             write(args, &sequence, &digest, draw)?
         }
@@ -239,6 +264,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
     engine::check(&gpu)?;
     Ok(outcome)
 }
+
+/// Size of panoramas where none is asked for.
+const PANORAMA_SIZE: [u32; 2] = [2048, 1024];
 
 /// Notice of a request to stop.
 const STOPPING: &str = "stopping after this picture; Ctrl-C stops at once";
@@ -299,7 +327,7 @@ fn write(
 /// Writes all pictures to standard output.
 fn stream(
     args: &RenderArgs,
-    layout: VideoLayout,
+    (layout, size): (VideoLayout, Option<[u32; 2]>),
     sequence: &Sequence,
     mut draw: impl FnMut(&Camera, [f32; 3]) -> Result<RenderedImage>,
 ) -> Result<Outcome> {
@@ -312,7 +340,8 @@ fn stream(
     let rate = args.fps.or(sequence.rate).unwrap_or(30.0);
     let fault = |error| Error::io(Path::new("standard output"))(error);
     let stdout = std::io::stdout().lock();
-    let mut video = VideoWriter::new(stdout, layout, [first.width, first.height], rate).map_err(fault)?;
+    let size = size.unwrap_or([first.width, first.height]);
+    let mut video = VideoWriter::new(stdout, layout, size, rate).map_err(fault)?;
     for (_, camera) in &sequence.pictures {
         if interrupt.is_requested() {
             bar.finish_and_clear();

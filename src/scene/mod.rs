@@ -24,7 +24,7 @@ mod splats;
 pub use alignment::PoseDifference;
 pub use axes::Axes;
 pub(crate) use axes::sh_signs;
-pub use camera::Camera;
+pub use camera::{Camera, ClipAxes};
 pub use dataset::{AlphaMode, Dataset, MaskFile, Photo, PhotoSource, Point, Split, View};
 pub(crate) use eigen::eigen;
 pub use focus::{focus, mean_up};

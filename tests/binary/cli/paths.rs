@@ -250,3 +250,34 @@ fn an_orbit_stands_upright_by_the_file() {
     };
     assert!(picture(&scene, "upright") != picture(word(&other), "down"));
 }
+
+#[test]
+fn panoramas_join_without_seams() {
+    let folder = folder();
+    let [scene, path] = scene_and_path(folder.path());
+    let out = folder.path().join("around");
+    let draw = [
+        "render",
+        &scene,
+        "--path",
+        &path,
+        "--panorama",
+        "--out",
+        word(&out),
+        "--validate",
+    ];
+    stdout(&[&draw[..], &["--size", "256x128", "--bits", "16"]].concat());
+    let picture = image::open(out.join("path_0000.png")).unwrap().to_rgb16();
+    assert_eq!(picture.dimensions(), (256, 128));
+    let level = |x: u32, y: u32| picture.get_pixel(x % 256, y).0.map(|v| f64::from(v) / 65_535.0);
+    // The largest step to the right neighbour: at the sides of the cube, at 45 degrees from the axis, and elsewhere.
+    let step = |x: u32| {
+        let pairs = (0..128).map(|y| level(x, y).into_iter().zip(level(x + 1, y)));
+        pairs.flatten().map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    let seams = [31, 95, 159, 223, 255].map(step).into_iter().fold(0.0, f64::max);
+    let inside = (0..256).filter(|x| x % 32 != 31).map(step).fold(0.0, f64::max);
+    assert!(inside > 0.01 && seams <= 2.0 * inside, "{seams}, {inside}");
+    let refused = error(&[&draw[..], &["--format", "exr"]].concat());
+    assert!(refused.contains("--panorama"), "{refused}");
+}
