@@ -32,6 +32,8 @@ layout(constant_id = 7) const uint WITH_LIMIT = 0;
 layout(constant_id = 8) const uint SURFEL = 0;
 // Not 0: the model is an instance; its place and looks are in the push constants, and take the place of the view's.
 layout(constant_id = 9) const uint INSTANCED = 0;
+// Not 0: depth is the distance from the camera's centre, which turns of the camera leave alone to the bit.
+layout(constant_id = 10) const uint BY_DISTANCE = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -221,7 +223,10 @@ uint project(uint slot, uint splat) {
     vec4 shape = vec4(mean_pixel, f.slope, log_opacity);
     ellipse_from_splat[splat] = shape;
     whiten_rg_from_splat[splat] = vec4(whiten, color.rg);
-    blue_depth_from_splat[splat] = vec2(color.b, mean_view.z);
+    float depth = mean_view.z;
+    // Lengths in an instance's model are not those of the world.
+    if (BY_DISTANCE != 0) depth = INSTANCED != 0 ? vector_length(mean_view) : distance;
+    blue_depth_from_splat[splat] = vec2(color.b, depth);
     if (SURFEL != 0) {
         plane_from_splat[splat] = plane;
     } else if (WITH_PLANES != 0) {

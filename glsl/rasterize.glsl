@@ -21,6 +21,8 @@ layout(constant_id = 5) const uint WITH_SURFACE = 0;
 layout(constant_id = 6) const uint WITH_LIMIT = 0;
 // Not 0: surfels.
 layout(constant_id = 7) const uint SURFEL = 0;
+// Not 0: the splat at which each pixel's transmittance falls to 1/2, in place of its end.
+layout(constant_id = 8) const uint WITH_IDS = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -83,6 +85,12 @@ bool any_open() {
     return any_lane(open);
 }
 
+// Whether an alpha takes the transmittance from above 1/2 to 1/2 or below; the same product as the next transmittance.
+bvec4 passes_half(uint q, vec4 alpha) {
+    return both(greaterThan(transmittance[q], vec4(0.5)),
+                lessThanEqual(transmittance[q] * (vec4(1.0) - alpha), vec4(0.5)));
+}
+
 // Adds a splat's plane to the pixels of quad `q`, where it has this alpha.
 void add_plane(uint q, vec4 alpha, vec4 depths, vec3 normal) {
     vec4 weight = alpha * transmittance[q];
@@ -90,10 +98,7 @@ void add_plane(uint q, vec4 alpha, vec4 depths, vec3 normal) {
     normal_x[q] += weight * normal.x;
     normal_y[q] += weight * normal.y;
     normal_z[q] += weight * normal.z;
-    // The same product as the next transmittance.
-    bvec4 half_way = both(greaterThan(transmittance[q], vec4(0.5)),
-                          lessThanEqual(transmittance[q] * (vec4(1.0) - alpha), vec4(0.5)));
-    median[q] = mix(median[q], depths, half_way);
+    median[q] = mix(median[q], depths, passes_half(q, alpha));
 }
 
 void blend(Tile t, uint isect, Staged splat, vec3 plane) {
@@ -126,6 +131,7 @@ void blend(Tile t, uint isect, Staged splat, vec3 plane) {
             else depths = depth_of(plane_column, q);
             add_plane(q, alpha, depths, normal);
         }
+        if (WITH_IDS != 0) last[q] = mix(last[q], uvec4(isect + 1), passes_half(q, alpha));
         transmittance[q] *= vec4(1.0) - alpha;
         if (WITH_ENDS != 0) last[q] = mix(last[q], uvec4(isect + 1), on);
     }
@@ -207,6 +213,15 @@ void load_pixels(Tile t) {
     }
 }
 
+// Stores the splat of the intersection before `end`, if there is one; a band without leaves that of a nearer band.
+void store_id(uint pixel, uint end) {
+    if (end != 0) {
+        isect_end_from_pixel[pixel] = splat_from_emitted[emitted_from_isect[end - 1]];
+    } else if (push.band == 0) {
+        isect_end_from_pixel[pixel] = NO_SPLAT;
+    }
+}
+
 // Adds the background after the last band only.
 void store_pixels(Tile t) {
     uint pixels = view.size.x * view.size.y;
@@ -222,6 +237,7 @@ void store_pixels(Tile t) {
             image[2 * pixels + pixel] = blue[q][r] + through * background.b;
             image[3 * pixels + pixel] = through;
             if (WITH_ENDS != 0) isect_end_from_pixel[pixel] = last[q][r];
+            if (WITH_IDS != 0) store_id(pixel, last[q][r]);
             if (WITH_DEPTH != 0) depth[pixel] = far[q][r];
             if (WITH_SURFACE != 0) store_surface(q, r, pixel, pixels);
         }

@@ -111,5 +111,8 @@ const uint POSE_SPLATS = 1024;
 // Begin of a splat's records if it has none in the current band.
 const uint NOT_LISTED = 0xffffffffu;
 
+// Splat of a pixel where the coverage stays below 1/2.
+const uint NO_SPLAT = 0xffffffffu;
+
 // Elements that one invocation of the scan kernels processes in order.
 const uint SCAN_CHUNK = 256;

@@ -200,9 +200,9 @@ impl Canvas {
             .as_ref()
             .map(|(image, code)| HostDepth { image, code: *code });
         HostTarget {
-            color: &self.color,
             blend: self.blend,
             depth,
+            ..HostTarget::from(&self.color)
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use super::args::DeviceArgs;
 use crate::gpu::{Gpu, GpuOptions, Limits};
-use crate::render::{Compatibility, Evaluator, Model, Outputs, RenderOptions, RenderedImage, Renderer, ViewOptions};
+use crate::render::{
+    Compatibility, Evaluator, Model, Outputs, RenderOptions, RenderedImage, Renderer, SplatOrder, ViewOptions,
+};
 use crate::scene::{Camera, Dataset, ScreenFilter, Splats};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
@@ -46,10 +48,22 @@ pub(super) fn scene_renderer(
     outputs: Outputs,
     compatibility: Compatibility,
 ) -> Result<impl FnMut(&Camera, [f32; 3]) -> Result<RenderedImage>> {
+    renderer_in_order(gpu, splats, near, (outputs, compatibility), SplatOrder::Depth)
+}
+
+/// As [`scene_renderer`], with splats in another order.
+pub(super) fn renderer_in_order(
+    gpu: &Gpu,
+    splats: &Splats,
+    near: f64,
+    (outputs, compatibility): (Outputs, Compatibility),
+    order: SplatOrder,
+) -> Result<impl FnMut(&Camera, [f32; 3]) -> Result<RenderedImage>> {
     let options = RenderOptions {
         with_depth: outputs.depth,
         with_surface: outputs.surface,
         compatibility,
+        order,
         sh_degree: splats.sh_degree,
         primitive: splats.primitive,
         ..RenderOptions::default()

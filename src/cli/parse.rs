@@ -1,5 +1,6 @@
 //! Values of options.
 
+use crate::scene::Axes;
 use crate::train::Background;
 
 /// Value of an option, or the form that is expected.
@@ -87,6 +88,18 @@ pub(super) fn positive(text: &str) -> Reading<f64> {
     value.ok_or_else(|| "a number above 0 is expected".to_owned())
 }
 
+/// A number of frames a second.
+pub(super) fn rate(text: &str) -> Reading<f64> {
+    let rate = positive(text).ok().filter(|rate| (0.01..=1000.0).contains(rate));
+    rate.ok_or_else(|| "a number of frames a second is expected, 0.01 to 1000".to_owned())
+}
+
+/// Axes such as `RUB`.
+pub(super) fn axes(text: &str) -> Reading<Axes> {
+    let axes = Axes::parse(&text.to_ascii_uppercase());
+    axes.ok_or_else(|| "three letters are expected, one of each pair L R, U D, F B, such as RUB".to_owned())
+}
+
 /// A number of decibels above 0.
 pub(super) fn loss(text: &str) -> Reading<f64> {
     let loss = text.parse::<f64>().ok();
@@ -144,6 +157,14 @@ mod tests {
         assert_eq!(image_size("1920x1080"), Ok([1920, 1080]));
         assert_eq!(image_size("1 × 2"), Ok([1, 2]));
         refuses(image_size, &["", "x", "12", "0x5", "5x", "1x2x3", "-1x5", "99999x1"]);
+    }
+
+    #[test]
+    fn rates_and_axes_are_checked() {
+        assert_eq!((rate("29.97"), rate("0.5")), (Ok(29.97), Ok(0.5)));
+        refuses(rate, &["", "0", "-1", "nan", "inf", "1e9"]);
+        assert_eq!(axes("rub"), Ok(Axes::RUB));
+        refuses(axes, &["", "ru", "rrf", "ply", "rubx"]);
     }
 
     #[test]

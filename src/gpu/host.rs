@@ -6,6 +6,7 @@
 //! One [`HostCommands`] is one frame: all recordings into it share the frame's resources. The host paces the frames, as
 //! it does for its own per-frame resources.
 
+use super::buffer::Buffer;
 use super::caps::Caps;
 use super::device::{Gpu, Parts, SharedAllocator};
 use super::features::{HostFeatures, missing_texts, refuse_unmet, version};
@@ -13,9 +14,10 @@ use super::image::{Image, ImageState};
 use super::options::GpuOptions;
 use super::recorder::{Recorder, transition};
 use super::requirements::REQUIRED;
-use crate::shader::Requirement;
+use crate::shader::{Access, Requirement};
 use crate::{Error, Result};
-use ash::vk;
+use ash::vk::{self, Handle};
+use bytemuck::Pod;
 use std::sync::Arc;
 
 /// A host's queue for the engine's submissions (uploads, training), never from two threads at once.
@@ -242,6 +244,24 @@ impl HostImage {
         }
     }
 
+    /// Checks that words of 32 bits can be copied to the image.
+    ///
+    /// # Errors
+    /// [`Config`](crate::Error::Config) for a format other than those of `content`.
+    pub fn check_words(&self, content: ImageWords) -> Result<()> {
+        let (formats, name): (&[vk::Format], _) = match content {
+            ImageWords::Depths => (&[vk::Format::D32_SFLOAT, vk::Format::R32_SFLOAT], "depths"),
+            ImageWords::Ids => (&[vk::Format::R32_UINT], "splats"),
+        };
+        match formats.contains(&self.format) {
+            true => Ok(()),
+            false => Err(Error::Config(format!(
+                "an image of {:?} for {name}: {formats:?} is possible",
+                self.format
+            ))),
+        }
+    }
+
     /// The image, for binding to a kernel that writes it.
     pub fn image(&self) -> &Image {
         &self.image
@@ -254,6 +274,15 @@ impl HostImage {
             ..self.image.clone()
         }
     }
+}
+
+/// Contents of an image that words are copied to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageWords {
+    /// Stored depths, of the format D32 or R32F.
+    Depths,
+    /// Indices of splats, of the format R32_UINT.
+    Ids,
 }
 
 /// All aspects of a format.
@@ -298,6 +327,39 @@ impl Recorder<'_> {
         self.transition(&source.image, KERNEL_READ, source.after);
     }
 
+    /// Copies words, row by row, to all pixels of a host's image, from its state `before` to its state `after`.
+    ///
+    /// # Panics
+    /// If there are fewer words than pixels, or the format has other words ([`HostImage::check_words`]).
+    pub fn copy_to_host<T: Pod>(&mut self, from: &Buffer<T>, target: &HostImage) {
+        let image = &target.image;
+        let pixels = image.pixels();
+        assert!(size_of::<T>() == 4 && pixels <= from.len(), "{from:?} is no {image:?}");
+        self.transition(image, target.before, COPIED);
+        self.access(&[(from.raw.handle.as_raw(), Access::Read)]);
+        self.slot.keep(from.raw.clone());
+        let [width, height] = image.extent;
+        let regions = [vk::BufferImageCopy::default()
+            .buffer_offset(from.offset)
+            .image_subresource(vk::ImageSubresourceLayers {
+                aspect_mask: image.aspects,
+                mip_level: 0,
+                base_array_layer: 0,
+                layer_count: 1,
+            })
+            .image_extent(vk::Extent3D {
+                width,
+                height,
+                depth: 1,
+            })];
+        let device = &self.gpu.0.device;
+        // SAFETY: in bounds (asserted); the frame keeps the buffer, the host its image, which is in this layout.
+        unsafe {
+            device.cmd_copy_buffer_to_image(self.commands, from.raw.handle, image.image, COPIED.layout, &regions);
+        }
+        self.transition(image, COPIED, target.after);
+    }
+
     /// Ends recording into a host's command buffer, which stays valid after an error.
     ///
     /// # Errors
@@ -312,6 +374,12 @@ const KERNEL_WRITE: ImageState = ImageState {
     layout: vk::ImageLayout::GENERAL,
     stage: vk::PipelineStageFlags2::COMPUTE_SHADER,
     access: vk::AccessFlags2::SHADER_STORAGE_WRITE,
+};
+
+const COPIED: ImageState = ImageState {
+    layout: vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+    stage: vk::PipelineStageFlags2::COPY,
+    access: vk::AccessFlags2::TRANSFER_WRITE,
 };
 
 const KERNEL_READ: ImageState = ImageState {

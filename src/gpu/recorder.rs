@@ -284,6 +284,45 @@ impl<'a> Recorder<'a> {
         })
     }
 
+    /// As [`Recorder::read_back`], of `rows` ranges of the length `len`, the first from element `from` on, each
+    /// `stride` elements behind the one before.
+    pub fn read_back_rows<T: Pod>(
+        &mut self,
+        buffer: &Buffer<T>,
+        from: usize,
+        (len, stride, rows): (usize, usize, usize),
+    ) -> Result<Readback<T>> {
+        assert!(len > 0 && rows > 0 && len <= stride, "no rows");
+        let last = from + (rows - 1) * stride + len;
+        assert!(last <= buffer.len(), "read_back out of bounds: {buffer:?}");
+        let size = size_of::<T>();
+        let (raw, offset) = self.slot.reading.take(&self.gpu, rows * len * size)?;
+        self.access(&[
+            (buffer.raw.handle.as_raw(), Access::Read),
+            (raw.handle.as_raw(), Access::Write),
+        ]);
+        self.slot.keep(buffer.raw.clone());
+        self.slot.keep(raw.clone());
+        let region = |row: usize| {
+            vk::BufferCopy::default()
+                .src_offset(buffer.offset + ((from + row * stride) * size) as u64)
+                .dst_offset((offset + row * len * size) as u64)
+                .size((len * size) as u64)
+        };
+        let regions: Vec<vk::BufferCopy> = (0..rows).map(region).collect();
+        // SAFETY: in bounds (asserted), and both are alive until the frame is done.
+        unsafe {
+            self.device()
+                .cmd_copy_buffer(self.commands, buffer.raw.handle, raw.handle, &regions)
+        };
+        Ok(Readback {
+            raw,
+            offset,
+            len: rows * len,
+            element: PhantomData,
+        })
+    }
+
     /// Timestamp that attributes the time since the previous one to `label`. No effect in frames made without
     /// timestamps.
     pub fn timestamp(&mut self, label: &'static str) {

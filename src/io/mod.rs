@@ -10,6 +10,8 @@
 #![doc = include_str!("../../docs/formats.md")]
 
 pub mod atomic;
+#[cfg(feature = "train")]
+pub mod camera_path;
 mod check;
 #[cfg(feature = "train")]
 pub mod checkpoint;
@@ -20,6 +22,8 @@ pub mod dataset;
 #[cfg(feature = "train")]
 pub mod exr;
 pub mod gltf;
+#[cfg(feature = "train")]
+mod json;
 pub mod ksplat;
 #[cfg(feature = "train")]
 mod listing;
@@ -35,6 +39,8 @@ pub mod photo;
 pub mod ply;
 #[cfg(feature = "train")]
 pub mod png;
+#[cfg(feature = "train")]
+mod pose;
 mod reader;
 #[cfg(feature = "train")]
 pub mod refined;
@@ -46,6 +52,8 @@ pub mod splats;
 pub mod spz;
 #[cfg(feature = "train")]
 pub mod transforms;
+#[cfg(feature = "train")]
+pub mod video;
 
 #[cfg(feature = "train")]
 pub use listing::{ListedView, Listing};

@@ -1,4 +1,4 @@
-//! Images as 8-bit PNG files.
+//! Images as PNG files of 8 or 16 bits.
 
 use super::atomic::write_atomically;
 use crate::error::{Error, Result};
@@ -37,6 +37,34 @@ pub fn write_rgba(path: &Path, width: u32, height: u32, pixels: &[[f32; 4]]) -> 
     write_bytes(path, width, height, &bytes, ExtendedColorType::Rgba8)
 }
 
+/// As [`write_rgb`], with 16 bits a channel: values are rounded to the nearest 65,535th.
+pub fn write_rgb16(path: &Path, width: u32, height: u32, pixels: &[[f32; 3]]) -> Result<()> {
+    write_bytes(
+        path,
+        width,
+        height,
+        &to_words(pixels.as_flattened()),
+        ExtendedColorType::Rgb16,
+    )
+}
+
+/// As [`write_rgba`], with 16 bits a channel.
+pub fn write_rgba16(path: &Path, width: u32, height: u32, pixels: &[[f32; 4]]) -> Result<()> {
+    write_bytes(
+        path,
+        width,
+        height,
+        &to_words(pixels.as_flattened()),
+        ExtendedColorType::Rgba16,
+    )
+}
+
+/// Channels as 16-bit words of the machine's byte order, as the encoder takes them; NaN is 0.
+fn to_words(channels: &[f32]) -> Vec<u8> {
+    let word = |value: &f32| ((f64::from(*value) * 65_535.0).round() as u16).to_ne_bytes();
+    channels.iter().flat_map(word).collect()
+}
+
 /// Writes a photograph unchanged.
 pub fn write_photo(path: &Path, photo: &Photo) -> Result<()> {
     let bytes = photo.rgba.as_flattened();
@@ -44,10 +72,10 @@ pub fn write_photo(path: &Path, photo: &Photo) -> Result<()> {
 }
 
 fn write_bytes(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorType) -> Result<()> {
-    let channels = usize::from(color.channel_count());
+    let bytes_each = usize::from(color.bits_per_pixel() / 8);
     assert_eq!(
         bytes.len(),
-        width as usize * height as usize * channels,
+        width as usize * height as usize * bytes_each,
         "as many pixels as the image has"
     );
     write_atomically(path, |file| {

@@ -70,6 +70,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         adam_color: adam_color::Choice::of_degree(3), ELEMENTWISE;
         compact: compact::Choice::default(), ELEMENTWISE;
         contribution: contribution::Choice::prefer(caps), contribution::Choice::why(caps);
+        delinearize: delinearize::Choice::default(), ELEMENTWISE;
         expand: expand::Choice::default(), ELEMENTWISE;
         gather: gather::Choice::default(), ELEMENTWISE;
         linearize: linearize::Choice::default(), ELEMENTWISE;

@@ -39,6 +39,9 @@ pub struct Outputs {
     pub limit: bool,
     /// Surfels in place of 3D Gaussians, which take memory and kernels of their own, too.
     pub surfels: bool,
+    /// Splat at which each pixel's coverage reaches 1/2, in place of the end of its list; not by the rules of the 3DGS
+    /// code.
+    pub ids: bool,
 }
 
 impl Outputs {
@@ -49,6 +52,7 @@ impl Outputs {
         surface: false,
         limit: false,
         surfels: false,
+        ids: false,
     };
 }
 
@@ -95,6 +99,6 @@ macro_rules! outputs {
 
 outputs! {
     rasterize: with_depth depth, with_ends ends, with_surface surface, with_limit limit,
-        surfel surfels;
+        surfel surfels, with_ids ids;
     rasterize_inria: with_depth depth, with_ends ends;
 }

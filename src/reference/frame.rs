@@ -49,6 +49,15 @@ pub fn sorted<R: Real>(screen: &[Option<ScreenSplat<R>>]) -> (Vec<ScreenSplat<R>
     (list, splat_from_rank)
 }
 
+/// Takes distances of the means from the camera's centre for depths, for an order by distance.
+pub fn by_distance(screen: &mut [Option<ScreenSplat<f64>>], splats: &[Splat<f64>], view: &Viewpoint) {
+    for (screen, splat) in screen.iter_mut().zip(splats) {
+        if let Some(screen) = screen {
+            screen.depth = glam::DVec3::from(splat.mean).distance(view.camera.position);
+        }
+    }
+}
+
 /// Renders projected splats.
 pub fn render_screen<R: Real>(
     screen: &[Option<ScreenSplat<R>>],

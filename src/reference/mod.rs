@@ -16,6 +16,7 @@
 pub mod adam;
 pub mod bound;
 pub mod contribution;
+pub mod delinearize;
 pub mod dropout;
 pub mod expand;
 pub mod frame;

@@ -141,6 +141,23 @@ pub fn weights(
     weights
 }
 
+/// Index of the splat at which the coverage of a pixel reaches ½: the first one whose weight and those before it sum up
+/// to that. `None` if all of them do not.
+pub fn median(
+    splats: &[ScreenSplat<f64>],
+    order: &[usize],
+    position: [f64; 2],
+    thresholds: &Thresholds,
+) -> Option<usize> {
+    let mut coverage = 0.0;
+    let weights = weights(splats, order, position, thresholds);
+    let reaches = |(_, weight): &(usize, f64)| {
+        coverage += weight;
+        coverage >= 0.5
+    };
+    weights.into_iter().find(reaches).map(|(index, _)| index)
+}
+
 /// Indices of the splats that a pixel blends, visited in the given order.
 pub fn blended(
     splats: &[ScreenSplat<f64>],

@@ -6,7 +6,7 @@ use super::compositor::Compositor;
 use super::depth_bands::{DepthBands, list_limit};
 use super::instances::{FrameContent, Portion};
 use super::model::Model;
-use super::options::{RenderOptions, training_outputs};
+use super::options::{RenderOptions, SplatOrder, training_outputs};
 use super::projections::Projections;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use super::view::view_on;
@@ -85,6 +85,7 @@ impl Forward {
             project.spec.with_planes = outputs.surface.into();
             project.spec.with_limit = outputs.limit.into();
             project.spec.surfel = outputs.surfels.into();
+            project.spec.by_distance = (options.order == SplatOrder::Distance).into();
             let mut expand = expand::Choice::default();
             expand.spec.with_limit = outputs.limit.into();
             expand.spec.surfel = outputs.surfels.into();

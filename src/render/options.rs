@@ -6,6 +6,19 @@ use super::compatibility::Compatibility;
 use super::precision::Precision;
 use crate::kernels::rasterize::Outputs;
 use crate::scene::Primitive;
+use crate::{Error, Result};
+
+/// Order in which splats are composited, nearest first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SplatOrder {
+    /// By depth of the means along the view's z axis, as scenes are trained.
+    #[default]
+    Depth,
+    /// By distance of the means from the camera's centre: turns of a camera leave it alone, so that nothing pops when
+    /// the view turns, and pictures of one centre join. Of 3D Gaussians by this engine's rules, for pictures without
+    /// depths, surfaces, splats of pixels and a host's depth, which are along z.
+    Distance,
+}
 
 /// Options of a [`Renderer`](super::Renderer).
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +38,11 @@ pub struct RenderOptions {
     pub with_host_depth: bool,
     /// True for pictures over a host's pixels ([`Blend`](super::Blend)).
     pub with_host_color: bool,
+    /// True for images with the splat at which the coverage of each pixel reaches 1/2, and its depth; for picking, and
+    /// for depths and splats in a host's images ([`HostTarget`](super::HostTarget)); not by the rules of the 3DGS code.
+    pub with_ids: bool,
+    /// Order of the splats.
+    pub order: SplatOrder,
     /// Thresholds that save work at a bounded error.
     pub accuracy: Accuracy,
     /// Kind of the models' splats; surfels not by the rules of the 3DGS code.
@@ -44,6 +62,7 @@ impl RenderOptions {
             surface: self.with_surface,
             limit: self.with_host_depth,
             surfels: self.primitive == Primitive::Surfel,
+            ids: self.with_ids,
         }
     }
 }
@@ -53,6 +72,32 @@ pub(crate) fn training_outputs(primitive: Primitive) -> Outputs {
     Outputs {
         surfels: primitive == Primitive::Surfel,
         ..Outputs::TRAINING
+    }
+}
+
+impl RenderOptions {
+    /// Refuses outputs and kinds that the rules of the 3DGS code do not have.
+    pub(super) fn check_rules(&self) -> Result<()> {
+        let asked = [
+            (self.with_surface, "depths and normals of surfaces"),
+            (self.primitive == Primitive::Surfel, "surfels"),
+            (self.with_host_depth, "pictures behind a host's surfaces"),
+            (self.with_ids, "splats of pixels"),
+        ];
+        let refuse = |what: &str, rule: &str| {
+            Err(Error::Unsupported {
+                what: format!("{what} {rule}"),
+            })
+        };
+        let is_inria = self.compatibility == Compatibility::Inria;
+        let by_distance = self.order == SplatOrder::Distance;
+        match asked.iter().find(|(is_asked, _)| *is_asked) {
+            Some((_, what)) if is_inria => refuse(what, "by the rules of the 3DGS code"),
+            Some((_, what)) if by_distance => refuse(what, "in the order of distance"),
+            _ if by_distance && is_inria => refuse("the order of distance", "by the rules of the 3DGS code"),
+            _ if by_distance && self.with_depth => refuse("depths", "in the order of distance"),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -69,6 +114,8 @@ impl Default for RenderOptions {
             with_surface: false,
             with_host_depth: false,
             with_host_color: false,
+            with_ids: false,
+            order: SplatOrder::Depth,
             accuracy: Accuracy::default(),
             primitive: Primitive::Gaussian3d,
             precision: Precision::Full,

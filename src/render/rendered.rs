@@ -17,6 +17,12 @@ pub struct RenderedImage {
     /// Σ weight · z of each pixel in world units, z of the splats' means; divide by 1 − transmittance for the mean.
     /// Empty unless requested ([`RenderOptions::with_depth`]).
     pub depth: Vec<f32>,
+    /// Index of the splat at which the coverage of each pixel reaches 1/2, or [`NO_SPLAT`](crate::layout::NO_SPLAT)
+    /// where it does not; of instances by [`locate`](super::locate). Empty unless requested
+    /// ([`RenderOptions::with_ids`](super::RenderOptions::with_ids)).
+    pub ids: Vec<u32>,
+    /// Depth of that splat's mean along the view's z axis in world units; infinite without one. Empty as `ids`.
+    pub id_depth: Vec<f32>,
     /// Depths and normals, if requested ([`RenderOptions::with_surface`]).
     pub surface: Option<Surface>,
 }
@@ -55,6 +61,8 @@ pub(super) fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>, surface: O
         rgb,
         transmittance,
         depth,
+        ids: Vec::new(),
+        id_depth: Vec::new(),
         surface,
     }
 }

@@ -7,8 +7,9 @@ use super::forward::Forward;
 use super::instances::{FrameContent, Instance};
 use super::memory::isects_expected;
 use super::model::Model;
-use super::occlusion::Occlusion;
+use super::occlusion::{DepthCode, Occlusion};
 use super::options::RenderOptions;
+use super::picking::{self, PendingPick, PickReport, Picking};
 use super::rendered::{RenderedImage, unpack};
 use super::scratch::Scratch;
 use super::statistics::Stats;
@@ -17,7 +18,7 @@ use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
 use crate::kernels::{overlay, present};
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES};
-use crate::scene::{Camera, NotFinite, Primitive, Splats};
+use crate::scene::{Camera, NotFinite, Splats};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 
@@ -33,6 +34,8 @@ pub struct Renderer {
     overlay: Option<overlay::Overlay>,
     /// Kernels of pictures behind a host's surfaces, where the options ask for them.
     occlusion: Option<Occlusion>,
+    /// Kernel of the splats of pixels, where the options ask for them.
+    picking: Option<Picking>,
     scratch: Scratch,
     /// Frames of [`Renderer::render`], from the first on.
     frames: Option<Frames>,
@@ -45,6 +48,8 @@ pub struct Renderer {
     bands: DepthBands,
     /// Pictures in the host's frames in flight, oldest first.
     pending: VecDeque<PendingPicture>,
+    /// Reports of finished pictures, oldest first.
+    picks: VecDeque<PickReport>,
 }
 
 /// A recorded picture with unread counts.
@@ -58,6 +63,8 @@ struct PendingPicture {
     not_finite: Option<NotFinite>,
     /// Readback of the frame's counts.
     counts: Readback<u32>,
+    /// Readback of the pixels asked for.
+    pick: Option<PendingPick>,
 }
 
 impl std::fmt::Debug for Renderer {
@@ -71,24 +78,10 @@ impl Renderer {
     /// frames share the buffers, so that those of a host go to one queue; a second queue takes a second renderer.
     ///
     /// # Errors
-    /// [`Error::Config`] for thresholds out of range, [`Error::Unsupported`] for surfaces and for surfels by the rules
-    /// of the 3DGS code, [`Error::OutOfMemory`].
+    /// [`Error::Config`] for thresholds out of range, [`Error::Unsupported`] for surfaces, surfels, a host's surfaces
+    /// and splats of pixels by the rules of the 3DGS code, [`Error::OutOfMemory`].
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
-        if options.with_surface && options.compatibility == Compatibility::Inria {
-            return Err(Error::Unsupported {
-                what: "depths and normals of surfaces by the rules of the 3DGS code".into(),
-            });
-        }
-        if options.primitive == Primitive::Surfel && options.compatibility == Compatibility::Inria {
-            return Err(Error::Unsupported {
-                what: "surfels by the rules of the 3DGS code".into(),
-            });
-        }
-        if options.with_host_depth && options.compatibility == Compatibility::Inria {
-            return Err(Error::Unsupported {
-                what: "pictures behind a host's surfaces by the rules of the 3DGS code".into(),
-            });
-        }
+        options.check_rules()?;
         let occlusion = options.with_host_depth.then(|| Occlusion::new(gpu, &options));
         let overlay = || overlay::Overlay::new(gpu, overlay::Choice::default());
         let overlay = options.with_host_color.then(overlay);
@@ -99,6 +92,7 @@ impl Renderer {
             present: present::Present::new(gpu, present::Choice::default())?,
             overlay: overlay.transpose()?,
             occlusion: occlusion.transpose()?,
+            picking: options.with_ids.then(|| Picking::new(gpu)).transpose()?,
             scratch: Scratch::new(gpu, capacity, options.outputs())?,
             frames: None,
             rendered: None,
@@ -106,6 +100,7 @@ impl Renderer {
             options,
             bands: DepthBands::default(),
             pending: VecDeque::new(),
+            picks: VecDeque::new(),
         })
     }
 
@@ -244,11 +239,7 @@ impl Renderer {
         let (finished, mut rec) = match begun {
             Ok(begun) => begun,
             Err(error) => {
-                let images = [Some(target.color), target.depth.map(|depth| depth.image)];
-                images
-                    .iter()
-                    .flatten()
-                    .for_each(|image| commands.pass(&self.gpu, image));
+                target.images().for_each(|image| commands.pass(&self.gpu, image));
                 return Err(error);
             }
         };
@@ -265,6 +256,8 @@ impl Renderer {
         };
         forward.record(&mut rec, content, scratch, &view_of(camera, &view), degree, self.bands);
         target.show(&mut rec, scratch, (&self.present, self.overlay.as_ref()));
+        let picking = self.picking.as_ref();
+        let pick = picking.map_or(Ok(None), |picking| picking.show(&mut rec, scratch, &target, content));
         let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
         rec.finish()?;
         self.pending.push_back(PendingPicture {
@@ -273,6 +266,7 @@ impl Renderer {
             bands: self.bands,
             not_finite: content.not_finite(),
             counts: counts?,
+            pick: pick?,
         });
         Ok(finished)
     }
@@ -304,6 +298,7 @@ impl Renderer {
             }
             Occlusion::check(&self.gpu, depth, size)?;
         }
+        picking::check(target, size, self.picking.is_some())?;
         if !self.forward.is_prepared(content) {
             let function = match content {
                 FrameContent::Model(_) => "prepare",
@@ -363,6 +358,12 @@ impl Renderer {
         model
     }
 
+    /// Takes the reports of picked pixels, oldest first: those of pictures with [`HostTarget::pick`] whose statistics
+    /// have been returned since the last call, in the order of recording.
+    pub fn picks(&mut self) -> impl Iterator<Item = PickReport> {
+        self.picks.drain(..)
+    }
+
     /// Stages of the last rendered image with their device time in nanoseconds; empty on devices without timestamps.
     pub fn timings(&self) -> Result<Vec<(&'static str, f64)>> {
         match (self.rendered, &self.frames) {
@@ -399,6 +400,7 @@ impl Renderer {
                 complete: counts[COUNT_FAILED as usize] == 0,
                 not_finite: picture.not_finite,
             };
+            self.picks.extend(picture.pick.as_ref().map(PendingPick::report));
             worst = Some(worst.map_or(stats, |worst| worst.worse(stats)));
             if self.options.compatibility == Compatibility::Engine {
                 self.bands = self.bands_after(picture.bands, counts)?;
@@ -439,14 +441,21 @@ impl Renderer {
             let (degree, outputs) = (self.options.sh_degree, self.options.outputs());
             let of = |wanted: bool, planes: u32| 0..if wanted { planes as usize * pixels } else { 0 };
             let frames = own_frames(&mut self.frames, &self.gpu)?;
-            let (ticket, (counts, image, depth, surface)) = frames.submit(|rec| {
+            let (ticket, (counts, image, depth, surface, ids)) = frames.submit(|rec| {
                 rec.fill(&scratch.counts, 0);
                 forward.record(rec, content, scratch, &view, degree, bands);
+                if let Some(picking) = &self.picking {
+                    picking.find(rec, scratch, pixels, DepthCode::DISTANCE, false);
+                }
                 Ok((
                     rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?,
                     rec.read_back(&scratch.image, 0..4 * pixels)?,
                     rec.read_back(&scratch.depth, of(outputs.depth, 1))?,
                     rec.read_back(&scratch.surface, of(outputs.surface, SURFACE_PLANES))?,
+                    (
+                        rec.read_back(&scratch.isect_end_from_pixel, of(outputs.ids, 1))?,
+                        rec.read_back(&scratch.depth_from_pixel, of(outputs.ids, 1))?,
+                    ),
                 ))
             })?;
             frames.wait(ticket)?;
@@ -454,7 +463,11 @@ impl Renderer {
             let counts = counts.get();
             if counts[COUNT_FAILED as usize] == 0 {
                 let surface = outputs.surface.then(|| surface.get());
-                return Ok(unpack(camera, &image.get(), depth.get(), surface.as_deref()));
+                return Ok(RenderedImage {
+                    ids: ids.0.get(),
+                    id_depth: ids.1.get(),
+                    ..unpack(camera, &image.get(), depth.get(), surface.as_deref())
+                });
             }
             let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
             self.reserve_some(content, camera, wanted.saturating_add(wanted / 8))?;

@@ -42,7 +42,9 @@ buffers! {
         image: Buffer<f32>, Pixels, 4 * capacity.pixels;
         depth: Buffer<f32>, Pixels, if outputs.depth { capacity.pixels } else { 1 };
         surface: Buffer<f32>, Pixels, if outputs.surface { SURFACE_PLANES as usize * capacity.pixels } else { 1 };
-        isect_end_from_pixel: Buffer<u32>, Pixels, if outputs.ends { capacity.pixels } else { 1 };
+        isect_end_from_pixel: Buffer<u32>, Pixels, if outputs.ends || outputs.ids { capacity.pixels } else { 1 };
+        depth_from_pixel: Buffer<f32>, Pixels, if outputs.ids { capacity.pixels } else { 1 };
+        stored_from_pixel: Buffer<f32>, Pixels, if outputs.ids { capacity.pixels } else { 1 };
         limit_from_pixel: Buffer<f32>, Pixels, if outputs.limit { capacity.pixels } else { 1 };
         limit_from_tile: Buffer<f32>, Pixels, if outputs.limit { capacity.tiles } else { 1 };
     }

@@ -17,7 +17,32 @@ pub struct HostTarget<'a> {
     /// Depths of the host's surfaces, which hide the splats behind them; for renderers with
     /// [`RenderOptions::with_host_depth`](super::RenderOptions::with_host_depth).
     pub depth: Option<HostDepth<'a>>,
+    /// Image of the format R32_UINT for the splat of each pixel, as in
+    /// [`RenderedImage::ids`](super::RenderedImage::ids), with the usage as destination of transfers; for renderers
+    /// with [`RenderOptions::with_ids`](super::RenderOptions::with_ids), as the next.
+    pub ids: Option<&'a HostImage>,
+    /// Image of the format D32 or R32F, with the usage as destination of transfers, for the depth of that splat's mean
+    /// in a code, or of the host's surface before it. Copies to D32 take a queue with graphics.
+    pub depth_out: Option<HostDepth<'a>>,
+    /// Pixels to report when the frame's statistics are: [`Renderer::picks`](super::Renderer::picks).
+    pub pick: Option<PickArea>,
 }
+
+/// Pixels of a picture to report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PickArea {
+    /// First column.
+    pub x: u32,
+    /// First row, from the top.
+    pub y: u32,
+    /// Columns, from 1 on.
+    pub width: u32,
+    /// Rows, from 1 on.
+    pub height: u32,
+}
+
+/// Most pixels of a [`PickArea`].
+pub const PICK_PIXELS_MAX: u32 = 1 << 16;
 
 impl<'a> From<&'a HostImage> for HostTarget<'a> {
     fn from(color: &'a HostImage) -> HostTarget<'a> {
@@ -25,11 +50,21 @@ impl<'a> From<&'a HostImage> for HostTarget<'a> {
             color,
             blend: Blend::Replace,
             depth: None,
+            ids: None,
+            depth_out: None,
+            pick: None,
         }
     }
 }
 
 impl HostTarget<'_> {
+    /// All images, in the order of their use: one may be read for its depth and then be written.
+    pub(super) fn images(&self) -> impl Iterator<Item = &HostImage> {
+        let [depth, depth_out] = [self.depth, self.depth_out].map(|depth| depth.map(|depth| depth.image));
+        let all = [depth, Some(self.color), depth_out, self.ids];
+        all.into_iter().flatten()
+    }
+
     /// Records the writing of a composited picture.
     pub(super) fn show(
         &self,

@@ -92,7 +92,9 @@ impl Splats {
         if signs == [1.0; 3] {
             return;
         }
-        self.origin *= DVec3::from(signs.map(f64::from));
+        let signs_f64 = DVec3::from(signs.map(f64::from));
+        self.origin *= signs_f64;
+        self.up = self.up.map(|up| up * signs_f64);
         for mean in &mut self.mean {
             *mean = [x * mean[0], y * mean[1], z * mean[2]];
         }
@@ -112,6 +114,7 @@ impl Splats {
     pub fn rotate(&mut self, rotation: DQuat) {
         let turned = |[x, y, z]: [f32; 3]| (rotation * DVec3::new(x.into(), y.into(), z.into())).as_vec3().into();
         self.origin = rotation * self.origin;
+        self.up = self.up.map(|up| rotation * up);
         self.mean.par_iter_mut().for_each(|mean| *mean = turned(*mean));
         self.quaternion.par_iter_mut().for_each(|q| {
             let [w, x, y, z] = q.map(f64::from);
@@ -148,6 +151,7 @@ mod tests {
             sh: (0..48).map(|i| (i as f32 * 0.7).sin()).collect(),
             sh_degree: 3,
             origin: DVec3::new(10.0, 20.0, 30.0),
+            up: Some(DVec3::new(0.0, -0.8, 0.6)),
             ..Splats::default()
         }
     }
@@ -178,6 +182,8 @@ mod tests {
             let mean = |s: &Splats| DVec3::from(s.mean[0].map(f64::from));
             assert!((m * mean(&before) - mean(&after)).length() < 1e-6, "{name}");
             assert!((m * before.origin - after.origin).length() < 1e-6, "{name}");
+            let up = |s: &Splats| s.up.unwrap();
+            assert!((m * up(&before) - up(&after)).length() < 1e-12, "{name}");
             for i in 0..20 {
                 let t = f64::from(i);
                 let d = DVec3::new((1.3 * t).sin(), (2.1 * t).cos(), (0.7 * t).sin()).normalize();

@@ -1,6 +1,7 @@
 //! A pinhole camera: intrinsics in pixels, pose in the world.
 
-use glam::{DMat3, DVec2, DVec3};
+use crate::{Error, Result};
+use glam::{DMat3, DMat4, DVec2, DVec3};
 
 /// A pinhole camera. Lens distortion is removed from photographs when they are loaded.
 ///
@@ -23,7 +24,71 @@ pub struct Camera {
     pub position: DVec3,
 }
 
+/// Vertical axis of a projection's normalised device coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClipAxes {
+    /// y points down: Vulkan with a viewport of positive height.
+    YDown,
+    /// y points up: OpenGL, Direct3D, WebGPU, Vulkan with a viewport of negative height.
+    YUp,
+}
+
+/// Largest skew of a projection's axes, as a share of the focal length: rounding of matrices in single precision.
+const SKEW_MAX: f64 = 1e-4;
+
 impl Camera {
+    /// Camera of a host's matrix from the world to clip space (projection · view, columns as of GLSL), for an image of
+    /// so many pixels. Depth, near and far plane do not count, so that reversed and infinite projections will do; the
+    /// axes of the view do not either. A jitter of the projection by whole or broken pixels moves the principal point.
+    /// Of a product in single precision the camera has its rounding: multiply in double precision far from the origin.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a matrix that is not finite or no perspective projection, mirrors, or skews the image.
+    pub fn from_matrix(clip_from_world: &DMat4, [width, height]: [u32; 2], axes: ClipAxes) -> Result<Camera> {
+        let refuse = |what: &str| Err(Error::Config(format!("a matrix to clip space that {what}")));
+        let [x, y, w] = [0, 1, 3].map(|row| clip_from_world.row(row));
+        if !clip_from_world.is_finite() || width == 0 || height == 0 {
+            return refuse("is not finite, or an image without pixels");
+        }
+        let half = 0.5 * DVec2::new(width.into(), height.into());
+        let y = if axes == ClipAxes::YDown { y } else { -y };
+        // Rows of a matrix to pixels, up to a factor.
+        let [across, down, ahead] = [half.x * (x + w), half.y * (y + w), w];
+        let [u, v, n] = [across, down, ahead].map(|row| row.truncate());
+        let scale = n.length();
+        if scale < f64::MIN_POSITIVE {
+            return refuse("is no perspective projection");
+        }
+        let forward = n / scale;
+        let center = DVec2::new(u.dot(forward), v.dot(forward)) / scale;
+        let (right, below) = (u / scale - center.x * forward, v / scale - center.y * forward);
+        let focal = DVec2::new(right.length(), below.length());
+        let skew = right.dot(below) / (focal.x * focal.y);
+        if !(focal.min_element() > 0.0 && skew.abs() <= SKEW_MAX) {
+            return refuse("skews the image");
+        }
+        let x_axis = right / focal.x;
+        let y_axis = (below - below.dot(x_axis) * x_axis).normalize();
+        let rotation = DMat3::from_cols(x_axis, y_axis, forward).transpose();
+        if rotation.determinant() < 0.0 {
+            return refuse("mirrors the image");
+        }
+        // The centre, which all three rows send to 0.
+        let rows = DMat3::from_cols(u, v, n).transpose();
+        let position = -(rows.inverse() * DVec3::new(across.w, down.w, ahead.w));
+        match position.is_finite() && center.is_finite() {
+            true => Ok(Camera {
+                width,
+                height,
+                focal,
+                center,
+                rotation,
+                position,
+            }),
+            false => refuse("is singular"),
+        }
+    }
+
     /// The same view at another image size: intrinsics follow the rounded size per axis.
     pub fn resized(&self, width: u32, height: u32) -> Camera {
         let ratio = DVec2::new(
@@ -35,6 +100,19 @@ impl Camera {
             height,
             focal: self.focal * ratio,
             center: self.center * ratio,
+            ..*self
+        }
+    }
+
+    /// A view of the same vertical field at another image size: wider or narrower sizes show more or less at the sides.
+    pub fn with_size(&self, width: u32, height: u32) -> Camera {
+        let ratio = f64::from(height) / f64::from(self.height);
+        let half = |width: u32, height: u32| 0.5 * DVec2::new(width.into(), height.into());
+        Camera {
+            width,
+            height,
+            focal: self.focal * ratio,
+            center: half(width, height) + (self.center - half(self.width, self.height)) * ratio,
             ..*self
         }
     }
@@ -73,5 +151,88 @@ impl Camera {
             position,
             ..self
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec4};
+
+    fn camera() -> Camera {
+        Camera {
+            width: 640,
+            height: 360,
+            focal: DVec2::new(500.0, 520.0),
+            center: DVec2::new(310.5, 190.25),
+            rotation: DMat3::from_quat(DQuat::from_xyzw(0.3, -0.2, 0.5, 0.8).normalize()),
+            position: DVec3::new(0.5, -1.0, 2.0),
+        }
+    }
+
+    /// Projection · view by the axes of the view (signs of y and z) and of clip space, reversed and infinite.
+    fn matrix(camera: &Camera, sign: f64, axes: ClipAxes) -> DMat4 {
+        let size = DVec2::new(camera.width.into(), camera.height.into());
+        let mut view = DMat4::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, sign, sign)) * camera.rotation);
+        view.w_axis = (view.transform_vector3(-camera.position)).extend(1.0);
+        let down = if axes == ClipAxes::YDown { 1.0 } else { -1.0 };
+        let focal = 2.0 * camera.focal / size;
+        let center = 2.0 * camera.center / size - 1.0;
+        let projection = DMat4::from_cols(
+            DVec4::new(focal.x, 0.0, 0.0, 0.0),
+            DVec4::new(0.0, sign * down * focal.y, 0.0, 0.0),
+            DVec4::new(sign * center.x, sign * down * center.y, 0.0, sign),
+            DVec4::new(0.0, 0.0, 0.1, 0.0),
+        );
+        projection * view
+    }
+
+    #[test]
+    fn matrices_of_hosts_are_the_camera() {
+        let camera = camera();
+        for sign in [1.0, -1.0] {
+            for axes in [ClipAxes::YDown, ClipAxes::YUp] {
+                let found = Camera::from_matrix(&matrix(&camera, sign, axes), [640, 360], axes).unwrap();
+                assert!(found.rotation.abs_diff_eq(camera.rotation, 1e-12), "{found:?}");
+                assert!(found.position.distance(camera.position) < 1e-12, "{found:?}");
+                let off = [found.focal - camera.focal, found.center - camera.center];
+                assert!(off.iter().all(|off| off.length() < 1e-12 * 500.0), "{found:?}");
+                // A jitter of one pixel to the right.
+                let shift = DMat4::from_translation(DVec3::new(2.0 / 640.0, 0.0, 0.0));
+                let moved = Camera::from_matrix(&(shift * matrix(&camera, sign, axes)), [640, 360], axes).unwrap();
+                assert!((moved.center - camera.center - DVec2::X).length() < 1e-9, "{moved:?}");
+                // A point has the same pixel by the matrix.
+                let point = camera.position + camera.rotation.transpose() * DVec3::new(0.3, -0.2, 4.0);
+                let clip = matrix(&camera, sign, axes) * point.extend(1.0);
+                let down = if axes == ClipAxes::YDown { 1.0 } else { -1.0 };
+                let pixel = DVec2::new(320.0, 180.0) * (1.0 + DVec2::new(clip.x, down * clip.y) / clip.w);
+                let wanted = camera.pixel_from_world(point);
+                assert!(clip.w > 0.0 && wanted.is_some_and(|wanted| wanted.distance(pixel) < 1e-9));
+            }
+        }
+    }
+
+    #[test]
+    fn other_matrices_are_refused() {
+        let good = matrix(&camera(), -1.0, ClipAxes::YUp);
+        let refused = |matrix: DMat4, axes| Camera::from_matrix(&matrix, [640, 360], axes).unwrap_err().to_string();
+        assert!(refused(good, ClipAxes::YDown).contains("mirrors"));
+        assert!(refused(DMat4::ZERO, ClipAxes::YUp).contains("no perspective"));
+        assert!(refused(DMat4::IDENTITY, ClipAxes::YUp).contains("no perspective"));
+        assert!(refused(good * f64::NAN, ClipAxes::YUp).contains("not finite"));
+        let mut skewed = DMat4::IDENTITY;
+        skewed.y_axis.x = 0.1;
+        assert!(refused(skewed * good, ClipAxes::YUp).contains("skews"));
+        assert!(Camera::from_matrix(&good, [0, 360], ClipAxes::YUp).is_err());
+    }
+
+    #[test]
+    fn another_size_keeps_the_vertical_field() {
+        let wide = camera().with_size(1000, 180);
+        assert_eq!(
+            (wide.focal, wide.center),
+            (DVec2::new(250.0, 260.0), DVec2::new(495.25, 95.125))
+        );
+        assert_eq!(camera().with_size(640, 360), camera());
     }
 }

@@ -1,4 +1,4 @@
-//! Focus of a set of cameras.
+//! Focus of a set of cameras, and their upward direction.
 
 use super::Camera;
 use glam::{DMat3, DVec3};
@@ -22,6 +22,15 @@ pub fn focus(cameras: &[Camera]) -> Option<DVec3> {
     let focus = normal.inverse() * right;
     let ahead = cameras.iter().filter(|c| c.view_from_world(focus).z > 0.0);
     (focus.is_finite() && ahead.count() * 2 > cameras.len()).then_some(focus)
+}
+
+/// Mean upward direction of cameras in the world, of unit length; `None` without cameras, or if their directions cancel
+/// out.
+pub fn mean_up(cameras: &[Camera]) -> Option<DVec3> {
+    let sum: DVec3 = cameras.iter().map(|c| -c.rotation.row(1)).sum();
+    // Rounding leaves a little of directions that cancel out.
+    let is_clear = sum.length() > 1e-6 * cameras.len() as f64;
+    sum.try_normalize().filter(|_| is_clear)
 }
 
 #[cfg(test)]
@@ -51,5 +60,26 @@ mod tests {
         assert_eq!(focus(&outward), None);
         assert_eq!(focus(&inward[..1]), None);
         assert_eq!(focus(&[]), None);
+    }
+
+    #[test]
+    fn the_upward_direction_is_that_of_the_cameras() {
+        let eye = DVec3::new(0.0, 3.0, -4.0);
+        let level: Vec<Camera> = (0..6)
+            .map(|i| {
+                let angle = f64::from(i) * std::f64::consts::FRAC_PI_3;
+                camera(DVec3::new(5.0 * angle.cos(), 2.0, 5.0 * angle.sin()), DVec3::ZERO)
+            })
+            .collect();
+        // A ring that looks down a little: single directions lean, their mean is upright.
+        assert!(mean_up(&level).is_some_and(|up| up.distance(DVec3::Y) < 1e-12));
+        assert!(mean_up(&level[..1]).is_some_and(|up| up.distance(DVec3::Y) > 0.1));
+        let above = camera(eye, DVec3::ZERO);
+        let below = Camera {
+            rotation: DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0)) * above.rotation,
+            ..above
+        };
+        assert_eq!(mean_up(&[above, below]), None);
+        assert_eq!(mean_up(&[]), None);
     }
 }

@@ -12,6 +12,8 @@ mod dataset;
 mod eigen;
 mod focus;
 mod harmonics;
+#[cfg(feature = "train")]
+mod keyframes;
 mod lens;
 mod mesh;
 mod morton;
@@ -22,12 +24,14 @@ mod splats;
 pub use alignment::PoseDifference;
 pub use axes::Axes;
 pub(crate) use axes::sh_signs;
-pub use camera::Camera;
+pub use camera::{Camera, ClipAxes};
 pub use dataset::{AlphaMode, Dataset, MaskFile, Photo, PhotoSource, Point, Split, View};
 pub(crate) use eigen::eigen;
-pub use focus::focus;
+pub use focus::{focus, mean_up};
 pub(crate) use harmonics::ShRotation;
 pub use harmonics::sh_basis;
+#[cfg(feature = "train")]
+pub use keyframes::cameras_between;
 pub use lens::{Distortion, Lens, Optics};
 pub use mesh::Mesh;
 pub use morton::morton_order;

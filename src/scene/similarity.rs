@@ -93,6 +93,15 @@ impl Similarity {
         (self.rotation.transpose() * (point - self.translation)) / self.scale
     }
 
+    /// The map of `first` and then this one.
+    pub fn after(&self, first: &Similarity) -> Similarity {
+        Similarity {
+            rotation: self.rotation * first.rotation,
+            scale: self.scale * first.scale,
+            translation: self.point(first.translation),
+        }
+    }
+
     /// As an affine matrix.
     pub fn matrix(&self) -> DMat4 {
         let mut matrix = DMat4::from_mat3(self.rotation * self.scale);
@@ -129,6 +138,13 @@ mod tests {
         assert!((found.point(point) - placed).length() < 1e-14);
         assert!((found.point_before(placed) - point).length() < 1e-14);
         assert_eq!(Similarity::of_matrix(&DMat4::IDENTITY).unwrap(), Similarity::IDENTITY);
+        let other = Similarity {
+            scale: 0.5,
+            translation: DVec3::new(-3.0, 0.0, 7.0),
+            ..similarity
+        };
+        let both = other.after(&similarity).point(point);
+        assert!((both - other.point(placed)).length() < 1e-14, "{both}");
     }
 
     #[test]

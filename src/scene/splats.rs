@@ -119,6 +119,8 @@ pub struct Splats {
     /// Origin of the means, in the coordinates of the data set's files; its cameras must have the same
     /// (`Dataset::set_origin`).
     pub origin: DVec3,
+    /// Upward direction of the world, the mean one of the training cameras, if known.
+    pub up: Option<DVec3>,
 }
 
 impl Splats {
@@ -146,6 +148,7 @@ impl Splats {
             primitive: self.primitive,
             filter: self.filter,
             origin: self.origin,
+            up: self.up,
         }
     }
 

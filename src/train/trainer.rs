@@ -23,8 +23,9 @@ use super::{initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
 use crate::render::{Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, view_of};
-use crate::scene::{Camera, Dataset, ScreenFilter, Splats, Split};
+use crate::scene::{Camera, Dataset, ScreenFilter, Splats, Split, mean_up};
 use crate::{Error, Result};
+use glam::DVec3;
 use std::collections::VecDeque;
 
 pub use capacity::Extremes;
@@ -310,8 +311,15 @@ impl<'a> Trainer<'a> {
     pub fn splats(&mut self) -> Result<Splats> {
         Ok(Splats {
             origin: self.dataset.origin,
+            up: self.up(),
             ..self.download()?.to_splats(self.config.filter)
         })
+    }
+
+    /// Mean upward direction of the training cameras.
+    fn up(&self) -> Option<DVec3> {
+        let cameras = self.views.iter().map(|&view| self.dataset.views[view].camera);
+        mean_up(&cameras.collect::<Vec<Camera>>())
     }
 
     /// Statistics of density control since the last refinement; waits for the last step begun.

@@ -19,6 +19,8 @@ mod kernels;
 mod large;
 mod memory;
 mod meshes;
+mod ordering;
+mod picking;
 mod simplify;
 mod stability;
 mod surfaces;

@@ -38,6 +38,7 @@ const ALL: Outputs = Outputs {
     surface: true,
     limit: true,
     surfels: true,
+    ids: true,
 };
 
 #[test]

@@ -1,6 +1,6 @@
 //! Cameras on a path around a scene.
 
-use crate::scene::{Camera, Splats, focus};
+use crate::scene::{Camera, Splats, focus, mean_up};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_3, TAU};
 
@@ -14,8 +14,7 @@ pub(crate) fn orbit_of_cameras(cameras: &[Camera], extent: f64, count: u32) -> V
     let mean = |of: fn(&Camera) -> DVec3| cameras.iter().map(of).sum::<DVec3>() / cameras.len() as f64;
     let position = mean(|c| c.position);
     let forward = mean(|c| c.rotation.row(2));
-    let up = mean(|c| -c.rotation.row(1));
-    let up = up.try_normalize().unwrap_or(DVec3::NEG_Y);
+    let up = mean_up(cameras).unwrap_or(DVec3::NEG_Y);
     // Without a focus (parallel or diverging views) the target is a point ahead of the cameras.
     let ahead = forward.try_normalize().unwrap_or(DVec3::Z) * extent;
     let target = focus(cameras).unwrap_or(position + ahead);
@@ -31,16 +30,17 @@ pub(crate) fn orbit_of_cameras(cameras: &[Camera], extent: f64, count: u32) -> V
     (0..count).map(at).collect()
 }
 
-/// `count` cameras around splats, y down as in most captures.
+/// `count` cameras around splats, upright by the scene's upward direction, without one y down as in most captures.
 pub(in crate::cli) fn orbit_of_splats(splats: &Splats, count: Option<u32>) -> Vec<Camera> {
     let (count, target) = (count.unwrap_or(1), center(splats));
     let camera = around(target);
     let distance = 2.5 * radius(splats);
-    let frame = CylinderFrame::new(target, DVec3::NEG_Y, target - DVec3::Z);
+    let up = splats.up.and_then(DVec3::try_normalize).unwrap_or(DVec3::NEG_Y);
+    let frame = CylinderFrame::new(target, up, target - DVec3::Z);
     let at = |i: u32| {
         let angle = TAU * f64::from(i) / f64::from(count);
         let place = frame.place(angle, 0.94 * distance, 0.34 * distance);
-        camera.look_at(place, target, DVec3::NEG_Y)
+        camera.look_at(place, target, up)
     };
     (0..count).map(at).collect()
 }
@@ -228,5 +228,26 @@ mod tests {
                 .iter()
                 .all(|c| c.position.is_finite() && c.position.length() < 20.0)
         );
+    }
+
+    #[test]
+    fn the_circle_stands_upright_by_the_scene() {
+        let mut splats = Splats {
+            mean: vec![[1.0; 3], [3.0; 3], [2.0; 3]],
+            ..Splats::default()
+        };
+        let upright = |splats: &Splats, up: DVec3| {
+            let orbit = orbit_of_splats(splats, Some(5));
+            let heights: Vec<f64> = orbit.iter().map(|c| up.dot(c.position - DVec3::splat(2.0))).collect();
+            let level = heights.iter().all(|h| (h - heights[0]).abs() < 1e-9);
+            // Horizontal axes of all cameras are level, and their vertical ones point up.
+            let stands = |c: &Camera| up.dot(c.rotation.row(0)).abs() < 1e-9 && up.dot(c.rotation.row(1)) < -0.5;
+            level && heights[0] > 0.1 && orbit.iter().all(stands)
+        };
+        assert!(upright(&splats, DVec3::NEG_Y));
+        for up in [DVec3::new(0.2, -0.5, 0.6), DVec3::NEG_Z, DVec3::Z] {
+            splats.up = Some(2.0 * up);
+            assert!(upright(&splats, up.normalize()), "{up}");
+        }
     }
 }

@@ -1,47 +1,77 @@
 //! Files of a rendered picture.
 
-use super::{Format, Show};
-use crate::io::png::{write_rgb, write_rgba};
+use super::{BitDepth, Format, Show};
+use crate::io::png::{write_rgb, write_rgb16, write_rgba, write_rgba16};
 use crate::render::{RenderedImage, Surface};
 use crate::scene::Camera;
 use crate::{Result, io};
 use glam::Vec3;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Writes a picture into a folder; returns its path.
-pub(super) fn write(
-    dir: &Path,
-    stem: &str,
-    (format, show): (Format, Show),
-    camera: &Camera,
-    picture: &RenderedImage,
-) -> Result<PathBuf> {
-    let (width, height) = (picture.width, picture.height);
-    let (path, written);
-    match (format, show, &picture.surface) {
-        (Format::Exr, ..) => {
-            path = dir.join(format!("{stem}.exr"));
-            written = write_exr(&path, picture);
-        }
-        (_, Show::Depth, Some(surface)) => {
-            path = dir.join(format!("{stem}_depth.png"));
-            written = write_rgba(&path, width, height, &depth_picture(&surface.median_depth));
-        }
-        (_, Show::Normal, Some(surface)) => {
-            path = dir.join(format!("{stem}_normal.png"));
-            written = write_rgba(&path, width, height, &normal_picture(camera, &surface.normal));
-        }
-        (_, Show::Alpha, _) => {
-            path = dir.join(format!("{stem}_alpha.png"));
-            let alpha: Vec<[f32; 3]> = picture.alpha().into_iter().map(|alpha| [alpha; 3]).collect();
-            written = write_rgb(&path, width, height, &alpha);
-        }
-        _ => {
-            path = dir.join(format!("{stem}.png"));
-            written = write_rgb(&path, width, height, &picture.rgb);
+/// Form of the pictures.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PictureForm {
+    pub(super) format: Format,
+    pub(super) show: Show,
+    pub(super) bits: BitDepth,
+}
+
+impl PictureForm {
+    /// Name of the file of a picture.
+    pub(super) fn file_name(self, stem: &str) -> String {
+        match (self.format, self.show) {
+            (Format::Exr, _) => format!("{stem}.exr"),
+            (_, Show::Color) => format!("{stem}.png"),
+            (_, Show::Alpha) => format!("{stem}_alpha.png"),
+            (_, Show::Depth) => format!("{stem}_depth.png"),
+            (_, Show::Normal) => format!("{stem}_normal.png"),
         }
     }
-    written.map(|()| path)
+
+    /// Writes a picture.
+    pub(super) fn write(self, path: &Path, camera: &Camera, picture: &RenderedImage) -> Result<()> {
+        let (width, height) = (picture.width, picture.height);
+        if self.format == Format::Exr {
+            return write_exr(path, picture);
+        }
+        match (self.bits, PixelColors::of(self.show, camera, picture)) {
+            (BitDepth::Eight, PixelColors::Opaque(rgb)) => write_rgb(path, width, height, &rgb),
+            (BitDepth::Eight, PixelColors::Transparent(rgba)) => write_rgba(path, width, height, &rgba),
+            (BitDepth::Sixteen, PixelColors::Opaque(rgb)) => write_rgb16(path, width, height, &rgb),
+            (BitDepth::Sixteen, PixelColors::Transparent(rgba)) => write_rgba16(path, width, height, &rgba),
+        }
+    }
+
+    /// Colours of a frame of video.
+    pub(super) fn frame(self, camera: &Camera, picture: &RenderedImage, background: [f32; 3]) -> Vec<[f32; 3]> {
+        match PixelColors::of(self.show, camera, picture) {
+            PixelColors::Opaque(rgb) => rgb,
+            PixelColors::Transparent(rgba) => {
+                let over = |&[r, g, b, alpha]: &[f32; 4]| {
+                    let [x, y, z] = background.map(|v| v * (1.0 - alpha));
+                    [r * alpha + x, g * alpha + y, b * alpha + z]
+                };
+                rgba.iter().map(over).collect()
+            }
+        }
+    }
+}
+
+/// PixelColors for people, 0 to 1, with straight alpha.
+enum PixelColors {
+    Opaque(Vec<[f32; 3]>),
+    Transparent(Vec<[f32; 4]>),
+}
+
+impl PixelColors {
+    fn of(show: Show, camera: &Camera, picture: &RenderedImage) -> PixelColors {
+        match (show, &picture.surface) {
+            (Show::Depth, Some(surface)) => PixelColors::Transparent(depth_picture(&surface.median_depth)),
+            (Show::Normal, Some(surface)) => PixelColors::Transparent(normal_picture(camera, &surface.normal)),
+            (Show::Alpha, _) => PixelColors::Opaque(picture.alpha().into_iter().map(|alpha| [alpha; 3]).collect()),
+            _ => PixelColors::Opaque(picture.rgb.clone()),
+        }
+    }
 }
 
 /// All layers. Depth is that of the means, and there are no normals, by the rules of the 3DGS code.

@@ -29,6 +29,12 @@ pub(super) struct Document {
     pub(super) buffer_views: Vec<ViewJson>,
     #[serde(default)]
     pub(super) buffers: Vec<BufferJson>,
+    #[cfg(feature = "train")]
+    #[serde(default)]
+    pub(super) cameras: Vec<CameraJson>,
+    #[cfg(feature = "train")]
+    #[serde(default)]
+    pub(super) animations: Vec<AnimationJson>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -49,6 +55,8 @@ pub(super) struct NodeJson {
     #[serde(default)]
     pub(super) children: Vec<u32>,
     pub(super) mesh: Option<u32>,
+    #[cfg(feature = "train")]
+    pub(super) camera: Option<u32>,
     /// By columns.
     pub(super) matrix: Option<Box<[f64; 16]>>,
     pub(super) translation: Option<Box<[f64; 3]>>,
@@ -68,6 +76,55 @@ pub(super) enum ExtrasJson {
         splat_origin: bool,
     },
     Foreign(IgnoredAny),
+}
+
+#[cfg(feature = "train")]
+#[derive(Debug, Deserialize)]
+pub(super) struct CameraJson {
+    pub(super) perspective: Option<Box<PerspectiveJson>>,
+}
+
+#[cfg(feature = "train")]
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct PerspectiveJson {
+    /// Vertical field of view, radians.
+    pub(super) yfov: f64,
+    /// Width over height.
+    pub(super) aspect_ratio: Option<f64>,
+}
+
+#[cfg(feature = "train")]
+#[derive(Debug, Deserialize)]
+pub(super) struct AnimationJson {
+    #[serde(default)]
+    pub(super) channels: Vec<ChannelJson>,
+    #[serde(default)]
+    pub(super) samplers: Vec<SamplerJson>,
+}
+
+#[cfg(feature = "train")]
+#[derive(Debug, Deserialize)]
+pub(super) struct ChannelJson {
+    pub(super) sampler: u32,
+    pub(super) target: TargetJson,
+}
+
+#[cfg(feature = "train")]
+#[derive(Debug, Deserialize)]
+pub(super) struct TargetJson {
+    pub(super) node: Option<u32>,
+    pub(super) path: String,
+}
+
+#[cfg(feature = "train")]
+#[derive(Debug, Deserialize)]
+pub(super) struct SamplerJson {
+    /// Accessor of the times, seconds.
+    pub(super) input: u32,
+    /// Accessor of the values.
+    pub(super) output: u32,
+    pub(super) interpolation: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -212,6 +269,17 @@ struct AssetOnly {
 
 /// Parses and checks version and required extensions.
 pub(super) fn parse(text: &[u8]) -> Check<Document> {
+    let document = parse_any(text)?;
+    let is_foreign = |name: &&String| !KNOWN.contains(&name.as_str());
+    if let Some(foreign) = document.extensions_required.iter().find(is_foreign) {
+        let name = super::super::reader::excerpt(foreign);
+        return Err(format!("requires the extension {name}, which is not supported"));
+    }
+    Ok(document)
+}
+
+/// Parses and checks the version.
+pub(super) fn parse_any(text: &[u8]) -> Check<Document> {
     let parsed = serde_json::from_slice::<Document>(text);
     let asset = match &parsed {
         Ok(document) => check_version(&document.asset),
@@ -221,13 +289,7 @@ pub(super) fn parse(text: &[u8]) -> Check<Document> {
         },
     };
     asset?;
-    let document = parsed.map_err(|e| format!("cannot be parsed as the JSON of glTF: {e}"))?;
-    let is_foreign = |name: &&String| !KNOWN.contains(&name.as_str());
-    if let Some(foreign) = document.extensions_required.iter().find(is_foreign) {
-        let name = super::super::reader::excerpt(foreign);
-        return Err(format!("requires the extension {name}, which is not supported"));
-    }
-    Ok(document)
+    parsed.map_err(|e| format!("cannot be parsed as the JSON of glTF: {e}"))
 }
 
 fn check_version(asset: &AssetJson) -> Check<()> {

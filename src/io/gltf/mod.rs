@@ -12,9 +12,13 @@
 //! only the second and further instances count.
 
 mod accessor;
+#[cfg(feature = "train")]
+mod animation;
 mod attributes;
 mod base64;
 mod buffers;
+#[cfg(feature = "train")]
+mod cameras;
 mod glb;
 mod json;
 mod node;
@@ -22,6 +26,8 @@ mod placement;
 mod read;
 mod write;
 
+#[cfg(feature = "train")]
+pub(super) use cameras::{cameras, is_binary};
 pub use read::read;
 pub use write::{byte_count, write};
 

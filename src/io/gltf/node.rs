@@ -27,12 +27,12 @@ pub(super) struct Affine {
 }
 
 impl Affine {
-    const IDENTITY: Affine = Affine {
+    pub(super) const IDENTITY: Affine = Affine {
         linear: DMat3::IDENTITY,
         translation: DVec3::ZERO,
     };
 
-    fn after(self, first: Affine) -> Affine {
+    pub(super) fn after(self, first: Affine) -> Affine {
         Affine {
             linear: self.linear * first.linear,
             translation: self.linear * first.translation + self.translation,
@@ -40,18 +40,46 @@ impl Affine {
     }
 }
 
-/// Instances of the default scene, in the order of its nodes, a parent before its children. Without scenes, all nodes
-/// without a parent are roots.
+/// A node of the default scene, and the product of the matrices down to it.
+pub(super) struct PlacedNode<'a> {
+    pub(super) index: u32,
+    pub(super) node: &'a NodeJson,
+    /// 1 for a root.
+    pub(super) depth: u32,
+    #[cfg(feature = "train")]
+    pub(super) parent: Option<u32>,
+    pub(super) affine: Affine,
+}
+
+/// Instances of the default scene, in the order of its nodes, a parent before its children.
 pub(super) fn instances(document: &Document) -> Check<Vec<NodeInstance>> {
+    let mut instances = Vec::new();
+    visit(document, |placed| {
+        if let Some(mesh) = placed.node.mesh {
+            let extras = &placed.node.extras;
+            instances.push(NodeInstance {
+                mesh,
+                node: placed.index,
+                affine: placed.affine,
+                marks_origin: placed.depth == 1 && matches!(extras, Some(ExtrasJson::Own { splat_origin: true })),
+            });
+        }
+    })?;
+    Ok(instances)
+}
+
+/// Visits the nodes of the default scene in their order, a parent before its children. Without scenes, all nodes
+/// without a parent are roots.
+pub(super) fn visit<'a>(document: &'a Document, mut see: impl FnMut(PlacedNode<'a>)) -> Check<()> {
     let scene = match (document.scene, document.scenes.is_empty()) {
         (None, true) => None,
         (index, _) => Some(entry(&document.scenes, index.unwrap_or(0), "scene")?),
     };
     let roots = scene.map_or_else(|| orphans(document), |scene| scene.nodes.clone());
     let mut seen = vec![false; document.nodes.len()];
-    let mut instances = Vec::new();
-    let mut stack: Vec<(u32, u32, Affine)> = roots.iter().rev().map(|&node| (node, 1, Affine::IDENTITY)).collect();
-    while let Some((index, depth, parent)) = stack.pop() {
+    let root = |&node: &u32| (node, 1, None, Affine::IDENTITY);
+    let mut stack: Vec<(u32, u32, Option<u32>, Affine)> = roots.iter().rev().map(root).collect();
+    while let Some((index, depth, _parent, outer)) = stack.pop() {
         let node = entry(&document.nodes, index, "node")?;
         if std::mem::replace(&mut seen[index as usize], true) {
             return Err(format!("node {index} is in a cycle or has two parents"));
@@ -60,18 +88,19 @@ pub(super) fn instances(document: &Document) -> Check<Vec<NodeInstance>> {
             return Err(format!("node {index} is more than {DEPTH_MAX} levels deep"));
         }
         let own = affine(node).map_err(|what| format!("node {index}: {what}"))?;
-        let affine = parent.after(own);
-        if let Some(mesh) = node.mesh {
-            instances.push(NodeInstance {
-                mesh,
-                node: index,
-                affine,
-                marks_origin: depth == 1 && matches!(node.extras, Some(ExtrasJson::Own { splat_origin: true })),
-            });
-        }
-        stack.extend(node.children.iter().rev().map(|&child| (child, depth + 1, affine)));
+        let affine = outer.after(own);
+        see(PlacedNode {
+            index,
+            node,
+            depth,
+            #[cfg(feature = "train")]
+            parent: _parent,
+            affine,
+        });
+        let children = node.children.iter().rev();
+        stack.extend(children.map(|&child| (child, depth + 1, Some(index), affine)));
     }
-    Ok(instances)
+    Ok(())
 }
 
 /// Nodes without a parent.
@@ -88,26 +117,48 @@ fn orphans(document: &Document) -> Vec<u32> {
         .collect()
 }
 
-fn affine(node: &NodeJson) -> Check<Affine> {
-    if let Some(matrix) = &node.matrix {
-        let [x, y, z, t] = [0, 4, 8, 12].map(|i| DVec3::new(matrix[i], matrix[i + 1], matrix[i + 2]));
-        if [3, 7, 11, 15].map(|i| matrix[i]) != [0.0, 0.0, 0.0, 1.0] {
-            return Err("the last row of its matrix is not 0, 0, 0, 1".into());
+/// Translation, rotation (x, y, z, w) and scale of a node without a matrix.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NodeMotion {
+    pub(super) translation: [f64; 3],
+    pub(super) rotation: [f64; 4],
+    pub(super) scale: [f64; 3],
+}
+
+impl NodeMotion {
+    pub(super) fn of(node: &NodeJson) -> NodeMotion {
+        NodeMotion {
+            translation: node.translation.as_deref().copied().unwrap_or_default(),
+            rotation: node.rotation.as_deref().copied().unwrap_or([0.0, 0.0, 0.0, 1.0]),
+            scale: node.scale.as_deref().copied().unwrap_or([1.0; 3]),
         }
-        return Ok(Affine {
-            linear: DMat3::from_cols(x, y, z),
-            translation: t,
-        });
     }
-    let [x, y, z, w] = node.rotation.as_deref().copied().unwrap_or([0.0, 0.0, 0.0, 1.0]);
-    let length = x.hypot(y).hypot(z.hypot(w));
-    if !(length > 0.0 && length.is_finite()) {
-        return Err(format!("its rotation has the length {length}"));
+
+    pub(super) fn affine(&self) -> Check<Affine> {
+        let [x, y, z, w] = self.rotation;
+        let length = x.hypot(y).hypot(z.hypot(w));
+        if !(length > 0.0 && length.is_finite()) {
+            return Err(format!("its rotation has the length {length}"));
+        }
+        let rotation = DQuat::from_xyzw(x / length, y / length, z / length, w / length);
+        Ok(Affine {
+            linear: DMat3::from_quat(rotation) * DMat3::from_diagonal(self.scale.into()),
+            translation: self.translation.into(),
+        })
     }
-    let rotation = DQuat::from_xyzw(x / length, y / length, z / length, w / length);
-    let scale = node.scale.as_deref().copied().unwrap_or([1.0; 3]);
+}
+
+/// Matrix of a node by itself.
+pub(super) fn affine(node: &NodeJson) -> Check<Affine> {
+    let Some(matrix) = &node.matrix else {
+        return NodeMotion::of(node).affine();
+    };
+    let [x, y, z, t] = [0, 4, 8, 12].map(|i| DVec3::new(matrix[i], matrix[i + 1], matrix[i + 2]));
+    if [3, 7, 11, 15].map(|i| matrix[i]) != [0.0, 0.0, 0.0, 1.0] {
+        return Err("the last row of its matrix is not 0, 0, 0, 1".into());
+    }
     Ok(Affine {
-        linear: DMat3::from_quat(rotation) * DMat3::from_diagonal(scale.into()),
-        translation: node.translation.as_deref().copied().unwrap_or_default().into(),
+        linear: DMat3::from_cols(x, y, z),
+        translation: t,
     })
 }

@@ -70,7 +70,7 @@ pub struct CompressedPlyCodes {
     pub vertices: Vec<[u32; 4]>,
     /// Harmonics above degree 0, `[splat][coefficient][rgb]`: (code + ½) / 32 − 4, but −4 and 4 at the ends.
     pub sh: Vec<u8>,
-    /// Empty splats with kind, filter, origin and SH degree of the scene.
+    /// Empty splats with kind, filter, origin, upward direction and SH degree of the scene.
     pub scene: Splats,
 }
 
@@ -90,6 +90,7 @@ impl CompressedPlyCodes {
                 sh_degree: degree,
                 filter: splats.filter,
                 origin: splats.origin,
+                up: splats.up,
                 ..Splats::default()
             },
         }
@@ -114,6 +115,7 @@ impl CompressedPlyCodes {
         }
         let mut loaded = collector.finish(path, StoredAs::ply("compressed PLY"), warnings);
         loaded.splats.origin = self.scene.origin;
+        loaded.splats.up = self.scene.up;
         loaded.splats.primitive = self.scene.primitive;
         loaded.splats.set_thickness();
         loaded
@@ -298,7 +300,7 @@ fn sh_value(code: u8) -> f32 {
     }
 }
 
-/// Reads a compressed `.ply` behind its header. `scene` holds kind, filter and origin.
+/// Reads a compressed `.ply` behind its header. `scene` holds kind, filter, origin and upward direction.
 pub(super) fn read(
     mut reader: Reader,
     header: &PlyHeader,

@@ -3,7 +3,7 @@
 use super::super::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat};
 use super::super::reader::{Reader, excerpt};
 use super::super::source::Source;
-use super::comments::{origin, render_mode};
+use super::comments::{origin, render_mode, up};
 use super::compressed;
 use super::header::{Encoding, PlyElement, PlyHeader};
 use super::rows;
@@ -38,6 +38,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
             primitive: primitive.unwrap_or_default(),
             filter,
             origin: origin(path, &header.comments)?,
+            up: up(path, &header.comments)?,
             ..Splats::default()
         };
         return compressed::read(reader, &header, scene, warnings);
@@ -53,6 +54,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
         stated = Some(Primitive::Surfel);
     }
     let origin = origin(path, &header.comments)?;
+    let up = up(path, &header.comments)?;
     rows::skip_to(&mut reader, &header, index)?;
     let count = rows::check_count(&reader, header.encoding, vertex)?;
     let mut collector = Collector::new(count, sh_degree, filter);
@@ -65,6 +67,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     }
     let mut loaded = collector.finish(path, StoredAs::ply("PLY"), warnings);
     loaded.splats.origin = origin;
+    loaded.splats.up = up;
     loaded.splats.primitive = stated.unwrap_or_default();
     if stated.is_none() && is_flat(&loaded.splats) {
         loaded.splats.primitive = Primitive::Surfel;

@@ -9,9 +9,10 @@ use std::io::Write;
 use std::path::Path;
 
 /// Writes `splats` as binary little-endian floats `x y z nx ny nz f_dc f_rest opacity scale rot`, the layout of the
-/// 3DGS reference code, with the render mode in a comment, and the origin in another if it is not zero. Surfels have
-/// two scales, as in the 2DGS reference code, and their normals; 3D Gaussians have zeros there. Reading the file with
-/// [`super::read`] returns equal splats, bit for bit (of surfels, but for the third scale). The write is atomic.
+/// 3DGS reference code, with the render mode in a comment, the origin in another if it is not zero, and the upward
+/// direction in a third if it is known. Surfels have two scales, as in the 2DGS reference code, and their normals; 3D
+/// Gaussians have zeros there. Reading the file with [`super::read`] returns equal splats, bit for bit (of surfels, but
+/// for the third scale). The write is atomic.
 pub fn write(path: &Path, splats: &Splats) -> Result<()> {
     let count = splats.len();
     assert_eq!(splats.quaternion.len(), count, "quaternions of all splats");

@@ -1,8 +1,9 @@
 //! Lens of a frame: nerfstudio's camera models.
 
 use super::super::check::Check;
+use super::super::json::number;
 use super::super::listing::check_intrinsics;
-use super::scope::{self, Scope};
+use super::scope::Scope;
 use crate::scene::{Distortion, Lens};
 use serde_json::Value;
 
@@ -69,10 +70,10 @@ pub(super) fn read(scope: &Scope<'_>, width: u32, height: u32) -> Check<([f64; 2
 fn focal(scope: &Scope<'_>, width: u32, height: u32) -> Check<[f64; 2]> {
     let along = |length: &str, angle: &str, side: u32| -> Check<Option<f64>> {
         for level in [scope.frame, scope.root] {
-            if let Some(focal) = scope::number(level, length)? {
+            if let Some(focal) = number(level, length)? {
                 return Ok(Some(focal));
             }
-            if let Some(angle) = scope::number(level, angle)? {
+            if let Some(angle) = number(level, angle)? {
                 return Ok(Some(0.5 * f64::from(side) / (0.5 * angle).tan()));
             }
         }

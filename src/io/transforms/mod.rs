@@ -9,6 +9,7 @@ mod pose;
 mod scope;
 
 use super::check::{Check, inside};
+use super::json::{self, object, whole};
 use super::listing::{ListedView, Listing, check_position, check_size};
 use super::reader::Reader;
 use super::source::Source;
@@ -16,7 +17,7 @@ use super::{photo, ply};
 use crate::error::{Error, Result};
 use crate::scene::Camera;
 use glam::DVec2;
-use scope::{Scope, object};
+use scope::Scope;
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
@@ -42,8 +43,7 @@ pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<
     let path = source.name();
     let folder = path.parent().unwrap_or(Path::new("."));
     let bytes = Reader::all(source)?;
-    let root: Value =
-        serde_json::from_slice(&bytes).map_err(|e| Error::file(path, format!("cannot be parsed as JSON: {e}")))?;
+    let root = json::parse(path, &bytes)?;
     let fault = |what: String| Error::file(path, what);
     let root = object(&root).map_err(|what| fault(format!("the top level {what}")))?;
     let frames = match root.get("frames") {
@@ -120,16 +120,6 @@ fn read_frame(scope: &Scope<'_>, folder: &Path) -> Check<(ListedView, bool)> {
     Ok((view, pose.was_scaled))
 }
 
-/// Size in pixels, which some programs write as `50.0`.
-fn whole(value: f64) -> Check<u64> {
-    if value >= 0.0 && value.fract() == 0.0 {
-        // The cast saturates; `check_size` refuses too large values.
-        Ok(value as u64)
-    } else {
-        Err(format!("{value} is no image size"))
-    }
-}
-
 fn with_extension(path: PathBuf) -> PathBuf {
     if path.is_file() {
         return path;
@@ -145,7 +135,7 @@ fn with_extension(path: PathBuf) -> PathBuf {
 }
 
 fn read_points(path: &Path, folder: &Path, root: &Map<String, Value>, listing: &mut Listing) -> Result<()> {
-    let Some(name) = scope::text(root, "ply_file_path").map_err(|what| Error::file(path, what))? else {
+    let Some(name) = json::text(root, "ply_file_path").map_err(|what| Error::file(path, what))? else {
         return Ok(());
     };
     let name = name.replace('\\', "/");

@@ -205,6 +205,8 @@ mod tests {
             rgb: vec![[red, 0.0, 0.0], [0.5; 3]],
             transmittance: vec![0.5; 2],
             depth: Vec::new(),
+            ids: Vec::new(),
+            id_depth: Vec::new(),
             surface: None,
         }
     }

@@ -6,6 +6,7 @@ mod export;
 mod exposure;
 mod mesh;
 mod needs;
+mod paths;
 mod poses;
 mod prune;
 mod surfels;

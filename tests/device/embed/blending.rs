@@ -72,10 +72,10 @@ fn splats_are_blended_with_the_hosts_pixels() {
             Blend::OverLinear { gain: 0.25 },
         ] {
             frame.begin();
+            let color = frame.target(CLEARED, COPYABLE);
             let target = HostTarget {
-                color: &frame.target(CLEARED, COPYABLE),
                 blend,
-                depth: None,
+                ..HostTarget::from(&color)
             };
             let drawn = renderer.record(&mut wrap(&frame), &model, &scene.camera, &view(&scene), target);
             drawn.unwrap();
@@ -125,10 +125,11 @@ fn hidden_splats_leave_the_hosts_pixels() {
             image: &image.source(),
             code: DepthCode::DISTANCE,
         };
+        let color = frame.target(CLEARED, COPYABLE);
         let target = HostTarget {
-            color: &frame.target(CLEARED, COPYABLE),
             blend,
             depth: Some(depth),
+            ..HostTarget::from(&color)
         };
         let drawn = renderer.record(&mut wrap(&frame), &model, &scene.camera, &view(&scene), target);
         drawn.unwrap();
@@ -149,10 +150,10 @@ fn blending_that_cannot_be_is_refused() {
     let mut with = renderer(&gpu, &model, &scene);
     let refusal = |renderer: &mut Renderer, blend, before| {
         frame.begin();
+        let color = frame.target(before, COPYABLE);
         let target = HostTarget {
-            color: &frame.target(before, COPYABLE),
             blend,
-            depth: None,
+            ..HostTarget::from(&color)
         };
         let result = renderer.record(&mut wrap(&frame), &model, &scene.camera, &view(&scene), target);
         frame.submit();

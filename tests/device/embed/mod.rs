@@ -9,8 +9,10 @@ mod heap;
 mod host;
 mod instances;
 mod occlusion;
+mod picking;
 mod requirements;
 mod watch;
+mod words;
 
 use crate::common::scenes::Scene;
 use ash::vk;

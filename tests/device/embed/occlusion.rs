@@ -11,7 +11,7 @@ use ashfall::reference::frame::{center, project_all, sorted};
 use ashfall::reference::linearize::{Code, limit};
 use ashfall::reference::rasterize::{Pixel, discontinuity_margin, rasterize_before};
 use ashfall::reference::{Splat, Viewpoint};
-use ashfall::render::{Blend, Capacity, DepthCode, HostDepth, HostTarget, Model, RenderOptions, Renderer, Stats};
+use ashfall::render::{Capacity, DepthCode, HostDepth, HostTarget, Model, RenderOptions, Renderer, Stats};
 
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
@@ -44,9 +44,8 @@ fn draw(
         (image.source(), code)
     });
     let target = HostTarget {
-        color: &color,
-        blend: Blend::Replace,
         depth: source.as_ref().map(|(image, code)| HostDepth { image, code: *code }),
+        ..HostTarget::from(&color)
     };
     let stats = renderer.record(&mut wrap(frame), model, &scene.camera, &view(scene), target);
     frame.submit();
@@ -334,9 +333,8 @@ fn wrong_depths_are_refused() {
         let (color, source) = (frame.target(CLEARED, COPYABLE), image.source());
         let depth = Some(HostDepth { image: &source, code });
         let target = HostTarget {
-            color: &color,
-            blend: Blend::Replace,
             depth,
+            ..HostTarget::from(&color)
         };
         let result = renderer.record(&mut wrap(&frame), &model, &scene.camera, &view(&scene), target);
         frame.submit();

@@ -11,6 +11,7 @@ mod baseline_16x16;
 mod baseline_16x16_backward;
 mod compact;
 mod contribution;
+mod delinearize;
 mod expand;
 mod gather;
 mod linearize;

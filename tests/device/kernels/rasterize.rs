@@ -80,13 +80,14 @@ pub(crate) fn longest() -> Scene {
 }
 
 /// Outputs of compositing: the least, the usual and the most.
-const OUTPUTS: [Outputs; 4] = [
+const OUTPUTS: [Outputs; 5] = [
     Outputs {
         depth: false,
         ends: true,
         surface: false,
         limit: false,
         surfels: false,
+        ids: false,
     },
     Outputs {
         depth: true,
@@ -94,6 +95,7 @@ const OUTPUTS: [Outputs; 4] = [
         surface: true,
         limit: false,
         surfels: false,
+        ids: false,
     },
     Outputs {
         depth: false,
@@ -101,6 +103,7 @@ const OUTPUTS: [Outputs; 4] = [
         surface: false,
         limit: false,
         surfels: false,
+        ids: false,
     },
     Outputs {
         depth: false,
@@ -108,6 +111,15 @@ const OUTPUTS: [Outputs; 4] = [
         surface: true,
         limit: false,
         surfels: false,
+        ids: false,
+    },
+    Outputs {
+        depth: false,
+        ends: false,
+        surface: false,
+        limit: false,
+        surfels: false,
+        ids: true,
     },
 ];
 
@@ -126,12 +138,15 @@ fn run(
     input: &CompositeBuffers,
     pixels: usize,
     bands: &[&[[u32; 2]]],
+    with_ids: bool,
 ) -> (Vec<u32>, Vec<u32>, Vec<Vec<u32>>) {
     let (image, depth) = (unwritten::<f32>(gpu, 4 * pixels), unwritten::<f32>(gpu, pixels));
     let surface = unwritten::<f32>(gpu, SURFACE_PLANES as usize * pixels);
     let mut ends = Vec::new();
+    let ids = unwritten(gpu, pixels);
     for (band, slices) in bands.iter().enumerate() {
-        let end = unwritten(gpu, pixels);
+        // Bands share the splats of pixels, and each has ends of its own.
+        let end = if with_ids { ids.clone() } else { unwritten(gpu, pixels) };
         let done = (COUNT_BAND_END, band as u32 + 1);
         let io = Bindings {
             counts: &counts(gpu, &[done, (COUNT_VISIBLE, bands.len() as u32)]),
@@ -160,19 +175,22 @@ fn bands_change_no_bit() {
     let gpu = device::gpu();
     let composites = composites(Composite::of);
     for choice in choices(&gpu) {
-        let kernel = Rasterize::compile(&gpu, choice).unwrap();
+        let (kernel, with_ids) = (Rasterize::compile(&gpu, choice).unwrap(), choice.spec.with_ids != 0);
         for (name, composite) in &composites {
             let (slices, pixels) = (&composite.lists.range_from_tile, composite.pixels.len());
             let input = CompositeBuffers::new(&gpu, composite).unwrap();
-            let (image, depth, ends) = run(&gpu, &kernel, &input, pixels, &[slices]);
+            let (image, depth, ends) = run(&gpu, &kernel, &input, pixels, &[slices], with_ids);
             // A short band, one of nothing, and the rest.
             let cut = |&[begin, end]: &[u32; 2]| begin + (end - begin) / 5;
             let first: Vec<_> = slices.iter().map(|s| [s[0], cut(s)]).collect();
             let nothing: Vec<_> = slices.iter().map(|s| [cut(s); 2]).collect();
             let rest: Vec<_> = slices.iter().map(|s| [cut(s), s[1]]).collect();
-            let found = run(&gpu, &kernel, &input, pixels, &[&first, &nothing, &rest]);
+            let found = run(&gpu, &kernel, &input, pixels, &[&first, &nothing, &rest], with_ids);
             assert!(found.0 == image, "{name}, {choice:?}: image");
             assert!(found.1 == depth, "{name}, {choice:?}: depth or surface");
+            if with_ids {
+                assert!(found.2.last() == ends.last(), "{name}, {choice:?}: ids");
+            }
             if choice.spec.with_ends == 0 {
                 continue;
             }
@@ -213,8 +231,8 @@ fn a_list_as_long_as_allowed_is_composited_to_its_end() {
     let pieces: Vec<&[[u32; 2]]> = pieces.iter().map(|piece| &piece[..]).collect();
     for choice in choices(&gpu) {
         let kernel = Rasterize::compile(&gpu, choice).unwrap();
-        let (whole, ..) = run(&gpu, &kernel, &input, 128, &[&[[0, len]]]);
-        let (piecewise, ..) = run(&gpu, &kernel, &input, 128, &pieces);
+        let (whole, ..) = run(&gpu, &kernel, &input, 128, &[&[[0, len]]], false);
+        let (piecewise, ..) = run(&gpu, &kernel, &input, 128, &pieces, false);
         assert!(whole == piecewise, "{choice:?}");
         let through = whole[3 * 128..].iter().map(|&bits| f32::from_bits(bits));
         assert!(through.min_by(f32::total_cmp).unwrap() > 0.01);

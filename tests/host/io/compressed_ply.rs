@@ -55,12 +55,13 @@ fn codes_are_nearest_and_survive_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.compressed.ply");
     for degree in 0..=3 {
-        let splats = edges(degree);
+        let mut splats = edges(degree);
+        splats.up = Some(glam::DVec3::new(0.0, -0.6, 0.8));
         let codes = CompressedPlyCodes::nearest(&splats);
         let found = written(&codes, &path);
         assert_eq!(found, codes.decode());
         assert_eq!([found.filter, splats.filter], [ScreenFilter::Mip; 2]);
-        assert_eq!(found.origin, splats.origin);
+        assert_eq!((found.origin, found.up), (splats.origin, splats.up));
         // Half steps: ranges of 2,000 units at 10 bits, of 20 at 10 bits, of 3.4 at 8 bits; 8-bit opacity; 10-bit
         // quaternions of √2; harmonics within ±4.
         let bounds = Bounds {

@@ -2,6 +2,7 @@
 //! without it only if the variable is unset.
 
 mod atomic;
+mod camera_paths;
 mod checkpoint;
 mod colmap;
 mod compressed_ply;

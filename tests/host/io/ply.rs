@@ -367,3 +367,32 @@ fn surfels_become_thin_splats_elsewhere() {
     let path = folder.path().join("scene.ply");
     assert!(ashfall::io::splats::losses(&path, &splats).is_empty());
 }
+
+#[test]
+fn the_upward_direction_is_a_comment() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    let mut splats = example(3, 0, ScreenFilter::Classic);
+    let plain = ply::byte_count(&splats);
+    splats.up = Some(glam::DVec3::new(0.1, -0.99, 1.0 / 3.0));
+    ply::write(&path, &splats).unwrap();
+    assert_eq!(ply::read(&path).unwrap().splats, splats);
+    let line = "comment SplatUp: 0.1 -0.99 0.3333333333333333\n";
+    assert_eq!(ply::byte_count(&splats) - plain, line.len() as u64);
+    let bytes = std::fs::read(&path).unwrap();
+    let at = bytes.windows(line.len()).position(|w| w == line.as_bytes()).unwrap();
+    for (comment, fault) in [
+        ("0 nan 1", "not three numbers"),
+        ("0 1", "not three numbers"),
+        ("0 0 0", "no length"),
+    ] {
+        let changed = format!("comment SplatUp: {comment}\n");
+        std::fs::write(
+            &path,
+            [&bytes[..at], changed.as_bytes(), &bytes[at + line.len()..]].concat(),
+        )
+        .unwrap();
+        let text = error_at(ply::read(&path), &path);
+        assert!(text.contains("upward direction") && text.contains(fault), "{text}");
+    }
+}

@@ -155,7 +155,21 @@ macro_rules! targets {
 }
 
 targets!(
-    ply, cloud, splat, spz, ksplat, colmap_bin, colmap_txt, transforms, checkpoint, obj, gltf, png, jpeg, sog
+    ply,
+    cloud,
+    splat,
+    spz,
+    ksplat,
+    colmap_bin,
+    colmap_txt,
+    transforms,
+    checkpoint,
+    obj,
+    gltf,
+    png,
+    jpeg,
+    sog,
+    camera_path
 );
 
 #[test]

@@ -43,6 +43,10 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     add("colmap_txt", "model", COLMAP.as_bytes().to_vec());
     add("transforms", "nerfstudio", NERFSTUDIO.as_bytes().to_vec());
     add("transforms", "blender", BLENDER.as_bytes().to_vec());
+    add("camera_path", "nerfstudio", VIEWER_PATH.as_bytes().to_vec());
+    add("camera_path", "inria", INRIA_CAMERAS.as_bytes().to_vec());
+    add("camera_path", "transforms", NERFSTUDIO.as_bytes().to_vec());
+    add("camera_path", "gltf", GLTF_CAMERAS.as_bytes().to_vec());
     add("checkpoint", "two", checkpoint());
     add("obj", "tetrahedron", TETRAHEDRON.as_bytes().to_vec());
     add("obj", "colors", COLORS.as_bytes().to_vec());
@@ -352,6 +356,23 @@ const NERFSTUDIO: &str = r#"{"camera_model":"OPENCV","w":8,"h":6,"fl_x":9,"fl_y"
 
 const BLENDER: &str = r#"{"camera_angle_x":0.7,"frames":[{"file_path":"a","rotation":0.1,"transform_matrix":
 [[0,-1,0,4],[1,0,0,0.5],[0,0,1,-2e0],[0,0,0,1]]}]}"#;
+
+const VIEWER_PATH: &str = "{\"render_width\":8,\"render_height\":6,\"fps\":24,\"is_cycle\":true,\"camera_path\":[\
+{\"camera_to_world\":[1,0,0,0,0,1,0,0,0,0,1,2,0,0,0,1],\"fov\":50},\
+{\"camera_to_world\":[0,-1,0,4,1,0,0,0.5,0,0,1,-2,0,0,0,1],\"fov\":60.5}]}\u{1e}\
+{\"transform\":[[0,-1,0,4],[1,0,0,0.5],[0,0,1,-2]],\"scale\":0.25}";
+
+const INRIA_CAMERAS: &str = r#"[{"id":0,"img_name":"a","width":8,"height":6,"fx":9,"fy":9.5,"position":[1,2,3],
+"rotation":[[1,0,0],[0,1,0],[0,0,1]]},{"width":4,"height":3,"fx":9,"fy":9,"position":[0,0,0],
+"rotation":[[0,-1,0],[1,0,0],[0,0,1]]}]"#;
+
+/// A camera with a still parent, whose rotation is animated from 0 to 0.5 seconds, and another.
+const GLTF_CAMERAS: &str = r#"{"asset":{"version":"2.0"},"nodes":[{"children":[1],"translation":[1,2,3],"scale":[2,2,2]},
+{"camera":0,"rotation":[0,0.6,0,0.8]},{"camera":0}],"cameras":[{"perspective":{"yfov":0.8,"aspectRatio":1.5}}],
+"animations":[{"channels":[{"sampler":0,"target":{"node":1,"path":"rotation"}}],"samplers":[{"input":0,"output":1,
+"interpolation":"STEP"}]}],"accessors":[{"bufferView":0,"componentType":5126,"count":2,"type":"SCALAR"},
+{"bufferView":0,"componentType":5121,"normalized":true,"count":2,"type":"VEC4"}],"bufferViews":[{"buffer":0,
+"byteLength":8}],"buffers":[{"byteLength":8,"uri":"data:;base64,AAAAAAAAAD8="}]}"#;
 
 fn checkpoint() -> Vec<u8> {
     let mut config = TrainConfig::for_iterations(100);

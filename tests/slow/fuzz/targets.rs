@@ -3,9 +3,10 @@
 
 use super::repair;
 use ashfall::io::colmap::Files;
+use ashfall::io::camera_path::{self, CameraPath, PathOptions};
 use ashfall::io::{Listing, Source, colmap, obj, photo, ply, splats, transforms};
 use ashfall::io::LoadedSplats;
-use ashfall::scene::{Mesh, Photo, Optics, PhotoSource, View};
+use ashfall::scene::{Camera, Mesh, Photo, Optics, PhotoSource, View};
 use ashfall::train::checkpoint::Checkpoint;
 use ashfall::{Error, Result};
 use std::path::Path;
@@ -136,6 +137,21 @@ pub(crate) const TARGETS: &[Target] = &[
         ],
         memory: repair::sog_bytes,
     },
+    Target {
+        name: "camera_path",
+        run: check_path,
+        repair: |_| {},
+        words: PATH_WORDS,
+        // An animation has up to 100,000 frames, whose cameras are 280 bytes in two forms, twice while the list grows.
+        memory: |bytes| (1 << 26) + 1024 * bytes.len(),
+    },
+];
+
+const PATH_WORDS: &[&str] = &[
+    "null", "true", "[]", "{}", "[", "]", "{", "}", ",", "\u{1e}", "\"camera_path\":", "\"camera_to_world\":", "\"fov\":50,",
+    "\"render_width\":8,", "\"transform\":", "\"scale\":2,", "\"rotation\":[0,1,0,0],", "\"position\":[1,2,3],", "\"frames\":",
+    "\"asset\":{\"version\":\"2.0\"},", "\"camera\":0,", "\"perspective\":{\"yfov\":1},", "\"animations\":", "\"channels\":",
+    "\"sampler\":0,", "\"path\":\"scale\"", "\"interpolation\":\"CUBICSPLINE\",", "\"count\":6,", "1e38", "1e-38", "-1",
 ];
 
 const PLY_WORDS: &[&str] = &[
@@ -202,18 +218,21 @@ fn check_splats(LoadedSplats { splats, warnings, .. }: LoadedSplats) -> Vec<Stri
     warnings
 }
 
+fn check_camera(camera: &Camera) {
+    assert!((1..=65_535).contains(&camera.width) && (1..=65_535).contains(&camera.height));
+    // Shaders use cameras in single precision.
+    let numbers = [camera.focal.as_vec2(), camera.center.as_vec2()];
+    assert!(numbers.iter().all(|v| v.is_finite()), "{camera:?}");
+    assert!(camera.focal.as_vec2().min_element() > 0.0, "{camera:?}");
+    assert!(camera.position.as_vec3().is_finite(), "{camera:?}");
+    let error = camera.rotation * camera.rotation.transpose() - glam::DMat3::IDENTITY;
+    assert!(error.to_cols_array().iter().all(|e| e.abs() < 1e-6), "{camera:?}");
+}
+
 fn check_listing(listing: Listing) -> Vec<String> {
     assert!(!listing.views.is_empty(), "an empty model is an error");
     for view in &listing.views {
-        let camera = &view.camera;
-        assert!((1..=65_535).contains(&camera.width) && (1..=65_535).contains(&camera.height));
-        // Shaders use cameras in single precision.
-        let numbers = [camera.focal.as_vec2(), camera.center.as_vec2()];
-        assert!(numbers.iter().all(|v| v.is_finite()), "{camera:?}");
-        assert!(camera.focal.as_vec2().min_element() > 0.0, "{camera:?}");
-        assert!(camera.position.as_vec3().is_finite(), "{camera:?}");
-        let error = camera.rotation * camera.rotation.transpose() - glam::DMat3::IDENTITY;
-        assert!(error.to_cols_array().iter().all(|e| e.abs() < 1e-6), "{camera:?}");
+        check_camera(&view.camera);
         let path = view.photo.strip_prefix(super::BESIDE).unwrap_or(&view.photo);
         assert!(path.components().all(|part| part != std::path::Component::ParentDir), "{path:?}");
         assert!(!view.name.chars().any(char::is_control), "{:?}", view.name);
@@ -259,6 +278,27 @@ fn check_transforms(bytes: &[u8]) -> String {
             assert!(loaded.is_ok_and(|photo| photo.rgba.len() == (width * height) as usize));
         });
         check_listing(listing)
+    })
+}
+
+/// A path, and behind a separator the transforms beside it.
+fn check_path(bytes: &[u8]) -> String {
+    let [path, parser, _] = repair::parts_by_separator(bytes);
+    let (name, beside) = (beside().join("path.json"), beside().join(camera_path::DATAPARSER));
+    let world = match parser {
+        [] => None,
+        parser => match camera_path::normalised_world(Source::bytes(&beside, parser)) {
+            Ok(world) => Some(world),
+            Err(error) => return check_error(&beside.display().to_string(), &error),
+        },
+    };
+    let options = PathOptions { world, ..PathOptions::default() };
+    let outcome = camera_path::read(Source::bytes(&name, path), &options);
+    check(&name.display().to_string(), outcome, |CameraPath { cameras, rate, warnings, .. }| {
+        assert!(!cameras.is_empty(), "a path without cameras is an error");
+        assert!(rate.is_none_or(|rate| rate > 0.0));
+        cameras.iter().for_each(check_camera);
+        warnings
     })
 }
 

@@ -9,10 +9,10 @@ use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, floats, words};
 use crate::lab::bench::input::lists::{Lists, view, viewpoint};
 use crate::lab::bench::input::scene::Scene;
-use crate::layout::{BASELINE_TILE, SURFACE_PLANES, View};
+use crate::layout::{BASELINE_TILE, NO_SPLAT, SURFACE_PLANES, View};
 use crate::reference::frame::center;
 use crate::reference::plane::{SurfacePixel, TangentPlane, surface};
-use crate::reference::rasterize::{self as reference, blended, discontinuity_margin};
+use crate::reference::rasterize::{self as reference, blended, discontinuity_margin, median};
 use crate::reference::tiles::Grid;
 use crate::reference::{ScreenSplat, Splat, Thresholds};
 use crate::render::tile_stride;
@@ -31,6 +31,8 @@ pub struct Composite {
     pub planes: Vec<TangentPlane>,
     /// By tile, nearest first: places in `splats`.
     pub ranks_from_tile: Vec<Vec<usize>>,
+    /// Index in the scene of each of `splats`.
+    pub splat_from_rank: Vec<usize>,
     /// By pixel.
     pub pixels: Vec<ExpectedPixel>,
 }
@@ -44,6 +46,8 @@ pub struct ExpectedPixel {
     pub depth: f64,
     /// Surface.
     pub surface: SurfacePixel,
+    /// Splat at which the coverage reaches ½.
+    pub median: Option<usize>,
     /// One past the last intersection that counts, 0 if none does.
     pub end: u32,
     /// Splats that are blended.
@@ -93,6 +97,7 @@ impl Composite {
             splats,
             planes,
             ranks_from_tile,
+            splat_from_rank,
             pixels: Vec::new(),
         };
         let pixels = (grid.width * grid.height) as usize;
@@ -133,6 +138,7 @@ impl Composite {
                 &thresholds,
                 &viewpoint(&self.scene),
             ),
+            median: median(&self.splats, ranks, at, &thresholds).map(|rank| self.splat_from_rank[rank]),
             end: place.map_or(0, |place| begin + place as u32 + 1),
             blended: taken.len() as u32,
             near: margin.nearest() <= 1e-4,
@@ -202,6 +208,17 @@ impl Composite {
             outputs.push(output.near(near, f64::INFINITY, 0.02));
         }
         outputs
+    }
+}
+
+impl Composite {
+    /// Splats at which the coverage reaches ½, beside the expected ones. Where the coverage before or behind a splat is
+    /// near ½, its neighbour may be found.
+    fn ids_output(&self, found: &[u32]) -> Output {
+        let expected = |pixel: &ExpectedPixel| pixel.median.map_or(f64::from(NO_SPLAT), |splat| splat as f64);
+        let near = |pixel: &ExpectedPixel| pixel.near || pixel.surface.margin < 2e-5;
+        let output = Output::exact("ids", words(found), self.pixels.iter().map(expected).collect());
+        output.near(self.pixels.iter().map(near).collect(), f64::INFINITY, 0.02)
     }
 }
 
@@ -296,7 +313,9 @@ pub fn rasterize<'a>(
         .judge(move |gpu| {
             let (image, ends) = (read(gpu, &found.image)?, read(gpu, &found.isect_end_from_pixel)?);
             let mut all = composite.outputs(&image, outputs.ends.then_some(&ends));
-            if !outputs.ends {
+            if outputs.ids {
+                all.push(composite.ids_output(&ends));
+            } else if !outputs.ends {
                 all.push(Output::exact("ends", words(&ends), vec![f64::NAN; ends.len()]));
             }
             Ok(all)

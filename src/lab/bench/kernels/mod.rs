@@ -7,6 +7,7 @@ pub mod adam_color;
 pub mod compact;
 pub mod composite;
 pub mod contribution;
+pub mod delinearize;
 pub mod expand;
 pub mod gather;
 pub mod gradient;
@@ -72,6 +73,7 @@ pub fn run(bench: &mut Bench) -> Result<()> {
         time(bench, Workgroups::FIXED, &name, |gpu| present::present(gpu, size))?;
         time(bench, Workgroups::FIXED, &name, |gpu| overlay::overlay(gpu, size, None))?;
         time(bench, ELEMENTWISE, &name, |gpu| linearize::usual(gpu, size))?;
+        time(bench, ELEMENTWISE, &name, |gpu| delinearize::usual(gpu, size))?;
     }
     // About 40 splats are blended at a pixel.
     by_tile(bench, "small", 50_000, [480, 272], 3.0)?;
