@@ -42,16 +42,19 @@ impl RenderOptions {
             depth: self.with_depth,
             ends: false,
             surface: self.with_surface,
+            spread: false,
             limit: self.with_host_depth,
             surfels: self.primitive == Primitive::Surfel,
         }
     }
 }
 
-/// Outputs of a training step on splats of a kind.
-pub(crate) fn training_outputs(primitive: Primitive) -> Outputs {
+/// Outputs of a training step on splats of a kind, with terms of normals and of the spread of depths or without.
+pub(crate) fn training_outputs(primitive: Primitive, [normals, spread]: [bool; 2]) -> Outputs {
     Outputs {
         surfels: primitive == Primitive::Surfel,
+        surface: normals || spread,
+        spread,
         ..Outputs::TRAINING
     }
 }

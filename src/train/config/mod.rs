@@ -13,9 +13,12 @@ mod validate;
 
 pub use auto::AutoConfig;
 pub(crate) use groups::POSE_RATE_END;
-pub use groups::{AdamConfig, AdcConfig, InitConfig, LearningRates, McmcConfig, MipConfig, PoseConfig, RefineTimes};
+pub use groups::{
+    AdamConfig, AdcConfig, GeometryConfig, InitConfig, LearningRates, McmcConfig, MipConfig, PoseConfig, RefineTimes,
+};
 
-use crate::render::Accuracy;
+use crate::kernels::rasterize::Outputs;
+use crate::render::{Accuracy, training_outputs};
 use crate::scene::{Primitive, ScreenFilter};
 use serde::{Deserialize, Serialize};
 
@@ -132,6 +135,9 @@ pub struct TrainConfig {
     /// Approximations of frames and gradients, of bounded error.
     #[serde(default)]
     pub accuracy: Accuracy,
+    /// Terms of the loss that make surfaces.
+    #[serde(default)]
+    pub geometry: GeometryConfig,
     /// Constants of the count controller.
     #[serde(default)]
     pub auto: AutoConfig,
@@ -140,6 +146,9 @@ pub struct TrainConfig {
 fn half_size_dilation() -> f32 {
     0.25
 }
+
+/// Weight of the consistency of normals and depths for surfels (2DGS).
+const SURFEL_NORMAL_WEIGHT: f32 = 0.05;
 
 /// Length of run of the published schedules.
 const PUBLISHED_ITERATIONS: u64 = 30_000;
@@ -198,6 +207,7 @@ impl TrainConfig {
             half_size_until: 0,
             half_size_dilation: half_size_dilation(),
             accuracy: Accuracy::default(),
+            geometry: GeometryConfig::default(),
             auto: AutoConfig::default(),
         }
     }
@@ -221,6 +231,22 @@ impl TrainConfig {
             self.mcmc.growth = tenfold.clamp(self.mcmc.growth, 2.0);
         }
         self
+    }
+
+    /// The same run with splats of a kind; surfels have normals that agree with their depths.
+    pub fn with_kind(mut self, kind: Primitive) -> TrainConfig {
+        self.kind = kind;
+        self.geometry.normal = match kind {
+            Primitive::Gaussian3d => 0.0,
+            Primitive::Surfel => SURFEL_NORMAL_WEIGHT,
+        };
+        self
+    }
+
+    /// Outputs of the run's frames, with those of its terms of geometry.
+    pub(crate) fn outputs(&self) -> Outputs {
+        let terms = [self.geometry.normal, self.geometry.distortion];
+        training_outputs(self.kind, terms.map(|weight| weight > 0.0))
     }
 
     /// The same run with measures against floaters, splats in free space that few views contradict: points are culled,

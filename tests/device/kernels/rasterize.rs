@@ -10,7 +10,7 @@ use ashfall::kernels::Kernel;
 use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize};
 use ashfall::lab::bench::kernels::composite::rasterize;
 use ashfall::lab::bench::kernels::{Composite, CompositeBuffers};
-use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE, SURFACE_PLANES};
+use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE, SPREAD_PLANES};
 use ashfall::render::list_limit;
 
 /// Many faint splats over one tile: the list is long and ends by itself.
@@ -81,33 +81,21 @@ pub(crate) fn longest() -> Scene {
 
 /// Outputs of compositing: the least, the usual and the most.
 const OUTPUTS: [Outputs; 4] = [
-    Outputs {
-        depth: false,
-        ends: true,
-        surface: false,
-        limit: false,
-        surfels: false,
-    },
+    Outputs::TRAINING,
     Outputs {
         depth: true,
-        ends: true,
         surface: true,
-        limit: false,
-        surfels: false,
+        spread: true,
+        ..Outputs::TRAINING
     },
     Outputs {
-        depth: false,
         ends: false,
-        surface: false,
-        limit: false,
-        surfels: false,
+        ..Outputs::TRAINING
     },
     Outputs {
-        depth: false,
         ends: false,
         surface: true,
-        limit: false,
-        surfels: false,
+        ..Outputs::TRAINING
     },
 ];
 
@@ -128,7 +116,7 @@ fn run(
     bands: &[&[[u32; 2]]],
 ) -> (Vec<u32>, Vec<u32>, Vec<Vec<u32>>) {
     let (image, depth) = (unwritten::<f32>(gpu, 4 * pixels), unwritten::<f32>(gpu, pixels));
-    let surface = unwritten::<f32>(gpu, SURFACE_PLANES as usize * pixels);
+    let surface = unwritten::<f32>(gpu, SPREAD_PLANES as usize * pixels);
     let mut ends = Vec::new();
     for (band, slices) in bands.iter().enumerate() {
         let end = unwritten(gpu, pixels);

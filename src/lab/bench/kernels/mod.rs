@@ -27,6 +27,7 @@ pub mod scan;
 pub mod sort;
 pub mod sum_by_splat;
 pub mod surface;
+pub mod surface_loss;
 
 mod case;
 
@@ -72,6 +73,9 @@ pub fn run(bench: &mut Bench) -> Result<()> {
         time(bench, Workgroups::FIXED, &name, |gpu| present::present(gpu, size))?;
         time(bench, Workgroups::FIXED, &name, |gpu| overlay::overlay(gpu, size, None))?;
         time(bench, ELEMENTWISE, &name, |gpu| linearize::usual(gpu, size))?;
+        time(bench, ELEMENTWISE, &name, |gpu| {
+            surface_loss::surface_loss(gpu, size, false)
+        })?;
     }
     // About 40 splats are blended at a pixel.
     by_tile(bench, "small", 50_000, [480, 272], 3.0)?;
