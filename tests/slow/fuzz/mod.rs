@@ -155,7 +155,7 @@ macro_rules! targets {
 }
 
 targets!(
-    ply, cloud, splat, spz, ksplat, colmap_bin, colmap_txt, transforms, checkpoint, obj, gltf, png, jpeg, sog
+    ply, cloud, mesh, splat, spz, ksplat, colmap_bin, colmap_txt, transforms, checkpoint, obj, gltf, png, jpeg, sog
 );
 
 #[test]
