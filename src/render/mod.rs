@@ -52,8 +52,6 @@ pub use memory::{Need, Purpose, isects_expected, total};
 pub use model::{Model, plane_count, planes_from_splats};
 pub use occlusion::{DepthCode, HostDepth};
 pub use options::RenderOptions;
-#[cfg(feature = "train")]
-pub(crate) use options::training_outputs;
 pub use precision::Precision;
 pub use rendered::RenderedImage;
 pub use renderer::Renderer;

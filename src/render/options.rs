@@ -49,16 +49,6 @@ impl RenderOptions {
     }
 }
 
-/// Outputs of a training step on splats of a kind, with terms of normals and of the spread of depths or without.
-pub(crate) fn training_outputs(primitive: Primitive, [normals, spread]: [bool; 2]) -> Outputs {
-    Outputs {
-        surfels: primitive == Primitive::Surfel,
-        surface: normals || spread,
-        spread,
-        ..Outputs::TRAINING
-    }
-}
-
 impl Default for RenderOptions {
     fn default() -> RenderOptions {
         RenderOptions {

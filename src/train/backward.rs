@@ -12,7 +12,7 @@ use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups, Recorder};
 use crate::kernels::{adam, adam_color, loss, loss_backward, loss_exposure, loss_sum, perturb};
 use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH};
-use crate::render::{Block, Forward, Model, Scratch, training_outputs};
+use crate::render::{Block, Forward, Model, Scratch};
 use crate::scene::Primitive;
 
 /// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
@@ -54,7 +54,7 @@ impl Backward {
             loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
             loss_exposure: has_exposure.then(exposure).transpose()?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
-            chain: ChainKernels::new(gpu, config, training_outputs(config.kind, [false; 2]))?,
+            chain: ChainKernels::new(gpu, config, config.plain_outputs())?,
             geometry: GeometryPass::new(gpu, config)?,
             pose: PosePass::new(gpu, config)?,
             adam: adam::Adam::new(gpu, adam::Choice::default())?,

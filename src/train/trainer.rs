@@ -24,7 +24,7 @@ use super::strategy::{self, RefineContext, RefineReport};
 use super::{initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
-use crate::render::{Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, training_outputs, view_of};
+use crate::render::{Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, view_of};
 use crate::scene::{Camera, Dataset, ScreenFilter, Splats, Split};
 use crate::{Error, Result};
 use std::collections::VecDeque;
@@ -168,7 +168,7 @@ impl<'a> Trainer<'a> {
         extremes.note(&state.degrees);
         let is_half = iteration < config.half_size_until;
         let (halved, photos) = halved::begin(gpu, dataset, &views, &config, is_half)?;
-        let plain = training_outputs(config.kind, [false; 2]);
+        let plain = config.plain_outputs();
         let mut trainer = Trainer {
             gpu: gpu.clone(),
             dataset,

@@ -18,7 +18,7 @@ pub use groups::{
 };
 
 use crate::kernels::rasterize::Outputs;
-use crate::render::{Accuracy, training_outputs};
+use crate::render::Accuracy;
 use crate::scene::{Primitive, ScreenFilter};
 use serde::{Deserialize, Serialize};
 
@@ -245,8 +245,20 @@ impl TrainConfig {
 
     /// Outputs of the run's frames, with those of its terms of geometry.
     pub(crate) fn outputs(&self) -> Outputs {
-        let terms = [self.geometry.normal, self.geometry.distortion];
-        training_outputs(self.kind, terms.map(|weight| weight > 0.0))
+        let [normal, spread] = [self.geometry.normal, self.geometry.distortion].map(|weight| weight > 0.0);
+        Outputs {
+            surface: normal || spread,
+            spread,
+            ..self.plain_outputs()
+        }
+    }
+
+    /// The same without those of terms.
+    pub(crate) fn plain_outputs(&self) -> Outputs {
+        Outputs {
+            surfels: self.kind == Primitive::Surfel,
+            ..Outputs::TRAINING
+        }
     }
 
     /// The same run with measures against floaters, splats in free space that few views contradict: points are culled,

@@ -111,7 +111,9 @@ fn terms_take_effect_from_their_start_and_bands_and_resumption_change_no_bit() {
         assert!(whole == after(&config, 6, Some(50)), "other bits with small buffers");
         let half = after(&config, 4, None);
         let mut resumed = Trainer::from_state(&gpu, &dataset, config, &half, BEGUN + 4).unwrap();
-        (0..2).for_each(|_| drop(resumed.step().unwrap()));
+        for _ in 0..2 {
+            resumed.step().unwrap();
+        }
         assert!(resumed.download().unwrap() == whole, "resumed elsewhere");
     }
 }
