@@ -12,6 +12,7 @@ use ashfall::lab::bench::kernels::composite::rasterize;
 use ashfall::lab::bench::kernels::{Composite, CompositeBuffers};
 use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE, SPREAD_PLANES};
 use ashfall::render::list_limit;
+use ashfall::scene::ScreenFilter;
 
 /// Many faint splats over one tile: the list is long and ends by itself.
 fn long_list(count: usize) -> Scene {
@@ -42,6 +43,12 @@ fn capped() -> Scene {
         }
     }
     scene
+}
+
+/// Surfels with spots, and with the mip filter.
+pub(crate) fn surfels() -> [(&'static str, Scene); 2] {
+    [("spots", ScreenFilter::Classic), ("mip", ScreenFilter::Mip)]
+        .map(|(name, filter)| (name, scenes::flattened(scenes::gentle(23, 80, 65, 47, 0), filter)))
 }
 
 pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
@@ -184,6 +191,26 @@ fn pixels_are_composited() {
         let cases: Vec<_> = composites.iter().map(|(name, of)| (*name, case(of))).collect();
         check.cases(&gpu, LANES, &cases);
     }
+    check.finish();
+}
+
+#[test]
+fn surfels_are_composited() {
+    let gpu = device::gpu();
+    let mut check = Check::new("rasterize");
+    let outputs = Outputs {
+        depth: true,
+        surface: true,
+        spread: true,
+        surfels: true,
+        ..Outputs::TRAINING
+    };
+    let composites = surfels().map(|(name, scene)| (name, Composite::of(scene)));
+    let cases: Vec<_> = composites
+        .iter()
+        .map(|(name, of)| (*name, rasterize(&gpu, of, outputs).unwrap()))
+        .collect();
+    check.cases(&gpu, LANES, &cases);
     check.finish();
 }
 

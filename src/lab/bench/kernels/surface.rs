@@ -12,7 +12,11 @@ use crate::reference::{Splat, Viewpoint, project};
 /// A plane in the device's layout.
 pub fn packed(plane: &TangentPlane, view: &Viewpoint) -> [f32; 3] {
     let [x, y] = plane.tilt(view);
-    [x, y, plane.range].map(|value| value as f32)
+    let range = match &plane.disc {
+        Some(disc) => disc.depth_range()[1] / disc.mean[2] - 1.0,
+        None => plane.range,
+    };
+    [x, y, range].map(|value| value as f32)
 }
 
 /// Planes that the device found beside those of the reference.
