@@ -136,8 +136,8 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
     d_v_y += apart * cross(f.minors, f.v_x) - outward * f.v_y;
 }
 
-// Completes the gradient of a surfel's footprint, and finds that by its tilt and normal. A surfel that is only a spot has
-// none but that of its place.
+// Completes the gradient of a surfel's footprint, and finds that by its tilt and normal. A surfel that is only a spot
+// has none but that of its place.
 FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world, float along, SurfelSums more,
                                   vec3 d_normal, FootprintGradient d, out TiltGradient tilt) {
     tilt = TiltGradient(vec3(0.0), vec3(0.0));

@@ -1,15 +1,15 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Gradient of the terms of geometry by a frame's surface: of the normals' consistency with the depths, and of the spread
-// of depths in a pixel.
+// Gradient of the terms of geometry by a frame's surface: of the normals' consistency with the depths, and of the
+// spread of depths in a pixel.
 //
-// One invocation per pixel. Depths are sums of weight * z over the coverage; where that is below 1/2 there is none. At a
-// pixel whose four neighbours have depths, too, no farther from its own than SLOPE_LIMIT footprints, the normal of the
-// depths is that of the vectors from neighbour to neighbour:
+// One invocation per pixel. Depths are sums of weight * z over the coverage; where that is below 1/2 there is none. At
+// a pixel whose four neighbours have depths, too, no farther from its own than SLOPE_LIMIT footprints, the normal of
+// the depths is that of the vectors from neighbour to neighbour:
 //   consistency: coverage * (1 - normal . normal of the depths), spread: coverage * variance of ln z,
-// the coverage a constant factor. A pixel's depth enters the terms of its four neighbours, which are computed again here:
-// nothing is added atomically.
+// the coverage a constant factor. A pixel's depth enters the terms of its four neighbours, which are computed again
+// here: nothing is added atomically.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 // Not 0: the spread as well.

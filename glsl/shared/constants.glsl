@@ -65,8 +65,8 @@ const uint D_COVERAGE = 3;
 const uint D_DEPTH = 4;
 const uint D_NORMAL = 5;
 const uint D_SURFACE_PLANES = 8;
-// Further planes for the spread of depths: derivative by the variance of ln z times the coverage; depth with the mean of
-// ln z; the variance.
+// Further planes for the spread of depths: derivative by the variance of ln z times the coverage; depth with the mean
+// of ln z; the variance.
 const uint D_SPREAD = 8;
 const uint SPREAD_CENTER = 9;
 const uint SPREAD_OWN = 10;

@@ -16,9 +16,9 @@ struct PlaneGradient {
     vec2 mean_pixel;
 };
 
-// Of a 3D Gaussian. With o = offset / depth, the normal is n = R K R^T o with K = (least scale / scale)^2; tilt and unit
-// normal do not depend on its length, so that the least scale is a constant, and so is the depth. `tilt` holds the sums
-// of kappa and kappa d. A plane that was level or bounded for its slope has none.
+// Of a 3D Gaussian. With o = offset / depth, the normal is n = R K R^T o with K = (least scale / scale)^2; tilt and
+// unit normal do not depend on its length, so that the least scale is a constant, and so is the depth. `tilt` holds the
+// sums of kappa and kappa d. A plane that was level or bounded for its slope has none.
 PlaneGradient plane_backward(View view, mat3 axes, vec3 scale, vec3 offset, vec3 mean_view, vec3 tilt, vec3 d_toward) {
     PlaneGradient d = PlaneGradient(mat3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec2(0.0));
     vec3 sight = offset / mean_view.z;
