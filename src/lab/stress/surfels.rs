@@ -124,8 +124,8 @@ impl SurfelStage {
         self.renderer.render(&Model::upload(lab.gpu, splats)?, camera, &options)
     }
 
-    /// Compares the picture at every value of a parameter with the reference, in a quick run at every third. `texts` are
-    /// title, parameter and caption.
+    /// Compares the picture at every value of a parameter with the reference, in a quick run at every third. The texts
+    /// are title, parameter and caption.
     fn sweep(
         &mut self,
         lab: &mut StressRun<'_>,

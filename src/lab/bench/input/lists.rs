@@ -46,8 +46,8 @@ pub struct Lists {
     pub range_from_tile: Vec<[u32; 2]>,
 }
 
-/// Whether a surfel is seen at less than 17 degrees: rounding counts over the cosine there, and is judged by whole frames
-/// (`tests/device/surfels.rs`).
+/// Whether a surfel is seen at less than 17 degrees: rounding counts over the cosine there, and is judged by whole
+/// frames (`tests/device/surfels.rs`).
 fn is_grazed(splat: &ScreenSplat<f64>) -> bool {
     let cosine = |disc: SurfelDisc<f64>| dot(disc.normal, normalize(disc.mean)).abs();
     splat.disc.is_some_and(|disc| cosine(disc) < 0.3)

@@ -152,8 +152,8 @@ fn surfel_sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[
 /// by about sqrt(128), and residuals contribute up to 3.3 squared.
 pub const SOURCE_TOLERANCE: f64 = 1e-4;
 
-/// Tolerance of sums of surfels: the rounding of their alphas counts over the cosine of normal and line of sight, down to
-/// 0.3.
+/// Tolerance of sums of surfels: the rounding of their alphas counts over the cosine of normal and line of sight, down
+/// to 0.3.
 pub const SURFEL_TOLERANCE: f64 = 4e-4;
 
 /// Tolerance of sums by splat, which add up those of several tiles.
