@@ -1,8 +1,8 @@
 //! Terms of geometry: consistency of a frame's normals with its depths, and spread of the depths in its pixels.
 //!
 //! Each pixel is a point in the view, at the depth of its surface. Where a pixel and its four neighbours have one, and
-//! are not of different surfaces, the vectors from neighbour to neighbour span the plane of the depths; its normal is held
-//! against the mean normal of the splats. Derivatives follow from duals.
+//! are not of different surfaces, the vectors from neighbour to neighbour span the plane of the depths; its normal is
+//! held against the mean normal of the splats. Derivatives follow from duals.
 
 use super::frame::{center, project_all, sorted};
 use super::linear::{Vec3, cross, dot, normalize, scale, sub};
