@@ -36,6 +36,8 @@ layout(set = 0, binding = 11, scalar) readonly buffer Rests { vec2 blue_depth_fr
 layout(set = 0, binding = 12, scalar) readonly buffer TileLimits { float limit_from_tile[]; };
 layout(set = 0, binding = 13, scalar) readonly buffer Planes { vec3 plane_from_splat[]; };
 
+#include "shared/cover.glsl"
+
 void list(uint isect, uint tile, uint splat) {
     tile_from_isect[isect] = tile;
     emitted_from_isect[isect] = isect;
@@ -58,21 +60,12 @@ void main() {
     vec4 shape = ellipse_from_splat[splat];
     vec2 whiten = whiten_rg_from_splat[splat].xy;
     float depth = WITH_LIMIT != 0 || SURFEL != 0 ? blue_depth_from_splat[splat].y : 0.0;
-    Ellipse e;
-    Outline o;
+    vec3 plane = vec3(0.0);
+    if (SURFEL != 0) plane = plane_from_splat[splat];
     ivec2 rows;
-    if (SURFEL != 0) {
-        o = outline(view, shape, whiten, plane_from_splat[splat], depth, LOG2_ALPHA_MIN);
-        rows = outline_rows(o, view.size);
-    } else {
-        e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
-        if (INRIA != 0) e.square = inria_square(shape, whiten);
-        rows = tile_rows(e, view.size);
-    }
+    Cover cover = cover_of(shape, whiten, plane, depth, rows);
     for (int row = rows.x; row <= rows.y; ++row) {
-        ivec2 columns;
-        if (SURFEL != 0) columns = outline_columns(o, row, view.size);
-        else columns = tile_columns(e, row, view.size);
+        ivec2 columns = columns_of(cover, row);
         uint begin_of_row = uint(row) * view.tiles.x;
         // Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest image that it binds has
         // 65,536 tiles.

@@ -60,6 +60,8 @@ layout(push_constant, scalar) uniform Push {
     uint flags;            // INSTANCE_*
 } push;
 
+#include "shared/cover.glsl"
+
 // A stored splat without its SH coefficients.
 struct Stored {
     vec4 mean;      // xyz and the opacity's logit
@@ -111,22 +113,11 @@ uint tiles_before(float depth, uint begin_of_row, ivec2 columns) {
 
 // Number of tiles that a splat touches.
 uint tiles_of(vec4 shape, vec2 whiten, vec3 plane, float depth) {
-    Ellipse e;
-    Outline o;
     ivec2 rows;
-    if (SURFEL != 0) {
-        o = outline(view, shape, whiten, plane, depth, LOG2_ALPHA_MIN);
-        rows = outline_rows(o, view.size);
-    } else {
-        e = ellipse(shape, whiten, LOG2_ALPHA_MIN);
-        if (INRIA != 0) e.square = inria_square(shape, whiten);
-        rows = tile_rows(e, view.size);
-    }
+    Cover cover = cover_of(shape, whiten, plane, depth, rows);
     uint count = 0;
     for (int row = rows.x; row <= rows.y; ++row) {
-        ivec2 columns;
-        if (SURFEL != 0) columns = outline_columns(o, row, view.size);
-        else columns = tile_columns(e, row, view.size);
+        ivec2 columns = columns_of(cover, row);
         if (WITH_LIMIT == 0) {
             count += uint(columns.y - columns.x + 1);
         } else {

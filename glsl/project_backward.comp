@@ -4,6 +4,7 @@
 #include "shared/primitive.glsl"
 #include "shared/plane.glsl"
 #include "shared/surfel.glsl"
+#include "shared/plane_backward.glsl"
 #include "shared/sh.glsl"
 
 // Gradient of every splat, from the records of compositing: of its geometry, and of its colour in the view's direction,
@@ -20,6 +21,8 @@ layout(constant_id = 1) const uint SH_DEGREE = 3;
 layout(constant_id = 2) const uint INDEXED = 0;
 // Not 0: surfels, with longer records.
 layout(constant_id = 3) const uint SURFEL = 0;
+// Not 0: gradients by depths and normals as well, with longer records.
+layout(constant_id = 4) const uint WITH_SURFACE = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -62,6 +65,7 @@ struct Seen {
 };
 
 #include "shared/direction.glsl"
+#include "shared/record.glsl"
 
 // dL/d quaternion before normalisation, from dL/d rotation matrix (columns) at the unit quaternion.
 vec4 quaternion_backward(vec4 unit, float q_length, mat3 d) {
@@ -77,29 +81,33 @@ vec4 quaternion_backward(vec4 unit, float q_length, mat3 d) {
     return (g - unit * dot(unit, g)) / q_length;
 }
 
-void add_record(uint source, inout Sums sum, inout SurfelSums more) {
+void add_record(uint source, inout Sums sum, inout SurfelSums more, inout vec4 by_surface) {
     sum.shape += d_shape_from_source[source];
     sum.tone += d_tone_from_source[source];
-    if (SURFEL == 0) {
-        sum.rest += d_rest_from_source[source];
-        return;
+    uint rest = source * REST_WIDTH;
+    sum.rest += d_rest_from_source[rest++];
+    if (TILTED) {
+        [[unroll]] for (uint i = 0; i < REST_TILT; ++i) more.tilt[i] += d_rest_from_source[rest++];
     }
-    uint rest = source * SURFEL_REST;
-    sum.rest += d_rest_from_source[rest];
-    more.tilt += vec3(d_rest_from_source[rest + 1], d_rest_from_source[rest + 2], d_rest_from_source[rest + 3]);
-    more.spot += vec2(d_rest_from_source[rest + 4], d_rest_from_source[rest + 5]);
+    if (SURFEL != 0) {
+        [[unroll]] for (uint i = 0; i < REST_SPOT; ++i) more.spot[i] += d_rest_from_source[rest++];
+    }
+    if (WITH_SURFACE != 0) {
+        [[unroll]] for (uint i = 0; i < REST_SURFACE; ++i) by_surface[i] += d_rest_from_source[rest++];
+    }
 }
 
 // A splat's records, summed in order. Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest
 // image that it binds has 65,536 tiles.
-Sums sum_of_records(uint splat, uint tile_count, out SurfelSums more) {
+Sums sum_of_records(uint splat, uint tile_count, out SurfelSums more, out vec4 by_surface) {
     Sums sum = Sums(vec4(0.0), vec4(0.0), 0.0);
     more = SurfelSums(vec3(0.0), vec2(0.0));
+    by_surface = vec4(0.0);
     uint begin = emitted_from_splat[splat];
     uint end = begin + tile_count;
     for (uint source = begin; source < end; source += 2) {
-        add_record(source, sum, more);
-        if (source + 1 < end) add_record(source + 1, sum, more);
+        add_record(source, sum, more, by_surface);
+        if (source + 1 < end) add_record(source + 1, sum, more, by_surface);
     }
     return sum;
 }
@@ -128,10 +136,10 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
     d_v_y += apart * cross(f.minors, f.v_x) - outward * f.v_y;
 }
 
-// Completes the gradient of a surfel's footprint, and finds that by its tilt. A surfel that is only a spot has none but
-// that of its place.
+// Completes the gradient of a surfel's footprint, and finds that by its tilt and normal. A surfel that is only a spot
+// has none but that of its place.
 FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world, float along, SurfelSums more,
-                                  FootprintGradient d, out TiltGradient tilt) {
+                                  vec3 d_normal, FootprintGradient d, out TiltGradient tilt) {
     tilt = TiltGradient(vec3(0.0), vec3(0.0));
     if (whiten_rg_from_splat[splat].x == SPOT_WHITEN) {
         return FootprintGradient(2.0 * more.spot, vec3(0.0), vec3(0.0));
@@ -139,6 +147,7 @@ FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world,
     vec3 normal = view.view_from_world * normal_world;
     vec2 slant = mean_view.z / along * normal.xy / view.focal;
     tilt = tilt_backward(view, normal, mean_view, along, more.tilt.yz);
+    if (WITH_SURFACE != 0) tilt.normal += toward_backward(normal, along, d_normal);
     d.mean_pixel += 2.0 * more.spot - slant * more.tilt.x;
     return d;
 }
@@ -146,7 +155,8 @@ FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world,
 // Adds the gradient of a visible splat's geometry; `scale` is before smoothing. Returns dL/d mean_pixel.
 vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout Gradient gradient, out Seen seen) {
     SurfelSums more;
-    Sums records = sum_of_records(splat, tile_count, more);
+    vec4 by_surface;
+    Sums records = sum_of_records(splat, tile_count, more, by_surface);
     vec4 mean = params[slot];
     vec4 rotation = params[push.stride + slot];
     vec3 offset = mean.xyz - view.position;
@@ -166,21 +176,32 @@ vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout 
     gradient.opacity_logit += records.shape.x * sigmoid(-mean.w);
     FootprintGradient d = footprint_backward(f, records);
     TiltGradient tilt = TiltGradient(vec3(0.0), vec3(0.0));
-    if (SURFEL != 0) d = surfel_backward(splat, mean_view, axes[2], along, more, d, tilt);
+    PlaneGradient plane = PlaneGradient(mat3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec2(0.0));
+    if (SURFEL != 0) {
+        d = surfel_backward(splat, mean_view, axes[2], along, more, by_surface.yzw, d, tilt);
+    } else if (WITH_SURFACE != 0) {
+        plane = plane_backward(view, axes, s.scale, offset, mean_view, more.tilt, by_surface.yzw);
+        d.mean_pixel += plane.mean_pixel;
+    }
     if (view.compensate != 0) compensation_backward(f, records.shape.x, d.v_x, d.v_y);
     // Smoothed variances are s^2 + sigma^2, and ln(opacity) contains half of ln(s^2 / (s^2 + sigma^2)) per axis.
     gradient.log_scale += (d.v_x * local_x + d.v_y * local_y) * s.scale * s.own + records.shape.x * s.added;
+    if (SURFEL == 0 && WITH_SURFACE != 0) gradient.log_scale += plane.log_scale * s.own;
     vec3 d_local_x = d.v_x * s.scale;
     vec3 d_local_y = d.v_y * s.scale;
     // local = row * axes, component k = dot(row, axes[k]).
     mat3 d_axes = outerProduct(j.row_x, d_local_x) + outerProduct(j.row_y, d_local_y);
     if (SURFEL != 0) d_axes[2] += tilt.normal * view.view_from_world;
+    if (SURFEL == 0 && WITH_SURFACE != 0) d_axes += plane.axes;
     gradient.quaternion += quaternion_backward(unit, q_length, d_axes);
     vec3 g_x = view.view_from_world * (axes * d_local_x);
     vec3 g_y = view.view_from_world * (axes * d_local_y);
     vec3 d_mean_view = mean_view_backward(mean_view, j, g_x, g_y, d.mean_pixel);
     if (SURFEL != 0) d_mean_view += tilt.mean;
+    if (SURFEL == 0 && WITH_SURFACE != 0) d_mean_view += plane.mean_view;
+    if (WITH_SURFACE != 0) d_mean_view.z += by_surface.x;
     gradient.mean += d_mean_view * view.view_from_world;
+    if (SURFEL == 0 && WITH_SURFACE != 0) gradient.mean += plane.mean;
 
     vec3 color = vec3(whiten_rg_from_splat[splat].zw, blue_depth_from_splat[splat].x);
     seen.any = true;

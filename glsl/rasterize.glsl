@@ -23,6 +23,8 @@ layout(constant_id = 6) const uint WITH_LIMIT = 0;
 layout(constant_id = 7) const uint SURFEL = 0;
 // Not 0: the splat at which each pixel's transmittance falls to 1/2, in place of its end.
 layout(constant_id = 8) const uint WITH_IDS = 0;
+// Not 0: sums for the spread of the planes' depths as well.
+layout(constant_id = 9) const uint WITH_SPREAD = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -71,6 +73,10 @@ vec4 median[QUADS];
 vec4 normal_x[QUADS];
 vec4 normal_y[QUADS];
 vec4 normal_z[QUADS];
+// Depth of the first plane, and sums of the logarithms of depths over it.
+vec4 first[QUADS];
+vec4 log_sum[QUADS];
+vec4 log_square[QUADS];
 // Focal length and principal point.
 vec4 lens;
 // Limits of depth.
@@ -89,6 +95,17 @@ bool any_open() {
 bvec4 passes_half(uint q, vec4 alpha) {
     return both(greaterThan(transmittance[q], vec4(0.5)),
                 lessThanEqual(transmittance[q] * (vec4(1.0) - alpha), vec4(0.5)));
+}
+
+// Adds the logarithm of a plane's depth to the pixels of quad `q`: over the first one's, so that squares keep their
+// digits.
+void add_log(uint q, vec4 alpha, vec4 depths) {
+    bvec4 counts = greaterThan(alpha, vec4(0.0));
+    first[q] = mix(first[q], depths, both(counts, equal(first[q], vec4(0.0))));
+    vec4 m = mix(vec4(0.0), log(depths / first[q]), counts);
+    vec4 weight = alpha * transmittance[q];
+    log_sum[q] += weight * m;
+    log_square[q] += weight * m * m;
 }
 
 // Adds a splat's plane to the pixels of quad `q`, where it has this alpha.
@@ -130,6 +147,7 @@ void blend(Tile t, uint isect, Staged splat, vec3 plane) {
             if (SURFEL != 0) depths = depth_of_hits(plane_column, hits, view.near_plane);
             else depths = depth_of(plane_column, q);
             add_plane(q, alpha, depths, normal);
+            if (WITH_SPREAD != 0) add_log(q, alpha, depths);
         }
         if (WITH_IDS != 0) last[q] = mix(last[q], uvec4(isect + 1), passes_half(q, alpha));
         transmittance[q] *= vec4(1.0) - alpha;
@@ -177,6 +195,7 @@ void begin_pixels(Tile t) {
         red[q] = green[q] = blue[q] = far[q] = vec4(0.0);
         last[q] = uvec4(0);
         plane_depth[q] = median[q] = normal_x[q] = normal_y[q] = normal_z[q] = vec4(0.0);
+        first[q] = log_sum[q] = log_square[q] = vec4(0.0);
     }
 }
 
@@ -186,6 +205,10 @@ void load_surface(uint q, uint r, uint pixel, uint pixels) {
     normal_x[q][r] = surface[SURFACE_NORMAL * pixels + pixel];
     normal_y[q][r] = surface[(SURFACE_NORMAL + 1) * pixels + pixel];
     normal_z[q][r] = surface[(SURFACE_NORMAL + 2) * pixels + pixel];
+    if (WITH_SPREAD == 0) return;
+    first[q][r] = surface[SURFACE_FIRST * pixels + pixel];
+    log_sum[q][r] = surface[SURFACE_LOG * pixels + pixel];
+    log_square[q][r] = surface[SURFACE_LOG_SQUARE * pixels + pixel];
 }
 
 void store_surface(uint q, uint r, uint pixel, uint pixels) {
@@ -194,6 +217,10 @@ void store_surface(uint q, uint r, uint pixel, uint pixels) {
     surface[SURFACE_NORMAL * pixels + pixel] = normal_x[q][r];
     surface[(SURFACE_NORMAL + 1) * pixels + pixel] = normal_y[q][r];
     surface[(SURFACE_NORMAL + 2) * pixels + pixel] = normal_z[q][r];
+    if (WITH_SPREAD == 0) return;
+    surface[SURFACE_FIRST * pixels + pixel] = first[q][r];
+    surface[SURFACE_LOG * pixels + pixel] = log_sum[q][r];
+    surface[SURFACE_LOG_SQUARE * pixels + pixel] = log_square[q][r];
 }
 
 // Loads the pixels as the previous band stored them.

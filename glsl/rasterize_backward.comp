@@ -11,9 +11,11 @@
 
 shared uint lane_last[WORKGROUP];
 shared Sums lane_sums[2][WORKGROUP];
-// Of surfels; else hardly any.
-const uint SURFEL_LANES = SURFEL != 0 ? WORKGROUP : 1;
-shared SurfelSums lane_surfel_sums[2][SURFEL_LANES];
+// Of tilts, and of depths and normals; else hardly any.
+const uint TILTED_LANES = TILTED ? WORKGROUP : 1;
+shared SurfelSums lane_surfel_sums[2][TILTED_LANES];
+const uint SURFACE_LANES = WITH_SURFACE != 0 ? WORKGROUP : 1;
+shared vec4 lane_surface_sums[2][SURFACE_LANES];
 
 uint max_of_lanes(uint mine) {
     lane_last[gl_LocalInvocationID.x] = mine;
@@ -51,5 +53,17 @@ SurfelSums surfel_sum_of_lanes(SurfelSums even, SurfelSums odd) {
         total.tilt += lane_surfel_sums[which][i].tilt;
         total.spot += lane_surfel_sums[which][i].spot;
     }
+    return total;
+}
+
+vec4 surface_sum_of_lanes(vec4 even, vec4 odd) {
+    uint lane = gl_LocalInvocationID.x;
+    barrier();
+    lane_surface_sums[0][lane] = even;
+    lane_surface_sums[1][lane] = odd;
+    barrier();
+    uint which = lane & 1;
+    vec4 total = lane_surface_sums[which][0];
+    [[unroll]] for (uint i = 1; i < WORKGROUP; ++i) total += lane_surface_sums[which][i];
     return total;
 }

@@ -16,6 +16,10 @@ layout(constant_id = 0) const uint WORKGROUP = 8;
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Not 0: surfels, with longer records.
 layout(constant_id = 2) const uint SURFEL = 0;
+// Not 0: gradients by the planes' depths and normals as well, with longer records.
+layout(constant_id = 3) const uint WITH_SURFACE = 0;
+// Not 0: and by the spread of the depths.
+layout(constant_id = 4) const uint WITH_SPREAD = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -26,6 +30,7 @@ layout(set = 0, binding = 4, scalar) readonly buffer Shapes { vec4 ellipse_from_
 layout(set = 0, binding = 5, scalar) readonly buffer ColorProducts { vec4 whiten_rg_from_splat[]; };
 layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 7, scalar) buffer Image { float image[]; };
+// Planes of one float a pixel: by red, green and blue, and D_COVERAGE and so on.
 layout(set = 0, binding = 8, scalar) readonly buffer ImageGradient { float d_image[]; };
 layout(set = 0, binding = 9, scalar) readonly buffer Ends { uint isect_end_from_pixel[]; };
 layout(set = 0, binding = 10, scalar) writeonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
@@ -44,12 +49,16 @@ layout(push_constant, scalar) uniform Push {
 #include "shared/plane.glsl"
 #include "shared/surfel.glsl"
 #include "shared/surfel_column.glsl"
+#include "shared/plane_moments.glsl"
 #include "shared/stage.glsl"
+#include "shared/record.glsl"
+
 
 uint max_of_lanes(uint mine);
 // The workgroup's sum of `even` in the lanes with even `stage_lane`, that of `odd` in the others.
 Sums sum_of_lanes(Sums even, Sums odd);
 SurfelSums surfel_sum_of_lanes(SurfelSums even, SurfelSums odd);
+vec4 surface_sum_of_lanes(vec4 even, vec4 odd);
 
 // Of the lane's pixels: transmittance in front of the current splat, upstream gradient, and colour behind the splat
 // projected on that gradient.
@@ -60,6 +69,30 @@ vec4 d_blue[QUADS];
 vec4 behind[QUADS];
 // One past the last intersection that counted for a pixel.
 uvec4 end[QUADS];
+// Upstream gradient of the surface.
+SurfaceGradient d_surface[QUADS];
+// Focal length and principal point.
+vec4 lens;
+
+SurfaceGradient load_surface(Tile t, uint q) {
+    SurfaceGradient d = SurfaceGradient(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(1.0),
+                                        vec4(0.0));
+    uint pixels = view.size.x * view.size.y;
+    [[unroll]] for (uint r = 0; r < 4; ++r) {
+        if (!inside(t, q, view)[r]) continue;
+        uint pixel = pixel_of(t, q * 4 + r, view);
+        d.coverage[r] = d_image[D_COVERAGE * pixels + pixel];
+        d.depth[r] = d_image[D_DEPTH * pixels + pixel];
+        d.normal_x[r] = d_image[D_NORMAL * pixels + pixel];
+        d.normal_y[r] = d_image[(D_NORMAL + 1) * pixels + pixel];
+        d.normal_z[r] = d_image[(D_NORMAL + 2) * pixels + pixel];
+        if (WITH_SPREAD == 0) continue;
+        d.spread[r] = d_image[D_SPREAD * pixels + pixel];
+        d.center[r] = d_image[SPREAD_CENTER * pixels + pixel];
+        d.variance[r] = d_image[SPREAD_OWN * pixels + pixel];
+    }
+    return d;
+}
 
 // Fetches the lane's pixels; returns the last `end` among them.
 uint load_pixels(Tile t) {
@@ -77,6 +110,7 @@ uint load_pixels(Tile t) {
             end[q][r] = mine ? isect_end_from_pixel[pixel] : 0;
             last = max(last, end[q][r]);
         }
+        if (WITH_SURFACE != 0) d_surface[q] = load_surface(t, q);
         behind[q] = d_red[q] * background.r + d_green[q] * background.g + d_blue[q] * background.b;
         if (push.band < 2) continue;
         [[unroll]] for (uint r = 0; r < 4; ++r) {
@@ -99,14 +133,27 @@ void store_pixels(Tile t) {
     }
 }
 
+// A splat along the lane's pixels.
+struct Walked {
+    Column column;
+    vec3 color;
+    SurfelColumn surfel;
+    PlaneColumn plane;
+    vec3 normal;
+};
+
 // Removes one splat from the lane's pixels, from the back, and returns its contribution to the gradient; `more` is that
-// of a surfel.
-Sums take_off(uint isect, Column column, vec3 color, SurfelColumn surfel, out SurfelSums more) {
+// of its tilt and its spot, `by_surface` that of its depth and normal.
+Sums take_off(uint isect, Walked splat, out SurfelSums more, out vec4 by_surface) {
+    Column column = splat.column;
+    vec3 color = splat.color;
+    SurfelColumn surfel = splat.surfel;
     Moments moments = Moments(vec4(0.0), vec4(0.0), vec4(0.0));
     vec4 red = vec4(0.0);
     vec4 green = vec4(0.0);
     vec4 blue = vec4(0.0);
     SurfelMoments tilted = SurfelMoments(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    PlaneMoments flat_moments = PlaneMoments(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
     Hits hits;
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         vec4 f;
@@ -118,6 +165,13 @@ Sums take_off(uint isect, Column column, vec3 color, SurfelColumn surfel, out Su
         transmittance[q] /= vec4(1.0) - alpha;
         vec4 weight = alpha * transmittance[q];
         vec4 ahead = d_red[q] * color.r + d_green[q] * color.g + d_blue[q] * color.b;
+        if (WITH_SURFACE != 0) {
+            PlaneDepths at = SURFEL != 0 ? plane_depths(splat.plane, hits, view.near_plane)
+                                         : plane_depths(splat.plane, q);
+            vec4 by_depth;
+            ahead += ahead_of(d_surface[q], at.depth, splat.normal, WITH_SPREAD != 0, by_depth);
+            add_plane_moments(flat_moments, splat.plane, q, weight, weight * by_depth, at, d_surface[q]);
+        }
         // No gradient where alpha is capped.
         vec4 here = mix(vec4(0.0), weight * (ahead - behind[q]), lessThan(raw, vec4(ALPHA_MAX)));
         behind[q] = mix(behind[q], ahead, alpha);
@@ -133,19 +187,30 @@ Sums take_off(uint isect, Column column, vec3 color, SurfelColumn surfel, out Su
         sums.shape.x = dot(tilted.s, one);
         more = surfel_sums_of(tilted, surfel);
     }
+    if (WITH_SURFACE != 0) {
+        vec3 tilt = tilt_of(flat_moments, splat.plane);
+        if (SURFEL != 0) more.tilt += tilt;
+        else more = SurfelSums(tilt, vec2(0.0));
+        by_surface = surface_of(flat_moments);
+    }
     sums.tone = vec4(sums.tone.xy, dot(red, one), dot(green, one));
     sums.rest = dot(blue, one);
     return sums;
 }
 
-Sums take_off_staged(Tile t, uint isect, uint lane, out SurfelSums more) {
+Sums take_off_staged(Tile t, uint isect, uint lane, out SurfelSums more, out vec4 by_surface) {
     Staged splat = staged_by(lane);
-    SurfelColumn surfel;
-    if (SURFEL != 0) {
-        surfel = surfel_column_of(t, splat.shape, staged_plane_by(lane), depth_of(splat.rest), view);
+    Walked walked;
+    vec3 plane;
+    if (TILTED) plane = staged_plane_by(lane);
+    if (SURFEL != 0) walked.surfel = surfel_column_of(t, splat.shape, plane, depth_of(splat.rest), view);
+    if (WITH_SURFACE != 0) {
+        walked.plane = plane_column_of(t, plane, splat.shape.xy, depth_of(splat.rest));
+        walked.normal = normal_of(plane, splat.shape.xy, lens);
     }
-    Column column = column_of(t, splat.shape, splat.tone);
-    return take_off(isect, column, vec3(splat.tone.zw, splat.rest.x), surfel, more);
+    walked.column = column_of(t, splat.shape, splat.tone);
+    walked.color = vec3(splat.tone.zw, splat.rest.x);
+    return take_off(isect, walked, more, by_surface);
 }
 
 Sums either(Sums a, Sums b, bool second) {
@@ -157,15 +222,20 @@ SurfelSums surfel_either(SurfelSums a, SurfelSums b, bool second) {
     return SurfelSums(mix(a.tilt, b.tilt, bvec3(second)), mix(a.spot, b.spot, bvec2(second)));
 }
 
-void store(uint source, Sums sums, SurfelSums more) {
+void store(uint source, Sums sums, SurfelSums more, vec4 by_surface) {
     d_shape_from_source[source] = sums.shape;
     d_tone_from_source[source] = sums.tone;
-    if (SURFEL == 0) {
-        d_rest_from_source[source] = sums.rest;
-        return;
+    uint rest = source * REST_WIDTH;
+    d_rest_from_source[rest++] = sums.rest;
+    if (TILTED) {
+        [[unroll]] for (uint i = 0; i < REST_TILT; ++i) d_rest_from_source[rest++] = more.tilt[i];
     }
-    float rest[SURFEL_REST] = float[](sums.rest, more.tilt.x, more.tilt.y, more.tilt.z, more.spot.x, more.spot.y);
-    [[unroll]] for (uint i = 0; i < SURFEL_REST; ++i) d_rest_from_source[source * SURFEL_REST + i] = rest[i];
+    if (SURFEL != 0) {
+        [[unroll]] for (uint i = 0; i < REST_SPOT; ++i) d_rest_from_source[rest++] = more.spot[i];
+    }
+    if (WITH_SURFACE != 0) {
+        [[unroll]] for (uint i = 0; i < REST_SURFACE; ++i) d_rest_from_source[rest++] = by_surface[i];
+    }
 }
 
 // Removes a batch, the last before `end` first; returns its number of splats.
@@ -177,28 +247,34 @@ uint take_off_batch(Tile t, uint begin, uint end) {
     Staged staged = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
     if (!mine) hide(staged);
     stage(staged);
-    if (SURFEL != 0) stage_plane(plane_from_splat[splat]);
+    if (TILTED) stage_plane(plane_from_splat[splat]);
     uint count = min(WORKGROUP, end - begin);
     Sums kept = Sums(vec4(0.0), vec4(0.0), 0.0);
     SurfelSums more_kept = SurfelSums(vec3(0.0), vec2(0.0));
+    vec4 surface_kept = vec4(0.0);
     uint i = 0;
     // Two at a time: their sums over the lanes share the first step. An odd one is paired with a hidden splat.
     do {
         SurfelSums more_even, more_odd;
-        Sums even = take_off_staged(t, end - 1 - i, i, more_even);
-        Sums odd = take_off_staged(t, end - 2 - i, i + 1, more_odd);
-        kept = either(kept, sum_of_lanes(even, odd), lane / 2 == i / 2);
-        if (SURFEL != 0) {
-            more_kept = surfel_either(more_kept, surfel_sum_of_lanes(more_even, more_odd), lane / 2 == i / 2);
+        vec4 surface_even, surface_odd;
+        Sums even = take_off_staged(t, end - 1 - i, i, more_even, surface_even);
+        Sums odd = take_off_staged(t, end - 2 - i, i + 1, more_odd, surface_odd);
+        bool mine_now = lane / 2 == i / 2;
+        kept = either(kept, sum_of_lanes(even, odd), mine_now);
+        if (TILTED) more_kept = surfel_either(more_kept, surfel_sum_of_lanes(more_even, more_odd), mine_now);
+        if (WITH_SURFACE != 0) {
+            vec4 total = surface_sum_of_lanes(surface_even, surface_odd);
+            surface_kept = mix(surface_kept, total, bvec4(mine_now));
         }
         i += 2;
     } while (i < count);
-    if (mine) store(source, kept, more_kept);
+    if (mine) store(source, kept, more_kept, surface_kept);
     return count;
 }
 
 void differentiate(uint tile) {
     Tile t = tile_of(tile, view);
+    if (WITH_SURFACE != 0) lens = vec4(view.focal, view.center);
     uvec2 range = range_from_tile[tile];
     // The ends of a tile without splats in this band are those of another band.
     uint last = max(min(max_of_lanes(load_pixels(t)), range.y), range.x);
@@ -211,7 +287,8 @@ void differentiate(uint tile) {
     }
     // Records of splats behind the last one that counted, which nothing else clears.
     for (uint isect = last + gl_LocalInvocationID.x; isect < range.y; isect += WORKGROUP) {
-        store(emitted_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0), SurfelSums(vec3(0.0), vec2(0.0)));
+        SurfelSums nothing = SurfelSums(vec3(0.0), vec2(0.0));
+        store(emitted_from_isect[isect], Sums(vec4(0.0), vec4(0.0), 0.0), nothing, vec4(0.0));
     }
     if (push.band != 0) store_pixels(t);
 }

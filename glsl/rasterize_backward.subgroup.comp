@@ -60,3 +60,16 @@ SurfelSums surfel_sum_of_lanes(SurfelSums even, SurfelSums odd) {
     if (WORKGROUP > 32) add_surfel_from_across(mine, mine, 32);
     return mine;
 }
+
+vec4 surface_sum_of_lanes(vec4 even, vec4 odd) {
+    bool is_odd = (stage_lane() & 1) != 0;
+    vec4 mine = mix(even, odd, bvec4(is_odd));
+    vec4 other = mix(odd, even, bvec4(is_odd));
+    mine += from_across(other, 1);
+    if (WORKGROUP > 2) mine += from_across(mine, 2);
+    if (WORKGROUP > 4) mine += from_across(mine, 4);
+    if (WORKGROUP > 8) mine += from_across(mine, 8);
+    if (WORKGROUP > 16) mine += from_across(mine, 16);
+    if (WORKGROUP > 32) mine += from_across(mine, 32);
+    return mine;
+}

@@ -52,9 +52,31 @@ const uint SURFACE_DEPTH = 0;
 const uint SURFACE_MEDIAN = 1;
 const uint SURFACE_NORMAL = 2;
 const uint SURFACE_PLANES = 5;
+// Further planes for the spread of depths in a pixel: depth of its first splat, else 0; sums of weight * m and weight *
+// m^2 with m = ln(z / that depth).
+const uint SURFACE_FIRST = 5;
+const uint SURFACE_LOG = 6;
+const uint SURFACE_LOG_SQUARE = 7;
+const uint SPREAD_PLANES = 8;
 
-// Floats of a surfel's gradient record beside shape and tone: blue, and sums of the tilt and the spot.
-const uint SURFEL_REST = 6;
+// Planes of the gradient of a frame after those by red, green and blue: by the coverage, by the sum of weight * z, and
+// by the sums of weight * normal.
+const uint D_COVERAGE = 3;
+const uint D_DEPTH = 4;
+const uint D_NORMAL = 5;
+const uint D_SURFACE_PLANES = 8;
+// Further planes for the spread of depths: derivative by the variance of ln z times the coverage; depth with the mean
+// of ln z; the variance.
+const uint D_SPREAD = 8;
+const uint SPREAD_CENTER = 9;
+const uint SPREAD_OWN = 10;
+const uint D_SPREAD_PLANES = 11;
+
+// Floats of a gradient record beside shape, tone and blue: sums for the tilt of planes and of surfels; for the spot of
+// surfels; for depths and normals, where they have gradients.
+const uint REST_TILT = 3;
+const uint REST_SPOT = 2;
+const uint REST_SURFACE = 4;
 
 // Slots of the `counts` buffer.
 const uint COUNT_SPLAT = 0;

@@ -38,13 +38,14 @@ struct PlaneColumn {
     float tilt_row;   // its step from row to row
     float range;
     float depth;
+    vec2 d;           // the lane's first pixel from the mean
 };
 
 PlaneColumn plane_column_of(Tile t, vec3 plane, vec2 mean_pixel, float depth) {
     // Positions relative to the tile are small, and so is their rounding.
     vec2 mean = mean_pixel - vec2(t.corner);
     vec2 d = vec2(t.x, t.y) + 0.5 - mean;
-    return PlaneColumn(dot(plane.xy, d), plane.y, plane.z, depth);
+    return PlaneColumn(dot(plane.xy, d), plane.y, plane.z, depth, d);
 }
 
 // Depth of the plane at the pixels of quad `q`.

@@ -126,11 +126,12 @@ impl ConfigArgs {
                 AgainstArg::Overfitting => config.against_overfitting(1.0),
             };
         }
-        config.kind = match self.kind {
+        let kind = match self.kind {
             None => config.kind,
             Some(KindArg::Gaussian3d) => Primitive::Gaussian3d,
             Some(KindArg::Surfel) => Primitive::Surfel,
         };
+        config = config.with_kind(kind);
         config.seed = self.seed.unwrap_or(config.seed);
         config.filter = match self.mode {
             None | Some(ModeArg::Default) => ScreenFilter::Classic,

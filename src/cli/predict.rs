@@ -148,7 +148,7 @@ impl PredictArgs {
             return self.drawing(of_degree(self.splats.unwrap_or(splats), config.sh_degree), config.kind);
         }
         let size = TrainSize {
-            primitive: config.kind,
+            outputs: config.outputs(),
             splats,
             sh_degree: config.sh_degree,
             lower: [0; 3],

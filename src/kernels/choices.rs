@@ -98,6 +98,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         sort_count: sort_count::Choice::prefer(caps), sort::why(caps);
         sort_scatter: sort_scatter::Choice::prefer(caps), sort::why(caps);
         sum_by_splat: sum_by_splat::Choice::default(), ELEMENTWISE;
+        surface_loss: surface_loss::Choice::default(), ELEMENTWISE;
     }
 }
 

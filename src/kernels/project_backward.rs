@@ -1,6 +1,7 @@
 //! Gradient of every parameter of every splat, from the records of compositing.
 
 pub use super::generated::project_backward::*;
+use super::rasterize::Outputs;
 use crate::Result;
 use crate::gpu::Gpu;
 
@@ -21,12 +22,12 @@ macro_rules! of_degree {
 of_degree! { project project_backward adam_color pose_gradient }
 
 impl ProjectBackward {
-    /// One for splats of each degree up to `highest`; `indexed`: slots are not in splat order; `surfel`: of surfels.
-    pub fn of_degrees(gpu: &Gpu, highest: u32, indexed: bool, surfel: bool) -> Result<Vec<ProjectBackward>> {
+    /// One for splats of each degree up to `highest`, for frames with these outputs; `indexed`: slots are not in splat
+    /// order.
+    pub fn of_degrees(gpu: &Gpu, highest: u32, indexed: bool, outputs: Outputs) -> Result<Vec<ProjectBackward>> {
         let kernel = |degree| {
-            let mut choice = Choice::of_degree(degree);
+            let mut choice = Choice::of_degree(degree).of_outputs(outputs);
             choice.spec.indexed = indexed.into();
-            choice.spec.surfel = surfel.into();
             ProjectBackward::new(gpu, choice)
         };
         (0..=highest).map(kernel).collect()

@@ -35,6 +35,8 @@ pub struct Outputs {
     pub ends: bool,
     /// Depths and normals of the splats' planes; not by the rules of the 3DGS code.
     pub surface: bool,
+    /// Sums for the spread of the planes' depths in a pixel, beside those of `surface`.
+    pub spread: bool,
     /// Limits of depth, which are an input, but take memory and kernels of their own as outputs do.
     pub limit: bool,
     /// Surfels in place of 3D Gaussians, which take memory and kernels of their own, too.
@@ -50,6 +52,7 @@ impl Outputs {
         depth: false,
         ends: true,
         surface: false,
+        spread: false,
         limit: false,
         surfels: false,
         ids: false,
@@ -99,6 +102,8 @@ macro_rules! outputs {
 
 outputs! {
     rasterize: with_depth depth, with_ends ends, with_surface surface, with_limit limit,
-        surfel surfels, with_ids ids;
+        surfel surfels, with_ids ids, with_spread spread;
+    rasterize_backward: surfel surfels, with_surface surface, with_spread spread;
     rasterize_inria: with_depth depth, with_ends ends;
+    project_backward: surfel surfels, with_surface surface;
 }

@@ -39,6 +39,15 @@ pub fn dot<R: Real>(a: Vec3<R>, b: Vec3<R>) -> R {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// Vector product.
+pub fn cross<R: Real>(a: Vec3<R>, b: Vec3<R>) -> Vec3<R> {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
 /// `v / |v|`.
 pub fn normalize<R: Real>(v: Vec3<R>) -> Vec3<R> {
     scale(R::of(1.0) / dot(v, v).sqrt(), v)

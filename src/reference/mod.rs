@@ -46,6 +46,7 @@ pub mod sh;
 pub mod smoothing;
 pub mod sort;
 pub mod ssim;
+pub mod surface_loss;
 pub mod surfel;
 pub mod surfel_backward;
 pub mod tiles;

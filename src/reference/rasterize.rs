@@ -120,20 +120,20 @@ pub fn composite<R: Real>(
 
 /// Weight `αᵢ Tᵢ` of each splat that a pixel blends, nearest first, as the difference of transmittance before and
 /// behind it: `(index into splats, weight)`.
-pub fn weights(
-    splats: &[ScreenSplat<f64>],
+pub fn weights<R: Real>(
+    splats: &[ScreenSplat<R>],
     order: &[usize],
     position: [f64; 2],
     thresholds: &Thresholds,
-) -> Vec<(usize, f64)> {
-    let mut passing = 1.0;
+) -> Vec<(usize, R)> {
+    let mut passing = R::of(1.0);
     let mut weights = Vec::new();
     for &index in order {
-        if passing < thresholds.transmittance_min {
+        if passing.value() < thresholds.transmittance_min {
             break;
         }
         if let Some(layer) = layer(&splats[index], position, thresholds) {
-            let behind = passing * (1.0 - layer.alpha);
+            let behind = passing * (R::of(1.0) - layer.alpha);
             weights.push((index, passing - behind));
             passing = behind;
         }

@@ -89,20 +89,29 @@ impl<R: Real> SurfelDisc<R> {
         [(z - reach).max(self.near), z + reach]
     }
 
-    /// Depth at a position: that of the plane, but not beyond the surfel.
-    pub fn depth(&self, position: [f64; 2]) -> f64 {
+    /// Depth at a position: that of the plane, but not beyond the surfel, whose range is a constant share of its mean's
+    /// depth.
+    pub fn depth(&self, position: [f64; 2]) -> R {
         let [nearest, farthest] = self.depth_range();
         let [fx, fy, cx, cy] = self.lens;
-        let ray = [(position[0] - cx) / fx, (position[1] - cy) / fy, 1.0];
-        let (normal, mean) = (self.normal.map(R::value), self.mean.map(R::value));
+        let ray = [(position[0] - cx) / fx, (position[1] - cy) / fy, 1.0].map(R::of);
+        let mean = self.mean[2];
         if self.is_edge_on {
-            return mean[2];
+            return mean;
         }
+        let end = |depth: f64| match depth == self.near {
+            true => R::of(depth),
+            false => R::of(depth) + (mean - R::of(mean.value())) * R::of(depth / mean.value()),
+        };
         // Behind the horizon of the plane there is no hit; nearby the depth grows without limit.
-        let inverse = dot(normal, ray) / dot(normal, mean);
-        match inverse > 0.0 {
-            true => (1.0 / inverse).clamp(nearest, farthest),
-            false => farthest,
+        let inverse = dot(self.normal, ray) / dot(self.normal, self.mean);
+        let free = R::of(1.0) / inverse;
+        if inverse.value() <= 0.0 || free.value() > farthest {
+            end(farthest)
+        } else if free.value() < nearest {
+            end(nearest)
+        } else {
+            free
         }
     }
 }
@@ -151,6 +160,6 @@ fn solve<R: Real>(mut rows: [[R; 3]; 3], mut right: Vec3<R>) -> Option<Vec3<R>> 
 }
 
 /// Unit normal toward the camera.
-pub fn normal_toward(normal: Vec3<f64>, mean: Vec3<f64>) -> Vec3<f64> {
-    scale(-dot(normal, mean).signum(), normal)
+pub fn normal_toward<R: Real>(normal: Vec3<R>, mean: Vec3<R>) -> Vec3<R> {
+    scale(R::of(-dot(normal, mean).value().signum()), normal)
 }

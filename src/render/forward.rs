@@ -6,7 +6,7 @@ use super::compositor::Compositor;
 use super::depth_bands::{DepthBands, list_limit};
 use super::instances::{FrameContent, Portion};
 use super::model::Model;
-use super::options::{RenderOptions, SplatOrder, training_outputs};
+use super::options::{RenderOptions, SplatOrder};
 use super::projections::Projections;
 use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use super::view::view_on;
@@ -41,24 +41,22 @@ pub struct Forward {
 const ELEMENTWISE: u32 = 64;
 
 impl Forward {
-    /// Compiles the kernels for training scenes up to `sh_degree`.
+    /// Compiles the kernels for training scenes up to `sh_degree`, with these outputs.
     ///
     /// # Errors
     /// [`Error::Config`] for an accuracy out of range.
     #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "for gradients"))]
-    pub(crate) fn for_training(
-        gpu: &Gpu,
-        sh_degree: u32,
-        accuracy: &Accuracy,
-        primitive: Primitive,
-    ) -> Result<Forward> {
+    pub(crate) fn for_training(gpu: &Gpu, sh_degree: u32, accuracy: &Accuracy, outputs: Outputs) -> Result<Forward> {
         let options = RenderOptions {
             sh_degree,
             accuracy: *accuracy,
-            primitive,
+            primitive: match outputs.surfels {
+                true => Primitive::Surfel,
+                false => Primitive::Gaussian3d,
+            },
             ..RenderOptions::default()
         };
-        Forward::new(gpu, &options, training_outputs(primitive))
+        Forward::new(gpu, &options, outputs)
     }
 
     /// Compiles the kernels for a renderer with these options, for pictures without limits of depth.

@@ -52,8 +52,6 @@ pub(crate) use memory::buffers;
 pub use memory::{Need, Purpose, isects_expected, total};
 pub use model::{Model, plane_count, planes_from_splats};
 pub use occlusion::{DepthCode, HostDepth};
-#[cfg(feature = "train")]
-pub(crate) use options::training_outputs;
 pub use options::{RenderOptions, SplatOrder};
 pub use picking::{PickPixel, PickReport, locate};
 pub use precision::Precision;

@@ -60,22 +60,13 @@ impl RenderOptions {
             depth: self.with_depth,
             ends: false,
             surface: self.with_surface,
+            spread: false,
             limit: self.with_host_depth,
             surfels: self.primitive == Primitive::Surfel,
             ids: self.with_ids,
         }
     }
-}
 
-/// Outputs of a training step on splats of a kind.
-pub(crate) fn training_outputs(primitive: Primitive) -> Outputs {
-    Outputs {
-        surfels: primitive == Primitive::Surfel,
-        ..Outputs::TRAINING
-    }
-}
-
-impl RenderOptions {
     /// Refuses outputs and kinds that the rules of the 3DGS code do not have.
     pub(super) fn check_rules(&self) -> Result<()> {
         let asked = [

@@ -41,7 +41,7 @@ buffers! {
         range_from_tile: Buffer<[u32; 2]>, Pixels, capacity.tiles;
         image: Buffer<f32>, Pixels, 4 * capacity.pixels;
         depth: Buffer<f32>, Pixels, if outputs.depth { capacity.pixels } else { 1 };
-        surface: Buffer<f32>, Pixels, if outputs.surface { SURFACE_PLANES as usize * capacity.pixels } else { 1 };
+        surface: Buffer<f32>, Pixels, surface_len(capacity, outputs);
         isect_end_from_pixel: Buffer<u32>, Pixels, if outputs.ends || outputs.ids { capacity.pixels } else { 1 };
         depth_from_pixel: Buffer<f32>, Pixels, if outputs.ids { capacity.pixels } else { 1 };
         stored_from_pixel: Buffer<f32>, Pixels, if outputs.ids { capacity.pixels } else { 1 };
@@ -55,6 +55,15 @@ fn plane_count(capacity: Capacity, outputs: Outputs) -> usize {
     match outputs.surface || outputs.surfels {
         true => capacity.splats,
         false => 1,
+    }
+}
+
+/// Length of the planes of surfaces.
+fn surface_len(capacity: Capacity, outputs: Outputs) -> usize {
+    match (outputs.surface, outputs.spread) {
+        (_, true) => SPREAD_PLANES as usize * capacity.pixels,
+        (true, false) => SURFACE_PLANES as usize * capacity.pixels,
+        (false, false) => 1,
     }
 }
 

@@ -1,19 +1,18 @@
 //! Kernels of a training step after the frame: loss, gradients, update.
 
+use super::chain::{ChainKernels, GeometryPass};
 use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
+use super::gradients::Gradients;
 use super::photos::Bound;
 use super::pose_pass::PosePass;
 use super::schedule;
+use super::step::Step;
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
-use crate::kernels::project_backward::ProjectBackward;
-use crate::kernels::{adam, adam_color, loss, loss_backward, loss_exposure, loss_sum};
-use crate::kernels::{perturb, project_backward, rasterize_backward};
-use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, SURFEL_REST, View};
-use crate::render::{
-    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, tile_stride,
-};
+use crate::gpu::{Buffer, Gpu, Groups, Recorder};
+use crate::kernels::{adam, adam_color, loss, loss_backward, loss_exposure, loss_sum, perturb};
+use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH};
+use crate::render::{Block, Forward, Model, Scratch};
 use crate::scene::Primitive;
 
 /// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
@@ -27,98 +26,15 @@ pub(crate) struct Backward {
     /// If photographs have exposures.
     loss_exposure: Option<loss_exposure::LossExposure>,
     loss_sum: loss_sum::LossSum,
-    rasterize: rasterize_backward::RasterizeBackward,
-    /// One kernel per SH degree.
-    project: Vec<ProjectBackward>,
-    /// The same for slots in an order of their own; empty until a model has one.
-    indexed: Vec<ProjectBackward>,
+    chain: ChainKernels,
+    /// If the run has terms of geometry, for the steps that have them.
+    geometry: Option<GeometryPass>,
     pose: PosePass,
     adam: adam::Adam,
     /// One kernel per SH degree.
     adam_color: Vec<adam_color::AdamColor>,
     perturb: perturb::Perturb,
 }
-
-buffers! {
-    /// Buffers of a step beyond those of rendering.
-    pub(crate) struct Gradients(capacity: Capacity, primitive: Primitive) {
-        records: Records, Intersections, (capacity, primitive);
-        /// An image of these tiles has at most as many loss tiles as compositing tiles.
-        loss_from_tile: Buffer<[f32; 4]>, Pixels, capacity.tiles;
-        /// Of the loss, and both sums of the photograph's gains.
-        loss: Buffer<[f32; 4]>, Pixels, 3;
-        d_image: Buffer<f32>, Pixels, 3 * capacity.pixels;
-    }
-}
-
-/// Words of the gradients of a (splat, tile) pair in each of three arrays.
-pub(crate) fn record_widths(primitive: Primitive) -> [usize; 3] {
-    match primitive {
-        Primitive::Gaussian3d => [4, 4, 1],
-        Primitive::Surfel => [4, 4, SURFEL_REST as usize],
-    }
-}
-
-/// Gradients of every (splat, tile) pair in three arrays, in one buffer with the slopes of SSIM: these are last read
-/// before the first record is written.
-#[derive(Clone, Debug)]
-pub(crate) struct Records {
-    ssim_slope: Buffer<[f32; 3]>,
-    d_shape_from_source: Buffer<[f32; 4]>,
-    d_tone_from_source: Buffer<[f32; 4]>,
-    d_rest_from_source: Buffer<f32>,
-}
-
-impl Allocate for Records {
-    type Size = (Capacity, Primitive);
-
-    fn allocate(gpu: &Gpu, name: &str, (capacity, primitive): Self::Size) -> Result<Records> {
-        let (slopes, isects) = (9 * capacity.pixels, capacity.isects);
-        let widths = record_widths(primitive);
-        let widest = widths.into_iter().max().unwrap_or(0);
-        gpu.check_reach("d_shape_from_source", (4 * widest * isects) as u64)?;
-        gpu.check_reach("ssim_slope", 4 * slopes as u64)?;
-        let padded = isects.next_multiple_of(PART_ALIGNMENT);
-        let records = gpu.room::<f32>(name, slopes.max(widths.iter().sum::<usize>() * padded))?;
-        let array = |begin: usize, width: usize| records.part(begin..begin + width * isects);
-        Ok(Records {
-            ssim_slope: records.part(0..slopes).cast(),
-            d_shape_from_source: array(0, widths[0]).cast(),
-            d_tone_from_source: array(widths[0] * padded, widths[1]).cast(),
-            d_rest_from_source: array((widths[0] + widths[1]) * padded, widths[2]),
-        })
-    }
-
-    /// Of the slopes, only what they need beyond the records counts as theirs.
-    fn needs(name: &'static str, purpose: Purpose, (capacity, primitive): Self::Size) -> Vec<Need> {
-        let width: usize = record_widths(primitive).iter().sum();
-        let records = width * capacity.isects.next_multiple_of(PART_ALIGNMENT);
-        let slopes = (9 * capacity.pixels).saturating_sub(records);
-        vec![
-            Need::new(name, purpose, 4, records),
-            Need::new("ssim_slope", Purpose::Pixels, 4, slopes),
-        ]
-    }
-}
-
-/// Inputs of a step.
-pub(crate) struct Step<'a> {
-    pub(crate) config: &'a TrainConfig,
-    pub(crate) forward: &'a Forward,
-    pub(crate) iteration: u32,
-    /// Scene extent in world units.
-    pub(crate) extent: f64,
-    pub(crate) view: &'a View,
-    pub(crate) sh_degree: u32,
-    pub(crate) bands: DepthBands,
-    /// Gains of the photograph, and slopes on the curve's toe.
-    pub(crate) exposure: [[f32; 3]; 2],
-    /// Offset of the lattice of SSIM's windows, pixels.
-    pub(crate) window_offset: [u32; 2],
-}
-
-/// Exposure of photographs without one.
-pub(crate) const UNEXPOSED: [[f32; 3]; 2] = [[1.0; 3]; 2];
 
 impl Backward {
     /// Compiles the kernels.
@@ -133,21 +49,15 @@ impl Backward {
         loss.spec.with_exposure = has_exposure.into();
         loss_backward.spec.with_exposure = has_exposure.into();
         let exposure = || loss_exposure::LossExposure::new(gpu, loss_exposure::Choice::default());
-        let mut rasterize = rasterize_backward::Choice::prefer(gpu.caps());
-        rasterize.spec.log2_alpha_min = config.accuracy.log2_alpha_min();
-        let is_surfel = config.kind == Primitive::Surfel;
-        rasterize.spec.surfel = is_surfel.into();
         let mut perturb = perturb::Choice::default();
-        perturb.spec.surfel = is_surfel.into();
-        use rasterize_backward::RasterizeBackward;
+        perturb.spec.surfel = (config.kind == Primitive::Surfel).into();
         Ok(Backward {
             loss: loss::Loss::new(gpu, loss)?,
             loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
             loss_exposure: has_exposure.then(exposure).transpose()?,
             loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
-            rasterize: RasterizeBackward::new(gpu, rasterize)?,
-            project: ProjectBackward::of_degrees(gpu, config.sh_degree, false, is_surfel)?,
-            indexed: Vec::new(),
+            chain: ChainKernels::new(gpu, config, config.plain_outputs())?,
+            geometry: GeometryPass::new(gpu, config)?,
             pose: PosePass::new(gpu, config)?,
             adam: adam::Adam::new(gpu, adam::Choice::default())?,
             adam_color: (0..=config.sh_degree)
@@ -159,11 +69,18 @@ impl Backward {
 
     /// Compiles further kernels that steps of `model` need. Required before the first of them.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        if model.is_indexed() && self.indexed.is_empty() {
-            let highest = self.project.len() as u32 - 1;
-            self.indexed = ProjectBackward::of_degrees(gpu, highest, true, model.primitive == Primitive::Surfel)?;
-        }
-        Ok(())
+        self.chain.prepare(gpu, model)?;
+        self.geometry.iter_mut().try_for_each(|pass| pass.prepare(gpu, model))
+    }
+
+    /// Kernels of the frame for steps with these weights of the terms of geometry; `None`: as without terms.
+    pub(crate) fn forward(&self, geometry: [f32; 2]) -> Option<&Forward> {
+        self.geometry_at(geometry).map(|pass| &pass.forward)
+    }
+
+    fn geometry_at(&self, weights: [f32; 2]) -> Option<&GeometryPass> {
+        let has_terms = weights.iter().any(|&weight| weight > 0.0);
+        self.geometry.as_ref().filter(|_| has_terms)
     }
 
     /// Records the kernels of a step after the frame. With depth bands, gradients of all blocks exist at once, and
@@ -178,13 +95,20 @@ impl Backward {
         step: &Step<'_>,
     ) {
         self.record_loss(rec, scratch, gradients, photo, step);
+        let kernels = match self.geometry_at(step.geometry) {
+            Some(pass) => {
+                pass.record(rec, scratch, gradients, step);
+                &pass.chain
+            }
+            None => &self.chain,
+        };
         let blocks = || state.model.blocks.of(state.model.counts);
         let Some(replay) = &scratch.replay else {
             let ends = &scratch.isect_end_from_pixel;
-            self.record_rasterize(rec, scratch, gradients, step, (0, ends));
+            kernels.record_rasterize(rec, scratch, gradients, step, (0, ends));
             // Block by block: only one block's gradients exist at a time.
             for block in blocks() {
-                self.record_project(rec, state, scratch, gradients, step, block);
+                kernels.record_project(rec, state, scratch, gradients, step, block);
                 self.pose.record(rec, state, scratch, step.sh_degree, block);
                 self.record_update(rec, state, scratch, step, block);
             }
@@ -197,8 +121,8 @@ impl Backward {
             let turn = if is_farthest { 1 } else { 2 };
             step.forward.relist(rec, scratch, replay, tiles, again);
             let ends = replay.isect_end_from_pixel(band);
-            self.record_rasterize(rec, scratch, gradients, step, (turn, ends));
-            blocks().for_each(|b| self.record_project(rec, state, scratch, gradients, step, b));
+            kernels.record_rasterize(rec, scratch, gradients, step, (turn, ends));
+            blocks().for_each(|b| kernels.record_project(rec, state, scratch, gradients, step, b));
         }
         for block in blocks() {
             self.pose.record(rec, state, scratch, step.sh_degree, block);
@@ -311,93 +235,6 @@ impl Backward {
         for slot in [1, 2] {
             self.record_sum(rec, (&partials, groups), g, [slot - 1, 2, slot]);
         }
-    }
-
-    fn record_rasterize(
-        &self,
-        rec: &mut Recorder<'_>,
-        s: &Scratch,
-        g: &Gradients,
-        step: &Step<'_>,
-        (band, ends): (u32, &Buffer<u32>),
-    ) {
-        let tiles = (step.view.tiles[0] * step.view.tiles[1]) as usize;
-        self.rasterize.record(
-            rec,
-            rasterize_backward::Bindings {
-                view: &s.view,
-                range_from_tile: &s.range_from_tile,
-                emitted_from_isect: &s.emitted_from_isect[Forward::sorted_index(tiles)],
-                splat_from_emitted: &s.splat_from_emitted,
-                ellipse_from_splat: &s.ellipse_from_splat,
-                whiten_rg_from_splat: &s.whiten_rg_from_splat,
-                blue_depth_from_splat: &s.blue_depth_from_splat,
-                image: &s.image,
-                d_image: &g.d_image,
-                isect_end_from_pixel: ends,
-                d_shape_from_source: &g.records.d_shape_from_source,
-                d_tone_from_source: &g.records.d_tone_from_source,
-                d_rest_from_source: &g.records.d_rest_from_source,
-                plane_from_splat: &s.plane_from_splat,
-            },
-            rasterize_backward::Params {
-                tile_stride: tile_stride(tiles),
-                band,
-            },
-            Groups::Count(tiles as u32),
-        );
-        rec.timestamp("rasterize_backward");
-    }
-
-    fn record_project(
-        &self,
-        rec: &mut Recorder<'_>,
-        state: &DeviceState,
-        s: &Scratch,
-        g: &Gradients,
-        step: &Step<'_>,
-        block: Block,
-    ) {
-        let penalties = schedule::penalties(step.config, step.extent);
-        let count = state.model.splat_count;
-        let at = state.model.places(&block);
-        let splats = at.splats;
-        let kernels = match state.model.is_indexed() {
-            true => &self.indexed,
-            false => &self.project,
-        };
-        let kernel = &kernels[step.sh_degree.min(block.degree) as usize];
-        kernel.record(
-            rec,
-            project_backward::Bindings {
-                view: &s.view,
-                counts: &s.counts,
-                params: &state.model.params[block.index],
-                tile_count_from_splat: &s.tile_count_from_splat.part(splats.clone()),
-                emitted_from_splat: &s.emitted_from_splat.part(splats.clone()),
-                ellipse_from_splat: &s.ellipse_from_splat.part(splats.clone()),
-                whiten_rg_from_splat: &s.whiten_rg_from_splat.part(splats.clone()),
-                blue_depth_from_splat: &s.blue_depth_from_splat.part(splats.clone()),
-                d_shape_from_source: &g.records.d_shape_from_source,
-                d_tone_from_source: &g.records.d_tone_from_source,
-                d_rest_from_source: &g.records.d_rest_from_source,
-                d_params: state.gradients(block),
-                statistics: &state.buffers.statistics.part(splats),
-                splat_from_slot: &at.splat_from_slot,
-            },
-            project_backward::Params {
-                splat_count: block.count as u32,
-                stride: block.stride as u32,
-                // Means over all splats, and over axes.
-                opacity_penalty: penalties.opacity / count as f32,
-                scale_penalty: penalties.scale / (state.model.primitive.scale_count() * count) as f32,
-                // Slope of a sum of squares: twice the weight.
-                size_penalty: 2.0 * penalties.size,
-                banded: s.replay.is_some().into(),
-            },
-            kernel.groups(block.count),
-        );
-        rec.timestamp("project_backward");
     }
 
     fn record_update(&self, rec: &mut Recorder<'_>, state: &DeviceState, s: &Scratch, step: &Step<'_>, block: Block) {

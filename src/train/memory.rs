@@ -1,14 +1,15 @@
 //! Device memory of a training run by buffer: a closed formula, printed before a run and tested against its
 //! allocations.
 
-use super::backward::Gradients;
 use super::config::{StrategyKind, TrainConfig};
 use super::device::DeviceState;
+use super::gradients::Gradients;
 use super::photos::Residency;
 use super::schedule;
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
-use crate::render::{ByDegree, Capacity, Need, Purpose, Scratch, isects_expected, of_degree, total, training_outputs};
-use crate::scene::{Dataset, Primitive, Split};
+use crate::kernels::rasterize::Outputs;
+use crate::render::{ByDegree, Capacity, Need, Purpose, Scratch, isects_expected, of_degree, total};
+use crate::scene::{Dataset, Split};
 
 /// Steps in flight.
 pub(crate) const IN_FLIGHT: usize = 2;
@@ -22,8 +23,8 @@ pub(crate) fn with_margin(isects: usize) -> usize {
 /// Input of the memory formula.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainSize {
-    /// Kind of the splats.
-    pub primitive: Primitive,
+    /// Outputs of a step's frame, with the kind of the splats.
+    pub outputs: Outputs,
     /// Maximum number of splats at one time.
     pub splats: usize,
     /// Highest SH degree.
@@ -50,7 +51,7 @@ impl TrainSize {
         let area = |size: &[u32; 2]| u64::from(size[0]) * u64::from(size[1]);
         let image = sizes.clone().max_by_key(area).unwrap_or([1, 1]);
         TrainSize {
-            primitive: config.kind,
+            outputs: config.outputs(),
             splats,
             sh_degree: config.sh_degree,
             lower: [0; 3],
@@ -107,15 +108,15 @@ impl TrainSize {
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let mut needs = photo_needs(self.photos, self.splats);
         needs.extend(DeviceState::needs(self.counts()));
-        needs.extend(step_needs(capacity, self.primitive));
+        needs.extend(step_needs(capacity, self.outputs));
         needs
     }
 }
 
 /// Buffers of a step.
-pub(crate) fn step_needs(capacity: Capacity, primitive: Primitive) -> Vec<Need> {
-    let frame = Scratch::needs(capacity, training_outputs(primitive));
-    [frame, Gradients::needs(capacity, primitive)].concat()
+pub(crate) fn step_needs(capacity: Capacity, outputs: Outputs) -> Vec<Need> {
+    let frame = Scratch::needs(capacity, outputs);
+    [frame, Gradients::needs(capacity, outputs)].concat()
 }
 
 /// Buffers of the photographs, and for transfers to the device and back.

@@ -7,12 +7,14 @@
 #![doc = include_str!("../../docs/training.md")]
 
 mod backward;
+mod chain;
 pub mod checkpoint;
 pub mod config;
 mod device;
 pub mod exposure;
 #[doc(hidden)]
 pub mod filter;
+mod gradients;
 #[doc(hidden)]
 pub mod init;
 pub(crate) mod knn;
@@ -28,6 +30,7 @@ pub mod schedule;
 #[doc(hidden)]
 pub mod smoothing;
 pub mod state;
+mod step;
 pub mod strategy;
 mod trainer;
 

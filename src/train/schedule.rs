@@ -125,6 +125,24 @@ pub fn pose_rate(config: &TrainConfig, view_count: usize, iteration: u32) -> Opt
     Some(POSE_RATE_END.powf((at - from) / (until - from)))
 }
 
+/// Weights of the terms of geometry at an iteration: consistency of normals, and distortion. Each grows linearly from 0
+/// at its start.
+pub fn geometry(config: &TrainConfig, iteration: u32) -> [f32; 2] {
+    let terms = &config.geometry;
+    let progress = f64::from(iteration) / f64::from(config.iterations);
+    [
+        (terms.normal, terms.normal_from),
+        (terms.distortion, terms.distortion_from),
+    ]
+    .map(|(weight, from)| {
+        let past = progress - f64::from(from);
+        match past > 0.0 {
+            true => (f64::from(weight) * (past / f64::from(terms.ramp)).min(1.0)) as f32,
+            false => 0.0,
+        }
+    })
+}
+
 /// Background colour of an iteration.
 pub fn background(config: &TrainConfig, iteration: u32) -> [f32; 3] {
     match config.background {
@@ -246,6 +264,22 @@ mod tests {
         let mcmc = config.with_strategy(StrategyKind::Mcmc);
         assert!((0..=30_000).all(|i| !is_reset(&mcmc, i)));
         assert!(is_refine(&mcmc, 24_900) && !is_refine(&mcmc, 25_000));
+    }
+
+    #[test]
+    fn terms_of_geometry_grow_after_their_start() {
+        let mut config = TrainConfig::for_iterations(1_000);
+        assert_eq!(geometry(&config, 900), [0.0; 2]);
+        config.geometry.normal = 0.05;
+        config.geometry.distortion = 2.0;
+        assert_eq!(geometry(&config, 100), [0.0; 2]);
+        assert_eq!(geometry(&config, 150)[0], 0.0);
+        assert!((geometry(&config, 150)[1] - 1.0).abs() < 1e-6);
+        let [normal, distortion] = geometry(&config, 283);
+        assert!((normal / 0.05 - 0.4967).abs() < 1e-3 && distortion == 2.0);
+        assert_eq!(geometry(&config, 1_000), [0.05, 2.0]);
+        config.geometry.ramp = 0.0;
+        assert_eq!(geometry(&config, 234), [0.05, 2.0]);
     }
 
     #[test]

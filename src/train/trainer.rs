@@ -10,14 +10,16 @@ mod inspect;
 mod poses;
 mod steer;
 
-use super::backward::{Backward, Gradients, Step, UNEXPOSED};
+use super::backward::Backward;
 use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
 use super::exposure::ExposureGains;
+use super::gradients::Gradients;
 use super::memory::{IN_FLIGHT, with_margin};
 use super::photos::Photos;
 use super::poses::{PoseState, RefinedPoses};
 use super::state::HostState;
+use super::step::{Step, UNEXPOSED};
 use super::strategy::{self, RefineContext, RefineReport};
 use super::{initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
@@ -162,20 +164,21 @@ impl<'a> Trainer<'a> {
                 Capacity::for_image(state.len(), isects, width, height)
             })
             .fold(Capacity::LEAST, Capacity::max);
-        let scratch = new_scratch(gpu, capacity, DepthBands::default(), config.kind)?;
+        let scratch = new_scratch(gpu, capacity, DepthBands::default(), config.outputs())?;
         let mut extremes = Extremes::default();
         extremes.note(&state.degrees);
         let is_half = iteration < config.half_size_until;
         let (halved, photos) = halved::begin(gpu, dataset, &views, &config, is_half)?;
+        let plain = config.plain_outputs();
         let mut trainer = Trainer {
             gpu: gpu.clone(),
             dataset,
             extent,
             limit: config.splat_limit(),
-            forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy, config.kind)?,
+            forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy, plain)?,
             backward: Backward::new(gpu, &config)?,
             state: DeviceState::new(gpu, state, config.filter)?,
-            gradients: Gradients::new(gpu, scratch.capacity, config.kind)?,
+            gradients: Gradients::new(gpu, scratch.capacity, config.outputs())?,
             scratch,
             bands: DepthBands::default(),
             photos,
@@ -347,9 +350,12 @@ impl<'a> Trainer<'a> {
             view.dilation *= self.config.half_size_dilation;
         }
         [view.dropout, view.dropout_key] = schedule::dropout(&self.config, iteration);
+        let geometry = schedule::geometry(&self.config, iteration);
+        let forward = self.backward.forward(geometry).unwrap_or(&self.forward);
         let step = Step {
             config: &self.config,
-            forward: &self.forward,
+            forward,
+            geometry,
             iteration,
             extent: self.extent,
             view: &view,
@@ -358,7 +364,7 @@ impl<'a> Trainer<'a> {
             window_offset: schedule::window_offset(&self.config, self.views.len(), iteration),
             exposure: self.exposure.as_ref().map_or(UNEXPOSED, |gains| gains.push(index)),
         };
-        let (forward, backward, state) = (&self.forward, &self.backward, &self.state);
+        let (backward, state) = (&self.backward, &self.state);
         let (scratch, gradients, photos) = (&self.scratch, &self.gradients, &mut self.photos);
         let (ticket, (counts, loss, pose_sums)) = self.frames.submit(|rec| {
             let photo = photos.bind(rec, dataset, index)?;

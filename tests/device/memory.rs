@@ -36,6 +36,7 @@ const ALL: Outputs = Outputs {
     depth: true,
     ends: true,
     surface: true,
+    spread: true,
     limit: true,
     surfels: true,
     ids: true,
@@ -143,6 +144,9 @@ fn training_takes_what_the_formula_says() {
     ] {
         let mut config = config(strategy);
         (config.photo_share, config.kind) = (share, kind);
+        if kind == Primitive::Surfel {
+            (config.geometry.normal, config.geometry.distortion) = (0.05, 1.0);
+        }
         compare(&gpu, &dataset, &config, share == 0.0);
     }
 }
@@ -241,7 +245,7 @@ fn training_takes_little_beside_what_it_cannot_do_without() {
     ] {
         let sizes = std::iter::repeat_n(image, photos);
         let size = TrainSize {
-            primitive: Primitive::Gaussian3d,
+            outputs: Outputs::TRAINING,
             splats,
             sh_degree: 3,
             lower: [0; 3],

@@ -17,17 +17,18 @@ struct Size {
     iterations: u32,
 }
 
-/// Kind of the splats and filter on the screen.
-type SplatKind = (Primitive, ScreenFilter);
+/// Kind of the splats, filter on the screen, and weights of the terms of geometry: normals and distortion.
+type SplatKind = (Primitive, ScreenFilter, [f32; 2]);
 
-const SPLATS: SplatKind = (Primitive::Gaussian3d, ScreenFilter::Classic);
+const SPLATS: SplatKind = (Primitive::Gaussian3d, ScreenFilter::Classic, [0.0; 2]);
 
-fn trained(gpu: &Gpu, dataset: &Dataset, iterations: u32, (kind, filter): SplatKind) -> (Splats, ViewOptions) {
-    let config = TrainConfig {
+fn trained(gpu: &Gpu, dataset: &Dataset, iterations: u32, (kind, filter, terms): SplatKind) -> (Splats, ViewOptions) {
+    let mut config = TrainConfig {
         kind,
         filter,
         ..TrainConfig::for_iterations(iterations)
     };
+    [config.geometry.normal, config.geometry.distortion] = terms;
     let mut run = Run::new(gpu, dataset, config).unwrap();
     while !run.is_done() {
         run.step().unwrap();
@@ -214,7 +215,8 @@ fn the_mesh_of_surfels_on_a_plane_is_near_the_plane() {
         height: 60,
         iterations: 300,
     };
-    let found = measured(&gpu, Kind::Plane, &size, (Primitive::Surfel, ScreenFilter::Classic));
+    let surfels = (Primitive::Surfel, ScreenFilter::Classic, [0.0; 2]);
+    let found = measured(&gpu, Kind::Plane, &size, surfels);
     table(Kind::Plane, &found.meshes);
     let [floor, median, ..] = &found.meshes;
     let pixel = floor.footprint.unwrap();
@@ -230,10 +232,48 @@ fn tables_of_surfels() {
     for kind in [Kind::Plane, Kind::Sphere] {
         for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
             for primitive in [Primitive::Gaussian3d, Primitive::Surfel] {
-                let found = measured(&gpu, kind, &TABLE_SIZE, (primitive, filter));
+                let found = measured(&gpu, kind, &TABLE_SIZE, (primitive, filter, [0.0; 2]));
                 let (name, mode) = (primitive.name(), filter.name());
                 println!("{name}, {mode}: {:.2} dB, {} splats", found.psnr_db, found.splats);
                 table(kind, &found.meshes);
+            }
+        }
+    }
+}
+
+/// The table of the terms of geometry in docs/surfaces.md, as lines of a record; `TERMS_SCENE` names one scene.
+#[test]
+#[ignore = "minutes of training; `cargo test --release --test device -- --ignored table_of_terms --nocapture`"]
+fn table_of_terms() {
+    let gpu = device::gpu();
+    let wanted = std::env::var("TERMS_SCENE").ok();
+    println!(
+        "scene,kind,normal,distortion,psnr_db,splats,depth,accuracy,completeness,chamfer,f1_at_1.5,normal_degrees"
+    );
+    for kind in [Kind::Plane, Kind::Sphere, Kind::Solids] {
+        if wanted.as_ref().is_some_and(|name| name != kind.name()) {
+            continue;
+        }
+        for primitive in [Primitive::Surfel, Primitive::Gaussian3d] {
+            for terms in [[0.0, 0.0], [0.05, 0.0], [0.05, 1.0]] {
+                let found = measured(&gpu, kind, &TABLE_SIZE, (primitive, ScreenFilter::Classic, terms));
+                for (depth, mesh) in ["median", "expected", "means"].iter().zip(&found.meshes[1..]) {
+                    let pixel = mesh.footprint.unwrap();
+                    println!(
+                        "{},{},{},{},{:.2},{},{depth},{:.3},{:.3},{:.3},{:.3},{:.1}",
+                        kind.name(),
+                        primitive.name(),
+                        terms[0],
+                        terms[1],
+                        found.psnr_db,
+                        found.splats,
+                        mesh.accuracy.mean / pixel,
+                        mesh.completeness.mean / pixel,
+                        mesh.chamfer / pixel,
+                        mesh.scores[2].f1,
+                        mesh.normal_deg.mean,
+                    );
+                }
             }
         }
     }

@@ -211,7 +211,7 @@ fn one_large_disc_has_the_depth_of_its_plane() {
         let ray = ((DVec2::from(disc.pixel) - scene.camera.center) / scene.camera.focal).extend(1.0);
         let offset = normal.dot(ray * disc.depth);
         let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
-        let range = TangentPlane::of(&Splat::of(&scene.splats, 0), &view).range;
+        let range = TangentPlane::of(&Splat::<f64>::of(&scene.splats, 0), &view).range;
         let mut seen = 0;
         for i in 0..64 * 48 {
             let exact = plane_depth(&scene.camera, i, normal, offset);

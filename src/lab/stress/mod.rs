@@ -17,6 +17,7 @@ mod scenes;
 mod sizes;
 mod step;
 mod subject;
+mod surfels;
 mod sweeps;
 mod thumbnail;
 
@@ -85,7 +86,10 @@ pub fn run(
             CheckGroup::Scenes => scenes::run(&mut lab)?,
             CheckGroup::Poison => poison::run(&mut lab)?,
             CheckGroup::Sizes => sizes::run(&mut lab)?,
-            CheckGroup::Sweeps => sweeps::run(&mut lab)?,
+            CheckGroup::Sweeps => {
+                sweeps::run(&mut lab)?;
+                surfels::run(&mut lab)?;
+            }
             CheckGroup::Gradients => gradients::run(&mut lab)?,
             CheckGroup::Determinism => determinism::run(&mut lab)?,
         }

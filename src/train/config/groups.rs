@@ -186,6 +186,23 @@ constants! {
     }
 }
 
+constants! {
+    /// Terms of the loss that make surfaces: docs/surfaces.md. Each is a mean over the pixels of a frame.
+    GeometryConfig as "geometry" {
+        /// Weight of the consistency of normals and depths, coverage · (1 − cosine): 0, and 0.05 for surfels (2DGS).
+        normal: f32 = 0.0, 0.0..=0.5;
+        /// Share of the run before that term: 7/30 (2DGS: 7,000 of 30,000 iterations).
+        normal_from: f32 = 7.0 / 30.0, 0.0..=1.0;
+        /// Weight of the distortion, coverage · variance of ln z in a pixel: 0; some tenths to 4, by its strength in
+        /// 2DGS (100 to 1,000 in its own unit).
+        distortion: f32 = 0.0, 0.0..=40.0;
+        /// Share of the run before that term: 0.1 (2DGS: 3,000 of 30,000 iterations).
+        distortion_from: f32 = 0.1, 0.0..=1.0;
+        /// Share of the run in which a term grows from 0 to its weight: 0.1.
+        ramp: f32 = 0.1, 0.0..=1.0;
+    }
+}
+
 /// Rate of the last update relative to the first.
 pub(crate) const POSE_RATE_END: f64 = 0.01;
 

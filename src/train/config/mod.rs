@@ -13,8 +13,11 @@ mod validate;
 
 pub use auto::AutoConfig;
 pub(crate) use groups::POSE_RATE_END;
-pub use groups::{AdamConfig, AdcConfig, InitConfig, LearningRates, McmcConfig, MipConfig, PoseConfig, RefineTimes};
+pub use groups::{
+    AdamConfig, AdcConfig, GeometryConfig, InitConfig, LearningRates, McmcConfig, MipConfig, PoseConfig, RefineTimes,
+};
 
+use crate::kernels::rasterize::Outputs;
 use crate::render::Accuracy;
 use crate::scene::{Primitive, ScreenFilter};
 use serde::{Deserialize, Serialize};
@@ -136,6 +139,9 @@ pub struct TrainConfig {
     /// Approximations of frames and gradients, of bounded error.
     #[serde(default)]
     pub accuracy: Accuracy,
+    /// Terms of the loss that make surfaces.
+    #[serde(default)]
+    pub geometry: GeometryConfig,
     /// Constants of the count controller.
     #[serde(default)]
     pub auto: AutoConfig,
@@ -149,6 +155,9 @@ fn every_pixel() -> u32 {
 fn half_size_dilation() -> f32 {
     0.25
 }
+
+/// Weight of the consistency of normals and depths for surfels (2DGS).
+const SURFEL_NORMAL_WEIGHT: f32 = 0.05;
 
 /// Length of run of the published schedules.
 const PUBLISHED_ITERATIONS: u64 = 30_000;
@@ -208,6 +217,7 @@ impl TrainConfig {
             half_size_until: 0,
             half_size_dilation: half_size_dilation(),
             accuracy: Accuracy::default(),
+            geometry: GeometryConfig::default(),
             auto: AutoConfig::default(),
         }
     }
@@ -231,6 +241,34 @@ impl TrainConfig {
             self.mcmc.growth = tenfold.clamp(self.mcmc.growth, 2.0);
         }
         self
+    }
+
+    /// The same run with splats of a kind; surfels have normals that agree with their depths.
+    pub fn with_kind(mut self, kind: Primitive) -> TrainConfig {
+        self.kind = kind;
+        self.geometry.normal = match kind {
+            Primitive::Gaussian3d => 0.0,
+            Primitive::Surfel => SURFEL_NORMAL_WEIGHT,
+        };
+        self
+    }
+
+    /// Outputs of the run's frames, with those of its terms of geometry.
+    pub(crate) fn outputs(&self) -> Outputs {
+        let [normal, spread] = [self.geometry.normal, self.geometry.distortion].map(|weight| weight > 0.0);
+        Outputs {
+            surface: normal || spread,
+            spread,
+            ..self.plain_outputs()
+        }
+    }
+
+    /// The same without those of terms.
+    pub(crate) fn plain_outputs(&self) -> Outputs {
+        Outputs {
+            surfels: self.kind == Primitive::Surfel,
+            ..Outputs::TRAINING
+        }
     }
 
     /// The same run with measures against floaters, splats in free space that few views contradict: points are culled,

@@ -45,6 +45,7 @@ impl TrainConfig {
         self.init.check()?;
         self.auto.check()?;
         self.poses.check()?;
+        self.geometry.check()?;
         ascending("init.scale_range", &self.init.scale_range)?;
         ascending("init.random_depths", &self.init.random_depths)?;
         self.check_mean_rates()

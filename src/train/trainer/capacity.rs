@@ -3,12 +3,12 @@
 
 use super::Trainer;
 use crate::gpu::{Gpu, TRANSFER_BYTES};
+use crate::kernels::rasterize::Outputs;
 use crate::layout::COUNT_ISECT_WANTED;
-use crate::render::{BandReplay, ByDegree, Capacity, DepthBands, Scratch, Slots, list_limit, total, training_outputs};
-use crate::scene::Primitive;
-use crate::train::backward::{Gradients, record_widths};
+use crate::render::{BandReplay, ByDegree, Capacity, DepthBands, Scratch, Slots, list_limit, total};
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
+use crate::train::gradients::{Gradients, record_widths};
 use crate::train::memory::{TrainSize, splats_expected, step_needs, with_margin};
 use crate::train::state::HostState;
 use crate::{Error, Result};
@@ -35,8 +35,8 @@ impl Extremes {
 }
 
 /// Largest element, in bytes, of the arrays with one element per (splat, tile) pair.
-fn record_bytes(primitive: Primitive) -> u64 {
-    4 * record_widths(primitive).into_iter().max().unwrap_or(1) as u64
+fn record_bytes(outputs: Outputs) -> u64 {
+    4 * record_widths(outputs).into_iter().max().unwrap_or(1) as u64
 }
 
 impl Trainer<'_> {
@@ -75,7 +75,7 @@ impl Trainer<'_> {
             isects: with_margin(wanted),
             ..self.scratch.capacity
         };
-        let capacity = capacity.within(self.gpu.caps(), record_bytes(self.config.kind));
+        let capacity = capacity.within(self.gpu.caps(), record_bytes(self.config.outputs()));
         let limit = list_limit(self.gpu.caps().kind);
         let bands = self.bands.after(counts, &capacity, limit)?;
         let was_banded = self.bands.count > 1;
@@ -92,7 +92,7 @@ impl Trainer<'_> {
 
     /// Reallocates the buffers of a step. No step may be in flight.
     pub(super) fn resize(&mut self, capacity: Capacity) -> Result<()> {
-        let bytes = |capacity| total(&step_needs(capacity, self.config.kind));
+        let bytes = |capacity| total(&step_needs(capacity, self.config.outputs()));
         self.check_room(bytes(self.scratch.capacity), bytes(capacity))?;
         self.frames.release()?;
         self.remake(capacity)
@@ -100,8 +100,8 @@ impl Trainer<'_> {
 
     fn remake(&mut self, capacity: Capacity) -> Result<()> {
         for capacity in [Capacity::LEAST, capacity] {
-            self.scratch = new_scratch(&self.gpu, capacity, self.bands, self.config.kind)?;
-            self.gradients = Gradients::new(&self.gpu, self.scratch.capacity, self.config.kind)?;
+            self.scratch = new_scratch(&self.gpu, capacity, self.bands, self.config.outputs())?;
+            self.gradients = Gradients::new(&self.gpu, self.scratch.capacity, self.config.outputs())?;
         }
         Ok(())
     }
@@ -121,7 +121,8 @@ impl Trainer<'_> {
             ..self.scratch.capacity
         };
         let (filter, sh_degree) = (self.state.model.filter, state.sh_degree);
-        let bytes = |room, capacity| total(&DeviceState::needs(room)) + total(&step_needs(capacity, state.primitive));
+        let outputs = self.config.outputs();
+        let bytes = |room, capacity| total(&DeviceState::needs(room)) + total(&step_needs(capacity, outputs));
         let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
         let plane = (16 * count).min(TRANSFER_BYTES) as u64;
         let counts = Slots::of(&state.degrees).counts;
@@ -164,9 +165,9 @@ impl Trainer<'_> {
 }
 
 /// Scratch with zeroed counts, for at most as many pairs at a time as one binding holds.
-pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: DepthBands, primitive: Primitive) -> Result<Scratch> {
-    let capacity = capacity.within(gpu.caps(), record_bytes(primitive));
-    let mut scratch = Scratch::new(gpu, capacity, training_outputs(primitive))?;
+pub(super) fn new_scratch(gpu: &Gpu, capacity: Capacity, bands: DepthBands, outputs: Outputs) -> Result<Scratch> {
+    let capacity = capacity.within(gpu.caps(), record_bytes(outputs));
+    let mut scratch = Scratch::new(gpu, capacity, outputs)?;
     if bands.count > 1 {
         scratch.replay = Some(BandReplay::new(gpu, &capacity, bands)?);
     }

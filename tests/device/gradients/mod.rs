@@ -2,6 +2,7 @@
 //! that need no oracle: relations, determinism, isolation of NaNs, independence of buffer sizes.
 
 mod degrees;
+mod geometry;
 mod oracle;
 mod poses;
 mod relations;

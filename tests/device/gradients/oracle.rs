@@ -2,14 +2,15 @@
 
 use crate::common::scenes::{self, Scene, Trouble};
 use crate::common::{device, pack};
-use crate::gradients::{config, step_from};
+use crate::gradients::{BEGUN, config, step_by};
 use ashfall::reference::loss::Target;
 use ashfall::reference::smoothing::unsmoothed_along;
-use ashfall::reference::{Options, Splat, loss_gradient};
+use ashfall::reference::surface_loss::{SurfaceWeights, surface_loss_backward};
+use ashfall::reference::{Options, Splat, Viewpoint, loss_gradient};
 use ashfall::render::degrees_used;
-use ashfall::scene::{ScreenFilter, sh_coefficient_count};
-use ashfall::train::HostState;
+use ashfall::scene::{Camera, ScreenFilter, Splats, sh_coefficient_count};
 use ashfall::train::state::Planes;
+use ashfall::train::{HostState, TrainConfig, schedule};
 
 /// Parameters of a splat before its SH coefficients.
 const GEOMETRY: usize = 11;
@@ -71,11 +72,39 @@ fn compare(name: &str, scenes: &[Scene]) {
 
 /// Compares scenes with one 3D filter per splat; empty: no filter.
 pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
+    compare_by(name, scenes, config);
+}
+
+/// Gradient of the terms of geometry of a frame, rows as in `rows`, added to these.
+fn add_terms(rows: &mut [Vec<f64>], drawn: &Splats, camera: &Camera, options: &Options, config: &TrainConfig) {
+    let [normal, spread] = schedule::geometry(config, BEGUN + 1).map(f64::from);
+    if normal == 0.0 && spread == 0.0 {
+        return;
+    }
+    let pixels = f64::from(camera.width * camera.height);
+    let weights = SurfaceWeights {
+        normal: normal / pixels,
+        spread: spread / pixels,
+    };
+    let view = Viewpoint::on(drawn, camera, options);
+    let terms = surface_loss_backward(&Splat::all(drawn), &view, options, weights);
+    let size = |rows: &mut dyn Iterator<Item = f64>| rows.map(|d| d * d).sum::<f64>().sqrt();
+    let whole = size(&mut rows.iter().flat_map(|row| row[..GEOMETRY].to_vec()));
+    let share = size(&mut terms.iter().flatten().copied()) / whole;
+    assert!(share > 0.1, "the terms are {share:e} of the gradient");
+    for (row, term) in rows.iter_mut().zip(&terms) {
+        row.iter_mut().zip(term).for_each(|(d, term)| *d += term);
+    }
+}
+
+/// The same by other configurations.
+pub(crate) fn compare_by(name: &str, scenes: &[(Scene, Vec<f32>)], config: fn(&Scene) -> TrainConfig) {
     let gpu = device::gpu();
     let mut errors: [Errors; 5] = Default::default();
     for (scene, filters) in scenes {
         let state = state_of(scene, filters);
-        let found = step_from(&gpu, scene, &state);
+        let config = config(scene);
+        let found = step_by(&gpu, scene, &state, config.clone());
         let options = Options {
             near: f64::from(found.near),
             ..scene.options
@@ -83,7 +112,7 @@ pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
         let camera = &scene.camera;
         let photo = scenes::photo_values(&scenes::photo(7, camera.width, camera.height));
         let target = Target {
-            lambda: f64::from(config(scene).lambda_dssim),
+            lambda: f64::from(config.lambda_dssim),
             ..Target::new(camera.width as usize, &photo)
         };
         // As drawn: the filters are applied to the splats, then undone in the gradient.
@@ -94,6 +123,7 @@ pub(crate) fn compare_smoothed(name: &str, scenes: &[(Scene, Vec<f32>)]) {
         let planes: Planes = found.gradients;
         let count = scene.splats.len();
         let mut rows = pack::gradient_rows(&expected.d_splats);
+        add_terms(&mut rows, &drawn, camera, &options, &config);
         for (i, (row, &sigma)) in rows.iter_mut().zip(filters).enumerate() {
             let splat = Splat::of(&scene.splats, i);
             *row = unsmoothed_along(&splat, sigma.into(), row, scene.splats.primitive);

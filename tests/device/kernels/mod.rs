@@ -33,6 +33,7 @@ mod scan;
 mod selftest;
 mod sort;
 mod sum_by_splat;
+mod surface_loss;
 
 /// Lengths at which workgroups and chunks begin and end.
 const LENGTHS: [(&str, usize); 9] = [

@@ -10,8 +10,9 @@ use ashfall::kernels::Kernel;
 use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize};
 use ashfall::lab::bench::kernels::composite::rasterize;
 use ashfall::lab::bench::kernels::{Composite, CompositeBuffers};
-use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE, SURFACE_PLANES};
+use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE, SPREAD_PLANES};
 use ashfall::render::list_limit;
+use ashfall::scene::ScreenFilter;
 
 /// Many faint splats over one tile: the list is long and ends by itself.
 fn long_list(count: usize) -> Scene {
@@ -42,6 +43,12 @@ fn capped() -> Scene {
         }
     }
     scene
+}
+
+/// Surfels with spots, and with the mip filter.
+pub(crate) fn surfels() -> [(&'static str, Scene); 2] {
+    [("spots", ScreenFilter::Classic), ("mip", ScreenFilter::Mip)]
+        .map(|(name, filter)| (name, scenes::flattened(scenes::gentle(23, 80, 65, 47, 0), filter)))
 }
 
 pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
@@ -81,45 +88,26 @@ pub(crate) fn longest() -> Scene {
 
 /// Outputs of compositing: the least, the usual and the most.
 const OUTPUTS: [Outputs; 5] = [
-    Outputs {
-        depth: false,
-        ends: true,
-        surface: false,
-        limit: false,
-        surfels: false,
-        ids: false,
-    },
+    Outputs::TRAINING,
     Outputs {
         depth: true,
-        ends: true,
         surface: true,
-        limit: false,
-        surfels: false,
-        ids: false,
+        spread: true,
+        ..Outputs::TRAINING
     },
     Outputs {
-        depth: false,
         ends: false,
-        surface: false,
-        limit: false,
-        surfels: false,
-        ids: false,
+        ..Outputs::TRAINING
     },
     Outputs {
-        depth: false,
         ends: false,
         surface: true,
-        limit: false,
-        surfels: false,
-        ids: false,
+        ..Outputs::TRAINING
     },
     Outputs {
-        depth: false,
         ends: false,
-        surface: false,
-        limit: false,
-        surfels: false,
         ids: true,
+        ..Outputs::TRAINING
     },
 ];
 
@@ -141,7 +129,7 @@ fn run(
     with_ids: bool,
 ) -> (Vec<u32>, Vec<u32>, Vec<Vec<u32>>) {
     let (image, depth) = (unwritten::<f32>(gpu, 4 * pixels), unwritten::<f32>(gpu, pixels));
-    let surface = unwritten::<f32>(gpu, SURFACE_PLANES as usize * pixels);
+    let surface = unwritten::<f32>(gpu, SPREAD_PLANES as usize * pixels);
     let mut ends = Vec::new();
     let ids = unwritten(gpu, pixels);
     for (band, slices) in bands.iter().enumerate() {
@@ -214,6 +202,26 @@ fn pixels_are_composited() {
         let cases: Vec<_> = composites.iter().map(|(name, of)| (*name, case(of))).collect();
         check.cases(&gpu, LANES, &cases);
     }
+    check.finish();
+}
+
+#[test]
+fn surfels_are_composited() {
+    let gpu = device::gpu();
+    let mut check = Check::new("rasterize");
+    let outputs = Outputs {
+        depth: true,
+        surface: true,
+        spread: true,
+        surfels: true,
+        ..Outputs::TRAINING
+    };
+    let composites = surfels().map(|(name, scene)| (name, Composite::of(scene)));
+    let cases: Vec<_> = composites
+        .iter()
+        .map(|(name, of)| (*name, rasterize(&gpu, of, outputs).unwrap()))
+        .collect();
+    check.cases(&gpu, LANES, &cases);
     check.finish();
 }
 

@@ -3,9 +3,11 @@
 use crate::common::check::*;
 use crate::common::device;
 use crate::kernels::LANES;
-use crate::kernels::rasterize::composites;
+use crate::kernels::rasterize::{composites, surfels};
 use ashfall::lab::bench::kernels::Composite;
-use ashfall::lab::bench::kernels::gradient::{CAPPED_TOLERANCE, Gradient, SOURCE_TOLERANCE, rasterize_backward};
+use ashfall::lab::bench::kernels::gradient::{
+    CAPPED_TOLERANCE, Gradient, SOURCE_TOLERANCE, SURFEL_TOLERANCE, rasterize_backward, surfels_backward,
+};
 
 #[test]
 fn every_intersection_gets_its_gradient() {
@@ -27,6 +29,17 @@ fn every_intersection_gets_its_gradient() {
         )
     };
     let cases: Vec<_> = composites.iter().map(|(name, of)| case(name, of)).collect();
+    check.cases(&gpu, LANES, &cases);
+    check.finish();
+}
+
+#[test]
+fn surfels_get_the_gradients_of_their_colours_and_alphas() {
+    let gpu = device::gpu();
+    let mut check = Check::new("rasterize_backward");
+    let composites = surfels().map(|(name, scene)| (name, Composite::of(scene)));
+    let case = |of| surfels_backward(&gpu, of, Gradient::of_surfels(of, 1), SURFEL_TOLERANCE).unwrap();
+    let cases: Vec<_> = composites.iter().map(|(name, of)| (*name, case(of))).collect();
     check.cases(&gpu, LANES, &cases);
     check.finish();
 }

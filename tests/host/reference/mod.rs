@@ -13,6 +13,7 @@ mod planes;
 mod poses;
 mod rays;
 mod sample;
+mod surface_terms;
 mod surfels;
 mod thresholds;
 

@@ -157,6 +157,7 @@ macro_rules! targets {
 targets!(
     ply,
     cloud,
+    mesh,
     splat,
     spz,
     ksplat,

@@ -27,6 +27,8 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     add("ply", "mesh-before", mesh_before().into_bytes());
     add("cloud", "ascii", CLOUD.as_bytes().to_vec());
     add("cloud", "big-endian", big_endian_cloud());
+    add("mesh", "ascii", MESH.as_bytes().to_vec());
+    add("mesh", "binary", binary_mesh());
     add("splat", "two", splat_records());
     for (version, degree, flags) in [(1, 1, 0), (2, 2, 2), (3, 0, 1), (3, 4, 0x80)] {
         let contents = spz_contents(version, degree, flags);
@@ -238,6 +240,30 @@ fn big_endian_cloud() -> Vec<u8> {
     bytes.extend(3i16.to_be_bytes());
     bytes.extend((-9i32).to_be_bytes());
     [0.1f32, 0.5, 1.0].iter().for_each(|v| bytes.extend(v.to_be_bytes()));
+    bytes
+}
+
+const MESH: &str = "ply\nformat ascii 1.0\ncomment SplatOrigin: 1000.5 -2 3e6\nelement vertex 5\nproperty float x\n\
+property float y\nproperty float z\nproperty float red\nproperty float green\nproperty float blue\nelement other 1\n\
+property list uchar int a\nelement face 2\nproperty uchar flag\nproperty list uchar uint vertex_index\nend_header\n\
+0 0 0 0 .5 1\n1 0 0 0 0 0\n0 1 0 1 1 1\n0 0 1 1 0 0\n1 1 1 .1 .2 .3\n2 8 9\n7 3 0 1 2\n0 4 0 1 4 3\n";
+
+/// A triangle and a square, as programs write them.
+fn binary_mesh() -> Vec<u8> {
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+                  property float z\nproperty float nx\nproperty float ny\nproperty float nz\nproperty uchar red\n\
+                  property uchar green\nproperty uchar blue\nelement face 2\nproperty list uchar int \
+                  vertex_indices\nend_header\n";
+    let mut bytes = header.as_bytes().to_vec();
+    for [x, y] in [[0.0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+        let vertex = [x, y, 0.5, 0.0, 0.0, -1.0];
+        vertex.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes.extend([255, 128, 7]);
+    }
+    for corners in [&[0i32, 1, 2][..], &[0, 1, 2, 3]] {
+        bytes.push(corners.len() as u8);
+        corners.iter().for_each(|corner| bytes.extend(corner.to_le_bytes()));
+    }
     bytes
 }
 

@@ -44,6 +44,17 @@ pub(crate) const TARGETS: &[Target] = &[
         memory: |bytes| 64 * bytes.len(),
     },
     Target {
+        name: "mesh",
+        run: |bytes| check("mesh.ply", ply::read_mesh(at("mesh.ply", bytes)), |(mesh, origin)| {
+            assert!(origin.is_finite());
+            check_mesh(mesh)
+        }),
+        repair: |_| {},
+        words: PLY_WORDS,
+        // A polygon of one-byte indices has a triangle of twelve bytes for each.
+        memory: |bytes| 64 * bytes.len(),
+    },
+    Target {
         name: "splat",
         run: |bytes| check("scene.splat", splats::read(at("scene.splat", bytes)), check_splats),
         repair: |_| {},

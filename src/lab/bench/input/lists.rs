@@ -5,8 +5,10 @@ use super::scene::Scene;
 use crate::layout::View;
 use crate::reference::expand::Isect;
 use crate::reference::frame::{depth_order, project_all};
+use crate::reference::linear::{dot, normalize};
 use crate::reference::primitive::extent;
 use crate::reference::ranges::ranges;
+use crate::reference::surfel::SurfelDisc;
 use crate::reference::tiles::{Grid, holds_pixel};
 use crate::reference::{ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::render::{ViewOptions, view_of};
@@ -44,6 +46,13 @@ pub struct Lists {
     pub range_from_tile: Vec<[u32; 2]>,
 }
 
+/// Whether a surfel is seen at less than 17 degrees: rounding counts over the cosine there, and is judged by whole
+/// frames (`tests/device/surfels.rs`).
+fn is_grazed(splat: &ScreenSplat<f64>) -> bool {
+    let cosine = |disc: SurfelDisc<f64>| dot(disc.normal, normalize(disc.mean)).abs();
+    splat.disc.is_some_and(|disc| cosine(disc) < 0.3)
+}
+
 impl Lists {
     /// Projects a scene and lists it by the engine's tiles.
     pub fn new(scene: &Scene) -> Lists {
@@ -53,15 +62,19 @@ impl Lists {
     /// Projects a scene and lists it by the tiles of `grid`.
     pub fn over(scene: &Scene, grid: Grid) -> Lists {
         let exact = project_all(&Splat::<f64>::all(&scene.splats), &viewpoint(scene));
-        let faint = |s: &ScreenSplat<f64>| s.opacity < Thresholds::ENGINE.alpha_min;
+        let faint = |s: &ScreenSplat<f64>| s.opacity < Thresholds::ENGINE.alpha_min || is_grazed(s);
         let records: Vec<Option<Splat2d>> = exact
             .iter()
             .map(|s| s.as_ref().filter(|s| !faint(s)).map(pack::splat2d))
             .collect();
-        let screen: Vec<_> = records
-            .iter()
-            .map(|record| record.as_ref().map(pack::screen_splat))
-            .collect();
+        let decoded = |(record, exact): (&Option<Splat2d>, &Option<ScreenSplat<f64>>)| {
+            let disc = exact.as_ref()?.disc;
+            record.as_ref().map(|record| ScreenSplat {
+                disc,
+                ..pack::screen_splat(record)
+            })
+        };
+        let screen: Vec<_> = records.iter().zip(&exact).map(decoded).collect();
         let isects = isects(&screen, &grid);
         let mut emitted_from_isect: Vec<u32> = (0..isects.len() as u32).collect();
         emitted_from_isect.sort_by_key(|&source| isects[source as usize].tile);

@@ -3,7 +3,7 @@
 use super::random::Random;
 use super::volume::camera;
 use crate::reference::Options;
-use crate::scene::{Camera, Dataset, Photo, PhotoSource, Point, SH_C0, ScreenFilter, Splats, View};
+use crate::scene::{Camera, Dataset, Photo, PhotoSource, Point, Primitive, SH_C0, ScreenFilter, Splats, View};
 use glam::DVec2;
 
 /// Splats with a camera and options.
@@ -50,6 +50,13 @@ pub fn push(splats: &mut Splats, camera: &Camera, sketch: &Sketch, random: &mut 
     for _ in 3..splats.sh_stride() {
         splats.sh.push(random.between(-0.06, 0.06) as f32);
     }
+}
+
+/// The scene with its splats as surfels.
+pub fn flattened(mut scene: Scene) -> Scene {
+    scene.splats.primitive = Primitive::Surfel;
+    scene.splats.set_thickness();
+    scene
 }
 
 /// `count` splats all over an image, with standard deviations log-uniform from 1 px to `sigma_max`.

@@ -9,7 +9,7 @@ use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, floats, words};
 use crate::lab::bench::input::lists::{Lists, view, viewpoint};
 use crate::lab::bench::input::scene::Scene;
-use crate::layout::{BASELINE_TILE, NO_SPLAT, SURFACE_PLANES, View};
+use crate::layout::{BASELINE_TILE, NO_SPLAT, SPREAD_PLANES, View};
 use crate::reference::frame::center;
 use crate::reference::plane::{SurfacePixel, TangentPlane, surface};
 use crate::reference::rasterize::{self as reference, blended, discontinuity_margin, median};
@@ -261,7 +261,7 @@ impl CompositeBuffers {
             depth: gpu.buffer("depth", pixels)?,
             isect_end_from_pixel: gpu.buffer("isect_end_from_pixel", pixels)?,
             plane_from_splat: gpu.buffer_from("plane_from_splat", &composite.packed_planes())?,
-            surface: gpu.buffer("surface", SURFACE_PLANES as usize * pixels)?,
+            surface: gpu.buffer("surface", SPREAD_PLANES as usize * pixels)?,
             limit_from_pixel: gpu.buffer("limit_from_pixel", 1)?,
             tiles: lists.grid.len() as usize,
             counts: counts(gpu, &[])?,
@@ -330,9 +330,7 @@ pub fn rasterize<'a>(
         let near = composite.pixels.iter().map(|pixel| pixel.near).collect();
         vec![depth.near(near, range / 255.0, 0.01)]
     });
-    let case = case.compare(&input.surface, move |found| {
-        composite.surface_outputs(&found, outputs.surface)
-    });
+    let case = case.compare(&input.surface, move |found| composite.surface_outputs(&found, outputs));
     Ok(case.commands(move |rec, kernel: &rasterize::Rasterize, _| {
         kernel.record(rec, input.rasterize(), input.params(), input.groups());
     }))

@@ -3,13 +3,15 @@
 use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::kernels::{Kernel, baseline_16x16_backward, rasterize_backward, walker_bindings};
 use crate::lab::bench::check::{Output, rms};
 use crate::lab::bench::input::pack;
 use crate::lab::bench::input::random::Random;
+use crate::layout::{REST_SPOT, REST_TILT};
 use crate::reference::Thresholds;
-use crate::reference::rasterize_backward::{PixelGradient, ScreenGradient, pixel_backward};
+use crate::reference::rasterize::raw_alpha;
+use crate::reference::rasterize_backward::{LayerSlopes, PixelGradient, ScreenGradient, layer_slopes, pixel_backward};
 use crate::render::tile_stride;
 use std::ops::Range;
 use std::rc::Rc;
@@ -35,6 +37,19 @@ pub struct Gradient {
 impl Gradient {
     /// A random gradient, of one pixel in `sampled` for checked runs.
     pub fn new(composite: &Composite, sampled: u64) -> Gradient {
+        Gradient::by(composite, sampled, sums)
+    }
+
+    /// The same for surfels: of each record's sums only s and those of the colours are expected.
+    pub fn of_surfels(composite: &Composite, sampled: u64) -> Gradient {
+        Gradient::by(composite, sampled, surfel_sums)
+    }
+
+    /// A gradient with its sums by source, of the checked pixels.
+    fn by<F>(composite: &Composite, sampled: u64, sums: F) -> Gradient
+    where
+        F: Fn(&Composite, &[f32], &[bool]) -> Vec<[f64; 9]>,
+    {
         let pixels = composite.pixels.len();
         let random = &mut Random::new(8);
         let d_image: Vec<f32> = (0..3 * pixels).map(|_| random.normal() as f32).collect();
@@ -97,12 +112,49 @@ fn sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[f64; 9]
     lists.isects.iter().zip(&gradients).map(whitened).collect()
 }
 
+/// Sums by source of surfels: s, and those of red, green and blue.
+fn surfel_sums(composite: &Composite, d_image: &[f32], judged: &[bool]) -> Vec<[f64; 9]> {
+    let pixels = judged.len();
+    let (thresholds, background) = (&Thresholds::ENGINE, composite.background());
+    let terms = |i: usize, ranks: &[usize], at: [f64; 2]| {
+        let upstream = PixelGradient {
+            color: [0, 1, 2].map(|channel| f64::from(d_image[channel * pixels + i])),
+            ..PixelGradient::default()
+        };
+        let found = match judged[i] {
+            true => layer_slopes(&composite.splats, ranks, at, background, thresholds, &upstream),
+            false => Vec::new(),
+        };
+        let term = |layer: LayerSlopes| {
+            let alpha = raw_alpha(&composite.splats[layer.index], at);
+            let [by_alpha, red, green, blue, _] = layer.slopes;
+            let s = if alpha < thresholds.alpha_max {
+                alpha * by_alpha
+            } else {
+                0.0
+            };
+            (layer.index, [s, red, green, blue])
+        };
+        found.into_iter().map(term).collect()
+    };
+    let mut sums = vec![[0.0; 9]; composite.lists.isects.len()];
+    composite.fold_sources(terms, |source, _, &[s, red, green, blue]| {
+        let places = [0, 6, 7, 8].into_iter().zip([s, red, green, blue]);
+        places.for_each(|(place, term)| sums[source][place] += term);
+    });
+    sums
+}
+
 /// Tolerance of sums by source, in units of their typical size.
 ///
 /// Terms of a sum over 128 pixels carry the error of alpha (2e-5, see `Composite::outputs`) and of the transmittance
 /// that is regained by one division per splat, 2u each; upstream signs alternate, so sums are smaller than their terms
 /// by about sqrt(128), and residuals contribute up to 3.3 squared.
 pub const SOURCE_TOLERANCE: f64 = 1e-4;
+
+/// Tolerance of sums of surfels: the rounding of their alphas counts over the cosine of normal and line of sight, down
+/// to 0.3.
+pub const SURFEL_TOLERANCE: f64 = 4e-4;
 
 /// Tolerance of sums by splat, which add up those of several tiles.
 pub const SPLAT_TOLERANCE: f64 = 2e-4;
@@ -174,24 +226,70 @@ pub fn rasterize_backward<'a>(
         .compare(&rest, move |found| judge_rest(8..9, &found));
     Ok(
         case.commands(move |rec, kernel: &rasterize_backward::RasterizeBackward, _| {
-            let io = walker_bindings! {
-                rasterize_backward, input, &input.emitted_from_isect;
-                blue_depth_from_splat: &input.blue_depth_from_splat,
-                image: &upstream.image,
-                d_image: &upstream.d_image,
-                isect_end_from_pixel: &upstream.isect_end_from_pixel,
-                d_shape_from_source: &shape,
-                d_tone_from_source: &tone,
-                d_rest_from_source: &rest,
-                plane_from_splat: &input.plane_from_splat,
-            };
-            let params = rasterize_backward::Params {
-                tile_stride: tile_stride(input.tiles),
-                band: 0,
-            };
-            kernel.record(rec, io, params, input.groups());
+            record(rec, kernel, &input, &upstream, [&shape, &tone], &rest);
         }),
     )
+}
+
+/// The engine's gradients of surfels by intersection: s and the colours of each record.
+pub fn surfels_backward<'a>(
+    gpu: &Gpu,
+    composite: &Composite,
+    gradient: impl Into<Rc<Gradient>>,
+    tolerance: f64,
+) -> Result<KernelCase<'a, rasterize_backward::RasterizeBackward>> {
+    let gradient = gradient.into();
+    let (case, upstream) = with_upstream(gpu, composite, &gradient)?;
+    let (input, isects) = (CompositeBuffers::new(gpu, composite)?, composite.lists.isects.len());
+    let shape = gpu.buffer::<[f32; 4]>("d_shape", isects)?;
+    let tone = gpu.buffer::<[f32; 4]>("d_tone", isects)?;
+    let width = 1 + (REST_TILT + REST_SPOT) as usize;
+    let rest = gpu.buffer::<f32>("d_rest", width * isects)?;
+    let judge = move |quantities, found: &[f32]| columns(&gradient.sums_from_source, quantities, found, tolerance);
+    let (judge_tone, judge_rest) = (judge.clone(), judge.clone());
+    let case = case
+        .tune(|choice: &mut rasterize_backward::Choice| choice.spec.surfel = 1)
+        .compare(&shape, move |found| {
+            judge(0..1, &found.iter().map(|row| row[0]).collect::<Vec<_>>())
+        })
+        .compare(&tone, move |found| {
+            judge_tone(6..8, &found.iter().flat_map(|row| [row[2], row[3]]).collect::<Vec<_>>())
+        })
+        .compare(&rest, move |found| {
+            judge_rest(8..9, &found.into_iter().step_by(width).collect::<Vec<_>>())
+        });
+    Ok(
+        case.commands(move |rec, kernel: &rasterize_backward::RasterizeBackward, _| {
+            record(rec, kernel, &input, &upstream, [&shape, &tone], &rest);
+        }),
+    )
+}
+
+/// Commands of the engine's kernel.
+fn record(
+    rec: &mut Recorder<'_>,
+    kernel: &rasterize_backward::RasterizeBackward,
+    input: &CompositeBuffers,
+    upstream: &Upstream,
+    [shape, tone]: [&Buffer<[f32; 4]>; 2],
+    rest: &Buffer<f32>,
+) {
+    let io = walker_bindings! {
+        rasterize_backward, input, &input.emitted_from_isect;
+        blue_depth_from_splat: &input.blue_depth_from_splat,
+        image: &upstream.image,
+        d_image: &upstream.d_image,
+        isect_end_from_pixel: &upstream.isect_end_from_pixel,
+        d_shape_from_source: shape,
+        d_tone_from_source: tone,
+        d_rest_from_source: rest,
+        plane_from_splat: &input.plane_from_splat,
+    };
+    let params = rasterize_backward::Params {
+        tile_stride: tile_stride(input.tiles),
+        band: 0,
+    };
+    kernel.record(rec, io, params, input.groups());
 }
 
 /// The baseline's gradients by splat, of a scene in its square tiles.

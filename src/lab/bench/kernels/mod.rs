@@ -28,6 +28,7 @@ pub mod scan;
 pub mod sort;
 pub mod sum_by_splat;
 pub mod surface;
+pub mod surface_loss;
 
 mod case;
 
@@ -35,7 +36,7 @@ pub use case::{KernelCase, Workgroups};
 
 use super::input::pack::{Splat2d, arrays};
 use super::input::random::Random;
-use super::input::scene::scattered;
+use super::input::scene::{flattened, scattered};
 use super::session::{Bench, Case};
 use crate::Result;
 use crate::gpu::{Buffer, Caps, DeviceKind, Gpu};
@@ -74,6 +75,9 @@ pub fn run(bench: &mut Bench) -> Result<()> {
         time(bench, Workgroups::FIXED, &name, |gpu| overlay::overlay(gpu, size, None))?;
         time(bench, ELEMENTWISE, &name, |gpu| linearize::usual(gpu, size))?;
         time(bench, ELEMENTWISE, &name, |gpu| delinearize::usual(gpu, size))?;
+        time(bench, ELEMENTWISE, &name, |gpu| {
+            surface_loss::surface_loss(gpu, size, false)
+        })?;
     }
     // About 40 splats are blended at a pixel.
     by_tile(bench, "small", 50_000, [480, 272], 3.0)?;
@@ -146,12 +150,25 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
     })?;
     time(bench, fixed, name, |gpu| composite::baseline_16x16(gpu, &squares))?;
     time(bench, fixed, name, |gpu| rasterize_inria::rasterize_inria(gpu, &engine))?;
-    use gradient::{SAMPLED, SOURCE_TOLERANCE, SPLAT_TOLERANCE};
+    use gradient::{SAMPLED, SOURCE_TOLERANCE, SPLAT_TOLERANCE, SURFEL_TOLERANCE};
     time(bench, lanes, name, |gpu| {
         gradient::rasterize_backward(gpu, &engine, Gradient::new(&engine, SAMPLED), SOURCE_TOLERANCE)
     })?;
     time(bench, fixed, name, |gpu| {
         gradient::baseline_16x16_backward(gpu, &squares, Gradient::new(&squares, SAMPLED), SPLAT_TOLERANCE)
+    })?;
+    let surfels = LazyCell::new(|| Composite::of(flattened(scattered(count, size, sigma, 0))));
+    let named = format!("{name} surfels");
+    time(bench, lanes, &named, |gpu| {
+        let outputs = Outputs {
+            surfels: true,
+            ..Outputs::default()
+        };
+        composite::rasterize(gpu, &surfels, outputs)
+    })?;
+    time(bench, lanes, &named, |gpu| {
+        let gradient = Gradient::of_surfels(&surfels, SAMPLED);
+        gradient::surfels_backward(gpu, &surfels, gradient, SURFEL_TOLERANCE)
     })?;
     time(bench, lanes, name, |gpu| contribution::contribution(gpu, &engine))?;
     time(bench, lanes, name, |gpu| prune_limit::prune_limit(gpu, &engine, 0.05))?;

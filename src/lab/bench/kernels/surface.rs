@@ -1,9 +1,10 @@
 //! Planes and surfaces of a composite: as the device reads them, and beside its outputs.
 
 use super::composite::Composite;
+use crate::kernels::rasterize::Outputs;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::lists::viewpoint;
-use crate::layout::SURFACE_PLANES;
+use crate::layout::SURFACE_FIRST;
 use crate::reference::linear::{dot, matrix, normalize, rotation, sub, transform, transpose, vector};
 use crate::reference::plane::TangentPlane;
 use crate::reference::{Splat, Viewpoint, project};
@@ -11,7 +12,11 @@ use crate::reference::{Splat, Viewpoint, project};
 /// A plane in the device's layout.
 pub fn packed(plane: &TangentPlane, view: &Viewpoint) -> [f32; 3] {
     let [x, y] = plane.tilt(view);
-    [x, y, plane.range].map(|value| value as f32)
+    let range = match &plane.disc {
+        Some(disc) => disc.depth_range()[1] / disc.mean[2] - 1.0,
+        None => plane.range,
+    };
+    [x, y, range].map(|value| value as f32)
 }
 
 /// Planes that the device found beside those of the reference.
@@ -77,11 +82,14 @@ impl Composite {
     /// tilt · d, 3 · 2⁻²⁴ of products of up to 16 px · tilt, whose sum stays in a range of 0.9, becomes a relative
     /// 100 · 2⁻²⁴ · 0.9 in the worst case, within 2e-5 too. A normal's component has the rounding of three numbers as
     /// large as itself, but for planes seen edge-on, where 1 − tilt · (mean − centre) cancels: 1e-4 where planes stand
-    /// at up to 89 degrees. The depth of the splat half way jumps to a neighbour's where the coverage is near ½.
-    pub(super) fn surface_outputs(&self, found: &[f32], wanted: bool) -> Vec<Output> {
+    /// at up to 89 degrees. The depth of the splat half way jumps to a neighbour's where the coverage is near ½. A
+    /// logarithm has the relative errors of its two depths, 4e-5, and up to 1e-4 of itself; the range of the depths is
+    /// about e³.
+    pub(super) fn surface_outputs(&self, found: &[f32], outputs: Outputs) -> Vec<Output> {
         let pixels = self.pixels.len();
         let planes = |from: usize, to: usize, of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
-            let number = |(plane, pixel)| if wanted { of(plane, pixel) } else { f64::NAN };
+            let wanted = |plane| outputs.surface && (plane < SURFACE_FIRST as usize || outputs.spread);
+            let number = |(plane, pixel)| if wanted(plane) { of(plane, pixel) } else { f64::NAN };
             let places = (from..to).flat_map(|plane| (0..pixels).map(move |pixel| (plane, pixel)));
             places.map(number).collect()
         };
@@ -98,18 +106,22 @@ impl Composite {
         let depth = planes(0, 1, &|_, pixel| self.pixels[pixel].surface.depth);
         let median = planes(1, 2, &|_, pixel| self.pixels[pixel].surface.median);
         let normal = planes(2, 5, &|plane, pixel| self.pixels[pixel].surface.normal[plane - 2]);
+        let first = planes(5, 6, &|_, pixel| self.pixels[pixel].surface.first);
+        let logs = planes(6, 8, &|plane, pixel| {
+            let at = &self.pixels[pixel].surface;
+            let square = at.spread + at.log * at.log;
+            at.coverage * if plane == 6 { at.log } else { square }
+        });
         vec![
+            Output::relative("first depth", part(5, 6), first, 2e-5, range).near(near(1), range, 0.01),
+            Output::relative("logarithms", part(6, 8), logs, 1e-4, 3.0).near(near(2), 10.0, 0.01),
             Output::relative("plane depth", part(0, 1), depth, 2e-5, range).near(near(1), range / 255.0, 0.01),
             Output::relative("median depth", part(1, 2), median, 2e-5, range).near(
                 half_way.collect(),
                 2.0 * range,
                 0.01,
             ),
-            Output::relative("normal", part(2, SURFACE_PLANES as usize), normal, 1e-4, 1.0).near(
-                near(3),
-                1.0 / 255.0,
-                0.01,
-            ),
+            Output::relative("normal", part(2, 5), normal, 1e-4, 1.0).near(near(3), 1.0 / 255.0, 0.01),
         ]
     }
 }

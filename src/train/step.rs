@@ -1,0 +1,26 @@
+//! Inputs of a training step.
+
+use super::config::TrainConfig;
+use crate::layout::View;
+use crate::render::{DepthBands, Forward};
+
+/// Inputs of a step.
+pub(crate) struct Step<'a> {
+    pub(crate) config: &'a TrainConfig,
+    pub(crate) forward: &'a Forward,
+    pub(crate) iteration: u32,
+    /// Scene extent in world units.
+    pub(crate) extent: f64,
+    pub(crate) view: &'a View,
+    pub(crate) sh_degree: u32,
+    pub(crate) bands: DepthBands,
+    /// Gains of the photograph, and slopes on the curve's toe.
+    pub(crate) exposure: [[f32; 3]; 2],
+    /// Offset of the lattice of SSIM's windows, pixels.
+    pub(crate) window_offset: [u32; 2],
+    /// Weights of the terms of geometry.
+    pub(crate) geometry: [f32; 2],
+}
+
+/// Exposure of photographs without one.
+pub(crate) const UNEXPOSED: [[f32; 3]; 2] = [[1.0; 3]; 2];
