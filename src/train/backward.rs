@@ -1,32 +1,24 @@
 //! Kernels of a training step after the frame: loss, gradients, update.
 
-use super::config::{ExposureModel, TrainConfig};
+use super::config::TrainConfig;
 use super::device::DeviceState;
+use super::loss_pass::LossPass;
 use super::photos::Bound;
 use super::pose_pass::PosePass;
 use super::schedule;
+use super::step::{Gradients, Step};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Recorder};
+use crate::gpu::{Buffer, Gpu, Groups, Readback, Recorder};
 use crate::kernels::project_backward::ProjectBackward;
-use crate::kernels::{adam, adam_color, loss, loss_backward, loss_exposure, loss_sum};
-use crate::kernels::{perturb, project_backward, rasterize_backward};
-use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, SURFEL_REST, View};
-use crate::render::{
-    Allocate, Block, Capacity, DepthBands, Forward, Model, Need, Purpose, Scratch, buffers, tile_stride,
-};
+use crate::kernels::{adam, adam_color, perturb, project_backward, rasterize_backward};
+use crate::layout::GEOMETRY_PLANES;
+use crate::render::{Block, Forward, Model, Scratch, tile_stride};
 use crate::scene::Primitive;
-
-/// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
-const ALPHA_MASKS: u32 = 1;
 
 /// The kernels, compiled for one device.
 #[derive(Debug)]
 pub(crate) struct Backward {
-    loss: loss::Loss,
-    loss_backward: loss_backward::LossBackward,
-    /// If photographs have exposures.
-    loss_exposure: Option<loss_exposure::LossExposure>,
-    loss_sum: loss_sum::LossSum,
+    loss: LossPass,
     rasterize: rasterize_backward::RasterizeBackward,
     /// One kernel per SH degree.
     project: Vec<ProjectBackward>,
@@ -39,96 +31,9 @@ pub(crate) struct Backward {
     perturb: perturb::Perturb,
 }
 
-buffers! {
-    /// Buffers of a step beyond those of rendering.
-    pub(crate) struct Gradients(capacity: Capacity, primitive: Primitive) {
-        records: Records, Intersections, (capacity, primitive);
-        /// An image of these tiles has at most as many loss tiles as compositing tiles.
-        loss_from_tile: Buffer<[f32; 4]>, Pixels, capacity.tiles;
-        /// Of the loss, and both sums of the photograph's gains.
-        loss: Buffer<[f32; 4]>, Pixels, 3;
-        d_image: Buffer<f32>, Pixels, 3 * capacity.pixels;
-    }
-}
-
-/// Words of the gradients of a (splat, tile) pair in each of three arrays.
-pub(crate) fn record_widths(primitive: Primitive) -> [usize; 3] {
-    match primitive {
-        Primitive::Gaussian3d => [4, 4, 1],
-        Primitive::Surfel => [4, 4, SURFEL_REST as usize],
-    }
-}
-
-/// Gradients of every (splat, tile) pair in three arrays, in one buffer with the slopes of SSIM: these are last read
-/// before the first record is written.
-#[derive(Clone, Debug)]
-pub(crate) struct Records {
-    ssim_slope: Buffer<[f32; 3]>,
-    d_shape_from_source: Buffer<[f32; 4]>,
-    d_tone_from_source: Buffer<[f32; 4]>,
-    d_rest_from_source: Buffer<f32>,
-}
-
-impl Allocate for Records {
-    type Size = (Capacity, Primitive);
-
-    fn allocate(gpu: &Gpu, name: &str, (capacity, primitive): Self::Size) -> Result<Records> {
-        let (slopes, isects) = (9 * capacity.pixels, capacity.isects);
-        let widths = record_widths(primitive);
-        let widest = widths.into_iter().max().unwrap_or(0);
-        gpu.check_reach("d_shape_from_source", (4 * widest * isects) as u64)?;
-        gpu.check_reach("ssim_slope", 4 * slopes as u64)?;
-        let padded = isects.next_multiple_of(PART_ALIGNMENT);
-        let records = gpu.room::<f32>(name, slopes.max(widths.iter().sum::<usize>() * padded))?;
-        let array = |begin: usize, width: usize| records.part(begin..begin + width * isects);
-        Ok(Records {
-            ssim_slope: records.part(0..slopes).cast(),
-            d_shape_from_source: array(0, widths[0]).cast(),
-            d_tone_from_source: array(widths[0] * padded, widths[1]).cast(),
-            d_rest_from_source: array((widths[0] + widths[1]) * padded, widths[2]),
-        })
-    }
-
-    /// Of the slopes, only what they need beyond the records counts as theirs.
-    fn needs(name: &'static str, purpose: Purpose, (capacity, primitive): Self::Size) -> Vec<Need> {
-        let width: usize = record_widths(primitive).iter().sum();
-        let records = width * capacity.isects.next_multiple_of(PART_ALIGNMENT);
-        let slopes = (9 * capacity.pixels).saturating_sub(records);
-        vec![
-            Need::new(name, purpose, 4, records),
-            Need::new("ssim_slope", Purpose::Pixels, 4, slopes),
-        ]
-    }
-}
-
-/// Inputs of a step.
-pub(crate) struct Step<'a> {
-    pub(crate) config: &'a TrainConfig,
-    pub(crate) forward: &'a Forward,
-    pub(crate) iteration: u32,
-    /// Scene extent in world units.
-    pub(crate) extent: f64,
-    pub(crate) view: &'a View,
-    pub(crate) sh_degree: u32,
-    pub(crate) bands: DepthBands,
-    /// Gains of the photograph, and slopes on the curve's toe.
-    pub(crate) exposure: [[f32; 3]; 2],
-}
-
-/// Exposure of photographs without one.
-pub(crate) const UNEXPOSED: [[f32; 3]; 2] = [[1.0; 3]; 2];
-
 impl Backward {
     /// Compiles the kernels.
     pub(crate) fn new(gpu: &Gpu, config: &TrainConfig) -> Result<Backward> {
-        let mut loss = loss::Choice::default();
-        let mut loss_backward = loss_backward::Choice::default();
-        let with_ssim = u32::from(config.lambda_dssim > 0.0);
-        (loss.spec.with_ssim, loss_backward.spec.with_ssim) = (with_ssim, with_ssim);
-        let has_exposure = config.exposure != ExposureModel::Off;
-        loss.spec.with_exposure = has_exposure.into();
-        loss_backward.spec.with_exposure = has_exposure.into();
-        let exposure = || loss_exposure::LossExposure::new(gpu, loss_exposure::Choice::default());
         let mut rasterize = rasterize_backward::Choice::prefer(gpu.caps());
         rasterize.spec.log2_alpha_min = config.accuracy.log2_alpha_min();
         let is_surfel = config.kind == Primitive::Surfel;
@@ -137,10 +42,7 @@ impl Backward {
         perturb.spec.surfel = is_surfel.into();
         use rasterize_backward::RasterizeBackward;
         Ok(Backward {
-            loss: loss::Loss::new(gpu, loss)?,
-            loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
-            loss_exposure: has_exposure.then(exposure).transpose()?,
-            loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
+            loss: LossPass::new(gpu, config)?,
             rasterize: RasterizeBackward::new(gpu, rasterize)?,
             project: ProjectBackward::of_degrees(gpu, config.sh_degree, false, is_surfel)?,
             indexed: Vec::new(),
@@ -163,7 +65,7 @@ impl Backward {
     }
 
     /// Records the kernels of a step after the frame. With depth bands, gradients of all blocks exist at once, and
-    /// `state` must have buffers for them.
+    /// `state` must have buffers for them. Returns the residuals of the photograph's patches, if it has them.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder<'_>,
@@ -172,8 +74,8 @@ impl Backward {
         gradients: &Gradients,
         photo: &Bound,
         step: &Step<'_>,
-    ) {
-        self.record_loss(rec, scratch, gradients, photo, step);
+    ) -> Result<Option<Readback<[f32; 4]>>> {
+        let residuals = self.loss.record(rec, scratch, gradients, photo, step)?;
         let blocks = || state.model.blocks.of(state.model.counts);
         let Some(replay) = &scratch.replay else {
             let ends = &scratch.isect_end_from_pixel;
@@ -184,7 +86,7 @@ impl Backward {
                 self.pose.record(rec, state, scratch, step.sh_degree, block);
                 self.record_update(rec, state, scratch, step, block);
             }
-            return;
+            return Ok(residuals);
         };
         let tiles = (step.view.tiles[0] * step.view.tiles[1]) as usize;
         for band in (0..step.bands.count).rev() {
@@ -200,107 +102,7 @@ impl Backward {
             self.pose.record(rec, state, scratch, step.sh_degree, block);
             self.record_update(rec, state, scratch, step, block);
         }
-    }
-
-    fn record_loss(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {
-        let [width, height] = step.view.size;
-        let tiles = width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT);
-        let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
-        let lambda = f64::from(step.config.lambda_dssim);
-        let [gain, toe] = step.exposure;
-        self.loss.record(
-            rec,
-            loss::Bindings {
-                view: &s.view,
-                image: &s.image,
-                photo: &photo.pixels,
-                ssim_slope: &g.records.ssim_slope,
-                loss_from_tile: &g.loss_from_tile,
-            },
-            loss::Params { alpha_mode, gain, toe },
-            Groups::Count(tiles),
-        );
-        self.record_sum(rec, (&g.loss_from_tile, tiles), g, [0, 1, 0]);
-        rec.timestamp("loss");
-        // A fully masked photograph has zero gradient.
-        let share = if photo.weight > 0.0 {
-            1.0 / (3.0 * photo.weight)
-        } else {
-            0.0
-        };
-        self.loss_backward.record(
-            rec,
-            loss_backward::Bindings {
-                view: &s.view,
-                image: &s.image,
-                photo: &photo.pixels,
-                ssim_slope: &g.records.ssim_slope,
-                d_image: &g.d_image,
-            },
-            loss_backward::Params {
-                alpha_mode,
-                l1_scale: ((1.0 - lambda) * share) as f32,
-                ssim_scale: (lambda * share) as f32,
-                gain,
-                toe,
-            },
-            Groups::Count(tiles),
-        );
-        self.record_exposure(rec, s, g, photo, step);
-        rec.timestamp("loss_backward");
-    }
-
-    /// Adds up every `stride`-th of the terms from the `first` on into a slot of the totals.
-    fn record_sum(
-        &self,
-        rec: &mut Recorder<'_>,
-        (terms, tile_count): (&Buffer<[f32; 4]>, u32),
-        g: &Gradients,
-        [first, stride, slot]: [u32; 3],
-    ) {
-        self.loss_sum.record(
-            rec,
-            loss_sum::Bindings {
-                loss_from_tile: terms,
-                total: &g.loss,
-            },
-            loss_sum::Params {
-                tile_count,
-                first,
-                stride,
-                slot,
-            },
-            Groups::Count(1),
-        );
-    }
-
-    /// Sums for the photograph's gains, in the place of SSIM's slopes, which have been read.
-    fn record_exposure(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {
-        let Some(kernel) = &self.loss_exposure else {
-            return;
-        };
-        let [width, height] = step.view.size;
-        let groups = (width * height).div_ceil(EXPOSURE_PIXELS);
-        let partials = g.records.ssim_slope.cast::<[f32; 4]>();
-        let [gain, toe] = step.exposure;
-        kernel.record(
-            rec,
-            loss_exposure::Bindings {
-                view: &s.view,
-                image: &s.image,
-                photo: &photo.pixels,
-                sums_from_group: &partials,
-            },
-            loss_exposure::Params {
-                alpha_mode: if photo.masks { ALPHA_MASKS } else { 0 },
-                gain,
-                toe,
-            },
-            Groups::Count(groups),
-        );
-        for slot in [1, 2] {
-            self.record_sum(rec, (&partials, groups), g, [slot - 1, 2, slot]);
-        }
+        Ok(residuals)
     }
 
     fn record_rasterize(

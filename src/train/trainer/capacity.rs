@@ -6,11 +6,11 @@ use crate::gpu::{Gpu, TRANSFER_BYTES};
 use crate::layout::COUNT_ISECT_WANTED;
 use crate::render::{BandReplay, ByDegree, Capacity, DepthBands, Scratch, Slots, list_limit, total, training_outputs};
 use crate::scene::Primitive;
-use crate::train::backward::{Gradients, record_widths};
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
 use crate::train::memory::{TrainSize, splats_expected, step_needs, with_margin};
 use crate::train::state::HostState;
+use crate::train::step::{Gradients, record_widths};
 use crate::{Error, Result};
 
 /// Maxima of a run so far.

@@ -8,7 +8,9 @@ mod mesh;
 mod needs;
 mod poses;
 mod prune;
+mod sky;
 mod surfels;
+mod transients;
 
 use ashfall::lab::synth::{self, Kind, SynthOptions};
 use ashfall::scene::PhotoSource;

@@ -5,7 +5,8 @@ use crate::common::device;
 use crate::common::scenes::{self, Random};
 use crate::kernels::{ELEMENTWISE, by_length};
 use ashfall::lab::bench::kernels::Workgroups;
-use ashfall::lab::bench::kernels::loss::{ImagePair, LAMBDA, TILE, WHOLE, compare, differentiate, expose, sum};
+use ashfall::lab::bench::kernels::loss::{ImagePair, LAMBDA, PATCH, TILE, WHOLE, compare, differentiate, sum};
+use ashfall::lab::bench::kernels::photo_sums::{expose, residual};
 use ashfall::scene::AlphaMode::{self, Composite, Mask};
 
 /// A photograph, and a render that differs by noise.
@@ -20,6 +21,16 @@ fn noisy(width: usize, height: usize, mode: AlphaMode) -> ImagePair {
         mode,
         background: [0.25, 0.5, 1.0],
         gain: None,
+        ignored: Vec::new(),
+    }
+}
+
+/// The same without every third patch.
+fn ignoring(of: ImagePair) -> ImagePair {
+    let patches = of.width.div_ceil(PATCH) * (of.image.len() / of.width).div_ceil(PATCH);
+    ImagePair {
+        ignored: (0..patches).map(|patch| patch % 3 == 1).collect(),
+        ..of
     }
 }
 
@@ -77,6 +88,8 @@ fn comparisons() -> Vec<(&'static str, ImagePair)> {
         ("a perfect match", paint(20, |_| 255, |_| 1.0)),
         ("exposed", exposed(noisy(37, 60, Composite), gains)),
         ("exposed and masked", exposed(alpha(noisy(40, 33, Mask), corner), gains)),
+        ("without patches", ignoring(noisy(50, 107, Composite))),
+        ("masked, without patches", ignoring(alpha(noisy(40, 33, Mask), corner))),
         ("the same exposure", exposed(noisy(20, 20, Composite), [1.0; 3])),
     ]
 }
@@ -125,6 +138,17 @@ fn gains_have_their_sums() {
     let mut check = Check::new("loss_exposure");
     let comparisons = comparisons();
     let case = |of| expose(&gpu, of).unwrap();
+    let cases: Vec<_> = comparisons.iter().map(|(name, of)| (*name, case(of))).collect();
+    check.cases(&gpu, WORKGROUPS, &cases);
+    check.finish();
+}
+
+#[test]
+fn patches_have_their_residuals() {
+    let gpu = device::gpu();
+    let mut check = Check::new("loss_residual");
+    let comparisons = comparisons();
+    let case = |of| residual(&gpu, of).unwrap();
     let cases: Vec<_> = comparisons.iter().map(|(name, of)| (*name, case(of))).collect();
     check.cases(&gpu, WORKGROUPS, &cases);
     check.finish();
