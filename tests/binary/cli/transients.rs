@@ -16,7 +16,7 @@ fn left_out(path: &Path) -> [Vec<bool>; 2] {
     let Ok(mask) = image::open(path) else {
         return [(); 2].map(|()| vec![false; 48]);
     };
-    let mut counts = vec![0; 48];
+    let mut counts = [0; 48];
     for (x, y, pixel) in mask.to_luma8().enumerate_pixels() {
         counts[(y / 8 * 8 + x / 8) as usize] += u32::from(pixel.0[0] < 128);
     }
