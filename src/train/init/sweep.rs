@@ -26,8 +26,8 @@ const CROSS: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [
 /// Draws of a pixel, at most, to find one that counts.
 const PIXEL_DRAWS: u32 = 4;
 
-/// `count` points by sweeps of as many depths as configured, and grey ones in the cameras' frusta where those tell nothing.
-/// Each is a pure function of the seed.
+/// `count` points by sweeps of as many depths as configured, and grey ones in the cameras' frusta where those tell
+/// nothing. Each is a pure function of the seed.
 pub(super) fn points_by_sweep(
     dataset: &Dataset,
     training: &[usize],

@@ -19,8 +19,8 @@ pub struct RegionRule {
 }
 
 /// Patches of the regions: those that hang together, corners included, with scores from `edge` on, one of them from
-/// `seed` on, and `least` of them; and patches that lie within, with at most a quarter of their neighbours outside. Of more than
-/// `most`, those with the highest scores.
+/// `seed` on, and `least` of them; and patches that lie within, with at most a quarter of their neighbours outside. Of
+/// more than `most`, those with the highest scores.
 pub fn regions(grid: PatchGrid, scores: &[f32], rule: RegionRule) -> Vec<bool> {
     let mut inside = vec![false; grid.count()];
     let score = |place: usize| f64::from(scores[place]);

@@ -10,7 +10,7 @@ fn made(folder: &Path, more: &[&str]) -> PathBuf {
     out.join("data")
 }
 
-/// PSNR of the training views after 200 iterations: the sky shows in few of these views, and test views have less of it.
+/// PSNR of the training views after 200 iterations: each place of the sky shows in few photographs.
 fn psnr(folder: &Path, data: &Path, name: &str, more: &[&str]) -> f64 {
     let out = folder.join(name);
     let long = ["train", word(data), "--out", word(&out), "--iterations", "200"];
