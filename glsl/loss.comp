@@ -3,6 +3,7 @@
 #include "shared/window.glsl"
 #include "shared/photo.glsl"
 #include "shared/exposure.glsl"
+#include "shared/patches.glsl"
 
 // Loss terms of a render and its photograph: L1, SSIM and squared error per tile, and SSIM's derivatives.
 //
@@ -16,6 +17,8 @@ layout(constant_id = 0) const uint WORKGROUP = 32;
 layout(constant_id = 1) const uint WITH_SSIM = 1;
 // 1: the render is compared under the photograph's exposure.
 layout(constant_id = 2) const uint WITH_EXPOSURE = 0;
+// 1: patches that are ignored have no weight.
+layout(constant_id = 3) const uint WITH_IGNORED = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -24,12 +27,16 @@ layout(set = 0, binding = 2, scalar) readonly buffer Photo { uint photo[]; };
 // Derivatives of the sum of SSIM by each window's mean of x, of x^2 and of x y.
 layout(set = 0, binding = 3, scalar) writeonly buffer Slopes { vec3 ssim_slope[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Partials { vec4 loss_from_tile[]; };
+// A bit of each patch.
+layout(set = 0, binding = 5, scalar) readonly buffer Ignored { uint ignored[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint alpha_mode;  // ALPHA_MASKS, or 0 to composite over the background
-    vec3 gain;        // exposure of the photograph: gains,
-    vec3 toe;         // and slopes on the curve's toe
-    uvec2 offset;     // first window of the lattice, less than STRIDE
+    uint alpha_mode;     // ALPHA_MASKS, or 0 to composite over the background
+    vec3 gain;           // exposure of the photograph: gains,
+    vec3 toe;            // and slopes on the curve's toe
+    uvec2 offset;        // first window of the lattice, less than STRIDE
+    uint patch_shift;    // log2 of a patch's pixels along a side
+    uint patch_columns;  // patches in a row
 } push;
 
 // Pixels that the windows of a strip read.
@@ -57,13 +64,22 @@ struct Channel {
     float toe;
 };
 
+// Weight of a pixel's patch.
+float kept(uint x, uint y) {
+    uint place = patch_at(x, y, push.patch_shift, push.patch_columns);
+    return kept_by(ignored[word_of(place)], place);
+}
+
 // The weighted pair (render, photograph) and the weight at a pixel; zeros outside. Coordinates left of the image or
 // above it wrap to large unsigned numbers, outside too.
 vec3 pair_at(uint x, uint y, Channel c) {
     bool inside = x < size.x && y < size.y;
-    uint pixel = (y < size.y ? y : 0) * size.x + min(x, size.x - 1);
+    uint row = y < size.y ? y : 0;
+    uint column = min(x, size.x - 1);
+    uint pixel = row * size.x + column;
     uint rgba = photo[pixel];
     float weight = inside ? weight_of(rgba, alpha_mode) : 0.0;
+    if (WITH_IGNORED != 0) weight *= kept(column, row);
     float value = image[c.index * pixels + pixel];
     float goal = target_of(rgba, c.index, alpha_mode, c.background);
     if (WITH_EXPOSURE != 0) value = exposed(value, goal, c.gain, c.toe).x;

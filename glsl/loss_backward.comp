@@ -3,6 +3,7 @@
 #include "shared/window.glsl"
 #include "shared/photo.glsl"
 #include "shared/exposure.glsl"
+#include "shared/patches.glsl"
 
 // Gradient of the loss (1 - lambda) L1 + lambda (1 - SSIM) by every pixel of the render.
 //
@@ -14,6 +15,8 @@ layout(constant_id = 0) const uint WORKGROUP = 32;
 layout(constant_id = 1) const uint WITH_SSIM = 1;
 // 1: the render is compared under the photograph's exposure.
 layout(constant_id = 2) const uint WITH_EXPOSURE = 0;
+// 1: patches that are ignored have no weight.
+layout(constant_id = 3) const uint WITH_IGNORED = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -21,14 +24,18 @@ layout(set = 0, binding = 1, scalar) readonly buffer Image { float image[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Photo { uint photo[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Slopes { vec3 ssim_slope[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer ImageGradient { float d_image[]; };
+// A bit of each patch.
+layout(set = 0, binding = 5, scalar) readonly buffer Ignored { uint ignored[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint alpha_mode;    // ALPHA_MASKS, or 0 to composite over the background
-    float l1_scale;     // (1 - lambda) / (3 * sum of weights)
-    float ssim_scale;   // lambda / (3 * sum of weights)
-    vec3 gain;          // exposure of the photograph: gains,
-    vec3 toe;           // and slopes on the curve's toe
-    uvec2 offset;       // first window of the lattice, less than STRIDE
+    uint alpha_mode;     // ALPHA_MASKS, or 0 to composite over the background
+    float l1_scale;      // (1 - lambda) / (3 * sum of weights)
+    float ssim_scale;    // lambda / (3 * sum of weights)
+    vec3 gain;           // exposure of the photograph: gains,
+    vec3 toe;            // and slopes on the curve's toe
+    uvec2 offset;        // first window of the lattice, less than STRIDE
+    uint patch_shift;    // log2 of a patch's pixels along a side
+    uint patch_columns;  // patches in a row
 } push;
 
 // Rows of windows that reach a tile, and windows that reach a strip.
@@ -83,6 +90,10 @@ void store(uvec2 at, uint channel, vec3 sums) {
     uint place = channel * size.x * size.y + pixel;
     uint rgba = photo[pixel];
     float weight = weight_of(rgba, push.alpha_mode);
+    if (WITH_IGNORED != 0) {
+        uint square = patch_at(at.x, at.y, push.patch_shift, push.patch_columns);
+        weight *= kept_by(ignored[word_of(square)], square);
+    }
     float x = image[place];
     float y = target_of(rgba, channel, push.alpha_mode, view.background[channel]);
     float slope = 1.0;

@@ -2,6 +2,7 @@
 #include "shared/prelude.glsl"
 #include "shared/photo.glsl"
 #include "shared/exposure.glsl"
+#include "shared/patches.glsl"
 
 // Sums of least squares for a photograph's gains: those of (x + 0.055)(y + 0.055) and of (x + 0.055)^2 in each channel,
 // x the render without exposure and y the photograph.
@@ -10,6 +11,8 @@
 // those far from the render at the present gain count less (Huber), because they are of something else.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
+// 1: patches that are ignored have no weight.
+layout(constant_id = 1) const uint WITH_IGNORED = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -17,11 +20,15 @@ layout(set = 0, binding = 1, scalar) readonly buffer Image { float image[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Photo { uint photo[]; };
 // Two for each workgroup: products and the weight, squares.
 layout(set = 0, binding = 3, scalar) writeonly buffer Partials { vec4 sums_from_group[]; };
+// A bit of each patch.
+layout(set = 0, binding = 4, scalar) readonly buffer Ignored { uint ignored[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint alpha_mode;  // ALPHA_MASKS, or 0 to composite over the background
-    vec3 gain;        // present gains
-    vec3 toe;         // slopes on the curve's toe, gain^2.4
+    uint alpha_mode;     // ALPHA_MASKS, or 0 to composite over the background
+    vec3 gain;           // present gains
+    vec3 toe;            // slopes on the curve's toe, gain^2.4
+    uint patch_shift;    // log2 of a patch's pixels along a side
+    uint patch_columns;  // patches in a row
 } push;
 
 // Levels up to 13 lie on the toe or near it.
@@ -47,6 +54,10 @@ void main() {
         uint rgba = photo[pixel];
         float alpha = channel_of(rgba, 3);
         float coverage = push.alpha_mode == ALPHA_MASKS ? alpha : float(alpha == 1.0);
+        if (WITH_IGNORED != 0) {
+            uint place = patch_at(pixel % view.size.x, pixel / view.size.x, push.patch_shift, push.patch_columns);
+            coverage *= kept_by(ignored[word_of(place)], place);
+        }
         for (uint c = 0; c < 3; ++c) {
             float y = channel_of(rgba, c);
             if (y < VALUE_LEAST || y > VALUE_MOST) continue;

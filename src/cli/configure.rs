@@ -50,6 +50,10 @@ pub(in crate::cli) struct ConfigArgs {
     /// reconstruction with the refined poses, poses.json how far each has moved. Exact poses lose by it
     #[arg(long)]
     pub refine_poses: bool,
+    /// Begin with a far shell of splats where the photographs show no point, so that the sky is drawn there and not by
+    /// haze before the cameras; with adc
+    #[arg(long)]
+    pub sky: bool,
     /// Set any constant by its name in report.json's "config", e.g. adc.grad_threshold=4e-4 (repeatable)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub settings: Vec<String>,
@@ -94,6 +98,9 @@ pub(in crate::cli) enum AgainstArg {
     /// Good pictures from the photographs' places alone, where few photographs show each part: random splats are left
     /// out of each step, large and opaque ones cost
     Overfitting,
+    /// Passers-by: patches of a photograph that only it shows are left out; ignored/ has them, transients.json their
+    /// shares
+    Transients,
 }
 
 impl ConfigArgs {
@@ -124,6 +131,7 @@ impl ConfigArgs {
                 AgainstArg::Floaters => config.against_floaters(),
                 AgainstArg::Needles => config.against_needles(),
                 AgainstArg::Overfitting => config.against_overfitting(1.0),
+                AgainstArg::Transients => config.against_transients(),
             };
         }
         let kind = match self.kind {
@@ -144,6 +152,7 @@ impl ConfigArgs {
             config.exposure = ExposureModel::Gain;
         }
         config.refine_poses |= self.refine_poses;
+        config.sky |= self.sky;
         let config = self.with_settings(config)?;
         config.validate()?;
         Ok(config)

@@ -22,7 +22,8 @@ use std::time::Instant;
 ///
 /// Needs no data. The photographs are rays cast on the CPU at a composition of textured shapes; the
 /// data set stays in DIR/data, in nerfstudio's form, for `ashfall train` to try other options on. With
-/// --perturb it has a fault of real captures, known exactly (truth.json, and truth/ for cameras), and COLMAP's form.
+/// --perturb it has a fault of real captures, known exactly (truth.json, and truth/ for cameras and masks), and
+/// COLMAP's form.
 #[derive(Clone, Debug, Args)]
 pub(super) struct DemoArgs {
     /// Folder for everything, made if it is not there
@@ -65,8 +66,37 @@ pub(super) enum PerturbArg {
     Poses,
     /// A fisheye lens of 160°
     Fisheye,
+    /// Opaque boxes before a fifth of the training photographs
+    Transients,
+    /// None, but a textured sky without points about the scene
+    Sky,
+    /// Exposures, half the errors of cameras, and boxes together
+    All,
     /// None: the control, in the same form
     None,
+}
+
+/// MadeFaults that an argument asks for.
+struct MadeFaults {
+    exposure: bool,
+    /// Size of the errors of cameras, 1 for those of `--perturb poses`; 0: none.
+    poses: f64,
+    transients: bool,
+}
+
+impl MadeFaults {
+    fn of(args: &DemoArgs) -> MadeFaults {
+        use PerturbArg::{All, Exposure, Poses, Transients};
+        MadeFaults {
+            exposure: matches!(args.perturb, Some(Exposure | All)),
+            poses: match args.perturb {
+                Some(Poses) => 1.0,
+                Some(All) => 0.5,
+                _ => 0.0,
+            },
+            transients: matches!(args.perturb, Some(Transients | All)),
+        }
+    }
 }
 
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
@@ -89,11 +119,13 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let dataset = options.open(&data, true)?;
     let mut config = TrainConfig::for_iterations(args.iterations);
     config.seed = args.seed;
-    match args.perturb {
-        Some(PerturbArg::Exposure) => config.exposure = ExposureModel::Gain,
-        Some(PerturbArg::Poses) => config.refine_poses = true,
-        Some(PerturbArg::Fisheye | PerturbArg::None) | None => {}
+    let faults = MadeFaults::of(args);
+    if faults.exposure {
+        config.exposure = ExposureModel::Gain;
     }
+    config.refine_poses = faults.poses > 0.0;
+    config.ignore_transients = faults.transients;
+    config.sky = args.perturb == Some(PerturbArg::Sky);
     config.validate()?;
     let run = AutoRun::new(&gpu, &dataset, config)?;
     let mut state = begin_made(&data, &options, args.iterations)?;
@@ -132,13 +164,17 @@ fn make_data(args: &DemoArgs, output: Output) -> Result<PathBuf> {
     let data = args.out.join("data");
     std::fs::create_dir_all(&data).map_err(Error::io(&data))?;
     let [width, height] = args.size;
+    let faults = MadeFaults::of(args);
     let options = SynthOptions {
         views: args.photos as usize,
         width,
         height,
         tracks: args.perturb.is_some(),
-        exposure_seed: (args.perturb == Some(PerturbArg::Exposure)).then_some(args.seed),
-        pose_seed: (args.perturb == Some(PerturbArg::Poses)).then_some(args.seed),
+        exposure_seed: faults.exposure.then_some(args.seed),
+        pose_seed: (faults.poses > 0.0).then_some(args.seed),
+        pose_amount: faults.poses,
+        transient_seed: faults.transients.then_some(args.seed),
+        dome: args.perturb == Some(PerturbArg::Sky),
         fisheye: args.perturb == Some(PerturbArg::Fisheye),
         ..SynthOptions::default()
     };
@@ -147,6 +183,9 @@ fn make_data(args: &DemoArgs, output: Output) -> Result<PathBuf> {
     match args.perturb {
         Some(_) => synth::save_colmap(&dataset, &options, &data)?,
         None => synth::save(&dataset, &data)?,
+    }
+    if options.transient_seed.is_some() {
+        synth::save_masks(&scene, &dataset, &options, &data.join("truth/masks"))?;
     }
     if options.pose_seed.is_some() {
         let exact = dataset.views.iter_mut().zip(scene.cameras(&options));

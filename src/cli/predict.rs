@@ -138,6 +138,8 @@ impl PredictArgs {
             0 => config.init.random_count as usize,
             points => points.min(config.splat_limit()),
         };
+        let sky = if config.sky { config.shell.count as usize } else { 0 };
+        let first = (first + sky).min(config.splat_limit());
         self.training(TrainSize::of(dataset, config, limit, first), config, limit)
     }
 
@@ -155,6 +157,7 @@ impl PredictArgs {
             isects: 0,
             image: SIZE,
             photos: Residency::default(),
+            patches: 0,
         };
         self.training(size, config, limit)
     }

@@ -36,6 +36,9 @@ const TILED: &str = "the only variant; few invocations slide long strips each, w
 const STRETCHED: &str =
     "the only variant; a workgroup adds up a stretch of pixels, little beside the windows of the loss";
 
+/// Reason for kernels with one workgroup per patch of a photograph.
+const PATCHED: &str = "the only variant; a workgroup adds up a patch of pixels, little beside the windows of the loss";
+
 /// Reason for kernels with one workgroup per stretch of splats.
 const GATHERED: &str = "the only variant; a workgroup adds up a stretch of splats, little beside their gradients";
 
@@ -77,6 +80,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         loss: loss::Choice::default(), TILED;
         loss_backward: loss_backward::Choice::default(), TILED;
         loss_exposure: loss_exposure::Choice::default(), STRETCHED;
+        loss_residual: loss_residual::Choice::default(), PATCHED;
         loss_sum: loss_sum::Choice::default(), ALONE;
         overlay: overlay::Choice::default(), FIXED;
         perturb: perturb::Choice::default(), ELEMENTWISE;

@@ -204,3 +204,20 @@ impl Exposure {
         sums
     }
 }
+
+/// Sums over square patches, `edge` pixels along a side, in rows: weighted residuals of red, green and blue, image
+/// minus photograph, and the weights.
+pub fn residuals(image: &[[f64; 3]], target: &Target<'_>, edge: usize) -> Vec<[f64; 4]> {
+    let columns = target.width.div_ceil(edge);
+    let rows = (image.len() / target.width).div_ceil(edge);
+    let mut sums = vec![[0.0; 4]; columns * rows];
+    for (pixel, (x, y)) in image.iter().zip(target.photo).enumerate() {
+        let (column, row) = (pixel % target.width / edge, pixel / target.width / edge);
+        let (sums, weight) = (&mut sums[row * columns + column], target.weight(pixel));
+        for channel in 0..3 {
+            sums[channel] += weight * (x[channel] - y[channel]);
+        }
+        sums[3] += weight;
+    }
+    sums
+}

@@ -1,31 +1,25 @@
 //! Kernels of a training step after the frame: loss, gradients, update.
 
 use super::chain::{ChainKernels, GeometryPass};
-use super::config::{ExposureModel, TrainConfig};
+use super::config::TrainConfig;
 use super::device::DeviceState;
 use super::gradients::Gradients;
+use super::loss_pass::LossPass;
 use super::photos::Bound;
 use super::pose_pass::PosePass;
 use super::schedule;
 use super::step::Step;
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Groups, Recorder};
-use crate::kernels::{adam, adam_color, loss, loss_backward, loss_exposure, loss_sum, perturb};
-use crate::layout::{EXPOSURE_PIXELS, GEOMETRY_PLANES, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH};
+use crate::gpu::{Gpu, Groups, Readback, Recorder};
+use crate::kernels::{adam, adam_color, perturb};
+use crate::layout::GEOMETRY_PLANES;
 use crate::render::{Block, Forward, Model, Scratch};
 use crate::scene::Primitive;
-
-/// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
-const ALPHA_MASKS: u32 = 1;
 
 /// The kernels, compiled for one device.
 #[derive(Debug)]
 pub(crate) struct Backward {
-    loss: loss::Loss,
-    loss_backward: loss_backward::LossBackward,
-    /// If photographs have exposures.
-    loss_exposure: Option<loss_exposure::LossExposure>,
-    loss_sum: loss_sum::LossSum,
+    loss: LossPass,
     chain: ChainKernels,
     /// If the run has terms of geometry, for the steps that have them.
     geometry: Option<GeometryPass>,
@@ -39,23 +33,10 @@ pub(crate) struct Backward {
 impl Backward {
     /// Compiles the kernels.
     pub(crate) fn new(gpu: &Gpu, config: &TrainConfig) -> Result<Backward> {
-        let mut loss = loss::Choice::default();
-        let mut loss_backward = loss_backward::Choice::default();
-        let with_ssim = u32::from(config.lambda_dssim > 0.0);
-        (loss.spec.with_ssim, loss_backward.spec.with_ssim) = (with_ssim, with_ssim);
-        let stride = schedule::window_stride(config);
-        (loss.spec.stride, loss_backward.spec.stride) = (stride, stride);
-        let has_exposure = config.exposure != ExposureModel::Off;
-        loss.spec.with_exposure = has_exposure.into();
-        loss_backward.spec.with_exposure = has_exposure.into();
-        let exposure = || loss_exposure::LossExposure::new(gpu, loss_exposure::Choice::default());
         let mut perturb = perturb::Choice::default();
         perturb.spec.surfel = (config.kind == Primitive::Surfel).into();
         Ok(Backward {
-            loss: loss::Loss::new(gpu, loss)?,
-            loss_backward: loss_backward::LossBackward::new(gpu, loss_backward)?,
-            loss_exposure: has_exposure.then(exposure).transpose()?,
-            loss_sum: loss_sum::LossSum::new(gpu, loss_sum::Choice::default())?,
+            loss: LossPass::new(gpu, config)?,
             chain: ChainKernels::new(gpu, config, config.plain_outputs())?,
             geometry: GeometryPass::new(gpu, config)?,
             pose: PosePass::new(gpu, config)?,
@@ -84,7 +65,7 @@ impl Backward {
     }
 
     /// Records the kernels of a step after the frame. With depth bands, gradients of all blocks exist at once, and
-    /// `state` must have buffers for them.
+    /// `state` must have buffers for them. Returns the residuals of the photograph's patches, if it has them.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder<'_>,
@@ -93,8 +74,8 @@ impl Backward {
         gradients: &Gradients,
         photo: &Bound,
         step: &Step<'_>,
-    ) {
-        self.record_loss(rec, scratch, gradients, photo, step);
+    ) -> Result<Option<Readback<[f32; 4]>>> {
+        let residuals = self.loss.record(rec, scratch, gradients, photo, step)?;
         let kernels = match self.geometry_at(step.geometry) {
             Some(pass) => {
                 pass.record(rec, scratch, gradients, step);
@@ -112,7 +93,7 @@ impl Backward {
                 self.pose.record(rec, state, scratch, step.sh_degree, block);
                 self.record_update(rec, state, scratch, step, block);
             }
-            return;
+            return Ok(residuals);
         };
         let tiles = (step.view.tiles[0] * step.view.tiles[1]) as usize;
         for band in (0..step.bands.count).rev() {
@@ -128,113 +109,7 @@ impl Backward {
             self.pose.record(rec, state, scratch, step.sh_degree, block);
             self.record_update(rec, state, scratch, step, block);
         }
-    }
-
-    fn record_loss(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {
-        let [width, height] = step.view.size;
-        let tiles = width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT);
-        let alpha_mode = if photo.masks { ALPHA_MASKS } else { 0 };
-        let lambda = f64::from(step.config.lambda_dssim);
-        let [gain, toe] = step.exposure;
-        self.loss.record(
-            rec,
-            loss::Bindings {
-                view: &s.view,
-                image: &s.image,
-                photo: &photo.pixels,
-                ssim_slope: &g.records.ssim_slope,
-                loss_from_tile: &g.loss_from_tile,
-            },
-            loss::Params {
-                alpha_mode,
-                gain,
-                toe,
-                offset: step.window_offset,
-            },
-            Groups::Count(tiles),
-        );
-        self.record_sum(rec, (&g.loss_from_tile, tiles), g, [0, 1, 0]);
-        rec.timestamp("loss");
-        // A fully masked photograph has zero gradient.
-        let share = if photo.weight > 0.0 {
-            1.0 / (3.0 * photo.weight)
-        } else {
-            0.0
-        };
-        self.loss_backward.record(
-            rec,
-            loss_backward::Bindings {
-                view: &s.view,
-                image: &s.image,
-                photo: &photo.pixels,
-                ssim_slope: &g.records.ssim_slope,
-                d_image: &g.d_image,
-            },
-            loss_backward::Params {
-                alpha_mode,
-                l1_scale: ((1.0 - lambda) * share) as f32,
-                ssim_scale: (lambda * share) as f32,
-                gain,
-                toe,
-                offset: step.window_offset,
-            },
-            Groups::Count(tiles),
-        );
-        self.record_exposure(rec, s, g, photo, step);
-        rec.timestamp("loss_backward");
-    }
-
-    /// Adds up every `stride`-th of the terms from the `first` on into a slot of the totals.
-    fn record_sum(
-        &self,
-        rec: &mut Recorder<'_>,
-        (terms, tile_count): (&Buffer<[f32; 4]>, u32),
-        g: &Gradients,
-        [first, stride, slot]: [u32; 3],
-    ) {
-        self.loss_sum.record(
-            rec,
-            loss_sum::Bindings {
-                loss_from_tile: terms,
-                total: &g.loss,
-            },
-            loss_sum::Params {
-                tile_count,
-                first,
-                stride,
-                slot,
-            },
-            Groups::Count(1),
-        );
-    }
-
-    /// Sums for the photograph's gains, in the place of SSIM's slopes, which have been read.
-    fn record_exposure(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {
-        let Some(kernel) = &self.loss_exposure else {
-            return;
-        };
-        let [width, height] = step.view.size;
-        let groups = (width * height).div_ceil(EXPOSURE_PIXELS);
-        let partials = g.records.ssim_slope.cast::<[f32; 4]>();
-        let [gain, toe] = step.exposure;
-        kernel.record(
-            rec,
-            loss_exposure::Bindings {
-                view: &s.view,
-                image: &s.image,
-                photo: &photo.pixels,
-                sums_from_group: &partials,
-            },
-            loss_exposure::Params {
-                alpha_mode: if photo.masks { ALPHA_MASKS } else { 0 },
-                gain,
-                toe,
-            },
-            Groups::Count(groups),
-        );
-        for slot in [1, 2] {
-            self.record_sum(rec, (&partials, groups), g, [slot - 1, 2, slot]);
-        }
+        Ok(residuals)
     }
 
     fn record_update(&self, rec: &mut Recorder<'_>, state: &DeviceState, s: &Scratch, step: &Step<'_>, block: Block) {

@@ -8,6 +8,7 @@ use super::exposure::ExposureGains;
 use super::poses::PoseState;
 use super::state::{HostState, Planes};
 use super::strategy::SplatStats;
+use super::transients::TransientState;
 use crate::io::Source;
 use crate::io::checkpoint::{self, Section};
 use crate::render::plane_count;
@@ -36,6 +37,8 @@ pub struct Checkpoint {
     pub exposure: Option<ExposureGains>,
     /// Poses of the photographs, if the run refines them.
     pub poses: Option<PoseState>,
+    /// Patches of the photographs that are left out, if the run ignores transients.
+    pub transients: Option<TransientState>,
 }
 
 /// State of a [`Controller`](super::Controller) between two steps.
@@ -99,6 +102,16 @@ impl Checkpoint {
             Section::new("v", &v),
             Section::new("statistics", self.statistics.as_flattened()),
         ];
+        if let Some(TransientState {
+            scores,
+            ignored,
+            visits,
+        }) = &self.transients
+        {
+            sections.push(Section::new("patch scores", scores));
+            sections.push(Section::new("patches ignored", ignored));
+            sections.push(Section::new("patch visits", visits));
+        }
         let kept = self.kept().map(numbers);
         if let (Some(kept), Some([params, m, v])) = (self.kept(), &kept) {
             sections.push(Section::new("kept degrees", &kept.degrees));
@@ -162,6 +175,7 @@ impl Checkpoint {
         let controller = controller(meta, kept).map_err(|what| fault(&what))?;
         let exposure = exposure(meta, config.exposure).map_err(fault)?;
         let poses = poses(meta, config.refine_poses).map_err(fault)?;
+        let transients = config.ignore_transients.then(|| transients(&file)).transpose()?;
         let state = state("", count)?;
         let statistics = file.read::<f32>("statistics")?;
         if statistics.len() != count * 4 {
@@ -176,6 +190,7 @@ impl Checkpoint {
             controller,
             exposure,
             poses,
+            transients,
         })
     }
 
@@ -218,6 +233,15 @@ fn poses(meta: &serde_json::Value, refines: bool) -> std::result::Result<Option<
         return Err("its poses do not fit its configuration");
     }
     Ok(poses)
+}
+
+/// Patches of a run that ignores transients.
+fn transients(file: &checkpoint::Checkpoint<'_>) -> Result<TransientState> {
+    Ok(TransientState {
+        scores: file.read("patch scores")?,
+        ignored: file.read("patches ignored")?,
+        visits: file.read("patch visits")?,
+    })
 }
 
 /// Controller state in a header, of this version or an earlier one.
@@ -284,6 +308,7 @@ mod tests {
             controller: None,
             exposure: None,
             poses: None,
+            transients: None,
         }
     }
 
@@ -298,6 +323,12 @@ mod tests {
                 let mut gains = ExposureGains::of(vec![Some([0.1, -0.2, 1.0 / 3.0]), None]);
                 gains.sums[1][0][2] = 2.0_f64.sqrt();
                 saved.exposure = Some(gains);
+                saved.config.ignore_transients = true;
+                saved.transients = Some(TransientState {
+                    scores: vec![0.1, -1.0],
+                    ignored: vec![2],
+                    visits: vec![3],
+                });
             }
             saved.write(&path)?;
             assert_eq!(Checkpoint::read(&path)?, saved);
@@ -309,6 +340,11 @@ mod tests {
     fn a_file_cut_anywhere_is_an_error() -> Result<()> {
         let dir = tempfile::tempdir().map_err(Error::io("."))?;
         let path = dir.path().join("checkpoint");
+        let mut lacking = checkpoint(3, 0);
+        lacking.config.ignore_transients = true;
+        lacking.write(&path)?;
+        let message = Checkpoint::read(&path).err().map(|e| e.to_string());
+        assert!(message.is_some_and(|m| m.contains("patch scores")));
         checkpoint(3, 0).write(&path)?;
         let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
         for length in (0..bytes.len()).step_by(17) {

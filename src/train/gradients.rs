@@ -1,5 +1,6 @@
 //! Buffers of a step beyond those of rendering: gradients of the frame, and records of every (splat, tile) pair.
 
+use super::transients::PATCH_WORDS;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, PART_ALIGNMENT};
 use crate::kernels::rasterize::Outputs;
@@ -16,6 +17,8 @@ buffers! {
         loss: Buffer<[f32; 4]>, Pixels, 3;
         /// By the colours, and by surfaces.
         d_image: Buffer<f32>, Pixels, slope_planes(outputs) * capacity.pixels;
+        /// A bit of each patch that the loss leaves out.
+        ignored: Buffer<u32>, Pixels, PATCH_WORDS;
     }
 }
 

@@ -6,10 +6,14 @@ use super::device::DeviceState;
 use super::gradients::Gradients;
 use super::photos::Residency;
 use super::schedule;
+use super::transients::PatchGrid;
 use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
 use crate::kernels::rasterize::Outputs;
 use crate::render::{ByDegree, Capacity, Need, Purpose, Scratch, isects_expected, of_degree, total};
 use crate::scene::{Dataset, Split};
+
+/// Bytes of a step's sums that are read back beside residuals, about.
+const SUM_BYTES: usize = 1 << 10;
 
 /// Steps in flight.
 pub(crate) const IN_FLIGHT: usize = 2;
@@ -37,6 +41,8 @@ pub struct TrainSize {
     pub image: [u32; 2],
     /// Placement of the photographs.
     pub photos: Residency,
+    /// Most patches of a photograph; 0 unless the run ignores transients.
+    pub patches: usize,
 }
 
 impl TrainSize {
@@ -57,6 +63,14 @@ impl TrainSize {
             lower: [0; 3],
             isects: isects_expected(splats, image[0], image[1]),
             image,
+            patches: match config.ignore_transients {
+                true => sizes
+                    .clone()
+                    .map(|[w, h]| PatchGrid::of(w, h).count())
+                    .max()
+                    .unwrap_or(0),
+                false => 0,
+            },
             photos: Residency::of(sizes, config.photo_share, memory_limit),
         }
     }
@@ -106,7 +120,7 @@ impl TrainSize {
     fn needs_with(&self, isects: usize) -> Vec<Need> {
         let [width, height] = self.image;
         let capacity = Capacity::for_image(self.splats, isects, width, height);
-        let mut needs = photo_needs(self.photos, self.splats);
+        let mut needs = photo_needs(self.photos, self.splats, self.patches);
         needs.extend(DeviceState::needs(self.counts()));
         needs.extend(step_needs(capacity, self.outputs));
         needs
@@ -120,19 +134,25 @@ pub(crate) fn step_needs(capacity: Capacity, outputs: Outputs) -> Vec<Need> {
 }
 
 /// Buffers of the photographs, and for transfers to the device and back.
-fn photo_needs(photos: Residency, splats: usize) -> Vec<Need> {
+fn photo_needs(photos: Residency, splats: usize, patches: usize) -> Vec<Need> {
     let ring = IN_FLIGHT * photos.streamed_max_bytes;
     // Each frame in flight has a chunk for writing, one for reading back, and a streamed photograph.
     let frames = IN_FLIGHT * (STAGING_BYTES + photos.streamed_max_bytes);
     // A refinement transfers one plane of splats at a time; the start, a photograph.
     let piece = (16 * splats).max(photos.max_bytes);
     let piece = piece.clamp(STAGING_BYTES, TRANSFER_BYTES);
+    // Residuals of patches share a chunk with the other sums if they leave room for them.
+    let residuals = size_of::<[f32; 4]>() * patches;
+    let reading = match residuals + SUM_BYTES > STAGING_BYTES {
+        true => STAGING_BYTES + residuals.max(STAGING_BYTES),
+        false => STAGING_BYTES,
+    };
     use Purpose::*;
     vec![
         Need::new("photo", Photos, 1, photos.resident_bytes),
         Need::new("photo ring", Photos, 1, ring),
         Need::new("staging", Transfer, 1, frames),
-        Need::new("readback", Transfer, 1, IN_FLIGHT * STAGING_BYTES + piece),
+        Need::new("readback", Transfer, 1, IN_FLIGHT * reading + piece),
     ]
 }
 

@@ -18,6 +18,7 @@ mod gradients;
 #[doc(hidden)]
 pub mod init;
 pub(crate) mod knn;
+mod loss_pass;
 mod memory;
 mod photos;
 mod pose_pass;
@@ -27,12 +28,15 @@ pub mod rng;
 mod run;
 #[doc(hidden)]
 pub mod schedule;
+pub mod sky;
 #[doc(hidden)]
 pub mod smoothing;
 pub mod state;
 mod step;
 pub mod strategy;
+mod thumbnails;
 mod trainer;
+pub mod transients;
 
 /// Camera at the origin along z, the principal point in the middle of the picture.
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::checkpoint::{Checkpoint, ControllerState, fingerprint};
 use super::exposure::ExposureGains;
 use super::poses::RefinedPoses;
+use super::transients::IgnoredPatches;
 use super::{HostState, PhotoStates, StepReport, TrainConfig, Trainer};
 use crate::gpu::Gpu;
 use crate::scene::{Dataset, Splats};
@@ -88,6 +89,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
         let photos = PhotoStates {
             exposure: saved.exposure,
             poses: saved.poses,
+            transients: saved.transients,
         };
         let mut trainer = Trainer::continued(gpu, dataset, saved.config, state, iteration, photos)?;
         let controller = match saved.controller {
@@ -125,6 +127,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
             controller: controller.transpose()?,
             exposure: self.trainer.exposure()?,
             poses: self.trainer.poses()?.map(|poses| poses.state().clone()),
+            transients: self.trainer.transients()?.map(|patches| patches.state().clone()),
         };
         checkpoint.write(path)
     }
@@ -161,6 +164,11 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
     /// Refined poses after the last step begun; `None` if the run keeps the given ones. Waits for it.
     pub fn poses(&mut self) -> Result<Option<&RefinedPoses>> {
         self.trainer.poses()
+    }
+
+    /// Patches left out after the last step begun; `None` if the run does not ignore transients. Waits for it.
+    pub fn transients(&mut self) -> Result<Option<&IgnoredPatches>> {
+        self.trainer.transients()
     }
 
     /// See [`Trainer::refined_dataset`].

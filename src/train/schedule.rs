@@ -6,8 +6,14 @@
 use super::config::{Background, ExposureModel, POSE_RATE_END, StrategyKind, TrainConfig};
 use super::rng::{self, Stream};
 
-/// Iterations without an update of poses after an opacity reset.
-const POSE_REST: u32 = 300;
+/// Iterations after an opacity reset whose pictures tell nothing of poses and transients.
+const RESET_REST: u32 = 300;
+
+/// Epochs before patches are first ignored.
+const TRANSIENT_EPOCHS: usize = 3;
+
+/// Iterations after which they are, in a run of any length: splats learn what stays.
+const TRANSIENT_FROM_MOST: f64 = 1_000.0;
 
 /// Learning rate of the means at an iteration, world units; `extent` is the scene extent in world units.
 pub fn mean_rate(config: &TrainConfig, extent: f64, iteration: u32) -> f32 {
@@ -118,8 +124,7 @@ pub fn pose_rate(config: &TrainConfig, view_count: usize, iteration: u32) -> Opt
     let [from, until] = pose_window(config);
     let at = f64::from(iteration);
     let is_end = config.refine_poses && (iteration as usize).is_multiple_of(view_count);
-    let was_reset = (iteration.saturating_sub(POSE_REST)..iteration).any(|i| is_reset(config, i));
-    if !is_end || at <= from || at > until || was_reset {
+    if !is_end || at <= from || at > until || was_reset(config, iteration) {
         return None;
     }
     Some(POSE_RATE_END.powf((at - from) / (until - from)))
@@ -141,6 +146,25 @@ pub fn geometry(config: &TrainConfig, iteration: u32) -> [f32; 2] {
             false => 0.0,
         }
     })
+}
+
+fn was_reset(config: &TrainConfig, iteration: u32) -> bool {
+    (iteration.saturating_sub(RESET_REST)..iteration).any(|i| is_reset(config, i))
+}
+
+/// Whether residuals of an iteration's photograph count as a visit: not soon after an opacity reset.
+pub fn is_transient_visit(config: &TrainConfig, iteration: u32) -> bool {
+    config.ignore_transients && !was_reset(config, iteration)
+}
+
+/// Whether the ignored patches are found anew after an iteration: at the end of each epoch from the third on, once
+/// their share of the run, or 1,000 iterations, have passed.
+pub fn is_transient_update(config: &TrainConfig, view_count: usize, iteration: u32) -> bool {
+    let from = f64::from(config.transients.from) * f64::from(config.iterations);
+    let is_end = (iteration as usize).is_multiple_of(view_count);
+    let is_late =
+        f64::from(iteration) >= from.min(TRANSIENT_FROM_MOST) && iteration as usize >= TRANSIENT_EPOCHS * view_count;
+    is_end && is_late && is_transient_visit(config, iteration)
 }
 
 /// Background colour of an iteration.

@@ -1,6 +1,7 @@
 //! Inputs of a training step.
 
 use super::config::TrainConfig;
+use super::transients::PatchGrid;
 use crate::layout::View;
 use crate::render::{DepthBands, Forward};
 
@@ -18,6 +19,8 @@ pub(crate) struct Step<'a> {
     pub(crate) exposure: [[f32; 3]; 2],
     /// Offset of the lattice of SSIM's windows, pixels.
     pub(crate) window_offset: [u32; 2],
+    /// Patches of the photograph, if the run leaves some out.
+    pub(crate) patches: Option<PatchGrid>,
     /// Weights of the terms of geometry.
     pub(crate) geometry: [f32; 2],
 }

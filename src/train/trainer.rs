@@ -9,6 +9,7 @@ mod halved;
 mod inspect;
 mod poses;
 mod steer;
+mod transients;
 
 use super::backward::Backward;
 use super::config::{ExposureModel, TrainConfig};
@@ -18,9 +19,11 @@ use super::gradients::Gradients;
 use super::memory::{IN_FLIGHT, with_margin};
 use super::photos::Photos;
 use super::poses::{PoseState, RefinedPoses};
+use super::sky::SkyShell;
 use super::state::HostState;
 use super::step::{Step, UNEXPOSED};
 use super::strategy::{self, RefineContext, RefineReport};
+use super::transients::{IgnoredPatches, TransientState};
 use super::{initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu, Readback, Ticket};
 use crate::layout::*;
@@ -61,6 +64,8 @@ pub struct PhotoStates {
     pub exposure: Option<ExposureGains>,
     /// Poses, if the run refines them.
     pub poses: Option<PoseState>,
+    /// Patches that are left out, if the run ignores transients.
+    pub transients: Option<TransientState>,
 }
 
 /// A step in flight.
@@ -71,6 +76,8 @@ struct StepInFlight {
     loss: Readback<[f32; 4]>,
     /// Sums for the gradient by the pose, if poses are refined.
     pose_sums: Option<Readback<[f32; 4]>>,
+    /// Residuals of the photograph's patches, if the run ignores transients.
+    residuals: Option<Readback<[f32; 4]>>,
     splat_count: usize,
     /// Place of the photograph among the views trained on.
     photo: usize,
@@ -100,6 +107,8 @@ pub struct Trainer<'a> {
     exposure: Option<ExposureGains>,
     /// Refined poses of the photographs, in the order of `views`.
     poses: Option<RefinedPoses>,
+    /// Patches of the photographs that are left out, in the order of `views`.
+    transients: Option<IgnoredPatches>,
     frames: Frames,
     /// Last iteration recorded.
     iteration: u32,
@@ -157,6 +166,7 @@ impl<'a> Trainer<'a> {
         };
         let extent = dataset.extent();
         let poses = poses::begin(dataset, &views, extent, &config, photos.poses)?;
+        let transients = transients::begin(dataset, &config, photos.transients)?;
         let sizes = views.iter().map(|&view| &dataset.views[view].camera);
         let capacity = sizes
             .map(|&Camera { width, height, .. }| {
@@ -185,6 +195,7 @@ impl<'a> Trainer<'a> {
             halved,
             exposure,
             poses,
+            transients,
             frames: Frames::new(gpu, IN_FLIGHT, true)?,
             views,
             config,
@@ -261,7 +272,8 @@ impl<'a> Trainer<'a> {
             schedule::is_reset(&self.config, iteration),
         );
         let expose = schedule::is_exposure(&self.config, self.views.len(), iteration);
-        let is_epoch = self.poses.is_some() && (iteration as usize).is_multiple_of(self.views.len());
+        let has_states = self.poses.is_some() || self.transients.is_some();
+        let is_epoch = has_states && (iteration as usize).is_multiple_of(self.views.len());
         // A step that did not fit is repeated first: only its result is refined.
         if (refine || reset || expose || is_epoch) && self.drain()? {
             if let Some(exposure) = self.exposure.as_mut().filter(|_| expose) {
@@ -269,6 +281,7 @@ impl<'a> Trainer<'a> {
             }
             if is_epoch {
                 self.update_poses(iteration);
+                self.update_transients(iteration);
             }
             if refine || reset {
                 self.refine(iteration, refine, reset)?;
@@ -352,6 +365,7 @@ impl<'a> Trainer<'a> {
         [view.dropout, view.dropout_key] = schedule::dropout(&self.config, iteration);
         let geometry = schedule::geometry(&self.config, iteration);
         let forward = self.backward.forward(geometry).unwrap_or(&self.forward);
+        let (patches, ignored) = self.patches(index);
         let step = Step {
             config: &self.config,
             forward,
@@ -363,18 +377,23 @@ impl<'a> Trainer<'a> {
             bands: self.bands,
             window_offset: schedule::window_offset(&self.config, self.views.len(), iteration),
             exposure: self.exposure.as_ref().map_or(UNEXPOSED, |gains| gains.push(index)),
+            patches,
         };
         let (backward, state) = (&self.backward, &self.state);
         let (scratch, gradients, photos) = (&self.scratch, &self.gradients, &mut self.photos);
-        let (ticket, (counts, loss, pose_sums)) = self.frames.submit(|rec| {
+        let (ticket, (counts, loss, [pose_sums, residuals])) = self.frames.submit(|rec| {
             let photo = photos.bind(rec, dataset, index)?;
+            if !ignored.is_empty() {
+                rec.update(&gradients.ignored, 0, &ignored);
+            }
             rec.update(&scratch.counts, COUNT_POISONED as usize, &[0, 0]);
             rec.timestamp("upload");
             forward.record(rec, model, scratch, &view, sh_degree, step.bands);
-            backward.record(rec, state, scratch, gradients, &photo, &step);
+            let residuals = backward.record(rec, state, scratch, gradients, &photo, &step)?;
             let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
             let loss = rec.read_back(&gradients.loss, 0..3)?;
-            Ok((counts, loss, poses::read_back(rec, state, &self.config)?))
+            let pose_sums = poses::read_back(rec, state, &self.config)?;
+            Ok((counts, loss, [pose_sums, residuals]))
         })?;
         Ok(StepInFlight {
             iteration,
@@ -382,6 +401,7 @@ impl<'a> Trainer<'a> {
             counts,
             loss,
             pose_sums,
+            residuals,
             splat_count: model.splat_count,
             photo: index,
         })
@@ -413,6 +433,7 @@ impl<'a> Trainer<'a> {
         if let (Some(poses), Some(sums)) = (&mut self.poses, &oldest.pose_sums) {
             poses.add(oldest.photo, &sums.get());
         }
+        self.score_patches(&oldest);
         let lambda = f64::from(self.config.lambda_dssim);
         let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
         self.done.push_back(StepReport {
@@ -450,6 +471,7 @@ impl<'a> Trainer<'a> {
                 config: &self.config,
                 extent: self.extent,
                 limit: self.limit,
+                sky: self.sky(),
             };
             let report = strategy::refine(&mut state, &statistics, context);
             if let Some(last) = self.done.back_mut() {
@@ -458,9 +480,17 @@ impl<'a> Trainer<'a> {
         }
         smooth(&mut state, self.dataset, &self.config);
         if reset {
-            strategy::reset_opacity(&mut state, self.config.adc.opacity_reset_value);
+            strategy::reset_opacity(&mut state, self.config.adc.opacity_reset_value, self.sky());
         }
         self.take_over(&state)
+    }
+}
+
+impl Trainer<'_> {
+    /// Shell of the sky, if the run has one.
+    fn sky(&self) -> Option<SkyShell> {
+        let shell = || SkyShell::around(self.dataset, self.extent, &self.config.shell);
+        self.config.sky.then(shell)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Synthetic data sets on disk, loaded by the readers of real ones.
 
 use ashfall::io::{dataset, photo};
-use ashfall::lab::synth::{Kind, SynthOptions, save, save_colmap, scene};
+use ashfall::lab::synth::{Kind, SynthOptions, save, save_colmap, save_masks, scene};
 use ashfall::scene::{PhotoSource, Split};
 use ashfall::train::exposure::{from_tracks, stops};
 use glam::DVec2;
@@ -167,4 +167,47 @@ fn fisheye_photographs_are_seen_as_the_pinhole_pictures_of_their_sides() {
             error / count
         );
     }
+}
+
+#[test]
+fn passers_by_hide_a_share_of_a_fifth_of_the_training_photographs() {
+    let plain = SynthOptions {
+        views: 17,
+        width: 64,
+        height: 48,
+        samples: 1,
+        points: 400,
+        tracks: true,
+        ..SynthOptions::default()
+    };
+    let options = SynthOptions {
+        transient_seed: Some(5),
+        ..plain.clone()
+    };
+    let made = scene(Kind::Demo);
+    let (control, dataset) = (made.dataset(&plain), made.dataset(&options));
+    let occluded = options.occluded();
+    assert_eq!((occluded.len(), plain.occluded().len()), (3, 0));
+    for view in 0..options.views {
+        let photos = [&control, &dataset].map(|data| match &data.views[view].photo {
+            PhotoSource::Memory(photo) => photo.rgba.clone(),
+            _ => unreachable!(),
+        });
+        let covered = made.passerby_pixels(&options, view);
+        if !occluded.contains(&view) {
+            assert!(photos[0] == photos[1] && covered.is_empty(), "{view}");
+            continue;
+        }
+        let count = covered.iter().filter(|&&is| is).count();
+        // Rays through 64 × 48 places give the share to a hundredth of the picture.
+        assert!((0.04..0.16).contains(&(count as f64 / covered.len() as f64)), "{count}");
+        for (pixel, is_covered) in covered.into_iter().enumerate() {
+            assert!(is_covered || photos[0][pixel] == photos[1][pixel], "{view}: {pixel}");
+        }
+        let hidden = |data: &ashfall::scene::Dataset| data.tracks[view].len();
+        assert!(hidden(&dataset) < hidden(&control) && !options.is_test(view));
+    }
+    let dir = tempfile::tempdir().unwrap();
+    save_masks(&made, &dataset, &options, dir.path()).unwrap();
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
 }

@@ -6,6 +6,7 @@ mod poses;
 mod results;
 mod state;
 mod steps;
+mod transients;
 
 use super::args::{DataArgs, DeviceArgs, check_capture};
 use super::engine;
@@ -38,7 +39,7 @@ use steps::run_steps;
 /// Writes to DIR: scene.ply (the scene, readable by the usual viewers), report.json (every figure and
 /// constant), checkpoint and run.json (to go on from), and test/*.png: photograph | rendering | fourfold
 /// difference of each held-out view; with --exposure also exposures.json, with
-/// --refine-poses refined/ and poses.json.
+/// --refine-poses refined/ and poses.json, with --against transients ignored/ and transients.json.
 ///
 /// DATA is a folder with a COLMAP model (sparse/0 or sparse, binary or text) and images/, or with
 /// a transforms.json (nerfstudio, Blender), or such a file.
@@ -168,6 +169,11 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
     }
     if asked.exposure != ExposureModel::Off {
         let what = "--exposure and --parsimony exclude each other: held-out views have no gains to be judged by";
+        return Err(Error::Config(what.into()));
+    }
+    if asked.ignore_transients {
+        let what =
+            "--against transients and --parsimony exclude each other: passers-by in held-out views count as errors";
         return Err(Error::Config(what.into()));
     }
     let config = args.config.config_from(kind, |mut usual| {
@@ -332,6 +338,14 @@ impl<'a> Session<'a> {
             self.output.remark(line);
             self.output.event(|| json!({"event": "poses", "poses": summary}));
         }
+        let mut ignored = None;
+        if let Some(patches) = run.transients()? {
+            let (line, summary) = transients::write(self.dir, self.dataset, patches)?;
+            self.output.remark(line);
+            ignored = summary["share"].as_f64();
+            self.output
+                .event(|| json!({"event": "transients", "transients": summary}));
+        }
         let refined = run.refined_dataset()?;
         let session = Session {
             dataset: refined.as_ref().unwrap_or(self.dataset),
@@ -341,7 +355,7 @@ impl<'a> Session<'a> {
         let controller = run.controller();
         let found = controller.map(|controller| needs::found(self.dataset, controller.history(), &splats));
         drop(run);
-        results::write(&session, &config, state, (&splats, memory), found)?;
+        results::write(&session, &config, state, (&splats, memory), (found, ignored))?;
         Ok(Outcome::Done)
     }
 

@@ -20,7 +20,7 @@ pub(super) fn write(
     config: &TrainConfig,
     state: &mut RunState,
     (splats, memory): (&Splats, MemoryFigures),
-    found: Option<Needs>,
+    (found, ignored): (Option<Needs>, Option<f64>),
 ) -> Result<()> {
     // The scene first, so that a later failure does not lose the training.
     io::ply::write(&session.dir.join("scene.ply"), splats)?;
@@ -52,6 +52,7 @@ pub(super) fn write(
         warnings: state.warnings.clone(),
         config: serde_json::to_value(config).unwrap_or_default(),
         needs,
+        ignored_share: ignored,
     };
     if let Some(needs) = &report.needs {
         write_text(&session.dir.join("needs.html"), &page::html(needs)?)?;

@@ -52,6 +52,9 @@ pub struct Report {
     /// Splat count and SH degrees that the run chose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs: Option<Needs>,
+    /// Share of the photographs' patches that were left out at the end; `None` unless the run ignored transients.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ignored_share: Option<f64>,
 }
 
 /// Device memory of training, since it was begun or resumed: measured, and by the formula of `ashfall info --predict`.

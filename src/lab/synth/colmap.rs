@@ -1,8 +1,8 @@
 //! COLMAP's binary model of a made data set, with the tracks of its points, and the truth of its perturbations.
 
-use super::SynthOptions;
 use super::fisheye::FisheyeLens;
 use super::save::save_photo;
+use super::{Scene, SynthOptions};
 use crate::error::{Error, Result};
 use crate::scene::{Dataset, Photo, PhotoSource, View};
 use glam::DQuat;
@@ -11,7 +11,8 @@ use std::path::Path;
 
 /// Writes `dataset`, with photographs in memory, to the folder `dir`: `images/NAME.png`, the model in `sparse/0`. Every
 /// camera has an entry of its own; 2D points are exact projections. With perturbations, `truth.json` has the stops of
-/// each photograph's red, green and blue, and the folder of the exact model. Existing files are replaced.
+/// each photograph's red, green and blue, and the folders of the exact model and of [`save_masks`]. Existing files are
+/// replaced.
 pub fn save_colmap(dataset: &Dataset, options: &SynthOptions, dir: &Path) -> Result<()> {
     for view in &dataset.views {
         let path = dir.join(&view.name);
@@ -51,11 +52,31 @@ fn save_truth(dataset: &Dataset, options: &SynthOptions, dir: &Path) -> Result<(
         truth.insert("seed".into(), json!(seed));
         truth.insert("poses".into(), json!("truth"));
     }
+    if let Some(seed) = options.transient_seed {
+        truth.insert("seed".into(), json!(seed));
+        truth.insert("masks".into(), json!("truth/masks"));
+    }
     if truth.is_empty() {
         return Ok(());
     }
     let path = dir.join("truth.json");
     std::fs::write(&path, format!("{:#}\n", json!(truth))).map_err(Error::io(&path))
+}
+
+/// Writes `NAME.png` for each view with a passer-by to a folder, which is created: black where it hides the scene.
+pub fn save_masks(scene: &Scene, dataset: &Dataset, options: &SynthOptions, masks: &Path) -> Result<()> {
+    std::fs::create_dir_all(masks).map_err(Error::io(masks))?;
+    for view in options.occluded() {
+        let covered = scene.passerby_pixels(options, view);
+        let level = |&is_covered: &bool| if is_covered { [0, 0, 0, 255] } else { [255; 4] };
+        let photo = Photo {
+            width: options.width,
+            height: options.height,
+            rgba: covered.iter().map(level).collect(),
+        };
+        save_photo(&photo, &masks.join(file_name(&dataset.views[view])))?;
+    }
+    Ok(())
 }
 
 /// Name below `images`.

@@ -1,13 +1,15 @@
 //! Cameras around a synthetic scene, and its data set.
 
-use super::Scene;
 use super::fisheye::FisheyeLens;
 use super::noise::disturb;
 use super::perturb::{exposed, exposures};
 use super::random::KeyedRandom;
+use super::shape::Shape;
+use super::{Material, Object, Scene, Texture};
 use crate::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, View};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Rig of cameras: a band of directions around a target. Azimuth goes round once from view to view; elevation jumps by
 /// the golden ratio, so that any stretch of views, and any regular choice of test views, covers the whole band.
@@ -71,6 +73,10 @@ pub struct SynthOptions {
     pub pose_seed: Option<u64>,
     /// Size of these errors: 1 for half a degree and half a percent of the extent (rms).
     pub pose_amount: f64,
+    /// Surround the scene by a far textured sphere, on which there are no points.
+    pub dome: bool,
+    /// Seed of the boxes before some of the training photographs ([`SynthOptions::occluded`]); `None`: none.
+    pub transient_seed: Option<u64>,
     /// Take the training photographs through a [`FisheyeLens`], for `save_colmap` alone: they do not fit the pinholes
     /// of the views, which have the same poses.
     pub fisheye: bool,
@@ -96,13 +102,16 @@ impl Default for SynthOptions {
             exposure_seed: None,
             pose_seed: None,
             pose_amount: 1.0,
+            dome: false,
+            transient_seed: None,
             fisheye: false,
         }
     }
 }
 
 impl SynthOptions {
-    fn is_test(&self, view: usize) -> bool {
+    /// Whether a view is held out.
+    pub fn is_test(&self, view: usize) -> bool {
         self.test_every > 0 && view.is_multiple_of(self.test_every)
     }
 
@@ -126,6 +135,12 @@ impl SynthOptions {
 /// Angle of view across the width of a photograph, degrees.
 const FOV_DEGREES: f64 = 50.0;
 
+/// Radius of the sky, relative to the rig's distance from its target.
+const DOME: f64 = 15.0;
+
+/// Seed of its texture.
+const DOME_SEED: u64 = 77;
+
 /// Most views in the average of a point's colour, like the track of a reconstruction.
 const TRACK_VIEWS: usize = 6;
 
@@ -135,20 +150,38 @@ impl Scene {
         let cameras = self.cameras(options);
         let stops = options.exposures();
         let lens = FisheyeLens::of(options.width * options.height);
-        let view = |(index, camera): (usize, &Camera)| View {
-            name: format!("images/{index:04}.png"),
-            camera: *camera,
-            photo: PhotoSource::Memory(match options.cutout {
-                true => self.cutout(camera, options.samples),
-                false if options.is_fisheye(index) => self.fisheye_photo(camera, &lens, options.samples),
-                false => self.exposed_photo(camera, options.samples, stops[index]),
-            }),
+        let occluded = options.occluded();
+        let world = match options.dome {
+            true => Cow::Owned(self.with_dome()),
+            false => Cow::Borrowed(self),
+        };
+        let shown = |index: usize, camera: &Camera| match options.transient_seed {
+            Some(seed) if occluded.binary_search(&index).is_ok() => {
+                Cow::Owned(world.with_passerby(camera, seed, index))
+            }
+            _ => Cow::Borrowed(&*world),
+        };
+        let view = |(index, camera): (usize, &Camera)| {
+            let scene = shown(index, camera);
+            View {
+                name: format!("images/{index:04}.png"),
+                camera: *camera,
+                photo: PhotoSource::Memory(match options.cutout {
+                    true => scene.cutout(camera, options.samples),
+                    false if options.is_fisheye(index) => scene.fisheye_photo(camera, &lens, options.samples),
+                    false => scene.exposed_photo(camera, options.samples, stops[index]),
+                }),
+            }
         };
         let points = self.points(&cameras, options);
         let mut dataset = Dataset {
             views: cameras.iter().enumerate().map(view).collect(),
             tracks: match options.tracks {
-                true => cameras.par_iter().map(|camera| self.track(camera, &points)).collect(),
+                true => {
+                    let views = cameras.par_iter().enumerate();
+                    let track = |(index, camera)| shown(index, camera).track(camera, &points);
+                    views.map(track).collect()
+                }
                 false => Vec::new(),
             },
             points,
@@ -160,6 +193,17 @@ impl Scene {
             disturb(&mut dataset, seed, options.pose_amount);
         }
         dataset
+    }
+
+    /// The scene within a far textured sphere.
+    fn with_dome(&self) -> Scene {
+        let radius = DOME * self.rig.distance;
+        let texture = Texture::ripples([0.45, 0.55, 0.7], 0.7, 0.15 * radius, DOME_SEED);
+        let DVec3 { x, y, z } = self.rig.target;
+        let mut scene = self.clone();
+        let dome = Object::new(Shape::Sphere(radius), Material::matt(texture));
+        scene.objects.push(dome.at(x, y, z));
+        scene
     }
 
     /// Cameras of `dataset`, in the order of its views.

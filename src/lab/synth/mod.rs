@@ -13,6 +13,7 @@ mod material;
 mod mesh;
 mod model;
 mod noise;
+mod passerby;
 mod perturb;
 mod random;
 mod ray;
@@ -23,7 +24,7 @@ mod triangulate;
 #[cfg(test)]
 mod tests;
 
-pub use colmap::{save_colmap, save_model};
+pub use colmap::{save_colmap, save_masks, save_model};
 pub use composition::{Kind, scene};
 pub use dataset::{Rig, SynthOptions};
 pub use fisheye::FisheyeLens;

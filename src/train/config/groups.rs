@@ -156,6 +156,9 @@ constants! {
         random_depths: [f64; 2] = [0.2, 2.0], 1e-6..=1e6;
         /// Positions drawn for such a point, of which the one that most cameras see is taken.
         random_candidates: u32 = 4, 1..=1_000;
+        /// Depths that are compared along the ray of such a point, for the one at which the photographs agree best: 24;
+        /// 0: none, and the points are grey.
+        random_sweep: u32 = 24, 0..=10_000;
         /// Cameras, at most, that a position is tested with.
         random_cameras: u32 = 32, 1..=u32::MAX;
         /// Smallest number of training views that see a point; others are left out: 0, and 2 against floaters.
@@ -163,6 +166,18 @@ constants! {
         /// Distance outside the interval between the quartiles of all points, in its lengths and axis by axis, from
         /// which a point is left out: 0 for none, and 3 against floaters (Tukey's outer fence).
         cull_fence: f32 = 0.0, 0.0..=f32::MAX;
+    }
+}
+
+constants! {
+    /// Splats of the sky ([`sky`](crate::train::sky)).
+    SkyConfig as "shell" {
+        /// Places on the whole shell, of which those without points before them are taken: 10,000, two degrees apart.
+        count: u32 = 10_000, 1..=10_000_000;
+        /// Radius in scene extents: 20.
+        distance: f64 = 20.0, 2.0..=1e6;
+        /// Angle about a place within which no point may lie, degrees: 3.
+        gap_degrees: f64 = 3.0, 0.0..=45.0;
     }
 }
 
@@ -200,6 +215,26 @@ constants! {
         distortion_from: f32 = 0.1, 0.0..=1.0;
         /// Share of the run in which a term grows from 0 to its weight: 0.1.
         ramp: f32 = 0.1, 0.0..=1.0;
+    }
+}
+
+constants! {
+    /// Patches of photographs that training leaves out, see [`transients`](crate::train::transients).
+    TransientConfig as "transients" {
+        /// Share of the run before patches are first ignored: 0.2; at most 1,000 iterations, at least three epochs.
+        from: f32 = 0.2, 0.0..=1.0;
+        /// Share of a photograph's patches whose score stays below the photograph's level: 0.99.
+        quantile: f32 = 0.99, 0.0..=1.0;
+        /// Score from which a patch begins a region, in levels of the typical photograph: 6.
+        factor: f32 = 6.0, 0.0..=1e3;
+        /// The same, at least, 0 to 1: 0.03, eight levels of a photograph.
+        least_score: f32 = 0.03, 0.0..=1.0;
+        /// Score at which a region ends, relative to that which begins it: a third.
+        edge: f32 = 1.0 / 3.0, 0.0..=1.0;
+        /// Least share of a photograph that a region has: 0.002, and two patches.
+        least_share: f32 = 0.002, 0.0..=1.0;
+        /// Most of a photograph that is ignored: 0.4.
+        most_share: f32 = 0.4, 0.0..=1.0;
     }
 }
 

@@ -13,9 +13,8 @@ mod validate;
 
 pub use auto::AutoConfig;
 pub(crate) use groups::POSE_RATE_END;
-pub use groups::{
-    AdamConfig, AdcConfig, GeometryConfig, InitConfig, LearningRates, McmcConfig, MipConfig, PoseConfig, RefineTimes,
-};
+pub use groups::{AdamConfig, AdcConfig, GeometryConfig, InitConfig, LearningRates, McmcConfig, MipConfig};
+pub use groups::{PoseConfig, RefineTimes, SkyConfig, TransientConfig};
 
 use crate::kernels::rasterize::Outputs;
 use crate::render::Accuracy;
@@ -111,6 +110,12 @@ pub struct TrainConfig {
     pub max_aspect: f32,
     /// First splats.
     pub init: InitConfig,
+    /// Whether first splats include a shell for the sky: off (3DGS).
+    #[serde(default)]
+    pub sky: bool,
+    /// Constants of that.
+    #[serde(default)]
+    pub shell: SkyConfig,
     /// Background behind the splats.
     pub background: Background,
     /// Exposures of the photographs: off (3DGS), or gains.
@@ -122,6 +127,12 @@ pub struct TrainConfig {
     /// Constants of that.
     #[serde(default)]
     pub poses: PoseConfig,
+    /// Whether patches of a photograph that only it shows are left out: off (3DGS).
+    #[serde(default)]
+    pub ignore_transients: bool,
+    /// Constants of that.
+    #[serde(default)]
+    pub transients: TransientConfig,
     /// Near plane as a share of the scene extent: 0.01 (3DGS: 0.2 world units, a hidden assumption on the world's
     /// unit).
     pub near_factor: f32,
@@ -208,10 +219,14 @@ impl TrainConfig {
             drop_rate: 0.0,
             max_aspect: 0.0,
             init: InitConfig::default(),
+            sky: false,
+            shell: SkyConfig::default(),
             background: Background::Fixed([0.0; 3]),
             exposure: ExposureModel::Off,
             refine_poses: false,
             poses: PoseConfig::default(),
+            ignore_transients: false,
+            transients: TransientConfig::default(),
             near_factor: 0.01,
             photo_share: 0.25,
             half_size_until: 0,
@@ -293,6 +308,12 @@ impl TrainConfig {
     /// The same run without needles, splats that change their look with a small turn of the camera.
     pub fn against_needles(mut self) -> TrainConfig {
         self.max_aspect = 10.0;
+        self
+    }
+
+    /// The same run without the patches of photographs that show passers-by.
+    pub fn against_transients(mut self) -> TrainConfig {
+        self.ignore_transients = true;
         self
     }
 

@@ -1,7 +1,7 @@
 //! Validation of a configuration; errors name the field, its value and its range.
 
 use super::constants::{RangedField, refused};
-use super::{Background, TrainConfig};
+use super::{Background, StrategyKind, TrainConfig};
 use crate::Result;
 use crate::scene::Primitive;
 use std::fmt::Debug;
@@ -29,6 +29,16 @@ impl TrainConfig {
         if self.refine_poses && self.kind == Primitive::Surfel {
             return Err(refused("refine_poses", true, "false for surfels"));
         }
+        if self.sky && self.kind == Primitive::Surfel {
+            return Err(refused("sky", true, "false for surfels"));
+        }
+        if self.sky && self.strategy == StrategyKind::Mcmc {
+            return Err(refused(
+                "sky",
+                true,
+                "false with mcmc, whose penalty of scale takes far splats for large ones",
+            ));
+        }
         if let Background::Fixed(color) = self.background {
             color.check("background", 0.0..=1.0)?;
         }
@@ -46,6 +56,8 @@ impl TrainConfig {
         self.auto.check()?;
         self.poses.check()?;
         self.geometry.check()?;
+        self.transients.check()?;
+        self.shell.check()?;
         ascending("init.scale_range", &self.init.scale_range)?;
         ascending("init.random_depths", &self.init.random_depths)?;
         self.check_mean_rates()

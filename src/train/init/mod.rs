@@ -2,24 +2,46 @@
 
 mod cull;
 mod frusta;
+mod sweep;
 mod tangent;
 
 use super::config::TrainConfig;
 use super::knn::mean_neighbor_distance;
 use super::rng::{self, Stream};
-use crate::scene::{Dataset, Point, Primitive, SH_C0, Splats, Split, logit, sh_coefficient_count};
+use super::sky::{SkyShell, add_sky};
+use crate::scene::{Dataset, PhotoSource, Point, Primitive, SH_C0, Splats, Split, logit, sh_coefficient_count};
 use crate::{Error, Result};
 
 pub use frusta::points_in_frusta;
+use sweep::points_by_sweep;
 use tangent::tangent_rotations;
 
 /// First splats of a data set: from its points or, if none is finite and not culled, from random ones inside its
-/// cameras' frusta; `extent` is the scene extent in world units.
+/// cameras' frusta; and those of the sky, if it is asked for. `extent` is the scene extent in world units.
 ///
 /// Error if the data set has neither points nor training views.
 pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> Result<Splats> {
-    let finite = |p: &&Point| p.is_finite();
     let training = dataset.split(Split::Train);
+    let mut splats = scene_splats(dataset, &training, extent, config)?;
+    if config.sky {
+        let shell = SkyShell::around(dataset, extent, &config.shell);
+        add_sky(dataset, shell, &config.shell, &mut splats)?;
+        keep_within(&mut splats, config.splat_limit());
+    }
+    Ok(splats)
+}
+
+/// Leaves splats out, evenly among all, beyond the limit.
+fn keep_within(splats: &mut Splats, limit: usize) {
+    let count = splats.len();
+    if count > limit {
+        let kept: Vec<usize> = (0..limit).map(|i| i * count / limit).collect();
+        *splats = splats.picked(&kept);
+    }
+}
+
+fn scene_splats(dataset: &Dataset, training: &[usize], extent: f64, config: &TrainConfig) -> Result<Splats> {
+    let finite = |p: &&Point| p.is_finite();
     let cameras: Vec<_> = training.iter().map(|&i| dataset.views[i].camera).collect();
     let points: Vec<Point> = dataset.points.iter().filter(finite).copied().collect();
     let points = cull::culled(&points, &cameras, &config.init);
@@ -31,7 +53,13 @@ pub fn initial_splats(dataset: &Dataset, extent: f64, config: &TrainConfig) -> R
         return Err(Error::Config(what.into()));
     }
     let count = config.splat_limit().min(config.init.random_count as usize);
-    let points = points_in_frusta(&cameras, count, extent, config.seed, &config.init);
+    let has_photos = training
+        .iter()
+        .all(|&i| !matches!(dataset.views[i].photo, PhotoSource::Absent));
+    let points = match config.init.random_sweep > 0 && has_photos {
+        true => points_by_sweep(dataset, training, count, extent, config.seed, &config.init)?,
+        false => points_in_frusta(&cameras, count, extent, config.seed, &config.init),
+    };
     Ok(splats_from_points(&points, extent, config))
 }
 

@@ -5,6 +5,7 @@ use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, gather};
 use crate::scene::{Primitive, logit};
 use crate::train::config::AdcConfig;
 use crate::train::rng::{self, Stream};
+use crate::train::sky::SkyShell;
 use crate::train::state::HostState;
 use glam::{Quat, Vec3};
 
@@ -55,8 +56,13 @@ pub(super) fn refine(state: &mut HostState, stats: &[SplatStats], context: Refin
 ///
 /// 3DGS resets to 0.01, where only the inner 1.37 standard deviations stay above the 1/255 cut: a splat of which only
 /// the rest is visible gets no gradient any more and is pruned.
-pub fn reset_opacity(state: &mut HostState, value: f32) {
+///
+/// Splats of the sky keep theirs: nothing else explains it meanwhile.
+pub fn reset_opacity(state: &mut HostState, value: f32, sky: Option<SkyShell>) {
     for row in 0..state.len() {
+        if is_sky(state, row, sky) {
+            continue;
+        }
         // Smoothing lowers the opacity further; if that alone suffices, the logit stays.
         let before = f64::from(value) / state.smoothing_factor(row);
         if before < 1.0 {
@@ -68,6 +74,10 @@ pub fn reset_opacity(state: &mut HostState, value: f32) {
     for moment in state.m[0].iter_mut().chain(&mut state.v[0]) {
         moment[3] = 0.0;
     }
+}
+
+fn is_sky(state: &HostState, row: usize, sky: Option<SkyShell>) -> bool {
+    sky.is_some_and(|shell| shell.holds(state.mean(row)))
 }
 
 fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -> Vec<AdcDecision> {
@@ -102,7 +112,7 @@ fn prune_or_keep(state: &HostState, row: usize, stats: SplatStats, context: Refi
     let faint = is_faint(state, row, context);
     let seen_big = adc.prune_radius_px > 0.0 && stats[2] > adc.prune_radius_px;
     let big = is_big(state.max_scale(row), context) || seen_big && prunes_big(context);
-    if faint || big || !state.is_finite(row) {
+    if faint || big && !is_sky(state, row, context.sky) || !state.is_finite(row) {
         AdcDecision::Prune
     } else {
         AdcDecision::Keep
@@ -143,7 +153,7 @@ fn grow(
     let scale = state.max_scale(row);
     if scale > f64::from(adc.dense_fraction) * context.extent {
         let child = scale / f64::from(adc.split_factor);
-        (!is_big(child, context)).then_some(AdcDecision::Split)
+        (!is_big(child, context) || is_sky(state, row, context.sky)).then_some(AdcDecision::Split)
     } else {
         (fate == AdcDecision::Keep).then_some(AdcDecision::Clone)
     }
@@ -339,7 +349,7 @@ mod tests {
     fn a_reset_lowers_opacities_and_forgets_only_their_moments() {
         let mut state = state_of(&[(0.5, 0.1), (0.006, 0.1)]);
         state.m[0] = vec![[1.0; 4]; 2];
-        reset_opacity(&mut state, 0.01);
+        reset_opacity(&mut state, 0.01, None);
         assert!((state.opacity(0) - 0.01).abs() < 1e-6);
         assert!((state.opacity(1) - 0.006).abs() < 1e-6);
         assert_eq!(state.m[0], vec![[1.0, 1.0, 1.0, 0.0]; 2]);
@@ -358,7 +368,7 @@ mod tests {
         };
         assert_eq!(refine(&mut filtered(), &[QUIET; 3], &config).pruned, 1);
         let mut state = filtered();
-        reset_opacity(&mut state, 0.01);
+        reset_opacity(&mut state, 0.01, None);
         let drawn = |row| state.opacity(row) * state.smoothing_factor(row);
         let kept = 0.012 / 8_f64.sqrt();
         for (row, wanted) in [kept, 0.01, 0.01].into_iter().enumerate() {

@@ -11,6 +11,7 @@ mod relocation;
 mod tracking;
 
 use super::config::{StrategyKind, TrainConfig};
+use super::sky::SkyShell;
 use super::state::HostState;
 use crate::scene::morton_order;
 use serde::{Deserialize, Serialize};
@@ -34,6 +35,8 @@ pub struct RefineContext<'a> {
     pub extent: f64,
     /// Splat limit.
     pub limit: usize,
+    /// Shell of the sky, whose splats may be large, if the run has one.
+    pub sky: Option<SkyShell>,
 }
 
 /// Counts of a refinement's actions.

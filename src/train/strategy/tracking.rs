@@ -27,6 +27,7 @@ pub(super) fn context(config: &TrainConfig, iteration: u32) -> RefineContext<'_>
         config,
         extent: 1.0,
         limit: config.splat_limit(),
+        sky: None,
     }
 }
 

@@ -19,9 +19,9 @@ impl Trainer<'_> {
         if views == self.views {
             return Ok(());
         }
-        if self.exposure.is_some() || self.poses.is_some() {
-            let what = "the views of a run with exposures or refined poses cannot change: train without --exposure and \
-                        --refine-poses";
+        if self.exposure.is_some() || self.poses.is_some() || self.transients.is_some() {
+            let what = "the views of a run with exposures, refined poses or ignored transients cannot change: train \
+                        without --exposure, --refine-poses and --against transients";
             return Err(Error::Config(what.into()));
         }
         self.settle()?;

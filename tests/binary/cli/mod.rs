@@ -9,7 +9,9 @@ mod needs;
 mod paths;
 mod poses;
 mod prune;
+mod sky;
 mod surfels;
+mod transients;
 
 use ashfall::lab::synth::{self, Kind, SynthOptions};
 use ashfall::scene::PhotoSource;

@@ -68,6 +68,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
             controller: None,
             exposure: None,
             poses: None,
+            transients: None,
         };
         before(trainer.iteration());
         checkpoint.write(&path)?;

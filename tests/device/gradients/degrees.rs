@@ -133,6 +133,7 @@ fn a_run_of_several_degrees_repeats_and_resumes_to_the_bit() {
         controller: None,
         exposure: None,
         poses: None,
+        transients: None,
     }
     .write(&path)
     .unwrap();

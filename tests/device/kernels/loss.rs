@@ -5,7 +5,8 @@ use crate::common::device;
 use crate::common::scenes::{self, Random};
 use crate::kernels::{ELEMENTWISE, by_length};
 use ashfall::lab::bench::kernels::Workgroups;
-use ashfall::lab::bench::kernels::loss::{ImagePair, LAMBDA, TILE, WHOLE, compare, differentiate, expose, sum};
+use ashfall::lab::bench::kernels::loss::{ImagePair, LAMBDA, PATCH, TILE, WHOLE, compare, differentiate, sum};
+use ashfall::lab::bench::kernels::photo_sums::{expose, residual};
 use ashfall::scene::AlphaMode::{self, Composite, Mask};
 
 /// A photograph, and a render that differs by noise.
@@ -22,6 +23,16 @@ fn noisy(width: usize, height: usize, mode: AlphaMode) -> ImagePair {
         gain: None,
         stride: 1,
         offset: [0; 2],
+        ignored: Vec::new(),
+    }
+}
+
+/// The same without every third patch.
+fn ignoring(of: ImagePair) -> ImagePair {
+    let patches = of.width.div_ceil(PATCH) * (of.image.len() / of.width).div_ceil(PATCH);
+    ImagePair {
+        ignored: (0..patches).map(|patch| patch % 3 == 1).collect(),
+        ..of
     }
 }
 
@@ -96,6 +107,8 @@ fn comparisons() -> Vec<(&'static str, ImagePair)> {
             "a masked lattice",
             lattice(exposed(alpha(noisy(41, 33, Mask), corner), gains), [1, 1]),
         ),
+        ("without patches", ignoring(noisy(50, 107, Composite))),
+        ("masked, without patches", ignoring(alpha(noisy(40, 33, Mask), corner))),
         ("the same exposure", exposed(noisy(20, 20, Composite), [1.0; 3])),
     ]
 }
@@ -146,6 +159,17 @@ fn gains_have_their_sums() {
     let mut check = Check::new("loss_exposure");
     let comparisons = comparisons();
     let case = |of| expose(&gpu, of).unwrap();
+    let cases: Vec<_> = comparisons.iter().map(|(name, of)| (*name, case(of))).collect();
+    check.cases(&gpu, WORKGROUPS, &cases);
+    check.finish();
+}
+
+#[test]
+fn patches_have_their_residuals() {
+    let gpu = device::gpu();
+    let mut check = Check::new("loss_residual");
+    let comparisons = comparisons();
+    let case = |of| residual(&gpu, of).unwrap();
     let cases: Vec<_> = comparisons.iter().map(|(name, of)| (*name, case(of))).collect();
     check.cases(&gpu, WORKGROUPS, &cases);
     check.finish();

@@ -143,6 +143,7 @@ fn f075_moments_follow_their_splats() {
                 config: &config,
                 extent: 4.0,
                 limit: config.splat_limit(),
+                sky: None,
             };
             let report = strategy::refine(&mut state, &stats, context);
             touched += report.cloned + report.split + report.relocated;

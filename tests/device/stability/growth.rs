@@ -82,6 +82,7 @@ pub(crate) fn refine(config: &TrainConfig, state: &mut HostState, stats: &[Splat
         config,
         extent: 1.0,
         limit: config.splat_limit(),
+        sky: None,
     };
     strategy::refine(state, stats, context)
 }

@@ -259,7 +259,7 @@ fn f070_support_after_a_reset() {
     place(&mut scene, &Prop::ball([48.0, 48.0], sigma, logit(0.9)));
     let gradient = |value: f32| {
         let mut state = HostState::from_splats(&scene.splats, 0);
-        reset_opacity(&mut state, value);
+        reset_opacity(&mut state, value, None);
         let mut after = scene.clone();
         after.splats.opacity_logit[ring] = state.params[0][ring][3];
         lab.step(&after, &Lesson::flat(&scene, 0)).row(ring)[10]

@@ -412,6 +412,7 @@ fn checkpoint() -> Vec<u8> {
         controller: None,
         exposure: None,
         poses: None,
+        transients: None,
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");

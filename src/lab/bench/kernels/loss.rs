@@ -3,11 +3,11 @@
 use super::{KernelCase, Workgroups, sample, time};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups};
-use crate::kernels::{loss, loss_backward, loss_exposure, loss_sum};
+use crate::kernels::{loss, loss_backward, loss_sum};
 use crate::lab::bench::check::{Output, floats, rms};
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::{Bench, Work};
-use crate::layout::{EXPOSURE_PIXELS, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
+use crate::layout::{LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, View};
 use crate::reference::loss::{Exposure, values};
 use crate::reference::ssim::{C1, C2};
 use crate::reference::{Dual, Real};
@@ -18,6 +18,9 @@ use std::rc::Rc;
 pub const TILE: [usize; 2] = [LOSS_TILE_WIDTH as usize, LOSS_TILE_HEIGHT as usize];
 /// Places, pixels of channels, that are compared.
 const SAMPLES: usize = 20_000;
+/// Pixels along a side of a patch, and log2 of them.
+pub const PATCH: usize = 1 << PATCH_SHIFT;
+pub(super) const PATCH_SHIFT: u32 = 3;
 /// Share of D-SSIM.
 pub const LAMBDA: f64 = 0.25;
 
@@ -29,7 +32,6 @@ pub(super) fn run(bench: &mut Bench) -> Result<()> {
         time(bench, workgroups, &name, |gpu| compare(gpu, &shaded, true))?;
         let tiles = width.div_ceil(TILE[0]) * height.div_ceil(TILE[1]);
         time(bench, workgroups, &name, |gpu| sum(gpu, tiles, WHOLE))?;
-        time(bench, workgroups, &name, |gpu| expose(gpu, &shaded))?;
         time(bench, workgroups, &name, |gpu| differentiate(gpu, &shaded, LAMBDA))?;
         let name = format!("{name}/lattice");
         let lattice = std::cell::LazyCell::new(|| ImagePair {
@@ -60,11 +62,13 @@ pub struct ImagePair {
     pub stride: usize,
     /// First window in x and y.
     pub offset: [usize; 2],
+    /// Patches of [`PATCH`] pixels along a side that are left out; empty: none.
+    pub ignored: Vec<bool>,
 }
 
 impl ImagePair {
     /// Noise about a gradient; nothing is masked.
-    fn shaded(width: usize, height: usize) -> ImagePair {
+    pub(super) fn shaded(width: usize, height: usize) -> ImagePair {
         let random = &mut Random::new((width * height) as u64);
         let (mut rgba, mut image) = (Vec::new(), Vec::new());
         for i in 0..width * height {
@@ -84,21 +88,48 @@ impl ImagePair {
             gain: None,
             stride: 1,
             offset: [0; 2],
+            ignored: Vec::new(),
         }
     }
 
-    fn exposure(&self) -> Option<Exposure> {
+    /// Weight of a pixel's patch.
+    pub(super) fn kept(&self, pixel: usize) -> f64 {
+        let (column, row) = (pixel % self.width / PATCH, pixel / self.width / PATCH);
+        let is_ignored = self.ignored.get(row * self.columns() + column);
+        if is_ignored == Some(&true) { 0.0 } else { 1.0 }
+    }
+
+    /// Patches in a row.
+    pub(super) fn columns(&self) -> usize {
+        self.width.div_ceil(PATCH)
+    }
+
+    /// Uploads a bit of each patch.
+    pub(super) fn upload_ignored(&self, gpu: &Gpu) -> Result<Buffer<u32>> {
+        let mut words = vec![0; (self.columns() * self.height().div_ceil(PATCH)).div_ceil(32)];
+        for (patch, _) in self.ignored.iter().enumerate().filter(|(_, ignored)| **ignored) {
+            words[patch / 32] |= 1 << (patch % 32);
+        }
+        gpu.buffer_from("ignored", &words)
+    }
+
+    /// Target and weights as the reference reads them, without those of patches.
+    pub(super) fn values(&self) -> (Vec<[f64; 3]>, Option<Vec<f64>>) {
+        values(&self.rgba, self.mode, self.background.map(f64::from))
+    }
+
+    pub(super) fn exposure(&self) -> Option<Exposure> {
         let gain = self.gain?.map(f64::from);
         Some(Exposure { gain })
     }
 
     /// Gains, and slopes on the curve's toe.
-    fn push(&self) -> [[f32; 3]; 2] {
+    pub(super) fn push(&self) -> [[f32; 3]; 2] {
         let gain = self.gain.unwrap_or([1.0; 3]);
         [gain, gain.map(|g| f64::from(g).powf(2.4) as f32)]
     }
 
-    fn height(&self) -> usize {
+    pub(super) fn height(&self) -> usize {
         self.image.len() / self.width
     }
 
@@ -109,11 +140,11 @@ impl ImagePair {
 
     /// Photograph and weight of each pixel.
     fn target(&self) -> WindowTarget<'_> {
-        let (photo, mask) = values(&self.rgba, self.mode, self.background.map(f64::from));
+        let (photo, mask) = self.values();
         WindowTarget { of: self, photo, mask }
     }
 
-    fn upload(&self, gpu: &Gpu) -> Result<(Buffer<View>, Buffer<f32>, Buffer<u32>)> {
+    pub(super) fn upload(&self, gpu: &Gpu) -> Result<(Buffer<View>, Buffer<f32>, Buffer<u32>)> {
         let view = View {
             size: [self.width as u32, self.height() as u32],
             background: self.background,
@@ -167,7 +198,7 @@ impl ImagePair {
         self.offset.map(|offset| offset as u32)
     }
 
-    fn alpha_mode(&self) -> u32 {
+    pub(super) fn alpha_mode(&self) -> u32 {
         u32::from(self.mode == AlphaMode::Mask)
     }
 }
@@ -185,7 +216,13 @@ impl WindowTarget<'_> {
     }
 
     fn weight(&self, pixel: usize) -> f64 {
-        self.mask.as_ref().map_or(1.0, |mask| mask[pixel])
+        self.of.kept(pixel) * self.mask.as_ref().map_or(1.0, |mask| mask[pixel])
+    }
+
+    /// Weight of all channels, and its reciprocal, 0 without.
+    fn total(&self) -> (f64, f64) {
+        let weight: f64 = 3.0 * (0..self.pixels()).map(|i| self.weight(i)).sum::<f64>();
+        (weight, if weight > 0.0 { 1.0 / weight } else { 0.0 })
     }
 
     /// Render under the exposure, and photograph, at `[channel][pixel]`.
@@ -290,6 +327,7 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
     let (view, image, photo) = of.upload(gpu)?;
     let windows = 3 * of.grid().iter().product::<usize>();
     let slopes = gpu.buffer::<[f32; 3]>("ssim_slope", windows)?;
+    let ignored = of.upload_ignored(gpu)?;
     let sums = gpu.buffer::<[f32; 4]>("loss_from_tile", tiles)?;
     let (target, alpha_mode) = (Rc::new(of.target()), of.alpha_mode());
     let by_place = target.clone();
@@ -299,6 +337,7 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
             choice.spec.with_ssim = with_ssim.into();
             choice.spec.stride = of.stride as u32;
             choice.spec.with_exposure = of.gain.is_some().into();
+            choice.spec.with_ignored = u32::from(!of.ignored.is_empty());
         })
         .compare(&sums, move |all| {
             let [mut found, mut expected] = [(); 2].map(|()| Vec::new());
@@ -331,6 +370,7 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
             photo: &photo,
             ssim_slope: &slopes,
             loss_from_tile: &sums,
+            ignored: &ignored,
         };
         let [gain, toe] = of.push();
         let offset = of.push_offset();
@@ -339,6 +379,8 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
             gain,
             toe,
             offset,
+            patch_shift: PATCH_SHIFT,
+            patch_columns: of.columns() as u32,
         };
         kernel.record(rec, io, params, Groups::Count(tiles as u32));
     }))
@@ -378,45 +420,6 @@ pub fn sum<'a>(gpu: &Gpu, tiles: usize, places: [u32; 3]) -> Result<KernelCase<'
     }))
 }
 
-/// Sums for the gains of a photograph, by workgroup.
-pub fn expose<'a>(gpu: &Gpu, of: &'a ImagePair) -> Result<KernelCase<'a, loss_exposure::LossExposure>> {
-    let (pixels, size) = (of.image.len(), EXPOSURE_PIXELS as usize);
-    let groups = pixels.div_ceil(size);
-    let (view, image, photo) = of.upload(gpu)?;
-    let partials = gpu.buffer::<[f32; 4]>("sums_from_group", 2 * groups)?;
-    let [gain, toe] = of.push();
-    let alpha_mode = of.alpha_mode();
-    // Nine words of each pixel.
-    let case = KernelCase::new(Work::of(pixels, "pixels").moving(16 * pixels)).compare(&partials, move |all| {
-        let exposure = Exposure {
-            gain: gain.map(f64::from),
-        };
-        let (stored, _) = values(&of.rgba, AlphaMode::Mask, [0.0; 3]);
-        let weight = |pixel: usize| match of.mode {
-            AlphaMode::Mask => f64::from(of.rgba[pixel][3]) / 255.0,
-            AlphaMode::Composite => f64::from(u8::from(of.rgba[pixel][3] == 255)),
-        };
-        let mut expected = Vec::new();
-        for first in (0..pixels).step_by(size) {
-            let stretch = first..(first + size).min(pixels);
-            let sums = exposure.sums(&of.image[stretch.clone()], &stored[stretch], |i| weight(first + i));
-            expected.extend(sums.as_flattened());
-        }
-        // Positive terms of a few ulp each, a lane's one after the other: 384 at 8 lanes.
-        vec![Output::relative("sums", floats(&all), expected, 1e-4, 1.0)]
-    });
-    Ok(case.commands(move |rec, kernel: &loss_exposure::LossExposure, _| {
-        let io = loss_exposure::Bindings {
-            view: &view,
-            image: &image,
-            photo: &photo,
-            sums_from_group: &partials,
-        };
-        let params = loss_exposure::Params { alpha_mode, gain, toe };
-        kernel.record(rec, io, params, Groups::Count(groups as u32));
-    }))
-}
-
 /// The gradient from slopes that are given, so that only this kernel is judged.
 pub fn differentiate<'a>(
     gpu: &Gpu,
@@ -424,8 +427,7 @@ pub fn differentiate<'a>(
     lambda: f64,
 ) -> Result<KernelCase<'a, loss_backward::LossBackward>> {
     let (pixels, target) = (of.image.len(), of.target());
-    let weight: f64 = 3.0 * (0..pixels).map(|i| target.weight(i)).sum::<f64>();
-    let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
+    let (weight, share) = target.total();
     // Exact slopes of a small image; of a large one noise, which costs the reference nothing.
     let random = &mut Random::new(8);
     let slopes: Vec<[f32; 3]> = (0..3 * of.grid().iter().product::<usize>())
@@ -442,6 +444,7 @@ pub fn differentiate<'a>(
         }
     }
     let (view, image, photo) = of.upload(gpu)?;
+    let ignored = of.upload_ignored(gpu)?;
     let ssim_slope = gpu.buffer_from("ssim_slope", &slopes)?;
     let d_image = gpu.buffer::<f32>("d_image", 3 * pixels)?;
     let tiles = of.tiles() as u32;
@@ -454,12 +457,15 @@ pub fn differentiate<'a>(
         gain,
         toe,
         offset: of.push_offset(),
+        patch_shift: PATCH_SHIFT,
+        patch_columns: of.columns() as u32,
     };
     let case = KernelCase::new(Work::of(pixels, "pixels").moving(64 * pixels)).tune(
         move |choice: &mut loss_backward::Choice| {
             choice.spec.with_ssim = u32::from(lambda > 0.0);
             choice.spec.stride = of.stride as u32;
             choice.spec.with_exposure = of.gain.is_some().into();
+            choice.spec.with_ignored = u32::from(!of.ignored.is_empty());
         },
     );
     let case = case.compare(&d_image, move |all| {
@@ -472,8 +478,7 @@ pub fn differentiate<'a>(
             // The slopes are those by weighted values.
             let d_ssim = a + 2.0 * weight_here * x * b + weight_here * y * c;
             let sign = if x == y { 0.0 } else { (x - y).signum() };
-            // In units of a pixel's share: slopes are up to 2 / C2 = 2200 and cancel between the three, which leaves
-            // 2200 · 2u of rounding.
+            // In units of a pixel's share: slopes are up to 2 / C2 = 2200 and cancel between the three: 2200 · 2u.
             let unit = if weight > 0.0 { weight } else { 1.0 };
             found.push(f64::from(all[place]) * unit);
             let terms = (1.0 - lambda) * sign - lambda * d_ssim;
@@ -490,6 +495,7 @@ pub fn differentiate<'a>(
             photo: &photo,
             ssim_slope: &ssim_slope,
             d_image: &d_image,
+            ignored: &ignored,
         };
         kernel.record(rec, io, params, Groups::Count(tiles));
     }))

@@ -15,6 +15,7 @@ pub mod linearize;
 pub mod loss;
 pub mod overlay;
 pub mod perturb;
+pub mod photo_sums;
 pub mod plan;
 pub mod pose_gradient;
 pub mod present;
@@ -64,6 +65,7 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     time(bench, Workgroups::FIXED, "visible", plan::usual)?;
     sort::run(bench)?;
     loss::run(bench)?;
+    photo_sums::run(bench)?;
     for (count, size, sigma) in [(50_000, [480, 272], 3.0), (20_000, [1920, 1080], 60.0)] {
         let name = format!("{count}/{}x{}", size[0], size[1]);
         let make = |gpu: &Gpu| expand::scattered(gpu, count, size, sigma);
