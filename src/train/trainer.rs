@@ -338,13 +338,6 @@ impl<'a> Trainer<'a> {
         mean_up(&cameras.collect::<Vec<Camera>>())
     }
 
-    /// Statistics of density control since the last refinement; waits for the last step begun.
-    pub fn statistics(&mut self) -> Result<Vec<[f32; 4]>> {
-        self.settle()?;
-        let statistics = self.state.download_statistics(&self.gpu);
-        statistics.map_err(|e| e.at_step(self.iteration))
-    }
-
     fn submit(&mut self, iteration: u32) -> Result<StepInFlight> {
         let index = schedule::view(&self.config, self.views.len(), iteration);
         let (dataset, camera) = match &self.halved {

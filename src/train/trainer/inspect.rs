@@ -1,4 +1,4 @@
-//! Access to a trainer's internals for tests and measurements of single steps, hidden from the documentation.
+//! Access to a trainer's internals; that for tests and measurements of single steps is hidden from the documentation.
 
 use super::Trainer;
 use crate::Result;
@@ -6,6 +6,13 @@ use crate::render::Capacity;
 use crate::train::state::Planes;
 
 impl Trainer<'_> {
+    /// Statistics of density control since the last refinement; waits for the last step begun.
+    pub fn statistics(&mut self) -> Result<Vec<[f32; 4]>> {
+        self.settle()?;
+        let statistics = self.state.download_statistics(&self.gpu);
+        statistics.map_err(|e| e.at_step(self.iteration))
+    }
+
     /// Keeps all gradients of the next steps, for [`Trainer::gradients`], until sizes change.
     #[doc(hidden)]
     pub fn keep_gradients(&mut self) -> Result<()> {

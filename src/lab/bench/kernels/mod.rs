@@ -11,6 +11,7 @@ pub mod delinearize;
 pub mod expand;
 pub mod gather;
 pub mod gradient;
+mod image_pair;
 pub mod linearize;
 pub mod loss;
 pub mod overlay;

@@ -1,6 +1,6 @@
 //! Cases of the sums that the states of photographs follow from: gains, and residuals of patches.
 
-use super::loss::{ImagePair, PATCH, PATCH_SHIFT};
+use super::image_pair::{ImagePair, PATCH, PATCH_SHIFT};
 use super::{KernelCase, Workgroups, time};
 use crate::Result;
 use crate::gpu::{Gpu, Groups};
