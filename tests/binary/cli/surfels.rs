@@ -46,7 +46,13 @@ fn surfels_are_drawn_meshed_and_exported() {
             "--show",
             show,
         ]);
-        assert_eq!(fs::read_dir(&out).map(Iterator::count).unwrap_or(0), 12);
+        let files = fs::read_dir(&out).unwrap().map(|file| file.unwrap().path());
+        assert_eq!(
+            files
+                .filter(|path| path.extension().is_some_and(|e| e == "png"))
+                .count(),
+            12
+        );
     }
     let mesh = path("mesh.ply");
     stdout(&["mesh", word(&scene), data, "--out", word(&mesh)]);
