@@ -94,10 +94,10 @@ impl DepthSweep<'_> {
             .copied()
             .reduce(|best, next| if next.0 < best.0 { next } else { best })?;
         let worst = errors.iter().fold(0.0, |worst: f64, error| worst.max(error.0));
-        let is_plain = worst - best.0 >= CONTRAST_MIN;
+        let stands_out = worst - best.0 >= CONTRAST_MIN;
         let position = self.own.camera.position + depth_at(best.1) * self.own.camera.ray_from_pixel(middle);
         let color = self.own.color(middle)?;
-        is_plain.then(|| Point {
+        stands_out.then(|| Point {
             position: position.to_array(),
             color: color.as_vec3().to_array(),
         })
