@@ -24,10 +24,10 @@ test: setup lints examples
 	cargo test $(TESTED) --test device -- $(HALF) >target/device-1.log 2>&1 & first=$$!; \
 	cargo test $(TESTED) --test device -- $(HALF:%=--skip %) >target/device-2.log 2>&1 & second=$$!; \
 	cargo test $(TESTED) --lib --bins --test host --test binary --test slow; failed=$$?; \
+	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large:: || failed=1; \
 	wait $$first || failed=1; wait $$second || failed=1; \
 	cat target/device-1.log target/device-2.log; exit $$failed
 	cargo test $(TESTED) --doc
-	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large::
 
 # The programs of `examples`, run; pictures go to out/examples.
 examples: setup
