@@ -57,7 +57,7 @@ impl PictureForm {
     }
 }
 
-/// PixelColors for people, 0 to 1, with straight alpha.
+/// Colours for people, 0 to 1, with straight alpha.
 enum PixelColors {
     Opaque(Vec<[f32; 3]>),
     Transparent(Vec<[f32; 4]>),

@@ -1,9 +1,8 @@
 //! Sweeps of surfels: edge-on, thin, through the camera and behind it, far from the origin.
 
-use super::outcome::{CheckGroup, Sweep, SweepPoint};
-use super::{OF_RANGE, StressRun, subject, thumbnail};
+use super::sweeps::sweep_pictures;
+use super::{StressRun, subject};
 use crate::Result;
-use crate::lab::page::short_number;
 use crate::reference::frame::{center, project_all, sorted};
 use crate::reference::linear::{dot, normalize};
 use crate::reference::rasterize::{discontinuity_margin, rasterize, weights};
@@ -132,8 +131,8 @@ impl SurfelStage {
         self.renderer.render(&Model::upload(lab.gpu, splats)?, camera, &options)
     }
 
-    /// Compares the picture at every value of a parameter with the reference, in a quick run at every third. The texts
-    /// are title, parameter and caption.
+    /// Compares the picture at every value of a parameter with the reference. The texts are title, parameter and
+    /// caption.
     fn sweep(
         &mut self,
         lab: &mut StressRun<'_>,
@@ -141,26 +140,13 @@ impl SurfelStage {
         values: &[f64],
         scene: impl Fn(f64) -> (Splats, Camera),
     ) -> Result<()> {
-        let (mut points, mut thumbnails) = (Vec::new(), Vec::new());
-        for &x in values.iter().step_by(if lab.plan.is_quick { 3 } else { 1 }) {
+        let texts = [title, parameter, "", caption];
+        sweep_pictures(lab, texts, values.iter().copied(), |lab, x| {
             let (splats, camera) = scene(x);
             let image = self.draw(lab, &splats, &camera)?;
-            let [measured, bound] = compare(&image, &exact(lab, splats), &camera, lab.plan.pixels);
-            points.push(SweepPoint { x, measured, bound });
-            thumbnails.push(thumbnail(short_number(x), &image));
-        }
-        let sweep = Sweep {
-            group: CheckGroup::Sweeps,
-            title,
-            parameter,
-            is_log: true,
-            quantity: "error, of 1",
-            caption,
-            points,
-            thumbnails,
-        };
-        lab.sweep(sweep, OF_RANGE);
-        Ok(())
+            let errors = compare(&image, &exact(lab, splats), &camera, lab.plan.pixels);
+            Ok((image, errors))
+        })
     }
 }
 

@@ -5,23 +5,37 @@ use super::{OF_RANGE, StressRun, StressScene, subject, thumbnail};
 use crate::Result;
 use crate::lab::bench::input::random::single;
 use crate::lab::page::short_number;
+use crate::render::RenderedImage;
 use crate::scene::Splats;
 use glam::DVec3;
 
-/// Compares the picture at every value of a parameter with the reference, in a quick run at every third. `texts` are
-/// title, parameter, sign before its values, and caption.
+/// Compares the subject's picture at every value of a parameter with the reference. The texts are those of
+/// [`sweep_pictures`].
 fn sweep(
     lab: &mut StressRun<'_>,
-    [title, parameter, sign, caption]: [&'static str; 4],
+    texts: [&'static str; 4],
     values: impl IntoIterator<Item = f64>,
     change: impl Fn(&mut StressScene, f64),
 ) -> Result<()> {
-    let (mut points, mut thumbnails) = (Vec::new(), Vec::new());
-    for x in values.into_iter().step_by(if lab.plan.is_quick { 3 } else { 1 }) {
+    sweep_pictures(lab, texts, values, |lab, x| {
         let mut scene = lab.subject.clone();
         change(&mut scene, x);
         let camera = subject::exact(scene.camera());
-        let (image, [measured, bound]) = lab.look(&scene, &camera)?;
+        lab.look(&scene, &camera)
+    })
+}
+
+/// Takes a picture, its error and the error's bound at every value of a parameter, in a quick run at every third. The
+/// texts are title, parameter, sign before its values, and caption.
+pub(super) fn sweep_pictures(
+    lab: &mut StressRun<'_>,
+    [title, parameter, sign, caption]: [&'static str; 4],
+    values: impl IntoIterator<Item = f64>,
+    mut look: impl FnMut(&mut StressRun<'_>, f64) -> Result<(RenderedImage, [f64; 2])>,
+) -> Result<()> {
+    let (mut points, mut thumbnails) = (Vec::new(), Vec::new());
+    for x in values.into_iter().step_by(if lab.plan.is_quick { 3 } else { 1 }) {
+        let (image, [measured, bound]) = look(lab, x)?;
         points.push(SweepPoint { x, measured, bound });
         thumbnails.push(thumbnail(format!("{sign}{}", short_number(x)), &image));
     }
