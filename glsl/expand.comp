@@ -66,7 +66,7 @@ void main() {
     Cover cover = cover_of(shape, whiten, plane, depth, rows);
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = columns_of(cover, row);
-        uint begin_of_row = uint(row) * view.tiles.x;
+        uint begin_of_row = (uint(row) - view.first_row / TILE_HEIGHT) * view.tiles.x;
         // Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest image that it binds has
         // 65,536 tiles.
         for (int column = columns.x; column <= columns.y && next < end; column += 2) {

@@ -7,6 +7,9 @@
 
 // Loss terms of a render and its photograph: L1, SSIM and squared error per tile, and SSIM's derivatives.
 //
+// Of a photograph in bands, the drawn rows are those that count and a halo, whose windows reach the counted ones; their
+// slopes are written, and their loss is not counted.
+//
 // One workgroup per tile and all three channels, one after the other. The window is separable: a lane slides it along a
 // strip of a row, then down a strip of a column, held in registers. Values are shifted by one pixel of the photograph,
 // so that variances of flat bright tiles do not cancel. SSIM needs only the sum of the two variances, hence four
@@ -37,6 +40,11 @@ layout(push_constant, scalar) uniform Push {
     uvec2 offset;        // first window of the lattice, less than STRIDE
     uint patch_shift;    // log2 of a patch's pixels along a side
     uint patch_columns;  // patches in a row
+    uint photo_first;    // place of the first drawn pixel in the photograph's part
+    uint photo_rows;     // rows of the photograph from the first drawn one on
+    uvec2 counted;       // drawn rows that count, and the end of those; whole tiles
+    uint tile_row;       // row of the first tile, which may lie above the first drawn one
+    uint tile_rows;      // rows of tiles
 } push;
 
 // Pixels that the windows of a strip read.
@@ -66,7 +74,7 @@ struct Channel {
 
 // Weight of a pixel's patch.
 float kept(uint x, uint y) {
-    uint place = patch_at(x, y, push.patch_shift, push.patch_columns);
+    uint place = patch_at(x, view.first_row + y, push.patch_shift, push.patch_columns);
     return kept_by(ignored[word_of(place)], place);
 }
 
@@ -77,13 +85,29 @@ vec3 pair_at(uint x, uint y, Channel c) {
     uint row = y < size.y ? y : 0;
     uint column = min(x, size.x - 1);
     uint pixel = row * size.x + column;
-    uint rgba = photo[pixel];
+    uint rgba = photo[push.photo_first + pixel];
     float weight = inside ? weight_of(rgba, alpha_mode) : 0.0;
     if (WITH_IGNORED != 0) weight *= kept(column, row);
     float value = image[c.index * pixels + pixel];
     float goal = target_of(rgba, c.index, alpha_mode, c.background);
     if (WITH_EXPOSURE != 0) value = exposed(value, goal, c.gain, c.toe).x;
     return weight * vec3(value, goal, 1.0);
+}
+
+// The weighted photograph in the middle of a tile, which may lie outside the drawn rows.
+float shift_of(uvec2 corner, Channel c) {
+    uvec2 middle = corner + uvec2(LOSS_TILE_WIDTH, LOSS_TILE_HEIGHT) / 2;
+    uint x = min(middle.x, size.x - 1);
+    uint y = uint(min(int(middle.y), int(push.photo_rows) - 1));
+    uint rgba = photo[push.photo_first + y * size.x + x];
+    float weight = weight_of(rgba, alpha_mode);
+    if (WITH_IGNORED != 0) weight *= kept(x, y);
+    return weight * target_of(rgba, c.index, alpha_mode, c.background);
+}
+
+// True if a row from `begin` to `end` is at most `reach` rows from the counted ones.
+bool matters(uint begin, uint end, int reach) {
+    return int(end) > int(push.counted.x) - reach && int(begin) < int(push.counted.y) + reach;
 }
 
 // Loss terms of a pixel without SSIM.
@@ -156,29 +180,32 @@ void main() {
     alpha_mode = push.alpha_mode;
     pixels = size.x * size.y;
     const uvec2 extent = uvec2(LOSS_TILE_WIDTH, LOSS_TILE_HEIGHT);
-    uvec2 tiles = (size + extent - 1) / extent;
+    uint columns = (size.x + extent.x - 1) / extent.x;
     uint tile = group_index();
-    if (tile >= tiles.x * tiles.y) return;
-    uvec2 corner = uvec2(tile % tiles.x, tile / tiles.x) * extent;
-    uvec2 middle = min(corner + extent / 2, size - 1);
+    if (tile >= columns * push.tile_rows) return;
+    uvec2 corner = uvec2(tile % columns, tile / columns) * extent + uvec2(0, push.tile_row);
     uint lane = gl_LocalInvocationID.x;
     vec4 loss = vec4(0.0);
     for (uint index = 0; index < 3; ++index) {
         Channel c = Channel(index, view.background[index], 0.0, push.gain[index], push.toe[index]);
-        c.shift = pair_at(middle.x, middle.y, c).y;
+        c.shift = shift_of(corner, c);
         // Tested at the end: some software devices run a body once more, without active lanes, to find that a loop is
         // over.
         uint i = lane;
         if (WITH_SSIM != 0) do {
-            if (i < ROW_STRIPS) loss += slide_along_row(corner, i % WINDOW_SPAN, i / WINDOW_SPAN * STRIP, c);
+            uint row = i % WINDOW_SPAN;
+            uint y = corner.y + row - WINDOW_REACH;
+            bool read = i < ROW_STRIPS && matters(y, y + 1, int(2 * WINDOW_REACH));
+            if (read) loss += slide_along_row(corner, row, i / WINDOW_SPAN * STRIP, c);
             i += WORKGROUP;
         } while (i < ROW_STRIPS);
         barrier();
         i = lane;
         do {
-            if (i < COLUMN_STRIPS) {
-                loss += slide_down_column(corner, i % COLUMNS, i / COLUMNS * STRIP, c);
-            }
+            uint begin = i / COLUMNS * STRIP;
+            uint y = corner.y + STRIDE * begin;
+            bool read = i < COLUMN_STRIPS && matters(y, y + STRIDE * STRIP, int(WINDOW_REACH));
+            if (read) loss += slide_down_column(corner, i % COLUMNS, begin, c);
             i += WORKGROUP;
         } while (i < COLUMN_STRIPS);
         barrier();
@@ -188,5 +215,6 @@ void main() {
     if (lane != 0) return;
     vec4 total = vec4(0.0);
     for (uint i = 0; i < WORKGROUP; ++i) total += lane_loss[i];
-    loss_from_tile[tile] = total;
+    bool counts = corner.y >= push.counted.x && corner.y < push.counted.y;
+    loss_from_tile[tile] = counts ? total : vec4(0.0);
 }

@@ -36,6 +36,9 @@ layout(push_constant, scalar) uniform Push {
     uvec2 offset;        // first window of the lattice, less than STRIDE
     uint patch_shift;    // log2 of a patch's pixels along a side
     uint patch_columns;  // patches in a row
+    uint photo_first;    // place of the first drawn pixel in the photograph's part
+    uint tile_row;       // row of the first tile among the drawn ones
+    uint tile_rows;      // rows of tiles
 } push;
 
 // Rows of windows that reach a tile, and windows that reach a strip.
@@ -88,10 +91,10 @@ void slide_along_row(uvec2 corner, uint row, uint begin, uint channel) {
 void store(uvec2 at, uint channel, vec3 sums) {
     uint pixel = at.y * size.x + at.x;
     uint place = channel * size.x * size.y + pixel;
-    uint rgba = photo[pixel];
+    uint rgba = photo[push.photo_first + pixel];
     float weight = weight_of(rgba, push.alpha_mode);
     if (WITH_IGNORED != 0) {
-        uint square = patch_at(at.x, at.y, push.patch_shift, push.patch_columns);
+        uint square = patch_at(at.x, view.first_row + at.y, push.patch_shift, push.patch_columns);
         weight *= kept_by(ignored[word_of(square)], square);
     }
     float x = image[place];
@@ -122,10 +125,10 @@ void slide_down_column(uvec2 corner, uint column, uint begin, uint channel) {
 void main() {
     size = view.size;
     const uvec2 extent = uvec2(LOSS_TILE_WIDTH, LOSS_TILE_HEIGHT);
-    uvec2 tiles = (size + extent - 1) / extent;
+    uint columns = (size.x + extent.x - 1) / extent.x;
     uint tile = group_index();
-    if (tile >= tiles.x * tiles.y) return;
-    uvec2 corner = uvec2(tile % tiles.x, tile / tiles.x) * extent;
+    if (tile >= columns * push.tile_rows) return;
+    uvec2 corner = uvec2(tile % columns, tile / columns) * extent + uvec2(0, push.tile_row);
     uint lane = gl_LocalInvocationID.x;
     for (uint channel = 0; channel < 3; ++channel) {
         // Tested at the end: some software devices run a body once more, without active lanes, to find that a loop is

@@ -29,6 +29,8 @@ layout(push_constant, scalar) uniform Push {
     vec3 toe;            // slopes on the curve's toe, gain^2.4
     uint patch_shift;    // log2 of a patch's pixels along a side
     uint patch_columns;  // patches in a row
+    uint photo_first;    // place of the first drawn pixel in the photograph's part
+    uvec2 counted;       // drawn rows that count, and the end of those
 } push;
 
 // Levels up to 13 lie on the toe or near it.
@@ -43,19 +45,21 @@ shared vec4 lane_squares[WORKGROUP];
 void main() {
     uint pixels = view.size.x * view.size.y;
     uint group = group_index();
-    uint first = group * EXPOSURE_PIXELS;
-    if (first >= pixels) return;
+    uint first = push.counted.x * view.size.x + group * EXPOSURE_PIXELS;
+    uint end = push.counted.y * view.size.x;
+    if (first >= end) return;
     uint lane = gl_LocalInvocationID.x;
     vec4 products = vec4(0.0);
     vec4 squares = vec4(0.0);
     for (uint i = lane; i < EXPOSURE_PIXELS; i += WORKGROUP) {
         uint pixel = first + i;
-        if (pixel >= pixels) break;
-        uint rgba = photo[pixel];
+        if (pixel >= end) break;
+        uint rgba = photo[push.photo_first + pixel];
         float alpha = channel_of(rgba, 3);
         float coverage = push.alpha_mode == ALPHA_MASKS ? alpha : float(alpha == 1.0);
         if (WITH_IGNORED != 0) {
-            uint place = patch_at(pixel % view.size.x, pixel / view.size.x, push.patch_shift, push.patch_columns);
+            uint row = view.first_row + pixel / view.size.x;
+            uint place = patch_at(pixel % view.size.x, row, push.patch_shift, push.patch_columns);
             coverage *= kept_by(ignored[word_of(place)], place);
         }
         for (uint c = 0; c < 3; ++c) {

@@ -6,7 +6,8 @@
 // Sums of the residuals, render minus photograph, in each patch of a photograph: red, green, blue, and their weight.
 //
 // One workgroup per patch; lanes add in a fixed order. Detail that the render has not yet cancels within a patch;
-// an object that only this photograph shows does not. Patches that the loss leaves out are summed all the same.
+// an object that only this photograph shows does not. Patches that the loss leaves out are summed all the same. Rows that
+// do not count add nothing.
 
 layout(constant_id = 0) const uint WORKGROUP = 32;
 // 1: the render is compared under the photograph's exposure.
@@ -24,6 +25,8 @@ layout(push_constant, scalar) uniform Push {
     vec3 toe;            // and slopes on the curve's toe
     uint patch_shift;    // log2 of a patch's pixels along a side
     uint patch_columns;  // patches in a row
+    uint photo_first;    // place of the first drawn pixel in the photograph's part
+    uvec2 counted;       // drawn rows that count, and the end of those
 } push;
 
 shared vec4 lane_sum[WORKGROUP];
@@ -34,14 +37,16 @@ void main() {
     uint edge = 1u << push.patch_shift;
     uint group = group_index();
     uvec2 corner = uvec2(group % push.patch_columns, group / push.patch_columns) << push.patch_shift;
-    if (corner.y >= size.y) return;
     uint lane = gl_LocalInvocationID.x;
     vec4 sum = vec4(0.0);
-    for (uint i = lane; i < edge * edge; i += WORKGROUP) {
+    // Rows above the first drawn one wrap to large numbers, which do not count either.
+    corner.y -= view.first_row;
+    bool counts = int(corner.y + edge) > int(push.counted.x) && int(corner.y) < int(push.counted.y);
+    for (uint i = lane; counts && i < edge * edge; i += WORKGROUP) {
         uvec2 at = corner + uvec2(i & (edge - 1), i >> push.patch_shift);
-        if (any(greaterThanEqual(at, size))) continue;
+        if (at.x >= size.x || at.y < push.counted.x || at.y >= push.counted.y) continue;
         uint pixel = at.y * size.x + at.x;
-        uint rgba = photo[pixel];
+        uint rgba = photo[push.photo_first + pixel];
         float weight = weight_of(rgba, push.alpha_mode);
         for (uint c = 0; c < 3; ++c) {
             float x = image[c * pixels + pixel];

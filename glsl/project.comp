@@ -121,7 +121,7 @@ uint tiles_of(vec4 shape, vec2 whiten, vec3 plane, float depth) {
         if (WITH_LIMIT == 0) {
             count += uint(columns.y - columns.x + 1);
         } else {
-            count += tiles_before(depth, uint(row) * view.tiles.x, columns);
+            count += tiles_before(depth, (uint(row) - view.first_row / TILE_HEIGHT) * view.tiles.x, columns);
         }
     }
     return count;

@@ -13,7 +13,8 @@
 // One invocation per splat, given by its slot among the parameters. A splat's records are contiguous and are summed in
 // order, so that the result is the same in every run. The projection is recomputed, not stored. Also updates the
 // statistics for density control. If the frame took several bands, the records are those of one band, with all records
-// of its splats; splats of other bands are skipped.
+// of its splats; splats of other bands are skipped. If the picture is in parts, the sums of records are kept in the place of
+// the gradient until all parts are added.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
@@ -36,7 +37,7 @@ layout(set = 0, binding = 7, scalar) readonly buffer Rests { vec2 blue_depth_fro
 layout(set = 0, binding = 8, scalar) readonly buffer ShapeGradients { vec4 d_shape_from_source[]; };
 layout(set = 0, binding = 9, scalar) readonly buffer ToneGradients { vec4 d_tone_from_source[]; };
 layout(set = 0, binding = 10, scalar) readonly buffer RestGradients { float d_rest_from_source[]; };
-layout(set = 0, binding = 11, scalar) writeonly buffer Gradients { vec4 d_params[]; };
+layout(set = 0, binding = 11, scalar) buffer Gradients { vec4 d_params[]; };
 layout(set = 0, binding = 12, scalar) buffer Statistics { vec4 statistics[]; };
 layout(set = 0, binding = 13, scalar) readonly buffer Index { uint splat_from_slot[]; };
 
@@ -47,6 +48,7 @@ layout(push_constant, scalar) uniform Push {
     float scale_penalty;    // added to dL/d scale of every splat and axis
     float size_penalty;     // times the scale, likewise: the derivative of half the squared scale
     uint banded;            // not 0: a visible splat with begin NOT_LISTED belongs to another band
+    uint part;              // PART_*
 } push;
 
 struct Gradient {
@@ -97,12 +99,30 @@ void add_record(uint source, inout Sums sum, inout SurfelSums more, inout vec4 b
     }
 }
 
+// Sums of a splat's records so far, in the place of its gradient.
+Sums kept_sums(uint slot, out SurfelSums more, out vec4 by_surface) {
+    vec4 rest = d_params[2 * push.stride + slot];
+    more = SurfelSums(rest.yzw, d_params[3 * push.stride + slot].xy);
+    by_surface = d_params[4 * push.stride + slot];
+    return Sums(d_params[slot], d_params[push.stride + slot], rest.x);
+}
+
+void keep_sums(uint slot, Sums sum, SurfelSums more, vec4 by_surface) {
+    d_params[slot] = sum.shape;
+    d_params[push.stride + slot] = sum.tone;
+    d_params[2 * push.stride + slot] = vec4(sum.rest, more.tilt);
+    d_params[3 * push.stride + slot] = vec4(more.spot, 0.0, 0.0);
+    d_params[4 * push.stride + slot] = by_surface;
+}
+
 // A splat's records, summed in order. Two per iteration: llvmpipe leaves loops after 65,535 iterations, and the largest
 // image that it binds has 65,536 tiles.
-Sums sum_of_records(uint splat, uint tile_count, out SurfelSums more, out vec4 by_surface) {
+Sums sum_of_records(uint slot, uint splat, uint tile_count, out SurfelSums more, out vec4 by_surface) {
     Sums sum = Sums(vec4(0.0), vec4(0.0), 0.0);
     more = SurfelSums(vec3(0.0), vec2(0.0));
     by_surface = vec4(0.0);
+    if (push.part >= PART_NEXT) sum = kept_sums(slot, more, by_surface);
+    if (push.part == PART_END) return sum;
     uint begin = emitted_from_splat[splat];
     uint end = begin + tile_count;
     for (uint source = begin; source < end; source += 2) {
@@ -156,7 +176,7 @@ FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world,
 vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout Gradient gradient, out Seen seen) {
     SurfelSums more;
     vec4 by_surface;
-    Sums records = sum_of_records(splat, tile_count, more, by_surface);
+    Sums records = sum_of_records(slot, splat, tile_count, more, by_surface);
     vec4 mean = params[slot];
     vec4 rotation = params[push.stride + slot];
     vec3 offset = mean.xyz - view.position;
@@ -211,6 +231,16 @@ vec2 visible_backward(uint slot, uint splat, uint tile_count, vec3 scale, inout 
     return d.mean_pixel;
 }
 
+// Adds the records of one part of the picture to those of the parts before.
+void add_part(uint slot, uint splat, uint tile_count) {
+    if (tile_count == 0 && push.part == PART_NEXT) return;
+    SurfelSums more = SurfelSums(vec3(0.0), vec2(0.0));
+    vec4 by_surface = vec4(0.0);
+    Sums sum = Sums(vec4(0.0), vec4(0.0), 0.0);
+    if (tile_count != 0) sum = sum_of_records(slot, splat, tile_count, more, by_surface);
+    keep_sums(slot, sum, more, by_surface);
+}
+
 void main() {
     uint slot = global_index();
     if (slot >= push.splat_count || counts[COUNT_FAILED] != 0) return;
@@ -218,6 +248,10 @@ void main() {
     if (INDEXED != 0) splat = splat_from_slot[slot];
     uint tile_count = tile_count_from_splat[splat];
     if (push.banded != 0 && tile_count != 0 && emitted_from_splat[splat] == NOT_LISTED) return;
+    if (push.part == PART_FIRST || push.part == PART_NEXT) {
+        add_part(slot, splat, tile_count);
+        return;
+    }
     vec3 scale = exp(params[2 * push.stride + slot].xyz);
     if (SURFEL != 0) scale.z = 0.0;
     float opacity = sigmoid(params[slot].w);

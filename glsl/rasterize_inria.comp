@@ -57,10 +57,11 @@ bool blend(uint isect, uvec2 in_tile, uvec2 corner) {
 
 void composite(uint tile) {
     uint lane = gl_LocalInvocationID.x;
-    uvec2 corner = uvec2(tile % view.tiles.x, tile / view.tiles.x) * uvec2(TILE_WIDTH, TILE_HEIGHT);
+    uvec2 drawn = uvec2(tile % view.tiles.x, tile / view.tiles.x) * uvec2(TILE_WIDTH, TILE_HEIGHT);
     uvec2 in_tile = uvec2(lane % TILE_WIDTH, lane / TILE_WIDTH);
-    uvec2 at = corner + in_tile;
+    uvec2 at = drawn + in_tile;
     if (any(greaterThanEqual(at, view.size))) return;
+    uvec2 corner = drawn + uvec2(0, view.first_row);
     uvec2 range = range_from_tile[tile];
     // Two per iteration, to halve the iterations that a software device counts.
     for (uint isect = range.x; isect < range.y; isect += 2) {

@@ -24,6 +24,7 @@ layout(set = 0, binding = 3, scalar) buffer ImageGradient { float d_image[]; };
 layout(push_constant, scalar) uniform Push {
     float normal_scale;  // weight of the consistency of a pixel
     float spread_scale;  // weight of the spread of a pixel
+    uvec2 counted;       // drawn rows that count, and the end of those; the gradient of others is 0
 } push;
 
 // Largest step of depth to a neighbour, in footprints (depth / focal length): surfaces at up to 80.5 degrees.
@@ -46,7 +47,7 @@ float depth_of(ivec2 at) {
 }
 
 vec3 ray_of(ivec2 at) {
-    return vec3((vec2(at) + 0.5 - view.center) / view.focal, 1.0);
+    return vec3((vec2(at + ivec2(0, view.first_row)) + 0.5 - view.center) / view.focal, 1.0);
 }
 
 // Gradients of the term of the pixel `c` steps from this one.
@@ -103,10 +104,24 @@ void store_spread(uint pixel, float coverage) {
     store(SPREAD_OWN, pixel, max(square - mean * mean, 0.0));
 }
 
+void store_nothing(uint pixel) {
+    store(D_COVERAGE, pixel, 0.0);
+    store(D_DEPTH, pixel, 0.0);
+    [[unroll]] for (uint axis = 0; axis < 3; ++axis) store(D_NORMAL + axis, pixel, 0.0);
+    if (WITH_SPREAD == 0) return;
+    store(D_SPREAD, pixel, 0.0);
+    store(SPREAD_CENTER, pixel, 1.0);
+    store(SPREAD_OWN, pixel, 0.0);
+}
+
 void main() {
     uint index = global_index();
     if (index >= view.size.x * view.size.y) return;
     ivec2 pixel = ivec2(index % view.size.x, index / view.size.x);
+    if (uint(pixel.y) < push.counted.x || uint(pixel.y) >= push.counted.y) {
+        store_nothing(index);
+        return;
+    }
     [[unroll]] for (int y = -2; y <= 2; ++y) {
         [[unroll]] for (int x = -2; x <= 2; ++x) {
             depths[y + 2][x + 2] = abs(x) + abs(y) <= 2 ? depth_of(pixel + ivec2(x, y)) : 0.0;

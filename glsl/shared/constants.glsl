@@ -27,6 +27,13 @@ const uint D_COLOR_PLANE = 3;
 const uint DIRECTION_PLANE = 4;
 const uint GRADIENT_PLANES = 5;
 
+// Parts of a picture whose records are summed one after the other: all at once, the first, a further one, and none, for
+// the gradient from the sums.
+const uint PART_ALL = 0;
+const uint PART_FIRST = 1;
+const uint PART_NEXT = 2;
+const uint PART_END = 3;
+
 // Largest alpha, below 1 so that transmittance stays positive: 1 - 2^-16.
 const float ALPHA_MAX = 0.9999847412109375;
 

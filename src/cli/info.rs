@@ -15,6 +15,7 @@ use crate::io::LoadedSplats;
 use crate::io::splats::readable;
 use crate::render::{Blocks, Slots};
 use crate::scene::{Dataset, Split};
+use crate::train::BufferLimits;
 use crate::{Error, Result};
 use clap::Args;
 use serde_json::{Value, json};
@@ -87,14 +88,14 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
 
 fn predict(args: &InfoArgs) -> Result<Outcome> {
     let gpu = engine::open(&args.device)?;
-    let limit = gpu.memory_limit();
+    let (limit, limits) = (gpu.memory_limit(), BufferLimits::of(&gpu));
     let config = args.config.config(gpu.caps().kind)?;
     let prediction = match &args.path {
-        None => args.predict.on_numbers(&config, limit),
+        None => args.predict.on_numbers(&config, limits),
         Some(path) if is_scene(path) => args.predict.on_scene(&args.scene_options.read(path)?.splats)?,
         Some(path) => {
             let dataset = args.options.open(path, false)?;
-            args.predict.on_dataset(&dataset, &config, limit)
+            args.predict.on_dataset(&dataset, &config, limits)
         }
     };
     Output { json: args.json }.result(prediction.table(limit), || prediction.value());

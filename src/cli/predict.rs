@@ -7,7 +7,7 @@ use crate::render::{
 };
 use crate::scene::{Dataset, Primitive, Splats};
 use crate::simplify::controller_needs;
-use crate::train::{Residency, TrainConfig, TrainSize, splats_expected};
+use crate::train::{BufferLimits, Residency, TrainConfig, TrainSize, splats_expected};
 use crate::{Error, Result};
 use clap::Args;
 use serde_json::{Value, json};
@@ -133,18 +133,18 @@ impl Prediction {
 
 impl PredictArgs {
     /// Training on a data set.
-    pub(crate) fn on_dataset(&self, dataset: &Dataset, config: &TrainConfig, limit: u64) -> Prediction {
+    pub(crate) fn on_dataset(&self, dataset: &Dataset, config: &TrainConfig, limits: BufferLimits) -> Prediction {
         let first = match dataset.points.len() {
             0 => config.init.random_count as usize,
             points => points.min(config.splat_limit()),
         };
         let sky = if config.sky { config.shell.count as usize } else { 0 };
         let first = (first + sky).min(config.splat_limit());
-        self.training(TrainSize::of(dataset, config, limit, first), config, limit)
+        self.training(TrainSize::of(dataset, config, limits, first), config, limits)
     }
 
     /// Training on a number of photographs without a data set, or drawing.
-    pub(crate) fn on_numbers(&self, config: &TrainConfig, limit: u64) -> Prediction {
+    pub(crate) fn on_numbers(&self, config: &TrainConfig, limits: BufferLimits) -> Prediction {
         let splats = SPLATS.min(config.splat_limit());
         if self.photos.unwrap_or(0) == 0 {
             return self.drawing(of_degree(self.splats.unwrap_or(splats), config.sh_degree), config.kind);
@@ -156,10 +156,11 @@ impl PredictArgs {
             lower: [0; 3],
             isects: 0,
             image: SIZE,
+            binding: limits.binding,
             photos: Residency::default(),
             patches: 0,
         };
-        self.training(size, config, limit)
+        self.training(size, config, limits)
     }
 
     /// Drawing a scene.
@@ -197,17 +198,16 @@ impl PredictArgs {
         }
     }
 
-    fn training(&self, mut size: TrainSize, config: &TrainConfig, limit: u64) -> Prediction {
+    fn training(&self, mut size: TrainSize, config: &TrainConfig, limits: BufferLimits) -> Prediction {
         let photos = size.photos.resident + size.photos.streamed;
         if self.size.is_some() || self.photos.is_some() {
             size.image = self.size.unwrap_or(size.image);
             let sizes = std::iter::repeat_n(size.image, self.photos.unwrap_or(photos));
-            size.photos = Residency::of(sizes, config.photo_share, limit);
+            size.photos = Residency::of(sizes, config.photo_share, limits.memory);
         }
         let expected = splats_expected(config, size.splats);
         size.splats = self.splats.or(expected).unwrap_or(size.splats);
-        let usual = isects_expected(size.splats, size.image[0], size.image[1]);
-        size.isects = self.isects.unwrap_or(usual);
+        size.isects = self.isects.unwrap_or(size.pairs_expected());
         Prediction::of(size, None, self.parsimony)
     }
 }
@@ -215,6 +215,11 @@ impl PredictArgs {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const LIMITS: BufferLimits = BufferLimits {
+        memory: 1 << 30,
+        binding: 1 << 27,
+    };
 
     #[test]
     fn a_prediction_follows_the_settings_of_the_run() {
@@ -224,17 +229,17 @@ mod tests {
             size: Some([480, 270]),
             ..PredictArgs::default()
         };
-        let open = args.on_numbers(&config, 1 << 30);
+        let open = args.on_numbers(&config, LIMITS);
         assert!(open.per_splat.is_some_and(|more| more > 720.0));
         assert!(open.line(1 << 30).contains("each further 1,000"));
         let parsimonious = PredictArgs {
             parsimony: true,
             ..args.clone()
         };
-        let controlled = parsimonious.on_numbers(&config, 1 << 30);
+        let controlled = parsimonious.on_numbers(&config, LIMITS);
         assert!(total(&controlled.needs) > total(&open.needs));
         config.max_splats = Some(400_000);
-        let capped = args.on_numbers(&config, 1 << 30);
+        let capped = args.on_numbers(&config, LIMITS);
         assert_eq!(capped.splats, 400_000);
         // One photograph has 4 bytes a pixel, and a quarter of the memory holds all.
         let photos = capped.needs.iter().filter(|need| need.purpose == Purpose::Photos);
@@ -244,7 +249,7 @@ mod tests {
         assert!(capped.table(all - 1).ends_with("too little"));
         assert!(!capped.table(all).contains("too little"));
         // Without photographs the scene is only drawn.
-        let drawn = PredictArgs::default().on_numbers(&config, 1 << 30);
+        let drawn = PredictArgs::default().on_numbers(&config, LIMITS);
         assert!(drawn.what.starts_with("drawing 100,000 splats"), "{}", drawn.what);
         let mut needs = drawn.needs.iter();
         assert!(needs.all(|need| need.purpose != Purpose::Moments));

@@ -136,15 +136,9 @@ impl Forward {
     ) {
         let tiles = (view.tiles[0] * view.tiles[1]) as usize;
         let content = content.into();
-        let count = content.splat_count();
         let s = scratch;
-        rec.update(&s.view, 0, &[view_on(view, self.primitive)]);
-        rec.update(&s.counts, COUNT_SPLAT as usize, &[count as u32]);
-        for portion in content.portions() {
-            self.project(rec, &portion, s, sh_degree);
-        }
-        rec.timestamp("project");
-        self.order_by_depth(rec, s, count);
+        self.record_projection(rec, content, s, view, sh_degree);
+        self.order_by_depth(rec, s, content.splat_count());
         rec.timestamp("sort_depth");
         for band in 0..bands.count {
             self.list_band(rec, s, tiles, 1, (band, bands));
@@ -153,6 +147,24 @@ impl Forward {
                 replay.keep(rec, &s.counts, &s.isect_end_from_pixel, band as usize);
             }
         }
+    }
+
+    /// Records only the projection of the splats to the screen.
+    pub(crate) fn record_projection<'a>(
+        &self,
+        rec: &mut Recorder<'_>,
+        content: impl Into<FrameContent<'a>>,
+        s: &Scratch,
+        view: &View,
+        sh_degree: u32,
+    ) {
+        let content = content.into();
+        rec.update(&s.view, 0, &[view_on(view, self.primitive)]);
+        rec.update(&s.counts, COUNT_SPLAT as usize, &[content.splat_count() as u32]);
+        for portion in content.portions() {
+            self.project(rec, &portion, s, sh_degree);
+        }
+        rec.timestamp("project");
     }
 
     /// Lists a band's intersections by tile. `stage` of `plan`: 1 for the next band, 2 for one listed before.

@@ -58,5 +58,6 @@ pub fn view_of(camera: &Camera, options: &ViewOptions) -> View {
         background: options.background,
         dropout: 0,
         dropout_key: 0,
+        first_row: 0,
     }
 }

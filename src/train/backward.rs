@@ -12,7 +12,7 @@ use super::step::Step;
 use crate::Result;
 use crate::gpu::{Gpu, Groups, Readback, Recorder};
 use crate::kernels::{adam, adam_color, perturb};
-use crate::layout::GEOMETRY_PLANES;
+use crate::layout::{GEOMETRY_PLANES, PART_ALL};
 use crate::render::{Block, Forward, Model, Scratch};
 use crate::scene::Primitive;
 
@@ -64,8 +64,8 @@ impl Backward {
         self.geometry.as_ref().filter(|_| has_terms)
     }
 
-    /// Records the kernels of a step after the frame. With depth bands, gradients of all blocks exist at once, and
-    /// `state` must have buffers for them. Returns the residuals of the photograph's patches, if it has them.
+    /// Records the kernels of a step after the frame. With depth bands or parts, gradients of all blocks exist at
+    /// once, and `state` must have buffers for them. A step in parts is updated by [`Backward::record_end`]. Returns the residuals of the photograph's patches, if it has them.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder<'_>,
@@ -75,6 +75,11 @@ impl Backward {
         photo: &Bound,
         step: &Step<'_>,
     ) -> Result<Option<Readback<[f32; 4]>>> {
+        let is_whole = step.part == PART_ALL;
+        if !is_whole {
+            // Rows of the halo have no gradient.
+            rec.fill(&gradients.d_image, 0);
+        }
         let residuals = self.loss.record(rec, scratch, gradients, photo, step)?;
         let kernels = match self.geometry_at(step.geometry) {
             Some(pass) => {
@@ -90,8 +95,10 @@ impl Backward {
             // Block by block: only one block's gradients exist at a time.
             for block in blocks() {
                 kernels.record_project(rec, state, scratch, gradients, step, block);
-                self.pose.record(rec, state, scratch, step.sh_degree, block);
-                self.record_update(rec, state, scratch, step, block);
+                if is_whole {
+                    self.pose.record(rec, state, scratch, step.sh_degree, block);
+                    self.record_update(rec, state, scratch, step, block);
+                }
             }
             return Ok(residuals);
         };
@@ -105,11 +112,31 @@ impl Backward {
             kernels.record_rasterize(rec, scratch, gradients, step, (turn, ends));
             blocks().for_each(|b| kernels.record_project(rec, state, scratch, gradients, step, b));
         }
-        for block in blocks() {
+        for block in blocks().filter(|_| is_whole) {
             self.pose.record(rec, state, scratch, step.sh_degree, block);
             self.record_update(rec, state, scratch, step, block);
         }
         Ok(residuals)
+    }
+
+    /// Records the end of a step in parts: gradients from the sums of all parts' records, and the update. `step` is of
+    /// the whole photograph.
+    pub(crate) fn record_end(
+        &self,
+        rec: &mut Recorder<'_>,
+        state: &DeviceState,
+        scratch: &Scratch,
+        gradients: &Gradients,
+        step: &Step<'_>,
+    ) {
+        step.forward
+            .record_projection(rec, &state.model, scratch, step.view, step.sh_degree);
+        let kernels = self.geometry_at(step.geometry).map_or(&self.chain, |pass| &pass.chain);
+        for block in state.model.blocks.of(state.model.counts) {
+            kernels.record_project(rec, state, scratch, gradients, step, block);
+            self.pose.record(rec, state, scratch, step.sh_degree, block);
+            self.record_update(rec, state, scratch, step, block);
+        }
     }
 
     fn record_update(&self, rec: &mut Recorder<'_>, state: &DeviceState, s: &Scratch, step: &Step<'_>, block: Block) {

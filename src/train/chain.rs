@@ -10,6 +10,7 @@ use crate::gpu::{Buffer, Gpu, Groups, Recorder};
 use crate::kernels::project_backward::ProjectBackward;
 use crate::kernels::rasterize::Outputs;
 use crate::kernels::{project_backward, rasterize_backward, surface_loss};
+use crate::layout::PART_END;
 use crate::render::{Block, Forward, Model, Scratch, tile_stride};
 
 /// Gradients of compositing and of projection, for frames with some outputs.
@@ -55,8 +56,7 @@ impl GeometryPass {
 
     /// Gradient of the terms by the frame's surface.
     pub(super) fn record(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, step: &Step<'_>) {
-        let [width, height] = step.view.size;
-        let pixels = width as usize * height as usize;
+        let [pixels, drawn] = [step.size, step.view.size].map(|[width, height]| width as usize * height as usize);
         let [normal, spread] = step.geometry.map(|weight| (f64::from(weight) / pixels as f64) as f32);
         self.loss.record(
             rec,
@@ -69,8 +69,9 @@ impl GeometryPass {
             surface_loss::Params {
                 normal_scale: normal,
                 spread_scale: spread,
+                counted: step.rows.counted,
             },
-            self.loss.groups(pixels),
+            self.loss.groups(drawn),
         );
         rec.timestamp("surface_loss");
     }
@@ -135,7 +136,7 @@ impl ChainKernels {
         rec.timestamp("rasterize_backward");
     }
 
-    /// Gradients of a block's splats.
+    /// Gradients of a block's splats, or of a part of a photograph in parts the sums of their records.
     pub(super) fn record_project(
         &self,
         rec: &mut Recorder<'_>,
@@ -180,7 +181,8 @@ impl ChainKernels {
                 scale_penalty: penalties.scale / (state.model.primitive.scale_count() * count) as f32,
                 // Slope of a sum of squares: twice the weight.
                 size_penalty: 2.0 * penalties.size,
-                banded: s.replay.is_some().into(),
+                banded: u32::from(s.replay.is_some() && step.part != PART_END),
+                part: step.part,
             },
             kernel.groups(block.count),
         );

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES, POSE_SPLATS};
 use crate::render::{
-    Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Slots, buffers, of_degree, plane_count,
+    Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Purpose, Slots, buffers, of_degree, plane_count,
 };
 use crate::scene::{ScreenFilter, sh_basis, sh_coefficient_count};
 
@@ -55,6 +55,13 @@ impl DeviceState {
         [Model::needs(blocks), OptimizerBuffers::needs(blocks)].concat()
     }
 
+    /// Bytes of the gradients of all blocks beyond those of one: all exist at once if a photograph is drawn in bands.
+    pub(crate) fn further_gradients(room: ByDegree) -> Need {
+        let sizes = || gradient_sizes(Blocks::anywhere(room));
+        let further = sizes().sum::<usize>() - sizes().max().unwrap_or(0);
+        Need::new("gradients", Purpose::Gradients, size_of::<[f32; 4]>(), further)
+    }
+
     /// Maximum number of splats of a degree on the device: one binding must hold a vec4 per splat, and memory the
     /// parameters with their moments.
     pub(crate) fn splat_limit(gpu: &Gpu, sh_degree: u32) -> usize {
@@ -94,7 +101,10 @@ impl DeviceState {
 
     /// Gives every block its own gradient buffer, so that all gradients of a step exist at once.
     pub(crate) fn keep_gradients(&mut self, gpu: &Gpu) -> Result<()> {
-        let sizes = gradient_sizes(self.model.blocks).collect();
+        let sizes: Vec<usize> = gradient_sizes(self.model.blocks).collect();
+        if sizes.len() == self.buffers.gradients.len() {
+            return Ok(());
+        }
         self.buffers.gradients = Allocate::allocate(gpu, "gradients", sizes)?;
         Ok(())
     }

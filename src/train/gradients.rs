@@ -4,7 +4,9 @@ use super::transients::PATCH_WORDS;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, PART_ALIGNMENT};
 use crate::kernels::rasterize::Outputs;
-use crate::layout::{D_SPREAD_PLANES, D_SURFACE_PLANES, REST_SPOT, REST_SURFACE, REST_TILT};
+use crate::layout::{
+    D_SPREAD_PLANES, D_SURFACE_PLANES, REST_SPOT, REST_SURFACE, REST_TILT, SPREAD_PLANES, SURFACE_PLANES,
+};
 use crate::render::{Allocate, Capacity, Need, Purpose, buffers};
 
 buffers! {
@@ -39,6 +41,17 @@ fn slope_planes(outputs: Outputs) -> usize {
         (true, false) => D_SURFACE_PLANES as usize,
         (false, false) => 3,
     }
+}
+
+/// Bytes of a pixel in the largest array of a step.
+pub(crate) fn pixel_bytes(outputs: Outputs) -> u64 {
+    let slopes = 9;
+    let surface = match (outputs.surface, outputs.spread) {
+        (_, true) => SPREAD_PLANES as usize,
+        (true, false) => SURFACE_PLANES as usize,
+        (false, false) => 0,
+    };
+    4 * slopes.max(slope_planes(outputs)).max(surface) as u64
 }
 
 /// Gradients of every (splat, tile) pair in three arrays, in one buffer with the slopes of SSIM: these are last read

@@ -7,9 +7,9 @@ use super::schedule;
 use super::step::Step;
 use super::transients::PatchGrid;
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Groups, Readback, Recorder};
+use crate::gpu::{Buffer, Gpu, Groups, PART_ALIGNMENT, Readback, Recorder};
 use crate::kernels::{loss, loss_backward, loss_exposure, loss_residual, loss_sum};
-use crate::layout::{EXPOSURE_PIXELS, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH};
+use crate::layout::{EXPOSURE_PIXELS, LOSS_TILE_HEIGHT, LOSS_TILE_WIDTH, PART_ALL};
 use crate::render::Scratch;
 
 /// Value of `alpha_mode` that makes alpha a weight (`ALPHA_MASKS` in photo.glsl).
@@ -67,8 +67,10 @@ impl LossPass {
         photo: &Bound,
         step: &Step<'_>,
     ) -> Result<Option<Readback<[f32; 4]>>> {
-        let [width, height] = step.view.size;
-        let tiles = width.div_ceil(LOSS_TILE_WIDTH) * height.div_ceil(LOSS_TILE_HEIGHT);
+        let columns = step.view.size[0].div_ceil(LOSS_TILE_WIDTH);
+        let (photo_part, photo_first) = photo_part(photo, step);
+        let [own, reached] = tile_rows(step);
+        let tiles = columns * reached.1;
         let alpha_mode = alpha_mode(photo);
         let lambda = f64::from(step.config.lambda_dssim);
         let [gain, toe] = step.exposure;
@@ -78,7 +80,7 @@ impl LossPass {
             loss::Bindings {
                 view: &s.view,
                 image: &s.image,
-                photo: &photo.pixels,
+                photo: &photo_part,
                 ssim_slope: &g.records.ssim_slope,
                 loss_from_tile: &g.loss_from_tile,
                 ignored: &g.ignored,
@@ -90,6 +92,11 @@ impl LossPass {
                 offset: step.window_offset,
                 patch_shift,
                 patch_columns,
+                photo_first,
+                photo_rows: step.size[1] - step.rows.first,
+                counted: step.rows.counted,
+                tile_row: reached.0,
+                tile_rows: reached.1,
             },
             Groups::Count(tiles),
         );
@@ -106,7 +113,7 @@ impl LossPass {
             loss_backward::Bindings {
                 view: &s.view,
                 image: &s.image,
-                photo: &photo.pixels,
+                photo: &photo_part,
                 ssim_slope: &g.records.ssim_slope,
                 d_image: &g.d_image,
                 ignored: &g.ignored,
@@ -120,8 +127,11 @@ impl LossPass {
                 offset: step.window_offset,
                 patch_shift,
                 patch_columns,
+                photo_first,
+                tile_row: own.0,
+                tile_rows: own.1,
             },
-            Groups::Count(tiles),
+            Groups::Count(columns * own.1),
         );
         self.record_exposure(rec, s, g, photo, step);
         let residuals = self.record_residuals(rec, s, g, photo, step)?;
@@ -158,8 +168,9 @@ impl LossPass {
         let Some(kernel) = &self.loss_exposure else {
             return;
         };
-        let [width, height] = step.view.size;
-        let groups = (width * height).div_ceil(EXPOSURE_PIXELS);
+        let counted = step.rows.counted;
+        let groups = (step.view.size[0] * (counted[1] - counted[0])).div_ceil(EXPOSURE_PIXELS);
+        let (photo_part, photo_first) = photo_part(photo, step);
         let partials = g.records.ssim_slope.cast::<[f32; 4]>();
         let [gain, toe] = step.exposure;
         let (patch_shift, patch_columns) = grid(step);
@@ -168,7 +179,7 @@ impl LossPass {
             loss_exposure::Bindings {
                 view: &s.view,
                 image: &s.image,
-                photo: &photo.pixels,
+                photo: &photo_part,
                 sums_from_group: &partials,
                 ignored: &g.ignored,
             },
@@ -178,6 +189,8 @@ impl LossPass {
                 toe,
                 patch_shift,
                 patch_columns,
+                photo_first,
+                counted,
             },
             Groups::Count(groups),
         );
@@ -199,13 +212,14 @@ impl LossPass {
             return Ok(None);
         };
         let residuals = g.records.ssim_slope.cast::<[f32; 4]>();
+        let (photo_part, photo_first) = photo_part(photo, step);
         let [gain, toe] = step.exposure;
         kernel.record(
             rec,
             loss_residual::Bindings {
                 view: &s.view,
                 image: &s.image,
-                photo: &photo.pixels,
+                photo: &photo_part,
                 residual_from_patch: &residuals,
             },
             loss_residual::Params {
@@ -214,11 +228,37 @@ impl LossPass {
                 toe,
                 patch_shift: patches.shift,
                 patch_columns: patches.columns,
+                photo_first,
+                counted: step.rows.counted,
             },
             Groups::Count(patches.count() as u32),
         );
         rec.read_back(&residuals, 0..patches.count()).map(Some)
     }
+}
+
+/// The rows of the photograph that the drawn rows are compared with, a tile more on both sides, and the place of the
+/// first drawn pixel in them.
+fn photo_part(photo: &Bound, step: &Step<'_>) -> (Buffer<u32>, u32) {
+    if step.part == PART_ALL {
+        return (photo.pixels.clone(), 0);
+    }
+    let ([width, height], rows) = (step.size, step.rows);
+    let place = |row: u32| row as usize * width as usize;
+    let begin = place(rows.first.saturating_sub(LOSS_TILE_HEIGHT)) / PART_ALIGNMENT * PART_ALIGNMENT;
+    let end = place(height.min(rows.first + rows.rows + LOSS_TILE_HEIGHT));
+    (photo.pixels.part(begin..end), (place(rows.first) - begin) as u32)
+}
+
+/// First row and number of rows of the loss tiles that count, and of those with windows that reach them. The first row
+/// is relative to the drawn rows and may lie above them, as a negative number.
+fn tile_rows(step: &Step<'_>) -> [(u32, u32); 2] {
+    let ([begin, end], drawn) = (step.rows.counted, step.rows.rows);
+    let own = (begin, (end - begin).div_ceil(LOSS_TILE_HEIGHT));
+    let above = u32::from(begin > 0);
+    let below = u32::from(end < drawn);
+    let first = begin.wrapping_sub(above * LOSS_TILE_HEIGHT);
+    [own, (first, above + own.1 + below)]
 }
 
 fn alpha_mode(photo: &Bound) -> u32 {

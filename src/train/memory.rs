@@ -3,13 +3,15 @@
 
 use super::config::{StrategyKind, TrainConfig};
 use super::device::DeviceState;
-use super::gradients::Gradients;
+use super::gradients::{Gradients, pixel_bytes};
 use super::photos::Residency;
 use super::schedule;
 use super::transients::PatchGrid;
-use crate::gpu::{STAGING_BYTES, TRANSFER_BYTES};
+use crate::gpu::{Gpu, STAGING_BYTES, TRANSFER_BYTES};
 use crate::kernels::rasterize::Outputs;
-use crate::render::{ByDegree, Capacity, Need, Purpose, Scratch, isects_expected, of_degree, total};
+use crate::render::{
+    ByDegree, Capacity, Need, Purpose, RowBands, Scratch, binding_limit, isects_expected, of_degree, total,
+};
 use crate::scene::{Dataset, Split};
 
 /// Bytes of a step's sums that are read back beside residuals, about.
@@ -24,6 +26,40 @@ pub(crate) fn with_margin(isects: usize) -> usize {
     isects + isects / 8
 }
 
+/// Limits of a device that a run's buffers depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BufferLimits {
+    /// Bytes for all buffers.
+    pub memory: u64,
+    /// Largest range of a binding, bytes: larger photographs are drawn in bands of rows.
+    pub binding: u64,
+}
+
+impl BufferLimits {
+    /// Limits of a device.
+    pub fn of(gpu: &Gpu) -> BufferLimits {
+        BufferLimits {
+            memory: gpu.memory_limit(),
+            binding: binding_limit(gpu.caps()),
+        }
+    }
+}
+
+/// Bands of rows that a step draws a photograph in.
+pub(crate) fn row_bands(size: [u32; 2], outputs: Outputs, binding: u64) -> RowBands {
+    RowBands::for_training(size, pixel_bytes(outputs), binding)
+}
+
+/// Estimated (splat, tile) pairs of the largest band of a photograph.
+pub(crate) fn pairs_expected(splats: usize, bands: RowBands) -> usize {
+    let [width, height] = bands.size();
+    let all = isects_expected(splats, width, height);
+    match bands.count() {
+        1 => all,
+        _ => (all as f64 * f64::from(bands.drawn()[1]) / f64::from(height)) as usize,
+    }
+}
+
 /// Input of the memory formula.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainSize {
@@ -35,10 +71,12 @@ pub struct TrainSize {
     pub sh_degree: u32,
     /// Number of splats of degrees 0, 1 and 2, as far as below `sh_degree`.
     pub lower: [usize; 3],
-    /// Maximum number of (splat, tile) pairs of a frame.
+    /// Maximum number of (splat, tile) pairs of a frame, of a photograph in bands those of a band.
     pub isects: usize,
-    /// Width and height of the largest photograph, pixels.
+    /// Width and height of the photograph with the largest drawn part, pixels.
     pub image: [u32; 2],
+    /// Largest range of a binding, bytes.
+    pub binding: u64,
     /// Placement of the photographs.
     pub photos: Residency,
     /// Most patches of a photograph; 0 unless the run ignores transients.
@@ -46,23 +84,25 @@ pub struct TrainSize {
 }
 
 impl TrainSize {
-    /// Training with so many splats on a data set, on a device with `memory_limit` bytes for buffers; pairs are
-    /// estimated.
-    pub fn of(dataset: &Dataset, config: &TrainConfig, memory_limit: u64, splats: usize) -> TrainSize {
+    /// Training with so many splats on a data set, on a device with these limits; pairs are estimated.
+    pub fn of(dataset: &Dataset, config: &TrainConfig, limits: BufferLimits, splats: usize) -> TrainSize {
         let views = dataset.split(Split::Train);
         let sizes = views.iter().map(|&view| {
             let camera = &dataset.views[view].camera;
             [camera.width, camera.height]
         });
-        let area = |size: &[u32; 2]| u64::from(size[0]) * u64::from(size[1]);
-        let image = sizes.clone().max_by_key(area).unwrap_or([1, 1]);
+        let (outputs, binding) = (config.outputs(), limits.binding);
+        let area = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
+        let drawn = |&size: &[u32; 2]| (area(row_bands(size, outputs, binding).drawn()), area(size));
+        let image = sizes.clone().max_by_key(drawn).unwrap_or([1, 1]);
         TrainSize {
-            outputs: config.outputs(),
+            outputs,
             splats,
             sh_degree: config.sh_degree,
             lower: [0; 3],
-            isects: isects_expected(splats, image[0], image[1]),
+            isects: pairs_expected(splats, row_bands(image, outputs, binding)),
             image,
+            binding,
             patches: match config.ignore_transients {
                 true => sizes
                     .clone()
@@ -71,7 +111,7 @@ impl TrainSize {
                     .unwrap_or(0),
                 false => 0,
             },
-            photos: Residency::of(sizes, config.photo_share, memory_limit),
+            photos: Residency::of(sizes, config.photo_share, limits.memory),
         }
     }
 
@@ -98,10 +138,9 @@ impl TrainSize {
 
     /// Bytes per additional splat.
     pub fn bytes_per_splat(&self) -> f64 {
-        let [width, height] = self.image;
         let at = |splats: usize| TrainSize {
             splats,
-            isects: isects_expected(splats, width, height),
+            isects: pairs_expected(splats, self.row_bands()),
             lower: self.lower.map(|of| of * splats / self.splats.max(1)),
             ..*self
         };
@@ -117,11 +156,25 @@ impl TrainSize {
         total(&needs)
     }
 
+    /// Bands of the largest photograph.
+    pub fn row_bands(&self) -> RowBands {
+        row_bands(self.image, self.outputs, self.binding)
+    }
+
+    /// Estimated (splat, tile) pairs of a frame.
+    pub fn pairs_expected(&self) -> usize {
+        pairs_expected(self.splats, self.row_bands())
+    }
+
     fn needs_with(&self, isects: usize) -> Vec<Need> {
-        let [width, height] = self.image;
+        let bands = self.row_bands();
+        let [width, height] = bands.drawn();
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let mut needs = photo_needs(self.photos, self.splats, self.patches);
         needs.extend(DeviceState::needs(self.counts()));
+        if bands.count() > 1 {
+            needs.push(DeviceState::further_gradients(self.counts()));
+        }
         needs.extend(step_needs(capacity, self.outputs));
         needs
     }

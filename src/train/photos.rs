@@ -100,7 +100,9 @@ impl Photos {
             let mut resident = None;
             if residency.admit([camera.width, camera.height], budget) {
                 let photo = photos.cache.get(dataset, view)?;
-                let pixels = gpu.buffer_from("photo", &words(&photo))?;
+                // A step binds the part that it draws.
+                let pixels = gpu.room("photo", photo.rgba.len())?;
+                gpu.upload(&pixels, 0, &words(&photo))?;
                 resident = Some(bound(pixels, &photo, masks));
             }
             photos.entries.push(PhotoEntry { view, masks, resident });
@@ -108,7 +110,7 @@ impl Photos {
         if residency.streamed > 0 {
             let largest = residency.streamed_max_bytes / 4;
             photos.ring = (0..in_flight)
-                .map(|_| gpu.buffer("photo ring", largest))
+                .map(|_| gpu.room("photo ring", largest))
                 .collect::<Result<_>>()?;
         }
         Ok(photos)

@@ -3,7 +3,7 @@
 use super::config::TrainConfig;
 use super::transients::PatchGrid;
 use crate::layout::View;
-use crate::render::{DepthBands, Forward};
+use crate::render::{DepthBands, Forward, RowBand};
 
 /// Inputs of a step.
 pub(crate) struct Step<'a> {
@@ -12,7 +12,14 @@ pub(crate) struct Step<'a> {
     pub(crate) iteration: u32,
     /// Scene extent in world units.
     pub(crate) extent: f64,
+    /// View of the drawn rows.
     pub(crate) view: &'a View,
+    /// The drawn rows, and which of them count.
+    pub(crate) rows: RowBand,
+    /// Width and height of the photograph.
+    pub(crate) size: [u32; 2],
+    /// Of the drawn rows among the parts of the photograph: `PART_*`.
+    pub(crate) part: u32,
     pub(crate) sh_degree: u32,
     pub(crate) bands: DepthBands,
     /// Gains of the photograph, and slopes on the curve's toe.

@@ -9,6 +9,7 @@ mod halved;
 mod inspect;
 mod poses;
 mod steer;
+mod submit;
 mod transients;
 
 use super::backward::Backward;
@@ -16,18 +17,16 @@ use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
 use super::exposure::ExposureGains;
 use super::gradients::Gradients;
-use super::memory::{IN_FLIGHT, with_margin};
+use super::memory::{IN_FLIGHT, pairs_expected, row_bands, with_margin};
 use super::photos::Photos;
 use super::poses::{PoseState, RefinedPoses};
 use super::sky::SkyShell;
 use super::state::HostState;
-use super::step::{Step, UNEXPOSED};
 use super::strategy::{self, RefineContext, RefineReport};
 use super::transients::{IgnoredPatches, TransientState};
 use super::{initial_splats, schedule, smoothing};
-use crate::gpu::{Frames, Gpu, Readback, Ticket};
-use crate::layout::*;
-use crate::render::{Capacity, DepthBands, Forward, Scratch, ViewOptions, isects_expected, view_of};
+use crate::gpu::{Frames, Gpu};
+use crate::render::{Capacity, DepthBands, Forward, Scratch, binding_limit};
 use crate::scene::{Camera, Dataset, ScreenFilter, Splats, Split, mean_up};
 use crate::{Error, Result};
 use glam::DVec3;
@@ -35,6 +34,7 @@ use std::collections::VecDeque;
 
 pub use capacity::Extremes;
 use capacity::{limit_splats, new_scratch};
+use submit::StepInFlight;
 
 /// Report of a finished step.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,21 +66,6 @@ pub struct PhotoStates {
     pub poses: Option<PoseState>,
     /// Patches that are left out, if the run ignores transients.
     pub transients: Option<TransientState>,
-}
-
-/// A step in flight.
-struct StepInFlight {
-    iteration: u32,
-    ticket: Ticket,
-    counts: Readback<u32>,
-    loss: Readback<[f32; 4]>,
-    /// Sums for the gradient by the pose, if poses are refined.
-    pose_sums: Option<Readback<[f32; 4]>>,
-    /// Residuals of the photograph's patches, if the run ignores transients.
-    residuals: Option<Readback<[f32; 4]>>,
-    splat_count: usize,
-    /// Place of the photograph among the views trained on.
-    photo: usize,
 }
 
 /// Fits splats to the training views of a data set.
@@ -170,7 +155,9 @@ impl<'a> Trainer<'a> {
         let sizes = views.iter().map(|&view| &dataset.views[view].camera);
         let capacity = sizes
             .map(|&Camera { width, height, .. }| {
-                let isects = with_margin(isects_expected(state.len(), width, height));
+                let bands = row_bands([width, height], config.outputs(), binding_limit(gpu.caps()));
+                let isects = with_margin(pairs_expected(state.len(), bands));
+                let [width, height] = bands.drawn();
                 Capacity::for_image(state.len(), isects, width, height)
             })
             .fold(Capacity::LEAST, Capacity::max);
@@ -336,113 +323,6 @@ impl<'a> Trainer<'a> {
     fn up(&self) -> Option<DVec3> {
         let cameras = self.views.iter().map(|&view| self.dataset.views[view].camera);
         mean_up(&cameras.collect::<Vec<Camera>>())
-    }
-
-    fn submit(&mut self, iteration: u32) -> Result<StepInFlight> {
-        let index = schedule::view(&self.config, self.views.len(), iteration);
-        let (dataset, camera) = match &self.halved {
-            Some(half) => (half, &half.views[index].camera),
-            None => (self.dataset, &self.dataset.views[self.views[index]].camera),
-        };
-        let sh_degree = schedule::sh_degree(&self.config, iteration);
-        let options = ViewOptions {
-            background: schedule::background(&self.config, iteration),
-            near: self.near(),
-            filter: self.config.filter,
-        };
-        let model = &self.state.model;
-        let mut view = view_of(&self.refined(index, camera), &options);
-        if self.halved.is_some() {
-            view.dilation *= self.config.half_size_dilation;
-        }
-        [view.dropout, view.dropout_key] = schedule::dropout(&self.config, iteration);
-        let geometry = schedule::geometry(&self.config, iteration);
-        let forward = self.backward.forward(geometry).unwrap_or(&self.forward);
-        let (patches, ignored) = self.patches(index);
-        let step = Step {
-            config: &self.config,
-            forward,
-            geometry,
-            iteration,
-            extent: self.extent,
-            view: &view,
-            sh_degree,
-            bands: self.bands,
-            window_offset: schedule::window_offset(&self.config, self.views.len(), iteration),
-            exposure: self.exposure.as_ref().map_or(UNEXPOSED, |gains| gains.push(index)),
-            patches,
-        };
-        let (backward, state) = (&self.backward, &self.state);
-        let (scratch, gradients, photos) = (&self.scratch, &self.gradients, &mut self.photos);
-        let (ticket, (counts, loss, [pose_sums, residuals])) = self.frames.submit(|rec| {
-            let photo = photos.bind(rec, dataset, index)?;
-            if !ignored.is_empty() {
-                rec.update(&gradients.ignored, 0, &ignored);
-            }
-            rec.update(&scratch.counts, COUNT_POISONED as usize, &[0, 0]);
-            rec.timestamp("upload");
-            forward.record(rec, model, scratch, &view, sh_degree, step.bands);
-            let residuals = backward.record(rec, state, scratch, gradients, &photo, &step)?;
-            let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
-            let loss = rec.read_back(&gradients.loss, 0..3)?;
-            let pose_sums = poses::read_back(rec, state, &self.config)?;
-            Ok((counts, loss, [pose_sums, residuals]))
-        })?;
-        Ok(StepInFlight {
-            iteration,
-            ticket,
-            counts,
-            loss,
-            pose_sums,
-            residuals,
-            splat_count: model.splat_count,
-            photo: index,
-        })
-    }
-
-    /// Takes the report of the oldest step in flight. False: it did not fit, and training has returned to the iteration
-    /// before it.
-    fn collect(&mut self) -> Result<bool> {
-        let Some(oldest) = self.pending.pop_front() else {
-            return Ok(true);
-        };
-        self.frames.wait(oldest.ticket)?;
-        let counts = oldest.counts.get();
-        let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
-        self.extremes.isects = self.extremes.isects.max(wanted);
-        if counts[COUNT_FAILED as usize] != 0 {
-            self.pending
-                .drain(..)
-                .try_for_each(|later| self.frames.wait(later.ticket))?;
-            self.grow_buffers(&counts)?;
-            self.iteration = oldest.iteration - 1;
-            return Ok(false);
-        }
-        let sums = oldest.loss.get();
-        let [l1, dssim, square, weight] = sums[0].map(f64::from);
-        if let Some(exposure) = &mut self.exposure {
-            exposure.add(oldest.photo, &sums[1..]);
-        }
-        if let (Some(poses), Some(sums)) = (&mut self.poses, &oldest.pose_sums) {
-            poses.add(oldest.photo, &sums.get());
-        }
-        self.score_patches(&oldest);
-        let lambda = f64::from(self.config.lambda_dssim);
-        let share = if weight > 0.0 { 1.0 / weight } else { 0.0 };
-        self.done.push_back(StepReport {
-            iteration: oldest.iteration,
-            loss: ((1.0 - lambda) * l1 + lambda * dssim) * share,
-            psnr_db: -10.0 * (square * share).log10(),
-            splat_count: oldest.splat_count,
-            isect_count: wanted,
-            poisoned: counts[COUNT_POISONED as usize] as usize,
-            poisoned_first: match counts[COUNT_POISONED_FIRST as usize] {
-                0 => None,
-                below_top => Some(self.state.slots.splat((u32::MAX - below_top) as usize)),
-            },
-            refined: None,
-        });
-        Ok(true)
     }
 
     /// Waits for all steps in flight. False: one did not fit, and training has returned to the iteration before it.

@@ -7,8 +7,15 @@ use ashfall::render::{
 };
 use ashfall::scene::{Dataset, Primitive, ScreenFilter};
 use ashfall::simplify::{AutoRun, CountController, controller_needs, for_auto_count};
-use ashfall::train::{Residency, StrategyKind, TrainConfig, TrainSize, Trainer, initial_splats, splats_expected};
+use ashfall::train::{
+    BufferLimits, Residency, StrategyKind, TrainConfig, TrainSize, Trainer, initial_splats, splats_expected,
+};
 use std::collections::BTreeMap;
+
+const UNLIMITED: BufferLimits = BufferLimits {
+    memory: u64::MAX,
+    binding: u64::MAX,
+};
 
 /// Alignment to which Vulkan rounds a buffer's size, bytes: 256 at most.
 const ROUNDING: u64 = 256;
@@ -88,7 +95,7 @@ fn compare(gpu: &Gpu, dataset: &Dataset, config: &TrainConfig, streamed: bool) {
     trainer.finish().unwrap();
     let extremes = trainer.extremes();
     drop(trainer);
-    let mut size = TrainSize::of(dataset, config, gpu.memory_limit(), extremes.splats);
+    let mut size = TrainSize::of(dataset, config, BufferLimits::of(gpu), extremes.splats);
     size.isects = extremes.isects;
     assert_eq!(size.photos.streamed > 0, streamed);
     let needs = size.needs();
@@ -114,7 +121,7 @@ fn compare(gpu: &Gpu, dataset: &Dataset, config: &TrainConfig, streamed: bool) {
     }
     if let Some(splats) = splats_expected(config, first) {
         assert_eq!(splats, extremes.splats, "as many splats as expected");
-        let before = TrainSize::of(dataset, config, gpu.memory_limit(), splats);
+        let before = TrainSize::of(dataset, config, BufferLimits::of(gpu), splats);
         let ratio = total(&before.needs()) as f64 / measured as f64;
         println!("  before: {before:?}, {ratio:.4}");
         assert!((0.9..1.1).contains(&ratio), "{ratio} before the run");
@@ -251,6 +258,7 @@ fn training_takes_little_beside_what_it_cannot_do_without() {
             lower: [0; 3],
             isects: isects_expected(splats, image[0], image[1]),
             image,
+            binding: u64::MAX,
             photos: Residency::of(sizes, 1.0, u64::MAX),
             patches: 0,
         };
@@ -265,7 +273,7 @@ fn a_refinement_without_room_is_refused_and_leaves_the_run_as_it_was() {
     let dataset = dataset(6_000);
     let mut config = config(StrategyKind::Mcmc);
     config.mcmc.growth = 1.2;
-    let size = TrainSize::of(&dataset, &config, u64::MAX, 9_000);
+    let size = TrainSize::of(&dataset, &config, UNLIMITED, 9_000);
     let gpu = crate::common::device::limited(Some(total(&size.needs())));
     let mut trainer = Trainer::new(&gpu, &dataset, config).unwrap();
     let first = trainer.splat_count();

@@ -9,7 +9,7 @@ use crate::render::{BandReplay, ByDegree, Capacity, DepthBands, Scratch, Slots, 
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
 use crate::train::gradients::{Gradients, record_widths};
-use crate::train::memory::{TrainSize, splats_expected, step_needs, with_margin};
+use crate::train::memory::{BufferLimits, TrainSize, splats_expected, step_needs, with_margin};
 use crate::train::state::HostState;
 use crate::{Error, Result};
 
@@ -48,8 +48,8 @@ impl Trainer<'_> {
     /// Input of the memory formula: the maxima so far or, before the first step, the initial splats and estimated
     /// pairs.
     pub fn size(&self) -> TrainSize {
-        let (config, limit) = (&self.config, self.gpu.memory_limit());
-        let mut size = TrainSize::of(self.dataset, config, limit, self.extremes.splats);
+        let (config, limits) = (&self.config, BufferLimits::of(&self.gpu));
+        let mut size = TrainSize::of(self.dataset, config, limits, self.extremes.splats);
         let (all, below) = (self.extremes.counts, config.sh_degree as usize);
         size.lower = std::array::from_fn(|degree| if degree < below { all[degree] } else { 0 });
         if self.extremes.isects > 0 {
@@ -142,8 +142,12 @@ impl Trainer<'_> {
         self.remake(capacity)
     }
 
-    /// Compiles the kernels for steps from the state's current layout.
+    /// Compiles the kernels for steps from the state's current layout, and allocates gradients for steps in bands.
     pub(super) fn prepare(&mut self) -> Result<()> {
+        let mut cameras = self.views.iter().map(|&view| &self.dataset.views[view].camera);
+        if cameras.any(|camera| self.row_bands(camera).len() > 1) {
+            self.state.keep_gradients(&self.gpu)?;
+        }
         let model = &self.state.model;
         self.forward.prepare(&self.gpu, model)?;
         self.backward.prepare(&self.gpu, model)

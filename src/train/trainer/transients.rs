@@ -50,8 +50,8 @@ impl Trainer<'_> {
     /// Adds the residuals of a finished step.
     pub(super) fn score_patches(&mut self, step: &StepInFlight) {
         let is_visit = schedule::is_transient_visit(&self.config, step.iteration);
-        if let (Some(transients), Some(residuals), true) = (&mut self.transients, &step.residuals, is_visit) {
-            transients.add(step.photo, &residuals.get());
+        if let (Some(transients), Some(residuals), true) = (&mut self.transients, step.residuals(), is_visit) {
+            transients.add(step.photo, &residuals);
         }
     }
 

@@ -109,6 +109,11 @@ impl ImagePair {
         self.width.div_ceil(TILE[0]) * self.height().div_ceil(TILE[1])
     }
 
+    /// Rows of tiles.
+    pub(super) fn tile_rows(&self) -> u32 {
+        self.height().div_ceil(TILE[1]) as u32
+    }
+
     /// Photograph and weight of each pixel.
     pub(super) fn target(&self) -> WindowTarget<'_> {
         let (photo, mask) = self.values();

@@ -96,6 +96,11 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
             offset,
             patch_shift: PATCH_SHIFT,
             patch_columns: of.columns() as u32,
+            photo_first: 0,
+            photo_rows: of.height() as u32,
+            counted: [0, of.height() as u32],
+            tile_row: 0,
+            tile_rows: of.tile_rows(),
         };
         kernel.record(rec, io, params, Groups::Count(tiles as u32));
     }))
@@ -161,6 +166,9 @@ pub fn differentiate<'a>(
         offset: of.push_offset(),
         patch_shift: PATCH_SHIFT,
         patch_columns: of.columns() as u32,
+        photo_first: 0,
+        tile_row: 0,
+        tile_rows: of.tile_rows(),
     };
     let case = KernelCase::new(Work::of(pixels, "pixels").moving(64 * pixels)).tune(
         move |choice: &mut loss_backward::Choice| {

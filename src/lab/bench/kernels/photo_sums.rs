@@ -69,6 +69,8 @@ pub fn expose<'a>(gpu: &Gpu, of: &'a ImagePair) -> Result<KernelCase<'a, loss_ex
             toe,
             patch_shift: PATCH_SHIFT,
             patch_columns: of.columns() as u32,
+            photo_first: 0,
+            counted: [0, of.height() as u32],
         };
         kernel.record(rec, io, params, Groups::Count(groups as u32));
     }))
@@ -115,6 +117,8 @@ pub fn residual<'a>(gpu: &Gpu, of: &'a ImagePair) -> Result<KernelCase<'a, loss_
             toe,
             patch_shift: PATCH_SHIFT,
             patch_columns: of.columns() as u32,
+            photo_first: 0,
+            counted: [0, of.height() as u32],
         };
         kernel.record(rec, io, params, Groups::Count(patches as u32));
     }))

@@ -10,7 +10,7 @@ use crate::lab::bench::input::lists::{view, viewpoint};
 use crate::lab::bench::input::pack::{self, Splat2d};
 use crate::lab::bench::input::random::Random;
 use crate::lab::bench::input::scene::Scene;
-use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES};
+use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES, PART_ALL};
 use crate::reference::primitive::extent;
 use crate::reference::project::margins;
 use crate::reference::project_backward::{PenaltyWeights, penalty_backward};
@@ -253,6 +253,7 @@ pub fn commands<'a>(
             scale_penalty,
             size_penalty,
             banded: 0,
+            part: PART_ALL,
         };
         kernel.record(rec, io, params, kernel.groups(count));
     });

@@ -136,6 +136,7 @@ pub fn surface_loss<'a>(gpu: &Gpu, size: [u32; 2], with_spread: bool) -> Result<
         let params = Params {
             normal_scale: NORMAL,
             spread_scale: SPREAD,
+            counted: [0, size[1]],
         };
         kernel.record(rec, io, params, kernel.groups(count));
     }))
