@@ -31,6 +31,19 @@ pub struct RenderedImage {
 const COVERAGE_MIN: f32 = 1.0 / 255.0;
 
 impl RenderedImage {
+    /// Appends the rows below.
+    pub(super) fn append(&mut self, below: RenderedImage) {
+        self.height += below.height;
+        self.rgb.extend(below.rgb);
+        self.transmittance.extend(below.transmittance);
+        self.depth.extend(below.depth);
+        self.ids.extend(below.ids);
+        self.id_depth.extend(below.id_depth);
+        if let (Some(surface), Some(below)) = (&mut self.surface, below.surface) {
+            surface.append(below);
+        }
+    }
+
     /// Coverage of each pixel, 0 to 1.
     pub fn alpha(&self) -> Vec<f32> {
         self.transmittance.iter().map(|t| 1.0 - t).collect()

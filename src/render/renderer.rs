@@ -1,23 +1,23 @@
 //! Renderer: records into a host's commands, or renders and reads back.
 
+mod read_back;
+
 use super::capacity::Capacity;
 use super::compatibility::Compatibility;
 use super::depth_bands::{DepthBands, list_limit};
 use super::forward::Forward;
 use super::instances::{FrameContent, Instance};
-use super::memory::isects_expected;
 use super::model::Model;
-use super::occlusion::{DepthCode, Occlusion};
+use super::occlusion::Occlusion;
 use super::options::RenderOptions;
 use super::picking::{self, PendingPick, PickReport, Picking};
-use super::rendered::{RenderedImage, unpack};
 use super::scratch::Scratch;
 use super::statistics::Stats;
 use super::target::HostTarget;
 use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
 use crate::kernels::{overlay, present};
-use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES};
+use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS};
 use crate::scene::{Camera, NotFinite, Splats};
 use crate::{Error, Result};
 use std::collections::VecDeque;
@@ -407,79 +407,5 @@ impl Renderer {
             }
         }
         Ok(worst)
-    }
-
-    /// Renders one image and reads it back. Grows the buffers as needed; draws in bands if they cannot grow.
-    pub fn render(&mut self, model: &Model, camera: &Camera, view: &ViewOptions) -> Result<RenderedImage> {
-        self.render_content(model.into(), camera, view)
-    }
-
-    /// As [`Renderer::render`], for instances, as [`Renderer::record_instances`] draws them.
-    pub fn render_instances(
-        &mut self,
-        instances: &[Instance<'_>],
-        camera: &Camera,
-        view: &ViewOptions,
-    ) -> Result<RenderedImage> {
-        self.render_content(FrameContent::Instances(instances, camera), camera, view)
-    }
-
-    fn render_content(
-        &mut self,
-        content: FrameContent<'_>,
-        camera: &Camera,
-        view: &ViewOptions,
-    ) -> Result<RenderedImage> {
-        self.check(content)?;
-        let expected = isects_expected(content.splat_count(), camera.width, camera.height);
-        self.reserve_some(content, camera, expected)?;
-        let view = view_of(camera, view);
-        let mut bands = DepthBands::default();
-        loop {
-            let pixels = camera.width as usize * camera.height as usize;
-            let (forward, scratch) = (&self.forward, &self.scratch);
-            let (degree, outputs) = (self.options.sh_degree, self.options.outputs());
-            let of = |wanted: bool, planes: u32| 0..if wanted { planes as usize * pixels } else { 0 };
-            let frames = own_frames(&mut self.frames, &self.gpu)?;
-            let (ticket, (counts, image, depth, surface, ids)) = frames.submit(|rec| {
-                rec.fill(&scratch.counts, 0);
-                forward.record(rec, content, scratch, &view, degree, bands);
-                if let Some(picking) = &self.picking {
-                    picking.find(rec, scratch, pixels, DepthCode::DISTANCE, false);
-                }
-                Ok((
-                    rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?,
-                    rec.read_back(&scratch.image, 0..4 * pixels)?,
-                    rec.read_back(&scratch.depth, of(outputs.depth, 1))?,
-                    rec.read_back(&scratch.surface, of(outputs.surface, SURFACE_PLANES))?,
-                    (
-                        rec.read_back(&scratch.isect_end_from_pixel, of(outputs.ids, 1))?,
-                        rec.read_back(&scratch.depth_from_pixel, of(outputs.ids, 1))?,
-                    ),
-                ))
-            })?;
-            frames.wait(ticket)?;
-            self.rendered = Some(ticket);
-            let counts = counts.get();
-            if counts[COUNT_FAILED as usize] == 0 {
-                let surface = outputs.surface.then(|| surface.get());
-                return Ok(RenderedImage {
-                    ids: ids.0.get(),
-                    id_depth: ids.1.get(),
-                    ..unpack(camera, &image.get(), depth.get(), surface.as_deref())
-                });
-            }
-            let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;
-            self.reserve_some(content, camera, wanted.saturating_add(wanted / 8))?;
-            bands = self.bands_after(bands, &counts)?;
-        }
-    }
-}
-
-/// Ring of the renderer's own frames, made for the first.
-fn own_frames<'a>(frames: &'a mut Option<Frames>, gpu: &Gpu) -> Result<&'a mut Frames> {
-    match frames {
-        Some(frames) => Ok(frames),
-        none => Ok(none.insert(Frames::new(gpu, 1, true)?)),
     }
 }

@@ -24,6 +24,13 @@ pub struct Surface {
 const NORMAL_MIN: f32 = 1e-5;
 
 impl Surface {
+    /// Appends the rows below.
+    pub(super) fn append(&mut self, below: Surface) {
+        self.expected_depth.extend(below.expected_depth);
+        self.median_depth.extend(below.median_depth);
+        self.normal.extend(below.normal);
+    }
+
     /// True for a pixel with a surface, by its transmittance.
     pub fn is_at(transmittance: f32) -> bool {
         transmittance <= 0.5

@@ -21,6 +21,7 @@ mod memory;
 mod meshes;
 mod ordering;
 mod picking;
+mod row_bands;
 mod simplify;
 mod stability;
 mod surfaces;

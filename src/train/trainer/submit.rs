@@ -241,10 +241,14 @@ impl StepFrame<'_> {
     ) -> Result<Vec<BandSums>> {
         let [first] = bands else {
             let mut sums = Vec::new();
-            for (band, part) in bands.iter().zip(std::iter::once(PART_FIRST).chain(std::iter::repeat(PART_NEXT))) {
+            for (band, part) in bands
+                .iter()
+                .zip(std::iter::once(PART_FIRST).chain(std::iter::repeat(PART_NEXT)))
+            {
                 sums.push(self.record_band(rec, photo, step, (*band, part))?);
             }
-            self.backward.record_end(rec, self.state, self.scratch, self.gradients, step);
+            self.backward
+                .record_end(rec, self.state, self.scratch, self.gradients, step);
             return Ok(sums);
         };
         Ok(vec![self.record_band(rec, photo, step, (*first, PART_ALL))?])
