@@ -6,8 +6,8 @@
 // Sums of the residuals, render minus photograph, in each patch of a photograph: red, green, blue, and their weight.
 //
 // One workgroup per patch; lanes add in a fixed order. Detail that the render has not yet cancels within a patch;
-// an object that only this photograph shows does not. Patches that the loss leaves out are summed all the same. Rows that
-// do not count add nothing.
+// an object that only this photograph shows does not. Patches that the loss leaves out are summed all the same.
+// Rows that do not count add nothing.
 
 layout(constant_id = 0) const uint WORKGROUP = 32;
 // 1: the render is compared under the photograph's exposure.

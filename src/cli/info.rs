@@ -92,7 +92,7 @@ fn predict(args: &InfoArgs) -> Result<Outcome> {
     let config = args.config.config(gpu.caps().kind)?;
     let prediction = match &args.path {
         None => args.predict.on_numbers(&config, limits),
-        Some(path) if is_scene(path) => args.predict.on_scene(&args.scene_options.read(path)?.splats)?,
+        Some(path) if is_scene(path) => args.predict.on_scene(&args.scene_options.read(path)?.splats, limits)?,
         Some(path) => {
             let dataset = args.options.open(path, false)?;
             args.predict.on_dataset(&dataset, &config, limits)

@@ -3,7 +3,8 @@
 use super::output::{bytes, grouped};
 use super::parse;
 use crate::render::{
-    Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, Scratch, Slots, isects_expected, of_degree, total,
+    Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, RowBands, Scratch, Slots, isects_expected, of_degree,
+    total,
 };
 use crate::scene::{Dataset, Primitive, Splats};
 use crate::simplify::controller_needs;
@@ -147,7 +148,11 @@ impl PredictArgs {
     pub(crate) fn on_numbers(&self, config: &TrainConfig, limits: BufferLimits) -> Prediction {
         let splats = SPLATS.min(config.splat_limit());
         if self.photos.unwrap_or(0) == 0 {
-            return self.drawing(of_degree(self.splats.unwrap_or(splats), config.sh_degree), config.kind);
+            return self.drawing(
+                of_degree(self.splats.unwrap_or(splats), config.sh_degree),
+                config.kind,
+                limits,
+            );
         }
         let size = TrainSize {
             outputs: config.outputs(),
@@ -164,7 +169,7 @@ impl PredictArgs {
     }
 
     /// Drawing a scene.
-    pub(crate) fn on_scene(&self, splats: &Splats) -> Result<Prediction> {
+    pub(crate) fn on_scene(&self, splats: &Splats, limits: BufferLimits) -> Result<Prediction> {
         if self.photos.is_some() {
             let fault = "--photos: a scene is drawn, not trained; leave PATH or --photos out";
             return Err(Error::Config(fault.into()));
@@ -173,20 +178,22 @@ impl PredictArgs {
             Some(count) => of_degree(count, splats.sh_degree),
             None => Slots::of_scene(splats).counts,
         };
-        Ok(self.drawing(counts, splats.primitive))
+        Ok(self.drawing(counts, splats.primitive, limits))
     }
 
-    fn drawing(&self, counts: ByDegree, primitive: Primitive) -> Prediction {
+    fn drawing(&self, counts: ByDegree, primitive: Primitive, limits: BufferLimits) -> Prediction {
         let [width, height] = self.size.unwrap_or(SIZE);
         let splats: usize = counts.iter().sum();
-        let isects = self.isects.unwrap_or(isects_expected(splats, width, height));
-        let blocks = Blocks::anywhere(counts);
-        let capacity = Capacity::for_image(splats.max(1), isects, width, height);
-        let mut needs = Model::needs(blocks);
         let outputs = Outputs {
             surfels: primitive == Primitive::Surfel,
             ..Outputs::default()
         };
+        let bands = RowBands::for_drawing([width, height], outputs, limits.binding);
+        let isects = self.isects.unwrap_or(bands.pairs_expected(splats));
+        let blocks = Blocks::anywhere(counts);
+        let [_, rows] = bands.drawn();
+        let capacity = Capacity::for_image(splats.max(1), isects, width, rows);
+        let mut needs = Model::needs(blocks);
         needs.extend(Scratch::needs(capacity, outputs));
         needs.retain(|need| need.bytes > 0);
         Prediction {

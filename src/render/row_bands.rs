@@ -1,10 +1,12 @@
 //! Row bands: parts of a picture with more pixels than one binding of the device holds.
 //!
-//! Each band is drawn as a picture of its own, of whole rows of tiles, with the numbers of the whole picture: its pixels
-//! have the same bits.
+//! Each band is drawn as a picture of its own, of whole rows of tiles, with the numbers of the whole picture: its
+//! pixels have the same bits.
 
+use super::memory::isects_expected;
 use crate::gpu::Caps;
-use crate::layout::{LOSS_TILE_HEIGHT, TILE_HEIGHT, View};
+use crate::kernels::rasterize::Outputs;
+use crate::layout::{LOSS_TILE_HEIGHT, SURFACE_PLANES, TILE_HEIGHT, View};
 
 /// Rows of a picture that are drawn at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,9 +48,10 @@ impl RowBands {
         RowBands::within(size, binding / pixel_bytes, [LOSS_TILE_HEIGHT, TILE_HEIGHT])
     }
 
-    /// Bands of a picture without halos.
-    pub fn for_drawing(size: [u32; 2], pixel_bytes: u64, binding: u64) -> RowBands {
-        RowBands::within(size, binding / pixel_bytes, [TILE_HEIGHT, 0])
+    /// Bands of a picture with these outputs, without halos.
+    pub fn for_drawing(size: [u32; 2], outputs: Outputs, binding: u64) -> RowBands {
+        let planes = if outputs.surface { SURFACE_PLANES } else { 4 };
+        RowBands::within(size, binding / (4 * u64::from(planes)), [TILE_HEIGHT, 0])
     }
 
     /// Bands of at most so many drawn pixels, but of at least `unit` counted rows, in multiples of that.
@@ -74,11 +77,6 @@ impl RowBands {
         }
     }
 
-    /// Width and height of the picture.
-    pub fn size(&self) -> [u32; 2] {
-        self.size
-    }
-
     /// Number of bands.
     pub fn count(&self) -> u32 {
         self.size[1].div_ceil(self.step).max(1)
@@ -96,6 +94,16 @@ impl RowBands {
                 counted: [begin - first, end - first],
             }
         })
+    }
+
+    /// Estimated (splat, tile) pairs of the largest band.
+    pub fn pairs_expected(&self, splats: usize) -> usize {
+        let [width, height] = self.size;
+        let all = isects_expected(splats, width, height);
+        match self.count() {
+            1 => all,
+            _ => (all as f64 * f64::from(self.drawn()[1]) / f64::from(height)) as usize,
+        }
     }
 
     /// Width and height of the largest drawn part.

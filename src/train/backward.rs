@@ -64,8 +64,9 @@ impl Backward {
         self.geometry.as_ref().filter(|_| has_terms)
     }
 
-    /// Records the kernels of a step after the frame. With depth bands or parts, gradients of all blocks exist at
-    /// once, and `state` must have buffers for them. A step in parts is updated by [`Backward::record_end`]. Returns the residuals of the photograph's patches, if it has them.
+    /// Records the kernels of a step after the frame. With depth bands or parts, gradients of all blocks exist at once,
+    /// and `state` must have buffers for them. A step in parts is updated by [`Backward::record_end`]. Returns the
+    /// residuals of the photograph's patches, if it has them.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder<'_>,

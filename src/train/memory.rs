@@ -9,9 +9,7 @@ use super::schedule;
 use super::transients::PatchGrid;
 use crate::gpu::{Gpu, STAGING_BYTES, TRANSFER_BYTES};
 use crate::kernels::rasterize::Outputs;
-use crate::render::{
-    ByDegree, Capacity, Need, Purpose, RowBands, Scratch, binding_limit, isects_expected, of_degree, total,
-};
+use crate::render::{ByDegree, Capacity, Need, Purpose, RowBands, Scratch, binding_limit, of_degree, total};
 use crate::scene::{Dataset, Split};
 
 /// Bytes of a step's sums that are read back beside residuals, about.
@@ -48,16 +46,6 @@ impl BufferLimits {
 /// Bands of rows that a step draws a photograph in.
 pub(crate) fn row_bands(size: [u32; 2], outputs: Outputs, binding: u64) -> RowBands {
     RowBands::for_training(size, pixel_bytes(outputs), binding)
-}
-
-/// Estimated (splat, tile) pairs of the largest band of a photograph.
-pub(crate) fn pairs_expected(splats: usize, bands: RowBands) -> usize {
-    let [width, height] = bands.size();
-    let all = isects_expected(splats, width, height);
-    match bands.count() {
-        1 => all,
-        _ => (all as f64 * f64::from(bands.drawn()[1]) / f64::from(height)) as usize,
-    }
 }
 
 /// Input of the memory formula.
@@ -100,7 +88,7 @@ impl TrainSize {
             splats,
             sh_degree: config.sh_degree,
             lower: [0; 3],
-            isects: pairs_expected(splats, row_bands(image, outputs, binding)),
+            isects: row_bands(image, outputs, binding).pairs_expected(splats),
             image,
             binding,
             patches: match config.ignore_transients {
@@ -140,7 +128,7 @@ impl TrainSize {
     pub fn bytes_per_splat(&self) -> f64 {
         let at = |splats: usize| TrainSize {
             splats,
-            isects: pairs_expected(splats, self.row_bands()),
+            isects: self.row_bands().pairs_expected(splats),
             lower: self.lower.map(|of| of * splats / self.splats.max(1)),
             ..*self
         };
@@ -163,15 +151,18 @@ impl TrainSize {
 
     /// Estimated (splat, tile) pairs of a frame.
     pub fn pairs_expected(&self) -> usize {
-        pairs_expected(self.splats, self.row_bands())
+        self.row_bands().pairs_expected(self.splats)
     }
 
     fn needs_with(&self, isects: usize) -> Vec<Need> {
         let bands = self.row_bands();
         let [width, height] = bands.drawn();
         let capacity = Capacity::for_image(self.splats, isects, width, height);
-        let mut needs = photo_needs(self.photos, self.splats, self.patches);
-        needs.extend(DeviceState::needs(self.counts()));
+        let state = DeviceState::needs(self.counts());
+        // Allocated when the photographs have been transferred.
+        let later = total(&state) + total(&Gradients::needs(capacity, self.outputs));
+        let mut needs = photo_needs(self.photos, self.splats, self.patches * bands.count() as usize, later);
+        needs.extend(state);
         if bands.count() > 1 {
             needs.push(DeviceState::further_gradients(self.counts()));
         }
@@ -187,13 +178,13 @@ pub(crate) fn step_needs(capacity: Capacity, outputs: Outputs) -> Vec<Need> {
 }
 
 /// Buffers of the photographs, and for transfers to the device and back.
-fn photo_needs(photos: Residency, splats: usize, patches: usize) -> Vec<Need> {
+fn photo_needs(photos: Residency, splats: usize, patches: usize, later: u64) -> Vec<Need> {
     let ring = IN_FLIGHT * photos.streamed_max_bytes;
     // Each frame in flight has a chunk for writing, one for reading back, and a streamed photograph.
     let frames = IN_FLIGHT * (STAGING_BYTES + photos.streamed_max_bytes);
-    // A refinement transfers one plane of splats at a time; the start, a photograph.
-    let piece = (16 * splats).max(photos.max_bytes);
-    let piece = piece.clamp(STAGING_BYTES, TRANSFER_BYTES);
+    // A refinement transfers one plane of splats at a time; the start, a photograph, before there are other buffers.
+    let first = photos.max_bytes.min(TRANSFER_BYTES).saturating_sub(later as usize);
+    let piece = (16 * splats).clamp(STAGING_BYTES, TRANSFER_BYTES).max(first);
     // Residuals of patches share a chunk with the other sums if they leave room for them.
     let residuals = size_of::<[f32; 4]>() * patches;
     let reading = match residuals + SUM_BYTES > STAGING_BYTES {

@@ -17,7 +17,7 @@ use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
 use super::exposure::ExposureGains;
 use super::gradients::Gradients;
-use super::memory::{IN_FLIGHT, pairs_expected, row_bands, with_margin};
+use super::memory::{IN_FLIGHT, row_bands, with_margin};
 use super::photos::Photos;
 use super::poses::{PoseState, RefinedPoses};
 use super::sky::SkyShell;
@@ -156,7 +156,7 @@ impl<'a> Trainer<'a> {
         let capacity = sizes
             .map(|&Camera { width, height, .. }| {
                 let bands = row_bands([width, height], config.outputs(), binding_limit(gpu.caps()));
-                let isects = with_margin(pairs_expected(state.len(), bands));
+                let isects = with_margin(bands.pairs_expected(state.len()));
                 let [width, height] = bands.drawn();
                 Capacity::for_image(state.len(), isects, width, height)
             })

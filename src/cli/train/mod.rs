@@ -20,7 +20,7 @@ use crate::lab::report::{MemoryFigures, Report};
 use crate::render::Evaluator;
 use crate::scene::{Dataset, Point, Primitive, Split};
 use crate::simplify::{AutoRun, CountController, for_auto_count};
-use crate::train::{ExposureModel, TrainConfig};
+use crate::train::{BufferLimits, ExposureModel, TrainConfig, TrainSize};
 use crate::{Error, Result, io};
 use clap::Args;
 use glam::DVec3;
@@ -157,7 +157,17 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
     let Some(loss_db) = args.parsimony else {
         return AutoRun::new(gpu, dataset, args.config.config(kind)?);
     };
-    let asked = args.config.config(kind)?;
+    check_parsimony(gpu, dataset, &args.config.config(kind)?)?;
+    let config = args.config.config_from(kind, |mut usual| {
+        usual.auto.loss_db = loss_db;
+        for_auto_count(usual, dataset.views_per_point())
+    })?;
+    let is_open = args.config.iterations.is_none();
+    AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))
+}
+
+/// Refuses inputs and options that exclude `--parsimony`.
+fn check_parsimony(gpu: &Gpu, dataset: &Dataset, asked: &TrainConfig) -> Result<()> {
     if asked.kind == Primitive::Surfel {
         let what = "--parsimony is for 3D splats: leave it out, or --kind surfel";
         return Err(Error::Config(what.into()));
@@ -176,12 +186,15 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
             "--against transients and --parsimony exclude each other: passers-by in held-out views count as errors";
         return Err(Error::Config(what.into()));
     }
-    let config = args.config.config_from(kind, |mut usual| {
-        usual.auto.loss_db = loss_db;
-        for_auto_count(usual, dataset.views_per_point())
-    })?;
-    let is_open = args.config.iterations.is_none();
-    AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))
+    let size = TrainSize::of(dataset, asked, BufferLimits::of(gpu), 1);
+    if size.row_bands().count() > 1 {
+        let [width, height] = size.image;
+        return Err(Error::Config(format!(
+            "--parsimony draws whole photographs, and one of {width}x{height} is larger than this device binds: \
+             leave it out, or reduce the photographs with --downscale"
+        )));
+    }
+    Ok(())
 }
 
 /// Folder and state of the run, from the command line or from the resumed run; and the folder's lock, if a run has been

@@ -3,7 +3,6 @@
 use super::Renderer;
 use crate::Result;
 use crate::gpu::{Frames, Gpu};
-use crate::kernels::rasterize::Outputs;
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES, View};
 use crate::render::depth_bands::DepthBands;
 use crate::render::instances::{FrameContent, Instance};
@@ -41,7 +40,7 @@ impl Renderer {
         self.check(content)?;
         let (size, view) = ([camera.width, camera.height], view_of(camera, view));
         let binding = binding_limit(self.gpu.caps());
-        let mut bands = RowBands::for_drawing(size, pixel_bytes(self.options.outputs()), binding).each();
+        let mut bands = RowBands::for_drawing(size, self.options.outputs(), binding).each();
         let mut next = || bands.next();
         let mut image = match next() {
             Some(first) => self.render_rows(content, camera, &view, first)?,
@@ -108,15 +107,6 @@ impl Renderer {
             self.reserve_some(content, camera, wanted.saturating_add(wanted / 8))?;
             bands = self.bands_after(bands, &counts)?;
         }
-    }
-}
-
-/// Bytes of a pixel in the largest array of a picture.
-fn pixel_bytes(outputs: Outputs) -> u64 {
-    if outputs.surface {
-        4 * u64::from(SURFACE_PLANES)
-    } else {
-        16
     }
 }
 

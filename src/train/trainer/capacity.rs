@@ -144,7 +144,7 @@ impl Trainer<'_> {
 
     /// Compiles the kernels for steps from the state's current layout, and allocates gradients for steps in bands.
     pub(super) fn prepare(&mut self) -> Result<()> {
-        let mut cameras = self.views.iter().map(|&view| &self.dataset.views[view].camera);
+        let mut cameras = self.dataset.views.iter().map(|view| &view.camera);
         if cameras.any(|camera| self.row_bands(camera).len() > 1) {
             self.state.keep_gradients(&self.gpu)?;
         }

@@ -28,7 +28,7 @@ impl Trainer<'_> {
     }
 
     /// Rendering of the last step begun, `[plane][pixel]`: red, green, blue, transmittance; waits for it. Only
-    /// meaningful if all views have the same size.
+    /// meaningful if all views have the same size and none is drawn in bands of rows.
     #[doc(hidden)]
     pub fn image(&mut self) -> Result<Vec<f32>> {
         self.settle()?;
