@@ -33,6 +33,9 @@ fn dataset(scene: &Scene) -> Dataset {
     }
 }
 
+/// Options of a case.
+type Change = fn(&mut TrainConfig);
+
 struct Trained {
     state: HostState,
     statistics: Vec<[f32; 4]>,
@@ -41,7 +44,7 @@ struct Trained {
     held: u64,
 }
 
-fn train(gpu: &Gpu, scene: &Scene, change: fn(&mut TrainConfig)) -> Trained {
+fn train(gpu: &Gpu, scene: &Scene, change: Change) -> Trained {
     let dataset = dataset(scene);
     let mut config = TrainConfig::for_iterations(1_000);
     config.kind = scene.splats.primitive;
@@ -77,11 +80,11 @@ fn apart(found: &[StepReport], expected: &[StepReport]) -> f64 {
 fn a_photograph_in_bands_has_the_loss_and_gradients_of_the_whole() {
     let [width, height] = SIZE;
     let scene = || gentle(1, 300, width, height, 3);
-    let terms: fn(&mut TrainConfig) = |config| {
+    let terms: Change = |config| {
         (config.geometry.normal, config.geometry.distortion) = (0.5, 40.0);
         (config.geometry.normal_from, config.geometry.distortion_from) = (0.0, 0.0);
     };
-    let cases: [(&str, Scene, fn(&mut TrainConfig)); 4] = [
+    let cases: [(&str, Scene, Change); 4] = [
         ("lattice", scene(), |_| ()),
         ("every window", hard(2, 600, width, height, 2), |config| {
             config.ssim_stride = 1
@@ -108,7 +111,7 @@ fn a_photograph_in_bands_has_the_loss_and_gradients_of_the_whole() {
 fn states_of_photographs_are_those_of_the_whole() {
     let [width, height] = SIZE;
     let scene = gentle(3, 300, width, height, 1);
-    let change: fn(&mut TrainConfig) = |config| {
+    let change: Change = |config| {
         config.exposure = ExposureModel::Gain;
         config.ignore_transients = true;
         config.transients.from = 0.0;
