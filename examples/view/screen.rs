@@ -114,6 +114,7 @@ impl Screen {
             self.is_bgra = format.format == vk::Format::B8G8R8A8_UNORM;
             let old = self.swapchain;
             if extent.width == 0 || extent.height == 0 {
+                self.discard(device);
                 return Ok(());
             }
             let most = if can.max_image_count == 0 {

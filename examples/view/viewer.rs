@@ -127,8 +127,8 @@ impl Viewer {
             let expected = isects_expected(self.model.splat_count, width, height);
             self.renderer
                 .reserve(&self.model, &camera, isects.unwrap_or(expected))?;
+            self.frames_due = SETTLING;
         }
-        self.frames_due = SETTLING;
         Ok(())
     }
 
@@ -231,6 +231,9 @@ impl Viewer {
             self.hand.fly(seconds.min(0.2), &mut self.rig);
         }
         let size = self.screen.extent;
+        if size.contains(&0) {
+            return self.settle(Presentation::Stale);
+        }
         let copy = match self.takes_screenshot {
             true => Some(self.device.pinned(size[0] as usize * size[1] as usize * 4)?),
             false => None,
