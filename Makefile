@@ -1,7 +1,7 @@
 # The two commands are `make demo` and `make test`; both first install what is missing.
 
 # Features of all tests: one build serves them.
-TESTED = --features capi
+TESTED = --features capi,window
 PREFIX ?= /usr/local
 # Modules with half of the time of the device's tests.
 HALF = simplify:: stability:: faults:: meshes:: memory::

@@ -8,11 +8,11 @@ use super::setting::{ExportFormat, Setting};
 use crate::io::atomic::write_atomically;
 use crate::io::gltf;
 use crate::io::ply;
-use crate::io::ply::compressed::CompressedPlyCodes;
+use crate::io::ply::compressed::{CHUNK, CompressedPlyCodes};
 use crate::io::sog::{SogCodes, SogOptions, usual_entries};
 use crate::io::splat32;
 use crate::io::spz::{LEVEL, SpzCodes, SpzOptions};
-use crate::scene::{Splats, morton_order};
+use crate::scene::{Splats, kd_order};
 use crate::{Error, Result};
 use std::io::Write;
 use std::path::Path;
@@ -84,19 +84,19 @@ fn level(splats: usize) -> i32 {
     if splats <= SLOW_SPLATS_MAX { 19 } else { LEVEL }
 }
 
-/// Scene to be exported, in Morton order, and its weights in views if there are any.
+/// Scene to be exported, in the order of a k-d tree, and its weights in views if there are any.
 #[derive(Debug)]
 pub struct ExportSource {
     splats: Arc<Splats>,
     influence: Option<Influence>,
-    /// Constants of joint rounding; those of a setting come before.
+    /// Constants of joint rounding.
     pub rounding: RoundingOptions,
 }
 
 impl ExportSource {
     /// Puts a scene in order. Without `influence` every number is rounded by itself.
     pub fn new(mut splats: Splats, influence: Option<&Influence>) -> ExportSource {
-        let order: Vec<usize> = morton_order(&splats.mean).iter().map(|&i| i as usize).collect();
+        let order: Vec<usize> = kd_order(&splats.mean, CHUNK).iter().map(|&i| i as usize).collect();
         splats.reorder(&order);
         // An empty degree costs bytes, and rounding would fill it where no code stands for zero.
         splats.cut_harmonics(splats.used_sh_degree());
@@ -149,10 +149,9 @@ impl ExportSource {
             ExportFormat::Spz(version) => {
                 let options = SpzOptions {
                     fractional_bits: setting.fractional_bits.unwrap_or(SpzOptions::default().fractional_bits),
-                    sh_bits: if self.influence.is_some() {
-                        [8; 3]
-                    } else {
-                        setting.sh_bits
+                    sh_bits: match self.influence {
+                        Some(_) => [8; 3],
+                        None => SpzOptions::default().sh_bits,
                     },
                     ..SpzOptions::default()
                 };
@@ -215,13 +214,8 @@ impl ExportSource {
 
     /// Splats with harmonics and scales on the format's grid.
     fn rounded(&self, target: ExportFormat, setting: Setting) -> Arc<Splats> {
-        let rounding = RoundingOptions {
-            reference: setting.reference,
-            bit_price: setting.bit_price,
-            ..self.rounding
-        };
         let mut rounded = match (&self.influence, setting.grid(target)) {
-            (Some(influence), Some(grid)) => round_harmonics(&self.splats, influence, grid, rounding),
+            (Some(influence), Some(grid)) => round_harmonics(&self.splats, influence, grid, self.rounding),
             _ if setting.sh_degree >= self.splats.sh_degree => return self.splats.clone(),
             _ => Splats::clone(&self.splats),
         };

@@ -18,14 +18,19 @@ use std::f64::consts::PI;
 pub enum HarmonicGrid<'a> {
     /// Multiples of a step plus an offset.
     Steps {
-        /// Step of degrees 1, 2 and 3; 0 for a degree that is left out.
-        step: [f64; 3],
-        /// Finest step, for splats of great weight.
-        finest: f64,
+        /// Highest degree that is kept.
+        degree: u32,
+        /// Step of a splat of mean weight w = 1. Others have powers of two near step/√w, which share the bits so that
+        /// the picture's error is least.
+        step: f64,
+        /// Finest and coarsest step.
+        range: [f64; 2],
         /// Value nearest to zero from above.
         offset: f64,
-        /// Largest magnitude.
-        limit: f64,
+        /// Least value beyond the codes.
+        end: f64,
+        /// Price of a bit in squared steps: dead zone of the coefficients.
+        bit_price: f64,
     },
     /// Given values in the layout of [`Splats::sh`]: only the constant coefficient follows.
     Given(&'a [f32]),
@@ -36,24 +41,13 @@ pub enum HarmonicGrid<'a> {
 pub struct RoundingOptions {
     /// Share of all directions alike in the error of a splat, μ.
     pub all_round: f64,
-    /// Relative weight of splats with the grid's own steps; each fourfold one halves them. Infinite: all have the same.
-    pub reference: f64,
-    /// Price of a bit, as squared error of the colour of a splat of mean weight: dead zone of the coefficients.
-    pub bit_price: f64,
 }
 
 impl Default for RoundingOptions {
     fn default() -> RoundingOptions {
-        RoundingOptions {
-            all_round: 1.0,
-            reference: f64::INFINITY,
-            bit_price: 0.0,
-        }
+        RoundingOptions { all_round: 1.0 }
     }
 }
-
-/// Most bits that a splat of great weight has in addition.
-const FINER_MAX: f64 = 3.0;
 
 /// Least weight of a splat in the price of its bits, relative to the mean: it may be seen from elsewhere.
 const LEAST_WEIGHT: f64 = 0.05;
@@ -81,8 +75,7 @@ pub fn round_harmonics(
     let mut rounded = splats.clone();
     rounded.sh.par_chunks_exact_mut(stride).enumerate().for_each(|(i, sh)| {
         let metric = metric(influence, i, splats.mean[i], splats.sh_degree, rounding.all_round);
-        let finer = finer(influence.of(i), rounding.reference);
-        let price = rounding.bit_price / influence.of(i).max(LEAST_WEIGHT);
+        let weight = influence.of(i);
         for channel in 0..3 {
             let mut values = [0.0; REST];
             let old = sh[3..].iter().skip(channel).step_by(3);
@@ -93,17 +86,20 @@ pub fn round_harmonics(
                     std::array::from_fn(|k| given.get(3 * (k + 1) + channel).map_or(0.0, |&v| v.into()))
                 }
                 HarmonicGrid::Steps {
+                    degree,
                     step,
-                    finest,
+                    range,
                     offset,
-                    limit,
+                    end,
+                    bit_price,
                 } => {
-                    let lines = std::array::from_fn(|k| {
-                        let own = step[(k + 1).isqrt() - 1];
-                        let step = if own > 0.0 { (own * finer).max(finest) } else { 0.0 };
-                        GridLine { step, offset, limit }
+                    let own = step_of(step, weight, range);
+                    let lines = std::array::from_fn(|k| GridLine {
+                        step: if (k + 1).isqrt() as u32 <= degree { own } else { 0.0 },
+                        offset,
+                        limit: end - own,
                     });
-                    metric.round(&values, &lines, price)
+                    metric.round(&values, &lines, bit_price * step * step / weight.max(LEAST_WEIGHT))
                 }
             };
             let mut shift = 0.0;
@@ -117,11 +113,10 @@ pub fn round_harmonics(
     rounded
 }
 
-/// Factor of the step of a splat of this relative weight: steps in proportion to 1/√weight share the bits so that the
-/// picture's error is least.
-fn finer(weight: f64, reference: f64) -> f64 {
-    let bits = 0.5 * (weight / reference).log2();
-    (-bits.round().clamp(0.0, FINER_MAX)).exp2()
+/// Step of a splat of this relative weight: the power of two nearest to step/√weight within the range.
+fn step_of(step: f64, weight: f64, [finest, coarsest]: [f64; 2]) -> f64 {
+    let wanted = step / weight.sqrt();
+    wanted.log2().round().exp2().clamp(finest, coarsest)
 }
 
 /// Metric of the coefficients of a splat above degree 0.
@@ -338,12 +333,17 @@ mod tests {
         Influence::of_weights(&positions, &vec![vec![4.0; count]; 12])
     }
 
-    const GRID: HarmonicGrid<'_> = HarmonicGrid::Steps {
-        step: [0.125; 3],
-        finest: 1.0 / 128.0,
-        offset: 0.0,
-        limit: 0.875,
-    };
+    /// One step for all splats.
+    fn grid(bit_price: f64) -> HarmonicGrid<'static> {
+        HarmonicGrid::Steps {
+            degree: 3,
+            step: 0.125,
+            range: [0.125; 2],
+            offset: 0.0,
+            end: 1.0,
+            bit_price,
+        }
+    }
 
     fn color(sh: &[f32], direction: DVec3) -> f64 {
         let red = sh.iter().step_by(3);
@@ -380,7 +380,7 @@ mod tests {
     #[test]
     fn colours_are_closer_in_the_views_and_not_much_farther_elsewhere() {
         let (splats, influence) = (splats(50), influence(50));
-        let rounded = round_harmonics(&splats, &influence, GRID, RoundingOptions::default());
+        let rounded = round_harmonics(&splats, &influence, grid(0.0), RoundingOptions::default());
         for (i, value) in rounded.sh.iter().enumerate().filter(|(i, _)| i % 48 >= 3) {
             assert_eq!((value / 0.125).fract(), 0.0, "{i}");
         }
@@ -392,26 +392,18 @@ mod tests {
 
     #[test]
     fn heavy_splats_have_finer_steps() {
-        assert_eq!(finer(1.0, f64::INFINITY), 1.0);
-        assert_eq!(
-            [1.0, 4.0, 16.0, 1e9].map(|weight| finer(weight, 1.0)),
-            [1.0, 0.5, 0.25, 0.125]
-        );
-        assert_eq!(finer(0.0, 1.0), 1.0);
+        let steps = [1.0, 4.0, 16.0, 1e9, 0.0].map(|weight| step_of(0.1, weight, [1.0 / 128.0, 0.25]));
+        assert_eq!(steps, [0.125, 0.0625, 0.03125, 1.0 / 128.0, 0.25]);
     }
 
     #[test]
     fn a_price_makes_zeros() {
         let (splats, influence) = (splats(20), influence(20));
         let zeros = |bit_price| {
-            let rounding = RoundingOptions {
-                bit_price,
-                ..RoundingOptions::default()
-            };
-            let rounded = round_harmonics(&splats, &influence, GRID, rounding);
+            let rounded = round_harmonics(&splats, &influence, grid(bit_price), RoundingOptions::default());
             rounded.sh.iter().filter(|v| **v == 0.0).count()
         };
-        assert!(zeros(0.0) < zeros(1e-3) && zeros(1e-3) < zeros(1e-2));
+        assert!(zeros(0.0) < zeros(0.1) && zeros(0.1) < zeros(1.0));
     }
 
     #[test]

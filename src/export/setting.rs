@@ -98,15 +98,8 @@ impl ExportFormat {
                 palettes.map(|&palette| Setting { palette, ..base }).collect()
             }
             ExportFormat::Spz(_) => {
-                let rungs = SPZ_RUNGS.iter();
-                rungs
-                    .map(|&(sh_bits, reference, bit_price)| Setting {
-                        sh_bits,
-                        reference,
-                        bit_price,
-                        ..base
-                    })
-                    .collect()
+                let steps = (0..SPZ_RUNGS).map(|rung| SPZ_STEPS[1] * (-f64::from(rung) / 2.0).exp2());
+                steps.map(|sh_step| Setting { sh_step, ..base }).collect()
             }
         }
     }
@@ -117,13 +110,8 @@ impl ExportFormat {
 pub struct Setting {
     /// Highest degree of harmonics kept.
     pub sh_degree: u32,
-    /// SPZ: bits of harmonics of degrees 1, 2 and 3.
-    pub sh_bits: [u32; 3],
-    /// SPZ: weight above which splats have more bits,
-    /// [`RoundingOptions::reference`](super::RoundingOptions::reference).
-    pub reference: f64,
-    /// SPZ: price of a bit of a harmonic, [`RoundingOptions::bit_price`](super::RoundingOptions::bit_price).
-    pub bit_price: f64,
+    /// SPZ: step of the harmonics of a splat of mean weight.
+    pub sh_step: f64,
     /// SOG: the usual size of the palette of harmonics, that of splat-transform, over this.
     pub palette: usize,
     /// SPZ: bits after the point of positions; `None`: chosen by the error of the harmonics.
@@ -134,9 +122,7 @@ impl Default for Setting {
     fn default() -> Setting {
         Setting {
             sh_degree: 3,
-            sh_bits: [5, 4, 4],
-            reference: 2.0,
-            bit_price: 0.0,
+            sh_step: 0.0625,
             palette: 1,
             fractional_bits: None,
         }
@@ -146,32 +132,20 @@ impl Default for Setting {
 impl Setting {
     /// Grid of harmonics; `None` for formats that hold floats.
     pub(super) fn grid(&self, target: ExportFormat) -> Option<HarmonicGrid<'static>> {
-        let degree = self.sh_degree;
-        let kept = |step: [f64; 3]| [1, 2, 3].map(|d| if d <= degree { step[d as usize - 1] } else { 0.0 });
+        let steps = |step: f64, range, offset, end, bit_price| HarmonicGrid::Steps {
+            degree: self.sh_degree,
+            step,
+            range,
+            offset,
+            end,
+            bit_price,
+        };
         match target {
             ExportFormat::Ply | ExportFormat::Glb | ExportFormat::Sog => None,
-            ExportFormat::Splat => Some(HarmonicGrid::Steps {
-                step: [0.0; 3],
-                finest: 0.0,
-                offset: 0.0,
-                limit: 0.0,
-            }),
-            ExportFormat::CompressedPly => Some(HarmonicGrid::Steps {
-                step: kept([1.0 / 32.0; 3]),
-                finest: 1.0 / 32.0,
-                offset: 1.0 / 64.0,
-                limit: 4.0 - 1.0 / 64.0,
-            }),
-            ExportFormat::Spz(_) => {
-                let step = self.sh_bits.map(|bits| 2.0_f64.powi(1 - bits as i32));
-                // Codes end one step below 1; in other axes signs change.
-                Some(HarmonicGrid::Steps {
-                    step: kept(step),
-                    finest: 1.0 / 128.0,
-                    offset: 0.0,
-                    limit: 1.0 - step[0].max(step[1]).max(step[2]),
-                })
-            }
+            ExportFormat::Splat => Some(steps(1.0, [1.0; 2], 0.0, 1.0, 0.0)),
+            ExportFormat::CompressedPly => Some(steps(1.0 / 32.0, [1.0 / 32.0; 2], 1.0 / 64.0, 4.0 - 1.0 / 64.0, 0.0)),
+            // Codes end one step below 1; in other axes signs change.
+            ExportFormat::Spz(_) => Some(steps(self.sh_step, SPZ_STEPS, 0.0, 1.0, BIT_PRICE)),
         }
     }
 
@@ -179,12 +153,7 @@ impl Setting {
     pub fn describe(&self, target: ExportFormat) -> String {
         match target {
             ExportFormat::Spz(_) if self.sh_degree > 0 => {
-                let [a, b, c] = self.sh_bits;
-                let more = match self.reference.is_finite() {
-                    true => format!(", more above weight {}", self.reference),
-                    false => String::new(),
-                };
-                format!("harmonics of {a}/{b}/{c} bits{more}")
+                format!("harmonics in steps of {:.3} at mean weight", self.sh_step)
             }
             ExportFormat::Sog if self.sh_degree > 0 => match self.palette {
                 1 => "palette of the usual size".to_owned(),
@@ -201,18 +170,12 @@ impl Setting {
 /// Parts of the usual palette, from the fewest bytes to the most.
 const SOG_PALETTES: [usize; 5] = [64, 16, 4, 2, 1];
 
-/// Bits of harmonics, weight above which splats have more, and price of a bit, from the fewest bytes to the most.
-const SPZ_RUNGS: [([u32; 3], f64, f64); 12] = [
-    ([4, 3, 3], 8.0, 3e-4),
-    ([4, 3, 3], 4.0, 1e-4),
-    ([4, 3, 3], 2.0, 0.0),
-    ([5, 4, 4], 8.0, 3e-5),
-    ([5, 4, 4], 4.0, 0.0),
-    ([5, 4, 4], 2.0, 0.0),
-    ([5, 4, 4], 1.0, 0.0),
-    ([5, 4, 4], 0.5, 0.0),
-    ([5, 4, 4], 0.25, 0.0),
-    ([6, 5, 5], 0.5, 0.0),
-    ([6, 5, 5], 0.125, 0.0),
-    ([8, 8, 8], f64::INFINITY, 0.0),
-];
+/// Settings of SPZ, each with steps smaller by √½.
+const SPZ_RUNGS: u32 = 12;
+
+/// Finest and coarsest step of harmonics in SPZ.
+const SPZ_STEPS: [f64; 2] = [1.0 / 128.0, 0.25];
+
+/// Price of a bit in squared steps: the slope 2 ln 2 of the error s²/12 of a step s over bits, times 1/2π, the mean
+/// weight of a coefficient in the views and in all directions.
+const BIT_PRICE: f64 = 0.0184;

@@ -12,6 +12,7 @@ mod dataset;
 mod eigen;
 mod focus;
 mod harmonics;
+mod kd;
 #[cfg(feature = "train")]
 mod keyframes;
 mod lens;
@@ -30,6 +31,7 @@ pub(crate) use eigen::eigen;
 pub use focus::{focus, mean_up};
 pub(crate) use harmonics::ShRotation;
 pub use harmonics::sh_basis;
+pub use kd::kd_order;
 #[cfg(feature = "train")]
 pub use keyframes::cameras_between;
 pub use lens::{Distortion, Lens, Optics};

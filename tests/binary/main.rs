@@ -19,3 +19,5 @@ mod package;
 mod predict;
 mod stress;
 mod tools;
+#[cfg(feature = "window")]
+mod window;

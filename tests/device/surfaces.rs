@@ -12,13 +12,16 @@ use ashfall::scene::{Camera, ScreenFilter, Splats};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 pub(crate) fn draw_with(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> RenderedImage {
+    draw_by(gpu, &mut Renderer::new(gpu, options).unwrap(), scene)
+}
+
+pub(crate) fn draw_by(gpu: &Gpu, renderer: &mut Renderer, scene: &Scene) -> RenderedImage {
     let model = Model::upload(gpu, &scene.splats).unwrap();
     let view = ViewOptions {
         background: scene.options.background.map(|c| c as f32),
         near: scene.options.near as f32,
         filter: scene.splats.filter,
     };
-    let mut renderer = Renderer::new(gpu, options).unwrap();
     renderer.render(&model, &scene.camera, &view).unwrap()
 }
 

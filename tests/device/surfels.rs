@@ -2,7 +2,7 @@
 
 use crate::common::device;
 use crate::common::scenes::{self, Scene, flattened};
-use crate::surfaces::draw_with;
+use crate::surfaces::{draw_by, draw_with};
 use ashfall::gpu::Gpu;
 use ashfall::reference::frame::{center, discontinuity_margins, project_all, sorted};
 use ashfall::reference::linear::{dot, normalize};
@@ -33,8 +33,8 @@ struct Errors {
 
 /// A picture beside the reference's. The rounding of a surfel's mean on the screen, and of its plane's distance, counts
 /// over the cosine of its plane and the line of sight.
-fn compare(gpu: &Gpu, scene: &Scene) -> Errors {
-    let image = draw_with(gpu, scene, OPTIONS());
+fn compare(gpu: &Gpu, renderer: &mut Renderer, scene: &Scene) -> Errors {
+    let image = draw_by(gpu, renderer, scene);
     let found = image.surface.as_ref().unwrap();
     let view = Viewpoint::on(&scene.splats, &scene.camera, &scene.options);
     let all = Splat::<f64>::all(&scene.splats);
@@ -87,6 +87,7 @@ fn compare(gpu: &Gpu, scene: &Scene) -> Errors {
 #[test]
 fn frames_and_surfaces_agree_with_the_reference() {
     let gpu = device::gpu();
+    let mut renderer = Renderer::new(&gpu, OPTIONS()).unwrap();
     for (seed, count, filter) in [
         (81, 60, FILTERS[0]),
         (82, 200, FILTERS[0]),
@@ -95,7 +96,7 @@ fn frames_and_surfaces_agree_with_the_reference() {
     ] {
         for make in [scenes::gentle, scenes::hard] {
             let scene = flattened(make(seed, count, 97, 65, 1), filter);
-            let errors = compare(&gpu, &scene);
+            let errors = compare(&gpu, &mut renderer, &scene);
             println!("seed {seed}, {filter:?}: {errors:?}");
             assert!(
                 errors.worst.iter().all(|&error| error < 1.0),
@@ -125,13 +126,14 @@ fn alone(filter: ScreenFilter, mean: DVec3, normal: DVec3, scales: [f64; 2]) -> 
 #[test]
 fn a_surfel_through_the_camera_plane_is_drawn_where_it_is_in_front() {
     let gpu = device::gpu();
+    let mut renderer = Renderer::new(&gpu, OPTIONS()).unwrap();
     for filter in FILTERS {
         // Ten times as large as it is far, tilted by more and more.
         for degrees in 0..36 {
             let turn = f64::from(degrees * 5).to_radians();
             let normal = DVec3::new(0.3 * turn.sin(), turn.sin(), turn.cos());
             let scene = alone(filter, DVec3::new(0.05, 0.1, 0.4), normal, [4.0, 4.0]);
-            let errors = compare(&gpu, &scene);
+            let errors = compare(&gpu, &mut renderer, &scene);
             assert!(errors.worst.iter().all(|&error| error < 1.0), "{degrees}: {errors:?}");
             // Nearly edge-on ones may be excused for their rounding; most are not.
             assert!(errors.pixels * 2 > errors.excused, "{degrees}: {errors:?}");
@@ -142,12 +144,13 @@ fn a_surfel_through_the_camera_plane_is_drawn_where_it_is_in_front() {
 #[test]
 fn edge_on_surfels_are_finite_and_right() {
     let gpu = device::gpu();
+    let mut renderer = Renderer::new(&gpu, OPTIONS()).unwrap();
     for filter in FILTERS {
         for cosine in [1.0, 0.1, 0.01, 2e-3, 5e-4, 1e-5, 1e-6, 0.0, -1e-3, -0.5] {
             let mean = DVec3::new(0.02, -0.03, 2.0);
             let across = mean.any_orthonormal_vector();
             let normal = across * (1.0f64 - cosine * cosine).sqrt() - mean.normalize() * cosine;
-            let errors = compare(&gpu, &alone(filter, mean, normal, [0.4, 0.1]));
+            let errors = compare(&gpu, &mut renderer, &alone(filter, mean, normal, [0.4, 0.1]));
             assert!(errors.worst.iter().all(|&error| error < 1.0), "{cosine}: {errors:?}");
         }
     }
@@ -156,6 +159,7 @@ fn edge_on_surfels_are_finite_and_right() {
 #[test]
 fn huge_and_tiny_coordinates_and_scales_leave_pictures_finite() {
     let gpu = device::gpu();
+    let mut renderer = Renderer::new(&gpu, OPTIONS()).unwrap();
     for filter in FILTERS {
         for scale in [1e-6, 1e-3, 1.0, 1e3, 1e6] {
             let mut scene = flattened(scenes::gentle(86, 80, 64, 48, 0), filter);
@@ -174,14 +178,14 @@ fn huge_and_tiny_coordinates_and_scales_leave_pictures_finite() {
                 .for_each(|x| *x += raise);
             scene.camera.position *= scale;
             scene.options.near *= scale;
-            let errors = compare(&gpu, &scene);
+            let errors = compare(&gpu, &mut renderer, &scene);
             assert!(errors.worst.iter().all(|&error| error < 1.0), "{scale}: {errors:?}");
         }
         let mut scene = flattened(scenes::gentle(87, 90, 64, 48, 0), filter);
         for (i, log_scale) in scene.splats.log_scale.iter_mut().enumerate() {
             *log_scale = [[-80.0, 80.0, 0.0], [40.0; 3], [-87.0, -40.0, 0.0], [-2.0, 88.0, 0.0]][i % 4];
         }
-        let image = draw_with(&gpu, &scene, OPTIONS());
+        let image = draw_by(&gpu, &mut renderer, &scene);
         assert!(image.rgb.as_flattened().iter().all(|c| c.is_finite()));
         assert!(image.transmittance.iter().all(|t| (0.0..=1.0).contains(t)));
     }

@@ -11,7 +11,7 @@ use super::rows;
 use crate::error::{Error, Result};
 use crate::io::loaded::{Collector, LoadedSplats, StoredAs, StoredSplat, logit_of_byte, opacity};
 use crate::io::reader::{Reader, excerpt};
-use crate::scene::{SH_C0, Splats, morton_order, sh_coefficient_count};
+use crate::scene::{SH_C0, Splats, kd_order, sh_coefficient_count};
 use glam::Vec4;
 use rayon::prelude::*;
 use std::f32::consts::SQRT_2;
@@ -19,7 +19,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// Splats of a chunk.
-const CHUNK: usize = 256;
+pub const CHUNK: usize = 256;
 
 /// Largest magnitude of a log-scale in the file.
 const LOG_SCALE_MAX: f32 = 20.0;
@@ -75,9 +75,9 @@ pub struct CompressedPlyCodes {
 }
 
 impl CompressedPlyCodes {
-    /// Rounds every attribute to its nearest code, in Morton order of the means.
+    /// Rounds every attribute to its nearest code, in the order of a k-d tree of the means.
     pub fn nearest(splats: &Splats) -> CompressedPlyCodes {
-        let order: Vec<usize> = morton_order(&splats.mean).iter().map(|&i| i as usize).collect();
+        let order: Vec<usize> = kd_order(&splats.mean, CHUNK).iter().map(|&i| i as usize).collect();
         let chunked: Vec<_> = order.par_chunks(CHUNK).map(|chunk| pack_chunk(splats, chunk)).collect();
         let degree = splats.used_sh_degree();
         let rest = 3 * (sh_coefficient_count(degree) - 1);

@@ -1,17 +1,12 @@
 //! Depth image of a host, filled from numbers.
 
+use crate::embed::frame::UPLOADED;
 use crate::embed::host::Host;
 use ash::vk;
 use ashfall::gpu::{HostImage, HostImageDesc, ImageState};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
-/// State of the image after its upload, before which nothing waits for it.
-pub(crate) const UPLOADED: ImageState = ImageState {
-    layout: vk::ImageLayout::TRANSFER_DST_OPTIMAL,
-    stage: vk::PipelineStageFlags2::COPY,
-    access: vk::AccessFlags2::TRANSFER_WRITE,
-};
 /// State for the host's next depth test.
 pub(crate) const TESTED: ImageState = ImageState {
     layout: vk::ImageLayout::GENERAL,

@@ -12,6 +12,12 @@ pub(crate) const CLEARED: ImageState = ImageState {
     stage: vk::PipelineStageFlags2::CLEAR,
     access: vk::AccessFlags2::TRANSFER_WRITE,
 };
+/// State of an image after its upload, before which nothing waits for it.
+pub(crate) const UPLOADED: ImageState = ImageState {
+    layout: vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+    stage: vk::PipelineStageFlags2::COPY,
+    access: vk::AccessFlags2::TRANSFER_WRITE,
+};
 /// State required by the host's copy command.
 pub(crate) const COPYABLE: ImageState = ImageState {
     layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
@@ -107,7 +113,7 @@ impl<'a> Frame<'a> {
     fn make_buffer(&mut self) {
         let device = &self.host.device;
         let bytes = u64::from(self.extent[0]) * u64::from(self.extent[1]) * 16;
-        let usage = vk::BufferUsageFlags::TRANSFER_DST;
+        let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
         // SAFETY: a plain buffer.
         self.buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
@@ -140,23 +146,53 @@ impl<'a> Frame<'a> {
         }
     }
 
+    /// Records the transition of the image, whose contents are lost, to a state.
+    fn discard(&self, to: ImageState) {
+        let barriers = [vk::ImageMemoryBarrier2::default()
+            .dst_stage_mask(to.stage)
+            .dst_access_mask(to.access)
+            .new_layout(to.layout)
+            .image(self.image)
+            .subresource_range(WHOLE)];
+        let dependency = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: the commands are being recorded.
+        unsafe { self.host.device.cmd_pipeline_barrier2(self.commands, &dependency) };
+    }
+
+    /// The whole image as a region of the buffer.
+    fn region(&self) -> vk::BufferImageCopy {
+        vk::BufferImageCopy::default()
+            .image_subresource(vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                layer_count: 1,
+                ..Default::default()
+            })
+            .image_extent(self.extent3())
+    }
+
+    /// Waits for the frame's previous commands and begins new ones, which leave the image `UPLOADED` with these pixels.
+    pub(crate) fn begin_over<T: bytemuck::Pod>(&mut self, pixels: &[T]) {
+        self.start();
+        let bytes: &[u8] = bytemuck::cast_slice(pixels);
+        self.memory[1].mapped_slice_mut().unwrap()[..bytes.len()].copy_from_slice(bytes);
+        self.discard(UPLOADED);
+        let (device, regions) = (&self.host.device, [self.region()]);
+        // SAFETY: the host's own objects; the commands are being recorded.
+        unsafe {
+            device.cmd_copy_buffer_to_image(self.commands, self.buffer, self.image, UPLOADED.layout, &regions);
+        }
+    }
+
     /// Waits for the frame's previous commands and begins new ones, which clear the image to red.
     pub(crate) fn begin(&self) {
         self.start();
+        self.discard(CLEARED);
         let device = &self.host.device;
-        let to_cleared = [vk::ImageMemoryBarrier2::default()
-            .dst_stage_mask(CLEARED.stage)
-            .dst_access_mask(CLEARED.access)
-            .new_layout(CLEARED.layout)
-            .image(self.image)
-            .subresource_range(WHOLE)];
-        let dependency = vk::DependencyInfo::default().image_memory_barriers(&to_cleared);
         let red = vk::ClearColorValue {
             float32: [1.0, 0.0, 0.0, 1.0],
         };
         // SAFETY: the host's own objects; the commands are being recorded.
         unsafe {
-            device.cmd_pipeline_barrier2(self.commands, &dependency);
             device.cmd_clear_color_image(self.commands, self.image, CLEARED.layout, &red, &[WHOLE]);
         }
     }
@@ -205,13 +241,7 @@ impl<'a> Frame<'a> {
     /// Copies the image, which must be `COPYABLE`, without a barrier of the host; ends and submits.
     pub(crate) fn submit(&self) {
         let device = &self.host.device;
-        let regions = [vk::BufferImageCopy::default()
-            .image_subresource(vk::ImageSubresourceLayers {
-                aspect_mask: vk::ImageAspectFlags::COLOR,
-                layer_count: 1,
-                ..Default::default()
-            })
-            .image_extent(self.extent3())];
+        let regions = [self.region()];
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
         let to_host = [vk::MemoryBarrier2::default()

@@ -4,6 +4,7 @@ mod blending;
 mod contract;
 mod depth;
 mod economy;
+mod foreign;
 mod frame;
 mod heap;
 mod host;

@@ -93,7 +93,7 @@ fn reference(scene: &Scene, limits: &[f64]) -> Vec<Expected> {
 }
 
 /// Nearest and farthest depth of the drawn splats.
-fn depths(scene: &Scene) -> (f64, f64) {
+pub(crate) fn depths(scene: &Scene) -> (f64, f64) {
     let at = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let (list, _) = sorted(&project_all(&Splat::<f64>::all(&scene.splats), &at));
     (list[0].depth, list[list.len() - 1].depth)

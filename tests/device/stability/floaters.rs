@@ -54,7 +54,7 @@ fn outcome(lab: &Lab, scene: &Scene, dataset: &Dataset, config: &TrainConfig) ->
     let training = cameras(dataset, Split::Train);
     let views = |m: &DVec3| training.iter().filter(|camera| sees(camera, *m)).count();
     Outcome {
-        psnr_db: psnr_db(lab, &splats, scene, &cameras(dataset, Split::Test), 3),
+        psnr_db: psnr_db(lab, [&splats], scene, &cameras(dataset, Split::Test), 3)[0],
         floating: means().filter(is_outside).count(),
         unsupported: means().filter(|m| 2 * views(m) < training.len()).count(),
     }

@@ -74,14 +74,8 @@ fn f029_zoom_sweep() {
     for (zoom, gain) in wanted {
         let cameras: Vec<Camera> = test.iter().map(|c| zoomed(c, zoom)).collect();
         let samples = if zoom < 1.0 { 16 } else { 3 };
-        let mean = |runs: &[Splats; 3]| {
-            let sum: f64 = runs
-                .iter()
-                .map(|splats| psnr_db(&lab, splats, &scene, &cameras, samples))
-                .sum();
-            sum / runs.len() as f64
-        };
-        let [before, after] = [&trained[0], &trained[1]].map(mean);
+        let scores = psnr_db(&lab, trained.as_flattened(), &scene, &cameras, samples);
+        let [before, after] = [&scores[..3], &scores[3..]].map(|runs| runs.iter().sum::<f64>() / 3.0);
         println!("zoom {zoom}: {before:.2} dB, mip {after:.2} dB");
         within("frame", "f029", &format!("dB lost at x{zoom}"), before - after, -gain);
     }

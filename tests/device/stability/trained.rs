@@ -23,20 +23,29 @@ pub(crate) fn cameras(dataset: &Dataset, split: Split) -> Vec<Camera> {
     views.map(|view| dataset.views[view].camera).collect()
 }
 
-/// Mean PSNR over the cameras against ray casting with `samples` × `samples` a pixel.
-pub(crate) fn psnr_db(lab: &Lab, splats: &Splats, truth: &Scene, cameras: &[Camera], samples: u32) -> f64 {
-    let model = Model::upload(lab.gpu(), splats).unwrap();
+/// Mean PSNR of each scene over the cameras against ray casting with `samples` × `samples` a pixel.
+pub(crate) fn psnr_db<'s>(
+    lab: &Lab,
+    scenes: impl IntoIterator<Item = &'s Splats>,
+    truth: &Scene,
+    cameras: &[Camera],
+    samples: u32,
+) -> Vec<f64> {
+    let wanted: Vec<_> = cameras.iter().map(|camera| truth.image(camera, samples)).collect();
     let mut renderer = Renderer::new(lab.gpu(), RenderOptions::default()).unwrap();
-    let options = ViewOptions {
-        background: [0.0; 3],
-        near: 0.01,
-        filter: splats.filter,
+    let mut mean = |splats: &Splats| {
+        let model = Model::upload(lab.gpu(), splats).unwrap();
+        let options = ViewOptions {
+            background: [0.0; 3],
+            near: 0.01,
+            filter: splats.filter,
+        };
+        let score = |(camera, wanted): (&Camera, &Vec<[f32; 3]>)| {
+            let found = renderer.render(&model, camera, &options).unwrap();
+            let image = |rgb| Image::new(camera.width, camera.height, rgb);
+            -10.0 * mean_squared_error(image(&found.rgb), image(wanted), None).log10()
+        };
+        cameras.iter().zip(&wanted).map(score).sum::<f64>() / cameras.len() as f64
     };
-    let score = |camera: &Camera| {
-        let found = renderer.render(&model, camera, &options).unwrap();
-        let wanted = truth.image(camera, samples);
-        let image = |rgb| Image::new(camera.width, camera.height, rgb);
-        -10.0 * mean_squared_error(image(&found.rgb), image(&wanted), None).log10()
-    };
-    cameras.iter().map(score).sum::<f64>() / cameras.len() as f64
+    scenes.into_iter().map(&mut mean).collect()
 }

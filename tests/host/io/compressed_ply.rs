@@ -38,7 +38,7 @@ fn files_of_other_writers_decode() {
 
 /// Splats in the order of the codes.
 fn ordered(splats: &Splats) -> Splats {
-    let order = ashfall::scene::morton_order(&splats.mean);
+    let order = ashfall::scene::kd_order(&splats.mean, 256);
     splats.picked(&order.iter().map(|&i| i as usize).collect::<Vec<_>>())
 }
 

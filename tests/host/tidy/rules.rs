@@ -26,22 +26,40 @@ const OPERATIONS: [(&str, &str); 4] = [
 const PLACES: &[(&str, &[&str], &str)] = &[
     (
         "unsafe",
-        &["src/gpu/", "src/capi/", "tests/device/embed", "examples/embed.rs"],
+        &[
+            "src/gpu/",
+            "src/capi/",
+            "tests/device/embed",
+            "examples/embed.rs",
+            "examples/view/",
+        ],
         "memory by pointers is kept to Vulkan and C",
     ),
     (
         "ash",
-        &["src/gpu/", "src/capi/", "tests/device/embed", "examples/embed.rs"],
+        &[
+            "src/gpu/",
+            "src/capi/",
+            "tests/device/embed",
+            "examples/embed.rs",
+            "examples/view/",
+        ],
         "only gpu speaks Vulkan",
     ),
     (
         "vk",
-        &["src/gpu/", "src/capi/", "tests/device/embed", "examples/embed.rs"],
+        &[
+            "src/gpu/",
+            "src/capi/",
+            "tests/device/embed",
+            "examples/embed.rs",
+            "examples/view/",
+        ],
         "only gpu speaks Vulkan",
     ),
     (
         "gpu_allocator",
-        &["src/gpu/", "tests/device/embed", "examples/embed.rs"],
+        &["src/gpu/", "tests/device/embed", "examples/embed.rs", "examples/view/"],
         "only gpu speaks Vulkan",
     ),
     (

@@ -1,0 +1,355 @@
+//! The window's contents: scene, renderer, camera, and what keys do.
+
+use crate::Args;
+use crate::device::Device;
+use crate::hand::Hand;
+use crate::rig::{Rig, path_document};
+use crate::scene::{Scene, Visits};
+use crate::screen::{Presentation, Screen};
+use ashfall::render::{SplatOrder, Stats, isects_expected};
+use ashfall::{Camera, Gpu, Model, Primitive, RenderOptions, Renderer, ViewOptions, io};
+use std::error::Error;
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+use winit::event::WindowEvent;
+use winit::event_loop::ActiveEventLoop;
+use winit::keyboard::KeyCode;
+use winit::window::Window;
+
+type Checked = Result<(), Box<dyn Error>>;
+
+/// Frames after the last change: statistics come two frames later.
+const SETTLING: u32 = 3;
+
+pub(crate) struct Viewer {
+    renderer: Renderer,
+    model: Model,
+    gpu: Gpu,
+    screen: Screen,
+    device: Device,
+    window: Window,
+    scene: Scene,
+    visits: Option<Visits>,
+    visit: Option<usize>,
+    shows_photo: bool,
+    rig: Rig,
+    hand: Hand,
+    options: RenderOptions,
+    background: usize,
+    keys: Vec<Camera>,
+    takes_screenshot: bool,
+    stats: Option<Stats>,
+    frames_due: u32,
+    last_frame: Option<Instant>,
+}
+
+impl Viewer {
+    pub(crate) fn new(window: Window, args: &Args, validate: bool) -> Result<Viewer, Box<dyn Error>> {
+        let scene = Scene::read(&args.scene)?;
+        let origin = scene.splats.origin;
+        let visits = args.cameras.as_deref().map(|path| Visits::open(path, origin));
+        let visits = visits.transpose()?.filter(|visits| visits.len() > 0);
+        let device = Device::new(&window, validate)?;
+        let gpu = device.adopt()?;
+        let model = Model::upload(&gpu, &scene.splats)?;
+        let options = options(&scene, RenderOptions::default());
+        let size = window.inner_size();
+        let mut viewer = Viewer {
+            renderer: Renderer::new(&gpu, options)?,
+            model,
+            screen: Screen::new(&device, [size.width, size.height])?,
+            rig: Rig::before(scene.center, scene.radius, scene.up()),
+            gpu,
+            device,
+            window,
+            scene,
+            visits,
+            visit: None,
+            shows_photo: false,
+            hand: Hand::default(),
+            options,
+            background: 0,
+            keys: Vec::new(),
+            takes_screenshot: false,
+            stats: None,
+            frames_due: SETTLING,
+            last_frame: None,
+        };
+        viewer.visit(1)?;
+        viewer.reserve(None)?;
+        Ok(viewer)
+    }
+
+    /// Asks for a frame if one is due; true while something moves.
+    pub(crate) fn request(&self) -> bool {
+        let is_due = self.frames_due > 0 || self.hand.flies();
+        if is_due {
+            self.window.request_redraw();
+        }
+        is_due
+    }
+
+    /// Reads the scene again if its file has changed.
+    pub(crate) fn watch(&mut self) {
+        if self.scene.is_old() {
+            let path = self.scene.path.clone();
+            self.reload(&path);
+        }
+    }
+
+    fn reload(&mut self, path: &Path) {
+        let mut replace = || -> Checked {
+            let scene = Scene::read(path)?;
+            self.device.wait();
+            let model = Model::upload(&self.gpu, &scene.splats)?;
+            (self.scene, self.model) = (scene, model);
+            self.renew(self.options)
+        };
+        // A file may be half-written: the next look finds the rest.
+        told(replace());
+    }
+
+    /// A renderer of other options, for the scene.
+    fn renew(&mut self, wanted: RenderOptions) -> Checked {
+        self.device.wait();
+        let wanted = options(&self.scene, wanted);
+        self.renderer = Renderer::new(&self.gpu, wanted)?;
+        self.options = wanted;
+        self.reserve(None)
+    }
+
+    /// Room for pictures of the window's size and so many pairs, or the expected number.
+    fn reserve(&mut self, isects: Option<usize>) -> Checked {
+        let [width, height] = self.screen.extent;
+        if width > 0 && height > 0 {
+            let camera = self.rig.fitted([width, height]);
+            let expected = isects_expected(self.model.splat_count, width, height);
+            self.renderer
+                .reserve(&self.model, &camera, isects.unwrap_or(expected))?;
+            self.frames_due = SETTLING;
+        }
+        Ok(())
+    }
+
+    /// The camera `step` further in the data set.
+    fn visit(&mut self, step: usize) -> Checked {
+        let Some(visits) = &self.visits else { return Ok(()) };
+        let index = self.visit.map_or(0, |index| (index + step) % visits.len());
+        self.rig.jump(&visits.camera(index), visits.focus, visits.extent());
+        self.visit = Some(index);
+        self.shows_photo = false;
+        Ok(())
+    }
+
+    /// Shows the photograph of the camera visited, at its place, or hides it.
+    fn compare(&mut self) -> Checked {
+        let (Some(visits), Some(index)) = (&self.visits, self.visit) else {
+            return Ok(());
+        };
+        self.shows_photo = !self.shows_photo && {
+            self.rig.jump(&visits.camera(index), visits.focus, visits.extent());
+            let photo = visits.photo(index)?;
+            if let Some(photo) = &photo {
+                let (rgba, extent) = (photo.rgba.as_flattened(), [photo.width, photo.height]);
+                self.screen.set_photo(&self.device, rgba, extent)?;
+            }
+            photo.is_some()
+        };
+        Ok(())
+    }
+
+    pub(crate) fn handle(&mut self, event: WindowEvent, event_loop: &ActiveEventLoop) -> Checked {
+        match &event {
+            WindowEvent::Resized(size) => {
+                self.screen.resize(&self.device, [size.width, size.height])?;
+                self.reserve(None)?;
+            }
+            WindowEvent::DroppedFile(path) => self.reload(&path.clone()),
+            WindowEvent::Focused(false) => self.hand.release(),
+            WindowEvent::Occluded(_) | WindowEvent::Focused(true) => self.frames_due = SETTLING,
+            WindowEvent::KeyboardInput { event, .. } => {
+                if let Some(key) = self.hand.press(event.physical_key, event.state, &mut self.rig) {
+                    self.key(key, event_loop)?;
+                    self.frames_due = SETTLING;
+                }
+            }
+            _ if self.hand.moves(&event, &mut self.rig, self.screen.extent[1]) => {
+                self.shows_photo = false;
+                self.frames_due = SETTLING;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn key(&mut self, key: KeyCode, event_loop: &ActiveEventLoop) -> Checked {
+        let back = self.visits.as_ref().map_or(0, |visits| visits.len() - 1);
+        match key {
+            KeyCode::KeyN => self.visit(1)?,
+            KeyCode::KeyP => self.visit(back)?,
+            KeyCode::KeyC => told(self.compare()),
+            KeyCode::KeyB => self.background = (self.background + 1) % BACKGROUNDS.len(),
+            KeyCode::KeyX => self.takes_screenshot = true,
+            KeyCode::KeyK => told(self.keep()),
+            KeyCode::KeyR => self.rig = Rig::before(self.scene.center, self.scene.radius, self.scene.up()),
+            KeyCode::KeyH => {
+                let sh_degree = (self.options.sh_degree + 1) % 4;
+                told(self.renew(RenderOptions {
+                    sh_degree,
+                    ..self.options
+                }));
+            }
+            KeyCode::KeyO => {
+                let order = match self.options.order {
+                    SplatOrder::Depth => SplatOrder::Distance,
+                    SplatOrder::Distance => SplatOrder::Depth,
+                };
+                told(self.renew(RenderOptions { order, ..self.options }));
+            }
+            KeyCode::Escape => event_loop.exit(),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Adds the camera to the recorded path.
+    fn keep(&mut self) -> Checked {
+        self.keys.push(self.rig.fitted(self.screen.extent));
+        let text = serde_json::to_string_pretty(&path_document(&self.keys, self.scene.splats.origin))?;
+        std::fs::write("camera_path.json", text)?;
+        println!("camera_path.json: {} cameras", self.keys.len());
+        Ok(())
+    }
+
+    pub(crate) fn draw(&mut self) -> Checked {
+        let seconds = self
+            .last_frame
+            .replace(Instant::now())
+            .map(|last| last.elapsed().as_secs_f64());
+        if let (true, Some(seconds)) = (self.hand.flies(), seconds) {
+            self.hand.fly(seconds.min(0.2), &mut self.rig);
+        }
+        let size = self.screen.extent;
+        if size.contains(&0) {
+            return self.settle(Presentation::Stale);
+        }
+        let copy = match self.takes_screenshot {
+            true => Some(self.device.pinned(size[0] as usize * size[1] as usize * 4)?),
+            false => None,
+        };
+        let view = ViewOptions {
+            background: [BACKGROUNDS[self.background]; 3],
+            near: (0.01 * self.visits.as_ref().map_or(self.scene.radius, Visits::extent)) as f32,
+            filter: self.scene.splats.filter,
+        };
+        let (camera, photo_area) = (self.rig.fitted(size), self.shows_photo.then(|| self.rig.area(size)));
+        let (renderer, model, stats) = (&mut self.renderer, &self.model, &mut self.stats);
+        let shown = self.screen.draw(
+            &self.device,
+            |commands, target| {
+                let returned = renderer.record(commands, model, &camera, &view, target)?;
+                *stats = returned.or(*stats);
+                Ok(())
+            },
+            photo_area,
+            copy.as_ref(),
+        )?;
+        if let Some(mut copy) = copy {
+            self.device.wait();
+            if shown != Presentation::Lost {
+                self.save(&self.screen.rgb(copy.bytes()), size)?;
+                self.takes_screenshot = false;
+            }
+            self.device.unpin(copy);
+        }
+        self.settle(shown)?;
+        self.tell(seconds);
+        Ok(())
+    }
+
+    /// Does what a frame's fate and its statistics ask for.
+    fn settle(&mut self, shown: Presentation) -> Checked {
+        self.frames_due = self.frames_due.saturating_sub(1);
+        if shown != Presentation::Shown {
+            let size = self.window.inner_size();
+            if shown == Presentation::Lost {
+                self.device.wait();
+                self.screen.discard(&self.device);
+                self.device.renew_surface(&self.window)?;
+            }
+            self.screen.resize(&self.device, [size.width, size.height])?;
+            self.reserve(None)?;
+        }
+        if let Some(stats) = self.stats.take_if(|stats| !stats.fits()) {
+            self.reserve(Some(2 * stats.isects))?;
+        }
+        Ok(())
+    }
+
+    fn save(&self, rgb: &[u8], [width, height]: [u32; 2]) -> Checked {
+        let png = io::png::encode_rgb(width, height, rgb)?;
+        let name = |index: usize| format!("view-{index:04}.png");
+        let free = (1..).map(name).find(|name| !Path::new(name).exists());
+        if let Some(name) = free {
+            io::atomic::write_atomically(Path::new(&name), |file| file.write_all(&png))?;
+            println!("{name}");
+        }
+        Ok(())
+    }
+
+    /// States frame time, splats and camera in the title.
+    fn tell(&mut self, seconds: Option<f64>) {
+        // Time between frames counts while one follows the other.
+        if self.frames_due == 0 && !self.hand.flies() {
+            self.last_frame = None;
+        }
+        let mut title = self.scene.path.display().to_string();
+        title += &format!(" | {} splats", self.model.splat_count);
+        if let Some(stats) = &self.stats {
+            title += &format!(" | {} pairs", stats.isects);
+        }
+        if let Some(seconds) = seconds {
+            title += &format!(" | {:.1} ms", 1e3 * seconds);
+        }
+        if let (Some(visits), Some(index)) = (&self.visits, self.visit) {
+            title += &format!(
+                " | {}{}",
+                visits.name(index),
+                if self.shows_photo { " (photograph)" } else { "" }
+            );
+        }
+        self.window.set_title(&title);
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        self.device.wait();
+        self.screen.destroy(&self.device);
+    }
+}
+
+/// Prints an error that leaves the window as it is.
+fn told(result: Checked) {
+    if let Err(error) = result {
+        eprintln!("error: {error}");
+    }
+}
+
+/// Grey levels.
+const BACKGROUNDS: [f32; 3] = [0.0, 0.5, 1.0];
+
+/// Options for a scene. Surfels have no order by distance.
+fn options(scene: &Scene, wanted: RenderOptions) -> RenderOptions {
+    let primitive = scene.splats.primitive;
+    let order = match primitive {
+        Primitive::Surfel => SplatOrder::Depth,
+        _ => wanted.order,
+    };
+    RenderOptions {
+        primitive,
+        order,
+        ..wanted
+    }
+}
