@@ -69,10 +69,9 @@ impl LossPass {
     ) -> Result<Option<Readback<[f32; 4]>>> {
         let columns = step.view.size[0].div_ceil(LOSS_TILE_WIDTH);
         let (photo_part, photo_first) = photo_part(photo, step);
-        let [own, reached] = tile_rows(step);
+        let [_, reached] = tile_rows(step);
         let tiles = columns * reached.1;
         let alpha_mode = alpha_mode(photo);
-        let lambda = f64::from(step.config.lambda_dssim);
         let [gain, toe] = step.exposure;
         let (patch_shift, patch_columns) = grid(step);
         self.loss.record(
@@ -102,6 +101,21 @@ impl LossPass {
         );
         self.record_sum(rec, (&g.loss_from_tile, tiles), g, [0, 1, 0]);
         rec.timestamp("loss");
+        self.record_backward(rec, s, g, photo, step);
+        self.record_exposure(rec, s, g, photo, step);
+        let residuals = self.record_residuals(rec, s, g, photo, step)?;
+        rec.timestamp("loss_backward");
+        Ok(residuals)
+    }
+
+    /// The gradient by every pixel of the frame.
+    fn record_backward(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, photo: &Bound, step: &Step<'_>) {
+        let columns = step.view.size[0].div_ceil(LOSS_TILE_WIDTH);
+        let (photo_part, photo_first) = photo_part(photo, step);
+        let [own, _] = tile_rows(step);
+        let lambda = f64::from(step.config.lambda_dssim);
+        let [gain, toe] = step.exposure;
+        let (patch_shift, patch_columns) = grid(step);
         // A fully masked photograph has zero gradient.
         let share = if photo.weight > 0.0 {
             1.0 / (3.0 * photo.weight)
@@ -119,7 +133,7 @@ impl LossPass {
                 ignored: &g.ignored,
             },
             loss_backward::Params {
-                alpha_mode,
+                alpha_mode: alpha_mode(photo),
                 l1_scale: ((1.0 - lambda) * share) as f32,
                 ssim_scale: (lambda * share) as f32,
                 gain,
@@ -133,10 +147,6 @@ impl LossPass {
             },
             Groups::Count(columns * own.1),
         );
-        self.record_exposure(rec, s, g, photo, step);
-        let residuals = self.record_residuals(rec, s, g, photo, step)?;
-        rec.timestamp("loss_backward");
-        Ok(residuals)
     }
 
     /// Adds up every `stride`-th of the terms from the `first` on into a slot of the totals.
