@@ -1,7 +1,7 @@
 //! Encoding of a scene within a loss or a number of bytes.
 
 use super::geometry::round_light;
-use super::harmonics::{HarmonicGrid, RoundingOptions, round_harmonics};
+use super::harmonics::{HarmonicGrid, round_harmonics};
 use super::influence::Influence;
 use super::pictures::{PictureError, Pictures};
 use super::setting::{ExportFormat, Setting};
@@ -89,8 +89,6 @@ fn level(splats: usize) -> i32 {
 pub struct ExportSource {
     splats: Arc<Splats>,
     influence: Option<Influence>,
-    /// Constants of joint rounding.
-    pub rounding: RoundingOptions,
 }
 
 impl ExportSource {
@@ -103,7 +101,6 @@ impl ExportSource {
         ExportSource {
             splats: Arc::new(splats),
             influence: influence.map(|influence| influence.picked(&order)),
-            rounding: RoundingOptions::default(),
         }
     }
 
@@ -207,7 +204,7 @@ impl ExportSource {
                 given[i as usize * stride..][..stride].copy_from_slice(row);
             }
             let grid = HarmonicGrid::Given(&given);
-            codes.set_colors(&round_harmonics(splats, influence, grid, self.rounding));
+            codes.set_colors(&round_harmonics(splats, influence, grid));
         }
         codes
     }
@@ -215,7 +212,7 @@ impl ExportSource {
     /// Splats with harmonics and scales on the format's grid.
     fn rounded(&self, target: ExportFormat, setting: Setting) -> Arc<Splats> {
         let mut rounded = match (&self.influence, setting.grid(target)) {
-            (Some(influence), Some(grid)) => round_harmonics(&self.splats, influence, grid, self.rounding),
+            (Some(influence), Some(grid)) => round_harmonics(&self.splats, influence, grid),
             _ if setting.sh_degree >= self.splats.sh_degree => return self.splats.clone(),
             _ => Splats::clone(&self.splats),
         };

@@ -1,7 +1,7 @@
 //! Harmonics of a splat, rounded together.
 //!
 //! With Y the basis in the direction of a view and w the splat's weight there, rounding errors Δ of a channel change
-//! the picture by Δᵀ G Δ, G = Σ w Y Yᵀ / Σ w + μ/4π. The second part is the mean over all directions, for views from
+//! the picture by Δᵀ G Δ, G = Σ w Y Yᵀ / Σ w + 1/4π. The second part is the mean over all directions, for views from
 //! elsewhere. The constant coefficient follows the others, δ₀ = −Σ G₀ⱼ δⱼ / G₀₀, which leaves the Schur complement S of
 //! G for them. They are rounded from the last to the first, each to the grid point nearest to the value that makes up
 //! for the errors so far (Babai's nearest plane); then single coefficients and pairs move by a step as long as that
@@ -36,19 +36,6 @@ pub enum HarmonicGrid<'a> {
     Given(&'a [f32]),
 }
 
-/// Constants of joint rounding.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RoundingOptions {
-    /// Share of all directions alike in the error of a splat, μ.
-    pub all_round: f64,
-}
-
-impl Default for RoundingOptions {
-    fn default() -> RoundingOptions {
-        RoundingOptions { all_round: 1.0 }
-    }
-}
-
 /// Least weight of a splat in the price of its bits, relative to the mean: it may be seen from elsewhere.
 const LEAST_WEIGHT: f64 = 0.05;
 
@@ -65,16 +52,11 @@ const REST: usize = sh_coefficient_count(3) - 1;
 ///
 /// # Panics
 /// If `influence` has another number of splats.
-pub fn round_harmonics(
-    splats: &Splats,
-    influence: &Influence,
-    grid: HarmonicGrid<'_>,
-    rounding: RoundingOptions,
-) -> Splats {
+pub fn round_harmonics(splats: &Splats, influence: &Influence, grid: HarmonicGrid<'_>) -> Splats {
     let stride = splats.sh_stride();
     let mut rounded = splats.clone();
     rounded.sh.par_chunks_exact_mut(stride).enumerate().for_each(|(i, sh)| {
-        let metric = metric(influence, i, splats.mean[i], splats.sh_degree, rounding.all_round);
+        let metric = metric(influence, i, splats.mean[i], splats.sh_degree);
         let weight = influence.of(i);
         for channel in 0..3 {
             let mut values = [0.0; REST];
@@ -120,7 +102,7 @@ fn step_of(step: f64, weight: f64, [finest, coarsest]: [f64; 2]) -> f64 {
 }
 
 /// Metric of the coefficients of a splat above degree 0.
-fn metric(influence: &Influence, splat: usize, mean: [f32; 3], degree: u32, all_round: f64) -> Metric {
+fn metric(influence: &Influence, splat: usize, mean: [f32; 3], degree: u32) -> Metric {
     let size = sh_coefficient_count(degree);
     let mut matrix = [0.0; 256];
     let mut total = 0.0;
@@ -136,8 +118,7 @@ fn metric(influence: &Influence, splat: usize, mean: [f32; 3], degree: u32, all_
     if total > 0.0 {
         matrix.iter_mut().for_each(|v| *v /= total);
     }
-    let around = if total > 0.0 { all_round } else { 1.0 } / (4.0 * PI);
-    (0..size).for_each(|i| matrix[i * size + i] += around);
+    (0..size).for_each(|i| matrix[i * size + i] += 1.0 / (4.0 * PI));
     Metric::new(&matrix, size)
 }
 
@@ -380,7 +361,7 @@ mod tests {
     #[test]
     fn colours_are_closer_in_the_views_and_not_much_farther_elsewhere() {
         let (splats, influence) = (splats(50), influence(50));
-        let rounded = round_harmonics(&splats, &influence, grid(0.0), RoundingOptions::default());
+        let rounded = round_harmonics(&splats, &influence, grid(0.0));
         for (i, value) in rounded.sh.iter().enumerate().filter(|(i, _)| i % 48 >= 3) {
             assert_eq!((value / 0.125).fract(), 0.0, "{i}");
         }
@@ -400,7 +381,7 @@ mod tests {
     fn a_price_makes_zeros() {
         let (splats, influence) = (splats(20), influence(20));
         let zeros = |bit_price| {
-            let rounded = round_harmonics(&splats, &influence, grid(bit_price), RoundingOptions::default());
+            let rounded = round_harmonics(&splats, &influence, grid(bit_price));
             rounded.sh.iter().filter(|v| **v == 0.0).count()
         };
         assert!(zeros(0.0) < zeros(0.1) && zeros(0.1) < zeros(1.0));
@@ -410,12 +391,7 @@ mod tests {
     fn the_constant_follows_given_values() {
         let (splats, influence) = (splats(50), influence(50));
         let given = plain(&splats);
-        let rounded = round_harmonics(
-            &splats,
-            &influence,
-            HarmonicGrid::Given(&given.sh),
-            RoundingOptions::default(),
-        );
+        let rounded = round_harmonics(&splats, &influence, HarmonicGrid::Given(&given.sh));
         let differs = |(i, (a, b)): (usize, (&f32, &f32))| i % 48 >= 3 && a != b;
         assert!(!rounded.sh.iter().zip(&given.sh).enumerate().any(differs));
         let [followed, left] = [&rounded, &given].map(|r| errors(&splats, r, &influence)[0]);

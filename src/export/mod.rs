@@ -17,7 +17,7 @@ mod setting;
 
 pub use choose::{Budget, EncodedScene, ExportSource, Ladder, Measurement};
 pub use geometry::round_light;
-pub use harmonics::{HarmonicGrid, RoundingOptions, round_harmonics};
+pub use harmonics::{HarmonicGrid, round_harmonics};
 pub use influence::Influence;
 pub use pictures::{PictureError, Pictures};
 pub use setting::{ExportFormat, Setting};

@@ -19,11 +19,7 @@ fn sort(positions: &[[f32; 3]], block: usize, rows: &mut [u32]) {
     let axis = longest_side(positions, rows);
     let key = |&row: &u32| (positions[row as usize][axis], row);
     let half = match rows.len() > block {
-        true => rows
-            .len()
-            .div_ceil(2)
-            .next_multiple_of(block)
-            .min((rows.len() - 1) / block * block),
+        true => rows.len().div_ceil(2).next_multiple_of(block),
         false => rows.len() / 2,
     };
     rows.select_nth_unstable_by(half, |a, b| {

@@ -97,7 +97,6 @@ impl Backward {
             for block in blocks() {
                 kernels.record_project(rec, state, scratch, gradients, step, block);
                 if is_whole {
-                    self.pose.record(rec, state, scratch, step.sh_degree, block);
                     self.record_update(rec, state, scratch, step, block);
                 }
             }
@@ -114,7 +113,6 @@ impl Backward {
             blocks().for_each(|b| kernels.record_project(rec, state, scratch, gradients, step, b));
         }
         for block in blocks().filter(|_| is_whole) {
-            self.pose.record(rec, state, scratch, step.sh_degree, block);
             self.record_update(rec, state, scratch, step, block);
         }
         Ok(residuals)
@@ -135,12 +133,13 @@ impl Backward {
         let kernels = self.geometry_at(step.geometry).map_or(&self.chain, |pass| &pass.chain);
         for block in state.model.blocks.of(state.model.counts) {
             kernels.record_project(rec, state, scratch, gradients, step, block);
-            self.pose.record(rec, state, scratch, step.sh_degree, block);
             self.record_update(rec, state, scratch, step, block);
         }
     }
 
+    /// The gradient by the pose, and the update of a block.
     fn record_update(&self, rec: &mut Recorder<'_>, state: &DeviceState, s: &Scratch, step: &Step<'_>, block: Block) {
+        self.pose.record(rec, state, s, step.sh_degree, block);
         let (config, iteration, extent) = (step.config, step.iteration, step.extent);
         let rates = &config.rates;
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);

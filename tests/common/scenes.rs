@@ -12,7 +12,7 @@ pub use ashfall::lab::bench::input::pack::in_order;
 pub use ashfall::lab::bench::input::random::{Random, single};
 pub use ashfall::lab::bench::input::scene::{Scene, Sketch, push};
 use ashfall::reference::Options;
-use ashfall::scene::{Camera, Primitive, ScreenFilter, Splats, sh_coefficient_count};
+use ashfall::scene::{Camera, Photo, PhotoSource, Primitive, ScreenFilter, Splats, View, sh_coefficient_count};
 use glam::{DMat3, DVec2, DVec3};
 
 /// A camera about four units from the origin, directed at it, with unequal focal lengths and a principal point off the
@@ -200,6 +200,22 @@ pub fn photo(seed: u64, width: u32, height: u32) -> Vec<[u8; 3]> {
         }
     }
     pixels
+}
+
+/// A view with a generated photograph, whose alpha is given by pixel.
+pub fn photographed(camera: Camera, alpha: impl Fn(usize) -> u8) -> View {
+    let Camera { width, height, .. } = camera;
+    let rgb = photo(7, width, height);
+    let rgba = rgb
+        .iter()
+        .enumerate()
+        .map(|(i, &[r, g, b])| [r, g, b, alpha(i)])
+        .collect();
+    View {
+        name: "view".into(),
+        camera,
+        photo: PhotoSource::Memory(Photo { width, height, rgba }),
+    }
 }
 
 /// A photograph's values, 0 to 1.

@@ -1,10 +1,10 @@
 //! Frames and steps that exceed the range of one binding or the capacity of buffers: the same bits, in more passes.
 
-use crate::common::scenes::Scene;
+use crate::common::scenes::{Scene, photographed};
 use ashfall::gpu::Gpu;
 use ashfall::reference;
 use ashfall::render::{Capacity, Model, RenderOptions, RenderedImage, Renderer, Surface, ViewOptions};
-use ashfall::scene::{Dataset, Photo, PhotoSource, Point, View};
+use ashfall::scene::{Dataset, Point};
 use ashfall::train::{HostState, TrainConfig, Trainer};
 
 /// Smallest range of a binding for these tests, bytes: that of their images.
@@ -132,18 +132,9 @@ fn a_list_longer_than_a_driver_runs_loops_is_drawn_whole() {
 /// A data set of one generated photograph of a scene.
 fn dataset(scene: &Scene) -> Dataset {
     let camera = scene.camera;
-    let photo = crate::common::scenes::photo(7, camera.width, camera.height);
     let ahead = camera.position + camera.rotation.row(2) * 4.0;
     Dataset {
-        views: vec![View {
-            name: "view".into(),
-            camera,
-            photo: PhotoSource::Memory(Photo {
-                width: camera.width,
-                height: camera.height,
-                rgba: photo.iter().map(|&[r, g, b]| [r, g, b, 255]).collect(),
-            }),
-        }],
+        views: vec![photographed(camera, |_| 255)],
         points: vec![Point {
             position: ahead.to_array(),
             color: [0.5; 3],

@@ -1,10 +1,10 @@
 //! Photographs and pictures larger than a binding of the device, in bands of rows: the numbers of the whole.
 
 use crate::common::device::{gpu, narrow};
-use crate::common::scenes::{self, Scene, flattened, gentle, hard};
+use crate::common::scenes::{Scene, flattened, gentle, hard, photographed};
 use ashfall::gpu::Gpu;
 use ashfall::render::{Model, RenderOptions, RenderedImage, Renderer, ViewOptions, total};
-use ashfall::scene::{AlphaMode, Dataset, Photo, PhotoSource, Primitive, ScreenFilter, View};
+use ashfall::scene::{AlphaMode, Dataset, Primitive, ScreenFilter};
 use ashfall::train::{ExposureModel, HostState, StepReport, TrainConfig, TrainSize, Trainer};
 
 /// Size of the photographs: 36 bytes a pixel for the derivatives of SSIM are 423 KB.
@@ -14,20 +14,9 @@ const NARROW: u64 = 256 << 10;
 
 /// One masked photograph of a scene, with a soft alpha.
 fn dataset(scene: &Scene) -> Dataset {
-    let camera = scene.camera;
-    let photo = scenes::photo(7, camera.width, camera.height);
     let alpha = |pixel: usize| if pixel % 1_000 < 60 { 0 } else { (pixel * 7 % 256) as u8 };
-    let rgba = photo.iter().enumerate().map(|(i, &[r, g, b])| [r, g, b, alpha(i)]);
     Dataset {
-        views: vec![View {
-            name: "view".into(),
-            camera,
-            photo: PhotoSource::Memory(Photo {
-                width: camera.width,
-                height: camera.height,
-                rgba: rgba.collect(),
-            }),
-        }],
+        views: vec![photographed(scene.camera, alpha)],
         alpha: AlphaMode::Mask,
         ..Dataset::default()
     }

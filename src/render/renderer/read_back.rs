@@ -41,12 +41,11 @@ impl Renderer {
         let (size, view) = ([camera.width, camera.height], view_of(camera, view));
         let binding = binding_limit(self.gpu.caps());
         let mut bands = RowBands::for_drawing(size, self.options.outputs(), binding).each();
-        let mut next = || bands.next();
-        let mut image = match next() {
-            Some(first) => self.render_rows(content, camera, &view, first)?,
-            None => unreachable!("a picture has a band"),
+        let Some(first) = bands.next() else {
+            unreachable!("a picture has a band");
         };
-        while let Some(band) = next() {
+        let mut image = self.render_rows(content, camera, &view, first)?;
+        for band in bands {
             image.append(self.render_rows(content, camera, &view, band)?);
         }
         Ok(image)

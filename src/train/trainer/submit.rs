@@ -113,7 +113,6 @@ impl Trainer<'_> {
         let bands = self.row_bands(camera);
         let geometry = schedule::geometry(&self.config, iteration);
         let (patches, ignored) = self.patches(index);
-        let is_whole = bands.len() == 1;
         let step = Step {
             config: &self.config,
             forward: self.backward.forward(geometry).unwrap_or(&self.forward),
@@ -127,7 +126,7 @@ impl Trainer<'_> {
                 counted: [0, view.size[1]],
             },
             size: view.size,
-            part: if is_whole { PART_ALL } else { PART_END },
+            part: PART_END,
             sh_degree: schedule::sh_degree(&self.config, iteration),
             bands: self.bands,
             window_offset: schedule::window_offset(&self.config, self.views.len(), iteration),
@@ -239,19 +238,22 @@ impl StepFrame<'_> {
         step: &Step<'_>,
         bands: &[RowBand],
     ) -> Result<Vec<BandSums>> {
-        let [first] = bands else {
-            let mut sums = Vec::new();
-            for (band, part) in bands
-                .iter()
-                .zip(std::iter::once(PART_FIRST).chain(std::iter::repeat(PART_NEXT)))
-            {
-                sums.push(self.record_band(rec, photo, step, (*band, part))?);
-            }
+        let is_whole = bands.len() == 1;
+        let part = |index: usize| match index {
+            _ if is_whole => PART_ALL,
+            0 => PART_FIRST,
+            _ => PART_NEXT,
+        };
+        let sums = bands
+            .iter()
+            .enumerate()
+            .map(|(index, &band)| self.record_band(rec, photo, step, (band, part(index))))
+            .collect::<Result<_>>()?;
+        if !is_whole {
             self.backward
                 .record_end(rec, self.state, self.scratch, self.gradients, step);
-            return Ok(sums);
-        };
-        Ok(vec![self.record_band(rec, photo, step, (*first, PART_ALL))?])
+        }
+        Ok(sums)
     }
 
     fn record_band(

@@ -264,13 +264,7 @@ fn like_wgpu(instance: &ash::Instance, physical: vk::PhysicalDevice) -> (ash::De
         .push_next(&mut maintenance);
     // SAFETY: the structures are alive.
     let missing = unsafe { REQUIRED.enable(&mut chain) };
-    let types: Vec<_> = missing
-        .iter()
-        .map(|&MissingStruct { structure, .. }| structure)
-        .collect();
-    let scalar_type = vk::StructureType::PHYSICAL_DEVICE_SCALAR_BLOCK_LAYOUT_FEATURES;
-    let synchronization_type = vk::StructureType::PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES;
-    assert_eq!(types, [scalar_type, synchronization_type]);
+    assert_lacks_two(&missing);
     chain = chain
         .push_next::<vk::PhysicalDeviceScalarBlockLayoutFeatures<'_>>(&mut scalar)
         .push_next::<vk::PhysicalDeviceSynchronization2Features<'_>>(&mut synchronization);
@@ -293,4 +287,13 @@ fn version_12(instance: &ash::Instance, physical: vk::PhysicalDevice) -> (ash::D
     let names: Vec<&str> = missing.iter().map(|missing| missing.feature).collect();
     assert_eq!(names, ["synchronization2"]);
     (create(instance, physical, &mut chain), enabled)
+}
+
+/// Asserts that a chain as wgpu makes it lacks two structures of `REQUIRED`, and which.
+#[track_caller]
+pub(crate) fn assert_lacks_two(missing: &[MissingStruct]) {
+    let types: Vec<_> = missing.iter().map(|missing| missing.structure).collect();
+    let scalar_type = vk::StructureType::PHYSICAL_DEVICE_SCALAR_BLOCK_LAYOUT_FEATURES;
+    let synchronization_type = vk::StructureType::PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES;
+    assert_eq!(types, [scalar_type, synchronization_type]);
 }

@@ -9,9 +9,9 @@ mod relations;
 mod rounding;
 mod training;
 
-use crate::common::scenes::Scene;
+use crate::common::scenes::{Scene, photographed};
 use ashfall::gpu::Gpu;
-use ashfall::scene::{AlphaMode, Camera, Dataset, Photo, PhotoSource, Point, View};
+use ashfall::scene::{AlphaMode, Camera, Dataset, Point};
 use ashfall::train::state::Planes;
 use ashfall::train::{Background, HostState, StepReport, TrainConfig, Trainer};
 
@@ -31,11 +31,6 @@ fn config(scene: &Scene) -> TrainConfig {
 
 /// A data set of one view, with the extent that gives the scene's near plane.
 fn dataset(scene: &Scene, camera: &Camera) -> Dataset {
-    let (width, height) = (camera.width, camera.height);
-    let rgba = crate::common::scenes::photo(7, width, height)
-        .iter()
-        .map(|&[r, g, b]| [r, g, b, 255])
-        .collect();
     let distance = scene.options.near / (1.1 * f64::from(config(scene).near_factor));
     let ray = camera.rotation.row(2) * distance;
     let point = Point {
@@ -43,11 +38,7 @@ fn dataset(scene: &Scene, camera: &Camera) -> Dataset {
         color: [0.5; 3],
     };
     Dataset {
-        views: vec![View {
-            name: "view".into(),
-            camera: *camera,
-            photo: PhotoSource::Memory(Photo { width, height, rgba }),
-        }],
+        views: vec![photographed(*camera, |_| 255)],
         points: vec![point],
         test_every: 0,
         held_out: Vec::new(),

@@ -1,8 +1,9 @@
 //! wgpu's device, made by wgpu with the features that the engine requires, and the messages of wgpu and its validation.
 
 use crate::common::device::{Turn, turn};
+use crate::embed::host::assert_lacks_two;
 use ash::vk;
-use ashfall::gpu::{Gpu, HostCommands, HostDevice, HostFeatures, MissingStruct, REQUIRED};
+use ashfall::gpu::{Gpu, HostCommands, HostDevice, HostFeatures, REQUIRED};
 use std::future::Future;
 use std::pin::pin;
 use std::rc::Rc;
@@ -156,13 +157,7 @@ fn open(adapter: &wgpu::Adapter) -> (OpenDevice<Vulkan>, HostFeatures) {
         };
         // SAFETY: the structures of the chain are alive.
         let missing = unsafe { REQUIRED.enable(&mut chain) };
-        let types: Vec<_> = missing
-            .iter()
-            .map(|&MissingStruct { structure, .. }| structure)
-            .collect();
-        let scalar_type = vk::StructureType::PHYSICAL_DEVICE_SCALAR_BLOCK_LAYOUT_FEATURES;
-        let synchronization_type = vk::StructureType::PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES;
-        assert_eq!(types, [scalar_type, synchronization_type]);
+        assert_lacks_two(&missing);
         let mut chain = chain
             .push_next::<vk::PhysicalDeviceScalarBlockLayoutFeatures<'_>>(&mut scalar)
             .push_next::<vk::PhysicalDeviceSynchronization2Features<'_>>(&mut synchronization);
