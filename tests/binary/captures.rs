@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// Required outcome of a case.
-enum Expect {
+pub(crate) enum Expect {
     /// Loads without a warning.
     Clean,
     /// Loads; one line of warning contains these words.
@@ -20,9 +20,10 @@ enum Expect {
 }
 use Expect::{Clean, Fails, Warns};
 
-type Fault = fn(&Path);
+/// Makes the fault in a sound data set in a folder.
+pub(crate) type Fault = fn(&Path);
 
-const SIZE: [u32; 2] = [96, 72];
+pub(crate) const SIZE: [u32; 2] = [96, 72];
 
 fn options() -> SynthOptions {
     SynthOptions {
@@ -37,16 +38,16 @@ fn options() -> SynthOptions {
 }
 
 /// The sound data set, made once: photographs in `images/images`.
-fn sound() -> &'static Dataset {
+pub(crate) fn sound() -> &'static Dataset {
     static MADE: std::sync::OnceLock<Dataset> = std::sync::OnceLock::new();
     MADE.get_or_init(|| synth::scene(Kind::Demo).dataset(&options()))
 }
 
-fn save(dataset: &Dataset, folder: &Path) {
+pub(crate) fn save(dataset: &Dataset, folder: &Path) {
     synth::save_colmap(dataset, &options(), folder).unwrap();
 }
 
-fn photo_path(folder: &Path, view: usize) -> PathBuf {
+pub(crate) fn photo_path(folder: &Path, view: usize) -> PathBuf {
     folder.join(format!("images/{view:04}.png"))
 }
 
@@ -74,7 +75,7 @@ fn remap(folder: &Path, source: fn(usize, usize) -> (usize, usize)) {
 }
 
 /// Writes a mask for some views, grey levels by place.
-fn masks(folder: &Path, views: std::ops::Range<usize>, size: [u32; 2], level: fn(u32, u32) -> u8) {
+pub(crate) fn masks(folder: &Path, views: std::ops::Range<usize>, size: [u32; 2], level: fn(u32, u32) -> u8) {
     let masks = folder.join("masks");
     fs::create_dir_all(&masks).unwrap();
     for view in views {
@@ -88,12 +89,12 @@ fn left_white(x: u32, _: u32) -> u8 {
 }
 
 /// Gives the photograph's name in the model to other bytes.
-fn replace(folder: &Path, view: usize, bytes: &[u8]) {
+pub(crate) fn replace(folder: &Path, view: usize, bytes: &[u8]) {
     fs::write(photo_path(folder, view), bytes).unwrap();
 }
 
 /// Writes `cameras.txt` and the rest as text, with a line for every camera.
-fn cameras(folder: &Path, line: &str) {
+pub(crate) fn cameras(folder: &Path, line: &str) {
     let model = folder.join("sparse/0");
     let mut bytes = (sound().views.len() as u64).to_le_bytes().to_vec();
     let words: Vec<&str> = line.split(' ').collect();
@@ -112,7 +113,7 @@ fn cameras(folder: &Path, line: &str) {
 }
 
 /// A JPEG of a view with further segments behind its first marker.
-fn jpeg(view: usize, turned: bool, segments: &[Vec<u8>]) -> Vec<u8> {
+pub(crate) fn jpeg(view: usize, turned: bool, segments: &[Vec<u8>]) -> Vec<u8> {
     let photo = memory(sound(), view);
     let rgb: Vec<u8> = photo.rgba.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
     let mut picture = image::RgbImage::from_raw(photo.width, photo.height, rgb).unwrap();
@@ -129,26 +130,26 @@ fn jpeg(view: usize, turned: bool, segments: &[Vec<u8>]) -> Vec<u8> {
     bytes
 }
 
-fn segment(marker: u8, content: &[u8]) -> Vec<u8> {
+pub(crate) fn segment(marker: u8, content: &[u8]) -> Vec<u8> {
     let length = (content.len() as u16 + 2).to_be_bytes();
     [&[0xff, marker], &length[..], content].concat()
 }
 
 /// EXIF data with an orientation.
-fn exif(orientation: u8) -> Vec<u8> {
+pub(crate) fn exif(orientation: u8) -> Vec<u8> {
     let entry = [0x12, 0x01, 3, 0, 1, 0, 0, 0, orientation, 0, 0, 0];
     let head = [b'I', b'I', 42, 0, 8, 0, 0, 0, 1, 0];
     segment(0xe1, &[b"Exif\0\0", &head[..], &entry[..], &[0; 4]].concat())
 }
 
-fn all_jpeg(folder: &Path, turned: bool, segments: &[Vec<u8>]) {
+pub(crate) fn all_jpeg(folder: &Path, turned: bool, segments: &[Vec<u8>]) {
     for view in 0..sound().views.len() {
         replace(folder, view, &jpeg(view, turned, segments));
     }
 }
 
 /// Bytes of a photograph in another format.
-fn encoded(format: image::ImageFormat) -> Vec<u8> {
+pub(crate) fn encoded(format: image::ImageFormat) -> Vec<u8> {
     let photo = memory(sound(), 1);
     let rgb: Vec<u8> = photo.rgba.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
     let picture = image::RgbImage::from_raw(photo.width, photo.height, rgb).unwrap();
@@ -157,7 +158,7 @@ fn encoded(format: image::ImageFormat) -> Vec<u8> {
     bytes.into_inner()
 }
 
-fn box_of(brand: &[u8; 4]) -> Vec<u8> {
+pub(crate) fn box_of(brand: &[u8; 4]) -> Vec<u8> {
     [&[0, 0, 0, 24], &b"ftyp"[..], brand, &[0; 40]].concat()
 }
 
@@ -291,8 +292,13 @@ fn judge(expect: &Expect, outcome: &ashfall::Result<Vec<String>>) -> Result<(), 
 
 #[test]
 fn every_fault_is_named_and_a_refused_capture_leaves_nothing() {
+    check(CASES);
+}
+
+/// Checks the outcome of each case, by name.
+pub(crate) fn check(cases: &[(&str, Expect, Fault)]) {
     let mut faults = Vec::new();
-    for (name, expect, fault) in CASES {
+    for (name, expect, fault) in cases {
         let folder = tempfile::tempdir().unwrap();
         let data = folder.path().join("data");
         save(sound(), &data);

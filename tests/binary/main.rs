@@ -12,6 +12,7 @@ mod common;
 mod bench;
 mod broken;
 mod capi;
+mod capture_faults;
 mod captures;
 mod cli;
 mod growth;
