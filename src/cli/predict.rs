@@ -3,12 +3,11 @@
 use super::output::{bytes, grouped};
 use super::parse;
 use crate::render::{
-    Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, RowBands, Scratch, Slots, isects_expected, of_degree,
-    total,
+    Blocks, ByDegree, Capacity, Model, Need, Outputs, Purpose, RowBands, Scratch, Slots, of_degree, total,
 };
 use crate::scene::{Dataset, Primitive, Splats};
 use crate::simplify::controller_needs;
-use crate::train::{BufferLimits, Residency, TrainConfig, TrainSize, splats_expected};
+use crate::train::{BufferLimits, Residency, TrainConfig, TrainSize, first_splats, splats_expected};
 use crate::{Error, Result};
 use clap::Args;
 use serde_json::{Value, json};
@@ -63,11 +62,15 @@ impl Prediction {
         let [width, height] = size.image;
         if let Some(splats) = expected.filter(|&splats| splats > size.splats) {
             size.splats = splats;
-            size.isects = isects_expected(splats, width, height);
+            size.isects = size.pairs_expected();
         }
         let photos = size.photos.resident + size.photos.streamed;
+        let bands = match size.row_bands().count() {
+            1 => String::new(),
+            count => format!(" in {count} bands of rows"),
+        };
         let what = format!(
-            "training {} splats of degree {} on {} photographs of {width}×{height}",
+            "training {} splats of degree {} on {} photographs of {width}×{height}{bands}",
             grouped(size.splats),
             size.sh_degree,
             grouped(photos)
@@ -135,12 +138,7 @@ impl Prediction {
 impl PredictArgs {
     /// Training on a data set.
     pub(crate) fn on_dataset(&self, dataset: &Dataset, config: &TrainConfig, limits: BufferLimits) -> Prediction {
-        let first = match dataset.points.len() {
-            0 => config.init.random_count as usize,
-            points => points.min(config.splat_limit()),
-        };
-        let sky = if config.sky { config.shell.count as usize } else { 0 };
-        let first = (first + sky).min(config.splat_limit());
+        let first = first_splats(dataset, config);
         self.training(TrainSize::of(dataset, config, limits, first), config, limits)
     }
 
@@ -161,7 +159,7 @@ impl PredictArgs {
             lower: [0; 3],
             isects: 0,
             image: SIZE,
-            binding: limits.binding,
+            binding: limits.step_binding(config),
             photos: Residency::default(),
             patches: 0,
         };
@@ -212,8 +210,12 @@ impl PredictArgs {
             let sizes = std::iter::repeat_n(size.image, self.photos.unwrap_or(photos));
             size.photos = Residency::of(sizes, config.photo_share, limits.memory);
         }
-        let expected = splats_expected(config, size.splats);
-        size.splats = self.splats.or(expected).unwrap_or(size.splats);
+        let expected = self.splats.or_else(|| splats_expected(config, size.splats));
+        let expected = expected.unwrap_or(size.splats);
+        if !self.parsimony && config.band_pixels == 0 {
+            size.binding = size.binding_within(expected, limits.memory);
+        }
+        size.splats = expected;
         size.isects = self.isects.unwrap_or(size.pairs_expected());
         Prediction::of(size, None, self.parsimony)
     }

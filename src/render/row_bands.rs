@@ -54,6 +54,22 @@ impl RowBands {
         RowBands::within(size, binding / (4 * u64::from(planes)), [TILE_HEIGHT, 0])
     }
 
+    /// The largest bands that fit, these or smaller ones, of a picture drawn without halos; these if none fit.
+    pub(crate) fn while_drawing(self, fits: impl Fn(RowBands) -> bool) -> RowBands {
+        let pixels = |units: u32| u64::from(self.size[0]) * u64::from(TILE_HEIGHT * units);
+        let smaller = (1..self.step.div_ceil(TILE_HEIGHT)).rev();
+        let smaller = smaller.map(|units| RowBands::within(self.size, pixels(units), [TILE_HEIGHT, 0]));
+        let mut all = std::iter::once(self).chain(smaller);
+        all.find(|&bands| fits(bands)).unwrap_or(self)
+    }
+
+    /// Drawn pixels of a band to train on in smaller bands than these, from the most on.
+    pub fn fewer_pixels(self) -> impl Iterator<Item = u64> {
+        let width = u64::from(self.size[0]);
+        let smaller = (1..self.step.div_ceil(LOSS_TILE_HEIGHT)).rev();
+        smaller.map(move |units| width * u64::from(LOSS_TILE_HEIGHT * units + 2 * TILE_HEIGHT))
+    }
+
     /// Bands of at most so many drawn pixels, but of at least `unit` counted rows, in multiples of that.
     fn within(size: [u32; 2], pixels: u64, [unit, halo]: [u32; 2]) -> RowBands {
         let [width, height] = size.map(u64::from);

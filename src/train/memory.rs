@@ -41,6 +41,14 @@ impl BufferLimits {
             binding: binding_limit(gpu.caps()),
         }
     }
+
+    /// Largest range of a binding that a run's steps use, bytes.
+    pub fn step_binding(&self, config: &TrainConfig) -> u64 {
+        match u64::from(config.band_pixels) {
+            0 => self.binding,
+            pixels => self.binding.min(pixels * pixel_bytes(config.outputs())),
+        }
+    }
 }
 
 /// Bands of rows that a step draws a photograph in.
@@ -79,7 +87,7 @@ impl TrainSize {
             let camera = &dataset.views[view].camera;
             [camera.width, camera.height]
         });
-        let (outputs, binding) = (config.outputs(), limits.binding);
+        let (outputs, binding) = (config.outputs(), limits.step_binding(config));
         let area = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
         let drawn = |&size: &[u32; 2]| (area(row_bands(size, outputs, binding).drawn()), area(size));
         let image = sizes.clone().max_by_key(drawn).unwrap_or([1, 1]);
@@ -101,6 +109,26 @@ impl TrainSize {
             },
             photos: Residency::of(sizes, config.photo_share, limits.memory),
         }
+    }
+
+    /// Largest range of a binding, bytes, in whose bands of rows training with `expected` splats fits into a memory,
+    /// else that with these splats; the present one if neither does.
+    pub fn binding_within(&self, expected: usize, memory: u64) -> u64 {
+        let fewer = self.row_bands().fewer_pixels();
+        let smaller = fewer.map(|pixels| self.binding.min(pixels * pixel_bytes(self.outputs)));
+        let all: Vec<u64> = std::iter::once(self.binding).chain(smaller).collect();
+        let fits = |splats: usize, binding: u64| {
+            let bands = row_bands(self.image, self.outputs, binding);
+            let size = TrainSize {
+                splats,
+                binding,
+                isects: bands.pairs_expected(splats),
+                ..*self
+            };
+            size.bytes() <= memory
+        };
+        let first = |splats: usize| all.iter().copied().find(|&binding| fits(splats, binding));
+        first(expected).or_else(|| first(self.splats)).unwrap_or(self.binding)
     }
 
     /// Number of splats of each degree.
@@ -169,6 +197,38 @@ impl TrainSize {
         needs.extend(step_needs(capacity, self.outputs));
         needs
     }
+}
+
+impl TrainConfig {
+    /// The same run with [`TrainConfig::band_pixels`] such that it fits into a device's memory: as it is if it fits in
+    /// whole photographs, if no bands fit, or if that is set already.
+    pub fn within(self, dataset: &Dataset, limits: BufferLimits) -> TrainConfig {
+        if self.band_pixels != 0 {
+            return self;
+        }
+        let first = first_splats(dataset, &self);
+        let expected = splats_expected(&self, first).unwrap_or(first);
+        let size = TrainSize::of(dataset, &self, limits, first);
+        let binding = size.binding_within(expected, limits.memory);
+        let pixels = match binding < size.binding {
+            true => binding / pixel_bytes(size.outputs),
+            false => 0,
+        };
+        TrainConfig {
+            band_pixels: u32::try_from(pixels).unwrap_or(0),
+            ..self
+        }
+    }
+}
+
+/// Number of splats that a run begins with, about.
+pub fn first_splats(dataset: &Dataset, config: &TrainConfig) -> usize {
+    let points = match dataset.points.len() {
+        0 => config.init.random_count as usize,
+        points => points.min(config.splat_limit()),
+    };
+    let sky = if config.sky { config.shell.count as usize } else { 0 };
+    (points + sky).min(config.splat_limit())
 }
 
 /// Buffers of a step.

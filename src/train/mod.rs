@@ -53,7 +53,7 @@ fn test_camera(width: u32, height: u32, focal: f64) -> crate::scene::Camera {
 
 pub use config::{Background, ExposureModel, MipConfig, RefineTimes, StrategyKind, TrainConfig};
 pub use init::initial_splats;
-pub use memory::{BufferLimits, TrainSize, splats_expected};
+pub use memory::{BufferLimits, TrainSize, first_splats, splats_expected};
 pub use photos::Residency;
 pub use run::{Controller, Run};
 pub use state::HostState;

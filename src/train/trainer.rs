@@ -17,7 +17,7 @@ use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
 use super::exposure::ExposureGains;
 use super::gradients::Gradients;
-use super::memory::{IN_FLIGHT, row_bands, with_margin};
+use super::memory::{BufferLimits, IN_FLIGHT, row_bands, with_margin};
 use super::photos::Photos;
 use super::poses::{PoseState, RefinedPoses};
 use super::sky::SkyShell;
@@ -26,7 +26,7 @@ use super::strategy::{self, RefineContext, RefineReport};
 use super::transients::{IgnoredPatches, TransientState};
 use super::{initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu};
-use crate::render::{Capacity, DepthBands, Forward, Scratch, binding_limit};
+use crate::render::{Capacity, DepthBands, Forward, Scratch};
 use crate::scene::{Camera, Dataset, ScreenFilter, Splats, Split, mean_up};
 use crate::{Error, Result};
 use glam::DVec3;
@@ -153,9 +153,10 @@ impl<'a> Trainer<'a> {
         let poses = poses::begin(dataset, &views, extent, &config, photos.poses)?;
         let transients = transients::begin(dataset, &config, photos.transients)?;
         let sizes = views.iter().map(|&view| &dataset.views[view].camera);
+        let binding = BufferLimits::of(gpu).step_binding(&config);
         let capacity = sizes
             .map(|&Camera { width, height, .. }| {
-                let bands = row_bands([width, height], config.outputs(), binding_limit(gpu.caps()));
+                let bands = row_bands([width, height], config.outputs(), binding);
                 let isects = with_margin(bands.pairs_expected(state.len()));
                 let [width, height] = bands.drawn();
                 Capacity::for_image(state.len(), isects, width, height)

@@ -67,6 +67,30 @@ fn info_predicts_memory() {
         "{text}"
     );
     assert!(text.contains("further 1,000"), "{text}");
+    // Within a memory limit photographs are drawn in bands, which runs that draw whole ones refuse.
+    let banded = stdout(&[
+        "info",
+        "--predict",
+        data,
+        "--size",
+        "1000x4000",
+        "--memory-limit",
+        "200MiB",
+    ]);
+    assert!(
+        banded.contains("of 1000×4000 in ") && !banded.contains("too little"),
+        "{banded}"
+    );
+    let out = folder.path().join("out");
+    let train = ["train", data, "--parsimony", "--memory-limit", "300KiB", "--out"];
+    let refused = run(&[&train[..], &[out.to_str().unwrap()]].concat());
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!((refused.status.code(), out.exists()), (Some(1), false), "{message}");
+    let last = message.lines().last().unwrap_or_default();
+    assert!(
+        last.contains("--parsimony draws whole photographs") && last.contains("45x34"),
+        "{message}"
+    );
     let ignored = run(&["info", "--iterations", "5"]);
     assert_eq!(ignored.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&ignored.stderr).contains("--predict"));

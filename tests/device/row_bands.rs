@@ -1,11 +1,12 @@
 //! Photographs and pictures larger than a binding of the device, in bands of rows: the numbers of the whole.
 
-use crate::common::device::{gpu, narrow};
+use crate::common::device::{gpu, limited, narrow};
 use crate::common::scenes::{Scene, flattened, gentle, hard, photographed};
 use ashfall::gpu::Gpu;
-use ashfall::render::{Model, RenderOptions, RenderedImage, Renderer, ViewOptions, total};
-use ashfall::scene::{AlphaMode, Dataset, Primitive, ScreenFilter};
-use ashfall::train::{ExposureModel, HostState, StepReport, TrainConfig, TrainSize, Trainer};
+use ashfall::render::{Model, Purpose, RenderOptions, RenderedImage, Renderer, ViewOptions, total};
+use ashfall::scene::{AlphaMode, Camera, Dataset, Primitive, ScreenFilter, View};
+use ashfall::train::{BufferLimits, ExposureModel, HostState, StepReport, TrainConfig, TrainSize, Trainer};
+use glam::DVec3;
 
 /// Size of the photographs: 36 bytes a pixel for the derivatives of SSIM are 423 KB.
 const SIZE: [u32; 2] = [47, 250];
@@ -31,6 +32,7 @@ struct Trained {
     reports: Vec<StepReport>,
     size: TrainSize,
     held: u64,
+    peak: u64,
 }
 
 fn train(gpu: &Gpu, scene: &Scene, change: Change) -> Trained {
@@ -40,7 +42,9 @@ fn train(gpu: &Gpu, scene: &Scene, change: Change) -> Trained {
     config.filter = scene.splats.filter;
     config.sh_degree = scene.splats.sh_degree;
     config.sh_degree_from = [0; 3];
+    config.init.random_count = scene.splats.len() as u32;
     change(&mut config);
+    let config = config.within(&dataset, BufferLimits::of(gpu));
     let state = HostState::from_splats(&scene.splats, config.sh_degree);
     let mut trainer = Trainer::from_state(gpu, &dataset, config, &state, 0).unwrap();
     let mut reports = Vec::new();
@@ -55,6 +59,7 @@ fn train(gpu: &Gpu, scene: &Scene, change: Change) -> Trained {
         reports,
         size: trainer.size(),
         held: gpu.memory_in_use(),
+        peak: gpu.memory_peak(),
     }
 }
 
@@ -117,6 +122,79 @@ fn states_of_photographs_are_those_of_the_whole() {
     assert!((0.98..1.05).contains(&ratio), "{ratio}");
 }
 
+#[test]
+fn poses_and_the_sky_are_those_of_the_whole() {
+    let [width, height] = SIZE;
+    let scene = gentle(5, 1, width, height, 0);
+    let shifts = [[0.0, 0.0, 0.0], [0.2, -0.1, 0.1], [-0.1, 0.3, -0.1]].map(DVec3::from);
+    let mut dataset = dataset(&scene);
+    let first = dataset.views[0].clone();
+    dataset.views = shifts
+        .map(|shift| {
+            let mut view = first.clone();
+            view.camera.position += shift;
+            view
+        })
+        .to_vec();
+    for (index, view) in dataset.views.iter_mut().enumerate() {
+        view.name = index.to_string();
+    }
+    let mut config = TrainConfig::for_iterations(1_000);
+    (config.init.random_count, config.shell.count) = (200, 300);
+    (config.sky, config.refine_poses, config.poses.from) = (true, true, 0.0);
+    let run = |gpu: &Gpu| {
+        let mut trainer = Trainer::new(gpu, &dataset, config.clone()).unwrap();
+        let bands = trainer.size().row_bands().count();
+        while trainer.iteration() < 5 {
+            trainer.step().unwrap();
+        }
+        trainer.finish().unwrap();
+        let refined = trainer.refined_dataset().unwrap().unwrap();
+        let cameras: Vec<_> = refined.views.iter().map(|view| view.camera).collect();
+        (bands, trainer.download().unwrap(), cameras)
+    };
+    let (found, expected) = (run(&narrow(NARROW)), run(&gpu()));
+    assert_eq!((found.0, expected.0), (3, 1));
+    assert!(expected.1.len() > 200, "{} splats, none of the sky", expected.1.len());
+    assert!(found.1 == expected.1, "other splats");
+    assert!(found.2 == expected.2, "other poses");
+    let is_moved = |camera: &Camera, view: &View| camera.position != view.camera.position;
+    assert!(
+        expected
+            .2
+            .iter()
+            .zip(&dataset.views)
+            .any(|(camera, view)| is_moved(camera, view))
+    );
+}
+
+#[test]
+fn a_memory_limit_asks_for_bands() {
+    let [width, height] = SIZE;
+    let scene = gentle(1, 300, width, height, 3);
+    let whole = train(&gpu(), &scene, |_| ());
+    let needs = whole.size.needs();
+    let pixels: u64 = needs
+        .iter()
+        .filter(|need| need.purpose == Purpose::Pixels)
+        .map(|need| need.bytes)
+        .sum();
+    let limit = total(&needs) - pixels / 2;
+    let found = train(&limited(Some(limit)), &scene, |_| ());
+    let counts = [&found, &whole].map(|run| run.size.row_bands().count());
+    assert!(counts[0] > 1 && counts[1] == 1, "{counts:?}");
+    assert!(found.state == whole.state, "other gradients");
+    let ratio = found.size.bytes() as f64 / found.held as f64;
+    println!("{counts:?} bands, {ratio:.4} of the held bytes predicted");
+    assert!((0.98..1.05).contains(&ratio), "{ratio}");
+    assert!(
+        found.peak <= limit && whole.peak > limit,
+        "{}, {limit}, {}",
+        found.peak,
+        whole.peak
+    );
+}
+
 fn render(gpu: &Gpu, scene: &Scene) -> RenderedImage {
     let options = RenderOptions {
         primitive: scene.splats.primitive,
@@ -149,4 +227,26 @@ fn a_picture_larger_than_a_binding_has_the_same_bits() {
         let depths = |image: &RenderedImage| image.surface.as_ref().map(|surface| surface.median_depth.len());
         assert_eq!(depths(&found), depths(&expected));
     }
+}
+
+#[test]
+fn a_picture_beyond_the_memory_limit_has_the_same_bits() {
+    let scene = gentle(6, 300, 400, 800, 1);
+    let image = |gpu: &Gpu| {
+        let found = gpu.memory_by_name().into_iter().find(|(name, _)| name == "image");
+        found.map_or(0, |(_, memory)| memory.peak_bytes)
+    };
+    let wide = gpu();
+    let expected = render(&wide, &scene);
+    let (peak, whole) = (wide.memory_peak(), image(&wide));
+    assert!(whole >= 16 * 400 * 800, "{whole}");
+    drop(wide);
+    let little = limited(Some(peak - peak / 3));
+    let found = render(&little, &scene);
+    assert!(image(&little) < whole, "{} bytes at a time", image(&little));
+    assert_eq!((found.width, found.height), (400, 800));
+    assert!(
+        found.rgb == expected.rgb && found.depth == expected.depth,
+        "other pictures"
+    );
 }

@@ -155,7 +155,8 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
 fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<AutoRun<'a>> {
     let kind = gpu.caps().kind;
     let Some(loss_db) = args.parsimony else {
-        return AutoRun::new(gpu, dataset, args.config.config(kind)?);
+        let config = args.config.config(kind)?.within(dataset, BufferLimits::of(gpu));
+        return AutoRun::new(gpu, dataset, config);
     };
     check_parsimony(gpu, dataset, &args.config.config(kind)?)?;
     let config = args.config.config_from(kind, |mut usual| {
@@ -187,11 +188,11 @@ fn check_parsimony(gpu: &Gpu, dataset: &Dataset, asked: &TrainConfig) -> Result<
         return Err(Error::Config(what.into()));
     }
     let size = TrainSize::of(dataset, asked, BufferLimits::of(gpu), 1);
-    if size.row_bands().count() > 1 {
+    if size.row_bands().count() > 1 || size.bytes() > gpu.memory_limit() {
         let [width, height] = size.image;
         return Err(Error::Config(format!(
-            "--parsimony draws whole photographs, and one of {width}x{height} is larger than this device binds: \
-             leave it out, or reduce the photographs with --downscale"
+            "--parsimony draws whole photographs, and one of {width}x{height} takes bands of rows within this device \
+             and memory limit: leave it out, or reduce the photographs with --downscale"
         )));
     }
     Ok(())

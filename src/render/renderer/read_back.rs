@@ -4,19 +4,21 @@ use super::Renderer;
 use crate::Result;
 use crate::gpu::{Frames, Gpu};
 use crate::layout::{COUNT_FAILED, COUNT_ISECT_WANTED, COUNT_SLOTS, SURFACE_PLANES, View};
+use crate::render::capacity::Capacity;
 use crate::render::depth_bands::DepthBands;
 use crate::render::instances::{FrameContent, Instance};
-use crate::render::memory::isects_expected;
+use crate::render::memory::{isects_expected, total};
 use crate::render::model::Model;
 use crate::render::occlusion::DepthCode;
 use crate::render::rendered::{RenderedImage, unpack};
 use crate::render::row_bands::{RowBand, RowBands, binding_limit};
+use crate::render::scratch::Scratch;
 use crate::render::view::{ViewOptions, view_of};
 use crate::scene::Camera;
 
 impl Renderer {
     /// Renders one image and reads it back. Grows the buffers as needed; draws in bands if they cannot grow, and
-    /// pictures larger than a binding of the device in bands of rows.
+    /// pictures larger than a binding of the device, or than its memory limit leaves room for, in bands of rows.
     pub fn render(&mut self, model: &Model, camera: &Camera, view: &ViewOptions) -> Result<RenderedImage> {
         self.render_content(model.into(), camera, view)
     }
@@ -39,8 +41,7 @@ impl Renderer {
     ) -> Result<RenderedImage> {
         self.check(content)?;
         let (size, view) = ([camera.width, camera.height], view_of(camera, view));
-        let binding = binding_limit(self.gpu.caps());
-        let mut bands = RowBands::for_drawing(size, self.options.outputs(), binding).each();
+        let mut bands = self.row_bands(size, content.splat_count()).each();
         let Some(first) = bands.next() else {
             unreachable!("a picture has a band");
         };
@@ -49,6 +50,24 @@ impl Renderer {
             image.append(self.render_rows(content, camera, &view, band)?);
         }
         Ok(image)
+    }
+
+    /// Bands of rows of a picture: the fewest that bindings and the memory limit allow.
+    fn row_bands(&self, size: [u32; 2], splats: usize) -> RowBands {
+        let outputs = self.options.outputs();
+        let bands = RowBands::for_drawing(size, outputs, binding_limit(self.gpu.caps()));
+        let held = total(&Scratch::needs(self.scratch.capacity, outputs));
+        let taken = self.gpu.memory_in_use().saturating_sub(held);
+        let available = self.gpu.memory_limit().saturating_sub(taken);
+        let [surface, depth, ids] = [outputs.surface, outputs.depth, outputs.ids].map(u32::from);
+        let read = 4 * u64::from(4 + SURFACE_PLANES * surface + depth + 2 * ids);
+        bands.while_drawing(|bands| {
+            let [width, height] = bands.drawn();
+            let wanted = Capacity::for_image(splats, bands.pairs_expected(splats), width, height);
+            let capacity = self.scratch.capacity.max(wanted);
+            let is_held = wanted.pixels <= self.scratch.capacity.pixels;
+            is_held || total(&Scratch::needs(capacity, outputs)) + read * wanted.pixels as u64 <= available
+        })
     }
 
     /// Renders a band of rows of a picture.

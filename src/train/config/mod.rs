@@ -139,6 +139,10 @@ pub struct TrainConfig {
     /// Share of the device's memory for photographs; those beyond it are uploaded step by step, with the same results:
     /// 0.25.
     pub photo_share: f32,
+    /// Most pixels that a step draws at a time, in bands of whole rows, with the same splats; 0: as many as a binding
+    /// of the device holds. A new run within `--memory-limit` sets it.
+    #[serde(default)]
+    pub band_pixels: u32,
     /// Iteration up to which photographs have half their width and height, and steps a quarter of the pixels; 0: never.
     /// Its cost in quality must be measured.
     #[serde(default)]
@@ -229,6 +233,7 @@ impl TrainConfig {
             transients: TransientConfig::default(),
             near_factor: 0.01,
             photo_share: 0.25,
+            band_pixels: 0,
             half_size_until: 0,
             half_size_dilation: half_size_dilation(),
             accuracy: Accuracy::default(),

@@ -5,12 +5,12 @@ use super::{StepReport, Trainer, poses};
 use crate::Result;
 use crate::gpu::{Readback, Recorder, Ticket};
 use crate::layout::*;
-use crate::render::{RowBand, Scratch, ViewOptions, binding_limit, view_of};
+use crate::render::{RowBand, Scratch, ViewOptions, view_of};
 use crate::scene::{Camera, Dataset};
 use crate::train::backward::Backward;
 use crate::train::device::DeviceState;
 use crate::train::gradients::Gradients;
-use crate::train::memory::row_bands;
+use crate::train::memory::{BufferLimits, row_bands};
 use crate::train::photos::{Bound, Photos};
 use crate::train::schedule;
 use crate::train::step::{Step, UNEXPOSED};
@@ -89,8 +89,8 @@ impl Trainer<'_> {
     /// Bands of a photograph.
     pub(super) fn row_bands(&self, camera: &Camera) -> Vec<RowBand> {
         let size = [camera.width, camera.height];
-        let bands = row_bands(size, self.config.outputs(), binding_limit(self.gpu.caps()));
-        bands.each().collect()
+        let binding = BufferLimits::of(&self.gpu).step_binding(&self.config);
+        row_bands(size, self.config.outputs(), binding).each().collect()
     }
 
     pub(super) fn submit(&mut self, iteration: u32) -> Result<StepInFlight> {
