@@ -2,7 +2,7 @@
 //!
 //! The bytes of an attribute are compressed by a Huffman code of their own statistics: frequent values are cheap. Each
 //! splat takes those codes near its values for which error and price of the bits have the least sum. The statistics
-//! follow the choice, and a few passes settle both. A rotation has 24 names, one for each numbering of the splat's axes.
+//! follow the choice, and a few passes settle both. A rotation has 24 names, one for each numbering of its axes.
 
 use super::codes::SpzCodes;
 use super::steps::{self, ROTATION_SHIFTS};
