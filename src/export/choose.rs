@@ -106,7 +106,8 @@ impl ExportSource {
         ExportSource::ordered(splats).0
     }
 
-    /// Puts a scene in order; numbers are rounded by their effect on `pictures` of the scene.
+    /// Puts a scene in order; numbers are rounded by their effect on `pictures` of the scene, or by themselves if those
+    /// show nothing of it.
     ///
     /// # Errors
     /// Those of the device.
@@ -114,7 +115,7 @@ impl ExportSource {
         let (mut source, order) = ExportSource::ordered(splats);
         let influence = influence.picked(&order);
         let sensitivity = Sensitivity::measure(&source.splats, &influence, pictures)?;
-        source.views = Some(SourceViews { influence, sensitivity });
+        source.views = sensitivity.map(|sensitivity| SourceViews { influence, sensitivity });
         Ok(source)
     }
 
@@ -264,7 +265,10 @@ impl ExportSource {
 fn fractional_bits(count: usize, costs: impl Fn(usize) -> CodeCosts) -> u32 {
     let total: f64 = (0..count).map(|i| costs(i).position / costs(i).bit).sum();
     let gain = total / count as f64 * LN_2 / 6.0;
-    (gain.log2() / 2.0).ceil().clamp(0.0, 24.0) as u32
+    match gain > 0.0 {
+        true => (gain.log2() / 2.0).ceil().clamp(0.0, 24.0) as u32,
+        false => SpzOptions::default().fractional_bits,
+    }
 }
 
 /// Step of log-scales in SPZ.

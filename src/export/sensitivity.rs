@@ -16,32 +16,42 @@ pub(super) struct Sensitivity {
     opacity: f64,
 }
 
-/// Steps by which attributes are rounded to learn their effects, far above those of formats. Positions: world units.
-const POSITION_STEP: f32 = 1.0 / 256.0;
+/// Steps by which attributes are rounded to learn their effects, far above those of formats. Positions: of the mean of
+/// the splat's two larger scales.
+const POSITION_STEP: f32 = 1.0 / 8.0;
 const ROTATION_STEP: f32 = 1.0 / 64.0;
 const COLOR_STEP: f32 = 1.0 / 8.0;
 const OPACITY_STEP: f32 = 1.0 / 32.0;
 
 impl Sensitivity {
-    /// Rounds one attribute after another and compares the pictures.
+    /// Rounds one attribute after another and compares the pictures. `None` if they show nothing of the scene.
     ///
     /// # Errors
     /// Those of the device.
-    pub(super) fn measure(splats: &Splats, influence: &Influence, pictures: &mut Pictures<'_>) -> Result<Sensitivity> {
+    pub(super) fn measure(
+        splats: &Splats,
+        influence: &Influence,
+        pictures: &mut Pictures<'_>,
+    ) -> Result<Option<Sensitivity>> {
         let mut effect = |change: &dyn Fn(&mut Splats, usize) -> f64| {
             let mut changed = splats.clone();
             let squares = (0..splats.len()).map(|i| influence.of(i) * change(&mut changed, i));
             let mean = squares.sum::<f64>() / splats.len() as f64;
-            Ok::<_, crate::Error>(pictures.error(&changed)?.mean_squared / mean)
+            // Without any change there is none of the pictures.
+            let error = pictures.error(&changed)?.mean_squared;
+            Ok::<_, crate::Error>(error / mean.max(f64::MIN_POSITIVE))
         };
         let stride = splats.sh_stride();
-        Ok(Sensitivity {
-            position: effect(&|s, i| round(&mut s.mean[i], POSITION_STEP) * Shape::new(s.log_scale[i]).shift)?,
+        let found = Sensitivity {
+            position: effect(&|s, i| {
+                let shift = ShapeFactors::new(s.log_scale[i]).shift;
+                round(&mut s.mean[i], POSITION_STEP / shift.sqrt() as f32) * shift
+            })?,
             rotation: effect(&|s, i| {
                 let q = &mut s.quaternion[i];
                 let length = q.iter().map(|v| v * v).sum::<f32>().sqrt();
                 q.iter_mut().for_each(|v| *v /= length.max(f32::MIN_POSITIVE));
-                round(q, ROTATION_STEP) * Shape::new(s.log_scale[i]).turn
+                round(q, ROTATION_STEP) * ShapeFactors::new(s.log_scale[i]).turn
             })?,
             color: effect(&|s, i| round(&mut s.sh[i * stride..][..3], COLOR_STEP))?,
             opacity: effect(&|s, i| {
@@ -50,13 +60,14 @@ impl Sensitivity {
                 s.opacity_logit[i] = logit(f64::from(opacity[0]).clamp(1e-6, 1.0 - 1e-6)) as f32;
                 square
             })?,
-        })
+        };
+        Ok((found.color > 0.0).then_some(found))
     }
 
     /// Costs of a splat of this weight and log-scales, in the unit of [`round_harmonics`](super::round_harmonics), in
     /// which a harmonic of degree 0 has 1/2π.
     pub(super) fn costs(&self, weight: f64, log_scale: [f32; 3], bit: f64) -> CodeCosts {
-        let shape = Shape::new(log_scale);
+        let shape = ShapeFactors::new(log_scale);
         let relative = |effect: f64| weight * effect / self.color / (2.0 * PI);
         CodeCosts {
             position: relative(self.position) * shape.shift,
@@ -69,19 +80,22 @@ impl Sensitivity {
 }
 
 /// Effects of a splat's errors by its two larger scales.
-struct Shape {
+struct ShapeFactors {
     /// Of a shift: in units of the splat's extent.
     shift: f64,
     /// Of a turn: more for needles.
     turn: f64,
 }
 
-impl Shape {
-    fn new(log_scale: [f32; 3]) -> Shape {
-        let mut sorted = log_scale.map(f64::from);
+/// Largest magnitude of a log-scale that counts: flat splats have one of −∞.
+const LOG_SCALE_MAX: f64 = 20.0;
+
+impl ShapeFactors {
+    fn new(log_scale: [f32; 3]) -> ShapeFactors {
+        let mut sorted = log_scale.map(|v| f64::from(v).clamp(-LOG_SCALE_MAX, LOG_SCALE_MAX));
         sorted.sort_by(f64::total_cmp);
         let [_, middle, largest] = sorted;
-        Shape {
+        ShapeFactors {
             shift: (-middle - largest).exp(),
             turn: (largest - middle).exp(),
         }

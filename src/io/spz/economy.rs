@@ -1,8 +1,8 @@
 //! Codes that compress better, at the price of small errors.
 //!
 //! The bytes of an attribute are compressed by a Huffman code of their own statistics: frequent values are cheap. Each
-//! splat takes those codes near its values for which error and price of the bits have the least sum; the statistics
-//! follow the choice, and a few passes settle both. A rotation has 24 names, one for each numbering of the splat's axes.
+//! splat takes those codes near its values for which error and price of the bits have the least sum. The statistics
+//! follow the choice, and a few passes settle both. A rotation has 24 names, one for each numbering of its axes.
 
 use super::codes::SpzCodes;
 use super::steps::{self, ROTATION_SHIFTS};
@@ -41,35 +41,8 @@ impl SpzCodes {
         assert_eq!(splats.len(), self.len(), "splats of the codes");
         let mut splats = splats.clone();
         splats.change_axes(Axes::RDF, self.axes);
-        let bits = self.fractional_bits;
-        settle(&mut self.position, position_bytes, |i, codes, prices| {
-            let CodeCosts { position, bit, .. } = costs(i);
-            std::array::from_fn(|axis| {
-                let value = f64::from(splats.mean[i][axis]);
-                let cost = |code: i32| {
-                    let error = f64::from(steps::position(code, bits)) - value;
-                    position * error * error + bit * prices.of(&low_bytes(code))
-                };
-                let near = (codes[axis] - REACH..=codes[axis] + REACH).filter(|code| steps::is_position(*code));
-                least(near, cost).unwrap_or(codes[axis])
-            })
-        });
-        let stride = splats.sh_stride();
-        settle(
-            &mut self.color,
-            |color| *color,
-            |i, codes, prices| {
-                let CodeCosts { color, bit, .. } = costs(i);
-                std::array::from_fn(|channel| {
-                    let value = f64::from(splats.sh[i * stride + channel]);
-                    let cost = |code: u8| {
-                        let error = f64::from(steps::color(code)) - value;
-                        color * error * error + bit * prices.of(&[code])
-                    };
-                    least(near(codes[channel]), cost).unwrap_or(codes[channel])
-                })
-            },
-        );
+        self.economize_positions(&splats, &costs);
+        self.economize_colors(&splats, &costs);
         settle(
             &mut self.alpha,
             |alpha| [*alpha],
@@ -86,10 +59,45 @@ impl SpzCodes {
         self.rename_axes(&splats, costs);
     }
 
+    fn economize_positions(&mut self, splats: &Splats, costs: impl Fn(usize) -> CodeCosts + Sync) {
+        let bits = self.fractional_bits;
+        settle(&mut self.position, position_bytes, |i, codes, prices| {
+            let CodeCosts { position, bit, .. } = costs(i);
+            std::array::from_fn(|axis| {
+                let value = f64::from(splats.mean[i][axis]);
+                let cost = |code: i32| {
+                    let error = f64::from(steps::position(code, bits)) - value;
+                    position * error * error + bit * prices.of(&low_bytes(code))
+                };
+                let near = (codes[axis] - REACH..=codes[axis] + REACH).filter(|code| steps::is_position(*code));
+                least(near, cost).unwrap_or(codes[axis])
+            })
+        });
+    }
+
+    fn economize_colors(&mut self, splats: &Splats, costs: impl Fn(usize) -> CodeCosts + Sync) {
+        let stride = splats.sh_stride();
+        settle(
+            &mut self.color,
+            |color| *color,
+            |i, codes, prices| {
+                let CodeCosts { color, bit, .. } = costs(i);
+                std::array::from_fn(|channel| {
+                    let value = f64::from(splats.sh[i * stride + channel]);
+                    let cost = |code: u8| {
+                        let error = f64::from(steps::color(code)) - value;
+                        color * error * error + bit * prices.of(&[code])
+                    };
+                    least(near(codes[channel]), cost).unwrap_or(codes[channel])
+                })
+            },
+        );
+    }
+
     /// Exchanges rotations, and the places of scales, for cheaper ones.
     fn rename_axes(&mut self, splats: &Splats, costs: impl Fn(usize) -> CodeCosts + Sync) {
         let names = axis_names();
-        let mut shapes: Vec<Shape> = self.rotation.iter().copied().zip(self.scale.iter().copied()).collect();
+        let mut shapes: Vec<(u32, [u8; 3])> = self.rotation.iter().copied().zip(self.scale.iter().copied()).collect();
         let given = shapes.clone();
         settle(
             &mut shapes,
@@ -113,17 +121,14 @@ impl SpzCodes {
                     }
                     (cost(code), code, name)
                 });
-                let (_, code, name) = named.min_by(|a, b| a.0.total_cmp(&b.0)).expect("24 names");
-                (code, name.axis.map(|axis| given[i].1[axis]))
+                let cheapest = named.min_by(|a, b| a.0.total_cmp(&b.0));
+                cheapest.map_or(shape, |(_, code, name)| (code, name.axis.map(|axis| given[i].1[axis])))
             },
         );
         self.rotation = shapes.iter().map(|shape| shape.0).collect();
         self.scale = shapes.iter().map(|shape| shape.1).collect();
     }
 }
-
-/// Rotation and scales of a splat.
-type Shape = (u32, [u8; 3]);
 
 /// Numbering of a splat's axes, which are turned by a multiple of quarter turns.
 struct AxisNames {
