@@ -4,6 +4,7 @@ use super::geometry::round_light;
 use super::harmonics::{HarmonicGrid, round_harmonics};
 use super::influence::Influence;
 use super::pictures::{PictureError, Pictures};
+use super::sensitivity::Sensitivity;
 use super::setting::{ExportFormat, Setting};
 use crate::io::atomic::write_atomically;
 use crate::io::gltf;
@@ -11,9 +12,10 @@ use crate::io::ply;
 use crate::io::ply::compressed::{CHUNK, CompressedPlyCodes};
 use crate::io::sog::{SogCodes, SogOptions, usual_entries};
 use crate::io::splat32;
-use crate::io::spz::{LEVEL, SpzCodes, SpzOptions};
+use crate::io::spz::{CodeCosts, LEVEL, SpzCodes, SpzOptions};
 use crate::scene::{Splats, kd_order};
 use crate::{Error, Result};
+use std::f64::consts::LN_2;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -84,24 +86,47 @@ fn level(splats: usize) -> i32 {
     if splats <= SLOW_SPLATS_MAX { 19 } else { LEVEL }
 }
 
-/// Scene to be exported, in the order of a k-d tree, and its weights in views if there are any.
+/// Scene to be exported, in the order of a k-d tree, and its views if there are any.
 #[derive(Debug)]
 pub struct ExportSource {
     splats: Arc<Splats>,
-    influence: Option<Influence>,
+    views: Option<SourceViews>,
+}
+
+/// Weights of splats in views, and effects of their errors there.
+#[derive(Debug)]
+struct SourceViews {
+    influence: Influence,
+    sensitivity: Sensitivity,
 }
 
 impl ExportSource {
-    /// Puts a scene in order. Without `influence` every number is rounded by itself.
-    pub fn new(mut splats: Splats, influence: Option<&Influence>) -> ExportSource {
+    /// Puts a scene in order; every number is rounded by itself.
+    pub fn new(splats: Splats) -> ExportSource {
+        ExportSource::ordered(splats).0
+    }
+
+    /// Puts a scene in order; numbers are rounded by their effect on `pictures` of the scene, or by themselves if those
+    /// show nothing of it.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn in_views(splats: Splats, influence: &Influence, pictures: &mut Pictures<'_>) -> Result<ExportSource> {
+        let (mut source, order) = ExportSource::ordered(splats);
+        let influence = influence.picked(&order);
+        let sensitivity = Sensitivity::measure(&source.splats, &influence, pictures)?;
+        source.views = sensitivity.map(|sensitivity| SourceViews { influence, sensitivity });
+        Ok(source)
+    }
+
+    /// A scene in order, and the order.
+    fn ordered(mut splats: Splats) -> (ExportSource, Vec<usize>) {
         let order: Vec<usize> = kd_order(&splats.mean, CHUNK).iter().map(|&i| i as usize).collect();
         splats.reorder(&order);
         // An empty degree costs bytes, and rounding would fill it where no code stands for zero.
         splats.cut_harmonics(splats.used_sh_degree());
-        ExportSource {
-            splats: Arc::new(splats),
-            influence: influence.map(|influence| influence.picked(&order)),
-        }
+        let splats = Arc::new(splats);
+        (ExportSource { splats, views: None }, order)
     }
 
     /// The splats in order.
@@ -122,7 +147,7 @@ impl ExportSource {
     /// # Errors
     /// A lack of memory.
     pub fn into_encoded(mut self, target: ExportFormat, setting: Setting) -> Result<EncodedScene> {
-        if self.influence.is_none() {
+        if self.views.is_none() {
             // In place; `rounded` would copy.
             Arc::make_mut(&mut self.splats).cut_harmonics(setting.sh_degree);
         }
@@ -144,16 +169,7 @@ impl ExportSource {
                 Codes::Sog(codes, file)
             }
             ExportFormat::Spz(version) => {
-                let options = SpzOptions {
-                    fractional_bits: setting.fractional_bits.unwrap_or(SpzOptions::default().fractional_bits),
-                    sh_bits: match self.influence {
-                        Some(_) => [8; 3],
-                        None => SpzOptions::default().sh_bits,
-                    },
-                    ..SpzOptions::default()
-                };
-                let codes = SpzCodes::nearest(&rounded, &options);
-                drop(rounded);
+                let codes = self.spz(rounded, setting);
                 let file = codes.bytes(version, level(codes.len()));
                 let file = file.map_err(|error| Error::Config(format!("zstd: {error}")))?;
                 Codes::Spz(codes, file)
@@ -179,17 +195,37 @@ impl ExportSource {
         Ok(Measurement { encoded, error })
     }
 
+    /// Codes of splats in this setting; with views, those of large steps last, so that each has its own statistics.
+    fn spz(&self, mut splats: Arc<Splats>, setting: Setting) -> SpzCodes {
+        let Some(SourceViews { influence, sensitivity }) = &self.views else {
+            return SpzCodes::nearest(&splats, &SpzOptions::default());
+        };
+        let step = |&i: &usize| setting.spz_step(influence.of(i));
+        let mut order: Vec<usize> = (0..splats.len()).collect();
+        order.sort_by(|a, b| step(a).total_cmp(&step(b)));
+        Arc::make_mut(&mut splats).reorder(&order);
+        let costs = |i: usize| sensitivity.costs(influence.of(order[i]), splats.log_scale[i], setting.spz_bit_price());
+        let options = SpzOptions {
+            fractional_bits: fractional_bits(splats.len(), costs),
+            sh_bits: [8; 3],
+            ..SpzOptions::default()
+        };
+        let mut codes = SpzCodes::nearest(&splats, &options);
+        codes.economize(&splats, costs);
+        codes
+    }
+
     /// Codes with palette and codebooks by weight; constant colours make up for the errors of the palette in the views.
     fn sog(&self, splats: &Splats, setting: Setting) -> SogCodes {
         let entries = Some(usual_entries(splats.len()) / setting.palette);
-        let Some(influence) = &self.influence else {
+        let Some(SourceViews { influence, .. }) = &self.views else {
             let options = SogOptions {
                 palette_entries: entries,
                 weights: None,
             };
             return SogCodes::quantise(splats, &options);
         };
-        let weight = |i: usize| influence.of(i).max(PALETTE_WEIGHT_MIN) as f32;
+        let weight = |i: usize| influence.of(i) as f32;
         let weights: Vec<f32> = (0..splats.len()).map(weight).collect();
         let options = SogOptions {
             palette_entries: entries,
@@ -211,21 +247,29 @@ impl ExportSource {
 
     /// Splats with harmonics and scales on the format's grid.
     fn rounded(&self, target: ExportFormat, setting: Setting) -> Arc<Splats> {
-        let mut rounded = match (&self.influence, setting.grid(target)) {
-            (Some(influence), Some(grid)) => round_harmonics(&self.splats, influence, grid),
+        let mut rounded = match (&self.views, setting.grid(target)) {
+            (Some(views), Some(grid)) => round_harmonics(&self.splats, &views.influence, grid),
             _ if setting.sh_degree >= self.splats.sh_degree => return self.splats.clone(),
             _ => Splats::clone(&self.splats),
         };
         rounded.cut_harmonics(setting.sh_degree);
-        Arc::new(match (&self.influence, target) {
+        Arc::new(match (&self.views, target) {
             (Some(_), ExportFormat::Spz(_)) => round_light(&rounded, SPZ_SCALE_STEP),
             _ => rounded,
         })
     }
 }
 
-/// Least relative weight of a splat in the fit of a palette: it may be seen from elsewhere.
-const PALETTE_WEIGHT_MIN: f64 = 0.25;
+/// Bits after the point of positions: a bit more would cost as much as it gains, s² c ln 2 / 6 for the step s of the
+/// codes and the mean cost c of a squared unit.
+fn fractional_bits(count: usize, costs: impl Fn(usize) -> CodeCosts) -> u32 {
+    let total: f64 = (0..count).map(|i| costs(i).position / costs(i).bit).sum();
+    let gain = total / count as f64 * LN_2 / 6.0;
+    match gain > 0.0 {
+        true => (gain.log2() / 2.0).ceil().clamp(0.0, 24.0) as u32,
+        false => SpzOptions::default().fractional_bits,
+    }
+}
 
 /// Step of log-scales in SPZ.
 const SPZ_SCALE_STEP: f64 = 1.0 / 16.0;
@@ -239,9 +283,6 @@ pub struct Measurement {
     pub error: PictureError,
 }
 
-/// Share of the harmonics' error that positions may add.
-const POSITION_SHARE: f64 = 0.1;
-
 /// Settings of a format, measured when asked.
 pub struct Ladder<'a, 'd> {
     source: &'a ExportSource,
@@ -249,12 +290,7 @@ pub struct Ladder<'a, 'd> {
     pictures: &'a mut Pictures<'d>,
     settings: Vec<Setting>,
     measured: Vec<Option<Measurement>>,
-    /// Mean squared error by positions of [`COARSE_BITS`] fractional bits alone.
-    coarse: Option<f64>,
 }
-
-/// Fractional bits at which the error of positions is measured; a bit more is a quarter of it.
-const COARSE_BITS: u32 = 8;
 
 impl<'a, 'd> Ladder<'a, 'd> {
     /// Settings of a format for a scene, from the fewest bytes to the most.
@@ -266,7 +302,6 @@ impl<'a, 'd> Ladder<'a, 'd> {
             pictures,
             measured: vec![None; settings.len()],
             settings,
-            coarse: None,
         }
     }
 
@@ -283,48 +318,9 @@ impl<'a, 'd> Ladder<'a, 'd> {
         let known = self.measured[rung].take();
         let measured = match known {
             Some(measured) => measured,
-            None => self.found(self.settings[rung])?,
+            None => self.source.measure(self.target, self.settings[rung], self.pictures)?,
         };
         Ok(self.measured[rung].insert(measured))
-    }
-
-    fn found(&mut self, setting: Setting) -> Result<Measurement> {
-        let first = self.source.measure(self.target, setting, self.pictures)?;
-        let ExportFormat::Spz(_) = self.target else {
-            return Ok(first);
-        };
-        let allowed = POSITION_SHARE * first.error.mean_squared;
-        let coarse = self.coarse_error()?;
-        // Four times the error for each bit less.
-        let more = (coarse / allowed).log(4.0).ceil().max(0.0);
-        let most = SpzOptions::default().fractional_bits;
-        let fractional_bits = (f64::from(COARSE_BITS) + more).min(f64::from(most)) as u32;
-        match fractional_bits < most {
-            true => {
-                let fractional_bits = Some(fractional_bits);
-                let setting = Setting {
-                    fractional_bits,
-                    ..setting
-                };
-                self.source.measure(self.target, setting, self.pictures)
-            }
-            false => Ok(first),
-        }
-    }
-
-    /// Mean squared error by coarse positions alone.
-    fn coarse_error(&mut self) -> Result<f64> {
-        if let Some(known) = self.coarse {
-            return Ok(known);
-        }
-        let mut splats = Splats::clone(&self.source.splats);
-        let scale = f32::from(1_u16 << COARSE_BITS);
-        for mean in splats.mean.iter_mut().flatten() {
-            *mean = (*mean * scale).round() / scale;
-        }
-        let found = self.pictures.error(&splats)?.mean_squared;
-        self.coarse = Some(found);
-        Ok(found)
     }
 
     /// The setting of fewest bytes within a loss, or of least error within a number of bytes: by halving, as bytes grow

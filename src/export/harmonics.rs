@@ -36,9 +36,6 @@ pub enum HarmonicGrid<'a> {
     Given(&'a [f32]),
 }
 
-/// Least weight of a splat in the price of its bits, relative to the mean: it may be seen from elsewhere.
-const LEAST_WEIGHT: f64 = 0.05;
-
 /// Most passes over the moves of a channel; few need more than three.
 const PASSES: usize = 8;
 
@@ -81,7 +78,7 @@ pub fn round_harmonics(splats: &Splats, influence: &Influence, grid: HarmonicGri
                         offset,
                         limit: end - own,
                     });
-                    metric.round(&values, &lines, bit_price * step * step / weight.max(LEAST_WEIGHT))
+                    metric.round(&values, &lines, bit_price * step * step / weight)
                 }
             };
             let mut shift = 0.0;
@@ -96,7 +93,7 @@ pub fn round_harmonics(splats: &Splats, influence: &Influence, grid: HarmonicGri
 }
 
 /// Step of a splat of this relative weight: the power of two nearest to step/√weight within the range.
-fn step_of(step: f64, weight: f64, [finest, coarsest]: [f64; 2]) -> f64 {
+pub(super) fn step_of(step: f64, weight: f64, [finest, coarsest]: [f64; 2]) -> f64 {
     let wanted = step / weight.sqrt();
     wanted.log2().round().exp2().clamp(finest, coarsest)
 }

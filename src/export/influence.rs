@@ -18,6 +18,9 @@ pub struct Influence {
     mean: f64,
 }
 
+/// Least relative weight of a splat.
+const LEAST_WEIGHT: f64 = 0.25;
+
 impl Influence {
     /// Renders the scene from `cameras` and sums the weights of each splat in each view. Stops with `None` once `go_on`
     /// is false.
@@ -55,10 +58,15 @@ impl Influence {
         }
     }
 
-    /// Sum of a splat's weights over all views, relative to the mean of all splats; 1 without any weight of any splat.
+    /// Sum of a splat's weights over all views, relative to the mean of all splats, but at least a quarter: it may be
+    /// seen from elsewhere. 1 without any weight of any splat.
     pub fn of(&self, splat: usize) -> f64 {
         let sum: f64 = self.roots.iter().map(|view| f64::from(view[splat]).powi(2)).sum();
-        if self.mean > 0.0 { sum / self.mean } else { 1.0 }
+        if self.mean > 0.0 {
+            (sum / self.mean).max(LEAST_WEIGHT)
+        } else {
+            1.0
+        }
     }
 
     /// Views with weight of a splat at `mean`: weight, and direction from the camera.

@@ -13,6 +13,7 @@ mod geometry;
 mod harmonics;
 mod influence;
 mod pictures;
+mod sensitivity;
 mod setting;
 
 pub use choose::{Budget, EncodedScene, ExportSource, Ladder, Measurement};

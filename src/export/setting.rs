@@ -1,6 +1,6 @@
 //! Settings of formats, from the fewest bytes to the most.
 
-use super::harmonics::HarmonicGrid;
+use super::harmonics::{HarmonicGrid, step_of};
 use crate::io::spz::SpzVersion;
 use crate::{Error, Result};
 use std::path::Path;
@@ -98,7 +98,7 @@ impl ExportFormat {
                 palettes.map(|&palette| Setting { palette, ..base }).collect()
             }
             ExportFormat::Spz(_) => {
-                let steps = (0..SPZ_RUNGS).map(|rung| SPZ_STEPS[1] * (-f64::from(rung) / 2.0).exp2());
+                let steps = (0..SPZ_RUNGS).map(|rung| SPZ_STEPS[1] * (-f64::from(rung) / 4.0).exp2());
                 steps.map(|sh_step| Setting { sh_step, ..base }).collect()
             }
         }
@@ -114,8 +114,6 @@ pub struct Setting {
     pub sh_step: f64,
     /// SOG: the usual size of the palette of harmonics, that of splat-transform, over this.
     pub palette: usize,
-    /// SPZ: bits after the point of positions; `None`: chosen by the error of the harmonics.
-    pub fractional_bits: Option<u32>,
 }
 
 impl Default for Setting {
@@ -124,7 +122,6 @@ impl Default for Setting {
             sh_degree: 3,
             sh_step: 0.0625,
             palette: 1,
-            fractional_bits: None,
         }
     }
 }
@@ -149,6 +146,16 @@ impl Setting {
         }
     }
 
+    /// Step of the harmonics of a splat of this weight in SPZ.
+    pub(super) fn spz_step(&self, weight: f64) -> f64 {
+        step_of(self.sh_step, weight, SPZ_STEPS)
+    }
+
+    /// Price of a bit in SPZ, in the unit of the harmonics' errors.
+    pub(super) fn spz_bit_price(&self) -> f64 {
+        BIT_PRICE * self.sh_step * self.sh_step
+    }
+
     /// Text for tables.
     pub fn describe(&self, target: ExportFormat) -> String {
         match target {
@@ -170,8 +177,8 @@ impl Setting {
 /// Parts of the usual palette, from the fewest bytes to the most.
 const SOG_PALETTES: [usize; 5] = [64, 16, 4, 2, 1];
 
-/// Settings of SPZ, each with steps smaller by √½.
-const SPZ_RUNGS: u32 = 12;
+/// Settings of SPZ, each with steps smaller by the fourth root of ½.
+const SPZ_RUNGS: u32 = 24;
 
 /// Finest and coarsest step of harmonics in SPZ.
 const SPZ_STEPS: [f64; 2] = [1.0 / 128.0, 0.25];

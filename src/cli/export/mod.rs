@@ -102,7 +102,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     }
     let budget = args.loss.map(Budget::Loss).or(args.bytes.map(Budget::Bytes));
     if let (Some((out, target)), None, None) = (wanted, &args.data, budget) {
-        let source = ExportSource::new(loaded.splats, None);
+        let source = ExportSource::new(loaded.splats);
         let (count, setting) = (source.splats().len(), plain(target, source.splats()));
         let spinner = output.spinner("encoding");
         let encoded = source.into_encoded(target, setting)?;
@@ -127,8 +127,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
         eprintln!("interrupted; nothing was written");
         return Ok(Outcome::Interrupted);
     };
-    let source = ExportSource::new(splats, Some(&influence));
-    let mut pictures = views.pictures(&gpu, source.splats())?;
+    let mut pictures = views.pictures(&gpu, &splats)?;
+    let source = ExportSource::in_views(splats, &influence, &mut pictures)?;
     let Some((out, target)) = wanted else {
         return curve::run(args, &source, &mut pictures, &interrupt, output);
     };

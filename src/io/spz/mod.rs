@@ -5,6 +5,7 @@
 //! `.ply` files without saying so; [`splats::read_in_axes`](super::splats::read_in_axes) overrides them.
 
 mod codes;
+mod economy;
 mod extensions;
 mod header;
 mod read;
@@ -12,6 +13,7 @@ mod steps;
 mod write;
 
 pub use codes::{SpzCodes, SpzOptions};
+pub use economy::CodeCosts;
 pub use read::read;
 pub use write::{LEVEL, SpzVersion};
 

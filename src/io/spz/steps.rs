@@ -30,6 +30,11 @@ pub(super) fn position_fits(position: f32, fractional_bits: u32) -> bool {
     (POSITION_MIN as f32..=POSITION_MAX as f32).contains(&code)
 }
 
+/// Whether a code is within the range.
+pub(super) fn is_position(code: i32) -> bool {
+    (POSITION_MIN..=POSITION_MAX).contains(&code)
+}
+
 /// Nearest code of a position; of NaN, that of zero.
 pub(super) fn position_code(position: f32, fractional_bits: u32) -> i32 {
     let code = (position * position_steps(fractional_bits)).round() as i32;
@@ -116,6 +121,21 @@ pub(super) fn rotation(code: u32) -> [f32; 4] {
     q[largest] = (1.0 - q.iter().map(|v| v * v).sum::<f32>()).max(0.0).sqrt();
     let [x, y, z, w] = q;
     [w, x, y, z]
+}
+
+/// Lowest bits of the three components in the code of a rotation.
+pub(super) const ROTATION_SHIFTS: [u32; 3] = [20, 10, 0];
+
+/// Codes of a rotation with the component of a shift up to `reach` steps away.
+pub(super) fn rotations_near(code: u32, shift: u32, reach: i32) -> impl Iterator<Item = u32> {
+    let component = code >> shift & 0x3ff;
+    let magnitude = (component & 0x1ff) as i32;
+    let steps = if component & 0x200 == 0 { magnitude } else { -magnitude };
+    let codes = (steps - reach..=steps + reach).filter(|steps| steps.abs() <= COMPONENT_MAX as i32);
+    codes.map(move |steps| {
+        let component = u32::from(steps < 0) << 9 | steps.unsigned_abs();
+        code & !(0x3ff << shift) | component << shift
+    })
 }
 
 /// Rotation w, x, y, z of the bytes of x, y, z in versions 1 and 2.

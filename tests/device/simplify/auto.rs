@@ -94,12 +94,12 @@ fn splats_go_while_the_summed_losses_are_within_what_is_allowed() -> Result<()> 
     let gpu = gpu();
     let dataset = dataset(Kind::Intricate);
     let (mut counts, mut rejected) = (Vec::new(), 0);
-    for loss in [1e-4, 0.1, 5.0] {
+    for loss in [1e-4, 5.0] {
         let (state, history) = run_to_end(&gpu, &dataset, config(StrategyKind::Adc), loss)?;
         rejected += check_rounds(&history, state.len());
         counts.push(state.len());
     }
-    assert!(counts[0] > counts[1] && counts[1] > counts[2], "{counts:?}");
+    assert!(counts[0] > counts[1], "{counts:?}");
     assert!(rejected > 0, "nothing was rejected");
     Ok(())
 }
@@ -130,24 +130,6 @@ fn check_rounds(history: &History, left: usize) -> usize {
     }
     assert_eq!(Some(left), splats);
     rejected
-}
-
-/// A wall of one colour, for which a handful of splats suffices, and a scene full of detail.
-#[test]
-fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one() -> Result<()> {
-    let gpu = gpu();
-    let mut counts = Vec::new();
-    for kind in [Kind::Plane, Kind::Intricate] {
-        let mut dataset = dataset(kind);
-        if kind == Kind::Plane {
-            paint(&mut dataset);
-        }
-        let (state, _) = run_to_end(&gpu, &dataset, longer(), AutoConfig::default().loss_db)?;
-        counts.push((state.len(), degrees(&state)));
-    }
-    assert!(20 * counts[0].0 <= counts[1].0, "{counts:?}");
-    assert_eq!(counts[0].1[0], counts[0].0, "harmonics where there is nothing to see");
-    Ok(())
 }
 
 /// Makes all photographs of one colour.
@@ -221,21 +203,32 @@ fn harmonics_go_before_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps
     Ok(())
 }
 
-/// A wall of one colour stays without visible error after almost any removal: rounds that show this run their steps
-/// once.
+/// A wall of one colour, for which a handful of splats suffices, and a scene full of detail. The wall stays without
+/// visible error after almost any removal: rounds that show this run their steps once.
 #[test]
-fn where_nothing_visible_is_lost_a_round_takes_its_steps_once() -> Result<()> {
+fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one_and_most_rounds_take_their_steps_once() -> Result<()> {
     let gpu = gpu();
-    let mut dataset = dataset(Kind::Plane);
-    paint(&mut dataset);
-    let mut trainer = Trainer::new(&gpu, &dataset, longer())?;
-    let mut controller = CountController::begin(&mut trainer, &dataset, false)?;
+    let mut wall = dataset(Kind::Plane);
+    paint(&mut wall);
+    let mut trainer = Trainer::new(&gpu, &wall, longer())?;
+    let mut controller = CountController::begin(&mut trainer, &wall, false)?;
     let mut steps = 0;
     while !trainer.is_done() {
         trainer.step()?;
         steps += 1;
         controller.after_step(&mut trainer)?;
     }
+    let trivial = trainer.download()?;
+    let intricate = dataset(Kind::Intricate);
+    let (intricate, _) = run_to_end(&gpu, &intricate, longer(), AutoConfig::default().loss_db)?;
+    let counts = [trivial.len(), intricate.len()];
+    assert!(20 * counts[0] <= counts[1], "{counts:?}");
+    assert_eq!(
+        degrees(&trivial)[0],
+        trivial.len(),
+        "harmonics where there is nothing to see"
+    );
+
     let entries = &controller.history().entries;
     let rounds: Vec<_> = entries
         .iter()
