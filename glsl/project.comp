@@ -34,6 +34,8 @@ layout(constant_id = 8) const uint SURFEL = 0;
 layout(constant_id = 9) const uint INSTANCED = 0;
 // Not 0: depth is the distance from the camera's centre, which turns of the camera leave alone to the bit.
 layout(constant_id = 10) const uint BY_DISTANCE = 0;
+// Not 0: an orthographic projection, whose focal lengths are pixels per world unit.
+layout(constant_id = 11) const uint ORTHOGRAPHIC = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -157,6 +159,13 @@ float log_opacity_of(View view, float logit, float smoothing, Smoothed s, Footpr
     return log_opacity;
 }
 
+// Unit vector from the camera to a splat, at which harmonics are taken.
+vec3 direction_of(View view, vec3 offset, float distance) {
+    if (ORTHOGRAPHIC == 0) return offset / distance;
+    vec3 along_z = transpose(view.view_from_world)[2];
+    return along_z / vector_length(along_z);
+}
+
 // Writes the splat's record and returns its number of tiles.
 uint project(uint slot, uint splat) {
     View view = view_of_model();
@@ -173,6 +182,7 @@ uint project(uint slot, uint splat) {
     sound = sound && is_finite(mean_view) && mean_view.z >= view.near_plane && q_length > QUATERNION_MIN;
 
     Jacobian j = jacobian(view, mean_view);
+    if (ORTHOGRAPHIC != 0) j = parallel_jacobian(view);
     mat3 axes = rotation_matrix(rotation / q_length);
     Smoothed s = smoothed(scale, shaping.w);
     if (SURFEL != 0) flatten(s);
@@ -201,13 +211,14 @@ uint project(uint slot, uint splat) {
     sound = sound && shaped;
 
     vec2 mean_pixel = view.focal * mean_view.xy / mean_view.z + view.center;
+    if (ORTHOGRAPHIC != 0) mean_pixel = view.focal * mean_view.xy + view.center;
     float log_opacity = log_opacity_of(view, mean.w, shaping.w, s, f);
     if (INSTANCED != 0) sound = sound && within_clip(mean.xyz);
     if (view.dropout != 0) sound = sound && scramble(view.dropout_key ^ splat) >= view.dropout;
     sound = sound && log_opacity >= LOG2_ALPHA_MIN && is_finite(vec3(mean_pixel, 0.0));
     sound = sound && is_finite(vec3(whiten, f.slope)) && whiten.x > 0.0 && whiten.y > 0.0;
 
-    vec3 color = color_toward(slot, offset / distance, sound);
+    vec3 color = color_toward(slot, direction_of(view, offset, distance), sound);
     if (INSTANCED != 0) color = min(color * push.tint, COLOR_MAX);
     if (!sound) return 0;
 

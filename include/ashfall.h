@@ -39,6 +39,22 @@
 #define ASHFALL_HOST_COLOR 2
 
 /**
+ * Flag of AshfallRendererInfo: for splats and depths of pixels.
+ */
+#define ASHFALL_IDS 4
+
+/**
+ * Flag of AshfallRendererInfo: for orthographic pictures, in which the focal lengths of AshfallCamera are pixels per
+ * world unit.
+ */
+#define ASHFALL_ORTHOGRAPHIC 8
+
+/**
+ * Instance and splat of pixels without one.
+ */
+#define ASHFALL_NO_SPLAT 4294967295
+
+/**
  * The library on a host's device.
  */
 typedef struct AshfallDevice AshfallDevice;
@@ -261,7 +277,8 @@ typedef struct AshfallImage {
    */
   VkImage image;
   /**
-   * View of all of it; of an image with depth and stencil, of its depth.
+   * View of all of it; of an image with depth and stencil, of its depth. Null for ids and depth_out, to which is
+   * copied.
    */
   VkImageView view;
   /**
@@ -334,7 +351,7 @@ typedef struct AshfallRendererInfo {
    */
   AshfallPrecision precision;
   /**
-   * ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR.
+   * ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC.
    */
   uint32_t flags;
 } AshfallRendererInfo;
@@ -417,7 +434,7 @@ typedef struct AshfallCamera {
    */
   uint32_t reserved;
   /**
-   * Focal lengths in pixels.
+   * Focal lengths in pixels; in an orthographic picture, pixels per world unit.
    */
   double focal[2];
   /**
@@ -438,6 +455,32 @@ typedef struct AshfallCamera {
  * Blending of splats with the pixels of the image.
  */
 typedef uint32_t AshfallBlend;
+
+/**
+ * Pixels of a picture to report: up to 65,536 of a rectangle within it.
+ */
+typedef struct AshfallPickArea {
+  /**
+   * sizeof(AshfallPickArea).
+   */
+  uint32_t size;
+  /**
+   * First column.
+   */
+  uint32_t x;
+  /**
+   * First row, from the top.
+   */
+  uint32_t y;
+  /**
+   * Columns, from 1 on.
+   */
+  uint32_t width;
+  /**
+   * Rows, from 1 on.
+   */
+  uint32_t height;
+} AshfallPickArea;
 
 /**
  * A picture.
@@ -483,6 +526,21 @@ typedef struct AshfallDraw {
    * Near plane in world units: splats with nearer means are not drawn.
    */
   float near_plane;
+  /**
+   * Image of the format R32_UINT for the splat of each pixel, with the usage as destination of transfers; null for
+   * none. The renderer has ASHFALL_IDS, as for the next two. Splats are counted through the instances, the first of
+   * each at a multiple of 64; pixels without one have ASHFALL_NO_SPLAT.
+   */
+  const struct AshfallImage *ids;
+  /**
+   * Image of the format D32 or R32F for the depth of that splat's mean, or of the host's surface before it, with the
+   * usage as destination of transfers; null for none. Copies to D32 take a queue with graphics.
+   */
+  const struct AshfallDepth *depth_out;
+  /**
+   * Pixels that ashfall_take_pick reports when the frame is done; null for none.
+   */
+  const struct AshfallPickArea *pick;
 } AshfallDraw;
 
 /**
@@ -518,6 +576,58 @@ typedef struct AshfallReport {
    */
   uint64_t not_finite;
 } AshfallReport;
+
+/**
+ * Report on the pixels of a picture's AshfallPickArea.
+ */
+typedef struct AshfallPickReport {
+  /**
+   * sizeof(AshfallPickReport).
+   */
+  uint32_t size;
+  /**
+   * 1 if there is a report; else the other fields are 0.
+   */
+  uint32_t available;
+  /**
+   * First column of the area.
+   */
+  uint32_t x;
+  /**
+   * Its first row.
+   */
+  uint32_t y;
+  /**
+   * Its columns.
+   */
+  uint32_t width;
+  /**
+   * Its rows.
+   */
+  uint32_t height;
+} AshfallPickReport;
+
+/**
+ * Report on a pixel.
+ */
+typedef struct AshfallPickPixel {
+  /**
+   * Instance of the splat at which the coverage reaches 1/2, or ASHFALL_NO_SPLAT.
+   */
+  uint32_t instance;
+  /**
+   * Index of the splat in its scene, or ASHFALL_NO_SPLAT.
+   */
+  uint32_t splat;
+  /**
+   * Depth of its mean along the view's z axis in world units; infinite without one.
+   */
+  float depth;
+  /**
+   * Transmittance of all splats, 0 to 1.
+   */
+  float transmittance;
+} AshfallPickPixel;
 
 /**
  * Success.
@@ -726,6 +836,19 @@ AshfallResult ashfall_cmd_draw(struct AshfallRenderer *renderer,
                                uint64_t frame,
                                const struct AshfallDraw *draw,
                                struct AshfallReport *report);
+
+/**
+ * Takes the oldest report of a picture with AshfallDraw.pick that has not been taken. There is one once
+ * ashfall_cmd_draw has reported the picture's frame, which it does without a wait, as many frames later as are in
+ * flight.
+ *
+ * `pixels`: receives the pixels of the area row by row; room for `capacity` of them. Where it is less than the report
+ * has, the result is ASHFALL_ERROR_ARGUMENT, and the report stays.
+ */
+AshfallResult ashfall_take_pick(struct AshfallRenderer *renderer,
+                                struct AshfallPickReport *report,
+                                struct AshfallPickPixel *pixels,
+                                uint32_t capacity);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -23,6 +23,12 @@ Jacobian jacobian(View view, vec3 mean_view) {
     return j;
 }
 
+// The same of an orthographic projection: all directions are that of the view's z axis.
+Jacobian parallel_jacobian(View view) {
+    mat3 axes = transpose(view.view_from_world);
+    return Jacobian(view.focal.x * axes[0], view.focal.y * axes[1], vec2(0.0), bvec2(true));
+}
+
 // A splat's standard deviations after the 3D smoothing filter of Mip-Splatting (section 5.1), a convolution with a
 // round Gaussian of standard deviation `sigma` (0: none), below the resolution of the training views.
 struct Smoothed {

@@ -4,12 +4,12 @@ use super::failure::{AshfallResult, Failure, guard};
 use super::memory::{array, check, optional, read, write};
 use super::picture::{
     ASHFALL_BLEND_OVER_DISPLAY, ASHFALL_BLEND_OVER_LINEAR, ASHFALL_BLEND_PREMULTIPLIED, ASHFALL_BLEND_REPLACE,
-    AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance, AshfallState,
+    AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance, AshfallPickArea, AshfallState,
 };
 use super::registry::find;
 use crate::gpu::ash::vk::{Image as VkImage, ImageLayout as VkImageLayout, ImageView as VkImageView};
 use crate::gpu::{HostImage, HostImageDesc, ImageState};
-use crate::render::{Blend, ClipBox, DepthCode, HostDepth, HostTarget, Instance, Model, ViewOptions};
+use crate::render::{Blend, ClipBox, DepthCode, HostDepth, HostTarget, Instance, Model, PickArea, ViewOptions};
 use crate::scene::{Camera, Similarity};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 use std::sync::Arc;
@@ -63,6 +63,9 @@ pub(super) struct Canvas {
     pub(super) color: HostImage,
     depth: Option<(HostImage, DepthCode)>,
     blend: Blend,
+    ids: Option<HostImage>,
+    depth_out: Option<(HostImage, DepthCode)>,
+    pick: Option<PickArea>,
     pub(super) options: ViewOptions,
 }
 
@@ -167,24 +170,21 @@ impl Canvas {
             return Err(Failure::argument("background or near_plane: not finite"));
         }
         // SAFETY: as the caller says.
-        let (color, depth) = unsafe { (image("color", draw.color)?, optional(draw.depth)?) };
-        let depth = match depth {
-            None => None,
-            Some(depth) => {
-                let code = DepthCode {
-                    a: depth.a,
-                    b: depth.b,
-                    is_linear: depth.linear != 0,
-                    empty: depth.empty,
-                };
-                // SAFETY: as the caller says.
-                Some((unsafe { image("depth", depth.image) }?, code))
-            }
+        let (color, depth) = unsafe { (image("color", draw.color, true)?, coded("depth", draw.depth, true)?) };
+        let ids = match draw.ids.is_null() {
+            true => None,
+            // SAFETY: as the caller says.
+            false => Some(unsafe { image("ids", draw.ids, false) }?),
         };
+        // SAFETY: as the caller says.
+        let (depth_out, pick) = unsafe { (coded("depth_out", draw.depth_out, false)?, optional(draw.pick)?) };
         Ok(Canvas {
             color,
             depth,
             blend,
+            ids,
+            depth_out,
+            pick: pick.map(area),
             options: ViewOptions {
                 background: draw.background,
                 near: draw.near_plane,
@@ -195,26 +195,59 @@ impl Canvas {
 
     /// The images as the renderer takes them.
     pub(super) fn target(&self) -> HostTarget<'_> {
-        let depth = self
-            .depth
-            .as_ref()
-            .map(|(image, code)| HostDepth { image, code: *code });
         HostTarget {
             blend: self.blend,
-            depth,
+            depth: self.depth.as_ref().map(host_depth),
+            ids: self.ids.as_ref(),
+            depth_out: self.depth_out.as_ref().map(host_depth),
+            pick: self.pick,
             ..HostTarget::from(&self.color)
         }
     }
 }
 
-/// A host's image.
+fn host_depth((image, code): &(HostImage, DepthCode)) -> HostDepth<'_> {
+    HostDepth { image, code: *code }
+}
+
+fn area(from: AshfallPickArea) -> PickArea {
+    let AshfallPickArea {
+        x, y, width, height, ..
+    } = from;
+    PickArea { x, y, width, height }
+}
+
+/// A host's depths and their code.
+///
+/// # Safety
+/// As [`image`].
+unsafe fn coded(
+    name: &str,
+    from: *const AshfallDepth,
+    has_view: bool,
+) -> Result<Option<(HostImage, DepthCode)>, Failure> {
+    // SAFETY: as the caller says.
+    let Some(depth) = unsafe { optional(from) }? else {
+        return Ok(None);
+    };
+    let code = DepthCode {
+        a: depth.a,
+        b: depth.b,
+        is_linear: depth.linear != 0,
+        empty: depth.empty,
+    };
+    // SAFETY: as the caller says.
+    Ok(Some((unsafe { image(name, depth.image, has_view) }?, code)))
+}
+
+/// A host's image; only those that are copied to do without a view.
 ///
 /// # Safety
 /// The pointer is null or valid for its size, and the image is as described.
-unsafe fn image(name: &str, from: *const AshfallImage) -> Result<HostImage, Failure> {
+unsafe fn image(name: &str, from: *const AshfallImage, has_view: bool) -> Result<HostImage, Failure> {
     // SAFETY: as the caller says.
     let found = unsafe { read(from) }.map_err(|failure| Failure::argument(format!("{name}: {}", failure.message)))?;
-    if found.image == VkImage::null() || found.view == VkImageView::null() {
+    if found.image == VkImage::null() || has_view && found.view == VkImageView::null() {
         return Err(Failure::argument(format!("{name}: a null image or view")));
     }
     if found.after.layout == VkImageLayout::UNDEFINED {
@@ -316,6 +349,64 @@ mod tests {
         // SAFETY: as above.
         let refused = unsafe { Canvas::of(&draw) }.unwrap_err();
         assert!(refused.message.contains("background"), "{refused:?}");
+    }
+
+    #[test]
+    fn outputs_are_converted_as_they_are_described() {
+        let copied = |format: VkFormat| AshfallImage {
+            view: VkImageView::null(),
+            ..image(format)
+        };
+        let (color, ids) = (image(VkFormat::R32G32B32A32_SFLOAT), copied(VkFormat::R32_UINT));
+        let stored = copied(VkFormat::D32_SFLOAT);
+        let depth_out = AshfallDepth {
+            size: size_of::<AshfallDepth>() as u32,
+            image: &raw const stored,
+            linear: 1,
+            a: 0.5,
+            b: 0.25,
+            ..zeroed()
+        };
+        let pick = AshfallPickArea {
+            size: size_of::<AshfallPickArea>() as u32,
+            x: 1,
+            y: 2,
+            width: 3,
+            height: 4,
+        };
+        let mut draw = AshfallDraw {
+            size: size_of::<AshfallDraw>() as u32,
+            color: &raw const color,
+            ids: &raw const ids,
+            depth_out: &raw const depth_out,
+            pick: &raw const pick,
+            ..zeroed()
+        };
+        // SAFETY: pointers to structures of their sizes.
+        let canvas = unsafe { Canvas::of(&draw) }.unwrap();
+        let target = canvas.target();
+        let code = DepthCode {
+            a: 0.5,
+            b: 0.25,
+            is_linear: true,
+            empty: 0.0,
+        };
+        assert!(target.depth.is_none() && target.ids.is_some());
+        assert!(target.depth_out.is_some_and(|out| out.code == code));
+        assert_eq!(
+            target.pick,
+            Some(PickArea {
+                x: 1,
+                y: 2,
+                width: 3,
+                height: 4
+            })
+        );
+        // Images that are read have views.
+        draw.depth = &raw const depth_out;
+        // SAFETY: as above.
+        let refused = unsafe { Canvas::of(&draw) }.unwrap_err();
+        assert_eq!(refused.message, "depth: a null image or view");
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod device;
 mod draw;
 mod failure;
 mod memory;
+mod picks;
 mod picture;
 mod registry;
 mod renderer;
@@ -30,14 +31,16 @@ pub use failure::{
     ASHFALL_ERROR_ARGUMENT, ASHFALL_ERROR_CONFIG, ASHFALL_ERROR_FILE, ASHFALL_ERROR_INTERNAL, ASHFALL_ERROR_MEMORY,
     ASHFALL_ERROR_UNSUPPORTED, ASHFALL_ERROR_VULKAN, ASHFALL_OK, AshfallResult, ashfall_last_error,
 };
+pub use picks::{ASHFALL_NO_SPLAT, AshfallPickPixel, AshfallPickReport, ashfall_take_pick};
 pub use picture::{
     ASHFALL_BLEND_OVER_DISPLAY, ASHFALL_BLEND_OVER_LINEAR, ASHFALL_BLEND_PREMULTIPLIED, ASHFALL_BLEND_REPLACE,
-    AshfallBlend, AshfallCamera, AshfallClip, AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance, AshfallState,
+    AshfallBlend, AshfallCamera, AshfallClip, AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance,
+    AshfallPickArea, AshfallState,
 };
 pub use registry::{AshfallDevice, AshfallModel, AshfallRenderer, AshfallScene};
 pub use renderer::{
-    ASHFALL_HOST_COLOR, ASHFALL_HOST_DEPTH, AshfallRendererInfo, AshfallReport, ashfall_cmd_draw, ashfall_cmd_upload,
-    ashfall_renderer_create, ashfall_renderer_destroy, ashfall_renderer_reserve,
+    ASHFALL_HOST_COLOR, ASHFALL_HOST_DEPTH, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, AshfallRendererInfo, AshfallReport,
+    ashfall_cmd_draw, ashfall_cmd_upload, ashfall_renderer_create, ashfall_renderer_destroy, ashfall_renderer_reserve,
 };
 pub use scene::{
     ASHFALL_FILTER_CLASSIC, ASHFALL_FILTER_MIP, ASHFALL_PRECISION_FULL, ASHFALL_PRECISION_HALF,

@@ -1,4 +1,4 @@
-//! Structures of a picture: image, depth, camera, instance.
+//! Structures of a picture: image, depth, camera, instance, pixels to report.
 
 use super::memory::sized;
 use super::registry::AshfallModel;
@@ -42,7 +42,8 @@ pub struct AshfallImage {
     pub format: VkFormat,
     /// The image, with the storage usage to be written, with the sampled usage to be read.
     pub image: VkImage,
-    /// View of all of it; of an image with depth and stencil, of its depth.
+    /// View of all of it; of an image with depth and stencil, of its depth. Null for ids and depth_out, to which is
+    /// copied.
     pub view: VkImageView,
     /// Width in pixels.
     pub width: u32,
@@ -87,7 +88,7 @@ pub struct AshfallCamera {
     pub height: u32,
     /// 0.
     pub reserved: u32,
-    /// Focal lengths in pixels.
+    /// Focal lengths in pixels; in an orthographic picture, pixels per world unit.
     pub focal: [f64; 2],
     /// Principal point in pixels.
     pub center: [f64; 2],
@@ -132,6 +133,22 @@ pub struct AshfallClip {
     pub world_from_cube: [f64; 12],
 }
 
+/// Pixels of a picture to report: up to 65,536 of a rectangle within it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct AshfallPickArea {
+    /// sizeof(AshfallPickArea).
+    pub size: u32,
+    /// First column.
+    pub x: u32,
+    /// First row, from the top.
+    pub y: u32,
+    /// Columns, from 1 on.
+    pub width: u32,
+    /// Rows, from 1 on.
+    pub height: u32,
+}
+
 /// A picture.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -156,6 +173,15 @@ pub struct AshfallDraw {
     pub background: [f32; 3],
     /// Near plane in world units: splats with nearer means are not drawn.
     pub near_plane: f32,
+    /// Image of the format R32_UINT for the splat of each pixel, with the usage as destination of transfers; null for
+    /// none. The renderer has ASHFALL_IDS, as for the next two. Splats are counted through the instances, the first of
+    /// each at a multiple of 64; pixels without one have ASHFALL_NO_SPLAT.
+    pub ids: *const AshfallImage,
+    /// Image of the format D32 or R32F for the depth of that splat's mean, or of the host's surface before it, with the
+    /// usage as destination of transfers; null for none. Copies to D32 take a queue with graphics.
+    pub depth_out: *const AshfallDepth,
+    /// Pixels that ashfall_take_pick reports when the frame is done; null for none.
+    pub pick: *const AshfallPickArea,
 }
 
 sized!(
@@ -164,5 +190,6 @@ sized!(
     AshfallCamera,
     AshfallClip,
     AshfallInstance,
+    AshfallPickArea,
     AshfallDraw
 );

@@ -9,6 +9,7 @@ use super::scene::{AshfallPrecision, precision};
 use super::session::{RendererSession, lock};
 use crate::gpu::ash::vk::CommandBuffer as VkCommandBuffer;
 use crate::render::{RenderOptions, Renderer, Stats, isects_expected};
+use crate::scene::Projection;
 use std::sync::{Arc, Mutex};
 
 /// Flag of AshfallRendererInfo: for pictures behind the host's surfaces.
@@ -16,6 +17,15 @@ pub const ASHFALL_HOST_DEPTH: u32 = 1;
 /// Flag of AshfallRendererInfo: for pictures over the host's pixels.
 pub const ASHFALL_HOST_COLOR: u32 = 2;
 
+/// Flag of AshfallRendererInfo: for splats and depths of pixels.
+pub const ASHFALL_IDS: u32 = 4;
+
+/// Flag of AshfallRendererInfo: for orthographic pictures, in which the focal lengths of AshfallCamera are pixels per
+/// world unit.
+pub const ASHFALL_ORTHOGRAPHIC: u32 = 8;
+
+/// All flags of AshfallRendererInfo.
+const FLAGS: u32 = ASHFALL_HOST_DEPTH | ASHFALL_HOST_COLOR | ASHFALL_IDS | ASHFALL_ORTHOGRAPHIC;
 /// Frames in flight if the host does not say.
 const IN_FLIGHT: u32 = 2;
 /// Most frames in flight.
@@ -31,7 +41,7 @@ pub struct AshfallRendererInfo {
     pub frames_in_flight: u32,
     /// Storage precision of the models.
     pub precision: AshfallPrecision,
-    /// ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR.
+    /// ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC.
     pub flags: u32,
 }
 
@@ -82,7 +92,7 @@ pub unsafe extern "C" fn ashfall_renderer_create(
                     "frames_in_flight: {frames}; up to {IN_FLIGHT_MAX}"
                 )));
             }
-            if flags & !(ASHFALL_HOST_DEPTH | ASHFALL_HOST_COLOR) != 0 {
+            if flags & !FLAGS != 0 {
                 return Err(Failure::argument(format!("flags: {flags:#x} has unknown ones")));
             }
             if frames > 0 {
@@ -91,6 +101,10 @@ pub unsafe extern "C" fn ashfall_renderer_create(
             options.precision = precision(info.precision)?;
             options.with_host_depth = flags & ASHFALL_HOST_DEPTH != 0;
             options.with_host_color = flags & ASHFALL_HOST_COLOR != 0;
+            options.with_ids = flags & ASHFALL_IDS != 0;
+            if flags & ASHFALL_ORTHOGRAPHIC != 0 {
+                options.projection = Projection::Orthographic;
+            }
         }
         let session = RendererSession::new(Renderer::new(&gpu, options)?);
         let object = LiveObject::Renderer(Arc::new(Mutex::new(session)));

@@ -3,7 +3,8 @@
 use super::failure::{ASHFALL_ERROR_INTERNAL, Failure};
 use crate::gpu::HostCommands;
 use crate::gpu::ash::vk::CommandBuffer as VkCommandBuffer;
-use crate::render::Renderer;
+use crate::render::{PickReport, Renderer};
+use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard};
 
 /// A renderer, and the frame that it records.
@@ -12,15 +13,27 @@ pub(super) struct RendererSession {
     renderer: Renderer,
     /// The host's number of the frame, and its commands.
     frame: Option<(u64, HostCommands)>,
+    /// Reports that the host has not taken, oldest first.
+    reports: VecDeque<PickReport>,
 }
 
 impl RendererSession {
     pub(super) fn new(renderer: Renderer) -> RendererSession {
-        RendererSession { renderer, frame: None }
+        RendererSession {
+            renderer,
+            frame: None,
+            reports: VecDeque::new(),
+        }
     }
 
     pub(super) fn renderer(&mut self) -> &mut Renderer {
         &mut self.renderer
+    }
+
+    /// Reports of finished pictures that the host has not taken, oldest first.
+    pub(super) fn reports(&mut self) -> &mut VecDeque<PickReport> {
+        self.reports.extend(self.renderer.picks());
+        &mut self.reports
     }
 
     /// Renderer, and commands of the frame.

@@ -2,9 +2,7 @@
 
 use super::args::DeviceArgs;
 use crate::gpu::{Gpu, GpuOptions, Limits};
-use crate::render::{
-    Compatibility, Evaluator, Model, Outputs, RenderOptions, RenderedImage, Renderer, SplatOrder, ViewOptions,
-};
+use crate::render::{Compatibility, Evaluator, Model, Outputs, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use crate::scene::{Camera, Dataset, ScreenFilter, Splats};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
@@ -48,25 +46,26 @@ pub(super) fn scene_renderer(
     outputs: Outputs,
     compatibility: Compatibility,
 ) -> Result<impl FnMut(&Camera, [f32; 3]) -> Result<RenderedImage>> {
-    renderer_in_order(gpu, splats, near, (outputs, compatibility), SplatOrder::Depth)
-}
-
-/// As [`scene_renderer`], with splats in another order.
-pub(super) fn renderer_in_order(
-    gpu: &Gpu,
-    splats: &Splats,
-    near: f64,
-    (outputs, compatibility): (Outputs, Compatibility),
-    order: SplatOrder,
-) -> Result<impl FnMut(&Camera, [f32; 3]) -> Result<RenderedImage>> {
     let options = RenderOptions {
         with_depth: outputs.depth,
         with_surface: outputs.surface,
         compatibility,
-        order,
+        ..RenderOptions::default()
+    };
+    renderer_with(gpu, splats, near, options)
+}
+
+/// As [`scene_renderer`], with options; degree of the harmonics and kind are those of the scene.
+pub(super) fn renderer_with(
+    gpu: &Gpu,
+    splats: &Splats,
+    near: f64,
+    options: RenderOptions,
+) -> Result<impl FnMut(&Camera, [f32; 3]) -> Result<RenderedImage>> {
+    let options = RenderOptions {
         sh_degree: splats.sh_degree,
         primitive: splats.primitive,
-        ..RenderOptions::default()
+        ..options
     };
     let mut renderer = Renderer::new(gpu, options)?;
     let model = Model::upload(gpu, splats)?;

@@ -15,12 +15,13 @@ use super::scene::{SceneArgs, fit_axes};
 use super::{engine, parse};
 use crate::io::splats::readable;
 use crate::io::video::{VideoLayout, VideoWriter};
-use crate::render::{Outputs, RenderedImage, SplatOrder};
-use crate::scene::{Axes, Camera};
+use crate::render::{Outputs, RenderOptions, RenderedImage, SplatOrder};
+use crate::scene::{Axes, Camera, Projection};
 use crate::train::TrainConfig;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use finished::{FrameLog, JobDigest, Reuse};
+use glam::DVec2;
 use panorama::Panorama;
 use picture::PictureForm;
 use sequence::Sequence;
@@ -69,6 +70,9 @@ pub(super) struct RenderArgs {
     /// middle, of --size [default: 2048x1024]
     #[arg(long)]
     panorama: bool,
+    /// Orthographic pictures, HEIGHT world units high, along the cameras' axes from their places on
+    #[arg(long, value_name = "HEIGHT", value_parser = parse::positive, conflicts_with = "panorama")]
+    orthographic: Option<f64>,
     /// Frames a second, of a y4m stream and of an animated glTF camera [default: the path's, or 30]
     #[arg(long, value_name = "RATE", value_parser = parse::rate)]
     fps: Option<f64>,
@@ -187,6 +191,35 @@ impl RenderArgs {
         }
     }
 
+    /// Options of the renderer.
+    fn render_options(&self, outputs: Outputs) -> RenderOptions {
+        RenderOptions {
+            with_depth: outputs.depth,
+            with_surface: outputs.surface,
+            compatibility: self.compat.into(),
+            order: match self.panorama {
+                true => SplatOrder::Distance,
+                false => SplatOrder::Depth,
+            },
+            projection: match self.orthographic {
+                Some(_) => Projection::Orthographic,
+                None => Projection::Perspective,
+            },
+            ..RenderOptions::default()
+        }
+    }
+
+    /// A camera with the focal lengths of the pictures' projection.
+    fn projected(&self, camera: &Camera) -> Camera {
+        let focal = self
+            .orthographic
+            .map(|height| DVec2::splat(f64::from(camera.height) / height));
+        Camera {
+            focal: focal.unwrap_or(camera.focal),
+            ..*camera
+        }
+    }
+
     /// Outputs of each frame.
     fn outputs(&self) -> Result<Outputs> {
         let original = self.compat == Compat::Original;
@@ -195,11 +228,16 @@ impl RenderArgs {
             Format::Exr if self.show.is_some() => {
                 return Err(Error::Config("--show is for png: an exr holds all of it".into()));
             }
-            Format::Exr => !original,
+            Format::Exr => !original && self.orthographic.is_none(),
             Format::Png | Format::Y4m | Format::Rgb24 => matches!(show, Show::Depth | Show::Normal),
         };
         if surface && original {
             let what = "--show depth and normal are by the rules of this engine: leave out --compat original";
+            return Err(Error::Config(what.into()));
+        }
+        if self.orthographic.is_some() && (surface || original) {
+            let what =
+                "--orthographic is of colours and alpha, and of depths of means in an exr, by the rules of this engine";
             return Err(Error::Config(what.into()));
         }
         if self.panorama && (surface || original || self.format == Format::Exr) {
@@ -207,7 +245,7 @@ impl RenderArgs {
             return Err(Error::Config(what.into()));
         }
         Ok(Outputs {
-            depth: self.format == Format::Exr && original,
+            depth: self.format == Format::Exr && !surface,
             surface,
             ..Outputs::default()
         })
@@ -238,24 +276,21 @@ pub(super) fn run(args: &RenderArgs) -> Result<Outcome> {
         Some(dataset) => near(dataset),
         None => orbit::radius(&splats) * f64::from(TrainConfig::default().near_factor),
     };
-    let order = match args.panorama {
-        true => SplatOrder::Distance,
-        false => SplatOrder::Depth,
-    };
-    let mut pinhole = engine::renderer_in_order(&gpu, &splats, near, (outputs, args.compat.into()), order)?;
+    let mut pinhole = engine::renderer_with(&gpu, &splats, near, args.render_options(outputs))?;
     let draw = |camera: &Camera, background| match &panorama {
         Some(panorama) => panorama.draw(camera, |part| pinhole(part, background)),
-        None => pinhole(camera, background),
+        None => pinhole(&args.projected(camera), background),
     };
     let outcome = match video {
         Some(layout) => stream(args, (layout, panorama.as_ref().map(Panorama::size)), &sequence, draw)?,
         None => {
             let size = panorama.as_ref().map(Panorama::size);
             let options = format!(
-                "{near} {:?} {:?} {:?} {size:?}",
+                "{near} {:?} {:?} {:?} {size:?}{}",
                 args.form(),
                 args.compat,
-                args.background
+                args.background,
+                args.orthographic.map_or(String::new(), |height| format!(" {height}"))
             );
             let digest = JobDigest::new(&splats, &format!("{options} {}", gpu.caps().name));
             write(args, &sequence, &digest, draw)?

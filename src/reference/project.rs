@@ -5,7 +5,7 @@ use super::linear::{Mat3, Vec3, covariance, matrix, normalize, product, sub, tra
 use super::surfel::SurfelDisc;
 use super::{Options, Real, sh};
 use crate::layout::{COLOR_MAX, QUATERNION_MIN};
-use crate::scene::{Camera, Primitive, ScreenFilter, Splats};
+use crate::scene::{Camera, Primitive, Projection, ScreenFilter, Splats};
 
 /// Floats of [`Splat::parameters`] before the SH coefficients.
 pub const GEOMETRY_PARAMETERS: usize = 11;
@@ -90,6 +90,8 @@ pub struct Viewpoint {
     pub sh_degree: u32,
     /// Kind of the splats.
     pub primitive: Primitive,
+    /// Rays of the pixels.
+    pub projection: Projection,
 }
 
 impl Viewpoint {
@@ -114,6 +116,7 @@ impl Viewpoint {
             compensated: filter == ScreenFilter::Mip,
             sh_degree: options.sh_degree,
             primitive: Primitive::Gaussian3d,
+            projection: Projection::Perspective,
         }
     }
 
@@ -216,9 +219,13 @@ pub fn project_from<R: Real>(
     if disc.is_some_and(|disc| disc.is_edge_on && !disc.has_spot) {
         return None;
     }
-    let direction = normalize(from_camera);
+    // The direction of a pixel's ray, and how much a world unit across it is in units of the focal lengths.
+    let (direction, along) = match view.projection {
+        Projection::Perspective => (normalize(from_camera), z),
+        Projection::Orthographic => (rotation[2], R::of(1.0)),
+    };
     let screen = ScreenSplat {
-        mean: [focal[0] * x / z + center[0], focal[1] * y / z + center[1]],
+        mean: [focal[0] * x / along + center[0], focal[1] * y / along + center[1]],
         covariance: dilated,
         opacity,
         color: sh::unclamped_color(view.sh_degree, &splat.sh, direction)
@@ -235,8 +242,8 @@ pub fn surfel_of<R: Real>(splat: &Splat<R>, mean_view: Vec3<R>, view: &Viewpoint
     SurfelDisc::of(mean_view, shape, &view.camera, view.near, !view.compensated)
 }
 
-/// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian is taken at x/z and y/z clamped to the limits; the clamped quotients are
-/// constants, the remaining 1/z is not.
+/// `J W Σ Wᵀ Jᵀ`, as xx, xy, yy. The Jacobian of a perspective projection is taken at x/z and y/z clamped to the
+/// limits; the clamped quotients are constants, the remaining 1/z is not.
 pub fn screen_covariance<R: Real>(
     splat: &Splat<R>,
     view: &Viewpoint,
@@ -248,11 +255,14 @@ pub fn screen_covariance<R: Real>(
     let slope_x = (x / z).at_least(view.limit[0]).at_most(view.limit[1]);
     let slope_y = (y / z).at_least(view.limit[2]).at_most(view.limit[3]);
     let zero = R::of(0.0);
-    let jacobian: Mat3<R> = [
-        [focal[0] / z, zero, -focal[0] * slope_x / z],
-        [zero, focal[1] / z, -focal[1] * slope_y / z],
-        [zero, zero, zero],
-    ];
+    let jacobian: Mat3<R> = match view.projection {
+        Projection::Perspective => [
+            [focal[0] / z, zero, -focal[0] * slope_x / z],
+            [zero, focal[1] / z, -focal[1] * slope_y / z],
+            [zero, zero, zero],
+        ],
+        Projection::Orthographic => [[focal[0], zero, zero], [zero, focal[1], zero], [zero, zero, zero]],
+    };
     let screen_from_world = product(jacobian, rotation);
     let mut log_scale = splat.log_scale;
     if view.primitive == Primitive::Surfel {

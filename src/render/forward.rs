@@ -17,7 +17,7 @@ use crate::kernels::scan::{Io as ScanBuffers, Scan, What};
 use crate::kernels::sort::{self, Layout, Sort};
 use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize, rasterize_inria, walker_bindings};
 use crate::layout::*;
-use crate::scene::Primitive;
+use crate::scene::{Primitive, Projection};
 
 /// The kernels of a frame, compiled for one device.
 #[derive(Debug)]
@@ -84,6 +84,7 @@ impl Forward {
             project.spec.with_limit = outputs.limit.into();
             project.spec.surfel = outputs.surfels.into();
             project.spec.by_distance = (options.order == SplatOrder::Distance).into();
+            project.spec.orthographic = (options.projection == Projection::Orthographic).into();
             let mut expand = expand::Choice::default();
             expand.spec.with_limit = outputs.limit.into();
             expand.spec.surfel = outputs.surfels.into();

@@ -36,6 +36,7 @@ mod target;
 mod view;
 
 pub use crate::kernels::rasterize::Outputs;
+pub use crate::layout::NO_SPLAT;
 pub use accuracy::Accuracy;
 #[cfg(feature = "train")]
 pub(crate) use band_replay::BandReplay;

@@ -6,6 +6,7 @@ use super::scratch::Scratch;
 use crate::gpu::{Gpu, HostImage, Recorder};
 use crate::kernels::linearize::{Bindings, Choice, Linearize, Params};
 use crate::layout::{TILE_HEIGHT, TILE_WIDTH};
+use crate::scene::Camera;
 use crate::{Error, Result};
 use glam::DMat4;
 
@@ -50,6 +51,27 @@ impl DepthCode {
             b: b as f32,
             is_linear: false,
             empty: if b > 0.0 { 0.0 } else { 1.0 },
+        })
+    }
+
+    /// Code of an orthographic projection (clip space from the world, columns as of GLSL, depth 0 to 1), reversed or
+    /// not, in a picture through `camera`, as of [`Camera::from_orthographic`].
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a matrix that is no such projection.
+    pub fn of_orthographic(clip_from_world: &DMat4, camera: &Camera) -> Result<DepthCode> {
+        let [z, w] = [2, 3].map(|row| clip_from_world.row(row));
+        let a = (z.truncate().dot(camera.position) + z.w) / w.w;
+        let b = z.truncate().dot(camera.rotation.row(2)) / w.w;
+        if w.truncate() != glam::DVec3::ZERO || !a.is_finite() || !b.is_finite() || b == 0.0 {
+            let what = format!("depths of the projection {clip_from_world}: not of the form a + b z");
+            return Err(Error::Config(what));
+        }
+        Ok(DepthCode {
+            a: a as f32,
+            b: b as f32,
+            is_linear: true,
+            empty: if b > 0.0 { 1.0 } else { 0.0 },
         })
     }
 }
@@ -123,7 +145,8 @@ impl Occlusion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec4;
+    use crate::scene::ClipAxes;
+    use glam::{DVec3, DVec4};
 
     /// Projection with the view along z or −z (`forward` 1 or −1) that takes `near` to `at_near` and `far` to `at_far`.
     fn projection(forward: f64, (near, at_near): (f64, f64), (far, at_far): (f64, f64)) -> DMat4 {
@@ -158,5 +181,33 @@ mod tests {
         (orthographic.z_axis.w, orthographic.w_axis.w) = (0.0, 1.0);
         assert!(DepthCode::of_projection(&orthographic).is_err());
         assert!(DepthCode::of_projection(&DMat4::ZERO).is_err());
+    }
+
+    #[test]
+    fn codes_of_orthographic_projections_are_their_depths() {
+        for [at_near, at_far] in [[0.0, 1.0], [1.0, 0.0]] {
+            let slope = (at_far - at_near) / 7.75;
+            let projection = DMat4::from_cols(
+                DVec4::X,
+                DVec4::Y,
+                DVec4::new(0.0, 0.0, slope, 0.0),
+                DVec4::new(0.0, 0.0, at_near - 0.25 * slope, 1.0),
+            );
+            let matrix =
+                projection * DMat4::from_rotation_y(0.75) * DMat4::from_translation(DVec3::new(3.0, -1.0, 2.0));
+            let camera = Camera::from_orthographic(&matrix, [8, 8], ClipAxes::YDown).unwrap();
+            let code = DepthCode::of_orthographic(&matrix, &camera).unwrap();
+            assert!(code.is_linear && f64::from(code.empty) == at_far, "{code:?}");
+            for z in [0.0, 1.0, 7.0] {
+                let clip = matrix.project_point3(camera.position + z * camera.rotation.row(2));
+                let stored = f64::from(code.a) + f64::from(code.b) * z;
+                assert!(
+                    (clip.z - stored).abs() < 1e-6,
+                    "{code:?} at {z}: {stored}, not {}",
+                    clip.z
+                );
+            }
+            assert!(DepthCode::of_orthographic(&DMat4::ZERO, &camera).is_err());
+        }
     }
 }

@@ -5,7 +5,7 @@ use super::capacity::Capacity;
 use super::compatibility::Compatibility;
 use super::precision::Precision;
 use crate::kernels::rasterize::Outputs;
-use crate::scene::Primitive;
+use crate::scene::{Primitive, Projection};
 use crate::{Error, Result};
 
 /// Order in which splats are composited, nearest first.
@@ -43,6 +43,10 @@ pub struct RenderOptions {
     pub with_ids: bool,
     /// Order of the splats.
     pub order: SplatOrder,
+    /// Rays of the pixels. In an orthographic projection, harmonics are taken along the view's z axis, splats at the
+    /// near plane and beyond are drawn, and a host's depth is linear. Of 3D Gaussians by this engine's rules, in the
+    /// order of depth, without surfaces.
+    pub projection: Projection,
     /// Thresholds that save work at a bounded error.
     pub accuracy: Accuracy,
     /// Kind of the models' splats; surfels not by the rules of the 3DGS code.
@@ -67,7 +71,7 @@ impl RenderOptions {
         }
     }
 
-    /// Refuses outputs and kinds that the rules of the 3DGS code do not have.
+    /// Refuses outputs and kinds that the rules of the 3DGS code, an order or a projection do not have.
     pub(super) fn check_rules(&self) -> Result<()> {
         let asked = [
             (self.with_surface, "depths and normals of surfaces"),
@@ -82,6 +86,17 @@ impl RenderOptions {
         };
         let is_inria = self.compatibility == Compatibility::Inria;
         let by_distance = self.order == SplatOrder::Distance;
+        if self.projection == Projection::Orthographic {
+            let beyond = [
+                (self.with_surface, "depths and normals of surfaces"),
+                (self.primitive == Primitive::Surfel, "surfels"),
+                (is_inria, "pictures by the rules of the 3DGS code"),
+                (by_distance, "the order of distance"),
+            ];
+            if let Some((_, what)) = beyond.iter().find(|(is_asked, _)| *is_asked) {
+                return refuse(what, "in an orthographic projection");
+            }
+        }
         match asked.iter().find(|(is_asked, _)| *is_asked) {
             Some((_, what)) if is_inria => refuse(what, "by the rules of the 3DGS code"),
             Some((_, what)) if by_distance => refuse(what, "in the order of distance"),
@@ -107,6 +122,7 @@ impl Default for RenderOptions {
             with_host_color: false,
             with_ids: false,
             order: SplatOrder::Depth,
+            projection: Projection::Perspective,
             accuracy: Accuracy::default(),
             primitive: Primitive::Gaussian3d,
             precision: Precision::Full,

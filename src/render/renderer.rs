@@ -78,8 +78,8 @@ impl Renderer {
     /// frames share the buffers, so that those of a host go to one queue; a second queue takes a second renderer.
     ///
     /// # Errors
-    /// [`Error::Config`] for thresholds out of range, [`Error::Unsupported`] for surfaces, surfels, a host's surfaces
-    /// and splats of pixels by the rules of the 3DGS code, [`Error::OutOfMemory`].
+    /// [`Error::Config`] for thresholds out of range, [`Error::Unsupported`] for outputs and kinds of splats that
+    /// the order, the projection or the rules of the 3DGS code exclude ([`RenderOptions`]), [`Error::OutOfMemory`].
     pub fn new(gpu: &Gpu, options: RenderOptions) -> Result<Renderer> {
         options.check_rules()?;
         let occlusion = options.with_host_depth.then(|| Occlusion::new(gpu, &options));

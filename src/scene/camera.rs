@@ -24,6 +24,17 @@ pub struct Camera {
     pub position: DVec3,
 }
 
+/// Rays of a picture's pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Projection {
+    /// Through the camera's centre, as of [`Camera`].
+    #[default]
+    Perspective,
+    /// Along the view's z axis: a view point `v` has the pixel coordinates `(fx v.x + cx, fy v.y + cy)`, so that
+    /// `Camera::focal` is in pixels per world unit.
+    Orthographic,
+}
+
 /// Vertical axis of a projection's normalised device coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClipAxes {
@@ -87,6 +98,48 @@ impl Camera {
             }),
             false => refuse("is singular"),
         }
+    }
+
+    /// Camera of a host's orthographic matrix from the world to clip space (projection · view, columns as of GLSL,
+    /// depth 0 to 1, reversed or not), for [`Projection::Orthographic`]. It lies on the plane of the nearest depth, in
+    /// the middle of the image.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a matrix that is not finite or no orthographic projection, or skews the image.
+    pub fn from_orthographic(clip_from_world: &DMat4, [width, height]: [u32; 2], axes: ClipAxes) -> Result<Camera> {
+        let refuse = |what: &str| Err(Error::Config(format!("a matrix to clip space that {what}")));
+        let [x, y, z, w] = [0, 1, 2, 3].map(|row| clip_from_world.row(row));
+        if !clip_from_world.is_finite() || width == 0 || height == 0 {
+            return refuse("is not finite, or an image without pixels");
+        }
+        if w.truncate() != DVec3::ZERO || w.w <= 0.0 {
+            return refuse("is no orthographic projection");
+        }
+        let half = 0.5 * DVec2::new(width.into(), height.into());
+        let y = if axes == ClipAxes::YDown { y } else { -y };
+        let [x, y, z] = [half.x * x, half.y * y, z].map(|row| row / w.w);
+        let [right, below, depth] = [x, y, z].map(|row| row.truncate());
+        let focal = DVec2::new(right.length(), below.length());
+        let x_axis = right / focal.x;
+        let y_axis = (below - below.dot(x_axis) * x_axis).normalize();
+        let forward = x_axis.cross(y_axis);
+        let along = depth.dot(forward);
+        let skew = right.dot(below).abs() / (focal.x * focal.y);
+        let lean = (depth - along * forward).length() / along.abs();
+        if !(skew <= SKEW_MAX && lean <= SKEW_MAX) {
+            return refuse("skews the image or its depth, or is singular");
+        }
+        // The nearest depth is 1 where depths are reversed.
+        let nearest = if along > 0.0 { 0.0 } else { 1.0 };
+        let rows = DMat3::from_cols(right, below, depth).transpose();
+        Ok(Camera {
+            width,
+            height,
+            focal,
+            center: half,
+            rotation: DMat3::from_cols(x_axis, y_axis, forward).transpose(),
+            position: rows.inverse() * DVec3::new(-x.w, -y.w, nearest - z.w),
+        })
     }
 
     /// The same view at another image size: intrinsics follow the rounded size per axis.
@@ -224,6 +277,51 @@ mod tests {
         skewed.y_axis.x = 0.1;
         assert!(refused(skewed * good, ClipAxes::YUp).contains("skews"));
         assert!(Camera::from_matrix(&good, [0, 360], ClipAxes::YUp).is_err());
+    }
+
+    #[test]
+    fn orthographic_matrices_of_hosts_are_the_camera() {
+        let camera = Camera {
+            center: DVec2::new(320.0, 180.0),
+            ..camera()
+        };
+        let (near, far) = (0.25, 8.0);
+        for (sign, axes) in [(1.0, ClipAxes::YDown), (-1.0, ClipAxes::YUp), (-1.0, ClipAxes::YDown)] {
+            for [at_near, at_far] in [[0.0, 1.0], [1.0, 0.0]] {
+                let mut view = DMat4::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, sign, sign)) * camera.rotation);
+                view.w_axis = (view.transform_vector3(-camera.position)).extend(1.0);
+                let down = if axes == ClipAxes::YDown { sign } else { -sign };
+                let slope = (at_far - at_near) / (far - near);
+                let scale = 2.0 * camera.focal / DVec2::new(640.0, 360.0);
+                let mut projection = DMat4::from_diagonal(DVec4::new(scale.x, down * scale.y, sign * slope, 1.0));
+                projection.w_axis.z = at_near - slope * near;
+                let found = Camera::from_orthographic(&(projection * view), [640, 360], axes).unwrap();
+                assert!(found.rotation.abs_diff_eq(camera.rotation, 1e-12), "{found:?}");
+                let place = camera.position + near * camera.rotation.row(2);
+                assert!(found.position.distance(place) < 1e-12, "{found:?}");
+                assert!((found.focal - camera.focal).length() < 1e-9 && found.center == camera.center);
+                // A jitter of one pixel to the right moves the camera to the left.
+                let shift = DMat4::from_translation(DVec3::new(2.0 / 640.0, 0.0, 0.0));
+                let moved = Camera::from_orthographic(&(shift * projection * view), [640, 360], axes).unwrap();
+                let left = moved.position + camera.rotation.row(0) / camera.focal.x;
+                assert!(left.distance(place) < 1e-12, "{moved:?}");
+            }
+        }
+        let refused = |matrix: DMat4| Camera::from_orthographic(&matrix, [640, 360], ClipAxes::YUp).unwrap_err();
+        assert!(
+            refused(matrix(&camera, 1.0, ClipAxes::YUp))
+                .to_string()
+                .contains("no orthographic")
+        );
+        assert!(
+            refused(DMat4::from_scale(DVec3::new(1.0, 1.0, 0.0)))
+                .to_string()
+                .contains("singular")
+        );
+        let mut oblique = DMat4::IDENTITY;
+        oblique.x_axis.z = 0.5;
+        assert!(refused(oblique).to_string().contains("skews"));
+        assert!(refused(oblique * f64::INFINITY).to_string().contains("not finite"));
     }
 
     #[test]

@@ -25,7 +25,7 @@ mod splats;
 pub use alignment::PoseDifference;
 pub use axes::Axes;
 pub(crate) use axes::sh_signs;
-pub use camera::{Camera, ClipAxes};
+pub use camera::{Camera, ClipAxes, Projection};
 pub use dataset::{AlphaMode, Dataset, MaskFile, Photo, PhotoSource, Point, Split, View};
 pub(crate) use eigen::eigen;
 pub use focus::{focus, mean_up};

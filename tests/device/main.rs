@@ -20,6 +20,7 @@ mod large;
 mod memory;
 mod meshes;
 mod ordering;
+mod orthographic;
 mod picking;
 mod row_bands;
 mod simplify;

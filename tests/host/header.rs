@@ -4,7 +4,7 @@ use cbindgen::{Builder, Config, DocumentationStyle, Language, Style};
 use std::path::Path;
 
 /// Files of `src/capi` with items of the header, in its order.
-const FILES: [&str; 7] = [
+const FILES: [&str; 8] = [
     "failure.rs",
     "registry.rs",
     "device.rs",
@@ -12,6 +12,7 @@ const FILES: [&str; 7] = [
     "picture.rs",
     "draw.rs",
     "renderer.rs",
+    "picks.rs",
 ];
 
 const ABOUT: &str = "\

@@ -100,6 +100,9 @@ static void prepare(Picture *picture, const Host *host, AshfallModel *model) {
     picture->camera.width = WIDTH;
     picture->camera.height = HEIGHT;
     picture->camera.focal[0] = picture->camera.focal[1] = HEIGHT;
+    picture->camera.center[0] = WIDTH / 2.0;
+    picture->camera.center[1] = HEIGHT / 2.0;
+    picture->camera.position[2] = -4;
     picture->camera.rotation[0] = picture->camera.rotation[4] = picture->camera.rotation[8] = 1;
     picture->color.size = sizeof(picture->color);
     picture->color.format = VK_FORMAT_R32G32B32A32_SFLOAT;
@@ -117,18 +120,47 @@ static void prepare(Picture *picture, const Host *host, AshfallModel *model) {
     picture->draw.color = &picture->color;
 }
 
+/* Takes a report of the right half of the middle row, if there is to be one. */
+static void picks(AshfallRenderer *renderer, uint32_t available) {
+    AshfallPickPixel pixels[WIDTH / 2];
+    AshfallPickReport report;
+    const AshfallPickPixel *last = &pixels[WIDTH / 2 - 1];
+    ZERO(pixels), ZERO(report);
+    REFUSED(ashfall_take_pick(renderer, &report, pixels, 1), ASHFALL_ERROR_ARGUMENT, "its size is 0");
+    report.size = sizeof(report);
+    REFUSED(ashfall_take_pick(renderer, &report, NULL, 0), ASHFALL_ERROR_ARGUMENT, "pixels: a null pointer");
+    if (available) {
+        REFUSED(ashfall_take_pick(renderer, &report, pixels, 1), ASHFALL_ERROR_ARGUMENT, "the report has 160");
+    }
+    ashfall("ashfall_take_pick", ashfall_take_pick(renderer, &report, pixels, WIDTH / 2));
+    if (report.available != available) {
+        fprintf(stderr, "%u reports, not %u\n", report.available, available);
+        faults++;
+    }
+    if (!available) return;
+    if (report.x != WIDTH / 2 || report.y != HEIGHT / 2 || report.width != WIDTH / 2 || report.height != 1
+            || pixels[0].instance != 0 || pixels[0].splat != 0 || pixels[0].depth != 4
+            || !(pixels[0].transmittance < 0.5f) || last->instance != ASHFALL_NO_SPLAT
+            || last->splat != ASHFALL_NO_SPLAT || !isinf(last->depth) || last->transmittance != 1) {
+        fprintf(stderr, "picked: splat %u at %g, splat %u at %g\n", pixels[0].splat, pixels[0].depth, last->splat,
+            last->depth);
+        faults++;
+    }
+}
+
 /* Pictures that are not drawn, in one frame that is submitted with one that is. */
 static void pictures(const Host *host, AshfallDevice *device, AshfallScene *scene) {
     AshfallRenderer *renderer = NULL;
     AshfallModel *model = NULL;
     AshfallRendererInfo options;
     AshfallReport report;
+    AshfallPickArea area;
     VkCommandBufferBeginInfo begin;
     VkSubmitInfo submit;
     VkCommandBuffer commands = host->commands;
     const double mirror[12] = {-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     Picture p;
-    ZERO(options), ZERO(report), ZERO(begin), ZERO(submit);
+    ZERO(options), ZERO(report), ZERO(area), ZERO(begin), ZERO(submit);
     options.size = sizeof(options);
     options.frames_in_flight = 1000;
     REFUSED(ashfall_renderer_create(device, &options, &renderer), ASHFALL_ERROR_ARGUMENT, "frames_in_flight: 1000");
@@ -136,6 +168,9 @@ static void pictures(const Host *host, AshfallDevice *device, AshfallScene *scen
     options.precision = 3;
     REFUSED(ashfall_renderer_create(device, &options, &renderer), ASHFALL_ERROR_ARGUMENT, "precision: 3");
     options.precision = ASHFALL_PRECISION_HALF;
+    options.flags = 64;
+    REFUSED(ashfall_renderer_create(device, &options, &renderer), ASHFALL_ERROR_ARGUMENT, "flags: 0x40");
+    options.flags = ASHFALL_IDS;
     ashfall("ashfall_renderer_create", ashfall_renderer_create(device, &options, &renderer));
     REFUSED(ashfall_model_upload(device, scene, 0, &model), ASHFALL_ERROR_UNSUPPORTED, "without a queue");
     begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
@@ -175,8 +210,16 @@ static void pictures(const Host *host, AshfallDevice *device, AshfallScene *scen
     p.color.format = VK_FORMAT_R8G8B8A8_SRGB;
     REFUSED(ashfall_cmd_draw(renderer, commands, 7, &p.draw, NULL), ASHFALL_ERROR_UNSUPPORTED, "R8G8B8A8_SRGB");
     p.color.format = VK_FORMAT_R32G32B32A32_SFLOAT;
+    /* The right half of the middle row. */
+    area.size = sizeof(area);
+    area.x = area.width = WIDTH / 2;
+    area.y = HEIGHT / 2;
+    p.draw.pick = &area;
+    REFUSED(ashfall_cmd_draw(renderer, commands, 7, &p.draw, NULL), ASHFALL_ERROR_CONFIG, "65536 pixels");
+    area.height = 1;
     report.size = sizeof(report);
     ashfall("ashfall_cmd_draw", ashfall_cmd_draw(renderer, commands, 7, &p.draw, &report));
+    picks(renderer, 0);
     if (report.available != 0 || strcmp(ashfall_last_error(), "") != 0) faults++;
     vulkan("vkEndCommandBuffer", vkEndCommandBuffer(commands));
     submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
@@ -193,6 +236,8 @@ static void pictures(const Host *host, AshfallDevice *device, AshfallScene *scen
         fprintf(stderr, "report: %u, complete %u, %u passes\n", report.available, report.complete, report.passes);
         faults++;
     }
+    picks(renderer, 1);
+    picks(renderer, 0);
     ashfall("ashfall_model_destroy", ashfall_model_destroy(model));
     REFUSED(ashfall_cmd_draw(renderer, commands, 8, &p.draw, NULL), ASHFALL_ERROR_ARGUMENT, "model: a destroyed");
     REFUSED(ashfall_model_destroy(model), ASHFALL_ERROR_ARGUMENT, "a destroyed handle");

@@ -251,6 +251,44 @@ fn an_orbit_stands_upright_by_the_file() {
     assert!(picture(&scene, "upright") != picture(word(&other), "down"));
 }
 
+/// Ten pixels a unit, and cameras a unit apart: the second picture is the first, ten pixels to the left.
+#[test]
+fn orthographic_pictures_move_with_the_camera() {
+    let folder = folder();
+    let [scene, path] = scene_and_path(folder.path());
+    let out = folder.path().join("flat");
+    let height = (HEIGHT as f64 / 10.0).to_string();
+    let draw = [
+        "render",
+        &scene,
+        "--path",
+        &path,
+        "--orthographic",
+        &height,
+        "--out",
+        word(&out),
+    ];
+    stdout(&[&draw[..], &["--validate"]].concat());
+    let picture = |name: &str| image::open(out.join(name)).unwrap().to_rgb8();
+    let [first, second] = ["path_0000.png", "path_0001.png"].map(picture);
+    let (mut off, mut seen) = (0, 0);
+    for (x, y, pixel) in second.enumerate_pixels().filter(|(x, ..)| *x < WIDTH as u32 - 10) {
+        for (a, b) in pixel.0.into_iter().zip(first.get_pixel(x + 10, y).0) {
+            off = off.max(a.abs_diff(b));
+            seen = seen.max(a);
+        }
+    }
+    // Positions rounded otherwise, which may round a level otherwise.
+    assert!(off <= 1 && seen > 100, "{off} levels of {seen}");
+    for (wrong, fault) in [
+        (["--show", "normal"], "--orthographic"),
+        (["--compat", "original"], "--orthographic"),
+    ] {
+        let text = error(&[&draw[..], &wrong].concat());
+        assert!(text.contains(fault), "{text}");
+    }
+}
+
 #[test]
 fn panoramas_join_without_seams() {
     let folder = folder();

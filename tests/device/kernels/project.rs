@@ -8,7 +8,7 @@ use ashfall::kernels::Kernel;
 use ashfall::kernels::project::{Choice, Project};
 use ashfall::lab::bench::input::lists::view;
 use ashfall::lab::bench::kernels::Workgroups;
-use ashfall::lab::bench::kernels::project::{ProjectOutputs, commands, planes, project};
+use ashfall::lab::bench::kernels::project::{ProjectOutputs, commands, orthographic, planes, project};
 use ashfall::reference::dropout::Dropout;
 use ashfall::render::planes_from_splats;
 use ashfall::scene::ScreenFilter;
@@ -67,6 +67,20 @@ fn splats_are_projected() {
         cases.push(("dropout", project(&gpu, &dropped, &[], dropout).unwrap()));
         check.cases(&gpu, Workgroups::any(&[8, 64]), &cases);
     }
+    check.finish();
+}
+
+#[test]
+fn splats_are_projected_along_parallel_rays() {
+    let gpu = device::gpu();
+    let mut check = Check::new("project");
+    let case = |(name, mut scene): (&'static str, Scene)| {
+        // The scenes lie around 4 units before the camera.
+        scene.camera.focal /= 4.0;
+        (name, orthographic(&gpu, &scene).unwrap())
+    };
+    let cases: Vec<_> = plain_scenes(3).into_iter().map(case).collect();
+    check.cases(&gpu, Workgroups::any(&[8, 64]), &cases);
     check.finish();
 }
 

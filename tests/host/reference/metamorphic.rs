@@ -5,7 +5,8 @@ use crate::reference::assert_close;
 use ashfall::reference::frame::{center, project_all, render_screen, sorted};
 use ashfall::reference::rasterize::{blended, layer};
 use ashfall::reference::{Frame, ScreenSplat, Splat, Thresholds, Viewpoint, frame, render};
-use ashfall::scene::{SH_C0, Splats};
+use ashfall::scene::{Projection, SH_C0, Splats};
+use glam::{DMat3, DQuat};
 
 pub(crate) fn draw(scene: &Scene) -> Frame<f64> {
     render(&scene.splats, &scene.camera, &scene.options)
@@ -64,6 +65,39 @@ fn scale_does_not_show() {
             }
         }
     }
+}
+
+/// Rays of a camera that goes away along its axis, with focal lengths in proportion, become parallel: its picture is
+/// the orthographic one.
+#[test]
+fn an_orthographic_picture_is_that_of_a_far_camera() {
+    let mut scene = scenes::gentle(36, 40, 37, 29, 3);
+    scene.camera.focal /= 4.0;
+    scene.options.thresholds = Thresholds::NONE;
+    // Orthonormal in double precision: the way is long.
+    scene.camera.rotation = DMat3::from_quat(DQuat::from_mat3(&scene.camera.rotation).normalize());
+    let mut view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
+    let splats = Splat::<f64>::all(&scene.splats);
+    let draw = |view: &Viewpoint| frame::render_splats(&splats, view, &scene.options).pixels;
+    let near = draw(&view);
+    let mut far = view;
+    let away = 1e8;
+    far.camera.position -= away * scene.camera.rotation.row(2);
+    far.camera.focal *= away;
+    // Slopes beside the image are not clamped.
+    far.limit = [-1.0, 1.0, -1.0, 1.0];
+    view.projection = Projection::Orthographic;
+    let mut moved = 0.0_f64;
+    for ((near, far), pixel) in near.iter().zip(draw(&far)).zip(draw(&view)) {
+        // Means are 6 of 1e8 units of 40 px and less off: 3e-6 px, of splats of half a pixel and more.
+        assert_close(far.transmittance, pixel.transmittance, 1e-5, 1.0);
+        assert_close(far.depth - away * (1.0 - far.transmittance), pixel.depth, 1e-4, 1.0);
+        for channel in 0..3 {
+            assert_close(far.color[channel], pixel.color[channel], 1e-5, 1.0);
+            moved = moved.max((near.color[channel] - pixel.color[channel]).abs());
+        }
+    }
+    assert!(moved > 0.1, "{moved}: the picture from nearby");
 }
 
 /// M3: at distinct depths the order of the list has no effect.

@@ -14,8 +14,9 @@ use crate::reference::dropout::Dropout;
 use crate::reference::project::margins;
 use crate::reference::smoothing::smoothed;
 use crate::reference::tiles::{Grid, alpha_at_pixels, alpha_max};
-use crate::reference::{Splat, Thresholds, project as reference};
+use crate::reference::{Splat, Thresholds, Viewpoint, project as reference};
 use crate::render::{plane_count, planes_from_splats};
+use crate::scene::Projection;
 
 /// Splats that are compared.
 const SAMPLES: usize = 1000;
@@ -74,7 +75,30 @@ pub fn project<'a>(gpu: &Gpu, scene: &Scene, filters: &[f32], dropout: Dropout) 
         let (records, tiles) = outputs.read(gpu)?;
         let planes = words(&read(gpu, &outputs.planes)?);
         assert!(planes.iter().all(|x| x.is_nan()), "planes that are not wanted");
-        Ok(compare((&scene, dropout), &filters, &records, &tiles))
+        let at = viewpoint(&scene);
+        Ok(compare((&scene, at, dropout), &filters, &records, &tiles))
+    }))
+}
+
+/// The splats of a scene in an orthographic projection; the camera's focal lengths are in pixels per world unit.
+pub fn orthographic<'a>(gpu: &Gpu, scene: &Scene) -> Result<KernelCase<'a, Project>> {
+    let planes = planes_from_splats(&scene.splats);
+    let outputs = ProjectOutputs::new(gpu, scene.splats.len())?;
+    let scene = scene.clone();
+    let degree = scene.splats.sh_degree;
+    let case = commands(gpu, (&scene, view(&scene)), &planes, None, &outputs)?;
+    let case = case.tune(move |choice: &mut Choice| {
+        choice.spec.sh_degree = degree;
+        choice.spec.orthographic = 1;
+    });
+    Ok(case.judge(move |gpu| {
+        let (records, tiles) = outputs.read(gpu)?;
+        let filters = vec![0.0; records.len()];
+        let at = Viewpoint {
+            projection: Projection::Orthographic,
+            ..viewpoint(&scene)
+        };
+        Ok(compare((&scene, at, Dropout::default()), &filters, &records, &tiles))
     }))
 }
 
@@ -148,8 +172,12 @@ pub fn commands<'a>(
 }
 
 /// Records and tile counts beside the reference's, splat by splat.
-fn compare((scene, dropout): (&Scene, Dropout), filters: &[f32], records: &[Splat2d], tiles: &[u32]) -> Vec<Output> {
-    let at = viewpoint(scene);
+fn compare(
+    (scene, at, dropout): (&Scene, Viewpoint, Dropout),
+    filters: &[f32],
+    records: &[Splat2d],
+    tiles: &[u32],
+) -> Vec<Output> {
     let grid = Grid::new(scene.camera.width, scene.camera.height);
     let cut = Thresholds::ENGINE.alpha_min;
     let [mut found, mut expected] = [(); 2].map(|()| [(); 5].map(|()| Vec::<f64>::new()));
@@ -172,7 +200,8 @@ fn compare((scene, dropout): (&Scene, Dropout), filters: &[f32], records: &[Spla
         let low = near(&|tile| alpha_at_pixels(&screen, &grid, tile), cut * 1.01);
         let high = near(&|tile| alpha_max(&screen, &grid, tile), cut * 0.99);
         allowed.push(count.clamp(low, high.max(low)));
-        if tiles[i] == 0 || margins(&splat, &at).limit < 1e-5 {
+        let is_clamped = at.projection == Projection::Perspective && margins(&splat, &at).limit < 1e-5;
+        if tiles[i] == 0 || is_clamped {
             continue;
         }
         let [s, t, [blue, depth, ..]] = pack::splat2d_values(&screen);
