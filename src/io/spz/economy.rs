@@ -25,10 +25,13 @@ pub struct CodeCosts {
     pub bit: f64,
 }
 
-/// Passes over the splats, after each of which prices follow.
+/// Passes over splats, after each of which prices follow.
 const PASSES: usize = 5;
 
-/// Largest distance of a code from the nearest one.
+/// Splats on which prices settle, at most.
+const SAMPLE: usize = 50_000;
+
+/// Largest distance of a code in a pass.
 const REACH: i32 = 4;
 
 impl SpzCodes {
@@ -199,17 +202,25 @@ impl BytePrices {
 /// Longest code of a byte in zstd, bits.
 const LONGEST_CODE: f64 = 11.0;
 
-/// Lets `choose` replace each code by the prices of all.
+/// Lets `choose` replace each code by the prices of all, which settle on a sample.
 fn settle<C: Copy + Send + Sync, const N: usize>(
     codes: &mut [C],
     bytes: impl Fn(&C) -> [u8; N],
     choose: impl Fn(usize, C, &BytePrices) -> C + Sync,
 ) {
-    for _ in 0..PASSES {
-        let prices = BytePrices::new(codes.iter().flat_map(&bytes));
-        let rows = codes.par_iter_mut().enumerate();
-        rows.for_each(|(i, code)| *code = choose(i, *code, &prices));
+    let stride = codes.len().div_ceil(SAMPLE).max(1);
+    let mut sample: Vec<C> = codes.iter().step_by(stride).copied().collect();
+    for _ in 1..PASSES {
+        let prices = BytePrices::new(sample.iter().flat_map(&bytes));
+        let rows = sample.par_iter_mut().enumerate();
+        rows.for_each(|(i, code)| *code = choose(i * stride, *code, &prices));
     }
+    for (code, settled) in codes.iter_mut().step_by(stride).zip(&sample) {
+        *code = *settled;
+    }
+    let prices = BytePrices::new(sample.iter().flat_map(&bytes));
+    let rows = codes.par_iter_mut().enumerate();
+    rows.for_each(|(i, code)| *code = choose(i, *code, &prices));
 }
 
 #[cfg(test)]
