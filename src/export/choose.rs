@@ -200,11 +200,13 @@ impl ExportSource {
         let Some(SourceViews { influence, sensitivity }) = &self.views else {
             return SpzCodes::nearest(&splats, &SpzOptions::default());
         };
-        let step = |&i: &usize| setting.spz_step(influence.of(i));
+        // A weight is a sum over all views: once.
+        let weight: Vec<f64> = (0..splats.len()).map(|i| influence.of(i)).collect();
+        let step: Vec<f64> = weight.iter().map(|&weight| setting.spz_step(weight)).collect();
         let mut order: Vec<usize> = (0..splats.len()).collect();
-        order.sort_by(|a, b| step(a).total_cmp(&step(b)));
+        order.sort_by(|&a, &b| step[a].total_cmp(&step[b]));
         Arc::make_mut(&mut splats).reorder(&order);
-        let costs = |i: usize| sensitivity.costs(influence.of(order[i]), splats.log_scale[i], setting.spz_bit_price());
+        let costs = |i: usize| sensitivity.costs(weight[order[i]], splats.log_scale[i], setting.spz_bit_price());
         let options = SpzOptions {
             fractional_bits: fractional_bits(splats.len(), costs),
             sh_bits: [8; 3],
@@ -263,7 +265,8 @@ impl ExportSource {
 /// Bits after the point of positions: a bit more would cost as much as it gains, s² c ln 2 / 6 for the step s of the
 /// codes and the mean cost c of a squared unit.
 fn fractional_bits(count: usize, costs: impl Fn(usize) -> CodeCosts) -> u32 {
-    let total: f64 = (0..count).map(|i| costs(i).position / costs(i).bit).sum();
+    let relative = |CodeCosts { position, bit, .. }| position / bit;
+    let total: f64 = (0..count).map(|i| relative(costs(i))).sum();
     let gain = total / count as f64 * LN_2 / 6.0;
     match gain > 0.0 {
         true => (gain.log2() / 2.0).ceil().clamp(0.0, 24.0) as u32,

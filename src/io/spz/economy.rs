@@ -1,8 +1,8 @@
-//! Codes that compress better, at the price of small errors.
+//! Rate-distortion optimisation of codes: those that compress better, at the price of small errors.
 //!
 //! The bytes of an attribute are compressed by a Huffman code of their own statistics: frequent values are cheap. Each
 //! splat takes those codes near its values for which error and price of the bits have the least sum. The statistics
-//! follow the choice, and a few passes settle both. A rotation has 24 names, one for each numbering of its axes.
+//! follow the choice, and a few passes settle both. A rotation has 24 equivalents, by permutations of the axes.
 
 use super::codes::SpzCodes;
 use super::steps::{self, ROTATION_SHIFTS};
@@ -59,7 +59,7 @@ impl SpzCodes {
                 least(near(code), cost).unwrap_or(code)
             },
         );
-        self.rename_axes(&splats, costs);
+        self.economize_rotations(&splats, costs);
     }
 
     fn economize_positions(&mut self, splats: &Splats, costs: impl Fn(usize) -> CodeCosts + Sync) {
@@ -98,8 +98,8 @@ impl SpzCodes {
     }
 
     /// Exchanges rotations, and the places of scales, for cheaper ones.
-    fn rename_axes(&mut self, splats: &Splats, costs: impl Fn(usize) -> CodeCosts + Sync) {
-        let names = axis_names();
+    fn economize_rotations(&mut self, splats: &Splats, costs: impl Fn(usize) -> CodeCosts + Sync) {
+        let permutations = axis_permutations();
         let mut shapes: Vec<(u32, [u8; 3])> = self.rotation.iter().copied().zip(self.scale.iter().copied()).collect();
         let given = shapes.clone();
         settle(
@@ -111,8 +111,8 @@ impl SpzCodes {
                 if !q.is_normalized() {
                     return shape;
                 }
-                let named = names.iter().map(|name| {
-                    let turned = q * name.turn;
+                let equivalents = permutations.iter().map(|permutation| {
+                    let turned = q * permutation.turn;
                     let cost = |code: u32| {
                         let cosine = turned.dot(quaternion(steps::rotation(code))).abs();
                         rotation * (2.0 - 2.0 * cosine) + bit * prices.of(&code.to_le_bytes())
@@ -122,10 +122,10 @@ impl SpzCodes {
                     for shift in ROTATION_SHIFTS {
                         code = least(steps::rotations_near(code, shift, REACH), cost).unwrap_or(code);
                     }
-                    (cost(code), code, name)
+                    (cost(code), code, permutation.axis)
                 });
-                let cheapest = named.min_by(|a, b| a.0.total_cmp(&b.0));
-                cheapest.map_or(shape, |(_, code, name)| (code, name.axis.map(|axis| given[i].1[axis])))
+                let cheapest = equivalents.min_by(|a, b| a.0.total_cmp(&b.0));
+                cheapest.map_or(shape, |(_, code, axes)| (code, axes.map(|axis| given[i].1[axis])))
             },
         );
         self.rotation = shapes.iter().map(|shape| shape.0).collect();
@@ -133,26 +133,26 @@ impl SpzCodes {
     }
 }
 
-/// Numbering of a splat's axes, which are turned by a multiple of quarter turns.
-struct AxisNames {
+/// Permutation of a splat's axes with signs: a rotation of the cube, which leaves the covariance as it is.
+struct AxisPermutation {
     turn: DQuat,
-    /// Old number of each axis.
+    /// Former index of each axis.
     axis: [usize; 3],
 }
 
-/// All numberings: rotations of a cube.
-fn axis_names() -> Vec<AxisNames> {
+/// All 24.
+fn axis_permutations() -> Vec<AxisPermutation> {
     let units = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z];
     let pairs = units.iter().flat_map(|&x| units.iter().map(move |&y| (x, y)));
     let across = pairs.filter(|(x, y)| x.dot(*y) == 0.0);
-    let named = across.map(|(x, y)| {
+    let permutations = across.map(|(x, y)| {
         let turn = DMat3::from_cols(x, y, x.cross(y));
-        AxisNames {
+        AxisPermutation {
             turn: DQuat::from_mat3(&turn),
             axis: [turn.x_axis, turn.y_axis, turn.z_axis].map(|axis| axis.abs().max_position()),
         }
     });
-    named.collect()
+    permutations.collect()
 }
 
 /// Quaternion of length 1 from w, x, y, z; NaN from zero.
@@ -279,23 +279,27 @@ mod tests {
     }
 
     #[test]
-    fn each_name_of_the_axes_has_the_same_covariance() {
-        let names = axis_names();
-        assert_eq!(names.len(), 24);
+    fn each_permutation_of_the_axes_has_the_same_covariance() {
+        let permutations = axis_permutations();
+        assert_eq!(permutations.len(), 24);
         let one = splats(1);
-        for (i, name) in names.iter().enumerate() {
-            let others = &names[..i];
+        for (i, permutation) in permutations.iter().enumerate() {
+            let others = &permutations[..i];
             assert!(
-                others.iter().all(|other| other.turn.dot(name.turn).abs() < 0.999),
+                others
+                    .iter()
+                    .all(|other| other.turn.dot(permutation.turn).abs() < 0.999),
                 "{i}"
             );
-            let [x, y, z, w] = (quaternion(one.quaternion[0]) * name.turn).to_array().map(|v| v as f32);
-            let renamed = Splats {
+            let [x, y, z, w] = (quaternion(one.quaternion[0]) * permutation.turn)
+                .to_array()
+                .map(|v| v as f32);
+            let permuted = Splats {
                 quaternion: vec![[w, x, y, z]],
-                log_scale: vec![name.axis.map(|axis| one.log_scale[0][axis])],
+                log_scale: vec![permutation.axis.map(|axis| one.log_scale[0][axis])],
                 ..one.clone()
             };
-            assert!(difference(&one, &renamed) < 1e-6, "{i}");
+            assert!(difference(&one, &permuted) < 1e-6, "{i}");
         }
     }
 
