@@ -137,6 +137,9 @@ const uint INSTANCE_CUT = 4;
 // Splats of a workgroup of `pose_gradient`.
 const uint POSE_SPLATS = 1024;
 
+// Mark on the origin of a splat without moments in `select_rows`.
+const uint ORIGIN_IS_NEW = 0x80000000u;
+
 // Begin of a splat's records if it has none in the current band.
 const uint NOT_LISTED = 0xffffffffu;
 

@@ -99,6 +99,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         scan_apply: scan_apply::Choice::default(), ELEMENTWISE;
         scan_chunks: scan_chunks::Choice::default(), ALONE;
         scan_reduce: scan_reduce::Choice::default(), ELEMENTWISE;
+        select_rows: select_rows::Choice::default(), ELEMENTWISE;
         sort_count: sort_count::Choice::prefer(caps), sort::why(caps);
         sort_scatter: sort_scatter::Choice::prefer(caps), sort::why(caps);
         sum_by_splat: sum_by_splat::Choice::default(), ELEMENTWISE;

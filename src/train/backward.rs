@@ -151,8 +151,8 @@ impl Backward {
                 counts: &s.counts,
                 d_params: state.gradients(block),
                 params: &state.model.params[block.index],
-                moment1: &state.buffers.moment1[block.index],
-                moment2: &state.buffers.moment2[block.index],
+                moment1: &state.moments.moment1[block.index],
+                moment2: &state.moments.moment2[block.index],
             },
             adam::Params {
                 first_splat: block.first as u32,
@@ -215,8 +215,8 @@ impl Backward {
                 counts: &s.counts,
                 d_params: state.gradients(block),
                 params: &state.model.params[block.index],
-                moment1: &state.buffers.moment1[block.index],
-                moment2: &state.buffers.moment2[block.index],
+                moment1: &state.moments.moment1[block.index],
+                moment2: &state.moments.moment2[block.index],
             },
             adam_color::Params {
                 first_splat: block.first as u32,

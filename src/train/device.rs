@@ -1,6 +1,6 @@
 //! Optimiser state on the device.
 
-use super::state::{HostState, Planes};
+use super::state::{HostState, Planes, SH_PLANE};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES, POSE_SPLATS};
@@ -15,23 +15,39 @@ pub(crate) struct DeviceState {
     /// Parameters, in the layout of rendering.
     pub(crate) model: Model,
     /// Highest SH degree of the run.
-    sh_degree: u32,
+    pub(super) sh_degree: u32,
     /// Mapping between slots and splats.
     pub(super) slots: Slots,
-    pub(crate) buffers: OptimizerBuffers,
+    pub(super) moments: MomentBuffers,
+    pub(crate) buffers: GradientBuffers,
 }
 
 buffers! {
-    /// Buffers beside the parameters, of so many splats of each degree.
-    pub(crate) struct OptimizerBuffers(blocks: Blocks) {
+    /// Moments of the parameters, in their layout.
+    pub(crate) struct MomentBuffers(blocks: Blocks) {
         moment1: Vec<Buffer<[f32; 4]>>, Moments, blocks.sizes();
         moment2: Vec<Buffer<[f32; 4]>>, Moments, blocks.sizes();
+    }
+}
+
+buffers! {
+    /// Gradients of a step, of so many splats of each degree.
+    pub(crate) struct GradientBuffers(blocks: Blocks) {
         /// Of every block if kept for inspection or depth bands, else of the current block.
         gradients: Vec<Buffer<[f32; 4]>>, Gradients, vec![gradient_sizes(blocks).max().unwrap_or(0)];
         statistics: Buffer<[f32; 4]>, Gradients, blocks.splats();
         /// Sums for the gradient by the pose: two of each stretch of a block's splats.
         pose_sums: Buffer<[f32; 4]>, Gradients, 2 * pose_groups(blocks.strides());
     }
+}
+
+/// Blocks of splats in such slots, without spare room.
+pub(super) fn blocks_of(gpu: &Gpu, slots: &Slots, sh_degree: u32) -> Blocks {
+    let room = match slots.counts.iter().sum() {
+        0 => of_degree(1, sh_degree),
+        1.. => slots.counts,
+    };
+    Blocks::new(gpu.caps(), room, Precision::Full)
 }
 
 /// Workgroups of `pose_gradient` for blocks of so many splats.
@@ -52,7 +68,12 @@ impl DeviceState {
     /// Bytes of the buffers.
     pub(crate) fn needs(room: ByDegree) -> Vec<Need> {
         let blocks = Blocks::anywhere(room);
-        [Model::needs(blocks), OptimizerBuffers::needs(blocks)].concat()
+        [
+            Model::needs(blocks),
+            MomentBuffers::needs(blocks),
+            GradientBuffers::needs(blocks),
+        ]
+        .concat()
     }
 
     /// Bytes of the gradients of all blocks beyond those of one: all exist at once if a photograph is drawn in bands.
@@ -76,11 +97,7 @@ impl DeviceState {
     /// capacity would cost five times. Statistics start at 0.
     pub(crate) fn new(gpu: &Gpu, state: &HostState, filter: ScreenFilter) -> Result<DeviceState> {
         let slots = Slots::of(&state.degrees);
-        let room = match state.is_empty() {
-            true => of_degree(1, state.sh_degree),
-            false => slots.counts,
-        };
-        let blocks = Blocks::new(gpu.caps(), room, Precision::Full);
+        let blocks = blocks_of(gpu, &slots, state.sh_degree);
         let mut device = DeviceState {
             model: Model {
                 primitive: state.primitive,
@@ -88,7 +105,8 @@ impl DeviceState {
             },
             sh_degree: state.sh_degree,
             slots,
-            buffers: OptimizerBuffers::new(gpu, blocks)?,
+            moments: MomentBuffers::new(gpu, blocks)?,
+            buffers: GradientBuffers::new(gpu, blocks)?,
         };
         device.fill(gpu, state)?;
         Ok(device)
@@ -117,7 +135,7 @@ impl DeviceState {
         rooms.all(|(&count, room)| count <= room) && (has_index || slots.splat_from_slot.is_none())
     }
 
-    /// Uploads a state that fits; statistics start at 0.
+    /// Uploads a state that fits, or the planes that it has; statistics start at 0.
     pub(crate) fn fill(&mut self, gpu: &Gpu, state: &HostState) -> Result<()> {
         self.slots = Slots::of(&state.degrees);
         self.model.splat_count = state.len();
@@ -129,10 +147,10 @@ impl DeviceState {
             }
             for (buffers, planes) in [
                 (&self.model.params, &state.params),
-                (&self.buffers.moment1, &state.m),
-                (&self.buffers.moment2, &state.v),
+                (&self.moments.moment1, &state.m),
+                (&self.moments.moment2, &state.v),
             ] {
-                for (i, plane) in planes[..plane_count(block.degree)].iter().enumerate() {
+                for (i, plane) in planes.iter().take(plane_count(block.degree)).enumerate() {
                     let rows: Vec<[f32; 4]> = splats.iter().map(|&s| plane[s as usize]).collect();
                     gpu.upload(&buffers[block.index], block.plane(i).start, &rows)?;
                 }
@@ -169,20 +187,37 @@ impl DeviceState {
 
     /// Copies parameters and moments to the host.
     pub(crate) fn download(&self, gpu: &Gpu) -> Result<HostState> {
+        Ok(HostState {
+            params: self.planes(gpu, &self.model.params)?,
+            m: self.planes(gpu, &self.moments.moment1)?,
+            v: self.planes(gpu, &self.moments.moment2)?,
+            ..self.without_planes()
+        })
+    }
+
+    /// Copies the parameters of geometry to the host: a state without harmonics and moments, for refinements.
+    pub(super) fn download_geometry(&self, gpu: &Gpu) -> Result<HostState> {
+        Ok(HostState {
+            params: self.gathered(gpu, &self.model.params, SH_PLANE, |_| SH_PLANE)?,
+            ..self.without_planes()
+        })
+    }
+
+    fn without_planes(&self) -> HostState {
         let mut degrees = vec![0; self.model.splat_count];
         for block in self.model.blocks.of(self.slots.counts) {
             for splat in self.slots.of_slots(block.slots()) {
                 degrees[splat as usize] = block.degree as u8;
             }
         }
-        Ok(HostState {
+        HostState {
             primitive: self.model.primitive,
             sh_degree: self.sh_degree,
             degrees,
-            params: self.planes(gpu, &self.model.params)?,
-            m: self.planes(gpu, &self.buffers.moment1)?,
-            v: self.planes(gpu, &self.buffers.moment2)?,
-        })
+            params: Planes::new(),
+            m: Planes::new(),
+            v: Planes::new(),
+        }
     }
 
     /// Downloads the last step's gradients, which must have been kept, in the layout of the parameters.

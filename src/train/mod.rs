@@ -23,6 +23,7 @@ mod memory;
 mod photos;
 mod pose_pass;
 pub mod poses;
+mod reorder;
 #[doc(hidden)]
 pub mod rng;
 mod run;

@@ -20,12 +20,14 @@ use super::gradients::Gradients;
 use super::memory::{BufferLimits, IN_FLIGHT, row_bands, with_margin};
 use super::photos::Photos;
 use super::poses::{PoseState, RefinedPoses};
+use super::reorder::RefinedRows;
 use super::sky::SkyShell;
 use super::state::HostState;
-use super::strategy::{self, RefineContext, RefineReport};
+use super::strategy::{self, RefineContext, RefineReport, RowOrigin};
 use super::transients::{IgnoredPatches, TransientState};
 use super::{initial_splats, schedule, smoothing};
 use crate::gpu::{Frames, Gpu};
+use crate::kernels::select_rows::{Choice, SelectRows};
 use crate::render::{Capacity, DepthBands, Forward, Scratch};
 use crate::scene::{Camera, Dataset, ScreenFilter, Splats, Split, mean_up};
 use crate::{Error, Result};
@@ -79,6 +81,7 @@ pub struct Trainer<'a> {
     limit: usize,
     forward: Forward,
     backward: Backward,
+    select_rows: SelectRows,
     state: DeviceState,
     scratch: Scratch,
     /// Depth bands of the next steps.
@@ -175,6 +178,7 @@ impl<'a> Trainer<'a> {
             limit: config.splat_limit(),
             forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy, plain)?,
             backward: Backward::new(gpu, &config)?,
+            select_rows: SelectRows::new(gpu, Choice::default())?,
             state: DeviceState::new(gpu, state, config.filter)?,
             gradients: Gradients::new(gpu, scratch.capacity, config.outputs())?,
             scratch,
@@ -337,7 +341,9 @@ impl<'a> Trainer<'a> {
     }
 
     fn refine(&mut self, iteration: u32, refine: bool, reset: bool) -> Result<()> {
-        let mut state = self.state.download(&self.gpu)?;
+        let mut geometry = self.state.download_geometry(&self.gpu)?;
+        let unmoved = |row| RowOrigin { row, is_new: false };
+        let mut origins: Vec<RowOrigin> = (0..geometry.len() as u32).map(unmoved).collect();
         if refine {
             let statistics = self.state.download_statistics(&self.gpu)?;
             let context = RefineContext {
@@ -347,16 +353,21 @@ impl<'a> Trainer<'a> {
                 limit: self.limit,
                 sky: self.sky(),
             };
-            let report = strategy::refine(&mut state, &statistics, context);
+            let report;
+            (report, origins) = strategy::refine_rows(&mut geometry, &statistics, context);
             if let Some(last) = self.done.back_mut() {
                 last.refined = Some(report);
             }
         }
-        smooth(&mut state, self.dataset, &self.config);
+        smooth(&mut geometry, self.dataset, &self.config);
         if reset {
-            strategy::reset_opacity(&mut state, self.config.adc.opacity_reset_value, self.sky());
+            strategy::reset_opacity(&mut geometry, self.config.adc.opacity_reset_value, self.sky());
         }
-        self.take_over(&state)
+        self.take_rows(&RefinedRows {
+            geometry: &geometry,
+            origins: &origins,
+            resets_opacity: reset,
+        })
     }
 }
 

@@ -22,6 +22,7 @@ mod meshes;
 mod ordering;
 mod orthographic;
 mod picking;
+mod refinement;
 mod row_bands;
 mod simplify;
 mod stability;

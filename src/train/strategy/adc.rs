@@ -1,7 +1,7 @@
 //! Adaptive density control as in 3DGS: at large screen gradients, small splats are cloned and large ones split in two;
 //! transparent and oversized ones are removed.
 
-use super::{RefineContext, RefineReport, Row, RowChange, SplatStats, gather};
+use super::{RefineContext, RefineReport, Row, RowChange, RowOrigin, SplatStats, gather};
 use crate::scene::{Primitive, logit};
 use crate::train::config::AdcConfig;
 use crate::train::rng::{self, Stream};
@@ -18,7 +18,11 @@ enum AdcDecision {
     Split,
 }
 
-pub(super) fn refine(state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport {
+pub(super) fn refine(
+    state: &mut HostState,
+    stats: &[SplatStats],
+    context: RefineContext<'_>,
+) -> (RefineReport, Vec<RowOrigin>) {
     let fates = decide(state, stats, context);
     let mut rows = Vec::with_capacity(state.len() * 2);
     for (&fate, row) in fates.iter().zip(0..) {
@@ -40,15 +44,17 @@ pub(super) fn refine(state: &mut HostState, stats: &[SplatStats], context: Refin
             AdcDecision::Split => rows.extend(children(state, row, context)),
         }
     }
-    *state = gather(state, &rows);
+    let (refined, origins) = gather(state, &rows);
+    *state = refined;
     let count = |fate| fates.iter().filter(|&&f| f == fate).count();
-    RefineReport {
+    let report = RefineReport {
         cloned: count(AdcDecision::Clone),
         split: count(AdcDecision::Split),
         pruned: count(AdcDecision::Prune),
         relocated: 0,
         count: state.len(),
-    }
+    };
+    (report, origins)
 }
 
 /// Lowers all opacities, as drawn, to at most `value` (strictly between 0 and 1) and clears their moments, so that
@@ -71,7 +77,9 @@ pub fn reset_opacity(state: &mut HostState, value: f32, sky: Option<SkyShell>) {
             place[3] = place[3].min(most);
         }
     }
-    for moment in state.m[0].iter_mut().chain(&mut state.v[0]) {
+    // A state of geometry alone has no moments.
+    let moments = state.m.first_mut().into_iter().chain(state.v.first_mut());
+    for moment in moments.flatten() {
         moment[3] = 0.0;
     }
 }
@@ -208,7 +216,7 @@ mod tests {
     const QUIET: SplatStats = [0.0, 1.0, 1.0, 0.0];
 
     fn refine(state: &mut HostState, stats: &[SplatStats], config: &TrainConfig) -> RefineReport {
-        super::refine(state, stats, context(config, 100))
+        super::refine(state, stats, context(config, 100)).0
     }
 
     #[test]
@@ -301,7 +309,7 @@ mod tests {
         let stats = [QUIET, QUIET, wide];
         let pruned = |config: &TrainConfig, iteration| {
             let mut state = state_of(&sizes);
-            super::refine(&mut state, &stats, context(config, iteration)).pruned
+            super::refine(&mut state, &stats, context(config, iteration)).0.pruned
         };
         assert_eq!(pruned(&config, 3_000), 0);
         assert_eq!(pruned(&config, 3_100), 1);
@@ -309,7 +317,7 @@ mod tests {
         assert_eq!(pruned(&config, 3_100), 2);
         // A big splat with a large gradient is split first, and its children are tested.
         let mut state = state_of(&[(0.5, 0.15), (0.5, 0.3)]);
-        let report = super::refine(&mut state, &[SEEN; 2], context(&config, 3_100));
+        let report = super::refine(&mut state, &[SEEN; 2], context(&config, 3_100)).0;
         assert_eq!((report.split, report.pruned, report.count), (1, 1, 2));
     }
 

@@ -2,13 +2,13 @@
 //! rule; each group shares its opacity and size so that the picture stays the same.
 
 use super::relocation::relocated;
-use super::{RefineContext, RefineReport, Row, RowChange, gather};
+use super::{RefineContext, RefineReport, Row, RowChange, RowOrigin, gather};
 use crate::scene::logit;
 use crate::train::rng::{self, Stream};
 use crate::train::state::HostState;
 
 /// Relocation and growth; noise and regularisation act every step, on the device.
-pub(super) fn refine(state: &mut HostState, context: RefineContext<'_>) -> RefineReport {
+pub(super) fn refine(state: &mut HostState, context: RefineContext<'_>) -> (RefineReport, Vec<RowOrigin>) {
     let least = f64::from(context.config.mcmc.min_opacity);
     let drawn = |row: usize| state.opacity(row) * state.smoothing_factor(row);
     let is_live = |row: usize| drawn(row) > least && state.is_finite(row);
@@ -33,13 +33,15 @@ pub(super) fn refine(state: &mut HostState, context: RefineContext<'_>) -> Refin
         }
     }
     let rows = share(state, &guests, &live, relocated > 0, least);
-    *state = gather(state, &rows);
-    RefineReport {
+    let (refined, origins) = gather(state, &rows);
+    *state = refined;
+    let report = RefineReport {
         cloned: grown,
         relocated,
         count: state.len(),
         ..RefineReport::default()
-    }
+    };
+    (report, origins)
 }
 
 /// Number of splats to add to `count`.
@@ -109,7 +111,7 @@ mod tests {
     use crate::train::{StrategyKind, TrainConfig};
 
     fn refine(state: &mut HostState, config: &TrainConfig) -> RefineReport {
-        super::refine(state, context(config, 100))
+        super::refine(state, context(config, 100)).0
     }
 
     fn config(max_splats: u32) -> TrainConfig {

@@ -54,12 +54,30 @@ pub struct RefineReport {
     pub count: usize,
 }
 
+/// Origin of a row of a refined state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct RowOrigin {
+    /// Row before the refinement.
+    pub(crate) row: u32,
+    /// Whether the moments are 0, as of a new or moved splat.
+    pub(crate) is_new: bool,
+}
+
 /// Refines the state by the configured strategy. `stats` has an entry per row.
 ///
 /// Afterwards rows are in Morton order, untouched rows keep their moments, and new or moved ones have none.
 ///
 /// Panics if `stats` and the state differ in length.
 pub fn refine(state: &mut HostState, stats: &[SplatStats], context: RefineContext<'_>) -> RefineReport {
+    refine_rows(state, stats, context).0
+}
+
+/// [`refine`] of a state of which harmonics and moments may be elsewhere: with the origin of every row.
+pub(crate) fn refine_rows(
+    state: &mut HostState,
+    stats: &[SplatStats],
+    context: RefineContext<'_>,
+) -> (RefineReport, Vec<RowOrigin>) {
     assert_eq!(state.len(), stats.len(), "one statistic per splat");
     match context.config.strategy {
         StrategyKind::Adc => adc::refine(state, stats, context),
@@ -96,7 +114,7 @@ enum RowChange {
 }
 
 /// Gathers rows in Morton order, each with its source's parameters and moments and its change.
-fn gather(state: &HostState, rows: &[Row]) -> HostState {
+fn gather(state: &HostState, rows: &[Row]) -> (HostState, Vec<RowOrigin>) {
     let means: Vec<[f32; 3]> = rows.iter().map(|row| row.mean).collect();
     let order = morton_order(&means);
     let sources: Vec<u32> = order.iter().map(|&i| rows[i as usize].source).collect();
@@ -121,5 +139,9 @@ fn gather(state: &HostState, rows: &[Row]) -> HostState {
             *log_scale += add;
         }
     }
-    refined
+    let origin = |&i: &u32| RowOrigin {
+        row: rows[i as usize].source,
+        is_new: rows[i as usize].change != RowChange::Kept,
+    };
+    (refined, order.iter().map(origin).collect())
 }

@@ -5,11 +5,12 @@ use super::Trainer;
 use crate::gpu::{Gpu, TRANSFER_BYTES};
 use crate::kernels::rasterize::Outputs;
 use crate::layout::COUNT_ISECT_WANTED;
-use crate::render::{BandReplay, ByDegree, Capacity, DepthBands, Scratch, Slots, list_limit, total};
+use crate::render::{BandReplay, Blocks, ByDegree, Capacity, DepthBands, Model, Scratch, Slots, list_limit, total};
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
 use crate::train::gradients::{Gradients, record_widths};
 use crate::train::memory::{BufferLimits, TrainSize, splats_expected, step_needs, with_margin};
+use crate::train::reorder::RefinedRows;
 use crate::train::state::HostState;
 use crate::{Error, Result};
 
@@ -111,22 +112,9 @@ impl Trainer<'_> {
         if self.state.fits(state) {
             return self.state.fill(&self.gpu, state);
         }
-        let (before, count) = (self.state.model.splat_count, state.len());
-        // Pairs grow with splats: enlarge their buffers in the same reallocation.
-        let growth = count.saturating_sub(before) as f64 / before.max(1) as f64;
-        let isects = (self.extremes.isects as f64 * (1.0 + 0.5 * growth)) as usize;
-        let capacity = Capacity {
-            splats: count,
-            isects: self.scratch.capacity.isects.max(isects),
-            ..self.scratch.capacity
-        };
+        let capacity = self.capacity_for(state.len());
         let (filter, sh_degree) = (self.state.model.filter, state.sh_degree);
-        let outputs = self.config.outputs();
-        let bytes = |room, capacity| total(&DeviceState::needs(room)) + total(&step_needs(capacity, outputs));
-        let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
-        let plane = (16 * count).min(TRANSFER_BYTES) as u64;
-        let counts = Slots::of(&state.degrees).counts;
-        self.check_room(freed, bytes(counts, capacity) + plane)?;
+        self.check_replacement(&state.degrees, capacity, 0)?;
         self.frames.release()?;
         let nothing = HostState {
             primitive: state.primitive,
@@ -134,11 +122,55 @@ impl Trainer<'_> {
         };
         self.state = DeviceState::new(&self.gpu, &nothing, filter)?;
         self.state = DeviceState::new(&self.gpu, state, filter)?;
+        self.make_ready(&state.degrees, capacity)
+    }
+
+    /// Replaces the splats by refined ones; harmonics and moments stay on the device. If the memory limit refuses it,
+    /// the run is unchanged.
+    pub(super) fn take_rows(&mut self, rows: &RefinedRows<'_>) -> Result<()> {
+        let degrees = &rows.geometry.degrees;
+        let capacity = self.capacity_for(degrees.len());
+        // Meanwhile the buffers of a step are gone, and one group of the state's buffers exists twice.
+        let old = total(&DeviceState::needs(self.state.model.blocks.room));
+        let twice = total(&Model::needs(Blocks::anywhere(Slots::of(degrees).counts)));
+        self.check_replacement(degrees, capacity, old + twice)?;
+        self.frames.release()?;
+        self.remake(Capacity::LEAST)?;
+        self.state.reorder(&self.gpu, &self.select_rows, rows)?;
+        self.make_ready(degrees, capacity)
+    }
+
+    /// Capacity of a step's buffers for so many splats.
+    fn capacity_for(&self, count: usize) -> Capacity {
+        let before = self.state.model.splat_count;
+        // Pairs grow with splats: enlarge their buffers in the same reallocation.
+        let growth = count.saturating_sub(before) as f64 / before.max(1) as f64;
+        let isects = (self.extremes.isects as f64 * (1.0 + 0.5 * growth)) as usize;
+        Capacity {
+            splats: count,
+            isects: self.scratch.capacity.isects.max(isects),
+            ..self.scratch.capacity
+        }
+    }
+
+    /// Checks that the limit allows the buffers of splats of these degrees in place of the present ones, and `meanwhile`
+    /// bytes before.
+    fn check_replacement(&self, degrees: &[u8], capacity: Capacity, meanwhile: u64) -> Result<()> {
+        let outputs = self.config.outputs();
+        let bytes = |room, capacity| total(&DeviceState::needs(room)) + total(&step_needs(capacity, outputs));
+        let freed = bytes(self.state.model.blocks.room, self.scratch.capacity);
+        let plane = (16 * degrees.len()).min(TRANSFER_BYTES) as u64;
+        let counts = Slots::of(degrees).counts;
+        self.check_room(freed, bytes(counts, capacity).max(meanwhile) + plane)
+    }
+
+    /// Makes the buffers of a step for the state's splats.
+    fn make_ready(&mut self, degrees: &[u8], capacity: Capacity) -> Result<()> {
         self.prepare()?;
         if self.bands.count > 1 {
             self.state.keep_gradients(&self.gpu)?;
         }
-        self.extremes.note(&state.degrees);
+        self.extremes.note(degrees);
         self.remake(capacity)
     }
 

@@ -30,6 +30,7 @@ mod rasterize;
 mod rasterize_backward;
 mod removal_error;
 mod scan;
+mod select_rows;
 mod selftest;
 mod sort;
 mod sum_by_splat;

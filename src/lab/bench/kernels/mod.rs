@@ -27,6 +27,7 @@ pub mod ranges;
 pub mod rasterize_inria;
 pub mod removal_error;
 pub mod scan;
+pub mod select_rows;
 pub mod sort;
 pub mod sum_by_splat;
 pub mod surface;
@@ -116,6 +117,7 @@ fn by_list(bench: &mut Bench, count: usize) -> Result<()> {
     // Three splats of four are visible.
     time(bench, ELEMENTWISE, count, |gpu| compact::compact(gpu, &below(4, count)))?;
     time(bench, ELEMENTWISE, count, |gpu| gather::gather(gpu, count))?;
+    time(bench, ELEMENTWISE, count, |gpu| select_rows::select_rows(gpu, count))?;
     // About a hundred intersections a tile.
     let tiles = || {
         let mut tiles = below(count / 100, count);
