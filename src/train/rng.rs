@@ -12,8 +12,6 @@ pub enum Stream {
     ViewOrder = 1,
     /// Background colour of a step.
     Background = 2,
-    /// Positions of the children of a split splat; the index is the parent's row.
-    Split = 3,
     /// Target of a relocated dead splat; the index is the dead one's ordinal.
     Relocate = 4,
     /// Source of an added splat; the index is the new one's ordinal.
@@ -87,13 +85,13 @@ mod tests {
 
     #[test]
     fn a_key_gives_the_same_numbers_and_every_part_of_it_counts() {
-        let a = bits(7, 100, 3, Stream::Split);
-        assert_eq!(a, bits(7, 100, 3, Stream::Split));
-        assert_ne!(a, bits(8, 100, 3, Stream::Split));
-        assert_ne!(a, bits(7 | 1 << 40, 100, 3, Stream::Split));
-        assert_ne!(a, bits(7, 101, 3, Stream::Split));
-        assert_ne!(a, bits(7, 100, 4, Stream::Split));
-        assert_ne!(a, bits(7, 100, 3, Stream::Grow));
+        let a = bits(7, 100, 3, Stream::Grow);
+        assert_eq!(a, bits(7, 100, 3, Stream::Grow));
+        assert_ne!(a, bits(8, 100, 3, Stream::Grow));
+        assert_ne!(a, bits(7 | 1 << 40, 100, 3, Stream::Grow));
+        assert_ne!(a, bits(7, 101, 3, Stream::Grow));
+        assert_ne!(a, bits(7, 100, 4, Stream::Grow));
+        assert_ne!(a, bits(7, 100, 3, Stream::Relocate));
     }
 
     #[test]

@@ -97,8 +97,10 @@ constants! {
         grad_threshold: f32 = 2e-4, 0.0..=f32::MAX;
         /// Largest standard deviation that is cloned, in scene extents; larger splats are split: 0.01.
         dense_fraction: f32 = 0.01, 0.0..=f32::MAX;
-        /// Divisor of the standard deviations of a split splat: 1.6 = 0.8 · 2 children.
+        /// Divisor of the standard deviations of a split splat: 1.6 = 0.8 · 2 halves.
         split_factor: f32 = 1.6, 1.0..=100.0;
+        /// Distance of the halves of a split splat from its mean, in standard deviations of its longest axis: 1.
+        split_offset: f32 = 1.0, 0.0..=10.0;
         /// Opacity below which a splat is removed: 0.005.
         prune_opacity: f32 = 0.005, 1e-6..=BELOW_ONE;
         /// Standard deviation above which a splat is removed, in scene extents: 0.1.

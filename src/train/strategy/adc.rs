@@ -1,10 +1,15 @@
 //! Adaptive density control as in 3DGS: at large screen gradients, small splats are cloned and large ones split in two;
 //! transparent and oversized ones are removed.
+//!
+//! Two rules differ from 3DGS, so that a refinement changes the picture less. The halves of a split splat lie on both
+//! sides of its mean along its longest axis (after Improved-GS, Deng et al. 2025), where 3DGS draws their means from
+//! the splat's Gaussian. A clone and its original share the opacity (Bulò et al. 2024), where 3DGS doubles the optical
+//! depth.
 
+use super::relocation::relocated;
 use super::{RefineContext, RefineReport, Row, RowChange, RowOrigin, SplatStats, gather};
-use crate::scene::{Primitive, logit};
+use crate::scene::logit;
 use crate::train::config::AdcConfig;
-use crate::train::rng::{self, Stream};
 use crate::train::sky::SkyShell;
 use crate::train::state::HostState;
 use glam::{Quat, Vec3};
@@ -34,14 +39,8 @@ pub(super) fn refine(
         match fate {
             AdcDecision::Prune => {}
             AdcDecision::Keep => rows.push(kept),
-            AdcDecision::Clone => {
-                rows.push(kept);
-                rows.push(Row {
-                    change: RowChange::Copied,
-                    ..kept
-                });
-            }
-            AdcDecision::Split => rows.extend(children(state, row, context)),
+            AdcDecision::Clone => rows.extend(pair(state, kept)),
+            AdcDecision::Split => rows.extend(halves(state, row, &context.config.adc)),
         }
     }
     let (refined, origins) = gather(state, &rows);
@@ -110,7 +109,6 @@ fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -
             count += added;
         }
     }
-    debug_assert!(adc.split_factor >= 1.0);
     fates
 }
 
@@ -173,35 +171,48 @@ fn mean_gradient(stats: SplatStats) -> f32 {
     if mean.is_finite() { mean } else { 0.0 }
 }
 
-/// The two halves of a row: centres drawn from its Gaussian, standard deviations divided.
-fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2] {
+/// A row and its clone, each with half of the optical depth; the row keeps its moments.
+fn pair(state: &HostState, kept: Row) -> [Row; 2] {
+    let (opacity, _) = relocated(state.opacity(kept.source as usize), 2);
+    let logit = logit(opacity) as f32;
+    let log_factors = [0.0; 3];
+    [RowChange::Faded(logit), RowChange::Renewed { logit, log_factors }].map(|change| Row { change, ..kept })
+}
+
+/// The two halves of a row, on both sides of its mean along its longest axis.
+fn halves(state: &HostState, row: u32, adc: &AdcConfig) -> [Row; 2] {
     let index = row as usize;
     let [w, x, y, z] = state.params[1][index];
     let rotation = Quat::from_xyzw(x, y, z, w);
-    // A zero quaternion has no direction; such a splat is not drawn and splits along the axes.
+    // A zero quaternion has no direction; such a splat is not drawn and splits along an axis of the world.
     let rotation = if rotation.length_squared() > 0.0 {
         rotation.normalize()
     } else {
         Quat::IDENTITY
     };
-    let [a, b, c, _] = state.params[2][index];
-    let mut scale = Vec3::new(a, b, c).exp();
-    if state.primitive == Primitive::Surfel {
-        // The children lie in the plane.
-        scale.z = 0.0;
-    }
-    let less = context.config.adc.split_factor.ln();
-    [0, 1].map(|child| {
-        let key = row.wrapping_mul(2).wrapping_add(child);
-        let [i, j, k, _] = rng::normal(context.config.seed, context.iteration, key, Stream::Split);
-        let offset = rotation * (scale * Vec3::new(i, j, k));
-        let parent = Vec3::from(state.mean(index));
-        // At an infinite scale the child stays at its parent's mean.
-        let mean = Some(parent + offset).filter(|mean| mean.is_finite());
+    let log_scales = state.params[2][index];
+    // A surfel has no third axis.
+    let axes = 1..state.primitive.scale_count();
+    let longest = axes.fold(0, |longest, axis| {
+        if log_scales[axis] > log_scales[longest] {
+            axis
+        } else {
+            longest
+        }
+    });
+    let offset = rotation * Vec3::AXES[longest] * (log_scales[longest].exp() * adc.split_offset);
+    let change = RowChange::Renewed {
+        logit: state.params[0][index][3],
+        log_factors: [-adc.split_factor.ln(); 3],
+    };
+    let parent = Vec3::from(state.mean(index));
+    [-1.0, 1.0].map(|side| {
+        // At an infinite scale the halves stay at the mean.
+        let mean = Some(parent + offset * side).filter(|mean| mean.is_finite());
         Row {
             source: row,
             mean: mean.unwrap_or(parent).to_array(),
-            change: RowChange::Shrunk(less),
+            change,
         }
     })
 }
@@ -210,6 +221,7 @@ fn children(state: &HostState, row: u32, context: RefineContext<'_>) -> [Row; 2]
 mod tests {
     use super::super::tracking::{context, state_of};
     use super::*;
+    use crate::scene::Primitive;
     use crate::train::TrainConfig;
 
     const SEEN: SplatStats = [1.0, 1.0, 1.0, 0.0];
@@ -220,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn children_of_an_infinite_scale_have_a_place() {
+    fn halves_of_an_infinite_scale_have_a_place() {
         let config = TrainConfig::for_iterations(1_000);
         let mut state = state_of(&[(0.5, 0.5)]);
         state.params[2][0] = [200.0, -1.0, 0.0, 0.0];
@@ -251,34 +263,49 @@ mod tests {
     }
 
     #[test]
-    fn children_have_their_parents_covariance() {
+    fn halves_lie_on_both_sides_along_the_longest_axis() {
         let config = TrainConfig::for_iterations(1_000);
-        let count = 20_000;
-        let mut state = state_of(&vec![(0.5, 0.1); count]);
-        for row in 0..count {
-            let half = std::f32::consts::FRAC_PI_8;
-            state.params[0][row][..3].copy_from_slice(&[1.0, 2.0, 3.0]);
-            state.params[1][row] = [half.cos(), 0.0, 0.0, half.sin()];
-            state.params[2][row] = [0.4_f32.ln(), 0.1_f32.ln(), 0.2_f32.ln(), 0.0];
+        let mut state = state_of(&[(0.8, 0.1)]);
+        let turn = Quat::from_rotation_z(std::f32::consts::FRAC_PI_4);
+        state.params[0][0][..3].copy_from_slice(&[1.0, 2.0, 3.0]);
+        state.params[1][0] = [turn.w, turn.x, turn.y, turn.z];
+        state.params[2][0] = [0.1_f32.ln(), 0.4_f32.ln(), 0.2_f32.ln(), 0.0];
+        state.m[0][0] = [1.0; 4];
+        assert_eq!(refine(&mut state, &[SEEN], &config).split, 1);
+        // The y axis points to (-1, 1, 0) / √2.
+        let step = 0.4 / 2_f32.sqrt();
+        let mut means = [0, 1].map(|row| Vec3::from(state.mean(row)));
+        means.sort_unstable_by(|a, b| a.x.total_cmp(&b.x));
+        for (mean, side) in means.into_iter().zip([1.0, -1.0]) {
+            let wanted = Vec3::new(1.0 - side * step, 2.0 + side * step, 3.0);
+            assert!((mean - wanted).length() < 1e-5, "{mean}");
         }
-        refine(&mut state, &vec![SEEN; count], &config);
-        assert_eq!(state.len(), 2 * count);
-        // Rotated by 45° about z: the covariance of x and y is (0.4² − 0.1²) / 2.
-        let mut sums = [0.0_f64; 4];
-        for row in 0..state.len() {
-            let [x, y, z] = state.mean(row);
-            let (x, y, z) = (f64::from(x) - 1.0, f64::from(y) - 2.0, f64::from(z) - 3.0);
-            for (sum, term) in sums.iter_mut().zip([x, x * x, x * y, z * z]) {
-                *sum += term / state.len() as f64;
+        for row in 0..2 {
+            let scales = state.params[2][row].map(f32::exp);
+            for (found, wanted) in scales.into_iter().zip([0.0625, 0.25, 0.125]) {
+                assert!((found / wanted - 1.0).abs() < 1e-5, "{scales:?}");
             }
-        }
-        for (found, wanted) in sums.iter().zip([0.0, 0.085, 0.075, 0.04]) {
-            assert!((found - wanted).abs() < 0.003, "{sums:?}");
+            assert!((state.opacity(row) - 0.8).abs() < 1e-6);
+            assert_eq!(state.m[0][row], [0.0; 4]);
         }
     }
 
     #[test]
-    fn children_of_surfels_lie_in_their_planes() {
+    fn a_clone_and_its_original_look_like_one_splat() {
+        let config = TrainConfig::for_iterations(1_000);
+        let mut state = state_of(&[(0.9, 0.001)]);
+        state.m[0][0] = [1.0; 4];
+        assert_eq!(refine(&mut state, &[SEEN], &config).cloned, 1);
+        let transmittance = (1.0 - state.opacity(0)) * (1.0 - state.opacity(1));
+        assert!((transmittance - 0.1).abs() < 1e-6);
+        // Only the original keeps its moments.
+        let mut moments = [state.m[0][0], state.m[0][1]];
+        moments.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+        assert_eq!(moments, [[0.0; 4], [1.0; 4]]);
+    }
+
+    #[test]
+    fn halves_of_surfels_lie_in_their_planes() {
         let config = TrainConfig::for_iterations(1_000);
         let mut state = state_of(&[(0.5, 0.1); 50]);
         state.primitive = Primitive::Surfel;
@@ -298,7 +325,7 @@ mod tests {
             assert!((turn * Vec3::Z).dot(offset).abs() < 1e-5, "{offset}");
             moved = moved.max(offset.length());
         }
-        assert!(moved > 0.2, "{moved}");
+        assert!((moved - 0.4).abs() < 1e-5, "{moved}");
     }
 
     #[test]

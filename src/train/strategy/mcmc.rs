@@ -65,9 +65,9 @@ fn share(state: &HostState, guests: &[u32], live: &[bool], drop_dead: bool, leas
         };
         if copies > 1 {
             let (opacity, factor) = relocated(state.opacity(row), copies);
-            shared.change = RowChange::Shared {
+            shared.change = RowChange::Renewed {
                 logit: logit(opacity.max(least)) as f32,
-                log_factor: factor.ln() as f32,
+                log_factors: [factor.ln() as f32; 3],
             };
         }
         rows.extend(std::iter::repeat_n(shared, copies as usize));

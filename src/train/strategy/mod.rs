@@ -100,16 +100,14 @@ struct Row {
 enum RowChange {
     /// No change.
     Kept,
-    /// A copy: parameters as they are, no moments.
-    Copied,
-    /// Log-scales lowered by this value, no moments.
-    Shrunk(f32),
-    /// Opacity logit set, log-scales raised, no moments.
-    Shared {
+    /// Opacity logit set, moments as they are.
+    Faded(f32),
+    /// Opacity logit set, log-scales changed, no moments.
+    Renewed {
         /// New opacity logit.
         logit: f32,
         /// Summand of each log-scale.
-        log_factor: f32,
+        log_factors: [f32; 3],
     },
 }
 
@@ -121,27 +119,24 @@ fn gather(state: &HostState, rows: &[Row]) -> (HostState, Vec<RowOrigin>) {
     let mut refined = state.select(&sources);
     for (to, &from) in order.iter().enumerate() {
         let row = &rows[from as usize];
-        if row.change == RowChange::Kept {
-            continue;
-        }
-        refined.clear_moments(to);
-        let place = &mut refined.params[0][to];
-        place[..3].copy_from_slice(&row.mean);
-        let add = match row.change {
-            RowChange::Shrunk(less) => -less,
-            RowChange::Shared { logit, log_factor } => {
-                place[3] = logit;
-                log_factor
+        match row.change {
+            RowChange::Kept => {}
+            RowChange::Faded(logit) => refined.params[0][to][3] = logit,
+            RowChange::Renewed { logit, log_factors } => {
+                refined.clear_moments(to);
+                let [x, y, z] = row.mean;
+                refined.params[0][to] = [x, y, z, logit];
+                let log_scales = &mut refined.params[2][to][..3];
+                log_scales
+                    .iter_mut()
+                    .zip(log_factors)
+                    .for_each(|(scale, add)| *scale += add);
             }
-            RowChange::Kept | RowChange::Copied => 0.0,
-        };
-        for log_scale in &mut refined.params[2][to][..3] {
-            *log_scale += add;
         }
     }
     let origin = |&i: &u32| RowOrigin {
         row: rows[i as usize].source,
-        is_new: rows[i as usize].change != RowChange::Kept,
+        is_new: matches!(rows[i as usize].change, RowChange::Renewed { .. }),
     };
     (refined, order.iter().map(origin).collect())
 }

@@ -99,33 +99,32 @@ fn f078_oversized_splats_go() {
     assert!(state.params[3].iter().all(|sh| sh[0] != 0.0), "another one is gone");
 }
 
-/// A split needle becomes two needles with centres of its covariance: splitting is the published one; an option of
-/// training bounds eccentricity.
+/// The halves of a split needle lie on both sides of its mean along it; an option of training bounds eccentricity.
 #[test]
 fn f085_split_of_needles() {
-    let count = 4000;
-    let mut state = state_of(&vec![(0.5, 0.05); count]);
-    for row in 0..count {
-        state.params[0][row][..3].fill(0.0);
-        state.params[2][row] = [0.05f32.ln(), 5e-4f32.ln(), 0.005f32.ln(), 0.0];
-    }
+    let mut state = state_of(&[(0.5, 0.05)]);
+    state.params[0][0][..3].fill(0.0);
+    state.params[2][0] = [0.05f32.ln(), 5e-4f32.ln(), 0.005f32.ln(), 0.0];
     let config = TrainConfig::default();
-    let stats = vec![[1.0, 1.0, 1.0, 0.0]; count];
-    let report = refine(&config, &mut state, &stats);
-    assert_eq!((report.split, report.count), (count, 2 * count));
-    for (axis, scale) in [0.05, 5e-4, 0.005].into_iter().enumerate() {
-        let square: f64 = state.params[0].iter().map(|m| f64::from(m[axis]).powi(2)).sum();
-        let error = (square / (2.0 * count as f64 * scale * scale) - 1.0).abs();
-        // Four standard errors of a variance.
-        within(
-            "train",
-            "85",
-            &format!("children's variance along axis {axis}"),
-            error,
-            4.0 * (2.0 / (2.0 * count as f64)).sqrt(),
-        );
-        let child = f64::from(state.params[2][0][axis]).exp();
-        assert!((child * 1.6 / scale - 1.0).abs() < 1e-5, "a child's scale is {child}");
+    let report = refine(&config, &mut state, &[[1.0, 1.0, 1.0, 0.0]]);
+    assert_eq!((report.split, report.count), (1, 2));
+    let places = [state.mean(0), state.mean(1)].map(|mean| mean.map(f64::from));
+    for (axis, wanted) in [0.05, 0.0, 0.0].into_iter().enumerate() {
+        for place in places {
+            let error = (place[axis].abs() - wanted).abs();
+            within(
+                "train",
+                "85",
+                &format!("halves' distance along axis {axis}"),
+                error,
+                1e-8,
+            );
+        }
+    }
+    assert!(places[0][0] * places[1][0] < 0.0, "both halves lie on one side");
+    for (axis, wanted) in [0.03125, 3.125e-4, 0.003125].into_iter().enumerate() {
+        let scale = f64::from(state.params[2][0][axis]).exp();
+        assert!((scale / wanted - 1.0).abs() < 1e-5, "a half's scale is {scale}");
     }
 }
 
