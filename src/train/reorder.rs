@@ -28,6 +28,13 @@ struct Destination {
     sources: Vec<Block>,
 }
 
+/// New order of the slots.
+struct Reordering<'a> {
+    gpu: &'a Gpu,
+    kernel: &'a SelectRows,
+    destinations: Vec<Destination>,
+}
+
 /// Numbers to select of each splat.
 #[derive(Clone, Copy)]
 struct Selection {
@@ -42,11 +49,12 @@ impl DeviceState {
     pub(super) fn reorder(&mut self, gpu: &Gpu, kernel: &SelectRows, rows: &RefinedRows<'_>) -> Result<()> {
         let slots = Slots::of(&rows.geometry.degrees);
         let blocks = blocks_of(gpu, &slots, self.sh_degree);
-        let destinations = self.destinations(gpu, rows, blocks.of(slots.counts), &slots)?;
-        self.buffers = GradientBuffers::new(gpu, blocks_of(gpu, &Slots::of(&[]), self.sh_degree))?;
-        let select = |from: &[Buffer<[f32; 4]>], to: &[Buffer<[f32; 4]>], selection| {
-            record(gpu, kernel, &destinations, (from, to), selection)
+        let reordering = Reordering {
+            gpu,
+            kernel,
+            destinations: self.destinations(gpu, rows, blocks.of(slots.counts), &slots)?,
         };
+        self.buffers = GradientBuffers::new(gpu, blocks_of(gpu, &Slots::of(&[]), self.sh_degree))?;
         let parameters = Selection {
             plane_first: SH_PLANE,
             moments: false,
@@ -61,12 +69,12 @@ impl DeviceState {
             primitive: self.model.primitive,
             ..Model::empty(gpu, blocks, self.sh_degree, self.model.filter)?
         };
-        select(&self.model.params, &model.params, parameters)?;
+        reordering.select(&self.model.params, &model.params, parameters)?;
         self.model = model;
         let MomentBuffers { moment1, moment2 } = &mut self.moments;
         for (name, buffers) in [("moment1", moment1), ("moment2", moment2)] {
             let refined: Vec<Buffer<[f32; 4]>> = Allocate::allocate(gpu, name, blocks.sizes())?;
-            select(buffers, &refined, moments)?;
+            reordering.select(buffers, &refined, moments)?;
             *buffers = refined;
         }
         self.buffers = GradientBuffers::new(gpu, blocks)?;
@@ -104,36 +112,32 @@ impl DeviceState {
     }
 }
 
-/// Fills the buffers of a group from those so far, and waits.
-fn record(
-    gpu: &Gpu,
-    kernel: &SelectRows,
-    destinations: &[Destination],
-    (from, to): (&[Buffer<[f32; 4]>], &[Buffer<[f32; 4]>]),
-    selection: Selection,
-) -> Result<()> {
-    gpu.run(|rec| {
-        for destination in destinations {
-            let block = destination.block;
-            for source in &destination.sources {
-                let io = Bindings {
-                    origin_from_slot: &destination.origin_from_slot,
-                    before: &from[source.index],
-                    after: &to[block.index],
-                };
-                let params = Params {
-                    slot_count: block.count as u32,
-                    stride: block.stride as u32,
-                    source_first: source.first as u32,
-                    source_count: source.count as u32,
-                    source_stride: source.stride as u32,
-                    plane_first: selection.plane_first as u32,
-                    plane_count: plane_count(block.degree) as u32,
-                    moments: selection.moments.into(),
-                    fade: selection.resets_opacity.into(),
-                };
-                kernel.record(rec, io, params, kernel.groups(block.count));
+impl Reordering<'_> {
+    /// Fills the buffers of a group from those so far, and waits.
+    fn select(&self, from: &[Buffer<[f32; 4]>], to: &[Buffer<[f32; 4]>], selection: Selection) -> Result<()> {
+        self.gpu.run(|rec| {
+            for destination in &self.destinations {
+                let block = destination.block;
+                for source in &destination.sources {
+                    let io = Bindings {
+                        origin_from_slot: &destination.origin_from_slot,
+                        before: &from[source.index],
+                        after: &to[block.index],
+                    };
+                    let params = Params {
+                        slot_count: block.count as u32,
+                        stride: block.stride as u32,
+                        source_first: source.first as u32,
+                        source_count: source.count as u32,
+                        source_stride: source.stride as u32,
+                        plane_first: selection.plane_first as u32,
+                        plane_count: plane_count(block.degree) as u32,
+                        moments: selection.moments.into(),
+                        fade: selection.resets_opacity.into(),
+                    };
+                    self.kernel.record(rec, io, params, self.kernel.groups(block.count));
+                }
             }
-        }
-    })
+        })
+    }
 }

@@ -88,7 +88,6 @@ fn is_sky(state: &HostState, row: usize, sky: Option<SkyShell>) -> bool {
 }
 
 fn decide(state: &HostState, stats: &[SplatStats], context: RefineContext<'_>) -> Vec<AdcDecision> {
-    let adc = &context.config.adc;
     let mut fates: Vec<AdcDecision> = (0..state.len())
         .map(|row| prune_or_keep(state, row, stats[row], context))
         .collect();
