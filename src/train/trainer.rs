@@ -168,8 +168,7 @@ impl<'a> Trainer<'a> {
         let scratch = new_scratch(gpu, capacity, DepthBands::default(), config.outputs())?;
         let mut extremes = Extremes::default();
         extremes.note(&state.degrees);
-        let is_half = iteration < config.half_size_until;
-        let (halved, photos) = halved::begin(gpu, dataset, &views, &config, is_half)?;
+        let (halved, photos) = halved::begin(gpu, dataset, &views, &config, iteration < config.half_size_until)?;
         let plain = config.plain_outputs();
         let mut trainer = Trainer {
             gpu: gpu.clone(),

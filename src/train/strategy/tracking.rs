@@ -60,7 +60,10 @@ fn check(before: &HostState, after: &HostState) {
         }
         if untouched {
             assert!(!std::mem::replace(&mut seen[source], true), "a row was doubled");
-            for plane in 0..after.params.len() {
+            // The original of a clone shares its opacity.
+            let (place, from) = (after.params[0][row], before.params[0][source]);
+            assert!(place[..3] == from[..3] && place[3] <= from[3]);
+            for plane in 1..after.params.len() {
                 assert_eq!(after.params[plane][row], before.params[plane][source]);
             }
         }

@@ -153,8 +153,8 @@ impl Trainer<'_> {
         }
     }
 
-    /// Checks that the limit allows the buffers of splats of these degrees in place of the present ones, and `meanwhile`
-    /// bytes before.
+    /// Checks that the limit allows the buffers of splats of these degrees in place of the present ones, and before
+    /// them so many bytes `meanwhile`.
     fn check_replacement(&self, degrees: &[u8], capacity: Capacity, meanwhile: u64) -> Result<()> {
         let outputs = self.config.outputs();
         let bytes = |room, capacity| total(&DeviceState::needs(room)) + total(&step_needs(capacity, outputs));

@@ -78,6 +78,7 @@ pub(crate) const UNPAIRED: &[(&str, &str)] = &[
     ),
     ("src/reference/compact.rs", "a filter: the test states it"),
     ("src/reference/gather.rs", "one indexed load: the test states it"),
+    ("src/reference/select_rows.rs", "indexed loads: the test states them"),
     ("src/reference/plan.rs", "a few divisions: the test states them"),
     (
         "tests/device/kernels/longest.rs",
