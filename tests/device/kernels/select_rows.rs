@@ -9,6 +9,8 @@ use ashfall::lab::bench::kernels::select_rows::select_rows;
 fn every_slot_gets_the_numbers_of_its_origin() {
     let gpu = device::gpu();
     let mut check = Check::new("select_rows");
-    check.cases(&gpu, ELEMENTWISE, &by_length(|len| select_rows(&gpu, len)));
+    for moments in [true, false] {
+        check.cases(&gpu, ELEMENTWISE, &by_length(|len| select_rows(&gpu, len, moments)));
+    }
     check.finish();
 }

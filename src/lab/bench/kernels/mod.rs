@@ -117,7 +117,9 @@ fn by_list(bench: &mut Bench, count: usize) -> Result<()> {
     // Three splats of four are visible.
     time(bench, ELEMENTWISE, count, |gpu| compact::compact(gpu, &below(4, count)))?;
     time(bench, ELEMENTWISE, count, |gpu| gather::gather(gpu, count))?;
-    time(bench, ELEMENTWISE, count, |gpu| select_rows::select_rows(gpu, count))?;
+    time(bench, ELEMENTWISE, count, |gpu| {
+        select_rows::select_rows(gpu, count, true)
+    })?;
     // About a hundred intersections a tile.
     let tiles = || {
         let mut tiles = below(count / 100, count);

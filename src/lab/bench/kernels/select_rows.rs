@@ -11,9 +11,9 @@ use crate::layout::ORIGIN_IS_NEW;
 /// Planes of the case.
 const PLANES: usize = 4;
 
-/// Random moments through random origins, of which some occur twice, some never, some lie in another block and some
-/// are marked as new; the opacity's moment is reset.
-pub fn select_rows<'a>(gpu: &Gpu, len: usize) -> Result<KernelCase<'a, SelectRows>> {
+/// Random numbers through random origins, of which some occur twice, some never, some lie in another block and some are
+/// marked as new: moments with a reset of the opacity's, or parameters after the first plane.
+pub fn select_rows<'a>(gpu: &Gpu, len: usize, moments: bool) -> Result<KernelCase<'a, SelectRows>> {
     let random = &mut Random::new(len as u64);
     let (first, source_count) = (5, len / 2 + 1);
     let (stride, source_stride) = (len + 1, source_count + 2);
@@ -26,6 +26,7 @@ pub fn select_rows<'a>(gpu: &Gpu, len: usize) -> Result<KernelCase<'a, SelectRow
             slot | if random.below(4) == 0 { ORIGIN_IS_NEW } else { 0 }
         })
         .collect();
+    let plane_first = usize::from(!moments);
     let untouched = [9.0_f32; 4];
     let mut expected = vec![untouched; PLANES * stride];
     for (slot, origin) in origins.iter().enumerate() {
@@ -33,12 +34,15 @@ pub fn select_rows<'a>(gpu: &Gpu, len: usize) -> Result<KernelCase<'a, SelectRow
         if !(first..first + source_count).contains(&source) {
             continue;
         }
-        // The first plane stays as it is.
-        for plane in 1..PLANES {
-            expected[plane * stride + slot] = match origin & ORIGIN_IS_NEW {
-                0 => before[plane * source_stride + source - first],
-                _ => [0.0; 4],
+        for plane in plane_first..PLANES {
+            let four = &mut expected[plane * stride + slot];
+            *four = match moments && origin & ORIGIN_IS_NEW != 0 {
+                true => [0.0; 4],
+                false => before[plane * source_stride + source - first],
             };
+            if plane == 0 {
+                four[3] = 0.0;
+            }
         }
     }
     let bits = |value: f32| f64::from(value.to_bits());
@@ -47,7 +51,7 @@ pub fn select_rows<'a>(gpu: &Gpu, len: usize) -> Result<KernelCase<'a, SelectRow
     let before = gpu.buffer_from("before", &before)?;
     let blank = gpu.buffer_from("blank", &vec![untouched; PLANES * stride])?;
     let after = gpu.buffer::<[f32; 4]>("after", PLANES * stride)?;
-    let work = Work::of(len, "splats").moving((4 + 16 * 2 * (PLANES - 1)) * len);
+    let work = Work::of(len, "splats").moving((4 + 16 * 2 * (PLANES - plane_first)) * len);
     let case = KernelCase::new(work).exact("planes", &after, expected);
     Ok(case.copy(&blank, &after).commands(move |rec, kernel: &SelectRows, _| {
         let io = Bindings {
@@ -61,10 +65,10 @@ pub fn select_rows<'a>(gpu: &Gpu, len: usize) -> Result<KernelCase<'a, SelectRow
             source_first: first as u32,
             source_count: source_count as u32,
             source_stride: source_stride as u32,
-            plane_first: 1,
+            plane_first: plane_first as u32,
             plane_count: PLANES as u32,
-            moments: 1,
-            fade: 1,
+            moments: moments.into(),
+            fade: moments.into(),
         };
         kernel.record(rec, io, params, kernel.groups(len));
     }))
