@@ -27,7 +27,7 @@ pub struct HostState {
     pub degrees: Vec<u8>,
     /// Parameters.
     pub params: Planes,
-    /// First moments, in the parameters' layout.
+    /// First moments, in the parameters' layout; none, as harmonics, in a state of geometry alone.
     pub m: Planes,
     /// Second moments, in the parameters' layout.
     pub v: Planes,
