@@ -51,6 +51,7 @@ impl Gpu {
             view: own.view,
             extent,
             aspects: vk::ImageAspectFlags::COLOR,
+            layer: 0,
             layout: READY.layout,
             own: Some(own),
         };
