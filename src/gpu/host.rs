@@ -210,6 +210,17 @@ impl HostImage {
         }
     }
 
+    /// An owned image as a host's.
+    #[cfg(feature = "lab")]
+    pub(crate) fn of_own(image: &Image) -> HostImage {
+        HostImage {
+            image: image.clone(),
+            format: super::image::FORMAT,
+            before: super::image_transfer::READY,
+            after: super::image_transfer::READY,
+        }
+    }
+
     /// The layer of an array image, of which the view is; barriers leave other layers as they are.
     pub fn at_layer(mut self, layer: u32) -> HostImage {
         self.image.layer = layer;
@@ -305,6 +316,16 @@ fn aspects(format: vk::Format) -> vk::ImageAspectFlags {
 }
 
 impl Recorder<'_> {
+    /// The commands as a host's, for a guest on this device.
+    #[cfg(feature = "lab")]
+    pub(crate) fn as_host(&self) -> HostCommands {
+        HostCommands {
+            commands: self.commands,
+            first: None,
+            others: Vec::new(),
+        }
+    }
+
     /// Transitions a host's image from its state `before` to that for kernel writes.
     pub fn acquire(&mut self, target: &HostImage) {
         self.transition(&target.image, target.before, KERNEL_WRITE);

@@ -34,9 +34,9 @@ pub(super) struct OwnImage {
     memory: u64,
 }
 
-/// RGBA as 32-bit floats: storage images of this format work on every device (Vulkan specification, table of mandatory
+/// Format of owned images. RGBA as 32-bit floats: storage images of this format work on every device (Vulkan specification, table of mandatory
 /// format support).
-const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+pub(super) const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Layout, stages and accesses of an image before or after commands.
 #[derive(Clone, Copy, Debug)]
