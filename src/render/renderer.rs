@@ -50,6 +50,8 @@ pub struct Renderer {
     pending: VecDeque<PendingPicture>,
     /// Reports of finished pictures, oldest first.
     picks: VecDeque<PickReport>,
+    /// Stages of the last finished frame of a host.
+    host_timings: Vec<(&'static str, f64)>,
 }
 
 /// A recorded picture with unread counts.
@@ -96,11 +98,12 @@ impl Renderer {
             scratch: Scratch::new(gpu, capacity, options.outputs())?,
             frames: None,
             rendered: None,
-            host_frames: Frames::in_host(gpu, options.frames_in_flight),
+            host_frames: Frames::in_host(gpu, options.frames_in_flight, options.with_timings)?,
             options,
             bands: DepthBands::default(),
             pending: VecDeque::new(),
             picks: VecDeque::new(),
+            host_timings: Vec::new(),
         })
     }
 
@@ -249,6 +252,7 @@ impl Renderer {
         let mut forward = &self.forward;
         if let (Some(occlusion), Some(depth)) = (&self.occlusion, &target.depth) {
             occlusion.read(&mut rec, depth, (target.corner(), size), scratch);
+            rec.timestamp("linearize");
             forward = &occlusion.forward;
         }
         let view = ViewOptions {
@@ -257,11 +261,13 @@ impl Renderer {
         };
         forward.record(&mut rec, content, scratch, &view_of(camera, &view), degree, self.bands);
         target.show(&mut rec, scratch, size, (&self.present, self.overlay.as_ref()));
+        rec.timestamp("present");
         let picking = self.picking.as_ref();
         let pick = picking.map_or(Ok(None), |picking| {
             picking.show(&mut rec, scratch, size, &target, content)
         });
         let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
+        rec.timestamp("outputs");
         rec.finish()?;
         self.pending.push_back(PendingPicture {
             frame,
@@ -363,6 +369,13 @@ impl Renderer {
         self.picks.drain(..)
     }
 
+    /// Stages of the pictures of the last finished frame of a host with their device time in nanoseconds, read with its
+    /// statistics, without a wait; `between` is the time of the host's commands between two of them. Empty without
+    /// [`RenderOptions::with_timings`], and on devices without timestamps.
+    pub fn host_timings(&self) -> &[(&'static str, f64)] {
+        &self.host_timings
+    }
+
     /// Stages of the last rendered image with their device time in nanoseconds; empty on devices without timestamps.
     pub fn timings(&self) -> Result<Vec<(&'static str, f64)>> {
         match (self.rendered, &self.frames) {
@@ -400,6 +413,9 @@ impl Renderer {
                 not_finite: picture.not_finite,
             };
             self.picks.extend(picture.pick.as_ref().map(PendingPick::report));
+            if self.options.with_timings {
+                self.host_timings = self.host_frames.timings_in(picture.frame)?;
+            }
             worst = Some(worst.map_or(stats, |worst| worst.worse(stats)));
             if self.options.compatibility == Compatibility::Engine {
                 self.bands = self.bands_after(picture.bands, counts)?;

@@ -207,3 +207,54 @@ fn types_move_between_threads() {
     is_shared::<Model>();
     moves::<Renderer>();
 }
+
+/// Times of the stages come with the statistics, frames later, without a wait.
+#[test]
+fn stages_of_a_hosts_pictures_are_timed() {
+    let scene = scene();
+    let host = Host::new();
+    let frame = Frame::new(&host, FORMAT, SIZE);
+    let gpu = adopt(&host, true, true);
+    let model = Model::upload(&gpu, &scene.splats).unwrap();
+    let options = RenderOptions {
+        frames_in_flight: 1,
+        with_timings: true,
+        ..RenderOptions::default()
+    };
+    let mut renderer = Renderer::new(&gpu, options).unwrap();
+    renderer.reserve(&model, &scene.camera, 1 << 16).unwrap();
+    let mut found = Vec::new();
+    for pictures in [1, 2, 1] {
+        frame.begin();
+        let mut commands = wrap(&frame);
+        watch::calls();
+        for at in 0..pictures {
+            let before = if at == 0 { CLEARED } else { COPYABLE };
+            let target = frame.target(before, COPYABLE);
+            let drawn = renderer.record(&mut commands, &model, &scene.camera, &view(&scene), &target);
+            drawn.unwrap();
+        }
+        let calls = watch::calls();
+        assert!(!calls.iter().any(|call| call.contains("Wait")), "{calls:?}");
+        found.push(renderer.host_timings().to_vec());
+        frame.submit();
+        frame.pixels::<f32>();
+    }
+    let labels = |stages: &[(&'static str, f64)]| stages.iter().map(|(label, _)| *label).collect::<Vec<_>>();
+    let one = [
+        "project",
+        "sort_depth",
+        "expand",
+        "sort_tile",
+        "rasterize",
+        "present",
+        "outputs",
+    ];
+    assert!(found[0].is_empty(), "{found:?}");
+    assert_eq!(labels(&found[1]), one);
+    assert_eq!(labels(&found[2]), [&one[..], &["between"]].concat());
+    for stages in &found[1..] {
+        assert!(stages.iter().all(|(_, ns)| *ns >= 0.0) && stages.iter().any(|(_, ns)| *ns > 0.0));
+    }
+    assert_eq!(host.messages(), Vec::<String>::new());
+}
