@@ -14,6 +14,7 @@ use super::picking::{self, PendingPick, PickReport, Picking};
 use super::scratch::Scratch;
 use super::statistics::Stats;
 use super::target::HostTarget;
+use super::upload::ModelUpload;
 use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
 use crate::kernels::{overlay, present};
@@ -357,10 +358,36 @@ impl Renderer {
     /// # Errors
     /// [`Error::OutOfMemory`] and errors of Vulkan; the command buffer can be submitted nevertheless.
     pub fn record_upload(&mut self, commands: &mut HostCommands, splats: &Splats) -> Result<Model> {
+        let mut upload = self.begin_upload(splats)?;
+        self.record_part(commands, &mut upload, usize::MAX)?;
+        Ok(upload.model().clone())
+    }
+
+    /// Begins an upload in parts over several frames, whose time and staging memory are then bounded. Allocates the
+    /// model's buffers: to be called outside of frames.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] and errors of Vulkan.
+    pub fn begin_upload<'a>(&self, splats: &'a Splats) -> Result<ModelUpload<'a>> {
+        ModelUpload::new(&self.gpu, splats, self.options.precision)
+    }
+
+    /// Records up to `bytes` of an upload into a host's command buffer. Returns the model once all of it is recorded;
+    /// pictures of it may follow in the same commands.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] and errors of Vulkan, after which the upload is not complete; the command buffer can be
+    /// submitted nevertheless.
+    pub fn record_part(
+        &mut self,
+        commands: &mut HostCommands,
+        upload: &mut ModelUpload<'_>,
+        bytes: usize,
+    ) -> Result<Option<Model>> {
         let mut rec = self.host_frames.begin_in(commands)?;
-        let model = Model::record_upload(&mut rec, splats, self.options.precision);
+        let is_whole = upload.record(&mut rec, bytes);
         rec.finish()?;
-        model
+        Ok(is_whole.then(|| upload.model().clone()))
     }
 
     /// Takes the reports of picked pixels, oldest first: those of pictures with [`HostTarget::pick`] whose statistics

@@ -5,6 +5,7 @@ use crate::embed::host::Host;
 use crate::embed::watch::Barrier;
 use crate::embed::{SIZE, adopt, assert_same, expected, scene, view, watch, wrap};
 use ash::vk::{self, AccessFlags2 as Access, PipelineStageFlags2 as Stage};
+use ashfall::gpu::STAGING_BYTES;
 use ashfall::render::{Model, RenderOptions, Renderer};
 use ashfall::scene::Splats;
 
@@ -64,6 +65,67 @@ fn an_uploads_staging_memory_goes_back() {
     };
     let transfer = in_use("staging") + in_use("readback");
     assert!(transfer < 1 << 19, "{transfer} bytes of {}", gpu.memory_in_use());
+}
+
+/// An upload in parts has the bits of a whole one, and staging memory for a part.
+#[test]
+fn uploads_in_parts_have_the_bits_of_whole_ones() {
+    const PART: usize = 100_000;
+    let host = Host::new();
+    let frame = Frame::new(&host, FORMAT, SIZE);
+    let gpu = adopt(&host, true, true);
+    // Two degrees, so that slots have an order of their own.
+    let mut splats = many(40_000);
+    for (i, sh) in splats.sh.chunks_mut(48).enumerate() {
+        sh.iter_mut().for_each(|value| *value = i as f32);
+        if i % 2 == 0 {
+            sh[3..].fill(0.0);
+        }
+    }
+    let options = RenderOptions {
+        frames_in_flight: 1,
+        ..RenderOptions::default()
+    };
+    let mut renderer = Renderer::new(&gpu, options).unwrap();
+    let whole = Model::upload(&gpu, &splats).unwrap();
+    assert!(whole.is_indexed());
+    let mut upload = renderer.begin_upload(&splats).unwrap();
+    let staging = |gpu: &ashfall::Gpu| {
+        let by_name = gpu.memory_by_name();
+        let found = by_name.iter().find(|(known, _)| known == "staging");
+        found.map_or(0, |(_, memory)| memory.bytes)
+    };
+    let before = staging(&gpu);
+    let (mut parts, mut found) = (0, None);
+    while found.is_none() {
+        frame.begin();
+        found = renderer.record_part(&mut wrap(&frame), &mut upload, PART).unwrap();
+        assert!(staging(&gpu) - before <= PART as u64 + 2 * STAGING_BYTES as u64);
+        frame.hand_over();
+        frame.submit();
+        frame.pixels::<f32>();
+        parts += 1;
+    }
+    let found = found.unwrap();
+    let bytes: u64 = found.params.iter().map(|plane| plane.bytes()).sum();
+    assert!(
+        parts > bytes / PART as u64 && parts < 2 * bytes / PART as u64,
+        "{parts} parts"
+    );
+    for (a, b) in found.params.iter().zip(&whole.params) {
+        let [a, b] = [a, b].map(|buffer| gpu.download(buffer, 0..buffer.len()).unwrap());
+        assert!(
+            a.iter()
+                .flatten()
+                .map(|x| x.to_bits())
+                .eq(b.iter().flatten().map(|x| x.to_bits()))
+        );
+    }
+    for (a, b) in found.splat_from_slot.iter().zip(&whole.splat_from_slot) {
+        let [a, b] = [a, b].map(|buffer| gpu.download(buffer, 0..buffer.len()).unwrap());
+        assert_eq!(a, b);
+    }
+    assert_eq!(host.messages(), Vec::<String>::new());
 }
 
 /// True for a barrier between commands of the guest, or from and to states of the host's images.
