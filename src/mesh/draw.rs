@@ -27,7 +27,7 @@ pub fn draw(mesh: &Mesh, camera: &Camera, near: f64, background: [f32; 3]) -> Me
     let world = |position: &[f32; 3]| DVec3::from(position.map(f64::from));
     let positions = mesh.positions.par_iter();
     let view: Vec<DVec3> = positions.map(|at| camera.view_from_world(world(at))).collect();
-    let mut bands: Vec<Vec<Piece>> = Vec::new();
+    let mut bands: Vec<Vec<ClippedTriangle>> = Vec::new();
     bands.resize_with(size[1].div_ceil(BAND), Vec::new);
     for index in 0..mesh.triangles.len() {
         for piece in pieces(mesh, index, &view, camera, near) {
@@ -59,7 +59,7 @@ pub fn draw(mesh: &Mesh, camera: &Camera, near: f64, background: [f32; 3]) -> Me
 
 /// Part of a triangle before the near plane, in pixels.
 #[derive(Clone, Copy)]
-struct Piece {
+struct ClippedTriangle {
     triangle: usize,
     at: [DVec2; 3],
     /// Inverse depths of the corners.
@@ -68,7 +68,7 @@ struct Piece {
     weights: [DVec3; 3],
 }
 
-impl Piece {
+impl ClippedTriangle {
     /// First and last row with pixel centres within the piece's height.
     fn rows(&self, height: usize) -> Option<(usize, usize)> {
         let y = self.at.map(|at| at.y);
@@ -86,7 +86,13 @@ fn range(values: [f64; 3], count: usize) -> Option<(usize, usize)> {
 }
 
 /// Parts of a triangle before the near plane: none, one, or two.
-fn pieces(mesh: &Mesh, triangle: usize, view: &[DVec3], camera: &Camera, near: f64) -> impl Iterator<Item = Piece> {
+fn pieces(
+    mesh: &Mesh,
+    triangle: usize,
+    view: &[DVec3],
+    camera: &Camera,
+    near: f64,
+) -> impl Iterator<Item = ClippedTriangle> {
     let corners = mesh.triangles[triangle].map(|vertex| view[vertex as usize]);
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
     let mut polygon: Vec<(DVec3, DVec3)> = Vec::with_capacity(4);
@@ -104,7 +110,7 @@ fn pieces(mesh: &Mesh, triangle: usize, view: &[DVec3], camera: &Camera, near: f
     let count = polygon.len();
     (1..count.saturating_sub(1)).map(move |i| {
         let fan = [polygon[0], polygon[i], polygon[i + 1]];
-        Piece {
+        ClippedTriangle {
             triangle,
             at: fan.map(|(at, _)| camera.focal * at.truncate() / at.z + camera.center),
             inverse: fan.map(|(at, _)| at.z.recip()),
@@ -124,7 +130,7 @@ struct Nearest {
 fn draw_rows(
     mesh: &Mesh,
     camera: &Camera,
-    pieces: &[Piece],
+    pieces: &[ClippedTriangle],
     (first, [width, height]): (usize, [usize; 2]),
     background: [f32; 3],
 ) -> MeshPicture {
@@ -162,7 +168,7 @@ fn draw_rows(
 }
 
 /// Keeps the piece where it is the nearest in a row.
-fn fill(piece: &Piece, y: usize, line: &mut [Option<Nearest>]) {
+fn fill(piece: &ClippedTriangle, y: usize, line: &mut [Option<Nearest>]) {
     let [a, b, c] = piece.at;
     let twice_area = (b - a).perp_dot(c - a);
     let Some((left, right)) = range(piece.at.map(|at| at.x), line.len()) else {
