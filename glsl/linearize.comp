@@ -1,7 +1,8 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Reads a host's depth image: distance along z of the host's surface at each pixel, and the farthest of each tile.
+// Reads a rectangle of a host's depth image: distance along z of the host's surface at each pixel, and the farthest of
+// each tile.
 //
 // One invocation per tile. Splats at a limit or beyond are hidden; where the host has nothing, the limit is infinite.
 
@@ -18,6 +19,7 @@ layout(push_constant, scalar) uniform Push {
     uint linear;   // not 0: it is a + b * z
     float empty;   // value where the host has nothing
     uvec2 size;    // pixels
+    uvec2 origin;  // the stored image's pixel at the first
 } push;
 
 float limit_of(float value) {
@@ -36,7 +38,7 @@ void main() {
     float farthest = 0.0;
     for (uint y = corner.y; y < end.y; ++y) {
         for (uint x = corner.x; x < end.x; ++x) {
-            float limit = limit_of(texelFetch(stored, ivec2(x, y), 0).r);
+            float limit = limit_of(texelFetch(stored, ivec2(push.origin + uvec2(x, y)), 0).r);
             limit_from_pixel[y * push.size.x + x] = limit;
             farthest = max(farthest, limit);
         }

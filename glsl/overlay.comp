@@ -1,7 +1,7 @@
 #version 460
 #include "shared/prelude.glsl"
 
-// Lays a composited image without background over a host's pixels, in the host's image.
+// Lays a composited image without background over a rectangle of a host's pixels, in the host's image.
 //
 // One invocation per pixel of an 8x8 block, which reads and writes this pixel alone. A pixel without splats is not
 // written.
@@ -17,6 +17,7 @@ layout(set = 0, binding = 3) writeonly uniform image2D target;
 layout(push_constant, scalar) uniform Push {
     uint linear;  // not 0: the host's pixels are linear light; else display values, as the splats' colours
     float gain;   // linear light of a display value of 1
+    uvec2 origin; // the target's pixel at the image's first
 } push;
 
 // Linear light of display values (IEC 61966-2-1).
@@ -35,5 +36,6 @@ void main() {
     vec3 color = vec3(image[pixel], image[pixels + pixel], image[2 * pixels + pixel]);
     float alpha = 1.0 - through;
     if (push.linear != 0) color = alpha * push.gain * decoded(color / alpha);
-    imageStore(target, ivec2(at), vec4(color, alpha) + through * texelFetch(below, ivec2(at), 0));
+    ivec2 pixel_below = ivec2(push.origin + at);
+    imageStore(target, pixel_below, vec4(color, alpha) + through * texelFetch(below, pixel_below, 0));
 }

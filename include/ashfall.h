@@ -239,6 +239,44 @@ typedef struct AshfallSceneInfo {
 typedef uint32_t AshfallPrecision;
 
 /**
+ * A camera: x right, y down, z forward; pixel centres at + 0.5.
+ */
+typedef struct AshfallCamera {
+  /**
+   * sizeof(AshfallCamera).
+   */
+  uint32_t size;
+  /**
+   * Width of the image in pixels.
+   */
+  uint32_t width;
+  /**
+   * Height of the image in pixels.
+   */
+  uint32_t height;
+  /**
+   * 0.
+   */
+  uint32_t reserved;
+  /**
+   * Focal lengths in pixels; in an orthographic picture, pixels per world unit.
+   */
+  double focal[2];
+  /**
+   * Principal point in pixels.
+   */
+  double center[2];
+  /**
+   * View from world, row by row: its rows are the camera's axes in the world.
+   */
+  double rotation[9];
+  /**
+   * Centre in world units.
+   */
+  double position[3];
+} AshfallCamera;
+
+/**
  * State of an image.
  */
 typedef struct AshfallState {
@@ -261,7 +299,7 @@ typedef struct AshfallState {
 } AshfallState;
 
 /**
- * A host's image with one mip level and layer; barriers between its states are the renderer's.
+ * A host's image with one mip level and layer, or a layer of several; barriers between its states are the renderer's.
  */
 typedef struct AshfallImage {
   /**
@@ -277,8 +315,8 @@ typedef struct AshfallImage {
    */
   VkImage image;
   /**
-   * View of all of it; of an image with depth and stencil, of its depth. Null for ids and depth_out, to which is
-   * copied.
+   * View of it with the type 2D; of an image with depth and stencil, of its depth. Null for ids and depth_out, to
+   * which is copied.
    */
   VkImageView view;
   /**
@@ -297,6 +335,14 @@ typedef struct AshfallImage {
    * State afterwards; its layout is not VK_IMAGE_LAYOUT_UNDEFINED.
    */
   struct AshfallState after;
+  /**
+   * Array layer of the view; barriers leave other layers as they are.
+   */
+  uint32_t layer;
+  /**
+   * 0.
+   */
+  uint32_t reserved;
 } AshfallImage;
 
 /**
@@ -313,7 +359,7 @@ typedef struct AshfallDepth {
    */
   uint32_t linear;
   /**
-   * The image, resolved, of the picture's size.
+   * The image, resolved, of the color's size.
    */
   const struct AshfallImage *image;
   /**
@@ -414,44 +460,6 @@ typedef struct AshfallInstance {
 } AshfallInstance;
 
 /**
- * A camera: x right, y down, z forward; pixel centres at + 0.5.
- */
-typedef struct AshfallCamera {
-  /**
-   * sizeof(AshfallCamera).
-   */
-  uint32_t size;
-  /**
-   * Width of the image in pixels.
-   */
-  uint32_t width;
-  /**
-   * Height of the image in pixels.
-   */
-  uint32_t height;
-  /**
-   * 0.
-   */
-  uint32_t reserved;
-  /**
-   * Focal lengths in pixels; in an orthographic picture, pixels per world unit.
-   */
-  double focal[2];
-  /**
-   * Principal point in pixels.
-   */
-  double center[2];
-  /**
-   * View from world, row by row: its rows are the camera's axes in the world.
-   */
-  double rotation[9];
-  /**
-   * Centre in world units.
-   */
-  double position[3];
-} AshfallCamera;
-
-/**
  * Blending of splats with the pixels of the image.
  */
 typedef uint32_t AshfallBlend;
@@ -499,7 +507,7 @@ typedef struct AshfallDraw {
    */
   const struct AshfallInstance *instances;
   /**
-   * The camera, of the image's size.
+   * The camera, of the picture's size.
    */
   const struct AshfallCamera *camera;
   /**
@@ -541,6 +549,19 @@ typedef struct AshfallDraw {
    * Pixels that ashfall_take_pick reports when the frame is done; null for none.
    */
   const struct AshfallPickArea *pick;
+  /**
+   * 0: the camera has the images' size; 1: the picture takes a rectangle of the camera's size in all images, and
+   * other pixels are kept unless the state before discards them.
+   */
+  uint32_t part;
+  /**
+   * Column and row of the rectangle's first pixel.
+   */
+  uint32_t origin[2];
+  /**
+   * 0.
+   */
+  uint32_t reserved;
 } AshfallDraw;
 
 /**
@@ -785,10 +806,35 @@ AshfallResult ashfall_model_upload(struct AshfallDevice *device,
 AshfallResult ashfall_model_destroy(struct AshfallModel *model);
 
 /**
+ * Fills a camera from a perspective matrix: clip space from the world (projection times view), 16 numbers column by
+ * column. Depth, near and far plane do not count; a jitter moves the principal point.
+ *
+ * `y_up`: 0 for clip space with y down (Vulkan), 1 for y up. `camera`: size, width and height are read, the rest is
+ * written.
+ */
+AshfallResult ashfall_camera_from_matrix(const double *clip_from_world, uint32_t y_up, struct AshfallCamera *camera);
+
+/**
+ * As ashfall_camera_from_matrix, from an orthographic matrix, for renderers with ASHFALL_ORTHOGRAPHIC; depth 0 to 1,
+ * reversed or not.
+ */
+AshfallResult ashfall_camera_from_orthographic(const double *clip_from_world,
+                                               uint32_t y_up,
+                                               struct AshfallCamera *camera);
+
+/**
  * Fills `linear`, `a`, `b` and `empty` from a perspective projection: clip space from view space, 16 numbers column by
  * column, depth 0 to 1, reversed or not, with a finite or an infinite far plane.
  */
 AshfallResult ashfall_depth_from_projection(const double *clip_from_view, struct AshfallDepth *depth);
+
+/**
+ * As ashfall_depth_from_projection, from an orthographic matrix, clip space from the world, in a picture through the
+ * camera that ashfall_camera_from_orthographic fills.
+ */
+AshfallResult ashfall_depth_from_orthographic(const double *clip_from_world,
+                                              const struct AshfallCamera *camera,
+                                              struct AshfallDepth *depth);
 
 /**
  * Creates a renderer. All its frames go to one queue, in the order of their recording.

@@ -1,45 +1,19 @@
 //! Pictures of C converted: images, camera, instances.
 
-use super::failure::{AshfallResult, Failure, guard};
-use super::memory::{array, check, optional, read, write};
+use super::failure::Failure;
+use super::memory::{array, optional, read};
 use super::picture::{
     ASHFALL_BLEND_OVER_DISPLAY, ASHFALL_BLEND_OVER_LINEAR, ASHFALL_BLEND_PREMULTIPLIED, ASHFALL_BLEND_REPLACE,
     AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance, AshfallPickArea, AshfallState,
 };
+use super::projection::camera_of;
 use super::registry::find;
 use crate::gpu::ash::vk::{Image as VkImage, ImageLayout as VkImageLayout, ImageView as VkImageView};
 use crate::gpu::{HostImage, HostImageDesc, ImageState};
 use crate::render::{Blend, ClipBox, DepthCode, HostDepth, HostTarget, Instance, Model, PickArea, ViewOptions};
 use crate::scene::{Camera, Similarity};
-use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
+use glam::{DMat4, DVec4};
 use std::sync::Arc;
-
-/// Fills `linear`, `a`, `b` and `empty` from a perspective projection: clip space from view space, 16 numbers column by
-/// column, depth 0 to 1, reversed or not, with a finite or an infinite far plane.
-///
-/// # Safety
-/// `clip_from_view` is null or valid for 16 numbers, `depth` is null or valid for its size.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn ashfall_depth_from_projection(
-    clip_from_view: *const f64,
-    depth: *mut AshfallDepth,
-) -> AshfallResult {
-    guard(|| {
-        check("clip_from_view", clip_from_view)?;
-        // SAFETY: as the caller says.
-        let (matrix, before) = unsafe { (clip_from_view.cast::<[f64; 16]>().read_unaligned(), read(depth)?) };
-        let code = DepthCode::of_projection(&DMat4::from_cols_array(&matrix))?;
-        let value = AshfallDepth {
-            linear: code.is_linear.into(),
-            a: code.a,
-            b: code.b,
-            empty: code.empty,
-            ..before
-        };
-        // SAFETY: as the caller says.
-        unsafe { write(depth, &value) }
-    })
-}
 
 /// Place and looks of an instance, without its model.
 #[derive(Clone, Copy, Debug)]
@@ -66,6 +40,7 @@ pub(super) struct Canvas {
     ids: Option<HostImage>,
     depth_out: Option<(HostImage, DepthCode)>,
     pick: Option<PickArea>,
+    origin: Option<[u32; 2]>,
     pub(super) options: ViewOptions,
 }
 
@@ -84,20 +59,7 @@ impl Shot {
             let looks = unsafe { looks(instance) };
             models.push((find(instance.model).map_err(named)?, looks.map_err(named)?));
         }
-        let camera = Camera {
-            width: camera.width,
-            height: camera.height,
-            focal: DVec2::from(camera.focal),
-            center: DVec2::from(camera.center),
-            rotation: DMat3::from_cols_array(&camera.rotation).transpose(),
-            position: DVec3::from(camera.position),
-        };
-        let is_finite = camera.center.is_finite() && camera.rotation.is_finite() && camera.position.is_finite();
-        if !is_finite || !camera.focal.is_finite() || camera.focal.min_element() <= 0.0 {
-            return Err(Failure::argument(format!(
-                "camera: not finite, or no focal length: {camera:?}"
-            )));
-        }
+        let camera = camera_of(&camera)?;
         Ok(Shot { models, camera })
     }
 
@@ -185,6 +147,7 @@ impl Canvas {
             ids,
             depth_out,
             pick: pick.map(area),
+            origin: (draw.part != 0).then_some(draw.origin),
             options: ViewOptions {
                 background: draw.background,
                 near: draw.near_plane,
@@ -201,6 +164,7 @@ impl Canvas {
             ids: self.ids.as_ref(),
             depth_out: self.depth_out.as_ref().map(host_depth),
             pick: self.pick,
+            origin: self.origin,
             ..HostTarget::from(&self.color)
         }
     }
@@ -267,15 +231,17 @@ unsafe fn image(name: &str, from: *const AshfallImage, has_view: bool) -> Result
         after: state(found.after),
     };
     // SAFETY: as the caller says.
-    Ok(unsafe { HostImage::wrap(desc) })
+    Ok(unsafe { HostImage::wrap(desc) }.at_layer(found.layer))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::capi::picture::{AshfallCamera, AshfallClip};
+    use crate::capi::projection::ashfall_depth_from_projection;
     use crate::capi::registry::{AshfallScene, LiveObject, insert, remove};
     use crate::gpu::ash::vk::{AccessFlags2, Format as VkFormat, Handle, PipelineStageFlags2};
+    use glam::DVec3;
 
     fn zeroed<T: crate::capi::memory::Sized32>() -> T {
         // SAFETY: zero is a value of these structures.
@@ -298,6 +264,8 @@ mod tests {
             height: 50,
             before: state,
             after: state,
+            layer: 0,
+            reserved: 0,
         }
     }
 
@@ -380,6 +348,8 @@ mod tests {
             ids: &raw const ids,
             depth_out: &raw const depth_out,
             pick: &raw const pick,
+            part: 1,
+            origin: [5, 6],
             ..zeroed()
         };
         // SAFETY: pointers to structures of their sizes.
@@ -392,6 +362,7 @@ mod tests {
             empty: 0.0,
         };
         assert!(target.depth.is_none() && target.ids.is_some());
+        assert_eq!(target.origin, Some([5, 6]));
         assert!(target.depth_out.is_some_and(|out| out.code == code));
         assert_eq!(
             target.pick,

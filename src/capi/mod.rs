@@ -17,6 +17,7 @@ mod failure;
 mod memory;
 mod picks;
 mod picture;
+mod projection;
 mod registry;
 mod renderer;
 mod scene;
@@ -26,7 +27,6 @@ pub use device::{
     ASHFALL_DEBUG_UTILS, ASHFALL_HEADER_VERSION, ASHFALL_MEMORY_BUDGET, AshfallDeviceInfo, AshfallMissing,
     PFN_vkGetInstanceProcAddr, ashfall_adopt, ashfall_device_destroy, ashfall_enable_features, ashfall_version,
 };
-pub use draw::ashfall_depth_from_projection;
 pub use failure::{
     ASHFALL_ERROR_ARGUMENT, ASHFALL_ERROR_CONFIG, ASHFALL_ERROR_FILE, ASHFALL_ERROR_INTERNAL, ASHFALL_ERROR_MEMORY,
     ASHFALL_ERROR_UNSUPPORTED, ASHFALL_ERROR_VULKAN, ASHFALL_OK, AshfallResult, ashfall_last_error,
@@ -36,6 +36,10 @@ pub use picture::{
     ASHFALL_BLEND_OVER_DISPLAY, ASHFALL_BLEND_OVER_LINEAR, ASHFALL_BLEND_PREMULTIPLIED, ASHFALL_BLEND_REPLACE,
     AshfallBlend, AshfallCamera, AshfallClip, AshfallDepth, AshfallDraw, AshfallImage, AshfallInstance,
     AshfallPickArea, AshfallState,
+};
+pub use projection::{
+    ashfall_camera_from_matrix, ashfall_camera_from_orthographic, ashfall_depth_from_orthographic,
+    ashfall_depth_from_projection,
 };
 pub use registry::{AshfallDevice, AshfallModel, AshfallRenderer, AshfallScene};
 pub use renderer::{

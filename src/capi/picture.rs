@@ -32,7 +32,7 @@ pub struct AshfallState {
     pub access: VkAccessFlags2,
 }
 
-/// A host's image with one mip level and layer; barriers between its states are the renderer's.
+/// A host's image with one mip level and layer, or a layer of several; barriers between its states are the renderer's.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AshfallImage {
@@ -42,8 +42,8 @@ pub struct AshfallImage {
     pub format: VkFormat,
     /// The image, with the storage usage to be written, with the sampled usage to be read.
     pub image: VkImage,
-    /// View of all of it; of an image with depth and stencil, of its depth. Null for ids and depth_out, to which is
-    /// copied.
+    /// View of it with the type 2D; of an image with depth and stencil, of its depth. Null for ids and depth_out, to
+    /// which is copied.
     pub view: VkImageView,
     /// Width in pixels.
     pub width: u32,
@@ -53,6 +53,10 @@ pub struct AshfallImage {
     pub before: AshfallState,
     /// State afterwards; its layout is not VK_IMAGE_LAYOUT_UNDEFINED.
     pub after: AshfallState,
+    /// Array layer of the view; barriers leave other layers as they are.
+    pub layer: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// Depths of the host's surfaces, which hide the splats behind them; the renderer has ASHFALL_HOST_DEPTH. A stored
@@ -64,7 +68,7 @@ pub struct AshfallDepth {
     pub size: u32,
     /// 1 for values linear in z, else 0.
     pub linear: u32,
-    /// The image, resolved, of the picture's size.
+    /// The image, resolved, of the color's size.
     pub image: *const AshfallImage,
     /// Constant term.
     pub a: f32,
@@ -159,7 +163,7 @@ pub struct AshfallDraw {
     pub instance_count: u32,
     /// The instances.
     pub instances: *const AshfallInstance,
-    /// The camera, of the image's size.
+    /// The camera, of the picture's size.
     pub camera: *const AshfallCamera,
     /// Image to draw to; not read by ashfall_renderer_reserve.
     pub color: *const AshfallImage,
@@ -182,6 +186,13 @@ pub struct AshfallDraw {
     pub depth_out: *const AshfallDepth,
     /// Pixels that ashfall_take_pick reports when the frame is done; null for none.
     pub pick: *const AshfallPickArea,
+    /// 0: the camera has the images' size; 1: the picture takes a rectangle of the camera's size in all images, and
+    /// other pixels are kept unless the state before discards them.
+    pub part: u32,
+    /// Column and row of the rectangle's first pixel.
+    pub origin: [u32; 2],
+    /// 0.
+    pub reserved: u32,
 }
 
 sized!(

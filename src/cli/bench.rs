@@ -1,6 +1,7 @@
-//! `ashfall bench`: speed of kernels, frames and training steps on a device.
+//! `ashfall bench`: speed of kernels, frames, training steps and guests' pictures on a device.
 
 mod growth;
+mod guest;
 
 use super::Outcome;
 use super::args::DeviceArgs;
@@ -8,6 +9,7 @@ use super::engine;
 use super::output::write_text;
 use crate::lab::baseline::{self, Ratio, TARGET_FEATURES};
 use crate::lab::bench::frame::Scaling;
+use crate::lab::bench::guest::GuestCost;
 use crate::lab::bench::train::TrainMemory;
 use crate::lab::bench::{self, Bench, BenchOptions, BenchRow, record};
 use crate::{Error, Result};
@@ -18,7 +20,7 @@ use std::path::PathBuf;
 
 /// Measure the device
 ///
-/// Kernels one by one, or whole frames and training steps by their size.
+/// Kernels one by one, whole frames and training steps by their size, or pictures in a host's commands.
 #[derive(Clone, Debug, Args)]
 pub(super) struct BenchArgs {
     #[command(subcommand)]
@@ -30,6 +32,7 @@ enum BenchCommand {
     Kernels(KernelsArgs),
     Frame(growth::BenchFrameArgs),
     Train(growth::BenchTrainArgs),
+    Guest(guest::BenchGuestArgs),
 }
 
 /// Every kernel in every variant and workgroup, and baselines
@@ -82,6 +85,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
         BenchCommand::Kernels(args) => kernels(args),
         BenchCommand::Frame(args) => growth::frame(args),
         BenchCommand::Train(args) => growth::train(args),
+        BenchCommand::Guest(args) => guest::run(args),
     }
 }
 
@@ -102,6 +106,9 @@ struct Report<'a> {
     /// Device memory of training, measured and by the formula.
     #[serde(skip_serializing_if = "<[TrainMemory]>::is_empty")]
     memory: &'a [TrainMemory],
+    /// Pictures in a host's commands.
+    #[serde(skip_serializing_if = "<[GuestCost]>::is_empty")]
+    guests: &'a [GuestCost],
 }
 
 impl OutputArgs {

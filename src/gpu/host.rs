@@ -10,7 +10,7 @@ use super::buffer::Buffer;
 use super::caps::Caps;
 use super::device::{Gpu, Parts, SharedAllocator};
 use super::features::{HostFeatures, missing_texts, refuse_unmet, version};
-use super::image::{Image, ImageState};
+use super::image::{Image, ImageState, extent3};
 use super::options::GpuOptions;
 use super::recorder::{Recorder, transition};
 use super::requirements::REQUIRED;
@@ -169,12 +169,12 @@ pub struct HostImage {
     after: ImageState,
 }
 
-/// A host's image with one mip level and layer.
+/// A host's image with one mip level and layer, or a layer of several ([`HostImage::at_layer`]).
 #[derive(Clone, Copy, Debug)]
 pub struct HostImageDesc {
     /// The image, with the storage usage to be written, with the sampled usage to be read.
     pub image: vk::Image,
-    /// View of all of it; of an image with depth and stencil, of its depth.
+    /// View of it with the type 2D; of an image with depth and stencil, of its depth.
     pub view: vk::ImageView,
     /// Format of the view; of a view of depth, of the image. Kernels write it without declaring it, which the device
     /// must support for this format (`VK_FORMAT_FEATURE_2_STORAGE_WRITE_WITHOUT_FORMAT_BIT`).
@@ -200,6 +200,7 @@ impl HostImage {
                 view: desc.view,
                 extent: desc.extent,
                 aspects: aspects(desc.format),
+                layer: 0,
                 layout: vk::ImageLayout::GENERAL,
                 own: None,
             },
@@ -207,6 +208,23 @@ impl HostImage {
             before: desc.before,
             after: desc.after,
         }
+    }
+
+    /// An owned image as a host's.
+    #[cfg(feature = "lab")]
+    pub(crate) fn of_own(image: &Image) -> HostImage {
+        HostImage {
+            image: image.clone(),
+            format: super::image::FORMAT,
+            before: super::image_transfer::READY,
+            after: super::image_transfer::READY,
+        }
+    }
+
+    /// The layer of an array image, of which the view is; barriers leave other layers as they are.
+    pub fn at_layer(mut self, layer: u32) -> HostImage {
+        self.image.layer = layer;
+        self
     }
 
     /// Checks that kernels can write the format.
@@ -298,6 +316,16 @@ fn aspects(format: vk::Format) -> vk::ImageAspectFlags {
 }
 
 impl Recorder<'_> {
+    /// The commands as a host's, for a guest on this device.
+    #[cfg(feature = "lab")]
+    pub(crate) fn as_host(&self) -> HostCommands {
+        HostCommands {
+            commands: self.commands,
+            first: None,
+            others: Vec::new(),
+        }
+    }
+
     /// Transitions a host's image from its state `before` to that for kernel writes.
     pub fn acquire(&mut self, target: &HostImage) {
         self.transition(&target.image, target.before, KERNEL_WRITE);
@@ -327,31 +355,38 @@ impl Recorder<'_> {
         self.transition(&source.image, KERNEL_READ, source.after);
     }
 
-    /// Copies words, row by row, to all pixels of a host's image, from its state `before` to its state `after`.
+    /// Copies words, row by row, to a rectangle of `[width, height]` pixels from `[x, y]` on of a host's image, from its
+    /// state `before` to its state `after`.
     ///
     /// # Panics
-    /// If there are fewer words than pixels, or the format has other words ([`HostImage::check_words`]).
-    pub fn copy_to_host<T: Pod>(&mut self, from: &Buffer<T>, target: &HostImage) {
+    /// If there are fewer words than pixels, the rectangle reaches beyond the image, or the format has other words
+    /// ([`HostImage::check_words`]).
+    pub fn copy_to_host<T: Pod>(&mut self, from: &Buffer<T>, target: &HostImage, [x, y]: [u32; 2], size: [u32; 2]) {
         let image = &target.image;
-        let pixels = image.pixels();
-        assert!(size_of::<T>() == 4 && pixels <= from.len(), "{from:?} is no {image:?}");
+        let pixels = size[0] as usize * size[1] as usize;
+        assert!(
+            size_of::<T>() == 4 && pixels <= from.len(),
+            "{from:?} is no {size:?} of {image:?}"
+        );
+        let is_inside = x + size[0] <= image.extent[0] && y + size[1] <= image.extent[1];
+        assert!(is_inside, "{size:?} from {:?} of {image:?}", [x, y]);
         self.transition(image, target.before, COPIED);
         self.access(&[(from.raw.handle.as_raw(), Access::Read)]);
         self.slot.keep(from.raw.clone());
-        let [width, height] = image.extent;
         let regions = [vk::BufferImageCopy::default()
             .buffer_offset(from.offset)
             .image_subresource(vk::ImageSubresourceLayers {
                 aspect_mask: image.aspects,
                 mip_level: 0,
-                base_array_layer: 0,
+                base_array_layer: image.layer,
                 layer_count: 1,
             })
-            .image_extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            })];
+            .image_offset(vk::Offset3D {
+                x: x as i32,
+                y: y as i32,
+                z: 0,
+            })
+            .image_extent(extent3(size))];
         let device = &self.gpu.0.device;
         // SAFETY: in bounds (asserted); the frame keeps the buffer, the host its image, which is in this layout.
         unsafe {

@@ -16,6 +16,8 @@ pub struct Image {
     pub(super) extent: [u32; 2],
     /// All aspects of its format.
     pub(super) aspects: vk::ImageAspectFlags,
+    /// Array layer of the view.
+    pub(super) layer: u32,
     /// Layout while a kernel uses it.
     pub(super) layout: vk::ImageLayout,
     /// Owner of image, view and memory; `None`: the host.
@@ -32,9 +34,9 @@ pub(super) struct OwnImage {
     memory: u64,
 }
 
-/// RGBA as 32-bit floats: storage images of this format work on every device (Vulkan specification, table of mandatory
+/// Format of owned images. RGBA as 32-bit floats: storage images of this format work on every device (Vulkan specification, table of mandatory
 /// format support).
-const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+pub(super) const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Layout, stages and accesses of an image before or after commands.
 #[derive(Clone, Copy, Debug)]
@@ -47,19 +49,19 @@ pub struct ImageState {
     pub access: vk::AccessFlags2,
 }
 
-/// The single mip level and array layer of images.
-pub(super) const fn whole(aspects: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+/// The single mip level of an array layer.
+pub(super) const fn whole(aspects: vk::ImageAspectFlags, layer: u32) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange {
         aspect_mask: aspects,
         base_mip_level: 0,
         level_count: 1,
-        base_array_layer: 0,
+        base_array_layer: layer,
         layer_count: 1,
     }
 }
 
-/// The range of colour images.
-pub(super) const WHOLE: vk::ImageSubresourceRange = whole(vk::ImageAspectFlags::COLOR);
+/// The range of owned images.
+pub(super) const WHOLE: vk::ImageSubresourceRange = whole(vk::ImageAspectFlags::COLOR, 0);
 
 impl OwnImage {
     pub(super) fn new(gpu: &Gpu, name: &str, extent: [u32; 2]) -> Result<OwnImage> {

@@ -17,7 +17,7 @@ const FRESH: ImageState = ImageState {
     access: vk::AccessFlags2::NONE,
 };
 /// State before and after every command.
-const READY: ImageState = ImageState {
+pub(super) const READY: ImageState = ImageState {
     layout: vk::ImageLayout::GENERAL,
     stage: vk::PipelineStageFlags2::ALL_COMMANDS,
     access: vk::AccessFlags2::from_raw(
@@ -51,6 +51,7 @@ impl Gpu {
             view: own.view,
             extent,
             aspects: vk::ImageAspectFlags::COLOR,
+            layer: 0,
             layout: READY.layout,
             own: Some(own),
         };

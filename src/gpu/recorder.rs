@@ -353,7 +353,7 @@ pub(super) fn transition(gpu: &Gpu, commands: vk::CommandBuffer, image: &Image, 
         .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         .image(image.image)
-        .subresource_range(whole(image.aspects))];
+        .subresource_range(whole(image.aspects, image.layer))];
     let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
     // SAFETY: a host's image is in the state that its wrapper's contract says, an owned one in the state that the last
     // transition left.

@@ -76,7 +76,7 @@ impl DepthCode {
     }
 }
 
-/// A host's resolved depth image of a picture's size, in any format that can be sampled, with its state before and
+/// A host's resolved depth image of the colour image's size, in any format that can be sampled, with its state before and
 /// after.
 #[derive(Clone, Copy, Debug)]
 pub struct HostDepth<'a> {
@@ -101,27 +101,28 @@ impl Occlusion {
         })
     }
 
-    /// Checks a host's depth for a picture of `size` pixels.
+    /// Checks a host's depth.
     ///
     /// # Errors
-    /// [`Error::Config`] for another size or a code that is no number, [`Error::Unsupported`] for a format that is not
-    /// sampled.
-    pub(super) fn check(gpu: &Gpu, depth: &HostDepth<'_>, size: [u32; 2]) -> Result<()> {
+    /// [`Error::Config`] for a code that is no number, [`Error::Unsupported`] for a format that is not sampled.
+    pub(super) fn check(gpu: &Gpu, depth: &HostDepth<'_>) -> Result<()> {
         depth.image.check_readable(gpu)?;
-        let ([width, height], [w, h], code) = (depth.image.image().extent(), size, depth.code);
-        if [width, height] != size {
-            let what = format!("the host's depth has {width}x{height} pixels, the image to draw to {w}x{h}");
-            return Err(Error::Config(what));
-        }
+        let code = depth.code;
         match code.a.is_finite() && code.b.is_finite() && code.b != 0.0 {
             true => Ok(()),
             false => Err(Error::Config(format!("{code:?}: a and b are numbers, and b is not 0"))),
         }
     }
 
-    /// Records the reading of a host's depth into the limits of `scratch`.
-    pub(super) fn read(&self, rec: &mut Recorder<'_>, depth: &HostDepth<'_>, scratch: &Scratch) {
-        let (code, size) = (depth.code, depth.image.image().extent());
+    /// Records the reading of `size` pixels of a host's depth from `origin` on into the limits of `scratch`.
+    pub(super) fn read(
+        &self,
+        rec: &mut Recorder<'_>,
+        depth: &HostDepth<'_>,
+        (origin, size): ([u32; 2], [u32; 2]),
+        scratch: &Scratch,
+    ) {
+        let code = depth.code;
         rec.acquire_to_read(depth.image);
         let io = Bindings {
             stored: &depth.image.readable(),
@@ -134,6 +135,7 @@ impl Occlusion {
             linear: code.is_linear.into(),
             empty: code.empty,
             size,
+            origin,
         };
         let tiles = size[0].div_ceil(TILE_WIDTH) * size[1].div_ceil(TILE_HEIGHT);
         self.linearize

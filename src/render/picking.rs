@@ -8,7 +8,7 @@ use super::instances::{FrameContent, Instance};
 use super::occlusion::{DepthCode, HostDepth};
 use super::scratch::Scratch;
 use super::target::{HostTarget, PICK_PIXELS_MAX, PickArea};
-use crate::gpu::{Gpu, HostImage, ImageWords, Readback, Recorder};
+use crate::gpu::{Gpu, ImageWords, Readback, Recorder};
 use crate::kernels::delinearize::{Bindings, Choice, Delinearize, Params};
 use crate::{Error, Result};
 
@@ -112,24 +112,25 @@ impl Picking {
         self.0.record(rec, io, params, self.0.groups(pixels));
     }
 
-    /// Records the outputs of a composited picture that a host asks for.
+    /// Records the outputs of a composited picture of `size` pixels that a host asks for.
     pub(super) fn show(
         &self,
         rec: &mut Recorder<'_>,
         s: &Scratch,
+        size: [u32; 2],
         target: &HostTarget<'_>,
         content: FrameContent<'_>,
     ) -> Result<Option<PendingPick>> {
-        let [width, height] = target.color.image().extent().map(|side| side as usize);
+        let [width, height] = size.map(|side| side as usize);
         if target.depth_out.is_some() || target.pick.is_some() {
             let code = target.depth_out.map_or(DepthCode::DISTANCE, |out| out.code);
             self.find(rec, s, width * height, code, target.depth.is_some());
         }
         if let Some(out) = &target.depth_out {
-            rec.copy_to_host(&s.stored_from_pixel, out.image);
+            rec.copy_to_host(&s.stored_from_pixel, out.image, target.corner(), size);
         }
         if let Some(ids) = target.ids {
-            rec.copy_to_host(&s.isect_end_from_pixel, ids);
+            rec.copy_to_host(&s.isect_end_from_pixel, ids, target.corner(), size);
         }
         let Some(area) = target.pick else {
             return Ok(None);
@@ -150,27 +151,19 @@ impl Picking {
 /// without.
 ///
 /// # Errors
-/// [`Error::Config`] for a renderer without, images of another size or format, a code that is no number, and an area
-/// beyond the picture.
+/// [`Error::Config`] for a renderer without, images of another format, a code that is no number, and an area beyond the
+/// picture.
 pub(super) fn check(target: &HostTarget<'_>, size: [u32; 2], has_ids: bool) -> Result<()> {
     let refuse = |what: String| Err(Error::Config(what));
     let is_asked = target.ids.is_some() || target.depth_out.is_some() || target.pick.is_some();
     if is_asked && !has_ids {
         return refuse("splats of pixels: the renderer was made without RenderOptions::with_ids".into());
     }
-    let check_image = |image: &HostImage, content, name| {
-        let ([width, height], [w, h]) = (image.image().extent(), size);
-        if [width, height] != size {
-            let what = format!("the image for {name} has {width}x{height} pixels, the image to draw to {w}x{h}");
-            return refuse(what);
-        }
-        image.check_words(content)
-    };
     if let Some(image) = target.ids {
-        check_image(image, ImageWords::Ids, "splats")?;
+        image.check_words(ImageWords::Ids)?;
     }
     if let Some(HostDepth { image, code }) = &target.depth_out {
-        check_image(image, ImageWords::Depths, "depths")?;
+        image.check_words(ImageWords::Depths)?;
         let numbers = [code.a, code.b, code.empty];
         if numbers[..2].iter().any(|number| !number.is_finite()) || code.empty.is_nan() {
             return refuse(format!("{code:?}: a, b and empty are numbers"));

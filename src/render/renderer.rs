@@ -190,7 +190,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::Config`] if the model or the image exceeds the reserved capacity, the model is not prepared or has
-    /// another kind or precision, camera and images differ in size, or the options lack a part of the target;
+    /// another kind or precision, the images do not have the camera's size, or the options lack a part of the target;
     /// [`Error::Unsupported`] for an image of a format that kernels cannot write or read; errors of Vulkan and memory.
     /// After an error, too, the command buffer can be submitted, and the images are in their states `after`, the
     /// contents of the picture undefined. The picture has no statistics; later ones are not affected.
@@ -244,10 +244,11 @@ impl Renderer {
             }
         };
         let (scratch, degree) = (&self.scratch, self.options.sh_degree);
+        let size = [camera.width, camera.height];
         rec.fill(&scratch.counts, 0);
         let mut forward = &self.forward;
         if let (Some(occlusion), Some(depth)) = (&self.occlusion, &target.depth) {
-            occlusion.read(&mut rec, depth, scratch);
+            occlusion.read(&mut rec, depth, (target.corner(), size), scratch);
             forward = &occlusion.forward;
         }
         let view = ViewOptions {
@@ -255,9 +256,11 @@ impl Renderer {
             ..*view
         };
         forward.record(&mut rec, content, scratch, &view_of(camera, &view), degree, self.bands);
-        target.show(&mut rec, scratch, (&self.present, self.overlay.as_ref()));
+        target.show(&mut rec, scratch, size, (&self.present, self.overlay.as_ref()));
         let picking = self.picking.as_ref();
-        let pick = picking.map_or(Ok(None), |picking| picking.show(&mut rec, scratch, &target, content));
+        let pick = picking.map_or(Ok(None), |picking| {
+            picking.show(&mut rec, scratch, size, &target, content)
+        });
         let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
         rec.finish()?;
         self.pending.push_back(PendingPicture {
@@ -275,12 +278,8 @@ impl Renderer {
     fn admit(&self, content: FrameContent<'_>, camera: &Camera, target: &HostTarget<'_>) -> Result<()> {
         target.color.check_writable(&self.gpu)?;
         self.check(content)?;
-        let (size, [width, height]) = ([camera.width, camera.height], target.color.image().extent());
-        if size != [width, height] {
-            let [w, h] = size;
-            let what = format!("the camera has {w}x{h} pixels, the image to draw to {width}x{height}");
-            return Err(Error::Config(what));
-        }
+        let size = [camera.width, camera.height];
+        target.check_sizes(size)?;
         if target.blend.reads() {
             if self.overlay.is_none() {
                 return Err(Error::Config(
@@ -296,7 +295,7 @@ impl Renderer {
                     "a host's depth: the renderer was made without RenderOptions::with_host_depth".into(),
                 ));
             }
-            Occlusion::check(&self.gpu, depth, size)?;
+            Occlusion::check(&self.gpu, depth)?;
         }
         picking::check(target, size, self.picking.is_some())?;
         if !self.forward.is_prepared(content) {

@@ -26,6 +26,9 @@ pub struct HostTarget<'a> {
     pub depth_out: Option<HostDepth<'a>>,
     /// Pixels to report when the frame's statistics are: [`Renderer::picks`](super::Renderer::picks).
     pub pick: Option<PickArea>,
+    /// Column and row, in all images, of the picture's first pixel: the picture takes a rectangle of the camera's size,
+    /// and other pixels are kept unless the state `before` discards them. `None`: the picture is as large as the images.
+    pub origin: Option<[u32; 2]>,
 }
 
 /// Pixels of a picture to report.
@@ -53,6 +56,7 @@ impl<'a> From<&'a HostImage> for HostTarget<'a> {
             ids: None,
             depth_out: None,
             pick: None,
+            origin: None,
         }
     }
 }
@@ -65,15 +69,59 @@ impl HostTarget<'_> {
         all.into_iter().flatten()
     }
 
-    /// Records the writing of a composited picture.
+    /// Column and row of the picture's first pixel.
+    pub(super) fn corner(&self) -> [u32; 2] {
+        self.origin.unwrap_or_default()
+    }
+
+    /// Checks that the images are of one size, which is that of a picture, or contains it from `origin` on.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with the sizes.
+    pub(super) fn check_sizes(&self, picture: [u32; 2]) -> Result<()> {
+        let refuse = |what| Err(Error::Config(what));
+        let size @ [width, height] = self.color.image().extent();
+        let others = [
+            ("the host's depth", self.depth.map(|depth| depth.image)),
+            ("the image for splats", self.ids),
+            ("the image for depths", self.depth_out.map(|depth| depth.image)),
+        ];
+        for (name, image) in others.into_iter().filter_map(|(name, image)| Some((name, image?))) {
+            let [w, h] = image.image().extent();
+            if [w, h] != size {
+                return refuse(format!(
+                    "{name} has {w}x{h} pixels, the image to draw to {width}x{height}"
+                ));
+            }
+        }
+        let [w, h] = picture;
+        let Some([x, y]) = self.origin else {
+            return match picture == size {
+                true => Ok(()),
+                false => refuse(format!(
+                    "the camera has {w}x{h} pixels, the image to draw to {width}x{height}"
+                )),
+            };
+        };
+        let ends = |from: u32, side: u32, all: u32| from.checked_add(side).is_some_and(|end| end <= all);
+        match ends(x, w, width) && ends(y, h, height) {
+            true => Ok(()),
+            false => refuse(format!(
+                "{w}x{h} pixels of the camera from ({x}, {y}) on exceed the {width}x{height} of the image to draw to"
+            )),
+        }
+    }
+
+    /// Records the writing of a composited picture of `size` pixels.
     pub(super) fn show(
         &self,
         rec: &mut Recorder<'_>,
         scratch: &Scratch,
+        size: [u32; 2],
         (present, overlay): (&Present, Option<&Overlay>),
     ) {
         let (view, image, pixels) = (&scratch.view, &scratch.image, self.color.image());
-        let groups = present::groups(pixels.extent());
+        let (groups, origin) = (present::groups(size), self.corner());
         match overlay.filter(|_| self.blend.reads()) {
             Some(overlay) => {
                 rec.acquire_to_blend(self.color);
@@ -87,6 +135,7 @@ impl HostTarget<'_> {
                 let params = overlay::Params {
                     linear: gain.is_some().into(),
                     gain: gain.unwrap_or(1.0),
+                    origin,
                 };
                 overlay.record(rec, io, params, groups);
             }
@@ -97,7 +146,7 @@ impl HostTarget<'_> {
                     image,
                     target: pixels,
                 };
-                present.record(rec, io, groups);
+                present.record(rec, io, present::Params { origin }, groups);
             }
         }
         rec.release(self.color);

@@ -1,4 +1,4 @@
-//! `ashfall bench frame` and `ashfall bench train`, with tiny sizes.
+//! `ashfall bench frame`, `ashfall bench train` and `ashfall bench guest`, with tiny sizes.
 
 use ashfall::lab::synth::{self, Kind, SynthOptions};
 use serde_json::Value;
@@ -78,6 +78,29 @@ fn frames_are_measured_by_size() {
     assert!(text.contains("time over pixels at 600 splats: exponent"), "{text}");
     let rows = report["rows"].as_array().unwrap().len();
     assert_eq!(fs::read_to_string(&csv).unwrap().lines().count(), rows + 1);
+}
+
+#[test]
+fn pictures_of_a_guest_are_measured_against_a_plain_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let common = ["guest", "--splats", "500", "--size", "64x48", "--runs", "2"];
+    let (text, report) = bench(folder.path(), &common);
+    let kinds = |report: &Value| {
+        let costs = report["guests"].as_array().unwrap().iter();
+        let kinds = costs.map(|cost| {
+            assert!(cost["ratio"].as_f64().unwrap() > 0.0);
+            cost["variant"].as_str().unwrap().to_owned()
+        });
+        kinds.collect::<Vec<_>>()
+    };
+    let all = ["display", "depth/none", "depth/half", "instances/8", "eyes/2"];
+    assert_eq!(kinds(&report), all);
+    assert!(text.contains("500 splats at 64x48, eyes/2: "), "{text}");
+    let filtered = [&common[..], &["--filter", "depth", "--instances", "3"]].concat();
+    let (_, report) = bench(folder.path(), &filtered);
+    assert_eq!(kinds(&report), all[1..3]);
+    let none = run(&[&["bench"][..], &common[..], &["--filter", "nonsense"]].concat());
+    assert_eq!(none.status.code(), Some(1));
 }
 
 #[test]

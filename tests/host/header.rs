@@ -10,7 +10,7 @@ const FILES: [&str; 8] = [
     "device.rs",
     "scene.rs",
     "picture.rs",
-    "draw.rs",
+    "projection.rs",
     "renderer.rs",
     "picks.rs",
 ];

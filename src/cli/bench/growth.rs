@@ -13,9 +13,10 @@ use crate::lab::bench::Bench;
 use crate::lab::bench::frame::{self, FramePlan, Scaling, ScalingPoint};
 use crate::lab::bench::growth::Exponent;
 use crate::lab::bench::train::{self, TrainMemory, TrainPlan};
+use crate::scene::{Camera, Splats};
 use crate::train::TrainConfig;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Whole frames by number of splats and size of the picture
 ///
@@ -102,15 +103,7 @@ Examples:
 
 pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
     let mut bench = args.output.open("frame", &args.device)?;
-    let scene = match &args.scene {
-        None => None,
-        Some(path) => {
-            let splats = args.scene_options.read(path)?.splats;
-            let camera = orbit_of_splats(&splats, None).into_iter().next();
-            let near = radius(&splats) * f64::from(TrainConfig::default().near_factor);
-            camera.map(|camera| (splats, camera, near as f32))
-        }
-    };
+    let scene = scene_of(args.scene.as_deref(), &args.scene_options)?;
     let usual = match &scene {
         Some((splats, ..)) => vec![splats.len()],
         None => frame::SPLATS.to_vec(),
@@ -146,6 +139,17 @@ pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
     let mut lines: Vec<String> = scaling.points.iter().filter_map(step_line).collect();
     lines.extend(memory.iter().map(memory_line));
     finish(&args.output, &bench, (&scaling, &memory), lines)
+}
+
+/// A scene with the first camera of an orbit and the near plane in world units.
+pub(super) fn scene_of(path: Option<&Path>, options: &SceneArgs) -> Result<Option<(Splats, Camera, f32)>> {
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let splats = options.read(path)?.splats;
+    let camera = orbit_of_splats(&splats, None).into_iter().next();
+    let near = radius(&splats) * f64::from(TrainConfig::default().near_factor);
+    Ok(camera.map(|camera| (splats, camera, near as f32)))
 }
 
 fn either<T: Clone>(asked: &[T], usual: Vec<T>) -> Vec<T> {

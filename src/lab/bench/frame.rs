@@ -26,7 +26,7 @@ pub const SPLATS: [usize; 9] = [
 pub const SIZES: [[u32; 2]; 4] = [[480, 270], [960, 540], [1920, 1080], [3840, 2160]];
 
 /// Near plane of made scenes, world units.
-const NEAR: f32 = 0.01;
+pub const NEAR: f32 = 0.01;
 
 /// Sizes to measure.
 #[derive(Clone, Debug)]

@@ -12,6 +12,7 @@ pub mod check;
 pub mod clock;
 pub mod frame;
 pub mod growth;
+pub mod guest;
 pub mod input;
 pub mod kernels;
 pub mod record;

@@ -38,7 +38,7 @@ impl Work {
 /// One measurement.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BenchRow {
-    /// Bench: `kernels`, `frame`, `train`.
+    /// Bench: `kernels`, `frame`, `train`, `guest`.
     pub bench: String,
     /// Task and input: `rasterize/small`.
     pub input: String,

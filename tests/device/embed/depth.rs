@@ -2,10 +2,10 @@
 
 use crate::embed::frame::UPLOADED;
 use crate::embed::host::Host;
+use crate::embed::texels::{Texels, TexelsDesc};
 use ash::vk;
 use ashfall::gpu::{HostImage, HostImageDesc, ImageState};
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::Allocation;
 
 /// State for the host's next depth test.
 pub(crate) const TESTED: ImageState = ImageState {
@@ -16,29 +16,7 @@ pub(crate) const TESTED: ImageState = ImageState {
 
 pub(crate) struct DepthImage<'a> {
     host: &'a Host,
-    pub(crate) format: vk::Format,
-    extent: [u32; 2],
-    image: vk::Image,
-    view: vk::ImageView,
-    buffer: vk::Buffer,
-    memory: Vec<Allocation>,
-}
-
-/// Aspects of the image, and the one that is read.
-fn aspects(format: vk::Format) -> (vk::ImageAspectFlags, vk::ImageAspectFlags) {
-    use vk::ImageAspectFlags as Aspect;
-    match format {
-        vk::Format::R32_SFLOAT => (Aspect::COLOR, Aspect::COLOR),
-        vk::Format::D24_UNORM_S8_UINT => (Aspect::DEPTH | Aspect::STENCIL, Aspect::DEPTH),
-        _ => (Aspect::DEPTH, Aspect::DEPTH),
-    }
-}
-
-fn range(aspects: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
-    vk::ImageSubresourceRange::default()
-        .aspect_mask(aspects)
-        .level_count(1)
-        .layer_count(1)
+    texels: Texels<'a>,
 }
 
 impl<'a> DepthImage<'a> {
@@ -49,98 +27,56 @@ impl<'a> DepthImage<'a> {
         extent: [u32; 2],
         values: &[f64],
     ) -> (DepthImage<'a>, Vec<f64>) {
-        let device = &host.device;
-        use vk::ImageUsageFlags as Usage;
-        let [width, height] = extent;
-        let info = vk::ImageCreateInfo::default()
-            .image_type(vk::ImageType::TYPE_2D)
-            .format(format)
-            .extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            })
-            .mip_levels(1)
-            .array_layers(1)
-            .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(Usage::SAMPLED | Usage::TRANSFER_DST);
-        // SAFETY: a plain image.
-        let image = unsafe { device.create_image(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let requirements = unsafe { device.get_image_memory_requirements(image) };
-        let of_image = host.allocate(requirements, MemoryLocation::GpuOnly, false);
-        // SAFETY: memory as required, bound once.
-        unsafe { device.bind_image_memory(image, of_image.memory(), of_image.offset()) }.unwrap();
-        let info = vk::ImageViewCreateInfo::default()
-            .image(image)
-            .view_type(vk::ImageViewType::TYPE_2D)
-            .format(format)
-            .subresource_range(range(aspects(format).1));
-        // SAFETY: the image has its memory.
-        let view = unsafe { device.create_image_view(&info, None) }.unwrap();
         let (bytes, stored) = encode(format, values);
-        let info = vk::BufferCreateInfo::default()
-            .size(bytes.len() as u64)
-            .usage(vk::BufferUsageFlags::TRANSFER_SRC);
-        // SAFETY: a plain buffer.
-        let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let requirements = unsafe { device.get_buffer_memory_requirements(buffer) };
-        let mut of_buffer = host.allocate(requirements, MemoryLocation::CpuToGpu, true);
-        // SAFETY: memory as required, bound once.
-        unsafe { device.bind_buffer_memory(buffer, of_buffer.memory(), of_buffer.offset()) }.unwrap();
-        of_buffer.mapped_slice_mut().unwrap()[..bytes.len()].copy_from_slice(&bytes);
-        let image = DepthImage {
-            host,
+        let desc = TexelsDesc {
             format,
             extent,
-            image,
-            view,
-            buffer,
-            memory: vec![of_image, of_buffer],
+            layers: 1,
+            usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
+            texel_bytes: (bytes.len() / values.len()) as u32,
+            location: MemoryLocation::CpuToGpu,
         };
-        (image, stored)
+        let mut texels = Texels::new(host, desc);
+        texels.store(&bytes);
+        (DepthImage { host, texels }, stored)
     }
 
     /// Records the upload, which leaves the image [`UPLOADED`].
     pub(crate) fn upload(&self, commands: vk::CommandBuffer) {
-        let device = &self.host.device;
-        let (all, read) = aspects(self.format);
+        let (device, texels) = (&self.host.device, &self.texels);
         let barriers = [vk::ImageMemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
             .dst_stage_mask(UPLOADED.stage)
             .dst_access_mask(UPLOADED.access)
             .new_layout(UPLOADED.layout)
-            .image(self.image)
-            .subresource_range(range(all))];
+            .image(texels.image)
+            .subresource_range(texels.desc.range())];
         let dependency = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        let [width, height] = self.extent;
-        let regions = [vk::BufferImageCopy::default()
-            .image_subresource(vk::ImageSubresourceLayers {
-                aspect_mask: read,
-                layer_count: 1,
-                ..Default::default()
-            })
-            .image_extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            })];
+        let regions = [texels.region()];
         // SAFETY: the host's own objects; the commands are being recorded.
         unsafe {
             device.cmd_pipeline_barrier2(commands, &dependency);
-            device.cmd_copy_buffer_to_image(commands, self.buffer, self.image, UPLOADED.layout, &regions);
+            device.cmd_copy_buffer_to_image(commands, texels.buffer, texels.image, UPLOADED.layout, &regions);
         }
     }
 
     /// The image as the engine's, in the state after its upload.
     pub(crate) fn source(&self) -> HostImage {
+        self.source_after(UPLOADED)
+    }
+
+    /// As [`DepthImage::source`], after another picture.
+    pub(crate) fn again(&self) -> HostImage {
+        self.source_after(TESTED)
+    }
+
+    fn source_after(&self, before: ImageState) -> HostImage {
         let desc = HostImageDesc {
-            image: self.image,
-            view: self.view,
-            format: self.format,
-            extent: self.extent,
-            before: UPLOADED,
+            image: self.texels.image,
+            view: self.texels.views[0],
+            format: self.texels.desc.format,
+            extent: self.texels.desc.extent,
+            before,
             after: TESTED,
         };
         // SAFETY: image and view live until the frame has been waited for.
@@ -171,20 +107,4 @@ fn encode(format: vk::Format, values: &[f64]) -> (Vec<u8>, Vec<f64>) {
         }
     }
     (bytes, stored)
-}
-
-impl Drop for DepthImage<'_> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            return;
-        }
-        let device = &self.host.device;
-        // SAFETY: the frames that read it have been waited for.
-        unsafe {
-            device.destroy_image_view(self.view, None);
-            device.destroy_image(self.image, None);
-            device.destroy_buffer(self.buffer, None);
-        }
-        self.memory.drain(..).for_each(|memory| self.host.free(memory));
-    }
 }

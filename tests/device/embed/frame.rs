@@ -1,10 +1,10 @@
 //! Host-owned objects of one frame: commands, a fence, a target image, and a readback buffer.
 
 use crate::embed::host::Host;
+use crate::embed::texels::{Texels, TexelsDesc};
 use ash::vk;
 use ashfall::gpu::{HostImage, HostImageDesc, ImageState};
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::Allocation;
 
 /// State of the image after the host's clear command.
 pub(crate) const CLEARED: ImageState = ImageState {
@@ -30,24 +30,15 @@ pub(crate) struct Frame<'a> {
     pool: vk::CommandPool,
     pub(crate) commands: vk::CommandBuffer,
     fence: vk::Fence,
-    image: vk::Image,
-    view: vk::ImageView,
-    format: vk::Format,
-    extent: [u32; 2],
-    buffer: vk::Buffer,
-    memory: Vec<Allocation>,
+    texels: Texels<'a>,
 }
-
-const WHOLE: vk::ImageSubresourceRange = vk::ImageSubresourceRange {
-    aspect_mask: vk::ImageAspectFlags::COLOR,
-    base_mip_level: 0,
-    level_count: 1,
-    base_array_layer: 0,
-    layer_count: 1,
-};
 
 impl<'a> Frame<'a> {
     pub(crate) fn new(host: &'a Host, format: vk::Format, extent: [u32; 2]) -> Frame<'a> {
+        Frame::with_layers(host, format, extent, 1)
+    }
+
+    pub(crate) fn with_layers(host: &'a Host, format: vk::Format, extent: [u32; 2], layers: u32) -> Frame<'a> {
         let device = &host.device;
         let signaled = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
         let reset = vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER;
@@ -64,73 +55,21 @@ impl<'a> Frame<'a> {
             .command_buffer_count(1);
         // SAFETY: the pool was just made.
         let commands = unsafe { device.allocate_command_buffers(&info) }.unwrap()[0];
-        let mut frame = Frame {
+        use vk::ImageUsageFlags as Usage;
+        let desc = TexelsDesc {
+            format,
+            extent,
+            layers,
+            usage: Usage::STORAGE | Usage::SAMPLED | Usage::TRANSFER_SRC | Usage::TRANSFER_DST,
+            texel_bytes: 16,
+            location: MemoryLocation::GpuToCpu,
+        };
+        Frame {
             host,
             pool,
             commands,
             fence,
-            image: vk::Image::null(),
-            view: vk::ImageView::null(),
-            format,
-            extent,
-            buffer: vk::Buffer::null(),
-            memory: Vec::new(),
-        };
-        frame.make_image();
-        frame.make_buffer();
-        frame
-    }
-
-    fn make_image(&mut self) {
-        let format = self.format;
-        let device = &self.host.device;
-        use vk::ImageUsageFlags as Usage;
-        let info = vk::ImageCreateInfo::default()
-            .image_type(vk::ImageType::TYPE_2D)
-            .format(format)
-            .extent(self.extent3())
-            .mip_levels(1)
-            .array_layers(1)
-            .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(Usage::STORAGE | Usage::SAMPLED | Usage::TRANSFER_SRC | Usage::TRANSFER_DST);
-        // SAFETY: a plain image.
-        self.image = unsafe { device.create_image(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let requirements = unsafe { device.get_image_memory_requirements(self.image) };
-        let memory = self.host.allocate(requirements, MemoryLocation::GpuOnly, false);
-        // SAFETY: memory as required, bound once.
-        unsafe { device.bind_image_memory(self.image, memory.memory(), memory.offset()) }.unwrap();
-        self.memory.push(memory);
-        let info = vk::ImageViewCreateInfo::default()
-            .image(self.image)
-            .view_type(vk::ImageViewType::TYPE_2D)
-            .format(format)
-            .subresource_range(WHOLE);
-        // SAFETY: the image has its memory.
-        self.view = unsafe { device.create_image_view(&info, None) }.unwrap();
-    }
-
-    fn make_buffer(&mut self) {
-        let device = &self.host.device;
-        let bytes = u64::from(self.extent[0]) * u64::from(self.extent[1]) * 16;
-        let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
-        let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
-        // SAFETY: a plain buffer.
-        self.buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let requirements = unsafe { device.get_buffer_memory_requirements(self.buffer) };
-        let memory = self.host.allocate(requirements, MemoryLocation::GpuToCpu, true);
-        // SAFETY: memory as required, bound once.
-        unsafe { device.bind_buffer_memory(self.buffer, memory.memory(), memory.offset()) }.unwrap();
-        self.memory.push(memory);
-    }
-
-    fn extent3(&self) -> vk::Extent3D {
-        let [width, height] = self.extent;
-        vk::Extent3D {
-            width,
-            height,
-            depth: 1,
+            texels: Texels::new(host, desc),
         }
     }
 
@@ -152,34 +91,29 @@ impl<'a> Frame<'a> {
             .dst_stage_mask(to.stage)
             .dst_access_mask(to.access)
             .new_layout(to.layout)
-            .image(self.image)
-            .subresource_range(WHOLE)];
+            .image(self.texels.image)
+            .subresource_range(self.texels.desc.range())];
         let dependency = vk::DependencyInfo::default().image_memory_barriers(&barriers);
         // SAFETY: the commands are being recorded.
         unsafe { self.host.device.cmd_pipeline_barrier2(self.commands, &dependency) };
-    }
-
-    /// The whole image as a region of the buffer.
-    fn region(&self) -> vk::BufferImageCopy {
-        vk::BufferImageCopy::default()
-            .image_subresource(vk::ImageSubresourceLayers {
-                aspect_mask: vk::ImageAspectFlags::COLOR,
-                layer_count: 1,
-                ..Default::default()
-            })
-            .image_extent(self.extent3())
     }
 
     /// Waits for the frame's previous commands and begins new ones, which leave the image `UPLOADED` with these pixels.
     pub(crate) fn begin_over<T: bytemuck::Pod>(&mut self, pixels: &[T]) {
         self.start();
         let bytes: &[u8] = bytemuck::cast_slice(pixels);
-        self.memory[1].mapped_slice_mut().unwrap()[..bytes.len()].copy_from_slice(bytes);
+        self.texels.store(bytes);
         self.discard(UPLOADED);
-        let (device, regions) = (&self.host.device, [self.region()]);
+        let (device, regions) = (&self.host.device, [self.texels.region()]);
         // SAFETY: the host's own objects; the commands are being recorded.
         unsafe {
-            device.cmd_copy_buffer_to_image(self.commands, self.buffer, self.image, UPLOADED.layout, &regions);
+            device.cmd_copy_buffer_to_image(
+                self.commands,
+                self.texels.buffer,
+                self.texels.image,
+                UPLOADED.layout,
+                &regions,
+            );
         }
     }
 
@@ -193,7 +127,13 @@ impl<'a> Frame<'a> {
         };
         // SAFETY: the host's own objects; the commands are being recorded.
         unsafe {
-            device.cmd_clear_color_image(self.commands, self.image, CLEARED.layout, &red, &[WHOLE]);
+            device.cmd_clear_color_image(
+                self.commands,
+                self.texels.image,
+                CLEARED.layout,
+                &red,
+                &[self.texels.desc.range()],
+            );
         }
     }
 
@@ -206,8 +146,8 @@ impl<'a> Frame<'a> {
             .dst_access_mask(COPYABLE.access)
             .old_layout(CLEARED.layout)
             .new_layout(COPYABLE.layout)
-            .image(self.image)
-            .subresource_range(WHOLE)];
+            .image(self.texels.image)
+            .subresource_range(self.texels.desc.range())];
         let dependency = vk::DependencyInfo::default().image_memory_barriers(&barriers);
         // SAFETY: the commands are being recorded.
         unsafe { self.host.device.cmd_pipeline_barrier2(self.commands, &dependency) };
@@ -215,7 +155,21 @@ impl<'a> Frame<'a> {
 
     /// The image as the engine's [`HostImage`].
     pub(crate) fn target(&self, before: ImageState, after: ImageState) -> HostImage {
-        self.target_as(self.format, self.extent, before, after)
+        self.target_as(self.texels.desc.format, self.texels.desc.extent, before, after)
+    }
+
+    /// A layer of the image.
+    pub(crate) fn layer(&self, layer: u32, before: ImageState, after: ImageState) -> HostImage {
+        let desc = HostImageDesc {
+            image: self.texels.image,
+            view: self.texels.views[layer as usize],
+            format: self.texels.desc.format,
+            extent: self.texels.desc.extent,
+            before,
+            after,
+        };
+        // SAFETY: image and view live as long as the frame, which waits for its commands.
+        unsafe { HostImage::wrap(desc) }.at_layer(layer)
     }
 
     /// The image with another format and extent than its own, for refusals.
@@ -227,8 +181,8 @@ impl<'a> Frame<'a> {
         after: ImageState,
     ) -> HostImage {
         let desc = HostImageDesc {
-            image: self.image,
-            view: self.view,
+            image: self.texels.image,
+            view: self.texels.views[0],
             format,
             extent,
             before,
@@ -241,7 +195,7 @@ impl<'a> Frame<'a> {
     /// Copies the image, which must be `COPYABLE`, without a barrier of the host; ends and submits.
     pub(crate) fn submit(&self) {
         let device = &self.host.device;
-        let regions = [self.region()];
+        let regions = [self.texels.region()];
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
         let to_host = [vk::MemoryBarrier2::default()
@@ -252,7 +206,13 @@ impl<'a> Frame<'a> {
         let dependency = vk::DependencyInfo::default().memory_barriers(&to_host);
         // SAFETY: the host's own objects; the commands are being recorded.
         unsafe {
-            device.cmd_copy_image_to_buffer(self.commands, self.image, COPYABLE.layout, self.buffer, &regions);
+            device.cmd_copy_image_to_buffer(
+                self.commands,
+                self.texels.image,
+                COPYABLE.layout,
+                self.texels.buffer,
+                &regions,
+            );
             device.cmd_pipeline_barrier2(self.commands, &dependency);
             device.end_command_buffer(self.commands).unwrap();
             device.queue_submit2(self.host.queue, &submits, self.fence).unwrap();
@@ -265,12 +225,13 @@ impl<'a> Frame<'a> {
         self.submit();
     }
 
-    /// Waits for the commands, and reads the pixels.
+    /// Waits for the commands, and reads the pixels of all layers.
     pub(crate) fn pixels<T: bytemuck::Pod>(&self) -> Vec<[T; 4]> {
         // SAFETY: the fence is the host's own, and was submitted or is signalled.
         unsafe { self.host.device.wait_for_fences(&[self.fence], true, u64::MAX) }.unwrap();
-        let bytes = (self.extent[0] * self.extent[1]) as usize * 4 * size_of::<T>();
-        let values: Vec<T> = bytemuck::pod_collect_to_vec(&self.memory[1].mapped_slice().unwrap()[..bytes]);
+        let TexelsDesc { extent, layers, .. } = self.texels.desc;
+        let bytes = (extent[0] * extent[1] * layers) as usize * 4 * size_of::<T>();
+        let values: Vec<T> = bytemuck::pod_collect_to_vec(&self.texels.bytes()[..bytes]);
         values.chunks(4).map(|p| [p[0], p[1], p[2], p[3]]).collect()
     }
 }
@@ -286,10 +247,6 @@ impl Drop for Frame<'_> {
             device.wait_for_fences(&[self.fence], true, u64::MAX).unwrap();
             device.destroy_fence(self.fence, None);
             device.destroy_command_pool(self.pool, None);
-            device.destroy_image_view(self.view, None);
-            device.destroy_image(self.image, None);
-            device.destroy_buffer(self.buffer, None);
         }
-        self.memory.drain(..).for_each(|memory| self.host.free(memory));
     }
 }

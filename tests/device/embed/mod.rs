@@ -10,8 +10,10 @@ mod heap;
 mod host;
 mod instances;
 mod occlusion;
+mod parts;
 mod picking;
 mod requirements;
+mod texels;
 mod watch;
 mod words;
 

@@ -2,10 +2,10 @@
 
 use crate::embed::frame::COPYABLE;
 use crate::embed::host::Host;
+use crate::embed::texels::{Texels, TexelsDesc};
 use ash::vk;
 use ashfall::gpu::{HostImage, HostImageDesc, ImageState};
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::Allocation;
 
 /// State of a new image, before the engine's copy.
 const FRESH: ImageState = ImageState {
@@ -16,85 +16,44 @@ const FRESH: ImageState = ImageState {
 
 pub(crate) struct WordImage<'a> {
     host: &'a Host,
-    format: vk::Format,
-    extent: [u32; 2],
-    image: vk::Image,
-    view: vk::ImageView,
-    buffer: vk::Buffer,
-    memory: Vec<Allocation>,
-}
-
-fn aspect(format: vk::Format) -> vk::ImageAspectFlags {
-    match format {
-        vk::Format::D32_SFLOAT | vk::Format::D16_UNORM => vk::ImageAspectFlags::DEPTH,
-        _ => vk::ImageAspectFlags::COLOR,
-    }
+    texels: Texels<'a>,
 }
 
 impl<'a> WordImage<'a> {
     pub(crate) fn new(host: &'a Host, format: vk::Format, extent: [u32; 2]) -> WordImage<'a> {
-        let device = &host.device;
         use vk::ImageUsageFlags as Usage;
-        let [width, height] = extent;
-        let info = vk::ImageCreateInfo::default()
-            .image_type(vk::ImageType::TYPE_2D)
-            .format(format)
-            .extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            })
-            .mip_levels(1)
-            .array_layers(1)
-            .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(Usage::SAMPLED | Usage::TRANSFER_SRC | Usage::TRANSFER_DST);
-        // SAFETY: a plain image.
-        let image = unsafe { device.create_image(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let requirements = unsafe { device.get_image_memory_requirements(image) };
-        let of_image = host.allocate(requirements, MemoryLocation::GpuOnly, false);
-        // SAFETY: memory as required, bound once.
-        unsafe { device.bind_image_memory(image, of_image.memory(), of_image.offset()) }.unwrap();
-        let range = vk::ImageSubresourceRange::default()
-            .aspect_mask(aspect(format))
-            .level_count(1)
-            .layer_count(1);
-        let info = vk::ImageViewCreateInfo::default()
-            .image(image)
-            .view_type(vk::ImageViewType::TYPE_2D)
-            .format(format)
-            .subresource_range(range);
-        // SAFETY: the image has its memory.
-        let view = unsafe { device.create_image_view(&info, None) }.unwrap();
-        let info = vk::BufferCreateInfo::default()
-            .size(u64::from(width * height) * 4)
-            .usage(vk::BufferUsageFlags::TRANSFER_DST);
-        // SAFETY: a plain buffer.
-        let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let requirements = unsafe { device.get_buffer_memory_requirements(buffer) };
-        let of_buffer = host.allocate(requirements, MemoryLocation::GpuToCpu, true);
-        // SAFETY: memory as required, bound once.
-        unsafe { device.bind_buffer_memory(buffer, of_buffer.memory(), of_buffer.offset()) }.unwrap();
-        WordImage {
-            host,
+        let desc = TexelsDesc {
             format,
             extent,
-            image,
-            view,
-            buffer,
-            memory: vec![of_image, of_buffer],
-        }
+            layers: 1,
+            usage: Usage::SAMPLED | Usage::TRANSFER_SRC | Usage::TRANSFER_DST,
+            texel_bytes: 4,
+            location: MemoryLocation::GpuToCpu,
+        };
+        let texels = Texels::new(host, desc);
+        WordImage { host, texels }
     }
 
     /// The image as the engine's, whose contents before do not matter, and which the host copies afterwards.
     pub(crate) fn target(&self) -> HostImage {
+        self.target_after(FRESH)
+    }
+
+    /// As [`WordImage::target`], after another picture.
+    pub(crate) fn again(&self) -> HostImage {
+        self.target_after(ImageState {
+            access: vk::AccessFlags2::NONE,
+            ..COPYABLE
+        })
+    }
+
+    fn target_after(&self, before: ImageState) -> HostImage {
         let desc = HostImageDesc {
-            image: self.image,
-            view: self.view,
-            format: self.format,
-            extent: self.extent,
-            before: FRESH,
+            image: self.texels.image,
+            view: self.texels.views[0],
+            format: self.texels.desc.format,
+            extent: self.texels.desc.extent,
+            before,
             after: COPYABLE,
         };
         // SAFETY: image and view live until the frame has been waited for.
@@ -103,45 +62,16 @@ impl<'a> WordImage<'a> {
 
     /// Records a copy of the image, without a barrier of the host before it.
     pub(crate) fn download(&self, commands: vk::CommandBuffer) {
-        let [width, height] = self.extent;
-        let regions = [vk::BufferImageCopy::default()
-            .image_subresource(vk::ImageSubresourceLayers {
-                aspect_mask: aspect(self.format),
-                layer_count: 1,
-                ..Default::default()
-            })
-            .image_extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            })];
+        let (texels, regions) = (&self.texels, [self.texels.region()]);
+        let device = &self.host.device;
         // SAFETY: the host's own objects; the commands are being recorded.
         unsafe {
-            self.host
-                .device
-                .cmd_copy_image_to_buffer(commands, self.image, COPYABLE.layout, self.buffer, &regions);
+            device.cmd_copy_image_to_buffer(commands, texels.image, COPYABLE.layout, texels.buffer, &regions);
         }
     }
 
     /// The words, once the frame has been waited for.
     pub(crate) fn words<T: bytemuck::Pod>(&self) -> Vec<T> {
-        let pixels = (self.extent[0] * self.extent[1]) as usize;
-        bytemuck::pod_collect_to_vec(&self.memory[1].mapped_slice().unwrap()[..4 * pixels])
-    }
-}
-
-impl Drop for WordImage<'_> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            return;
-        }
-        let device = &self.host.device;
-        // SAFETY: the frames that used it have been waited for.
-        unsafe {
-            device.destroy_image_view(self.view, None);
-            device.destroy_image(self.image, None);
-            device.destroy_buffer(self.buffer, None);
-        }
-        self.memory.drain(..).for_each(|memory| self.host.free(memory));
+        bytemuck::pod_collect_to_vec(self.texels.bytes())
     }
 }

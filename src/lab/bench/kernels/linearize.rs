@@ -1,6 +1,7 @@
-//! Case of `linearize`: a host's depths, in an image of our own.
+//! Case of `linearize`: a host's depths, in a rectangle of an image of our own.
 
 use super::KernelCase;
+use super::present::{ORIGIN, extent_around};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::linearize::{Bindings, Linearize, Params};
@@ -51,19 +52,20 @@ pub fn linearize<'a>(gpu: &Gpu, size: [u32; 2], code: Code) -> Result<KernelCase
     };
     let view = gpu.buffer_from("view", &[view])?;
     let planes = gpu.buffer_from("image", &depths.repeat(4))?;
-    let stored = gpu.image("stored", size)?;
+    let stored = gpu.image("stored", extent_around(size))?;
     let write = present::Present::new(gpu, present::Choice::default())?;
     let image = stored.clone();
     let limits = gpu.buffer::<f32>("limit_from_pixel", pixels + 1)?;
     let farthest_found = gpu.buffer::<f32>("limit_from_tile", farthest.len() + 1)?;
     let case = KernelCase::new(Work::of(pixels, "pixels").moving(20 * pixels))
         .before(move |rec, _| {
+            rec.clear(&image, f32::NAN);
             let io = present::Bindings {
                 view: &view,
                 image: &planes,
                 target: &image,
             };
-            write.record(rec, io, present::groups(size));
+            write.record(rec, io, present::Params { origin: ORIGIN }, present::groups(size));
         })
         .compare(&limits, move |found| vec![output("limits", &found, &expected)])
         .compare(&farthest_found, move |found| {
@@ -82,6 +84,7 @@ pub fn linearize<'a>(gpu: &Gpu, size: [u32; 2], code: Code) -> Result<KernelCase
             linear: code.is_linear.into(),
             empty: code.empty as f32,
             size,
+            origin: ORIGIN,
         };
         kernel.record(rec, io, params, kernel.groups(tiles));
     }))

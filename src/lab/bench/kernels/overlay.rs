@@ -1,6 +1,7 @@
-//! Case of `overlay`: a composited image over the pixels of a storage image of our own.
+//! Case of `overlay`: a composited image over a rectangle of the pixels of a storage image of our own.
 
 use super::KernelCase;
+use super::present::{ORIGIN, extent_around, values_around};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::overlay::{Bindings, Overlay, Params};
@@ -15,9 +16,9 @@ use crate::reference::overlay::{over_display, over_linear};
 struct Pixels {
     above: Vec<f32>,
     below: Vec<f32>,
-    expected: Vec<f64>,
-    /// Pixels without splats, with the host's.
-    kept: Vec<(usize, [f64; 4])>,
+    expected: Vec<[f64; 4]>,
+    /// The host's pixels where there are no splats, else NaN.
+    kept: Vec<[f64; 4]>,
 }
 
 /// Colours and transmittances, 1 and 0 among them.
@@ -42,13 +43,11 @@ fn random_pixels(pixels: usize, gain: Option<f32>) -> Pixels {
         let [r, g, b, through] = std::array::from_fn(|plane| f64::from(below[plane * pixels + i]));
         // `present` writes opacities.
         let under = [r, g, b, f64::from(1.0 - through as f32)];
-        expected.extend(match gain {
+        expected.push(match gain {
             None => over_display([red, green, blue], transmittance, under),
             Some(gain) => over_linear([red, green, blue], transmittance, under, gain.into()),
         });
-        if transmittance == 1.0 {
-            kept.push((i, under));
-        }
+        kept.push(if transmittance == 1.0 { under } else { [f64::NAN; 4] });
     }
     Pixels {
         above,
@@ -74,29 +73,31 @@ pub fn overlay<'a>(gpu: &Gpu, size: [u32; 2], gain: Option<f32>) -> Result<Kerne
     let view = gpu.buffer_from("view", &[view])?;
     let image = gpu.buffer_from("image", &above)?;
     let host = gpu.buffer_from("below", &below)?;
-    let target = gpu.image("target", size)?;
+    let target = gpu.image("target", extent_around(size))?;
+    let [expected, kept] = [expected, kept].map(|pixels| values_around(size, |i| pixels[i]));
     let write = present::Present::new(gpu, present::Choice::default())?;
     let (first, found, seen) = (target.clone(), target.clone(), view.clone());
     let work = Work::of(pixels, "pixels").moving(48 * pixels);
     let case = KernelCase::new(work)
         .before(move |rec, _| {
+            rec.clear(&first, f32::NAN);
             let io = present::Bindings {
                 view: &seen,
                 image: &host,
                 target: &first,
             };
-            write.record(rec, io, present::groups(size));
+            write.record(rec, io, present::Params { origin: ORIGIN }, present::groups(size));
         })
         .judge(move |gpu| {
             let found = floats(&gpu.download_image(&found)?);
-            let whole: Vec<f64> = kept
-                .iter()
-                .flat_map(|&(i, _)| found[4 * i..4 * i + 4].to_vec())
-                .collect();
-            let under = kept.iter().flat_map(|&(_, under)| under).collect();
+            let or_nan = |(found, kept): (&f64, &f64)| if kept.is_nan() { f64::NAN } else { *found };
+            let under = found.iter().zip(&kept).map(or_nan).collect();
             // Powers have 16 ULP of exp2 and log2 each, of light up to 2.4 times the gain of 2.
             let pixels = Output::relative("pixels", found, expected.clone(), 1e-5, 1.0);
-            Ok(vec![pixels, Output::exact("pixels without splats", whole, under)])
+            Ok(vec![
+                pixels,
+                Output::exact("pixels without splats", under, kept.clone()),
+            ])
         });
     Ok(case.commands(move |rec, kernel: &Overlay, _| {
         let io = Bindings {
@@ -108,6 +109,7 @@ pub fn overlay<'a>(gpu: &Gpu, size: [u32; 2], gain: Option<f32>) -> Result<Kerne
         let params = Params {
             linear: gain.is_some().into(),
             gain: gain.unwrap_or(1.0),
+            origin: ORIGIN,
         };
         kernel.record(rec, io, params, present::groups(size));
     }))
