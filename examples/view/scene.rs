@@ -79,6 +79,8 @@ impl Visits {
     }
 
     pub(crate) fn set_origin(&mut self, origin: DVec3) {
+        let by = self.dataset.origin - origin;
+        self.focus = self.focus.map(|focus| focus + by);
         self.dataset.set_origin(origin);
     }
 

@@ -132,12 +132,27 @@ impl Viewer {
         let clip = self.clip.filter(|_| options.primitive == Primitive::Gaussian3d);
         let mut renderer = Renderer::new(&self.gpu, options)?;
         make_room(&mut renderer, (&model, clip), &self.rig, self.screen.extent, None)?;
-        if let Some(visits) = &mut self.visits {
-            visits.set_origin(scene.splats.origin);
-        }
-        (self.scene, self.model, self.clip) = (scene, model, clip);
+        self.clip = clip;
+        self.rebase(scene.splats.origin);
+        (self.scene, self.model) = (scene, model);
         self.install(renderer, options);
         Ok(())
+    }
+
+    /// Keeps everything in its place in a world of another origin.
+    fn rebase(&mut self, origin: DVec3) {
+        let by = self.scene.splats.origin - origin;
+        self.rig.camera.position += by;
+        self.rig.target += by;
+        for key in &mut self.keys {
+            key.position += by;
+        }
+        if let Some(clip) = &mut self.clip {
+            clip.world_from_cube = DMat4::from_translation(by) * clip.world_from_cube;
+        }
+        if let Some(visits) = &mut self.visits {
+            visits.set_origin(origin);
+        }
     }
 
     /// A renderer of other options, for the scene.
@@ -145,13 +160,8 @@ impl Viewer {
         self.device.wait();
         let options = options(&self.scene, wanted);
         let mut renderer = Renderer::new(&self.gpu, options)?;
-        make_room(
-            &mut renderer,
-            (&self.model, self.clip),
-            &self.rig,
-            self.screen.extent,
-            None,
-        )?;
+        let content = (&self.model, self.clip);
+        make_room(&mut renderer, content, &self.rig, self.screen.extent, None)?;
         self.install(renderer, options);
         Ok(())
     }
@@ -273,12 +283,15 @@ impl Viewer {
             world_from_cube: DMat4::from_scale_rotation_translation(size, upright, self.rig.target),
             cuts_inside: false,
         };
-        self.clip = match self.clip {
+        let next = match self.clip {
             None => Some(cube),
             Some(_) => None,
         };
         self.device.wait();
-        self.reserve(None)
+        let content = (&self.model, next);
+        make_room(&mut self.renderer, content, &self.rig, self.screen.extent, None)?;
+        self.clip = next;
+        Ok(())
     }
 
     /// Adds the camera to the recorded path.

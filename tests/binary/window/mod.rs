@@ -93,7 +93,7 @@ fn example() -> PathBuf {
     path
 }
 
-/// The scene of the tests: 80 splats before the camera of the data set.
+/// Splats before a camera of the data set's size, or about the place that another scene's camera looks at.
 fn scene(seed: u64, count: usize, like: Option<&Scene>) -> Scene {
     let mut scene = gentle(seed, count, SIZE[0], SIZE[1], 2);
     scene.camera.center = 0.5 * DVec2::new(SIZE[0].into(), SIZE[1].into());
@@ -228,12 +228,19 @@ fn assert_files_followed(desk: &mut Desk, scene: &Scene, folder: &Path) {
     desk.titled("error of the missing file", says("No such file"));
     assert!(desk.screenshot().rgba == first.rgba, "the scene has gone with its file");
 
-    let next = self::scene(6, 70, Some(scene));
+    // Of another origin: the camera stays in its place.
+    let mut next = self::scene(6, 70, Some(scene));
+    next.splats.origin = DVec3::new(16.0, 0.0, 0.0);
+    next.splats.mean.iter_mut().for_each(|mean| mean[0] -= 16.0);
+    let inside = Camera {
+        position: camera.position - next.splats.origin,
+        ..camera
+    };
     replace(&path, &next.splats);
     desk.titled("changed scene", |title| {
         title.contains("70 splats") && !title.contains("error")
     });
-    assert_drawn(&desk.screenshot(), &camera, &headless(&camera, &next, folder, None));
+    assert_drawn(&desk.screenshot(), &camera, &headless(&inside, &next, folder, None));
 
     std::fs::write(&other, "ply\n").unwrap();
     desk.drop_file(&other);
@@ -241,7 +248,7 @@ fn assert_files_followed(desk: &mut Desk, scene: &Scene, folder: &Path) {
     replace(&other, &scene.splats);
     desk.drop_file(&other);
     desk.titled("dropped scene", |title| title.contains("other.ply | 80 splats"));
-    assert!(desk.screenshot().rgba == first.rgba);
+    assert_drawn(&desk.screenshot(), &camera, &headless(&camera, scene, folder, None));
 }
 
 /// The window shows the headless picture to the last level, at every size and after turns; a key shows the photograph.
