@@ -16,8 +16,6 @@ enum { WIDTH = 320, HEIGHT = 240, VALUES = WIDTH * HEIGHT * 4 };
 
 #define ZERO(value) memset(&(value), 0, sizeof(value))
 
-static int messages;
-
 static void fail(const char *call, const char *message) {
     fprintf(stderr, "%s: %s\n", call, message);
     exit(1);
@@ -35,11 +33,11 @@ static void placebo(const char *call, bool succeeded) {
     if (!succeeded) fail(call, "failed");
 }
 
-/* Errors of libplacebo, and of the validation layer through it. */
+/* Errors of libplacebo, and of the validation layer through it, end the program. */
 static void on_message(void *user, enum pl_log_level level, const char *message) {
     (void)user;
     fprintf(stderr, "libplacebo: %s\n", message);
-    messages += level <= PL_LOG_ERR;
+    if (level <= PL_LOG_ERR) _Exit(2);
 }
 
 /* A device of libplacebo. It takes a structure for each feature, not those of whole Vulkan versions. */
@@ -201,10 +199,12 @@ static void draw(pl_vulkan device, pl_tex texture, AshfallRenderer *renderer, As
     pl_vulkan_release(device->gpu, texture, lies ? VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL : VK_IMAGE_LAYOUT_GENERAL,
         (pl_vulkan_sem){.sem = semaphore, .value = 2});
 
-    /* A command of libplacebo waits for the semaphore; then all of it is done. */
+    /* libplacebo's commands wait for the semaphore. Mesa reads it until the queue is idle. */
     placebo("pl_tex_download", pl_tex_download(device->gpu, pl_tex_transfer_params(.tex = texture, .ptr = pixels)));
-    if (messages != 0) exit(2);
     pl_gpu_finish(device->gpu);
+    device->lock_queue(device, device->queue_compute.index, 0);
+    vulkan("vkQueueWaitIdle", vkQueueWaitIdle(queue_of(device)));
+    device->unlock_queue(device, device->queue_compute.index, 0);
     vkDestroyCommandPool(device->device, pool, NULL);
     vkDestroySemaphore(device->device, semaphore, NULL);
     vkDestroyImageView(device->device, view, NULL);
@@ -271,5 +271,5 @@ int main(int count, char **arguments) {
     pl_vulkan_destroy(&device);
     pl_vk_inst_destroy(&instance);
     pl_log_destroy(&log);
-    return messages == 0 ? 0 : 2;
+    return 0;
 }

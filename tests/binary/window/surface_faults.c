@@ -1,5 +1,5 @@
 /* A Vulkan layer that fails calls of a window's swapchain: the file at SURFACE_FAULT names a call, "acquire" or
- * "present", and the result of its next use, and is then removed. */
+ * "present", and its next result, "outdated" or "lost", with which it is removed. */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,17 +13,18 @@ static PFN_vkGetDeviceProcAddr next_of_device;
 static PFN_vkAcquireNextImageKHR next_acquire;
 static PFN_vkQueuePresentKHR next_present;
 
-/* The result to give for a call, or 0. */
+/* The error to give for a call, or success. */
 static VkResult fault(const char *call) {
     const char *path = getenv("SURFACE_FAULT");
     FILE *file = path == NULL ? NULL : fopen(path, "r");
-    char name[16] = "";
-    int result = 0;
+    char name[16] = "", fate[16] = "";
+    int read;
     if (file == NULL) return VK_SUCCESS;
-    if (fscanf(file, "%15s %d", name, &result) != 2 || strcmp(name, call) != 0) result = 0;
+    read = fscanf(file, "%15s %15s", name, fate);
     fclose(file);
-    if (result != 0) remove(path);
-    return (VkResult)result;
+    if (read != 2 || strcmp(name, call) != 0) return VK_SUCCESS;
+    remove(path);
+    return strcmp(fate, "lost") == 0 ? VK_ERROR_SURFACE_LOST_KHR : VK_ERROR_OUT_OF_DATE_KHR;
 }
 
 /* A failed acquisition takes no image and signals nothing. */
