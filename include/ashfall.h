@@ -50,6 +50,11 @@
 #define ASHFALL_ORTHOGRAPHIC 8
 
 /**
+ * Flag of AshfallRendererInfo: for device times of the stages (ashfall_timings).
+ */
+#define ASHFALL_TIMINGS 16
+
+/**
  * Instance and splat of pixels without one.
  */
 #define ASHFALL_NO_SPLAT 4294967295
@@ -397,7 +402,7 @@ typedef struct AshfallRendererInfo {
    */
   AshfallPrecision precision;
   /**
-   * ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC.
+   * ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS.
    */
   uint32_t flags;
 } AshfallRendererInfo;
@@ -651,6 +656,21 @@ typedef struct AshfallPickPixel {
 } AshfallPickPixel;
 
 /**
+ * Device time of a stage.
+ */
+typedef struct AshfallStageTime {
+  /**
+   * Name of the stage, ending with 0: project, sort_depth, expand, sort_tile, rasterize, present; between for the
+   * host's commands between two pictures; and others.
+   */
+  char name[24];
+  /**
+   * Nanoseconds.
+   */
+  double nanoseconds;
+} AshfallStageTime;
+
+/**
  * Success.
  */
 #define ASHFALL_OK 0
@@ -895,6 +915,14 @@ AshfallResult ashfall_take_pick(struct AshfallRenderer *renderer,
                                 struct AshfallPickReport *report,
                                 struct AshfallPickPixel *pixels,
                                 uint32_t capacity);
+
+/**
+ * Stages of the pictures of the last frame that ashfall_cmd_draw has reported; for renderers with ASHFALL_TIMINGS.
+ *
+ * `times`: receives the stages, up to `*count`; null to ask for their number. `count`: receives their number, 0 on
+ * devices without timestamps.
+ */
+AshfallResult ashfall_timings(struct AshfallRenderer *renderer, struct AshfallStageTime *times, uint32_t *count);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -22,6 +22,7 @@ mod registry;
 mod renderer;
 mod scene;
 mod session;
+mod timings;
 
 pub use device::{
     ASHFALL_DEBUG_UTILS, ASHFALL_HEADER_VERSION, ASHFALL_MEMORY_BUDGET, AshfallDeviceInfo, AshfallMissing,
@@ -43,8 +44,9 @@ pub use projection::{
 };
 pub use registry::{AshfallDevice, AshfallModel, AshfallRenderer, AshfallScene};
 pub use renderer::{
-    ASHFALL_HOST_COLOR, ASHFALL_HOST_DEPTH, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, AshfallRendererInfo, AshfallReport,
-    ashfall_cmd_draw, ashfall_cmd_upload, ashfall_renderer_create, ashfall_renderer_destroy, ashfall_renderer_reserve,
+    ASHFALL_HOST_COLOR, ASHFALL_HOST_DEPTH, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS, AshfallRendererInfo,
+    AshfallReport, ashfall_cmd_draw, ashfall_cmd_upload, ashfall_renderer_create, ashfall_renderer_destroy,
+    ashfall_renderer_reserve,
 };
 pub use scene::{
     ASHFALL_FILTER_CLASSIC, ASHFALL_FILTER_MIP, ASHFALL_PRECISION_FULL, ASHFALL_PRECISION_HALF,
@@ -52,3 +54,4 @@ pub use scene::{
     ashfall_model_destroy, ashfall_model_upload, ashfall_scene_destroy, ashfall_scene_from_arrays, ashfall_scene_info,
     ashfall_scene_read,
 };
+pub use timings::{AshfallStageTime, ashfall_timings};

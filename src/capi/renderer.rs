@@ -24,8 +24,11 @@ pub const ASHFALL_IDS: u32 = 4;
 /// world unit.
 pub const ASHFALL_ORTHOGRAPHIC: u32 = 8;
 
+/// Flag of AshfallRendererInfo: for device times of the stages (ashfall_timings).
+pub const ASHFALL_TIMINGS: u32 = 16;
+
 /// All flags of AshfallRendererInfo.
-const FLAGS: u32 = ASHFALL_HOST_DEPTH | ASHFALL_HOST_COLOR | ASHFALL_IDS | ASHFALL_ORTHOGRAPHIC;
+const FLAGS: u32 = ASHFALL_HOST_DEPTH | ASHFALL_HOST_COLOR | ASHFALL_IDS | ASHFALL_ORTHOGRAPHIC | ASHFALL_TIMINGS;
 /// Frames in flight if the host does not say.
 const IN_FLIGHT: u32 = 2;
 /// Most frames in flight.
@@ -41,7 +44,7 @@ pub struct AshfallRendererInfo {
     pub frames_in_flight: u32,
     /// Storage precision of the models.
     pub precision: AshfallPrecision,
-    /// ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC.
+    /// ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS.
     pub flags: u32,
 }
 
@@ -102,6 +105,7 @@ pub unsafe extern "C" fn ashfall_renderer_create(
             options.with_host_depth = flags & ASHFALL_HOST_DEPTH != 0;
             options.with_host_color = flags & ASHFALL_HOST_COLOR != 0;
             options.with_ids = flags & ASHFALL_IDS != 0;
+            options.with_timings = flags & ASHFALL_TIMINGS != 0;
             if flags & ASHFALL_ORTHOGRAPHIC != 0 {
                 options.projection = Projection::Orthographic;
             }

@@ -1,6 +1,7 @@
 //! `ashfall mesh`: a triangle mesh of a scene's surface.
 
 mod decimate;
+mod pictures;
 
 use super::args::{DataArgs, DeviceArgs, SplitArg};
 use super::engine::near;
@@ -8,11 +9,12 @@ use super::interrupt::Interrupt;
 use super::output::{Output, bytes, grouped};
 use super::scene::{SceneArgs, fit_axes};
 use super::{Outcome, engine, parse};
+use crate::gpu::Gpu;
 use crate::io::mesh::MeshFormat;
 use crate::io::splats::readable;
 use crate::mesh::{DepthMap, FusionOptions, FusionPhase, FusionReport, clean, fuse};
 use crate::render::{Compatibility, Outputs, RenderedImage};
-use crate::scene::{Camera, Mesh};
+use crate::scene::{Camera, Dataset, Mesh, Splats, Split};
 use crate::{Error, Result, io};
 use clap::{Args, ValueEnum};
 use serde_json::json;
@@ -58,6 +60,10 @@ pub(super) struct MeshArgs {
     /// Memory for voxels, e.g. 512M; a volume beyond is fused in slabs
     #[arg(long, value_name = "SIZE", default_value = "160M", value_parser = parse::size)]
     volume_memory: u64,
+    /// Write photograph | splats | mesh | normals of each held-out view, of all without any, to DIR, and score mesh and
+    /// splats against the photographs
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
@@ -73,6 +79,7 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall mesh run/scene.ply photos/ --out mesh.ply
   ashfall mesh run/scene.ply photos/ --out mesh.glb --voxel 0.01 --largest 1
+  ashfall mesh run/scene.ply photos/ --out mesh.ply --pictures views/
   ashfall mesh run/scene.ply photos/ --out print.obj --closed --triangles 100000";
 
 /// Depth of a pixel.
@@ -91,7 +98,7 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
         return Err(Error::file(folder, "is no folder"));
     }
     let scene = args.scene_options.read(&args.scene)?;
-    let mut dataset = args.options.open(&args.data, false)?;
+    let mut dataset = args.options.open(&args.data, args.pictures.is_some())?;
     dataset.set_origin(scene.splats.origin);
     let views = dataset.split(args.split.into());
     if views.is_empty() {
@@ -146,7 +153,12 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
     if let Some(triangles) = args.triangles {
         decimate::decimate(&mut mesh, triangles)?;
     }
-    finish(args, output, &mesh, removed, &report, splats.origin)
+    let written = Written {
+        mesh: &mesh,
+        removed,
+        report: &report,
+    };
+    finish(args, output, written, (&splats, &gpu, &dataset))
 }
 
 fn map_of(camera: &Camera, picture: &RenderedImage, depth: DepthArg) -> DepthMap {
@@ -168,20 +180,36 @@ fn map_of(camera: &Camera, picture: &RenderedImage, depth: DepthArg) -> DepthMap
     DepthMap::new(camera, depth, &surface.normal, &picture.rgb, &picture.alpha())
 }
 
+/// A mesh and its making.
+struct Written<'a> {
+    mesh: &'a Mesh,
+    /// Small pieces left out.
+    removed: usize,
+    report: &'a FusionReport,
+}
+
+/// Writes the mesh and its pictures.
 fn finish(
     args: &MeshArgs,
     output: Output,
-    mesh: &Mesh,
-    removed: usize,
-    report: &FusionReport,
-    origin: glam::DVec3,
+    Written { mesh, removed, report }: Written<'_>,
+    (splats, gpu, dataset): (&Splats, &Gpu, &Dataset),
 ) -> Result<Outcome> {
     if mesh.triangles.is_empty() {
         let text = "no two views agree on a surface: the mesh is empty; try a larger --voxel or --truncation";
         return Err(Error::Config(text.into()));
     }
-    io::mesh::write(&args.out, mesh, origin)?;
-    let text = format!(
+    io::mesh::write(&args.out, mesh, splats.origin)?;
+    let scores = args.pictures.as_deref().map(|folder| {
+        std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+        let views = match dataset.split(Split::Test) {
+            views if views.is_empty() => dataset.split(Split::All),
+            views => views,
+        };
+        pictures::write(folder, output, gpu, (dataset, &views), (splats, mesh))
+    });
+    let scores = scores.transpose()?;
+    let mut text = format!(
         "{} triangles, {} vertices in {}; {removed} small pieces left out\nvoxel {:.3e}, truncation {:.3e}, {} blocks \
          in {} slabs, {} at a time",
         grouped(mesh.triangles.len()),
@@ -193,6 +221,9 @@ fn finish(
         report.slabs,
         bytes(report.slab_bytes),
     );
+    if let Some(scores) = &scores {
+        text += &scores.line();
+    }
     output.result(text, || {
         json!({
             "mesh": args.out,
@@ -205,6 +236,7 @@ fn finish(
             "blocks": report.blocks,
             "slabs": report.slabs,
             "slab_bytes": report.slab_bytes,
+            "scores": scores,
         })
     });
     Ok(Outcome::Done)

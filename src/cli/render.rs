@@ -3,7 +3,7 @@
 mod finished;
 pub(super) mod orbit;
 mod panorama;
-mod picture;
+pub(super) mod picture;
 mod sequence;
 
 use super::Outcome;

@@ -53,17 +53,25 @@ impl Frames {
         Ok(frames)
     }
 
-    /// Ring of `in_flight` frames in a host's commands, without Vulkan objects until something is recorded.
-    pub fn in_host(gpu: &Gpu, in_flight: usize) -> Frames {
+    /// Ring of `in_flight` frames in a host's commands, without Vulkan objects until something is recorded, but for
+    /// those of `timestamps`.
+    pub fn in_host(gpu: &Gpu, in_flight: usize, timestamps: bool) -> Result<Frames> {
         assert!(in_flight > 0, "at least one frame in flight");
-        Frames {
+        let timestamps = timestamps && gpu.caps().timestamp_period_ns > 0.0;
+        let slot = |_| {
+            Ok(FrameSlot {
+                timestamps: timestamps.then(|| Timestamps::new(gpu)).transpose()?,
+                ..FrameSlot::new(gpu)
+            })
+        };
+        Ok(Frames {
             gpu: gpu.clone(),
             timeline: vk::Semaphore::null(),
-            slots: (0..in_flight).map(|_| FrameSlot::new(gpu)).collect(),
+            slots: (0..in_flight).map(slot).collect::<Result<_>>()?,
             begun: 0,
             submitted: 0,
             guest: Some(Arc::new(())),
-        }
+        })
     }
 
     fn add_slot(&mut self, timestamps: bool) -> Result<()> {
@@ -139,13 +147,19 @@ impl Frames {
     pub fn begin_in(&mut self, host: &mut HostCommands) -> Result<Recorder<'_>> {
         let frame = self.frame_in(host);
         let index = self.index(frame);
-        if frame == self.begun {
+        let is_new = frame == self.begun;
+        if is_new {
             host.begin(self.ring(), frame);
             self.begun += 1;
             // An upload of a host's happens once.
             self.slots[index].reset(STAGING_BYTES as u64)?;
         }
         let slot = &mut self.slots[index];
+        match &mut slot.timestamps {
+            Some(timestamps) if is_new => timestamps.begin(host.commands()),
+            Some(timestamps) => timestamps.mark(host.commands(), "between"),
+            None => {}
+        }
         let mut recorder = Recorder {
             gpu: self.gpu.clone(),
             commands: host.commands(),
@@ -245,6 +259,15 @@ impl Frames {
         let slot = self.slots.iter().find(|slot| slot.value == ticket.0);
         slot.and_then(|slot| slot.timestamps.as_ref())
             .map_or(Ok(Vec::new()), Timestamps::read)
+    }
+}
+
+impl Frames {
+    /// Labels and nanoseconds of a frame in a host's commands that has run, until its slot is reused; `between` is the
+    /// time of other commands between the pictures. Empty without timestamps.
+    pub fn timings_in(&self, frame: u64) -> Result<Vec<(&'static str, f64)>> {
+        let timestamps = &self.slots[self.index(frame)].timestamps;
+        timestamps.as_ref().map_or(Ok(Vec::new()), Timestamps::read)
     }
 }
 

@@ -1,5 +1,5 @@
-//! Meshes of scenes: fusion of depth maps in a volume of signed distances, extraction, cleaning, and distances from a
-//! true mesh.
+//! Meshes of scenes: fusion of depth maps in a volume of signed distances, extraction, cleaning, distances from a true
+//! mesh, and pictures.
 //!
 //! **Invariant:** no device and no files; the same maps give the same bytes.
 //!
@@ -9,6 +9,7 @@ mod clean;
 mod compare;
 mod cubes;
 mod depth_map;
+mod draw;
 mod extract;
 mod flood_fill;
 mod fuse;
@@ -18,4 +19,5 @@ mod volume;
 pub use clean::{MeshComponent, clean, components};
 pub use compare::{ComparisonOptions, DistanceSummary, MeshComparison, NormalSummary, ThresholdScore, compare};
 pub use depth_map::DepthMap;
+pub use draw::{MeshPicture, draw};
 pub use fuse::{FusionOptions, FusionPhase, FusionReport, fuse};

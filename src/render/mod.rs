@@ -33,6 +33,7 @@ mod slots;
 mod statistics;
 mod surface;
 mod target;
+mod upload;
 mod view;
 
 pub use crate::kernels::rasterize::Outputs;
@@ -65,4 +66,5 @@ pub use slots::{ByDegree, DEGREES, Slots, apart, degrees_used, merge_degrees, of
 pub use statistics::Stats;
 pub use surface::Surface;
 pub use target::{Blend, HostTarget, PICK_PIXELS_MAX, PickArea};
+pub use upload::ModelUpload;
 pub use view::{ViewOptions, view_of};

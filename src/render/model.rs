@@ -5,7 +5,7 @@ use super::memory::{Need, buffers};
 use super::precision::Precision;
 use super::slots::{ByDegree, Slots};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::gpu::{Buffer, Gpu};
 use crate::scene::{NotFinite, Primitive, ScreenFilter, Splats};
 use std::ops::Range;
 
@@ -70,22 +70,8 @@ impl Model {
         Ok(model)
     }
 
-    /// Copies a scene to the device when the recorded commands run.
-    pub fn record_upload(rec: &mut Recorder<'_>, splats: &Splats, precision: Precision) -> Result<Model> {
-        let slots = Slots::of_scene(splats);
-        let model = Model::reserve(rec.gpu(), splats, &slots, precision)?;
-        for block in model.blocks.of(model.counts) {
-            let splats_of_block = slots.of_slots(block.slots());
-            let planes = precision.planes_of(splats, &splats_of_block, block.degree);
-            rec.update(&model.params[block.index], 0, &planes);
-            if let Some(index) = model.splat_from_slot.get(block.index) {
-                rec.update(index, 0, &splats_of_block);
-            }
-        }
-        Ok(model)
-    }
-
-    fn reserve(gpu: &Gpu, splats: &Splats, slots: &Slots, precision: Precision) -> Result<Model> {
+    /// Buffers of a scene, without its splats.
+    pub(super) fn reserve(gpu: &Gpu, splats: &Splats, slots: &Slots, precision: Precision) -> Result<Model> {
         let blocks = Blocks::new(gpu.caps(), slots.counts, precision);
         Ok(Model {
             splat_count: splats.len(),

@@ -41,6 +41,9 @@ pub struct RenderOptions {
     /// True for images with the splat at which the coverage of each pixel reaches 1/2, and its depth; for picking, and
     /// for depths and splats in a host's images ([`HostTarget`](super::HostTarget)); not by the rules of the 3DGS code.
     pub with_ids: bool,
+    /// True for device times of the stages of a host's pictures
+    /// ([`Renderer::host_timings`](super::Renderer::host_timings)).
+    pub with_timings: bool,
     /// Order of the splats.
     pub order: SplatOrder,
     /// Rays of the pixels. In an orthographic projection, harmonics are taken along the view's z axis, splats at the
@@ -121,6 +124,7 @@ impl Default for RenderOptions {
             with_host_depth: false,
             with_host_color: false,
             with_ids: false,
+            with_timings: false,
             order: SplatOrder::Depth,
             projection: Projection::Perspective,
             accuracy: Accuracy::default(),

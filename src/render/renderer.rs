@@ -14,6 +14,7 @@ use super::picking::{self, PendingPick, PickReport, Picking};
 use super::scratch::Scratch;
 use super::statistics::Stats;
 use super::target::HostTarget;
+use super::upload::ModelUpload;
 use super::view::{ViewOptions, view_of};
 use crate::gpu::{Frames, Gpu, HostCommands, Readback, Ticket};
 use crate::kernels::{overlay, present};
@@ -50,6 +51,8 @@ pub struct Renderer {
     pending: VecDeque<PendingPicture>,
     /// Reports of finished pictures, oldest first.
     picks: VecDeque<PickReport>,
+    /// Stages of the last finished frame of a host.
+    host_timings: Vec<(&'static str, f64)>,
 }
 
 /// A recorded picture with unread counts.
@@ -96,11 +99,12 @@ impl Renderer {
             scratch: Scratch::new(gpu, capacity, options.outputs())?,
             frames: None,
             rendered: None,
-            host_frames: Frames::in_host(gpu, options.frames_in_flight),
+            host_frames: Frames::in_host(gpu, options.frames_in_flight, options.with_timings)?,
             options,
             bands: DepthBands::default(),
             pending: VecDeque::new(),
             picks: VecDeque::new(),
+            host_timings: Vec::new(),
         })
     }
 
@@ -249,6 +253,7 @@ impl Renderer {
         let mut forward = &self.forward;
         if let (Some(occlusion), Some(depth)) = (&self.occlusion, &target.depth) {
             occlusion.read(&mut rec, depth, (target.corner(), size), scratch);
+            rec.timestamp("linearize");
             forward = &occlusion.forward;
         }
         let view = ViewOptions {
@@ -257,11 +262,13 @@ impl Renderer {
         };
         forward.record(&mut rec, content, scratch, &view_of(camera, &view), degree, self.bands);
         target.show(&mut rec, scratch, size, (&self.present, self.overlay.as_ref()));
+        rec.timestamp("present");
         let picking = self.picking.as_ref();
         let pick = picking.map_or(Ok(None), |picking| {
             picking.show(&mut rec, scratch, size, &target, content)
         });
         let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize);
+        rec.timestamp("outputs");
         rec.finish()?;
         self.pending.push_back(PendingPicture {
             frame,
@@ -351,16 +358,49 @@ impl Renderer {
     /// # Errors
     /// [`Error::OutOfMemory`] and errors of Vulkan; the command buffer can be submitted nevertheless.
     pub fn record_upload(&mut self, commands: &mut HostCommands, splats: &Splats) -> Result<Model> {
+        let mut upload = self.begin_upload(splats)?;
+        self.record_part(commands, &mut upload, usize::MAX)?;
+        Ok(upload.model().clone())
+    }
+
+    /// Begins an upload in parts over several frames, whose time and staging memory are then bounded. Allocates the
+    /// model's buffers: to be called outside of frames.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] and errors of Vulkan.
+    pub fn begin_upload<'a>(&self, splats: &'a Splats) -> Result<ModelUpload<'a>> {
+        ModelUpload::new(&self.gpu, splats, self.options.precision)
+    }
+
+    /// Records up to `bytes` of an upload into a host's command buffer. Returns the model once all of it is recorded;
+    /// pictures of it may follow in the same commands.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] and errors of Vulkan, after which the upload is not complete; the command buffer can be
+    /// submitted nevertheless.
+    pub fn record_part(
+        &mut self,
+        commands: &mut HostCommands,
+        upload: &mut ModelUpload<'_>,
+        bytes: usize,
+    ) -> Result<Option<Model>> {
         let mut rec = self.host_frames.begin_in(commands)?;
-        let model = Model::record_upload(&mut rec, splats, self.options.precision);
+        let is_whole = upload.record(&mut rec, bytes);
         rec.finish()?;
-        model
+        Ok(is_whole.then(|| upload.model().clone()))
     }
 
     /// Takes the reports of picked pixels, oldest first: those of pictures with [`HostTarget::pick`] whose statistics
     /// have been returned since the last call, in the order of recording.
     pub fn picks(&mut self) -> impl Iterator<Item = PickReport> {
         self.picks.drain(..)
+    }
+
+    /// Stages of the pictures of the last finished frame of a host with their device time in nanoseconds, read with its
+    /// statistics, without a wait; `between` is the time of the host's commands between two of them. Empty without
+    /// [`RenderOptions::with_timings`], and on devices without timestamps.
+    pub fn host_timings(&self) -> &[(&'static str, f64)] {
+        &self.host_timings
     }
 
     /// Stages of the last rendered image with their device time in nanoseconds; empty on devices without timestamps.
@@ -400,6 +440,9 @@ impl Renderer {
                 not_finite: picture.not_finite,
             };
             self.picks.extend(picture.pick.as_ref().map(PendingPick::report));
+            if self.options.with_timings {
+                self.host_timings = self.host_frames.timings_in(picture.frame)?;
+            }
             worst = Some(worst.map_or(stats, |worst| worst.worse(stats)));
             if self.options.compatibility == Compatibility::Engine {
                 self.bands = self.bands_after(picture.bands, counts)?;

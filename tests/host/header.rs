@@ -4,7 +4,7 @@ use cbindgen::{Builder, Config, DocumentationStyle, Language, Style};
 use std::path::Path;
 
 /// Files of `src/capi` with items of the header, in its order.
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "failure.rs",
     "registry.rs",
     "device.rs",
@@ -13,6 +13,7 @@ const FILES: [&str; 8] = [
     "projection.rs",
     "renderer.rs",
     "picks.rs",
+    "timings.rs",
 ];
 
 const ABOUT: &str = "\

@@ -117,7 +117,7 @@ fn depth_picture(depth: &[f32]) -> Vec<[f32; 4]> {
 }
 
 /// Normals as colours, (n + 1) / 2 along x right, y up and z toward the camera; without a surface transparent.
-fn normal_picture(camera: &Camera, normal: &[[f32; 3]]) -> Vec<[f32; 4]> {
+pub(in crate::cli) fn normal_picture(camera: &Camera, normal: &[[f32; 3]]) -> Vec<[f32; 4]> {
     let view_from_world = camera.rotation.as_mat3();
     let pixel = |&normal: &[f32; 3]| {
         let Vec3 { x, y, z } = view_from_world * Vec3::from(normal);

@@ -7,4 +7,4 @@ pub mod page;
 mod pictures;
 
 pub use figures::{HistoryEntry, MemoryFigures, Report, Timings};
-pub use pictures::{DIFFERENCE_GAIN, comparison};
+pub use pictures::{DIFFERENCE_GAIN, comparison, side_by_side};

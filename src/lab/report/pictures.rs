@@ -13,19 +13,29 @@ const GAP: usize = 4;
 /// Writes photo | rendering | difference as one PNG. Both pictures are `[row][column]`, 0 to 1.
 ///
 /// Panics if their sizes are not `width * height`.
-pub fn comparison(path: &Path, [width, height]: [u32; 2], photo: &[[f32; 3]], rendering: &[[f32; 3]]) -> Result<()> {
+pub fn comparison(path: &Path, size: [u32; 2], photo: &[[f32; 3]], rendering: &[[f32; 3]]) -> Result<()> {
+    let differences: Vec<[f32; 3]> = photo.iter().zip(rendering).map(difference).collect();
+    side_by_side(path, size, &[photo, rendering, &differences])
+}
+
+/// Writes pictures as one PNG, from left to right. Each is `[row][column]`, 0 to 1.
+///
+/// Panics if their sizes are not `width * height`.
+pub fn side_by_side(path: &Path, [width, height]: [u32; 2], pictures: &[&[[f32; 3]]]) -> Result<()> {
     let pixels = width as usize * height as usize;
-    assert_eq!([photo.len(), rendering.len()], [pixels; 2], "image sizes");
-    let rows = photo.chunks(width as usize).zip(rendering.chunks(width as usize));
-    let mut canvas = Vec::with_capacity(pixels * 3 + 2 * GAP * height as usize);
-    for (photo, rendering) in rows {
-        canvas.extend_from_slice(photo);
-        canvas.extend([[0.5; 3]; GAP]);
-        canvas.extend_from_slice(rendering);
-        canvas.extend([[0.5; 3]; GAP]);
-        canvas.extend(photo.iter().zip(rendering).map(difference));
+    assert!(pictures.iter().all(|picture| picture.len() == pixels), "image sizes");
+    let gaps = pictures.len().saturating_sub(1);
+    let mut canvas = Vec::with_capacity(pixels * pictures.len() + gaps * GAP * height as usize);
+    for row in 0..height as usize {
+        for (at, picture) in pictures.iter().enumerate() {
+            if at > 0 {
+                canvas.extend([[0.5; 3]; GAP]);
+            }
+            canvas.extend_from_slice(&picture[row * width as usize..][..width as usize]);
+        }
     }
-    png::write_rgb(path, 3 * width + 2 * GAP as u32, height, &canvas)
+    let all = pictures.len() as u32 * width + (gaps * GAP) as u32;
+    png::write_rgb(path, all, height, &canvas)
 }
 
 fn difference((a, b): (&[f32; 3], &[f32; 3])) -> [f32; 3] {

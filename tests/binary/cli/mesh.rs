@@ -58,7 +58,22 @@ fn a_ball_becomes_a_mesh_and_is_scored() {
         assert!(path(name).is_file());
     }
     let small = path("small.ply");
-    let made = fuse(&small, &["--closed", "--triangles", "300"]);
+    let pictures = path("pictures");
+    let made = fuse(
+        &small,
+        &["--closed", "--triangles", "300", "--pictures", word(&pictures)],
+    );
+    let scores = &made["scores"];
+    // The photographs show another scene, so that only mesh and splats are alike.
+    let [of_mesh, of_splats] = ["mesh", "splats"].map(|of| scores[of]["psnr_db"].as_f64().unwrap());
+    assert!(
+        scores["mesh"]["views"] == 2 && (of_mesh - of_splats).abs() < 1.0,
+        "{made}"
+    );
+    let files: Vec<_> = fs::read_dir(&pictures).unwrap().collect();
+    assert_eq!(files.len(), 2);
+    let picture = image::open(files[0].as_ref().unwrap().path()).unwrap();
+    assert_eq!((picture.width(), picture.height()), (4 * 45 + 3 * 4, 34));
     assert!(
         made["triangles"].as_u64().is_some_and(|t| (200..=300).contains(&t)),
         "{made}"

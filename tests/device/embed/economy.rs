@@ -5,6 +5,7 @@ use crate::embed::host::Host;
 use crate::embed::watch::Barrier;
 use crate::embed::{SIZE, adopt, assert_same, expected, scene, view, watch, wrap};
 use ash::vk::{self, AccessFlags2 as Access, PipelineStageFlags2 as Stage};
+use ashfall::gpu::STAGING_BYTES;
 use ashfall::render::{Model, RenderOptions, Renderer};
 use ashfall::scene::Splats;
 
@@ -64,6 +65,67 @@ fn an_uploads_staging_memory_goes_back() {
     };
     let transfer = in_use("staging") + in_use("readback");
     assert!(transfer < 1 << 19, "{transfer} bytes of {}", gpu.memory_in_use());
+}
+
+/// An upload in parts has the bits of a whole one, and staging memory for a part.
+#[test]
+fn uploads_in_parts_have_the_bits_of_whole_ones() {
+    const PART: usize = 100_000;
+    let host = Host::new();
+    let frame = Frame::new(&host, FORMAT, SIZE);
+    let gpu = adopt(&host, true, true);
+    // Two degrees, so that slots have an order of their own.
+    let mut splats = many(40_000);
+    for (i, sh) in splats.sh.chunks_mut(48).enumerate() {
+        sh.iter_mut().for_each(|value| *value = i as f32);
+        if i % 2 == 0 {
+            sh[3..].fill(0.0);
+        }
+    }
+    let options = RenderOptions {
+        frames_in_flight: 1,
+        ..RenderOptions::default()
+    };
+    let mut renderer = Renderer::new(&gpu, options).unwrap();
+    let whole = Model::upload(&gpu, &splats).unwrap();
+    assert!(whole.is_indexed());
+    let mut upload = renderer.begin_upload(&splats).unwrap();
+    let staging = |gpu: &ashfall::Gpu| {
+        let by_name = gpu.memory_by_name();
+        let found = by_name.iter().find(|(known, _)| known == "staging");
+        found.map_or(0, |(_, memory)| memory.bytes)
+    };
+    let before = staging(&gpu);
+    let (mut parts, mut found) = (0, None);
+    while found.is_none() {
+        frame.begin();
+        found = renderer.record_part(&mut wrap(&frame), &mut upload, PART).unwrap();
+        assert!(staging(&gpu) - before <= PART as u64 + 2 * STAGING_BYTES as u64);
+        frame.hand_over();
+        frame.submit();
+        frame.pixels::<f32>();
+        parts += 1;
+    }
+    let found = found.unwrap();
+    let bytes: u64 = found.params.iter().map(|plane| plane.bytes()).sum();
+    assert!(
+        parts > bytes / PART as u64 && parts < 2 * bytes / PART as u64,
+        "{parts} parts"
+    );
+    for (a, b) in found.params.iter().zip(&whole.params) {
+        let [a, b] = [a, b].map(|buffer| gpu.download(buffer, 0..buffer.len()).unwrap());
+        assert!(
+            a.iter()
+                .flatten()
+                .map(|x| x.to_bits())
+                .eq(b.iter().flatten().map(|x| x.to_bits()))
+        );
+    }
+    for (a, b) in found.splat_from_slot.iter().zip(&whole.splat_from_slot) {
+        let [a, b] = [a, b].map(|buffer| gpu.download(buffer, 0..buffer.len()).unwrap());
+        assert_eq!(a, b);
+    }
+    assert_eq!(host.messages(), Vec::<String>::new());
 }
 
 /// True for a barrier between commands of the guest, or from and to states of the host's images.
@@ -206,4 +268,55 @@ fn types_move_between_threads() {
     is_shared::<ashfall::Gpu>();
     is_shared::<Model>();
     moves::<Renderer>();
+}
+
+/// Times of the stages come with the statistics, frames later, without a wait.
+#[test]
+fn stages_of_a_hosts_pictures_are_timed() {
+    let scene = scene();
+    let host = Host::new();
+    let frame = Frame::new(&host, FORMAT, SIZE);
+    let gpu = adopt(&host, true, true);
+    let model = Model::upload(&gpu, &scene.splats).unwrap();
+    let options = RenderOptions {
+        frames_in_flight: 1,
+        with_timings: true,
+        ..RenderOptions::default()
+    };
+    let mut renderer = Renderer::new(&gpu, options).unwrap();
+    renderer.reserve(&model, &scene.camera, 1 << 16).unwrap();
+    let mut found = Vec::new();
+    for pictures in [1, 2, 1] {
+        frame.begin();
+        let mut commands = wrap(&frame);
+        watch::calls();
+        for at in 0..pictures {
+            let before = if at == 0 { CLEARED } else { COPYABLE };
+            let target = frame.target(before, COPYABLE);
+            let drawn = renderer.record(&mut commands, &model, &scene.camera, &view(&scene), &target);
+            drawn.unwrap();
+        }
+        let calls = watch::calls();
+        assert!(!calls.iter().any(|call| call.contains("Wait")), "{calls:?}");
+        found.push(renderer.host_timings().to_vec());
+        frame.submit();
+        frame.pixels::<f32>();
+    }
+    let labels = |stages: &[(&'static str, f64)]| stages.iter().map(|(label, _)| *label).collect::<Vec<_>>();
+    let one = [
+        "project",
+        "sort_depth",
+        "expand",
+        "sort_tile",
+        "rasterize",
+        "present",
+        "outputs",
+    ];
+    assert!(found[0].is_empty(), "{found:?}");
+    assert_eq!(labels(&found[1]), one);
+    assert_eq!(labels(&found[2]), [&one[..], &["between"]].concat());
+    for stages in &found[1..] {
+        assert!(stages.iter().all(|(_, ns)| *ns >= 0.0) && stages.iter().any(|(_, ns)| *ns > 0.0));
+    }
+    assert_eq!(host.messages(), Vec::<String>::new());
 }

@@ -1,0 +1,326 @@
+//! Pictures of a mesh, on the processor: the nearest triangle at each pixel's centre.
+
+use crate::scene::{Camera, Mesh};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Picture of a mesh, row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshPicture {
+    /// Colours of the vertices, interpolated; display-referred. Grey for a mesh without; the background beside it.
+    pub rgb: Vec<[f32; 3]>,
+    /// Depth along the view's z axis, world units; infinite beside the mesh.
+    pub depth: Vec<f32>,
+    /// Unit normal in the world, toward the camera; NaN beside the mesh. That of the triangle for a mesh without.
+    pub normal: Vec<[f32; 3]>,
+}
+
+/// Colour of meshes without colours.
+const GREY: [f32; 3] = [0.7; 3];
+/// Rows that a task draws.
+const BAND: usize = 16;
+
+/// Draws a mesh from both sides. Triangles are cut at the near plane (world units, above 0); of several at one depth,
+/// the first counts.
+pub fn draw(mesh: &Mesh, camera: &Camera, near: f64, background: [f32; 3]) -> MeshPicture {
+    let size = [camera.width as usize, camera.height as usize];
+    let world = |position: &[f32; 3]| DVec3::from(position.map(f64::from));
+    let positions = mesh.positions.par_iter();
+    let view: Vec<DVec3> = positions.map(|at| camera.view_from_world(world(at))).collect();
+    let mut bands: Vec<Vec<Piece>> = Vec::new();
+    bands.resize_with(size[1].div_ceil(BAND), Vec::new);
+    for index in 0..mesh.triangles.len() {
+        for piece in pieces(mesh, index, &view, camera, near) {
+            let Some((first, last)) = piece.rows(size[1]) else {
+                continue;
+            };
+            for band in &mut bands[first / BAND..=last / BAND] {
+                band.push(piece);
+            }
+        }
+    }
+    let parts: Vec<MeshPicture> = bands
+        .par_iter()
+        .enumerate()
+        .map(|(band, pieces)| draw_rows(mesh, camera, pieces, (band * BAND, size), background))
+        .collect();
+    let mut picture = MeshPicture {
+        rgb: Vec::new(),
+        depth: Vec::new(),
+        normal: Vec::new(),
+    };
+    for part in parts {
+        picture.rgb.extend(part.rgb);
+        picture.depth.extend(part.depth);
+        picture.normal.extend(part.normal);
+    }
+    picture
+}
+
+/// Part of a triangle before the near plane, in pixels.
+#[derive(Clone, Copy)]
+struct Piece {
+    triangle: usize,
+    at: [DVec2; 3],
+    /// Inverse depths of the corners.
+    inverse: [f64; 3],
+    /// Weights of the triangle's corners in each of the piece's.
+    weights: [DVec3; 3],
+}
+
+impl Piece {
+    /// First and last row with pixel centres within the piece's height.
+    fn rows(&self, height: usize) -> Option<(usize, usize)> {
+        let y = self.at.map(|at| at.y);
+        range(y, height)
+    }
+}
+
+/// Pixels with centres between the least and the largest of three coordinates.
+fn range(values: [f64; 3], count: usize) -> Option<(usize, usize)> {
+    let least = values[0].min(values[1]).min(values[2]);
+    let most = values[0].max(values[1]).max(values[2]);
+    let first = (least - 0.5).ceil().max(0.0);
+    let last = (most - 0.5).floor().min(count as f64 - 1.0);
+    (first <= last).then_some((first as usize, last as usize))
+}
+
+/// Parts of a triangle before the near plane: none, one, or two.
+fn pieces(mesh: &Mesh, triangle: usize, view: &[DVec3], camera: &Camera, near: f64) -> impl Iterator<Item = Piece> {
+    let corners = mesh.triangles[triangle].map(|vertex| view[vertex as usize]);
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let mut polygon: Vec<(DVec3, DVec3)> = Vec::with_capacity(4);
+    for i in 0..3 {
+        let (a, b) = ((corners[i], axes[i]), (corners[(i + 1) % 3], axes[(i + 1) % 3]));
+        if a.0.z >= near {
+            polygon.push(a);
+        }
+        if (a.0.z >= near) != (b.0.z >= near) {
+            let share = (near - a.0.z) / (b.0.z - a.0.z);
+            polygon.push((a.0.lerp(b.0, share), a.1.lerp(b.1, share)));
+        }
+    }
+    let camera = *camera;
+    let count = polygon.len();
+    (1..count.saturating_sub(1)).map(move |i| {
+        let fan = [polygon[0], polygon[i], polygon[i + 1]];
+        Piece {
+            triangle,
+            at: fan.map(|(at, _)| camera.focal * at.truncate() / at.z + camera.center),
+            inverse: fan.map(|(at, _)| at.z.recip()),
+            weights: fan.map(|(_, weights)| weights),
+        }
+    })
+}
+
+/// Nearest point of the mesh at a pixel.
+#[derive(Clone, Copy)]
+struct Nearest {
+    depth: f64,
+    triangle: usize,
+    weights: DVec3,
+}
+
+fn draw_rows(
+    mesh: &Mesh,
+    camera: &Camera,
+    pieces: &[Piece],
+    (first, [width, height]): (usize, [usize; 2]),
+    background: [f32; 3],
+) -> MeshPicture {
+    let rows = first..(first + BAND).min(height);
+    let mut nearest: Vec<Option<Nearest>> = vec![None; rows.len() * width];
+    for piece in pieces {
+        let Some((top, bottom)) = piece.rows(height) else {
+            continue;
+        };
+        for y in top.max(rows.start)..(bottom + 1).min(rows.end) {
+            let line = &mut nearest[(y - first) * width..][..width];
+            fill(piece, y, line);
+        }
+    }
+    let of = |found: &Option<Nearest>| match found {
+        None => (background, f32::INFINITY, [f32::NAN; 3]),
+        Some(found) => (
+            color(mesh, found),
+            found.depth as f32,
+            normal(mesh, camera, found).as_vec3().to_array(),
+        ),
+    };
+    let (mut rgb, mut depth, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+    for found in &nearest {
+        let (color, z, normal) = of(found);
+        rgb.push(color);
+        depth.push(z);
+        normals.push(normal);
+    }
+    MeshPicture {
+        rgb,
+        depth,
+        normal: normals,
+    }
+}
+
+/// Keeps the piece where it is the nearest in a row.
+fn fill(piece: &Piece, y: usize, line: &mut [Option<Nearest>]) {
+    let [a, b, c] = piece.at;
+    let twice_area = (b - a).perp_dot(c - a);
+    let Some((left, right)) = range(piece.at.map(|at| at.x), line.len()) else {
+        return;
+    };
+    if twice_area == 0.0 {
+        return;
+    }
+    for (x, nearest) in (left..).zip(&mut line[left..=right]) {
+        let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+        let edges = [(b, c), (c, a), (a, b)].map(|(from, to)| (to - from).perp_dot(at - from) / twice_area);
+        if edges.iter().any(|&share| share < 0.0) {
+            continue;
+        }
+        // Perspective: shares over depth are linear in the image.
+        let shares = [0, 1, 2].map(|i| edges[i] * piece.inverse[i]);
+        let depth = shares.iter().sum::<f64>().recip();
+        if nearest.is_none_or(|known| depth < known.depth) {
+            let weights = shares.iter().zip(piece.weights);
+            *nearest = Some(Nearest {
+                depth,
+                triangle: piece.triangle,
+                weights: weights.map(|(share, of)| share * depth * of).sum(),
+            });
+        }
+    }
+}
+
+/// Mean of the corners' values at a point.
+fn interpolated(mesh: &Mesh, values: &[[f32; 3]], found: &Nearest) -> DVec3 {
+    let corners = mesh.triangles[found.triangle].map(|vertex| DVec3::from(values[vertex as usize].map(f64::from)));
+    let weights = found.weights.to_array();
+    corners.iter().zip(weights).map(|(value, weight)| weight * *value).sum()
+}
+
+fn color(mesh: &Mesh, found: &Nearest) -> [f32; 3] {
+    match mesh.colors.is_empty() {
+        true => GREY,
+        false => interpolated(mesh, &mesh.colors, found).as_vec3().to_array(),
+    }
+}
+
+fn normal(mesh: &Mesh, camera: &Camera, found: &Nearest) -> DVec3 {
+    let [a, b, c] = mesh
+        .corners(found.triangle)
+        .map(|corner| DVec3::from(corner.map(f64::from)));
+    let of_triangle = (b - a).cross(c - a).normalize();
+    let normal = match mesh.normals.is_empty() {
+        true => of_triangle,
+        false => interpolated(mesh, &mesh.normals, found).normalize(),
+    };
+    let is_away = of_triangle.dot(a - camera.position) > 0.0;
+    if is_away { -normal } else { normal }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat3;
+
+    fn camera() -> Camera {
+        Camera {
+            width: 40,
+            height: 37,
+            focal: DVec2::new(30.0, 34.0),
+            center: DVec2::new(19.0, 20.0),
+            rotation: DMat3::from_rotation_y(0.4) * DMat3::from_rotation_x(-0.2),
+            position: DVec3::new(0.3, -0.2, -3.0),
+        }
+    }
+
+    /// Triangles of numbers without order, some through the camera's plane and some behind it.
+    fn mesh() -> Mesh {
+        let mut state = 12_345_u64;
+        let mut next = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1 << 24) as f32
+        };
+        let mut triples = |low: f32, high: f32| {
+            let one = |_| [0; 3].map(|_| low + (high - low) * next());
+            (0..120).map(one).collect::<Vec<[f32; 3]>>()
+        };
+        // Corners around centres.
+        let (centers, offsets) = (triples(-4.0, 4.0), triples(-1.5, 1.5));
+        let corner = |i: usize| [0, 1, 2].map(|axis| centers[i / 3][axis] + offsets[i][axis]);
+        Mesh {
+            positions: (0..120).map(corner).collect(),
+            colors: triples(0.0, 1.0),
+            normals: Vec::new(),
+            triangles: (0..40).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        }
+    }
+
+    /// Depth and corner weights where a pixel's ray meets a triangle, by the inverse of its matrix of corners; and the
+    /// distance of the weights from the edges.
+    fn hit(camera: &Camera, corners: [DVec3; 3], pixel: DVec2) -> (f64, DVec3) {
+        let ray = ((pixel - camera.center) / camera.focal).extend(1.0);
+        let seen = corners.map(|corner| camera.view_from_world(corner));
+        // Weights w with Σ w corner = z ray and Σ w = 1.
+        let scaled = DMat3::from_cols_array_2d(&seen.map(|corner| corner.to_array())).inverse() * ray;
+        let z = (scaled.x + scaled.y + scaled.z).recip();
+        (z, z * scaled)
+    }
+
+    #[test]
+    fn pixels_are_those_of_rays_through_triangles() {
+        let (camera, mesh, near) = (camera(), mesh(), 0.25);
+        let background = [0.1, 0.2, 0.3];
+        let picture = draw(&mesh, &camera, near, background);
+        let (mut drawn, mut compared) = (0, 0);
+        for i in 0..picture.rgb.len() {
+            let pixel = DVec2::new((i % 40) as f64 + 0.5, (i / 40) as f64 + 0.5);
+            let mut nearest: Option<(f64, DVec3, usize)> = None;
+            let mut is_at_edge = false;
+            for index in 0..mesh.triangles.len() {
+                let corners = mesh.corners(index).map(|corner| DVec3::from(corner.map(f64::from)));
+                let (z, weights) = hit(&camera, corners, pixel);
+                is_at_edge |= weights.min_element().abs() < 1e-9 || (z - near).abs() < 1e-9;
+                let is_hit = weights.min_element() >= 0.0 && z >= near;
+                if is_hit && nearest.is_none_or(|(known, ..)| z < known) {
+                    nearest = Some((z, weights, index));
+                }
+            }
+            if is_at_edge {
+                continue;
+            }
+            compared += 1;
+            let Some((z, weights, index)) = nearest else {
+                assert_eq!((picture.rgb[i], picture.depth[i]), (background, f32::INFINITY), "{i}");
+                assert!(picture.normal[i][0].is_nan());
+                continue;
+            };
+            drawn += 1;
+            assert!((f64::from(picture.depth[i]) / z - 1.0).abs() < 1e-6, "{i}: {z}");
+            let colors = mesh.triangles[index].map(|vertex| DVec3::from(mesh.colors[vertex as usize].map(f64::from)));
+            let color = weights.x * colors[0] + weights.y * colors[1] + weights.z * colors[2];
+            let found = DVec3::from(picture.rgb[i].map(f64::from));
+            assert!((found - color).length() < 1e-5, "{i}: {found} for {color}");
+            let normal = DVec3::from(picture.normal[i].map(f64::from));
+            let ray = camera.rotation.transpose() * ((pixel - camera.center) / camera.focal).extend(1.0);
+            assert!(normal.dot(ray) < 1e-6 && (normal.length() - 1.0).abs() < 1e-6);
+        }
+        assert!(
+            compared > 1400 && drawn > 250 && drawn < compared,
+            "{drawn} of {compared}"
+        );
+    }
+
+    #[test]
+    fn a_mesh_without_colours_is_grey_and_one_behind_is_not_drawn() {
+        let mut mesh = mesh();
+        mesh.colors.clear();
+        let picture = draw(&mesh, &camera(), 0.25, [0.0; 3]);
+        assert!(picture.rgb.contains(&GREY));
+        mesh.positions.iter_mut().for_each(|position| position[2] -= 100.0);
+        let picture = draw(&mesh, &camera(), 0.25, [0.0; 3]);
+        assert!(picture.depth.iter().all(|z| *z == f32::INFINITY));
+    }
+}
