@@ -217,7 +217,12 @@ impl Viewer {
             WindowEvent::DroppedFile(path) => self.reload(&path.clone()),
             WindowEvent::Focused(false) => self.hand.release(),
             WindowEvent::Occluded(_) | WindowEvent::Focused(true) => self.frames_due = SETTLING,
-            WindowEvent::KeyboardInput { event, .. } => {
+            // Keys that are down when the focus comes have a press of their own besides, which is synthetic.
+            WindowEvent::KeyboardInput {
+                event,
+                is_synthetic: false,
+                ..
+            } => {
                 if let Some(key) = self.hand.press(event.physical_key, event.state, &mut self.rig) {
                     self.key(key, event_loop)?;
                     self.frames_due = SETTLING;
