@@ -3,11 +3,15 @@
 use crate::rig::Rig;
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
+use std::time::{Duration, Instant};
 use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::keyboard::{KeyCode, PhysicalKey};
 
 /// Angle of a key's orbit.
 const STEP: f64 = std::f64::consts::PI / 36.0;
+
+/// Longest time between the presses of a double click, and the way of the cursor in pixels.
+const DOUBLE: (Duration, f64) = (Duration::from_millis(400), 4.0);
 
 /// Keys that fly while they are held, by camera axes: right, down, ahead.
 const FLIGHT: [(KeyCode, DVec3); 6] = [
@@ -25,6 +29,9 @@ pub(crate) struct Hand {
     held: HashSet<KeyCode>,
     buttons: HashSet<MouseButton>,
     cursor: DVec2,
+    /// Time and place of the left button's last press, unless it ended a double click.
+    pressed: Option<(Instant, DVec2)>,
+    double_click: Option<DVec2>,
 }
 
 impl Hand {
@@ -39,9 +46,11 @@ impl Hand {
             }
             WindowEvent::MouseInput { state, button, .. } => {
                 match state {
-                    ElementState::Pressed => self.buttons.insert(*button),
-                    ElementState::Released => self.buttons.remove(button),
-                };
+                    ElementState::Pressed => self.click(*button),
+                    ElementState::Released => {
+                        self.buttons.remove(button);
+                    }
+                }
                 false
             }
             WindowEvent::MouseWheel { delta, .. } => {
@@ -54,6 +63,26 @@ impl Hand {
             }
             _ => false,
         }
+    }
+
+    fn click(&mut self, button: MouseButton) {
+        self.buttons.insert(button);
+        let (now, last) = (Instant::now(), self.pressed.take());
+        if button != MouseButton::Left {
+            return;
+        }
+        let is_second = |(time, place): (Instant, DVec2)| {
+            now.duration_since(time) < DOUBLE.0 && place.distance(self.cursor) < DOUBLE.1
+        };
+        match last.is_some_and(is_second) {
+            true => self.double_click = Some(self.cursor),
+            false => self.pressed = Some((now, self.cursor)),
+        }
+    }
+
+    /// Place of a double click since the last call, in pixels of the window.
+    pub(crate) fn double_click(&mut self) -> Option<DVec2> {
+        self.double_click.take()
     }
 
     /// Moves by a way of the cursor, in heights of the window.

@@ -3,6 +3,7 @@
 //!     cargo run --release --features window --example view -- scene.ply [--cameras DATA]
 
 mod device;
+mod drawing;
 mod hand;
 mod rig;
 mod scene;
@@ -27,8 +28,9 @@ SCENE is read again when it changes; another file can be dropped on the window.
 --validate turns the Vulkan validation layer on, and fails if it reports anything.
 
 left mouse     orbit                      N, P       next, previous camera of DATA
-right mouse    move                       C          its photograph, and back
-wheel          nearer, farther            B          background: black, grey, white
+double click   orbit about that splat     C          its photograph, and back
+right mouse    move                       B          background: black, grey, white
+wheel          nearer, farther            G          clip to a box about the target, and back
 arrows         orbit by 5 degrees         H          harmonics: degree 3, 0, 1, 2
 comma, period  roll by 5 degrees          O          order by depth, by distance
 W A S D Q E    fly                        X          screenshot, to view-NNNN.png
@@ -116,7 +118,7 @@ impl ApplicationHandler for App {
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _id: WindowId, event: WindowEvent) {
         let Some(viewer) = &mut self.viewer else { return };
         let handled = match event {
-            WindowEvent::CloseRequested => {
+            WindowEvent::CloseRequested | WindowEvent::Destroyed => {
                 event_loop.exit();
                 Ok(())
             }

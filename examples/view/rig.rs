@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 pub(crate) struct Rig {
     /// With its own image size, which is fitted into the window's.
     pub(crate) camera: Camera,
+    /// Centre of the orbit, anywhere in front of the camera.
     pub(crate) target: DVec3,
 }
 
@@ -47,7 +48,7 @@ impl Rig {
         self.turn(DQuat::from_axis_angle(down, yaw) * DQuat::from_axis_angle(right, pitch));
     }
 
-    /// Turns the picture about its middle.
+    /// Turns the picture about the target.
     pub(crate) fn roll(&mut self, angle: f64) {
         self.turn(DQuat::from_axis_angle(self.camera.rotation.row(2), angle));
     }

@@ -41,11 +41,10 @@ impl Scene {
         })
     }
 
-    /// True if the file has been written since this was last asked.
+    /// True if the file has been written or removed since this was last asked.
     pub(crate) fn is_old(&mut self) -> bool {
         let now = changed(&self.path);
-        let before = std::mem::replace(&mut self.changed, now);
-        now.is_some() && now != before
+        std::mem::replace(&mut self.changed, now) != now
     }
 
     /// Upward direction; most captures have y down.
@@ -77,6 +76,12 @@ impl Visits {
             focus: focus(&cameras),
             dataset,
         })
+    }
+
+    pub(crate) fn set_origin(&mut self, origin: DVec3) {
+        let by = self.dataset.origin - origin;
+        self.focus = self.focus.map(|focus| focus + by);
+        self.dataset.set_origin(origin);
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -34,8 +34,10 @@ struct Slot {
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Presentation {
     Shown,
-    /// The swapchain no longer fits the window.
+    /// Drawn, but the swapchain no longer fits the window.
     Stale,
+    /// Not drawn: the swapchain no longer fits the window, or there is none.
+    Missed,
     /// The surface is gone.
     Lost,
 }
@@ -175,7 +177,7 @@ impl Screen {
     ) -> Result<Presentation, Box<dyn Error>> {
         let (vulkan, slot) = (&device.handle, &self.slots[self.next]);
         let Some(picture) = &slot.picture else {
-            return Ok(Presentation::Stale);
+            return Ok(Presentation::Missed);
         };
         // SAFETY: the slot's objects are not in use after its fence; all images are in the stated states.
         unsafe {
@@ -185,7 +187,7 @@ impl Screen {
                     .swapchains
                     .acquire_next_image(self.swapchain, u64::MAX, slot.acquired, vk::Fence::null());
             let (index, is_stale) = match acquired {
-                Err(error) => return fate(error),
+                Err(error) => return fate(error, Presentation::Missed),
                 Ok(acquired) => acquired,
             };
             let shown = self.images[index as usize];
@@ -227,7 +229,7 @@ impl Screen {
             match result {
                 Ok(false) if !is_stale => Ok(Presentation::Shown),
                 Ok(_) => Ok(Presentation::Stale),
-                Err(error) => fate(error),
+                Err(error) => fate(error, Presentation::Stale),
             }
         }
     }
@@ -308,10 +310,10 @@ impl Screen {
     }
 }
 
-/// The frame's fate by an error of acquiring or presenting.
-fn fate(error: vk::Result) -> Result<Presentation, Box<dyn Error>> {
+/// The frame's fate by an error of acquiring or presenting, or `outdated`.
+fn fate(error: vk::Result, outdated: Presentation) -> Result<Presentation, Box<dyn Error>> {
     match error {
-        vk::Result::ERROR_OUT_OF_DATE_KHR => Ok(Presentation::Stale),
+        vk::Result::ERROR_OUT_OF_DATE_KHR => Ok(outdated),
         vk::Result::ERROR_SURFACE_LOST_KHR => Ok(Presentation::Lost),
         other => Err(other.into()),
     }

@@ -1,13 +1,17 @@
 //! The window's contents: scene, renderer, camera, and what keys do.
 
 use crate::Args;
-use crate::device::Device;
+use crate::device::{Device, Pinned};
+use crate::drawing::{BACKGROUNDS, clipped, make_room, options, pixel};
 use crate::hand::Hand;
 use crate::rig::{Rig, path_document};
 use crate::scene::{Scene, Visits};
 use crate::screen::{Presentation, Screen};
-use ashfall::render::{SplatOrder, Stats, isects_expected};
-use ashfall::{Camera, Gpu, Model, Primitive, RenderOptions, Renderer, ViewOptions, io};
+use ashfall::render::{ClipBox, SplatOrder, Stats};
+use ashfall::{
+    Camera, Gpu, HostCommands, HostImage, HostTarget, Model, Primitive, RenderOptions, Renderer, ViewOptions, io,
+};
+use glam::{DMat4, DQuat, DVec2, DVec3};
 use std::error::Error;
 use std::io::Write;
 use std::path::Path;
@@ -35,6 +39,11 @@ pub(crate) struct Viewer {
     shows_photo: bool,
     rig: Rig,
     hand: Hand,
+    /// Place in the window for the next frame to pick.
+    pick: Option<DVec2>,
+    /// Camera of the frame whose pick has not been reported.
+    picked: Option<Camera>,
+    clip: Option<ClipBox>,
     options: RenderOptions,
     background: usize,
     keys: Vec<Camera>,
@@ -42,6 +51,8 @@ pub(crate) struct Viewer {
     stats: Option<Stats>,
     frames_due: u32,
     last_frame: Option<Instant>,
+    /// The last error, until something succeeds.
+    problem: Option<String>,
 }
 
 impl Viewer {
@@ -53,7 +64,11 @@ impl Viewer {
         let device = Device::new(&window, validate)?;
         let gpu = device.adopt()?;
         let model = Model::upload(&gpu, &scene.splats)?;
-        let options = options(&scene, RenderOptions::default());
+        let wanted = RenderOptions {
+            with_ids: true,
+            ..RenderOptions::default()
+        };
+        let options = options(&scene, wanted);
         let size = window.inner_size();
         let mut viewer = Viewer {
             renderer: Renderer::new(&gpu, options)?,
@@ -68,6 +83,9 @@ impl Viewer {
             visit: None,
             shows_photo: false,
             hand: Hand::default(),
+            pick: None,
+            picked: None,
+            clip: None,
             options,
             background: 0,
             keys: Vec::new(),
@@ -75,6 +93,7 @@ impl Viewer {
             stats: None,
             frames_due: SETTLING,
             last_frame: None,
+            problem: None,
         };
         viewer.visit(1)?;
         viewer.reserve(None)?;
@@ -98,37 +117,67 @@ impl Viewer {
         }
     }
 
+    /// Takes the scene of a file. An error leaves the scene as it is; of a half-written file, the next look finds the
+    /// rest.
     fn reload(&mut self, path: &Path) {
-        let mut replace = || -> Checked {
-            let scene = Scene::read(path)?;
-            self.device.wait();
-            let model = Model::upload(&self.gpu, &scene.splats)?;
-            (self.scene, self.model) = (scene, model);
-            self.renew(self.options)
-        };
-        // A file may be half-written: the next look finds the rest.
-        told(replace());
+        let replaced = self.replace(path);
+        self.tell_error(replaced);
+    }
+
+    fn replace(&mut self, path: &Path) -> Checked {
+        let scene = Scene::read(path)?;
+        self.device.wait();
+        let model = Model::upload(&self.gpu, &scene.splats)?;
+        let options = options(&scene, self.options);
+        let clip = self.clip.filter(|_| options.primitive == Primitive::Gaussian3d);
+        let mut renderer = Renderer::new(&self.gpu, options)?;
+        make_room(&mut renderer, (&model, clip), &self.rig, self.screen.extent, None)?;
+        self.clip = clip;
+        self.rebase(scene.splats.origin);
+        (self.scene, self.model) = (scene, model);
+        self.install(renderer, options);
+        Ok(())
+    }
+
+    /// Keeps everything in its place in a world of another origin.
+    fn rebase(&mut self, origin: DVec3) {
+        let by = self.scene.splats.origin - origin;
+        self.rig.camera.position += by;
+        self.rig.target += by;
+        for key in &mut self.keys {
+            key.position += by;
+        }
+        if let Some(clip) = &mut self.clip {
+            clip.world_from_cube = DMat4::from_translation(by) * clip.world_from_cube;
+        }
+        if let Some(visits) = &mut self.visits {
+            visits.set_origin(origin);
+        }
     }
 
     /// A renderer of other options, for the scene.
     fn renew(&mut self, wanted: RenderOptions) -> Checked {
         self.device.wait();
-        let wanted = options(&self.scene, wanted);
-        self.renderer = Renderer::new(&self.gpu, wanted)?;
-        self.options = wanted;
-        self.reserve(None)
+        let options = options(&self.scene, wanted);
+        let mut renderer = Renderer::new(&self.gpu, options)?;
+        let content = (&self.model, self.clip);
+        make_room(&mut renderer, content, &self.rig, self.screen.extent, None)?;
+        self.install(renderer, options);
+        Ok(())
+    }
+
+    fn install(&mut self, renderer: Renderer, options: RenderOptions) {
+        (self.renderer, self.options) = (renderer, options);
+        // With the renderer go its reports.
+        (self.picked, self.stats) = (None, None);
+        self.frames_due = SETTLING;
     }
 
     /// Room for pictures of the window's size and so many pairs, or the expected number.
     fn reserve(&mut self, isects: Option<usize>) -> Checked {
-        let [width, height] = self.screen.extent;
-        if width > 0 && height > 0 {
-            let camera = self.rig.fitted([width, height]);
-            let expected = isects_expected(self.model.splat_count, width, height);
-            self.renderer
-                .reserve(&self.model, &camera, isects.unwrap_or(expected))?;
-            self.frames_due = SETTLING;
-        }
+        let content = (&self.model, self.clip);
+        make_room(&mut self.renderer, content, &self.rig, self.screen.extent, isects)?;
+        self.frames_due = SETTLING;
         Ok(())
     }
 
@@ -168,7 +217,12 @@ impl Viewer {
             WindowEvent::DroppedFile(path) => self.reload(&path.clone()),
             WindowEvent::Focused(false) => self.hand.release(),
             WindowEvent::Occluded(_) | WindowEvent::Focused(true) => self.frames_due = SETTLING,
-            WindowEvent::KeyboardInput { event, .. } => {
+            // Keys that are down when the focus comes have a press of their own besides, which is synthetic.
+            WindowEvent::KeyboardInput {
+                event,
+                is_synthetic: false,
+                ..
+            } => {
                 if let Some(key) = self.hand.press(event.physical_key, event.state, &mut self.rig) {
                     self.key(key, event_loop)?;
                     self.frames_due = SETTLING;
@@ -180,6 +234,10 @@ impl Viewer {
             }
             _ => {}
         }
+        if let Some(place) = self.hand.double_click() {
+            self.pick = Some(place);
+            self.frames_due = SETTLING;
+        }
         Ok(())
     }
 
@@ -188,28 +246,56 @@ impl Viewer {
         match key {
             KeyCode::KeyN => self.visit(1)?,
             KeyCode::KeyP => self.visit(back)?,
-            KeyCode::KeyC => told(self.compare()),
             KeyCode::KeyB => self.background = (self.background + 1) % BACKGROUNDS.len(),
             KeyCode::KeyX => self.takes_screenshot = true,
-            KeyCode::KeyK => told(self.keep()),
             KeyCode::KeyR => self.rig = Rig::before(self.scene.center, self.scene.radius, self.scene.up()),
-            KeyCode::KeyH => {
-                let sh_degree = (self.options.sh_degree + 1) % 4;
-                told(self.renew(RenderOptions {
-                    sh_degree,
-                    ..self.options
-                }));
-            }
+            KeyCode::Escape => event_loop.exit(),
+            _ => self.attempt(key),
+        }
+        Ok(())
+    }
+
+    /// Does what a key asks for if it can be done.
+    fn attempt(&mut self, key: KeyCode) {
+        let result = match key {
+            KeyCode::KeyC => self.compare(),
+            KeyCode::KeyG => self.clip(),
+            KeyCode::KeyK => self.keep(),
+            KeyCode::KeyH => self.renew(RenderOptions {
+                sh_degree: (self.options.sh_degree + 1) % 4,
+                ..self.options
+            }),
             KeyCode::KeyO => {
                 let order = match self.options.order {
                     SplatOrder::Depth => SplatOrder::Distance,
                     SplatOrder::Distance => SplatOrder::Depth,
                 };
-                told(self.renew(RenderOptions { order, ..self.options }));
+                self.renew(RenderOptions { order, ..self.options })
             }
-            KeyCode::Escape => event_loop.exit(),
-            _ => {}
+            _ => return,
+        };
+        self.tell_error(result);
+    }
+
+    /// Clips to a cube about the target, upright, of the distance as its side; or shows all again.
+    fn clip(&mut self) -> Checked {
+        if self.model.primitive != Primitive::Gaussian3d {
+            return Err("only 3D Gaussians are clipped".into());
         }
+        let size = DVec3::splat(0.5 * self.rig.distance());
+        let upright = DQuat::from_rotation_arc(DVec3::Y, self.scene.up());
+        let cube = ClipBox {
+            world_from_cube: DMat4::from_scale_rotation_translation(size, upright, self.rig.target),
+            cuts_inside: false,
+        };
+        let next = match self.clip {
+            None => Some(cube),
+            Some(_) => None,
+        };
+        self.device.wait();
+        let content = (&self.model, next);
+        make_room(&mut self.renderer, content, &self.rig, self.screen.extent, None)?;
+        self.clip = next;
         Ok(())
     }
 
@@ -232,40 +318,65 @@ impl Viewer {
         }
         let size = self.screen.extent;
         if size.contains(&0) {
-            return self.settle(Presentation::Stale);
+            return self.settle(Presentation::Missed);
         }
         let copy = match self.takes_screenshot {
             true => Some(self.device.pinned(size[0] as usize * size[1] as usize * 4)?),
             false => None,
         };
+        let shown = self.paint(size, copy.as_ref())?;
+        if let Some(mut copy) = copy {
+            self.device.wait();
+            if matches!(shown, Presentation::Shown | Presentation::Stale) {
+                self.save(&self.screen.rgb(copy.bytes()), size)?;
+                self.takes_screenshot = false;
+            }
+            self.device.unpin(copy);
+        }
+        self.aim();
+        self.settle(shown)?;
+        self.tell(seconds);
+        Ok(())
+    }
+
+    /// Draws a frame of the window's size, with a copy of what is shown.
+    fn paint(&mut self, size: [u32; 2], copy: Option<&Pinned>) -> Result<Presentation, Box<dyn Error>> {
         let view = ViewOptions {
             background: [BACKGROUNDS[self.background]; 3],
             near: (0.01 * self.visits.as_ref().map_or(self.scene.radius, Visits::extent)) as f32,
             filter: self.scene.splats.filter,
         };
         let (camera, photo_area) = (self.rig.fitted(size), self.shows_photo.then(|| self.rig.area(size)));
-        let (renderer, model, stats) = (&mut self.renderer, &self.model, &mut self.stats);
-        let shown = self.screen.draw(
-            &self.device,
-            |commands, target| {
-                let returned = renderer.record(commands, model, &camera, &view, target)?;
-                *stats = returned.or(*stats);
-                Ok(())
-            },
-            photo_area,
-            copy.as_ref(),
-        )?;
-        if let Some(mut copy) = copy {
-            self.device.wait();
-            if shown != Presentation::Lost {
-                self.save(&self.screen.rgb(copy.bytes()), size)?;
-                self.takes_screenshot = false;
-            }
-            self.device.unpin(copy);
+        let (renderer, model, clip, stats) = (&mut self.renderer, &self.model, self.clip, &mut self.stats);
+        let (waiting, picked) = (&mut self.pick, &mut self.picked);
+        let record = |commands: &mut HostCommands, color: &HostImage| {
+            // One at a time: the next report is of this camera.
+            let pick = waiting.take_if(|_| picked.is_none()).map(|place| pixel(place, size));
+            let target = HostTarget {
+                pick,
+                ..HostTarget::from(color)
+            };
+            let returned = match clip {
+                None => renderer.record(commands, model, &camera, &view, target),
+                Some(_) => renderer.record_instances(commands, &[clipped(model, clip)], &camera, &view, target),
+            }?;
+            *picked = picked.or(pick.map(|_| camera));
+            *stats = returned.or(*stats);
+            Ok(())
+        };
+        self.screen.draw(&self.device, record, photo_area, copy)
+    }
+
+    /// Moves the centre of the orbit to the splat of a double click, some frames later.
+    fn aim(&mut self) {
+        let Some(report) = self.renderer.picks().last() else {
+            return;
+        };
+        let depth = f64::from(report.pixels[0].depth);
+        if let Some(camera) = self.picked.take().filter(|_| depth.is_finite()) {
+            let pixel = DVec2::new(report.area.x.into(), report.area.y.into()) + 0.5;
+            self.rig.target = camera.position + depth * camera.ray_from_pixel(pixel);
         }
-        self.settle(shown)?;
-        self.tell(seconds);
-        Ok(())
     }
 
     /// Does what a frame's fate and its statistics ask for.
@@ -284,6 +395,9 @@ impl Viewer {
         if let Some(stats) = self.stats.take_if(|stats| !stats.fits()) {
             self.reserve(Some(2 * stats.isects))?;
         }
+        if self.picked.is_some() {
+            self.frames_due = self.frames_due.max(1);
+        }
         Ok(())
     }
 
@@ -298,14 +412,27 @@ impl Viewer {
         Ok(())
     }
 
-    /// States frame time, splats and camera in the title.
+    /// Prints an error and states it in the title; the picture stays as it is.
+    fn tell_error(&mut self, result: Checked) {
+        self.problem = result.err().map(|error| error.to_string());
+        if let Some(problem) = &self.problem {
+            eprintln!("error: {problem}");
+        }
+        self.tell(None);
+    }
+
+    /// States splats, distance, frame time and camera in the title.
     fn tell(&mut self, seconds: Option<f64>) {
         // Time between frames counts while one follows the other.
         if self.frames_due == 0 && !self.hand.flies() {
             self.last_frame = None;
         }
         let mut title = self.scene.path.display().to_string();
+        if let Some(problem) = &self.problem {
+            title += &format!(" | error: {problem}");
+        }
         title += &format!(" | {} splats", self.model.splat_count);
+        title += &format!(" | {:.3} to the target", self.rig.distance());
         if let Some(stats) = &self.stats {
             title += &format!(" | {} pairs", stats.isects);
         }
@@ -327,29 +454,5 @@ impl Drop for Viewer {
     fn drop(&mut self) {
         self.device.wait();
         self.screen.destroy(&self.device);
-    }
-}
-
-/// Prints an error that leaves the window as it is.
-fn told(result: Checked) {
-    if let Err(error) = result {
-        eprintln!("error: {error}");
-    }
-}
-
-/// Grey levels.
-const BACKGROUNDS: [f32; 3] = [0.0, 0.5, 1.0];
-
-/// Options for a scene. Surfels have no order by distance.
-fn options(scene: &Scene, wanted: RenderOptions) -> RenderOptions {
-    let primitive = scene.splats.primitive;
-    let order = match primitive {
-        Primitive::Surfel => SplatOrder::Depth,
-        _ => wanted.order,
-    };
-    RenderOptions {
-        primitive,
-        order,
-        ..wanted
     }
 }

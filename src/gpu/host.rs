@@ -355,8 +355,8 @@ impl Recorder<'_> {
         self.transition(&source.image, KERNEL_READ, source.after);
     }
 
-    /// Copies words, row by row, to a rectangle of `[width, height]` pixels from `[x, y]` on of a host's image, from its
-    /// state `before` to its state `after`.
+    /// Copies words, row by row, to a rectangle of `[width, height]` pixels from `[x, y]` on of a host's image, from
+    /// its state `before` to its state `after`.
     ///
     /// # Panics
     /// If there are fewer words than pixels, the rectangle reaches beyond the image, or the format has other words

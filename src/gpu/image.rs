@@ -34,8 +34,8 @@ pub(super) struct OwnImage {
     memory: u64,
 }
 
-/// Format of owned images. RGBA as 32-bit floats: storage images of this format work on every device (Vulkan specification, table of mandatory
-/// format support).
+/// Format of owned images. RGBA as 32-bit floats: storage images of this format work on every device (Vulkan
+/// specification, table of mandatory format support).
 pub(super) const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Layout, stages and accesses of an image before or after commands.

@@ -76,8 +76,8 @@ impl DepthCode {
     }
 }
 
-/// A host's resolved depth image of the colour image's size, in any format that can be sampled, with its state before and
-/// after.
+/// A host's resolved depth image of the colour image's size, in any format that can be sampled, with its state before
+/// and after.
 #[derive(Clone, Copy, Debug)]
 pub struct HostDepth<'a> {
     /// The image, with the sampled usage.

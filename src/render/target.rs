@@ -27,7 +27,8 @@ pub struct HostTarget<'a> {
     /// Pixels to report when the frame's statistics are: [`Renderer::picks`](super::Renderer::picks).
     pub pick: Option<PickArea>,
     /// Column and row, in all images, of the picture's first pixel: the picture takes a rectangle of the camera's size,
-    /// and other pixels are kept unless the state `before` discards them. `None`: the picture is as large as the images.
+    /// and other pixels are kept unless the state `before` discards them. `None`: the picture is as large as the
+    /// images.
     pub origin: Option<[u32; 2]>,
 }
 

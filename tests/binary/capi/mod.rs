@@ -1,4 +1,5 @@
-//! The C libraries as a package: hosts in C and C++ draw the bits of the Rust interface, and faults are refused.
+//! The C libraries as a package: hosts in C and C++, one of them libplacebo's, draw the bits of the Rust interface, and
+//! faults are refused.
 
 use crate::common::device::gpu;
 use crate::tools::run;
@@ -25,11 +26,11 @@ fn install(prefix: &Path) {
     run(&mut command);
 }
 
-/// Words that pkg-config gives for the package.
-fn package(prefix: &Path, options: &[&str]) -> Vec<String> {
+/// Words that pkg-config gives for packages, ours among them.
+fn flags(prefix: &Path, arguments: &[&str]) -> Vec<String> {
     let mut command = Command::new("pkg-config");
     let path = prefix.join("lib/pkgconfig");
-    let words = run(command.env("PKG_CONFIG_PATH", path).args(options).arg("ashfall"));
+    let words = run(command.env("PKG_CONFIG_PATH", path).args(arguments));
     words.split_whitespace().map(str::to_owned).collect()
 }
 
@@ -85,6 +86,23 @@ fn draws(host: &Path, prefix: &Path, scene: &Path, expected: &[u8]) {
     );
 }
 
+/// Draws by a host whose device, image and queue are libplacebo's, which then renders the picture itself. A layout that
+/// is stated wrongly is noticed.
+fn draws_for_libplacebo(prefix: &Path, scene: &Path, expected: &[u8]) {
+    let host = prefix.join("libplacebo");
+    let words = flags(prefix, &["--cflags", "--libs", "ashfall", "libplacebo"]);
+    compile(&["cc", "-std=c99"], "tests/binary/capi/libplacebo.c", &host, &words);
+    draws(&host, prefix, scene, expected);
+    let mut liar = Command::new(&host);
+    liar.args([scene, &prefix.join("lie"), Path::new("lie")]);
+    let output = liar.env("LD_LIBRARY_PATH", prefix.join("lib")).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.code() == Some(2) && said.contains("InvalidImageLayout"),
+        "{said}"
+    );
+}
+
 /// Names that a library exports.
 fn symbols(library: &Path) -> Vec<String> {
     let listed = run(Command::new("nm").args(["-D", "--defined-only"]).arg(library));
@@ -105,8 +123,8 @@ fn hosts_in_c_draw_the_bits_of_rust_by_either_library() {
     write(&path, &scene).unwrap();
     let expected = expected(&path);
 
-    let shared = package(prefix, &["--cflags", "--libs"]);
-    let mut archive = package(prefix, &["--cflags", "--libs", "--static"]);
+    let shared = flags(prefix, &["--cflags", "--libs", "ashfall"]);
+    let mut archive = flags(prefix, &["--cflags", "--libs", "--static", "ashfall"]);
     let library = prefix.join("lib/libashfall.a").to_string_lossy().into_owned();
     archive
         .iter_mut()
@@ -123,6 +141,7 @@ fn hosts_in_c_draw_the_bits_of_rust_by_either_library() {
         compile(compiler, "examples/host.c", &host, flags);
         draws(&host, prefix, &path, &expected);
     }
+    draws_for_libplacebo(prefix, &path, &expected);
     let refusals = prefix.join("refusals");
     compile(c, "tests/binary/capi/refusals.c", &refusals, &shared);
     run(Command::new(&refusals).env("LD_LIBRARY_PATH", prefix.join("lib")));
