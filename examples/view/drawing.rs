@@ -9,7 +9,7 @@ use glam::DVec2;
 /// Grey levels.
 pub(crate) const BACKGROUNDS: [f32; 3] = [0.0, 0.5, 1.0];
 
-/// Options for a scene. Surfels have no order by distance.
+/// Options for a scene. Surfels have no order by distance, and that order has no splats of pixels.
 pub(crate) fn options(scene: &Scene, wanted: RenderOptions) -> RenderOptions {
     let primitive = scene.splats.primitive;
     let order = match primitive {
@@ -19,6 +19,7 @@ pub(crate) fn options(scene: &Scene, wanted: RenderOptions) -> RenderOptions {
     RenderOptions {
         primitive,
         order,
+        with_ids: order == SplatOrder::Depth,
         ..wanted
     }
 }

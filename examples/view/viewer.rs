@@ -64,11 +64,7 @@ impl Viewer {
         let device = Device::new(&window, validate)?;
         let gpu = device.adopt()?;
         let model = Model::upload(&gpu, &scene.splats)?;
-        let wanted = RenderOptions {
-            with_ids: true,
-            ..RenderOptions::default()
-        };
-        let options = options(&scene, wanted);
+        let options = options(&scene, RenderOptions::default());
         let size = window.inner_size();
         let mut viewer = Viewer {
             renderer: Renderer::new(&gpu, options)?,
@@ -169,7 +165,7 @@ impl Viewer {
     fn install(&mut self, renderer: Renderer, options: RenderOptions) {
         (self.renderer, self.options) = (renderer, options);
         // With the renderer go its reports.
-        (self.picked, self.stats) = (None, None);
+        (self.pick, self.picked, self.stats) = (None, None, None);
         self.frames_due = SETTLING;
     }
 
@@ -235,7 +231,10 @@ impl Viewer {
             _ => {}
         }
         if let Some(place) = self.hand.double_click() {
-            self.pick = Some(place);
+            match self.options.with_ids {
+                true => self.pick = Some(place),
+                false => self.tell_error(Err("splats are picked in the order by depth: press O".into())),
+            }
             self.frames_due = SETTLING;
         }
         Ok(())

@@ -8,7 +8,7 @@ use crate::tools::run;
 use ashfall::io::dataset::OpenOptions;
 use ashfall::io::photo::decode;
 use ashfall::layout::NO_SPLAT;
-use ashfall::render::{ClipBox, Instance, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
+use ashfall::render::{ClipBox, Instance, Model, RenderOptions, RenderedImage, Renderer, SplatOrder, ViewOptions};
 use ashfall::scene::{Camera, Photo};
 use ashfall::{Splats, io, open_dataset, write_splats};
 use desk::{Desk, Killed, eventually, server};
@@ -22,6 +22,7 @@ const SIZE: [u32; 2] = [160, 120];
 const B: u8 = 56;
 const C: u8 = 54;
 const G: u8 = 42;
+const O: u8 = 32;
 const RIGHT: u8 = 114;
 const UP: u8 = 111;
 
@@ -44,6 +45,16 @@ fn write_data(folder: &Path, camera: &Camera) -> Vec<[u8; 3]> {
 
 /// The headless picture of a camera, in the places of a clip box if there is one.
 fn headless(camera: &Camera, scene: &Scene, folder: &Path, clip: Option<ClipBox>) -> RenderedImage {
+    headless_by(SplatOrder::Depth, camera, scene, folder, clip)
+}
+
+fn headless_by(
+    order: SplatOrder,
+    camera: &Camera,
+    scene: &Scene,
+    folder: &Path,
+    clip: Option<ClipBox>,
+) -> RenderedImage {
     let dataset = open_dataset(folder, &data_options()).unwrap();
     let view = ViewOptions {
         background: [0.5; 3],
@@ -53,7 +64,8 @@ fn headless(camera: &Camera, scene: &Scene, folder: &Path, clip: Option<ClipBox>
     let gpu = gpu();
     let model = Model::upload(&gpu, &scene.splats).unwrap();
     let options = RenderOptions {
-        with_ids: true,
+        with_ids: order == SplatOrder::Depth,
+        order,
         ..RenderOptions::default()
     };
     let mut renderer = Renderer::new(&gpu, options).unwrap();
@@ -210,6 +222,21 @@ fn assert_clipped(desk: &mut Desk, scene: &Scene, folder: &Path, target: DVec3) 
     assert!(desk.screenshot().rgba == whole.rgba);
 }
 
+/// A key orders by distance, in which nothing is picked, and by depth again.
+fn assert_ordered(desk: &mut Desk, scene: &Scene, folder: &Path) {
+    let (camera, by_depth) = (desk.camera(), desk.screenshot());
+    desk.press(O);
+    let expected = headless_by(SplatOrder::Distance, &camera, scene, folder, None);
+    let by_distance = desk.screenshot();
+    assert_drawn(&by_distance, &camera, &expected);
+    assert!(by_distance.rgba != by_depth.rgba, "one order for both");
+    desk.double_click([10, 10]);
+    desk.titled("refusal to pick", |title| title.contains("error: splats are picked"));
+    desk.press(O);
+    desk.titled("order by depth", |title| !title.contains("error"));
+    assert!(desk.screenshot().rgba == by_depth.rgba);
+}
+
 /// Changed and dropped files are read; those that cannot be are named in the title, and the scene stays.
 fn assert_files_followed(desk: &mut Desk, scene: &Scene, folder: &Path) {
     let (path, other) = (folder.join("scene.ply"), folder.join("other.ply"));
@@ -278,6 +305,7 @@ fn a_window_shows_what_keys_ask_for() {
     assert_faults_survived(&mut desk, folder, &picture);
     let target = assert_orbit_about_a_splat(&mut desk, &scene, folder);
     assert_clipped(&mut desk, &scene, folder, target);
+    assert_ordered(&mut desk, &scene, folder);
     for size in [[200, 120], [97, 143], [33, 17], [180, 90]] {
         desk.resize(size);
         eventually("picture of the new size", || {
