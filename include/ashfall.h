@@ -55,6 +55,11 @@
 #define ASHFALL_TIMINGS 16
 
 /**
+ * Flag of AshfallRendererInfo: for expected depths (AshfallDraw.depth_out_expected).
+ */
+#define ASHFALL_EXPECTED_DEPTH 32
+
+/**
  * Instance and splat of pixels without one.
  */
 #define ASHFALL_NO_SPLAT 4294967295
@@ -402,7 +407,8 @@ typedef struct AshfallRendererInfo {
    */
   AshfallPrecision precision;
   /**
-   * ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS.
+   * ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS,
+   * ASHFALL_EXPECTED_DEPTH.
    */
   uint32_t flags;
 } AshfallRendererInfo;
@@ -564,9 +570,10 @@ typedef struct AshfallDraw {
    */
   uint32_t origin[2];
   /**
-   * 0.
+   * 0: depth_out has the depth of the splat in `ids`; 1: the mean depth of the splats by their weights, where they
+   * cover at least half of the pixel; the renderer has ASHFALL_EXPECTED_DEPTH, too.
    */
-  uint32_t reserved;
+  uint32_t depth_out_expected;
 } AshfallDraw;
 
 /**

@@ -10,7 +10,9 @@ use super::projection::camera_of;
 use super::registry::find;
 use crate::gpu::ash::vk::{Image as VkImage, ImageLayout as VkImageLayout, ImageView as VkImageView};
 use crate::gpu::{HostImage, HostImageDesc, ImageState};
-use crate::render::{Blend, ClipBox, DepthCode, HostDepth, HostTarget, Instance, Model, PickArea, ViewOptions};
+use crate::render::{
+    Blend, ClipBox, DepthCode, DepthKind, HostDepth, HostTarget, Instance, Model, PickArea, ViewOptions,
+};
 use crate::scene::{Camera, Similarity};
 use glam::{DMat4, DVec4};
 use std::sync::Arc;
@@ -39,6 +41,7 @@ pub(super) struct Canvas {
     blend: Blend,
     ids: Option<HostImage>,
     depth_out: Option<(HostImage, DepthCode)>,
+    depth_kind: DepthKind,
     pick: Option<PickArea>,
     origin: Option<[u32; 2]>,
     pub(super) options: ViewOptions,
@@ -146,6 +149,10 @@ impl Canvas {
             blend,
             ids,
             depth_out,
+            depth_kind: match draw.depth_out_expected {
+                0 => DepthKind::Median,
+                _ => DepthKind::Expected,
+            },
             pick: pick.map(area),
             origin: (draw.part != 0).then_some(draw.origin),
             options: ViewOptions {
@@ -163,6 +170,7 @@ impl Canvas {
             depth: self.depth.as_ref().map(host_depth),
             ids: self.ids.as_ref(),
             depth_out: self.depth_out.as_ref().map(host_depth),
+            depth_kind: self.depth_kind,
             pick: self.pick,
             origin: self.origin,
             ..HostTarget::from(&self.color)
@@ -349,6 +357,7 @@ mod tests {
             depth_out: &raw const depth_out,
             pick: &raw const pick,
             part: 1,
+            depth_out_expected: 1,
             origin: [5, 6],
             ..zeroed()
         };
@@ -362,7 +371,7 @@ mod tests {
             empty: 0.0,
         };
         assert!(target.depth.is_none() && target.ids.is_some());
-        assert_eq!(target.origin, Some([5, 6]));
+        assert_eq!((target.origin, target.depth_kind), (Some([5, 6]), DepthKind::Expected));
         assert!(target.depth_out.is_some_and(|out| out.code == code));
         assert_eq!(
             target.pick,

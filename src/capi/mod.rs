@@ -44,9 +44,9 @@ pub use projection::{
 };
 pub use registry::{AshfallDevice, AshfallModel, AshfallRenderer, AshfallScene};
 pub use renderer::{
-    ASHFALL_HOST_COLOR, ASHFALL_HOST_DEPTH, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS, AshfallRendererInfo,
-    AshfallReport, ashfall_cmd_draw, ashfall_cmd_upload, ashfall_renderer_create, ashfall_renderer_destroy,
-    ashfall_renderer_reserve,
+    ASHFALL_EXPECTED_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_HOST_DEPTH, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS,
+    AshfallRendererInfo, AshfallReport, ashfall_cmd_draw, ashfall_cmd_upload, ashfall_renderer_create,
+    ashfall_renderer_destroy, ashfall_renderer_reserve,
 };
 pub use scene::{
     ASHFALL_FILTER_CLASSIC, ASHFALL_FILTER_MIP, ASHFALL_PRECISION_FULL, ASHFALL_PRECISION_HALF,

@@ -191,8 +191,9 @@ pub struct AshfallDraw {
     pub part: u32,
     /// Column and row of the rectangle's first pixel.
     pub origin: [u32; 2],
-    /// 0.
-    pub reserved: u32,
+    /// 0: depth_out has the depth of the splat in `ids`; 1: the mean depth of the splats by their weights, where they
+    /// cover at least half of the pixel; the renderer has ASHFALL_EXPECTED_DEPTH, too.
+    pub depth_out_expected: u32,
 }
 
 sized!(

@@ -27,8 +27,16 @@ pub const ASHFALL_ORTHOGRAPHIC: u32 = 8;
 /// Flag of AshfallRendererInfo: for device times of the stages (ashfall_timings).
 pub const ASHFALL_TIMINGS: u32 = 16;
 
+/// Flag of AshfallRendererInfo: for expected depths (AshfallDraw.depth_out_expected).
+pub const ASHFALL_EXPECTED_DEPTH: u32 = 32;
+
 /// All flags of AshfallRendererInfo.
-const FLAGS: u32 = ASHFALL_HOST_DEPTH | ASHFALL_HOST_COLOR | ASHFALL_IDS | ASHFALL_ORTHOGRAPHIC | ASHFALL_TIMINGS;
+const FLAGS: u32 = ASHFALL_HOST_DEPTH
+    | ASHFALL_HOST_COLOR
+    | ASHFALL_IDS
+    | ASHFALL_ORTHOGRAPHIC
+    | ASHFALL_TIMINGS
+    | ASHFALL_EXPECTED_DEPTH;
 /// Frames in flight if the host does not say.
 const IN_FLIGHT: u32 = 2;
 /// Most frames in flight.
@@ -44,7 +52,8 @@ pub struct AshfallRendererInfo {
     pub frames_in_flight: u32,
     /// Storage precision of the models.
     pub precision: AshfallPrecision,
-    /// ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS.
+    /// ASHFALL_HOST_DEPTH, ASHFALL_HOST_COLOR, ASHFALL_IDS, ASHFALL_ORTHOGRAPHIC, ASHFALL_TIMINGS,
+    /// ASHFALL_EXPECTED_DEPTH.
     pub flags: u32,
 }
 
@@ -105,6 +114,7 @@ pub unsafe extern "C" fn ashfall_renderer_create(
             options.with_host_depth = flags & ASHFALL_HOST_DEPTH != 0;
             options.with_host_color = flags & ASHFALL_HOST_COLOR != 0;
             options.with_ids = flags & ASHFALL_IDS != 0;
+            options.with_depth = flags & ASHFALL_EXPECTED_DEPTH != 0;
             options.with_timings = flags & ASHFALL_TIMINGS != 0;
             if flags & ASHFALL_ORTHOGRAPHIC != 0 {
                 options.projection = Projection::Orthographic;

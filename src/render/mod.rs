@@ -65,6 +65,6 @@ pub use scratch::Scratch;
 pub use slots::{ByDegree, DEGREES, Slots, apart, degrees_used, merge_degrees, of_degree};
 pub use statistics::Stats;
 pub use surface::Surface;
-pub use target::{Blend, HostTarget, PICK_PIXELS_MAX, PickArea};
+pub use target::{Blend, DepthKind, HostTarget, PICK_PIXELS_MAX, PickArea};
 pub use upload::ModelUpload;
 pub use view::{ViewOptions, view_of};

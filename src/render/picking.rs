@@ -7,7 +7,7 @@
 use super::instances::{FrameContent, Instance};
 use super::occlusion::{DepthCode, HostDepth};
 use super::scratch::Scratch;
-use super::target::{HostTarget, PICK_PIXELS_MAX, PickArea};
+use super::target::{DepthKind, HostTarget, PICK_PIXELS_MAX, PickArea};
 use crate::gpu::{Gpu, ImageWords, Readback, Recorder};
 use crate::kernels::delinearize::{Bindings, Choice, Delinearize, Params};
 use crate::{Error, Result};
@@ -93,13 +93,22 @@ impl Picking {
 
     /// Finds the depths of the pixels' splats, and stores them in a code, of a host's surfaces and the splats the
     /// nearer one if `is_limited`.
-    pub(super) fn find(&self, rec: &mut Recorder<'_>, s: &Scratch, pixels: usize, code: DepthCode, is_limited: bool) {
+    pub(super) fn find(
+        &self,
+        rec: &mut Recorder<'_>,
+        s: &Scratch,
+        pixels: usize,
+        (code, kind): (DepthCode, DepthKind),
+        is_limited: bool,
+    ) {
         let io = Bindings {
             id_from_pixel: &s.isect_end_from_pixel,
             blue_depth_from_splat: &s.blue_depth_from_splat,
             limit_from_pixel: &s.limit_from_pixel,
             depth_from_pixel: &s.depth_from_pixel,
             stored_from_pixel: &s.stored_from_pixel,
+            sum_from_pixel: &s.depth,
+            image: &s.image,
         };
         let params = Params {
             a: code.a,
@@ -107,6 +116,7 @@ impl Picking {
             linear: code.is_linear.into(),
             empty: code.empty,
             limited: is_limited.into(),
+            mean: (kind == DepthKind::Expected).into(),
             pixels: pixels as u32,
         };
         self.0.record(rec, io, params, self.0.groups(pixels));
@@ -124,7 +134,8 @@ impl Picking {
         let [width, height] = size.map(|side| side as usize);
         if target.depth_out.is_some() || target.pick.is_some() {
             let code = target.depth_out.map_or(DepthCode::DISTANCE, |out| out.code);
-            self.find(rec, s, width * height, code, target.depth.is_some());
+            let stored = (code, target.depth_kind);
+            self.find(rec, s, width * height, stored, target.depth.is_some());
         }
         if let Some(out) = &target.depth_out {
             rec.copy_to_host(&s.stored_from_pixel, out.image, target.corner(), size);
@@ -147,17 +158,20 @@ impl Picking {
     }
 }
 
-/// Checks the outputs that a host asks for, of a picture of `size` pixels by a renderer with the splats of pixels or
-/// without.
+/// Checks the outputs that a host asks for, of a picture of `size` pixels by a renderer with or without the splats of
+/// pixels, and depths.
 ///
 /// # Errors
 /// [`Error::Config`] for a renderer without, images of another format, a code that is no number, and an area beyond the
 /// picture.
-pub(super) fn check(target: &HostTarget<'_>, size: [u32; 2], has_ids: bool) -> Result<()> {
+pub(super) fn check(target: &HostTarget<'_>, size: [u32; 2], (has_ids, has_depth): (bool, bool)) -> Result<()> {
     let refuse = |what: String| Err(Error::Config(what));
     let is_asked = target.ids.is_some() || target.depth_out.is_some() || target.pick.is_some();
     if is_asked && !has_ids {
         return refuse("splats of pixels: the renderer was made without RenderOptions::with_ids".into());
+    }
+    if target.depth_out.is_some() && target.depth_kind == DepthKind::Expected && !has_depth {
+        return refuse("expected depths: the renderer was made without RenderOptions::with_depth".into());
     }
     if let Some(image) = target.ids {
         image.check_words(ImageWords::Ids)?;

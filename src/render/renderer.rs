@@ -304,7 +304,7 @@ impl Renderer {
             }
             Occlusion::check(&self.gpu, depth)?;
         }
-        picking::check(target, size, self.picking.is_some())?;
+        picking::check(target, size, (self.picking.is_some(), self.options.with_depth))?;
         if !self.forward.is_prepared(content) {
             let function = match content {
                 FrameContent::Model(_) => "prepare",

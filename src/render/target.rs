@@ -24,12 +24,25 @@ pub struct HostTarget<'a> {
     /// Image of the format D32 or R32F, with the usage as destination of transfers, for the depth of that splat's mean
     /// in a code, or of the host's surface before it. Copies to D32 take a queue with graphics.
     pub depth_out: Option<HostDepth<'a>>,
+    /// Depth of the splats in `depth_out`.
+    pub depth_kind: DepthKind,
     /// Pixels to report when the frame's statistics are: [`Renderer::picks`](super::Renderer::picks).
     pub pick: Option<PickArea>,
     /// Column and row, in all images, of the picture's first pixel: the picture takes a rectangle of the camera's size,
     /// and other pixels are kept unless the state `before` discards them. `None`: the picture is as large as the
     /// images.
     pub origin: Option<[u32; 2]>,
+}
+
+/// Depth of the splats of a pixel, where they cover at least half of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DepthKind {
+    /// That of the splat at which the coverage reaches 1/2: on a surface, in steps from splat to splat.
+    #[default]
+    Median,
+    /// Mean of the splats' depths by their weights: smooth, between surfaces at borders. For renderers with
+    /// [`RenderOptions::with_depth`](super::RenderOptions::with_depth), too.
+    Expected,
 }
 
 /// Pixels of a picture to report.
@@ -56,6 +69,7 @@ impl<'a> From<&'a HostImage> for HostTarget<'a> {
             depth: None,
             ids: None,
             depth_out: None,
+            depth_kind: DepthKind::Median,
             pick: None,
             origin: None,
         }

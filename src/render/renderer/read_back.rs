@@ -13,6 +13,7 @@ use crate::render::occlusion::DepthCode;
 use crate::render::rendered::{RenderedImage, unpack};
 use crate::render::row_bands::{RowBand, RowBands, binding_limit};
 use crate::render::scratch::Scratch;
+use crate::render::target::DepthKind;
 use crate::render::view::{ViewOptions, view_of};
 use crate::scene::Camera;
 
@@ -97,7 +98,7 @@ impl Renderer {
                 rec.fill(&scratch.counts, 0);
                 forward.record(rec, content, scratch, &view, degree, bands);
                 if let Some(picking) = &self.picking {
-                    picking.find(rec, scratch, pixels, DepthCode::DISTANCE, false);
+                    picking.find(rec, scratch, pixels, (DepthCode::DISTANCE, DepthKind::Median), false);
                 }
                 Ok((
                     rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?,

@@ -9,11 +9,11 @@ use crate::embed::{SIZE, adopt, scene, view, watch, wrap};
 use ash::vk;
 use ashfall::gpu::Gpu;
 use ashfall::layout::NO_SPLAT;
-use ashfall::reference::delinearize::stored;
+use ashfall::reference::delinearize::{mean_depth, stored};
 use ashfall::reference::linearize::Code;
 use ashfall::render::{
-    Capacity, DepthCode, HostDepth, HostTarget, Instance, Model, PickArea, PickReport, RenderOptions, RenderedImage,
-    Renderer, locate,
+    Capacity, DepthCode, DepthKind, HostDepth, HostTarget, Instance, Model, PickArea, PickReport, RenderOptions,
+    RenderedImage, Renderer, locate,
 };
 use ashfall::scene::Similarity;
 use glam::DVec3;
@@ -129,6 +129,64 @@ fn images_have_the_splats_and_the_nearest_depths() {
             assert!(is_same, "{code:?}, pixel {i}: {value}, {wanted}");
         }
     }
+}
+
+/// Mean depths by weight in a host's image, those of the same picture read back.
+#[test]
+fn images_have_the_expected_depths() {
+    let scene = scene();
+    let options = RenderOptions {
+        with_depth: true,
+        ..WITH_IDS()
+    };
+    let own = {
+        let gpu = crate::common::device::gpu();
+        let model = Model::upload(&gpu, &scene.splats).unwrap();
+        let mut renderer = Renderer::new(&gpu, options).unwrap();
+        renderer.render(&model, &scene.camera, &view(&scene)).unwrap()
+    };
+    let host = Host::new();
+    let frame = Frame::new(&host, FORMAT, SIZE);
+    let gpu = adopt(&host, true, true);
+    let model = Model::upload(&gpu, &scene.splats).unwrap();
+    let depths = WordImage::new(&host, vk::Format::R32_SFLOAT, SIZE);
+    for (options, is_drawn) in [(options, true), (WITH_IDS(), false)] {
+        let mut renderer = Renderer::new(&gpu, options).unwrap();
+        renderer.reserve(&model, &scene.camera, 1 << 16).unwrap();
+        frame.begin();
+        let (color, depth_out) = (frame.target(CLEARED, COPYABLE), depths.target());
+        let target = HostTarget {
+            depth_out: Some(HostDepth {
+                image: &depth_out,
+                code: DepthCode::DISTANCE,
+            }),
+            depth_kind: DepthKind::Expected,
+            ..HostTarget::from(&color)
+        };
+        let drawn = renderer.record(&mut wrap(&frame), &model, &scene.camera, &view(&scene), target);
+        depths.download(frame.commands);
+        frame.submit();
+        frame.pixels::<f32>();
+        match is_drawn {
+            true => assert_eq!(drawn.unwrap(), None),
+            false => assert!(drawn.unwrap_err().to_string().contains("RenderOptions::with_depth")),
+        }
+        if !is_drawn {
+            continue;
+        }
+        let mut covered = 0;
+        for (i, &found) in depths.words::<f32>().iter().enumerate() {
+            let wanted = mean_depth(own.depth[i].into(), own.transmittance[i].into());
+            covered += u32::from(wanted.is_finite());
+            let is_same = wanted == f64::from(found) || (f64::from(found) / wanted - 1.0).abs() < 1e-6;
+            assert!(is_same, "pixel {i}: {found}, {wanted}");
+        }
+        assert!(
+            covered as usize > PIXELS / 4 && (covered as usize) < PIXELS,
+            "{covered}"
+        );
+    }
+    assert_eq!(host.messages(), Vec::<String>::new());
 }
 
 fn check_report(report: &PickReport, expected: &RenderedImage) {

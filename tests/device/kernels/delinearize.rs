@@ -26,8 +26,9 @@ fn depths_are_stored_in_every_code() {
     ];
     let gpu = device::gpu();
     let mut check = Check::new("delinearize");
-    for (pixels, limited) in [(1, false), (131 * 50, false), (131 * 50, true)] {
-        let cases = codes.map(|(name, code)| (name, delinearize(&gpu, pixels, code, limited).unwrap()));
+    let all = [[false, false], [true, false], [false, true], [true, true]];
+    for (pixels, limited_and_mean) in all.map(|which| (131 * 50, which)).into_iter().chain([(1, all[0])]) {
+        let cases = codes.map(|(name, code)| (name, delinearize(&gpu, pixels, code, limited_and_mean).unwrap()));
         check.cases(&gpu, Workgroups::any(&[64, 32]), &cases);
     }
     check.finish();

@@ -8,7 +8,7 @@ use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::random::Random;
 use crate::layout::NO_SPLAT;
-use crate::reference::delinearize::stored;
+use crate::reference::delinearize::{mean_depth, stored};
 use crate::reference::linearize::Code;
 
 /// Splats of the case.
@@ -22,12 +22,20 @@ pub fn usual<'a>(gpu: &Gpu, size: [u32; 2]) -> Result<KernelCase<'a, Delinearize
         is_linear: false,
         empty: 0.0,
     };
-    delinearize(gpu, (size[0] * size[1]) as usize, code, false)
+    delinearize(gpu, (size[0] * size[1]) as usize, code, [false; 2])
 }
 
-/// Random splats, pixels without one, and surfaces at random depths or none, if `limited`.
-pub fn delinearize<'a>(gpu: &Gpu, pixels: usize, code: Code, limited: bool) -> Result<KernelCase<'a, Delinearize>> {
+/// Random splats, pixels without one, and surfaces at random depths or none, if `limited`; stored are random means if
+/// `mean`.
+pub fn delinearize<'a>(
+    gpu: &Gpu,
+    pixels: usize,
+    code: Code,
+    [limited, mean]: [bool; 2],
+) -> Result<KernelCase<'a, Delinearize>> {
     let random = &mut Random::new(pixels as u64);
+    let image: Vec<f32> = (0..4 * pixels).map(|_| random.between(0.0, 1.0) as f32).collect();
+    let sums: Vec<f32> = (0..pixels).map(|_| random.log_between(0.1, 1e3) as f32).collect();
     let mut depth = |_| random.log_between(0.1, 1e3) as f32;
     let depths: Vec<f32> = (0..SPLATS).map(&mut depth).collect();
     let mut limits: Vec<f32> = (0..pixels).map(&mut depth).collect();
@@ -41,6 +49,8 @@ pub fn delinearize<'a>(gpu: &Gpu, pixels: usize, code: Code, limited: bool) -> R
         .iter()
         .map(|&id| depths.get(id as usize).map_or(f64::INFINITY, |&z| z.into()))
         .collect();
+    let means = sums.iter().zip(&image[3 * pixels..]);
+    let means: Vec<f64> = means.map(|(&sum, &t)| mean_depth(sum.into(), t.into())).collect();
     let of = |(z, limit): (&f64, &f32)| {
         let limit = if limited { f64::from(*limit) } else { f64::INFINITY };
         // Rounding is that of the two terms.
@@ -49,11 +59,15 @@ pub fn delinearize<'a>(gpu: &Gpu, pixels: usize, code: Code, limited: bool) -> R
             stored(*z, limit, &Code { a: 0.0, ..code }).abs(),
         )
     };
-    let expected: Vec<(f64, f64)> = z.iter().zip(&limits).map(of).collect();
+    let expected: Vec<(f64, f64)> = if mean { &means } else { &z }.iter().zip(&limits).map(of).collect();
     let rests: Vec<[f32; 2]> = depths.iter().map(|&z| [f32::NAN, z]).collect();
     let ids = gpu.buffer_from("id_from_pixel", &ids)?;
     let rests = gpu.buffer_from("blue_depth_from_splat", &rests)?;
     let limits = gpu.buffer_from("limit_from_pixel", &limits)?;
+    let (sums, image) = (
+        gpu.buffer_from("sum_from_pixel", &sums)?,
+        gpu.buffer_from("image", &image)?,
+    );
     let found_depths = gpu.buffer::<f32>("depth_from_pixel", pixels + 1)?;
     let found_stored = gpu.buffer::<f32>("stored_from_pixel", pixels + 1)?;
     let case = KernelCase::new(Work::of(pixels, "pixels").moving(20 * pixels))
@@ -72,8 +86,10 @@ pub fn delinearize<'a>(gpu: &Gpu, pixels: usize, code: Code, limited: bool) -> R
             let scale = code.a.abs() + expected.iter().map(|(_, term)| *term).fold(0.0, f64::max);
             let mut wanted: Vec<f64> = expected.iter().map(|(value, _)| *value).collect();
             wanted.push(f64::NAN);
-            // A quotient or product of 2.5 ULP and a sum of half of one, of numbers up to `scale`: 3 · 2⁻²³.
-            vec![Output::relative("stored", floats(&found), wanted, 3.6e-7, scale)]
+            // A quotient or product of 2.5 ULP and a sum of half of one, of numbers up to `scale`: 3 · 2⁻²³. The mean
+            // has a difference and a quotient more.
+            let bound = if mean { 7.2e-7 } else { 3.6e-7 };
+            vec![Output::relative("stored", floats(&found), wanted, bound, scale)]
         });
     Ok(case.commands(move |rec, kernel: &Delinearize, _| {
         let io = Bindings {
@@ -82,6 +98,8 @@ pub fn delinearize<'a>(gpu: &Gpu, pixels: usize, code: Code, limited: bool) -> R
             limit_from_pixel: &limits,
             depth_from_pixel: &found_depths,
             stored_from_pixel: &found_stored,
+            sum_from_pixel: &sums,
+            image: &image,
         };
         let params = Params {
             a: code.a as f32,
@@ -89,6 +107,7 @@ pub fn delinearize<'a>(gpu: &Gpu, pixels: usize, code: Code, limited: bool) -> R
             linear: code.is_linear.into(),
             empty: code.empty as f32,
             limited: limited.into(),
+            mean: mean.into(),
             pixels: pixels as u32,
         };
         kernel.record(rec, io, params, kernel.groups(pixels));
