@@ -25,6 +25,52 @@ pub fn usual<'a>(gpu: &Gpu, size: [u32; 2]) -> Result<KernelCase<'a, Delinearize
     delinearize(gpu, (size[0] * size[1]) as usize, code, [false; 2])
 }
 
+/// Random splats and depths of pixels.
+struct PixelDepths {
+    /// Depths of the splats.
+    depths: Vec<f32>,
+    ids: Vec<u32>,
+    /// Depths of the host's surfaces, or none.
+    limits: Vec<f32>,
+    /// Planes of a picture, of which transmittances count.
+    image: Vec<f32>,
+    /// Sums of weight times depth.
+    sums: Vec<f32>,
+}
+
+impl PixelDepths {
+    fn new(pixels: usize) -> PixelDepths {
+        let random = &mut Random::new(pixels as u64);
+        let image = (0..4 * pixels).map(|_| random.between(0.0, 1.0) as f32).collect();
+        let mut depth = |_| random.log_between(0.1, 1e3) as f32;
+        let mut limits: Vec<f32> = (0..pixels).map(&mut depth).collect();
+        limits.iter_mut().step_by(3).for_each(|limit| *limit = f32::INFINITY);
+        let id = |i: usize| match i % 4 {
+            1 => NO_SPLAT,
+            _ => (i * 7919 % SPLATS) as u32,
+        };
+        PixelDepths {
+            depths: (0..SPLATS).map(&mut depth).collect(),
+            ids: (0..pixels).map(id).collect(),
+            limits,
+            image,
+            sums: (0..pixels).map(&mut depth).collect(),
+        }
+    }
+
+    /// Depths of the splats, infinite without one.
+    fn of_splats(&self) -> Vec<f64> {
+        let depth = |&id: &u32| self.depths.get(id as usize).map_or(f64::INFINITY, |&z| z.into());
+        self.ids.iter().map(depth).collect()
+    }
+
+    /// Means by weight, infinite below half coverage.
+    fn means(&self) -> Vec<f64> {
+        let pixels = self.sums.iter().zip(&self.image[3 * self.sums.len()..]);
+        pixels.map(|(&sum, &t)| mean_depth(sum.into(), t.into())).collect()
+    }
+}
+
 /// Random splats, pixels without one, and surfaces at random depths or none, if `limited`; stored are random means if
 /// `mean`.
 pub fn delinearize<'a>(
@@ -33,24 +79,8 @@ pub fn delinearize<'a>(
     code: Code,
     [limited, mean]: [bool; 2],
 ) -> Result<KernelCase<'a, Delinearize>> {
-    let random = &mut Random::new(pixels as u64);
-    let image: Vec<f32> = (0..4 * pixels).map(|_| random.between(0.0, 1.0) as f32).collect();
-    let sums: Vec<f32> = (0..pixels).map(|_| random.log_between(0.1, 1e3) as f32).collect();
-    let mut depth = |_| random.log_between(0.1, 1e3) as f32;
-    let depths: Vec<f32> = (0..SPLATS).map(&mut depth).collect();
-    let mut limits: Vec<f32> = (0..pixels).map(&mut depth).collect();
-    limits.iter_mut().step_by(3).for_each(|limit| *limit = f32::INFINITY);
-    let id = |i: usize| match i % 4 {
-        1 => NO_SPLAT,
-        _ => (i * 7919 % SPLATS) as u32,
-    };
-    let ids: Vec<u32> = (0..pixels).map(id).collect();
-    let z: Vec<f64> = ids
-        .iter()
-        .map(|&id| depths.get(id as usize).map_or(f64::INFINITY, |&z| z.into()))
-        .collect();
-    let means = sums.iter().zip(&image[3 * pixels..]);
-    let means: Vec<f64> = means.map(|(&sum, &t)| mean_depth(sum.into(), t.into())).collect();
+    let inputs = PixelDepths::new(pixels);
+    let z = inputs.of_splats();
     let of = |(z, limit): (&f64, &f32)| {
         let limit = if limited { f64::from(*limit) } else { f64::INFINITY };
         // Rounding is that of the two terms.
@@ -59,15 +89,14 @@ pub fn delinearize<'a>(
             stored(*z, limit, &Code { a: 0.0, ..code }).abs(),
         )
     };
-    let expected: Vec<(f64, f64)> = if mean { &means } else { &z }.iter().zip(&limits).map(of).collect();
-    let rests: Vec<[f32; 2]> = depths.iter().map(|&z| [f32::NAN, z]).collect();
-    let ids = gpu.buffer_from("id_from_pixel", &ids)?;
+    let written = if mean { inputs.means() } else { z.clone() };
+    let expected: Vec<(f64, f64)> = written.iter().zip(&inputs.limits).map(of).collect();
+    let rests: Vec<[f32; 2]> = inputs.depths.iter().map(|&z| [f32::NAN, z]).collect();
+    let ids = gpu.buffer_from("id_from_pixel", &inputs.ids)?;
     let rests = gpu.buffer_from("blue_depth_from_splat", &rests)?;
-    let limits = gpu.buffer_from("limit_from_pixel", &limits)?;
-    let (sums, image) = (
-        gpu.buffer_from("sum_from_pixel", &sums)?,
-        gpu.buffer_from("image", &image)?,
-    );
+    let limits = gpu.buffer_from("limit_from_pixel", &inputs.limits)?;
+    let sums = gpu.buffer_from("sum_from_pixel", &inputs.sums)?;
+    let image = gpu.buffer_from("image", &inputs.image)?;
     let found_depths = gpu.buffer::<f32>("depth_from_pixel", pixels + 1)?;
     let found_stored = gpu.buffer::<f32>("stored_from_pixel", pixels + 1)?;
     let case = KernelCase::new(Work::of(pixels, "pixels").moving(20 * pixels))
