@@ -153,12 +153,12 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
     if let Some(triangles) = args.triangles {
         decimate::decimate(&mut mesh, triangles)?;
     }
-    let written = Written {
+    let fused = FusedMesh {
         mesh: &mesh,
         removed,
         report: &report,
     };
-    finish(args, output, written, (&splats, &gpu, &dataset))
+    finish(args, output, fused, (&splats, &gpu, &dataset))
 }
 
 fn map_of(camera: &Camera, picture: &RenderedImage, depth: DepthArg) -> DepthMap {
@@ -180,8 +180,8 @@ fn map_of(camera: &Camera, picture: &RenderedImage, depth: DepthArg) -> DepthMap
     DepthMap::new(camera, depth, &surface.normal, &picture.rgb, &picture.alpha())
 }
 
-/// A mesh and its making.
-struct Written<'a> {
+/// A mesh with the figures of its fusion.
+struct FusedMesh<'a> {
     mesh: &'a Mesh,
     /// Small pieces left out.
     removed: usize,
@@ -192,7 +192,7 @@ struct Written<'a> {
 fn finish(
     args: &MeshArgs,
     output: Output,
-    Written { mesh, removed, report }: Written<'_>,
+    FusedMesh { mesh, removed, report }: FusedMesh<'_>,
     (splats, gpu, dataset): (&Splats, &Gpu, &Dataset),
 ) -> Result<Outcome> {
     if mesh.triangles.is_empty() {

@@ -260,9 +260,7 @@ impl Frames {
         slot.and_then(|slot| slot.timestamps.as_ref())
             .map_or(Ok(Vec::new()), Timestamps::read)
     }
-}
 
-impl Frames {
     /// Labels and nanoseconds of a frame in a host's commands that has run, until its slot is reused; `between` is the
     /// time of other commands between the pictures. Empty without timestamps.
     pub fn timings_in(&self, frame: u64) -> Result<Vec<(&'static str, f64)>> {

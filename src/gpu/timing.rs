@@ -51,8 +51,8 @@ impl Timestamps {
         self.labels.push(label);
     }
 
-    /// Labels and the nanoseconds between each timestamp and the previous one, summed by label; empty where
-    /// one is not written.
+    /// Labels and the nanoseconds between each timestamp and the previous one, summed by label; empty where one is
+    /// not written.
     pub(super) fn read(&self) -> Result<Vec<(&'static str, f64)>> {
         let mut ticks = vec![0u64; self.labels.len()];
         if ticks.is_empty() {

@@ -9,7 +9,7 @@ use super::growth::Exponent;
 use super::input::volume;
 use super::row::{BenchRow, Work};
 use super::session::{Bench, Case, Times};
-use super::trial::Subject;
+use super::trial::{Subject, ratio_by_round};
 use crate::gpu::Gpu;
 use crate::render::{Model, RenderOptions, Renderer, ViewOptions};
 use crate::scene::{Camera, Splats};
@@ -255,10 +255,7 @@ fn giant(bench: &mut Bench, plan: &FramePlan, scaling: &Scaling) -> Result<Optio
         subjects.push(Subject { case, run });
     }
     let runs = bench.measure_in_turns(&mut subjects)?;
-    let wall = |times: &Times| times.stages.iter().map(|(_, ns)| ns).sum::<f64>();
-    let rounds = runs[0].iter().zip(&runs[1]);
-    let ratios: Vec<f64> = rounds.map(|(a, b)| wall(b) / wall(a)).collect();
-    let summary = crate::stats::Summary::of(&ratios);
+    let summary = ratio_by_round(&runs[1], &runs[0]);
     Ok(Some(GiantSplat {
         splats,
         size,

@@ -3,7 +3,7 @@
 use super::CpuClock;
 use super::frame::case;
 use super::session::{Bench, Times};
-use super::trial::Subject;
+use super::trial::{Subject, ratio_by_round};
 use crate::gpu::{Frames, Gpu, HostImage, Image};
 use crate::render::{Blend, DepthCode, HostDepth, HostTarget, Instance, Model, RenderOptions, Renderer, ViewOptions};
 use crate::scene::{Camera, Splats};
@@ -96,9 +96,7 @@ pub fn run(bench: &mut Bench, plan: &GuestPlan) -> Result<Vec<GuestCost>> {
     let runs = bench.measure_in_turns(&mut subjects)?;
     let others = subjects.iter().zip(&runs).skip(1);
     let costs = others.map(|(subject, other)| {
-        let rounds = runs[0].iter().zip(other);
-        let ratios: Vec<f64> = rounds.map(|(plain, other)| wall(other) / wall(plain)).collect();
-        let summary = Summary::of(&ratios);
+        let summary = ratio_by_round(other, &runs[0]);
         GuestCost {
             variant: subject.case.variant.clone(),
             ratio: summary.median,
@@ -108,20 +106,14 @@ pub fn run(bench: &mut Bench, plan: &GuestPlan) -> Result<Vec<GuestCost>> {
     Ok(costs.collect())
 }
 
-fn wall(times: &Times) -> f64 {
-    times.stages.iter().map(|(_, ns)| ns).sum()
-}
-
 /// Median depth of the splats whose means are in the image.
 fn median_depth(plan: &GuestPlan) -> f32 {
-    let camera = &plan.camera;
-    let [width, height] = [camera.width, camera.height].map(f64::from);
-    let seen = plan.splats.mean.iter().filter_map(|mean| {
-        let at = camera.view_from_world(DVec3::from(mean.map(f64::from)));
-        let pixel = camera.focal * at.truncate() / at.z + camera.center;
-        let is_inside = pixel.min_element() >= 0.0 && pixel.x < width && pixel.y < height;
-        (at.z > f64::from(plan.near) && is_inside).then_some(at.z)
-    });
+    let depth = |mean: &[f32; 3]| {
+        let mean = DVec3::from(mean.map(f64::from));
+        let depth = plan.camera.view_from_world(mean).z;
+        (depth > f64::from(plan.near) && plan.camera.sees(mean)).then_some(depth)
+    };
+    let seen = plan.splats.mean.iter().filter_map(depth);
     Summary::of(&seen.collect::<Vec<f64>>()).median as f32
 }
 

@@ -4,6 +4,7 @@ use super::check::Output;
 use super::clock::CpuClock;
 use super::row::Work;
 use super::session::{Bench, Case, Times};
+use crate::stats::Summary;
 use crate::{Error, Result};
 use std::time::Instant;
 
@@ -66,6 +67,14 @@ impl Bench {
         }
         Ok(runs)
     }
+}
+
+/// Wall time of a subject over that of another by round, of runs in turns.
+pub fn ratio_by_round(runs: &[Times], reference: &[Times]) -> Summary {
+    let wall = |times: &Times| times.stages.iter().map(|(_, ns)| ns).sum::<f64>();
+    let rounds = runs.iter().zip(reference);
+    let ratios: Vec<f64> = rounds.map(|(run, reference)| wall(run) / wall(reference)).collect();
+    Summary::of(&ratios)
 }
 
 /// One of several subjects measured in turns.
