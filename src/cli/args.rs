@@ -2,8 +2,7 @@
 
 use super::capture;
 use super::parse;
-use crate::io;
-use crate::io::dataset::{self, MaskUse, OpenOptions};
+use crate::io::dataset::{self, MaskUse, OpenOptions, Reconstruction};
 use crate::render::Compatibility;
 use crate::scene::{AlphaMode, Dataset, Split};
 use crate::{Error, Result};
@@ -51,7 +50,7 @@ pub(super) struct DataArgs {
     /// photographs, because undistortion leaves empty borders]
     #[arg(long, value_name = "MODE")]
     pub alpha: Option<AlphaArg>,
-    /// Mask files: masks/NAME.jpg.png or masks/NAME.png beside COLMAP's photographs, mask_path of nerfstudio
+    /// Mask files: masks/NAME.jpg.png or masks/NAME.png beside the photographs, mask_path of nerfstudio
     #[arg(long, value_name = "USE", default_value = "ignore")]
     #[serde(default)]
     pub masks: MasksArg,
@@ -97,8 +96,8 @@ impl DataArgs {
 
 /// Advice for a folder of photographs without any reconstruction.
 fn capture_hint(path: &Path) -> Option<String> {
-    let has_poses = io::colmap::find_model(path).is_some() || io::transforms::find(path).is_some();
-    match path.is_dir() && !has_poses {
+    let is_without_poses = matches!(Reconstruction::find(path), Ok(None));
+    match path.is_dir() && is_without_poses {
         true => capture::hint(path),
         false => None,
     }

@@ -12,6 +12,7 @@ use super::output::{Output, bytes, grouped};
 use super::predict::PredictArgs;
 use super::scene::SceneArgs;
 use crate::io::LoadedSplats;
+use crate::io::dataset::Reconstruction;
 use crate::io::splats::readable;
 use crate::render::{Blocks, Slots};
 use crate::scene::{Dataset, Split};
@@ -103,8 +104,8 @@ fn predict(args: &InfoArgs) -> Result<Outcome> {
 }
 
 fn is_scene(path: &Path) -> bool {
-    // A folder is a data set by any name, and a .json is a transforms.json.
-    path.is_file() && path.extension().is_none_or(|e| e != "json")
+    // A folder is a data set by any name.
+    path.is_file() && !Reconstruction::is_file(path)
 }
 
 fn devices(args: &DeviceArgs) -> Result<(String, Value)> {

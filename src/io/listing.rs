@@ -96,3 +96,9 @@ pub(super) fn check_position(position: DVec3) -> Check<()> {
         "a camera at {x}, {y}, {z} ({POSITION_MAX} world units are the limit)"
     ))
 }
+
+/// Intrinsics of a panorama: longitudes across the width, latitudes down the height.
+pub(super) fn panorama([width, height]: [f64; 2]) -> ([f64; 2], [f64; 2], Lens) {
+    let focal = [width / std::f64::consts::TAU, height / std::f64::consts::PI];
+    (focal, [width / 2.0, height / 2.0], Lens::Equirectangular)
+}

@@ -33,15 +33,21 @@ mod lock;
 #[cfg(feature = "train")]
 pub mod mesh;
 #[cfg(feature = "train")]
+pub mod metashape;
+#[cfg(feature = "train")]
 pub mod obj;
 #[cfg(feature = "train")]
 pub mod photo;
+#[cfg(feature = "train")]
+mod photo_index;
 pub mod ply;
 #[cfg(feature = "train")]
 pub mod png;
 #[cfg(feature = "train")]
 mod pose;
 mod reader;
+#[cfg(feature = "train")]
+pub mod realitycapture;
 #[cfg(feature = "train")]
 pub mod refined;
 #[cfg(feature = "train")]
@@ -54,6 +60,8 @@ pub mod spz;
 pub mod transforms;
 #[cfg(feature = "train")]
 pub mod video;
+#[cfg(feature = "train")]
+mod xml;
 
 #[cfg(feature = "train")]
 pub use listing::{ListedView, Listing};

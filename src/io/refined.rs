@@ -2,7 +2,9 @@
 //! it was.
 
 use super::atomic::write_atomically;
-use super::{colmap, transforms};
+use super::dataset::Reconstruction;
+use super::photo_index::{PhotoIndex, cloud_beside};
+use super::{metashape, realitycapture};
 use crate::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -14,22 +16,43 @@ use std::path::{Path, PathBuf};
 pub type PoseMotions = BTreeMap<String, (DQuat, DVec3)>;
 
 /// Writes the reconstruction of the data set at `data` to the folder `out`, with the photographs of these names moved:
-/// `sparse/0` in COLMAP's form, binary or text as it was, or a `transforms.json`. Photographs and masks are not copied,
-/// points are; those of COLMAP keep their places.
+/// `sparse/0` in COLMAP's form, binary or text as it was, a `transforms.json`, a table of RealityCapture's or a list of
+/// Metashape's. Photographs and masks are not copied, points are; those of COLMAP keep their places.
 ///
 /// # Errors
 /// A file that cannot be read, or is no reconstruction, or a folder that cannot be written.
 pub fn write(data: &Path, out: &Path, motions: &PoseMotions) -> Result<()> {
-    if data.is_dir()
-        && let Some(model) = colmap::find_model(data)
-    {
-        return write_colmap(&model, &out.join("sparse/0"), motions);
+    match Reconstruction::find(data)? {
+        Some(Reconstruction::Colmap(model)) => write_colmap(&model, &out.join("sparse/0"), motions),
+        Some(Reconstruction::Transforms(file)) => write_transforms(&file, out, motions),
+        Some(Reconstruction::RealityCapture(file)) => write_list(&file, out, motions, |bytes, motion| {
+            realitycapture::moved(std::str::from_utf8(bytes).ok()?, motion)
+        }),
+        Some(Reconstruction::Metashape(file)) => write_list(&file, out, motions, |bytes, motion| {
+            metashape::moved(&file, bytes, motion)
+        }),
+        None => Err(Error::file(data, "is no data set any more")),
     }
-    let file = match data.is_dir() {
-        true => transforms::find(data).ok_or_else(|| Error::file(data, "is no data set any more"))?,
-        false => data.to_owned(),
-    };
-    write_transforms(&file, out, motions)
+}
+
+/// Motion of a label.
+type MotionOfLabel<'a> = &'a dyn Fn(&str) -> Option<(DQuat, DVec3)>;
+
+/// Writes a list of cameras with labels, and the points beside it.
+fn write_list(
+    file: &Path,
+    out: &Path,
+    motions: &PoseMotions,
+    moved: impl Fn(&[u8], MotionOfLabel<'_>) -> Option<String>,
+) -> Result<()> {
+    let names = PhotoIndex::of(motions.keys().cloned());
+    let motion = |label: &str| motions.get(names.find(label).ok()??).copied();
+    let text = moved(&read(file)?, &motion).ok_or_else(|| Error::file(file, "has changed since it was read"))?;
+    std::fs::create_dir_all(out).map_err(Error::io(out))?;
+    if let Some(points) = cloud_beside(file) {
+        save(&out.join(points.file_name().unwrap_or_default()), &read(&points)?)?;
+    }
+    save(&out.join(file.file_name().unwrap_or_default()), text.as_bytes())
 }
 
 fn write_colmap(model: &Path, out: &Path, motions: &PoseMotions) -> Result<()> {

@@ -1,8 +1,8 @@
 //! Lenses: where the light of a direction falls on the sensor.
 //!
-//! The models are those of COLMAP 4.1 (`src/colmap/sensor/models.h`), all in the forward direction, which is all that a
-//! pinhole picture needs of them: each of its pixels is a direction, looked up in the photograph. Coordinates on the
-//! sensor are in focal lengths from the principal point.
+//! The models are those of COLMAP 4.1 (`src/colmap/sensor/models.h`) and of photogrammetry, all in the forward
+//! direction, which is all that a pinhole picture needs of them: each of its pixels is a direction, looked up in the
+//! photograph. Coordinates on the sensor are in focal lengths from the principal point.
 
 use super::Camera;
 use glam::{DMat3, DVec2, DVec3};
@@ -31,6 +31,17 @@ pub enum Lens {
         radial: [f64; 6],
         /// p1, p2.
         tangential: [f64; 2],
+    },
+    /// Photogrammetric model: a radial polynomial of fourth degree in the squared radius, and axes at an angle.
+    Polynomial {
+        /// The radius is the angle from the axis, else its tangent.
+        is_angular: bool,
+        /// k1 to k4.
+        radial: [f64; 4],
+        /// p1, p2, in OpenCV's order.
+        tangential: [f64; 2],
+        /// Share of y that is added to x.
+        shear: f64,
     },
     /// Field-of-view model (FOV), its angle ω in radians.
     FieldOfView(f64),
@@ -72,12 +83,7 @@ impl Lens {
             Lens::Brown(Distortion { k1, k2, p1, p2 }) => plane.map(|p| {
                 let r2 = p.length_squared();
                 let radial = 1.0 + r2 * (k1 + r2 * k2);
-                let xy = 2.0 * p.x * p.y;
-                p * radial
-                    + DVec2::new(
-                        p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
-                        p2 * xy + p1 * (r2 + 2.0 * p.y * p.y),
-                    )
+                p * radial + tangent(p, [p1, p2])
             }),
             Lens::Rational { radial, tangential } => plane.map(|p| {
                 let [k1, k2, k3, k4, k5, k6] = radial;
@@ -85,6 +91,17 @@ impl Lens {
                 let ratio = polynomial(s, &[1.0, k1, k2, k3]) / polynomial(s, &[1.0, k4, k5, k6]);
                 p * ratio + tangent(p, tangential)
             }),
+            Lens::Polynomial {
+                is_angular,
+                radial: [k1, k2, k3, k4],
+                tangential,
+                shear,
+            } => {
+                let p = if is_angular { angular(direction) } else { plane }?;
+                let radial = polynomial(p.length_squared(), &[1.0, k1, k2, k3, k4]);
+                let at = p * radial + tangent(p, tangential);
+                Some(DVec2::new(at.x + shear * at.y, at.y))
+            }
             Lens::FieldOfView(omega) => plane.map(|p| p * field_of_view(p.length(), omega)),
             Lens::Fisheye([k1, k2, k3, k4]) => {
                 let angle = angular(direction)?;
@@ -141,6 +158,29 @@ impl Lens {
                 tangential: [0.0, 0.0],
                 prism: [0.0, 0.0],
             } => Lens::Fisheye(radial),
+            Lens::Polynomial {
+                is_angular: false,
+                radial: [k1, k2, k3, 0.0],
+                tangential,
+                shear: 0.0,
+            } => {
+                let radial = [k1, k2, k3, 0.0, 0.0, 0.0];
+                Lens::Rational { radial, tangential }.simplified()
+            }
+            Lens::Polynomial {
+                is_angular: true,
+                radial,
+                tangential,
+                shear: 0.0,
+            } => {
+                let prism = [0.0; 2];
+                Lens::ThinPrism {
+                    radial,
+                    tangential,
+                    prism,
+                }
+                .simplified()
+            }
             other => other,
         }
     }

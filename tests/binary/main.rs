@@ -13,6 +13,7 @@ mod bench;
 mod broken;
 mod capi;
 mod capture_faults;
+mod capture_lists;
 mod captures;
 mod cli;
 mod growth;

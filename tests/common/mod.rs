@@ -6,6 +6,7 @@
     reason = "shared by test binaries, each of which uses its own part"
 )]
 
+pub(crate) mod camera_lists;
 pub(crate) mod check;
 pub(crate) mod device;
 pub(crate) mod files;

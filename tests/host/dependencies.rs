@@ -20,7 +20,7 @@ const DIRECT: [&str; 12] = [
 ];
 
 /// Further direct dependencies of the engine with data sets and training.
-const OF_TRAINING: [&str; 6] = ["crc32fast", "exr", "image", "tobj", "webp", "zip"];
+const OF_TRAINING: [&str; 7] = ["crc32fast", "exr", "image", "roxmltree", "tobj", "webp", "zip"];
 
 /// Crates of the command line and the laboratory, which are not even indirect dependencies of the engine.
 const TOOLS: [&str; 8] = [
@@ -59,7 +59,7 @@ fn the_engine_depends_on_these_crates() {
     for tool in TOOLS {
         assert!(!trained.contains(tool), "{tool} is a dependency of the engine");
     }
-    for image in ["exr", "image", "tobj", "webp", "zip"] {
+    for image in ["exr", "image", "roxmltree", "tobj", "webp", "zip"] {
         assert!(!all.contains(image), "{image} is a dependency of the renderer");
     }
     assert!(tree(&["--features", "cli"]).contains("clap"), "the list tells nothing");

@@ -3,7 +3,7 @@
 use super::{RenderArgs, orbit, orbit_of_cameras};
 use crate::cli::output::file_stem;
 use crate::io::camera_path::{self, PathOptions};
-use crate::io::{colmap, transforms};
+use crate::io::dataset::Reconstruction;
 use crate::scene::{Camera, Dataset, Similarity, Splats, cameras_between};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -108,9 +108,8 @@ fn world(args: &RenderArgs, path: &Path) -> Result<Option<Similarity>> {
 
 /// The `transforms.json` of a data set, if its cameras are from there.
 fn transforms_of(data: &Path) -> Option<PathBuf> {
-    match data.is_file() {
-        true => Some(data.to_owned()),
-        false if colmap::find_model(data).is_some() => None,
-        false => transforms::find(data),
+    match Reconstruction::find(data) {
+        Ok(Some(Reconstruction::Transforms(file))) => Some(file),
+        _ => None,
     }
 }

@@ -42,7 +42,8 @@ use steps::run_steps;
 /// --refine-poses refined/ and poses.json, with --against transients ignored/ and transients.json.
 ///
 /// DATA is a folder with a COLMAP model (sparse/0 or sparse, binary or text) and images/, or with
-/// a transforms.json (nerfstudio, Blender), or such a file.
+/// a transforms.json (nerfstudio, Blender), a .csv of RealityCapture's cameras or an .xml of
+/// Metashape's, or such a file.
 ///
 /// Ctrl-C stops after the current step; `ashfall train --resume DIR` goes on and ends with the same
 /// bytes as an uninterrupted run.

@@ -1,7 +1,7 @@
 //! COLMAP camera models.
 
 use super::super::check::Check;
-use super::super::listing::{check_intrinsics, check_size};
+use super::super::listing::{check_intrinsics, check_size, panorama};
 use crate::scene::{Distortion, Lens};
 use glam::DVec2;
 
@@ -119,10 +119,4 @@ fn read(model: &str, size: [f64; 2], parameters: &[f64]) -> Option<([f64; 2], [f
         ("EQUIRECTANGULAR", &[_, _]) => panorama(size),
         _ => return None,
     })
-}
-
-/// Intrinsics of a panorama: longitudes across the width, latitudes down the height.
-fn panorama([width, height]: [f64; 2]) -> ([f64; 2], [f64; 2], Lens) {
-    let focal = [width / std::f64::consts::TAU, height / std::f64::consts::PI];
-    (focal, [width / 2.0, height / 2.0], Lens::Equirectangular)
 }

@@ -10,6 +10,7 @@ mod text;
 
 use super::check::{Check, inside};
 use super::listing::{ListedView, Listing, check_position};
+use super::photo_index::mask_in;
 use super::reader::excerpt;
 use super::source::Source;
 use crate::error::{Error, Result};
@@ -127,25 +128,6 @@ pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     })
 }
 
-/// Mask of a photograph in `masks` beside the photographs' folder: COLMAP's NAME.jpg.png, NAME.png or NAME.mask.png.
-fn mask_of(photos: &Path, name: &str) -> Option<PathBuf> {
-    let folder = masks_beside(photos);
-    let with = |stem: PathBuf, suffix: &str| {
-        let mut name = stem.into_os_string();
-        name.push(suffix);
-        PathBuf::from(name)
-    };
-    let whole = folder.join(name);
-    let stem = whole.with_extension("");
-    let candidates = [with(whole, ".png"), with(stem.clone(), ".png"), with(stem, ".mask.png")];
-    candidates.into_iter().find(|path| path.is_file())
-}
-
-/// Folder of the masks beside that of the photographs.
-pub(super) fn masks_beside(photos: &Path) -> PathBuf {
-    photos.parent().unwrap_or(Path::new(".")).join("masks")
-}
-
 /// Indices of the points with these ids among the sorted ids of all, ascending, each once.
 fn indices(seen: &[u64], ids: &[u64]) -> Vec<u32> {
     let place = |id: &u64| ids.binary_search(id).ok().and_then(|index| u32::try_from(index).ok());
@@ -198,7 +180,7 @@ fn listed(
             position,
         },
         lens: lens.lens,
-        mask: mask_of(photos, &name),
+        mask: mask_in(&photos.parent().unwrap_or(Path::new(".")).join("masks"), &name),
         held_out: false,
         seen: indices(&image.seen, ids),
     })

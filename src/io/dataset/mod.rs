@@ -8,14 +8,14 @@
 mod check;
 mod faces;
 mod masks;
+mod reconstruction;
 mod views;
 
-use super::listing::{ListedView, Listing};
-use super::{colmap, transforms};
 use crate::error::{Error, Result};
 use crate::scene::{AlphaMode, Dataset, PhotoSource, Point, Split, View};
 pub use check::check_capture;
 use glam::DVec3;
+pub use reconstruction::Reconstruction;
 use std::path::{Path, PathBuf};
 
 /// Options for opening a data set.
@@ -64,20 +64,23 @@ impl Default for OpenOptions {
 }
 
 /// Opens the data set at `path`: a folder with a COLMAP model (in `sparse/0`, `sparse` or itself; it comes first, as it
-/// has points), else with `transforms.json` or `transforms_train.json`; or such a file.
+/// has points), else with `transforms.json` or `transforms_train.json`, a `.csv` of RealityCapture's cameras or an
+/// `.xml` of Metashape's; or such a file.
 ///
 /// Views without their photograph are left out with a warning; a file that is not an image, is empty, or has another
 /// aspect ratio than its camera is an error. Points that are not finite are dropped with a warning.
 ///
 /// # Errors
-/// Names the file and the reason; see [`colmap::read`] and [`transforms::read`]. Also: unknown format, no photographs,
+/// Names the file and the reason; see [`colmap::read`](super::colmap::read),
+/// [`transforms::read`](super::transforms::read), [`realitycapture::read`](super::realitycapture::read) and
+/// [`metashape::read`](super::metashape::read). Also: unknown format, no photographs,
 /// two views of one name, no view left to train on.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Dataset> {
     if options.downscale == 0 {
         let what = "the factor by which photographs are reduced must be at least 1";
         return Err(Error::Config(what.to_owned()));
     }
-    let mut listing = list(path, options)?;
+    let mut listing = reconstruction::list(path, options)?;
     let mut warnings = std::mem::take(&mut listing.warnings);
     listing.views.sort_by(|a, b| a.name.cmp(&b.name));
     for pair in listing.views.windows(2) {
@@ -149,66 +152,6 @@ fn alpha(path: &Path, options: &OpenOptions, has: [bool; 2], warnings: &mut Vec<
         false => AlphaMode::Composite,
     };
     options.alpha.unwrap_or(usual)
-}
-
-/// Detects the format and reads it.
-fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
-    let meta = std::fs::metadata(path).map_err(Error::io(path))?;
-    if meta.is_file() {
-        if path.extension().is_some_and(|e| e == "json") {
-            let folder = path.parent().unwrap_or(Path::new("."));
-            let photos = options.images.as_ref().map(|images| folder.join(images));
-            return transforms::read(path, photos.as_deref());
-        }
-        let what = "is no data set: a folder or a transforms.json is expected";
-        return Err(Error::file(path, what));
-    }
-    if let Some(model) = colmap::find_model(path) {
-        return colmap::read(&model, &colmap_photos(path, options));
-    }
-    let photos = options.images.as_ref().map(|images| path.join(images));
-    let Some(file) = transforms::find(path) else {
-        let hint = if path.join("sparse").is_file() {
-            " (sparse is a file, not a folder)"
-        } else {
-            ""
-        };
-        let what = format!(
-            "is no data set: none of sparse/0/cameras.bin, sparse/cameras.bin, cameras.bin (or .txt), \
-             transforms.json, transforms_train.json is there{hint}"
-        );
-        return Err(Error::file(path, what));
-    };
-    let mut listing = transforms::read(&file, photos.as_deref())?;
-    let test = path.join("transforms_test.json");
-    // Blender's test views are in a second file, read only beside `transforms_train.json`.
-    let split = file.ends_with("transforms_train.json");
-    if split && test.is_file() && options.test_every > 0 {
-        let held_out = transforms::read(&test, photos.as_deref())?;
-        listing.warnings.extend(held_out.warnings);
-        listing.views.extend(
-            held_out
-                .views
-                .into_iter()
-                .map(|view| ListedView { held_out: true, ..view }),
-        );
-    }
-    Ok(listing)
-}
-
-/// Folder of a COLMAP data set's photographs, above `path` if `path` is the model itself.
-fn colmap_photos(path: &Path, options: &OpenOptions) -> PathBuf {
-    let images = options.images.clone().unwrap_or("images".into());
-    let own = path.join(&images);
-    let above = [path.join("..").join(&images), path.join("../..").join(&images)];
-    let is_model = path.join("cameras.bin").is_file() || path.join("cameras.txt").is_file();
-    if is_model
-        && !own.is_dir()
-        && let Some(found) = above.into_iter().find(|folder| folder.is_dir())
-    {
-        return found;
-    }
-    own
 }
 
 /// Drops points that are not finite, with a warning that counts them and names `path`.

@@ -2,7 +2,7 @@
 
 use super::super::check::Check;
 use super::super::json::number;
-use super::super::listing::check_intrinsics;
+use super::super::listing::{check_intrinsics, panorama};
 use super::scope::Scope;
 use crate::scene::{Distortion, Lens};
 use serde_json::Value;
@@ -25,8 +25,7 @@ pub(super) fn read(scope: &Scope<'_>, width: u32, height: u32) -> Check<([f64; 2
     let model = scope.text("camera_model")?;
     let size = [f64::from(width), f64::from(height)];
     if model == Some("EQUIRECTANGULAR") {
-        let [across, down] = [size[0] / std::f64::consts::TAU, size[1] / std::f64::consts::PI];
-        return Ok(([across, down], size.map(|side| side / 2.0), Lens::Equirectangular));
+        return Ok(panorama(size));
     }
     let is_fisheye = model.is_some_and(|model| FISHEYE.contains(&model))
         || (model.is_none() && scope.value("is_fisheye") == Some(&Value::Bool(true)));

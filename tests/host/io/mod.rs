@@ -2,6 +2,8 @@
 //! without it only if the variable is unset.
 
 mod atomic;
+mod camera_lists;
+mod camera_lists_faults;
 mod camera_paths;
 mod checkpoint;
 mod colmap;

@@ -170,7 +170,9 @@ targets!(
     png,
     jpeg,
     sog,
-    camera_path
+    camera_path,
+    realitycapture,
+    metashape
 );
 
 #[test]

@@ -49,6 +49,10 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     add("camera_path", "inria", INRIA_CAMERAS.as_bytes().to_vec());
     add("camera_path", "transforms", NERFSTUDIO.as_bytes().to_vec());
     add("camera_path", "gltf", GLTF_CAMERAS.as_bytes().to_vec());
+    add("realitycapture", "lens", CAMERA_TABLE.as_bytes().to_vec());
+    add("realitycapture", "least", CAMERA_TABLE_LEAST.as_bytes().to_vec());
+    add("metashape", "groups", METASHAPE.as_bytes().to_vec());
+    add("metashape", "panorama", METASHAPE_PANORAMA.as_bytes().to_vec());
     add("checkpoint", "two", checkpoint());
     add("obj", "tetrahedron", TETRAHEDRON.as_bytes().to_vec());
     add("obj", "colors", COLORS.as_bytes().to_vec());
@@ -382,6 +386,32 @@ const NERFSTUDIO: &str = r#"{"camera_model":"OPENCV","w":8,"h":6,"fl_x":9,"fl_y"
 
 const BLENDER: &str = r#"{"camera_angle_x":0.7,"frames":[{"file_path":"a","rotation":0.1,"transform_matrix":
 [[0,-1,0,4],[1,0,0,0.5],[0,0,1,-2e0],[0,0,0,1]]}]}"#;
+
+const CAMERA_TABLE: &str = "#cameras 2\r\n#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\r\n\
+a.png,44.5,-138.8,6.8,170.3,85.1,-22.7,14.2,-9.4e-004,2e-004,3e-003,4e-003,-1e-003,1e-4,1e-3,-1e-3\r\n\
+b.jpg,1,2,3,10,90,0,24,0,0,0,0,0,0,0,0\r\n";
+
+const CAMERA_TABLE_LEAST: &str = "#name,f,roll,pitch,heading,alt,y,x\na,20,1,2,3,4,5,6\n";
+
+const METASHAPE: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.0.0"><chunk label="Chunk 1" enabled="true"><sensors next_id="2">
+<sensor id="0" label="frame" type="frame"><resolution width="8" height="6"/><calibration type="frame" class="adjusted">
+<resolution width="8" height="6"/><f>9</f><cx>0.1</cx><cy>-0.2</cy><b1>0.3</b1><b2>-0.1</b2><k1>0.1</k1><k2>0.01</k2>
+<k3>-0.01</k3><k4>0.001</k4><p1>0.001</p1><p2>-0.002</p2></calibration></sensor>
+<sensor id="1" label="wide" type="fisheye"><resolution width="8" height="6"/><calibration type="fisheye">
+<f>3</f><k1>0.02</k1></calibration></sensor></sensors>
+<components next_id="1"><component id="0"><transform><rotation>0 -1 0 1 0 0 0 0 1</rotation>
+<translation>10 20 30</translation><scale>2</scale></transform></component></components>
+<cameras><group id="0" label="Group 1" type="folder"><camera id="0" sensor_id="0" component_id="0" label="/x/a.png">
+<transform>1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1</transform></camera></group>
+<camera id="1" sensor_id="1" component_id="0" label="b"><transform>0 0 1 1 1 0 0 2 0 1 0 3 0 0 0 1</transform></camera>
+<camera id="2" sensor_id="1" label="c" enabled="false"/><camera id="3" sensor_id="1" label="d"/></cameras>
+</chunk></document>"#;
+
+const METASHAPE_PANORAMA: &str = r#"<document><chunk><sensors><sensor id="0" type="spherical">
+<resolution width="8" height="6"/></sensor></sensors><cameras><camera id="0" sensor_id="0" label="a">
+<transform>1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1</transform></camera></cameras>
+<transform><scale>0.5</scale></transform></chunk></document>"#;
 
 const VIEWER_PATH: &str = "{\"render_width\":8,\"render_height\":6,\"fps\":24,\"is_cycle\":true,\"camera_path\":[\
 {\"camera_to_world\":[1,0,0,0,0,1,0,0,0,0,1,2,0,0,0,1],\"fov\":50},\

@@ -4,7 +4,7 @@
 use super::repair;
 use ashfall::io::colmap::Files;
 use ashfall::io::camera_path::{self, CameraPath, PathOptions};
-use ashfall::io::{Listing, Source, colmap, obj, photo, ply, splats, transforms};
+use ashfall::io::{Listing, Source, colmap, metashape, obj, photo, ply, realitycapture, splats, transforms};
 use ashfall::io::LoadedSplats;
 use ashfall::scene::{Camera, Mesh, Photo, Optics, PhotoSource, View};
 use ashfall::train::checkpoint::Checkpoint;
@@ -96,7 +96,7 @@ pub(crate) const TARGETS: &[Target] = &[
     },
     Target {
         name: "transforms",
-        run: check_transforms,
+        run: |bytes| check_listed("transforms.json", bytes, |source| transforms::read(source, None)),
         repair: |_| {},
         words: JSON_WORDS,
         // An empty object in a list is three bytes, and 32 in memory; with a key, seven and a node of its map.
@@ -156,6 +156,27 @@ pub(crate) const TARGETS: &[Target] = &[
         // An animation has up to 100,000 frames, whose cameras are 280 bytes in two forms, twice while the list grows.
         memory: |bytes| (1 << 26) + 1024 * bytes.len(),
     },
+    Target {
+        name: "realitycapture",
+        run: |bytes| check_listed("cameras.csv", bytes, |source| realitycapture::read(source, None)),
+        repair: |_| {},
+        words: &["#name", "a.png", "b.jpg", ",", "\n", "\"", "alt", "heading", "k4", "-1.5e-003", "nan", "1e38", "../", "\\"],
+        memory: |bytes| 256 * bytes.len(),
+    },
+    Target {
+        name: "metashape",
+        run: |bytes| check_listed("cameras.xml", bytes, |source| metashape::read(source, None)),
+        repair: |_| {},
+        words: XML_WORDS,
+        // An empty element in a tree is four bytes, and some hundred in memory.
+        memory: |bytes| 256 * bytes.len(),
+    },
+];
+
+const XML_WORDS: &[&str] = &[
+    "<chunk>", "</chunk>", "<a>", "</a>", "<a/>", "<!--", "-->", "<![CDATA[", "]]>", "<?a ?>", "<!DOCTYPE a>", "&lt;", "&#0;", "&a;",
+    "<transform>", "</transform>", "<scale>", "<rotation>", "<f>", "<k4>", "<b2>1</b2>", "<p3>0</p3>", "type=\"fisheye\"", "type=\"spherical\"",
+    "enabled=\"false\"", "component_id=\"0\"", "sensor_id=\"1\"", "label=\"a\"", "label=\"b.jpg\"", "width=\"8\"", "nan", "1e38", "-1", "0 0 0 1",
 ];
 
 const PATH_WORDS: &[&str] = &[
@@ -273,9 +294,10 @@ fn beside() -> &'static Path {
     Path::new(super::BESIDE)
 }
 
-fn check_transforms(bytes: &[u8]) -> String {
-    let name = beside().join("transforms.json");
-    let outcome = transforms::read(Source::bytes(&name, bytes), None);
+/// A list of cameras with photographs beside it.
+fn check_listed(name: &str, bytes: &[u8], read: fn(Source<'_>) -> Result<Listing>) -> String {
+    let name = beside().join(name);
+    let outcome = read(Source::bytes(&name, bytes));
     check(&name.display().to_string(), outcome, |listing| {
         listing.views.iter().take(4).for_each(|view| {
             // As on opening a data set: the camera takes the size of the file, and the file is undistorted.
