@@ -2,6 +2,7 @@
 //! it was.
 
 use super::atomic::write_atomically;
+use super::colmap::{RigidMotion, corrected, poses_by_frames};
 use super::dataset::Reconstruction;
 use super::photo_index::{PhotoIndex, cloud_beside};
 use super::{metashape, realitycapture};
@@ -69,7 +70,7 @@ fn write_colmap(model: &Path, out: &Path, motions: &PoseMotions) -> Result<()> {
         let mut bytes = read(&path)?;
         if name == "images" {
             let moved = match extension {
-                "bin" => move_binary(&mut bytes, motions),
+                "bin" => move_binary(&mut bytes, motions, &poses_by_frames(model)),
                 _ => move_text(&bytes, motions).map(|text| bytes = text),
             };
             moved.ok_or_else(|| Error::file(&path, "has changed since it was read"))?;
@@ -79,8 +80,8 @@ fn write_colmap(model: &Path, out: &Path, motions: &PoseMotions) -> Result<()> {
     Ok(())
 }
 
-/// Moves poses of COLMAP's images.bin in place; `None` if it ends early.
-fn move_binary(bytes: &mut [u8], motions: &PoseMotions) -> Option<()> {
+/// Moves poses of COLMAP's images.bin in place, those of frames where they differ; `None` if it ends early.
+fn move_binary(bytes: &mut [u8], motions: &PoseMotions, frames: &BTreeMap<u64, RigidMotion>) -> Option<()> {
     let count = u64::from_le_bytes(bytes.get(..8)?.try_into().ok()?);
     let mut at = 8;
     for _ in 0..count {
@@ -88,11 +89,14 @@ fn move_binary(bytes: &mut [u8], motions: &PoseMotions) -> Option<()> {
         let name_at = at + 64;
         let length = bytes.get(name_at..)?.iter().position(|&byte| byte == 0)?;
         let name = String::from_utf8_lossy(&bytes[name_at..name_at + length]).into_owned();
+        let id = u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?);
+        let given: [f64; 7] = bytemuck::pod_collect_to_vec(bytes.get(pose.clone())?).try_into().ok()?;
+        let frame = frames.get(&id.into()).and_then(|frame| corrected(given, frame));
+        let mut numbers = frame.unwrap_or(given);
         if let Some(motion) = motions.get(&name) {
-            let mut numbers: [f64; 7] = bytemuck::pod_collect_to_vec(bytes.get(pose.clone())?).try_into().ok()?;
             move_pose(&mut numbers, motion);
-            bytes[pose].copy_from_slice(bytemuck::bytes_of(&numbers));
         }
+        bytes[pose].copy_from_slice(bytemuck::bytes_of(&numbers));
         let end = name_at + length + 1;
         let points = u64::from_le_bytes(bytes.get(end..end + 8)?.try_into().ok()?);
         at = usize::try_from(points).ok()?.checked_mul(24)?.checked_add(end + 8)?;
@@ -250,14 +254,14 @@ mod tests {
         bytes.extend(1_u64.to_le_bytes());
         bytes.extend([9; 24]);
         let (mut moved, mut other) = (bytes.clone(), bytes.clone());
-        assert!(move_binary(&mut moved, &motions()).is_some());
-        assert!(move_binary(&mut other, &PoseMotions::new()).is_some());
+        assert!(move_binary(&mut moved, &motions(), &BTreeMap::new()).is_some());
+        assert!(move_binary(&mut other, &PoseMotions::new(), &BTreeMap::new()).is_some());
         assert_eq!(other, bytes);
         assert_eq!((&moved[..12], &moved[68..]), (&bytes[..12], &bytes[68..]));
         assert_ne!(moved[12..68], bytes[12..68]);
         for length in [4, 30, 70, 80] {
             assert!(
-                move_binary(&mut bytes[..length].to_vec(), &motions()).is_none(),
+                move_binary(&mut bytes[..length].to_vec(), &motions(), &BTreeMap::new()).is_none(),
                 "{length}"
             );
         }

@@ -155,7 +155,7 @@ const MASKS_AND_LENSES: &[(&str, Expect, Fault)] = &[
     ("lens_parameters_missing", Fails(&["cameras.bin"]), |f| cameras(f, "11 96 72 90 90 48 36")),
     ("lens_huge_coefficient", Fails(&[".png", "shows nothing"]), |f| cameras(f, "5 96 72 90 90 48 36 -1e30 0 0 0")),
     ("lens_panorama_of_no_size", Fails(&["cameras.bin", "0 x 0"]), |f| cameras(f, "17 0 0 0 0")),
-    ("model_with_rigs_and_frames", Clean, |f| {
+    ("model_with_damaged_rigs_and_frames", Warns(&["rigs.bin", "poses are those of the images"]), |f| {
         for name in ["rigs.bin", "frames.bin"] {
             fs::write(f.join("sparse/0").join(name), [1, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3]).unwrap();
         }

@@ -66,6 +66,7 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
             seen.extend(Some(reader.u64("a 2D point")?).filter(|id| *id != NO_POINT));
         }
         images.push(ImageRecord {
+            id,
             name,
             quaternion,
             translation,

@@ -1,11 +1,12 @@
 //! COLMAP reconstructions, binary and text: cameras, images, points.
 //!
 //! Of the 2D points, only the ids of their points are kept; references to missing points are dropped. Tracks are
-//! skipped, as are the files `rigs` and `frames` of COLMAP 3.12 and later: `images` still has every pose. Points are
-//! sorted by id, because the binary form has them in hash-table order.
+//! skipped. Of the files `rigs` and `frames` of COLMAP 3.12 and later, the binary ones give poses where those of
+//! `images` differ. Points are sorted by id, because the binary form has them in hash-table order.
 
 mod binary;
 mod camera;
+mod rigs;
 mod text;
 
 use super::check::{Check, inside};
@@ -17,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Camera, Point};
 use camera::Intrinsics;
 use glam::{DQuat, DVec3};
+pub(super) use rigs::{RigidMotion, corrected};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -30,6 +32,7 @@ pub fn find_model(folder: &Path) -> Option<PathBuf> {
 
 /// An entry of `images`.
 struct ImageRecord {
+    id: u32,
     name: String,
     /// `view_from_world` as w, x, y, z.
     quaternion: [f64; 4],
@@ -53,6 +56,8 @@ pub struct Files<'a> {
     pub images: Source<'a>,
     /// `points3D`, if it exists.
     pub points: Option<Source<'a>>,
+    /// `rigs` and `frames` in the binary form, if they exist.
+    pub rigs: Option<[Source<'a>; 2]>,
 }
 
 /// Reads the model in folder `model` with photographs in folder `photos`. If both forms exist, the binary files are
@@ -71,7 +76,9 @@ pub fn read(model: &Path, photos: &Path) -> Result<Listing> {
         }
     }
     let has_points = points.is_file();
+    let rigs = rig_files(model);
     let files = Files {
+        rigs: rigs.as_ref().map(|files| files.each_ref().map(Source::from)),
         binary,
         cameras: Source::from(&cameras),
         images: Source::from(&images),
@@ -85,6 +92,51 @@ pub fn read(model: &Path, photos: &Path) -> Result<Listing> {
     Ok(listing)
 }
 
+/// `rigs.bin` and `frames.bin` of a binary model, if both exist.
+fn rig_files(model: &Path) -> Option<[PathBuf; 2]> {
+    let files = ["rigs.bin", "frames.bin"].map(|name| model.join(name));
+    let is_whole = model.join("cameras.bin").is_file() && files.iter().all(|file| file.is_file());
+    is_whole.then_some(files)
+}
+
+/// Poses of images by id that follow from a model's rigs and frames; none without these files, or of damaged ones.
+pub(super) fn poses_by_frames(model: &Path) -> BTreeMap<u64, RigidMotion> {
+    let poses = rig_files(model).map(|[rigs, frames]| rigs::poses(Source::from(&rigs), Source::from(&frames)));
+    poses.and_then(Result::ok).unwrap_or_default()
+}
+
+/// Gives images the poses of rigs and frames where theirs differ. Returns the warnings.
+fn correct_poses(images: &mut [ImageRecord], files: &Files<'_>) -> Vec<String> {
+    let Some([rigs, frames]) = files.rigs else {
+        return Vec::new();
+    };
+    let poses = match rigs::poses(rigs, frames) {
+        Ok(poses) => poses,
+        Err(error) => return vec![format!("{error}; poses are those of the images alone")],
+    };
+    let all = images.len();
+    let mut differing = Vec::new();
+    for image in images {
+        let [w, x, y, z] = image.quaternion;
+        let [a, b, c] = image.translation;
+        let pose = poses.get(&image.id.into());
+        if let Some([w, x, y, z, a, b, c]) = pose.and_then(|pose| corrected([w, x, y, z, a, b, c], pose)) {
+            image.quaternion = [w, x, y, z];
+            image.translation = [a, b, c];
+            differing.push(image.name.as_str());
+        }
+    }
+    let warning = |first: &&str| {
+        format!(
+            "{}: {} of {all} poses differ from those of rigs and frames, which are used (the first is of {})",
+            files.images.name().display(),
+            differing.len(),
+            excerpt(first)
+        )
+    };
+    differing.first().map(warning).into_iter().collect()
+}
+
 /// Reads a model with photographs in folder `photos`.
 ///
 /// # Errors
@@ -96,7 +148,7 @@ pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     } else {
         text::cameras(files.cameras)?
     };
-    let images = if files.binary {
+    let mut images = if files.binary {
         binary::images(files.images)?
     } else {
         text::images(files.images)?
@@ -104,6 +156,7 @@ pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     if images.is_empty() {
         return Err(Error::file(files.images.name(), "holds no images"));
     }
+    let warnings = correct_poses(&mut images, files);
     let mut points = match files.points {
         Some(points) if files.binary => binary::points(points)?,
         Some(points) => text::points(points)?,
@@ -124,7 +177,7 @@ pub fn read_files(files: &Files<'_>, photos: &Path) -> Result<Listing> {
     Ok(Listing {
         views,
         points: points.into_iter().map(|(_, point)| point).collect(),
-        warnings: Vec::new(),
+        warnings,
     })
 }
 

@@ -127,7 +127,7 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
     let mut lines = Lines::open(source)?;
     let mut images = Vec::new();
     while lines.advance_to_record()? {
-        let _id: u32 = lines.integer("the image id")?;
+        let id = lines.integer("the image id")?;
         let quaternion = lines.numbers("the rotation")?;
         let translation = lines.numbers("the translation")?;
         let camera = lines.integer("the camera id")?;
@@ -140,6 +140,7 @@ pub(super) fn images(source: Source<'_>) -> Result<Vec<ImageRecord>> {
         let has_line = lines.advance()?;
         let ids = lines.line.split_whitespace().skip(2).step_by(3).filter(|_| has_line);
         images.push(ImageRecord {
+            id,
             name,
             quaternion,
             translation,

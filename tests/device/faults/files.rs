@@ -62,6 +62,7 @@ fn f098_empty_lines_of_points_do_not_shift_images() {
             cameras: source("cameras.txt", b"7 PINHOLE 8 6 9 9 4 3\n"),
             images: source("images.txt", images.as_bytes()),
             points: Some(source("points3D.txt", points.as_bytes())),
+            rigs: None,
         };
         colmap::read_files(&files, Path::new("images")).unwrap()
     };

@@ -3,8 +3,9 @@
 use crate::common::files::{self, CENTER, FOCAL, HEIGHT, WIDTH};
 use crate::io::{error_at, for_every_prefix, shared};
 use ashfall::io::dataset::{self, OpenOptions};
-use ashfall::io::photo;
+use ashfall::io::{photo, refined};
 use ashfall::scene::{AlphaMode, Dataset, Lens, PhotoSource, Split};
+use glam::{DQuat, DVec3};
 use std::path::Path;
 
 fn options() -> OpenOptions {
@@ -76,7 +77,7 @@ fn the_model_may_lie_anywhere_usual() {
         assert_eq!(data.views.len(), 3, "{}", opened.display());
     };
     files::write_binary(&folder.path().join("sparse/0"));
-    // Files of COLMAP 3.12 and later, all of them ignored.
+    // Files of COLMAP 3.12 and later, which a model may do without.
     std::fs::write(folder.path().join("sparse/0/rigs.bin"), b"?").unwrap();
     std::fs::write(folder.path().join("sparse/0/frames.bin"), b"?").unwrap();
     expect(folder.path());
@@ -241,5 +242,79 @@ fn the_shared_scenes_are_as_described() {
             })
         });
         assert_eq!(seen.count(), points, "{scene}: all points are seen");
+    }
+}
+
+/// `rigs.bin` and `frames.bin` of the poses: the camera of the images is the second of a rig.
+fn write_rigs(model: &Path) {
+    let pose = |turn: DQuat, shift: DVec3| {
+        let numbers = [turn.w, turn.x, turn.y, turn.z, shift.x, shift.y, shift.z];
+        numbers.map(f64::to_le_bytes).concat()
+    };
+    let (turn, shift) = (DQuat::from_rotation_y(0.4), DVec3::new(0.2, -0.1, 0.3));
+    let mut rigs = [
+        &1u64.to_le_bytes()[..],
+        &[3u32, 2, 0, 9, 0, 5].map(u32::to_le_bytes).concat(),
+        &[1],
+    ]
+    .concat();
+    rigs.extend(pose(turn, shift));
+    std::fs::write(model.join("rigs.bin"), rigs).unwrap();
+    let poses = files::poses();
+    let mut frames = (poses.len() as u64).to_le_bytes().to_vec();
+    for (id, view) in (0u32..).zip(poses) {
+        frames.extend([id, 3].map(u32::to_le_bytes).concat());
+        let from_world = turn.inverse() * view.quaternion;
+        frames.extend(pose(from_world, turn.inverse() * (view.translation - shift)));
+        frames.extend([1u32, 0, 5, view.id, 0].map(u32::to_le_bytes).concat());
+    }
+    std::fs::write(model.join("frames.bin"), frames).unwrap();
+}
+
+#[test]
+fn poses_of_rigs_and_frames_come_before_stale_ones() {
+    let (folder, _) = both_forms();
+    let model = folder.path().join("sparse/0");
+    let wanted = dataset::open(folder.path(), &options()).unwrap();
+    write_rigs(&model);
+    let same = dataset::open(folder.path(), &options()).unwrap();
+    assert_eq!(same.warnings, Vec::<String>::new());
+    assert_eq!(
+        same.views, wanted.views,
+        "poses within rounding are those of images.bin"
+    );
+    // A translation that is off.
+    let path = model.join("images.bin");
+    let mut images = std::fs::read(&path).unwrap();
+    images[44..52].copy_from_slice(&7.5f64.to_le_bytes());
+    std::fs::write(&path, &images).unwrap();
+    let mended = dataset::open(folder.path(), &options()).unwrap();
+    assert!(
+        mended.warnings[0].contains("1 of 3 poses differ"),
+        "{:?}",
+        mended.warnings
+    );
+    let out = tempfile::tempdir().unwrap();
+    refined::write(folder.path(), out.path(), &refined::PoseMotions::new()).unwrap();
+    let named = OpenOptions {
+        images: Some(folder.path().join("images")),
+        ..options()
+    };
+    let refined = dataset::open(out.path(), &named).unwrap();
+    for data in [&mended, &refined] {
+        for (a, b) in data.views.iter().zip(&wanted.views) {
+            assert!(a.camera.rotation.abs_diff_eq(b.camera.rotation, 1e-9), "{}", a.name);
+            assert!(a.camera.position.abs_diff_eq(b.camera.position, 1e-9), "{}", a.name);
+        }
+    }
+    // Files that are cut short are not used, and a warning names them.
+    for name in ["rigs.bin", "frames.bin"] {
+        let contents = std::fs::read(model.join(name)).unwrap();
+        for length in 0..contents.len() {
+            std::fs::write(model.join(name), &contents[..length]).unwrap();
+            let data = dataset::open(folder.path(), &options()).unwrap();
+            assert!(data.warnings[0].contains(name), "{:?}", data.warnings);
+        }
+        std::fs::write(model.join(name), contents).unwrap();
     }
 }

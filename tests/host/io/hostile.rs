@@ -19,6 +19,7 @@ fn model(camera: &str, image: &str) -> ashfall::Result<ashfall::io::Listing> {
         cameras: source("cameras.txt", camera),
         images: source("images.txt", image),
         points: None,
+        rigs: None,
     };
     colmap::read_files(&files, Path::new("images"))
 }

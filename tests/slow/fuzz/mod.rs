@@ -163,6 +163,7 @@ targets!(
     ksplat,
     colmap_bin,
     colmap_txt,
+    colmap_rigs,
     transforms,
     checkpoint,
     obj,

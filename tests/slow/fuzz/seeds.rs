@@ -43,6 +43,7 @@ pub(crate) fn all() -> Vec<(&'static str, String, Vec<u8>)> {
     }
     add("colmap_bin", "model", colmap_binary());
     add("colmap_txt", "model", COLMAP.as_bytes().to_vec());
+    add("colmap_rigs", "two", colmap_rigs());
     add("transforms", "nerfstudio", NERFSTUDIO.as_bytes().to_vec());
     add("transforms", "blender", BLENDER.as_bytes().to_vec());
     add("camera_path", "nerfstudio", VIEWER_PATH.as_bytes().to_vec());
@@ -386,6 +387,17 @@ const NERFSTUDIO: &str = r#"{"camera_model":"OPENCV","w":8,"h":6,"fl_x":9,"fl_y"
 
 const BLENDER: &str = r#"{"camera_angle_x":0.7,"frames":[{"file_path":"a","rotation":0.1,"transform_matrix":
 [[0,-1,0,4],[1,0,0,0.5],[0,0,1,-2e0],[0,0,0,1]]}]}"#;
+
+/// A rig of two cameras and a frame of each, with the lengths of both files before.
+fn colmap_rigs() -> Vec<u8> {
+    let pose = [1.0, 0.0, 0.0, 0.0, 0.5, 0.0, 2.0_f64].map(f64::to_le_bytes).concat();
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    let rigs = [words(&[1, 0, 1, 2, 0, 1, 0, 2]), vec![1], pose.clone()].concat();
+    let frame = |id: u32, sensor: u32| [words(&[id, 1]), pose.clone(), words(&[1, 0, sensor, id, 0])].concat();
+    let frames = [words(&[2, 0]), frame(1, 1), frame(2, 2)].concat();
+    let lengths = [rigs.len() as u16, frames.len() as u16].map(u16::to_le_bytes).concat();
+    [lengths, rigs, frames].concat()
+}
 
 const CAMERA_TABLE: &str = "#cameras 2\r\n#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\r\n\
 a.png,44.5,-138.8,6.8,170.3,85.1,-22.7,14.2,-9.4e-004,2e-004,3e-003,4e-003,-1e-003,1e-4,1e-3,-1e-3\r\n\

@@ -95,6 +95,13 @@ pub(crate) const TARGETS: &[Target] = &[
         memory: |bytes| 64 * bytes.len(),
     },
     Target {
+        name: "colmap_rigs",
+        run: |bytes| check_rigs(repair::parts_by_length(bytes)),
+        repair: |_| {},
+        words: &["\u{1}\0\0\0", "\0\0\0\0"],
+        memory: |bytes| 64 * bytes.len(),
+    },
+    Target {
         name: "transforms",
         run: |bytes| check_listed("transforms.json", bytes, |source| transforms::read(source, None)),
         repair: |_| {},
@@ -280,6 +287,7 @@ fn check_model(binary: bool, [cameras, images, points]: [&[u8]; 3]) -> String {
         cameras: Source::bytes(names[0].as_ref(), cameras),
         images: Source::bytes(names[1].as_ref(), images),
         points: Some(Source::bytes(names[2].as_ref(), points)),
+        rigs: None,
     };
     let outcome = colmap::read_files(&files, Path::new("images"));
     let blamed = match &outcome {
@@ -292,6 +300,24 @@ fn check_model(binary: bool, [cameras, images, points]: [&[u8]; 3]) -> String {
 /// The folder of the photograph and the point cloud to which inputs may refer.
 fn beside() -> &'static Path {
     Path::new(super::BESIDE)
+}
+
+/// Rigs and frames of two images: whatever they hold, the images have poses.
+fn check_rigs([rigs, frames, _]: [&[u8]; 3]) -> String {
+    let cameras = b"1 SIMPLE_PINHOLE 8 6 9 4 3\n";
+    let images = b"1 1 0 0 0 0 0 0 1 a.png\n\n2 0 1 0 0 1 2 3 1 b.jpg\n\n";
+    let files = Files {
+        binary: false,
+        cameras: at("cameras.txt", cameras),
+        images: at("images.txt", images),
+        points: None,
+        rigs: Some([at("rigs.bin", rigs), at("frames.bin", frames)]),
+    };
+    let outcome = colmap::read_files(&files, Path::new("images"));
+    check("images.txt", outcome, |listing| {
+        assert_eq!(listing.views.len(), 2);
+        check_listing(listing)
+    })
 }
 
 /// A list of cameras with photographs beside it.
