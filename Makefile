@@ -73,10 +73,22 @@ setup:
 LESSER = binding=67108864,memory=1073741824,workgroup=64,subgroups=off
 LESSER_PICTURES = binding=4194304,memory=268435456,workgroup=64,subgroups=off
 
-# The suite on lesser devices. Tests of the binary take the device as it is: only tests read these limits.
+# A second software device, of Debian's package chromium-common: subgroups of 4, functions as exact as Vulkan demands.
+SWIFTSHADER = /usr/lib/chromium/vk_swiftshader_icd.json
+
+# The suite on lesser devices, and kernels and frames with lavapipe's other subgroups, of 4 and 16 (Mesa's cache of
+# shaders ignores the width), and on SwiftShader. Tests of the binary take the device as it is: only tests read these
+# limits.
 limits: setup
-	ASHFALL_TEST_LIMITS=$(LESSER) cargo test --test device
-	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test --test device -- frame:: large:: kernels:: gradients::
+	ASHFALL_TEST_LIMITS=$(LESSER) cargo test $(TESTED) --test device
+	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large:: kernels:: gradients::
+	for bits in 128 512; do \
+		MESA_SHADER_CACHE_DISABLE=true LP_NATIVE_VECTOR_WIDTH=$$bits \
+			cargo test $(TESTED) --test device -- frame:: kernels:: gradients:: || exit 1; \
+	done
+	@if [ -e $(SWIFTSHADER) ]; then \
+		VK_DRIVER_FILES=$(SWIFTSHADER) cargo test $(TESTED) --test device -- frame:: kernels:: gradients::; \
+	else echo "left out: SwiftShader; apt-get install chromium-common"; fi
 
 # Every failure at every moment, a hundred kills, and a long run: about an hour on two cores. Prints its counts.
 soak: setup

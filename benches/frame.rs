@@ -39,6 +39,7 @@ fn frames_and_steps(bench: &mut Bench) -> Outcome<()> {
         warm_up: 20,
         sh_degree: 3,
         scene: None,
+        budgets: Vec::new(),
     };
     train::run(bench, &dataset, &plan)?;
     Ok(())

@@ -1,5 +1,6 @@
 //! `ashfall bench`: speed of kernels, frames, training steps and guests' pictures on a device.
 
+mod budget;
 mod growth;
 mod guest;
 
@@ -8,6 +9,7 @@ use super::args::DeviceArgs;
 use super::engine;
 use super::output::write_text;
 use crate::lab::baseline::{self, Ratio, TARGET_FEATURES};
+use crate::lab::bench::budget::StepBudget;
 use crate::lab::bench::frame::Scaling;
 use crate::lab::bench::guest::GuestCost;
 use crate::lab::bench::train::TrainMemory;
@@ -106,6 +108,9 @@ struct Report<'a> {
     /// Device memory of training, measured and by the formula.
     #[serde(skip_serializing_if = "<[TrainMemory]>::is_empty")]
     memory: &'a [TrainMemory],
+    /// Least times of the stages of training by published limits.
+    #[serde(skip_serializing_if = "<[StepBudget]>::is_empty")]
+    budgets: &'a [StepBudget],
     /// Pictures in a host's commands.
     #[serde(skip_serializing_if = "<[GuestCost]>::is_empty")]
     guests: &'a [GuestCost],

@@ -2,18 +2,20 @@
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs};
-use super::output::Output;
+use super::output::{Output, file_stem};
 use super::render::orbit_of_cameras;
 use super::train::{Session, begin_made};
 use super::{engine, parse};
 use crate::gpu::Gpu;
-use crate::lab::synth::{self, Kind, SynthOptions};
+use crate::io::mesh::MeshFormat;
+use crate::lab::synth::{self, Kind, Scene, SynthOptions};
 use crate::render::{Compatibility, Outputs};
-use crate::scene::{Camera, Dataset};
+use crate::scene::{Camera, Dataset, Split};
 use crate::simplify::AutoRun;
 use crate::train::{ExposureModel, TrainConfig};
 use crate::{Error, Result, io};
 use clap::{Args, ValueEnum};
+use glam::DVec3;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -38,6 +40,13 @@ pub(super) struct DemoArgs {
     /// Photographs
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(2..=10_000))]
     photos: u32,
+    /// Scene: plane, sphere, solids, demo, intricate, foliage, facade, knot, cage, or a mesh (.ply, .obj), which gets a
+    /// texture
+    #[arg(long, value_name = "NAME|MESH", default_value = "demo", value_parser = MadeScene::parse)]
+    scene: MadeScene,
+    /// Write the true mesh, and depths and normals of the test views, to DIR/data/truth
+    #[arg(long)]
+    truth: bool,
     /// Width and height of the photographs
     #[arg(long, value_name = "WxH", default_value = "192x144", value_parser = parse::image_size)]
     size: [u32; 2],
@@ -55,6 +64,41 @@ pub(super) struct DemoArgs {
     json: bool,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+/// Scene to photograph.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum MadeScene {
+    BuiltIn(Kind),
+    Mesh(PathBuf),
+}
+
+impl MadeScene {
+    fn parse(text: &str) -> std::result::Result<MadeScene, String> {
+        let kind = Kind::ALL.into_iter().find(|kind| kind.name() == text);
+        let path = PathBuf::from(text);
+        match (kind, MeshFormat::of(&path)) {
+            (Some(kind), _) => Ok(MadeScene::BuiltIn(kind)),
+            (None, Ok(_)) => Ok(MadeScene::Mesh(path)),
+            (None, Err(_)) => Err(format!(
+                "there are {}, and .ply and .obj meshes",
+                Kind::ALL.map(Kind::name).join(", ")
+            )),
+        }
+    }
+
+    fn make(&self) -> Result<Scene> {
+        match self {
+            MadeScene::BuiltIn(kind) => Ok(synth::scene(*kind)),
+            MadeScene::Mesh(path) => {
+                let (mesh, _) = io::mesh::read(path)?;
+                match mesh.triangles.is_empty() {
+                    true => Err(Error::file(path, "has no triangles")),
+                    false => Ok(synth::of_mesh(&mesh)),
+                }
+            }
+        }
+    }
 }
 
 /// Fault of real captures.
@@ -178,7 +222,7 @@ fn make_data(args: &DemoArgs, output: Output) -> Result<PathBuf> {
         fisheye: args.perturb == Some(PerturbArg::Fisheye),
         ..SynthOptions::default()
     };
-    let scene = synth::scene(Kind::Demo);
+    let scene = args.scene.make()?;
     let mut dataset = scene.dataset(&options);
     match args.perturb {
         Some(_) => synth::save_colmap(&dataset, &options, &data)?,
@@ -192,7 +236,28 @@ fn make_data(args: &DemoArgs, output: Output) -> Result<PathBuf> {
         exact.for_each(|(view, camera)| view.camera = camera);
         synth::save_model(&dataset, &options, &data.join("truth"))?;
     }
+    if args.truth {
+        write_truth(&scene, &dataset, &data.join("truth"))?;
+    }
     Ok(data)
+}
+
+/// Writes the true mesh, and pictures of the test views with depths and normals.
+fn write_truth(scene: &Scene, dataset: &Dataset, dir: &Path) -> Result<()> {
+    std::fs::create_dir_all(dir).map_err(Error::io(dir))?;
+    io::mesh::write(&dir.join("mesh.ply"), &scene.mesh(), DVec3::ZERO)?;
+    for index in dataset.split(Split::Test) {
+        let view = &dataset.views[index];
+        let (camera, path) = (&view.camera, dir.join(format!("{}.exr", file_stem(&view.name))));
+        let depth = scene.depth(camera);
+        let colors = scene.image(camera, 1).into_iter().zip(&depth);
+        let rgba: Vec<[f32; 4]> = colors
+            .map(|([r, g, b], z)| [r, g, b, f32::from(u8::from(z.is_finite()))])
+            .collect();
+        let normal = scene.normals(camera);
+        io::exr::write(&path, camera.width, camera.height, &rgba, &depth, Some(&normal))?;
+    }
+    Ok(())
 }
 
 /// Draws an orbit of the trained scene, read from its file.

@@ -1,6 +1,7 @@
 //! `ashfall eval`: PSNR and SSIM of renderings against the photographs.
 
 mod mesh;
+mod surface;
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg};
@@ -54,6 +55,10 @@ pub(super) struct EvalArgs {
     /// poses, and the others are moved by the similarity between both (sim3)
     #[arg(long, value_name = "DATA", conflicts_with = "reference")]
     poses: Option<PathBuf>,
+    /// Score depths and normals instead of colours: against those of DIR/VIEW.exr (channels Z, N.X, N.Y and N.Z; depth
+    /// along the view's axis, normals in the world, as `ashfall demo --truth` and `render --format exr` write them)
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["reference", "pictures"])]
+    depths: Option<PathBuf>,
     /// Views to score
     #[arg(long, value_name = "SPLIT", default_value = "test")]
     split: SplitArg,
@@ -83,6 +88,7 @@ Examples:
   ashfall eval run/scene.ply photos/ --poses run/refined
   ashfall eval run/scene.ply photos/ --pictures comparison/
   ashfall eval scene.spz photos/ --reference run/scene.ply
+  ashfall eval scene.ply out/demo/data --depths out/demo/data/truth
   ashfall eval --mesh mesh.ply --truth true.obj --cameras photos/";
 
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
@@ -92,7 +98,8 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     }
     let scene = args.scene_options.read(&args.scene)?;
     // As in training: views without a photograph are left out before the split.
-    let mut dataset = args.options.open(&args.data, args.reference.is_none())?;
+    let needs_photos = args.reference.is_none() && args.depths.is_none();
+    let mut dataset = args.options.open(&args.data, needs_photos)?;
     let similarity = args
         .poses
         .as_ref()
@@ -110,6 +117,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let splats = fit_axes(&args.scene, scene, &gpu, &dataset, args.background)?;
     if let Some(reference) = &args.reference {
         return against(args, reference, &splats, &gpu, &dataset, &views);
+    }
+    if let Some(truth) = &args.depths {
+        return surface::run(args, truth, (&splats, &gpu), (&dataset, &views));
     }
     let mut evaluator = evaluator(&gpu, &dataset, &views, args.background);
     let bar = output.bar(views.len() as u64, "views");

@@ -43,7 +43,8 @@ pub(super) struct NeedsArgs {
     /// Width of the built-in scenes' photographs in pixels
     #[arg(long, value_name = "W", default_value_t = 192, value_parser = clap::value_parser!(u32).range(16..=4096))]
     width: u32,
-    /// Built-in scenes: plane, sphere, solids, demo, intricate, foliage, facade, or none [default: all]
+    /// Built-in scenes: plane, sphere, solids, demo, intricate, foliage, facade, knot, cage, or none [default: the
+    /// first seven]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_scene)]
     scenes: Option<Vec<Option<Kind>>>,
     /// Recipes to run: fixed, fixed-rates, parsimony, mcmc, mcmc-rates, parsimony-all-sh [default: all but fixed-rates

@@ -1,7 +1,7 @@
 //! Images as OpenEXR files: 32-bit floats, with depth and normals.
 
 use super::atomic::write_atomically;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use exr::prelude::*;
 use std::path::Path as FilePath;
 
@@ -45,5 +45,52 @@ pub fn write(
     );
     write_atomically(path, |file| {
         image.write().to_buffered(file).map_err(std::io::Error::other)
+    })
+}
+
+/// Depths and normals of an OpenEXR file, `[row][column]` from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DepthImage {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Depth along the view's z axis, channel Z.
+    pub depth: Vec<f32>,
+    /// Normal in the world, channels N.X, N.Y and N.Z.
+    pub normal: Vec<[f32; 3]>,
+}
+
+/// Reads the channels Z, N.X, N.Y and N.Z of the first layer that has them.
+///
+/// # Errors
+/// Names the file: unreadable, or without these channels.
+pub fn read_depth(path: &FilePath) -> Result<DepthImage> {
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .specific_channels()
+        .required("Z")
+        .required("N.X")
+        .required("N.Y")
+        .required("N.Z")
+        .collect_pixels(
+            |size, _| (size.width(), vec![(0.0, [0.0; 3]); size.area()]),
+            |(width, pixels), at, (z, x, y, n): (f32, f32, f32, f32)| {
+                pixels[at.y() * *width + at.x()] = (z, [x, y, n]);
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|error| Error::file(path, format!("depths and normals: {error}")))?;
+    let size = image.layer_data.size;
+    let (_, pixels) = image.layer_data.channel_data.pixels;
+    let (depth, normal) = pixels.into_iter().unzip();
+    Ok(DepthImage {
+        width: size.width() as u32,
+        height: size.height() as u32,
+        depth,
+        normal,
     })
 }

@@ -1,5 +1,5 @@
 //! Meshes of scenes: fusion of depth maps in a volume of signed distances, extraction, cleaning, distances from a true
-//! mesh, and pictures.
+//! mesh, pictures, and errors of depths and normals.
 //!
 //! **Invariant:** no device and no files; the same maps give the same bytes.
 //!
@@ -13,6 +13,7 @@ mod draw;
 mod extract;
 mod flood_fill;
 mod fuse;
+mod score;
 mod tree;
 mod volume;
 
@@ -21,3 +22,4 @@ pub use compare::{ComparisonOptions, DistanceSummary, MeshComparison, NormalSumm
 pub use depth_map::DepthMap;
 pub use draw::{MeshPicture, draw};
 pub use fuse::{FusionOptions, FusionPhase, FusionReport, fuse};
+pub use score::{SurfaceImage, SurfaceScore};

@@ -62,6 +62,8 @@ pub use rendered::RenderedImage;
 pub use renderer::Renderer;
 pub use row_bands::{RowBand, RowBands, binding_limit};
 pub use scratch::Scratch;
+#[cfg(feature = "lab")]
+pub(crate) use scratch::{DEPTH_SORT, tile_sort};
 pub use slots::{ByDegree, DEGREES, Slots, apart, degrees_used, merge_degrees, of_degree};
 pub use statistics::Stats;
 pub use surface::Surface;

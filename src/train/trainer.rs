@@ -49,6 +49,8 @@ pub struct StepReport {
     pub psnr_db: f64,
     /// Number of splats trained.
     pub splat_count: usize,
+    /// Splats that touch a tile of the frame.
+    pub visible_count: usize,
     /// (Splat, tile) pairs of the frame.
     pub isect_count: usize,
     /// Groups of four parameters left unchanged because their gradient was not finite.

@@ -165,7 +165,7 @@ fn steps_are_measured_from_points_and_from_a_scene() {
         "--runs",
         "2",
     ];
-    let init = ["--init", scene.to_str().unwrap()];
+    let init = ["--init", scene.to_str().unwrap(), "--budget", "h100,rx7900xtx"];
     for more in [&[][..], &init] {
         let (text, report) = bench(folder.path(), &[&common, more].concat());
         assert!(text.contains("a step with 900 splats: "), "{text}");
@@ -179,7 +179,37 @@ fn steps_are_measured_from_points_and_from_a_scene() {
         }
         let rows = report["rows"].as_array().unwrap().iter();
         let alone = rows.filter(|row| row["variant"] == "alone");
-        assert!(alone.count() > 2 * 8, "the stages of single steps");
+        let alone: Vec<&str> = alone.map(|row| row["stage"].as_str().unwrap()).collect();
+        assert!(alone.len() > 2 * 8, "the stages of single steps");
+        let budgets = report["budgets"].as_array().map_or(&[][..], Vec::as_slice);
+        assert_eq!(budgets.len(), if more.is_empty() { 0 } else { 2 * 2 });
+        for budget in budgets {
+            holds_all_stages(budget, &alone[..alone.len() / 2]);
+        }
+        assert_eq!(
+            text.contains("least times on NVIDIA H100 SXM"),
+            !more.is_empty(),
+            "{text}"
+        );
         assert_eq!(report["exponents"].as_array().unwrap().len(), 2);
     }
+}
+
+/// A budget has the stages of a step but for the whole and the transfer of the photograph, all with bytes and times.
+#[track_caller]
+fn holds_all_stages(budget: &Value, timed: &[&str]) {
+    let stages = budget["stages"].as_array().unwrap();
+    let names: Vec<&str> = stages.iter().map(|stage| stage["stage"].as_str().unwrap()).collect();
+    let timed = timed.iter().filter(|name| !["total", "upload"].contains(name));
+    assert_eq!(names, timed.copied().collect::<Vec<_>>());
+    for stage in stages {
+        let number = |name: &str| stage[name].as_f64().unwrap();
+        assert!(
+            number("bytes") > 0.0 && number("memory_s") > 0.0 && number("measured_s") > 0.0,
+            "{stage}"
+        );
+    }
+    let step = &budget["step"];
+    let [splats, visible, isects] = ["splats", "visible", "isects"].map(|name| step[name].as_f64().unwrap());
+    assert!(0.0 < visible && visible <= splats && visible <= isects, "{step}");
 }

@@ -1,6 +1,6 @@
 //! `ashfall bench frame` and `ashfall bench train`: whole frames and steps by size.
 
-use super::{OutputArgs, Report};
+use super::{OutputArgs, Report, budget};
 use crate::Result;
 use crate::cli::Outcome;
 use crate::cli::args::{DataArgs, DeviceArgs};
@@ -10,12 +10,14 @@ use crate::cli::render::orbit::{orbit_of_splats, radius};
 use crate::cli::scene::SceneArgs;
 use crate::io::splats::readable;
 use crate::lab::bench::Bench;
+use crate::lab::bench::budget::{PUBLISHED, PublishedLimits};
 use crate::lab::bench::frame::{self, FramePlan, Scaling, ScalingPoint};
 use crate::lab::bench::growth::Exponent;
 use crate::lab::bench::train::{self, TrainMemory, TrainPlan};
 use crate::scene::{Camera, Splats};
 use crate::train::TrainConfig;
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::path::{Path, PathBuf};
 
 /// Whole frames by number of splats and size of the picture
@@ -85,6 +87,9 @@ pub(super) struct BenchTrainArgs {
     /// Degree of the harmonics, 0 to 3
     #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
+    /// Print each stage's bytes and operations, and the least time they take by the published limits of these devices
+    #[arg(long, value_name = "DEVICE,…", value_delimiter = ',', value_parser = published())]
+    budget: Vec<PublishedLimits>,
     #[command(flatten)]
     scene_options: SceneArgs,
     #[command(flatten)]
@@ -99,7 +104,14 @@ const TRAIN_EXAMPLES: &str = "\
 Examples:
   ashfall bench train photos/ --runs 10
   ashfall bench train photos/ --downscale 2 --splats 10000,20000,50000,100000 --json steps.json
-  ashfall bench train photos/ --init run/scene.ply --splats 50000";
+  ashfall bench train photos/ --init run/scene.ply --splats 50000
+  ashfall bench train photos/ --splats 1000000 --budget h100,rtx4090";
+
+/// Parser of the names of devices with published limits.
+fn published() -> impl TypedValueParser<Value = PublishedLimits> {
+    let names = PUBLISHED.map(|limits| PossibleValue::new(limits.name).help(limits.product));
+    PossibleValuesParser::new(names).try_map(|name| PublishedLimits::named(&name).ok_or("no such device"))
+}
 
 pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
     let mut bench = args.output.open("frame", &args.device)?;
@@ -115,7 +127,7 @@ pub(super) fn frame(args: &BenchFrameArgs) -> Result<Outcome> {
         scene,
     };
     let scaling = frame::run(&mut bench, &plan)?;
-    finish(&args.output, &bench, (&scaling, &[]), Vec::new())
+    finish(&args.output, &bench, &scaling, Default::default())
 }
 
 pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
@@ -134,11 +146,18 @@ pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
         warm_up: args.warm_up,
         sh_degree: args.sh_degree,
         scene,
+        budgets: args.budget.clone(),
     };
-    let (scaling, memory) = train::run(&mut bench, &dataset, &plan)?;
-    let mut lines: Vec<String> = scaling.points.iter().filter_map(step_line).collect();
-    lines.extend(memory.iter().map(memory_line));
-    finish(&args.output, &bench, (&scaling, &memory), lines)
+    let costs = train::run(&mut bench, &dataset, &plan)?;
+    let mut lines: Vec<String> = costs.scaling.points.iter().filter_map(step_line).collect();
+    lines.extend(costs.memory.iter().map(memory_line));
+    lines.extend(costs.budgets.iter().flat_map(budget::lines));
+    let report = Report {
+        memory: &costs.memory,
+        budgets: &costs.budgets,
+        ..Report::default()
+    };
+    finish(&args.output, &bench, &costs.scaling, (report, lines))
 }
 
 /// A scene with the first camera of an orbit and the near plane in world units.
@@ -159,11 +178,11 @@ fn either<T: Clone>(asked: &[T], usual: Vec<T>) -> Vec<T> {
     }
 }
 
-fn finish(
+fn finish<'a>(
     output: &OutputArgs,
     bench: &Bench,
-    (scaling, memory): (&Scaling, &[TrainMemory]),
-    mut lines: Vec<String>,
+    scaling: &'a Scaling,
+    (report, mut lines): (Report<'a>, Vec<String>),
 ) -> Result<Outcome> {
     if scaling.points.is_empty() {
         return Err(output.selects_nothing());
@@ -182,8 +201,7 @@ fn finish(
     }
     let report = Report {
         scaling: Some(scaling),
-        memory,
-        ..Report::default()
+        ..report
     };
     output.finish(bench, lines, report)
 }

@@ -48,7 +48,7 @@ impl<'a> SurveySession<'a> {
             scenes.push((name, args.options.open(&path, true)?));
         }
         let kinds = args.scenes.clone();
-        let kinds = kinds.unwrap_or_else(|| Kind::ALL.map(Some).to_vec());
+        let kinds = kinds.unwrap_or_else(|| Kind::SURVEY.map(Some).to_vec());
         let kinds = Kind::ALL.into_iter().filter(|kind| kinds.contains(&Some(*kind)));
         let made = kinds.map(|kind| {
             output.remark(format_args!("photographing {}", kind.name()));

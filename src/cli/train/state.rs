@@ -186,6 +186,7 @@ mod tests {
             loss,
             psnr_db: f64::INFINITY,
             splat_count: 10,
+            visible_count: 0,
             isect_count: 0,
             poisoned: 0,
             poisoned_first: None,

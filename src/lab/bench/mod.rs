@@ -8,6 +8,7 @@
 //!
 //! **Invariant:** nothing here reads the environment or a fixed path; output paths are the caller's.
 
+pub mod budget;
 pub mod check;
 pub mod clock;
 pub mod frame;

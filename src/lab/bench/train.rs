@@ -5,13 +5,15 @@
 //! process, user and system, over these steps.
 
 use super::CpuClock;
+use super::budget::{PublishedLimits, StepBudget, StepLoad};
 use super::frame::{Scaling, case, exponents, note_memory, point};
 use super::input::volume;
 use super::row::BenchRow;
 use super::session::{Bench, Times};
 use crate::Result;
 use crate::scene::{Dataset, Splats, Split};
-use crate::train::{HostState, TrainConfig, Trainer, initial_splats};
+use crate::stats::mean;
+use crate::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats, schedule};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -31,6 +33,8 @@ pub struct TrainPlan {
     pub sh_degree: u32,
     /// Initial scene in place of the data set's points; sampled to each splat count.
     pub scene: Option<Splats>,
+    /// Devices whose least times are computed.
+    pub budgets: Vec<PublishedLimits>,
 }
 
 /// Number of steps timed by stage, one at a time.
@@ -49,12 +53,23 @@ pub struct TrainMemory {
     pub essential_bytes: u64,
 }
 
+/// Measurements of training steps.
+#[derive(Clone, Debug, Default)]
+pub struct StepCosts {
+    /// Times by splat count.
+    pub scaling: Scaling,
+    /// Device memory by splat count.
+    pub memory: Vec<TrainMemory>,
+    /// Least times of the stages, by splat count and device.
+    pub budgets: Vec<StepBudget>,
+}
+
 /// Measures.
 ///
 /// # Errors
 /// Those of the data set and of Vulkan; a scene too large for the device is a point with a fault.
-pub fn run(bench: &mut Bench, dataset: &Dataset, plan: &TrainPlan) -> Result<(Scaling, Vec<TrainMemory>)> {
-    let (mut scaling, mut memories) = (Scaling::default(), Vec::new());
+pub fn run(bench: &mut Bench, dataset: &Dataset, plan: &TrainPlan) -> Result<StepCosts> {
+    let mut costs = StepCosts::default();
     let views = dataset.split(Split::Train);
     let sizes = views.iter().map(|&view| {
         let camera = &dataset.views[view].camera;
@@ -72,16 +87,16 @@ pub fn run(bench: &mut Bench, dataset: &Dataset, plan: &TrainPlan) -> Result<(Sc
         }
         let splats = volume::exactly(&first, count, 1);
         let measured = steps(bench, dataset, (&config, plan), (&splats, size));
-        let measured = measured.map(|(row, memory)| {
-            memories.push(memory);
+        let measured = measured.map(|(row, memory, budgets)| {
+            costs.memory.push(memory);
+            costs.budgets.extend(budgets);
             row
         });
-        scaling
-            .points
-            .push(point(count, size, measured, |row| note_memory(bench, row))?);
+        let point = point(count, size, measured, |row| note_memory(bench, row))?;
+        costs.scaling.points.push(point);
     }
-    scaling.exponents = exponents(&scaling.points);
-    Ok((scaling, memories))
+    costs.scaling.exponents = exponents(&costs.scaling.points);
+    Ok(costs)
 }
 
 /// Constants of a long run without refinement.
@@ -100,7 +115,7 @@ fn steps(
     dataset: &Dataset,
     (config, plan): (&TrainConfig, &TrainPlan),
     (splats, size): (&Splats, [u32; 2]),
-) -> Result<(BenchRow, TrainMemory)> {
+) -> Result<(BenchRow, TrainMemory, Vec<StepBudget>)> {
     let gpu = bench.gpu().clone();
     gpu.reset_memory_peak();
     let state = HostState::from_splats(splats, plan.sh_degree);
@@ -121,12 +136,16 @@ fn steps(
     }
     let case = case("step", splats.len(), size);
     let row = bench.keep(&case, &runs);
-    let mut staged = Vec::new();
+    let (mut staged, mut reports) = (Vec::new(), Vec::new());
     for _ in 0..STAGED {
-        trainer.step()?;
+        reports.extend(trainer.step()?);
         let stages = trainer.timings()?;
         staged.push(Times { stages, cpu_ns: None });
     }
+    reports.extend(trainer.finish()?);
+    let load = load(&reports, config, (splats, size));
+    let budget = |limits: &PublishedLimits| StepBudget::new(*limits, load, &staged);
+    let budgets = plan.budgets.iter().map(budget).collect();
     // The splats read back at the end of a run are part of the formula.
     drop(trainer.splats()?);
     let mut one_by_one = case;
@@ -139,7 +158,23 @@ fn steps(
         predicted_bytes: formula.bytes(),
         essential_bytes: formula.essential_bytes(),
     };
-    Ok((row, memory))
+    Ok((row, memory, budgets))
+}
+
+/// Work of the steps of these reports.
+fn load(reports: &[StepReport], config: &TrainConfig, (splats, size): (&Splats, [u32; 2])) -> StepLoad {
+    let average = |count: fn(&StepReport) -> usize| {
+        let counts: Vec<f64> = reports.iter().map(|report| count(report) as f64).collect();
+        mean(&counts)
+    };
+    StepLoad {
+        splats: splats.len(),
+        visible: average(|report| report.visible_count),
+        isects: average(|report| report.isect_count),
+        size,
+        sh_degree: config.sh_degree,
+        ssim_stride: schedule::window_stride(config),
+    }
 }
 
 /// Trains up to an iteration, including steps repeated with larger buffers, and waits for the device.

@@ -53,6 +53,19 @@ pub fn csv(chart: &Chart) -> String {
             lines.interval(knob, &format!("psnr_db_at_{seconds}_s"), psnr);
         }
     }
+    for point in &chart.geometry {
+        let knob = ("geometry", &point.knob);
+        for (quantity, interval) in [
+            ("chamfer_px", &point.chamfer),
+            ("depth_median_error", &point.depth),
+            ("normal_deg", &point.normal),
+            ("psnr_db", &point.psnr_db),
+            ("seconds", &point.seconds),
+            ("splats", &point.splats),
+        ] {
+            lines.interval(knob, quantity, interval);
+        }
+    }
     lines.0
 }
 

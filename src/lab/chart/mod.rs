@@ -26,6 +26,8 @@ pub struct Chart {
     pub gradients: Vec<GradientPoint>,
     /// Training runs.
     pub runs: Vec<RunPoint>,
+    /// Geometry of trained scenes.
+    pub geometry: Vec<GeometryPoint>,
 }
 
 /// Knob and setting of a point.
@@ -129,6 +131,25 @@ pub struct RunPoint {
     pub megabytes: Interval,
     /// PSNR of the held-out views over time: seconds of training, decibels.
     pub course: Vec<(f64, Interval)>,
+}
+
+/// Geometry of runs with one recipe and several seeds, by one kind of depth.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GeometryPoint {
+    /// Recipe and depth.
+    pub knob: Knob,
+    /// Wall time of the training steps, seconds.
+    pub seconds: Interval,
+    /// Splats of the result.
+    pub splats: Interval,
+    /// Mean PSNR of the held-out views, decibels.
+    pub psnr_db: Interval,
+    /// Chamfer distance of the fused mesh, pixels' footprints.
+    pub chamfer: Interval,
+    /// Median error of depth in held-out views, relative to the depth.
+    pub depth: Interval,
+    /// Mean angle between normals in held-out views, degrees.
+    pub normal: Interval,
 }
 
 impl Chart {

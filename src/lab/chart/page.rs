@@ -12,6 +12,8 @@ const OF_GRADIENTS: &str = include_str!("gradients.html");
 
 const OF_RUNS: &str = include_str!("runs.html");
 
+const OF_GEOMETRY: &str = include_str!("geometry.html");
+
 /// The page's text.
 ///
 /// # Errors
@@ -40,6 +42,13 @@ pub fn html(chart: &Chart) -> Result<String> {
         body += &legend(chart, knobs, false)?;
         body += &figures(&panels::of_runs(chart))?;
         body += &details(tables::of_runs(chart));
+    }
+    if !chart.geometry.is_empty() {
+        let knobs = chart.geometry.iter().map(|p| &p.knob);
+        body += &format!("<h2>Geometry: error against cost</h2>\n{OF_GEOMETRY}");
+        body += &legend(chart, knobs, false)?;
+        body += &figures(&panels::of_geometry(chart))?;
+        body += &details(tables::of_geometry(chart));
     }
     Ok(document("speed against accuracy", &body))
 }
@@ -107,7 +116,7 @@ fn figures(plots: &[ScatterPlot]) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::super::tests::frame;
-    use super::super::{GradientErrors, GradientPoint};
+    use super::super::{GeometryPoint, GradientErrors, GradientPoint};
     use super::*;
     use crate::lab::page::tests::is_alone;
     use crate::stats::Interval;
@@ -131,13 +140,14 @@ mod tests {
                 ],
                 ..RunPoint::default()
             }],
+            geometry: vec![GeometryPoint::default()],
         }
     }
 
     #[test]
     fn the_page_holds_every_figure_and_needs_nothing_else() -> Result<()> {
         let page = html(&chart(-1.0))?;
-        assert_eq!(page.matches("<figure ").count(), 3 + 2 + 5);
+        assert_eq!(page.matches("<figure ").count(), 3 + 2 + 5 + 4);
         assert!(page.contains("All 3 settings keep their proven bounds."));
         assert!(page.contains("a&lt;b") && !page.contains("a<b"));
         assert_eq!(page.matches("EWA against rays").count(), 3);

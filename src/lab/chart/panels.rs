@@ -1,7 +1,7 @@
 //! Figures of the chart.
 
 use super::pareto::front;
-use super::{AccuracyPoint, Chart, FrameErrors, GradientErrors, Knob, RunPoint};
+use super::{AccuracyPoint, Chart, FrameErrors, GeometryPoint, GradientErrors, Knob, RunPoint};
 use crate::lab::page::distinct;
 use crate::lab::page::scatter::{Marker, ScatterPlot};
 use crate::stats::Interval;
@@ -20,7 +20,9 @@ pub(super) fn series(chart: &Chart) -> Vec<&str> {
     let frames = chart.frames.iter().map(|p| &p.knob);
     let gradients = chart.gradients.iter().map(|p| &p.knob);
     let runs = chart.runs.iter().map(|p| &p.knob);
-    distinct(frames.chain(gradients).chain(runs).map(|knob| knob.series.as_str()))
+    let geometry = chart.geometry.iter().map(|p| &p.knob);
+    let knobs = frames.chain(gradients).chain(runs).chain(geometry);
+    distinct(knobs.map(|knob| knob.series.as_str()))
 }
 
 fn mark(names: &[&str], knob: &Knob, x: f64, y: f64) -> Marker {
@@ -185,6 +187,58 @@ pub(super) fn of_runs(chart: &Chart) -> Vec<ScatterPlot> {
         }
     };
     views.into_iter().map(plot).chain([courses(chart, &names)]).collect()
+}
+
+/// Title and value of an axis of geometry.
+type GeometryAxis = (&'static str, fn(&GeometryPoint) -> &Interval);
+
+/// Plots of the errors of geometry against cost, and against the quality of pictures.
+pub(super) fn of_geometry(chart: &Chart) -> Vec<ScatterPlot> {
+    let names = series(chart);
+    let chamfer: GeometryAxis = ("chamfer distance, pixels", |p| &p.chamfer);
+    let seconds: GeometryAxis = ("training time, s", |p| &p.seconds);
+    let psnr: GeometryAxis = (PSNR, |p| &p.psnr_db);
+    let views: [(GeometryAxis, GeometryAxis, &str); 4] = [
+        (seconds, chamfer, "The mesh against time. Left and low is good."),
+        (
+            ("splats", |p| &p.splats),
+            chamfer,
+            "The mesh against the size of the scene.",
+        ),
+        (
+            seconds,
+            ("error of normals, degrees", |p| &p.normal),
+            "Normals of held-out views against time.",
+        ),
+        (
+            psnr,
+            chamfer,
+            "The mesh against the pictures: terms of geometry cost decibels. Right and low is good.",
+        ),
+    ];
+    let plot = |((x, x_of), (y, y_of), caption): (GeometryAxis, GeometryAxis, _)| {
+        let marker = |point: &GeometryPoint| Marker {
+            x_bar: bar(x_of(point)),
+            y_bar: bar(y_of(point)),
+            ..mark(&names, &point.knob, x_of(point).value, y_of(point).value)
+        };
+        let markers: Vec<Marker> = chart.geometry.iter().map(marker).collect();
+        match x == PSNR {
+            true => ScatterPlot {
+                size: HALF,
+                titles: [x, y],
+                markers,
+                caption,
+                ..ScatterPlot::default()
+            },
+            false => ScatterPlot {
+                caption,
+                are_log: [false; 2],
+                ..plot(HALF, [x, y], true, markers)
+            },
+        }
+    };
+    views.into_iter().map(plot).collect()
 }
 
 /// Quality over time of the last setting of every series; the series' name is at the end of its line.

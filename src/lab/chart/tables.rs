@@ -1,6 +1,6 @@
 //! Tables of the chart.
 
-use super::{Chart, FramePoint, GradientPoint, Knob, RunPoint};
+use super::{Chart, FramePoint, GeometryPoint, GradientPoint, Knob, RunPoint};
 use crate::lab::page::{interval, table};
 use crate::stats::Interval;
 
@@ -82,4 +82,17 @@ pub(super) fn of_runs(chart: &Chart) -> String {
         ("MB", |p| interval(&p.megabytes, 2)),
     ];
     rows(&chart.runs, |p| (&p.knob, false), &columns)
+}
+
+pub(super) fn of_geometry(chart: &Chart) -> String {
+    let columns: [Column<GeometryPoint>; 7] = [
+        ("runs", |p| p.chamfer.count.to_string()),
+        ("chamfer, pixels", |p| interval(&p.chamfer, 3)),
+        ("depth, median error", |p| error(p.depth.value)),
+        ("normals, degrees", |p| interval(&p.normal, 2)),
+        ("PSNR, dB", |p| interval(&p.psnr_db, 2)),
+        ("seconds", |p| interval(&p.seconds, 2)),
+        ("splats", |p| interval(&p.splats, 0)),
+    ];
+    rows(&chart.geometry, |p| (&p.knob, false), &columns)
 }

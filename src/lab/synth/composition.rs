@@ -2,10 +2,11 @@
 
 use super::material::{Material, Texture};
 use super::mesh::MeshTree;
-use super::model::{icosphere, knot, leaves};
+use super::model::{icosphere, knot, leaves, wires};
 use super::random::KeyedRandom;
 use super::shape::Shape;
 use super::{Object, Rig, Scene};
+use crate::scene::Mesh;
 use glam::{DMat3, DVec2, DVec3};
 
 /// A built-in scene.
@@ -25,11 +26,28 @@ pub enum Kind {
     Foliage,
     /// A wall of fine courses with windows and sills, in few views from wide apart.
     Facade,
+    /// A rippled knot of 38,400 triangles before black.
+    Knot,
+    /// A ball within a cage of wires, about one to three pixels wide at 384 × 288, before black.
+    Cage,
 }
 
 impl Kind {
-    /// All of them, simplest first.
-    pub const ALL: [Kind; 7] = [
+    /// All of them.
+    pub const ALL: [Kind; 9] = [
+        Kind::Plane,
+        Kind::Sphere,
+        Kind::Solids,
+        Kind::Demo,
+        Kind::Intricate,
+        Kind::Foliage,
+        Kind::Facade,
+        Kind::Knot,
+        Kind::Cage,
+    ];
+
+    /// Those of a survey of counts, simplest first; the others are for geometry.
+    pub const SURVEY: [Kind; 7] = [
         Kind::Plane,
         Kind::Sphere,
         Kind::Solids,
@@ -49,6 +67,8 @@ impl Kind {
             Kind::Intricate => "intricate",
             Kind::Foliage => "foliage",
             Kind::Facade => "facade",
+            Kind::Knot => "knot",
+            Kind::Cage => "cage",
         }
     }
 
@@ -71,6 +91,34 @@ pub fn scene(kind: Kind) -> Scene {
         Kind::Intricate => intricate(),
         Kind::Foliage => foliage(),
         Kind::Facade => facade(),
+        Kind::Knot => of_mesh(&knot(0.3, 600, 32)),
+        Kind::Cage => cage(),
+    }
+}
+
+/// Scene of a mesh: rippled, its bounding box centred and 2.5 units from corner to corner, before black.
+pub fn of_mesh(mesh: &Mesh) -> Scene {
+    let corners = || mesh.positions.iter().map(|p| DVec3::from(p.map(f64::from)));
+    let low = corners().reduce(DVec3::min).unwrap_or_default();
+    let high = corners().reduce(DVec3::max).unwrap_or_default();
+    let [middle, diagonal] = [0.5 * (low + high), high - low];
+    let centred = corners().map(|p| (p - middle).as_vec3().to_array()).collect();
+    let centred = Mesh {
+        positions: centred,
+        triangles: mesh.triangles.clone(),
+        ..Mesh::default()
+    };
+    let scale = 2.5 / diagonal.length().max(f64::MIN_POSITIVE);
+    // Textures are of the mesh's own units.
+    let texture = Texture::ripples([0.55, 0.5, 0.42], 0.5, 0.22 / scale, 81);
+    let object = Object::new(Shape::Mesh(MeshTree::new(&centred)), Material::matt(texture));
+    Scene {
+        objects: vec![object.scaled(scale)],
+        rig: Rig {
+            target: DVec3::ZERO,
+            distance: 3.6,
+            ..Rig::default()
+        },
     }
 }
 
@@ -278,6 +326,24 @@ fn facade() -> Scene {
             distance: 4.5,
             azimuth_degrees: (-150.0, -30.0),
             elevation_degrees: (-20.0, 40.0),
+        },
+    }
+}
+
+/// A ball behind wires along the edges of an icosahedron divided once, of three thicknesses.
+fn cage() -> Scene {
+    let ball = Texture::ripples([0.4, 0.5, 0.6], 0.5, 0.2, 91);
+    let wire = Texture::ripples([0.75, 0.6, 0.4], 0.4, 0.3, 92);
+    let wires = wires(1, [0.004, 0.008, 0.012], 8);
+    Scene {
+        objects: vec![
+            Object::new(Shape::Sphere(0.55), Material::matt(ball)).shading(0.55),
+            Object::new(Shape::Mesh(MeshTree::new(&wires)), Material::matt(wire)),
+        ],
+        rig: Rig {
+            target: DVec3::ZERO,
+            distance: 3.2,
+            ..Rig::default()
         },
     }
 }

@@ -25,12 +25,12 @@ mod triangulate;
 mod tests;
 
 pub use colmap::{save_colmap, save_masks, save_model};
-pub use composition::{Kind, scene};
+pub use composition::{Kind, of_mesh, scene};
 pub use dataset::{Rig, SynthOptions};
 pub use fisheye::FisheyeLens;
 pub use material::{Material, Texture};
 pub use mesh::MeshTree;
-pub use model::{icosphere, knot, leaves};
+pub use model::{icosphere, knot, leaves, wires};
 pub use save::save;
 pub use shape::Shape;
 

@@ -103,6 +103,29 @@ pub fn leaves(count: usize, length: f64, seed: u64) -> Mesh {
     mesh(&positions, (0..count as u32).flat_map(quad).collect())
 }
 
+/// Open tubes of these radii in turns along the edges of an icosphere of `levels`: `2 · sides` triangles an edge.
+pub fn wires<const N: usize>(levels: u32, radii: [f64; N], sides: u32) -> Mesh {
+    let ball = icosphere(levels);
+    let corner = |vertex: u32| DVec3::from(ball.positions[vertex as usize].map(f64::from));
+    let edges = ball.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    // Both triangles of an edge have it, once in each direction.
+    for ([a, b], radius) in edges.filter(|[a, b]| a < b).zip(radii.into_iter().cycle()) {
+        let [from, to] = [a, b].map(corner);
+        let along = (to - from).normalize();
+        let across = along.any_orthonormal_vector();
+        let first = positions.len() as u32;
+        for side in 0..sides {
+            let turn = DVec2::from_angle(TAU * f64::from(side) / f64::from(sides)) * radius;
+            let offset = turn.x * across + turn.y * along.cross(across);
+            positions.extend([from + offset, to + offset]);
+            let [here, next] = [side, (side + 1) % sides].map(|side| first + 2 * side);
+            triangles.extend([[here, next, here + 1], [here + 1, next, next + 1]]);
+        }
+    }
+    mesh(&positions, triangles)
+}
+
 fn mesh(positions: &[DVec3], triangles: Vec<[u32; 3]>) -> Mesh {
     Mesh {
         positions: positions.iter().map(|p| p.as_vec3().to_array()).collect(),

@@ -163,10 +163,50 @@ fn the_knot_is_closed() {
 }
 
 #[test]
+fn wires_run_along_the_edges_at_their_radii() {
+    let radii = [0.01, 0.03];
+    let mesh = wires(1, radii, 8);
+    // An icosahedron divided once has 120 edges.
+    assert_eq!(mesh.triangles.len(), 120 * 2 * 8);
+    let ends: Vec<DVec3> = icosphere(1)
+        .positions
+        .iter()
+        .map(|p| DVec3::from(p.map(f64::from)))
+        .collect();
+    for (vertex, position) in mesh.positions.iter().enumerate() {
+        let position = DVec3::from(position.map(f64::from));
+        let nearest = ends
+            .iter()
+            .map(|end| end.distance(position))
+            .fold(f64::INFINITY, f64::min);
+        assert!((nearest - radii[vertex / 16 % 2]).abs() < 1e-6, "{nearest}");
+    }
+}
+
+#[test]
+fn a_mesh_is_centred_and_scaled() {
+    let mut mesh = icosphere(2);
+    mesh.positions.iter_mut().for_each(|p| *p = p.map(|x| 0.01 * x + 7.0));
+    let scene = of_mesh(&mesh);
+    let corners: Vec<DVec3> = scene
+        .mesh()
+        .positions
+        .iter()
+        .map(|p| DVec3::from(p.map(f64::from)))
+        .collect();
+    let low = corners.iter().copied().reduce(DVec3::min).unwrap();
+    let high = corners.iter().copied().reduce(DVec3::max).unwrap();
+    assert!(
+        (low + high).length() < 1e-4 && ((high - low).length() - 2.5).abs() < 1e-4,
+        "{low} to {high}"
+    );
+}
+
+#[test]
 fn points_lie_on_surfaces_and_have_their_colours() {
     for kind in Kind::ALL {
         let (scene, mut options) = small(kind);
-        if matches!(kind, Kind::Intricate | Kind::Foliage | Kind::Facade) {
+        if matches!(kind, Kind::Intricate | Kind::Foliage | Kind::Facade | Kind::Cage) {
             // Scales of detail below a pixel have no colour there.
             (options.width, options.height) = (192, 144);
         }

@@ -172,7 +172,7 @@ fn half_size_dilation() -> f32 {
 }
 
 /// Weight of the consistency of normals and depths for surfels (2DGS).
-const SURFEL_NORMAL_WEIGHT: f32 = 0.05;
+pub(crate) const SURFEL_NORMAL_WEIGHT: f32 = 0.05;
 
 /// Length of run of the published schedules.
 const PUBLISHED_ITERATIONS: u64 = 30_000;

@@ -192,6 +192,7 @@ impl Trainer<'_> {
             loss: ((1.0 - lambda) * l1 + lambda * dssim) * share,
             psnr_db: -10.0 * (square * share).log10(),
             splat_count: oldest.splat_count,
+            visible_count: counts[COUNT_VISIBLE as usize] as usize,
             isect_count,
             poisoned: counts[COUNT_POISONED as usize] as usize,
             poisoned_first: match counts[COUNT_POISONED_FIRST as usize] {

@@ -34,14 +34,14 @@ fn a_chart_is_one_page_with_its_numbers_and_every_bound_kept() {
         fine = fine.min(error);
     }
     assert!(coarse > 2.0 * fine, "every setting errs alike: {fine} to {coarse}");
-    for chart in ["rendering", "gradients", "training"] {
+    for chart in ["rendering", "gradients", "training", "geometry"] {
         assert!(
             rows.iter().any(|row| row[0] == chart && row[3] == "yes"),
             "{chart}: no default"
         );
     }
     let page = fs::read_to_string(out.join("chart.html")).unwrap_or_default();
-    assert_eq!(page.matches("<figure ").count(), 10);
+    assert_eq!(page.matches("<figure ").count(), 14);
     assert!(page.contains("settings keep their proven bounds") && page.ends_with("</html>\n"));
 }
 

@@ -19,8 +19,9 @@ fn every_intersection_gets_its_gradient() {
             // A whole frame, whose passes share their alphas, does not feel the cap; the transmittance here is the
             // reference's.
             "capped" => CAPPED_TOLERANCE,
-            // Peaks of 1 - 6e-6 are beyond the cap of 1 - 1.5e-5, too, in few pixels: a part of the tolerance there.
-            "opaque stack" => 4.0 * SOURCE_TOLERANCE,
+            // Peaks of 1 - 6e-6 likewise, in few pixels: of the 3 ULP that the Vulkan specification grants an
+            // exponential near 0, the transmittance in front of them takes 3 %, at one pixel in 128 of a tile.
+            "opaque stack" => 4.0 * SOURCE_TOLERANCE + 0.03 / 128.0,
             _ => SOURCE_TOLERANCE,
         };
         (

@@ -2,9 +2,10 @@
 //!
 //! Frames are compared with the `f64` reference without cuts, pixel by pixel, each pixel with its own proven bound
 //! ([`crate::reference::bound`]); gradients likewise, parameter by parameter; training runs by held-out views, over
-//! several seeds.
+//! several seeds, and their geometry against that of a made scene.
 
 mod frames;
+mod geometry;
 mod gradients;
 mod scenes;
 mod settings;
@@ -39,6 +40,8 @@ pub struct ChartPlan {
     pub with_accuracy: bool,
     /// Measure training runs.
     pub with_training: bool,
+    /// Measure the geometry of trained scenes.
+    pub with_geometry: bool,
 }
 
 impl ChartPlan {
@@ -54,6 +57,7 @@ impl ChartPlan {
         is_quick: false,
         with_accuracy: true,
         with_training: true,
+        with_geometry: true,
     };
 
     /// A few seconds, for tests.
@@ -96,6 +100,9 @@ pub fn measure(
     if plan.with_training {
         let (runs, splats) = training::measure(gpu, dataset, plan, progress)?;
         (chart.runs, trained) = (runs, Some(splats));
+    }
+    if plan.with_geometry {
+        chart.geometry = geometry::measure(gpu, plan, progress)?;
     }
     if !plan.with_accuracy {
         return Ok(chart);
