@@ -71,11 +71,9 @@ fn tables_are_refused() {
         assert!(words.iter().all(|word| said.contains(word)), "{words:?} not in: {said}");
     }
     refusal(folder.path(), "cameras.csv", b"#name,\xff\n");
-    std::fs::copy(
-        folder.path().join("images/sub/b.png"),
-        folder.path().join("images/b.png"),
-    )
-    .unwrap();
+    std::fs::create_dir(folder.path().join("images/other")).unwrap();
+    let [b, other] = ["images/sub/b.png", "images/other/b.png"].map(|name| folder.path().join(name));
+    std::fs::copy(b, other).unwrap();
     let said = refusal(folder.path(), "cameras.csv", whole(&row("b", "20")).as_bytes());
     assert!(
         said.contains("line 2") && said.contains("several photographs"),
