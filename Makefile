@@ -84,10 +84,10 @@ limits: setup
 	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large:: kernels:: gradients::
 	for bits in 128 512; do \
 		MESA_SHADER_CACHE_DISABLE=true LP_NATIVE_VECTOR_WIDTH=$$bits \
-			cargo test $(TESTED) --test device -- frame:: kernels:: gradients:: || exit 1; \
+			cargo test $(TESTED) --test device -- frame:: kernels:: || exit 1; \
 	done
 	@if [ -e $(SWIFTSHADER) ]; then \
-		VK_DRIVER_FILES=$(SWIFTSHADER) cargo test $(TESTED) --test device -- frame:: kernels:: gradients::; \
+		VK_DRIVER_FILES=$(SWIFTSHADER) cargo test $(TESTED) --test device -- frame:: kernels::; \
 	else echo "left out: SwiftShader; apt-get install chromium-common"; fi
 
 # Every failure at every moment, a hundred kills, and a long run: about an hour on two cores. Prints its counts.
