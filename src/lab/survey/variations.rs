@@ -33,8 +33,8 @@ mod tests {
         let config = TrainConfig::for_iterations(2_000);
         let of = |name| variations(&config, name);
         assert_eq!(
-            of("auto.growth_share"),
-            Ok(vec!["auto.growth_share=0.225".into(), "auto.growth_share=0.9".into()])
+            of("auto.round_share"),
+            Ok(vec!["auto.round_share=0.025".into(), "auto.round_share=0.1".into()])
         );
         assert_eq!(
             of("refine.every"),
@@ -48,13 +48,7 @@ mod tests {
             ])
         );
         // Beyond its range, and without another value.
-        assert_eq!(
-            of("auto.last_fit_share"),
-            Ok(vec![
-                "auto.last_fit_share=0.125".into(),
-                "auto.last_fit_share=0.5".into()
-            ])
-        );
+        assert_eq!(of("auto.growth_share"), Ok(vec!["auto.growth_share=0.275".into()]));
         assert_eq!(of("adam.beta1").map(|found| found.len()), Ok(1));
         assert_eq!(of("drop_rate"), Ok(Vec::new()));
         assert!(of("auto.growth").is_err_and(|why| why.contains("there are few_views, full_db,")));

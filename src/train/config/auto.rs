@@ -25,9 +25,9 @@ constants! {
         /// Steps on photographs of half their width and height, at the start, as a share of the run.
         half_size_share: f64 = 0.1, 0.0..=1.0;
         /// End of growth, as a share of the run.
-        growth_share: f64 = 0.45, 0.01..=1.0;
+        growth_share: f64 = 0.55, 0.01..=1.0;
         /// Last fit with all training views, as a share of the run.
-        last_fit_share: f64 = 0.25, 0.01..=1.0;
+        last_fit_share: f64 = 0.2, 0.01..=1.0;
         /// Steps of a round, as a share of the run.
         round_share: f64 = 0.05, 1e-3..=1.0;
         /// Smallest share of the splats that a round removes.
