@@ -62,11 +62,11 @@ fn every_run_is_written_down_drawn_and_not_run_again() {
 fn constants_are_varied_and_test_views_are_drawn() {
     let folder = folder();
     let out = folder.path().join("needs");
-    let varied = ["--vary", "auto.growth_share,drop_rate=0.5", "--recipes", "parsimony"];
+    let varied = ["--vary", "auto.last_fit_share,drop_rate=0.5", "--recipes", "parsimony"];
     let arguments = survey(&out, &[&varied[..], &["--seeds", "1", "--pictures"]].concat());
     stdout(&arguments);
     let csv = read(&out.join("needs.csv"));
-    let settings = ["", "auto.growth_share=0.225", "auto.growth_share=0.9", "drop_rate=0.5"];
+    let settings = ["", "auto.last_fit_share=0.1", "auto.last_fit_share=0.4", "drop_rate=0.5"];
     let found: Vec<_> = csv.lines().skip(1).filter_map(|line| line.split(',').nth(3)).collect();
     assert_eq!(found, settings);
     let page = read(&out.join("needs.html"));
