@@ -66,7 +66,12 @@ fn constants_are_varied_and_test_views_are_drawn() {
     let arguments = survey(&out, &[&varied[..], &["--seeds", "1", "--pictures"]].concat());
     stdout(&arguments);
     let csv = read(&out.join("needs.csv"));
-    let settings = ["", "auto.last_fit_share=0.1", "auto.last_fit_share=0.4", "drop_rate=0.5"];
+    let settings = [
+        "",
+        "auto.last_fit_share=0.1",
+        "auto.last_fit_share=0.4",
+        "drop_rate=0.5",
+    ];
     let found: Vec<_> = csv.lines().skip(1).filter_map(|line| line.split(',').nth(3)).collect();
     assert_eq!(found, settings);
     let page = read(&out.join("needs.html"));
