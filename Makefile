@@ -73,7 +73,8 @@ setup:
 LESSER = binding=67108864,memory=1073741824,workgroup=64,subgroups=off
 LESSER_PICTURES = binding=4194304,memory=268435456,workgroup=64,subgroups=off
 
-# A second software device, of Debian's package chromium-common: subgroups of 4, functions as exact as Vulkan demands.
+# A second software device, of Debian's package chromium-common: subgroups of 4, and functions no more exact than Vulkan
+# demands.
 SWIFTSHADER = /usr/lib/chromium/vk_swiftshader_icd.json
 
 # The suite on lesser devices, and kernels and frames with lavapipe's other subgroups, of 4 and 16 (Mesa's cache of

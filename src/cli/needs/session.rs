@@ -47,9 +47,11 @@ impl<'a> SurveySession<'a> {
             }
             scenes.push((name, args.options.open(&path, true)?));
         }
-        let kinds = args.scenes.clone();
-        let kinds = kinds.unwrap_or_else(|| Kind::SURVEY.map(Some).to_vec());
-        let kinds = Kind::ALL.into_iter().filter(|kind| kinds.contains(&Some(*kind)));
+        let is_asked = |kind: &Kind| match &args.scenes {
+            Some(kinds) => kinds.contains(&Some(*kind)),
+            None => !kind.is_for_geometry(),
+        };
+        let kinds = Kind::ALL.into_iter().filter(is_asked);
         let made = kinds.map(|kind| {
             output.remark(format_args!("photographing {}", kind.name()));
             (kind.name().to_owned(), built_in(kind, args.width))

@@ -103,7 +103,7 @@ pub(in super::super) fn corrected(own: [f64; 7], (rotation, translation): &Rigid
     // Both signs of a quaternion are one rotation.
     let turned = (given - *rotation).length().min((given + *rotation).length());
     let moved = (DVec3::from(shift) - *translation).length() / (1.0 + translation.length());
-    // Numbers that are none differ, too.
+    // NaN differs, too.
     if turned <= DIFFERENCE_MAX && moved <= DIFFERENCE_MAX {
         return None;
     }

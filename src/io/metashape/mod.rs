@@ -38,7 +38,7 @@ pub fn find(folder: &Path) -> Result<Option<PathBuf>> {
 ///
 /// # Errors
 /// Names the file and the camera or sensor: not XML, no chunk or several, a sensor that is missing, without
-/// calibration, of an unsupported type or with an impossible one, a pose of another count of numbers or that is none,
+/// calibration, of an unsupported type or with an impossible one, a pose of another count of numbers or no rotation,
 /// numbers that are not finite, a scale that is not positive, a label that occurs twice or fits several photographs.
 pub fn read<'a>(source: impl Into<Source<'a>>, photos: Option<&Path>) -> Result<Listing> {
     let source = source.into();

@@ -210,11 +210,7 @@ pub(super) fn of_geometry(chart: &Chart) -> Vec<ScatterPlot> {
             ("error of normals, degrees", |p| &p.normal),
             "Normals of held-out views against time.",
         ),
-        (
-            psnr,
-            chamfer,
-            "The mesh against the pictures: terms of geometry cost decibels. Right and low is good.",
-        ),
+        (psnr, chamfer, "The mesh against the pictures. Right and low is good."),
     ];
     let plot = |((x, x_of), (y, y_of), caption): (GeometryAxis, GeometryAxis, _)| {
         let marker = |point: &GeometryPoint| Marker {
@@ -222,21 +218,16 @@ pub(super) fn of_geometry(chart: &Chart) -> Vec<ScatterPlot> {
             y_bar: bar(y_of(point)),
             ..mark(&names, &point.knob, x_of(point).value, y_of(point).value)
         };
-        let markers: Vec<Marker> = chart.geometry.iter().map(marker).collect();
-        match x == PSNR {
-            true => ScatterPlot {
-                size: HALF,
-                titles: [x, y],
-                markers,
-                caption,
-                ..ScatterPlot::default()
-            },
-            false => ScatterPlot {
-                caption,
-                are_log: [false; 2],
-                ..plot(HALF, [x, y], true, markers)
-            },
+        let mut plot = ScatterPlot {
+            caption,
+            are_log: [false; 2],
+            ..plot(HALF, [x, y], true, chart.geometry.iter().map(marker).collect())
+        };
+        // The front is one of low costs, and PSNR is none.
+        if x == PSNR {
+            plot.front.clear();
         }
+        plot
     };
     views.into_iter().map(plot).collect()
 }

@@ -33,7 +33,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
+    /// All of them, simplest first, then those for geometry.
     pub const ALL: [Kind; 9] = [
         Kind::Plane,
         Kind::Sphere,
@@ -46,16 +46,10 @@ impl Kind {
         Kind::Cage,
     ];
 
-    /// Those of a survey of counts, simplest first; the others are for geometry.
-    pub const SURVEY: [Kind; 7] = [
-        Kind::Plane,
-        Kind::Sphere,
-        Kind::Solids,
-        Kind::Demo,
-        Kind::Intricate,
-        Kind::Foliage,
-        Kind::Facade,
-    ];
+    /// Whether it is made for measurements of geometry, and left out of surveys of counts.
+    pub fn is_for_geometry(self) -> bool {
+        matches!(self, Kind::Knot | Kind::Cage)
+    }
 
     /// Name on command lines and in files.
     pub fn name(self) -> &'static str {
