@@ -9,6 +9,8 @@ layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Not 0: pixels end by the rule of the 3DGS code.
 layout(constant_id = 3) const uint INRIA = 0;
+// Not 0: surfels.
+layout(constant_id = 4) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -20,13 +22,19 @@ layout(set = 0, binding = 5, scalar) readonly buffer ColorProducts { vec4 whiten
 layout(set = 0, binding = 6, scalar) readonly buffer Spending { float spent_from_pixel[]; };
 layout(set = 0, binding = 7, scalar) readonly buffer Limits { float limit_from_pixel[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer Records { vec3 record_from_emitted[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
+layout(set = 0, binding = 10, scalar) readonly buffer Planes { vec3 plane_from_splat[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
 } push;
 
+#include "shared/math.glsl"
 #include "shared/tile.glsl"
 #include "shared/primitive.glsl"
+#include "shared/plane.glsl"
+#include "shared/surfel.glsl"
+#include "shared/surfel_column.glsl"
 #include "shared/stage.glsl"
 #include "shared/weights.glsl"
 
@@ -56,8 +64,9 @@ vec3 both_of(vec3 a, vec3 b) {
     return vec3(max(a.x, b.x), a.y + b.y, min(a.z, b.z));
 }
 
-vec3 contribution(Tile t, Staged splat) {
-    Column column = column_of(t, splat.shape, splat.tone);
+// The lane's part for the splat staged by a lane.
+vec3 contribution(Tile t, uint lane) {
+    WeightColumn column = weight_column_of(t, staged_by(lane), lane);
     vec4 most = vec4(NOTHING.x);
     vec4 sum = vec4(NOTHING.y);
     vec4 least = vec4(NOTHING.z);
@@ -79,16 +88,18 @@ void weigh_batch(Tile t, uint begin, uint end) {
     uint source = emitted_from_isect[mine ? begin + lane : begin];
     uint splat = splat_from_emitted[source];
     Staged staged = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], vec2(0.0));
+    if (SURFEL != 0) staged.rest = blue_depth_from_splat[splat];
     if (!mine) hide(staged);
     stage(staged);
+    if (SURFEL != 0) stage_plane(plane_from_splat[splat]);
     uint count = min(WORKGROUP, end - begin);
     vec3 kept = NOTHING;
     uint i = 0;
     // Two per iteration, to halve the iterations that a software device counts; an odd one is paired with a hidden
     // splat.
     do {
-        vec3 even = over_lanes(contribution(t, staged_by(i)));
-        vec3 odd = over_lanes(contribution(t, staged_by(i + 1)));
+        vec3 even = over_lanes(contribution(t, i));
+        vec3 odd = over_lanes(contribution(t, i + 1));
         kept = lane == i ? even : lane == i + 1 ? odd : kept;
         i += 2;
     } while (i < count);

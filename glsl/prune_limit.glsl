@@ -11,6 +11,8 @@ layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Not 0: pixels end by the rule of the 3DGS code.
 layout(constant_id = 3) const uint INRIA = 0;
+// Not 0: surfels.
+layout(constant_id = 4) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -22,6 +24,8 @@ layout(set = 0, binding = 5, scalar) readonly buffer ColorProducts { vec4 whiten
 layout(set = 0, binding = 6, scalar) readonly buffer Ranking { float rank_from_splat[]; };
 layout(set = 0, binding = 7, scalar) buffer Limits { float limit_from_pixel[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer Spending { float spent_from_pixel[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
+layout(set = 0, binding = 10, scalar) readonly buffer Planes { vec3 plane_from_splat[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
@@ -29,8 +33,12 @@ layout(push_constant, scalar) uniform Push {
     float budget;      // largest sum of removed weights of a pixel
 } push;
 
+#include "shared/math.glsl"
 #include "shared/tile.glsl"
 #include "shared/primitive.glsl"
+#include "shared/plane.glsl"
+#include "shared/surfel.glsl"
+#include "shared/surfel_column.glsl"
 #include "shared/stage.glsl"
 #include "shared/weights.glsl"
 
@@ -50,8 +58,10 @@ void begin_sums(Tile t) {
     }
 }
 
-void add(Tile t, Staged splat) {
-    Column column = column_of(t, splat.shape, splat.tone);
+// Adds the splat staged by a lane.
+void add(Tile t, uint lane) {
+    Staged splat = staged_by(lane);
+    WeightColumn column = weight_column_of(t, splat, lane);
     vec4 rank = vec4(splat.rest.x);
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         vec4 weight = weights_of(column, q);
@@ -68,8 +78,10 @@ uint stage_batch(uint begin, uint end) {
     uint isect = begin + stage_lane();
     uint splat = splat_from_emitted[emitted_from_isect[min(isect, end - 1)]];
     Staged mine = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], vec2(rank_from_splat[splat], 0.0));
+    if (SURFEL != 0) mine.rest.y = blue_depth_from_splat[splat].y;
     if (isect >= end) hide(mine);
     stage(mine);
+    if (SURFEL != 0) stage_plane(plane_from_splat[splat]);
     return min(WORKGROUP, end - begin);
 }
 
@@ -80,8 +92,8 @@ void add_list(Tile t, uint begin, uint end) {
         uint count = stage_batch(begin, end);
         uint i = 0;
         do {
-            add(t, staged_by(i));
-            add(t, staged_by(i + 1));
+            add(t, i);
+            add(t, i + 1);
             i += 2;
         } while (i < count);
         begin += WORKGROUP;

@@ -13,6 +13,8 @@ layout(constant_id = 1) const float T_MIN = TRANSMITTANCE_MIN;
 layout(constant_id = 2) const float LOG2_ALPHA_MIN = -LOG2_255;
 // Not 0: pixels end by the rule of the 3DGS code.
 layout(constant_id = 3) const uint INRIA = 0;
+// Not 0: surfels.
+layout(constant_id = 4) const uint SURFEL = 0;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0, scalar) readonly buffer ViewBlock { View view; };
@@ -24,13 +26,18 @@ layout(set = 0, binding = 5, scalar) readonly buffer ColorProducts { vec4 whiten
 layout(set = 0, binding = 6, scalar) readonly buffer Rests { vec2 blue_depth_from_splat[]; };
 layout(set = 0, binding = 7, scalar) readonly buffer Image { float image[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer Records { vec3 record_from_emitted[]; };
+layout(set = 0, binding = 9, scalar) readonly buffer Planes { vec3 plane_from_splat[]; };
 
 layout(push_constant, scalar) uniform Push {
     uint tile_stride;  // workgroup g takes tile g * tile_stride mod tile count
 } push;
 
+#include "shared/math.glsl"
 #include "shared/tile.glsl"
 #include "shared/primitive.glsl"
+#include "shared/plane.glsl"
+#include "shared/surfel.glsl"
+#include "shared/surfel_column.glsl"
 #include "shared/stage.glsl"
 #include "shared/weights.glsl"
 
@@ -63,9 +70,10 @@ vec4 change(vec4 weight, vec4 rest, vec4 passing, float color, float background)
     return off * off;
 }
 
-// The lane's part: sums of the weights and of the squared changes.
-vec2 removal_error(Tile t, Staged splat) {
-    Column column = column_of(t, splat.shape, splat.tone);
+// The lane's part for the splat staged by a lane: sums of the weights and of the squared changes.
+vec2 removal_error(Tile t, uint lane) {
+    Staged splat = staged_by(lane);
+    WeightColumn column = weight_column_of(t, splat, lane);
     vec4 weights = vec4(0.0);
     vec4 changes = vec4(0.0);
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
@@ -92,14 +100,15 @@ void take_batch(Tile t, uint begin, uint end) {
     Staged staged = Staged(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
     if (!mine) hide(staged);
     stage(staged);
+    if (SURFEL != 0) stage_plane(plane_from_splat[splat]);
     uint count = min(WORKGROUP, end - begin);
     vec2 kept = vec2(0.0);
     uint i = 0;
     // Two per iteration, to halve the iterations that a software device counts; an odd one is paired with a hidden
     // splat.
     do {
-        vec2 even = over_lanes(removal_error(t, staged_by(i)));
-        vec2 odd = over_lanes(removal_error(t, staged_by(i + 1)));
+        vec2 even = over_lanes(removal_error(t, i));
+        vec2 odd = over_lanes(removal_error(t, i + 1));
         kept = lane == i ? even : lane == i + 1 ? odd : kept;
         i += 2;
     } while (i < count);

@@ -1,7 +1,8 @@
 // Weights alpha T of a pixel's splats, recomputed exactly as in compositing: the same exponents, products and end.
 // Kernels that include this walk a tile's list from the front.
 //
-// They need `tile.glsl`, `primitive.glsl` and `stage.glsl`, a `view`, T_MIN, LOG2_ALPHA_MIN and INRIA.
+// They need `tile.glsl`, `primitive.glsl`, `surfel_column.glsl` and `stage.glsl`, a `view`, T_MIN, LOG2_ALPHA_MIN,
+// INRIA and SURFEL.
 
 bool any_lane(bool mine);
 
@@ -23,10 +24,26 @@ bool any_open() {
     return any_lane(open);
 }
 
+// A splat along the lane's pixels.
+struct WeightColumn {
+    Column ellipse;
+    SurfelColumn surfel;
+};
+
+// Column of the splat staged by a lane; its plane is staged beside it if it is a surfel.
+WeightColumn weight_column_of(Tile t, Staged splat, uint lane) {
+    WeightColumn c;
+    c.ellipse = column_of(t, splat.shape, splat.tone);
+    if (SURFEL != 0) c.surfel = surfel_column_of(t, splat.shape, staged_plane_by(lane), depth_of(splat.rest), view);
+    return c;
+}
+
 // A splat's weights in quad `q`, 0 where it does not count; updates the transmittance.
-vec4 weights_of(Column column, uint q) {
+vec4 weights_of(WeightColumn c, uint q) {
     vec4 f;
-    vec4 exponent = exponent_of(column, q, f);
+    vec4 exponent = exponent_of(c.ellipse, q, f);
+    Hits hits;
+    if (SURFEL != 0) exponent = surfel_exponent(c.ellipse, c.surfel, q, f, hits);
     bvec4 on = both(greaterThanEqual(exponent, vec4(LOG2_ALPHA_MIN)),
                     greaterThanEqual(transmittance[q], vec4(T_MIN)));
     float cap = INRIA != 0 ? 0.99 : ALPHA_MAX;

@@ -97,8 +97,9 @@ pub(super) fn run(args: &PruneArgs) -> Result<Outcome> {
     }
     args.out.as_deref().map_or(Ok(()), io::splats::check_name)?;
     let scene = args.scene_options.read(&args.scene)?;
-    if scene.splats.primitive != Primitive::Gaussian3d {
-        return Err(Error::file(&args.scene, "holds surfels, which are not pruned"));
+    if scene.splats.primitive == Primitive::Surfel && args.merge.is_some() {
+        let what = "holds surfels, two of which are not flat together: leave out --merge";
+        return Err(Error::file(&args.scene, what));
     }
     let mut dataset = args.options.open(&args.data, true)?;
     dataset.set_origin(scene.splats.origin);

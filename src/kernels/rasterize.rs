@@ -106,4 +106,7 @@ outputs! {
     rasterize_backward: surfel surfels, with_surface surface, with_spread spread;
     rasterize_inria: with_depth depth, with_ends ends;
     project_backward: surfel surfels, with_surface surface;
+    contribution: surfel surfels;
+    prune_limit: surfel surfels;
+    removal_error: surfel surfels;
 }

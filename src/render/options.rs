@@ -75,7 +75,7 @@ impl RenderOptions {
     }
 
     /// Refuses outputs and kinds that the rules of the 3DGS code, an order or a projection do not have.
-    pub(super) fn check_rules(&self) -> Result<()> {
+    pub(crate) fn check_rules(&self) -> Result<()> {
         let asked = [
             (self.with_surface, "depths and normals of surfaces"),
             (self.primitive == Primitive::Surfel, "surfels"),

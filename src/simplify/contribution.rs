@@ -87,12 +87,12 @@ pub(super) struct Kernels {
 }
 
 impl Kernels {
-    pub(super) fn new(gpu: &Gpu, compatibility: Compatibility) -> Result<Arc<Kernels>> {
-        let caps = gpu.caps();
+    pub(super) fn new(gpu: &Gpu, compatibility: Compatibility, primitive: Primitive) -> Result<Arc<Kernels>> {
+        let (caps, outputs) = (gpu.caps(), outputs(primitive));
         let inria = u32::from(compatibility == Compatibility::Inria);
-        let (mut prune_limit, mut contribution) =
-            (prune_limit::Choice::prefer(caps), contribution::Choice::prefer(caps));
-        let mut removal_error = removal_error::Choice::prefer(caps);
+        let mut prune_limit = prune_limit::Choice::prefer(caps).of_outputs(outputs);
+        let mut contribution = contribution::Choice::prefer(caps).of_outputs(outputs);
+        let mut removal_error = removal_error::Choice::prefer(caps).of_outputs(outputs);
         (prune_limit.spec.inria, contribution.spec.inria) = (inria, inria);
         removal_error.spec.inria = inria;
         let sum_by_splat = sum_by_splat::Choice::default();
@@ -140,11 +140,19 @@ buffers! {
     }
 }
 
+/// Outputs of the drawn views: those of splats of a kind.
+fn outputs(primitive: Primitive) -> Outputs {
+    Outputs {
+        surfels: primitive == Primitive::Surfel,
+        ..Outputs::default()
+    }
+}
+
 impl ViewBuffers {
-    fn new(gpu: &Gpu, capacity: Capacity) -> Result<ViewBuffers> {
+    fn new(gpu: &Gpu, capacity: Capacity, outputs: Outputs) -> Result<ViewBuffers> {
         let capacity = capacity.within(gpu.caps(), ISECT_BYTES);
         Ok(ViewBuffers {
-            scratch: Scratch::new(gpu, capacity, Outputs::default())?,
+            scratch: Scratch::new(gpu, capacity, outputs)?,
             own: PixelSums::new(gpu, capacity)?,
         })
     }
@@ -152,13 +160,11 @@ impl ViewBuffers {
 
 impl ContributionPass {
     /// Uploads a scene to the device.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for surfels by the rules of the 3DGS code, which have none.
     pub fn new(gpu: &Gpu, splats: &Splats, pass_options: PassOptions) -> Result<ContributionPass> {
-        if splats.primitive != Primitive::Gaussian3d {
-            return Err(Error::Unsupported {
-                what: "contributions of surfels to pixels, by which splats are pruned and rounded".into(),
-            });
-        }
-        let kernels = Kernels::new(gpu, pass_options.compatibility)?;
+        let kernels = Kernels::new(gpu, pass_options.compatibility, splats.primitive)?;
         ContributionPass::with(kernels, gpu, splats, pass_options)
     }
 
@@ -176,6 +182,7 @@ impl ContributionPass {
             compatibility: pass_options.compatibility,
             ..RenderOptions::default()
         };
+        options.check_rules()?;
         let mut forward = Forward::for_rendering(gpu, &options)?;
         let model = Model::upload(gpu, splats)?;
         forward.prepare(gpu, &model)?;
@@ -183,7 +190,7 @@ impl ContributionPass {
             model,
             forward,
             kernels,
-            buffers: ViewBuffers::new(gpu, Capacity::LEAST)?,
+            buffers: ViewBuffers::new(gpu, Capacity::LEAST, options.outputs())?,
             sums: ContributionSums::new(gpu, count)?,
         };
         Ok(ContributionPass {
@@ -195,9 +202,9 @@ impl ContributionPass {
     }
 
     /// Buffers of a pass over a scene of so many splats of each degree.
-    pub(super) fn needs(counts: ByDegree, capacity: Capacity) -> Vec<Need> {
+    pub(super) fn needs(counts: ByDegree, capacity: Capacity, outputs: Outputs) -> Vec<Need> {
         let mut needs = Model::needs(Blocks::anywhere(counts));
-        needs.extend(Scratch::needs(capacity, Outputs::default()));
+        needs.extend(Scratch::needs(capacity, outputs));
         needs.extend(PixelSums::needs(capacity));
         needs.extend(ContributionSums::needs(counts.iter().sum()));
         needs
@@ -369,8 +376,9 @@ impl ContributionPass {
         if capacity != had {
             // The old buffers are freed first: memory may not hold both.
             self.frames.release()?;
-            self.resources.buffers = ViewBuffers::new(&self.gpu, Capacity::LEAST)?;
-            self.resources.buffers = ViewBuffers::new(&self.gpu, capacity)?;
+            let outputs = outputs(self.resources.model.primitive);
+            self.resources.buffers = ViewBuffers::new(&self.gpu, Capacity::LEAST, outputs)?;
+            self.resources.buffers = ViewBuffers::new(&self.gpu, capacity, outputs)?;
         }
         Ok(())
     }

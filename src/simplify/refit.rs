@@ -10,7 +10,7 @@ const SHARE_OF_RATES: f32 = 0.1;
 
 /// Training configuration of a refit of `splats`, for the background that they were trained with.
 pub fn refit_config(splats: &Splats, iterations: u32, background: [f32; 3]) -> TrainConfig {
-    let mut config = TrainConfig::for_iterations(iterations);
+    let mut config = TrainConfig::for_iterations(iterations).with_kind(splats.primitive);
     config.filter = splats.filter;
     config.sh_degree = splats.sh_degree;
     config.sh_degree_from = [0; 3];

@@ -18,7 +18,7 @@ use crate::gpu::Gpu;
 use crate::io::FolderLock;
 use crate::lab::report::{MemoryFigures, Report};
 use crate::render::Evaluator;
-use crate::scene::{Dataset, Point, Primitive, Split};
+use crate::scene::{Dataset, Point, Split};
 use crate::simplify::{AutoRun, CountController, for_auto_count};
 use crate::train::{BufferLimits, ExposureModel, TrainConfig, TrainSize};
 use crate::{Error, Result, io};
@@ -170,10 +170,6 @@ fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<Auto
 
 /// Refuses inputs and options that exclude `--parsimony`.
 fn check_parsimony(gpu: &Gpu, dataset: &Dataset, asked: &TrainConfig) -> Result<()> {
-    if asked.kind == Primitive::Surfel {
-        let what = "--parsimony is for 3D splats: leave it out, or --kind surfel";
-        return Err(Error::Config(what.into()));
-    }
     if asked.refine_poses {
         let what =
             "--refine-poses and --parsimony exclude each other: held-out views keep poses that do not fit the rest";

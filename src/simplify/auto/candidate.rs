@@ -7,7 +7,7 @@
 use super::CountController;
 use super::survey::Survey;
 use crate::Result;
-use crate::scene::{Camera, ScreenFilter, Splats};
+use crate::scene::{Camera, Primitive, ScreenFilter, Splats};
 use crate::simplify::loss::{QualityLoss, lost};
 use crate::simplify::merge::{merge, rates};
 use crate::train::{HostState, Trainer};
@@ -47,10 +47,12 @@ impl<'a> CountController<'a> {
         })
     }
 
-    /// Scene with neighbours merged; `None` if merging has cost too much before, and in mip mode, where merged splats
-    /// would lack a filter.
+    /// Scene with neighbours merged; `None` if merging has cost too much before, in mip mode, where merged splats would
+    /// lack a filter, and for surfels, two of which are not flat together.
     fn merged(&self, trainer: &Trainer<'a>, splats: &Splats, left: usize) -> Option<Splats> {
-        if self.history.has_detail || trainer.config().filter != ScreenFilter::Classic {
+        let config = trainer.config();
+        let is_mergeable = config.kind == Primitive::Gaussian3d && config.filter == ScreenFilter::Classic;
+        if self.history.has_detail || !is_mergeable {
             return None;
         }
         let camera = |&view: &usize| self.dataset.views[view].camera;

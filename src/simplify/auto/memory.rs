@@ -15,12 +15,16 @@ pub fn controller_needs(size: &TrainSize) -> Vec<Need> {
     let piece = TRANSFER_BYTES.min(total(&evaluation) as usize);
     evaluation.push(Need::new("staging", Purpose::Transfer, 1, piece));
     evaluation.push(Need::new("readback", Purpose::Transfer, 16, capacity.pixels));
-    let survey = ContributionPass::needs(size.counts(), capacity);
+    let outputs = Outputs {
+        surfels: size.outputs.surfels,
+        ..Outputs::default()
+    };
+    let survey = ContributionPass::needs(size.counts(), capacity, outputs);
     let task = if total(&survey) > total(&evaluation) {
         survey
     } else {
         evaluation
     };
     let evaluator = capacity.max(RenderOptions::default().capacity);
-    [Scratch::needs(evaluator, Outputs::default()), task].concat()
+    [Scratch::needs(evaluator, outputs), task].concat()
 }

@@ -118,7 +118,7 @@ impl<'a> CountController<'a> {
             evaluator,
             held_out: held.len(),
             fitted,
-            kernels: Kernels::new(trainer.gpu(), survey::RULES)?,
+            kernels: Kernels::new(trainer.gpu(), survey::RULES, trainer.config().kind)?,
         })
     }
 

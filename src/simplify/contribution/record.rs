@@ -23,6 +23,8 @@ impl Resources {
                 rank_from_splat: &self.sums.rank_from_splat,
                 limit_from_pixel: &buffers.own.limit_from_pixel,
                 spent_from_pixel: &buffers.own.spent_from_pixel,
+                blue_depth_from_splat: &s.blue_depth_from_splat,
+                plane_from_splat: &s.plane_from_splat,
             };
             let params = prune_limit::Params {
                 tile_stride,
@@ -38,6 +40,8 @@ impl Resources {
             spent_from_pixel: &buffers.own.spent_from_pixel,
             limit_from_pixel: &buffers.own.limit_from_pixel,
             record_from_emitted: &buffers.own.record_from_emitted,
+            blue_depth_from_splat: &s.blue_depth_from_splat,
+            plane_from_splat: &s.plane_from_splat,
         };
         let params = contribution::Params { tile_stride };
         self.kernels.contribution.record(rec, io, params, groups);
@@ -56,6 +60,7 @@ impl Resources {
             blue_depth_from_splat: &s.blue_depth_from_splat,
             image: &s.image,
             record_from_emitted: &buffers.own.record_from_emitted,
+            plane_from_splat: &s.plane_from_splat,
         };
         let params = removal_error::Params {
             tile_stride: tile_stride(tiles),

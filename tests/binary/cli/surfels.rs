@@ -70,11 +70,14 @@ fn surfels_are_drawn_meshed_and_exported() {
         told.status.success() && warning.contains("no place for surfels"),
         "{warning}"
     );
-    let refused = error(&["prune", word(&scene), data, "--out", word(&path("pruned.ply"))]);
-    assert!(refused.contains("surfels") && !path("pruned.ply").exists(), "{refused}");
-    let parsimony = ["train", data, "--out", word(&few), "--kind", "surfel", "--parsimony"];
-    let refused = error(&parsimony);
-    assert!(refused.contains("--parsimony") && !few.exists(), "{refused}");
+    let pruned = path("pruned.ply");
+    let prune = ["prune", word(&scene), data, "--out", word(&pruned)];
+    let refused = error(&[&prune[..], &["--merge", "0.5"]].concat());
+    assert!(refused.contains("--merge") && !pruned.exists(), "{refused}");
+    stdout(&[&prune[..], &["--refit", "2"]].concat());
+    assert_eq!(info(&pruned)["kind"], "surfel");
+    stdout(&train(data, word(&few), &["--kind", "surfel", "--parsimony"]));
+    assert_eq!(info(&few.join("scene.ply"))["kind"], "surfel");
     let needles = [
         "train",
         data,

@@ -3,7 +3,7 @@
 use crate::common::check::*;
 use crate::common::{device, scenes};
 use crate::kernels::LANES;
-use crate::kernels::rasterize::{composites, longest};
+use crate::kernels::rasterize::{composites_of_kinds, longest};
 use ashfall::kernels::Kernel;
 use ashfall::kernels::contribution::Contribution;
 use ashfall::lab::bench::kernels::Composite;
@@ -13,7 +13,7 @@ use ashfall::lab::bench::kernels::contribution::{contribution, contribution_into
 fn every_pair_is_weighed() {
     let gpu = device::gpu();
     let mut check = Check::new("contribution");
-    let composites = composites(Composite::of);
+    let composites = composites_of_kinds();
     let case = |(name, of)| (name, contribution(&gpu, of).unwrap());
     let cases: Vec<_> = composites.iter().map(|(name, of)| case((*name, of))).collect();
     check.cases(&gpu, LANES, &cases);

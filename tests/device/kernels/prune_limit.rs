@@ -4,8 +4,7 @@ use crate::common::check::*;
 use crate::common::device;
 use crate::common::scenes::Random;
 use crate::kernels::LANES;
-use crate::kernels::rasterize::composites;
-use ashfall::lab::bench::kernels::Composite;
+use crate::kernels::rasterize::composites_of_kinds;
 use ashfall::lab::bench::kernels::prune_limit::prune_limit as case;
 use ashfall::reference::prune_limit::{PruneLimits, prune_limit};
 
@@ -13,7 +12,7 @@ use ashfall::reference::prune_limit::{PruneLimits, prune_limit};
 fn pixels_find_how_far_they_can_go() {
     let gpu = device::gpu();
     let mut check = Check::new("prune_limit");
-    let composites = composites(Composite::of);
+    let composites = composites_of_kinds();
     for budget in [0.003, 0.3] {
         let case = |of| case(&gpu, of, budget).unwrap();
         let named = composites

@@ -66,6 +66,12 @@ pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
     ]
 }
 
+/// The cases, and those of surfels, by tiles of the engine.
+pub(crate) fn composites_of_kinds() -> Vec<(&'static str, Composite)> {
+    let scenes = cases().into_iter().chain(surfels());
+    scenes.map(|(name, scene)| (name, Composite::of(scene))).collect()
+}
+
 /// The cases by tiles of the engine or of a baseline.
 pub(crate) fn composites(of: fn(Scene) -> Composite) -> Vec<(&'static str, Composite)> {
     cases().into_iter().map(|(name, scene)| (name, of(scene))).collect()

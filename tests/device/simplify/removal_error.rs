@@ -4,13 +4,16 @@ use super::{pass_options, weigher};
 use crate::common::device::gpu;
 use crate::common::scenes;
 use ashfall::render::Compatibility;
+use ashfall::scene::ScreenFilter;
 use ashfall::simplify::kept;
 
 #[test]
 fn what_would_change_without_a_splat_is_what_does() {
     let gpu = gpu();
+    let surfels = scenes::flattened(scenes::gentle(31, 40, 40, 30, 1), ScreenFilter::Classic);
     for (scene, compatibility) in [
         (scenes::gentle(31, 40, 40, 30, 1), Compatibility::Engine),
+        (surfels, Compatibility::Engine),
         (scenes::hard(32, 30, 33, 28, 2), Compatibility::Inria),
     ] {
         let pass_options = pass_options(&scene.options, compatibility);

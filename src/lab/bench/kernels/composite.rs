@@ -16,6 +16,7 @@ use crate::reference::rasterize::{self as reference, blended, discontinuity_marg
 use crate::reference::tiles::Grid;
 use crate::reference::{ScreenSplat, Splat, Thresholds};
 use crate::render::tile_stride;
+use crate::scene::Primitive;
 use rayon::prelude::*;
 use std::rc::Rc;
 
@@ -110,6 +111,14 @@ impl Composite {
     pub fn place(&self, pixel: usize) -> (usize, [f64; 2]) {
         let at = center(pixel, self.lists.grid.width as usize);
         (self.lists.grid.tile_from_position(at) as usize, at)
+    }
+
+    /// Outputs, apart from the usual ones, of kernels that walk these lists.
+    pub fn kind(&self) -> Outputs {
+        Outputs {
+            surfels: self.scene.splats.primitive == Primitive::Surfel,
+            ..Outputs::default()
+        }
     }
 
     /// The background as the device has it.

@@ -4,7 +4,7 @@ use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::kernels::contribution::{self, Contribution, Params};
+use crate::kernels::contribution::{self, Choice, Contribution, Params};
 use crate::kernels::walker_bindings;
 use crate::lab::bench::check::Output;
 use crate::lab::bench::input::random::Random;
@@ -43,7 +43,9 @@ pub fn contribution_into<'a>(
     let input = CompositeBuffers::new(gpu, composite)?;
     let spent = gpu.buffer_from("spent_from_pixel", &spent)?;
     let limit = gpu.buffer_from("limit_from_pixel", &limit)?;
-    let case = KernelCase::new(composite.work()).compare(records, move |found| {
+    let kind = composite.kind();
+    let case = KernelCase::new(composite.work()).tune(move |choice: &mut Choice| *choice = choice.of_outputs(kind));
+    let case = case.compare(records, move |found| {
         let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
         let wanted = |of: fn(&Loss) -> f64| losses.iter().map(of).collect::<Vec<_>>();
         let near = || composite.near_sources();
@@ -66,6 +68,8 @@ pub fn contribution_into<'a>(
             spent_from_pixel: &spent,
             limit_from_pixel: &limit,
             record_from_emitted: &records,
+            blue_depth_from_splat: &input.blue_depth_from_splat,
+            plane_from_splat: &input.plane_from_splat,
         };
         let params = Params {
             tile_stride: tile_stride(input.tiles),

@@ -53,6 +53,7 @@ pub use gradient::Gradient;
 pub use sort::Sorting;
 use std::cell::LazyCell;
 use std::fmt::Display;
+use std::ops::Deref;
 
 /// Measures all kernels that the filter wants.
 ///
@@ -177,9 +178,12 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
         let gradient = Gradient::of_surfels(&surfels, SAMPLED);
         gradient::surfels_backward(gpu, &surfels, gradient, SURFEL_TOLERANCE)
     })?;
-    time(bench, lanes, name, |gpu| contribution::contribution(gpu, &engine))?;
-    time(bench, lanes, name, |gpu| prune_limit::prune_limit(gpu, &engine, 0.05))?;
-    time(bench, lanes, name, |gpu| removal_error::removal_error(gpu, &engine))?;
+    let kinds: [(&str, &dyn Deref<Target = Composite>); 2] = [(name, &engine), (&named, &surfels)];
+    for (name, lists) in kinds {
+        time(bench, lanes, name, |gpu| contribution::contribution(gpu, lists))?;
+        time(bench, lanes, name, |gpu| prune_limit::prune_limit(gpu, lists, 0.05))?;
+        time(bench, lanes, name, |gpu| removal_error::removal_error(gpu, lists))?;
+    }
     time(bench, ELEMENTWISE, name, |gpu| {
         sum_by_splat::sum_by_splat(gpu, &sum_by_splat::Records::of(&engine), false)
     })

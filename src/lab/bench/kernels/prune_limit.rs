@@ -4,7 +4,7 @@ use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::kernels::prune_limit::{self, Params, PruneLimit};
+use crate::kernels::prune_limit::{self, Choice, Params, PruneLimit};
 use crate::kernels::walker_bindings;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::random::Random;
@@ -58,7 +58,9 @@ pub fn prune_limit<'a>(gpu: &Gpu, composite: &'a Composite, budget: f32) -> Resu
     });
     let limits: Vec<f64> = limits.collect();
     let sums: Vec<f64> = expected.iter().map(|limits| limits.spent).collect();
+    let kind = composite.kind();
     let case = KernelCase::new(composite.work())
+        .tune(move |choice: &mut Choice| *choice = choice.of_outputs(kind))
         .compare(&limit, move |found| {
             let limit = Output::exact("limit", floats(&found), limits.clone());
             vec![limit.near(unsure.clone(), f64::INFINITY, 0.05)]
@@ -74,6 +76,8 @@ pub fn prune_limit<'a>(gpu: &Gpu, composite: &'a Composite, budget: f32) -> Resu
             rank_from_splat: &ranks,
             limit_from_pixel: &limit,
             spent_from_pixel: &spent,
+            blue_depth_from_splat: &input.blue_depth_from_splat,
+            plane_from_splat: &input.plane_from_splat,
         };
         for step in STEPS {
             let params = Params {

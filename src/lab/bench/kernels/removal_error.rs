@@ -4,7 +4,7 @@ use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::kernels::removal_error::{self, Params, RemovalError as Kernel};
+use crate::kernels::removal_error::{self, Choice, Params, RemovalError as Kernel};
 use crate::kernels::walker_bindings;
 use crate::lab::bench::check::Output;
 use crate::reference::Thresholds;
@@ -26,7 +26,9 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
     let input = CompositeBuffers::new(gpu, composite)?;
     let image = gpu.buffer_from("image", &planes)?;
     let records = gpu.buffer::<[f32; 3]>("record_from_emitted", expected.len())?;
-    let case = KernelCase::new(composite.work()).compare(&records, move |found| {
+    let kind = composite.kind();
+    let case = KernelCase::new(composite.work()).tune(move |choice: &mut Choice| *choice = choice.of_outputs(kind));
+    let case = case.compare(&records, move |found| {
         let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
         let wanted = |of: fn(&RemovalError) -> f64| expected.iter().map(of).collect::<Vec<_>>();
         // Weights err as in `contribution`, and colours as in `rasterize`: 2e-5 of what there is. What that makes of
@@ -51,6 +53,7 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
             blue_depth_from_splat: &input.blue_depth_from_splat,
             image: &image,
             record_from_emitted: &records,
+            plane_from_splat: &input.plane_from_splat,
         };
         let params = Params {
             tile_stride: tile_stride(input.tiles),
