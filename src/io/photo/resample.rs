@@ -9,7 +9,7 @@ use glam::{DVec2, Vec4};
 
 /// Picture of an ideal pinhole, from a photograph of the size that `optics` has.
 ///
-/// Every pixel centre is a direction, which the lens maps into the photograph, sampled bilinearly. **Border rule:** a
+/// Every pixel centre is a direction, which the lens maps into the photograph, sampled by [`cubic`]. **Border rule:** a
 /// pixel with its source outside of the photograph, or beyond the angle at which the lens folds back on itself, becomes
 /// transparent black, which the loss ignores.
 pub(super) fn undistort(photo: &Photo, optics: &Optics) -> Photo {
@@ -27,31 +27,41 @@ pub(super) fn undistort(photo: &Photo, optics: &Optics) -> Photo {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let direction = ((pixel - center) / focal).extend(1.0);
             let source = optics.pixel(direction, reach);
-            rgba.push(source.map_or([0; 4], |source| bilinear(photo, source)));
+            rgba.push(source.map_or([0; 4], |source| cubic(photo, source)));
         }
     }
     Photo { width, height, rgba }
 }
 
-fn bilinear(photo: &Photo, at: DVec2) -> [u8; 4] {
+/// Colour at a place between pixel centres, by Keys' cubic convolution (a = -1/2): exact on quadratics, where a
+/// bilinear mean blurs.
+fn cubic(photo: &Photo, at: DVec2) -> [u8; 4] {
     let (width, height) = (i64::from(photo.width), i64::from(photo.height));
     let base = at - DVec2::splat(0.5);
     let corner = base.floor();
     let fraction = (base - corner).as_vec2();
-    let (x, y) = (corner.x as i64, corner.y as i64);
+    let (columns, rows) = (cubic_weights(fraction.x), cubic_weights(fraction.y));
     let mut sum = Vec4::ZERO;
-    for (dx, dy, weight) in [
-        (0, 0, (1.0 - fraction.x) * (1.0 - fraction.y)),
-        (1, 0, fraction.x * (1.0 - fraction.y)),
-        (0, 1, (1.0 - fraction.x) * fraction.y),
-        (1, 1, fraction.x * fraction.y),
-    ] {
-        // Clamp to the border: within half a pixel of it there is no neighbour.
-        let column = (x + dx).clamp(0, width - 1);
-        let row = (y + dy).clamp(0, height - 1);
-        sum += weighted(photo.rgba[(row * width + column) as usize]) * weight;
+    for (row, row_weight) in (corner.y as i64 - 1..).zip(rows) {
+        // Clamp to the border: beyond it there is no neighbour.
+        let line = row.clamp(0, height - 1) * width;
+        for (column, weight) in (corner.x as i64 - 1..).zip(columns) {
+            let pixel = photo.rgba[(line + column.clamp(0, width - 1)) as usize];
+            sum += weighted(pixel) * (weight * row_weight);
+        }
     }
     unweighted(sum)
+}
+
+/// Weights of the pixels at -1, 0, 1 and 2 for a place at `t` from 0 to 1.
+fn cubic_weights(t: f32) -> [f32; 4] {
+    let u = 1.0 - t;
+    [
+        -0.5 * t * u * u,
+        1.0 + t * t * (1.5 * t - 2.5),
+        1.0 + u * u * (1.5 * u - 2.5),
+        -0.5 * u * t * t,
+    ]
 }
 
 /// Half a width or height, rounded up, at least [`SIDE_MIN`] or the whole length if that is less.
@@ -121,6 +131,7 @@ fn weighted(pixel: [u8; 4]) -> Vec4 {
 
 /// The inverse of [`weighted`], rounded.
 fn unweighted(sum: Vec4) -> [u8; 4] {
+    // Negative weights may take sums out of the range; the cast clamps.
     let alpha = sum.w.round() as u8;
     if alpha == 0 {
         return [0; 4];
@@ -128,4 +139,39 @@ fn unweighted(sum: Vec4) -> [u8; 4] {
     let color = sum / sum.w;
     let [r, g, b] = [color.x, color.y, color.z].map(|c| c.round() as u8);
     [r, g, b, alpha]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cubic_is_exact_on_a_parabola() {
+        let value = |x: f64| 3.0 + 2.0 * (x - 0.5) * (x - 0.5);
+        let row = (0..8).map(|x| value(f64::from(x) + 0.5));
+        let rgba = row.map(|v| [v as u8, 0, 0, 255]).collect();
+        let photo = Photo {
+            width: 8,
+            height: 1,
+            rgba,
+        };
+        for at in [2.0, 3.25, 4.5, 5.125] {
+            let [r, ..] = cubic(&photo, DVec2::new(at, 0.5));
+            assert!((f64::from(r) - value(at)).abs() <= 0.5, "{at}: {r}");
+        }
+    }
+
+    #[test]
+    fn cubic_keeps_colours_under_transparency_out() {
+        let rgba = [[200, 0, 0, 255]; 3].into_iter().chain([[0, 255, 0, 0]; 3]);
+        let photo = Photo {
+            width: 6,
+            height: 1,
+            rgba: rgba.collect(),
+        };
+        for at in [2.75, 3.0, 3.25] {
+            let [r, g, b, a] = cubic(&photo, DVec2::new(at, 0.5));
+            assert!(a == 0 || (r, g, b) == (200, 0, 0), "{at}: {r} {g} {b} {a}");
+        }
+    }
 }
