@@ -142,10 +142,11 @@ buffers! {
 
 /// Outputs of the drawn views: those of splats of a kind.
 fn outputs(primitive: Primitive) -> Outputs {
-    Outputs {
-        surfels: primitive == Primitive::Surfel,
-        ..Outputs::default()
-    }
+    let options = RenderOptions {
+        primitive,
+        ..RenderOptions::default()
+    };
+    options.outputs()
 }
 
 impl ViewBuffers {

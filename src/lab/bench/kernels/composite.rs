@@ -15,8 +15,7 @@ use crate::reference::plane::{SurfacePixel, TangentPlane, surface};
 use crate::reference::rasterize::{self as reference, blended, discontinuity_margin, median};
 use crate::reference::tiles::Grid;
 use crate::reference::{ScreenSplat, Splat, Thresholds};
-use crate::render::tile_stride;
-use crate::scene::Primitive;
+use crate::render::{RenderOptions, tile_stride};
 use rayon::prelude::*;
 use std::rc::Rc;
 
@@ -113,12 +112,13 @@ impl Composite {
         (self.lists.grid.tile_from_position(at) as usize, at)
     }
 
-    /// Outputs, apart from the usual ones, of kernels that walk these lists.
-    pub fn kind(&self) -> Outputs {
-        Outputs {
-            surfels: self.scene.splats.primitive == Primitive::Surfel,
-            ..Outputs::default()
-        }
+    /// Outputs of a frame in colour alone, by the kind of the splats.
+    pub fn kernel_outputs(&self) -> Outputs {
+        let options = RenderOptions {
+            primitive: self.scene.splats.primitive,
+            ..RenderOptions::default()
+        };
+        options.outputs()
     }
 
     /// The background as the device has it.

@@ -43,8 +43,8 @@ pub fn contribution_into<'a>(
     let input = CompositeBuffers::new(gpu, composite)?;
     let spent = gpu.buffer_from("spent_from_pixel", &spent)?;
     let limit = gpu.buffer_from("limit_from_pixel", &limit)?;
-    let kind = composite.kind();
-    let case = KernelCase::new(composite.work()).tune(move |choice: &mut Choice| *choice = choice.of_outputs(kind));
+    let outputs = composite.kernel_outputs();
+    let case = KernelCase::new(composite.work()).tune(move |choice: &mut Choice| *choice = choice.of_outputs(outputs));
     let case = case.compare(records, move |found| {
         let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
         let wanted = |of: fn(&Loss) -> f64| losses.iter().map(of).collect::<Vec<_>>();

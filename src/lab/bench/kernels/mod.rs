@@ -168,11 +168,7 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
     let surfels = LazyCell::new(|| Composite::of(flattened(scattered(count, size, sigma, 0))));
     let named = format!("{name} surfels");
     time(bench, lanes, &named, |gpu| {
-        let outputs = Outputs {
-            surfels: true,
-            ..Outputs::default()
-        };
-        composite::rasterize(gpu, &surfels, outputs)
+        composite::rasterize(gpu, &surfels, surfels.kernel_outputs())
     })?;
     time(bench, lanes, &named, |gpu| {
         let gradient = Gradient::of_surfels(&surfels, SAMPLED);

@@ -58,9 +58,9 @@ pub fn prune_limit<'a>(gpu: &Gpu, composite: &'a Composite, budget: f32) -> Resu
     });
     let limits: Vec<f64> = limits.collect();
     let sums: Vec<f64> = expected.iter().map(|limits| limits.spent).collect();
-    let kind = composite.kind();
+    let outputs = composite.kernel_outputs();
     let case = KernelCase::new(composite.work())
-        .tune(move |choice: &mut Choice| *choice = choice.of_outputs(kind))
+        .tune(move |choice: &mut Choice| *choice = choice.of_outputs(outputs))
         .compare(&limit, move |found| {
             let limit = Output::exact("limit", floats(&found), limits.clone());
             vec![limit.near(unsure.clone(), f64::INFINITY, 0.05)]

@@ -26,8 +26,8 @@ pub fn removal_error<'a>(gpu: &Gpu, composite: &'a Composite) -> Result<KernelCa
     let input = CompositeBuffers::new(gpu, composite)?;
     let image = gpu.buffer_from("image", &planes)?;
     let records = gpu.buffer::<[f32; 3]>("record_from_emitted", expected.len())?;
-    let kind = composite.kind();
-    let case = KernelCase::new(composite.work()).tune(move |choice: &mut Choice| *choice = choice.of_outputs(kind));
+    let outputs = composite.kernel_outputs();
+    let case = KernelCase::new(composite.work()).tune(move |choice: &mut Choice| *choice = choice.of_outputs(outputs));
     let case = case.compare(&records, move |found| {
         let column = |i: usize| found.iter().map(|r| f64::from(r[i])).collect::<Vec<_>>();
         let wanted = |of: fn(&RemovalError) -> f64| expected.iter().map(of).collect::<Vec<_>>();
