@@ -62,21 +62,17 @@ pub struct HistoryEntry {
     pub scores: ViewScores,
     /// The reduced scene that the action decided on.
     pub reduced: Option<ReducedScene>,
-    /// Whether neighbours were merged.
-    pub is_merged: bool,
 }
 
 impl HistoryEntry {
     /// The action in words.
     fn name(&self) -> &'static str {
-        match (self.act, self.is_merged) {
-            (Act::Evaluated, _) => "evaluated",
-            (Act::GrowthEnded, _) => "growth ended",
-            (Act::Removed, false) => "least important splats removed",
-            (Act::Removed, true) => "neighbours merged",
-            (Act::Rejected, false) => "removal rejected",
-            (Act::Rejected, true) => "merging rejected",
-            (Act::ShReduced, _) => "SH coefficients removed",
+        match self.act {
+            Act::Evaluated => "evaluated",
+            Act::GrowthEnded => "growth ended",
+            Act::Removed => "least important splats removed",
+            Act::Rejected => "removal rejected",
+            Act::ShReduced => "SH coefficients removed",
         }
     }
 }
@@ -89,11 +85,12 @@ pub struct Round {
     pub from: u32,
     /// Splats of the first run, and scores of the held-out views and of views trained on, once it is done.
     pub without: Option<(usize, [ViewScores; 2])>,
-    /// Whether splats were merged.
-    pub is_merged: bool,
 }
 
 /// Decisions of a run and the controller's state.
+///
+/// Unknown fields of a checkpoint are ignored: earlier controllers also merged neighbours in rounds, and marked this in
+/// `is_merged` and `has_detail`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct History {
     /// Constants of the controller, from the run's configuration.
@@ -107,8 +104,6 @@ pub struct History {
     pub share: f64,
     /// Losses by accepted rounds: of the held-out views and of views trained on.
     pub lost: [ViewScores; 2],
-    /// Whether a merge has blurred visible detail; no further merge is tried then.
-    pub has_detail: bool,
     /// Iteration from which the count is fixed.
     pub settled_from: Option<u32>,
     /// Last iteration of the run, as far as known.
@@ -219,6 +214,31 @@ mod tests {
         // 600 splats may be enough: by the lower bound they lose little.
         assert_eq!(history.least_splats(700), Some(500));
         assert_eq!(history.least_splats(500), None);
+    }
+
+    /// Checkpoint of a controller with merging, within a round: rounds that merged are read as removals.
+    #[test]
+    fn states_with_marks_of_merging_load_as_without() -> serde_json::Result<()> {
+        let history = History {
+            phase: Phase::Pruning,
+            round: Some(Round {
+                from: 40,
+                without: Some((5, Default::default())),
+            }),
+            share: 0.25,
+            entries: vec![
+                round(Act::Removed, 20, 10, [0.0; 2]),
+                round(Act::Rejected, 10, 5, [0.5; 2]),
+            ],
+            ..History::default()
+        };
+        let mut saved = serde_json::to_value(&history)?;
+        saved["has_detail"] = true.into();
+        saved["round"]["is_merged"] = true.into();
+        saved["entries"][0]["is_merged"] = true.into();
+        saved["entries"][1]["is_merged"] = false.into();
+        assert_eq!(serde_json::from_value::<History>(saved)?, history);
+        Ok(())
     }
 
     #[test]

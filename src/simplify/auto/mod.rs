@@ -3,8 +3,8 @@
 //! Splats are added by the strategy for a share of the run, or until no held-out view has a visible error. From then on
 //! the held-out views are not trained on; earlier, splats that only they see would be missing.
 //!
-//! A share of the splats goes in every round: those with the smallest change of the pictures, or by merging. A round
-//! runs the same steps from the same state twice, without those splats and with them, since scores also rise with time.
+//! A share of the splats goes in every round: those with the smallest change of the pictures. A round runs the same
+//! steps from the same state twice, without those splats and with them, since scores also rise with time.
 //! The losses of accepted rounds are summed, by view, in PSNR and in SSIM. The splats stay removed if the sums are
 //! within what may be lost in total, by upper bounds over the held-out views: few or scattered views widen the bounds
 //! and thereby keep splats. Where these views cannot tell the scenes apart, upper bounds over views trained on decide.
@@ -14,7 +14,6 @@
 //! **Invariant:** decisions are a function of configuration, views and device. Their state beside the trainer's is the
 //! [`History`] and the kept state, so that a resumed run decides alike.
 
-mod candidate;
 mod memory;
 mod rounds;
 mod sh;

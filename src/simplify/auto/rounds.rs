@@ -1,5 +1,6 @@
 //! Rounds: the same steps from the same state, without the least important splats and with them.
 
+use super::survey::Survey;
 use super::{CountController, Phase};
 use crate::Result;
 use crate::simplify::history::{Act, HistoryEntry, ReducedScene, Round};
@@ -9,13 +10,15 @@ use crate::train::{HostState, Trainer};
 impl<'a> CountController<'a> {
     /// Starts a round: removes a share of the splats for its first run.
     fn begin_round(&mut self, trainer: &mut Trainer<'a>) -> Result<()> {
-        let candidate = self.candidate(trainer)?;
-        trainer.replace(&candidate.less)?;
-        self.kept = Some(candidate.whole);
+        let whole = trainer.download()?;
+        let left = (whole.len() as f64 * (1.0 - self.history.share)).ceil() as usize;
+        // Held-out views are included: splats that only they see would otherwise go first. Only their cameras are used.
+        let changes = Survey::begin(&self.kernels, trainer, self.dataset)?.changes(&self.all())?;
+        trainer.replace(&whole.select(&largest(&changes, left)))?;
+        self.kept = Some(whole);
         self.history.round = Some(Round {
             from: trainer.iteration(),
             without: None,
-            is_merged: candidate.is_merged,
         });
         Ok(())
     }
@@ -37,7 +40,7 @@ impl<'a> CountController<'a> {
                 // Without visible error there is nothing to compare.
                 if scores.iter().all(|scores| scores.is_full(&self.history.config)) {
                     let without = (less.len(), scores.clone());
-                    return self.end_round(trainer, (whole.len(), scores), without, (&less, round.is_merged));
+                    return self.end_round(trainer, (whole.len(), scores), without, &less);
                 }
                 round.without = Some((less.len(), scores));
                 self.kept = Some(less);
@@ -47,7 +50,7 @@ impl<'a> CountController<'a> {
             }
             (Some(without), Some(less)) => {
                 let with = (trainer.splat_count(), scores);
-                self.end_round(trainer, with, without, (&less, round.is_merged))
+                self.end_round(trainer, with, without, &less)
             }
             // An incomplete checkpoint: the round is over.
             (_, None) => self.end_rounds(trainer),
@@ -61,7 +64,7 @@ impl<'a> CountController<'a> {
         trainer: &mut Trainer<'a>,
         with: (usize, [ViewScores; 2]),
         without: (usize, [ViewScores; 2]),
-        (less, is_merged): (&HostState, bool),
+        less: &HostState,
     ) -> Result<()> {
         let mut lost = lost(&with.1, &without.1, &self.history.lost);
         let loss = QualityLoss::of(&lost);
@@ -85,7 +88,6 @@ impl<'a> CountController<'a> {
                 scores: without_held_out,
                 loss,
             }),
-            is_merged,
         });
         self.next_round(trainer)
     }
@@ -115,6 +117,16 @@ fn half_share(share: f64) -> f64 {
     1.0 - (1.0 - share).sqrt()
 }
 
+/// Rows of the `count` largest numbers, ascending; ties go to the first row.
+fn largest(numbers: &[f64], count: usize) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..numbers.len() as u32).collect();
+    let number = |row: u32| numbers[row as usize];
+    order.sort_unstable_by(|&a, &b| number(b).total_cmp(&number(a)).then(a.cmp(&b)));
+    order.truncate(count);
+    order.sort_unstable();
+    order
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -123,5 +135,13 @@ mod tests {
     fn two_half_shares_are_a_share() {
         let left = 1.0 - half_share(0.3);
         assert!((left * left - 0.7).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_largest_stay_in_their_order() {
+        let numbers = [0.5, 3.0, 0.5, 0.0, 2.0];
+        assert_eq!(largest(&numbers, 3), [0, 1, 4]);
+        assert_eq!(largest(&numbers, 9), [0, 1, 2, 3, 4]);
+        assert!(largest(&[], 2).is_empty());
     }
 }

@@ -49,7 +49,6 @@ impl<'a> CountController<'a> {
                     scores: without,
                     loss,
                 }),
-                is_merged: false,
             });
             if self.history.keeps_sh {
                 return Ok(());
