@@ -50,7 +50,8 @@ layout(push_constant, scalar) uniform Push {
 // Pixels that the windows of a strip read.
 const uint STRIP_SPAN = STRIDE * (STRIP - 1) + 2 * WINDOW_REACH + 1;
 // Strips of a tile: along its rows, those of its halo too, and down its columns.
-const uint ROW_STRIPS = WINDOW_SPAN * (LOSS_TILE_WIDTH / (STRIDE * STRIP));
+const uint STRIPS_OF_ROW = LOSS_TILE_WIDTH / (STRIDE * STRIP);
+const uint ROW_STRIPS = WINDOW_SPAN * STRIPS_OF_ROW;
 const uint COLUMNS = LOSS_TILE_WIDTH / STRIDE;
 const uint COLUMN_STRIPS = COLUMNS * (LOSS_TILE_HEIGHT / (STRIDE * STRIP));
 
@@ -117,9 +118,10 @@ vec4 differ(vec3 here) {
     return weight * vec4(abs(difference), 0.0, difference * difference, 1.0);
 }
 
-// Returns the loss terms of the tile's pixels in the row without SSIM if not every pixel has a window.
+// Returns the loss terms of the strip's pixels in the row without SSIM if not every pixel has a window.
 vec4 slide_along_row(uvec2 corner, uint row, uint begin, Channel c) {
-    uint left = corner.x + STRIDE * begin + push.offset.x - WINDOW_REACH;
+    uint own = corner.x + STRIDE * begin;
+    uint left = own + push.offset.x - WINDOW_REACH;
     uint top = corner.y + row - WINDOW_REACH;
     vec4 values[STRIP_SPAN];
     vec4 loss = vec4(0.0);
@@ -128,7 +130,7 @@ vec4 slide_along_row(uvec2 corner, uint row, uint begin, Channel c) {
         vec3 here = pair_at(left + from, top, c);
         vec2 v = here.xy - c.shift;
         values[from] = vec4(v, dot(v, v), v.x * v.y);
-        if (STRIDE > 1) loss += is_own && left + from - corner.x < LOSS_TILE_WIDTH ? differ(here) : vec4(0.0);
+        if (STRIDE > 1) loss += is_own && left + from - own < STRIDE * STRIP ? differ(here) : vec4(0.0);
     }
     [[unroll]] for (uint to = 0; to < STRIP; ++to) along[row][begin + to] = window_sum(values, STRIDE * to);
     return loss;
@@ -193,10 +195,10 @@ void main() {
         // over.
         uint i = lane;
         if (WITH_SSIM != 0) do {
-            uint row = i % WINDOW_SPAN;
+            uint row = i / STRIPS_OF_ROW;
             uint y = corner.y + row - WINDOW_REACH;
             bool read = i < ROW_STRIPS && matters(y, y + 1, int(2 * WINDOW_REACH));
-            if (read) loss += slide_along_row(corner, row, i / WINDOW_SPAN * STRIP, c);
+            if (read) loss += slide_along_row(corner, row, i % STRIPS_OF_ROW * STRIP, c);
             i += WORKGROUP;
         } while (i < ROW_STRIPS);
         barrier();

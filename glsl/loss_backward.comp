@@ -45,7 +45,8 @@ layout(push_constant, scalar) uniform Push {
 const uint ROWS = (LOSS_TILE_HEIGHT + 2 * WINDOW_REACH) / STRIDE;
 const uint STRIP_SPAN = (STRIP + 2 * WINDOW_REACH) / STRIDE;
 // Strips of a tile: along its rows, those of its halo too, and down its columns.
-const uint ROW_STRIPS = ROWS * (LOSS_TILE_WIDTH / STRIP);
+const uint STRIPS_OF_ROW = LOSS_TILE_WIDTH / STRIP;
+const uint ROW_STRIPS = ROWS * STRIPS_OF_ROW;
 const uint COLUMN_STRIPS = LOSS_TILE_WIDTH * (LOSS_TILE_HEIGHT / STRIP);
 
 shared vec3 along[WINDOW_SPAN][LOSS_TILE_WIDTH];
@@ -135,7 +136,7 @@ void main() {
         // over.
         uint i = lane;
         if (WITH_SSIM != 0) do {
-            if (i < ROW_STRIPS) slide_along_row(corner, i % ROWS, i / ROWS * STRIP, channel);
+            if (i < ROW_STRIPS) slide_along_row(corner, i / STRIPS_OF_ROW, i % STRIPS_OF_ROW * STRIP, channel);
             i += WORKGROUP;
         } while (i < ROW_STRIPS);
         barrier();

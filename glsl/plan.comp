@@ -22,7 +22,8 @@ layout(push_constant, scalar) uniform Push {
     uint chunk;            // least keys of a chunk of the radix sort, beyond two workgroups of chunks
     uint chunks_per_group; // chunks one workgroup of the sort handles
     uint digit_count;      // entries of a digit table
-    uint workgroup;        // invocations per workgroup of the elementwise and scan kernels
+    uint workgroup;        // invocations per workgroup of the elementwise kernels
+    uint scanned_per_group; // chunks of a scan that one of its workgroups handles
     uint group_limit;      // most workgroups in one dimension
     uint tile_count;       // tiles of the image
     uint band;             // the band to plan
@@ -58,8 +59,8 @@ void plan_visible() {
     counts[COUNT_VISIBLE_TABLE] = chunks * push.digit_count;
     write_args(ARGS_VISIBLE, divide_up(count, push.workgroup));
     write_args(ARGS_VISIBLE_CHUNK, divide_up(chunks, push.chunks_per_group));
-    write_args(ARGS_VISIBLE_TABLE, divide_up(divide_up(chunks * push.digit_count, SCAN_CHUNK), push.workgroup));
-    write_args(ARGS_VISIBLE_SCAN, divide_up(divide_up(count, SCAN_CHUNK), push.workgroup));
+    write_args(ARGS_VISIBLE_TABLE, divide_up(divide_up(chunks * push.digit_count, SCAN_CHUNK), push.scanned_per_group));
+    write_args(ARGS_VISIBLE_SCAN, divide_up(divide_up(count, SCAN_CHUNK), push.scanned_per_group));
 }
 
 uint visible;
@@ -96,7 +97,7 @@ void plan_band(uint begin, uint end, bool drawn) {
     write_args(ARGS_EXPAND, count == 0 ? 0 : divide_up(end - begin, push.workgroup));
     write_args(ARGS_ISECT, divide_up(count, push.workgroup));
     write_args(ARGS_ISECT_CHUNK, divide_up(chunks, push.chunks_per_group));
-    write_args(ARGS_ISECT_TABLE, divide_up(divide_up(chunks * push.digit_count, SCAN_CHUNK), push.workgroup));
+    write_args(ARGS_ISECT_TABLE, divide_up(divide_up(chunks * push.digit_count, SCAN_CHUNK), push.scanned_per_group));
     write_args(ARGS_TILE, begin < end ? push.tile_count : 0);
 }
 

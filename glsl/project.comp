@@ -85,7 +85,7 @@ vec3 color_toward(uint slot, vec3 direction, inout bool sound) {
     float basis[16];
     sh_basis(SH_DEGREE, direction, basis);
     uint terms = (SH_DEGREE + 1) * (SH_DEGREE + 1);
-    float sum[3] = float[](0.5, 0.5, 0.5);
+    precise float sum[3] = float[](0.5, 0.5, 0.5);
     // Numbers per vec4.
     const uint each = PRECISION == 0 ? 4 : 8;
     const uint first = PRECISION == 2 ? HALF_GEOMETRY_PLANES : GEOMETRY_PLANES;

@@ -7,8 +7,9 @@ const float SH_2[5] = float[](1.0925484305920792, -1.0925484305920792, 0.3153915
 const float SH_3[7] = float[](-0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154,
                               -0.4570457994644658, 1.445305721320277, -0.5900435899266435);
 
-// Basis functions at the unit direction d; entries above `degree` stay 0.
-void sh_basis(uint degree, vec3 d, out float basis[16]) {
+// Basis functions at the unit direction d; entries above `degree` stay 0. `precise`, as the sums in project: the
+// kernels of all degrees compute the same bits.
+void sh_basis(uint degree, vec3 d, precise out float basis[16]) {
     float x = d.x, y = d.y, z = d.z;
     [[unroll]] for (int i = 0; i < 16; ++i) basis[i] = 0.0;
     basis[0] = SH_0;

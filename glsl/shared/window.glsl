@@ -4,11 +4,12 @@
 const uint WINDOW_REACH = 5;
 // Rows read by a tile's windows.
 const uint WINDOW_SPAN = LOSS_TILE_HEIGHT + 2 * WINDOW_REACH;
-// Windows per strip, which one invocation slides over, and the pixels that they read.
-const uint STRIP = 8;
 // Distance of windows in both directions, in pixels: 1, or 2 for a lattice of a quarter of them. Each of a lattice
 // counts STRIDE * STRIDE times.
 layout(constant_id = 4) const uint STRIDE = 1;
+// Windows of a strip, which one invocation slides over: 2, 4 or 8. Long strips load least, short ones keep more lanes
+// busy.
+layout(constant_id = 5) const uint STRIP = 8;
 const float WINDOW[6] = float[](0.0010283800844791101, 0.007598758135239185, 0.036000772128430829,
                                0.10936068950970002, 0.21300553771125369, 0.26601172486179436);
 

@@ -24,13 +24,12 @@ pub struct KernelChoice {
 /// Measurements on software devices.
 const ON_PROCESSORS: &str = "benches/record/llvmpipe-llvm-15-0-6-256-bits/2026-11-22.csv";
 
+/// Measurements on discrete GPUs.
+const ON_GPUS: &str = "benches/record/nvidia-h200/2026-11-26.csv";
+
 /// Reason for kernels of one invocation per element.
 const ELEMENTWISE: &str = "the only variant; 64 invocations as in all kernels of one per element, so that `plan` \
                            divides by one number";
-
-/// Reason for kernels with one workgroup per tile of pixels.
-const TILED: &str = "the only variant; few invocations slide long strips each, which loads least, and loads are \
-                     what a processor pays for";
 
 /// Reason for kernels with one workgroup per stretch of pixels.
 const STRETCHED: &str =
@@ -53,7 +52,11 @@ const INRIA: &str = "the only variant; it draws as the 3DGS code does where that
 
 /// Choices for a device, in the order of the kernels' names; for SH degree 3, without depth.
 pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
-    let measured = (caps.kind == DeviceKind::Cpu).then_some(ON_PROCESSORS);
+    let measured = match caps.kind {
+        DeviceKind::Cpu => Some(ON_PROCESSORS),
+        DeviceKind::Discrete => Some(ON_GPUS),
+        _ => None,
+    };
     macro_rules! chosen {
         ($($kernel:ident: $choice:expr, $why:expr;)*) => {
             vec![$({
@@ -77,8 +80,8 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         expand: expand::Choice::default(), ELEMENTWISE;
         gather: gather::Choice::default(), ELEMENTWISE;
         linearize: linearize::Choice::default(), ELEMENTWISE;
-        loss: loss::Choice::default(), TILED;
-        loss_backward: loss_backward::Choice::default(), TILED;
+        loss: loss::Choice::prefer(caps), loss::why(caps);
+        loss_backward: loss_backward::Choice::prefer(caps), loss::why(caps);
         loss_exposure: loss_exposure::Choice::default(), STRETCHED;
         loss_residual: loss_residual::Choice::default(), PATCHED;
         loss_sum: loss_sum::Choice::default(), ALONE;
@@ -88,7 +91,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         pose_gradient: pose_gradient::Choice::of_degree(3), GATHERED;
         present: present::Choice::default(), FIXED;
         project: project::Choice::of_degree(3), ELEMENTWISE;
-        project_backward: project_backward::Choice::of_degree(3), ELEMENTWISE;
+        project_backward: project_backward::Choice::prefer(caps, 3), project_backward::Choice::why(caps);
         prune_limit: prune_limit::Choice::prefer(caps), prune_limit::Choice::why(caps);
         ranges: ranges::Choice::default(), ELEMENTWISE;
         rasterize: rasterize::Choice::prefer(caps), rasterize::Choice::why(caps);
@@ -96,9 +99,9 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
             rasterize_backward::Choice::why(caps);
         rasterize_inria: rasterize_inria::Choice::default(), INRIA;
         removal_error: removal_error::Choice::prefer(caps), removal_error::Choice::why(caps);
-        scan_apply: scan_apply::Choice::default(), ELEMENTWISE;
-        scan_chunks: scan_chunks::Choice::default(), ALONE;
-        scan_reduce: scan_reduce::Choice::default(), ELEMENTWISE;
+        scan_apply: scan_apply::Choice::prefer(caps), scan::why(caps);
+        scan_chunks: scan_chunks::Choice::prefer(caps), scan::why(caps);
+        scan_reduce: scan_reduce::Choice::prefer(caps), scan::why(caps);
         select_rows: select_rows::Choice::default(), ELEMENTWISE;
         sort_count: sort_count::Choice::prefer(caps), sort::why(caps);
         sort_scatter: sort_scatter::Choice::prefer(caps), sort::why(caps);
@@ -144,7 +147,7 @@ mod tests {
     #[test]
     fn every_kernel_that_is_run_has_a_reason_and_every_record_exists() {
         let kernels: BTreeSet<&str> = KERNELS.iter().map(|info| info.kernel).collect();
-        for kind in [DeviceKind::Cpu, DeviceKind::Discrete] {
+        for kind in [DeviceKind::Cpu, DeviceKind::Discrete, DeviceKind::Integrated] {
             let chosen = chosen(&caps(kind, 8, &[]));
             let named: BTreeSet<&str> = chosen.iter().map(|choice| choice.kernel).collect();
             let missing = kernels.difference(&named).copied();
@@ -154,7 +157,7 @@ mod tests {
             );
             for choice in chosen {
                 assert!(!choice.why.contains('\n'), "{}", choice.why);
-                assert_eq!(choice.record.is_some(), kind == DeviceKind::Cpu);
+                assert_eq!(choice.record.is_some(), kind != DeviceKind::Integrated);
                 let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
                 assert!(choice.record.is_none_or(|file| root.join(file).is_file()));
             }

@@ -8,6 +8,7 @@
 pub mod baseline_16x16_backward;
 pub mod choices;
 pub mod generated;
+pub mod loss;
 pub mod present;
 pub mod project_backward;
 pub mod rasterize;

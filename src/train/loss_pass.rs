@@ -30,8 +30,8 @@ pub(super) struct LossPass {
 impl LossPass {
     /// Compiles the kernels that a run needs.
     pub(super) fn new(gpu: &Gpu, config: &TrainConfig) -> Result<LossPass> {
-        let mut loss = loss::Choice::default();
-        let mut loss_backward = loss_backward::Choice::default();
+        let mut loss = loss::Choice::prefer(gpu.caps());
+        let mut loss_backward = loss_backward::Choice::prefer(gpu.caps());
         let mut loss_exposure = loss_exposure::Choice::default();
         let mut loss_residual = loss_residual::Choice::default();
         let with_ssim = u32::from(config.lambda_dssim > 0.0);

@@ -113,7 +113,7 @@ fn comparisons() -> Vec<(&'static str, ImagePair)> {
     ]
 }
 
-const WORKGROUPS: Workgroups = Workgroups::any(&[8, 32, 64]);
+const WORKGROUPS: Workgroups = Workgroups::any(&[8, 32, 64, 128]);
 
 #[test]
 fn tiles_are_compared() {

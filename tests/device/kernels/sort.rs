@@ -111,7 +111,7 @@ fn permutations_are_sorted() {
 fn large_permutations_are_sorted() {
     let gpu = device::gpu();
     let whole = Sort::new(&gpu).unwrap();
-    let limit = (gpu.caps().max_storage_range.min(gpu.caps().max_allocation) / 4) as usize;
+    let limit = (gpu.caps().reach() / 4) as usize;
     for n in about_powers(17..=26) {
         if n <= limit {
             sort_permutation(&gpu, &whole, n);

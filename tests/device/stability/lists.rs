@@ -51,6 +51,7 @@ fn f037_count_saturates() {
             chunks_per_group: 8,
             digit_count: 256,
             workgroup: 64,
+            scanned_per_group: 64,
             group_limit: 65_535,
             tile_count: 1020,
             band: 0,
@@ -58,7 +59,7 @@ fn f037_count_saturates() {
             rank_limit: u32::MAX,
         };
         gpu.run(|rec| {
-            scan.record(rec, io, what, Scan::groups(values.len()));
+            scan.record(rec, io, what, scan.groups(values.len()));
             let io = plan::Bindings {
                 counts: &counts,
                 args: &args,

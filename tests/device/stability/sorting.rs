@@ -119,7 +119,11 @@ fn sorted(lab: &Lab, sort: &Sort, keys: &[u32]) -> [Vec<u32>; 2] {
         z: 1,
     };
     let scanned = entries.div_ceil(SCAN_CHUNK as usize);
-    let args = [groups(chunks, sort.chunks_per_group), groups(scanned, Scan::WORKGROUP)];
+    let scan = Scan::new(gpu).unwrap();
+    let args = [
+        groups(chunks, sort.chunks_per_group),
+        groups(scanned, scan.chunks_per_group),
+    ];
     let pair = |name, data: &[u32]| [gpu.buffer_from(name, data).unwrap(), gpu.buffer(name, len).unwrap()];
     let (keys, values) = (pair("keys", keys), pair("values", &values));
     let io = Io {
@@ -131,7 +135,6 @@ fn sorted(lab: &Lab, sort: &Sort, keys: &[u32]) -> [Vec<u32>; 2] {
         places: &gpu.buffer("places", entries).unwrap(),
         sums: &gpu.buffer("sums", scanned).unwrap(),
     };
-    let scan = Scan::new(gpu).unwrap();
     let mut place = 0;
     gpu.run(|rec| place = sort.record(rec, &scan, io, LAYOUT)).unwrap();
     [&keys[place], &values[place]].map(|buffer| gpu.download(buffer, 0..len).unwrap())

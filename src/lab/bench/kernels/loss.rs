@@ -17,7 +17,7 @@ const SAMPLES: usize = 20_000;
 pub const LAMBDA: f64 = 0.25;
 
 pub(super) fn run(bench: &mut Bench) -> Result<()> {
-    let workgroups = Workgroups::any(&[8, 16, 32, 64]);
+    let workgroups = Workgroups::any(&[8, 16, 32, 64, 128]);
     for [width, height] in [[480, 272], [1920, 1080]] {
         let name = format!("{width}x{height}");
         let shaded = std::cell::LazyCell::new(|| ImagePair::shaded(width, height));
@@ -51,6 +51,7 @@ pub fn compare<'a>(gpu: &Gpu, of: &'a ImagePair, with_ssim: bool) -> Result<Kern
         .tune(move |choice: &mut loss::Choice| {
             choice.spec.with_ssim = with_ssim.into();
             choice.spec.stride = of.stride as u32;
+            choice.spec.strip = loss::strip_of(choice.spec.workgroup);
             choice.spec.with_exposure = of.gain.is_some().into();
             choice.spec.with_ignored = u32::from(!of.ignored.is_empty());
         })
@@ -174,6 +175,7 @@ pub fn differentiate<'a>(
         move |choice: &mut loss_backward::Choice| {
             choice.spec.with_ssim = u32::from(lambda > 0.0);
             choice.spec.stride = of.stride as u32;
+            choice.spec.strip = loss::strip_of(choice.spec.workgroup);
             choice.spec.with_exposure = of.gain.is_some().into();
             choice.spec.with_ignored = u32::from(!of.ignored.is_empty());
         },

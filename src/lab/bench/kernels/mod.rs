@@ -98,9 +98,7 @@ fn by_splat(bench: &mut Bench, count: usize) -> Result<()> {
     time(bench, ELEMENTWISE, format_args!("{count} with planes"), |gpu| {
         project::planes(gpu, &scene(3), &[])
     })?;
-    time(bench, ELEMENTWISE, count, |gpu| {
-        project_backward::scattered(gpu, &scene(3))
-    })?;
+    time(bench, FULL, count, |gpu| project_backward::scattered(gpu, &scene(3)))?;
     time(bench, STRETCHED, count, |gpu| pose_gradient::scattered(gpu, &scene(3)))?;
     time(bench, ELEMENTWISE, count, |gpu| adam::usual(gpu, count))?;
     time(bench, ELEMENTWISE, count, |gpu| adam_color::usual(gpu, count))?;
@@ -220,6 +218,9 @@ pub fn time<'a, K: Kernel>(
 
 /// Workgroups of kernels of one invocation an element.
 const ELEMENTWISE: Workgroups = Workgroups::any(&[32, 64, 128, 256]);
+
+/// The same, with full subgroups where there are any.
+const FULL: Workgroups = Workgroups::subgroups(&[32, 64, 128, 256]);
 
 /// Workgroups of kernels with a workgroup a stretch of splats.
 const STRETCHED: Workgroups = Workgroups::any(&[32, 64, 128]);

@@ -22,6 +22,7 @@ pub const PARAMS: Params = Params {
     chunks_per_group: 8,
     digit_count: 256,
     workgroup: 64,
+    scanned_per_group: 32,
     group_limit: 65_535,
     tile_count: 1020,
     band: 0,
@@ -102,7 +103,11 @@ fn expected(counts: &mut Counts, args: &mut Args, params: &Params) {
     }
     let count = u64::from(counts[main]);
     let groups = |elements: u64| elements.div_ceil(u64::from(params.workgroup));
-    let scan = |elements: u64| groups(elements.div_ceil(u64::from(SCAN_CHUNK)));
+    let scan = |elements: u64| {
+        elements
+            .div_ceil(u64::from(SCAN_CHUNK))
+            .div_ceil(u64::from(params.scanned_per_group))
+    };
     let chunks = chunks(count, params);
     let table = chunks * u64::from(params.digit_count);
     counts[main + 1] = chunks as u32;

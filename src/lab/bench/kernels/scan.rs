@@ -23,6 +23,12 @@ pub fn chunk_sums(values: &[u32], flags: bool) -> Vec<u32> {
     values.chunks(SCAN_CHUNK as usize).map(sum).collect()
 }
 
+/// Dispatch with a workgroup a chunk, or with an invocation a chunk.
+fn groups(chunks: usize, by_workgroup: bool, workgroup: u32) -> Groups<'static> {
+    let per_group = if by_workgroup { 1 } else { workgroup };
+    Groups::Count((chunks as u32).div_ceil(per_group))
+}
+
 /// Sums of each chunk of values.
 pub fn reduce<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a, scan_reduce::ScanReduce>> {
     let (len, expected) = (values.len(), chunk_sums(values, flags));
@@ -31,7 +37,7 @@ pub fn reduce<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'
     let sums = gpu.buffer::<u32>("sum_from_chunk", expected.len() + 1)?;
     let chunks = expected.len();
     let case = KernelCase::new(Work::of(len, "keys").moving(4 * len)).exact("sums", &sums, words(&expected));
-    Ok(case.commands(move |rec, kernel: &scan_reduce::ScanReduce, _| {
+    Ok(case.commands(move |rec, kernel: &scan_reduce::ScanReduce, choice| {
         let io = scan_reduce::Bindings {
             counts: &counts,
             values: &values,
@@ -41,7 +47,8 @@ pub fn reduce<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'
             count_slot: COUNT_VISIBLE,
             flags: flags.into(),
         };
-        kernel.record(rec, io, params, kernel.groups(chunks));
+        let by_workgroup = choice.variant == scan_reduce::Variant::Workgroup;
+        kernel.record(rec, io, params, groups(chunks, by_workgroup, kernel.workgroup));
     }))
 }
 
@@ -93,7 +100,7 @@ pub fn apply<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a
     let sums = gpu.buffer_from("sum_from_chunk", &starts)?;
     let offsets = gpu.buffer::<u32>("offsets", len + 1)?;
     let case = KernelCase::new(Work::of(len, "keys").moving(8 * len)).exact("offsets", &offsets, words(&expected));
-    Ok(case.commands(move |rec, kernel: &scan_apply::ScanApply, _| {
+    Ok(case.commands(move |rec, kernel: &scan_apply::ScanApply, choice| {
         let io = scan_apply::Bindings {
             counts: &counts,
             values: &values,
@@ -104,7 +111,8 @@ pub fn apply<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a
             count_slot: COUNT_VISIBLE,
             flags: flags.into(),
         };
-        kernel.record(rec, io, params, kernel.groups(starts.len()));
+        let by_workgroup = choice.variant == scan_apply::Variant::Workgroup;
+        kernel.record(rec, io, params, groups(starts.len(), by_workgroup, kernel.workgroup));
     }))
 }
 
@@ -129,7 +137,7 @@ pub fn whole<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a
                 total_slot: COUNT_SCRATCH,
                 flags,
             };
-            kernel.record(rec, io, what, Scan::groups(len));
+            kernel.record(rec, io, what, kernel.groups(len));
         }),
     )
 }

@@ -230,7 +230,10 @@ impl Sorting {
             DispatchArgs { x, y, z: 1 }
         };
         let scanned = entries.div_ceil(SCAN_CHUNK as usize);
-        let args = [groups(chunks, sort.chunks_per_group), groups(scanned, Scan::WORKGROUP)];
+        let args = [
+            groups(chunks, sort.chunks_per_group),
+            groups(scanned, self.scan.chunks_per_group),
+        ];
         rec.update(&self.args, 0, &args);
     }
 

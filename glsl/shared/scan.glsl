@@ -1,0 +1,23 @@
+// Prefix sum over the lanes of a workgroup of WORKGROUP lanes, in shared memory. Sums saturate at 2^32 - 1.
+
+shared uint sum_to_lane[WORKGROUP];
+
+uint add_saturating(uint a, uint b) {
+    return a + min(b, ~a);
+}
+
+// Sum of the values of the lanes before this one, and of all. All lanes call it.
+uint sum_of_lanes_before(uint mine, out uint total) {
+    uint lane = gl_LocalInvocationID.x;
+    barrier();
+    sum_to_lane[lane] = mine;
+    for (uint apart = 1; apart < WORKGROUP; apart *= 2) {
+        barrier();
+        uint other = lane >= apart ? sum_to_lane[lane - apart] : 0;
+        barrier();
+        sum_to_lane[lane] = add_saturating(sum_to_lane[lane], other);
+    }
+    barrier();
+    total = sum_to_lane[WORKGROUP - 1];
+    return lane == 0 ? 0 : sum_to_lane[lane - 1];
+}
